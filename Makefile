@@ -7,10 +7,13 @@ VENV ?= .venv
 ROBOT ?= chefbot
 BIN := $(VENV)/bin
 WHEEL_VENV := build/wheel-venv
+comma := ,
+UPGRADE ?=
 EXTRAS := teleop,tune,joystick,depth,discovery,maps,navigation,page,recording,plot,foxglove,urdf
 DEB_EXTRAS ?= discovery,maps,page,recording,teleop,tune,urdf
 FUZZ_S ?= 60
 SOAK_MINUTES ?= 60
+RUNS ?= 5
 JOBS_OF_FAULTS ?= 2
 CLOCK ?= both
 TIER ?= full
@@ -23,7 +26,7 @@ unexport PYTHONDONTWRITEBYTECODE
 JOBS ?= $(shell expr $$(nproc 2>/dev/null || echo 1) + 1)
 PARALLEL := -n $(JOBS) --dist loadgroup
 
-.PHONY: docs run serve map test test-again test-all coverage check audit lint format client wheel deb wheel-test wheel-test-again bench fuzz soak faults clean help
+.PHONY: docs run serve map test test-loaded test-all coverage check audit lock newest lint format client wheel deb wheel-test bench fuzz soak faults clean help
 
 help:  ## List the targets
 	@echo "make TARGET, one of:"
@@ -43,9 +46,9 @@ test: $(VENV)/ready  ## Run the tests that belong to every change, on all cores 
 	@echo "About 5800 tests; about two minutes on two cores, three the first time."
 	$(BIN)/pytest -q $(PARALLEL) -m "not slow"
 
-# One at a time, for a machine on which tests of the real clock may have been held up by others.
-test-again: $(VENV)/ready  ## Run what failed in the last run once more, one test at a time
-	$(BIN)/pytest -q --last-failed --last-failed-no-failures none -m "not slow"
+# No test may depend on the computer's speed: here each has a sixth of it and less.
+test-loaded: $(VENV)/ready  ## Run the same with six busy loops beside, and name who fails (RUNS=5)
+	$(BIN)/python tests/flaky.py loaded $(RUNS) $(BIN)/pytest -q $(PARALLEL) -m "not slow"
 
 # Everything, as `make check` and .ci/run try it.
 test-all: $(VENV)/ready  ## Run every test, with all examples and long scenarios
@@ -56,11 +59,12 @@ coverage: $(VENV)/ready  ## The same with branch coverage
 	TEST_TIER=full $(BIN)/pytest -q $(PARALLEL) --cov --cov-report=term-missing:skip-covered
 
 check: lint coverage wheel-test audit  ## All that has to hold: lint, coverage, wheel-test, audit
-lint: $(VENV)/ready  ## Check format, style, strict types and import rules
+lint: $(VENV)/ready  ## Check format, style, strict types, import rules and names
 	$(BIN)/ruff format --check .
 	$(BIN)/ruff check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+	$(BIN)/python -m tests.names
 
 # Whether the dependencies fit together, and whether any has a known vulnerability (see docs/dependencies.md).
 audit: $(VENV)/ready  ## Check that the dependencies fit together and have no known vulnerability
@@ -76,30 +80,27 @@ format: $(VENV)/ready  ## Format the code, and mend what can be mended
 
 wheel: $(VENV)/ready  ## Build the wheel into dist
 	rm -rf dist
-	$(BIN)/python -m build --outdir dist
+	$(BIN)/python -m build --no-isolation --outdir dist
 
 # For this computer's architecture and Debian's own Python; with DEB_EXTRAS, which are extras of pyproject.toml.
-deb: $(VENV)/ready  ## Build the Debian package into dist (DEB_EXTRAS=page,teleop,...)
+deb: $(VENV)/ready build/constraints.txt  ## Build the Debian package into dist (DEB_EXTRAS=page,teleop,...)
 	rm -rf build/deb-wheel
-	$(BIN)/python -m build --wheel --outdir build/deb-wheel
-	packaging/deb/build "$$(ls build/deb-wheel/*.whl)" "$(DEB_EXTRAS)"
+	$(BIN)/python -m build --no-isolation --wheel --outdir build/deb-wheel
+	PIP_CONSTRAINT=build/constraints.txt packaging/deb/build "$$(ls build/deb-wheel/*.whl)" "$(DEB_EXTRAS)"
 
 # The tests, run against the installed wheel in an environment of its own, away from the sources. TIER=rest leaves out
 # those that `make test` runs in the same way and that no wheel makes a difference to (tests/budget.py says which).
 wheel-test: wheel  ## Run the tests against the installed wheel (TIER=rest: those that `make test` leaves)
 	rm -rf build/wheel-test $(WHEEL_VENV)
-	$(PYTHON) -m venv $(WHEEL_VENV)
-	$(WHEEL_VENV)/bin/pip install --quiet "$$(ls dist/*.whl)[$(EXTRAS),testing]" axe-playwright-python hypothesis jsonschema playwright psutil pytest-timeout pytest-xdist trustme
+	$(PYTHON) packaging/set_up.py $(WHEEL_VENV) --wheel "$$(ls dist/*.whl)"
+	$(WHEEL_VENV)/bin/pip check
 	mkdir -p build/wheel-test
-	cp -r tests fuzz benchmarks docs config README.md CHANGELOG.md Makefile pyproject.toml build/wheel-test/
+	cp -r tests examples fuzz benchmarks docs config README.md CHANGELOG.md Makefile pyproject.toml requirements.lock build/wheel-test/
 	cd build/wheel-test && TEST_TIER=$(TIER) ../wheel-venv/bin/python -P -m pytest -q $(PARALLEL)
 
-wheel-test-again:  ## Run what failed in the last wheel-test once more, one test at a time
-	cd build/wheel-test && TEST_TIER=$(TIER) ../wheel-venv/bin/python -P -m pytest -q --last-failed --last-failed-no-failures none
-
 # Coverage-guided, for FUZZ_S seconds a target; what it finds is kept in build/fuzz and belongs into tests/vectors/fuzz.
-fuzz: $(VENV)/ready  ## Throw bytes at the parsers (FUZZ_S=60 a target)
-	$(BIN)/pip install --quiet --editable '.[fuzz]'
+fuzz: $(VENV)/ready build/constraints.txt  ## Throw bytes at the parsers (FUZZ_S=60 a target)
+	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable '.[fuzz]'
 	mkdir -p build/fuzz/decode build/fuzz/request build/fuzz/stops build/fuzz/lidars
 	$(BIN)/python -m fuzz decode build/fuzz/decode tests/vectors/fuzz/decode $(FUZZ_OPTIONS)
 	$(BIN)/python -m fuzz request build/fuzz/request tests/vectors/fuzz/request $(FUZZ_OPTIONS)
@@ -127,7 +128,6 @@ faults: $(VENV)/ready  ## Let every fault of docs/safety.md happen (CLOCK=virtua
 	$(BIN)/python -m tests.scenarios.matrix --clock $(CLOCK) --jobs $(JOBS_OF_FAULTS) --json build/faults.json
 
 docs: $(VENV)/ready  ## Build the documentation as a site, build/site/index.html, and check its links
-	$(BIN)/pip install --quiet --editable '.[docs]'
 	$(BIN)/sphinx-build -q -W --keep-going -b html -d build/doctrees docs build/site
 
 bench: $(VENV)/ready  ## Measure, as in docs/benchmarks.md
@@ -136,9 +136,28 @@ bench: $(VENV)/ready  ## Measure, as in docs/benchmarks.md
 clean:  ## Remove .venv and whatever was built
 	rm -rf build dist $(VENV)
 
-$(VENV)/ready: pyproject.toml
-	@echo "Setting up $(VENV) with $(PYTHON), once: it downloads some 100 MB and takes a minute or two."
+# What was tested is what is installed: requirements.lock has each version, with its hashes.
+$(VENV)/ready: pyproject.toml requirements.lock
 	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "Python 3.11 or newer is needed: make PYTHON=/path/to/it")'
-	$(PYTHON) -m venv $(VENV)
-	$(BIN)/pip install --quiet --editable '.[dev,$(EXTRAS)]'
-	touch $@
+	@$(PYTHON) packaging/set_up.py $(VENV)
+	@touch $@
+
+# The versions alone, for what is installed with extras that the lock's users do not have: pip wants the hashes of all or none.
+build/constraints.txt: requirements.lock
+	mkdir -p build
+	grep -oE '^[A-Za-z0-9._-]+==[^\\]*' $< > $@
+
+# For every platform and Python at once; what is locked stays where it is but for `make lock UPGRADE=--upgrade`.
+lock:  ## Lock each dependency to a version with hashes, as pyproject.toml allows (UPGRADE=--upgrade: the newest)
+	$(PYTHON) -m venv build/lock-venv
+	build/lock-venv/bin/pip install --quiet uv
+	printf 'hatchling>=1.26\neditables\n' | build/lock-venv/bin/uv pip compile --quiet --no-config --universal --python-version 3.11 \
+	  --generate-hashes --no-emit-index-url --custom-compile-command "make lock" $(UPGRADE) \
+	  $(foreach extra,$(subst $(comma), ,dev,docs,$(EXTRAS)),--extra $(extra)) pyproject.toml - --output-file requirements.lock
+
+# As somebody gets it who installs chefbotd with pip, some day: what fails here will fail there.
+newest:  ## Run the tests with the newest releases that pyproject.toml allows, in an environment of their own
+	rm -rf build/newest-venv
+	$(PYTHON) packaging/set_up.py build/newest-venv --newest 'dev,$(EXTRAS)'
+	build/newest-venv/bin/pip list --outdated
+	build/newest-venv/bin/pytest -q $(PARALLEL) -m "not slow"

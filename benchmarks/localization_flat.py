@@ -6,6 +6,7 @@ The flat's walls, its lidar and odometry, and the robot that drives are those of
 import math
 import time
 from collections.abc import Iterable
+from dataclasses import replace
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from chefbotd.mapping.poses import Floats, compose
 from chefbotd.mapping.refine import Prior, polish
 from chefbotd.mapping.slam import step as slam_step
 from chefbotd.mapping.state import start
-from tests.chefbotd.localization.buildings import PARAMS, Robot, drawn, mirrored, off, scan_of, twin_rooms
+from tests.chefbotd.localization.buildings import Robot, drawn, mirrored, off, scan_of, twin_rooms
 from tests.chefbotd.mapping.slam.flat import (
     TOUR,
     Lidar,
@@ -41,16 +42,18 @@ KIDNAPPINGS, QUICK_KIDNAPPINGS, NOTICED_S = 20, 4, 3.0
 DRIVES, QUICK_DRIVES = 5, 1
 RIGHT_M, RIGHT_DEG = 0.2, 5.0
 TWIN_LOOKS = 40
+WRONG_POSES, QUICK_WRONG_POSES, BELIEVED_M = 64, 8, 0.3
 
 
 def figures(*, quick: bool) -> tuple[list[Figure], list[str]]:
     """All of it, and what is told of the fit."""
-    within, drives = localization_map(PARAMS.surfaces, drawn(WALLS)), QUICK_DRIVES if quick else DRIVES
+    within, drives = localization_map(drawn(WALLS)), QUICK_DRIVES if quick else DRIVES
     tracked, fits, seconds = _tracking(within, drives)
     tracked += _on_its_own_map()
     found = [
         *_starts(within, QUICK_STARTS if quick else STARTS),
         *_kidnappings(within, QUICK_KIDNAPPINGS if quick else KIDNAPPINGS),
+        *_wrong_poses(within, QUICK_WRONG_POSES if quick else WRONG_POSES),
         *_look_alikes(),
     ]
     cost = Figure("flat, a scan of 270 beams, median", 1e3 * float(np.median(seconds)), "ms", 1.0, "MRPT 2.2")
@@ -92,7 +95,7 @@ def _on_its_own_map() -> list[Figure]:
     params, state, lidar = SlamParameters(), start(), Lidar(WALLS, 31)
     for k, (told, pose) in enumerate(zip(odometry(TRUTH, 31), TRUTH, strict=True)):
         state, _ = slam_step(params, state, float(k), told, scan_of(lidar.points(pose)))
-    robot = Robot(localization_map(PARAMS.surfaces, occupancy(refined(params, state).nodes)))
+    robot = Robot(localization_map(occupancy(refined(params, state).nodes)))
     lidar, errors = Lidar(WALLS, 32), list[float]()
     for told, pose in zip(odometry(TRUTH, 32), TRUTH, strict=True):
         report = robot.take(told, lidar.points(pose))
@@ -151,7 +154,7 @@ def _kidnappings(within: LocalizationMap, count: int) -> Iterable[Figure]:
         before, after = somewhere(chance), somewhere(chance)
         while math.dist(before[:2], after[:2]) < 1.5:
             after = somewhere(chance)
-        robot.now = set_pose(PARAMS, robot.now, before)
+        robot.now = set_pose(robot.now, before)
         robot.look(still, lambda lidar=lidar, before=before: lidar.points(before), 10)  # type: ignore[misc]
         first_s, again_s = math.inf, math.inf
         for k in range(1, 101):
@@ -166,17 +169,39 @@ def _kidnappings(within: LocalizationMap, count: int) -> Iterable[Figure]:
     yield Figure(f"flat, right again after it, slowest of {count}", max(back_s), "s", LOOKING_S)
 
 
+def _wrong_poses(within: LocalizationMap, count: int) -> Iterable[Figure]:
+    """Turned round, 2.5 m along a wall, or anywhere, while it stands: set by a person, or believed a moment ago."""
+    for what, is_set in (("set", True), ("believed before", False)):
+        longest_s, believed = 0.0, 0
+        for seed in range(count):
+            chance, lidar, robot = np.random.default_rng(seed), Lidar(WALLS, seed), Robot(within)
+            truth, aside = somewhere(chance), float(chance.choice([-2.5, 2.5]))
+            turned, along = compose(truth, np.array([0, 0, math.pi])), np.array([aside, 0, 0])
+            lies = (turned, truth + along, truth + along[[1, 0, 2]])
+            robot.now = set_pose(robot.now, (*lies, somewhere(chance))[seed % 4])
+            if not is_set:
+                found = (np.zeros(3), 0.95)
+                robot.now = replace(robot.now, state=State.LOCALIZED, is_unchecked=False, checked=found)
+            scans = 0
+            for _ in range(round(LOOKING_S / 0.1)):
+                report = robot.take(np.zeros(3), lidar.points(truth))
+                scans += report.state is State.LOCALIZED and off(report, truth)[0] > BELIEVED_M
+            longest_s, believed = max(longest_s, 0.1 * scans), believed + (scans > 10)
+        yield Figure(f"flat, wrong poses, {what}: localized at for over 1 s, of {count}", believed, "", 0)
+        yield Figure(f"flat, wrong poses, {what}: localized at, longest", longest_s, "s", 1.0)
+
+
 def _look_alikes() -> Iterable[Figure]:
     """How often it is sure of a place where nothing tells: in one of two equal rooms, and on a mirrored map."""
     walls = twin_rooms()
-    lidar, robot = Lidar(walls, 2), Robot(localization_map(PARAMS.surfaces, drawn(walls)))
+    lidar, robot = Lidar(walls, 2), Robot(localization_map(drawn(walls)))
     pose = np.array([6.6, 1.9, 2.0])
     for _ in range(TWIN_LOOKS):
         robot.take(np.zeros(3), lidar.points(pose))
     sure = sum(report.state is State.LOCALIZED for report in robot.reports)
     yield Figure(f"twin rooms, sure of one, of {TWIN_LOOKS} scans", sure, "", 0)
     yield Figure("twin rooms, places named (2 are right)", len(robot.reports[-1].alternatives), "", 2)
-    robot, lidar = Robot(localization_map(PARAMS.surfaces, mirrored(drawn(WALLS)))), Lidar(WALLS, 1)
+    robot, lidar = Robot(localization_map(mirrored(drawn(WALLS)))), Lidar(WALLS, 1)
     for told, pose in zip(odometry(TRUTH, 1), TRUTH, strict=True):
         robot.take(told, lidar.points(pose))
     sure = sum(report.state is State.LOCALIZED for report in robot.reports)

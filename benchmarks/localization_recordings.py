@@ -15,10 +15,9 @@ from chefbotd.localization.localizer import (
     Odometry,
     Report,
     advanced,
-    localization_map,
     step,
 )
-from chefbotd.localization.parameters import LocalizationParameters
+from chefbotd.localization.searching import localization_map
 from chefbotd.localization.states import State
 from chefbotd.mapping.finish import refined
 from chefbotd.mapping.occupancy import occupancy
@@ -29,7 +28,7 @@ from chefbotd.mapping.state import Scan, SlamState, start
 from chefbotd.mapping.surfaces import Singles, normals
 from tests.chefbotd.mapping.slam.drives import Drive
 
-PARAMS, SLAM = LocalizationParameters(), SlamParameters()
+SLAM = SlamParameters()
 CENTER = np.zeros(2)
 PERIOD_S = 0.5
 """Recorded times come in bursts; this is about what a robot at 0.7 m/s takes from one of these scans to the next."""
@@ -73,15 +72,15 @@ def localized(recording: Recording, scans: int) -> Localized:
     odometry = recording.odometry[list(recording.rows[:scans])]
     _, all_poses = _slam(points, odometry)
     half, half_poses = _slam(points[::2], odometry[::2])
-    within = localization_map(PARAMS.surfaces, occupancy(half.nodes))
+    within = localization_map(occupancy(half.nodes))
     now, reports, seconds, poses = Localization(), list[Report](), list[float](), list[Floats]()
     for k in range(1, len(points), 2):
         began_s = time.process_time()
         scan = _scan(points[k])
-        now, report = step(PARAMS, within, now, PERIOD_S * k, Odometry(odometry[k]), scan)
+        now, report = step(within, now, PERIOD_S * k, Odometry(odometry[k]), scan)
         seconds.append(time.process_time() - began_s)
         for _ in range(BETWEEN_SCANS):
-            now = advanced(PARAMS, within, now)
+            now = advanced(within, now)
         reports.append(report)
         there = report.map_from_base
         poses.append(np.full(3, np.nan) if there is None else there.pose)

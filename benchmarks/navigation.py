@@ -19,7 +19,7 @@ from benchmarks.figures import Figure, Outcome, percentile
 from benchmarks.roominess import ROOM_M, least_with_room_m
 from chefbotd.core.geometry import Pose2D, wrap_angle
 from chefbotd.navigation.distance import Flags, Singles, distances_m
-from chefbotd.navigation.planner import Goal
+from chefbotd.navigation.path import Goal
 from chefbotd.navigation.search import search
 from chefbotd.navigation.smooth import straightened
 from chefbotd.navigation.states import End
@@ -27,12 +27,14 @@ from tests.chefbotd.mapping.slam.flat import Floats, box
 from tests.chefbotd.navigation.buildings import BUILDINGS, Building
 from tests.chefbotd.navigation.drives import RADIUS_M, ROUND, Drive, Person
 from tests.chefbotd.navigation.grids import rasterised
+from tests.chefbotd.navigation.hall import crossed
 
 SEEDS, GOALS, QUICK_GOALS, UNREACHABLE = 3, 20, 4, 3
 FINE_M, SURE_M, UNMAPPED_SURE_M, WIDE_M = 0.025, 0.05, 0.09, 0.28
 """A goal counts as reachable where a way has 5 cm on either side, and 9 cm beside what is on no map."""
 
 LENGTH_RATIO, TIME_RATIO, POSITION_M, HEADING_DEG, LIMIT_S = 1.08, 1.35, 0.03, 3.0, 180.0
+STANDS_M_S = 0.02
 CLASSIC = "move_base: 7 of 8"
 
 
@@ -141,7 +143,18 @@ def run(*, quick: bool = False, out: Path | None = None) -> Outcome:
         figures += _figures(build.__name__, tally)
         faults += [f"{build.__name__}: {told}" for told in tally.told_wrong]
     figures += _figures("all", total)
+    figures += _hall(quick=quick)
     return Outcome(tuple(figures), faults=tuple(faults))
+
+
+def _hall(*, quick: bool) -> Iterator[Figure]:
+    """A hall that six people cross who look at nothing."""
+    found = [crossed(seed, QUICK_GOALS) if quick else crossed(seed) for seed in range(1 if quick else SEEDS)]
+    goals, reached = sum(each.goals for each in found), sum(each.reached for each in found)
+    moved, touches = sum(len(each.moved) for each in found), sum(len(each.touches) for each in found)
+    yield Figure(f"hall with six people who do not look, not reached of {goals}", goals - reached, "", 0)
+    yield Figure("hall, touches in which the robot moved", moved, "", 0)
+    yield Figure("hall, people who walked into the standing robot", touches - moved, "")
 
 
 def drive_goals(building: Building, seed: int, count: int, *tallies: Tally) -> None:
@@ -191,7 +204,9 @@ def _one(
         tally.told += never and end is End.UNREACHABLE
         tally.reached += not never and end is End.REACHED
         if drive.least_m < 0:
-            tally.told_wrong.append(f"{name}: touched by {-drive.least_m:.3f} m ({told})")
+            tally.told_wrong.append(
+                f"{name}: touched by {-drive.least_m:.3f} m, {_who_moved(drive)} ({told})"
+            )
         if end is not (End.UNREACHABLE if never else End.REACHED):
             tally.told_wrong.append(
                 f"{name}: to ({goal.x_m:.2f}, {goal.y_m:.2f}) from ({start.x_m:.2f}, {start.y_m:.2f}): {told}"
@@ -209,6 +224,16 @@ def _one(
             tally.off_deg.append(abs(math.degrees(wrap_angle(drive.pose.heading_rad - goal.heading_rad))))
     if drive.last.progress.goal is not None:
         drive.navigator.cancel()
+
+
+def _who_moved(drive: Drive) -> str:
+    """At the first touch: what was touched, and whether the robot stood or how fast it drove."""
+    first = next((each for each in drive.passed if min(each.people_m, each.walls_m) < 0), None)
+    if first is None:
+        return "between two looks"
+    what = "a person" if first.people_m < 0 else "a wall or a chair"
+    stood = abs(first.speed_m_s) < STANDS_M_S
+    return f"{what}, the robot " + ("stood" if stood else f"drove {first.speed_m_s:.2f} m/s")
 
 
 def _turns(start: Pose2D, goal: Pose2D) -> float:

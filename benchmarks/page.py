@@ -19,7 +19,7 @@ from benchmarks.figures import Figure, Outcome, percentile
 from benchmarks.latency import CYCLE_S, ECHO_S, command_to_wire
 from benchmarks.rpc import WebCaller
 from chefbotd.settings import packaged
-from chefbotd.transport.web.files import page_files
+from chefbotd.transport.web.server import page_files
 
 COMMANDS_A_TURN, TURNS = 40, 5
 CLIENTS, SECONDS_A_TURN = 5, 5.0

@@ -18,9 +18,10 @@ from benchmarks.movingai import Scenario, scenarios
 from chefbotd.core.geometry import Pose2D
 from chefbotd.mapping.map_server import parse_description, parse_image
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
-from chefbotd.navigation.costmap import Costmap, CostParameters, costmap
-from chefbotd.navigation.outline import OutlineParameters
-from chefbotd.navigation.planner import Goal, NoPath, PlannerParameters, plan
+from chefbotd.navigation.costmap import Costmap, costmap
+from chefbotd.navigation.outline import Footprint
+from chefbotd.navigation.path import Goal, NoPath
+from chefbotd.navigation.planner import plan
 from chefbotd.navigation.search import search
 from tests.chefbotd.mapping.slam.flat import furnished_flat
 from tests.chefbotd.navigation.grids import rasterised
@@ -29,7 +30,7 @@ FOLDER = Path(__file__).parents[2] / "shared" / "data" / "movingai"
 ROOM_MS, HOTEL_MS, SIX_DIGITS = 2.0, 5.0, 6e-6
 CLASSIC = {"room": "NavFn 1.4 to 2.2, pyastar2d 0.13", "hotel1": "pyastar2d 0.45"}
 PLANS, QUICK_PLANS, QUICK_PROBLEMS, ROUNDS = 200, 30, 10, 3
-OUTLINE = OutlineParameters(radius_m=0.18)
+OUTLINE = Footprint(radius_m=0.18)
 
 
 def run(*, quick: bool = False, folder: Path = FOLDER) -> Outcome:
@@ -56,14 +57,14 @@ def _map(path: Path) -> OccupancyGrid:
 
 def _plans(name: str, grid: OccupancyGrid, count: int, target_ms: float | None) -> Iterable[Figure]:
     """Plans between random cells of the largest part of a map."""
-    costs = costmap(CostParameters(), OUTLINE, grid, 0.3)
+    costs = costmap(OUTLINE, grid, 0.3)
     parts, _ = ndimage.label(np.isfinite(costs.costs))
     cells = np.argwhere(parts == np.argmax(np.bincount(parts.ravel())[1:]) + 1)
     chance, seconds, missed = np.random.default_rng(1), list[float](), 0
     for _ in range(count):
         first, last = (_center(costs, cell) for cell in cells[chance.integers(len(cells), size=2)])
         goal = Goal(last.x_m, last.y_m)
-        spent_s, found = _timed(lambda a=first, b=goal: plan(PlannerParameters(), OUTLINE, costs, a, b))
+        spent_s, found = _timed(lambda a=first, b=goal: plan(OUTLINE, costs, a, b))
         seconds.append(spent_s)
         missed += isinstance(found, NoPath)
     unit, classic = "ms", CLASSIC.get(name, "")

@@ -25,9 +25,9 @@ from benchmarks.latency import answers_s
 from benchmarks.rig import CHEFBOTD, Daemon, connect, free_port, running, sent, to_toml, until
 from benchmarks.rpc import Caller
 from benchmarks.tap import Tap, tap
-from chefbotd.cli.navigate.order import PATIENCE_S, START, TABLES
-from chefbotd.cli.navigate.order import PLACES as ALL_PLACES
 from chefbotd.settings import packaged
+from examples.order import PATIENCE_S, START, TABLES
+from examples.order import PLACES as ALL_PLACES
 
 ROBOT, CYCLE_HZ = "chefbot_lidar", 50
 MAP = Path(chefbotd.sim.worlds.__file__).parent / "flat.yaml"

@@ -23,12 +23,12 @@ from chefbotd.mapping.slam import Report, step
 from chefbotd.mapping.state import Scan, SlamState, start
 from chefbotd.mapping.surfaces import Singles, normals
 from chefbotd.mapping.tracking import tracked
-from chefbotd.perception.laser_scan import BeamParameters, usable
+from chefbotd.perception.laser_scan import usable
 from tests.chefbotd.mapping.slam.drives import Drive, off_m, walls_off_m
 from tests.chefbotd.mapping.slam.flat import TOUR, Lidar, furnished_flat, odometry, poses_along
 
 FOLDER = Path(__file__).parents[2] / "shared" / "data" / "carmen"
-BEAMS, SLAM = BeamParameters(), SlamParameters()
+BAND_M, SLAM = (0.05, 30.0), SlamParameters()
 CENTER = np.zeros(2)
 OFFICIAL_DENSE_M, OFFICIAL_SPARSE_M, PSEUDO_M, OFFICIAL_DEG = 0.030, 0.045, 0.10, 1.0
 FRONT_END_MS, CORE_AT_10_HZ, WALLS_M, WALLS_P95_M, MEMORY_MB = 1.0, 0.08, 0.03, 0.06, 150
@@ -77,7 +77,7 @@ def run(*, quick: bool = False, folder: Path = FOLDER, out: Path | None = None) 
 def points_of(recording: Recording, scans: int) -> list[Singles]:
     """What the first scans show, in the robot's frame."""
     chosen = [
-        usable(BEAMS, LaserScan(0.0, recording.bearings_rad, ranges, np.zeros_like(ranges)))
+        usable(BAND_M, LaserScan(0.0, recording.bearings_rad, ranges, np.zeros_like(ranges)))
         for ranges in recording.ranges_m[:scans]
     ]
     directions = np.stack([np.cos(recording.bearings_rad), np.sin(recording.bearings_rad)], axis=1)

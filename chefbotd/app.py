@@ -17,7 +17,7 @@ from chefbotd.composition.robot import board_session, drive_service, robot_featu
 from chefbotd.composition.scanners import depth_cameras, lidars
 from chefbotd.core.events.inputs import BOARD_LINK, DaemonStarted, DaemonStopping, ServiceFailed
 from chefbotd.entries import entries_of
-from chefbotd.features.board.feature import board
+from chefbotd.features.board.service import board
 from chefbotd.features.feature import Feature, Service, Waiting, methods_and_topics
 from chefbotd.link.entry_session import EntrySession
 from chefbotd.link.port import open_port
@@ -31,8 +31,8 @@ from chefbotd.rpc.server import RpcServer
 from chefbotd.safety.faults import Fault
 from chefbotd.safety.latch import GateStore
 from chefbotd.settings import Settings
-from chefbotd.snapshot.state import DaemonState
-from chefbotd.transport.tcp.server import TcpServer
+from chefbotd.snapshot import DaemonState, Stateful
+from chefbotd.transport.tcp import TcpServer
 
 if TYPE_CHECKING:
     from chefbotd.worker.spawn import Spawn
@@ -93,6 +93,7 @@ class Daemon:
         self._latch, self._supervisor = latch, supervisor
         self.driving = driving = drive_service(context, self.session, latch)
         self.limit_preview = LimitPreview(settings.drive, settings.chassis, settings.limits)
+        driving.wheels.call_on_limits(self.limit_preview.relimit)
         stop_hold_s = settings.safety.held_until_silent_s
         self.leases = ControlLeases(settings.api.lease_s, stop_hold_s, driving.release, self.bus.publish)
         self.metrics = Metrics()
@@ -129,7 +130,9 @@ class Daemon:
             robot_name=settings.robot.name,
             session=self._session,
             sources=Sources(
-                tuple(settings.safety.sources), settings.safety.default_source, self.driving.resume
+                tuple(settings.safety.sources),
+                settings.safety.default_source,
+                self.driving.acknowledge_stops,
             ),
             command_timeout_s=settings.safety.command_timeout_s,
             link_is_up=lambda: self.session.is_open,
@@ -138,11 +141,11 @@ class Daemon:
 
     def _state(self) -> DaemonState:
         """What a recording needs that begins while the robot drives."""
-        parts: dict[str, object] = {f"link {name}": session for name, session in self.entries.links.items()}
+        parts: dict[str, Stateful] = {f"link/{name}": session for name, session in self.entries.links.items()}
         parts |= {
-            f"{feature.name} {number}": part
+            f"{feature.name}/{name}": part
             for feature in self.features
-            for number, part in enumerate(feature.parts, 1)
+            for name, part in feature.parts.items()
         }
         harmless = {
             method.name
@@ -214,7 +217,7 @@ class Daemon:
                     await self.page.address()
                 for loop in more:
                     group.create_task(loop())
-                for service in [each for feature in self.features for each in feature.services]:
+                for service in [listed for feature in self.features for listed in feature.services]:
                     run = run_critical if service.critical else run_restarting
                     group.create_task(run(service.name, self._loop_of(service)))
                 await asyncio.Event().wait()

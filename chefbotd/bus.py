@@ -232,7 +232,7 @@ class Bus:
         except Exception as another:  # noqa: BLE001 (logged)
             _log_error(another)
 
-    def wanted(self, topic: type[Any]) -> bool:
+    def has_listeners(self, topic: type[Any]) -> bool:
         """Whether anyone listens: lets a publisher skip making an event that nobody takes."""
         if topic not in self._routes:
             self._find_route(topic)
@@ -243,9 +243,9 @@ class Bus:
         self._routes[topic] = self._inboxes_of(topic), self._handlers.get(topic, ())
 
     def _inboxes_of(self, topic: type[Any]) -> tuple[Inbox[Any], ...]:
-        known = self._inboxes.get(topic)
-        if known is not None:
-            return known
+        inboxes = self._inboxes.get(topic)
+        if inboxes is not None:
+            return inboxes
         return tuple(inbox for inbox in self._of_all if topic.__name__ not in inbox.excluded)
 
     def drops(self) -> dict[str, int]:
@@ -261,7 +261,7 @@ T = TypeVar("T")
 
 
 def _without(subscriber: T, subscribers: tuple[T, ...]) -> tuple[T, ...]:
-    return tuple(each for each in subscribers if each is not subscriber)
+    return tuple(other for other in subscribers if other is not subscriber)
 
 
 def _log_error(error: Exception) -> None:

@@ -8,8 +8,7 @@ computed again from a recording.
 import asyncio
 import contextlib
 from collections.abc import Awaitable, Callable, Coroutine, Generator, Iterator
-from types import CoroutineType
-from typing import Any, Protocol, TypeAlias, TypeVar
+from typing import Any, Protocol, TypeVar
 
 from msgspec import Struct
 
@@ -44,11 +43,17 @@ class EntryTimer(Struct, eq=False):
             self.handle.cancel()
 
 
+def due_of(timer: Timer | None) -> float | None:
+    """When a timer fires; None: there is none, or none that waits."""
+    return timer.due_s if isinstance(timer, EntryTimer) and timer.waits else None
+
+
 class Entries:
     """A clock that stands still while an entry is handled.
 
     ``links`` are the sessions of the ports by the names of their links, as each of them has entered itself.
     ``running`` are the coroutines that go on in steps, by name, and ``task`` is the one whose step is handled.
+    ``resting`` are the services among them that wait for what comes next.
     ``recording`` says whether the records in ``core.events.inputs`` are to be published; read it before you make one.
     """
 
@@ -60,6 +65,7 @@ class Entries:
         self._recorders = 0
         self.links: dict[str, Any] = {}
         self.running: dict[str, Steps] = {}
+        self.resting: set[str] = set()
         self.task = ""
         self.recording = False
 
@@ -104,6 +110,14 @@ class Entries:
         timer.handle = asyncio.get_running_loop().call_later(delay_s, self._fire, timer)
         return timer
 
+    def call_at(self, due_s: float, callback: Callable[[], None], name: str) -> Timer:
+        """As ``call_later``, at a time of this clock."""
+        return self.call_later(due_s - self.now_s(), callback, name)
+
+    def resume(self, due_s: float | None, callback: Callable[[], None], name: str) -> Timer | None:
+        """The timer of a restored state that is due then; None: it has none."""
+        return None if due_s is None else self.call_at(due_s, callback, name)
+
     def _fire(self, timer: EntryTimer) -> None:
         timer.waits = False
         with self.entry(TimerFired, timer.name):
@@ -124,6 +138,15 @@ class Entries:
         """Run a coroutine; each time that it goes on is an entry. ``what`` is the method of a request."""
         result: T = await Steps(self, name, run(), what)
         return result
+
+    async def at_rest(self, wait: Awaitable[T]) -> T:
+        """Wait as a service that is in the middle of nothing: a replay may begin here, and wait in its place."""
+        task = self.task
+        self.resting.add(task)
+        try:
+            return await wait
+        finally:
+            self.resting.discard(task)
 
     async def outside(self, ask: Callable[[], Awaitable[T]]) -> T:
         """Wait for the disk or another process; a replay does not ask again."""
@@ -153,31 +176,22 @@ class Entries:
         return end
 
 
-Place: TypeAlias = tuple[tuple[str, int], ...]
-"""Where a coroutine waits: the functions that it is in, and the instruction in each."""
-
-
-def place_of(task: Coroutine[Any, Any, Any]) -> Place:
-    """Where a coroutine waits; empty where it has ended."""
-    place: list[tuple[str, int]] = []
-    each: object = task
-    while isinstance(each, CoroutineType) and each.cr_frame is not None:
-        place.append((each.cr_code.co_qualname, each.cr_frame.f_lasti))
-        each = each.cr_await
-    return tuple(place)
-
-
 class Steps:
     """A coroutine whose steps are entries; an asyncio task sees no difference. ``what`` is the method of a request."""
 
     def __init__(self, entries: Entries, name: str, task: Coroutine[Any, Any, Any], what: str = "") -> None:
         self._entries, self._name, self._task, self.what = entries, name, task, what
-        self._home: Place | None = None
+        self._waits_for: object = None
 
     @property
-    def is_at_home(self) -> bool:
-        """Whether it waits where it waited first: it is in the middle of nothing."""
-        return self._home == place_of(self._task)
+    def is_woken(self) -> bool:
+        """Whether what it waits for is there, so that it is about to go on."""
+        return is_done(self._waits_for)
+
+    @property
+    def is_at_rest(self) -> bool:
+        """Whether it is in the middle of nothing, and nothing has woken it."""
+        return self._name in self._entries.resting and not self.is_woken
 
     def __await__(self) -> Generator[Any, None, Any]:
         self._entries.running[self._name] = self
@@ -198,13 +212,24 @@ class Steps:
                     return end.value
                 finally:
                     self._entries.task = ""
-            if self._home is None:
-                self._home = place_of(self._task)
-            error = None
+            error, self._waits_for = None, awaited
             try:
                 yield awaited
             except BaseException as raised:  # noqa: BLE001 - the coroutine's to handle
                 error = raised
+
+
+def is_done(awaited: object) -> bool:
+    """Whether what a coroutine waits for is there: it goes on in the next turn of the loop."""
+    return asyncio.isfuture(awaited) and awaited.done()
+
+
+def set_event(event: asyncio.Event, is_set: bool) -> None:
+    """Set an event, or clear it."""
+    if is_set:
+        event.set()
+    else:
+        event.clear()
 
 
 def entries_of(clock: Clock) -> Entries:

@@ -75,6 +75,9 @@ def light_imports() -> Iterator[None]:
     - pydantic looks for plugins in every installed package, and loads what reads their metadata, parsers of mail and
       tables among it; chefbotd uses none.
     - structlog imports rich wherever it is installed, to lay out tracebacks; it does without where that import fails.
+
+    Neither has a setting that keeps these modules away: ``PYDANTIC_DISABLE_PLUGINS`` keeps away plugins only.
+    Without the stand-ins both take half as much time again to import, and 6 MB more.
     """
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     with no_collections():

@@ -1,12 +1,27 @@
 """Decodes received bytes into lines and messages, without I/O and with a bounded buffer."""
 
 from collections import Counter, defaultdict
-from typing import Any, TypeAlias
+from typing import Any, NamedTuple, TypeAlias
 
 from firmware_protocol.line_codec import LineCodec
 from firmware_protocol.messages import Malformed, Message, Reason
 
 Decoded: TypeAlias = tuple[bytes, Message | Malformed]
+
+
+CLASSES: dict[str, type[Any]] = {
+    message_class.__name__: message_class for message_class in (*Message.__args__, Malformed)
+}
+
+
+class DecoderState(NamedTuple):
+    """The line in progress, and how many there were of each class of messages and of malformed lines."""
+
+    partial: bytes
+    skipping: bool
+    may_be_cut: bool
+    counts: dict[str, int]
+    malformed: dict[Reason, int]
 
 
 class Decoder:
@@ -15,9 +30,6 @@ class Decoder:
     A line longer than ``max_line`` bytes (default: the framing's) is reported once, with its first
     ``max_line`` bytes, and skipped up to its end. No more than a line is ever kept.
     """
-
-    UNRECORDED = frozenset({"_codec"})
-    """Tables."""
 
     def __init__(self, codec: LineCodec, max_line: int | None = None) -> None:
         self._codec = codec
@@ -33,7 +45,23 @@ class Decoder:
     @property
     def accepted(self) -> dict[str, int]:
         """Lines decoded since the beginning, by the name of their message's class."""
-        return {each.__name__: count for each, count in self._classes.items() if each is not Malformed}
+        return {
+            message_class.__name__: count
+            for message_class, count in self._classes.items()
+            if message_class is not Malformed
+        }
+
+    def state(self) -> DecoderState:
+        """What it remembers."""
+        counts = {message_class.__name__: count for message_class, count in self._classes.items()}
+        return DecoderState(self._partial, self._skipping, self._may_be_cut, counts, dict(self.malformed))
+
+    def restore(self, state: DecoderState) -> None:
+        """Go on from there; raises ``KeyError`` for a class of messages that there is not."""
+        self._partial, self._skipping, self._may_be_cut = state.partial, state.skipping, state.may_be_cut
+        self._classes.clear()
+        self._classes.update({CLASSES[name]: count for name, count in state.counts.items()})
+        self.malformed = Counter(state.malformed)
 
     def feed(self, data: bytes) -> list[Decoded]:
         """Each line (without its end) that ``data`` completes, and what it means; empty ones are left out."""

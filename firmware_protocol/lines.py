@@ -3,17 +3,57 @@
 A number on the wire is digits with an optional minus before them, and with at most one point where the field
 has decimals. Python's ``int`` and ``float`` take more than that (``1_0``, ``+1``, ``1e3``, ``nan``); the
 codec lets nothing but ``NUMERIC`` come near them, and ``explain`` names what else stood there.
+
+Levels of an encoder's two lines are text, three edges per character. A character is a number in bijective base 4, each
+level being a digit from 1 to 4: one level is 1 to 4, two are 5 to 20, three are 21 to 84. So they never read alike, and
+the text needs no count. Added to ``OFFSET`` all of it is printable.
 """
 
 import math
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import chain, product
 from typing import Any, TypeAlias
 
-from firmware_protocol.levels import is_packed, pack, unpack
 from firmware_protocol.messages import Reason
+
+OFFSET = 40
+EDGES_A_CHARACTER = 3
+
+_FULL = re.compile(rb"[=-|]*[)-|]")  # only the last character may hold fewer than three
+
+
+def pack(levels: Sequence[int]) -> str:
+    """Levels from 0 to 3 as text."""
+    starts = range(0, len(levels), EDGES_A_CHARACTER)
+    return "".join(_character(levels[start : start + EDGES_A_CHARACTER]) for start in starts)
+
+
+def _character(levels: Sequence[int]) -> str:
+    value = 0
+    for level in levels:
+        value = value * 4 + level + 1
+    return chr(OFFSET + value)
+
+
+_LEVELS = {
+    ord(_character(levels)): levels
+    for count in range(1, EDGES_A_CHARACTER + 1)
+    for levels in product(range(4), repeat=count)
+}
+
+
+def is_packed(text: bytes) -> bool:
+    """Whether ``pack`` can have written this."""
+    return bool(_FULL.fullmatch(text))
+
+
+def unpack(text: bytes) -> tuple[int, ...]:
+    """The levels of what ``is_packed``."""
+    return tuple(chain.from_iterable(map(_LEVELS.__getitem__, text)))
+
 
 NUMERIC = b"0123456789.-"
 UNIT_NORM = (0.9, 1.1)  # rounding to two decimals moves the norm of four components by 0.01 at most
@@ -75,7 +115,7 @@ UINT16 = Number(0, 2**16 - 1)
 
 @dataclass(frozen=True, slots=True)
 class PackedLevels:
-    """One to ``most`` levels from 0 to 3 in one text (see ``firmware_protocol.levels``), read as a tuple."""
+    """One to ``most`` levels from 0 to 3 in one text (see ``firmware_protocol.lines``), read as a tuple."""
 
     most: int
 
@@ -122,7 +162,7 @@ class Field:
         if len(values) != len(self.numbers):
             raise ValueError(f"{self.name}: expected {self.times} numbers, got {value!r}")
         try:
-            return [self.number.write(each) for each in values]
+            return [self.number.write(number) for number in values]
         except ValueError as error:
             raise ValueError(f"{self.name}: {error}") from None
 

@@ -11,9 +11,8 @@ from chefbotd.rpc.jsonrpc import Failure, Request, error, parse
 from chefbotd.rpc.lenient import read_leniently
 from firmware_protocol.codec import VARIANTS, from_board, to_board
 from firmware_protocol.decoder import Decoder
-from firmware_protocol.levels import unpack
 from firmware_protocol.line_codec import LineCodec
-from firmware_protocol.lines import is_unit
+from firmware_protocol.lines import is_unit, unpack
 from firmware_protocol.messages import (
     Banner,
     Malformed,

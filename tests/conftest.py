@@ -48,12 +48,12 @@ def _compile() -> None:
     from chefbotd.localization import warm as localization
     from chefbotd.mapping import warm as mapping
     from chefbotd.navigation import warm as navigation
-    from chefbotd.navigation.outline import OutlineParameters
+    from chefbotd.navigation.outline import Footprint
     from chefbotd.navigation.parameters import NavigationParameters
 
     mapping.warm()
     localization.warm()
-    navigation.warm(NavigationParameters(outline=OutlineParameters(radius_m=0.18)))
+    navigation.warm(NavigationParameters(outline=Footprint(radius_m=0.18)))
 
 
 @pytest.fixture(autouse=True)

@@ -12,6 +12,7 @@ NEED_NAVIGATION = (
     "chefbotd/mapping/slam",
     "chefbotd/navigation",
     "chefbotd/worker/skills",
+    "examples",
     "scenarios/test_navigation.py",
     "scenarios/test_navigation_maps.py",
     "scenarios/test_navigation_sensing.py",

@@ -85,14 +85,14 @@ def daemon(words: list[str], port: int, log: Path) -> Iterator[None]:
         subprocess.Popen([*words, *where], stderr=sink, env=environment) as process,
     ):
         try:
-            until_s = time.monotonic() + 30.0
+            until_s = time.monotonic() + 60.0
             while '"mode": "armed"' not in log.read_text() or "link opened" not in log.read_text():
                 assert time.monotonic() < until_s, log.read_text()
                 time.sleep(0.05)
             yield
         finally:
             process.send_signal(signal.SIGINT)
-            process.wait(20)
+            process.wait(60)
 
 
 @pytest.mark.slow

@@ -3,6 +3,7 @@
 ``Client`` is for asyncio, ``SyncClient`` for scripts and notebooks. Every error is a ``ChefbotError``.
 """
 
+from chefbotd.client.blocking import SyncSubscription
 from chefbotd.client.client import Client
 from chefbotd.client.errors import (
     CallError,
@@ -10,25 +11,22 @@ from chefbotd.client.errors import (
     CannotConnect,
     ChefbotError,
     ConnectionLost,
-    IncompatibleProtocol,
-    NoGreeting,
-    NotReported,
-    ProtocolError,
-    SubscriptionConflict,
-)
-from chefbotd.client.event import Event, Gap
-from chefbotd.client.goals import (
     GoalBlocked,
     GoalCancelled,
     GoalFault,
     GoalNotReached,
     GoalUnreachable,
+    IncompatibleProtocol,
+    NoGreeting,
+    NotReported,
+    ProtocolError,
     RobotLost,
+    SubscriptionConflict,
 )
+from chefbotd.client.event import Event, Gap
 from chefbotd.client.handshake import Hello
 from chefbotd.client.subscription import Subscription
 from chefbotd.client.sync import SyncClient
-from chefbotd.client.sync_subscription import SyncSubscription
 
 __all__ = [
     "CallError",

@@ -37,7 +37,7 @@ from chefbotd.client.handshake import (
 from chefbotd.client.map_methods import MapMethods
 from chefbotd.client.methods import Methods
 from chefbotd.client.navigation_methods import NavigationMethods
-from chefbotd.client.subscription import Request, SubscribeOptions, Subscription
+from chefbotd.client.subscription import SubscribeOptions, Subscription, SubscriptionRequest
 from chefbotd.client.wire import ProgressListener
 
 FIRST_RETRY_PAUSE_S, LONGEST_RETRY_PAUSE_S = 0.1, 2.0
@@ -143,14 +143,14 @@ class Client(Methods, MapMethods, NavigationMethods, Topics):
     def _subscription(
         self, topics: str | Iterable[str], **options: Unpack[SubscribeOptions]
     ) -> Subscription[Any]:
-        wanted = (topics,) if isinstance(topics, str) else tuple(topics)
-        request = Request(wanted, options.get("max_rate_hz"), options.get("policy", "latest"))
+        names = (topics,) if isinstance(topics, str) else tuple(topics)
+        request = SubscriptionRequest(names, options.get("max_rate_hz"), options.get("policy", "latest"))
         subscription: Subscription[Any] = Subscription(
             request, options.get("queue_size", 256), self._subscribe, self._unsubscribe
         )
         # one that nobody holds any more, after a break out of its loop, has been left
         weakref.finalize(
-            subscription, _call_on_loop, self._loop, weakref.WeakMethod(self._drop_topics), wanted
+            subscription, _call_on_loop, self._loop, weakref.WeakMethod(self._drop_topics), names
         )
         return subscription
 
@@ -180,8 +180,8 @@ class Client(Methods, MapMethods, NavigationMethods, Topics):
             self._connection.wire.notify("unsubscribe", {"topics": over})
 
     def _topics_without_subscriber(self, topics: tuple[str, ...]) -> list[str]:
-        wanted = {topic for other in list(self._subscriptions) for topic in other.topics}
-        return [topic for topic in topics if topic not in wanted]
+        subscribed = {topic for other in list(self._subscriptions) for topic in other.topics}
+        return [topic for topic in topics if topic not in subscribed]
 
     def _notified(self, method: str, params: dict[str, Any]) -> None:
         if method == "event":

@@ -1,40 +1,54 @@
 """Finds robots on the local network by their announced names. Needs the extra ``discovery``."""
 
 import asyncio
-from collections.abc import AsyncIterator
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator, Collection
+from contextlib import asynccontextmanager, suppress
 
 from zeroconf import InterfaceChoice, ServiceStateChange, Zeroconf
 from zeroconf.asyncio import AsyncServiceBrowser, AsyncServiceInfo, AsyncZeroconf
 
 from chefbotd.features.discovery.announcement import SERVICE_TYPE, Announcement, read
 
-LISTEN_S = 2.0
+LISTEN_S = 5.0
+"""A browser asks at once, and again after one and after three seconds; a robot that has just said its records waits a
+second before it repeats them (RFC 6762, 5.2 and 6). So this gives every robot two chances, one packet may be lost.
+"""
 ANSWER_S = 3.0
 
 Interfaces = list[str] | InterfaceChoice
 
 
 async def robots(
-    seconds: float = LISTEN_S, interfaces: Interfaces = InterfaceChoice.All
+    seconds: float = LISTEN_S,
+    interfaces: Interfaces = InterfaceChoice.All,
+    expected: Collection[str] = (),
 ) -> list[Announcement]:
-    """Every robot that announces itself within this time, by name."""
+    """Every robot that announces itself within this time, by name; sooner where the ``expected`` ones have answered."""
     async with _network(interfaces) as network:
-        names: set[str] = set()
+        questions: dict[str, asyncio.Task[Announcement | None]] = {}
+        answered = asyncio.Event()
 
-        def noted(zeroconf: Zeroconf, service_type: str, name: str, state_change: ServiceStateChange) -> None:
+        def note(zeroconf: Zeroconf, service_type: str, name: str, state_change: ServiceStateChange) -> None:
             if state_change is ServiceStateChange.Removed:
-                names.discard(name)
-            else:
-                names.add(name)
+                if name in questions:
+                    questions.pop(name).cancel()
+            elif name not in questions:
+                questions[name] = asyncio.create_task(_ask(network, name, ANSWER_S))
+                questions[name].add_done_callback(look)
 
-        browser = AsyncServiceBrowser(network.zeroconf, SERVICE_TYPE, handlers=[noted])
+        def look(question: object = None) -> None:
+            known = [each.result() for each in questions.values() if each.done()]
+            if expected and {robot.name for robot in known if robot} >= set(expected):
+                answered.set()
+
+        browser = AsyncServiceBrowser(network.zeroconf, SERVICE_TYPE, handlers=[note])
         try:
-            await asyncio.sleep(seconds)
+            with suppress(TimeoutError):
+                await asyncio.wait_for(answered.wait(), seconds)
         finally:
             await browser.async_cancel()
-        found = await asyncio.gather(*[_ask(network, name, ANSWER_S) for name in sorted(names)])
-        return [each for each in found if each is not None]
+        answers = await asyncio.gather(*[questions[name] for name in sorted(questions)])
+        return [answer for answer in answers if answer is not None]
 
 
 async def find(

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Generic, TypeVar
 
+from chefbotd.core.record import Record
+
 if TYPE_CHECKING:
-    from chefbotd.client.models import TopicData
+    from chefbotd.rpc.encoding import Sent
 
-D = TypeVar("D", bound="TopicData", covariant=True)
+D = TypeVar("D", bound="Sent", covariant=True)
 
 
-@dataclass(frozen=True, slots=True)
-class Gap:
+class Gap(Record, frozen=True):
     """Telemetry that is missing because the connection was lost: for how long, why, and whether the daemon restarted.
 
     After a restart ``seq`` counts anew, and odometry begins at its origin.
@@ -23,8 +23,7 @@ class Gap:
     restarted: bool
 
 
-@dataclass(frozen=True, slots=True)
-class Event(Generic[D]):
+class Event(Record, Generic[D], frozen=True):
     """One value of a topic: counted by ``seq``, stamped by the daemon's clock, ``age_s`` old when sent.
 
     ``gap`` is what is missing before it: on the first event of each topic after a reconnection, else None.

@@ -75,33 +75,32 @@ class GeneratedMethods(Caller):
         await self._ask(None, "delete_map", name=name, on_progress=on_progress)
 
     async def start_mapping(self, name: str | None = None, *, unfinished: bool = False,
-        on_progress: ProgressListener | None = None) -> m.MappingResult:
+        on_progress: ProgressListener | None = None) -> m.MappingData:
         """Begin a map, go on with a saved one by its name, or go on after a pause."""
-        return await self._ask("MappingResult", "start_mapping", name=name, unfinished=unfinished,
+        return await self._ask("MappingData", "start_mapping", name=name, unfinished=unfinished,
             on_progress=on_progress)
 
-    async def pause_mapping(self, on_progress: ProgressListener | None = None) -> m.MappingResult:
+    async def pause_mapping(self, on_progress: ProgressListener | None = None) -> m.MappingData:
         """Pause mapping until start_mapping is sent."""
-        return await self._ask("MappingResult", "pause_mapping", on_progress=on_progress)
+        return await self._ask("MappingData", "pause_mapping", on_progress=on_progress)
 
     async def finish_mapping(self, name: str, on_progress: ProgressListener | None = None) -> m.MapSaved:
         """Match all scans once more, save the map under a name, and end; reports progress."""
         return await self._ask("MapSaved", "finish_mapping", name=name, on_progress=on_progress)
 
-    async def discard_mapping(self, on_progress: ProgressListener | None = None) -> m.MappingResult:
+    async def discard_mapping(self, on_progress: ProgressListener | None = None) -> m.MappingData:
         """End without saving, and forget the map that was never finished; saved maps stay."""
-        return await self._ask("MappingResult", "discard_mapping", on_progress=on_progress)
+        return await self._ask("MappingData", "discard_mapping", on_progress=on_progress)
 
     async def set_pose(self, x_m: float, y_m: float, heading_rad: float = 0.0,
-        on_progress: ProgressListener | None = None) -> m.LocalizationResult:
+        on_progress: ProgressListener | None = None) -> m.LocalizationData:
         """Set the robot's approximate pose in the map in use; the next scans confirm it, or it searches."""
-        return await self._ask("LocalizationResult", "set_pose", x_m=x_m, y_m=y_m, heading_rad=heading_rad,
+        return await self._ask("LocalizationData", "set_pose", x_m=x_m, y_m=y_m, heading_rad=heading_rad,
             on_progress=on_progress)
 
-    async def localize(self, *, turn: bool = False,
-        on_progress: ProgressListener | None = None) -> m.LocalizationResult:
+    async def localize(self, *, turn: bool = False, on_progress: ProgressListener | None = None) -> m.LocalizationData:
         """Search the whole map for the robot's pose; the robot does not move, unless ``turn`` allows one turn."""
-        return await self._ask("LocalizationResult", "localize", turn=turn, on_progress=on_progress)
+        return await self._ask("LocalizationData", "localize", turn=turn, on_progress=on_progress)
 
     async def plan_to(self, x_m: float | None = None, y_m: float | None = None, heading_rad: float | None = None,
         place: str | None = None, tolerance_m: float = 0.0,

@@ -3,8 +3,9 @@
 import asyncio
 import ssl
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
 from typing import Any, Literal
+
+from msgspec.structs import fields
 
 from chefbotd.client.errors import (
     CallTimeout,
@@ -15,13 +16,13 @@ from chefbotd.client.errors import (
     ProtocolError,
 )
 from chefbotd.client.wire import Wire
+from chefbotd.core.record import Record
 
 PROTOCOL_MAJOR = "1"
 CLOSING_PATIENCE_S = 1.0
 
 
-@dataclass(frozen=True, slots=True)
-class Hello:
+class Hello(Record, frozen=True):
     """The daemon's greeting; ``session`` changes when the daemon restarts."""
 
     protocol: str
@@ -32,16 +33,19 @@ class Hello:
     capabilities: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Endpoint:
+class Endpoint(Record, frozen=True):
     """Where the daemon listens, the credentials and name to present, and the time limit of each step in seconds."""
 
     host: str
     port: int
-    token: str | None = field(repr=False)
+    token: str | None
     tls: ssl.SSLContext | None
     name: str | None
     timeout_s: float
+
+    def __repr__(self) -> str:
+        """Without the token."""
+        return f"Endpoint({self.host!r}, {self.port}, name={self.name!r})"
 
 
 class GreetedConnection:
@@ -127,8 +131,10 @@ async def _greeting(greeting: "asyncio.Future[dict[str, Any]]", wire: Wire, time
             f"the daemon speaks protocol {protocol}, and this client {PROTOCOL_MAJOR}.x"
         )
     try:
-        told = {field.name: params[field.name] for field in fields(Hello)}  # a newer daemon may say more
-        return Hello(**{**told, "capabilities": tuple(told["capabilities"])})
+        known_fields = {
+            field.name: params[field.name] for field in fields(Hello)
+        }  # a newer daemon may say more
+        return Hello(**{**known_fields, "capabilities": tuple(known_fields["capabilities"])})
     except (KeyError, TypeError) as problem:
         raise ProtocolError(
             f"the daemon's greeting is not understood: {problem!r}, in {params!r:.200}"

@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import base64
 import zlib
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from chefbotd.client.caller import Caller, given
+from chefbotd.client.caller import Caller, given, parse
 from chefbotd.client.errors import ProtocolError
-from chefbotd.client.parsing import parse
 from chefbotd.client.wire import ProgressListener
+from chefbotd.core.record import Record
 
 if TYPE_CHECKING:
     from chefbotd.client import models
     from chefbotd.mapping.occupancy_grid import OccupancyGrid
 
 
-@dataclass(frozen=True, slots=True)
-class MapImage:
+class MapImage(Record, frozen=True):
     """A map's cells: a signed byte each, row by row, the lowest row first; -1 unknown, 0 free, 100 occupied.
 
     (``x_m``, ``y_m``, ``heading_rad``) is where the outer corner of the first cell lies in ``map``. A map that is being
@@ -57,10 +55,10 @@ class MapMethods(Caller):
         """
         from chefbotd.client import models
 
-        wanted = given(name=name)
+        params = given(name=name)
         parts: list[models.MapPart] = []
         while not parts or len(parts) < parts[0].parts:
-            part = parse(models.MapPart, await self.call("get_map", **wanted, part=len(parts)))
+            part = parse(models.MapPart, await self.call("get_map", **params, part=len(parts)))
             if parts and (part.name, part.version) != (parts[0].name, parts[0].version):
                 parts = []  # it was saved anew meanwhile
                 continue

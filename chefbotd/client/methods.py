@@ -10,9 +10,9 @@ import contextlib
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
+from chefbotd.client.caller import parse
 from chefbotd.client.errors import CallError, CallTimeout, ConnectionLost
 from chefbotd.client.generated import GeneratedMethods
-from chefbotd.client.parsing import parse
 
 if TYPE_CHECKING:
     from chefbotd.client import models
@@ -109,8 +109,8 @@ class Methods(GeneratedMethods):
 
     async def take_control(self, source: str | None = None) -> str | None:
         """Take exclusive control of a source (default: the robot's). Returns the client that had it before, if any."""
-        taken: models.Taken = await self._ask("Taken", "take_control", source=source)
-        return taken.taken_from
+        result: models.Taken = await self._ask("Taken", "take_control", source=source)
+        return result.taken_from
 
     async def release_control(self) -> list[str]:
         """Release all sources that we control, and withdraw our commands. Returns the names of the sources."""

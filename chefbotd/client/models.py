@@ -4,54 +4,51 @@
 
 from collections.abc import Mapping
 
-from chefbotd.features.board.methods import (
+from chefbotd.core.events.lidars import DepthCameraChanged as DepthCameraChanged
+from chefbotd.core.events.mapping import MapSaved as MapSaved, MappingData as MappingData
+from chefbotd.core.events.navigation import (
+    GoalResult as GoalResult, NavigationData as NavigationData, PathData as PathData, PlanResult as PlanResult
+)
+from chefbotd.core.events.recording import RecordingData as RecordingData
+from chefbotd.core.events.robot import BatteryData as BatteryData, ImuData as ImuData, WorkerData as WorkerData
+from chefbotd.features.board.models import (
     LinkData as LinkData, RawData as RawData, ResetData as ResetData, TextData as TextData
 )
-from chefbotd.features.depth_cameras.methods import (
-    DepthCameraData as DepthCameraData, DepthCamerasData as DepthCamerasData
-)
-from chefbotd.features.description.methods import RobotDescription as RobotDescription
-from chefbotd.features.driving.methods import (
+from chefbotd.features.depth_cameras.models import DepthCamerasData as DepthCamerasData
+from chefbotd.features.description.models import RobotDescription as RobotDescription
+from chefbotd.features.driving.models import (
     Driven as Driven, Limited as Limited, SafetyData as SafetyData, Stopped as Stopped, WheelsData as WheelsData,
     WheelsDriven as WheelsDriven
 )
-from chefbotd.features.lidars.methods import LidarData as LidarData, LidarsData as LidarsData, ScanData as ScanData
-from chefbotd.features.localization.methods import (
-    LocalizationData as LocalizationData, LocalizationResult as LocalizationResult, PlaceCandidate as PlaceCandidate
+from chefbotd.features.lidars.models import LidarData as LidarData, LidarsData as LidarsData, ScanData as ScanData
+from chefbotd.features.localization.models import LocalizationData as LocalizationData, PlaceCandidate as PlaceCandidate
+from chefbotd.features.mapping.models import MapData as MapData, MapPoseData as MapPoseData
+from chefbotd.features.maps.models import (
+    GridPartData as GridPartData, MapInUse as MapInUse, MapList as MapList, MapPart as MapPart,
+    MapSummary as MapSummary, PlaceData as PlaceData, PlaceList as PlaceList
 )
-from chefbotd.features.mapping.methods import (
-    MapData as MapData, MapPoseData as MapPoseData, MapSaved as MapSaved, MappingData as MappingData,
-    MappingResult as MappingResult
+from chefbotd.features.navigation.models import (
+    CostmapData as CostmapData, DynamicObstacleData as DynamicObstacleData, ObstaclesData as ObstaclesData
 )
-from chefbotd.features.maps.grid_part import GridPartData as GridPartData
-from chefbotd.features.maps.methods import (
-    MapInUse as MapInUse, MapList as MapList, MapPart as MapPart, MapSummary as MapSummary, PlaceData as PlaceData,
-    PlaceList as PlaceList
+from chefbotd.features.odometry.models import OdometryData as OdometryData
+from chefbotd.features.recording.models import (
+    RecordingEnded as RecordingEnded, RecordingList as RecordingList, RecordingStarted as RecordingStarted,
+    RingSaved as RingSaved
 )
-from chefbotd.features.navigation.methods import (
-    CostmapData as CostmapData, DynamicObstacleData as DynamicObstacleData, GoalResult as GoalResult,
-    NavigationData as NavigationData, ObstaclesData as ObstaclesData, PathData as PathData, PlanResult as PlanResult
-)
-from chefbotd.features.odometry.methods import OdometryData as OdometryData
-from chefbotd.features.recording.methods import (
-    RecordedFile as RecordedFile, RecordingData as RecordingData, RecordingEnded as RecordingEnded,
-    RecordingList as RecordingList, RecordingStarted as RecordingStarted, RingSaved as RingSaved
-)
-from chefbotd.features.sensors.methods import (
-    BatteryData as BatteryData, ImuData as ImuData, RangeData as RangeData, RangesData as RangesData
-)
-from chefbotd.features.simulation.methods import Disc as Disc, SimData as SimData
-from chefbotd.features.statistics.methods import StatsData as StatsData
-from chefbotd.features.tuning.methods import Wheels as Wheels
-from chefbotd.features.worker.methods import WorkerData as WorkerData
+from chefbotd.features.sensors.models import RangeData as RangeData, RangesData as RangesData
+from chefbotd.features.simulation.models import Disc as Disc, SimData as SimData
+from chefbotd.features.statistics.models import StatsData as StatsData
+from chefbotd.features.tuning.models import Wheels as Wheels
+from chefbotd.recording.status import RecordedFile as RecordedFile
+from chefbotd.rpc.encoding import UnknownData as UnknownData
 from chefbotd.rpc.models import (
     Description as Description, Done as Done, ErrorDescription as ErrorDescription, Known as Known,
-    MethodDescription as MethodDescription, Pong as Pong, Released as Released, Result as Result,
-    Subscribed as Subscribed, Taken as Taken, TopicData as TopicData, TopicDescription as TopicDescription,
-    UnknownData as UnknownData
+    MethodDescription as MethodDescription, Pong as Pong, Released as Released, Subscribed as Subscribed,
+    Taken as Taken, TopicDescription as TopicDescription
 )
+from chefbotd.rpc.encoding import Sent
 
-DATA_BY_TOPIC: Mapping[str, type[TopicData]] = {
+DATA_BY_TOPIC: Mapping[str, type[Sent]] = {
     "recording": RecordingData, "scan": ScanData, "lidars": LidarsData, "worker": WorkerData, "mapping": MappingData,
     "map": MapData, "map_pose": MapPoseData, "localization": LocalizationData, "navigation": NavigationData,
     "path": PathData, "costmap": CostmapData, "obstacles": ObstaclesData, "depth_cameras": DepthCamerasData,

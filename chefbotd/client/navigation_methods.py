@@ -7,8 +7,7 @@ import contextlib
 from typing import TYPE_CHECKING, Any
 
 from chefbotd.client.caller import Caller, given
-from chefbotd.client.errors import ChefbotError
-from chefbotd.client.goals import not_reached
+from chefbotd.client.errors import ChefbotError, not_reached
 
 if TYPE_CHECKING:
     from chefbotd.client import models

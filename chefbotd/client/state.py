@@ -1,9 +1,9 @@
 """The robot's state and events, parsed from the daemon's messages."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from chefbotd.client.caller import parse
 from chefbotd.client.errors import NotReported
 from chefbotd.client.event import Event
 from chefbotd.client.models import (
@@ -14,30 +14,29 @@ from chefbotd.client.models import (
     LinkData,
     OdometryData,
     RangesData,
-    Result,
     SafetyData,
     SimData,
-    TopicData,
     UnknownData,
     WheelsData,
 )
-from chefbotd.client.parsing import parse
+from chefbotd.core.record import Record
+from chefbotd.rpc.encoding import Sent
 
-D = TypeVar("D", bound=TopicData)
+D = TypeVar("D", bound=Sent)
 
 
-class _Envelope(Result):
+class _Envelope(Record, frozen=True):
     seq: int
     stamp_s: float
     age_s: float
     data: dict[str, Any]
 
 
-class _NamedEnvelope(_Envelope):
+class _NamedEnvelope(_Envelope, frozen=True):
     topic: str
 
 
-class _WireState(Result):
+class _WireState(Record, frozen=True):
     stamp_s: float
     link: LinkData
     safety: SafetyData
@@ -55,8 +54,7 @@ def _opened(topic: str, envelope: _Envelope) -> Event[Any]:
     return Event(topic, envelope.seq, envelope.stamp_s, envelope.age_s, data)
 
 
-@dataclass(frozen=True, slots=True)
-class State:
+class State(Record, frozen=True):
     """The robot at one moment: its link, its safety, and the latest event of every topic that has had one.
 
     ``odometry``, ``wheels`` and so on are the data of that topic; they raise ``NotReported`` where there is none yet.
@@ -112,6 +110,6 @@ class State:
 
 def parse_state(result: object) -> State:
     """The result of ``get_state``; raises ``ProtocolError``."""
-    told = parse(_WireState, result)
-    topics = {topic: _opened(topic, envelope) for topic, envelope in told.topics.items()}
-    return State(told.stamp_s, told.link, told.safety, topics)
+    state = parse(_WireState, result)
+    topics = {topic: _opened(topic, envelope) for topic, envelope in state.topics.items()}
+    return State(state.stamp_s, state.link, state.safety, topics)

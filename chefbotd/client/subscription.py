@@ -3,17 +3,17 @@
 import asyncio
 from collections import Counter
 from collections.abc import AsyncIterator, Awaitable, Callable
-from dataclasses import dataclass, replace
 from types import TracebackType
 from typing import TYPE_CHECKING, Any, Generic, Literal, Self, TypedDict, TypeVar
 
 from chefbotd.client.errors import CallTimeout, ChefbotError, ConnectionLost
 from chefbotd.client.event import Event, Gap
+from chefbotd.core.record import Record, replace
 
 if TYPE_CHECKING:
-    from chefbotd.client.models import TopicData
+    from chefbotd.rpc.encoding import Sent
 
-D = TypeVar("D", bound="TopicData")
+D = TypeVar("D", bound="Sent")
 Policy = Literal["latest", "ordered"]
 
 
@@ -30,8 +30,7 @@ class SubscribeOptions(TypedDict, total=False):
     queue_size: int
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
+class SubscriptionRequest(Record, frozen=True):
     """What is asked of the daemon."""
 
     topics: tuple[str, ...]
@@ -43,7 +42,7 @@ class Request:
         rate = {} if self.max_rate_hz is None else {"max_rate_hz": self.max_rate_hz}
         return {"topics": self.topics, "policy": self.policy, **rate}
 
-    def conflict(self, other: "Request") -> str | None:
+    def conflict(self, other: "SubscriptionRequest") -> str | None:
         """Why the two cannot share a connection: the daemon keeps one rate and policy for a topic of it."""
         shared = [topic for topic in self.topics if topic in other.topics]
         if not shared or (self.max_rate_hz, self.policy) == (other.max_rate_hz, other.policy):
@@ -65,7 +64,7 @@ class Subscription(AsyncIterator[Event[D]], Generic[D]):
 
     def __init__(
         self,
-        request: Request,
+        request: SubscriptionRequest,
         queue_size: int,
         start: Callable[["Subscription[Any]"], Awaitable[None]],
         stop: Callable[["Subscription[Any]"], Awaitable[None]],

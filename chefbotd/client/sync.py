@@ -16,7 +16,7 @@ from contextlib import AsyncExitStack
 from types import TracebackType
 from typing import Self
 
-from chefbotd.client.background import BackgroundLoop
+from chefbotd.client.blocking import BackgroundLoop
 from chefbotd.client.client import Client
 from chefbotd.client.errors import ConnectionLost
 from chefbotd.client.generated_sync import SyncMethods

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from chefbotd.features.maps.service import MapsService
     from chefbotd.features.worker.service import WorkerService
     from chefbotd.worker.process import Worker
-    from chefbotd.worker.skills.navigation_messages import NavigationSkillParameters
+    from chefbotd.worker.skills.navigation_requests import NavigationSkillParameters
 
 NAVIGATION = "navigation"
 """The source of commands that navigation drives as; a robot without it does not navigate."""
@@ -31,8 +31,7 @@ def map_features(
     makes_maps = bool(settings.lidar) and settings.worker.enabled
     if settings.maps is None and not makes_maps:
         return [], None
-    from chefbotd.features.maps.feature import maps
-    from chefbotd.features.maps.service import MapsService
+    from chefbotd.features.maps.service import MapsService, maps
     from chefbotd.maps.store import MapStore
 
     parameters = settings.maps or MapsParameters()
@@ -40,8 +39,7 @@ def map_features(
     stored = MapsService(context.bus, context.clock, MapStore(folder, kept), kept)
     if not makes_maps:
         return [maps(stored)], None
-    from chefbotd.features.worker.feature import worker
-    from chefbotd.features.worker.service import WorkerService
+    from chefbotd.features.worker.service import WorkerService, worker
 
     skills, mounts = _skills(settings, folder, kept), settings.range_mounts()
     feed = WorkerService(context.bus, context.clock, settings.worker, skills, context.spawn_worker, mounts)
@@ -65,10 +63,8 @@ def _mapping_and_localization(
     driving: DriveService,
     leases: ControlLeases,
 ) -> list[Feature]:
-    from chefbotd.features.localization.feature import localization
-    from chefbotd.features.localization.service import LocalizationService
-    from chefbotd.features.mapping.feature import mapping
-    from chefbotd.features.mapping.service import MappingService
+    from chefbotd.features.localization.service import LocalizationService, localization
+    from chefbotd.features.mapping.service import MappingService, mapping
 
     drives = NAVIGATION in context.settings.safety.sources
     finder = LocalizationService(
@@ -90,7 +86,7 @@ def _navigation(
     driving: DriveService,
     leases: ControlLeases,
 ) -> Feature:
-    from chefbotd.features.navigation.feature import navigation
+    from chefbotd.features.navigation.commands import navigation
     from chefbotd.features.navigation.service import NavigationService
 
     driver = _driver(context, driving, leases)
@@ -100,42 +96,42 @@ def _navigation(
 
 def _skills(settings: Settings, folder: Path, versions_kept: int) -> dict[str, bytes]:
     """What the worker's skills are told when it starts, by their names."""
-    from chefbotd.worker.skills import localization_messages, mapping_messages, navigation_messages
+    from chefbotd.worker.skills import localization_requests, mapping_requests, navigation_requests
 
     every = tuple(lidar.name for lidar in settings.lidar)
-    mapping = mapping_messages.MappingSkillParameters(
+    mapping = mapping_requests.MappingSkillParameters(
         lidars=settings.mapping.lidars or every,
         folder=folder,
         versions_kept=versions_kept,
         session=os.urandom(8).hex(),
         mapping=settings.mapping,
     )
-    localization = localization_messages.LocalizationSkillParameters(
+    localization = localization_requests.LocalizationSkillParameters(
         lidars=settings.localization.lidars or every,
         folder=folder,
-        pose_file=folder / localization_messages.POSE_FILE,
-        auto_search=settings.localization.auto_search,
-        save_period_s=settings.localization.save_period_s,
+        localization=settings.localization,
     )
     return {
-        mapping_messages.SKILL: mapping.model_dump_json().encode(),
-        localization_messages.SKILL: localization.model_dump_json().encode(),
-        navigation_messages.SKILL: _navigation_skill(settings, folder).model_dump_json().encode(),
+        mapping_requests.SKILL: mapping.model_dump_json().encode(),
+        localization_requests.SKILL: localization.model_dump_json().encode(),
+        navigation_requests.SKILL: navigation_skill_parameters(settings, folder).model_dump_json().encode(),
     }
 
 
-def _navigation_skill(settings: Settings, folder: Path) -> "NavigationSkillParameters":
+def navigation_skill_parameters(settings: Settings, folder: Path) -> "NavigationSkillParameters":
     """The robot's outline, and how fast it may be: a wheel needs a tenth more than its share, to correct."""
     from chefbotd.safety.outline import Box
-    from chefbotd.worker.skills.navigation_messages import NavigationSkillParameters
+    from chefbotd.worker.skills.navigation_requests import NavigationSkillParameters
 
     outline = robot_outline(settings)
     box = outline if isinstance(outline, Box) else None
+    speed_m_s = min(settings.navigation.max_speed_m_s, 0.9 * settings.drive.max_rim_speed_m_s)
     return NavigationSkillParameters(
         folder=folder,
         radius_m=outline.radius_m if box is None else None,
         half_length_m=0.0 if box is None else box.half_length_m,
         half_width_m=0.0 if box is None else box.half_width_m,
-        max_speed_m_s=min(settings.navigation.max_speed_m_s, 0.9 * settings.drive.max_rim_speed_m_s),
+        navigation=settings.navigation.model_copy(update={"max_speed_m_s": speed_m_s}),
+        silent_speed_m_s=settings.safety.encoders.silent_speed_m_s,
         cameras=tuple(camera.name for camera in settings.depth_camera),
     )

@@ -7,7 +7,7 @@ from chefbotd.metrics import Metrics
 from chefbotd.rpc.access import Guard
 from chefbotd.rpc.server import RpcServer
 from chefbotd.settings import Settings
-from chefbotd.transport.tcp.server import TcpServer
+from chefbotd.transport.tcp import TcpServer
 
 if TYPE_CHECKING:
     from chefbotd.transport.web.server import PageServer
@@ -30,7 +30,7 @@ def discovery(settings: Settings, server: TcpServer, page: "PageServer | None") 
     """The announcement of the socket and of the page."""
     if not settings.discovery.enabled:
         return []
-    from chefbotd.features.discovery.feature import discovery
+    from chefbotd.features.discovery.service import discovery
 
     where = None if page is None else page.address
     encrypted = settings.api.tls_certificate is not None

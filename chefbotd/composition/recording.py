@@ -8,7 +8,7 @@ from chefbotd.composition.context import Context
 from chefbotd.composition.robot import robot_description
 from chefbotd.composition.scanners import first_scanner
 from chefbotd.features.feature import Feature
-from chefbotd.snapshot.state import DaemonState
+from chefbotd.snapshot import DaemonState
 
 
 def recording(context: Context, state: Callable[[], DaemonState]) -> list[Feature]:
@@ -16,9 +16,8 @@ def recording(context: Context, state: Callable[[], DaemonState]) -> list[Featur
     settings = context.settings
     if context.start_writer is None or not settings.recording.enabled:
         return []
-    from chefbotd.features.recording.feature import recording
     from chefbotd.features.recording.making import Made, recorder_maker
-    from chefbotd.features.recording.service import RecordingService
+    from chefbotd.features.recording.service import RecordingService, recording
     from chefbotd.recording.parameters import folder_of
 
     parameters = settings.recording
@@ -41,7 +40,7 @@ def foxglove(context: Context) -> list[Feature]:
     settings = context.settings
     if not settings.foxglove.enabled:
         return []
-    from chefbotd.features.foxglove.feature import foxglove
+    from chefbotd.features.foxglove.service import foxglove
 
     scanner = first_scanner(settings)
     return [foxglove(context.bus, context.clock, settings.foxglove, settings.robot.name, scanner)]

@@ -7,30 +7,26 @@ import structlog
 
 from chefbotd.composition.context import Context
 from chefbotd.composition.scanners import scan_guard
-from chefbotd.features.description.feature import description
-from chefbotd.features.driving.feature import driving
+from chefbotd.features.description.service import description
+from chefbotd.features.driving.commands import driving
 from chefbotd.features.driving.motor_watch import MotorWatch
 from chefbotd.features.driving.quadrature import QuadratureService
 from chefbotd.features.driving.safety_keeper import SafetyKeeper
 from chefbotd.features.driving.service import DriveService
 from chefbotd.features.driving.wheel_reader import WheelReader
 from chefbotd.features.feature import Feature
-from chefbotd.features.odometry.feature import odometry
-from chefbotd.features.odometry.service import OdometryService
-from chefbotd.features.sensors.feature import sensors
-from chefbotd.features.sensors.service import SensorService
-from chefbotd.features.statistics.feature import statistics
-from chefbotd.features.statistics.service import StatsService
-from chefbotd.features.tuning.feature import tuning
-from chefbotd.features.tuning.tuning import Tuning
+from chefbotd.features.odometry.service import OdometryService, odometry
+from chefbotd.features.sensors.service import SensorService, sensors
+from chefbotd.features.statistics.service import StatsService, statistics
+from chefbotd.features.tuning.service import TuningService, tuning
 from chefbotd.link.session import BoardSession
+from chefbotd.link.wires import variant_of
 from chefbotd.metrics import Metrics
 from chefbotd.motion.drive import Drive
 from chefbotd.motion.limit_preview import LimitPreview
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.safety.latch import GateStore
 from chefbotd.settings import Settings
-from firmware_protocol.codec import VARIANTS
 
 log = structlog.get_logger(component="app")
 
@@ -41,7 +37,7 @@ def board_session(context: Context) -> BoardSession:
     return BoardSession(
         context.bus,
         context.clock,
-        VARIANTS[settings.robot.wire],
+        variant_of(settings.robot.wire),
         device=settings.link.device,
         setpoints_per_s=settings.link.setpoints_per_s,
         health_after_s=settings.link.health_after_s,
@@ -73,7 +69,7 @@ def drive_service(context: Context, session: BoardSession, latch: GateStore) -> 
         wheel_names=context.wheel_names,
         control=settings.control,
         duty_ceiling=session.duty_ceiling,
-        patience_s=settings.watchdog.timeout_s,
+        watchdog=settings.watchdog,
     )
 
 
@@ -96,7 +92,7 @@ def robot_features(
             arm_role=settings.api.arm_role,
         ),
         odometry(OdometryService(bus, clock, settings.chassis, settings.odometry)),
-        tuning(Tuning(service.wheels, driven, driven * settings.safety.wheels.driven_duty_share)),
+        tuning(TuningService(service.wheels, driven, driven * settings.safety.wheels.driven_duty_share)),
         sensors(
             SensorService(
                 bus,
@@ -115,9 +111,9 @@ def simulation(context: Context) -> list[Feature]:
     """What only a simulated robot has."""
     if not context.simulated:
         return []
-    from chefbotd.features.simulation.feature import SIMULATION
+    from chefbotd.features.simulation.models import TOPICS
 
-    return [SIMULATION]
+    return [Feature("simulation", topics=TOPICS)]
 
 
 def robot_description(settings: Settings) -> Callable[[], str | None]:

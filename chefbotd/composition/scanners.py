@@ -18,7 +18,7 @@ def lidars(context: Context) -> list[Feature]:
     """A link for each lidar."""
     if not context.settings.lidar:
         return []
-    from chefbotd.features.lidars.feature import lidars
+    from chefbotd.features.lidars.service import lidars
 
     return [lidars(context.settings.lidar, context.bus, context.clock, context.opener, context.rng)]
 
@@ -28,8 +28,8 @@ def depth_cameras(context: Context) -> list[Feature]:
     settings = context.settings
     if not settings.depth_camera:
         return []
-    from chefbotd.features.depth_cameras.feature import depth_cameras
-    from chefbotd.features.lidars.feature import topics
+    from chefbotd.features.depth_cameras.service import depth_cameras
+    from chefbotd.features.lidars.service import topics
     from chefbotd.link.depth.process import spawn_program
 
     scan = [] if settings.lidar else [topic for topic in topics(()) if topic.name == "scan"]
@@ -39,7 +39,7 @@ def depth_cameras(context: Context) -> list[Feature]:
 
 def first_scanner(settings: Settings) -> str | None:
     """The scanner whose scans are drawn as the robot's."""
-    scanners = [lidar.name for lidar in settings.lidar] + [each.name for each in settings.depth_camera]
+    scanners = [lidar.name for lidar in settings.lidar] + [camera.name for camera in settings.depth_camera]
     return scanners[0] if scanners else None
 
 

@@ -30,7 +30,7 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
 
 def has_compiled() -> bool:
     """Whether this process had to compile a kernel that the cache did not have: 150 MB stay with it."""
-    return any(each.stats.cache_misses for each in _kernels)
+    return any(kernel_function.stats.cache_misses for kernel_function in _kernels)
 
 
 def release_libraries() -> int:

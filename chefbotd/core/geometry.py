@@ -19,7 +19,7 @@ class Twist2D(Record, frozen=True):
     angular_rad_s: float = 0.0
 
 
-class WheelVelocities(Record, frozen=True):
+class WheelVelocities(NamedTuple):
     """How fast each wheel is to turn, in the order of the configured wheels (rad/s, forward positive).
 
     ``twist`` is how they move the robot as a whole, if none of them slips.

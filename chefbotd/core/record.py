@@ -1,9 +1,12 @@
 """The base class of values that are made at the rate of the encoders: events, and states between two steps."""
 
+from enum import StrEnum
+from typing import Self
+
 from msgspec import Struct
 from msgspec.structs import replace
 
-__all__ = ["Record", "replace"]
+__all__ = ["Level", "LogLine", "MutableState", "Record", "replace"]
 
 
 class Record(Struct, frozen=True, gc=False):
@@ -12,3 +15,37 @@ class Record(Struct, frozen=True, gc=False):
     It takes a tenth of a dataclass's time to make, and the garbage collector never looks into it: so a record must not
     hold anything that leads back to it.
     """
+
+
+class Level(StrEnum):
+    """How bad it is what a line of the log says."""
+
+    INFO = "info"
+    WARNING = "warning"
+    ERROR = "error"
+
+
+class LogLine(Record, frozen=True):
+    """A sentence for people about an event; ``source`` is the part of the robot that it is about."""
+
+    level: Level
+    source: str
+    text: str
+
+
+def state_line(source: str, state: str, reason: str) -> LogLine:
+    """A part's new state, and why where there is a reason."""
+    return LogLine(Level.INFO, source, f"{state}: {reason}" if reason else state)
+
+
+class MutableState(Struct, eq=False):
+    """The base class of a part that is nothing but its state: it offers itself, and takes over another's fields."""
+
+    def state(self) -> Self:
+        """What it remembers."""
+        return self
+
+    def restore(self, state: Self) -> None:
+        """Go on from there."""
+        for name in self.__struct_fields__:
+            setattr(self, name, getattr(state, name))

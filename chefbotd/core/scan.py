@@ -1,16 +1,16 @@
 """A scan as a value, from a lidar's turn or a depth image. Only a daemon with such a sensor loads this."""
 
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from chefbotd.core.record import Record
+
 Floats: TypeAlias = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class LaserScan:
+class LaserScan(Record, frozen=True):
     """One turn, in the order in which it was measured; bearings are counter-clockwise in the lidar's frame.
 
     ``range_m`` is 0, infinite or NaN where there was no reading. ``stamp_s`` is the time of the scan, and ``after_s``

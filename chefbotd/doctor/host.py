@@ -101,6 +101,21 @@ def check_governor(governors: Sequence[str]) -> Finding:
     )
 
 
+def check_priority(realtime: int | None, nice: int, locked_kb: int) -> Finding:
+    """What the computer gives a daemon's control loop before other programs; ``realtime`` None: no daemon runs here."""
+    if realtime is None:
+        return skipped("priority", "no daemon runs on this computer")
+    memory = "its memory is locked" if locked_kb else "its memory may be swapped out"
+    if realtime:
+        return ok("priority", f"the control loop has real-time priority {realtime}, and {memory}")
+    return warning(
+        "priority",
+        f"the control loop has no real-time priority (nice {nice}), and {memory}: a busy computer may hold it up",
+        "run it as the service, whose unit allows it ('sudo chefbotd install-service'), or allow it with LimitRTPRIO=20 "
+        "and LimitMEMLOCK=infinity (docs/service.md)",
+    )
+
+
 def check_time_sync(synchronized: bool | None) -> Finding:
     """Whether the wall clock is right; only log files and recordings need it."""
     if synchronized is None:
@@ -124,15 +139,15 @@ def check_service(unit: Mapping[str, str] | None) -> Finding:
         )
     active, enabled = unit.get("ActiveState", ""), unit.get("UnitFileState", "")
     result, code = unit.get("Result", ""), unit.get("ExecMainStatus", "")
-    told = f"chefbotd.service is {active} and {enabled}, started again {unit.get('NRestarts', '0')} times"
+    text = f"chefbotd.service is {active} and {enabled}, started again {unit.get('NRestarts', '0')} times"
     ended = "" if result in ("", "success") else f"; its last end was {result} with exit code {code}"
     if active == "failed" or (ended and active != "active"):
-        return problem("service", told + ended, "'journalctl -u chefbotd -n 50' says why")
+        return problem("service", text + ended, "'journalctl -u chefbotd -n 50' says why")
     if enabled not in ("enabled", "enabled-runtime", "static", "linked"):
-        return warning("service", told + ended, "'sudo systemctl enable chefbotd' starts it at boot")
+        return warning("service", text + ended, "'sudo systemctl enable chefbotd' starts it at boot")
     if active != "active":
-        return warning("service", told + ended, "'sudo systemctl start chefbotd'")
-    return ok("service", told + ended)
+        return warning("service", text + ended, "'sudo systemctl start chefbotd'")
+    return ok("service", text + ended)
 
 
 def check_socket(where: str, answer: str, refusal: str) -> Finding:
@@ -142,12 +157,12 @@ def check_socket(where: str, answer: str, refusal: str) -> Finding:
     return skipped("socket", f"no daemon answers at {where}{refusal}: the doctor opens the port itself")
 
 
-def check_configuration(told: str, *, wanted_robot: str, robot: str) -> Finding:
+def check_configuration(origin: str, *, wanted_robot: str, robot: str) -> Finding:
     """Which configuration is compared with; ``robot`` is what the daemon calls itself (empty: there is none)."""
     if robot and robot != wanted_robot:
         return problem(
             "configuration",
-            f"the daemon drives {robot!r}, and {told} describes {wanted_robot!r}",
+            f"the daemon drives {robot!r}, and {origin} describes {wanted_robot!r}",
             "give the daemon's own with --config: the findings below compare with the wrong configuration",
         )
-    return ok("configuration", f"the robot is compared with {told} ({wanted_robot})")
+    return ok("configuration", f"the robot is compared with {origin} ({wanted_robot})")

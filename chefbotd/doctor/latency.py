@@ -20,15 +20,15 @@ def check_latency(round_trips_s: Sequence[float], loop_lag_s: float | None) -> F
         return skipped("latency", "too few requests were answered")
     middle, most = percentile(round_trips_s, 0.5), percentile(round_trips_s, 0.99)
     lag = "" if loop_lag_s is None else f"; its loop was late by {loop_lag_s * 1e3:.1f} ms at most"
-    told = (
+    text = (
         f"a request takes {middle * 1e3:.1f} ms (median) and {most * 1e3:.1f} ms (99 of 100), of "
         f"{len(round_trips_s)}{lag}"
     )
     if most <= SLOW_S and (loop_lag_s or 0.0) <= SLOW_S:
-        return ok("latency", told)
+        return ok("latency", text)
     return warning(
         "latency",
-        told,
+        text,
         "see what else runs ('top'), set the CPU governor to performance, and use a cable rather than Wi-Fi",
     )
 
@@ -38,14 +38,14 @@ def check_echo(delays_s: Sequence[float]) -> Finding:
     if not delays_s:
         return skipped("command_latency", "no motor command was echoed")
     middle, most = percentile(delays_s, 0.5), max(delays_s)
-    told = (
+    text = (
         f"a motor command is in force after {middle * 1e3:.0f} ms (median), {most * 1e3:.0f} ms at most, of "
         f"{len(delays_s)}"
     )
     if middle <= SLOW_ECHO_S:
-        return ok("command_latency", told)
+        return ok("command_latency", text)
     return warning(
         "command_latency",
-        told,
+        text,
         "the board's loop is slow: a missing ultrasonic echo holds it up to a second; is the sensor plugged in?",
     )

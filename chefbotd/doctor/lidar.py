@@ -48,7 +48,7 @@ class ScanTaken(Record, frozen=True):
         return ends
 
 
-class Fit(Record, frozen=True):
+class ScanFit(Record, frozen=True):
     """How far apart two scans are on the average, for the configured mount and for the best one."""
 
     configured_m: float
@@ -57,7 +57,7 @@ class Fit(Record, frozen=True):
     mirrored: bool
 
 
-def fit_motion(before: ScanTaken, after: ScanTaken, before_from_after: Pose2D) -> Fit:
+def fit_motion(before: ScanTaken, after: ScanTaken, before_from_after: Pose2D) -> ScanFit:
     """The mount with which the second scan, moved back, lies on the first.
 
     A drive tells the direction and cannot tell a mirrored one; a turn on the spot the other way round.
@@ -66,9 +66,9 @@ def fit_motion(before: ScanTaken, after: ScanTaken, before_from_after: Pose2D) -
         candidates = [(0.0, False), (0.0, True)]
     else:
         candidates = [(wrap_angle(step * STEP_RAD), False) for step in range(round(math.tau / STEP_RAD))]
-    apart = {each: _apart_m(before, after, before_from_after, *each) for each in candidates}
-    best = min(apart, key=lambda each: apart[each])
-    return Fit(apart[0.0, False], apart[best], *best)
+    apart = {candidate: _apart_m(before, after, before_from_after, *candidate) for candidate in candidates}
+    best = min(apart, key=lambda candidate: apart[candidate])
+    return ScanFit(apart[0.0, False], apart[best], *best)
 
 
 def _apart_m(before: ScanTaken, after: ScanTaken, motion: Pose2D, offset_rad: float, mirrored: bool) -> float:
@@ -94,25 +94,25 @@ def check_motion(name: str, before: ScanTaken, after: ScanTaken, motion: Pose2D)
     if not turned and math.hypot(motion.x_m, motion.y_m) < LEAST_MOVED_M:
         return skipped(check, "odometry hardly moved, so the scans cannot be compared with it")
     fit = fit_motion(before, after, motion)
-    told = f"moved back by odometry, its scans lie {fit.configured_m * 100:.1f} cm apart"
+    text = f"moved back by odometry, its scans lie {fit.configured_m * 100:.1f} cm apart"
     better = fit.best_m < BETTER_SHARE * fit.configured_m
     if better and fit.mirrored:
         return problem(
             check,
-            f"{told}, mirrored only {fit.best_m * 100:.1f} cm: it spins in the opposite direction",
+            f"{text}, mirrored only {fit.best_m * 100:.1f} cm: it spins in the opposite direction",
             "invert upside_down for this [[lidar]] (or the encoders' sides are exchanged: see 'turn')",
         )
     if better and abs(fit.offset_rad) > WRONG_RAD:
         yaw_rad = wrap_angle(before.base_from_lidar.heading_rad + fit.offset_rad)
         return problem(
             check,
-            f"{told}, turned by {math.degrees(fit.offset_rad):+.0f}° "
+            f"{text}, turned by {math.degrees(fit.offset_rad):+.0f}° "
             f"only {fit.best_m * 100:.1f} cm: its mount_yaw_rad is wrong",
             f"set mount_yaw_rad = {yaw_rad:.2f} for this [[lidar]]",
         )
     if fit.configured_m >= FAR_M / 2:
-        return warning(check, f"{told}, and no other mount is better", "did the robot move as it was asked?")
-    return ok(check, told)
+        return warning(check, f"{text}, and no other mount is better", "did the robot move as it was asked?")
+    return ok(check, text)
 
 
 def check_ahead(name: str, before: ScanTaken, after: ScanTaken, ahead_m: float) -> Finding:
@@ -125,13 +125,13 @@ def check_ahead(name: str, before: ScanTaken, after: ScanTaken, ahead_m: float) 
             "nothing new was seen",
             f"place something as high as the lidar and as wide as a hand {ahead_m:g} m ahead, and look again",
         )
-    told = f"the object placed ahead appears at {math.degrees(bearing_rad):+.0f}° (0° is ahead, + is left)"
+    text = f"the object placed ahead appears at {math.degrees(bearing_rad):+.0f}° (0° is ahead, + is left)"
     if abs(bearing_rad) <= WRONG_RAD:
-        return ok(check, told)
+        return ok(check, text)
     yaw_rad = wrap_angle(before.base_from_lidar.heading_rad - bearing_rad)
     return problem(
         check,
-        f"{told}: the configured mount of the lidar is wrong",
+        f"{text}: the configured mount of the lidar is wrong",
         f"set mount_yaw_rad = {yaw_rad:.2f} for this [[lidar]]"
         + (", it is mounted the wrong way round" if abs(bearing_rad) > math.pi - WRONG_RAD else ""),
     )
@@ -161,11 +161,11 @@ def check_lidar(name: str, condition: str, reason: str, scans_hz: float, covered
             f"{name} is {condition.replace('_', ' ')}: {reason or 'no reason is told'}",
             "check its power and its plug; 'chefbotctl ports --listen' finds its port",
         )
-    told = f"{name} sends {scans_hz:.1f} turns a second, {covered:.0%} of its beams measure"
+    text = f"{name} sends {scans_hz:.1f} turns a second, {covered:.0%} of its beams measure"
     if not scans_hz:
-        return problem(check, told, "does its motor turn?")
+        return problem(check, text, "does its motor turn?")
     if covered < 0.3:
         return warning(
-            check, told, "is something before it, or its window dirty? In a hall much is out of reach"
+            check, text, "is something before it, or its window dirty? In a hall much is out of reach"
         )
-    return ok(check, told)
+    return ok(check, text)

@@ -96,7 +96,7 @@ def check_heard(heard: LinesHeard) -> Finding:
             f"text was received, but hardly any valid line of a board: {heard.sample}",
             "this is the port of another device: 'chefbotctl ports --listen' finds the board",
         )
-    told = ", ".join(
+    text = ", ".join(
         f"{letter} ({NAMES[letter]}) {heard.rates_hz.get(letter, 0.0):.1f} a second"
         for letter in heard.kinds
         if letter in NAMES
@@ -104,10 +104,10 @@ def check_heard(heard: LinesHeard) -> Finding:
     if not heard.kinds.get("e") and not heard.kinds.get("q"):
         return problem(
             "lines",
-            f"no encoder lines; heard: {told}",
+            f"no encoder lines; heard: {text}",
             "without encoders the robot cannot be driven: load the right sketch",
         )
-    return ok("lines", f"heard: {told}")
+    return ok("lines", f"heard: {text}")
 
 
 def check_damaged(heard: LinesHeard) -> Finding:
@@ -119,16 +119,16 @@ def check_damaged(heard: LinesHeard) -> Finding:
     if not bad:
         return ok("damaged_lines", f"none of {heard.frames} lines is damaged")
     reasons = ", ".join(f"{n} {reason.replace('_', ' ')}" for reason, n in heard.damaged.items())
-    told = (
+    text = (
         f"{bad} of {heard.frames + bad} lines are damaged ({share:.1%}: {reasons}), such as {heard.example!r}"
     )
     if share < DAMAGED_SHARE:
-        return ok("damaged_lines", told)
+        return ok("damaged_lines", text)
     advice = (
         "try another USB cable, shorter and with a ferrite; keep it away from the motors' wires, and plug it straight "
         "into the computer, not into a hub"
     )
-    return (problem if share >= MUCH_DAMAGED_SHARE else warning)("damaged_lines", told, advice)
+    return (problem if share >= MUCH_DAMAGED_SHARE else warning)("damaged_lines", text, advice)
 
 
 def check_clock(heard: LinesHeard) -> Finding:
@@ -143,13 +143,13 @@ def check_clock(heard: LinesHeard) -> Finding:
             "the 't' lines are too few or too irregular to compare the clocks",
             "listen longer: --seconds 20",
         )
-    way = "fast" if heard.clock_ppm > 0 else "slow"
-    told = f"the board's clock is {abs(heard.clock_ppm):.0f} ppm {way} over {heard.clock_s:.1f} s"
+    direction = "fast" if heard.clock_ppm > 0 else "slow"
+    text = f"the board's clock is {abs(heard.clock_ppm):.0f} ppm {direction} over {heard.clock_s:.1f} s"
     if abs(heard.clock_ppm) <= DRIFT_PPM:
-        return ok("board_clock", told)
+        return ok("board_clock", text)
     return warning(
         "board_clock",
-        told,
+        text,
         "the daemon follows it, but speeds are wrong by as much: is the sketch built for this board's frequency?",
     )
 
@@ -158,11 +158,11 @@ def check_left_on(duty: tuple[float, ...]) -> list[Finding]:
     """Motors that were on when a port was opened on which no daemon runs: whoever drove them has died."""
     if not any(duty):
         return []
-    told = " ".join(f"{each:g}" for each in duty)
+    duties = " ".join(f"{value:g}" for value in duty)
     return [
         problem(
             "motors_left_on",
-            f"the motors were on (s {told}) although no daemon is running",
+            f"the motors were on (s {duties}) although no daemon is running",
             "keep clear; the last program that drove the robot did not stop it: "
             "'journalctl -u chefbotd -n 50' may say why",
         )
@@ -174,18 +174,18 @@ def check_at_rest(heard: LinesHeard, counts_per_turn: float) -> Finding:
     if not heard.is_board:
         return skipped("at_rest", "nothing was received from a board")
     if any(heard.duty):
-        told = " ".join(f"{duty:g}" for duty in heard.duty)
+        values = " ".join(f"{duty:g}" for duty in heard.duty)
         return problem(
             "at_rest",
-            f"the board says that its motors are on (s {told}), although nothing commanded them",
+            f"the board says that its motors are on (s {values}), although nothing commanded them",
             "keep clear of the wheels; 'chefbotctl estop', or cut the motors' power",
         )
     turned = [abs(count) / counts_per_turn * 6.283 for count in heard.counted]
     if any(angle_rad > AT_REST_RAD for angle_rad in turned):
-        told = ", ".join(f"{count:+d}" for count in heard.counted)
+        values = ", ".join(f"{count:+d}" for count in heard.counted)
         return warning(
             "at_rest",
-            f"the encoders counted {told} while nobody drove",
+            f"the encoders counted {values} while nobody drove",
             "was the robot moved? If not, an encoder's wire is loose or picks up noise",
         )
     return ok("at_rest", "the motors are off, and the wheels stand still")

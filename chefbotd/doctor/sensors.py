@@ -54,18 +54,18 @@ def check_beams(name: str, beams: Beams | None, *, kind: str) -> Finding:
             check, f"{name} told nothing", "does the sketch read it, and is its configuration right?"
         )
     total, seen = sum(beams.statuses.values()), beams.statuses.get("ok", 0)
-    told = ", ".join(f"{count} {status.replace('_', ' ')}" for status, count in beams.statuses.items())
+    counts = ", ".join(f"{count} {status.replace('_', ' ')}" for status, count in beams.statuses.items())
     if seen:
-        return ok(check, f"{name} measured {beams.range_m or 0:.2f} m (of {total}: {told})")
+        return ok(check, f"{name} measured {beams.range_m or 0:.2f} m (of {total}: {counts})")
     if beams.statuses.get("too_far") == total:
         return skipped(
             check,
-            f"nothing is within the range of {name}, or it is unplugged (of {total}: {told})",
+            f"nothing is within the range of {name}, or it is unplugged (of {total}: {counts})",
             "hold a book 30 cm in front of it, and run the doctor again",
         )
     return warning(
         check,
-        f"{name} measured no distance (of {total}: {told})",
+        f"{name} measured no distance (of {total}: {counts})",
         "hold a book 30 cm before it and look again; if it still measures none: its plug, its 5 V, its two wires",
     )
 
@@ -73,14 +73,14 @@ def check_beams(name: str, beams: Beams | None, *, kind: str) -> Finding:
 def check_beam_ahead(name: str, before_m: float | None, after_m: float | None) -> Finding:
     """Whether a sensor that looks ahead sees what was placed there."""
     check, near, far = f"ahead {name}", *AHEAD_BAND_M
-    told = f"{name} says {_metres(after_m)} to what stands {AHEAD_M:g} m ahead (before: {_metres(before_m)})"
+    text = f"{name} says {_metres(after_m)} to what stands {AHEAD_M:g} m ahead (before: {_metres(before_m)})"
     if after_m is not None and near <= after_m <= far:
         if before_m is None or abs(before_m - after_m) > NOTICED_M:
-            return ok(check, told)
-        return warning(check, f"{told}: that was there before", "clear the way ahead for 2 m, and try again")
+            return ok(check, text)
+        return warning(check, f"{text}: that was there before", "clear the way ahead for 2 m, and try again")
     return problem(
         check,
-        told,
+        text,
         "does it point ahead, and is it connected to the configured input?",
     )
 
@@ -101,39 +101,39 @@ def check_imu(attitudes: Sequence[Attitude], *, configured: bool, sends_imu: boo
             "no 'i' lines come",
             "the sketch has none, or did not find it: look at its plug, SDA and SCL; where there is none, remove [imu]",
         )
-    told = f"{len(attitudes)} readings"
+    text = f"{len(attitudes)} readings"
     gravity = attitudes[-1].acceleration_m_s2
     if gravity is not None and not GRAVITY_BAND_M_S2[0] < gravity[2] < GRAVITY_BAND_M_S2[1]:
         return problem(
             "imu",
-            f"{told}; at rest it measures {gravity[2]:+.1f} m/s² along the robot's z axis, expected +9.8",
+            f"{text}; at rest it measures {gravity[2]:+.1f} m/s² along the robot's z axis, expected +9.8",
             "its z axis must point up: mount it flat",
         )
-    return ok("imu", told)
+    return ok("imu", text)
 
 
 def check_imu_turn(imu_rad: float | None, odometry_rad: float) -> Finding:
     """The robot was turned to the left: the IMU's heading grows, as much as odometry's."""
     if imu_rad is None:
         return skipped("imu_turn", "the IMU reports no heading")
-    told = f"turned to the left, the IMU says {math.degrees(imu_rad):+.0f}°, odometry {math.degrees(odometry_rad):+.0f}°"
+    text = f"turned to the left, the IMU says {math.degrees(imu_rad):+.0f}°, odometry {math.degrees(odometry_rad):+.0f}°"
     if imu_rad < -TURNED_RAD:
         return problem(
-            "imu_turn", f"{told}: the IMU is upside down or its axes are exchanged", "mount its z axis up"
+            "imu_turn", f"{text}: the IMU is upside down or its axes are exchanged", "mount its z axis up"
         )
     if imu_rad < TURNED_RAD:
         return problem(
             "imu_turn",
-            f"{told}: the IMU hardly measured the turn",
+            f"{text}: the IMU hardly measured the turn",
             "its z axis does not point up, or it has frozen",
         )
     if odometry_rad > TURNED_RAD and abs(imu_rad / odometry_rad - 1) > AGREEMENT:
         return warning(
             "imu_turn",
-            told,
+            text,
             "the two differ: measure [chassis] track_width_m (or track_multiplier) with 'chefbotctl square'",
         )
-    return ok("imu_turn", told)
+    return ok("imu_turn", text)
 
 
 def check_imu_lift(flat: Attitude | None, lifted: Attitude | None) -> Finding:
@@ -141,18 +141,18 @@ def check_imu_lift(flat: Attitude | None, lifted: Attitude | None) -> Finding:
     if flat is None or lifted is None or flat.nose_up is None or lifted.nose_up is None:
         return skipped("imu_tilt", "the IMU reports no attitude")
     rise = lifted.nose_up - flat.nose_up
-    told = f"with its front lifted, the IMU says nose {'up' if rise > 0 else 'down'} by {_degrees(rise)}°"
+    text = f"with its front lifted, the IMU says nose {'up' if rise > 0 else 'down'} by {_degrees(rise)}°"
     if rise > LIFTED_SHARE:
-        return ok("imu_tilt", told)
+        return ok("imu_tilt", text)
     if rise < -LIFTED_SHARE:
         return problem(
             "imu_tilt",
-            f"{told}: its x axis points backwards",
+            f"{text}: its x axis points backwards",
             "turn it round, or set [imu] mount_heading_rad = 3.14",
         )
     return problem(
         "imu_tilt",
-        f"{told}: it did not measure the tilt",
+        f"{text}: it did not measure the tilt",
         "its x axis points to a side, or it was not lifted enough",
     )
 
@@ -175,15 +175,15 @@ def check_battery(
         if sends_battery:
             return problem("battery", "no voltage could be read", "see the finding on damaged lines")
         return skipped("battery", "the board sends no 'b' lines", "sketch C never does: measure it by hand")
-    told = f"the battery has {voltage_v:.2f} V"
+    text = f"the battery has {voltage_v:.2f} V"
     if voltage_v < absent_below_v:
         return warning(
             "battery",
-            f"{told}: nothing seems to be wired to the pin",
+            f"{text}: nothing seems to be wired to the pin",
             "wire the divider, or take it as it is",
         )
     if status == "critical" or voltage_v <= critical_v:
-        return problem("battery", f"{told}: it is flat (critical at {critical_v:g} V)", "charge it now")
+        return problem("battery", f"{text}: it is flat (critical at {critical_v:g} V)", "charge it now")
     if status == "low" or voltage_v <= low_v:
-        return warning("battery", f"{told}: it is low (low at {low_v:g} V)", "charge it soon")
-    return ok("battery", told)
+        return warning("battery", f"{text}: it is low (low at {low_v:g} V)", "charge it soon")
+    return ok("battery", text)

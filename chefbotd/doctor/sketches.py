@@ -61,7 +61,9 @@ def check_sketch(heard: LinesHeard) -> Finding:
             f"none of the known sketches: {guess.reason}",
             "if you wrote it yourself, hold its lines against docs/protocol.md",
         )
-    return ok("sketch", f"this seems to be {TITLES[guess.sketch]} ({guess.reason}){_known(guess.sketch)}")
+    return ok(
+        "sketch", f"this seems to be {TITLES[guess.sketch]} ({guess.reason}){_peculiarity(guess.sketch)}"
+    )
 
 
 def check_expected(heard: LinesHeard, expected: Expected) -> Finding:
@@ -113,10 +115,10 @@ def _fit(name: SketchName, row: SketchParameters, heard: LinesHeard) -> float:
     """Kinds count most; the rate decides between those that say the same."""
     if (heard.wheels == KHAN_WHEELS) != (name is SketchName.KHAN):
         return 0.0
-    said, wanted = set(heard.kinds), set(row.lines)
+    said, expected = set(heard.kinds), set(row.lines)
     if "q" in said:
         said = said - {"q"} | {"e"}
-    missing, further = wanted - said, said - wanted
+    missing, further = expected - said, said - expected
     spared, costs = (KHAN_MAY_MISS, 0.05) if name is SketchName.KHAN else (MAY_BE_MISSING, 0.12)
     fit = 1.0 - 0.3 * len(further) - sum(costs if kind in spared else 0.3 for kind in missing)
     if heard.cycle_hz:
@@ -141,5 +143,5 @@ NOTES: Mapping[SketchName, str] = {
 }
 
 
-def _known(sketch: SketchName) -> str:
+def _peculiarity(sketch: SketchName) -> str:
     return NOTES.get(sketch, "")

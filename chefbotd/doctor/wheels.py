@@ -36,7 +36,7 @@ class WheelSetting(Record, frozen=True):
     encoder_sign: int
 
 
-class Sample(Record, frozen=True):
+class WheelSample(Record, frozen=True):
     """All wheels at an instant, by their names."""
 
     stamp_s: float
@@ -54,7 +54,7 @@ class WheelRun(Record, frozen=True):
     """
 
     wheel: str
-    samples: tuple[Sample, ...]
+    samples: tuple[WheelSample, ...]
     fault: str = ""
     reason: str = ""
     held_by: str = ""
@@ -82,18 +82,18 @@ def check_push(wheels: Sequence[WheelSetting], turned_rad: Speeds) -> list[Findi
 
 
 def _check_pushed(wheel: WheelSetting, turned_rad: float) -> Finding:
-    check, told = (
+    check, text = (
         f"encoder {wheel.name}",
         f"{wheel.name} turned by {turned_rad:+.2f} rad as the robot went forward",
     )
     if turned_rad > MOVED_RAD:
-        return ok(check, told)
+        return ok(check, text)
     if turned_rad < -MOVED_RAD:
         advice = f"set encoder_sign = {-wheel.encoder_sign} for {wheel.name}, or exchange its encoder's A and B wires"
-        return problem(check, f"{told}: it counts backwards", advice)
+        return problem(check, f"{text}: it counts backwards", advice)
     return problem(
         check,
-        f"{told}: its encoder counts nothing",
+        f"{text}: its encoder counts nothing",
         "check the encoder's plug, its 5 V and its two wires A and B",
     )
 
@@ -103,14 +103,14 @@ def check_distance(odometry_m: float, real_m: float, counts_per_turn: float) -> 
     if real_m <= 0:
         return skipped("distance", "the distance was not measured")
     ratio = odometry_m / real_m
-    told = f"odometry says {odometry_m:.3f} m, you measured {real_m:.3f} m"
+    text = f"odometry says {odometry_m:.3f} m, you measured {real_m:.3f} m"
     if not ratio > 0:
-        return skipped("distance", f"{told}: see the encoders first")
+        return skipped("distance", f"{text}: see the encoders first")
     if 1 / COUNTS_RATIO < ratio < COUNTS_RATIO:
-        return ok("distance", told)
+        return ok("distance", text)
     return problem(
         "distance",
-        told,
+        text,
         f"set [encoders] counts_per_turn = {counts_per_turn * ratio:.0f} (it is {counts_per_turn:.0f}), if the wheels' "
         "radius is right; then measure over 2 m",
     )
@@ -118,43 +118,45 @@ def check_distance(odometry_m: float, real_m: float, counts_per_turn: float) -> 
 
 def check_turn(turned_rad: float, wheels: Sequence[WheelSetting], by_wheel_rad: Speeds) -> Finding:
     """The robot was turned to the left: odometry must say so, or the sides are exchanged."""
-    told = f"odometry turned by {math.degrees(turned_rad):+.0f}° as the robot was turned to the left"
+    text = f"odometry turned by {math.degrees(turned_rad):+.0f}° as the robot was turned to the left"
     if turned_rad > MOVED_RAD:
-        return ok("turn", told)
+        return ok("turn", text)
     if turned_rad < -MOVED_RAD:
         sides = ", ".join(f"{wheel.name} {by_wheel_rad.get(wheel.name, 0.0):+.1f} rad" for wheel in wheels)
         return problem(
-            "turn", f"{told}: the left and right encoders are exchanged ({sides})", "exchange their plugs"
+            "turn", f"{text}: the left and right encoders are exchanged ({sides})", "exchange their plugs"
         )
     return problem(
-        "turn", f"{told}: the encoders measured nothing", "was it turned that far? If so, check the encoders"
+        "turn", f"{text}: the encoders measured nothing", "was it turned that far? If so, check the encoders"
     )
 
 
 def check_motor(wheels: Sequence[WheelSetting], run: WheelRun) -> Finding:
     """A motor's direction and its place, by the encoders and by what somebody saw."""
-    wheel = next(each for each in wheels if each.name == run.wheel)
+    wheel = next(other for other in wheels if other.name == run.wheel)
     check = f"motor {wheel.name}"
     if not any(sample.duty[wheel.name] for sample in run.samples):
         return skipped(
             check, f"{wheel.name} was not driven{_because(run)}", "fix that, and run the doctor again"
         )
     own = run.turned_rad(wheel.name)
-    others = [each.name for each in wheels if each is not wheel and _outran(run.turned_rad(each.name), own)]
-    told = f"{wheel.name} was driven forward: its encoder reports {own:+.2f} rad"
+    others = [
+        other.name for other in wheels if other is not wheel and _outran(run.turned_rad(other.name), own)
+    ]
+    text = f"{wheel.name} was driven forward: its encoder reports {own:+.2f} rad"
     if run.seen:
-        told += f", you saw {_seen(run.seen)}"
+        text += f", you saw {_seen(run.seen)}"
     if others:
-        return _exchanged(check, told, wheel, others, run)
+        return _exchanged(check, text, wheel, others, run)
     if abs(own) <= TURNED_RAD:
-        return _still(check, told, run)
+        return _still(check, text, run)
     if run.seen == "other":
         return problem(
             check,
-            f"{told}: motor and encoder of two wheels are exchanged, both",
+            f"{text}: motor and encoder of two wheels are exchanged, both",
             "exchange the wheels' plugs, or their order in [[chassis.wheels]]",
         )
-    return _direction(check, told, wheel, own > 0, run)
+    return _direction(check, text, wheel, own > 0, run)
 
 
 def _outran(other_rad: float, own_rad: float) -> bool:
@@ -162,63 +164,63 @@ def _outran(other_rad: float, own_rad: float) -> bool:
     return abs(other_rad) > max(TURNED_RAD, OUTRUN * abs(own_rad))
 
 
-def _direction(check: str, told: str, wheel: WheelSetting, counts_forward: bool, run: WheelRun) -> Finding:
+def _direction(check: str, text: str, wheel: WheelSetting, counts_forward: bool, run: WheelRun) -> Finding:
     motor, encoder = f"motor_sign = {-wheel.motor_sign}", f"encoder_sign = {-wheel.encoder_sign}"
     if run.seen == "backward" and counts_forward:
         return problem(
             check,
-            f"{told}: both signs are wrong",
+            f"{text}: both signs are wrong",
             f"set {motor} and {encoder} for {wheel.name}",
         )
     if counts_forward:
-        return ok(check, told)
+        return ok(check, text)
     if run.seen == "forward":
-        return problem(check, f"{told}: its encoder counts backwards", f"set {encoder} for {wheel.name}")
+        return problem(check, f"{text}: its encoder counts backwards", f"set {encoder} for {wheel.name}")
     if run.seen == "backward":
         return problem(
-            check, f"{told}: its motor is reversed", f"set {motor} for {wheel.name}, or exchange its wires"
+            check, f"{text}: its motor is reversed", f"set {motor} for {wheel.name}, or exchange its wires"
         )
     return problem(
         check,
-        f"{told}: its motor or its encoder is reversed",
+        f"{text}: its motor or its encoder is reversed",
         f"if it turned backwards: {motor}; if forwards: {encoder}",
     )
 
 
-def _exchanged(check: str, told: str, wheel: WheelSetting, others: list[str], run: WheelRun) -> Finding:
+def _exchanged(check: str, text: str, wheel: WheelSetting, others: list[str], run: WheelRun) -> Finding:
     if run.seen in ("forward", "backward"):
         return problem(
             check,
-            f"{told}, while {' and '.join(others)} counted: the encoders are exchanged",
+            f"{text}, while {' and '.join(others)} counted: the encoders are exchanged",
             f"exchange the encoders' plugs of {wheel.name} and {others[0]}",
         )
     what = "the motors are" if run.seen == "other" else "the motors (or the encoders) are"
     return problem(
         check,
-        f"{told}, while {' and '.join(others)} counted: {what} exchanged",
+        f"{text}, while {' and '.join(others)} counted: {what} exchanged",
         f"exchange the motors' plugs of {wheel.name} and {others[0]}, or their order in [[chassis.wheels]]",
     )
 
 
-def _still(check: str, told: str, run: WheelRun) -> Finding:
+def _still(check: str, text: str, run: WheelRun) -> Finding:
     most = max(abs(sample.duty[run.wheel]) for sample in run.samples)
     if run.seen in ("forward", "backward"):
         return problem(
             check,
-            f"{told}: its encoder counts nothing",
+            f"{text}: its encoder counts nothing",
             "check the encoder's plug, its 5 V and wires A and B",
         )
     return problem(
         check,
-        f"{told} at a duty of {most}: it does not turn{_because(run)}",
+        f"{text} at a duty of {most}: it does not turn{_because(run)}",
         "check the bridge's power (battery, emergency switch, enable pin), the motor's wires, "
         "and whether the wheel is blocked",
     )
 
 
 def _because(run: WheelRun) -> str:
-    told = run.reason or run.refused or run.held_by
-    return f" ({told})" if told else ""
+    reason = run.reason or run.refused or run.held_by
+    return f" ({reason})" if reason else ""
 
 
 def _seen(seen: str) -> str:
@@ -231,11 +233,11 @@ def full_scale(run: WheelRun, wheel: WheelSetting, max_rim_speed_m_s: float) -> 
     A free motor's speed grows in a straight line from its friction's duty to the full one.
     """
     free_rad_s = max_rim_speed_m_s / LOADED_SHARE / wheel.radius_m
-    found = [
+    scales = [
         abs(duty) / (FRICTION_SHARE + (1 - FRICTION_SHARE) * min(abs(speed) / free_rad_s, 1.0))
         for duty, speed in _steady(run)
     ]
-    return median(found) if found else None
+    return median(scales) if scales else None
 
 
 def _steady(run: WheelRun) -> Iterator[tuple[int, float]]:
@@ -248,7 +250,7 @@ def _steady(run: WheelRun) -> Iterator[tuple[int, float]]:
     yield from pairs[-max(len(pairs) // 3, 1) :] if pairs else ()
 
 
-def _fastest(sample: Sample) -> float:
+def _fastest(sample: WheelSample) -> float:
     """Of the wheels the one that turns, which is another than was asked where plugs are exchanged."""
     return max(sample.velocity_rad_s.values(), key=abs)
 
@@ -258,28 +260,28 @@ def check_scale(
 ) -> Finding:
     """Whether a duty of ``max_duty`` is full on, by what the wheels reached."""
     by_name = {wheel.name: wheel for wheel in wheels}
-    found = [full_scale(run, by_name[run.wheel], max_rim_speed_m_s) for run in runs]
-    scales = [scale for scale in found if scale is not None]
+    estimates = [full_scale(run, by_name[run.wheel], max_rim_speed_m_s) for run in runs]
+    scales = [scale for scale in estimates if scale is not None]
     if not scales:
         return skipped("duty_scale", "no wheel turned enough to tell", "see the findings on the motors")
     scale = median(scales)
-    known = min(KNOWN_SCALES, key=lambda each: abs(math.log(each / scale)))
-    told = f"the wheels' speeds suggest a full scale of about {scale:.0f}, but [drive] max_duty is {max_duty}"
+    nearest = min(KNOWN_SCALES, key=lambda candidate: abs(math.log(candidate / scale)))
+    text = f"the wheels' speeds suggest a full scale of about {scale:.0f}, but [drive] max_duty is {max_duty}"
     if 1 / SCALE_RATIO < max_duty / scale < SCALE_RATIO:
-        return ok("duty_scale", told)
+        return ok("duty_scale", text)
     gains = (
-        f"set max_duty = {known}, and multiply every gain in [pid] whose name has 'duty' by {known / max_duty:.3g}; "
+        f"set max_duty = {nearest}, and multiply every gain in [pid] whose name has 'duty' by {nearest / max_duty:.3g}; "
         "then 'chefbotctl pid tune'"
     )
     if max_duty > scale:
         return problem(
             "duty_scale",
-            f"{told}: most likely it is {known}, and the robot drives much faster than asked",
+            f"{text}: most likely it is {nearest}, and the robot drives much faster than asked",
             gains,
         )
     return problem(
         "duty_scale",
-        f"{told}: most likely it is {known}, and the robot hardly moves or never gets up to speed",
+        f"{text}: most likely it is {nearest}, and the robot hardly moves or never gets up to speed",
         gains,
     )
 

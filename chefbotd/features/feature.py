@@ -8,6 +8,7 @@ from msgspec import Struct
 from chefbotd.metrics import Metrics
 from chefbotd.rpc.method import Method
 from chefbotd.rpc.topics import Topic
+from chefbotd.snapshot import Stateful
 
 Run: TypeAlias = Callable[[], Coroutine[Any, Any, None]]
 Waiting: TypeAlias = Mapping[str, Callable[[Any], Coroutine[Any, Any, Any]]]
@@ -39,7 +40,7 @@ def _no_metrics(metrics: Metrics) -> None:
 class Feature(Struct, frozen=True):
     """One capability of the robot. ``add_metrics`` adds its figures to the registry.
 
-    ``parts`` are the objects that remember something from one entry to the next: a recording has their state.
+    ``parts`` remember something from one entry to the next: a recording has their state, by their names.
     ``waiting`` are the requests that wait in them, by the names of their tasks: what each of them goes on with.
     """
 
@@ -48,7 +49,7 @@ class Feature(Struct, frozen=True):
     methods: tuple[Method, ...] = ()
     topics: tuple[Topic, ...] = ()
     add_metrics: Callable[[Metrics], None] = _no_metrics
-    parts: tuple[object, ...] = ()
+    parts: Mapping[str, Stateful] = {}
     waiting: Callable[[], Waiting] = _none_waits
 
 
@@ -66,7 +67,7 @@ def methods_and_topics(features: Iterable[Feature]) -> tuple[dict[str, Method], 
     return methods, topics
 
 
-def _add(known: dict[str, Any], more: dict[str, Any], what: str) -> None:
-    if taken := sorted(known.keys() & more.keys()):
-        raise ValueError(f"{what} {', '.join(taken)} already belongs to another feature")
-    known.update(more)
+def _add(rows: dict[str, Any], more: dict[str, Any], what: str) -> None:
+    if repeated := sorted(rows.keys() & more.keys()):
+        raise ValueError(f"{what} {', '.join(repeated)} already belongs to another feature")
+    rows.update(more)

@@ -7,7 +7,9 @@ is a straight line (offset and skew) fitted by exponentially weighted least squa
 import math
 from enum import StrEnum
 
-from chefbotd.core.record import Record
+from msgspec import field
+
+from chefbotd.core.record import MutableState, Record
 
 MICROS_PER_TURN = 2**32
 """`t` is a uint32 of microseconds: it wraps every 71.6 minutes."""
@@ -28,7 +30,7 @@ LONGEST_GAP_S = 10.0
 """A pair of agreeing readings may lie this far ahead of the last good one and still be the same run of the clock."""
 
 
-class Verdict(StrEnum):
+class StampVerdict(StrEnum):
     """What a reading of the board's clock turned out to be."""
 
     GOOD = "good"
@@ -43,107 +45,7 @@ class _Reading(Record, frozen=True):
     host_s: float
 
 
-class BoardClock:
-    """Follows the `t` lines of one board. ``board_s`` runs on from where it was, also over restarts.
-
-    ``stamp_s`` is the host time of the last good reading, by the relation of the clocks: it never goes back, and never
-    lies after the line was read. ``late_s`` is how much later that was; 0 while the clock is in doubt.
-    """
-
-    def __init__(self) -> None:
-        self._last: _Reading | None = None
-        self._suspect: _Reading | None = None
-        self.relation = ClockRelation()
-        self.suspects = 0
-        self.stamp_s = float("-inf")
-        self.late_s = 0.0
-
-    def restart(self) -> None:
-        """The board is known to have restarted (its banner was seen): take the next reading as it is."""
-        if self._last is not None:
-            self._suspect = None
-            self._last = None
-            self.relation = ClockRelation()
-            self.late_s = 0.0
-
-    @property
-    def in_doubt(self) -> bool:
-        """The newest reading disagreed with all before it: what was measured with it must wait for the next."""
-        return self._suspect is not None
-
-    def observe(self, micros: int, cycle_s: float, host_s: float) -> Verdict:
-        """Take a `t` line: µs since boot (uint32), seconds since the cycle before, and when it was read."""
-        last = self._last
-        if last is None:
-            self._accept(_Reading(micros, host_s, host_s))
-            return Verdict.GOOD
-        if _follows(last, micros, cycle_s, host_s):
-            step_s = ((micros - last.micros) % MICROS_PER_TURN) * 1e-6
-            self._accept(_Reading(micros, last.board_s + step_s, host_s))
-            return Verdict.GOOD
-        if self._suspect is not None and _follows(self._suspect, micros, cycle_s, host_s):
-            return self._reanchor(last, micros, host_s)
-        self.suspects += 1
-        self.late_s = 0.0
-        self._suspect = _Reading(micros, last.board_s, host_s)
-        return Verdict.SUSPECT
-
-    def board_s(self, host_s: float) -> float:
-        """Board time at a host time shortly after the last reading; the host's own before the first."""
-        if self._last is None:
-            return host_s
-        return self._last.board_s + max(0.0, host_s - self._last.host_s)
-
-    def time_of_s(self, micros: int) -> float | None:
-        """Board time of another reading of its counter, within half a turn of the last good one; None before that."""
-        if self._last is None:
-            return None
-        half = MICROS_PER_TURN // 2
-        return self._last.board_s + ((micros - self._last.micros + half) % MICROS_PER_TURN - half) * 1e-6
-
-    @property
-    def latest_s(self) -> float | None:
-        """Board time of the last good reading; None before the first."""
-        return None if self._last is None else self._last.board_s
-
-    def _accept(self, reading: _Reading) -> None:
-        self._last, self._suspect = reading, None
-        self.relation.observe(reading.board_s, reading.host_s)
-        made_s = self.relation.host_s(reading.board_s)
-        if made_s > self.stamp_s:
-            self.stamp_s = made_s if made_s < reading.host_s else reading.host_s
-        self.late_s = reading.host_s - self.stamp_s
-
-    def _reanchor(self, last: _Reading, micros: int, host_s: float) -> Verdict:
-        """Two readings in a row agree with each other and not with the past: believe them.
-
-        A board that can have started since the last good reading has, unless it is as far ahead as the host is.
-        """
-        ahead_s = ((micros - last.micros) % MICROS_PER_TURN) * 1e-6
-        elapsed_s = max(0.0, host_s - last.host_s)
-        restarted = micros * 1e-6 < elapsed_s + RESTART_SLACK_S and not _agree(ahead_s, elapsed_s)
-        if ahead_s <= LONGEST_GAP_S and not restarted:
-            self._accept(_Reading(micros, last.board_s + ahead_s, host_s))
-            return Verdict.RESYNCED
-        self.relation = ClockRelation()
-        self._accept(_Reading(micros, last.board_s + elapsed_s, host_s))
-        return Verdict.RESTARTED if restarted else Verdict.RESYNCED
-
-
-def _follows(earlier: _Reading, micros: int, cycle_s: float, host_s: float) -> bool:
-    """Whether the step since an earlier reading is what the line itself says it is, or what the host saw pass."""
-    step_s = ((micros - earlier.micros) % MICROS_PER_TURN) * 1e-6
-    if abs(step_s - cycle_s) <= CYCLE_ROUNDING_S + 0.01 * step_s:
-        return True
-    return step_s > 0.0 and _agree(step_s, host_s - earlier.host_s)
-
-
-def _agree(board_s: float, host_s: float) -> bool:
-    """Whether two durations, one by each clock, may be of the same thing."""
-    return abs(board_s - host_s) <= HOST_JITTER_S + CLOCKS_APART * host_s
-
-
-class ClockRelation:
+class ClockRelation(MutableState):
     """``host = offset + (1 + skew) * board``, by weighted least squares that forgets with a time constant.
 
     A line is late when it waited in a buffer, never early: readings later than six times the usual scatter are left
@@ -155,9 +57,17 @@ class ClockRelation:
     MOST_LEFT_OUT = 50
     FIRST_READINGS = 10
 
-    def __init__(self) -> None:
-        self._clear()
-        self.excluded = 0
+    excluded: int = 0
+    _weight: float = 0.0
+    _mean_board: float = 0.0
+    _mean_host: float = 0.0
+    _var_board: float = 0.0
+    _covariance: float = 0.0
+    _rate: float = 1.0
+    _newest_board_s: float = 0.0
+    _scatter_s: float = 0.0
+    _count: int = 0
+    _left_out_in_a_row: int = 0
 
     def _clear(self) -> None:
         self._weight = self._mean_board = self._mean_host = 0.0
@@ -226,3 +136,102 @@ class ClockRelation:
     def jitter_s(self) -> float | None:
         """Mean distance of the readings from the line; None until there is a line."""
         return self._scatter_s if self._count > 1 else None
+
+
+class BoardClock(MutableState):
+    """Follows the `t` lines of one board. ``board_s`` runs on from where it was, also over restarts.
+
+    ``stamp_s`` is the host time of the last good reading, by the relation of the clocks: it never goes back, and never
+    lies after the line was read. ``late_s`` is how much later that was; 0 while the clock is in doubt.
+    """
+
+    stamp_s: float = -math.inf
+    late_s: float = 0.0
+    suspects: int = 0
+    relation: ClockRelation = field(default_factory=ClockRelation)
+    _last: _Reading | None = None
+    _suspect: _Reading | None = None
+
+    def restart(self) -> None:
+        """The board is known to have restarted (its banner was seen): take the next reading as it is."""
+        if self._last is not None:
+            self._suspect = None
+            self._last = None
+            self.relation = ClockRelation()
+            self.late_s = 0.0
+
+    @property
+    def in_doubt(self) -> bool:
+        """The newest reading disagreed with all before it: what was measured with it must wait for the next."""
+        return self._suspect is not None
+
+    def observe(self, micros: int, cycle_s: float, host_s: float) -> StampVerdict:
+        """Take a `t` line: µs since boot (uint32), seconds since the cycle before, and when it was read."""
+        last = self._last
+        if last is None:
+            self._accept(_Reading(micros, host_s, host_s))
+            return StampVerdict.GOOD
+        if _follows(last, micros, cycle_s, host_s):
+            step_s = ((micros - last.micros) % MICROS_PER_TURN) * 1e-6
+            self._accept(_Reading(micros, last.board_s + step_s, host_s))
+            return StampVerdict.GOOD
+        if self._suspect is not None and _follows(self._suspect, micros, cycle_s, host_s):
+            return self._reanchor(last, micros, host_s)
+        self.suspects += 1
+        self.late_s = 0.0
+        self._suspect = _Reading(micros, last.board_s, host_s)
+        return StampVerdict.SUSPECT
+
+    def board_s(self, host_s: float) -> float:
+        """Board time at a host time shortly after the last reading; the host's own before the first."""
+        if self._last is None:
+            return host_s
+        return self._last.board_s + max(0.0, host_s - self._last.host_s)
+
+    def time_of_s(self, micros: int) -> float | None:
+        """Board time of another reading of its counter, within half a turn of the last good one; None before that."""
+        if self._last is None:
+            return None
+        half = MICROS_PER_TURN // 2
+        return self._last.board_s + ((micros - self._last.micros + half) % MICROS_PER_TURN - half) * 1e-6
+
+    @property
+    def latest_s(self) -> float | None:
+        """Board time of the last good reading; None before the first."""
+        return None if self._last is None else self._last.board_s
+
+    def _accept(self, reading: _Reading) -> None:
+        self._last, self._suspect = reading, None
+        self.relation.observe(reading.board_s, reading.host_s)
+        made_s = self.relation.host_s(reading.board_s)
+        if made_s > self.stamp_s:
+            self.stamp_s = made_s if made_s < reading.host_s else reading.host_s
+        self.late_s = reading.host_s - self.stamp_s
+
+    def _reanchor(self, last: _Reading, micros: int, host_s: float) -> StampVerdict:
+        """Two readings in a row agree with each other and not with the past: believe them.
+
+        A board that can have started since the last good reading has, unless it is as far ahead as the host is.
+        """
+        ahead_s = ((micros - last.micros) % MICROS_PER_TURN) * 1e-6
+        elapsed_s = max(0.0, host_s - last.host_s)
+        restarted = micros * 1e-6 < elapsed_s + RESTART_SLACK_S and not _agree(ahead_s, elapsed_s)
+        if ahead_s <= LONGEST_GAP_S and not restarted:
+            self._accept(_Reading(micros, last.board_s + ahead_s, host_s))
+            return StampVerdict.RESYNCED
+        self.relation = ClockRelation()
+        self._accept(_Reading(micros, last.board_s + elapsed_s, host_s))
+        return StampVerdict.RESTARTED if restarted else StampVerdict.RESYNCED
+
+
+def _follows(earlier: _Reading, micros: int, cycle_s: float, host_s: float) -> bool:
+    """Whether the step since an earlier reading is what the line itself says it is, or what the host saw pass."""
+    step_s = ((micros - earlier.micros) % MICROS_PER_TURN) * 1e-6
+    if abs(step_s - cycle_s) <= CYCLE_ROUNDING_S + 0.01 * step_s:
+        return True
+    return step_s > 0.0 and _agree(step_s, host_s - earlier.host_s)
+
+
+def _agree(board_s: float, host_s: float) -> bool:
+    """Whether two durations, one by each clock, may be of the same thing."""
+    return abs(board_s - host_s) <= HOST_JITTER_S + CLOCKS_APART * host_s

@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Callable, Mapping
 from itertools import accumulate
-from typing import Any
+from typing import Any, TypeAlias
 
 import structlog
 
@@ -21,7 +21,7 @@ from chefbotd.core.events import (
     UltrasonicEchoed,
 )
 from chefbotd.core.record import Record
-from chefbotd.link.board_clock import BoardClock, Verdict
+from chefbotd.link.board_clock import BoardClock, StampVerdict
 from chefbotd.link.cycle_clock import CycleClock
 from chefbotd.link.health import show
 from chefbotd.link.restarts import Restarts
@@ -29,7 +29,7 @@ from chefbotd.link.send_window import SendWindow
 from chefbotd.logs import RateLimitedLog
 from firmware_protocol import messages as wire
 from firmware_protocol.codec import Variant, from_board
-from firmware_protocol.decoder import Decoder
+from firmware_protocol.decoder import Decoder, DecoderState
 from firmware_protocol.line_codec import RESET_DONE
 from firmware_protocol.messages import QuadratureEdges, QuadratureStill
 
@@ -62,12 +62,27 @@ MOST_BURSTS = 256
 """A board whose `t` lines are all damaged must not fill the memory: beyond this the oldest bursts are lost."""
 
 
+EdgesOrStill: TypeAlias = tuple[QuadratureEdges | None, QuadratureStill | None]
+"""A burst, the one or the other."""
+
+
 class EdgeBasket:
     """Collects bursts in the order in which they came, and dates them by the board's clock."""
 
     def __init__(self, clock: BoardClock) -> None:
         self._clock = clock
         self._bursts: deque[QuadratureEdges | QuadratureStill] = deque(maxlen=MOST_BURSTS)
+
+    def state(self) -> tuple[EdgesOrStill, ...]:
+        """What it keeps."""
+        return tuple(
+            [(each, None) if isinstance(each, QuadratureEdges) else (None, each) for each in self._bursts]
+        )
+
+    def restore(self, state: tuple[EdgesOrStill, ...]) -> None:
+        """Keep that."""
+        self._bursts.clear()
+        self._bursts.extend([burst for pair in state for burst in pair if burst is not None])
 
     def put(self, burst: QuadratureEdges | QuadratureStill) -> None:
         """Keep a burst for the cycle's end."""
@@ -97,6 +112,16 @@ class EdgeBasket:
 log = structlog.get_logger(component="link")
 
 
+class BoardReaderState(Record, frozen=True):
+    """Its half line and half cycle, and the clocks that it follows."""
+
+    decoder: DecoderState
+    board_clock: BoardClock
+    cycle_clock: CycleClock
+    cycle_has_time: bool
+    edges: tuple[EdgesOrStill, ...]
+
+
 class BoardReader:
     """Follows the board's clock, and tells ``window`` and ``restarts`` what they have to know.
 
@@ -122,6 +147,20 @@ class BoardReader:
             wire.Malformed: self._on_malformed,
         }
 
+    def state(self) -> BoardReaderState:
+        """What it remembers."""
+        edges = () if self._edges is None else self._edges.state()
+        clocks = self.board_clock, self._cycle_clock
+        return BoardReaderState(self.decoder.state(), *clocks, self._cycle_has_time, edges)
+
+    def restore(self, state: BoardReaderState) -> None:
+        """Go on from there."""
+        self.decoder.restore(state.decoder)
+        self.board_clock.restore(state.board_clock)
+        self._cycle_clock, self._cycle_has_time = state.cycle_clock, state.cycle_has_time
+        if self._edges is not None:
+            self._edges.restore(state.edges)
+
     def begin(self) -> None:
         """A port was opened: forget half a line and half a cycle."""
         self.decoder.reset()
@@ -129,8 +168,8 @@ class BoardReader:
 
     def _on_time(self, message: wire.BoardTime, now_s: float) -> EdgesSeen | None:
         verdict = self.board_clock.observe(message.micros, message.cycle_s, now_s)
-        self._cycle_has_time = verdict is not Verdict.SUSPECT
-        if verdict is Verdict.RESTARTED:
+        self._cycle_has_time = verdict is not StampVerdict.SUSPECT
+        if verdict is StampVerdict.RESTARTED:
             self._restarted(now_s, f"its clock went back to {message.micros} us")
         if self._edges is None or self.board_clock.in_doubt:
             return None

@@ -7,6 +7,7 @@ from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events import Direction, LineSeen
 from chefbotd.core.events.inputs import BOARD_LINK, DrainAnswered, LinkBytesWritten
+from chefbotd.core.record import Record
 from chefbotd.entries import entries_of
 from chefbotd.link.ring import LineRing
 
@@ -47,13 +48,19 @@ class Port(Protocol):
         """The same once more, and close when they are sent, or after a while."""
 
 
+class WriterState(Record, frozen=True):
+    """What was written and asked so far."""
+
+    lines_out: int
+    queries: int
+    had_drained: bool
+
+
 class BoardWriter:
     """Says lines while a port is open; counts, keeps and publishes each. ``stop`` is the line that stops the motors.
 
     ``queries`` counts how often ``has_drained`` was asked, ``had_drained`` is what the answer was then.
     """
-
-    UNRECORDED = frozenset({"_lines", "_port"})
 
     def __init__(self, bus: Bus, clock: Clock, lines: LineRing, stop: bytes) -> None:
         self._bus, self._clock, self._lines, self._stop = bus, entries_of(clock), lines, stop
@@ -61,6 +68,14 @@ class BoardWriter:
         self._port_lock = threading.Lock()
         self.lines_out = 0
         self.queries, self.had_drained = 0, False
+
+    def state(self) -> WriterState:
+        """What it remembers."""
+        return WriterState(self.lines_out, self.queries, self.had_drained)
+
+    def restore(self, state: WriterState) -> None:
+        """Go on from there."""
+        self.lines_out, self.queries, self.had_drained = state.lines_out, state.queries, state.had_drained
 
     def begin(self, port: Port) -> None:
         """A port was opened; ``stop_first`` is to follow."""
@@ -121,5 +136,5 @@ class BoardWriter:
         self.lines_out += times
         for _ in range(times):
             self._lines.said.append((now_s, text))
-            if self._bus.wanted(LineSeen):
+            if self._bus.has_listeners(LineSeen):
                 self._bus.publish(LineSeen(now_s, Direction.TO_BOARD, text))

@@ -7,6 +7,8 @@ alone: how the bytes of a read are cut makes no difference.
 
 import math
 
+from chefbotd.core.record import MutableState
+
 FIRST_CYCLE_S = 0.004
 """Until the first cycles are measured: the published sketch without a clock prints about 290 lines a second."""
 
@@ -24,14 +26,14 @@ MEMORY_S = 1.0
 LONGEST_CYCLE_S = 0.25
 
 
-class CycleClock:
+class CycleClock(MutableState):
     """Follows the encoder lines of one board; ``observe`` each of them in their order."""
 
-    def __init__(self) -> None:
-        self._line_s: float | None = None
-        self._read_s = float("-inf")
-        self._lines_of_read = 0
-        self._measured_s = self._measured_lines = 0.0
+    _line_s: float | None = None
+    _read_s: float = -math.inf
+    _lines_of_read: int = 0
+    _measured_s: float = 0.0
+    _measured_lines: float = 0.0
 
     @property
     def cycle_s(self) -> float:

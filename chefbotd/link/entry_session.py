@@ -13,10 +13,10 @@ from chefbotd.core.events.inputs import (
     TimerFired,
 )
 from chefbotd.entries import entries_of
-from chefbotd.link.reconnect import Session
+from chefbotd.link.reconnect import LinkSession
 
 
-class PortSession(Session, Protocol):
+class PortSession(LinkSession, Protocol):
     """A session that is an ``asyncio.Protocol`` too."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:

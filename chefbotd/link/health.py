@@ -6,7 +6,7 @@ no other device comes near it. At a wrong baud rate most bytes are not text.
 
 from enum import StrEnum
 
-from chefbotd.core.record import Record
+from chefbotd.core.record import MutableState, Record
 from firmware_protocol.decoder import Decoder
 from firmware_protocol.messages import Text
 
@@ -45,23 +45,24 @@ class Health(Record, frozen=True):
     reason: str
 
 
-class HealthWatch:
-    """Judges one connection; look at it a few times a second."""
+class HealthWatch(MutableState):
+    """Judges one connection from ``from_s`` on; look at it a few times a second."""
 
-    def __init__(self, now_s: float, heard: Heard, *, health_after_s: float) -> None:
-        self._judged_after_s = health_after_s
-        self._from_s, self._before = now_s, heard
-        self._told: Condition | None = None
+    from_s: float
+    before: Heard
+    _told: Condition | None = None
 
-    def look(self, now_s: float, heard: Heard, sample: bytes, complaint: str = "") -> Health | None:
+    def look(
+        self, now_s: float, heard: Heard, sample: bytes, complaint: str = "", *, health_after_s: float
+    ) -> Health | None:
         """The health if it has changed; ``sample`` are the newest bytes, ``complaint`` what is wrong with the echo.
 
         It is judged as soon as there are lines enough, or after ``health_after_s`` by what there is.
         """
-        new, waited_s = heard.since(self._before), now_s - self._from_s
-        if new.lines < ENOUGH_LINES and waited_s < self._judged_after_s:
+        new, waited_s = heard.since(self.before), now_s - self.from_s
+        if new.lines < ENOUGH_LINES and waited_s < health_after_s:
             return None
-        self._from_s, self._before = now_s, heard
+        self.from_s, self.before = now_s, heard
         health = _judge(new, waited_s, sample)
         if complaint and health.condition is Condition.HEALTHY:
             health = Health(Condition.ECHO_STUCK, complaint)
@@ -98,6 +99,15 @@ def show(line: bytes) -> str:
 SAMPLE_BYTES = 128
 
 
+class LinkMonitorState(Record, frozen=True):
+    """What has come in since the start, and what was judged of it; ``opened`` is what there was when the port was."""
+
+    bytes_in: int
+    sample: bytes
+    opened: Heard
+    watch: HealthWatch
+
+
 class LinkMonitor:
     """Listens beside the decoder, which has seen the same bytes."""
 
@@ -110,7 +120,16 @@ class LinkMonitor:
     def begin(self, now_s: float) -> None:
         """A port was opened: nothing is known of it yet."""
         self._before = self._heard()
-        self._watch = HealthWatch(now_s, self._before, health_after_s=self._judged_after_s)
+        self._watch = HealthWatch(now_s, self._before)
+
+    def state(self) -> LinkMonitorState:
+        """What it remembers."""
+        return LinkMonitorState(self.bytes_in, self._sample, self._before, self._watch)
+
+    def restore(self, state: LinkMonitorState) -> None:
+        """Go on from there."""
+        self.bytes_in, self._sample, self._before = state.bytes_in, state.sample, state.opened
+        self._watch = state.watch
 
     def count_bytes(self, data: bytes) -> None:
         """Bytes that have come in."""
@@ -124,7 +143,9 @@ class LinkMonitor:
 
     def judge(self, now_s: float, complaint: str = "") -> Health | None:
         """What the port sounds like, if that has changed; ``complaint``: what is wrong with the echo."""
-        return self._watch.look(now_s, self._heard(), self._sample, complaint)
+        return self._watch.look(
+            now_s, self._heard(), self._sample, complaint, health_after_s=self._judged_after_s
+        )
 
     def _heard(self) -> Heard:
         frames, refused = self._decoder.accepted, self._decoder.malformed.total()

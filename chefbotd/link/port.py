@@ -239,10 +239,8 @@ def _open(parameters: LinkParameters) -> Any:
     except (ValueError, termios.error) as error:  # the latter when the cable is pulled meanwhile
         raise OSError(f"{device}: {error}") from error
     except OSError as error:
-        from chefbotd.link.owner import (
-            owner_of,  # what looks through all ports and processes: only where one fails
-        )
-        from chefbotd.link.ports import advice
+        # what looks through all ports and processes: only where one fails
+        from chefbotd.link.cannot_open import advice, owner_of
 
         in_use = error.errno in IN_USE
         told = f"in use by {owner_of(device)}" if in_use else advice(device, error)

@@ -32,7 +32,7 @@ def waits_s(parameters: LinkParameters, rng: random.Random) -> Iterator[float]:
         wait_s = min(2 * wait_s, parameters.max_reconnect_delay_s)
 
 
-class Session(Protocol):
+class LinkSession(Protocol):
     """One end of a wire, an ``asyncio.Protocol`` that lives across reconnections: the board's, or a lidar's."""
 
     @property
@@ -72,7 +72,7 @@ class PortLink:
     def __init__(
         self,
         parameters: LinkParameters,
-        session: Session,
+        session: LinkSession,
         opener: Opener,
         clock: Clock,
         rng: random.Random,

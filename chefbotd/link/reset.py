@@ -5,7 +5,10 @@ reset that follows its stop too closely leaves the motors on for that second. Wh
 by nobody: the sketch prints nothing more, and its counters start anew.
 """
 
+import math
 from enum import StrEnum
+
+from chefbotd.core.record import MutableState
 
 STOP_S = 1.5
 """How long the robot's stop is waited for: the sketch may wait a second for an ultrasonic echo before it obeys."""
@@ -31,15 +34,15 @@ class ResetStage(StrEnum):
     LINK_LOST = "link_lost"
 
 
-class ResetRequest:
+class ResetRequest(MutableState):
     """One restart at a time; ``stage`` is None while none is under way."""
 
-    def __init__(self) -> None:
-        self.stage: ResetStage | None = None
-        self._since_s = float("-inf")
-        self._zero_s: float | None = None
-        self._in_force = self._stands = False
-        self._kept: tuple[tuple[int, ...], float] | None = None
+    stage: ResetStage | None = None
+    _since_s: float = -math.inf
+    _zero_s: float | None = None
+    _in_force: bool = False
+    _stands: bool = False
+    _kept: tuple[tuple[int, ...], float] | None = None
 
     def begin(self, now_s: float) -> None:
         """It was asked for, and a stop was written."""

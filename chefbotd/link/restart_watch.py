@@ -5,6 +5,8 @@ Of the published sketches one has no clock and no banner, and one says `Reset Do
 
 from typing import NamedTuple
 
+from chefbotd.core.record import MutableState
+
 NEAR_ZERO_COUNTS = 100
 """Counters of a board that has just started are not farther from zero, but for wheels that still roll out."""
 
@@ -29,15 +31,14 @@ class _Counted(NamedTuple):
     counts: tuple[int, ...]
 
 
-class RestartWatch:
+class RestartWatch(MutableState):
     """Sees every encoder line of one board, over reconnections too."""
 
-    def __init__(self) -> None:
-        self._before: _Counted | None = None
-        self._rates: tuple[float, ...] = ()
-        self._said_s: float | None = None
-        self._lines_since = 0
-        self.has_gone_on = False  # since its last `Reset Done`, which was no restart then
+    has_gone_on: bool = False  # since its last `Reset Done`, which was no restart then
+    _before: _Counted | None = None
+    _rates: tuple[float, ...] = ()
+    _said_s: float | None = None
+    _lines_since: int = 0
 
     def reset_done(self, now_s: float) -> None:
         """The board says that it is about to restart."""

@@ -5,7 +5,8 @@ import structlog
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events import BoardResetProgressed, BoardRestarted
-from chefbotd.entries import Timer, entries_of
+from chefbotd.core.record import Record
+from chefbotd.entries import Timer, due_of, entries_of
 from chefbotd.link.board_writer import BoardWriter
 from chefbotd.link.reset import ResetRequest, ResetStage
 from chefbotd.link.restart_watch import RestartWatch
@@ -15,7 +16,7 @@ log = structlog.get_logger(component="link")
 REASONS = {
     ResetStage.STOPPING: "waiting until the board confirms the stop and the wheels stand still",
     ResetStage.ASKED: "the board was told to restart",
-    ResetStage.RESTARTED: "the board has restarted; 'arm' allows motion again",
+    ResetStage.RESTARTED: "the board has restarted; arm the robot to move it",
     ResetStage.NOT_RESTARTED: (
         "the board answered 'Reset Done' and went on without a restart, as the sketch for the Arduino does: "
         "nothing was lost and the robot may be driven; to restart it, press its button or pull its cable"
@@ -32,16 +33,35 @@ LOOK_AGAIN_S = 0.05
 ENDS_WELL = (ResetStage.STOPPING, ResetStage.ASKED, ResetStage.RESTARTED)
 
 
+TIMER = "board restart"
+
+
+class RestartsState(Record, frozen=True):
+    """What is known of the board's restarts; ``due_s`` is when the request is looked at again."""
+
+    watch: RestartWatch
+    reset: ResetRequest
+    due_s: float | None
+    count: int
+
+
 class Restarts:
     """Publishes ``BoardRestarted`` and ``BoardResetProgressed``; ``request`` is the line that asks for a restart."""
-
-    RESTORABLE_TIMERS = ("_look",)
 
     def __init__(self, bus: Bus, clock: Clock, speech: BoardWriter, request: bytes) -> None:
         self._bus, self._clock, self._writer, self._request_line = bus, entries_of(clock), speech, request
         self._watch, self._reset = RestartWatch(), ResetRequest()
         self._timer: Timer | None = None
         self.count = 0
+
+    def state(self) -> RestartsState:
+        """What it remembers."""
+        return RestartsState(self._watch, self._reset, due_of(self._timer), self.count)
+
+    def restore(self, state: RestartsState) -> None:
+        """Go on from there."""
+        self._watch, self._reset, self.count = state.watch, state.reset, state.count
+        self._timer = self._clock.resume(state.due_s, self._look, TIMER)
 
     @property
     def holds_motion(self) -> bool:
@@ -105,7 +125,7 @@ class Restarts:
             self._reset.asked(now_s)
             self._tell(ResetStage.ASKED)
         wait_s = max(self._reset.look_again_s - now_s, LOOK_AGAIN_S)
-        self._timer = self._clock.call_later(wait_s, self._look, "board restart")
+        self._timer = self._clock.call_later(wait_s, self._look, TIMER)
 
     def _end(self, stage: ResetStage) -> None:
         self._cancel_timer()

@@ -10,6 +10,8 @@ from collections.abc import Callable
 
 from msgspec import Struct
 
+from chefbotd.core.record import Record
+
 Duty = tuple[int, ...]
 
 STUCK_CYCLES = 3
@@ -36,6 +38,19 @@ class _Line(Struct, gc=False):
     duty: Duty
     size: int
     written_s: float
+
+
+class WindowState(Record, frozen=True):
+    """What was written, what of it the board has not read or confirmed, and what its echo says."""
+
+    newest: Duty
+    written_s: float
+    unread: tuple[_Line, ...]
+    unconfirmed: tuple[tuple[Duty, int, float], ...]
+    echo: tuple[float, ...] | None
+    echo_follows: bool
+    cycles: int
+    cycle_s: float
 
 
 class SendWindow:
@@ -66,6 +81,27 @@ class SendWindow:
         self._unconfirmed: deque[tuple[Duty, int, float]] = deque()
         self.newest = self._still
         self._cycles, self._cycle_s, self._written_s = 0, float("-inf"), float("-inf")
+
+    def state(self) -> WindowState:
+        """What it remembers."""
+        return WindowState(
+            self.newest,
+            self._written_s,
+            tuple(self._unread),
+            tuple(self._unconfirmed),
+            self._echo,
+            self._echo_follows,
+            self._cycles,
+            self._cycle_s,
+        )
+
+    def restore(self, state: WindowState) -> None:
+        """Go on from there."""
+        self.newest, self._written_s = state.newest, state.written_s
+        self._unread, self._unconfirmed = deque(state.unread), deque(state.unconfirmed)
+        self._unread_bytes = sum(line.size for line in state.unread)
+        self._echo, self._echo_follows = state.echo, state.echo_follows
+        self._cycles, self._cycle_s = state.cycles, state.cycle_s
 
     @property
     def unread_bytes(self) -> int:
@@ -100,7 +136,7 @@ class SendWindow:
             return ""
         return (
             f"the board reports duty {self._echo}, but {self.newest} was sent: commands that speed a "
-            "wheel up are held back until its 's' lines match; does the board receive what it is sent?"
+            "wheel up are held back until both agree; does the board receive what it is sent?"
         )
 
     def note(self, duty: Duty, now_s: float, times: int = 1) -> None:

@@ -18,14 +18,15 @@ from chefbotd.core.events import (
     LinkOpened,
 )
 from chefbotd.core.events.inputs import SetpointWithdrawn
+from chefbotd.core.record import Record
 from chefbotd.entries import entries_of
-from chefbotd.link.board_reader import BoardReader
-from chefbotd.link.board_writer import FIRST_STOPS, BoardWriter, Port
-from chefbotd.link.health import Condition, LinkMonitor
-from chefbotd.link.restarts import Restarts
+from chefbotd.link.board_reader import BoardReader, BoardReaderState
+from chefbotd.link.board_writer import FIRST_STOPS, BoardWriter, Port, WriterState
+from chefbotd.link.health import Condition, LinkMonitor, LinkMonitorState
+from chefbotd.link.restarts import Restarts, RestartsState
 from chefbotd.link.ring import LineRing
-from chefbotd.link.send_window import SendWindow
-from chefbotd.link.setpoint import SetpointWriter
+from chefbotd.link.send_window import SendWindow, WindowState
+from chefbotd.link.setpoint import SetpointState, SetpointWriter
 from firmware_protocol import messages as wire
 from firmware_protocol.codec import Variant, to_board
 
@@ -35,15 +36,24 @@ LINES_CACHED = 64
 """A command is asked for its length twice before it is written, and a robot at speed repeats a few commands."""
 
 
+class BoardSessionState(Record, frozen=True):
+    """What the session remembers of its board, but for the port itself."""
+
+    opens: int
+    reader: BoardReaderState
+    writer: WriterState
+    restarts: RestartsState
+    window: WindowState
+    setpoints: SetpointState
+    monitor: LinkMonitorState
+
+
 class BoardSession(asyncio.Protocol):
     """An asyncio protocol that lives across reconnections and keeps its counters.
 
     Events go to the bus as they are read. The board's clock is followed across reconnections too: a board that went
     on counting while its cable was out is told from one that restarted.
     """
-
-    UNRECORDED = frozenset({"lines", "_encoder"})
-    """Lines that were kept for the log, and tables."""
 
     def __init__(
         self,
@@ -84,6 +94,28 @@ class BoardSession(asyncio.Protocol):
         self.is_open = False  # whether a port is connected
         self.opens = 0
 
+    def state(self) -> BoardSessionState:
+        """What it remembers; the lines that are kept for the log are not needed to go on."""
+        return BoardSessionState(
+            self.opens,
+            self._reader.state(),
+            self.writer.state(),
+            self.restarts.state(),
+            self._window.state(),
+            self.setpoints.state(),
+            self.monitor.state(),
+        )
+
+    def restore(self, state: BoardSessionState) -> None:
+        """Go on from there; the port is open already, where it was."""
+        self.opens = state.opens
+        self._reader.restore(state.reader)
+        self.writer.restore(state.writer)
+        self.restarts.restore(state.restarts)
+        self._window.restore(state.window)
+        self.setpoints.restore(state.setpoints)
+        self.monitor.restore(state.monitor)
+
     # What asyncio tells us
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
@@ -118,7 +150,7 @@ class BoardSession(asyncio.Protocol):
         self.monitor.count_bytes(data)
         told = self._decoder.feed(data)
         self.lines.heard.extend([(now_s, line) for line, _ in told])
-        bus, events, listened = self._bus, self._events, self._bus.wanted(LineSeen)
+        bus, events, listened = self._bus, self._events, self._bus.has_listeners(LineSeen)
         bus.hold()  # what the lines of one read say belongs together: an echo is known before the next command
         try:
             for line, message in told:
@@ -223,7 +255,7 @@ class BoardSession(asyncio.Protocol):
 
     def _wrote(self, duty: tuple[int, ...], now_s: float, times: int) -> None:
         self._window.note(duty, now_s, times)
-        if self._bus.wanted(DutyWritten):
+        if self._bus.has_listeners(DutyWritten):
             self._bus.publish(DutyWritten(now_s, duty))
 
     # What is counted

@@ -6,12 +6,24 @@ The firmware has no watchdog, so a queue of velocities behind a slow reader woul
 import asyncio
 from collections.abc import Callable
 
-from chefbotd.entries import Timer
+from chefbotd.core.record import Record
+from chefbotd.entries import Timer, due_of
 from chefbotd.link.send_window import Duty, SendWindow, slows
 
 
 def _nothing() -> None:
     """Nobody wants to know."""
+
+
+class SetpointState(Record, frozen=True):
+    """What waits and what was written; ``due_s`` is when a timer is to send what waits."""
+
+    pending: Duty | None
+    written: Duty | None
+    paid_s: float
+    due_s: float | None
+    withdrawn: bool
+    replaced: int
 
 
 class SetpointWriter:
@@ -25,8 +37,6 @@ class SetpointWriter:
     board has spoken. ``call_later`` is the event loop's where none is given. ``on_withdrawn`` is
     called, in the loop, when a thread has withdrawn what waited.
     """
-
-    RESTORABLE_TIMERS = ("resume",)
 
     def __init__(
         self,
@@ -47,6 +57,20 @@ class SetpointWriter:
         self._window = window
         self._withdrawn, self._on_withdrawn = False, on_withdrawn
         self.replaced = 0
+
+    def state(self) -> SetpointState:
+        """What it remembers."""
+        return SetpointState(
+            self._pending, self._written, self._paid_s, due_of(self._timer), self._withdrawn, self.replaced
+        )
+
+    def restore(self, state: SetpointState) -> None:
+        """Go on from there."""
+        self._pending, self._written, self._paid_s = state.pending, state.written, state.paid_s
+        self._withdrawn, self.replaced = state.withdrawn, state.replaced
+        self._timer = None
+        if state.due_s is not None:
+            self._wake_in(state.due_s - self._now_s())
 
     def ceiling(self, now_s: float) -> Duty | None:
         """What was last written, while something waits that is faster, or would; None while nothing is held back."""

@@ -44,6 +44,12 @@ class Agreement(NamedTuple):
         return self.agree / (self.agree + against) if self.agree else 0.0
 
     @property
+    def contradiction(self) -> float:
+        """Which share of the beams that say something goes through a wall."""
+        told = self.agree + self.early + self.through
+        return self.through / told if told else 0.0
+
+    @property
     def overlap(self) -> float:
         """Which share of the beams says something."""
         told = self.agree + self.early + self.through

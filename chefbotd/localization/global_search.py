@@ -8,13 +8,11 @@ is missed.
 
 import math
 from dataclasses import dataclass
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
-from chefbotd.core.parameters import Parameters
 from chefbotd.localization.branch_and_bound import bound, divide
 from chefbotd.localization.pyramid import BLOCK, CELL_M, Pyramid
 from chefbotd.mapping.poses import Floats, wrap
@@ -28,20 +26,20 @@ THINNED_M = 0.12
 """Points are so far apart at least: near walls, which have many beams, count no more than far ones."""
 
 
-class GlobalSearchParameters(Parameters):
-    """What is looked for, and how much work a step is."""
+MIN_SCORE: Final = 0.35
+"""What scores less is no match, however alone it stands."""
 
-    min_score: float = Field(default=0.35, gt=0, le=1)
-    """What scores less is no match, however alone it stands."""
-    nearly: float = Field(default=0.75, gt=0, lt=1)
-    """All places are found that score this share of the best."""
-    points_at_most: int = Field(default=80, ge=10, le=1000)
-    places_at_most: int = Field(default=24, ge=2, le=200)
-    apart_m: float = Field(default=0.4, gt=0, le=5)
-    apart_rad: float = Field(default=0.35, gt=0, le=3)
-    """Two poses that are nearer in both are one place."""
-    bounds_a_step: int = Field(default=30_000, ge=100, le=10_000_000)
-    """How many bounds and scores a step computes: 10 to 20 ms."""
+NEARLY: Final = 0.75
+"""All places are found that score this share of the best."""
+
+POINTS_AT_MOST: Final = 80
+PLACES_AT_MOST: Final = 24
+APART_M: Final = 0.4
+APART_RAD: Final = 0.35
+"""Two poses that are nearer in both are one place."""
+
+BOUNDS_A_STEP: Final = 30_000
+"""How many bounds and scores a step computes: 10 to 20 ms."""
 
 
 class Place(NamedTuple):
@@ -83,7 +81,7 @@ class GlobalSearch:
         return 1.0 if self.is_done else 0.5 + 0.5 * self.divided / len(self.order)
 
 
-def begun(params: GlobalSearchParameters, within: Pyramid, points: Singles) -> GlobalSearch:
+def begun(within: Pyramid, points: Singles, *, points_at_most: int = POINTS_AT_MOST) -> GlobalSearch:
     """A search for a scan's points (n, 2), in the robot's frame; nothing is computed yet.
 
     Raises:
@@ -91,13 +89,13 @@ def begun(params: GlobalSearchParameters, within: Pyramid, points: Singles) -> G
     """
     if not len(points):
         raise ValueError("a search needs a scan with points, but this one has none")
-    some = thinned(points, params.points_at_most)
+    some = thinned(points, points_at_most)
     rows, columns = within.levels.shape[1:]
     blocks = (math.ceil(columns / BLOCK), math.ceil(rows / BLOCK))
     turns = _turns(some)
     return GlobalSearch(
         within, some, turns, blocks, np.zeros(len(turns) * blocks[0] * blocks[1]), 0,
-        np.zeros(0, np.int64), 0, np.zeros((4096, 4)), 0, params.min_score / params.nearly,
+        np.zeros(0, np.int64), 0, np.zeros((4096, 4)), 0, MIN_SCORE / NEARLY,
     )  # fmt: skip
 
 
@@ -119,19 +117,19 @@ def _turns(points: Singles) -> Floats:
     )
 
 
-def searched(params: GlobalSearchParameters, search: GlobalSearch) -> GlobalSearch:
+def searched(search: GlobalSearch, *, bounds_a_step: int = BOUNDS_A_STEP) -> GlobalSearch:
     """The search, a bounded bit further."""
     if search.is_done:
         return search
     if search.bounded < len(search.bounds):
-        end = min(search.bounded + params.bounds_a_step, len(search.bounds))
+        end = min(search.bounded + bounds_a_step, len(search.bounds))
         bound(search.pyramid, search.points, search.turns, search.blocks[0], search.blocks[1],
                search.bounded, end, search.bounds)  # fmt: skip
         return _changed(search, bounded=end)
     order = search.order if len(search.order) else np.argsort(-search.bounds, kind="stable")
     state = np.array([search.best, float(search.divided), float(search.count), 0.0])
     divide(search.pyramid, search.points, search.turns, search.blocks[0], search.blocks[1], search.bounds, order,
-            params.nearly, params.bounds_a_step, search.found, state)  # fmt: skip
+            NEARLY, bounds_a_step, search.found, state)  # fmt: skip
     return _changed(
         search,
         order=order,
@@ -148,22 +146,22 @@ def _changed(search: GlobalSearch, **changes: object) -> GlobalSearch:
     return GlobalSearch(**{**values, **changes})
 
 
-def places(params: GlobalSearchParameters, search: GlobalSearch) -> tuple[tuple[Place, ...], bool]:
+def places(search: GlobalSearch, *, at_most: int = PLACES_AT_MOST) -> tuple[tuple[Place, ...], bool]:
     """The places found, the best first, and whether these are all."""
     rows = search.found[: search.count]
     rows = rows[np.argsort(-rows[:, 3], kind="stable")]
-    rows = rows[rows[:, 3] >= params.nearly * search.best]
+    rows = rows[rows[:, 3] >= NEARLY * search.best]
     kept: list[Place] = []
     for x, y, heading, score in rows:
-        if any(is_same(params, np.array([x, y, heading]), other.pose) for other in kept):
+        if any(is_same(np.array([x, y, heading]), other.pose) for other in kept):
             continue
-        if len(kept) == params.places_at_most:
+        if len(kept) == at_most:
             return tuple(kept), False
         kept.append(Place(np.array([x, y, wrap(np.array([heading]))[0]]), float(score)))
     return tuple(kept), search.is_complete
 
 
-def is_same(params: GlobalSearchParameters, a: Floats, b: Floats) -> bool:
+def is_same(a: Floats, b: Floats) -> bool:
     """Whether two poses are so near to each other that they are one place."""
     turn = abs(math.remainder(float(a[2] - b[2]), math.tau))
-    return math.hypot(a[0] - b[0], a[1] - b[1]) < params.apart_m and turn < params.apart_rad
+    return math.hypot(a[0] - b[0], a[1] - b[1]) < APART_M and turn < APART_RAD

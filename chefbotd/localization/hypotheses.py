@@ -5,15 +5,13 @@ well all stay: a chair that was moved costs the right room more than its look-al
 """
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-from pydantic import Field
 
-from chefbotd.core.parameters import Parameters
 from chefbotd.localization.agreement import agreement
-from chefbotd.localization.global_search import GlobalSearchParameters, Place, is_same
-from chefbotd.localization.tracking import Estimate, TrackingParameters, predicted, sigmas, tracked
+from chefbotd.localization.global_search import Place, is_same
+from chefbotd.localization.tracking import LASER_NOISE_M, Estimate, predicted, sigmas, tracked
 from chefbotd.mapping.local_map import LocalMap
 from chefbotd.mapping.poses import Floats
 from chefbotd.mapping.refine import Prior, polish
@@ -23,27 +21,30 @@ PLACE_M, PLACE_RAD = 0.15, 0.08
 """One sigma of a place that a search found, before its scan is polished."""
 
 
-class CertaintyParameters(Parameters):
-    """When one place is believed to be the right one."""
+REFUTED_FIT: Final = 0.5
+"""A place whose scans fit worse is refuted."""
 
-    least_fit: float = Field(default=0.5, gt=0, le=1)
-    """A place whose scans fit worse is refuted."""
-    refuted_by: float = Field(default=0.2, gt=0, le=1)
-    """So is one that fits so much worse than the best."""
-    rival_within: float = Field(default=0.1, gt=0, le=1)
-    """While another place fits worse by less than this, none is sure."""
-    sure_fit: float = Field(default=0.88, gt=0, le=1)
-    """What fits so well is sure after some scans, even without motion."""
-    moving_fit: float = Field(default=0.75, gt=0, le=1)
-    """What fits so well is sure after having been seen so from several places."""
-    scans: int = Field(default=4, ge=1, le=100)
-    looks: int = Field(default=8, ge=2, le=100)
-    look_m: float = Field(default=0.2, gt=0, le=5)
-    look_rad: float = Field(default=0.5, gt=0, le=3.2)
-    """After so much motion a scan is another look."""
-    min_overlap: float = Field(default=0.5, ge=0, le=1)
-    vague_m: float = Field(default=0.3, gt=0, le=5)
-    """What a scan leaves open by more, as along a bare corridor, is not sure."""
+REFUTED_BY: Final = 0.2
+"""So is one that fits so much worse than the best."""
+
+RIVAL_WITHIN: Final = 0.1
+"""While another place fits worse by less than this, none is sure."""
+
+SURE_FIT: Final = 0.88
+"""What fits so well is sure after some scans, even without motion."""
+
+MOVING_FIT: Final = 0.75
+"""What fits so well is sure after having been seen so from several places."""
+
+SURE_SCANS: Final = 4
+SURE_LOOKS: Final = 8
+LOOK_M: Final = 0.2
+LOOK_RAD: Final = 0.5
+"""After so much motion a scan is another look."""
+
+SURE_OVERLAP: Final = 0.5
+VAGUE_M: Final = 0.3
+"""What a scan leaves open by more, as along a bare corridor, is not sure."""
 
 
 class Hypothesis(NamedTuple):
@@ -61,8 +62,6 @@ FIT_SHARE = 0.3
 
 
 def hypotheses(
-    params: CertaintyParameters,
-    tracking: TrackingParameters,
     grids: LocalMap,
     places: tuple[Place, ...],
     scan: Scan,
@@ -72,23 +71,19 @@ def hypotheses(
     found = []
     for place in places:
         prior = Prior(place.pose, np.linalg.inv(vague))
-        fit = polish(grids, scan.points, scan.facing, place.pose, prior, tracking.laser_noise_m)
+        fit = polish(grids, scan.points, scan.facing, place.pose, prior, LASER_NOISE_M)
         told = agreement(grids, fit.pose, scan)
-        if told.fit >= params.least_fit:
+        if told.fit >= REFUTED_FIT:
             found.append(Hypothesis(Estimate(fit.pose, vague), told.fit, told.overlap))
     return tuple(sorted(found, key=lambda one: -one.fit))
 
 
-def moved(
-    tracking: TrackingParameters, among: tuple[Hypothesis, ...], motion: Floats, noise: Floats | None
-) -> tuple[Hypothesis, ...]:
+def moved(among: tuple[Hypothesis, ...], motion: Floats, noise: Floats | None) -> tuple[Hypothesis, ...]:
     """All places after a motion."""
-    return tuple(one._replace(estimate=predicted(tracking, one.estimate, motion, noise)) for one in among)
+    return tuple(one._replace(estimate=predicted(one.estimate, motion, noise)) for one in among)
 
 
 def confronted(
-    params: CertaintyParameters,
-    tracking: TrackingParameters,
     grids: LocalMap,
     among: tuple[Hypothesis, ...],
     scan: Scan,
@@ -98,13 +93,13 @@ def confronted(
     """What is left after a scan, the best first; ``is_look`` says that the robot has moved since the last look."""
     seen = []
     for one in among:
-        found = tracked(tracking, grids, one.estimate, scan, may_search=False)
+        found = tracked(grids, one.estimate, scan, may_search=False)
         fit = (1 - FIT_SHARE) * one.fit + FIT_SHARE * found.agreement.fit
         seen.append(
             Hypothesis(found.estimate, fit, found.agreement.overlap, one.scans + 1, one.looks + int(is_look))
         )
     best = max((one.fit for one in seen), default=0.0)
-    least = max(params.least_fit, best - params.refuted_by)
+    least = max(REFUTED_FIT, best - REFUTED_BY)
     return merged((), tuple(one for one in seen if one.fit >= least))
 
 
@@ -112,27 +107,22 @@ def merged(old: tuple[Hypothesis, ...], new: tuple[Hypothesis, ...]) -> tuple[Hy
     """Both, the best first, without those of the new that are the same as one before."""
     kept = list(old)
     for one in sorted(new, key=lambda one: -one.fit):
-        if not any(is_same(APART, one.estimate.pose, other.estimate.pose) for other in kept):
+        if not any(is_same(one.estimate.pose, other.estimate.pose) for other in kept):
             kept.append(one)
     return tuple(sorted(kept, key=lambda one: -one.fit))
 
 
-APART = GlobalSearchParameters()
-
-
-def is_look(params: CertaintyParameters, motion: Floats) -> bool:
+def is_look(motion: Floats) -> bool:
     """Whether so much motion makes another look."""
-    return math.hypot(motion[0], motion[1]) >= params.look_m or abs(float(motion[2])) >= params.look_rad
+    return math.hypot(motion[0], motion[1]) >= LOOK_M or abs(float(motion[2])) >= LOOK_RAD
 
 
-def likely(params: CertaintyParameters, among: tuple[Hypothesis, ...]) -> tuple[Hypothesis, ...]:
+def likely(among: tuple[Hypothesis, ...]) -> tuple[Hypothesis, ...]:
     """The places that fit as well as the best, or nearly: where the robot may well be."""
-    return tuple(one for one in among if one.fit > among[0].fit - params.rival_within)
+    return tuple(one for one in among if one.fit > among[0].fit - RIVAL_WITHIN)
 
 
-def sure(
-    params: CertaintyParameters, among: tuple[Hypothesis, ...], *, is_complete: bool
-) -> Hypothesis | None:
+def sure(among: tuple[Hypothesis, ...], *, is_complete: bool) -> Hypothesis | None:
     """The place that is believed, if there is one; the best is first.
 
     If there were more places than can be followed (not ``is_complete``), only motion makes one sure.
@@ -140,10 +130,10 @@ def sure(
     if not among:
         return None
     best = among[0]
-    if len(likely(params, among)) > 1:
+    if len(likely(among)) > 1:
         return None
-    if best.overlap < params.min_overlap or sigmas(best.estimate.covariance)[0] > params.vague_m:
+    if best.overlap < SURE_OVERLAP or sigmas(best.estimate.covariance)[0] > VAGUE_M:
         return None
-    standing = is_complete and best.fit >= params.sure_fit and best.scans >= params.scans
-    moving = best.fit >= params.moving_fit and best.looks >= params.looks
+    standing = is_complete and best.fit >= SURE_FIT and best.scans >= SURE_SCANS
+    moving = best.fit >= MOVING_FIT and best.looks >= SURE_LOOKS
     return best if standing or moving else None

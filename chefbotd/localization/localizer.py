@@ -4,18 +4,28 @@ Values in, values out: the time is an argument, nothing is left to chance, and n
 the whole map goes on from step to step.
 """
 
+import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
 
 from chefbotd.localization import searching as search_room
-from chefbotd.localization.hypotheses import Hypothesis, likely, moved
-from chefbotd.localization.parameters import LocalizationParameters, WatchParameters
+from chefbotd.localization.agreement import Agreement
+from chefbotd.localization.global_search import is_same
+from chefbotd.localization.hypotheses import REFUTED_BY, Hypothesis, likely, merged, moved
 from chefbotd.localization.searching import LocalizationMap, Searching
 from chefbotd.localization.smoothing import corrected
 from chefbotd.localization.states import HAS_POSE, NEXT, Event, State
-from chefbotd.localization.tracking import Estimate, motion_covariance, predicted, sigmas, tracked
+from chefbotd.localization.tracking import (
+    MIN_OVERLAP,
+    SUSPICIOUS_DROP,
+    Estimate,
+    motion_covariance,
+    predicted,
+    sigmas,
+    tracked,
+)
 from chefbotd.mapping.poses import Floats, between, compose, inverse
 from chefbotd.mapping.state import Scan
 
@@ -24,6 +34,46 @@ USUAL_SHARE = 0.05
 
 LOOK_AROUND_EVERY = 3
 """Of scans that fit badly in a row, every third is searched further around: that takes long."""
+
+
+UNCERTAIN_AFTER_S: Final = 0.5
+LOST_AFTER_S: Final = 1.5
+LOST_AFTER_SCANS: Final = 5
+"""A pose is given up when its scans misfit for so long, and are so many."""
+
+WEAK_FIT: Final = 0.6
+WEAK_AFTER_S: Final = 20.0
+"""A pose whose scans fit worse than this is uncertain as well, and given up after so long."""
+
+NO_EVIDENCE_AFTER_S: Final = 10.0
+"""An uncertain pose from which nothing is seen that the map knows is given up after so long."""
+
+CONFIRMED_FIT: Final = 0.65
+CONFIRMED_SCANS: Final = 3
+"""So many scans in a row that fit so well end a doubt."""
+
+MAX_SIGMA_M: Final = 0.5
+MAX_SIGMA_RAD: Final = 0.5
+"""An estimate that is less sure than this is uncertain, whatever fits."""
+
+CONTRADICTED_BY: Final = 0.08
+"""A pose that was given is given up where another fits so much better; half of it is too much to confirm it."""
+
+FIXED_SIGMA_M: Final = 0.1
+"""A pose that was given is not confirmed while the scans leave it open by more, as along a bare corridor."""
+
+DOUBTED_FIT: Final = 0.76
+"""A pose that fits worse than this is uncertain until the whole map has been searched for a better place."""
+
+DOUBTED_THROUGH: Final = 0.12
+"""So large a share of beams through walls of the map has it searched as well: no person and no added chair does this."""
+
+DOUBTED_AGAIN_M: Final = 2.0
+"""After such a search it is not searched again for so far, unless the fit drops further."""
+
+GIVEN_SIGMA_M: Final = 0.3
+GIVEN_SIGMA_RAD: Final = 0.2
+"""One sigma of a pose that a person gives."""
 
 
 class Odometry(NamedTuple):
@@ -38,7 +88,9 @@ class Localization:
     """All that the next step needs; ``told`` is ``map_from_odom`` as it was told last, at ``told_s``.
 
     ``misfits`` counts scans in a row that fit badly or worse than usual, ``fits`` those that fit well. Since
-    ``no_evidence_since_s`` scans have seen nothing that the map knows.
+    ``no_evidence_since_s`` scans have seen nothing that the map knows. A pose that was given, or
+    whose scans have contradicted the map since ``doubted_since_s``, ``is_unchecked`` until the whole map has been
+    searched for a place that fits better. ``checked`` is where the odometry was at the end of it, and the fit.
     """
 
     state: State = State.UNKNOWN
@@ -54,6 +106,9 @@ class Localization:
     fits: int = 0
     told: Floats | None = None
     told_s: float = 0.0
+    is_unchecked: bool = False
+    doubted_since_s: float | None = None
+    checked: tuple[Floats, float] | None = None
 
 
 class Report(NamedTuple):
@@ -75,9 +130,7 @@ class Report(NamedTuple):
     searched: float
 
 
-def set_pose(
-    params: LocalizationParameters, now: Localization, pose: Floats, covariance: Floats | None = None
-) -> Localization:
+def set_pose(now: Localization, pose: Floats, covariance: Floats | None = None) -> Localization:
     """The robot is about here, says a person or what was kept before a restart; the next scans confirm it or not.
 
     Raises:
@@ -85,10 +138,9 @@ def set_pose(
     """
     if pose.shape != (3,) or not np.isfinite(pose).all():
         raise ValueError(f"a pose is x, y and heading, got {pose.tolist()}")
-    watch = params.watch
-    vague = np.diag([watch.given_m**2, watch.given_m**2, watch.given_rad**2])
+    vague = np.diag([GIVEN_SIGMA_M**2, GIVEN_SIGMA_M**2, GIVEN_SIGMA_RAD**2])
     estimate = Estimate(pose.astype(np.float64), vague if covariance is None else covariance)
-    return _on(replace(_forgotten(now), estimate=estimate), Event.POSE_GIVEN)
+    return _on(replace(_forgotten(now), estimate=estimate, is_unchecked=True), Event.POSE_GIVEN)
 
 
 def localize(now: Localization) -> Localization:
@@ -105,35 +157,43 @@ def _on(now: Localization, event: Event) -> Localization:
 
 
 def step(
-    params: LocalizationParameters,
     within: LocalizationMap,
     now: Localization,
     stamp_s: float,
     odometry: Odometry,
     scan: Scan | None,
+    *,
+    auto_search: bool = True,
 ) -> tuple[Localization, Report]:
-    """Take a scan into account (None: there is only odometry)."""
-    now, event = _carried(params, now, odometry), None
+    """Take a scan into account (None: there is only odometry).
+
+    With ``auto_search`` a robot that is lost searches without being asked to.
+    """
+    now, event = _carried(now, odometry), None
     if scan is not None and len(scan.points):
         if now.state in HAS_POSE and now.estimate is not None:
-            now, event = _follow(params, within, now, now.estimate, stamp_s, scan)
+            now, event = _follow(within, now, now.estimate, odometry.pose, stamp_s, scan)
+            if now.is_unchecked and event is None:
+                now, event = _checked(within, now, odometry.pose, stamp_s, scan)
         else:
-            now, event = _look(params, within, now, odometry.pose, stamp_s, scan)
-    if now.state is State.LOCALIZED and now.estimate is not None and not _is_sure(params.watch, now.estimate):
+            now, event = _look(within, now, odometry.pose, stamp_s, scan, auto_search=auto_search)
+    if now.state is State.LOCALIZED and now.estimate is not None and not _is_sure(now.estimate):
         now, event = _on(now, Event.MISFITS), Event.MISFITS
-    now, jumped = _told(params, now, stamp_s)
-    return now, _report(params, now, stamp_s, event, jumped)
+    now, jumped = _told(now, stamp_s)
+    return now, _report(now, stamp_s, event, jumped)
 
 
-def advanced(params: LocalizationParameters, within: LocalizationMap, now: Localization) -> Localization:
+def advanced(within: LocalizationMap, now: Localization) -> Localization:
     """Go on with a search between two scans, a bounded bit."""
-    if now.searching is None or now.odometry is None or now.state is not State.SEARCHING:
+    if now.searching is None or now.odometry is None:
+        return now
+    if now.state is not State.SEARCHING and not now.is_unchecked:
         return now
     pose = now.odometry.pose
-    return replace(now, searching=search_room.advanced(params.for_search, within, now.searching, pose))
+    return replace(now, searching=search_room.advanced(within, now.searching, pose))
 
 
-def _carried(params: LocalizationParameters, now: Localization, odometry: Odometry) -> Localization:
+def _carried(now: Localization, odometry: Odometry) -> Localization:
     """The estimate and all candidates after the motion since the last step."""
     if now.odometry is None:
         return replace(now, odometry=odometry)
@@ -143,9 +203,9 @@ def _carried(params: LocalizationParameters, now: Localization, odometry: Odomet
     if not motion.any():
         return now
     if now.estimate is not None:
-        now = replace(now, estimate=predicted(params.tracking, now.estimate, motion, noise))
+        now = replace(now, estimate=predicted(now.estimate, motion, noise))
     if now.searching is not None and now.searching.candidates:
-        candidates = moved(params.tracking, now.searching.candidates, motion, noise)
+        candidates = moved(now.searching.candidates, motion, noise)
         now = replace(now, searching=replace(now.searching, candidates=candidates))
     return now
 
@@ -159,106 +219,186 @@ def _noise(before: Odometry, after: Odometry) -> Floats | None:
 
 
 def _follow(
-    params: LocalizationParameters,
     within: LocalizationMap,
     now: Localization,
     expected: Estimate,
+    odometry: Floats,
     stamp_s: float,
     scan: Scan,
 ) -> tuple[Localization, Event | None]:
     """Match the scan about the estimate, and count whether scans fit."""
-    tracking, watch = params.tracking, params.watch
     around = now.misfits % LOOK_AROUND_EVERY == 0
     grids = within.surfaces.grids
-    found = tracked(tracking, grids, expected, scan, now.usual_fit, may_search=around)
+    found = tracked(grids, expected, scan, now.usual_fit, may_search=around)
     told = found.agreement
     now = replace(now, estimate=found.estimate, fit=told.fit, overlap=told.overlap)
-    if told.overlap < tracking.min_overlap:
-        return _without_evidence(watch, now, stamp_s)
+    if told.overlap < MIN_OVERLAP:
+        return _without_evidence(now, stamp_s)
     now = replace(now, no_evidence_since_s=None)
-    if not found.matched or told.fit < watch.weak_fit:
-        patience_s = watch.weak_after_s if found.matched else watch.lost_after_s
-        return _misfit(watch, now, stamp_s, patience_s)
-    suspicious = told.fit < now.usual_fit - tracking.suspicious_drop
+    if not found.matched or told.fit < WEAK_FIT:
+        patience_s = WEAK_AFTER_S if found.matched else LOST_AFTER_S
+        return _misfit(now, stamp_s, patience_s)
+    suspicious = told.fit < now.usual_fit - SUSPICIOUS_DROP
     now = replace(
         now,
         usual_fit=(1 - USUAL_SHARE) * now.usual_fit + USUAL_SHARE * told.fit,
-        fits=now.fits + 1 if told.fit >= watch.confirmed_fit else 0,
+        fits=now.fits + 1 if told.fit >= CONFIRMED_FIT else 0,
         misfits=now.misfits + 1 if suspicious else 0,
         misfit_since_s=None,
     )
-    confirmed = now.fits >= watch.confirmed_scans and _is_sure(watch, found.estimate)
+    if now.state is State.LOCALIZED and not now.is_unchecked:
+        return _doubted(now, told, odometry, stamp_s)
+    confirmed = now.fits >= CONFIRMED_SCANS and _is_sure(found.estimate) and not now.is_unchecked
     if now.state is State.UNCERTAIN and confirmed:
         return _on(now, Event.FITS), Event.FITS
     return now, None
 
 
-def _without_evidence(
-    watch: WatchParameters, now: Localization, stamp_s: float
+def _doubted(
+    now: Localization, told: Agreement, odometry: Floats, stamp_s: float
 ) -> tuple[Localization, Event | None]:
-    """An uncertain pose in space that the map does not know is carried by odometry for a while, and then given up."""
-    since_s = stamp_s if now.no_evidence_since_s is None else now.no_evidence_since_s
-    now = replace(now, no_evidence_since_s=since_s)
-    if now.state is State.UNCERTAIN and stamp_s - since_s >= watch.no_evidence_after_s:
-        return replace(_on(now, Event.GIVEN_UP), estimate=None, searching=None), Event.GIVEN_UP
-    return now, None
+    """Have the whole map searched when scans contradict a pose for a while; where much does not fit, it is uncertain."""
+    fits_badly = told.fit < DOUBTED_FIT
+    if not fits_badly and told.contradiction <= DOUBTED_THROUGH:
+        return replace(now, doubted_since_s=None), None
+    if now.checked is not None:
+        before, fit = now.checked
+        motion = between(before, odometry)
+        is_near = math.hypot(motion[0], motion[1]) < DOUBTED_AGAIN_M
+        if is_near and told.fit >= fit - SUSPICIOUS_DROP:
+            return now, None
+    since_s = stamp_s if now.doubted_since_s is None else now.doubted_since_s
+    now = replace(now, doubted_since_s=since_s)
+    if stamp_s - since_s < UNCERTAIN_AFTER_S:
+        return now, None
+    now = replace(now, is_unchecked=True, doubted_since_s=None, searching=None)
+    return (_on(now, Event.MISFITS), Event.MISFITS) if fits_badly else (now, None)
 
 
-def _misfit(
-    watch: WatchParameters, now: Localization, stamp_s: float, patience_s: float
-) -> tuple[Localization, Event | None]:
-    since_s = stamp_s if now.misfit_since_s is None else now.misfit_since_s
-    misfits = 1 if now.misfit_since_s is None else now.misfits + 1
-    now = replace(now, misfit_since_s=since_s, misfits=misfits, fits=0)
-    if stamp_s - since_s >= patience_s and misfits >= watch.lost_after_scans:
-        return replace(_on(now, Event.GIVEN_UP), estimate=None, searching=None), Event.GIVEN_UP
-    if stamp_s - since_s >= watch.uncertain_after_s and now.state is State.LOCALIZED:
-        return _on(now, Event.MISFITS), Event.MISFITS
-    return now, None
-
-
-def _is_sure(watch: WatchParameters, estimate: Estimate) -> bool:
-    sigma_m, sigma_rad = sigmas(estimate.covariance)
-    return sigma_m <= watch.max_sigma_m and sigma_rad <= watch.max_sigma_rad
-
-
-def _look(
-    params: LocalizationParameters,
+def _checked(
     within: LocalizationMap,
     now: Localization,
     odometry: Floats,
     stamp_s: float,
     scan: Scan,
 ) -> tuple[Localization, Event | None]:
+    """Search the whole map, a bit further with each scan, for a place that contradicts a pose that is unchecked.
+
+    A pose that was given is given up where another fits clearly better; one that was believed before, only where a
+    search would refute it, because furniture that was moved costs the right place as much. It is as good as found where
+    none does, and where the scans tell where it is in every direction: along a bare corridor they do not.
+    """
+    last, estimate = now.searching, now.estimate
+    if estimate is None or now.overlap < MIN_OVERLAP:
+        return now, None
+    if last is None or _is_due_again(last, odometry):
+        known = () if last is None else last.candidates
+        last = search_room.begun(within, scan, odometry, stamp_s, known)
+    else:
+        last = search_room.looked(within, last, odometry, scan)
+    was_searched = last.search is None
+    last = search_room.advanced(within, last, odometry)
+    if last.search is None and not was_searched:
+        given = Hypothesis(estimate, now.fit, now.overlap)
+        last = replace(last, candidates=merged((given,), last.candidates))
+    now = replace(now, searching=last)
+    if last.search is not None:
+        return now, None
+    best = max((one.fit for one in last.candidates), default=0.0)
+    own = max((one.fit for one in last.candidates if _is_at(one, estimate)), default=now.fit)
+    scans = min((one.scans for one in last.candidates), default=0)
+    was_found = now.checked is not None
+    if own <= best - (REFUTED_BY if was_found else CONTRADICTED_BY):
+        return _given_up(now), Event.GIVEN_UP
+    if scans < 2:
+        return now, None
+    is_fixed = was_found or sigmas(estimate.covariance)[0] <= FIXED_SIGMA_M
+    if own <= best - CONTRADICTED_BY / 2 or not is_fixed:
+        is_doubted = now.state is State.LOCALIZED
+        return (_on(now, Event.MISFITS), Event.MISFITS) if is_doubted else (now, None)
+    now = replace(now, searching=None, is_unchecked=False, checked=(odometry, now.fit))
+    if now.state is State.UNCERTAIN and now.fits >= CONFIRMED_SCANS and _is_sure(estimate):
+        return _on(now, Event.FITS), Event.FITS
+    return now, None
+
+
+def _is_due_again(last: Searching, odometry: Floats) -> bool:
+    """Whether there were too many places to follow all, and the robot sees others now."""
+    return last.search is None and not last.is_complete and search_room.has_moved_on(last, odometry)
+
+
+def _is_at(one: Hypothesis, estimate: Estimate) -> bool:
+    return is_same(one.estimate.pose, estimate.pose)
+
+
+def _without_evidence(now: Localization, stamp_s: float) -> tuple[Localization, Event | None]:
+    """An uncertain pose in space that the map does not know is carried by odometry for a while, and then given up."""
+    since_s = stamp_s if now.no_evidence_since_s is None else now.no_evidence_since_s
+    now = replace(now, no_evidence_since_s=since_s)
+    if now.state is State.UNCERTAIN and stamp_s - since_s >= NO_EVIDENCE_AFTER_S:
+        return _given_up(now), Event.GIVEN_UP
+    return now, None
+
+
+def _misfit(now: Localization, stamp_s: float, patience_s: float) -> tuple[Localization, Event | None]:
+    since_s = stamp_s if now.misfit_since_s is None else now.misfit_since_s
+    misfits = 1 if now.misfit_since_s is None else now.misfits + 1
+    now = replace(now, misfit_since_s=since_s, misfits=misfits, fits=0)
+    if stamp_s - since_s >= patience_s and misfits >= LOST_AFTER_SCANS:
+        return _given_up(now), Event.GIVEN_UP
+    if stamp_s - since_s >= UNCERTAIN_AFTER_S and now.state is State.LOCALIZED:
+        return _on(now, Event.MISFITS), Event.MISFITS
+    return now, None
+
+
+def _given_up(now: Localization) -> Localization:
+    return replace(_on(now, Event.GIVEN_UP), estimate=None, searching=None, is_unchecked=False)
+
+
+def _is_sure(estimate: Estimate) -> bool:
+    sigma_m, sigma_rad = sigmas(estimate.covariance)
+    return sigma_m <= MAX_SIGMA_M and sigma_rad <= MAX_SIGMA_RAD
+
+
+def _look(
+    within: LocalizationMap,
+    now: Localization,
+    odometry: Floats,
+    stamp_s: float,
+    scan: Scan,
+    *,
+    auto_search: bool,
+) -> tuple[Localization, Event | None]:
     """Search everywhere, a bit further with each scan."""
-    settings, last = params.for_search, now.searching
+    last = now.searching
     if now.state is not State.SEARCHING:
-        due = last is None or search_room.is_due(settings.searching, last, odometry, stamp_s)
-        if not (settings.searching.by_itself and due):
+        due = last is None or search_room.is_due(last, odometry, stamp_s)
+        if not (auto_search and due):
             return now, None
-        begun = search_room.begun(settings, within, scan, odometry, stamp_s)
+        begun = search_room.begun(within, scan, odometry, stamp_s)
         return _on(replace(now, searching=begun), Event.SEARCH_STARTED), Event.SEARCH_STARTED
     if last is None:
-        last = search_room.begun(settings, within, scan, odometry, stamp_s)
+        last = search_room.begun(within, scan, odometry, stamp_s)
     else:
-        last = search_room.looked(settings, within, last, odometry, scan)
-    last = search_room.advanced(settings, within, last, odometry)
-    event, found = search_room.verdict(settings, last, odometry, stamp_s)
+        last = search_room.looked(within, last, odometry, scan)
+    last = search_room.advanced(within, last, odometry)
+    event, found = search_room.verdict(last, odometry, stamp_s)
     if event is Event.SEARCH_STARTED:
-        last = search_room.begun(settings, within, scan, odometry, stamp_s, last.candidates)
+        last = search_room.begun(within, scan, odometry, stamp_s, last.candidates)
     now = replace(now, searching=last)
     if found is not None:
         now = replace(
             _forgotten(now),
             estimate=found.estimate,
             usual_fit=found.fit,
+            checked=(odometry, found.fit),
             fit=found.fit,
             overlap=found.overlap,
         )
     return (now, None) if event is None else (_on(now, event), event)
 
 
-def _told(params: LocalizationParameters, now: Localization, stamp_s: float) -> tuple[Localization, bool]:
+def _told(now: Localization, stamp_s: float) -> tuple[Localization, bool]:
     """``map_from_odom`` as it is told now: it follows the estimate, and stays as it was where there is none."""
     if now.estimate is None or now.odometry is None:
         return now, False
@@ -267,15 +407,13 @@ def _told(params: LocalizationParameters, now: Localization, stamp_s: float) -> 
         told, jumped = compose(pose, inverse(odometry)), True
     else:
         dt_s = max(stamp_s - now.told_s, 0.0)
-        told, jumped = corrected(params.smoothing, now.told, pose, odometry, dt_s)
+        told, jumped = corrected(now.told, pose, odometry, dt_s)
     return replace(now, told=told, told_s=stamp_s), jumped
 
 
-def _report(
-    params: LocalizationParameters, now: Localization, stamp_s: float, event: Event | None, jumped: bool
-) -> Report:
+def _report(now: Localization, stamp_s: float, event: Event | None, jumped: bool) -> Report:
     searching = None if now.state in HAS_POSE else now.searching
-    candidates = () if searching is None else likely(params.certainty, searching.candidates)
+    candidates = () if searching is None else likely(searching.candidates)
     has_pose = now.state in HAS_POSE
     return Report(
         stamp_s=stamp_s,

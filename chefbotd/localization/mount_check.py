@@ -6,29 +6,26 @@ the robot stands, nothing contradicts that. When it drives, its way by the scans
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
-
-from pydantic import Field
+from typing import Final, NamedTuple
 
 from chefbotd.core.geometry import wrap_angle
-from chefbotd.core.parameters import Parameters
 from chefbotd.mapping.poses import Floats, between
 
+WINDOW_M: Final = 0.08
+WINDOWS: Final = 3
+"""So many ways of this length, one after the other, all say the same;"""
 
-class MountCheckParameters(Parameters):
-    """How far the robot drives until it is believed, and what counts."""
+ALIKE_RAD: Final = 0.35
+"""which is, that they differ by no more than this from the first."""
 
-    window_m: float = Field(default=0.08, gt=0, le=5)
-    windows: int = Field(default=3, ge=1, le=100)
-    """So many ways of this length, one after the other, all say the same;"""
-    alike_rad: float = Field(default=0.35, gt=0, le=1.5)
-    """which is, that they differ by no more than this from the first."""
-    least_rad: float = Field(default=0.5, gt=0, le=3.1)
-    """Less is no wrong mount: wheels slip, and a match has its error."""
-    most_turn_rad: float = Field(default=0.5, gt=0, le=3.1)
-    """A way on which the robot turns by more says nothing: the lidar's own place moves with the heading."""
-    min_share: float = Field(default=0.6, gt=0, le=1)
-    """Both ways are as long as each other, but for this share: wheels that spin, and a robot that is pushed, are not."""
+LEAST_RAD: Final = 0.5
+"""Less is no wrong mount: wheels slip, and a match has its error."""
+
+MOST_TURN_RAD: Final = 0.5
+"""A way on which the robot turns by more says nothing: the lidar's own place moves with the heading."""
+
+MIN_SHARE: Final = 0.6
+"""Both ways are as long as each other, but for this share: wheels that spin, and a robot that is pushed, are not."""
 
 
 class MountCheck(NamedTuple):
@@ -42,9 +39,7 @@ class MountCheck(NamedTuple):
     turned_rad: float | None = None
 
 
-def checked(
-    params: MountCheckParameters, now: MountCheck, odometry: Floats, found: Floats | None
-) -> MountCheck:
+def checked(now: MountCheck, odometry: Floats, found: Floats | None) -> MountCheck:
     """Take a scan's poses into account: by odometry, and as found in the map (None: scans do not fit just now)."""
     if now.turned_rad is not None:
         return now
@@ -53,15 +48,15 @@ def checked(
     if now.begun is None:
         return now._replace(begun=(odometry, found))
     by_wheels, by_scans = between(now.begun[0], odometry), between(now.begun[1], found)
-    if abs(by_wheels[2]) > params.most_turn_rad:
+    if abs(by_wheels[2]) > MOST_TURN_RAD:
         return MountCheck((odometry, found))
     length_m, other_m = math.hypot(*by_wheels[:2]), math.hypot(*by_scans[:2])
-    if length_m < params.window_m:
+    if length_m < WINDOW_M:
         return now
-    if min(length_m, other_m) < params.min_share * max(length_m, other_m):
+    if min(length_m, other_m) < MIN_SHARE * max(length_m, other_m):
         return MountCheck((odometry, found))
     off = math.atan2(by_wheels[1], by_wheels[0]) - math.atan2(by_scans[1], by_scans[0])
-    return _said(params, now, wrap_angle(off))._replace(begun=(odometry, found))
+    return _said(now, wrap_angle(off))._replace(begun=(odometry, found))
 
 
 def mount_problem(check: MountCheck, lidars: Sequence[str]) -> str:
@@ -72,7 +67,7 @@ def mount_problem(check: MountCheck, lidars: Sequence[str]) -> str:
     return (
         f"the {_named(lidars)} and the wheels disagree about where the robot drives: "
         f"the lidar seems to be turned by about {180 if degrees == -180 else degrees} degrees "
-        "against its configuration (mount_yaw_rad), or wheels have the wrong sign"
+        "against its configured mounting, or wheels have the wrong sign"
     )
 
 
@@ -82,12 +77,12 @@ def _named(lidars: Sequence[str]) -> str:
     return told if len(lidars) == 1 else f"{told} (with {', '.join(map(repr, lidars[1:]))})"
 
 
-def _said(params: MountCheckParameters, now: MountCheck, off_rad: float) -> MountCheck:
-    if abs(off_rad) < params.least_rad:
+def _said(now: MountCheck, off_rad: float) -> MountCheck:
+    if abs(off_rad) < LEAST_RAD:
         return MountCheck()
-    same = now.said_rad and abs(wrap_angle(off_rad - now.said_rad[0])) <= params.alike_rad
+    same = now.said_rad and abs(wrap_angle(off_rad - now.said_rad[0])) <= ALIKE_RAD
     said = (*now.said_rad, off_rad) if same else (off_rad,)
-    if len(said) < params.windows:
+    if len(said) < WINDOWS:
         return MountCheck(None, said)
     middle = sum(wrap_angle(each - said[0]) for each in said) / len(said)
     return MountCheck(None, said, wrap_angle(said[0] + middle))

@@ -2,16 +2,14 @@
 
 import math
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-from pydantic import Field
 
-from chefbotd.core.parameters import Parameters
 from chefbotd.localization import global_search
-from chefbotd.localization.global_search import GlobalSearch, GlobalSearchParameters
+from chefbotd.localization.global_search import GlobalSearch
 from chefbotd.localization.hypotheses import (
-    CertaintyParameters,
+    MOVING_FIT,
     Hypothesis,
     confronted,
     hypotheses,
@@ -22,24 +20,18 @@ from chefbotd.localization.hypotheses import (
 )
 from chefbotd.localization.pyramid import Pyramid, pyramid
 from chefbotd.localization.states import Event
-from chefbotd.localization.surface_map import SurfaceMap, SurfaceMapParameters, surface_map
-from chefbotd.localization.tracking import TrackingParameters
+from chefbotd.localization.surface_map import SurfaceMap, surface_map
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.poses import Floats, between
 from chefbotd.mapping.state import Scan
 
+AGAIN_AFTER_S: Final = 2.0
+AGAIN_AFTER_M: Final = 0.3
+AGAIN_AFTER_RAD: Final = 0.6
+"""A search that did not leave exactly one place begins again after so long, or after such a motion."""
 
-class SearchingParameters(Parameters):
-    """When a search begins again."""
-
-    by_itself: bool = True
-    """Whether the robot searches when it is lost, without being asked to."""
-    again_after_s: float = Field(default=2.0, gt=0, le=600)
-    again_after_m: float = Field(default=0.3, gt=0, le=10)
-    again_after_rad: float = Field(default=0.6, gt=0, le=3.2)
-    """A search that did not leave exactly one place begins again after so long, or after such a motion."""
-    settle_s: float = Field(default=3.0, gt=0, le=600)
-    """If the best place fits badly for so long, nothing was found."""
+SETTLE_S: Final = 3.0
+"""If the best place fits badly for so long, nothing was found."""
 
 
 class LocalizationMap(NamedTuple):
@@ -49,23 +41,14 @@ class LocalizationMap(NamedTuple):
     pyramid: Pyramid
 
 
-def localization_map(params: SurfaceMapParameters, grid: OccupancyGrid) -> LocalizationMap:
+def localization_map(grid: OccupancyGrid) -> LocalizationMap:
     """Make a map ready; that takes some tenths of a second for a large one.
 
     Raises:
         ValueError: it has no wall beside free space.
     """
-    surfaces = surface_map(params, grid)
+    surfaces = surface_map(grid)
     return LocalizationMap(surfaces, pyramid(surfaces))
-
-
-class SearchSettings(NamedTuple):
-    """The parameters of all that a search needs."""
-
-    tracking: TrackingParameters
-    search: GlobalSearchParameters
-    certainty: CertaintyParameters
-    searching: SearchingParameters
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +74,6 @@ class Searching:
 
 
 def begun(
-    settings: SearchSettings,
     within: LocalizationMap,
     scan: Scan,
     odometry: Floats,
@@ -99,34 +81,28 @@ def begun(
     candidates: tuple[Hypothesis, ...] = (),
 ) -> Searching:
     """A search for this scan; nothing is computed yet."""
-    search = global_search.begun(settings.search, within.pyramid, scan.points)
+    search = global_search.begun(within.pyramid, scan.points)
     return Searching(search, scan, odometry, stamp_s, candidates, is_complete=False, looked_at=odometry)
 
 
-def advanced(
-    settings: SearchSettings, within: LocalizationMap, searching: Searching, odometry: Floats
-) -> Searching:
+def advanced(within: LocalizationMap, searching: Searching, odometry: Floats) -> Searching:
     """The search a bounded bit further; ``odometry`` is where the robot is now."""
     if searching.search is None:
         return searching
-    search = global_search.searched(settings.search, searching.search)
+    search = global_search.searched(searching.search)
     if not search.is_done:
         return replace(searching, search=search)
-    places, is_complete = global_search.places(settings.search, search)
-    found = hypotheses(settings.certainty, settings.tracking, within.surfaces.grids, places, searching.scan)
-    now = moved(settings.tracking, found, between(searching.began_at, odometry), None)
+    places, is_complete = global_search.places(search)
+    found = hypotheses(within.surfaces.grids, places, searching.scan)
+    now = moved(found, between(searching.began_at, odometry), None)
     candidates = merged(searching.candidates, now)
     return replace(searching, search=None, candidates=candidates, is_complete=is_complete)
 
 
-def looked(
-    settings: SearchSettings, within: LocalizationMap, searching: Searching, odometry: Floats, scan: Scan
-) -> Searching:
+def looked(within: LocalizationMap, searching: Searching, odometry: Floats, scan: Scan) -> Searching:
     """The candidates after a scan."""
-    new_look = is_look(settings.certainty, between(searching.looked_at, odometry))
+    new_look = is_look(between(searching.looked_at, odometry))
     left = confronted(
-        settings.certainty,
-        settings.tracking,
         within.surfaces.grids,
         searching.candidates,
         scan,
@@ -142,29 +118,29 @@ class Verdict(NamedTuple):
     found: Hypothesis | None = None
 
 
-def verdict(settings: SearchSettings, searching: Searching, odometry: Floats, stamp_s: float) -> Verdict:
+def verdict(searching: Searching, odometry: Floats, stamp_s: float) -> Verdict:
     """What can be said by now; candidates of an earlier search count while the next one is under way."""
-    candidates, certainty = searching.candidates, settings.certainty
-    best = sure(certainty, candidates, is_complete=searching.is_complete)
+    candidates = searching.candidates
+    best = sure(candidates, is_complete=searching.is_complete)
     if best is not None:
         return Verdict(Event.FOUND, best)
     if searching.search is not None:
         return Verdict(None)
-    badly = not candidates or candidates[0].fit < certainty.moving_fit
-    if badly and (not candidates or stamp_s - searching.began_s >= settings.searching.settle_s):
+    badly = not candidates or candidates[0].fit < MOVING_FIT
+    if badly and (not candidates or stamp_s - searching.began_s >= SETTLE_S):
         return Verdict(Event.NOT_FOUND)
-    if (badly or not searching.is_complete) and has_moved_on(settings.searching, searching, odometry):
+    if (badly or not searching.is_complete) and has_moved_on(searching, odometry):
         return Verdict(Event.SEARCH_STARTED)
     return Verdict(None)
 
 
-def is_due(params: SearchingParameters, last: Searching, odometry: Floats, stamp_s: float) -> bool:
+def is_due(last: Searching, odometry: Floats, stamp_s: float) -> bool:
     """Whether it is time to search again after one that found nothing."""
-    return stamp_s - last.began_s >= params.again_after_s or has_moved_on(params, last, odometry)
+    return stamp_s - last.began_s >= AGAIN_AFTER_S or has_moved_on(last, odometry)
 
 
-def has_moved_on(params: SearchingParameters, last: Searching, odometry: Floats) -> bool:
+def has_moved_on(last: Searching, odometry: Floats) -> bool:
     """Whether another search would begin from somewhere else."""
     motion = between(last.began_at, odometry)
-    far = math.hypot(motion[0], motion[1]) >= params.again_after_m
-    return far or bool(np.abs(motion[2]) >= params.again_after_rad)
+    far = math.hypot(motion[0], motion[1]) >= AGAIN_AFTER_M
+    return far or bool(np.abs(motion[2]) >= AGAIN_AFTER_RAD)

@@ -5,22 +5,16 @@ of ``odom``, a hundredth of a radian moves the robot by centimetres.
 """
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-from pydantic import Field
 
-from chefbotd.core.parameters import Parameters
 from chefbotd.mapping.poses import Floats, between, compose, inverse
 
-
-class SmoothingParameters(Parameters):
-    """How fast a pose may be corrected, and from where on it jumps, because gliding would take too long."""
-
-    rate_m_s: float = Field(default=0.2, gt=0, le=10)
-    rate_rad_s: float = Field(default=0.35, gt=0, le=10)
-    jump_m: float = Field(default=0.3, gt=0, le=10)
-    jump_rad: float = Field(default=0.35, gt=0, le=3.2)
+RATE_M_S: Final = 0.2
+RATE_RAD_S: Final = 0.35
+JUMP_M: Final = 0.3
+JUMP_RAD: Final = 0.35
 
 
 class Corrected(NamedTuple):
@@ -30,16 +24,14 @@ class Corrected(NamedTuple):
     jumped: bool
 
 
-def corrected(
-    params: SmoothingParameters, told: Floats, map_from_base: Floats, odom_from_base: Floats, dt_s: float
-) -> Corrected:
+def corrected(told: Floats, map_from_base: Floats, odom_from_base: Floats, dt_s: float) -> Corrected:
     """What to tell now, when ``told`` was told ``dt_s`` ago and the robot is at ``map_from_base``."""
     shown = compose(told, odom_from_base)
     off = between(shown, map_from_base)
     way_m, turn_rad = math.hypot(off[0], off[1]), abs(float(off[2]))
-    if way_m > params.jump_m or turn_rad > params.jump_rad:
+    if way_m > JUMP_M or turn_rad > JUMP_RAD:
         return Corrected(compose(map_from_base, inverse(odom_from_base)), jumped=True)
-    by_way = params.rate_m_s * dt_s / way_m if way_m > 0 else 1.0
-    by_turn = params.rate_rad_s * dt_s / turn_rad if turn_rad > 0 else 1.0
+    by_way = RATE_M_S * dt_s / way_m if way_m > 0 else 1.0
+    by_turn = RATE_RAD_S * dt_s / turn_rad if turn_rad > 0 else 1.0
     part = np.array([min(by_way, 1.0), min(by_way, 1.0), min(by_turn, 1.0)])
     return Corrected(compose(compose(shown, part * off), inverse(odom_from_base)), jumped=False)

@@ -6,14 +6,12 @@ that faces the free ones. The result is a local map as SLAM has it, so its match
 """
 
 import math
-from typing import NamedTuple, TypeAlias
+from typing import Final, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
 
 from chefbotd.core.compiled import kernel
-from chefbotd.core.parameters import Parameters
 from chefbotd.mapping.local_map import BLOCK_M, CELL_M, COARSE_M, SURFEL_M, LocalMap, gather, smear
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.poses import Floats, row_of, transform
@@ -28,28 +26,14 @@ STRAIGHT, FLAT = 0.03, 0.12
 """The variance across a line as a share of that along it: up to where it surely is one, and may be one at most."""
 
 
-class SurfaceMapParameters(Parameters):
-    """How a map's cells are read; percentages as in the occupancy grid.
+OCCUPIED_PERCENT: Final = 65
+FREE_PERCENT: Final = 25
+DEPTH_CELLS: Final = 0.25
+LINE_M: Final = 0.2
+"""How far on either side along a border the line through it reaches."""
 
-    ``depth_cells`` is how far behind its border, in cells, a wall is expected. In a drawn map it is 0; in one made of
-    scans half a cell, because the wall runs somewhere through its cells.
-    """
-
-    occupied_percent: int = Field(default=65, ge=1, le=100)
-    free_percent: int = Field(default=25, ge=0, le=99)
-    depth_cells: float = Field(default=0.25, ge=0, le=1)
-    line_m: float = Field(default=0.2, gt=0, le=2)
-    """How far on either side along a border the line through it reaches."""
-    most_cells: int = Field(default=6_000_000, ge=1)
-    """A larger map, such as 150 by 100 m of 5 cm, takes more memory than the worker may have."""
-
-    @model_validator(mode="after")
-    def _occupied_is_above_free(self) -> "SurfaceMapParameters":
-        if self.free_percent >= self.occupied_percent:
-            raise ValueError(
-                f"free_percent must be below occupied_percent, got {self.free_percent} and {self.occupied_percent}"
-            )
-        return self
+MOST_CELLS: Final = 6_000_000
+"""A larger map, such as 150 by 100 m of 5 cm, takes more memory than the worker may have."""
 
 
 class Surfaces(NamedTuple):
@@ -67,18 +51,20 @@ class SurfaceMap(NamedTuple):
     free: Singles
 
 
-def surface_map(params: SurfaceMapParameters, grid: OccupancyGrid) -> SurfaceMap:
+def surface_map(
+    grid: OccupancyGrid, *, depth_cells: float = DEPTH_CELLS, most_cells: int = MOST_CELLS
+) -> SurfaceMap:
     """The map to match against.
 
     Raises:
         ValueError: the grid has no place where something occupied meets something free, or is too large.
     """
-    if grid.percent.size > params.most_cells:
-        told = f"has {grid.percent.size} cells, at most {params.most_cells} are possible: make it anew with larger cells"
+    if grid.percent.size > most_cells:
+        told = f"has {grid.percent.size} cells, at most {most_cells} are possible: make it anew with larger cells"
         raise ValueError(told)
-    occupied = grid.percent >= params.occupied_percent
-    free = (grid.percent >= 0) & (grid.percent <= params.free_percent)
-    surfaces = _placed(grid, *_borders(params, grid.resolution_m, occupied, free))
+    occupied = grid.percent >= OCCUPIED_PERCENT
+    free = (grid.percent >= 0) & (grid.percent <= FREE_PERCENT)
+    surfaces = _placed(grid, *_borders(grid.resolution_m, occupied, free, depth_cells))
     if not len(surfaces.points):
         raise ValueError("a map for localization needs walls beside free space, but this one has none")
     rows, columns = np.nonzero(free)
@@ -96,9 +82,7 @@ def _placed(grid: OccupancyGrid, points: Floats, facing: Floats) -> Surfaces:
     return Surfaces(transform(origin, points).astype(np.float32), transform(turn, facing).astype(np.float32))
 
 
-def _borders(
-    params: SurfaceMapParameters, resolution_m: float, occupied: Flags, free: Flags
-) -> tuple[Floats, Floats]:
+def _borders(resolution_m: float, occupied: Flags, free: Flags, depth_cells: float) -> tuple[Floats, Floats]:
     """The points and normals of all borders, in the grid's own frame."""
     padded = np.pad(occupied, 1)
     open_cells = np.pad(free, 1)
@@ -108,9 +92,9 @@ def _borders(
     )
     cells = np.argwhere(sides)
     points, facing = np.empty((len(cells), 2)), np.zeros((len(cells), 2))
-    reach = max(round(params.line_m / resolution_m), 3)
+    reach = max(round(LINE_M / resolution_m), 3)
     _lines(padded, cells, reach, points, facing)
-    behind = params.depth_cells * facing
+    behind = depth_cells * facing
     return (points - behind) * resolution_m, facing
 
 

@@ -6,13 +6,11 @@ against the prediction as in a Kalman filter. Along a bare corridor a scan says 
 """
 
 import math
-from typing import NamedTuple
+from typing import Final, NamedTuple
 
 import numpy as np
-from pydantic import Field
 
 from chefbotd.core.compiled import kernel
-from chefbotd.core.parameters import Parameters
 from chefbotd.localization.agreement import Agreement, agreement
 from chefbotd.mapping.correlate import Window, search
 from chefbotd.mapping.local_map import LocalMap
@@ -20,42 +18,42 @@ from chefbotd.mapping.poses import Floats, compose, inverted, turned, wrap
 from chefbotd.mapping.refine import Fit, Prior, polish
 from chefbotd.mapping.state import Scan
 
+LASER_NOISE_M: Final = 0.03
+ODOMETRY_M_PER_ROOT_M: Final = 0.1
+ODOMETRY_M_PER_ROOT_RAD: Final = 0.03
+ODOMETRY_RAD_PER_ROOT_RAD: Final = 0.1
+ODOMETRY_RAD_PER_ROOT_M: Final = 0.05
+MAX_JUMP_M: Final = 5.0
+"""No odometry is believed that says more between two scans."""
 
-class TrackingParameters(Parameters):
-    """How far laser, odometry and map are believed.
+MAP_SIGMA_M: Final = 0.012
+MAP_SIGMA_RAD: Final = 0.004
+"""One sigma of the map's own errors, which more beams do not average out."""
 
-    Odometry's errors are one sigma and grow with the root of the way. They are wide on purpose: scrubbing tyres cost a
-    tenth of a motion.
-    """
+NORMAL_SIGMA_RAD: Final = 0.1
+"""One sigma of a surface's direction in the map: what a wall tells along itself is less than this."""
 
-    laser_noise_m: float = Field(default=0.03, gt=0, le=0.5)
-    odometry_m_per_root_m: float = Field(default=0.1, gt=0, le=1)
-    odometry_m_per_root_rad: float = Field(default=0.03, ge=0, le=1)
-    odometry_rad_per_root_rad: float = Field(default=0.1, gt=0, le=1)
-    odometry_rad_per_root_m: float = Field(default=0.05, ge=0, le=1)
-    max_jump_m: float = Field(default=5.0, gt=0, le=100)
-    """No odometry is believed that says more between two scans."""
-    map_m: float = Field(default=0.012, gt=0, le=0.5)
-    map_rad: float = Field(default=0.004, gt=0, le=0.5)
-    """One sigma of the map's own errors, which more beams do not average out."""
-    normal_rad: float = Field(default=0.1, gt=0, le=0.5)
-    """One sigma of a surface's direction in the map: what a wall tells along itself is less than this."""
-    fits: float = Field(default=0.55, gt=0, le=1)
-    """A fit below is one of a wrong pose, or of a map that is no longer true."""
-    min_overlap: float = Field(default=0.15, ge=0, le=1)
-    """With less of the scan on known ground, it says nothing about where it is."""
-    suspicious_drop: float = Field(default=0.08, gt=0, le=1)
-    """A fit that is so much worse than lately has the pose looked for further around."""
-    better_fit: float = Field(default=0.1, ge=0, le=1)
-    """What is found a metre around must fit so much better."""
-    wheel_slip_fit: float = Field(default=0.75, gt=0, le=1)
-    wheel_slip_window_m: float = Field(default=1.0, gt=0, le=5)
-    wheel_slip_window_rad: float = Field(default=0.7, gt=0, le=3.2)
-    polish_within_m: float = Field(default=0.08, gt=0, le=1)
-    polish_within_rad: float = Field(default=0.08, gt=0, le=1)
-    """A prediction that is surer than this needs no search."""
-    max_window_m: float = Field(default=1.5, gt=0, le=5)
-    max_window_rad: float = Field(default=1.0, gt=0, le=3.2)
+LEAST_FIT: Final = 0.55
+"""A fit below is one of a wrong pose, or of a map that is no longer true."""
+
+MIN_OVERLAP: Final = 0.15
+"""With less of the scan on known ground, it says nothing about where it is."""
+
+SUSPICIOUS_DROP: Final = 0.08
+"""A fit that is so much worse than lately has the pose looked for further around."""
+
+BETTER_FIT: Final = 0.1
+"""What is found a metre around must fit so much better."""
+
+WHEEL_SLIP_FIT: Final = 0.75
+WHEEL_SLIP_WINDOW_M: Final = 1.0
+WHEEL_SLIP_WINDOW_RAD: Final = 0.7
+POLISH_WITHIN_M: Final = 0.08
+POLISH_WITHIN_RAD: Final = 0.08
+"""A prediction that is surer than this needs no search."""
+
+MAX_WINDOW_M: Final = 1.5
+MAX_WINDOW_RAD: Final = 1.0
 
 
 PENALTY = 0.01
@@ -86,11 +84,11 @@ class Tracked(NamedTuple):
     moved: bool = False
 
 
-def motion_noise(params: TrackingParameters, moved: Floats) -> Floats:
+def motion_noise(moved: Floats) -> Floats:
     """The covariance (3, 3) of such a motion, in the frame it began in, where odometry does not tell its own."""
     way_m, turn_rad = math.hypot(moved[0], moved[1]), abs(float(moved[2]))
-    place = params.odometry_m_per_root_m**2 * way_m + params.odometry_m_per_root_rad**2 * turn_rad
-    turn = params.odometry_rad_per_root_rad**2 * turn_rad + params.odometry_rad_per_root_m**2 * way_m
+    place = ODOMETRY_M_PER_ROOT_M**2 * way_m + ODOMETRY_M_PER_ROOT_RAD**2 * turn_rad
+    turn = ODOMETRY_RAD_PER_ROOT_RAD**2 * turn_rad + ODOMETRY_RAD_PER_ROOT_M**2 * way_m
     return np.diag([place, place, turn])
 
 
@@ -109,20 +107,17 @@ def _carried(covariance: Floats, dx_m: float, dy_m: float) -> Floats:
     return result
 
 
-def predicted(
-    params: TrackingParameters, last: Estimate, moved: Floats, noise: Floats | None = None
-) -> Estimate:
+def predicted(last: Estimate, moved: Floats, noise: Floats | None = None) -> Estimate:
     """Where the robot is after such a motion, in the frame of the last pose; ``noise`` is the motion's covariance."""
-    if math.hypot(moved[0], moved[1]) > params.max_jump_m:
+    if math.hypot(moved[0], moved[1]) > MAX_JUMP_M:
         return last
     pose = compose(last.pose, moved)
-    added = motion_noise(params, moved) if noise is None else noise
+    added = motion_noise(moved) if noise is None else noise
     grown = _carried(last.covariance, pose[0] - last.pose[0], pose[1] - last.pose[1])
     return Estimate(pose, grown + turned(added, float(last.pose[2])))
 
 
 def tracked(
-    params: TrackingParameters,
     grids: LocalMap,
     expected: Estimate,
     scan: Scan,
@@ -131,25 +126,25 @@ def tracked(
     may_search: bool = True,
 ) -> Tracked:
     """The scan matched against the map about the prediction; ``may_search`` allows a look further around."""
-    found = _near(params, grids, expected, scan)
-    at_least = max(usual_fit - params.suspicious_drop, params.fits)
-    if may_search and found.agreement.fit < at_least and found.agreement.overlap >= params.min_overlap:
-        for elsewhere in (_in_window(params, grids, expected, scan), _around(params, grids, expected, scan)):
-            if elsewhere is not None and elsewhere.agreement.fit >= found.agreement.fit + params.better_fit:
+    found = _near(grids, expected, scan)
+    at_least = max(usual_fit - SUSPICIOUS_DROP, LEAST_FIT)
+    if may_search and found.agreement.fit < at_least and found.agreement.overlap >= MIN_OVERLAP:
+        for elsewhere in (_in_window(grids, expected, scan), _around(grids, expected, scan)):
+            if elsewhere is not None and elsewhere.agreement.fit >= found.agreement.fit + BETTER_FIT:
                 found = elsewhere
                 break
-    if found.agreement.fit < params.fits or found.agreement.overlap < params.min_overlap:
+    if found.agreement.fit < LEAST_FIT or found.agreement.overlap < MIN_OVERLAP:
         return Tracked(expected, found.agreement, matched=False)
     return found
 
 
-def _near(params: TrackingParameters, grids: LocalMap, expected: Estimate, scan: Scan) -> Tracked:
+def _near(grids: LocalMap, expected: Estimate, scan: Scan) -> Tracked:
     sigma_m, sigma_rad = sigmas(expected.covariance)
-    if sigma_m > params.polish_within_m or sigma_rad > params.polish_within_rad:
-        found = _in_window(params, grids, expected, scan)
+    if sigma_m > POLISH_WITHIN_M or sigma_rad > POLISH_WITHIN_RAD:
+        found = _in_window(grids, expected, scan)
         if found is not None:
             return found
-    return _polished(params, grids, expected, expected.pose, scan)
+    return _polished(grids, expected, expected.pose, scan)
 
 
 def sigmas(covariance: Floats) -> tuple[float, float]:
@@ -159,52 +154,46 @@ def sigmas(covariance: Floats) -> tuple[float, float]:
     return math.sqrt(max(largest, 0.0)), math.sqrt(max(float(covariance[2, 2]), 0.0))
 
 
-def _in_window(params: TrackingParameters, grids: LocalMap, expected: Estimate, scan: Scan) -> Tracked | None:
+def _in_window(grids: LocalMap, expected: Estimate, scan: Scan) -> Tracked | None:
     """Search three sigmas of the prediction."""
     sigma_m, sigma_rad = sigmas(expected.covariance)
     half_m, half_rad = max(3 * sigma_m, LEAST_WINDOW_M), max(3 * sigma_rad, LEAST_WINDOW_RAD)
     window = Window(
-        min(half_m, params.max_window_m),
-        min(half_rad, params.max_window_rad),
+        min(half_m, MAX_WINDOW_M),
+        min(half_rad, MAX_WINDOW_RAD),
         PENALTY * 9 / half_m**2,
         PENALTY * 9 / half_rad**2,
     )
     found = search(grids, scan.points, expected.pose, window, above=CAPTURE)
-    return None if found is None else _polished(params, grids, expected, found.pose, scan)
+    return None if found is None else _polished(grids, expected, found.pose, scan)
 
 
-def _around(params: TrackingParameters, grids: LocalMap, expected: Estimate, scan: Scan) -> Tracked | None:
+def _around(grids: LocalMap, expected: Estimate, scan: Scan) -> Tracked | None:
     """Search a metre around, whatever the odometry says: the wheels slipped, or somebody pushed the robot."""
-    window = Window(params.wheel_slip_window_m, params.wheel_slip_window_rad)
+    window = Window(WHEEL_SLIP_WINDOW_M, WHEEL_SLIP_WINDOW_RAD)
     found = search(grids, scan.points, expected.pose, window, above=CAPTURE)
     if found is None:
         return None
-    vague = np.diag(
-        [params.wheel_slip_window_m**2, params.wheel_slip_window_m**2, params.wheel_slip_window_rad**2]
-    )
+    vague = np.diag([WHEEL_SLIP_WINDOW_M**2, WHEEL_SLIP_WINDOW_M**2, WHEEL_SLIP_WINDOW_RAD**2])
     at = Estimate(found.pose, vague)
-    told = _polished(params, grids, at, found.pose, scan)
-    sound = told.agreement.fit >= params.wheel_slip_fit and told.agreement.overlap >= 2 * params.min_overlap
+    told = _polished(grids, at, found.pose, scan)
+    sound = told.agreement.fit >= WHEEL_SLIP_FIT and told.agreement.overlap >= 2 * MIN_OVERLAP
     return told._replace(moved=True) if sound else None
 
 
-def _polished(
-    params: TrackingParameters, grids: LocalMap, expected: Estimate, begin: Floats, scan: Scan
-) -> Tracked:
+def _polished(grids: LocalMap, expected: Estimate, begin: Floats, scan: Scan) -> Tracked:
     information = inverted(expected.covariance + 1e-8 * np.eye(3))
-    fit = polish(
-        grids, scan.points, scan.facing, begin, Prior(expected.pose, information), params.laser_noise_m
-    )
-    estimate = fused(params, expected, fit, information)
+    fit = polish(grids, scan.points, scan.facing, begin, Prior(expected.pose, information), LASER_NOISE_M)
+    estimate = fused(expected, fit, information)
     return Tracked(estimate, agreement(grids, estimate.pose, scan), matched=True)
 
 
-def fused(params: TrackingParameters, expected: Estimate, fit: Fit, information: Floats) -> Estimate:
+def fused(expected: Estimate, fit: Fit, information: Floats) -> Estimate:
     """The prediction, of this information, corrected by the match: as far as the scan says something, and no further."""
     off = np.array([*(fit.pose[:2] - expected.pose[:2]), wrap(fit.pose[2:] - expected.pose[2:])[0]])
-    noise = np.array([params.map_m**2, params.map_m**2, params.map_rad**2])
+    noise = np.array([MAP_SIGMA_M**2, MAP_SIGMA_M**2, MAP_SIGMA_RAD**2])
     covariance, shift = np.empty((3, 3)), np.empty(3)
-    pretended = math.sin(params.normal_rad) ** 2
+    pretended = math.sin(NORMAL_SIGMA_RAD) ** 2
     _fuse(information, fit.information, pretended, noise, off, covariance, shift)
     pose = expected.pose + shift
     return Estimate(np.array([pose[0], pose[1], wrap(pose[2:])[0]]), covariance)

@@ -5,7 +5,6 @@ import numpy as np
 from chefbotd.core.compiled import release_libraries
 from chefbotd.core.geometry import Pose2D
 from chefbotd.localization.localizer import Localization, Odometry, advanced, localize, set_pose, step
-from chefbotd.localization.parameters import LocalizationParameters
 from chefbotd.localization.searching import localization_map
 from chefbotd.localization.states import State
 from chefbotd.mapping.correlate import Window, search
@@ -18,20 +17,19 @@ SIDE, BEAMS = 60, 90
 
 def warm() -> None:
     """Find the way in a small room, and give back the memory of libraries."""
-    params = LocalizationParameters()
     percent = np.zeros((SIDE, SIDE), np.int8)
     percent[[0, -1]] = percent[:, [0, -1]] = 100
     percent[10:20, 14:30] = 100
-    within = localization_map(params.surfaces, OccupancyGrid(0.05, Pose2D(-1.0, -1.2), percent))
+    within = localization_map(OccupancyGrid(0.05, Pose2D(-1.0, -1.2), percent))
     angles = np.linspace(0, 2 * np.pi, BEAMS, endpoint=False)
     points = np.stack([np.cos(angles), np.sin(angles)], axis=1).astype(np.float32)
     center = np.zeros(2)
     scan = Scan(points, normals(points, center), center)
     now, odometry = localize(Localization()), Odometry(np.zeros(3))
     for k in range(3):
-        now, _ = step(params, within, now, 0.1 * k, odometry, scan)
-        now = advanced(params, within, now)
+        now, _ = step(within, now, 0.1 * k, odometry, scan)
+        now = advanced(within, now)
     search(within.surfaces.grids, points, np.zeros(3), Window(1.0, 0.1))
     tracking = Localization(state=State.UNCERTAIN)
-    step(params, within, set_pose(params, tracking, np.zeros(3)), 0.0, odometry, scan)
+    step(within, set_pose(tracking, np.zeros(3)), 0.0, odometry, scan)
     release_libraries()

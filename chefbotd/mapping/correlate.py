@@ -7,6 +7,7 @@ Loop Closure in 2D LIDAR SLAM", ICRA 2016). All kernels count shifts in cells of
 """
 
 import math
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -23,6 +24,11 @@ FAR_SHARE = 0.75
 
 WIDE_M = 0.6
 """From this half width on, a third level pays."""
+
+
+WITHOUT_LIMIT = 1 << 60
+PLACING = 4
+"""What it costs to turn all points, in scores."""
 
 
 class Window(NamedTuple):
@@ -69,6 +75,38 @@ class _Search(NamedTuple):
     excluded: Excluded
 
 
+@dataclass(frozen=True, slots=True)
+class WindowSearch:
+    """A search under way; its arrays are used up by the next step.
+
+    ``blocks`` are the first shifts (x, y) of the blocks that are searched, ``bounds`` those of all blocks at all turns.
+    ``at``: bounds computed, blocks divided, and likelihoods looked up; ``best``: x, y, heading, score.
+    """
+
+    within: _Search
+    points: Singles
+    turns: Floats
+    blocks: NDArray[np.int64]
+    bounds: Floats
+    order: NDArray[np.int64]
+    best: Floats
+    above: float
+    at: NDArray[np.int64]
+    is_done: bool = False
+
+    @property
+    def work(self) -> int:
+        """The likelihoods looked up so far."""
+        return int(self.at[2])
+
+    @property
+    def found(self) -> Found | None:
+        """The best pose so far; None if none scores enough."""
+        if self.best[3] <= self.above:
+            return None
+        return Found(np.array([self.best[0], self.best[1], wrap(self.best[2:3])[0]]), float(self.best[3]))
+
+
 def search(
     grids: LocalMap,
     points: Singles,
@@ -85,23 +123,76 @@ def search(
     """
     if len(points) == 0:
         return None
+    whole = begun(grids, points, guess, window, above=above, points_at_most=points_at_most)
+    return advanced(replace(whole, within=whole.within._replace(excluded=excluded)), WITHOUT_LIMIT).found
+
+
+def begun(
+    grids: LocalMap,
+    points: Singles,
+    guess: Floats,
+    window: Window,
+    *,
+    above: float = -1e9,
+    near: Floats | None = None,
+    near_m: float = 0.0,
+    points_at_most: int = 90,
+    turn_m: float = CELL_M,
+) -> WindowSearch:
+    """The same search, to be advanced in parts; nothing is computed yet. There must be points (n, 2).
+
+    With ``near`` (m, 2) only blocks of poses within ``near_m`` of one of these places are searched. From one heading to
+    the next a far point moves by ``turn_m``.
+    """
     shift = 4 if window.half_m >= WIDE_M else 2
     top = _pooled(grids.coarse) if shift == 4 else grids.coarse
-    turns = _turns(points, window.half_rad)
+    turns = _turns(points, window.half_rad, turn_m)
     reach = math.ceil(window.half_m / CELL_M)
+    blocks = _blocks(guess, reach, 1 << shift, near, near_m)
     some = np.ascontiguousarray(points[:: math.ceil(len(points) / points_at_most)])
-    best = np.array([*guess, above])
-    _search(_Search(grids, top, shift, guess, reach, window, excluded), some, turns, best)
-    if best[3] <= above:
-        return None
-    return Found(np.array([best[0], best[1], wrap(best[2:3])[0]]), float(best[3]))
+    count = len(turns) * len(blocks)
+    within = _Search(grids, top, shift, guess, reach, window, NOTHING_EXCLUDED)
+    best, at = np.array([*guess, above]), np.zeros(3, np.int64)
+    return WindowSearch(
+        within, some, turns, blocks, np.empty(count), np.empty(count, np.int64), best, above, at
+    )
 
 
-def _turns(points: Singles, half_rad: float) -> Floats:
-    """The turns to try, so that a far point moves by one cell from one to the next."""
+def for_another(search: WindowSearch, above: float, excluded: Excluded) -> WindowSearch:
+    """A search for a second pose, once the first is found: the bounds are the same."""
+    at = np.array([search.at[0], 0, search.at[2]])
+    within, best = search.within._replace(excluded=excluded), np.array([*search.within.guess, above])
+    return replace(search, within=within, best=best, above=above, at=at, is_done=False)
+
+
+def advanced(search: WindowSearch, lookups: int) -> WindowSearch:
+    """The search further by about so many likelihoods; in how many parts it goes on changes nothing."""
+    if search.is_done:
+        return search
+    done = _advance(
+        search.within, search.points, search.turns, search.blocks, search.bounds, search.order, search.best,
+        search.at, search.work + lookups,
+    )  # fmt: skip
+    return replace(search, is_done=bool(done))
+
+
+def _blocks(guess: Floats, reach: int, size: int, near: Floats | None, near_m: float) -> NDArray[np.int64]:
+    count = (2 * reach) // size + 1
+    y, x = np.divmod(np.arange(count * count), count)
+    blocks = size * np.column_stack([x, y]).astype(np.int64)
+    if near is None:
+        return blocks
+    middles = guess[:2] + (blocks + (size - 1) / 2 - reach) * CELL_M
+    away = np.hypot(*(middles[:, None, :] - near[None, :, :]).transpose(2, 0, 1)).min(axis=1)
+    chosen: NDArray[np.int64] = blocks[away <= near_m]
+    return chosen
+
+
+def _turns(points: Singles, half_rad: float, turn_m: float) -> Floats:
+    """The turns to try, so that a far point moves by so much from one to the next."""
     squared = np.sort(np.einsum("ij,ij->i", points, points))
     far_m = math.sqrt(squared[int(len(points) * FAR_SHARE)])
-    step = min(max(CELL_M / max(far_m, CELL_M), FINEST_TURN_RAD), COARSEST_TURN_RAD)
+    step = min(max(turn_m / max(far_m, CELL_M), FINEST_TURN_RAD), COARSEST_TURN_RAD)
     most = math.ceil(half_rad / step)
     return (np.arange(-most, most + 1) * step).astype(np.float64)
 
@@ -125,24 +216,47 @@ def _pool(coarse: Bytes, top: Bytes) -> None:
 
 
 @kernel
-def _search(within: _Search, points: Singles, turns: Floats, best: Floats) -> None:
-    """Fill ``best`` (x, y, heading, score), block by block from the most promising on."""
-    size = 1 << within.shift
-    blocks = (2 * within.reach) // size + 1
-    cells = np.empty((points.shape[0], 2), np.int64)
-    bounds = np.empty(turns.shape[0] * blocks * blocks)
-    for a in range(turns.shape[0]):
-        _place(within, points, turns[a], cells)
-        for b in range(blocks * blocks):
-            x, y = size * (b % blocks), size * (b // blocks)
-            bound = _mean(within.top, cells, x, y, within.shift) - _penalty(within, turns[a], x, y, size)
-            bounds[a * blocks * blocks + b] = bound
-    for k in np.argsort(-bounds):
+def _advance(
+    within: _Search,
+    points: Singles,
+    turns: Floats,
+    blocks: NDArray[np.int64],
+    bounds: Floats,
+    order: NDArray[np.int64],
+    best: Floats,
+    at: NDArray[np.int64],
+    until: int,
+) -> bool:
+    """Bound all blocks, then divide them from the most promising on, until so much work is done; whether all is."""
+    size, count, each = 1 << within.shift, blocks.shape[0], points.shape[0]
+    cells = np.empty((each, 2), np.int64)
+    placed = -1
+    while at[0] < bounds.shape[0]:
+        if at[2] >= until:
+            return False
+        k = at[0]
+        a, b = k // count, k % count
+        if a != placed:
+            _place(within, points, turns[a], cells)
+            placed = a
+        x, y = blocks[b, 0], blocks[b, 1]
+        bounds[k] = _mean(within.top, cells, x, y, within.shift) - _penalty(within, turns[a], x, y, size)
+        at[0] += 1
+        at[2] += each
+        if at[0] == bounds.shape[0]:
+            order[:] = np.argsort(-bounds)
+            at[2] += each * bounds.shape[0]  # sorting costs about as much as bounding
+    while at[1] < bounds.shape[0]:
+        k = order[at[1]]
         if bounds[k] <= best[3]:
-            return
-        a, b = k // (blocks * blocks), k % (blocks * blocks)
+            return True
+        if at[2] >= until:
+            return False
+        a, b = k // count, k % count
         _place(within, points, turns[a], cells)
-        _descend(within, cells, turns[a], size * (b % blocks), size * (b // blocks), best)
+        at[2] += each * (PLACING + _descend(within, cells, turns[a], blocks[b, 0], blocks[b, 1], best))
+        at[1] += 1
+    return True
 
 
 @kernel
@@ -179,15 +293,19 @@ def _penalty(within: _Search, turn: float, x: int, y: int, size: int) -> float:
 
 
 @kernel
-def _descend(within: _Search, cells: NDArray[np.int64], turn: float, x: int, y: int, best: Floats) -> None:
+def _descend(within: _Search, cells: NDArray[np.int64], turn: float, x: int, y: int, best: Floats) -> int:
+    """Search a block; how many poses and blocks were scored."""
     if within.shift == 2:
         _try(within, cells, turn, x, y, best)
-        return
+        return 16
+    scored = 16
     for block in range(16):
         bx, by = x + 4 * (block % 4), y + 4 * (block // 4)
         bound = _mean(within.grids.coarse, cells, bx, by, 2) - _penalty(within, turn, bx, by, 4)
         if bound > best[3]:
             _try(within, cells, turn, bx, by, best)
+            scored += 16
+    return scored
 
 
 @kernel

@@ -30,7 +30,9 @@ class Forgotten(NamedTuple):
 
 def thinned(state: SlamState, most_per_place: int) -> tuple[SlamState, tuple[Forgotten, ...]]:
     """The state with so many scans at most for each square metre and quarter turn, but for those still in use."""
-    state = replace(state, submaps=tuple(s for s in state.submaps if s.last - s.first + 1 >= LEAST_NODES))
+    submaps = tuple(s for s in state.submaps if s.last - s.first + 1 >= LEAST_NODES)
+    if len(submaps) < len(state.submaps):
+        state = replace(state, submaps=submaps, searching=None)  # it knows submaps by their place in the list
     gone = np.flatnonzero(_is_superfluous(state, most_per_place))
     if not len(gone):
         return state, ()
@@ -146,4 +148,5 @@ def _renumbered(state: SlamState, edges: Edges, gone: Indices) -> SlamState:
             if stays[c.node] and stays[c.anchor]
         ),
         built=(),
+        searching=None,
     )

@@ -1,7 +1,7 @@
 """The occupancy grid of a growing map. Only new scans are traced, as long as no pose has changed."""
 
 from dataclasses import dataclass
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -96,16 +96,11 @@ def _with_room(live: LiveMap, scans: list[Placed]) -> LiveMap:
     return LiveMap(cell_m, low_m, counts, live.numbers, live.poses)
 
 
-class Patch(NamedTuple):
-    """A rectangle of cells, from ``row`` and ``column`` of its grid on; ``whole``: it is all of the grid."""
-
-    row: int
-    column: int
-    percent: Percents
-    whole: bool
+Rectangle: TypeAlias = tuple[int, int, Percents]
+"""A row and a column of a grid, and the cells from there on."""
 
 
-def changes(before: OccupancyGrid | None, after: OccupancyGrid) -> Patch | None:
+def changes(before: OccupancyGrid | None, after: OccupancyGrid) -> Rectangle | None:
     """The smallest rectangle with all that is different; the whole grid where its extent is; None: nothing is."""
     same_extent = (
         before is not None
@@ -114,10 +109,10 @@ def changes(before: OccupancyGrid | None, after: OccupancyGrid) -> Patch | None:
         and before.resolution_m == after.resolution_m
     )
     if before is None or not same_extent:
-        return Patch(0, 0, after.percent, whole=True)
+        return 0, 0, after.percent
     different = before.percent != after.percent
     rows, columns = np.flatnonzero(different.any(axis=1)), np.flatnonzero(different.any(axis=0))
     if not rows.size:
         return None
     row, column = int(rows[0]), int(columns[0])
-    return Patch(row, column, after.percent[row : rows[-1] + 1, column : columns[-1] + 1], whole=False)
+    return row, column, after.percent[row : rows[-1] + 1, column : columns[-1] + 1]

@@ -8,17 +8,17 @@ ask for another one (after Olson, "Recognizing places using spectrally clustered
 
 import math
 from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
-from chefbotd.mapping.correlate import Excluded, Found, Window, search
+from chefbotd.mapping import correlate
+from chefbotd.mapping.correlate import Excluded, Found, Window, WindowSearch, advanced, for_another
 from chefbotd.mapping.graph import drift_m
-from chefbotd.mapping.local_map import LocalMap
+from chefbotd.mapping.local_map import CELL_M, LocalMap
 from chefbotd.mapping.parameters import LoopParameters, SlamParameters
 from chefbotd.mapping.poses import Floats, between, compose, inverse, inverted, wrap
 from chefbotd.mapping.refine import Fit, Prior, polish
-from chefbotd.mapping.state import Candidate, SlamMode, SlamState, rebuilt
+from chefbotd.mapping.state import Candidate, PlaceSearch, SlamMode, SlamState, Target, rebuilt
 
 LOOP_SIGMA_M, LOOP_SIGMA_RAD = 0.01, 0.003
 """What a submap is bent within itself, beyond the noise of the match."""
@@ -34,16 +34,16 @@ RIVAL_M, RIVAL_RAD = 0.6, 0.3
 MOVED_BY_POLISH_M = 0.2
 LEAST_LEVER_M = 5.0
 BUILT_AT_MOST = 4
-AT_ONCE_WHEN_LOST = 8
+AT_ONCE_WHEN_LOST, MORE_WHEN_FOUND = 8, 4
+"""So many submaps are searched with each scan, and so many more than those in which something was found before."""
 
+POINTS, POINTS_WHEN_LOST = 90, 45
 
-class Target(NamedTuple):
-    """A submap to search in: where the scan is expected in its frame, how far around, and what drift allows."""
+NEAR_PATH_M = 3.0
+"""A robot that is lost is looked for so far from where it was before."""
 
-    submap: int
-    guess: Floats
-    window: Window
-    drift_m: float
+LOOKUPS_A_METRE = 150
+"""What it takes to draw a metre of a beam into a submap's grids."""
 
 
 def is_due(params: LoopParameters, state: SlamState) -> bool:
@@ -51,17 +51,29 @@ def is_due(params: LoopParameters, state: SlamState) -> bool:
     return state.path_m - state.tried_at_m >= params.every_m and len(state.submaps) > 0
 
 
-def recognised(params: SlamParameters, state: SlamState) -> tuple[SlamState, tuple[Candidate, ...]]:
-    """Search the last node's scan in submaps; the state has the grids built for it, and the matches are verified."""
-    targets = _lost_targets(state) if state.part else _targets(params.loops, state)
-    found: list[Candidate] = []
-    for target in targets:
-        state, grids = _grids(state, target.submap)
-        candidate = _verified(params, state, target, grids)
-        if candidate is not None:
-            found.append(candidate)
-    tried = state.tried + len(targets)
-    return replace(state, tried_at_m=state.path_m, tried=tried), tuple(found)
+def begun(params: LoopParameters, state: SlamState) -> SlamState:
+    """Search the last node's scan in older submaps, from now on; nothing is computed yet."""
+    targets, again = _lost_targets(state) if state.part else (_targets(params, state), 0)
+    search = PlaceSearch(len(state.nodes) - 1, tuple(targets), again)
+    return replace(state, tried_at_m=state.path_m, searching=search)
+
+
+def searched(
+    params: SlamParameters, state: SlamState, search: PlaceSearch
+) -> tuple[SlamState, tuple[Candidate, ...]]:
+    """The search a bounded bit further, and the verified matches of that; once it is over, the state is without it.
+
+    The state has the grids that were built for it.
+    """
+    left, found, again = params.loops.lookups_a_step, list[Candidate](), search.again
+    while left > 0 and search.done < len(search.targets):
+        state, search, used, candidate = _advanced(params, state, search, left)
+        found += [] if candidate is None else [candidate]
+        left -= used
+    if search.done < len(search.targets):
+        return replace(state, searching=search), tuple(found)
+    tried = state.tried + len(search.targets) - again
+    return replace(state, tried=tried, searching=None), tuple(found)
 
 
 def _targets(params: LoopParameters, state: SlamState) -> list[Target]:
@@ -91,22 +103,33 @@ def _targets(params: LoopParameters, state: SlamState) -> list[Target]:
     return targets
 
 
-def _lost_targets(state: SlamState) -> list[Target]:
-    """Everywhere along the known paths: where something was found before, then some more each time, in a circle."""
+def _lost_targets(state: SlamState) -> tuple[list[Target], int]:
+    """Everywhere along the known paths: where something was found before, then some more each time, in a circle.
+
+    How many are to be searched again comes with them.
+    """
     known = [k for k, submap in enumerate(state.submaps) if state.nodes.part[submap.first] == 0]
     if not known:
-        return []
+        return [], 0
     by_anchor = {state.submaps[k].first: k for k in known}
-    again = [by_anchor[c.anchor] for c in state.candidates if c.anchor in by_anchor]
-    turn = [known[(state.tried + k) % len(known)] for k in range(AT_ONCE_WHEN_LOST)]
+    again = dict.fromkeys(by_anchor[c.anchor] for c in state.candidates if c.anchor in by_anchor)
+    more = MORE_WHEN_FOUND if again else AT_ONCE_WHEN_LOST
+    turn = [known[(state.tried + k) % len(known)] for k in range(min(more, len(known)))]
     targets = []
-    for k in dict.fromkeys(again + turn):
-        first, last = state.submaps[k]
-        path = between(state.nodes.map[first], state.nodes.map[first : last + 1])[:, :2]
+    for k in [*again, *(k for k in turn if k not in again)]:
+        path = _path(state, k)
         low, high = path.min(axis=0), path.max(axis=0)
         guess = np.array([*(low + high) / 2, 0.0])
-        targets.append(Target(k, guess, Window(float((high - low).max()) / 2 + 2.0, math.pi), math.inf))
-    return targets
+        half_m = float((high - low).max()) / 2 + NEAR_PATH_M
+        targets.append(Target(k, guess, Window(half_m, math.pi), math.inf))
+    return targets, len(targets) - len(turn)
+
+
+def _path(state: SlamState, submap: int) -> Floats:
+    """The places (n, 2) of a submap's nodes, in the frame of its anchor."""
+    first, last = state.submaps[submap]
+    path: Floats = between(state.nodes.map[first], state.nodes.map[first : last + 1])[:, :2]
+    return path
 
 
 def _grids(state: SlamState, submap: int) -> tuple[SlamState, LocalMap]:
@@ -119,23 +142,80 @@ def _grids(state: SlamState, submap: int) -> tuple[SlamState, LocalMap]:
     return replace(state, built=(*state.built[-BUILT_AT_MOST + 1 :], (submap, grids))), grids
 
 
-def _verified(params: SlamParameters, state: SlamState, target: Target, grids: LocalMap) -> Candidate | None:
-    loops, node = params.loops, len(state.nodes) - 1
-    scan = state.nodes.scans[node]
-    found = search(grids, scan.points, target.guess, target.window, above=loops.min_score)
-    if found is None:
-        return None
-    start = Prior(found.pose, FREE)
+def _advanced(
+    params: SlamParameters, state: SlamState, search: PlaceSearch, lookups: int
+) -> tuple[SlamState, PlaceSearch, int, Candidate | None]:
+    """The search in one submap further by about so much work; also how much it was, and the match that it ends with.
+
+    First the best pose is found there, then another that fits nearly as well: that would make the match ambiguous.
+    """
+    target, best, until = search.targets[search.done], search.best, search.work + lookups
+    within = search.search
+    if within is None:  # it begins, or goes on after a restart: then what was done is done again
+        state, within = _in_submap(params.loops, state, search.node, target)
+        best = None
+    candidate = None
+    while True:
+        within = advanced(within, until - within.work)
+        if not within.is_done:
+            used = within.work - search.work
+            return state, search._replace(work=within.work, search=within, best=best), used, None
+        found = within.found
+        if best is None and found is not None:
+            candidate = _verified(params, state, search.node, target, within.within.grids, found)
+            if candidate is not None and target.drift_m > params.loops.sure_within_m:
+                best, within = found, for_another(within, *_rival(params.loops, found))
+                continue
+        elif best is not None:
+            candidate = None
+            if found is None:
+                candidate = _verified(params, state, search.node, target, within.within.grids, best)
+        done = search._replace(done=search.done + 1, work=0, search=None, best=None)
+        return state, done, within.work - search.work, candidate
+
+
+def _in_submap(
+    params: LoopParameters, state: SlamState, node: int, target: Target
+) -> tuple[SlamState, WindowSearch]:
+    """The search for a node's scan in a submap; building its grids counts as work."""
+    state, grids = _grids(state, target.submap)
+    is_lost = math.isinf(target.drift_m)
+    search = correlate.begun(
+        grids,
+        state.nodes.scans[node].points,
+        target.guess,
+        target.window,
+        above=params.min_score_when_lost if is_lost else params.min_score,
+        near=_path(state, target.submap) if is_lost else None,
+        near_m=NEAR_PATH_M,
+        points_at_most=POINTS_WHEN_LOST if is_lost else POINTS,
+        turn_m=(2 if is_lost else 1) * CELL_M,
+    )
+    first, last = state.submaps[target.submap]
+    beams_m = sum(float(np.hypot(*scan.points.T).sum()) for scan in state.nodes.scans[first : last + 1])
+    search.at[2] += int(beams_m * LOOKUPS_A_METRE)
+    return state, search
+
+
+def _verified(
+    params: SlamParameters, state: SlamState, node: int, target: Target, grids: LocalMap, found: Found
+) -> Candidate | None:
+    """The match, if the scan fits there and tells where it is."""
+    scan, start = state.nodes.scans[node], Prior(found.pose, FREE)
     fit = polish(grids, scan.points, scan.facing, found.pose, start, params.matching.laser_noise_m)
     covariance = loop_covariance(fit)
-    if not is_sound(loops, fit, found.pose) or covariance[0, 0] + covariance[1, 1] > VAGUE_M**2:
-        return None
-    if target.drift_m > loops.sure_within_m and _has_rival(loops, state, target, grids, found):
+    if not is_sound(params.loops, fit, found.pose) or covariance[0, 0] + covariance[1, 1] > VAGUE_M**2:
         return None
     anchor = state.submaps[target.submap].first
     seen_at = compose(state.nodes.map[anchor], fit.pose)
     correction = compose(seen_at, inverse(state.nodes.map[node]))
     return Candidate(node, anchor, fit.pose, covariance, correction, target.drift_m)
+
+
+def _rival(params: LoopParameters, found: Found) -> tuple[float, Excluded]:
+    """What another place must score to make a match ambiguous, and what is not another place."""
+    x, y, heading = found.pose
+    return params.rival_score * found.score, Excluded(float(x), float(y), float(heading), RIVAL_M, RIVAL_RAD)
 
 
 def loop_covariance(fit: Fit) -> Floats:
@@ -150,16 +230,6 @@ def is_sound(params: LoopParameters, fit: Fit, start: Floats) -> bool:
     return (
         fit.overlap >= params.min_overlap and fit.share >= params.min_share and moved_m <= MOVED_BY_POLISH_M
     )
-
-
-def _has_rival(
-    params: LoopParameters, state: SlamState, target: Target, grids: LocalMap, found: Found
-) -> bool:
-    x, y, heading = found.pose
-    excluded = Excluded(float(x), float(y), float(heading), RIVAL_M, RIVAL_RAD)
-    above = params.rival_score * found.score
-    points = state.nodes.scans[-1].points
-    return search(grids, points, target.guess, target.window, above=above, excluded=excluded) is not None
 
 
 def believed(

@@ -34,7 +34,7 @@ OCCUPIED_THRESH, FREE_THRESH = 0.65, 0.196
 MOST_PIXELS = 1 << 28
 
 
-class Mode(StrEnum):
+class ImageMode(StrEnum):
     """How a pixel becomes a cell: one of three values, a scale between the thresholds, or the percentage itself."""
 
     TRINARY = "trinary"
@@ -50,7 +50,7 @@ class MapDescription(Parameters):
     """The YAML file. ``origin`` is the pose of the image's lower left corner: x, y in metres, yaw in radians."""
 
     image: str = Field(min_length=1)
-    mode: Mode = Mode.TRINARY
+    mode: ImageMode = ImageMode.TRINARY
     resolution: float = Field(gt=0)
     origin: tuple[float, float, float]
     negate: Annotated[int, Field(ge=0, le=1)] = 0
@@ -105,7 +105,7 @@ def parse_image(data: bytes, description: MapDescription) -> OccupancyGrid:
                 raise MapFileError(
                     f"{description.image}: {image.width} by {image.height} pixels are too many"
                 )
-            shade, opaque = _shades(image, average_alpha=description.mode is Mode.TRINARY)
+            shade, opaque = _shades(image, average_alpha=description.mode is ImageMode.TRINARY)
     except (UnidentifiedImageError, OSError, Image.DecompressionBombError) as error:
         raise MapFileError(f"{description.image}: cannot be read as an image: {error}") from error
     percent = np.flipud(_percent(shade, opaque, description))
@@ -132,21 +132,21 @@ def _percent(
     shade: Floats, opaque: npt.NDArray[np.bool_], description: MapDescription
 ) -> npt.NDArray[np.int8]:
     """Cells from shades; a transparent pixel is unknown on a scale."""
-    if description.mode is Mode.RAW:
+    if description.mode is ImageMode.RAW:
         return np.where(np.rint(shade) <= OCCUPIED, np.rint(shade), UNKNOWN).astype(np.int8)
     occupancy = (shade if description.negate else 255 - shade) / 255
     free, occupied = description.free_thresh, description.occupied_thresh
     cells = np.full(shade.shape, UNKNOWN, np.int8)
-    if description.mode is Mode.SCALE:
+    if description.mode is ImageMode.SCALE:
         cells = np.rint(np.clip((occupancy - free) / (occupied - free), 0, 1) * 100).astype(np.int8)
     cells[occupancy > occupied] = OCCUPIED
     cells[occupancy < free] = FREE
-    if description.mode is Mode.SCALE:
+    if description.mode is ImageMode.SCALE:
         cells[~opaque] = UNKNOWN
     return cells
 
 
-def to_image(grid: OccupancyGrid, mode: Mode = Mode.TRINARY) -> bytes:
+def to_image(grid: OccupancyGrid, mode: ImageMode = ImageMode.TRINARY) -> bytes:
     """The image file of a grid: PGM, but on a scale PNG, since only that can be transparent.
 
     Trinary keeps free (to 19 percent), occupied (from 65) and unknown, which is also what lies between; the others keep
@@ -156,12 +156,12 @@ def to_image(grid: OccupancyGrid, mode: Mode = Mode.TRINARY) -> bytes:
         ModuleNotFoundError: a PNG is wanted, and Pillow is not installed.
     """
     percent = np.flipud(grid.percent)
-    if mode is Mode.TRINARY:
+    if mode is ImageMode.TRINARY:
         pixels = np.full(percent.shape, GREY, np.uint8)
         pixels[percent >= OCCUPIED_THRESH * 100] = BLACK
         pixels[(percent != UNKNOWN) & (percent <= FREE_THRESH * 100)] = WHITE
         return _pgm(pixels)
-    if mode is Mode.RAW:
+    if mode is ImageMode.RAW:
         return _pgm(np.where(percent == UNKNOWN, 255, percent).astype(np.uint8))
     shades = np.rint((100 - np.maximum(percent, 0).astype(np.float64)) * 2.55).astype(np.uint8)
     opaque = np.where(percent == UNKNOWN, 0, 255).astype(np.uint8)
@@ -173,7 +173,7 @@ def to_image(grid: OccupancyGrid, mode: Mode = Mode.TRINARY) -> bytes:
     return data.getvalue()
 
 
-def to_description(grid: OccupancyGrid, image: str, mode: Mode = Mode.TRINARY) -> str:
+def to_description(grid: OccupancyGrid, image: str, mode: ImageMode = ImageMode.TRINARY) -> str:
     """The YAML text beside the image file called ``image``, whose name is relative to it."""
     origin = grid.map_from_grid
     description: dict[str, Any] = {
@@ -182,8 +182,8 @@ def to_description(grid: OccupancyGrid, image: str, mode: Mode = Mode.TRINARY) -
         "resolution": grid.resolution_m,
         "origin": [origin.x_m, origin.y_m, origin.heading_rad],
         "negate": 0,
-        "occupied_thresh": 1.0 if mode is Mode.SCALE else OCCUPIED_THRESH,
-        "free_thresh": 0.0 if mode is Mode.SCALE else FREE_THRESH,
+        "occupied_thresh": 1.0 if mode is ImageMode.SCALE else OCCUPIED_THRESH,
+        "free_thresh": 0.0 if mode is ImageMode.SCALE else FREE_THRESH,
     }
     return yaml.safe_dump(description, sort_keys=False, default_flow_style=None)
 

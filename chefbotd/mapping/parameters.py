@@ -61,6 +61,7 @@ class LoopParameters(Parameters):
     """What was left less than this way ago is no loop."""
     max_window_m: float = Field(default=6.0, gt=0, le=20)
     min_score: float = Field(default=0.4, gt=0, le=1)
+    min_score_when_lost: float = Field(default=0.5, gt=0, le=1)
     min_share: float = Field(default=0.75, gt=0, le=1)
     min_overlap: float = Field(default=0.5, gt=0, le=1)
     rival_score: float = Field(default=0.9, gt=0, le=1)
@@ -73,6 +74,8 @@ class LoopParameters(Parameters):
     agreeing_when_lost: int = Field(default=3, ge=1, le=20)
     remembered_m: float = Field(default=15.0, gt=0, le=200)
     """A match waits for others that agree for so long a way."""
+    lookups_a_step: int = Field(default=30_000_000, ge=100_000)
+    """How much of a search a step does, in likelihoods looked up; the rest follows with the next scans."""
 
 
 class SlamParameters(Parameters):

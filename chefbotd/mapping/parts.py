@@ -15,7 +15,8 @@ def apart(state: SlamState) -> SlamState:
 
     A part that was never joined is forgotten.
     """
-    ended = tuple(Submap(a.first, len(state.nodes) - 1) for a in state.active[:1])
+    last = len(state.nodes) - 1
+    ended = tuple(Submap(a.first, last) for a in state.active[:1] if a.first <= last)
     state = replace(state, submaps=state.submaps + ended, active=(), candidates=())
     if state.part:
         state = _without_part(state, state.part)
@@ -27,6 +28,7 @@ def apart(state: SlamState) -> SlamState:
         misfits=0,
         tried_at_m=-math.inf,
         built=(),
+        searching=None,
     )
 
 
@@ -43,4 +45,6 @@ def joined(state: SlamState, correction: Floats) -> SlamState:
     nodes, moved = state.nodes, state.nodes.part == state.part
     poses = np.where(moved[:, None], compose(correction, nodes.map), nodes.map)
     joined = replace(nodes, map=poses, part=np.zeros_like(nodes.part))
-    return replace(state, nodes=joined, part=0, mode=SlamMode.MAPPING, candidates=(), built=())
+    return replace(
+        state, nodes=joined, part=0, mode=SlamMode.MAPPING, candidates=(), built=(), searching=None
+    )

@@ -6,10 +6,21 @@ from typing import Any, TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from chefbotd.mapping.correlate import Window
 from chefbotd.mapping.graph import Edges
 from chefbotd.mapping.local_map import empty, inserted
 from chefbotd.mapping.poses import Floats
-from chefbotd.mapping.state import Active, Candidate, Nodes, Scan, SlamMode, SlamState, Submap
+from chefbotd.mapping.state import (
+    Active,
+    Candidate,
+    Nodes,
+    PlaceSearch,
+    Scan,
+    SlamMode,
+    SlamState,
+    Submap,
+    Target,
+)
 from chefbotd.mapping.surfaces import Singles, normals
 
 Arrays: TypeAlias = dict[str, NDArray[Any]]
@@ -45,9 +56,31 @@ def saved(state: SlamState) -> Arrays:
         "mode": np.array(str(state.mode)),
         "counts": np.array([state.misfits, state.part, state.tried, state.unsolved, state.next_number]),
     }
+    if state.searching is not None:
+        arrays |= _saved_search(state.searching)
     arrays |= {f"node_{name}": getattr(nodes, name) for name in NODE_FIELDS}
     arrays |= {f"edge_{name}": getattr(edges, name) for name in EDGE_FIELDS}
     return arrays
+
+
+def _saved_search(search: PlaceSearch) -> Arrays:
+    """What is left of a search, and how far it came."""
+    left = [[t.submap, *t.guess, *t.window, t.drift_m] for t in search.targets]
+    return {
+        "search": np.array([search.node, search.again, search.done, search.work], np.int64),
+        "search_targets": np.array(left).reshape(-1, 9),
+    }
+
+
+def _search(arrays: Mapping[str, NDArray[Any]]) -> PlaceSearch | None:
+    if "search" not in arrays:
+        return None
+    node, again, done, work = (int(number) for number in arrays["search"])
+    targets = tuple(
+        Target(int(submap), np.array(rest[:3]), Window(*(float(size) for size in rest[3:7])), float(rest[7]))
+        for submap, *rest in arrays["search_targets"]
+    )
+    return PlaceSearch(node, targets, again, done, work)
 
 
 NODE_FIELDS = ("number", "stamp_s", "local", "map", "path_m", "part")
@@ -93,6 +126,7 @@ def _restored(arrays: Mapping[str, NDArray[Any]]) -> SlamState:
         unsolved=unsolved,
         next_number=next_number,
         usual_fit=float(arrays["usual_fit"]),
+        searching=_search(arrays),
     )
 
 

@@ -24,7 +24,7 @@ from chefbotd.mapping.graph import (
     weights,
 )
 from chefbotd.mapping.local_map import empty, inserted
-from chefbotd.mapping.loops import believed, is_due, recognised
+from chefbotd.mapping.loops import begun, believed, is_due, searched
 from chefbotd.mapping.parameters import SlamParameters, SubmapParameters
 from chefbotd.mapping.parts import apart, joined
 from chefbotd.mapping.poses import Floats, between, compose, turned
@@ -54,7 +54,7 @@ class Report(NamedTuple):
 
     ``overlap`` is how much of the scan lay on known ground. ``node`` is the number of the last kept scan, and
     ``node_from_base`` the pose as seen from it: to place this scan again once the graph has been solved.
-    ``forgotten`` are nodes that are no more.
+    ``forgotten`` are nodes that are no more. ``searched`` is the share that is done of a search for a known place.
     """
 
     mode: SlamMode
@@ -68,6 +68,7 @@ class Report(NamedTuple):
     loops: int
     solved: bool
     forgotten: tuple[Forgotten, ...] = ()
+    searched: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,11 +109,11 @@ def step(
         usual_fit=state.usual_fit + USUAL_RATE * (found.fit.share - state.usual_fit),
     )
     kept = _is_keyframe(params.submaps, state)
-    result = _Kept(state)
+    forgotten: tuple[Forgotten, ...] = ()
     if kept:
         state = _with_node(params.submaps, state, stamp_s, scan, found)
         state, forgotten = _rolled(params.submaps, state)
-        result = replace(_looked_around(params, state), forgotten=forgotten)
+    result = replace(_looked_around(params, state, kept=kept), forgotten=forgotten)
     return result.state, _report(result.state, found, result, kept=kept)
 
 
@@ -216,11 +217,15 @@ def _rolled(params: SubmapParameters, state: SlamState) -> tuple[SlamState, tupl
     return thinned(replace(state, active=active[1:], submaps=ended), params.max_scans_per_place)
 
 
-def _looked_around(params: SlamParameters, state: SlamState) -> _Kept:
+def _looked_around(params: SlamParameters, state: SlamState, *, kept: bool = True) -> _Kept:
     """Search older submaps if it is time, close the loops that are believed, and solve the graph if that pays."""
-    if not is_due(params.loops, state):
+    if kept and state.searching is None and is_due(params.loops, state):
+        state = begun(params.loops, state)
+    if state.searching is None:
         return _Kept(state)
-    state, found = recognised(params, state)
+    state, found = searched(params, state, state.searching)
+    if not found:
+        return _Kept(state)
     accepted, waiting = believed(params.loops, state, found)
     state = replace(state, candidates=waiting)
     if not accepted:
@@ -252,7 +257,7 @@ def solved(state: SlamState, scale: float = SCALE) -> SlamState:
         edges = edges.only(good)
         poses = optimised(poses, edges, fixed)
     nodes = replace(state.nodes, map=poses)
-    return replace(state, nodes=nodes, edges=edges, candidates=(), unsolved=0, built=())
+    return replace(state, nodes=nodes, edges=edges, candidates=(), unsolved=0, built=(), searching=None)
 
 
 def _report(state: SlamState, found: Tracked | None, result: _Kept, *, kept: bool) -> Report:
@@ -260,7 +265,7 @@ def _report(state: SlamState, found: Tracked | None, result: _Kept, *, kept: boo
     map_pose = compose(state.nodes.map[-1], from_node)
     turn_rad = float(map_pose[2] - state.local_pose[2])
     return Report(
-        mode=state.mode,
+        mode=SlamMode.SEARCHING if state.mode is SlamMode.LOST and state.searching else state.mode,
         map_pose=map_pose,
         covariance=turned(found.covariance, turn_rad) if found else np.zeros((3, 3)),
         fit=found.fit.share if found else 1.0,
@@ -271,4 +276,5 @@ def _report(state: SlamState, found: Tracked | None, result: _Kept, *, kept: boo
         loops=result.loops,
         solved=result.solved,
         forgotten=result.forgotten,
+        searched=state.searching.share_done if state.searching else 0.0,
     )

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from chefbotd.mapping.correlate import Found, Window, WindowSearch
 from chefbotd.mapping.graph import NO_EDGES, Edges, Indices
 from chefbotd.mapping.local_map import LocalMap, empty, inserted
 from chefbotd.mapping.poses import Floats
@@ -25,12 +26,16 @@ class Scan(NamedTuple):
 
 
 class SlamMode(StrEnum):
-    """How it stands: mapping as it should, the odometry was wrong just now, fits badly for a moment, or lost."""
+    """How it stands: mapping as it should, the odometry was wrong just now, fits badly for a moment, or lost.
+
+    ``searching`` is reported of a robot that is lost while it looks for a known place.
+    """
 
     MAPPING = "mapping"
     WHEEL_SLIP = "wheel_slip"
     UNCERTAIN = "uncertain"
     LOST = "lost"
+    SEARCHING = "searching"
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,6 +64,9 @@ class Nodes:
         number, stamp_s, part = self.number[which], self.stamp_s[which], self.part[which]
         return Nodes(number, stamp_s, self.local[which], self.map[which], self.path_m[which], part, scans)
 
+
+PART_OF_TARGET = 50_000_000
+"""What a target takes that has nothing alike is less: for telling how far a search is."""
 
 NO_NODES = Nodes(
     np.zeros(0, np.int64),
@@ -100,13 +108,49 @@ class Candidate(NamedTuple):
     drift_m: float
 
 
+class Target(NamedTuple):
+    """A submap to search in: where the scan is expected in its frame, how far around, and what drift allows.
+
+    ``drift_m`` is infinite for a robot that is lost: it is searched along the submap's whole path.
+    """
+
+    submap: int
+    guess: Floats
+    window: Window
+    drift_m: float
+
+
+class PlaceSearch(NamedTuple):
+    """A search of a node's scan in old submaps, under way: so many of the targets are ``done``.
+
+    The first ``again`` of them are those where something was found before.
+
+    Of the next target ``work`` is done; ``search`` is how far that came, made again when missing. ``best`` is what was
+    found there, while a second place that fits nearly as well is looked for.
+    """
+
+    node: int
+    targets: tuple[Target, ...]
+    again: int = 0
+    done: int = 0
+    work: int = 0
+    search: WindowSearch | None = None
+    best: Found | None = None
+
+    @property
+    def share_done(self) -> float:
+        """About how much of it is done, from 0 to 1."""
+        part = self.work / max(self.work, PART_OF_TARGET)
+        return min((self.done + 0.5 * part) / max(len(self.targets), 1), 1.0)
+
+
 @dataclass(frozen=True, slots=True)
 class SlamState:
     """All that the next step needs.
 
     ``local_pose`` and ``odometry`` are of the last scan. ``active`` are the one or two submaps that grow; the
     grids in it are used up by the next step. ``usual_fit`` is how well scans fitted lately. ``built`` holds grids
-    of finished submaps, made again when missing.
+    of finished submaps, made again when missing. ``searching`` is a search for a known place that goes on.
     """
 
     nodes: Nodes
@@ -126,6 +170,7 @@ class SlamState:
     next_number: int
     usual_fit: float = 1.0
     built: tuple[tuple[int, LocalMap], ...] = ()
+    searching: PlaceSearch | None = None
 
 
 def start() -> SlamState:

@@ -11,8 +11,7 @@ from numpy.typing import NDArray
 from chefbotd.core.commands import RefusalKind
 from chefbotd.mapping.map_server import MapFileError, parse_description, parse_image, to_description, to_image
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
-from chefbotd.maps.disk import Content
-from chefbotd.maps.errors import MapStoreError
+from chefbotd.maps.disk import Content, MapStoreError
 from chefbotd.maps.manifest import CELLS, DESCRIPTION, GRAPH, IMAGE, Extent
 from chefbotd.maps.store import MapStore
 

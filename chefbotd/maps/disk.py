@@ -11,8 +11,25 @@ from pathlib import Path
 from typing import BinaryIO, TypeAlias
 
 from chefbotd import storage
-from chefbotd.core.commands import RefusalKind
-from chefbotd.maps.errors import MapStoreError
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.storage import explain
+
+
+class MapStoreError(Refused):
+    """Something was not done; everything that was stored before is as it was."""
+
+
+@contextmanager
+def told(doing: str, path: Path) -> Iterator[None]:
+    """Turn a failure of the file system in this block into a ``MapStoreError``: what could not be done, and where."""
+    try:
+        yield
+    except OSError as error:
+        where = error.filename if isinstance(error.filename, str) else path
+        raise MapStoreError(
+            RefusalKind.STORAGE_FAILED, f"cannot {doing}: {explain(error)} ({where})"
+        ) from error
+
 
 Content: TypeAlias = bytes | Callable[[BinaryIO], object]
 """A file's bytes, or what writes them."""

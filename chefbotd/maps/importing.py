@@ -14,8 +14,7 @@ from typing import Any
 
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.parameters import Parameters
-from chefbotd.maps.disk import Content
-from chefbotd.maps.errors import MapStoreError
+from chefbotd.maps.disk import Content, MapStoreError
 from chefbotd.maps.manifest import GRAPH
 from chefbotd.maps.store import MapStore
 

@@ -7,7 +7,7 @@ form NFC: a name typed on a Mac finds the map that was named on Linux. Upper and
 import unicodedata
 
 from chefbotd.core.commands import RefusalKind
-from chefbotd.maps.errors import MapStoreError
+from chefbotd.maps.disk import MapStoreError
 
 MAX_CHARACTERS = 64
 MAX_BYTES = 200

@@ -8,7 +8,7 @@ from pydantic import Field, ValidationError
 
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.parameters import Parameters
-from chefbotd.maps.errors import MapStoreError
+from chefbotd.maps.disk import MapStoreError
 from chefbotd.maps.names import place_name
 
 PLACES = "places.json"
@@ -67,6 +67,6 @@ def without_place(places: Mapping[str, Place], name: str) -> dict[str, Place]:
     """These places but one; raises ``MapStoreError`` if it is not among them."""
     name = place_name(name)
     if name not in places:
-        there = f"there are {', '.join(places)}" if places else "there are none"
-        raise MapStoreError(RefusalKind.UNKNOWN_PLACE, f"no place named {name!r}; {there}")
+        existing = f"there are {', '.join(places)}" if places else "there are none"
+        raise MapStoreError(RefusalKind.UNKNOWN_PLACE, f"no place named {name!r}; {existing}")
     return {other: place for other, place in places.items() if other != name}

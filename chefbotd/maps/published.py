@@ -71,10 +71,10 @@ def edited(folder: Path, own: Path, name: str) -> bool:
     image, description = folder / f"{name}.pgm", folder / f"{name}.yaml"
     if not description.is_file():
         return False
-    known = _readable(own)
+    readable = _readable(own)
     texts = [
         text
-        for version in known
+        for version in readable
         for text in (
             beside(version, name),
             naming(version, os.path.relpath(version.folder / IMAGE, folder)),
@@ -82,18 +82,18 @@ def edited(folder: Path, own: Path, name: str) -> bool:
     ]
     if not any(_holds(description, text) for text in texts):
         return True
-    images = {version.manifest.files[IMAGE].sha256 for version in known}
+    images = {version.manifest.files[IMAGE].sha256 for version in readable}
     return image.is_file() and sha256(image) not in images
 
 
 def _readable(own: Path) -> list[Version]:
-    found = []
+    whole = []
     for number, path in versions(own):
         try:
-            found.append(check(number, path))
+            whole.append(check(number, path))
         except (OSError, NotAManifest):
             continue
-    return found
+    return whole
 
 
 def _holds(path: Path, content: bytes) -> bool:

@@ -17,8 +17,7 @@ from pathlib import Path
 
 from chefbotd.core.commands import RefusalKind
 from chefbotd.maps import disk as disks
-from chefbotd.maps.disk import Content, Disk
-from chefbotd.maps.errors import MapStoreError, told
+from chefbotd.maps.disk import Content, Disk, MapStoreError, told
 from chefbotd.maps.manifest import Extent, Manifest
 from chefbotd.maps.names import map_name
 from chefbotd.maps.published import edited, keep_edited, publish, unpublish
@@ -66,8 +65,8 @@ class MapStore:
         own = self._own(name)
         with told(f"inspect the map {name!r}", own):
             if numbers := tuple(number for number, _ in versions(own)):
-                found, damage = latest(own, thorough=thorough)
-                return StoredMap(name, None if found is None else found.manifest, numbers, damage)
+                newest, damage = latest(own, thorough=thorough)
+                return StoredMap(name, None if newest is None else newest.manifest, numbers, damage)
             if (self.folder / f"{name}.yaml").is_file():
                 return StoredMap(name, None, plain=True)
         raise self._unknown(name)
@@ -216,8 +215,8 @@ class MapStore:
 
     def _unknown(self, name: str) -> MapStoreError:
         names = self.names()
-        there = f"there are {', '.join(names)}" if names else "there are none"
-        return MapStoreError(RefusalKind.UNKNOWN_MAP, f"no map named {name!r}; {there}")
+        existing = f"there are {', '.join(names)}" if names else "there are none"
+        return MapStoreError(RefusalKind.UNKNOWN_MAP, f"no map named {name!r}; {existing}")
 
     def _require_own(self, name: str) -> None:
         if versions(self._own(name)):

@@ -9,8 +9,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from chefbotd.core.commands import RefusalKind
-from chefbotd.maps.disk import TEMPORARY, Content, Disk, sha256
-from chefbotd.maps.errors import MapStoreError
+from chefbotd.maps.disk import TEMPORARY, Content, Disk, MapStoreError, sha256
 from chefbotd.maps.manifest import (
     MANIFEST,
     MAX_BYTES,
@@ -36,8 +35,8 @@ def versions(folder: Path) -> list[tuple[int, Path]]:
     """Every version's number and folder, the newest first, whole or not."""
     if not folder.is_dir():
         return []
-    found = ((NAME.fullmatch(path.name), path) for path in folder.iterdir())
-    return sorted(((int(match[1]), path) for match, path in found if match), reverse=True)
+    matches = ((NAME.fullmatch(path.name), path) for path in folder.iterdir())
+    return sorted(((int(match[1]), path) for match, path in matches if match), reverse=True)
 
 
 def check(number: int, folder: Path, *, thorough: bool = False) -> Version:
@@ -142,8 +141,12 @@ def require(folder: Path, name: str) -> tuple[Version, dict[int, str]]:
     Raises:
         MapStoreError: there is none; it says what is wrong with each.
     """
-    found, damage = latest(folder, thorough=True)
-    if found is None:
-        told = "; ".join(f"version {number}: {why}" for number, why in damage.items()) or "it has no version"
-        raise MapStoreError(RefusalKind.MAP_UNREADABLE, f"no version of the map {name!r} is whole: {told}")
-    return found, damage
+    newest, damage = latest(folder, thorough=True)
+    if newest is None:
+        damage_text = (
+            "; ".join(f"version {number}: {why}" for number, why in damage.items()) or "it has no version"
+        )
+        raise MapStoreError(
+            RefusalKind.MAP_UNREADABLE, f"no version of the map {name!r} is whole: {damage_text}"
+        )
+    return newest, damage

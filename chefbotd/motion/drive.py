@@ -27,6 +27,15 @@ LEAST_SHARE = 0.2
 STICTION = 1.3
 """A wheel that stands takes up to this many times the friction of one that turns to break loose."""
 
+UNSETTLED_SHARE = 0.2
+"""Of the integral gain, while the wheels may still be on their way to a setpoint that has changed, or creep."""
+
+CREEPING_M_S = 0.025
+"""Below this setpoint friction holds a wheel and lets it go by turns: a fast integral would make it jump.
+
+The wheel on the inside of a tight circle creeps for as long as the circle lasts.
+"""
+
 LAGGING_M_S = 0.02
 """A saturated wheel counts as lagging when its rim is slower than its setpoint by more than this."""
 
@@ -45,7 +54,7 @@ class Drive:
             raise ValueError(f"expected gains for {len(chassis.wheels)} wheels, got {len(gains)}")
         self._parameters = parameters
         self._kinematics = Kinematics(chassis)
-        self._setpoints = Setpoints(parameters, limits, self._kinematics)
+        self.relimit(limits)
         self._names = tuple(wheel.name for wheel in chassis.wheels)
         self._motor_signs = tuple(wheel.motor_sign for wheel in chassis.wheels)
         self._still = (0.0,) * len(gains)
@@ -98,20 +107,36 @@ class Drive:
             return self.halt(state)
         dt_s = min(dt_s, self._parameters.max_step_s)
         speeds_m_s = self._kinematics.rims_at_m_s(velocity_rad_s)
+        integral_share = creeping_share = 1.0
+        steady_s = 0.0
         if measured_over_s > 0:
             asked_m_s = reference.mean_m_s(history, measured_over_s, delay_s)
             speeds_m_s = reference.caught_up(speeds_m_s, asked_m_s, state.setpoint_m_s)
+            if reference.is_steady(asked_m_s, state.setpoint_m_s):
+                steady_s = state.steady_s + dt_s
+            if self._parameters.integral_settle_s > 0:
+                creeping_share = UNSETTLED_SHARE
+            if steady_s < self._parameters.integral_settle_s:
+                integral_share = UNSETTLED_SHARE
         pids = state.pids
         if substitutes:
             pids = substituted(substitutes, pids)
             speeds_m_s = loop_speeds(substitutes, speeds_m_s, state.setpoint_m_s)
         wheels = zip(self.gains, pids, state.setpoint_m_s, state.acceleration_m_s2, speeds_m_s, strict=True)
         scrub_duty = self._scrub_duty(state)
-        steps = [pid.step(*wheel, dt_s, scrub_duty) for wheel in wheels]
+        steps = [
+            pid.step(
+                *wheel,
+                dt_s,
+                scrub_duty,
+                creeping_share if -CREEPING_M_S < wheel[2] < CREEPING_M_S else integral_share,
+            )
+            for wheel in wheels
+        ]
         outputs = tuple([step[1] for step in steps])
         share = self._share_left(state, outputs, speeds_m_s, dt_s)
         stepped = tuple([step[0] for step in steps])
-        driven = state.setpoint_m_s, state.acceleration_m_s2, state.loose, history
+        driven = state.setpoint_m_s, state.acceleration_m_s2, state.loose, history, steady_s
         return DriveState(stepped, self._duty(outputs), state.limiter, state.stepped_s, share, *driven)
 
     def retune(self, state: DriveState, gains: tuple[PidParameters, ...]) -> DriveState:
@@ -124,6 +149,7 @@ class Drive:
 
     def relimit(self, limits: MotionLimits) -> None:
         """Exchange the limits of speed and acceleration; only at rest, because a ramp that has begun would jump."""
+        self.limits = limits
         self._setpoints = Setpoints(self._parameters, limits, self._kinematics)
 
     def wheel_velocities(self, velocity_rad_s: Mapping[str, float]) -> WheelVelocities:
@@ -134,10 +160,10 @@ class Drive:
         """
         strangers = [name for name in velocity_rad_s if name not in self._names]
         if strangers:
-            told = f"no wheel named {', '.join(map(ascii, strangers))}; there are {', '.join(self._names)}"
-            raise Refused(RefusalKind.UNKNOWN_WHEEL, told)
-        wanted = tuple([velocity_rad_s.get(name, 0.0) for name in self._names])
-        return WheelVelocities(wanted, self._kinematics.twist(wanted))
+            reason = f"no wheel named {', '.join(map(ascii, strangers))}; there are {', '.join(self._names)}"
+            raise Refused(RefusalKind.UNKNOWN_WHEEL, reason)
+        speeds = tuple([velocity_rad_s.get(name, 0.0) for name in self._names])
+        return WheelVelocities(speeds, self._kinematics.twist(speeds))
 
     def targets_rad_s(self, state: DriveState) -> tuple[float, ...]:
         """The commanded speed of each wheel."""

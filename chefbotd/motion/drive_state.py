@@ -19,6 +19,10 @@ class DriveParameters(Parameters):
     ``response_delay_s`` is the delay between command and encoder reading that the averaging of the readings does not
     explain: the line in both directions, the board's cycle, the motors.
 
+    A wheel's integral acts in full once all setpoints have been steady for ``integral_settle_s`` in what was measured
+    too, and with ``UNSETTLED_SHARE`` of its gain before: so a fast integral does not take the lag of a start for an
+    error of the feedforward, and overshoot. 0: it always acts in full.
+
     In a turn, wheels behind each other are dragged sideways. Turning on the spot takes ``scrub_duty`` of each wheel
     beyond its friction. In a curve it takes the share of that by which the wheel moves sideways over the ground,
     ``scrub_reach_m`` (half the wheelbase) from the middle.
@@ -33,6 +37,7 @@ class DriveParameters(Parameters):
     response_delay_s: float = Field(default=0.05, ge=0, le=0.5)
     scrub_duty: float = Field(default=0.0, ge=0, le=32_767)
     scrub_reach_m: float = Field(default=0.1, gt=0, le=5)
+    integral_settle_s: float = Field(default=0.0, ge=0, le=5)
     max_step_s: float = Field(default=0.1, gt=0, le=1)
     saturation_slowdown_per_s: float = Field(default=2.0, ge=0, le=100)
     saturation_recovery_per_s: float = Field(default=0.5, gt=0, le=100)
@@ -41,6 +46,7 @@ class DriveParameters(Parameters):
 class DriveState(Record, frozen=True):
     """Everything that one step hands to the next; ``stepped_s`` is None until the first.
 
+    ``steady_s``: for how long the setpoints have been steady in what was measured.
     ``loose``: the wheels of a side are not set to the same speed, so ``limiter`` alone does not describe the motion.
     """
 
@@ -53,3 +59,4 @@ class DriveState(Record, frozen=True):
     acceleration_m_s2: tuple[float, ...] = ()
     loose: bool = False
     asked: reference.History = ()
+    steady_s: float = 0.0

@@ -39,14 +39,14 @@ class QuadratureParameters(Parameters):
     standstill_s: float = Field(default=5.0, gt=0, le=60)
 
 
-class Mark(NamedTuple):
+class TimedEdge(NamedTuple):
     """An edge whose time is known: its count, and its time by the board's clock."""
 
     counts: int
     at_s: float
 
 
-class Known(NamedTuple):
+class HeldRate(NamedTuple):
     """A speed, and the time of the last edge that it is computed from."""
 
     rate_counts_s: float
@@ -61,12 +61,12 @@ class Run(Record, frozen=True):
     """
 
     direction: int = 0
-    marks: tuple[Mark, ...] = ()
-    held: Known | None = None
+    marks: tuple[TimedEdge, ...] = ()
+    held: HeldRate | None = None
 
 
 START = Run()
-STANDING = Known(0.0, -math.inf)
+STANDING = HeldRate(0.0, -math.inf)
 
 
 def turned(run: Run, direction: int) -> Run:
@@ -80,10 +80,10 @@ def broken(params: QuadratureParameters, run: Run) -> Run:
     if not run.marks:
         return Run(held=run.held)
     last_s = run.marks[-1].at_s
-    return Run(held=Known(rate_counts_s(params, run, last_s), last_s))
+    return Run(held=HeldRate(rate_counts_s(params, run, last_s), last_s))
 
 
-def extend(params: QuadratureParameters, run: Run, mark: Mark) -> Run:
+def extend(params: QuadratureParameters, run: Run, mark: TimedEdge) -> Run:
     """The run with a new edge, without the edges that it cannot be timed against.
 
     These are all of them after a rest, or if the edge does not follow the one before; all but the last if the speed
@@ -98,7 +98,7 @@ def extend(params: QuadratureParameters, run: Run, mark: Mark) -> Run:
     return Run(run.direction, (*kept, mark))
 
 
-def _goes_on(params: QuadratureParameters, marks: Sequence[Mark], new: Mark) -> bool:
+def _goes_on(params: QuadratureParameters, marks: Sequence[TimedEdge], new: TimedEdge) -> bool:
     """Whether the new edge fits the speed before it."""
     if len(marks) < 2:
         return True
@@ -107,19 +107,21 @@ def _goes_on(params: QuadratureParameters, marks: Sequence[Mark], new: Mark) -> 
     return least <= _gap_s(newest, new) / _gap_s(far, newest) <= most
 
 
-def _gap_s(before: Mark, after: Mark) -> float:
+def _gap_s(before: TimedEdge, after: TimedEdge) -> float:
     """The mean time of a count between two edges."""
     return (after.at_s - before.at_s) / abs(after.counts - before.counts)
 
 
-def _last_cycle(marks: Sequence[Mark]) -> list[Mark]:
+def _last_cycle(marks: Sequence[TimedEdge]) -> list[TimedEdge]:
     """The edges within one cycle of the newest; the newest two if there are fewer."""
     newest = marks[-1].counts
     near = [mark for mark in marks if abs(newest - mark.counts) <= CYCLE]
     return near if len(near) > 1 else list(marks[-2:])
 
 
-def _recent(params: QuadratureParameters, marks: tuple[Mark, ...], now_s: float) -> tuple[Mark, ...]:
+def _recent(
+    params: QuadratureParameters, marks: tuple[TimedEdge, ...], now_s: float
+) -> tuple[TimedEdge, ...]:
     """The part of a run that a speed can need: the window, and a cycle before it."""
     first = bisect_left(marks, now_s - params.window_s, key=lambda mark: mark.at_s)
     return marks[max(0, first - CYCLE) :]
@@ -130,26 +132,26 @@ def rate_counts_s(params: QuadratureParameters, run: Run, board_s: float) -> flo
 
     Once the next edge is overdue, the rate is the highest at which it would not have come yet: it decays with time.
     """
-    known = _known(params, run)
-    quiet_s = board_s - known.since_s
+    measured = _held_rate(params, run)
+    quiet_s = board_s - measured.since_s
     if quiet_s > params.standstill_s:
         return 0.0
-    if quiet_s <= 0 or not known.rate_counts_s:
-        return known.rate_counts_s
-    most = _widest_phase(run.marks, abs(known.rate_counts_s)) / quiet_s
-    return max(-most, min(most, known.rate_counts_s))
+    if quiet_s <= 0 or not measured.rate_counts_s:
+        return measured.rate_counts_s
+    most = _widest_phase(run.marks, abs(measured.rate_counts_s)) / quiet_s
+    return max(-most, min(most, measured.rate_counts_s))
 
 
-def _known(params: QuadratureParameters, run: Run) -> Known:
+def _held_rate(params: QuadratureParameters, run: Run) -> HeldRate:
     marks = run.marks
     if len(marks) > 1:
-        return Known(run.direction / _gap_s(_far_end(params, marks), marks[-1]), marks[-1].at_s)
+        return HeldRate(run.direction / _gap_s(_far_end(params, marks), marks[-1]), marks[-1].at_s)
     if run.held is None:
         return STANDING
     return run.held._replace(since_s=marks[-1].at_s) if marks else run.held
 
 
-def _far_end(params: QuadratureParameters, marks: Sequence[Mark]) -> Mark:
+def _far_end(params: QuadratureParameters, marks: Sequence[TimedEdge]) -> TimedEdge:
     """The edge to measure from: the oldest in the window of the same kind as the newest, else the latest of that kind.
 
     Where there is none, as in the first cycle of a run: the first that is near.
@@ -161,7 +163,7 @@ def _far_end(params: QuadratureParameters, marks: Sequence[Mark]) -> Mark:
     return next((mark for mark in like if mark.at_s >= newest.at_s - params.window_s), like[-1])
 
 
-def _widest_phase(marks: Sequence[Mark], rate_counts_s: float) -> float:
+def _widest_phase(marks: Sequence[TimedEdge], rate_counts_s: float) -> float:
     """The width of the widest phase of the last cycle in counts, 1 or more: the next edge may take that long.
 
     Where the times of three phases are known, the fourth is the rest of the cycle.

@@ -13,6 +13,10 @@ from chefbotd.core.parameters import Parameters
 RadiusMultiplier = Annotated[float, Field(ge=0.5, le=2.0)]
 
 
+ALL_WHEELS = "all"
+"""Every wheel, where gains are changed; no wheel has this name."""
+
+
 class Side(StrEnum):
     """Which side of the robot a wheel is on, seen in the direction of travel."""
 

@@ -25,17 +25,17 @@ class LimitPreview:
         """The robot obeys other limits from now on."""
         self._limits = limits
 
-    def of_twist(self, wanted: Twist2D) -> Allowed[Twist2D]:
+    def of_twist(self, command: Twist2D) -> Allowed[Twist2D]:
         """First what the wheels reach, with its curvature, then the limits of each axis."""
-        reachable = self._kinematics.saturate(wanted, self._max_rim_speed_m_s)
-        shares = self._shares(self._kinematics.rim_speeds_m_s(wanted), wanted)
+        reachable = self._kinematics.saturate(command, self._max_rim_speed_m_s)
+        shares = self._shares(self._kinematics.rim_speeds_m_s(command), command)
         return Allowed(within_speeds(self._limits, reachable), _tightest(shares))
 
-    def of_wheels(self, wanted: WheelVelocities) -> Allowed[Mapping[str, float]]:
+    def of_wheels(self, command: WheelVelocities) -> Allowed[Mapping[str, float]]:
         """Every wheel's speed in rad/s by its name: slowed together, to what the fastest and their motion may do."""
-        wheels = zip(wanted.rad_s, self._kinematics.radii_m, strict=True)
-        shares = self._shares([velocity * radius_m for velocity, radius_m in wheels], wanted.twist)
-        allowed = wanted.slowed(min(shares.values())).rad_s
+        wheels = zip(command.rad_s, self._kinematics.radii_m, strict=True)
+        shares = self._shares([velocity * radius_m for velocity, radius_m in wheels], command.twist)
+        allowed = command.slowed(min(shares.values())).rad_s
         return Allowed(dict(zip(self._names, allowed, strict=True)), _tightest(shares))
 
     def _shares(self, rims_m_s: Sequence[float], twist: Twist2D) -> dict[str, float]:

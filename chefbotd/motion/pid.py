@@ -86,8 +86,11 @@ def step(
     measured_m_s: float,
     dt_s: float,
     scrub_duty: float = 0.0,
+    integral_share: float = 1.0,
 ) -> tuple[PidState, float]:
     """Take a measurement ``dt_s`` after the last one: the next state and the duty, within the output limit.
+
+    ``integral_share`` is the part of the integral gain that acts now.
 
     Where no time has passed, or none that a board can tell, nothing is integrated or differentiated. A clamped output
     lets the integral shrink, not grow, and drains it if asked to. Written in one piece: it runs for every wheel's frame.
@@ -107,7 +110,7 @@ def step(
     forward_duty = feedforward(params, setpoint_m_s, acceleration_m_s2, scrub_duty)
     duty = forward_duty + fading_duty + params.kp * error_m_s + derivative_duty
     limit, integral_duty = params.output_limit, state.integral_duty
-    demand, growth = duty + integral_duty, params.ki * error_m_s * dt_s
+    demand, growth = duty + integral_duty, params.ki * error_m_s * dt_s * integral_share
     excess = demand - limit if demand > limit else demand + limit if demand < -limit else 0.0
     if not (params.conditional_integration and growth * excess > 0):
         integral_duty += growth

@@ -8,7 +8,7 @@ send. ``motion.encoder`` turns the counts into angles as for any board; ``motion
 from chefbotd.core.events import EdgeBurst
 from chefbotd.core.record import Record, replace
 from chefbotd.motion import edge_speed
-from chefbotd.motion.edge_speed import Mark, QuadratureParameters, Run
+from chefbotd.motion.edge_speed import QuadratureParameters, Run, TimedEdge
 
 STEPS: tuple[tuple[int | None, ...], ...] = (
     # to 00, 01, 10, 11
@@ -66,7 +66,7 @@ def decode(params: QuadratureParameters, state: QuadratureState, burst: EdgeBurs
             if step != run.direction:
                 run = edge_speed.turned(run, step)
             if k >= untimed:
-                run = edge_speed.extend(params, run, Mark(counts, burst.times_s[k - untimed]))
+                run = edge_speed.extend(params, run, TimedEdge(counts, burst.times_s[k - untimed]))
         elif levels is not None:
             repeated += 1
         levels = new
@@ -82,8 +82,8 @@ def decode(params: QuadratureParameters, state: QuadratureState, burst: EdgeBurs
 
 def _account(params: QuadratureParameters, state: QuadratureState, burst: EdgeBurst) -> QuadratureState:
     """Compare the total of the board with the edges that it has sent."""
-    state, known = replace(state, total=burst.total), state.total
-    lost = 0 if known is None else (burst.total - known - len(burst.levels)) % TOTAL_SPAN
+    state, total_before = replace(state, total=burst.total), state.total
+    lost = 0 if total_before is None else (burst.total - total_before - len(burst.levels)) % TOTAL_SPAN
     if not lost:
         return state
     return replace(state, levels=None, run=edge_speed.broken(params, state.run), lost=state.lost + lost)

@@ -22,6 +22,10 @@ History = tuple[Asked, ...]
 """Newest last; before the first the wheels stood."""
 
 
+STEADY_SHARE = 0.1
+"""A setpoint that has changed by less, of itself, counts as steady."""
+
+
 def remember(history: History, newest: Asked, over_s: float) -> History:
     """The history with the last setpoint, cut to the last ``over_s``."""
     first, age_s = len(history), newest.duration_s
@@ -41,7 +45,7 @@ def mean_m_s(history: History, over_s: float, delay_s: float) -> tuple[float, ..
             inside_s = (age_s if age_s < until_s else until_s) - (begin_s if begin_s > delay_s else delay_s)
             for wheel, speed_m_s in enumerate(asked.setpoint_m_s):
                 way_m[wheel] += inside_s * speed_m_s
-    return tuple([way / over_s for way in way_m])
+    return tuple([travel_m / over_s for travel_m in way_m])
 
 
 def caught_up(
@@ -50,3 +54,12 @@ def caught_up(
     """The present speeds of the rims: the measured ones, plus the change of the setpoints since ``asked_m_s``."""
     wheels = zip(measured_m_s, asked_m_s, setpoint_m_s, strict=True)
     return tuple([measured + setpoint - asked for measured, asked, setpoint in wheels])
+
+
+def is_steady(asked_m_s: tuple[float, ...], setpoint_m_s: tuple[float, ...]) -> bool:
+    """Whether what was asked for while the wheels were measured is about what is asked for now, of every rim."""
+    for asked, setpoint in zip(asked_m_s, setpoint_m_s, strict=True):
+        change, most = setpoint - asked, STEADY_SHARE * setpoint
+        if change * change > most * most:
+            return False
+    return True

@@ -4,12 +4,53 @@ A twist is limited as a twist, and so is the twist that wheels with speeds of th
 of a side differ, the difference is ramped beside it, until they turn alike again: no setpoint ever jumps.
 """
 
+from collections.abc import Sequence
+
 from chefbotd.core.geometry import STANDING, Motion, Twist2D, WheelVelocities
 from chefbotd.core.record import replace
 from chefbotd.motion import pid, rims
 from chefbotd.motion.drive_state import DriveParameters, DriveState
 from chefbotd.motion.kinematics import Kinematics
-from chefbotd.motion.limits import MotionLimits, limit
+from chefbotd.motion.limits import LimiterState, MotionLimits, limit
+
+Duty = tuple[int, ...]
+
+
+def under(ceiling: Duty | None, before: DriveState, after: DriveState) -> DriveState:
+    """The step ``after``, with no wheel driven harder than ``ceiling``, or backwards (None: no such limit)."""
+    if ceiling is None:
+        return after
+    duty = tuple([_cut(value, most) for value, most in zip(after.duty, ceiling, strict=True)])
+    slows = _slows(before.limiter.twist, after.limiter.twist)
+    if not slows and _rises(before.setpoint_m_s, after.setpoint_m_s):
+        after = replace(
+            after,
+            limiter=LimiterState(before.limiter.twist),
+            setpoint_m_s=before.setpoint_m_s,
+            acceleration_m_s2=(0.0,) * len(duty),
+        )
+    pids = [
+        new if given == value else old
+        for new, old, given, value in zip(after.pids, before.pids, duty, after.duty, strict=True)
+    ]
+    return replace(after, duty=duty, pids=tuple(pids))
+
+
+def _slows(before: Twist2D, after: Twist2D) -> bool:
+    """Whether the robot as a whole slows down. On the inside of a curve a wheel may speed up for that."""
+    pairs = ((before.linear_m_s, after.linear_m_s), (before.angular_rad_s, after.angular_rad_s))
+    return before != after and all(new * old >= 0 and abs(new) <= abs(old) for old, new in pairs)
+
+
+def _cut(value: int, most: int) -> int:
+    if value * most <= 0:
+        return 0
+    return value if abs(value) <= abs(most) else most
+
+
+def _rises(before: Sequence[float], after: Sequence[float]) -> bool:
+    """Whether a wheel is asked to turn faster, or the other way."""
+    return any(new * old < 0 or abs(new) > abs(old) for old, new in zip(before, after, strict=True))
 
 
 class Setpoints:

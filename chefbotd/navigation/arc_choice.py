@@ -3,9 +3,9 @@
 import math
 from collections.abc import Iterable, Iterator
 
-from chefbotd.navigation.arcs import Way, turn, way
-from chefbotd.navigation.outline import OutlineParameters
-from chefbotd.navigation.steering import FollowerParameters
+from chefbotd.navigation.arcs import HORIZON_M, KEEP_FOR_M, Way, turn, way
+from chefbotd.navigation.outline import Footprint
+from chefbotd.navigation.steering import ALIGNED_RAD, MOST_CURVATURE_PER_M, FollowerLimits
 from chefbotd.navigation.surroundings import Surroundings, turned
 
 CLEAR_WORTH, SLIGHT_M = 4.0, 0.005
@@ -19,8 +19,8 @@ TURN_GAIN_M = 0.015
 
 
 def free_arc(
-    params: FollowerParameters,
-    outline: OutlineParameters,
+    params: FollowerLimits,
+    outline: Footprint,
     near: Surroundings,
     curvature: float,
     carrot: tuple[float, float],
@@ -40,8 +40,8 @@ def free_arc(
 
 
 def clear_arc(
-    params: FollowerParameters,
-    outline: OutlineParameters,
+    params: FollowerLimits,
+    outline: Footprint,
     near: Surroundings,
     curvature: float,
     found: Way,
@@ -52,7 +52,7 @@ def clear_arc(
     if found.lacking_m < SLIGHT_M:
         return chosen
     for step, tried in _beside(params, curvature, (0.15, 0.4, 0.8, 1.2, 1.8)):
-        off_m = step * params.arcs.keep_for_m**2 / 2
+        off_m = step * KEEP_FOR_M**2 / 2
         other = arc(params, outline, near, tried, horizon_m)
         worth = CLEAR_WORTH * other.lacking_m + off_m
         if worth < best and other.free >= min(found.free, NEEDED_M) - 1e-6:
@@ -61,44 +61,44 @@ def clear_arc(
 
 
 def _beside(
-    params: FollowerParameters, curvature: float, steps: Iterable[float]
+    params: FollowerLimits, curvature: float, steps: Iterable[float]
 ) -> Iterator[tuple[float, float]]:
     """Each step, and the curvatures to its left and right that the robot can drive, the nearest first."""
     for step in steps:
         for tried in (curvature - step, curvature + step):
-            if abs(tried) <= params.most_curvature_per_m:
+            if abs(tried) <= MOST_CURVATURE_PER_M:
                 yield step, tried
 
 
 def is_clearer_turned(
-    params: FollowerParameters,
-    outline: OutlineParameters,
+    params: FollowerLimits,
+    outline: Footprint,
     near: Surroundings,
     bearing_rad: float,
     away_m: float,
     found: Way,
 ) -> bool:
     """Whether turning on the spot before driving leaves more room than the arc that was found."""
-    if found.lacking_m < TURN_GAIN_M or abs(bearing_rad) <= params.aligned_rad:
+    if found.lacking_m < TURN_GAIN_M or abs(bearing_rad) <= ALIGNED_RAD:
         return False
-    free_rad = turn(params.arcs, outline, near, bearing_rad).free
+    free_rad = turn(outline, near, bearing_rad).free
     straight = arc(params, outline, turned(near, bearing_rad), 0.0, away_m)
     is_clearer = straight.lacking_m + TURN_GAIN_M < found.lacking_m
     return is_clearer and straight.free >= away_m - 1e-6 and free_rad >= abs(bearing_rad) - 1e-6
 
 
 def arc(
-    params: FollowerParameters,
-    outline: OutlineParameters,
+    params: FollowerLimits,
+    outline: Footprint,
     near: Surroundings,
     curvature: float,
     horizon_m: float | None = None,
 ) -> Way:
     """An arc forwards, or, backwards, one with a negative horizon."""
-    horizon_m = params.arcs.horizon_m if horizon_m is None else horizon_m
+    horizon_m = HORIZON_M if horizon_m is None else horizon_m
     most = params.max_speed_m_s if horizon_m > 0 else params.max_reverse_m_s
     limit = min(most, params.curve_turn_rad_s / max(abs(curvature), 1e-6))
-    return way(params.arcs, outline, near, curvature, horizon_m, limit, params.deceleration_m_s2)
+    return way(outline, near, curvature, horizon_m, limit, params.deceleration_m_s2)
 
 
 def _worth(found: Way, curvature: float, wanted: float, carrot: tuple[float, float]) -> float:

@@ -6,16 +6,15 @@ it. A point that is too near already forbids only what brings it nearer, so the 
 
 import math
 from dataclasses import dataclass
+from typing import Final, NamedTuple
 
 import numpy as np
-from pydantic import Field
 
 from chefbotd.core.compiled import kernel
-from chefbotd.core.parameters import Parameters
 from chefbotd.navigation.costmap import between_cells
 from chefbotd.navigation.distance import Flags, Singles
 from chefbotd.navigation.grid_frame import Floats
-from chefbotd.navigation.outline import OutlineParameters, clearance_m
+from chefbotd.navigation.outline import Footprint, clearance_m
 from chefbotd.navigation.surroundings import Surroundings
 
 STEP_M, STEP_RAD = 0.025, 0.05
@@ -27,35 +26,43 @@ REACTION_M = 0.05
 """What is so near limits the speed at once; what is farther, only so far as the robot can slow down until then."""
 
 
-class ArcParameters(Parameters):
-    """How near is too near, and how the room beside the robot limits its speed."""
+MARGIN_M: Final = 0.015
+"""From what stands on the map: the lidar's noise, and no more, so that narrow doors are passed."""
 
-    margin_m: float = Field(default=0.015, ge=0, le=1)
-    """From what stands on the map: the lidar's noise, and no more, so that narrow doors are passed."""
-    unmapped_margin_m: float = Field(default=0.03, ge=0, le=1)
-    """From what is not on the map: a chair's leg is seen, its seat is not, and people move."""
-    horizon_m: float = Field(default=1.0, gt=0, le=10)
-    map_slack_m: float = Field(default=0.06, ge=0, le=1)
-    """So much nearer to an obstacle of the map than the inner radius stops the robot though no lidar sees it: its cell
+UNMAPPED_MARGIN_M: Final = 0.03
+"""From what is not on the map: a chair's leg is seen, its seat is not, and people move."""
+
+HORIZON_M: Final = 1.0
+MAP_SLACK_M: Final = 0.06
+"""So much nearer to an obstacle of the map than the inner radius stops the robot though no lidar sees it: its cell
     and its pose are not exact."""
-    creep_m_s: float = Field(default=0.08, gt=0, le=10)
-    """The speed with no room at all beside the robot."""
-    full_speed_room_m: float = Field(default=0.20, gt=0, le=10)
-    """With so much room it goes as fast as it may."""
-    moving_margin_m: float = Field(default=0.08, ge=0, le=1)
-    """More than that from who walks, or stands for a moment: where he will be is a guess, and he needs room to go on."""
-    foresight_s: float = Field(default=2.5, ge=0, le=10)
-    """For so long somebody is expected to walk on as now."""
-    early_s: float = Field(default=0.3, ge=0, le=5)
-    """Somebody may be where he is expected so much earlier, or the robot later:"""
-    late_s: float = Field(default=0.5, ge=0, le=5)
-    """in front of somebody it goes only with so much time to spare."""
-    stays_s: float = Field(default=1.5, ge=0, le=10)
-    """Where the robot will stop, nobody may come by for so long."""
-    keep_m: float = Field(default=0.13, ge=0, le=5)
-    """So much the robot keeps from what stands, where there is room,"""
-    keep_for_m: float = Field(default=0.35, gt=0, le=10)
-    """along so much of its way: beyond, it will have turned."""
+
+CREEP_M_S: Final = 0.08
+"""The speed with no room at all beside the robot."""
+
+FULL_SPEED_ROOM_M: Final = 0.20
+"""With so much room it goes as fast as it may."""
+
+MOVING_MARGIN_M: Final = 0.08
+"""More than that from who walks, or stands for a moment: where he will be is a guess, and he needs room to go on."""
+
+FORESIGHT_S: Final = 2.5
+"""For so long somebody is expected to walk on as now."""
+
+EARLY_S: Final = 0.3
+"""Somebody may be where he is expected so much earlier, or the robot later:"""
+
+LATE_S: Final = 0.5
+"""in front of somebody it goes only with so much time to spare."""
+
+STAYS_S: Final = 1.5
+"""Where the robot will stop, nobody may come by for so long."""
+
+KEEP_M: Final = 0.13
+"""So much the robot keeps from what stands, where there is room,"""
+
+KEEP_FOR_M: Final = 0.35
+"""along so much of its way: beyond, it will have turned."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,27 +79,50 @@ class Way:
     lacking_m: float = 0.0
 
 
+class _Motion(NamedTuple):
+    """What a kernel is told of the robot: its outline's pad, how fast it may be and is, and how it brakes.
+
+    Nearer than ``map_least_m`` no obstacle of the map may be. The robot stands after ``stops_m``; who walks is expected
+    to walk on for ``foresight_s``.
+    """
+
+    pad_m: float
+    map_least_m: float
+    max_speed_m_s: float
+    deceleration_m_s2: float
+    speed_m_s: float
+    stops_m: float
+    foresight_s: float
+
+
 def way(
-    params: ArcParameters,
-    outline: OutlineParameters,
+    outline: Footprint,
     near: Surroundings,
     curvature_per_m: float,
     horizon_m: float,
     max_speed_m_s: float,
     deceleration_m_s2: float,
+    *,
+    foresight_s: float = FORESIGHT_S,
 ) -> Way:
     """Forward along an arc (CCW positive), or backward with a negative horizon."""
-    numbers = _numbers(params, outline, near, max_speed_m_s, deceleration_m_s2)
-    return Way(*_way(*_arrays(outline, near), numbers, curvature_per_m, horizon_m, 0.0))
+    motion = _motion(outline, near, max_speed_m_s, deceleration_m_s2, foresight_s)
+    return Way(*_way(*_arrays(outline, near), motion, curvature_per_m, horizon_m, 0.0))
 
 
-def turn(params: ArcParameters, outline: OutlineParameters, near: Surroundings, angle_rad: float) -> Way:
+def turn(outline: Footprint, near: Surroundings, angle_rad: float) -> Way:
     """Turning on the spot by an angle (CCW positive)."""
-    return Way(*_way(*_arrays(outline, near), _numbers(params, outline, near, 1.0, 1.0), 0.0, 0.0, angle_rad))
+    motion = _motion(outline, near, 1.0, 1.0, FORESIGHT_S)
+    return Way(*_way(*_arrays(outline, near), motion, 0.0, 0.0, angle_rad))
+
+
+def met_by_turn(outline: Footprint, near: Surroundings, angle_rad: float) -> int:
+    """The point that a turn on the spot brings too near first; if there is none, the one that is nearest now."""
+    return int(_met(outline.hull, outline.pad_m, near.points_m, near.margin_m, angle_rad))
 
 
 def _arrays(
-    outline: OutlineParameters, near: Surroundings
+    outline: Footprint, near: Surroundings
 ) -> tuple[Floats, Floats, Floats, Flags, Floats, Singles, float, Floats]:
     pose = near.grid_from_base
     here = np.array([pose.x_m, pose.y_m, pose.heading_rad])
@@ -103,30 +133,21 @@ def _arrays(
     return outline.hull, points, velocity, walks, near.margin_m, near.fixed_m, near.cell_m, here
 
 
-def _numbers(
-    params: ArcParameters,
-    outline: OutlineParameters,
+def _motion(
+    outline: Footprint,
     near: Surroundings,
     max_speed_m_s: float,
     deceleration_m_s2: float,
-) -> Floats:
-    return np.array(
-        [
-            outline.pad_m,
-            outline.inner_radius_m - params.map_slack_m,
-            params.creep_m_s,
-            params.full_speed_room_m,
-            max_speed_m_s,
-            deceleration_m_s2,
-            params.foresight_s,
-            params.keep_m,
-            params.keep_for_m,
-            params.early_s,
-            params.late_s,
-            near.speed_m_s,
-            near.stops_m,
-            params.stays_s,
-        ]
+    foresight_s: float,
+) -> _Motion:
+    return _Motion(
+        outline.pad_m,
+        outline.inner_radius_m - MAP_SLACK_M,
+        float(max_speed_m_s),
+        float(deceleration_m_s2),
+        float(near.speed_m_s),
+        float(near.stops_m),
+        foresight_s,
     )
 
 
@@ -140,19 +161,19 @@ def _way(
     fixed_m: Singles,
     cell_m: float,
     here: Floats,
-    numbers: Floats,
+    motion: _Motion,
     curvature: float,
     horizon_m: float,
     angle_rad: float,
 ) -> tuple[float, float, float, float]:
     """Free length or angle (0 or more), least room, allowed speed, lacking room."""
-    pad_m, map_least_m, creep, full_room_m, most, braking, foresight_s, keep_m, keep_for_m = numbers[:9]
-    early_s, late_s, speed_now, stops_m, stays_s = numbers[9:]
+    pad_m, most, braking = motion.pad_m, motion.max_speed_m_s, motion.deceleration_m_s2
+    stops_m, foresight_s = motion.stops_m, motion.foresight_s
     on_the_spot = horizon_m == 0.0
     total = angle_rad if on_the_spot else horizon_m
     count = max(math.ceil(abs(total) / (STEP_RAD if on_the_spot else STEP_M)), 1)
     least = _least_allowed(hull, pad_m, points, margin)
-    map_least_m = min(map_least_m, between_cells(fixed_m, cell_m, here[0], here[1]) - COMING_M)
+    map_least_m = min(motion.map_least_m, between_cells(fixed_m, cell_m, here[0], here[1]) - COMING_M)
     cos_0, sin_0 = math.cos(here[2]), math.sin(here[2])
     free, room_m, speed = abs(total), math.inf, most
     lacking_m, most_lacking_m, kept = 0.0, 0.0, 0
@@ -161,10 +182,12 @@ def _way(
         x, y, heading = (0.0, 0.0, s) if on_the_spot else along_arc(s, curvature)
         soon_s = time_s = min(abs(s) if on_the_spot else abs(s) / max(most, 0.05), foresight_s)
         if not on_the_spot:
-            time_s = _time_s(min(abs(s), stops_m), math.copysign(1.0, total) * speed_now, braking, most)
-        from_s, until_s = max(min(time_s, foresight_s) - early_s, 0.0), min(time_s, foresight_s) + late_s
+            time_s = _time_s(
+                min(abs(s), stops_m), math.copysign(1.0, total) * motion.speed_m_s, braking, most
+            )
+        from_s, until_s = max(min(time_s, foresight_s) - EARLY_S, 0.0), min(time_s, foresight_s) + LATE_S
         if abs(s) >= stops_m:
-            until_s = min(time_s, foresight_s) + stays_s
+            until_s = min(time_s, foresight_s) + STAYS_S
         times = soon_s, min(time_s, foresight_s), from_s, until_s
         nearest, standing = _nearest(hull, pad_m, points, velocity, walks, least, x, y, heading, times)
         there_m = math.inf
@@ -175,10 +198,10 @@ def _way(
             free = abs(total) * (k - 1) / count
             break
         room_m = min(room_m, nearest)
-        if abs(s) <= keep_for_m:
-            lacks_m = max(keep_m - standing, 0.0)
+        if abs(s) <= KEEP_FOR_M:
+            lacks_m = max(KEEP_M - standing, 0.0)
             lacking_m, most_lacking_m, kept = lacking_m + lacks_m, max(most_lacking_m, lacks_m), kept + 1
-        allowed = creep + (most - creep) * min(max(nearest, 0.0) / full_room_m, 1.0)
+        allowed = CREEP_M_S + (most - CREEP_M_S) * min(max(nearest, 0.0) / FULL_SPEED_ROOM_M, 1.0)
         ahead_m = max(abs(s) - REACTION_M, 0.0)
         speed = min(speed, math.sqrt(allowed * allowed + 2 * braking * ahead_m))
     return free, max(room_m, 0.0), speed, lacking_m / max(kept, 1) + 0.5 * most_lacking_m
@@ -211,6 +234,25 @@ def _least_allowed(hull: Floats, pad_m: float, points: Floats, margin: Floats) -
     for i in range(points.shape[0]):
         least[i] = min(margin[i], clearance_m(hull, pad_m, points[i, 0], points[i, 1]) - COMING_M)
     return least
+
+
+@kernel
+def _met(hull: Floats, pad_m: float, points: Floats, margin: Floats, angle_rad: float) -> int:
+    """The index of the first point that a turn on the spot brings too near, or of the one that is nearest now."""
+    least = _least_allowed(hull, pad_m, points, margin)
+    count = math.ceil(abs(angle_rad) / STEP_RAD)
+    for k in range(1, count + 1):
+        cos, sin = math.cos(angle_rad * k / count), math.sin(angle_rad * k / count)
+        for i in range(points.shape[0]):
+            x, y = points[i, 0], points[i, 1]
+            if clearance_m(hull, pad_m, cos * x + sin * y, cos * y - sin * x) < least[i]:
+                return i
+    nearest, nearest_m = 0, math.inf
+    for i in range(points.shape[0]):
+        apart_m = clearance_m(hull, pad_m, points[i, 0], points[i, 1])
+        if apart_m < nearest_m:
+            nearest, nearest_m = i, apart_m
+    return nearest
 
 
 @kernel

@@ -1,6 +1,7 @@
 """The robot's knowledge on a map: the map with its zones, new obstacles, moving ones, and its own trail."""
 
 import math
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,9 +9,12 @@ from numpy.typing import NDArray
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.surfaces import places
+from chefbotd.navigation.arcs import FORESIGHT_S, MARGIN_M, MOVING_MARGIN_M, UNMAPPED_MARGIN_M, met_by_turn
 from chefbotd.navigation.costmap import Costmap, between_cells_at, costmap, with_obstacles
 from chefbotd.navigation.grid_frame import Floats, GridFrame
 from chefbotd.navigation.live import (
+    EXPLAINED_M,
+    RANGE_KEPT_S,
     LiveObstacles,
     is_there,
     nothing_seen,
@@ -20,18 +24,26 @@ from chefbotd.navigation.live import (
     see_scan,
 )
 from chefbotd.navigation.movers import SLOWEST_M_S, Mover, displaced, followed
+from chefbotd.navigation.outline import clearance_m
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.people import with_people
+from chefbotd.navigation.recovery import CLOSED_RADIUS_M, SOMEBODY_S
 from chefbotd.navigation.reports import Seen
 from chefbotd.navigation.surroundings import Surroundings
 from chefbotd.navigation.trail import Trail, extended
 from chefbotd.navigation.zones import Zones
+
+NEAR_M: Final = 1.6
+"""Points farther away than this are not looked at for the next motion."""
 
 BRIDGED_S = 0.5
 """For so long after a scan things are expected to go on as they moved in it."""
 
 SOMEBODY_M = 0.45
 """So near to a place somebody is at it."""
+
+BESIDE_M = 0.3
+"""What is so near to the outline may be what a guard stops the robot for."""
 
 JUMP_M = 0.06
 """A pose that is so much farther from the last one than the robot goes was put right."""
@@ -43,7 +55,12 @@ class Awareness:
     def __init__(self, params: NavigationParameters, grid: OccupancyGrid, zones: Zones) -> None:
         self._params = params
         self.ground: Costmap = costmap(
-            params.costs, params.outline, grid, params.follower.max_speed_m_s, zones
+            params.outline,
+            grid,
+            params.follower.max_speed_m_s,
+            zones,
+            unknown_space=params.unknown_space,
+            comfort_m=params.comfort_m,
         )
         self._live = nothing_seen(self.ground.frame)
         self._low: LiveObstacles | None = None  # what depth cameras see, which lidars look over or under
@@ -74,7 +91,7 @@ class Awareness:
         points, sensor = placed(pose, seen.points_m), placed(pose, places(seen.sensor_m))
         self._live = see_scan(self._live, self.frame, seen.stamp_s, sensor, points)
         away_m = between_cells_at(self.ground.fixed_m, self.frame.resolution_m, points)
-        self._is_unmapped = away_m > self._params.live.explained_m
+        self._is_unmapped = away_m > EXPLAINED_M
         self._velocity_m_s, self._is_walker = np.zeros_like(points), np.zeros(len(points), np.bool_)
         self._intent_m_s = np.zeros_like(points)
         done = followed(self._movers, seen.stamp_s, points[self._is_unmapped])
@@ -110,7 +127,7 @@ class Awareness:
         """Remember an echo of an ultrasonic or infrared sensor with a field of view."""
         sensor = self.frame.pose_to_grid(map_from_base).compose(base_from_sensor)
         self._live = see_range(
-            self._params.live, self._live, self.frame, self.ground.fixed_m, stamp_s, sensor, range_m, view_rad
+            self._live, self.frame, self.ground.fixed_m, stamp_s, sensor, range_m, view_rad
         )
 
     def close(self, place: Floats, until_s: float) -> None:
@@ -132,7 +149,7 @@ class Awareness:
             return stood
         walkers = [each for each in self._movers if each.is_walker and each.stamp_s == self.scan_stamp_s]
         speed_m_s = self._params.follower.max_speed_m_s
-        return with_people(self._params.people, stood, walkers, here.x_m, here.y_m, speed_m_s)
+        return with_people(stood, walkers, here.x_m, here.y_m, speed_m_s)
 
     def costs_to_plan(self, now_s: float, here: Pose2D, *, with_closed: bool) -> Costmap:
         """The same, kept as the costs that the last plan was made with."""
@@ -157,9 +174,9 @@ class Awareness:
         reach = math.ceil(SOMEBODY_M / self.frame.resolution_m)
         box = tuple(slice(max(at - reach, 0), at + reach + 1) for at in cell)
         seen = part_of(self._live, (box[0], box[1]))
-        stood_s = np.where(is_there(self._params.live, seen, now_s), seen.scan_s - seen.since_s, 0.0)
+        stood_s = np.where(is_there(seen, now_s), seen.scan_s - seen.since_s, 0.0)
         walked_s = float(self._walked_s[box].max())
-        lately_s = self._params.recovery.somebody_s
+        lately_s = SOMEBODY_S
         return now_s - walked_s < lately_s and float(stood_s.max()) < lately_s
 
     def obstacles(self, now_s: float) -> Floats:
@@ -168,9 +185,9 @@ class Awareness:
 
     def _seen(self, now_s: float, walked_s: Floats | None = None) -> Floats:
         """The same, without those who have walked on."""
-        params, fixed_m = self._params.live, self.ground.fixed_m
+        fixed_m = self.ground.fixed_m
         layers = [self._live] if self._low is None else [self._live, self._low]
-        return np.vstack([obstacles_seen(params, layer, fixed_m, now_s, walked_s) for layer in layers])
+        return np.vstack([obstacles_seen(layer, fixed_m, now_s, walked_s) for layer in layers])
 
     def movers_in_map(self, now_s: float) -> Floats:
         """Who moves: (n, 4), where in the map and how fast, along its axes; nobody who was not seen lately."""
@@ -185,25 +202,24 @@ class Awareness:
 
     def _with_closed(self, points_m: Floats, now_s: float) -> Floats:
         self._closed = [(until_s, place) for until_s, place in self._closed if until_s > now_s]
-        radius_m = self._params.recovery.closed_radius_m
+        radius_m = CLOSED_RADIUS_M
         around = np.arange(-radius_m, radius_m + 1e-9, self.frame.resolution_m)
         disc = np.array([(x, y) for x in around for y in around if math.hypot(x, y) <= radius_m])
         return np.vstack([points_m, *(place + disc for _, place in self._closed)])
 
     def surroundings(self, here: Pose2D, now_s: float, speed_m_s: float = 0.0) -> Surroundings:
         """What is about a pose of the grid's frame: the last scan, who moved going on so, and what was seen before."""
-        arcs, near_m = self._params.follower.arcs, self._params.near_m
         bridged_s = np.full(len(self._points_m), min(max(now_s - self.scan_stamp_s, 0.0), BRIDGED_S))
         bridged_s[self._is_walker] += self._params.follower.delay_s
         remembered = self._remembered(here, now_s)
         points = np.vstack([self._points_m + self._velocity_m_s * bridged_s[:, None], remembered])
         velocity = np.vstack([self._velocity_m_s, np.zeros_like(remembered)])
         intent = np.vstack([self._intent_m_s, np.zeros_like(remembered)])
-        margin = np.where(self._is_unmapped, arcs.unmapped_margin_m, arcs.margin_m)
+        margin = np.where(self._is_unmapped, UNMAPPED_MARGIN_M, MARGIN_M)
         is_moving = np.hypot(self._velocity_m_s[:, 0], self._velocity_m_s[:, 1]) > 0
-        margin = np.where(is_moving | self._is_walker, margin + arcs.moving_margin_m, margin)
-        margin = np.append(margin, np.full(len(remembered), arcs.margin_m))
-        reach_m = near_m + arcs.foresight_s * np.hypot(velocity[:, 0], velocity[:, 1])
+        margin = np.where(is_moving | self._is_walker, margin + MOVING_MARGIN_M, margin)
+        margin = np.append(margin, np.full(len(remembered), MARGIN_M))
+        reach_m = NEAR_M + FORESIGHT_S * np.hypot(velocity[:, 0], velocity[:, 1])
         near = np.hypot(points[:, 0] - here.x_m, points[:, 1] - here.y_m) < reach_m
         back = here.inverse()
         turned = Pose2D(0.0, 0.0, back.heading_rad)
@@ -221,25 +237,40 @@ class Awareness:
 
     def _remembered(self, here: Pose2D, now_s: float) -> Floats:
         """Points that the last scan does not show: of a sonar, of a depth camera, or what a lidar is now blind for."""
-        params, frame, stamp_s = self._params.live, self.frame, self.scan_stamp_s
-        reach = math.ceil(self._params.near_m / frame.resolution_m)
+        frame, stamp_s = self.frame, self.scan_stamp_s
+        reach = math.ceil(NEAR_M / frame.resolution_m)
         row, column = int(here.y_m / frame.resolution_m), int(here.x_m / frame.resolution_m)
         top, left = max(row - reach, 0), max(column - reach, 0)
         box = (slice(top, max(row + reach + 1, 0)), slice(left, max(column + reach + 1, 0)))
         seen = part_of(self._live, box)
-        unmapped = self.ground.fixed_m[box] > params.explained_m
-        hidden = (seen.scan_s < stamp_s) | (seen.range_s > now_s - params.range_kept_s)
-        kept = is_there(params, seen, now_s) & hidden & unmapped
+        unmapped = self.ground.fixed_m[box] > EXPLAINED_M
+        hidden = (seen.scan_s < stamp_s) | (seen.range_s > now_s - RANGE_KEPT_S)
+        kept = is_there(seen, now_s) & hidden & unmapped
         if self._low is None:
             return seen.at_m[kept]
         low = part_of(self._low, box)
-        return np.vstack([seen.at_m[kept], low.at_m[is_there(params, low, now_s) & unmapped]])
+        return np.vstack([seen.at_m[kept], low.at_m[is_there(low, now_s) & unmapped]])
 
-    def nearest_ahead(self, near: Surroundings) -> str:
-        """Where in the map the nearest thing is, as a part of a sentence."""
+    def nearest_ahead(self, near: Surroundings, turns_rad: float = 0.0) -> str:
+        """Where in the map the nearest thing is, or what a turn on the spot meets first, as a part of a sentence."""
         if not len(near.points_m):
             return ""
         k = int(np.argmin(np.hypot(near.points_m[:, 0] - 0.1, near.points_m[:, 1])))
+        if turns_rad:
+            k = met_by_turn(self._params.outline, near, turns_rad)
+        return self._where(near, k)
+
+    def beside(self, near: Surroundings) -> str:
+        """Where in the map something is that is so near that a guard may stop the robot, as a part of a sentence."""
+        outline = self._params.outline
+        if not len(near.points_m):
+            return ""
+        k = met_by_turn(outline, near, 0.0)
+        x_m, y_m = near.points_m[k]
+        apart_m = clearance_m(outline.hull, outline.pad_m, float(x_m), float(y_m))
+        return f" beside something{self._where(near, k)}" if apart_m < BESIDE_M else ""
+
+    def _where(self, near: Surroundings, k: int) -> str:
         there = near.grid_from_base.compose(Pose2D(float(near.points_m[k, 0]), float(near.points_m[k, 1])))
         found = self.frame.pose_to_map(there)
         return f" at ({found.x_m:.2f}, {found.y_m:.2f})"

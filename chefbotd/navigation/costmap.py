@@ -7,48 +7,40 @@ With no more than ``tight_m`` it costs up to ``tight_weight`` on top of that: th
 
 import math
 from dataclasses import dataclass, replace
-from enum import StrEnum
+from typing import Final
 
 import numpy as np
-from pydantic import Field
 
 from chefbotd.core.compiled import kernel
-from chefbotd.core.parameters import Parameters
 from chefbotd.mapping.occupancy_grid import UNKNOWN, OccupancyGrid
 from chefbotd.navigation.distance import Singles, distances_m
 from chefbotd.navigation.grid_frame import Floats, GridFrame
-from chefbotd.navigation.outline import OutlineParameters
+from chefbotd.navigation.outline import Footprint
 from chefbotd.navigation.search import BLOCKED
+from chefbotd.navigation.states import UnknownSpace
 from chefbotd.navigation.zones import NO_ZONES, Zones, keep_out_cells, speed_limits_m_s
 
+OCCUPIED_PERCENT: Final = 65
+"""Cells from here on are obstacles, as for map_server."""
 
-class UnknownSpace(StrEnum):
-    """What cells are worth that the map knows nothing of: no way, a way at a high price, or one like any other."""
+UNKNOWN_WEIGHT: Final = 5.0
+"""What an unknown cell costs more, where it is avoided."""
 
-    BLOCKED = "blocked"
-    AVOIDED = "avoided"
-    FREE = "free"
+COMFORT_M: Final = 0.30
+"""Room beside the outline from which on more room is worth nothing."""
 
+WALL_WEIGHT: Final = 4.0
+"""A cell just as wide as the robot costs so much more than a free one."""
 
-class CostParameters(Parameters):
-    """How far from obstacles the robot likes to drive, and what that is worth."""
+TIGHT_M: Final = 0.12
+TIGHT_WEIGHT: Final = 3.0
+"""With less room than ``tight_m`` beside the outline a way round is worth more than the gap."""
 
-    occupied_percent: int = Field(default=65, ge=1, le=100)
-    """Cells from here on are obstacles, as for map_server."""
-    unknown_space: UnknownSpace = UnknownSpace.BLOCKED
-    unknown_weight: float = Field(default=5.0, ge=0, le=50)
-    """What an unknown cell costs more, where it is avoided."""
-    comfort_m: float = Field(default=0.30, gt=0, le=5)
-    """Room beside the outline from which on more room is worth nothing."""
-    wall_weight: float = Field(default=4.0, ge=0, le=50)
-    """A cell just as wide as the robot costs so much more than a free one."""
-    tight_m: float = Field(default=0.12, gt=0, le=5)
-    tight_weight: float = Field(default=3.0, ge=0, le=100)
-    """With less room than ``tight_m`` beside the outline a way round is worth more than the gap."""
-    unmapped_margin_m: float = Field(default=0.04, ge=0, le=1)
-    """What is not on the map is planned round with so much room at least: more than what stops the robot there."""
-    rounding_cells: float = Field(default=0.25, ge=0, le=1)
-    """So much nearer than the inner radius is still free, since a wall is anywhere in its cell: without it a
+UNMAPPED_MARGIN_M: Final = 0.04
+"""What is not on the map is planned round with so much room at least: more than what stops the robot there."""
+
+ROUNDING_CELLS: Final = 0.25
+"""So much nearer than the inner radius is still free, since a wall is anywhere in its cell: without it a
     door at an angle, 10 cm wider than the robot, might be closed in a grid of 5 cm."""
 
 
@@ -90,32 +82,34 @@ class Costmap:
 
 
 def costmap(
-    params: CostParameters,
-    outline: OutlineParameters,
+    outline: Footprint,
     grid: OccupancyGrid,
     max_speed_m_s: float,
     zones: Zones = NO_ZONES,
+    *,
+    unknown_space: UnknownSpace = UnknownSpace.BLOCKED,
+    comfort_m: float = COMFORT_M,
 ) -> Costmap:
     """The costs of a map and its zones.
 
     A slow zone costs the time that it takes: ``max_speed_m_s`` is the speed elsewhere.
     """
     frame = GridFrame.of(grid)
-    obstacles = (grid.percent >= params.occupied_percent) | keep_out_cells(zones, frame)
+    obstacles = (grid.percent >= OCCUPIED_PERCENT) | keep_out_cells(zones, frame)
     distance_m = distances_m(obstacles, grid.resolution_m)
     limits = speed_limits_m_s(zones, frame)
     surcharges = np.maximum(1.0, max_speed_m_s / limits).astype(np.float32)
     unknown = grid.percent == UNKNOWN
-    if params.unknown_space is UnknownSpace.BLOCKED:
+    if unknown_space is UnknownSpace.BLOCKED:
         surcharges[unknown] = BLOCKED
-    elif params.unknown_space is UnknownSpace.AVOIDED:
-        surcharges[unknown] += np.float32(params.unknown_weight)
+    elif unknown_space is UnknownSpace.AVOIDED:
+        surcharges[unknown] += np.float32(UNKNOWN_WEIGHT)
     inner_m = outline.inner_radius_m
-    blocked_below_m = inner_m - params.rounding_cells * grid.resolution_m
-    unmapped_below_m = inner_m + params.unmapped_margin_m
+    blocked_below_m = inner_m - ROUNDING_CELLS * grid.resolution_m
+    unmapped_below_m = inner_m + UNMAPPED_MARGIN_M
     inflation = Inflation(
         blocked_below_m, inner_m, unmapped_below_m,
-        params.comfort_m, params.wall_weight, params.tight_m, params.tight_weight,
+        comfort_m, WALL_WEIGHT, TIGHT_M, TIGHT_WEIGHT,
     )  # fmt: skip
     costs = np.empty_like(distance_m)
     _fill(distance_m, surcharges, _numbers(inflation, blocked_below_m), costs)

@@ -2,15 +2,23 @@
 
 import math
 from dataclasses import replace
+from typing import Final
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.navigation.awareness import Awareness
 from chefbotd.navigation.follower import follow
+from chefbotd.navigation.input_watch import POSE_SILENT_S
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.reports import PoseStatus, StepInput
 from chefbotd.navigation.steering import Followed, Track, predicted
 from chefbotd.navigation.surroundings import Surroundings
 from chefbotd.navigation.trips import Trip
+
+POSE_LATE_S: Final = 0.2
+"""With odometry that is older the robot drives more slowly."""
+
+UNCERTAIN_SPEED_M_S: Final = 0.12
+"""No faster while it is not sure where it is."""
 
 TRIED_S = 0.05
 """A first step that is only tried takes so long."""
@@ -48,10 +56,10 @@ def speed_limit_m_s(params: NavigationParameters, known: Awareness, now: StepInp
     cell = known.frame.cell(here.x_m, here.y_m)
     limit_m_s = math.inf if cell is None else float(known.ground.speed_limit_m_s[cell])
     if now.status is PoseStatus.UNCERTAIN:
-        limit_m_s = min(limit_m_s, params.uncertain_speed_m_s)
+        limit_m_s = min(limit_m_s, UNCERTAIN_SPEED_M_S)
     most_m_s, age_s = params.follower.max_speed_m_s, now.now_s - known.scan_stamp_s
     by_scan = _late_share(age_s, params.scan_late_s, params.scan_silent_s)
-    by_pose = _late_share(now.pose_age_s, params.pose_late_s, params.pose_silent_s)
+    by_pose = _late_share(now.pose_age_s, POSE_LATE_S, POSE_SILENT_S)
     return min(limit_m_s, most_m_s * min(by_scan, by_pose))
 
 

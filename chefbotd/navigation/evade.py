@@ -9,17 +9,16 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import product
+from typing import Final
 
 import numpy as np
-from pydantic import Field
 
 from chefbotd.core.compiled import kernel
 from chefbotd.core.geometry import Twist2D
-from chefbotd.core.parameters import Parameters
-from chefbotd.navigation.arcs import ArcParameters, along_arc, way
+from chefbotd.navigation.arcs import KEEP_M, along_arc, way
 from chefbotd.navigation.distance import Flags
 from chefbotd.navigation.grid_frame import Floats
-from chefbotd.navigation.outline import OutlineParameters, clearance_m
+from chefbotd.navigation.outline import Footprint, clearance_m
 from chefbotd.navigation.surroundings import Surroundings, standing_only
 
 CURVATURES = (0.0, -1.5, 1.5, -4.0, 4.0)
@@ -35,37 +34,42 @@ GRAZED_M = 0.1
 fled from."""
 
 
-class EvadeParameters(Parameters):
-    """When a robot that stands moves out of somebody's way."""
+ROOM_M: Final = 0.12
+"""Who is about to come nearer than this is evaded;"""
 
-    room_m: float = Field(default=0.12, ge=0, le=5)
-    """Who is about to come nearer than this is evaded;"""
-    enough_m: float = Field(default=0.20, ge=0, le=5)
-    """more room than this is worth nothing."""
-    gain_m: float = Field(default=0.03, ge=0, le=5)
-    """It moves only if that leaves so much more room than standing."""
-    price: float = Field(default=0.04, ge=0, le=10)
-    """Each metre of moving has to be worth so many of room."""
-    touch_m: float = Field(default=0.03, ge=0, le=5)
-    """Who would come nearer than this is evaded along a way that is nearer to what stands than the robot likes, too."""
-    wall_m: float = Field(default=0.06, ge=0, le=5)
-    """Such a way keeps so far from what stands."""
-    foresight_s: float = Field(default=2.5, gt=0, le=10)
-    """Somebody is expected to walk on as now for so long."""
-    passed_s: float = Field(default=4.0, gt=0, le=20)
-    """Nobody may come to the place that the robot goes to within this time."""
-    speed_m_s: float = Field(default=0.25, gt=0, le=10)
-    braking_m_s2: float = Field(default=0.5, gt=0, le=10)
-    """So fast the robot is taken to begin and end its motions."""
-    most_m: float = Field(default=0.8, ge=0, le=20)
-    """No farther than this from where it stood, before somebody who is faster: he would catch up with it anyhow."""
-    most_if_slower_m: float = Field(default=3.0, ge=0, le=20)
+ENOUGH_M: Final = 0.20
+"""more room than this is worth nothing."""
+
+GAIN_M: Final = 0.03
+"""It moves only if that leaves so much more room than standing."""
+
+PRICE: Final = 0.04
+"""Each metre of moving has to be worth so many of room."""
+
+TOUCH_M: Final = 0.03
+"""Who would come nearer than this is evaded along a way that is nearer to what stands than the robot likes, too."""
+
+WALL_M: Final = 0.06
+"""Such a way keeps so far from what stands."""
+
+FORESIGHT_S: Final = 2.5
+"""Somebody is expected to walk on as now for so long."""
+
+PASSED_S: Final = 4.0
+"""Nobody may come to the place that the robot goes to within this time."""
+
+SPEED_M_S: Final = 0.25
+BRAKING_M_S2: Final = 0.5
+"""So fast the robot is taken to begin and end its motions."""
+
+MOST_M: Final = 0.8
+"""No farther than this from where it stood, before somebody who is faster: he would catch up with it anyhow."""
+
+MOST_IF_SLOWER_M: Final = 3.0
 
 
 def evasion(
-    params: EvadeParameters,
-    arcs: ArcParameters,
-    outline: OutlineParameters,
+    outline: Footprint,
     near: Surroundings,
     last: Twist2D,
     away_m: float,
@@ -80,16 +84,16 @@ def evasion(
     None: stay, since nobody comes too near, or since no place that can be reached is better.
     """
     coming = _coming(near, is_stuck=is_stuck)
-    if coming is None or away_m > _most_m(params, coming):
+    if coming is None or away_m > _most_m(coming):
         return None
     standing = standing_only(near)
-    search = _Search(params, arcs, outline, last, coming, standing)
-    stay_m = search.least_m(0.0, 0.0, params.foresight_s)
-    if stay_m >= (params.touch_m if only_touch else params.room_m):
+    search = _Search(outline, last, coming, standing)
+    stay_m = search.least_m(0.0, 0.0, FORESIGHT_S)
+    if stay_m >= (TOUCH_M if only_touch else ROOM_M):
         return None
-    here_m = way(arcs, outline, standing, 0.0, HERE_M, params.speed_m_s, 1.0).room_m
-    clear = search.best(stay_m, min(arcs.keep_m, here_m - NOISE_M))
-    return clear if clear is not None or stay_m >= params.touch_m else search.best(stay_m, params.wall_m)
+    here_m = way(outline, standing, 0.0, HERE_M, SPEED_M_S, 1.0).room_m
+    clear = search.best(stay_m, min(KEEP_M, here_m - NOISE_M))
+    return clear if clear is not None or stay_m >= TOUCH_M else search.best(stay_m, WALL_M)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,33 +109,30 @@ class _Coming:
 class _Search:
     """What the arcs are judged by: who comes, and what stands about the robot."""
 
-    params: EvadeParameters
-    arcs: ArcParameters
-    outline: OutlineParameters
+    outline: Footprint
     last: Twist2D
     coming: _Coming
     standing: Surroundings
 
     def least_m(self, curvature: float, length_m: float, within_s: float) -> float:
         """How near anybody comes while the robot goes along an arc, and stands then."""
-        speed_m_s, braking_m_s2 = self.params.speed_m_s, self.params.braking_m_s2
         going_m_s = self.last.linear_m_s
         numbers = np.array(
-            [self.outline.pad_m, curvature, length_m, speed_m_s, within_s, going_m_s, braking_m_s2]
+            [self.outline.pad_m, curvature, length_m, SPEED_M_S, within_s, going_m_s, BRAKING_M_S2]
         )
         coming = self.coming
         return float(_least_m(self.outline.hull, coming.points_m, coming.velocity_m_s, coming.waits, numbers))
 
     def best(self, stay_m: float, wall_m: float) -> Twist2D | None:
         """The arc that is worth most, ``wall_m`` from what stands; None where staying (``stay_m``) is as good."""
-        params, going_m_s = self.params, self.last.linear_m_s
-        most, chosen = max(stay_m, -GRAZED_M) + params.gain_m, None
-        for curvature, length_m in _arcs(params, self.arcs, self.outline, self.standing, wall_m):
-            bonus = params.gain_m if length_m * going_m_s > 0 and abs(going_m_s) > 0.02 else 0.0
-            room_m = min(self.least_m(curvature, length_m, params.passed_s), params.enough_m)
-            worth = room_m + bonus - params.price * abs(length_m)
+        going_m_s = self.last.linear_m_s
+        most, chosen = max(stay_m, -GRAZED_M) + GAIN_M, None
+        for curvature, length_m in _arcs(self.outline, self.standing, wall_m):
+            bonus = GAIN_M if length_m * going_m_s > 0 and abs(going_m_s) > 0.02 else 0.0
+            room_m = min(self.least_m(curvature, length_m, PASSED_S), ENOUGH_M)
+            worth = room_m + bonus - PRICE * abs(length_m)
             if worth > most:
-                speed_m_s = math.copysign(params.speed_m_s, length_m)
+                speed_m_s = math.copysign(SPEED_M_S, length_m)
                 most, chosen = worth, Twist2D(speed_m_s, speed_m_s * curvature)
         return chosen
 
@@ -146,37 +147,33 @@ def _coming(near: Surroundings, *, is_stuck: bool) -> _Coming | None:
     return _Coming(near.points_m[moving], intent[moving], np.logical_not(walks[moving]))
 
 
-def _most_m(params: EvadeParameters, coming: _Coming) -> float:
+def _most_m(coming: _Coming) -> float:
     """So far it goes away at most."""
     fastest_m_s = math.sqrt(float((coming.velocity_m_s**2).sum(axis=1).max()))
-    return params.most_m if fastest_m_s > params.speed_m_s else params.most_if_slower_m
+    return MOST_M if fastest_m_s > SPEED_M_S else MOST_IF_SLOWER_M
 
 
 def _arcs(
-    params: EvadeParameters,
-    arcs: ArcParameters,
-    outline: OutlineParameters,
+    outline: Footprint,
     standing: Surroundings,
     wall_m: float,
 ) -> Iterator[tuple[float, float]]:
     """Curvature and length (negative: backwards) of each arc that is free, and stays so far from what stands."""
     for direction, curvature in product((-1.0, 1.0), CURVATURES):
         for length_m in LENGTHS_M:
-            arc = way(arcs, outline, standing, curvature, direction * length_m, params.speed_m_s, 1.0)
+            arc = way(outline, standing, curvature, direction * length_m, SPEED_M_S, 1.0)
             if arc.free < length_m - 1e-6 or arc.room_m < wall_m:
                 break
             yield curvature, direction * length_m
 
 
-def is_in_the_way(
-    params: EvadeParameters, outline: OutlineParameters, near: Surroundings, for_s: float
-) -> bool:
+def is_in_the_way(outline: Footprint, near: Surroundings, for_s: float) -> bool:
     """Whether somebody who walks would come too near to a robot that stood here for so long."""
     walks = near.velocity_m_s.any(axis=1)
     points, velocity = near.points_m[walks], near.velocity_m_s[walks]
-    numbers = np.array([outline.pad_m, 0.0, 0.0, params.speed_m_s, for_s, 0.0, params.braking_m_s2])
+    numbers = np.array([outline.pad_m, 0.0, 0.0, SPEED_M_S, for_s, 0.0, BRAKING_M_S2])
     least_m = _least_m(outline.hull, points, velocity, np.zeros(len(points), np.bool_), numbers)
-    return float(least_m) < params.room_m
+    return float(least_m) < ROOM_M
 
 
 @kernel

@@ -13,13 +13,20 @@ import numpy as np
 
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D, wrap_angle
 from chefbotd.navigation.arc_choice import arc, clear_arc, free_arc, is_clearer_turned
-from chefbotd.navigation.arcs import Way, stopping_speed, way
+from chefbotd.navigation.arcs import FORESIGHT_S, HORIZON_M, Way, stopping_speed, way
 from chefbotd.navigation.grid_frame import Floats
-from chefbotd.navigation.outline import OutlineParameters
+from chefbotd.navigation.outline import Footprint
 from chefbotd.navigation.steering import (
+    ALIGNED_RAD,
+    APPROACH_M,
     BRAKING,
+    LEAST_LOOKAHEAD_M,
+    LOOKAHEAD_S,
+    MOST_CURVATURE_PER_M,
+    MOST_LOOKAHEAD_M,
+    TURN_ON_THE_SPOT_RAD,
     Followed,
-    FollowerParameters,
+    FollowerLimits,
     FollowState,
     Phase,
     Track,
@@ -35,10 +42,17 @@ CLOSE_M = 0.006
 BACK_M = -0.4
 """So far backwards it looks."""
 
+HELD_M, STAYED_M = 0.06, 0.02
+"""A robot that was asked to drive so far, and is no farther from where it was, is held back: an obstacle guard keeps
+more distance from a wall than the goal has."""
+
+MOST_HELD = 4
+"""After so many approaches that were held back, forwards and backwards by turns, the goal is blocked."""
+
 
 def follow(
-    params: FollowerParameters,
-    outline: OutlineParameters,
+    params: FollowerLimits,
+    outline: Footprint,
     state: FollowState,
     track: Track,
     near: Surroundings,
@@ -56,17 +70,17 @@ def follow(
         return Followed(state, slewed(params, last, STANDING, dt_s))
     if state.phase is not Phase.FINAL_TURN and _is_there(params, pose, end, to_end_m, last):
         state = replace(state, phase=Phase.FINAL_TURN)
-    if state.phase is Phase.FINAL_TURN and to_end_m > params.approach_m:  # it made way for somebody
+    if state.phase is Phase.FINAL_TURN and to_end_m > APPROACH_M:  # it made way for somebody
         state = replace(state, phase=Phase.TRACKING)
     if state.phase is Phase.FINAL_TURN:
         return _final_turn(params, outline, state, track, near, last, dt_s, to_end_m)
-    if to_end_m < params.approach_m and left_m < 2 * params.approach_m:
-        state = replace(state, phase=Phase.APPROACHING)
+    if to_end_m < APPROACH_M and left_m < 2 * APPROACH_M:
+        state = _held(replace(state, phase=Phase.APPROACHING), pose, last, dt_s)
         return _approach(params, outline, state, end, near, last, dt_s)
     return _pursue(params, outline, state, track, near, last, dt_s)
 
 
-def _is_there(params: FollowerParameters, pose: Pose2D, end: Floats, to_end_m: float, last: Twist2D) -> bool:
+def _is_there(params: FollowerLimits, pose: Pose2D, end: Floats, to_end_m: float, last: Twist2D) -> bool:
     """Whether it is near enough; while it drives, only where braking takes it no nearer."""
     if to_end_m >= params.position_m:
         return False
@@ -98,19 +112,19 @@ def _carrot(points: Floats, index: int, pose: Pose2D, lookahead_m: float) -> tup
 
 
 def _pursue(
-    params: FollowerParameters,
-    outline: OutlineParameters,
+    params: FollowerLimits,
+    outline: Footprint,
     state: FollowState,
     track: Track,
     near: Surroundings,
     last: Twist2D,
     dt_s: float,
 ) -> Followed:
-    wanted_m = abs(last.linear_m_s) * params.lookahead_s
-    lookahead_m = min(max(wanted_m, params.least_lookahead_m), params.most_lookahead_m)
+    wanted_m = abs(last.linear_m_s) * LOOKAHEAD_S
+    lookahead_m = min(max(wanted_m, LEAST_LOOKAHEAD_M), MOST_LOOKAHEAD_M)
     x_m, y_m = _carrot(track.points_m, state.index, near.grid_from_base, lookahead_m)
     bearing_rad, away_m = math.atan2(y_m, x_m), max(math.hypot(x_m, y_m), 0.05)
-    limit_rad = params.aligned_rad if state.phase is Phase.TURNING else params.turn_on_the_spot_rad
+    limit_rad = ALIGNED_RAD if state.phase is Phase.TURNING else TURN_ON_THE_SPOT_RAD
     turning = replace(state, phase=Phase.TURNING)
     if abs(bearing_rad) > limit_rad:
         return turn_by(params, outline, turning, bearing_rad, near, last, dt_s)
@@ -118,7 +132,7 @@ def _pursue(
     end = track.points_m[-1] - [near.grid_from_base.x_m, near.grid_from_base.y_m]
     left_m = max(_length(track.points_m[state.index :]), float(np.hypot(*end)))
     near = replace(near, stops_m=left_m)
-    most = params.most_curvature_per_m
+    most = MOST_CURVATURE_PER_M
     curvature = min(max(2 * y_m / away_m**2, -most), most)
     curvature, found = free_arc(params, outline, near, curvature, (x_m, y_m))
     curvature, found = clear_arc(params, outline, near, curvature, found)
@@ -134,38 +148,54 @@ def _pursue(
 
 
 def _stopping(
-    params: FollowerParameters, outline: OutlineParameters, near: Surroundings, curvature: float, found: Way
+    params: FollowerLimits, outline: Footprint, near: Surroundings, curvature: float, found: Way
 ) -> float:
     """From which speed the robot stands before what is in its way: clear of all of his way before who walks."""
     free_m = found.free
     if near.velocity_m_s.any() and free_m < arc(params, outline, standing_only(near), curvature).free - 0.05:
-        free_m = min(free_m, arc(params, outline, swept(near, params.arcs.foresight_s), curvature).free)
-    if free_m >= params.arcs.horizon_m:
+        free_m = min(free_m, arc(params, outline, swept(near, FORESIGHT_S), curvature).free)
+    if free_m >= HORIZON_M:
         return math.inf
     return stopping_speed(free_m - 0.02, params.deceleration_m_s2, params.delay_s)
 
 
+def _held(state: FollowState, pose: Pose2D, last: Twist2D, dt_s: float) -> FollowState:
+    """The same, with how often the robot was asked to drive and stayed where it is."""
+    here = (pose.x_m, pose.y_m)
+    if state.from_m is None or math.dist(state.from_m, here) > STAYED_M:
+        return replace(state, from_m=here, asked_m=0.0)
+    asked_m = state.asked_m + abs(last.linear_m_s) * dt_s
+    if asked_m < HELD_M:
+        return replace(state, asked_m=asked_m)
+    return replace(state, held=state.held + 1, from_m=here, asked_m=0.0)
+
+
 def _approach(
-    params: FollowerParameters,
-    outline: OutlineParameters,
+    params: FollowerLimits,
+    outline: Footprint,
     state: FollowState,
     end: Floats,
     near: Surroundings,
     last: Twist2D,
     dt_s: float,
 ) -> Followed:
-    """Straight to the end: turn towards it, drive, and drive back if it lies just behind."""
+    """Straight to the end: turn towards it, drive, and drive back if it lies just behind.
+
+    Who was held back on the way forwards turns round and backs in: the sensors that look ahead keep the most distance.
+    """
     there = near.grid_from_base.inverse().compose(Pose2D(float(end[0]), float(end[1])))
     away_m, bearing_rad = math.hypot(there.x_m, there.y_m), math.atan2(there.y_m, there.x_m)
+    if state.held >= MOST_HELD:
+        return Followed(state, slewed(params, last, STANDING, dt_s), is_blocked=True)
     direction = 1.0
-    if abs(bearing_rad) > 2.0 and away_m < 0.12:
+    if state.held % 2 or (abs(bearing_rad) > 2.0 and away_m < 0.12):
         direction, bearing_rad = -1.0, wrap_angle(bearing_rad + math.pi)
     if abs(bearing_rad) > 0.35 and away_m > params.position_m:
         return turn_by(params, outline, state, bearing_rad, near, last, dt_s)
     curvature = min(max(2 * there.y_m / max(away_m, 0.08) ** 2, -4.0), 4.0)
     near = replace(near, stops_m=away_m)
     found = way(
-        params.arcs, outline, near, curvature, direction * (away_m + 0.02), params.max_speed_m_s,
+        outline, near, curvature, direction * (away_m + 0.02), params.max_speed_m_s,
         params.deceleration_m_s2,
     )  # fmt: skip
     stopping = stopping_speed(away_m * math.cos(bearing_rad), params.deceleration_m_s2 / 2, params.delay_s)
@@ -180,8 +210,8 @@ def _approach(
 
 
 def _final_turn(
-    params: FollowerParameters,
-    outline: OutlineParameters,
+    params: FollowerLimits,
+    outline: Footprint,
     state: FollowState,
     track: Track,
     near: Surroundings,
@@ -205,8 +235,8 @@ def _final_turn(
 
 
 def backwards(
-    params: FollowerParameters,
-    outline: OutlineParameters,
+    params: FollowerLimits,
+    outline: Footprint,
     trail: Floats,
     near: Surroundings,
     last: Twist2D,

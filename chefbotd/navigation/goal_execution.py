@@ -8,13 +8,13 @@ import math
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.navigation.awareness import Awareness
 from chefbotd.navigation.driving import can_begin, follow_trip
-from chefbotd.navigation.input_watch import Missing, watched
+from chefbotd.navigation.input_watch import LOST_S, Missing, watched
 from chefbotd.navigation.making_way import MakingWay, make_way
 from chefbotd.navigation.parameters import NavigationParameters
-from chefbotd.navigation.planner import Goal, NoPath
+from chefbotd.navigation.path import Goal, NoPath, Planner
 from chefbotd.navigation.progress_check import InTheWay, LastProgress, checked
-from chefbotd.navigation.recovery import SAID, Recovery, Rung, after, is_over, stuck
-from chefbotd.navigation.replanning import Choice, Waiting, choice, is_due, waiting
+from chefbotd.navigation.recovery import AGAIN_S, CLOSED_S, SAID, Recovery, Rung, after, is_over, stuck
+from chefbotd.navigation.replanning import REPLAN_S, Choice, Waiting, choice, is_due, waiting
 from chefbotd.navigation.reports import PoseStatus, StepInput
 from chefbotd.navigation.states import End, Event, State, next_state
 from chefbotd.navigation.steering import Followed, Phase
@@ -26,9 +26,12 @@ from chefbotd.navigation.trips import Trip, find
 class GoalExecution:
     """Holds what the pure steps take and return for one goal; ``reason`` says what is done, ``ended`` how it ended."""
 
-    def __init__(self, params: NavigationParameters, goal: Goal, state: State, reason: str) -> None:
-        self._params, self._goal = params, goal
+    def __init__(
+        self, params: NavigationParameters, planner: Planner, goal: Goal, state: State, reason: str
+    ) -> None:
+        self._params, self._planner, self._goal = params, planner, goal
         self.state, self.reason = state, reason
+        self._has_to_rest = False
         self.ended: tuple[End, str] | None = None
         self.trip: Trip | None = None
         self._planned_s = -math.inf
@@ -41,6 +44,10 @@ class GoalExecution:
         self._recovery: Recovery | None = None
         self._why_stuck = ""
         self._backed_from = Pose2D()
+
+    def use(self, params: NavigationParameters, *, has_to_rest: bool) -> None:
+        """Go on with these; with ``has_to_rest`` the robot is still on its way, and has not arrived yet."""
+        self._params, self._has_to_rest = params, has_to_rest
 
     def pause(self, reason: str) -> None:
         """Stand; what follows is a new execution."""
@@ -104,10 +111,10 @@ class GoalExecution:
         here = known.frame.pose_to_grid(now.pose)
         costs = known.costs_to_plan(now.now_s, here, with_closed=with_closed)
         params = self._params
-        return find(params.planner, params.outline, costs, known.ground, now.pose, self._goal)
+        return find(self._planner, params.outline, costs, known.ground, now.pose, self._goal)
 
     def _plan(self, known: Awareness, now: StepInput) -> None:
-        if self._unsure_since_s is not None and now.now_s - self._planned_s < self._params.replan_s:
+        if self._unsure_since_s is not None and now.now_s - self._planned_s < REPLAN_S:
             return
         found = self._find(known, now)
         if isinstance(found, Trip):
@@ -124,8 +131,8 @@ class GoalExecution:
         if self._unsure_since_s is None:
             self._unsure_since_s = now.now_s
         self.reason = f"waits, because it is not sure of its pose: {found.reason}"
-        if now.now_s - self._unsure_since_s >= self._params.lost_s:
-            told = f"for {self._params.lost_s:.0f} s the pose of the robot was uncertain"
+        if now.now_s - self._unsure_since_s >= LOST_S:
+            told = f"for {LOST_S:.0f} s the pose of the robot was uncertain"
             self.end(End.LOST, f"lost: {told}: {found.reason}")
 
     def _set_out(self, trip: Trip, now: StepInput) -> None:
@@ -173,6 +180,8 @@ class GoalExecution:
             return None
         done = follow_trip(self._params, known, trip, now, near)
         self._is_blocked = done.is_blocked
+        if done.state.phase is Phase.DONE and self._has_to_rest:
+            return None
         self.trip = trip = Trip(trip.path, done.state, trip.is_interim)
         if done.state.phase is Phase.DONE:
             self._arrive(known, trip, now)
@@ -195,7 +204,8 @@ class GoalExecution:
         """Whether it has been blocked, or has not come on, for too long."""
         in_the_way = None
         if done.is_blocked:
-            in_the_way = InTheWay(known.nearest_ahead(near), known.meets_walker(near.grid_from_base))
+            where = known.nearest_ahead(near, done.turns_rad)
+            in_the_way = InTheWay(where, known.meets_walker(near.grid_from_base))
         found = checked(self._params, self._last_progress, now, in_the_way)
         self._last_progress = found.progress
         if self._waiting is not None:
@@ -203,7 +213,8 @@ class GoalExecution:
         if found.waits or found.drives_again:
             self.reason = found.waits or self._drives()
         if found.stuck:
-            self._become_stuck(known, now, found.stuck)
+            beside = "" if done.is_blocked else known.beside(near)
+            self._become_stuck(known, now, found.stuck + beside)
 
     # Recovering
 
@@ -212,7 +223,7 @@ class GoalExecution:
         left_m = math.hypot(self._goal.x_m - now.pose.x_m, self._goal.y_m - now.pose.y_m)
         if self.trip is not None:
             left_m = self.trip.left.length_m
-        found = stuck(self._params.recovery, self._recovery, now.now_s, left_m)
+        found = stuck(self._recovery, now.now_s, left_m)
         if found is None:
             self._give_up(now)
         else:
@@ -228,21 +239,20 @@ class GoalExecution:
         self.reason = f"{self._why_stuck}: {SAID[recovery.rung]}"
         if recovery.rung is Rung.OTHER_WAY and self.trip is not None:
             ahead = self.trip.left.points_m
-            until_s = recovery.rung_began_s + self._params.recovery.closed_s
+            until_s = recovery.rung_began_s + CLOSED_S
             known.close(ahead[min(len(ahead) - 1, 8)], until_s)
 
     def _recover(
         self, known: Awareness, recovery: Recovery, now: StepInput, near: Surroundings
     ) -> Twist2D | None:
-        params = self._params.recovery
         waits = recovery.rung in (Rung.WAIT, Rung.ASK)
-        is_done = is_over(params, recovery, now.now_s)
+        is_done = is_over(recovery, now.now_s, self._params.slower)
         if recovery.rung is Rung.BACK_OUT and not is_done:
             backing = back_out(self._params, known.trail, self._backed_from, now, near)
             if backing is not None:
                 return backing
             is_done = True
-        is_time = is_done if not waits else now.now_s - self._planned_s >= params.again_s
+        is_time = is_done if not waits else now.now_s - self._planned_s >= AGAIN_S
         if is_time and self._try_again(known, now, near, with_closed=not waits):
             return None
         if is_done:

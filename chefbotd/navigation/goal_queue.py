@@ -3,7 +3,7 @@
 from collections.abc import Collection
 from dataclasses import dataclass, replace
 
-from chefbotd.navigation.planner import Goal
+from chefbotd.navigation.path import Goal
 from chefbotd.navigation.reports import Ended
 from chefbotd.navigation.states import End
 

@@ -2,10 +2,20 @@
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.reports import PoseStatus, StepInput
 from chefbotd.navigation.states import End
+
+SCAN_FAULT_S: Final = 10.0
+"""After so much longer without a scan the goal ends."""
+
+POSE_SILENT_S: Final = 0.4
+"""With odometry that is older the robot asks to stand: a board that was silent must not go on as before."""
+
+LOST_S: Final = 20.0
+"""A robot that does not know where it is stands, and after so long the goal ends."""
 
 BRAKING_S = 0.05
 """So long after its delay the wheels have nearly stopped."""
@@ -45,23 +55,23 @@ def watched(params: NavigationParameters, last: Missing, now: StepInput, scan_st
     is_found = last.lost_since_s is not None or last.brakes_until_s > -math.inf
     if now.now_s - scan_stamp_s < params.scan_silent_s:
         until_s = last.brakes_until_s
-        if now.pose_age_s >= params.pose_silent_s:
+        if now.pose_age_s >= POSE_SILENT_S:
             until_s = now.now_s + params.follower.delay_s + BRAKING_S
         if now.now_s < until_s:
             return Watched(Missing(brakes_until_s=until_s), "waits, because no odometry arrives")
         return Watched(Missing(), is_over=is_found or last.without_scan_s is not None)
     without_scan_s = now.dt_s + (last.without_scan_s or 0.0)
     missing, stands = Missing(without_scan_s=without_scan_s), "waits, because no scan arrives"
-    if without_scan_s < params.scan_fault_s:
+    if without_scan_s < SCAN_FAULT_S:
         return Watched(missing, stands, is_over=is_found)
-    told = f"fault: no scan arrived for {params.scan_fault_s:.0f} s"
+    told = f"fault: no scan arrived for {SCAN_FAULT_S:.0f} s"
     return Watched(missing, stands, End.FAULT, told, is_over=is_found)
 
 
 def _lost(params: NavigationParameters, last: Missing, now: StepInput) -> Watched:
     since_s = now.now_s if last.lost_since_s is None else last.lost_since_s
     missing, stands = Missing(lost_since_s=since_s), "waits, because its pose is not known"
-    if now.now_s - since_s < params.lost_s:
+    if now.now_s - since_s < LOST_S:
         return Watched(missing, stands)
-    told = f"lost: for {params.lost_s:.0f} s the pose of the robot was not known"
+    told = f"lost: for {LOST_S:.0f} s the pose of the robot was not known"
     return Watched(missing, stands, End.LOST, told)

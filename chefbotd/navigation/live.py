@@ -7,14 +7,13 @@ glass: it fades after a stated time; and where the map or the lidar already expl
 
 import math
 from dataclasses import dataclass
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field
 
 from chefbotd.core.compiled import kernel
 from chefbotd.core.geometry import Pose2D
-from chefbotd.core.parameters import Parameters
 from chefbotd.navigation.distance import Flags, Singles
 from chefbotd.navigation.grid_frame import Floats, GridFrame
 from chefbotd.navigation.movers import WALKER_S
@@ -31,23 +30,26 @@ NEVER_S = -math.inf
 """When a cell was seen occupied that never was."""
 
 
-class LiveParameters(Parameters):
-    """For how long what was seen is remembered, and what the map already explains."""
+SCAN_KEPT_S: Final = 60.0
+"""What the lidar saw, and no beam has passed since, is forgotten after this;"""
 
-    scan_kept_s: float = Field(default=60.0, gt=0, le=3600)
-    """What the lidar saw, and no beam has passed since, is forgotten after this;"""
-    brief_kept_s: float = Field(default=4.0, gt=0, le=3600)
-    """what it saw for a moment only, after this: somebody who went by is elsewhere by now."""
-    kept_share: float = Field(default=4.0, gt=0, le=1000)
-    """In between, what was seen for a second is remembered for so many."""
-    range_kept_s: float = Field(default=3.0, gt=0, le=600)
-    """The same for ultrasonic and infrared sensors."""
-    range_at_most_m: float = Field(default=1.5, gt=0, le=10)
-    """Beyond, their cones are too wide to say where an obstacle is."""
-    explained_m: float = Field(default=0.12, ge=0, le=1)
-    """What is seen so near to an obstacle of the map is that obstacle."""
-    cone_explained_m: float = Field(default=0.15, ge=0, le=1)
-    """The same for a cone, whose distance is less certain."""
+BRIEF_KEPT_S: Final = 4.0
+"""what it saw for a moment only, after this: somebody who went by is elsewhere by now."""
+
+KEPT_SHARE: Final = 4.0
+"""In between, what was seen for a second is remembered for so many."""
+
+RANGE_KEPT_S: Final = 3.0
+"""The same for ultrasonic and infrared sensors."""
+
+RANGE_AT_MOST_M: Final = 1.5
+"""Beyond, their cones are too wide to say where an obstacle is."""
+
+EXPLAINED_M: Final = 0.12
+"""What is seen so near to an obstacle of the map is that obstacle."""
+
+CONE_EXPLAINED_M: Final = 0.15
+"""The same for a cone, whose distance is less certain."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +145,6 @@ def _just_seen(scan_s: Floats, row: int, column: int, stamp_s: float) -> bool:
 
 
 def see_range(
-    params: LiveParameters,
     live: LiveObstacles,
     frame: GridFrame,
     fixed_m: Singles,
@@ -156,13 +157,13 @@ def see_range(
 
     It uses up ``live``, whose grids it fills. ``fixed_m`` is each cell's distance to the nearest obstacle of the map.
     """
-    if 0 < range_m <= params.range_at_most_m:
+    if 0 < range_m <= RANGE_AT_MOST_M:
         count = max(math.ceil(field_of_view_rad * range_m / (0.5 * frame.resolution_m)), 1)
         bearings = np.linspace(-field_of_view_rad / 2, field_of_view_rad / 2, count + 1)
         bearings += grid_from_sensor.heading_rad
         ends = range_m * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
         ends += [grid_from_sensor.x_m, grid_from_sensor.y_m]
-        near_m, since_s = params.cone_explained_m, stamp_s - params.scan_kept_s
+        near_m, since_s = CONE_EXPLAINED_M, stamp_s - SCAN_KEPT_S
         if not _explained(live.scan_s, fixed_m, frame.resolution_m, ends, near_m, since_s):
             _hear(live.scan_s, live.range_s, live.at_m, frame.resolution_m, stamp_s, ends)
     return live
@@ -202,7 +203,6 @@ def _hear(
 
 
 def obstacles_seen(
-    params: LiveParameters,
     live: LiveObstacles,
     fixed_m: Singles,
     now_s: float,
@@ -213,17 +213,17 @@ def obstacles_seen(
     ``walked_s`` is when somebody walked over each cell: what the lidar saw last there was he, and he is left out. What
     it has seen there for longer than anybody stands is a chair that he stands at.
     """
-    there = is_there(params, live, now_s) & (fixed_m > params.explained_m)
+    there = is_there(live, now_s) & (fixed_m > EXPLAINED_M)
     if walked_s is not None:
         stood = live.scan_s - live.since_s > WALKER_S
-        there &= (live.scan_s > walked_s) | (live.range_s > now_s - params.range_kept_s) | stood
+        there &= (live.scan_s > walked_s) | (live.range_s > now_s - RANGE_KEPT_S) | stood
     return live.at_m[there]
 
 
-def is_there(params: LiveParameters, live: LiveObstacles, now_s: float) -> Flags:
+def is_there(live: LiveObstacles, now_s: float) -> Flags:
     """Which cells are occupied as far as is remembered."""
     found: Flags = np.empty(live.scan_s.shape, np.bool_)
-    kept = np.array([params.kept_share, params.brief_kept_s, params.scan_kept_s, params.range_kept_s])
+    kept = np.array([KEPT_SHARE, BRIEF_KEPT_S, SCAN_KEPT_S, RANGE_KEPT_S])
     _is_there(live.scan_s, live.since_s, live.range_s, kept, now_s, found)
     return found
 

@@ -44,11 +44,8 @@ def make_way(
     if start is None or now.now_s - making.last_s > CALM_S:
         start = here
     away_m = math.hypot(here.x_m - start.x_m, here.y_m - start.y_m)
-    arcs = params.follower.arcs
     is_stuck = making.is_active or wanted is None or abs(wanted.angular_rad_s) < 0.05
-    found = evasion(
-        params.evade, arcs, params.outline, near, now.last, away_m, is_stuck=is_stuck, only_touch=moves
-    )
+    found = evasion(params.outline, near, now.last, away_m, is_stuck=is_stuck, only_touch=moves)
     if found is None:
         return MakingWay(False, making.last_s, start), wanted
     return MakingWay(True, now.now_s, start), slewed(params.follower, now.last, found, now.dt_s)

@@ -7,21 +7,47 @@ the rate of the control.
 import math
 from collections.abc import Collection
 
-from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
+import numpy as np
+
+from chefbotd.core.geometry import STANDING, Pose2D, Twist2D, wrap_angle
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
+from chefbotd.navigation.arcs import CREEP_M_S, FULL_SPEED_ROOM_M
 from chefbotd.navigation.awareness import Awareness
 from chefbotd.navigation.costmap import Costmap
+from chefbotd.navigation.crawl import CYCLE_S, Crawl, slowed, watched
 from chefbotd.navigation.driving import surroundings
 from chefbotd.navigation.goal_execution import GoalExecution
 from chefbotd.navigation.goal_queue import GoalQueue, added, first_ended, kept
+from chefbotd.navigation.input_watch import POSE_SILENT_S
 from chefbotd.navigation.parameters import NavigationParameters
-from chefbotd.navigation.planner import Goal, NoPath, Path, plan
+from chefbotd.navigation.path import Goal, NoPath, Path, Planner
+from chefbotd.navigation.planner import plan
 from chefbotd.navigation.reports import Ended, PoseStatus, Progress, Seen, Step, StepInput
 from chefbotd.navigation.states import End, Event, State, next_state
-from chefbotd.navigation.steering import slewed
-from chefbotd.navigation.travel import seconds
+from chefbotd.navigation.steering import FollowerLimits, slewed
 from chefbotd.navigation.trips import Trip
 from chefbotd.navigation.zones import NO_ZONES, Zones
+
+
+def seconds(params: FollowerLimits, path: Path, grid_from_base: Pose2D, costs: Costmap | None) -> float:
+    """From where the robot is, in the grid's frame, to standing at the end with the goal's heading."""
+    if len(path.points_m) < 2:
+        return 0.0
+    lengths = np.hypot(*np.diff(path.points_m, axis=0).T)
+    speed = np.full(len(lengths), params.max_speed_m_s)
+    if costs is not None:
+        columns, rows = np.floor(path.points_m[1:] / path.frame.resolution_m).astype(np.int64).T
+        room = np.maximum(costs.distance_m[rows, columns] - costs.inflation.inner_m, 0.0)
+        share = np.minimum(room / FULL_SPEED_ROOM_M, 1.0)
+        creep = CREEP_M_S
+        speed = np.minimum(creep + (speed - creep) * share, costs.speed_limit_m_s[rows, columns])
+    first = float(path.heading_rad[min(4, len(path.heading_rad) - 1)])
+    turned = abs(wrap_angle(first - grid_from_base.heading_rad))
+    if path.goal.heading_rad is not None:
+        end = path.frame.pose_to_grid(Pose2D(path.goal.x_m, path.goal.y_m, path.goal.heading_rad))
+        turned += abs(wrap_angle(end.heading_rad - float(path.heading_rad[-1])))
+    started = params.max_speed_m_s / (2 * params.acceleration_m_s2) * 2
+    return float((lengths / speed).sum()) + turned / params.max_turn_rad_s + math.copysign(started, 1.0)
 
 
 class NoMapError(RuntimeError):
@@ -29,21 +55,27 @@ class NoMapError(RuntimeError):
 
 
 class Navigator:
-    """Holds what is known, the goals, and the execution of the first of them."""
+    """Holds what is known, the goals, and the execution of the first of them; ``planner`` finds its paths."""
 
-    def __init__(self, params: NavigationParameters) -> None:
-        self._params = params
+    def __init__(self, params: NavigationParameters, planner: Planner = plan) -> None:
+        self._params, self._planner = params, planner
         self._known: Awareness | None = None
         self._execution: GoalExecution | None = None
         self._queue = GoalQueue()
         self._ended: tuple[Ended, ...] = ()
         self._last, self._stepped_s = STANDING, -math.inf
+        self._crawl, self._slow_params = Crawl(), slowed(params)
         self._idle_reason = ""
 
     @property
     def state(self) -> State:
         """What it does now."""
         return State.IDLE if self._execution is None else self._execution.state
+
+    @property
+    def crawls(self) -> bool:
+        """Whether the board is silent in every cycle, so that the robot only crawls."""
+        return self._crawl.is_on
 
     @property
     def _trip(self) -> Trip | None:
@@ -151,7 +183,7 @@ class Navigator:
             raise NoMapError("there is no map to plan on: load or make one first")
         here = self._known.frame.pose_to_grid(start)
         costs = self._known.costs(now_s, here, with_closed=False)
-        return plan(self._params.planner, self._params.outline, costs, start, goal)
+        return self._planner(self._params.outline, costs, start, goal)
 
     def time_s(self, path: Path, start: Pose2D) -> float:
         """How long a path will take, if nothing gets in the way."""
@@ -170,6 +202,13 @@ class Navigator:
         """
         dt_s = min(max(now_s - self._stepped_s, 0.0), 0.2)
         self._stepped_s = now_s
+        read_s = now_s - pose_age_s
+        if self._params.silent_speed_m_s > 0:
+            self._crawl = watched(self._crawl, read_s, now_s, POSE_SILENT_S, self._last)
+        if self._crawl.is_on and self.state in (State.PLANNING, State.DRIVING, State.RECOVERING):
+            return self._crawled(now_s, read_s, pose, status)
+        if self._crawl.is_on and self._crawl.is_due(read_s, now_s):
+            self._crawl = self._crawl.then(read_s, STANDING)
         twist = None
         execution = self._execution
         if self._known is not None and execution is not None and execution.state is not State.PAUSED:
@@ -180,6 +219,18 @@ class Navigator:
         self._last = STANDING if twist is None else twist
         ended, self._ended = self._ended, ()
         return Step(None if self._execution is None else twist, self._progress(pose), ended)
+
+    def _crawled(self, now_s: float, read_s: float, pose: Pose2D, status: PoseStatus) -> Step:
+        """What was asked for goes on until there is another reading; then it is decided what is asked for next."""
+        crawl, execution = self._crawl, self._execution
+        if self._known is not None and execution is not None and crawl.is_due(read_s, now_s):
+            last = crawl.asked[0]
+            now = StepInput(now_s, CYCLE_S, crawl.predicted(pose), status, last)
+            twist = self._act(self._known, execution, now)
+            self._last = STANDING if twist is None else twist
+            self._crawl = crawl.then(read_s, self._last)
+        ended, self._ended = self._ended, ()
+        return Step(None if self._execution is None else self._last, self._progress(pose), ended)
 
     def _progress(self, pose: Pose2D) -> Progress:
         number = self._queue.number
@@ -193,13 +244,19 @@ class Navigator:
 
     def _act(self, known: Awareness, execution: GoalExecution, now: StepInput) -> Twist2D | None:
         """The twist for the present goal; None is standing."""
+        crawls = self._crawl.is_on
+        execution.use(
+            self._slow_params if crawls else self._params, has_to_rest=crawls and not self._crawl.rests
+        )
         if not execution.prepare(known, now):
             self._settle(execution)
             return None
-        near = surroundings(self._params, known, now)
+        near = surroundings(self._slow_params if crawls else self._params, known, now)
         wanted = execution.drive(known, now, near)
         self._settle(execution)
-        return None if self._execution is None else self._execution.make_way(now, near, wanted)
+        if self._execution is None or crawls:  # who obeys so late makes way for nobody
+            return None if self._execution is None else wanted
+        return self._execution.make_way(now, near, wanted)
 
     def _settle(self, execution: GoalExecution) -> None:
         """Go on with the next goal if this one has ended."""
@@ -221,7 +278,7 @@ class Navigator:
             self._execute(next_state(State.IDLE, Event.GOAL_ACCEPTED), "plans")
 
     def _execute(self, state: State, reason: str) -> None:
-        self._execution = GoalExecution(self._params, self._queue.goals[0][1], state, reason)
+        self._execution = GoalExecution(self._params, self._planner, self._queue.goals[0][1], state, reason)
         self._open_all()
 
     def _open_all(self) -> None:

@@ -2,30 +2,29 @@
 
 import math
 from functools import cached_property
-from typing import Annotated, Self
+from typing import TypeAlias
 
 import numpy as np
-from pydantic import Field, model_validator
+from msgspec import Struct
 
 from chefbotd.core.compiled import kernel
-from chefbotd.core.parameters import Parameters
 from chefbotd.navigation.grid_frame import Floats
 
-Corner = tuple[Annotated[float, Field(ge=-5, le=5)], Annotated[float, Field(ge=-5, le=5)]]
+Corner: TypeAlias = tuple[float, float]
 
 
-class OutlineParameters(Parameters):
+class Footprint(Struct, frozen=True, dict=True):
     """A circle about the base frame's origin, or the corners (x, y) of a polygon in the base frame, in either order.
 
     Raises:
         ValueError: neither or both are given, or the origin is not inside the polygon.
     """
 
-    radius_m: float | None = Field(default=None, gt=0, le=5)
+    radius_m: float | None = None
     corners_m: tuple[Corner, ...] = ()
 
-    @model_validator(mode="after")
-    def _is_one_shape(self) -> Self:
+    def __post_init__(self) -> None:
+        """Refuse what is no outline."""
         if (self.radius_m is None) == (not self.corners_m):
             got = f"{self.radius_m} and {self.corners_m}"
             raise ValueError(f"an outline has either radius_m or corners_m, got {got}")
@@ -33,7 +32,6 @@ class OutlineParameters(Parameters):
             raise ValueError(
                 f"corners_m are three or more around the origin of the base frame, got {self.corners_m}"
             )
-        return self
 
     @property
     def hull(self) -> Floats:

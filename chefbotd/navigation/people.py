@@ -8,12 +8,11 @@ and neither is passed by grazing a wall: a tight place beside him is as dear as 
 import math
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Final
 
 import numpy as np
-from pydantic import Field
 
 from chefbotd.core.compiled import kernel
-from chefbotd.core.parameters import Parameters
 from chefbotd.navigation.costmap import Costmap
 from chefbotd.navigation.distance import Singles
 from chefbotd.navigation.grid_frame import Floats
@@ -23,21 +22,20 @@ STEP_S = 0.25
 LEAST_RADIUS_M, MOST_RADIUS_M = 0.12, 0.4
 
 
-class PeopleParameters(Parameters):
-    """What it costs to plan a path through somebody."""
+WEIGHT: Final = 3.0
+"""A cell that somebody will be on when the robot comes costs so much more: to cross him is worth a wait of 10 s."""
 
-    weight: float = Field(default=3.0, ge=0, le=50)
-    """A cell that somebody will be on when the robot comes costs so much more: to cross him is worth a wait of 10 s."""
-    room_m: float = Field(default=0.3, gt=0, le=5)
-    """Beside him a cell costs less, and with so much room no more than any other."""
-    foresight_s: float = Field(default=5.0, ge=0, le=30)
-    """For so long somebody is expected to walk on as now,"""
-    slack_m: float = Field(default=0.15, ge=0, le=5)
-    """and the robot to be so much farther, or less far, than it goes at full speed."""
+ROOM_M: Final = 0.3
+"""Beside him a cell costs less, and with so much room no more than any other."""
+
+FORESIGHT_S: Final = 5.0
+"""For so long somebody is expected to walk on as now,"""
+
+SLACK_M: Final = 0.15
+"""and the robot to be so much farther, or less far, than it goes at full speed."""
 
 
 def with_people(
-    params: PeopleParameters,
     costs: Costmap,
     people: Sequence[Mover],
     x_m: float,
@@ -49,9 +47,7 @@ def with_people(
         return costs
     rows = np.array([_row(each) for each in people])
     inner_m, tight_m = costs.inflation.inner_m, costs.inflation.tight_m
-    numbers = np.array(
-        [params.weight, params.room_m, params.foresight_s, params.slack_m, inner_m, tight_m, speed_m_s]
-    )
+    numbers = np.array([WEIGHT, ROOM_M, FORESIGHT_S, SLACK_M, inner_m, tight_m, speed_m_s])
     distance_m, extra = costs.distance_m.copy(), np.zeros_like(costs.costs)
     here, cell_m = np.array([x_m, y_m]), costs.frame.resolution_m
     _stamp_people(rows, here, numbers, cell_m, costs.standing_m, distance_m, extra)

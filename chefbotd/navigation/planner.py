@@ -1,85 +1,29 @@
 """Plans a checked path from the robot's pose to a goal, or gives the reason why there is none."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from typing import Final
 
 import numpy as np
-from pydantic import Field
 from scipy import ndimage
 
-from chefbotd.core.geometry import Pose2D, wrap_angle
-from chefbotd.core.parameters import Parameters
+from chefbotd.core.geometry import Pose2D
 from chefbotd.navigation.costmap import Costmap
 from chefbotd.navigation.distance import Flags, Singles
 from chefbotd.navigation.grid_frame import Floats, GridFrame
-from chefbotd.navigation.outline import OutlineParameters
+from chefbotd.navigation.outline import Footprint, clearance_m
+from chefbotd.navigation.path import ESCAPE_M, SPACING_M, Goal, NoPath, Path
 from chefbotd.navigation.search import BLOCKED, search
 from chefbotd.navigation.smooth import first_touch, headings, resampled, rounded, straightened, touches
 
+WIDE_M: Final = 0.18
+"""Beside the outline: where there is less room, smoothing keeps to the middle."""
 
-class PlannerParameters(Parameters):
-    """How paths are made; times are estimated with the follower's speeds."""
-
-    spacing_m: float = Field(default=0.05, gt=0, le=1)
-    wide_m: float = Field(default=0.18, ge=0, le=5)
-    """Beside the outline: where there is less room, smoothing keeps to the middle."""
-    escape_m: float = Field(default=0.4, ge=0, le=2)
-    """A robot that stands too near to an obstacle may leave through cells that are blocked, so far at most."""
-    attempts: int = Field(default=8, ge=1, le=100)
-    """Where an outline that is no circle does not fit along a path, this place is closed and another way looked for."""
+ATTEMPTS: Final = 8
+"""Where an outline that is no circle does not fit along a path, this place is closed and another way looked for."""
 
 
-@dataclass(frozen=True, slots=True)
-class Goal:
-    """A pose in the map; without a heading any will do.
-
-    ``tolerance_m`` allows the nearest free pose instead, if it is no farther away.
-    """
-
-    x_m: float
-    y_m: float
-    heading_rad: float | None = None
-    tolerance_m: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class Path:
-    """Points (n, 2) in the grid's frame and the headings at them; where it ends, and whether that is what was asked."""
-
-    frame: GridFrame
-    points_m: Floats
-    heading_rad: Floats
-    goal: Goal
-    is_substitute: bool = False
-
-    @property
-    def length_m(self) -> float:
-        """How long it is."""
-        return float(np.hypot(*np.diff(self.points_m, axis=0).T).sum())
-
-    @property
-    def spacing_m(self) -> float:
-        """How far its points are apart."""
-        return max(self.length_m / max(len(self.points_m) - 1, 1), 1e-3)
-
-    def in_map(self) -> Floats:
-        """Its points in the map."""
-        return self.frame.to_map(self.points_m)
-
-
-@dataclass(frozen=True, slots=True)
-class NoPath:
-    """Why there is no path, as a sentence; the free pose nearest to the goal, if there is one that can be reached."""
-
-    reason: str
-    nearest: Pose2D | None = None
-    only_for_now: bool = False
-    """Without what was seen since the map was made there would be a path."""
-
-
-def plan(
-    params: PlannerParameters, outline: OutlineParameters, costs: Costmap, start: Pose2D, goal: Goal
-) -> Path | NoPath:
+def plan(outline: Footprint, costs: Costmap, start: Pose2D, goal: Goal) -> Path | NoPath:
     """The best path by the costs; start and goal are poses in the map.
 
     A goal where the robot cannot be is refused, with the nearest pose that it can reach.
@@ -90,14 +34,14 @@ def plan(
     there = _in_grid(costs.frame, goal)
     problem = _problem(outline, costs, there)
     if problem is None:
-        found = _between(params, outline, costs, here, there, goal)
+        found = _between(outline, costs, here, there, goal)
         if found is not None:
             return found
         told = f"there is no way to ({goal.x_m:.2f}, {goal.y_m:.2f}) that is wide enough for the robot"
     else:
         told = f"the goal ({goal.x_m:.2f}, {goal.y_m:.2f}) {problem}"
-    nearest = nearest_free(params, outline, costs, here, there, goal.tolerance_m)
-    if nearest is None and not _reached(params, costs, here).any():
+    nearest = nearest_free(outline, costs, here, there, goal.tolerance_m)
+    if nearest is None and not _reached(costs, here).any():
         at = f"({start.x_m:.2f}, {start.y_m:.2f})"
         return NoPath(
             f"{told}: the robot itself is in an obstacle or a keep-out zone, at {at}, and cannot leave it"
@@ -109,7 +53,7 @@ def plan(
     if away_m <= goal.tolerance_m:
         heading_rad = None if goal.heading_rad is None else offered.heading_rad
         other = Goal(offered.x_m, offered.y_m, heading_rad, goal.tolerance_m)
-        found = _between(params, outline, costs, here, nearest, other, is_substitute=True)
+        found = _between(outline, costs, here, nearest, other, is_substitute=True)
         if found is not None:
             return found
     near = f"the nearest place that can be reached is ({offered.x_m:.2f}, {offered.y_m:.2f})"
@@ -120,7 +64,7 @@ def _in_grid(frame: GridFrame, goal: Goal) -> Pose2D:
     return frame.pose_to_grid(Pose2D(goal.x_m, goal.y_m, goal.heading_rad or 0.0))
 
 
-def _problem(outline: OutlineParameters, costs: Costmap, there: Pose2D) -> str | None:
+def _problem(outline: Footprint, costs: Costmap, there: Pose2D) -> str | None:
     """Why the robot cannot be at a pose of the grid's frame; None when it can."""
     cell = costs.frame.cell(there.x_m, there.y_m)
     if cell is None:
@@ -130,12 +74,29 @@ def _problem(outline: OutlineParameters, costs: Costmap, there: Pose2D) -> str |
     if math.isinf(costs.surcharges[cell]):
         return "is in unknown space"
     needed_m, has_m = outline.inner_radius_m, costs.distance_m[cell]
-    if math.isinf(costs.costs[cell]) or _touches(outline, costs, there):
+    if math.isinf(costs.costs[cell]):
         return f"is {has_m:.2f} m from an obstacle, and the robot needs {needed_m:.2f} m"
+    if _touches(outline, costs, there):
+        at = _touched(outline, costs, there)
+        return f"has a heading with which the robot would touch the obstacle at {at}"
     return None
 
 
-def _touches(outline: OutlineParameters, costs: Costmap, pose: Pose2D) -> bool:
+def _touched(outline: Footprint, costs: Costmap, pose: Pose2D) -> str:
+    """Where in the map the obstacle is that lies deepest in the outline at a pose of the grid's frame."""
+    frame, reach_m = costs.frame, outline.outer_radius_m + costs.frame.resolution_m
+    rows, columns = np.nonzero(costs.distance_m == 0)
+    centers = (np.stack([columns, rows], axis=1) + 0.5) * frame.resolution_m
+    centers = centers[np.hypot(centers[:, 0] - pose.x_m, centers[:, 1] - pose.y_m) < reach_m]
+    back = pose.inverse()
+    seen = [back.compose(Pose2D(float(x_m), float(y_m))) for x_m, y_m in centers]
+    hull, pad_m = outline.hull, outline.pad_m
+    apart_m = [clearance_m(hull, pad_m, point.x_m, point.y_m) for point in seen]
+    x_m, y_m = frame.to_map(centers[[int(np.argmin(apart_m))]])[0]
+    return f"({x_m:.2f}, {y_m:.2f})"
+
+
+def _touches(outline: Footprint, costs: Costmap, pose: Pose2D) -> bool:
     if outline.radius_m is not None:
         return False  # a circle fits wherever its middle is not blocked
     hull, pad_m, outer_m = outline.hull, outline.pad_m, outline.outer_radius_m
@@ -144,8 +105,7 @@ def _touches(outline: OutlineParameters, costs: Costmap, pose: Pose2D) -> bool:
 
 
 def nearest_free(
-    params: PlannerParameters,
-    outline: OutlineParameters,
+    outline: Footprint,
     costs: Costmap,
     here: Pose2D,
     there: Pose2D,
@@ -156,7 +116,7 @@ def nearest_free(
     Where guards would stop a robot that drives towards a wall it is not got to: a pose with more room may be farther, up
     to twice as much as the other lacks, but not beyond ``tolerance_m`` where one within has less.
     """
-    rows, columns = np.nonzero(_reached(params, costs, here))
+    rows, columns = np.nonzero(_reached(costs, here))
     cell_m, told = costs.frame.resolution_m, costs.inflation
     away = np.hypot((columns + 0.5) * cell_m - there.x_m, (rows + 0.5) * cell_m - there.y_m)
     lacking_m = np.maximum(told.inner_m + told.tight_m - costs.distance_m[rows, columns], 0.0)
@@ -168,19 +128,18 @@ def nearest_free(
     return None
 
 
-def _reached(params: PlannerParameters, costs: Costmap, here: Pose2D) -> Flags:
+def _reached(costs: Costmap, here: Pose2D) -> Flags:
     """Which free cells the robot can get to from where it stands, were it a point with its inner radius."""
     free = np.isfinite(costs.costs)
     begin = costs.frame.cell(here.x_m, here.y_m)
     if begin is None:
         return np.zeros_like(free)
-    parts, _ = ndimage.label(np.isfinite(_with_escape(params, costs, begin)))
+    parts, _ = ndimage.label(np.isfinite(_with_escape(costs, begin)))
     return np.asarray((parts == parts[begin]) & free)
 
 
 def _between(
-    params: PlannerParameters,
-    outline: OutlineParameters,
+    outline: Footprint,
     costs: Costmap,
     here: Pose2D,
     there: Pose2D,
@@ -188,26 +147,26 @@ def _between(
     *,
     is_substitute: bool = False,
 ) -> Path | None:
-    for _ in range(params.attempts):
-        points = _points(params, outline, costs, here, there)
+    for _ in range(ATTEMPTS):
+        points = _points(outline, costs, here, there)
         if points is None:
             break
         heading_rad = headings(points)
         touched = -1
         if outline.radius_m is None:
-            fixed = _after_escape(params, points)
+            fixed = _after_escape(points)
             hull, pad_m, cell_m = outline.hull, outline.pad_m, costs.frame.resolution_m
             touched = first_touch(points[fixed:], heading_rad[fixed:], hull, pad_m, costs.distance_m, cell_m)
         if touched < 0:
             return Path(costs.frame, points, heading_rad, goal, is_substitute)
-        costs = _closed(costs, points[_after_escape(params, points) + touched])
+        costs = _closed(costs, points[_after_escape(points) + touched])
     return None
 
 
-def _after_escape(params: PlannerParameters, points: Floats) -> int:
+def _after_escape(points: Floats) -> int:
     """The first point that is not about where the robot stands: there it fits, since it is there."""
     away = np.hypot(points[:, 0] - points[0, 0], points[:, 1] - points[0, 1])
-    beyond = np.flatnonzero(away > params.escape_m)
+    beyond = np.flatnonzero(away > ESCAPE_M)
     return int(beyond[0]) if len(beyond) else len(points)
 
 
@@ -220,15 +179,13 @@ def _closed(costs: Costmap, point: Floats) -> Costmap:
     return replace(costs, costs=blocked)
 
 
-def _points(
-    params: PlannerParameters, outline: OutlineParameters, costs: Costmap, here: Pose2D, there: Pose2D
-) -> Floats | None:
+def _points(outline: Footprint, costs: Costmap, here: Pose2D, there: Pose2D) -> Floats | None:
     """A smoothed path between two poses of the grid's frame, which begins and ends exactly at them."""
     frame = costs.frame
     begin, end = frame.cell(here.x_m, here.y_m), frame.cell(there.x_m, there.y_m)
     if begin is None or end is None:
         return None
-    passable = _with_escape(params, costs, begin)
+    passable = _with_escape(costs, begin)
     found = search(passable, begin, end)
     if found is None:
         return None
@@ -236,18 +193,18 @@ def _points(
     if len(corners) == 1:
         corners = np.repeat(corners, 2, axis=0)
     corners[0], corners[-1] = (here.x_m, here.y_m), (there.x_m, there.y_m)
-    points = resampled(corners, params.spacing_m)
-    wide_m = outline.inner_radius_m + params.wide_m
+    points = resampled(corners, SPACING_M)
+    wide_m = outline.inner_radius_m + WIDE_M
     smoothed = rounded(points, passable, costs.distance_m, costs.standing_m, frame.resolution_m, wide_m)
-    return resampled(smoothed, params.spacing_m)
+    return resampled(smoothed, SPACING_M)
 
 
-def _with_escape(params: PlannerParameters, costs: Costmap, begin: tuple[int, int]) -> Singles:
+def _with_escape(costs: Costmap, begin: tuple[int, int]) -> Singles:
     """The costs; where the robot itself stands too near to an obstacle, with the cells about it open at a price."""
     if np.isfinite(costs.costs[begin]):
         return costs.costs
     opened = costs.costs.copy()
-    reach = math.ceil(params.escape_m / costs.frame.resolution_m)
+    reach = math.ceil(ESCAPE_M / costs.frame.resolution_m)
     row, column = begin
     box = (
         slice(max(row - reach, 0), row + reach + 1),
@@ -258,10 +215,3 @@ def _with_escape(params: PlannerParameters, costs: Costmap, begin: tuple[int, in
     opened[box] = np.where(closed, 10.0 + 20.0 * lacking, opened[box])
     opened[begin] = 10.0
     return opened
-
-
-def turn_rad(start: Pose2D, path: Path) -> float:
-    """How far the robot turns before it can go: from its heading to the path's first."""
-    here = path.frame.pose_to_grid(start)
-    ahead = path.heading_rad[min(4, len(path.heading_rad) - 1)]
-    return abs(wrap_angle(float(ahead) - here.heading_rad))

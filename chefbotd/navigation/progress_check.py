@@ -2,10 +2,15 @@
 
 import math
 from dataclasses import dataclass, replace
+from typing import Final
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.navigation.parameters import NavigationParameters
+from chefbotd.navigation.recovery import STUCK_S, WALKER_S
 from chefbotd.navigation.reports import StepInput
+
+IDLE_S: Final = 6.0
+"""A robot that drives and does not come on for so long is stuck."""
 
 MOVED_M, MOVED_RAD = 0.04, 0.15
 """A robot that moved, or turned, farther than this has come on."""
@@ -50,7 +55,7 @@ def checked(
     if since_s is None:
         since_s, waits = now.now_s, f"waits, because {told}"
     blocked = replace(last, blocked_since_s=since_s)
-    patience_s = params.recovery.walker_s if in_the_way.walks else params.recovery.stuck_s
+    patience_s = WALKER_S if in_the_way.walks else STUCK_S * params.slower
     if now.now_s - since_s >= patience_s:
         return Checked(blocked, waits, stuck=told)
     return _moved(params, Checked(blocked, waits), now)
@@ -63,6 +68,6 @@ def _moved(params: NavigationParameters, found: Checked, now: StepInput) -> Chec
     turned_rad = abs(math.remainder(now.pose.heading_rad - last.pose.heading_rad, math.tau))
     if moved_m > MOVED_M or turned_rad > MOVED_RAD:
         return replace(found, progress=replace(last, moved_s=now.now_s, pose=now.pose))
-    if now.now_s - last.moved_s > params.idle_s:
+    if now.now_s - last.moved_s > IDLE_S * params.slower:
         return replace(found, stuck="the robot makes no progress")
     return found

@@ -27,14 +27,6 @@ IN_TURN: Final = 4
 MOST_POINTS: Final = 1000
 
 
-class CostPatch(NamedTuple):
-    """Cells from (``row``, ``column``) on."""
-
-    row: int
-    column: int
-    cells: Cells
-
-
 def cells_of(costs: Singles) -> Cells:
     """Costs as bytes: 0 is free, 100 is blocked, in between ``STEPS_A_COST`` times what a cell costs more."""
     steps = np.clip(np.rint(STEPS_A_COST * (np.minimum(costs, 1e3) - 1.0)), 0, MOST_CELL)
@@ -57,8 +49,8 @@ class ShownCosts:
         """Somebody looks who has seen nothing yet."""
         self._of = None
 
-    def changes(self, known: Awareness, now_s: float) -> list[CostPatch]:
-        """The patches that are different now; where few are, some more that are not, in turn."""
+    def changes(self, known: Awareness, now_s: float) -> list[tuple[int, int, Cells]]:
+        """The patches (row, column, cells) that are different now; where few are, some more that are not, in turn."""
         if known is not self._of:
             self._of, self._shown, self._again = known, {}, 0
             self.revision += 1
@@ -73,7 +65,7 @@ class ShownCosts:
             self._again += 1
             chosen += [again] if again not in chosen else []
         self._shown |= {at: now[at] for at in chosen}
-        return [CostPatch(*at, now[at]) for at in chosen]
+        return [(*at, now[at]) for at in chosen]
 
 
 class ShownObstacles(NamedTuple):

@@ -1,6 +1,14 @@
-"""The states of a goal, its ends, and the transitions between them."""
+"""The states of a goal, its ends, and the transitions between them; how unknown space is driven."""
 
 from enum import StrEnum
+
+
+class UnknownSpace(StrEnum):
+    """What cells are worth that the map knows nothing of: no way, a way at a high price, or one like any other."""
+
+    BLOCKED = "blocked"
+    AVOIDED = "avoided"
+    FREE = "free"
 
 
 class State(StrEnum):

@@ -3,14 +3,13 @@
 import math
 from dataclasses import dataclass
 from enum import StrEnum
-
-from pydantic import Field
+from typing import Final
 
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
-from chefbotd.core.parameters import Parameters
-from chefbotd.navigation.arcs import ArcParameters, stopping_speed, turn
+from chefbotd.core.record import Record
+from chefbotd.navigation.arcs import stopping_speed, turn
 from chefbotd.navigation.grid_frame import Floats
-from chefbotd.navigation.outline import OutlineParameters
+from chefbotd.navigation.outline import Footprint
 from chefbotd.navigation.surroundings import Surroundings
 
 TURN_BRAKING = 0.85
@@ -20,35 +19,41 @@ BRAKING = 1.5
 """Speed falls by this share of the deceleration that is planned with."""
 
 
-class FollowerParameters(Parameters):
-    """The robot's limits while it follows a path, and when it is there."""
+LOOKAHEAD_S: Final = 1.0
+LEAST_LOOKAHEAD_M, MOST_LOOKAHEAD_M = 0.18, 0.5
+"""The robot steers for where the path is so far ahead, in seconds of its speed and within these bounds."""
 
-    max_speed_m_s: float = Field(default=0.30, gt=0, le=10)
-    max_reverse_m_s: float = Field(default=0.12, gt=0, le=10)
-    max_turn_rad_s: float = Field(default=1.2, gt=0, le=10)
-    acceleration_m_s2: float = Field(default=0.5, gt=0, le=10)
-    deceleration_m_s2: float = Field(default=0.5, gt=0, le=10)
-    turn_acceleration_rad_s2: float = Field(default=1.8, gt=0, le=20)
-    delay_s: float = Field(default=0.15, ge=0, le=1)
-    """From a pose to the motion that it leads to."""
-    least_speed_m_s: float = Field(default=0.03, gt=0, le=1)
-    """Slower than this wheels may not turn at all."""
-    least_turn_rad_s: float = Field(default=0.15, gt=0, le=3)
-    lookahead_s: float = Field(default=1.0, gt=0, le=10)
-    least_lookahead_m: float = Field(default=0.18, gt=0, le=5)
-    most_lookahead_m: float = Field(default=0.5, gt=0, le=5)
-    most_curvature_per_m: float = Field(default=6.0, gt=0, le=100)
-    curve_turn_rad_s: float = Field(default=0.9, gt=0, le=10)
-    """Curves are driven so fast that the robot turns no faster than this."""
-    turn_on_the_spot_rad: float = Field(default=0.9, gt=0, le=3.2)
-    """Where the path leads off by more than this, the robot turns before it drives."""
-    aligned_rad: float = Field(default=0.25, gt=0, le=3.2)
-    approach_m: float = Field(default=0.25, gt=0, le=5)
-    """From here on it drives straight to the goal."""
-    position_m: float = Field(default=0.02, gt=0, le=1)
-    """It is there when it is so near: the pose of the goal is promised within 0.03 m and 3 degrees."""
-    heading_rad: float = Field(default=0.026, gt=0, le=3.2)
-    arcs: ArcParameters = ArcParameters()
+MOST_CURVATURE_PER_M: Final = 6.0
+TURN_ON_THE_SPOT_RAD: Final = 0.9
+"""Where the path leads off by more than this, the robot turns before it drives,"""
+
+ALIGNED_RAD: Final = 0.25
+"""until it leads off by no more than this."""
+
+APPROACH_M: Final = 0.25
+"""From here on it drives straight to the goal."""
+
+
+class FollowerLimits(Record, frozen=True):
+    """The robot's limits while it follows a path, and when it is there; a board that obeys late has others.
+
+    ``delay_s`` is from a pose to the motion that it leads to. Slower than the least speeds wheels may not turn at all.
+    Curves are driven so fast that the robot turns no faster than ``curve_turn_rad_s``. It is there within ``position_m``
+    and ``heading_rad``: 0.03 m and 3 degrees are promised.
+    """
+
+    max_speed_m_s: float = 0.30
+    max_reverse_m_s: float = 0.12
+    max_turn_rad_s: float = 1.2
+    acceleration_m_s2: float = 0.5
+    deceleration_m_s2: float = 0.5
+    turn_acceleration_rad_s2: float = 1.8
+    delay_s: float = 0.15
+    least_speed_m_s: float = 0.03
+    least_turn_rad_s: float = 0.15
+    curve_turn_rad_s: float = 0.9
+    position_m: float = 0.02
+    heading_rad: float = 0.026
 
 
 class Phase(StrEnum):
@@ -63,19 +68,30 @@ class Phase(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class FollowState:
-    """Where on the path the robot is (the index of a point), and what it does."""
+    """Where on the path the robot is (the index of a point), and what it does.
+
+    ``asked_m`` is how far it was asked to drive since it came to ``from_m`` on its approach to the goal; ``held`` is how
+    often it stayed there all the same.
+    """
 
     index: int = 0
     phase: Phase = Phase.TRACKING
+    held: int = 0
+    from_m: tuple[float, float] | None = None
+    asked_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
 class Followed:
-    """The next state, the twist to ask for, and whether something is in the way of it."""
+    """The next state, the twist to ask for, and whether something is in the way of it.
+
+    ``turns_rad`` is the turn on the spot that is blocked; 0: it is driving ahead.
+    """
 
     state: FollowState
     twist: Twist2D
     is_blocked: bool = False
+    turns_rad: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -87,7 +103,7 @@ class Track:
     speed_limit_m_s: float = math.inf
 
 
-def predicted(params: FollowerParameters, pose: Pose2D, twist: Twist2D) -> Pose2D:
+def predicted(params: FollowerLimits, pose: Pose2D, twist: Twist2D) -> Pose2D:
     """Where the robot will be when what is asked for now takes effect."""
     turned = twist.angular_rad_s * params.delay_s
     moved = twist.linear_m_s * params.delay_s
@@ -95,8 +111,8 @@ def predicted(params: FollowerParameters, pose: Pose2D, twist: Twist2D) -> Pose2
 
 
 def turn_by(
-    params: FollowerParameters,
-    outline: OutlineParameters,
+    params: FollowerLimits,
+    outline: Footprint,
     state: FollowState,
     error_rad: float,
     near: Surroundings,
@@ -108,7 +124,7 @@ def turn_by(
         return Followed(state, slewed(params, last, STANDING, dt_s))
     ways = [error_rad, error_rad - math.copysign(math.tau, error_rad)]
     for angle_rad in ways:
-        free_rad = turn(params.arcs, outline, near, angle_rad).free
+        free_rad = turn(outline, near, angle_rad).free
         if free_rad >= abs(angle_rad) - 1e-6:
             speed = stopping_speed(
                 abs(angle_rad), params.turn_acceleration_rad_s2 * TURN_BRAKING, params.delay_s
@@ -116,12 +132,10 @@ def turn_by(
             speed = min(max(speed, params.least_turn_rad_s), params.max_turn_rad_s)
             wish = Twist2D(0.0, math.copysign(speed, angle_rad))
             return Followed(state, slewed(params, last, wish, dt_s))
-    return Followed(state, slewed(params, last, STANDING, dt_s), is_blocked=True)
+    return Followed(state, slewed(params, last, STANDING, dt_s), is_blocked=True, turns_rad=error_rad)
 
 
-def on_arc(
-    params: FollowerParameters, last: Twist2D, speed_m_s: float, curvature: float, dt_s: float
-) -> Twist2D:
+def on_arc(params: FollowerLimits, last: Twist2D, speed_m_s: float, curvature: float, dt_s: float) -> Twist2D:
     """A twist on an arc; ``curvature`` times the speed is the turning, also in reverse."""
     linear = slewed(params, last, Twist2D(speed_m_s, 0.0), dt_s).linear_m_s
     most = params.max_turn_rad_s
@@ -129,7 +143,7 @@ def on_arc(
     return slewed(params, last, wish, dt_s)
 
 
-def slewed(params: FollowerParameters, last: Twist2D, wish: Twist2D, dt_s: float) -> Twist2D:
+def slewed(params: FollowerLimits, last: Twist2D, wish: Twist2D, dt_s: float) -> Twist2D:
     """As much of a change as the accelerations allow."""
     braking = abs(wish.linear_m_s) < abs(last.linear_m_s)
     rate = params.deceleration_m_s2 * BRAKING if braking else params.acceleration_m_s2

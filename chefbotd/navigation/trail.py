@@ -7,6 +7,7 @@ import numpy as np
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.navigation.follower import backwards
 from chefbotd.navigation.parameters import NavigationParameters
+from chefbotd.navigation.recovery import BACK_OUT_M
 from chefbotd.navigation.reports import StepInput
 from chefbotd.navigation.surroundings import Surroundings
 
@@ -38,7 +39,7 @@ def back_out(
     ``began`` is where the robot was in the map when it began to back out.
     """
     away_m = math.hypot(now.pose.x_m - began.x_m, now.pose.y_m - began.y_m)
-    if away_m >= params.recovery.back_out_m or len(trail) < LEAST_POINTS:
+    if away_m >= BACK_OUT_M or len(trail) < LEAST_POINTS:
         return None
     back = np.array(trail[::-1])
     done = backwards(params.follower, params.outline, back, near, now.last, now.dt_s)

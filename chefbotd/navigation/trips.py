@@ -8,9 +8,9 @@ import numpy as np
 from chefbotd.core.geometry import Pose2D
 from chefbotd.navigation.costmap import Costmap, between_cells_at
 from chefbotd.navigation.grid_frame import Floats
-from chefbotd.navigation.outline import OutlineParameters
-from chefbotd.navigation.planner import Goal, NoPath, Path, PlannerParameters, plan, turn_rad
-from chefbotd.navigation.steering import FollowerParameters, FollowState
+from chefbotd.navigation.outline import Footprint
+from chefbotd.navigation.path import ESCAPE_M, SPACING_M, Goal, NoPath, Path, Planner, turn_rad
+from chefbotd.navigation.steering import TURN_ON_THE_SPOT_RAD, FollowerLimits, FollowState
 
 NEAR_GOAL_M = 0.9
 """So near to a goal that is taken the robot waits. A free place farther from it may be behind a wall."""
@@ -37,8 +37,8 @@ class Trip:
 
 
 def find(
-    params: PlannerParameters,
-    outline: OutlineParameters,
+    planner: Planner,
+    outline: Footprint,
     costs: Costmap,
     ground: Costmap,
     pose: Pose2D,
@@ -48,17 +48,17 @@ def find(
 
     What the map alone (``ground``) does not allow is no matter of waiting; ``only_for_now`` tells them apart.
     """
-    found = plan(params, outline, costs, pose, goal)
+    found = planner(outline, costs, pose, goal)
     if isinstance(found, Path):
         return Trip(found, FollowState())
-    on_map = found if costs is ground else plan(params, outline, ground, pose, goal)
+    on_map = found if costs is ground else planner(outline, ground, pose, goal)
     if isinstance(on_map, NoPath):
         return on_map
     offered = found.nearest
     if offered is None or math.hypot(offered.x_m - goal.x_m, offered.y_m - goal.y_m) > NEAR_GOAL_M:
         return replace(found, only_for_now=True)
     if math.hypot(goal.x_m - pose.x_m, goal.y_m - pose.y_m) > NEAR_GOAL_M:
-        near = plan(params, outline, costs, pose, replace(goal, tolerance_m=math.inf))
+        near = planner(outline, costs, pose, replace(goal, tolerance_m=math.inf))
         if isinstance(near, Path):
             return Trip(
                 replace(near, goal=replace(near.goal, heading_rad=None)), FollowState(), is_interim=True
@@ -67,24 +67,24 @@ def find(
     return NoPath(told, offered, only_for_now=True)
 
 
-def blocked_at(params: PlannerParameters, costs: Costmap, path: Path) -> Floats | None:
+def blocked_at(costs: Costmap, path: Path) -> Floats | None:
     """Where (in the grid's frame) a path is blocked first."""
-    after_m = blocked_after_m(params, costs, path)
-    return None if after_m is None else path.points_m[round(after_m / params.spacing_m)]
+    after_m = blocked_after_m(costs, path)
+    return None if after_m is None else path.points_m[round(after_m / SPACING_M)]
 
 
-def blocked_after_m(params: PlannerParameters, costs: Costmap, path: Path) -> float | None:
+def blocked_after_m(costs: Costmap, path: Path) -> float | None:
     """How far along a path the first blocked cell is, but for where the robot itself stands."""
     columns, rows = np.floor(path.points_m / costs.frame.resolution_m).astype(np.int64).T
-    along_m = np.flatnonzero(np.isinf(costs.costs[rows, columns])) * params.spacing_m
-    beyond = along_m[along_m > params.escape_m / 2]
+    along_m = np.flatnonzero(np.isinf(costs.costs[rows, columns])) * SPACING_M
+    beyond = along_m[along_m > ESCAPE_M / 2]
     return float(beyond[0]) if len(beyond) else None
 
 
-def turn_worth(params: FollowerParameters, path: Path, pose: Pose2D) -> float:
+def turn_worth(params: FollowerLimits, path: Path, pose: Pose2D) -> float:
     """What it costs to begin with a path: where the robot turns on the spot, the way that it could go meanwhile."""
     turned = turn_rad(pose, path)
-    if turned < params.turn_on_the_spot_rad:
+    if turned < TURN_ON_THE_SPOT_RAD:
         return 0.0
     stopping_s = (
         params.max_speed_m_s / params.deceleration_m_s2 + params.max_speed_m_s / params.acceleration_m_s2

@@ -11,7 +11,7 @@ from chefbotd.navigation.awareness import Awareness
 from chefbotd.navigation.evade import evasion
 from chefbotd.navigation.navigator import Navigator
 from chefbotd.navigation.parameters import NavigationParameters
-from chefbotd.navigation.planner import Goal
+from chefbotd.navigation.path import Goal
 from chefbotd.navigation.reports import Seen
 from chefbotd.navigation.zones import NO_ZONES
 
@@ -48,4 +48,5 @@ def _meet_somebody(params: NavigationParameters) -> None:
         known.take_scan(Seen(0.1 * k, pose, np.zeros(2), points))
     known.costs(0.1 * WALKED, pose)
     near = known.surroundings(pose, 0.1 * WALKED)
-    evasion(params.evade, params.follower.arcs, params.outline, near, STANDING, 0.0, is_stuck=True)
+    known.beside(near)
+    evasion(params.outline, near, STANDING, 0.0, is_stuck=True)

@@ -97,6 +97,6 @@ class DepthSourceParameters(DepthCameraParameters):
     @model_validator(mode="after")
     def _has_a_source(self) -> "DepthSourceParameters":
         if (self.folder is None) == (self.source is DepthSource.FOLDER):
-            told = "needs a folder" if self.folder is None else "has no folder"
-            raise ValueError(f"a camera whose source is {str(self.source)!r} {told}")
+            problem = "needs a folder" if self.folder is None else "has no folder"
+            raise ValueError(f"a camera whose source is {str(self.source)!r} {problem}")
         return self

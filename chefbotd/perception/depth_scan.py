@@ -11,12 +11,12 @@ lifts the whole floor.
 """
 
 import math
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from chefbotd.core.record import Record
 from chefbotd.perception.depth_camera import DepthCameraParameters
 
 INVALID_MM = 65535
@@ -26,8 +26,7 @@ MM_PER_M = 1000.0
 Floats: TypeAlias = npt.NDArray[np.floating[Any]]
 
 
-@dataclass(frozen=True, slots=True)
-class DepthScan:
+class DepthScan(Record, frozen=True):
     """What an image shows, in the level frame below the camera; arrays of one entry a beam, from right to left.
 
     ``range_m`` is the horizontal distance to the nearest obstacle, infinite where none was seen. ``clear_m`` tells how

@@ -5,97 +5,71 @@ own time; odometry says where the robot was then.
 """
 
 import math
-from dataclasses import dataclass
-from typing import TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, model_validator
 
 from chefbotd.core.geometry import Pose2D
-from chefbotd.core.parameters import Parameters
+from chefbotd.core.record import Record
 from chefbotd.core.scan import Floats, LaserScan
 
 Flags: TypeAlias = NDArray[np.bool_]
 
 
-class BeamParameters(Parameters):
-    """Which beams are used; ``blind_sectors_rad`` are spans (from, to) of bearings in the lidar's frame, CCW.
+VEIL_RAD: Final = 0.12
+"""A point on a line that runs so nearly along its beam is no surface, but between an edge and what is behind.
 
-    The robot's own body is a circle about its origin: what ends within is the robot itself.
-    """
-
-    min_range_m: float = Field(default=0.05, ge=0, le=100)
-    max_range_m: float = Field(default=30.0, gt=0, le=200)
-    blind_sectors_rad: tuple[tuple[float, float], ...] = ()
-    body_radius_m: float = Field(default=0.0, ge=0, le=5)
-    veil_rad: float = Field(default=0.12, ge=0, le=1.5)
-    """A point on a line that runs so nearly along its beam is no surface, but between an edge and what is behind."""
-
-    @model_validator(mode="after")
-    def _has_a_band(self) -> "BeamParameters":
-        if self.min_range_m >= self.max_range_m:
-            raise ValueError(
-                f"min_range_m must be below max_range_m, got {self.min_range_m} and {self.max_range_m}"
-            )
-        return self
+Such shadow points are what the ScanShadowsFilter of ROS's laser_filters removes, too.
+"""
 
 
-@dataclass(frozen=True, slots=True)
-class Track:
+class OdometryTrack(Record, frozen=True):
     """Where odometry says the robot was: times (rising) and poses (n, 3: x, y, heading), one at least."""
 
     stamp_s: Floats
     odom_from_base: Floats
 
 
-def usable(params: BeamParameters, scan: LaserScan) -> Flags:
-    """Which beams have a reading that can be trusted."""
+def usable(band_m: tuple[float, float], scan: LaserScan) -> Flags:
+    """Which beams have a reading that can be trusted: from the nearest to the farthest range, and no veil."""
     ranges = np.where(np.isfinite(scan.range_m), scan.range_m, 0.0)
-    good: Flags = (ranges >= params.min_range_m) & (ranges <= params.max_range_m) & (ranges > 0)
-    for begin, end in params.blind_sectors_rad:
-        good = np.logical_and(good, outside(scan.bearing_rad, begin, end))
-    return np.logical_and(good, ~_veils(scan.bearing_rad, ranges, params.veil_rad))
+    good: Flags = (ranges >= band_m[0]) & (ranges <= band_m[1]) & (ranges > 0)
+    return np.logical_and(good, ~_veils(scan.bearing_rad, ranges))
 
 
-def outside(bearing_rad: Floats, begin_rad: float, end_rad: float) -> Flags:
-    """Which bearings are not in the sector that goes counter-clockwise from its begin to its end."""
-    return np.asarray((bearing_rad - begin_rad) % math.tau > (end_rad - begin_rad) % math.tau, np.bool_)
-
-
-def _veils(bearing_rad: Floats, range_m: Floats, veil_rad: float) -> Flags:
+def _veils(bearing_rad: Floats, range_m: Floats) -> Flags:
     """Points between an edge and what is behind it: the beam hit both, and the lidar says something in between.
 
     The lines to both neighbours run along the beam, one towards the sensor, the other away.
     """
-    found = np.zeros(len(range_m), np.bool_)
+    veils = np.zeros(len(range_m), np.bool_)
     if len(range_m) < 3:
-        return found
+        return veils
     across = np.abs(np.sin(np.diff(bearing_rad))) * np.minimum(range_m[1:], range_m[:-1])
     along = np.diff(range_m)
-    steep = np.abs(np.arctan2(across, np.abs(along))) < veil_rad
+    steep = np.abs(np.arctan2(across, np.abs(along))) < VEIL_RAD
     deep = np.abs(along) > 0.05
     step = steep & deep & (range_m[1:] > 0) & (range_m[:-1] > 0)
-    found[1:-1] = step[1:] & step[:-1] & (along[1:] * along[:-1] > 0)
-    return found
+    veils[1:-1] = step[1:] & step[:-1] & (along[1:] * along[:-1] > 0)
+    return veils
 
 
-def points_in_base(params: BeamParameters, base_from_lidar: Pose2D, scan: LaserScan, track: Track) -> Floats:
+def points_in_base(
+    band_m: tuple[float, float], base_from_lidar: Pose2D, scan: LaserScan, track: OdometryTrack
+) -> Floats:
     """What the usable beams hit, (n, 2) in the robot's frame at the scan's stamp, in the order of the beams."""
-    good = np.flatnonzero(usable(params, scan))
+    good = np.flatnonzero(usable(band_m, scan))
     bearing, ranges = scan.bearing_rad[good], scan.range_m[good]
-    there = np.stack([ranges * np.cos(bearing), ranges * np.sin(bearing)], axis=1)
+    points = np.stack([ranges * np.cos(bearing), ranges * np.sin(bearing)], axis=1)
     mount = np.array([base_from_lidar.x_m, base_from_lidar.y_m, base_from_lidar.heading_rad])
-    then = placed(mount, there)
-    if params.body_radius_m > 0:
-        beyond = np.hypot(then[:, 0], then[:, 1]) > params.body_radius_m
-        then, good = then[beyond], good[beyond]
+    then = placed(mount, points)
     poses = pose_at(track, scan.stamp_s + scan.after_s[good])
     in_odom = placed(poses, then)
     return seen_from(pose_at(track, np.array([scan.stamp_s]))[0], in_odom)
 
 
-def pose_at(track: Track, stamp_s: Floats) -> Floats:
+def pose_at(track: OdometryTrack, stamp_s: Floats) -> Floats:
     """Where the robot was at these times (n, 3): straight between two poses, and held beyond the first and last."""
     heading = np.unwrap(track.odom_from_base[:, 2])
     columns = [track.odom_from_base[:, 0], track.odom_from_base[:, 1], heading]

@@ -13,7 +13,7 @@ import numpy as np
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.scan import Floats, LaserScan
-from chefbotd.perception.laser_scan import BeamParameters, Track, placed, points_in_base, pose_at, seen_from
+from chefbotd.perception.laser_scan import OdometryTrack, placed, points_in_base, pose_at, seen_from
 
 SILENT_S: Final = 0.5
 """A lidar whose last turn is older than another's by so much leads no more."""
@@ -75,17 +75,19 @@ class SeenPoints(NamedTuple):
     sensor_m: Floats
 
 
-def joined_points(params: BeamParameters, turns: Sequence[MountedScan], track: Track) -> SeenPoints:
+def joined_points(
+    band_m: tuple[float, float], turns: Sequence[MountedScan], track: OdometryTrack
+) -> SeenPoints:
     """What the turns show of the room in the robot's frame at the time of the first one, of which there must be one."""
     first = turns[0]
     if len(turns) == 1:
         mount = first.base_from_lidar
-        return SeenPoints(points_in_base(params, mount, first.scan, track), np.array([mount.x_m, mount.y_m]))
+        return SeenPoints(points_in_base(band_m, mount, first.scan, track), np.array([mount.x_m, mount.y_m]))
     now = pose_at(track, np.array([first.scan.stamp_s]))[0]
     points, sensors = [], []
     for base_from_lidar, scan in turns:
         then = pose_at(track, np.array([scan.stamp_s]))[0]
-        seen = placed(then, points_in_base(params, base_from_lidar, scan, track))
+        seen = placed(then, points_in_base(band_m, base_from_lidar, scan, track))
         sensor = placed(then, np.array([[base_from_lidar.x_m, base_from_lidar.y_m]]))
         points.append(seen_from(now, seen))
         sensors.append(np.repeat(seen_from(now, sensor), len(seen), axis=0))

@@ -1,8 +1,8 @@
 """The second process: it outlives the daemon, and stops the motors if the daemon ends without a goodbye.
 
 No program can do anything about ``kill -9``, and a classic board keeps its last duty for ever. So this one waits for
-the end of a pipe. A goodbye before it: all is well. Without one the other has died: this one opens the port, which
-the dead one has just left, and puts stops on the wire. It imports next to nothing, and sleeps until then.
+the end of a pipe. A goodbye before it: all is well. Without one the other has died: this one opens the port, waits until
+the dead one has left it, and puts stops on the wire. It imports next to nothing, and sleeps until then.
 """
 
 import contextlib
@@ -20,8 +20,9 @@ STOPS, APART_S = 20, 0.1
 """The sketch may wait a second for an echo before it reads."""
 
 PATIENCE_S = 10.0
-"""How long a device that is gone is waited for: one that the kernel finds again is back within two seconds.
+"""How long a device that is gone is waited for, and one that is in use.
 
+One that the kernel finds again is back within two seconds.
 Whoever plugs a cable in again later stands beside the robot; until then this would be a program that nobody expects.
 """
 
@@ -38,19 +39,25 @@ def pseudo_terminal(device: str) -> Identity | None:
     if not device.startswith("/dev/pts/"):
         return None
     try:
-        found = os.stat(device)  # noqa: PTH116 (this program imports next to nothing)
+        status = os.stat(device)  # noqa: PTH116 (this program imports next to nothing)
     except OSError:
         return None
-    return found.st_ino, found.st_ctime_ns
+    return status.st_ino, status.st_ctime_ns
 
 
 def stop_motors(
-    device: str, baud: int, dtr: bool, rts: bool, stop: bytes, simulated: Identity | None = None
+    device: str,
+    baud: int,
+    dtr: bool,
+    rts: bool,
+    stop: bytes,
+    simulated: Identity | None = None,
+    daemon: int = 0,
 ) -> bool | None:
     """Open the port with DTR and RTS as the daemon sets them, and write stops: whether that went, or was not needed.
 
-    ``simulated`` is the pseudo-terminal of a simulated board. None: that one is gone, and nothing was written; what has
-    its number now is somebody's terminal.
+    ``daemon`` is the process that had the port. ``simulated`` is the pseudo-terminal of a simulated board. None: that
+    one is gone, and nothing was written; what has its number now is somebody's terminal.
     """
     import serial  # only now, so that the wait costs no memory
 
@@ -62,7 +69,7 @@ def stop_motors(
         port.port, port.dtr, port.rts = device, dtr, rts
         with contextlib.suppress(OSError, termios.error), port:  # a device that goes away raises either
             for _ in range(STOPS):
-                if not _is_free(port.fileno()):
+                if not _is_left_to_us(port.fileno(), daemon):
                     return True
                 port.write(stop)
                 time.sleep(APART_S)
@@ -71,8 +78,25 @@ def stop_motors(
     return False
 
 
+def _is_left_to_us(descriptor: int, daemon: int) -> bool:
+    """Whether no other program has the port; one that keeps it has put a stop on the wire first.
+
+    The pipe ends before the daemon does: it holds the port's lock until the kernel has taken all of it apart, which a
+    busy computer puts off, and a child that it was just starting holds it, too. So a port in use is waited for; a daemon
+    that is not gone even then does no more.
+    """
+    until_s = time.monotonic() + PATIENCE_S
+    while True:
+        is_dying = os.getppid() == daemon  # asked before the look: it may end in between
+        if _is_free(descriptor):
+            return True
+        if time.monotonic() >= until_s:
+            return is_dying
+        time.sleep(APART_S)
+
+
 def _is_free(descriptor: int) -> bool:
-    """Whether no other program has the port; one that has it has put a stop on the wire first."""
+    """Whether no other program holds the port's lock."""
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
     except OSError:
@@ -85,11 +109,12 @@ def main() -> None:
     """Wait for the pipe's end; signals are for the other one. systemd's watchdog sends SIGABRT to this one, too."""
     for number in signal.valid_signals() - {signal.SIGKILL, signal.SIGSTOP, signal.SIGCHLD}:
         signal.signal(number, signal.SIG_IGN)
-    device, baud, dtr, rts, stop = sys.argv[1:]
+    device, baud, dtr, rts, stop, daemon = sys.argv[1:]
     simulated = pseudo_terminal(device)
     if sys.stdin.buffer.read() == GOODBYE:
         return
-    stopped = stop_motors(device, int(baud), dtr == "1", rts == "1", bytes.fromhex(stop), simulated)
+    lines = dtr == "1", rts == "1"
+    stopped = stop_motors(device, int(baud), *lines, bytes.fromhex(stop), simulated, int(daemon))
     if stopped:
         tell(syslog.LOG_WARNING, f"chefbotd was killed: the motors on {device} were told to stop")
     elif stopped is not None:

@@ -1,13 +1,72 @@
-"""Logs on stderr: one JSON object per line for systemd and files, colours for a terminal."""
+"""Logs on stderr: a JSON object per line for systemd and files, colours for a terminal; a thread writes them.
 
+An unread stderr never blocks the robot.
+"""
+
+import atexit
 import logging
+import os
+import queue
 import sys
+import threading
 
 import structlog
 from structlog.typing import EventDict, FilteringBoundLogger, Processor
 
-from chefbotd.process.log_writer import LogWriter
 from chefbotd.settings.model import Level
+
+ROOM_FOR_LINES = 2000
+LAST_WORDS_S = 0.5
+
+
+class LogWriter:
+    """A stream to write to that never blocks and never fails; what finds no room is counted and told later.
+
+    The thread writes to the descriptor itself: at the interpreter's end nobody must wait for a stream's lock.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._texts: queue.Queue[str | None] = queue.Queue(ROOM_FOR_LINES)
+        self._lost = 0
+        self._thread = threading.Thread(target=self._run, name="log", daemon=True)
+        self._thread.start()
+        atexit.register(self.close)
+
+    def write(self, text: str) -> None:
+        """Take a line to be written as soon as the stream takes it."""
+        try:
+            self._texts.put_nowait(text)
+        except queue.Full:
+            self._lost += 1
+
+    def flush(self) -> None:
+        """Nothing to do: there is no buffer but the queue."""
+
+    def close(self) -> None:
+        """Let what waits be written, for ``LAST_WORDS_S`` at most."""
+        atexit.unregister(self.close)
+        try:
+            self._texts.put_nowait(None)
+        except queue.Full:
+            return
+        self._thread.join(LAST_WORDS_S)
+
+    def _run(self) -> None:
+        while (text := self._texts.get()) is not None:
+            lost, self._lost = self._lost, 0
+            if lost:
+                self._put(f'{{"event": "log lines lost, nobody reads them", "lines": {lost}}}\n')
+            self._put(text)
+
+    def _put(self, text: str) -> None:
+        data = text.encode(errors="backslashreplace")
+        try:
+            while data:
+                data = data[os.write(self._descriptor, data) :]
+        except OSError:  # a closed pipe, a full disk: there is nowhere to complain
+            self._lost += 1
+
 
 STDERR = 2
 METHODS = ("debug", "info", "warning", "error", "critical", "exception", "log")
@@ -42,10 +101,10 @@ def _logger_class(level: Level) -> type[FilteringBoundLogger]:
 
 def set_level(level: Level) -> None:
     """Log from this level on; also through loggers that have been in use before. ``configure`` comes first."""
-    wanted = structlog.make_filtering_bound_logger(getattr(logging, level.upper()))
+    filtering = structlog.make_filtering_bound_logger(getattr(logging, level.upper()))
     used = structlog.get_config()["wrapper_class"]
     for name in METHODS:
-        setattr(used, name, getattr(wanted, name))
+        setattr(used, name, getattr(filtering, name))
 
 
 class _Forwarder(logging.Handler):
@@ -68,8 +127,8 @@ def _shorten_lists(_logger: object, _method: str, event: EventDict) -> EventDict
         return event
     earlier = len(lines) - LINES_SHOWN
     more = [f"({earlier} earlier lines: only where the log is a file)"] if earlier > 0 else []
-    told = [f"    {line}" for line in (*more, *lines[-LINES_SHOWN:])]
-    return {**event, "lines": len(lines), "stack": "\n".join(told)}  # what is printed below the line
+    text = [f"    {line}" for line in (*more, *lines[-LINES_SHOWN:])]
+    return {**event, "lines": len(lines), "stack": "\n".join(text)}  # what is printed below the line
 
 
 def _renderers(*, on_terminal: bool) -> list[Processor]:

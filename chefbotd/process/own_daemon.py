@@ -20,7 +20,7 @@ from chefbotd.process.watchdog import Watchdog
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.safety.latch import LatchParameters
 from chefbotd.settings import Settings
-from chefbotd.transport.web.parameters import PageParameters
+from chefbotd.transport.parameters import PageParameters
 
 
 def alone(settings: Settings) -> Settings:

@@ -4,7 +4,7 @@ Gains change without a bump, limits as soon as the robot stands, the log's level
 is built into the parts of the daemon, and waits for its next start.
 """
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Protocol
 
 from msgspec import Struct
@@ -24,7 +24,7 @@ RESTART = "it is fixed while the daemon runs: sudo systemctl restart chefbotd"
 ABSENT = object()
 
 
-class Target(Protocol):
+class ReloadTarget(Protocol):
     """What the changes go to: the running daemon."""
 
     def gains(self) -> Mapping[str, PidParameters]:
@@ -52,7 +52,7 @@ class Target(Protocol):
         ...
 
 
-class Outcome(Struct, frozen=True):
+class ReloadOutcome(Struct, frozen=True):
     """What became of a changed configuration: keys that are in force, that wait for the robot to stand, and refusals."""
 
     changed: tuple[str, ...] = ()
@@ -60,21 +60,21 @@ class Outcome(Struct, frozen=True):
     refused: tuple[str, ...] = ()
 
     def __str__(self) -> str:
-        told = [
+        parts = [
             f"changed {', '.join(self.changed)}" if self.changed else "",
             f"when the robot stands: {', '.join(self.waiting)}" if self.waiting else "",
             "; ".join(self.refused),
         ]
-        return "; ".join(filter(None, told)) or "nothing has changed"
+        return "; ".join(filter(None, parts)) or "nothing has changed"
 
 
 class Reloader:
     """``settings`` are those in force."""
 
-    def __init__(self, settings: Settings, target: Target) -> None:
+    def __init__(self, settings: Settings, target: ReloadTarget) -> None:
         self._settings, self._target = settings, target
 
-    def apply(self, wanted: Settings) -> Outcome:
+    def apply(self, settings: Settings) -> ReloadOutcome:
         """Take over what may change.
 
         Raises:
@@ -82,34 +82,34 @@ class Reloader:
             AccessError: the tokens cannot be read; nothing has changed.
         """
         before = self._settings
-        merged = before.model_copy(update={name: getattr(wanted, name) for name in CHANGEABLE})
+        merged = before.model_copy(update={name: getattr(settings, name) for name in CHANGEABLE})
         if wrong := "; ".join(check(merged)):
             raise SettingsError(f"does not fit the settings that only a restart changes: {wrong}")
         keyring = self._target.load_keyring(before)
-        keys = list(_differences("", _plain(before), _plain(wanted)))
-        mine = [key for key in keys if key.partition(".")[0] in CHANGEABLE]
-        refused = [f"{key}: {RESTART}" for key in keys if key not in mine]
-        limits = tuple([key for key in mine if key.startswith("limits")])
         self._settings = merged
-        self._retune(before, merged)
-        at_once = not limits or self._target.relimit(merged.limits)
-        if merged.log.level != before.log.level:
-            self._target.set_level(merged.log.level)
+        keys = list(_differences("", _plain(before), _plain(settings)))
+        return _outcome(keys, self._exchange(before, merged), has_tokens=self._open_to(keyring))
+
+    def _exchange(self, before: Settings, after: Settings) -> bool:
+        """Hand over gains, limits and the log's level where they differ; whether the limits hold at once."""
+        self._retune(before, after)
+        at_once = before.limits == after.limits or self._target.relimit(after.limits)
+        if after.log.level != before.log.level:
+            self._target.set_level(after.log.level)
+        return at_once
+
+    def _open_to(self, keyring: Keyring | None) -> bool:
+        """Exchange the tokens, if any are asked for."""
         if keyring is not None:
             self._target.exchange_tokens(keyring)
-        changed = [key for key in mine if at_once or key not in limits]
-        return Outcome(
-            changed=(*changed, *(["the tokens were read"] if keyring is not None else [])),
-            waiting=() if at_once else limits,
-            refused=tuple(refused),
-        )
+        return keyring is not None
 
     def _retune(self, before: Settings, after: Settings) -> None:
         """Gains that the file has changed; those that were changed by ``set_pid`` and not in the file stay."""
         was, running, new = before.gains(), self._target.gains(), after.gains()
-        wanted = {name: _merged(was[name], running[name], new[name]) for name in new}
-        if wanted != running:
-            self._target.retune(wanted)
+        gains = {name: _merged(was[name], running[name], new[name]) for name in new}
+        if gains != running:
+            self._target.retune(gains)
 
 
 def _merged(was: PidParameters, running: PidParameters, new: PidParameters) -> PidParameters:
@@ -120,6 +120,18 @@ def _merged(was: PidParameters, running: PidParameters, new: PidParameters) -> P
         return PidParameters.model_validate(running.model_dump() | changed)
     except ValidationError:
         return new
+
+
+def _outcome(keys: Sequence[str], at_once: bool, *, has_tokens: bool) -> ReloadOutcome:
+    """What became of the keys that differ; ``at_once``: the limits did not have to wait for the robot to stand."""
+    mine = [key for key in keys if key.partition(".")[0] in CHANGEABLE]
+    waiting = () if at_once else tuple(key for key in mine if key.startswith("limits"))
+    changed = tuple(key for key in mine if key not in waiting)
+    return ReloadOutcome(
+        changed=(*changed, "the tokens were read") if has_tokens else changed,
+        waiting=waiting,
+        refused=tuple(f"{key}: {RESTART}" for key in keys if key not in mine),
+    )
 
 
 def _plain(settings: Settings) -> dict[str, Any]:

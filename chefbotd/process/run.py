@@ -16,6 +16,7 @@ from chefbotd.clock import SystemClock
 from chefbotd.composition.context import StartWriter
 from chefbotd.process import signals, systemd
 from chefbotd.process.build import build
+from chefbotd.process.priority import log_priority, raise_priority
 from chefbotd.process.stop_guard import stop_guard
 from chefbotd.process.watchdog import Watchdog
 from chefbotd.rpc.access import AccessError
@@ -103,13 +104,17 @@ async def _until_signalled(settings: Settings, load: "Load | None", *, simulated
 
 async def _serve(daemon: Daemon, settings: Settings, as_service: AsService, *more: Loop) -> None:
     service = as_service(daemon)
+    control = settings.control
+    priority = raise_priority(control.realtime_priority, lock_memory=control.lock_memory)
 
     async def report_ready() -> None:
         host, port = await daemon.server.address()
         freeze_gc()
+        log_priority(priority, control.realtime_priority)
         if service is None:
             systemd.notify(f"READY=1\nSTATUS=listening on {host}:{port}")
         else:
+            service.status.priority = str(priority)
             service.report_ready(f"{host}:{port}")
 
     watchdog = Watchdog(
@@ -118,6 +123,7 @@ async def _serve(daemon: Daemon, settings: Settings, as_service: AsService, *mor
         daemon.driving,
         daemon.session.stop_from_thread,
         daemon.driving.keeper.report_from_thread,
+        priority.realtime + 1 if priority.realtime else 0,
     )
     with watchdog:
         await daemon.run(report_ready, *(service.loops if service else ()), *more)

@@ -9,16 +9,48 @@ from functools import partial
 import structlog
 
 from chefbotd.app import Daemon, Loop
+from chefbotd.bus import Bus
+from chefbotd.core.events import SafetyChanged
 from chefbotd.core.events.inputs import GainsExchanged, LimitsExchanged
 from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters
 from chefbotd.process import logs, systemd
 from chefbotd.process.keep_alive import KeepAlive, watchdog_s_of
 from chefbotd.process.reload import CANNOT_RELOAD, Reloader
-from chefbotd.process.status import StatusLine
 from chefbotd.rpc.access import Keyring, load_guard
 from chefbotd.settings import Settings
 from chefbotd.settings.model import Level
+
+
+class StatusLine:
+    """Keeps the last word about safety; the rest is asked when the line is made."""
+
+    def __init__(
+        self, bus: Bus, device: str, link_is_up: Callable[[], bool], clients: Callable[[], int]
+    ) -> None:
+        self._device, self._link_is_up, self._clients = device, link_is_up, clients
+        self._mode, self._fault = "starting", ""
+        self.where = self.note = self.priority = ""
+        bus.add_handler(self._on_safety, SafetyChanged)
+
+    def __call__(self) -> str:
+        """The line; ``where`` is the socket's address, ``priority`` the loop's, ``note`` what happened last."""
+        link = f"board on {self._device}" if self._link_is_up() else f"no board on {self._device}"
+        clients = self._clients()
+        parts = [
+            self._mode,
+            link,
+            f"{clients} client" if clients == 1 else f"{clients} clients",
+            f"fault: {self._fault}" if self._fault else "no fault",
+            f"listening on {self.where}",
+            self.priority,
+            self.note,
+        ]
+        return "; ".join(filter(None, parts))
+
+    def _on_safety(self, event: SafetyChanged) -> None:
+        self._mode, self._fault = event.mode, event.fault or ""
+
 
 log = structlog.get_logger(component="service")
 
@@ -36,15 +68,14 @@ class DaemonTarget:
 
     def retune(self, gains: Mapping[str, PidParameters]) -> None:
         """Without a bump."""
-        told = {name: each.model_dump(mode="json") for name, each in gains.items()}
-        with self._daemon.entries.entry(GainsExchanged, told):
+        recorded = {name: own.model_dump(mode="json") for name, own in gains.items()}
+        with self._daemon.entries.entry(GainsExchanged, recorded):
             self._daemon.driving.wheels.retune(gains)
 
     def relimit(self, limits: MotionLimits) -> bool:
         """As soon as the robot stands; what is told of a command changes at the same time."""
 
         def tell() -> None:
-            self._daemon.limit_preview.relimit(limits)
             log.info("the limits have changed")
 
         with self._daemon.entries.entry(LimitsExchanged, limits.model_dump(mode="json")):
@@ -80,7 +111,7 @@ class Service:
         self._tell, self._read = tell, read
         self._keep_alive = KeepAlive(daemon.driving, session, tell, self.status, watchdog_s)
         self._reloader = Reloader(settings, DaemonTarget(daemon))
-        self._wanted = asyncio.Event()
+        self._reload_requested = asyncio.Event()
 
     @property
     def loops(self) -> tuple[Loop, ...]:
@@ -89,7 +120,7 @@ class Service:
 
     def want_reload(self) -> None:
         """Read the configuration again, soon; several wishes meanwhile are one."""
-        self._wanted.set()
+        self._reload_requested.set()
 
     def report_ready(self, where: str) -> None:
         """The daemon serves at this address."""
@@ -98,8 +129,8 @@ class Service:
 
     async def _reload_when_wanted(self) -> None:
         while True:
-            await self._wanted.wait()
-            self._wanted.clear()
+            await self._reload_requested.wait()
+            self._reload_requested.clear()
             await self.reload()
 
     async def reload(self) -> None:
@@ -115,8 +146,8 @@ class Service:
             log.error("the configuration was not reloaded", error=repr(error), exc_info=error)
         else:
             self.status.note = f"reloaded: {outcome}"
-            told = log.warning if outcome.refused else log.info
-            told(
+            write = log.warning if outcome.refused else log.info
+            write(
                 "the configuration was reloaded",
                 changed=outcome.changed,
                 waiting=outcome.waiting,

@@ -1,17 +1,15 @@
 """The simulated robot that a configuration describes."""
 
-from chefbotd.link.line_load import BITS_A_BYTE
+from chefbotd.link.wires import BITS_A_BYTE, variant_of
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics, Side
 from chefbotd.sensing.infrared import InfraredParameters
 from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.settings import Settings
-from chefbotd.sim import infrared
 from chefbotd.sim.battery import Divider
-from chefbotd.sim.chassis import Chassis, Wheel
-from chefbotd.sim.sensors import UltrasonicMount
+from chefbotd.sim.plant import Chassis, Wheel
+from chefbotd.sim.sensors import InfraredMount, UltrasonicMount
 from chefbotd.sim.simulation import Simulation, build_launchpad, build_lidars
 from chefbotd.sim.spinning import LidarMount, LidarWire
-from firmware_protocol.codec import VARIANTS
 
 
 class CannotSimulateError(Exception):
@@ -27,7 +25,7 @@ def simulation_of(settings: Settings) -> Simulation:
     ultrasonic = settings.ultrasonic
     return Simulation(
         settings.sim,
-        VARIANTS[settings.robot.wire],
+        variant_of(settings.robot.wire),
         _chassis(settings.chassis, settings.encoders.counts_per_turn),
         settings.link.baud / BITS_A_BYTE,
         Divider(settings.battery.reference_v, settings.battery.divider_ratio),
@@ -52,8 +50,8 @@ def checked_simulation(settings: Settings) -> Simulation:
         build_launchpad(simulation)
         build_lidars(simulation)
     except (OSError, ValueError) as error:
-        told = " ".join(str(error).split())
-        raise CannotSimulateError(f"{settings.robot.name} cannot be simulated: {told}") from error
+        reason = " ".join(str(error).split())
+        raise CannotSimulateError(f"{settings.robot.name} cannot be simulated: {reason}") from error
     return simulation
 
 
@@ -75,7 +73,6 @@ def _lidar(real: LidarParameters, height_m: float) -> LidarMount:
     return LidarMount(real.name, real.base_from_lidar, real.upside_down, height_m, wire)
 
 
-def _infrared(real: InfraredParameters) -> infrared.InfraredParameters:
+def _infrared(real: InfraredParameters) -> InfraredMount:
     """A sensor where the real one is; its noise and its rays are the simulator's own."""
-    shared = real.model_dump(include=set(infrared.InfraredParameters.model_fields))
-    return infrared.InfraredParameters.model_validate(shared)
+    return InfraredMount(real.channel, real.base_from_sensor, real.field_of_view_rad, real.reference_v)

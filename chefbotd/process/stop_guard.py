@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import os
 import sys
 from asyncio.subprocess import DEVNULL, PIPE, Process
 from collections.abc import AsyncIterator
@@ -9,11 +10,10 @@ from collections.abc import AsyncIterator
 import structlog
 
 from chefbotd.link.port import LinkParameters
+from chefbotd.link.wires import stop_line
 from chefbotd.process import last_stop
 from chefbotd.process.last_stop import GOODBYE
 from chefbotd.settings import Settings
-from firmware_protocol.codec import VARIANTS, to_board
-from firmware_protocol.messages import SetDuty
 
 ENDING_S = 2.0
 AGAIN_S = 1.0
@@ -26,12 +26,11 @@ async def stop_guard(settings: Settings) -> AsyncIterator[None]:
 
     The block begins before the guard has started. A device that is no path (``socket://``) has none.
     """
-    variant, link = VARIANTS[settings.robot.wire], settings.link
+    link = settings.link
     if "://" in link.device:
         yield
         return
-    stop = to_board(variant).encode(SetDuty((0,) * variant.wheels))
-    guard = _Guard(link, stop)
+    guard = _Guard(link, stop_line(settings.robot.wire))
     keeping = asyncio.create_task(guard.keep())
     try:
         yield
@@ -80,6 +79,7 @@ async def _started(link: LinkParameters, stop: bytes) -> Process | None:
                 str(link.baud),
                 *lines,
                 stop.hex(),
+                str(os.getpid()),
             ),
             stdin=PIPE,
             stdout=DEVNULL,

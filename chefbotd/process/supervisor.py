@@ -54,8 +54,8 @@ class Supervisor:
     ) -> None:
         self.failures[name] += 1
         log.error("a service has failed", service=name, error=repr(error), exc_info=error)
-        told = "was cancelled" if error is None else repr(error)
-        on_failure(Fault(FaultKind.SERVICE_FAILED, f"the service '{name}' failed: {told}"))
+        reason = "was cancelled" if error is None else repr(error)
+        on_failure(Fault(FaultKind.SERVICE_FAILED, f"the service '{name}' failed: {reason}"))
         now_s = self._clock.now_s()
         self._recent_s.append(now_s)
         while now_s - self._recent_s[0] > WITHIN_S:

@@ -11,6 +11,7 @@ from types import TracebackType
 from typing import Protocol, Self
 
 from chefbotd.clock import Clock
+from chefbotd.process.priority import set_realtime
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.watchdog import WatchdogParameters
 
@@ -33,9 +34,11 @@ class Watched(Protocol):
 class Watchdog:
     """Watches while its context lasts.
 
-    ``stop`` puts a stop on the wire and tells whether it went; ``report``, while the robot is driven, makes the loop
-    disarm once it goes on. Both are called from the thread, again and again while the loop stands still: a stop that
-    the loop has said last may be unsent, or lost. The clock must be real time.
+    ``stop`` puts a stop on the wire and tells whether it went; ``report``, while the robot is driven and the loop has
+    stood for ``latch_after_s``, makes it disarm once it goes on (of a shorter pause it knows itself). Both are called
+    from the thread, again and again while the loop stands still: a stop that the loop has said last may be unsent, or
+    lost. The clock must be real time. ``realtime_priority`` (0: none) is above the loop's, or a loop that never waits
+    would hold up the thread, too.
     """
 
     def __init__(
@@ -45,9 +48,11 @@ class Watchdog:
         control: Watched,
         stop: Callable[[], bool],
         report: Callable[[Fault], None],
+        realtime_priority: int = 0,
     ) -> None:
-        self._patience_s, self._clock, self._control = parameters.timeout_s, clock, control
-        self._stop, self._report = stop, report
+        self._patience_s, self._latch_after_s = parameters.timeout_s, parameters.latch_after_s
+        self._clock, self._control = clock, control
+        self._stop, self._report, self._priority = stop, report, realtime_priority
         self._ended = threading.Event()
         self._thread = threading.Thread(target=self._watch, name="watchdog", daemon=True)
 
@@ -73,6 +78,8 @@ class Watchdog:
         return min(max(period_s, left_s + JUST_S), self._patience_s)
 
     def _watch(self) -> None:
+        if self._priority:
+            set_realtime(self._priority)
         while not self._ended.wait(self._wait_s()):
             stood_s = self._clock.now_s() - self._control.acted_s
             if stood_s > self._patience_s:
@@ -80,7 +87,7 @@ class Watchdog:
 
     def _intervene(self, stood_s: float) -> None:
         outcome = "the watchdog stopped the motors" if self._stop() else "the board accepted no stop"
-        if not self._control.is_driving:
+        if stood_s < self._latch_after_s or not self._control.is_driving:
             return
         reason = f"the control loop did not run for {stood_s:.2f} s and {outcome}; the log may say why"
         self._report(Fault(FaultKind.LOOP_BLOCKED, reason))

@@ -31,18 +31,18 @@ def about_robot(name: str, session: str, configuration: Callable[[], str], urdf:
         "robot": name,
         "session": session,
     }
-    told = {"chefbotd": computer, "packages": _versions(), "configuration": {"json": configuration()}}
-    return About(told, urdf)
+    metadata = {"chefbotd": computer, "packages": _versions(), "configuration": {"json": configuration()}}
+    return About(metadata, urdf)
 
 
 @cache
 def _versions() -> dict[str, str]:
     from importlib import metadata  # large, and not needed before the first file
 
-    found = {}
+    versions = {}
     for name in PACKAGES:
         try:
-            found[name] = metadata.version(name)
+            versions[name] = metadata.version(name)
         except metadata.PackageNotFoundError:
             continue
-    return found
+    return versions

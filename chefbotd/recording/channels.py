@@ -41,8 +41,8 @@ class Channels:
 
     def number(self, topic: str, schema_name: str, schema: Mapping[str, Any]) -> int:
         """The number of the channel of this topic, made where there is none."""
-        known = self._by_topic.get(topic)
-        return known if known is not None else self._make(topic, schema_name, schema)
+        number = self._by_topic.get(topic)
+        return number if number is not None else self._make(topic, schema_name, schema)
 
     def _make(self, topic: str, schema_name: str, schema: Mapping[str, Any]) -> int:
         with self._lock:

@@ -10,40 +10,31 @@ import msgspec
 from chefbotd.core import events as events_package
 from chefbotd.core.geometry import ORIGIN, Pose2D
 
-NEEDS_NUMPY = {"scans": ("ScanMeasured",)}
-"""Modules that are loaded only where one of their events is read."""
-
 
 @cache
 def event_names() -> frozenset[str]:
     """The name of every class of events."""
-    names = set[str]().union(*NEEDS_NUMPY.values())
-    for module in iter_modules(events_package.__path__):
-        if module.name not in NEEDS_NUMPY:
-            names |= _classes_in(module.name).keys()
-    return frozenset(names)
+    return frozenset().union(*(_classes_in(module.name) for module in iter_modules(events_package.__path__)))
 
 
 @cache
 def class_of(name: str) -> type[Any] | None:
     """The class with this name; None where this version has none."""
     for module in iter_modules(events_package.__path__):
-        if module.name in NEEDS_NUMPY and name not in NEEDS_NUMPY[module.name]:
-            continue
-        found = _classes_in(module.name).get(name)
-        if found is not None:
-            return found
+        event_class = _classes_in(module.name).get(name)
+        if event_class is not None:
+            return event_class
     return None
 
 
 def _classes_in(module_name: str) -> dict[str, type[Any]]:
     module = import_module(f"{events_package.__name__}.{module_name}")
     return {
-        name: each
-        for name, each in vars(module).items()
-        if isinstance(each, type)
-        and each.__module__ == module.__name__
-        and "stamp_s" in getattr(each, "__annotations__", {})
+        name: value
+        for name, value in vars(module).items()
+        if isinstance(value, type)
+        and value.__module__ == module.__name__
+        and "stamp_s" in getattr(value, "__struct_fields__", ())
     }
 
 
@@ -73,10 +64,10 @@ def _decode_scan(event_class: type[Any], data: bytes) -> Any:
 
     from chefbotd.core.scan import LaserScan
 
-    told = msgspec.json.decode(data, type=_ScanEvent)
-    scan = told.scan
-    arrays = [np.array(each, dtype=np.float64) for each in (scan.bearing_rad, scan.range_m, scan.after_s)]
-    return event_class(told.stamp_s, told.lidar, told.base_from_lidar, LaserScan(scan.stamp_s, *arrays))
+    event = msgspec.json.decode(data, type=_ScanEvent)
+    scan = event.scan
+    arrays = [np.array(values, dtype=np.float64) for values in (scan.bearing_rad, scan.range_m, scan.after_s)]
+    return event_class(event.stamp_s, event.lidar, event.base_from_lidar, LaserScan(scan.stamp_s, *arrays))
 
 
 def encode(event: Any) -> bytes:

@@ -52,7 +52,7 @@ class _File:
         os.close(self._descriptor)
 
 
-class Disk:
+class RecordingDisk:
     """The real file system."""
 
     def create(self, path: Path) -> OpenFile:

@@ -1,36 +1,70 @@
 """Encodes events as messages on the channel of their class, and as messages that viewers can draw."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 import msgspec
 from msgspec import Struct
 
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import LogLine
 from chefbotd.recording import foxglove as fg
 from chefbotd.recording import foxglove_messages as fm
 from chefbotd.recording.channels import Channels
 from chefbotd.recording.classes import encode_scan
-from chefbotd.recording.schemas import schema_of
-from chefbotd.recording.sentences import SENTENCES, Sentence
 
-LINKS = {"LinkBytesRead": "read", "LinkBytesWritten": "written"}
-REQUESTS = {"RequestHandled": "/requests"}
-STATES = frozenset(
-    {
-        "SafetyChanged",
-        "LinkOpened",
-        "ControlChanged",
-        "MapLoaded",
-        "MappingChanged",
-        "LocalizationChanged",
-        "NavigationChanged",
-        "DepthCameraChanged",
-        "LidarChanged",
-        "WorkerReported",
-    }
-)
-"""Classes whose last event still holds when a file begins: it is told again there."""
+POSE: Mapping[str, Any] = {
+    "type": "object",
+    "properties": {name: {"type": "number"} for name in ("x_m", "y_m", "heading_rad")},
+}
+NUMBERS: Mapping[str, Any] = {"type": "array", "items": {"type": ["number", "null"]}}
+SCAN: Mapping[str, Any] = {
+    "title": "ScanMeasured",
+    "description": "A whole turn of a lidar, mounted at base_from_lidar; invalid readings are 0.",
+    "type": "object",
+    "properties": {
+        "stamp_s": {"type": "number"},
+        "lidar": {"type": "string"},
+        "base_from_lidar": POSE,
+        "scan": {
+            "type": "object",
+            "properties": {
+                "stamp_s": {"type": "number"},
+                "bearing_rad": NUMBERS,
+                "range_m": NUMBERS,
+                "after_s": NUMBERS,
+            },
+            "required": ["stamp_s", "bearing_rad", "range_m", "after_s"],
+        },
+    },
+    "required": ["stamp_s", "lidar", "base_from_lidar", "scan"],
+}
+"""Of the one event whose arrays are numpy's."""
+
+
+def schema_of(event_class: type[Any]) -> Mapping[str, Any]:
+    """The schema of an event's JSON."""
+    if event_class.__name__ == "ScanMeasured":
+        return SCAN
+    schema = msgspec.json.schema(event_class)
+    definitions = schema.pop("$defs", {})
+    resolved: Mapping[str, Any] = _resolved(schema, definitions)
+    return resolved
+
+
+def _resolved(schema: Any, definitions: Mapping[str, Any]) -> Any:
+    if isinstance(schema, list | tuple):
+        return [_resolved(item, definitions) for item in schema]
+    if not isinstance(schema, dict):
+        return schema
+    reference = schema.get("$ref")
+    if isinstance(reference, str):
+        return _resolved(definitions[reference.rpartition("/")[2]], definitions)
+    return {key: _resolved(value, definitions) for key, value in schema.items()}
+
+
+LINK = "{link}"
+"""Stands in a channel's name for the event's link."""
 
 REPEATED = 0
 """The sequence number of what is told again: nothing happened then."""
@@ -51,15 +85,15 @@ class Sink(Protocol):
 
 
 class _Plan(Struct):
-    """How events of a class become messages; ``channel`` is None where it depends on the link."""
+    """How events of a class become messages; ``channel`` is None where ``topic`` depends on the event's link."""
 
-    name: str
+    topic: str
     channel: int | None
     has_arrival: bool
     encode: Callable[[Any], bytes]
     draw: Callable[[Any, int], None] | None
-    sentence: Callable[[Any], Sentence] | None
-    is_state: bool
+    log_line: Callable[[Any], LogLine] | None
+    is_retained: bool
 
 
 class Encoder:
@@ -74,7 +108,7 @@ class Encoder:
         self._first_scanner = first_scanner
         self._plans: dict[type[Any], _Plan] = {}
         self._links: dict[tuple[str, str], int] = {}
-        self._states: dict[tuple[int, str], bytes] = {}
+        self._retained: dict[tuple[int, str], bytes] = {}
         self._drawings = {
             "OdometryUpdated": self._draw_odometry,
             "MapPoseUpdated": self._draw_map_pose,
@@ -87,7 +121,7 @@ class Encoder:
         self._drawn_ns = 0
         self._map_from_odom: Pose2D | None = None
         self._maps: list[MapEvent] = []
-        self._said: dict[str, Sentence] = {}
+        self._log_lines: dict[str, LogLine] = {}
         self.sequence = 0
 
     def encode_event(self, event: Any) -> None:
@@ -101,14 +135,14 @@ class Encoder:
         payload = plan.encode(event)
         channel = plan.channel
         if channel is None:
-            channel = self._link_channel(plan.name, event.link, type(event))
+            channel = self._link_channel(plan.topic, event)
         self._sink.add(channel, self.sequence, log_ns, payload)
         if plan.draw is not None:
             plan.draw(event, log_ns)
-        if plan.sentence is not None:
-            self._say(plan.sentence(event), log_ns)
-        if plan.is_state:
-            self._states[channel, getattr(event, "lidar", "")] = payload
+        if plan.log_line is not None:
+            self._write_log(plan.log_line(event), log_ns)
+        if plan.is_retained:
+            self._retained[channel, getattr(event, "lidar", "")] = payload
 
     def ns_of(self, stamp_s: float) -> int:
         """Nanoseconds since 1970 of a time of the daemon's."""
@@ -116,7 +150,7 @@ class Encoder:
 
     def holds(self) -> tuple[tuple[int, bytes], ...]:
         """What still holds, as channels and payloads: for the beginning of a file."""
-        return tuple((channel, payload) for (channel, _), payload in self._states.items())
+        return tuple((channel, payload) for (channel, _), payload in self._retained.items())
 
     def take_maps(self) -> tuple[MapEvent, ...]:
         """The events since the last time of which a map is to be drawn."""
@@ -127,34 +161,34 @@ class Encoder:
 
     def _plan(self, event_class: type[Any]) -> _Plan:
         name = event_class.__name__
-        if name in LINKS:
-            channel = None
-        else:
-            topic = REQUESTS.get(name, f"/events/{name}")
-            channel = self._channels.number(topic, f"chefbotd.{name}", schema_of(event_class))
+        topic = getattr(event_class, "recorded_as", f"/events/{name}")
+        channel = None if LINK in topic else self._channel(topic, event_class)
         return _Plan(
-            name,
+            topic,
             channel,
             "arrival_s" in event_class.__annotations__,
             encode_scan if name == "ScanMeasured" else msgspec.json.encode,
             self._drawings.get(name),
-            SENTENCES.get(name),
-            name in STATES,
+            getattr(event_class, "log_line", None),
+            getattr(event_class, "retained", False),
         )
 
-    def _link_channel(self, name: str, link: str, event_class: type[Any]) -> int:
-        known = self._links.get((name, link))
-        if known is None:
-            topic = f"/links/{link}/{LINKS[name]}"
-            known = self._channels.number(topic, f"chefbotd.{name}", schema_of(event_class))
-            self._links[name, link] = known
-        return known
+    def _channel(self, topic: str, event_class: type[Any]) -> int:
+        return self._channels.number(topic, f"chefbotd.{event_class.__name__}", schema_of(event_class))
 
-    def _say(self, sentence: Sentence, log_ns: int) -> None:
-        level, name, text = sentence
-        if self._said.get(name) != sentence:
-            self._said[name] = sentence
-            self._put("/log", fm.Log(fg.time_of(log_ns), level, text, name), log_ns)
+    def _link_channel(self, topic: str, event: Any) -> int:
+        channel = self._links.get((topic, event.link))
+        if channel is None:
+            channel = self._channel(topic.replace(LINK, event.link), type(event))
+            self._links[topic, event.link] = channel
+        return channel
+
+    def _write_log(self, line: LogLine, log_ns: int) -> None:
+        """What a source says twice in a row is written once."""
+        if self._log_lines.get(line.source) != line:
+            self._log_lines[line.source] = line
+            level = fg.LEVELS[line.level]
+            self._put("/log", fm.Log(fg.time_of(log_ns), level, line.text, line.source), log_ns)
 
     def _put(self, topic: str, message: Struct, log_ns: int) -> tuple[int, bytes]:
         kind = type(message)
@@ -200,4 +234,4 @@ class Encoder:
     def _draw_path(self, event: Any, log_ns: int) -> None:
         path = fg.path(self.ns_of(event.stamp_s), event.x_m, event.y_m)
         channel, payload = self._put("/path", path, log_ns)
-        self._states[channel, ""] = payload
+        self._retained[channel, ""] = payload

@@ -5,10 +5,9 @@ from pathlib import Path
 
 from chefbotd.core.commands import RefusalKind
 from chefbotd.recording.chunk import MAGIC
-from chefbotd.recording.disk import Disk
-from chefbotd.recording.errors import RecordingError
+from chefbotd.recording.disk import RecordingDisk
 from chefbotd.recording.parameters import RecordingParameters
-from chefbotd.recording.status import AUTOMATIC, FAULT, Stored
+from chefbotd.recording.status import AUTOMATIC, FAULT, RecordedFile, RecordingError
 from chefbotd.storage import explain
 
 MEGABYTE = 1_000_000
@@ -18,21 +17,21 @@ MAX_NAME = 64
 class RecordingFolder:
     """``path`` need not exist yet. What is being recorded (``current``) is never removed."""
 
-    def __init__(self, parameters: RecordingParameters, path: Path, disk: Disk) -> None:
+    def __init__(self, parameters: RecordingParameters, path: Path, disk: RecordingDisk) -> None:
         self._parameters, self.path, self._disk = parameters, path, disk
 
     def new_path(self, name: str) -> Path:
         """A path for a new file whose name begins so; makes the folder where there is none."""
         self._disk.make_folder(self.path)
-        taken = {path.name for path, _, _ in self._disk.files(self.path, f"{name}*.mcap")}
+        existing = {path.name for path, _, _ in self._disk.files(self.path, f"{name}*.mcap")}
         names = (f"{name}.mcap", *(f"{name}_{number}.mcap" for number in range(2, 10_000)))
-        return self.path / next(each for each in names if each not in taken)
+        return self.path / next(candidate for candidate in names if candidate not in existing)
 
     def sync(self) -> None:
         """Wait until the names in the folder are on the disk."""
         self._disk.sync_folder(self.path)
 
-    def list_files(self, current: Path | None) -> list[Stored]:
+    def list_files(self, current: Path | None) -> list[RecordedFile]:
         """Every file in the folder, the newest first.
 
         Raises:
@@ -40,7 +39,7 @@ class RecordingFolder:
         """
         try:
             rows = [
-                Stored(path.name, size, changed_s, self._disk.ends_with(path, MAGIC), path == current)
+                RecordedFile(path.name, size, changed_s, self._disk.ends_with(path, MAGIC), path == current)
                 for path, size, changed_s in self._disk.files(self.path, "*.mcap")
             ]
         except OSError as error:
@@ -60,7 +59,7 @@ class RecordingFolder:
             return None
         return (
             f"only {free_bytes / MEGABYTE:.0f} MB of the disk are free, "
-            f"and {self._parameters.min_free_mb:g} MB must stay free ([recording] min_free_mb)"
+            f"and {self._parameters.min_free_mb:g} MB must stay free"
         )
 
     def make_room(self, current: Path | None) -> int:
@@ -107,7 +106,7 @@ def file_name(text: str) -> str:
         RecordingError: it cannot be one.
     """
     name = unicodedata.normalize("NFC", text)
-    allowed = all(each in " -_." or unicodedata.category(each)[0] in "LMN" for each in name)
+    allowed = all(character in " -_." or unicodedata.category(character)[0] in "LMN" for character in name)
     if not (name and allowed and name[0] not in " -." and name[-1] not in " ."):
         raise RecordingError(
             RefusalKind.BAD_NAME,

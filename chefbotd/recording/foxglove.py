@@ -2,13 +2,17 @@
 
 import base64
 import math
-import zlib
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TYPE_CHECKING, Any
 
 import msgspec
 
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.grid_patch import GridAssembler
+from chefbotd.core.record import Level
+from chefbotd.recording import foxglove_messages as fm
+from chefbotd.recording.channels import Channels
+from chefbotd.recording.chunk import ChunkBuilder
 from chefbotd.recording.foxglove_messages import (
     Base64,
     FrameTransform,
@@ -26,11 +30,12 @@ from chefbotd.recording.foxglove_messages import (
 if TYPE_CHECKING:
     from chefbotd.core.scan import Floats
 
+
 ODOM, BASE, MAP = "odom", "base_footprint", "map"
 INT8 = 2
 """foxglove.NumericType."""
 
-INFO, WARNING, ERROR = 2, 3, 4
+LEVELS = {Level.INFO: 2, Level.WARNING: 3, Level.ERROR: 4}
 """foxglove.LogLevel."""
 
 
@@ -100,31 +105,46 @@ def grid(stamp_ns: int, resolution_m: float, origin: Pose2D, columns: int, cells
     )
 
 
-class GrowingGrid:
-    """A map put together from the parts that are told of it."""
-
-    def __init__(self) -> None:
-        self._cells = bytearray()
-        self._shape: tuple[int, int] = (0, 0)
-
-    def apply(self, event: Any) -> bytes | None:
-        """All cells after a ``MapChanged``; None until there was a whole one, or where its cells cannot be read."""
-        shape = (event.rows, event.columns)
-        try:
-            part = zlib.decompress(event.cells)
-        except zlib.error:
-            return None
-        if len(part) != event.part_rows * event.part_columns:
-            return None
-        if event.whole:
-            self._cells, self._shape = bytearray(b"\xff" * (event.rows * event.columns)), shape
-        elif shape != self._shape:
-            return None
-        width = event.part_columns
-        for row in range(event.part_rows):
-            at = (event.row + row) * event.columns + event.column
-            self._cells[at : at + width] = part[row * width : (row + 1) * width]
-        return bytes(self._cells)
-
-
 encode = msgspec.json.encode
+
+
+Cells = tuple[float, Pose2D, int, bytes]
+"""Resolution in metres, ``map_from_grid``, columns, and a signed byte for each cell."""
+
+ReadMap = Callable[[Any], Cells | None]
+
+
+class MapDrawer:
+    """Keeps the map that is in use or being made. ``read_map`` gives the cells of a stored one by its ``MapLoaded``."""
+
+    def __init__(self, channels: Channels, read_map: ReadMap) -> None:
+        self._channels, self._read_map = channels, read_map
+        self._growing = GridAssembler()
+        self._payload: bytes | None = None
+        self.drawn_ns = 0
+
+    def draw(self, event: Any, log_ns: int, sequence: int, sink: ChunkBuilder) -> None:
+        """Draw the map after this event of it; one that cannot be read is not drawn."""
+        found = self._read_map(event) if type(event).__name__ == "MapLoaded" else self._grown(event)
+        if found is not None:
+            self._payload = msgspec.json.encode(grid(log_ns, *found))
+            self.tell(log_ns, sequence, sink)
+
+    def _grown(self, event: Any) -> Cells | None:
+        """All cells after a ``MapChanged``; None until there was a whole one, or where its cells cannot be read."""
+        try:
+            followed = self._growing.add(event, whole=event.whole)
+        except ValueError:
+            return None
+        return (
+            (event.resolution_m, event.map_from_grid, event.columns, self._growing.cells)
+            if followed
+            else None
+        )
+
+    def tell(self, log_ns: int, sequence: int, sink: ChunkBuilder) -> None:
+        """Write the map as it is, if there is one."""
+        if self._payload is not None:
+            self.drawn_ns = log_ns
+            channel = self._channels.number("/map", "foxglove.Grid", fm.SCHEMAS[fm.Grid])
+            sink.add(channel, sequence, log_ns, self._payload)

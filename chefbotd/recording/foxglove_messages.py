@@ -151,8 +151,8 @@ def _schema(kind: Any) -> Mapping[str, Any]:
     if items := get_args(kind):
         return {"type": "array", "items": _schema(items[0])}
     properties = {field.name: _schema(field.type) for field in fields(kind)}
-    told = {"title": f"foxglove.{kind.__name__}", "description": kind.__doc__.rstrip("."), "type": "object"}
-    return {**told, "properties": properties, "required": list(properties)}
+    head = {"title": f"foxglove.{kind.__name__}", "description": kind.__doc__.rstrip("."), "type": "object"}
+    return {**head, "properties": properties, "required": list(properties)}
 
 
 SCHEMAS: Mapping[type[Struct], Mapping[str, Any]] = {

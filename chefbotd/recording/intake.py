@@ -37,7 +37,7 @@ class Piece(Struct, frozen=True):
     @property
     def weight(self) -> int:
         """About how many bytes it takes in memory."""
-        return self.raw.weight + sum(len(getattr(each[0], "cells", b"")) for each in self.maps)
+        return self.raw.weight + sum(len(getattr(drawn[0], "cells", b"")) for drawn in self.maps)
 
 
 class Intake:

@@ -27,7 +27,7 @@ from mcap.records import (
 
 from chefbotd.recording.channels import Channels
 from chefbotd.recording.chunk import MAGIC, Chunk
-from chefbotd.recording.disk import Disk, OpenFile
+from chefbotd.recording.disk import OpenFile, RecordingDisk
 
 PROFILE = ""
 JSON, JSON_SCHEMA = "json", "jsonschema"
@@ -37,7 +37,7 @@ LIBRARY = "chefbotd"
 class RecordingFile:
     """A file that chunks are appended to. Its methods raise ``OSError``; after that, ``abandon`` it."""
 
-    def __init__(self, disk: Disk, path: Path, channels: Channels) -> None:
+    def __init__(self, disk: RecordingDisk, path: Path, channels: Channels) -> None:
         self.path, self._channels = path, channels
         self._file: OpenFile = disk.create(path)
         self.size = self.messages = 0
@@ -78,7 +78,7 @@ class RecordingFile:
     def add_chunk(self, chunk: Chunk) -> None:
         """Append a chunk, and before it the channels that are new in it."""
         before, self._known_channels = self._known_channels, len(self._channels)
-        news = b"".join(_bytes_of(each) for group in self._described(before) for each in group)
+        news = b"".join(_bytes_of(record) for group in self._described(before) for record in group)
         start = self.size + len(news)
         indexes = start + len(chunk.head) + len(chunk.data)
         self._put(news + chunk.head + chunk.data + chunk.indexes)
@@ -176,8 +176,8 @@ class RecordingFile:
             chunk_count=len(self._chunks),
             message_count=self.messages,
             metadata_count=len(self._metadata),
-            message_start_time=min((each.message_start_time for each in self._chunks), default=0),
-            message_end_time=max((each.message_end_time for each in self._chunks), default=0),
+            message_start_time=min((chunk.message_start_time for chunk in self._chunks), default=0),
+            message_end_time=max((chunk.message_end_time for chunk in self._chunks), default=0),
             schema_count=schemas,
         )
 

@@ -19,7 +19,7 @@ from msgspec import Struct
 from chefbotd.recording.chunk import MAGIC
 from chefbotd.recording.classes import class_of, decode
 from chefbotd.recording.encoder import REPEATED
-from chefbotd.recording.errors import UnreadableRecording
+from chefbotd.recording.status import UnreadableRecording
 from chefbotd.storage import explain
 
 RECORD_HEAD, MESSAGE_HEAD = struct.Struct("<BQ"), struct.Struct("<HIQQ")
@@ -33,7 +33,7 @@ OWN = "chefbotd."
 """How the names of the schemas of our own events begin."""
 
 
-class Message(Struct, frozen=True):
+class RecordedMessage(Struct, frozen=True):
     """A message: its topic, its schema's name, when it was recorded (since 1970), its number and its JSON."""
 
     topic: str
@@ -58,7 +58,7 @@ class RecordingReader:
         self._topics: dict[int, tuple[str, str]] = {}
         self._schemas: dict[int, str] = {}
 
-    def messages(self, schemas: str = "") -> Iterator[Message]:
+    def messages(self, schemas: str = "") -> Iterator[RecordedMessage]:
         """Every message, in the order in which they were recorded; or those alone whose schemas' names begin so.
 
         Raises:
@@ -91,7 +91,7 @@ class RecordingReader:
         for _ in self.messages():
             return
 
-    def _messages(self, file: BinaryIO, schemas: str) -> Iterator[Message]:
+    def _messages(self, file: BinaryIO, schemas: str) -> Iterator[RecordedMessage]:
         reader, ended = StreamReader(file, emit_chunks=True, record_size_limit=self.size), False
         try:
             for record in reader.records:
@@ -101,7 +101,7 @@ class RecordingReader:
                 elif isinstance(record, McapMessage):
                     topic, schema = self._channel(record.channel_id)
                     if schema.startswith(schemas):
-                        yield Message(topic, schema, record.log_time, record.sequence, record.data)
+                        yield RecordedMessage(topic, schema, record.log_time, record.sequence, record.data)
                 else:
                     self._note(record)
         except EndOfFile:
@@ -116,7 +116,7 @@ class RecordingReader:
         if self.problem is None and not ended:
             self.problem = "it was not finished: its writer was stopped"
 
-    def _messages_in(self, data: bytes, schemas: str) -> Iterator[Message]:
+    def _messages_in(self, data: bytes, schemas: str) -> Iterator[RecordedMessage]:
         """The messages of a chunk. There are a thousand a second, and the library takes 10 us for each of them.
 
         Raises:
@@ -132,7 +132,7 @@ class RecordingReader:
                 channel, sequence, log_ns, _ = MESSAGE_HEAD.unpack_from(data, at)
                 topic, schema = topics.get(channel) or self._channel(channel)
                 if schema.startswith(schemas):
-                    yield Message(topic, schema, log_ns, sequence, data[at + head : end])
+                    yield RecordedMessage(topic, schema, log_ns, sequence, data[at + head : end])
             elif opcode == Opcode.CHANNEL:
                 self._note(Channel.read(ReadDataStream(BytesIO(data[at:end]))))
             elif opcode == Opcode.SCHEMA:

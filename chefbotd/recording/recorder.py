@@ -15,17 +15,16 @@ from typing import TYPE_CHECKING, Any
 from msgspec.structs import replace
 
 from chefbotd.core.commands import RefusalKind
+from chefbotd.core.events.recording import RecordingData
 from chefbotd.recording.channels import Channels
-from chefbotd.recording.chunk import Chunk, ChunkBuilder, RawChunk, compressor
-from chefbotd.recording.disk import Disk
+from chefbotd.recording.chunk import Chunk, ChunkBuilder, RawChunk, Ring, compressor
+from chefbotd.recording.disk import RecordingDisk
 from chefbotd.recording.encoder import REPEATED
-from chefbotd.recording.errors import RecordingError
 from chefbotd.recording.folder import MEGABYTE, RecordingFolder, file_name
+from chefbotd.recording.foxglove import MapDrawer, ReadMap
 from chefbotd.recording.intake import Piece
-from chefbotd.recording.maps import MapDrawer, ReadMap
 from chefbotd.recording.parameters import RecordingParameters
-from chefbotd.recording.ring import Ring
-from chefbotd.recording.status import AUTOMATIC, FAULT, RING, About, Status, Stored
+from chefbotd.recording.status import AUTOMATIC, FAULT, RING, About, RecordedFile, RecordingError
 from chefbotd.storage import explain
 
 if TYPE_CHECKING:
@@ -55,11 +54,11 @@ class Recorder:
         *,
         about: Callable[[], About],
         read_map: ReadMap = lambda event: None,
-        disk: Disk | None = None,
+        disk: RecordingDisk | None = None,
         wall_s: Callable[[], float] = time.time,
     ) -> None:
         self._parameters = parameters
-        self._about, self._disk, self._wall_s = about, disk or Disk(), wall_s
+        self._about, self._disk, self._wall_s = about, disk or RecordingDisk(), wall_s
         self._folder = RecordingFolder(parameters, folder, self._disk)
         self._offset_ns, self._channels = offset_ns, channels
         self._maps = MapDrawer(channels, read_map)
@@ -71,7 +70,7 @@ class Recorder:
         self._began_s = self._file_began_s = 0.0
         self._is_automatic = self._waits_for_room = False
         self._part = self._bytes_before = self._messages_before = 0
-        self.status = Status()
+        self.status = RecordingData()
 
     # what is recorded
 
@@ -132,7 +131,7 @@ class Recorder:
 
     # files
 
-    def start(self, name: str | None, now_s: float, *, from_beginning: bool = False) -> Status:
+    def start(self, name: str | None, now_s: float, *, from_beginning: bool = False) -> RecordingData:
         """Begin a file; ``name`` is the beginning of its name. ``from_beginning``: with all that was taken before.
 
         Raises:
@@ -141,8 +140,8 @@ class Recorder:
         if self._file is not None:
             raise RecordingError(
                 RefusalKind.ALREADY_RECORDING,
-                f"{self._file.path.name} is being recorded, with all that happens: stop_recording ends it, and "
-                "save_ring ('chefbotctl record --ring') copies the last minutes of it",
+                f"{self._file.path.name} is being recorded, with all that happens: end it first; "
+                "the last minutes of it can be saved meanwhile",
             )
         name = file_name(name) if name is not None else "recording"
         self._is_automatic = self._waits_for_room = name == AUTOMATIC
@@ -163,7 +162,7 @@ class Recorder:
         self._waits_for_room = False
         return self.status
 
-    def stop(self, now_s: float) -> Status:
+    def stop(self, now_s: float) -> RecordingData:
         """End the file.
 
         Raises:
@@ -185,7 +184,7 @@ class Recorder:
         if self._file is not None:
             self.stop(now_s)
 
-    def save_ring(self, reason: str, now_s: float, *, fault: bool = False) -> Status:
+    def save_ring(self, reason: str, now_s: float, *, fault: bool = False) -> RecordingData:
         """Write the ring into a file of its own, which is named after the reason; that of a ``fault`` may be removed.
 
         Raises:
@@ -193,7 +192,8 @@ class Recorder:
         """
         if self._parameters.ring_s <= 0.0:
             raise RecordingError(
-                RefusalKind.STORAGE_FAILED, "nothing is kept in memory: [recording] ring_s is 0"
+                RefusalKind.STORAGE_FAILED,
+                "nothing is kept in memory on this robot: that is switched off in its configuration",
             )
         self._require_room()
         try:
@@ -215,7 +215,7 @@ class Recorder:
         self.status = replace(self.status, saved=str(path))
         return self.status
 
-    def list_files(self) -> list[Stored]:
+    def list_files(self) -> list[RecordedFile]:
         """Every file in the folder, the newest first.
 
         Raises:
@@ -254,8 +254,8 @@ class Recorder:
         try:
             file.begin()
             about = self._about()
-            told = {"reason": reason, "part": str(self._part), "clock_offset_ns": str(self._offset_ns)}
-            file.add_metadata("recording", told)
+            metadata = {"reason": reason, "part": str(self._part), "clock_offset_ns": str(self._offset_ns)}
+            file.add_metadata("recording", metadata)
             for name, values in about.metadata.items():
                 file.add_metadata(name, values)
             if about.urdf is not None:

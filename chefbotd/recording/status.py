@@ -1,17 +1,27 @@
 """The recorder's state and its reports. Loads none of the libraries that write files."""
 
 from collections.abc import Mapping
-from typing import Literal
+from typing import Annotated
 
-from msgspec import Struct
+from msgspec import Meta, Struct
+
+from chefbotd.core.commands import Refused
+from chefbotd.core.record import Record
+
+
+class RecordingError(Refused):
+    """The recorder did not do what was asked; what was recorded before is as it was."""
+
+
+class UnreadableRecording(Exception):
+    """A file is no recording, or nothing of it can be read."""
+
 
 AUTOMATIC, FAULT = "auto", "fault"
 """How the names of files begin that nobody asked for; the oldest of them give way to newer ones."""
 
 RING = "ring"
 """How those begin that have the last minutes because somebody asked for them."""
-
-State = Literal["idle", "recording", "failed"]
 
 
 class About(Struct, frozen=True):
@@ -21,27 +31,11 @@ class About(Struct, frozen=True):
     urdf: str | None = None
 
 
-class Status(Struct, frozen=True):
-    """How the recorder stands; the fields are those of ``RecordingChanged``."""
-
-    state: State = "idle"
-    name: str | None = None
-    file: str | None = None
-    seconds: float = 0.0
-    bytes_written: int = 0
-    messages: int = 0
-    ring_s: float = 0.0
-    ring_bytes: int = 0
-    free_bytes: int | None = None
-    saved: str | None = None
-    reason: str = ""
-
-
-class Stored(Struct, frozen=True):
-    """A file in the folder. ``complete``: it has its summary; one that has not can be read up to its last chunk."""
+class RecordedFile(Record, frozen=True):
+    """A file in the folder. One that is not ``complete`` can be read up to where its writer ended."""
 
     file: str
     size_bytes: int
-    changed_at_s: float
+    changed_at_s: Annotated[float, Meta(description="seconds since 1970, UTC")]
     complete: bool
     recording: bool

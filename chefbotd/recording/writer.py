@@ -13,8 +13,8 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeVar
 import structlog
 
 from chefbotd.core.commands import RefusalKind
-from chefbotd.recording.errors import RecordingError
-from chefbotd.recording.status import Status
+from chefbotd.core.events.recording import RecordingData
+from chefbotd.recording.status import RecordingError
 
 if TYPE_CHECKING:
     from chefbotd.recording.intake import Intake
@@ -48,7 +48,7 @@ class Writer(Protocol):
         ...
 
     @property
-    def status(self) -> Status:
+    def status(self) -> RecordingData:
         """How the recorder stands."""
         ...
 
@@ -90,7 +90,7 @@ class _Queue:
         self.ready.set_result(None)
 
     @property
-    def status(self) -> Status:
+    def status(self) -> RecordingData:
         """How the recorder stood a moment ago."""
         return self.recorder.status
 

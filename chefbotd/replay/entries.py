@@ -7,20 +7,15 @@ from typing import Any, TypeVar
 
 from chefbotd.clock import ManualClock
 from chefbotd.core.events.inputs import AnswerTaken
-from chefbotd.entries import Entries, Timer
+from chefbotd.entries import Entries, EntryTimer, Timer
 
 T = TypeVar("T")
 
 
-class ReplayTimer:
-    """A timer that waits; ``due_s`` is when it would fire by itself."""
+class ReplayTimer(EntryTimer):
+    """A timer that waits until it is fired; ``due_s`` is when it would fire by itself."""
 
-    def __init__(
-        self, timers: "dict[str, ReplayTimer]", name: str, due_s: float, callback: Callable[[], None]
-    ) -> None:
-        self._timers, self.name, self.due_s, self.callback = timers, name, due_s, callback
-
-        self._passed_s: float | None = None
+    _passed_s: float | None = None
 
     def is_late(self, now_s: float, by_s: float) -> bool:
         """Whether its time is over, and something else came in so long before ``now_s`` already.
@@ -33,21 +28,16 @@ class ReplayTimer:
             self._passed_s = now_s
         return now_s - self._passed_s > by_s
 
-    def cancel(self) -> None:
-        """Do not fire."""
-        if self._timers.get(self.name) is self:
-            del self._timers[self.name]
-
 
 class ReplayEntries(Entries):
-    """``now`` is set to each entry's time; ``timers`` are those that wait, by name."""
+    """The time is set to each entry's."""
 
     is_replay = True
 
     def __init__(self) -> None:
         super().__init__(ManualClock())
         self._at_s = 0.0
-        self.timers: dict[str, ReplayTimer] = {}
+        self._timers: dict[str, ReplayTimer] = {}
         self.answers: dict[str, deque[str]] = {}
         self.recording = True  # so that what is written to the links is told
 
@@ -65,15 +55,28 @@ class ReplayEntries(Entries):
 
     def call_later(self, delay_s: float, callback: Callable[[], None], name: str) -> Timer:
         """Wait to be fired."""
-        timer = ReplayTimer(self.timers, name, self._at_s + delay_s, callback)
-        self.timers[name] = timer
+        return self.call_at(self._at_s + delay_s, callback, name)
+
+    def call_at(self, due_s: float, callback: Callable[[], None], name: str) -> Timer:
+        """The same."""
+        timer = self._timers[name] = ReplayTimer(name, due_s, callback)
         return timer
+
+    @property
+    def timers(self) -> "dict[str, ReplayTimer]":
+        """Those that wait."""
+        return {name: timer for name, timer in self._timers.items() if timer.waits}
+
+    def forget_timers(self) -> None:
+        """None waits."""
+        self._timers.clear()
 
     def fire(self, name: str) -> bool:
         """Fire a timer; whether there is one of this name."""
-        timer = self.timers.pop(name, None)
-        if timer is None:
+        timer = self._timers.pop(name, None)
+        if timer is None or not timer.waits:
             return False
+        timer.waits = False
         timer.callback()
         return True
 

@@ -10,12 +10,12 @@ from pydantic import ValidationError
 from chefbotd.app import Daemon
 from chefbotd.core.events import inputs
 from chefbotd.core.events.inputs import BOARD_LINK
-from chefbotd.core.events.worker import WorkerReported
+from chefbotd.core.events.robot import WorkerReported
 from chefbotd.link.entry_session import health_timer
 from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters
 from chefbotd.replay.entries import ReplayEntries
-from chefbotd.replay.recorded import Group, decoded
+from chefbotd.replay.recorded import EntryGroup, NotReplayable, decoded
 from chefbotd.replay.stand_ins import Nobody, ReplayedCaller, ReplayedPort, ReplayedSession, ReplayedWorker
 from chefbotd.replay.tasks import Tasks
 from chefbotd.rpc.connection_manager import LEASES_TIMER
@@ -23,7 +23,6 @@ from chefbotd.rpc.dispatch import job_name
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.roles import Role
 from chefbotd.safety.faults import Fault, FaultKind
-from chefbotd.snapshot.restore import Restore
 
 if TYPE_CHECKING:
     from chefbotd.worker.process import WorkerStatus
@@ -32,6 +31,9 @@ NOT_HANDLED = frozenset(
     {"authenticate", "subscribe", "unsubscribe", "describe", "get_state", "ping", "cancel", "get_stats"}
 )
 """Requests that do nothing to the robot. The end of one that is cancelled is a step of its task."""
+
+CONFIGURED = ("tuning/gains", "driving/limits")
+"""Parts that stay as they are in a replay with another configuration."""
 
 
 class Pipeline:
@@ -64,7 +66,7 @@ class Pipeline:
             inputs.WorkerGone: lambda entry: self._forget_worker(),
         }
 
-    async def handle(self, group: Group) -> str:
+    async def handle(self, group: EntryGroup) -> str:
         """Let an entry in; what is wrong with it, empty: nothing."""
         entry = group.entry
         self._expect(group)
@@ -95,9 +97,8 @@ class Pipeline:
 
     async def _restore(self, state: inputs.StateRecorded, *, keeps_parameters: bool) -> list[str]:
         daemon = self._daemon
-        self._entries.timers.clear()
-        restore = Restore(self._entries, daemon.state.restorable, keeps_parameters=keeps_parameters)
-        restore.put(state.parts, daemon.state.parts)
+        self._entries.forget_timers()
+        problems = daemon.state.restore(state.parts, CONFIGURED if keeps_parameters else ())
         if BOARD_LINK in self._ports and daemon.session.writer.queries:
             self._ports[BOARD_LINK].set_drained(daemon.session.writer.had_drained)
         for session in daemon.leases.sessions():
@@ -107,7 +108,7 @@ class Pipeline:
         for task, run in list(daemon.waiting().items()):
             self._tasks.add_request(task, partial(run, Nobody()))
             await self._tasks.step(task, cancelled=False)
-        return restore.problems
+        return problems
 
     def close(self) -> None:
         """The replay is over."""
@@ -119,7 +120,7 @@ class Pipeline:
 
     # what is known before
 
-    def _expect(self, group: Group) -> None:
+    def _expect(self, group: EntryGroup) -> None:
         drained: dict[int, bool] = {}
         for answer in group.answers():
             if isinstance(answer, inputs.DrainAnswered):
@@ -166,7 +167,7 @@ class Pipeline:
             return ""
         return "" if self._entries.fire(timer) else f"the timer '{timer}' does not run here"
 
-    def _observe(self, group: Group) -> str:
+    def _observe(self, group: EntryGroup) -> str:
         if not group.followers:
             return "the event that was observed is not in the recording"
         event = decoded(group.followers[0])
@@ -197,9 +198,14 @@ class Pipeline:
 
     def _say(self, entry: inputs.WorkerSaid) -> None:
         if self._daemon.worker is not None:
-            from chefbotd.worker.messages import FROM_WORKER
+            from chefbotd.worker.messages import FROM_WORKER, Told
 
             message = FROM_WORKER.decode(entry.message)
+            if isinstance(message, Told) and not message.kind:
+                raise NotReplayable(
+                    "what the worker said was recorded by a version whose messages this one does not read; "
+                    "the version that recorded it replays it ('chefbotctl log info' tells which)"
+                )
             self._daemon.worker.take_of_skill(message)
 
     # clients
@@ -249,8 +255,7 @@ class Pipeline:
         )
 
     def _relimit(self, entry: inputs.LimitsExchanged) -> None:
-        limits = MotionLimits.model_validate(entry.limits)
-        self._daemon.driving.wheels.relimit(limits, lambda: self._daemon.limit_preview.relimit(limits))
+        self._daemon.driving.wheels.relimit(MotionLimits.model_validate(entry.limits))
 
 
 class UnknownLink(Exception):

@@ -5,8 +5,8 @@ from pathlib import Path
 
 from chefbotd import __version__
 from chefbotd.recording.encoder import REPEATED
-from chefbotd.recording.errors import UnreadableRecording
 from chefbotd.recording.reader import OWN, RecordingReader
+from chefbotd.recording.status import UnreadableRecording
 from chefbotd.replay.recorded import NotReplayable, Recorded
 
 

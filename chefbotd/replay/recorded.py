@@ -33,7 +33,7 @@ class NotReplayable(Exception):
     """The file cannot be replayed; the text says why."""
 
 
-class Group:
+class EntryGroup:
     """An entry, and all that followed it until the next."""
 
     __slots__ = ("entry", "followers", "lost")
@@ -66,13 +66,13 @@ def decoded(recorded: Recorded) -> Any:
         raise NotReplayable(told) from error
 
 
-def groups_of(stream: Iterable[Recorded]) -> Iterator[Group]:
+def groups_of(stream: Iterable[Recorded]) -> Iterator[EntryGroup]:
     """The entries in their order, up to the daemon's end; ``lost`` counts messages that are missing before one.
 
     What comes before the first entry is left out, and so is the last entry of a recording that was cut off before the
     daemon's end: nobody knows whether all that followed it is there.
     """
-    group: Group | None = None
+    group: EntryGroup | None = None
     before = None
     lost = 0
     for each in stream:
@@ -86,17 +86,17 @@ def groups_of(stream: Iterable[Recorded]) -> Iterator[Group]:
         if each.kind in _ENTRY_NAMES:
             if group is not None:
                 yield group
-            group, lost = Group(decoded(each), lost), 0
+            group, lost = EntryGroup(decoded(each), lost), 0
         elif group is not None:
             group.followers.append(each)
 
 
-def from_beginning(groups: Iterable[Group]) -> tuple[list[Group], Iterator[Group]]:
+def from_beginning(groups: Iterable[EntryGroup]) -> tuple[list[EntryGroup], Iterator[EntryGroup]]:
     """What comes before the first moment from which a recording can be replayed, and what comes from there on.
 
     That is the daemon's start, or a recorded state. A recording without one is replayed from its first entry.
     """
-    before: list[Group] = []
+    before: list[EntryGroup] = []
     rest = iter(groups)
     for group in rest:
         if isinstance(group.entry, DaemonStarted | StateRecorded):

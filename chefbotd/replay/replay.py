@@ -13,7 +13,7 @@ from chefbotd.recording.classes import encode
 from chefbotd.replay.comparison import Comparison, Difference, SpeedError, Told, described
 from chefbotd.replay.entries import ReplayEntries
 from chefbotd.replay.pipeline import Pipeline
-from chefbotd.replay.recorded import NOT_COMPARED, Group, NotReplayable
+from chefbotd.replay.recorded import NOT_COMPARED, EntryGroup, NotReplayable
 
 MOST_EVENTS = 100_000
 """That follow one entry."""
@@ -26,7 +26,7 @@ EARLY_S = 0.002
 """The event loop fires timers early by the resolution of its clock."""
 
 
-class Outcome:
+class ReplayOutcome:
     """What a replay has found. ``exact`` says that every event is the same, bit for bit.
 
     ``skipped_s`` is how much of the recording comes before the first state. ``left_out`` says what that state has not;
@@ -88,9 +88,9 @@ class Replay:
         self._own_timers, self._is_astray = own_timers, False
         self._any_state = any_state or own_timers
         self._inbox: Inbox[Any] = daemon.bus.subscribe_all(MOST_EVENTS, NOT_COMPARED)
-        self.outcome = Outcome(Comparison(left_out))
+        self.outcome = ReplayOutcome(Comparison(left_out))
 
-    async def run(self, groups: Iterable[Group], pace: "Pace | None" = None) -> Outcome:
+    async def run(self, groups: Iterable[EntryGroup], pace: "Pace | None" = None) -> ReplayOutcome:
         """Replay all of it; ``pace`` holds it back."""
         outcome = self.outcome
         try:
@@ -104,7 +104,7 @@ class Replay:
         outcome.comparison.finish()
         return outcome
 
-    async def _take(self, group: Group) -> None:
+    async def _take(self, group: EntryGroup) -> None:
         entry, outcome = group.entry, self.outcome
         stamp_s = entry.stamp_s
         if outcome.began_s is None:
@@ -134,7 +134,7 @@ class Replay:
         if self._own_timers:
             self._add_errors(group, replayed)
 
-    async def _handle(self, group: Group) -> str:
+    async def _handle(self, group: EntryGroup) -> str:
         try:
             return await self._pipeline.handle(group)
         except NotReplayable:
@@ -157,7 +157,7 @@ class Replay:
             outcome.from_state, outcome.left_out = True, (*state.left_out, *problems)
         self._is_astray = state is None or bool(state.left_out)
 
-    def _add_errors(self, group: Group, replayed: list[Told]) -> None:
+    def _add_errors(self, group: EntryGroup, replayed: list[Told]) -> None:
         for each in group.followers:
             if each.kind == "WheelsDriven":
                 self.outcome.recorded_error.add(msgspec.json.decode(each.payload))

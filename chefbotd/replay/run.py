@@ -15,8 +15,8 @@ from chefbotd.core.events.inputs import DaemonStarted
 from chefbotd.replay.build import replayed_daemon
 from chefbotd.replay.entries import ReplayEntries
 from chefbotd.replay.reading import RecordingFiles
-from chefbotd.replay.recorded import Group, NotReplayable, from_beginning, groups_of
-from chefbotd.replay.replay import Outcome, Pace, Replay
+from chefbotd.replay.recorded import EntryGroup, NotReplayable, from_beginning, groups_of
+from chefbotd.replay.replay import Pace, Replay, ReplayOutcome
 from chefbotd.replay.serving import Serving
 from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.settings import Settings
@@ -39,7 +39,7 @@ class Replayed(Struct, frozen=True):
     """What came of it. ``problem`` says where reading the files ended early."""
 
     robot: str
-    outcome: Outcome
+    outcome: ReplayOutcome
     took_s: float
     problem: str | None
 
@@ -69,7 +69,9 @@ def replay_files(paths: Sequence[Path], wishes: Wishes) -> Replayed:
     return Replayed(settings.robot.name, outcome, time.monotonic() - began_s, files.problem)
 
 
-async def replay_groups(settings: Settings, first: Group, others: Iterable[Group], wishes: Wishes) -> Outcome:
+async def replay_groups(
+    settings: Settings, first: EntryGroup, others: Iterable[EntryGroup], wishes: Wishes
+) -> ReplayOutcome:
     """Replay the first entry and the others; shown on a socket, where one is wished for, at the loop's time."""
     entries = ReplayEntries()
     entries.set_time(first.entry.stamp_s)

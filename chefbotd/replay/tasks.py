@@ -7,7 +7,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from chefbotd.entries import Entries, Place, place_of
+from chefbotd.entries import Entries, is_done
 
 Run = Callable[[], Coroutine[Any, Any, Any]]
 
@@ -18,7 +18,6 @@ MOST_TURNS = 20
 class _Running(Struct):
     task: Coroutine[Any, Any, Any]
     waits_for: "asyncio.Future[Any] | None" = None
-    home: Place | None = None
 
 
 class Tasks:
@@ -58,14 +57,12 @@ class Tasks:
         if waits_for is not None:
             waits_for._asyncio_future_blocking = False
         running.waits_for = waits_for
-        if running.home is None:
-            running.home = place_of(running.task)
         return True
 
     async def begin_anew(self) -> None:
-        """Every service waits where it waits first, and no request is under way."""
+        """Every service is at rest, and no request is under way."""
         for name, running in list(self._running.items()):
-            if name not in self._services or running.home != place_of(running.task):
+            if name not in self._entries.resting or is_done(running.waits_for):
                 running.task.close()
                 del self._running[name]
         self._requests.clear()

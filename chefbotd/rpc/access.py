@@ -55,11 +55,11 @@ class Keyring:
 
     def role_of_digest(self, offered: bytes) -> Role | None:
         """The same for a token of which only the digest was kept."""
-        found = None
-        for known, role in self._roles:
-            if hmac.compare_digest(known, offered):
-                found = role
-        return found
+        match = None
+        for digest, role in self._roles:
+            if hmac.compare_digest(digest, offered):
+                match = role
+        return match
 
 
 def digest(token: str) -> bytes:

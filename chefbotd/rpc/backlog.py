@@ -32,7 +32,7 @@ class Backlog:
         self._marks: list[Mark] = []
         self._taken_at = 0  # the position of the line that was taken last
         self._searched = 0  # up to here every urgent line was found
-        self._found = slice(0, 0)
+        self._urgent_at = slice(0, 0)
         self._skips_line = False
 
     def __len__(self) -> int:
@@ -84,14 +84,14 @@ class Backlog:
             end = self._bytes.find(b"\n", match.end())
             self._searched = end + 1
             if end - start <= self._longest_bytes:
-                self._found = slice(start, end + 1)
+                self._urgent_at = slice(start, end + 1)
                 return self._bytes[start:end].strip()
         self._searched = last_end
         return None
 
     def remove_found(self) -> None:
         """Remove the line that was found last."""
-        self._remove(self._found.start, self._found.stop)
+        self._remove(self._urgent_at.start, self._urgent_at.stop)
 
     def record_own_stop(self, before: int, now: int) -> None:
         """The line that was taken last was a stop, number ``now`` after ``before``: the lines behind it are newer.

@@ -148,9 +148,9 @@ class ConnectionManager:
 
     def _make_stop_place(self) -> bool:
         """Whether there is a place for a client that may only stop, after disconnecting the oldest one if need be."""
-        taken = [s for s in self._sessions if s.stops_only and not self._is_closing(s)]
-        return len(taken) < self.parameters.reserved_stop_connections or any(
-            self._make_room(session) for session in taken
+        occupants = [s for s in self._sessions if s.stops_only and not self._is_closing(s)]
+        return len(occupants) < self.parameters.reserved_stop_connections or any(
+            self._make_room(session) for session in occupants
         )
 
     def _make_room(self, session: Session) -> bool:

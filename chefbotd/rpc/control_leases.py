@@ -4,22 +4,23 @@ A lease ends with its client, when it is given back, or ``lease_s`` after its la
 its client or is taken over, the source's last command is withdrawn: nobody answers for it any more.
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 
 from msgspec import Struct
 
 from chefbotd.core.events import ControlChanged
+from chefbotd.core.record import Record
 from chefbotd.rpc.jsonrpc import ErrorKind
 from chefbotd.rpc.method import Unserved
-from chefbotd.rpc.session import Session
+from chefbotd.rpc.session import Session, SessionState
 
 
 class Sources(Struct, frozen=True):
-    """The sources of velocity commands; ``resume`` ends the hold of those that a stop holds."""
+    """The sources of velocity commands; ``acknowledge_stops`` frees a client, by its number, of what holds a source."""
 
     names: tuple[str, ...]
     default: str
-    resume: Callable[[Collection[str]], None]
+    acknowledge_stops: Callable[[int, str], None]
 
 
 class Lease(Struct):
@@ -29,11 +30,18 @@ class Lease(Struct):
     stamp_s: float
 
 
+class LeasesState(Record, frozen=True):
+    """The clients that have a source, and the leases by source: whose by the client's number, and their stamps.
+
+    The robot's own drivers are counted down from -1.
+    """
+
+    clients: list[SessionState]
+    leases: dict[str, tuple[int, float]]
+
+
 class ControlLeases:
     """The leases by source; ``withdraw`` forgets a source's command, ``announce`` tells who drives."""
-
-    RESTORABLE = (Session,)
-    """Whoever drives."""
 
     def __init__(
         self,
@@ -45,7 +53,29 @@ class ControlLeases:
         self._lease_s, self.stop_hold_s = lease_s, stop_hold_s
         self._withdraw, self._announce = withdraw, announce
         self._leases: dict[str, Lease] = {}
-        self._tried: dict[str, Session] = {}
+        self._own: list[Session] = []
+
+    def add_own(self, session: Session) -> None:
+        """A driver inside the daemon is to have leases, too."""
+        self._own.append(session)
+
+    def state(self) -> LeasesState:
+        """What it remembers."""
+        own = {id(session): -index for index, session in enumerate(self._own, 1)}
+        leases = {
+            source: (own.get(id(lease.holder), lease.holder.number), lease.stamp_s)
+            for source, lease in self._leases.items()
+        }
+        clients = {client.number: client.state() for client in self.sessions() if id(client) not in own}
+        return LeasesState(list(clients.values()), leases)
+
+    def restore(self, state: LeasesState) -> None:
+        """Go on from there; raises ``KeyError`` for a number that nobody has."""
+        sessions = {client.number: Session.restored(client) for client in state.clients}
+        sessions |= {-index: session for index, session in enumerate(self._own, 1)}
+        self._leases = {
+            source: Lease(sessions[number], at_s) for source, (number, at_s) in state.leases.items()
+        }
 
     def holder(self, source: str, now_s: float) -> Session | None:
         """Whose a source is."""
@@ -67,25 +97,15 @@ class ControlLeases:
         if holder is not None and holder is not session:
             raise Unserved(
                 ErrorKind.LEASE_HELD,
-                f"{source} is controlled by {holder}; send take_control to take over",
+                f"{source} is controlled by {holder}; take control to drive",
                 {"source": source, "holder": str(holder)},
             )
         if holder is not None:
             self._leases[source].stamp_s = now_s
-        self._tried[source] = session
-
-    def is_own(self, source: str, session: Session, now_s: float) -> bool:
-        """Whether a client has a source, or was the last to try to drive it while nobody had it."""
-        holder = self.holder(source, now_s)
-        return (self._tried.get(source) if holder is None else holder) is session
 
     def sessions(self) -> list[Session]:
-        """Every client that has a source, or tried to drive one."""
-        return [*(lease.holder for lease in self._leases.values()), *self._tried.values()]
-
-    def tried(self, session: Session) -> list[str]:
-        """The sources that this client was the last to try to drive, refused or not."""
-        return [source for source, last in self._tried.items() if last is session]
+        """Every client that has a source."""
+        return [lease.holder for lease in self._leases.values()]
 
     def drivers(self, now_s: float) -> dict[str, str]:
         """Who drives, by source; who has let go does not."""
@@ -119,7 +139,6 @@ class ControlLeases:
         for source in sources:
             del self._leases[source]
             self._withdraw(source)
-        self._tried = {source: last for source, last in self._tried.items() if last is not session}
         if sources:
             self._tell(now_s)
         return sources
@@ -127,7 +146,6 @@ class ControlLeases:
     def forget(self) -> None:
         """End every lease and withdraw nothing: the daemon is ending, and stops the robot itself."""
         self._leases.clear()
-        self._tried.clear()
 
     def expire(self, now_s: float) -> None:
         """Forget the leases that have ended with time."""

@@ -1,20 +1,19 @@
-"""Describes the socket's methods and topics from the models that validate them."""
+"""Describes the socket's methods and topics from the models of what it takes, and the records that it sends."""
 
 from collections.abc import Iterator, Mapping
 from functools import cache
-from typing import Any, Literal, TypeAlias
+from typing import Any
 
-from pydantic import BaseModel
-
+from chefbotd.core.record import Record
 from chefbotd.rpc import models
+from chefbotd.rpc.encoding import schema
 from chefbotd.rpc.jobs import JobProgress
 from chefbotd.rpc.jsonrpc import ERRORS
 from chefbotd.rpc.method import Method
+from chefbotd.rpc.models import Params
 from chefbotd.rpc.topics import Topic
 
-Mode: TypeAlias = Literal["validation", "serialization"]
-
-NOTIFICATIONS: Mapping[str, type[BaseModel]] = {
+NOTIFICATIONS: Mapping[str, type[Record]] = {
     "hello": models.Hello,
     "event": models.Event,
     "dropped": models.Dropped,
@@ -28,7 +27,7 @@ def describe(methods: Mapping[str, Method], topics: Mapping[str, Topic]) -> mode
         protocol=models.PROTOCOL,
         methods={name: _method(method) for name, method in methods.items()},
         topics={name: _topic(topic) for name, topic in topics.items()},
-        notifications={name: _schema(model, "validation") for name, model in NOTIFICATIONS.items()},
+        notifications={name: _schema(model) for name, model in NOTIFICATIONS.items()},
         errors={
             str(kind): models.ErrorDescription(code=e.code, meaning=e.meaning, closes=e.closes)
             for kind, e in ERRORS.items()
@@ -38,12 +37,10 @@ def describe(methods: Mapping[str, Method], topics: Mapping[str, Topic]) -> mode
 
 def prepare(methods: Mapping[str, Method], topics: Mapping[str, Topic]) -> Iterator[None]:
     """Build the schemas that ``describe`` needs, one per step, so that no step takes longer than a few milliseconds."""
-    wanted: list[tuple[type[BaseModel], Mode]] = [(m.params, "validation") for m in methods.values()]
-    wanted += [(m.result, "serialization") for m in methods.values()]
-    wanted += [(t.model, "serialization") for t in topics.values()]
-    wanted += [(model, "validation") for model in NOTIFICATIONS.values()]
-    for model, mode in wanted:
-        _schema(model, mode)
+    params = [method.params for method in methods.values()]
+    results = [method.result for method in methods.values()]
+    for model in (*params, *results, *(topic.model for topic in topics.values()), *NOTIFICATIONS.values()):
+        _schema(model)
         yield
 
 
@@ -51,17 +48,21 @@ def _method(method: Method) -> models.MethodDescription:
     return models.MethodDescription(
         summary=method.summary,
         role=method.role,
-        params=_schema(method.params, "validation"),
-        result=_schema(method.result, "serialization"),
+        params=_schema(method.params),
+        result=_schema(method.result),
     )
 
 
 def _topic(topic: Topic) -> models.TopicDescription:
     summary = (topic.model.__doc__ or "").partition("\n")[0]
-    return models.TopicDescription(summary=summary, data=_schema(topic.model, "serialization"))
+    return models.TopicDescription(summary=summary, data=_schema(topic.model))
+
+
+def _schema(model: Any) -> dict[str, Any]:
+    return _built_schema(model)
 
 
 @cache
-def _schema(model: type[BaseModel], mode: Mode) -> dict[str, Any]:
-    """A model's JSON Schema, built once in a process: it depends on the class alone."""
-    return model.model_json_schema(mode=mode, by_alias=False)
+def _built_schema(model: Any) -> dict[str, Any]:
+    """A JSON Schema, built once in a process: it depends on the class alone."""
+    return model.model_json_schema(by_alias=False) if issubclass(model, Params) else schema(model)

@@ -8,7 +8,7 @@ from inspect import iscoroutinefunction
 from typing import Any
 
 import structlog
-from pydantic import BaseModel, ValidationError
+from pydantic import ValidationError
 
 from chefbotd.clock import Clock
 from chefbotd.core.commands import Refused
@@ -17,6 +17,7 @@ from chefbotd.entries import entries_of
 from chefbotd.logs import RateLimitedLog
 from chefbotd.rpc import jsonrpc, lenient
 from chefbotd.rpc.arrivals import Arrival, Arrivals
+from chefbotd.rpc.encoding import encode
 from chefbotd.rpc.jobs import Jobs
 from chefbotd.rpc.jsonrpc import ERRORS, ErrorKind, Failure, Request
 from chefbotd.rpc.method import Caller, Method, Unserved
@@ -154,15 +155,15 @@ class Dispatcher:
     ) -> bytes:
         """Run a handler in steps. Its task begins a turn of the loop later: a stop meanwhile makes it void."""
         if method.moves and self._arrivals.stops != stops:
-            raise self._void(session, method.name, ErrorKind.OVERTAKEN, self._overtaken(method.name))
+            raise self._void(session, method.name, ErrorKind.OVERTAKEN, self._overtaken())
         return await self._clock.in_steps(job, run, what=method.name)
 
     def _handle(self, method: Method, caller: Caller, params: Params) -> bytes:
         """The result as JSON. A stop makes older commands of others void, even where it has failed."""
         try:
             with self._clock.entry(partial(self._record, method, caller, params)):
-                result: BaseModel = method.handle(caller, params)
-            return result.model_dump_json().encode()
+                result = method.handle(caller, params)
+            return encode(result)
         finally:
             if method.urgent:
                 self._arrivals.record_stop(caller, str(caller.session))
@@ -170,12 +171,14 @@ class Dispatcher:
     def _record(self, method: Method, caller: Caller, params: Params, stamp_s: float) -> RequestHandled:
         session = caller.session
         self._handled += 1
-        told = None if method.params.confidential else params.model_dump(mode="json", exclude_unset=True)
+        recorded_params = (
+            None if method.params.confidential else params.model_dump(mode="json", exclude_unset=True)
+        )
         return RequestHandled(
             stamp_s,
             self._handled,
             method.name,
-            told,
+            recorded_params,
             session.number,
             session.client,
             session.where,
@@ -196,19 +199,19 @@ class Dispatcher:
         """Old intent moves nothing: raises ``Unserved`` for a command that waited too long, or came before a stop."""
         age_s = self._arrivals.age_s(arrival)
         if self._arrivals.is_before_a_stop(arrival):
-            kind, message = ErrorKind.OVERTAKEN, self._overtaken(method)
+            kind, message = ErrorKind.OVERTAKEN, self._overtaken()
         elif age_s > self._command_timeout_s:
             kind = ErrorKind.TOO_OLD
             message = (
-                f"this {method} waited for up to {age_s:.2f} s, longer than the {self._command_timeout_s:g} s for which "
-                "a command moves the robot; send it again if it is still wanted"
+                f"the command waited for up to {age_s:.2f} s, longer than the {self._command_timeout_s:g} s for which "
+                "a command moves the robot; give it again if it is still wanted"
             )
         else:
             return
         raise self._void(session, method, kind, message)
 
-    def _overtaken(self, method: str) -> str:
-        return f"a stop by {self._arrivals.stopped_by} came before this {method}; send it again if it is still wanted"
+    def _overtaken(self) -> str:
+        return f"a stop by {self._arrivals.stopped_by} came before the command; give it again if it is still wanted"
 
     def _void(self, session: Session, method: str, kind: ErrorKind, message: str) -> Unserved:
         """Count and log a command that is not carried out; what its client is told."""
@@ -222,7 +225,7 @@ class Dispatcher:
         """The method, if there is one and the client may call it now."""
         method = self._methods.get(request.method)
         if session.role is None and (method is None or method.role is not None):
-            raise Unserved(ErrorKind.UNAUTHENTICATED, "send authenticate with a token first")
+            raise Unserved(ErrorKind.UNAUTHENTICATED, "this robot asks for a token first")
         if session.stops_only and (method is None or not method.when_crowded):
             raise Unserved(
                 ErrorKind.TOO_MANY_CLIENTS,

@@ -11,12 +11,13 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 import structlog
-from msgspec import Struct
+from msgspec import Raw, Struct
 
 from chefbotd.clock import Clock
+from chefbotd.rpc.encoding import encode
 from chefbotd.rpc.event import EventPayload
 from chefbotd.rpc.method import Receiver
-from chefbotd.rpc.models import TopicData, TopicState
+from chefbotd.rpc.models import TopicState
 from chefbotd.rpc.topics import Topic
 
 log = structlog.get_logger(__name__)
@@ -42,29 +43,23 @@ class Feed:
         self.stamp_s = event.stamp_s
         self._json = None
 
-    def data(self) -> TopicData | None:
-        """The state as the topic's model; None when there is none or (logged once) it does not fit."""
-        if self.state is None:
-            return None
-        try:
-            data = self.topic.data(self.state)
-        except Exception:
-            if not self._faulty:
-                log.exception("telemetry_fault", topic=self.topic.name, state=self.state)
-            self._faulty = True
-            return None
-        self._faulty = False
-        return data
+    def json(self) -> bytes | None:
+        """The state as JSON, encoded once; None when there is none or (logged once) it cannot be sent."""
+        if self._json is None and self.state is not None:
+            try:
+                self._json = encode(self.topic.data(self.state))
+            except Exception:
+                if not self._faulty:
+                    log.exception("telemetry_fault", topic=self.topic.name, state=self.state)
+            self._faulty = self._json is None
+        return self._json
 
     def payload(self, now_s: float) -> EventPayload | None:
-        """The state as an event's payload; its data is encoded once, however often this is called."""
-        if self._json is None:
-            data = self.data()
-            if data is None:
-                return None
-            self._json = self.topic.model.__pydantic_serializer__.to_json(data)
-        age_s = now_s - self.stamp_s
-        return EventPayload(self.topic.name, self.seq, self.stamp_s, age_s if age_s > 0 else 0.0, self._json)
+        """The state as an event's payload."""
+        json, age_s = self.json(), now_s - self.stamp_s
+        if json is None:
+            return None
+        return EventPayload(self.topic.name, self.seq, self.stamp_s, age_s if age_s > 0 else 0.0, json)
 
 
 TIMER_RESOLUTION_S = 0.002
@@ -190,12 +185,12 @@ class Fanout:
     def subscribe(self, receiver: Receiver, names: Iterable[str], policy: str, interval_s: float) -> None:
         """Put a receiver into these topics' groups, out of any other; an unknown topic raises ``KeyError``."""
         for feed in [self._feeds[name] for name in names]:
-            wanted = bool(feed.groups)
+            had_subscribers = bool(feed.groups)
             self._leave(receiver, feed)
             key = (policy, interval_s)
             group = feed.groups.setdefault(key, Group(feed, policy, interval_s, self._clock))
             group.add(receiver)
-            self._tell_demand(feed, wanted)
+            self._tell_demand(feed, had_subscribers)
 
     def snapshot(self, receiver: Receiver, names: Iterable[str]) -> None:
         """The latest value of each of these topics that the receiver is subscribed to."""
@@ -207,9 +202,9 @@ class Fanout:
     def unsubscribe(self, receiver: Receiver, names: Iterable[str] | None = None) -> None:
         """Take a receiver out of these topics, or of all; raises ``KeyError`` for an unknown topic."""
         for feed in [self._feeds[name] for name in (self._feeds if names is None else names)]:
-            wanted = bool(feed.groups)
+            had_subscribers = bool(feed.groups)
             self._leave(receiver, feed)
-            self._tell_demand(feed, wanted)
+            self._tell_demand(feed, had_subscribers)
 
     def _leave(self, receiver: Receiver, feed: Feed) -> None:
         for key, group in list(feed.groups.items()):
@@ -219,9 +214,9 @@ class Fanout:
                     del feed.groups[key]
 
     def _tell_demand(self, feed: Feed, wanted_before: bool) -> None:
-        wanted = bool(feed.groups)
-        if feed.topic.on_demand and wanted != wanted_before:
-            self._on_demand(feed.topic, wanted)
+        has_subscribers = bool(feed.groups)
+        if feed.topic.on_demand and has_subscribers != wanted_before:
+            self._on_demand(feed.topic, has_subscribers)
 
     def subscribed(self, receiver: Receiver) -> list[str]:
         """The topics that a receiver takes, in the table's order."""
@@ -238,9 +233,9 @@ class Fanout:
     def states(self) -> dict[str, TopicState]:
         """The latest value of each topic that has one."""
         now_s = self._clock.now_s()
-        found = ((name, feed, feed.data()) for name, feed in self._feeds.items())
+        payloads = ((name, feed.payload(now_s)) for name, feed in self._feeds.items())
         return {
-            name: TopicState(seq=f.seq, stamp_s=f.stamp_s, age_s=max(0.0, now_s - f.stamp_s), data=data)
-            for name, f, data in found
-            if data is not None
+            name: TopicState(seq=p.seq, stamp_s=p.stamp_s, age_s=p.age_s, data=Raw(p.data))
+            for name, p in payloads
+            if p is not None
         }

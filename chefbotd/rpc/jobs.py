@@ -8,12 +8,12 @@ from collections.abc import Callable, Coroutine
 from functools import partial
 from typing import Any, Final
 
-from pydantic import BaseModel
-
+from chefbotd.core.record import Record
 from chefbotd.rpc import jsonrpc
+from chefbotd.rpc.encoding import encode
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure, Request
 from chefbotd.rpc.method import Caller, Unserved, method
-from chefbotd.rpc.models import Done, Params, Result
+from chefbotd.rpc.models import Done, Params
 from chefbotd.rpc.roles import Role
 from chefbotd.rpc.session import Session
 
@@ -27,7 +27,7 @@ class CancelParams(Params):
     id: str | int | None
 
 
-class JobProgress(Result):
+class JobProgress(Record, frozen=True):
     """How far a request is: ``done`` of ``total``, in the method's own unit."""
 
     id: str | int | None
@@ -46,10 +46,10 @@ class Progress:
         """Send how far the job is; of a client that is behind only the latest report is kept."""
         if self._request.wants_answer:
             model = JobProgress(id=self._request.id, done=done, total=total, text=text)
-            self._caller.send_progress(jsonrpc.notification("progress", model.model_dump_json().encode()))
+            self._caller.send_progress(jsonrpc.notification("progress", encode(model)))
 
 
-Handler = Callable[[Progress], Coroutine[Any, Any, BaseModel]]
+Handler = Callable[[Progress], Coroutine[Any, Any, Any]]
 InSteps = Callable[[Callable[[], Coroutine[Any, Any, bytes]]], Coroutine[Any, Any, bytes]]
 
 
@@ -115,7 +115,7 @@ class Jobs:
 
 
 async def _result(handler: Handler, progress: Progress) -> bytes:
-    return (await handler(progress)).model_dump_json().encode()
+    return encode(await handler(progress))
 
 
 def _answer(

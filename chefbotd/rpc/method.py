@@ -6,8 +6,9 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 
 from msgspec import Struct
 from msgspec.structs import replace
-from pydantic import BaseModel
 
+from chefbotd.core.record import Record
+from chefbotd.rpc.encoding import Sent, UnknownData
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 from chefbotd.rpc.models import Params
 from chefbotd.rpc.roles import Role
@@ -66,7 +67,7 @@ class Method(Struct, frozen=True):
 
     role: Role | None
     params: type[Params]
-    result: type[BaseModel]
+    result: type[Sent]
     handle: Callable[..., Any]
     afterwards: Callable[[Caller, Any], None] | None = None
     urgent: bool = False
@@ -112,13 +113,21 @@ def method(
                 f"{function.__qualname__} must say whether it moves the robot: moves=True or moves=False"
             )
         signature = inspect.signature(function)
-        taken, result = params or signature.parameters["params"].annotation, signature.return_annotation
-        for what, model, base in (("params", taken, Params), ("its result", result, BaseModel)):
-            if not (isinstance(model, type) and issubclass(model, base)):
+        params_model, result = (
+            params or signature.parameters["params"].annotation,
+            signature.return_annotation,
+        )
+        for what, model, bases in (
+            ("params", params_model, (Params,)),
+            ("its result", result, (Record, UnknownData)),
+        ):
+            if not (isinstance(model, type) and issubclass(model, bases)):
+                expected = bases[0].__name__
                 raise TypeError(
-                    f"{function.__qualname__}: {what} must be annotated with a {base.__name__}, got {model!r}"
+                    f"{function.__qualname__}: {what} must be annotated with a {expected}, got {model!r}"
                 )
-        row = Method(role, taken, result, function, afterwards, urgent, bool(moves), when_crowded, constant)  # type: ignore[arg-type]
+        after: Any = afterwards  # it is bound to the handlers by ``methods_of``
+        row = Method(role, params_model, result, function, after, urgent, bool(moves), when_crowded, constant)
         function._method = row  # type: ignore[attr-defined]
         return function
 

@@ -5,11 +5,12 @@ from functools import cache
 from typing import Any
 
 import structlog
+from msgspec import defstruct
 from msgspec.structs import replace
-from pydantic import BaseModel, create_model
 
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.record import Record
 from chefbotd.rpc import models
 from chefbotd.rpc.access import Keyring, digest
 from chefbotd.rpc.control_leases import ControlLeases, Sources
@@ -73,17 +74,16 @@ class ServerMethods:
         return models.Pong(stamp_s=self._clock.now_s())
 
     @method(role=Role.OBSERVE)
-    def get_state(self, caller: Caller, params: NoParams) -> models.Result:
+    def get_state(self, caller: Caller, params: NoParams) -> Record:
         """The link, the gate, and the latest value of each topic with its age."""
         fanout = self._fanout
-        known: dict[str, Any] = {
+        always_known: dict[str, Any] = {
             name: topic.data(fanout.state(name))
             for name, topic in fanout.topics.items()
             if topic.always_known
         }
-        return self._table["get_state"].result.model_construct(
-            stamp_s=self._clock.now_s(), **known, topics=fanout.states()
-        )  # type: ignore[return-value]
+        state: Any = self._table["get_state"].result
+        return state(stamp_s=self._clock.now_s(), **always_known, topics=fanout.states())  # type: ignore[no-any-return]
 
     @method(role=Role.OBSERVE, afterwards=lambda self, caller, params: self._send_snapshots(caller, params))
     def subscribe(self, caller: Caller, params: models.SubscribeParams) -> models.Subscribed:
@@ -107,23 +107,23 @@ class ServerMethods:
         return models.Subscribed(topics=self._fanout.subscribed(caller))
 
     def _require_known(self, names: Iterable[str]) -> None:
-        known = self._fanout.topics
+        topics = self._fanout.topics
         for name in names:
-            if name not in known:
-                raise Unserved(ErrorKind.UNKNOWN_TOPIC, f"no topic {name!a}; there are {', '.join(known)}")
+            if name not in topics:
+                raise Unserved(ErrorKind.UNKNOWN_TOPIC, f"no topic {name!a}; there are {', '.join(topics)}")
 
     @method(role=Role.DRIVE, moves=False)
     def take_control(self, caller: Caller, params: models.TakeControlParams) -> models.Taken:
         """Take control of a source of commands, also from another client, whose motion then stops."""
-        source, known = params.source or self._sources.default, self._sources.names
-        if source not in known:
+        source, names = params.source or self._sources.default, self._sources.names
+        if source not in names:
             raise Refused(
-                RefusalKind.UNKNOWN_SOURCE, f"no source named {source!a}; there are {', '.join(known)}"
+                RefusalKind.UNKNOWN_SOURCE, f"no source named {source!a}; there are {', '.join(names)}"
             )
         before = self._leases.take_source(source, caller.session, self._clock.now_s())
         others = None if before is None or before is caller.session else str(before)
         if others is not None:
-            self._sources.resume((source,))
+            self._sources.acknowledge_stops(caller.session.number, source)
         return models.Taken(source=source, taken_from=others)
 
     @method(role=Role.DRIVE, moves=False)
@@ -132,22 +132,17 @@ class ServerMethods:
         return models.Released(sources=self._leases.release(caller.session, self._clock.now_s()))
 
 
-def state_model(topics: Mapping[str, Topic]) -> type[BaseModel]:
-    """The model of what ``get_state`` answers, with a key of its own for each topic that is always known."""
+def state_model(topics: Mapping[str, Topic]) -> type[Record]:
+    """The record that ``get_state`` answers, with a member of its own for each topic that is always known."""
     return _state_model(tuple((name, topic.model) for name, topic in topics.items() if topic.always_known))
 
 
 @cache
-def _state_model(known: tuple[tuple[str, type[models.TopicData]], ...]) -> type[BaseModel]:
-    fields: dict[str, Any] = {name: (model, ...) for name, model in known}
-    return create_model(
-        "State",
-        __base__=models.Result,
-        __doc__="The link, the safety state, and the latest value of each topic that has one.",
-        stamp_s=(float, ...),
-        **fields,
-        topics=(dict[str, models.TopicState], ...),
-    )
+def _state_model(topics: tuple[tuple[str, type[Any]], ...]) -> type[Record]:
+    doc = "The link, the safety state, and the latest value of each topic that has one."
+    fields = (("stamp_s", float), *topics, ("topics", dict[str, models.TopicState]))
+    state: Any = defstruct("State", fields, bases=(Record,), namespace={"__doc__": doc}, frozen=True)
+    return state  # type: ignore[no-any-return]
 
 
 def method_table(
@@ -167,9 +162,9 @@ def method_table(
     """
     table: dict[str, Method] = {}
     own = ServerMethods(table, fanout, clock, leases, sources, keyring)
-    table.update({each.name: each for each in (*methods_of(own), *methods_of(jobs or Jobs()))})
+    table.update({row.name: row for row in (*methods_of(own), *methods_of(jobs or Jobs()))})
     table["get_state"] = replace(table["get_state"], result=state_model(fanout.topics))
-    if taken := sorted(table.keys() & methods.keys()):
-        raise ValueError(f"the server already has the method {', '.join(taken)}")
+    if repeated := sorted(table.keys() & methods.keys()):
+        raise ValueError(f"the server already has the method {', '.join(repeated)}")
     table.update(methods)
     return table

@@ -1,9 +1,14 @@
-"""The base classes of the socket's pydantic models, and the server's own messages."""
+"""The base class of parameters, which pydantic checks, and the server's own messages.
 
-from typing import TYPE_CHECKING, Any, ClassVar, Final, Literal, Self
+What is sent is a ``Record``: SI units, REP-103 axes, null for a number that is not finite.
+"""
 
-from pydantic import BaseModel, ConfigDict, Field, SecretStr, SerializeAsAny
+from typing import Annotated, Any, ClassVar, Final, Literal
 
+from msgspec import Meta
+from pydantic import BaseModel, ConfigDict, Field, SecretStr
+
+from chefbotd.core.record import Record
 from chefbotd.rpc.roles import Role
 
 PROTOCOL: Final = "1.0"
@@ -26,42 +31,13 @@ class NoParams(Params):
     """Nothing."""
 
 
-class Sent(BaseModel):
-    """What is sent to clients."""
-
-    model_config = ConfigDict(frozen=True, defer_build=True)
-
-    @classmethod
-    def of(cls, source: object | None) -> Self:
-        """What a value has under the same names; without one the defaults."""
-        return cls() if source is None else cls.model_validate(source, from_attributes=True)
-
-
-class Result(Sent):
-    """What a method answers."""
-
-
-class Done(Result):
+class Done(Record, frozen=True):
     """It was carried out."""
 
-    ok: Literal[True] = True
+    ok: Annotated[bool, Meta(extra_json_schema={"const": True})] = True
 
 
 DONE: Final = Done()
-
-
-class TopicData(Sent):
-    """Telemetry: SI units, REP-103 axes; a number that is not finite is sent as null."""
-
-
-class UnknownData(TopicData):
-    """The data of a topic that this version has no model of: its members as attributes, as they came."""
-
-    model_config = ConfigDict(frozen=True, extra="allow", defer_build=True)
-
-    if TYPE_CHECKING:
-
-        def __getattr__(self, name: str) -> Any: ...
 
 
 # The parameters of the server's own methods
@@ -108,49 +84,49 @@ class UnsubscribeParams(Params):
 # Their results, and the notifications
 
 
-class Known(Result):
+class Known(Record, frozen=True):
     """Who this client is to the daemon, and what it may do."""
 
     client: str
     role: Role
 
 
-class Taken(Result):
+class Taken(Record, frozen=True):
     """The source is this client's; ``taken_from`` names who had it, null where nobody else did."""
 
     source: str
     taken_from: str | None
 
 
-class Released(Result):
+class Released(Record, frozen=True):
     """The sources that this client had until now."""
 
     sources: list[str]
 
 
-class Pong(Result):
+class Pong(Record, frozen=True, kw_only=True):
     """The daemon lives; ``stamp_s`` is its monotonic time."""
 
-    pong: Literal[True] = True
+    pong: Annotated[bool, Meta(extra_json_schema={"const": True})] = True
     stamp_s: float
 
 
-class Subscribed(Result):
+class Subscribed(Record, frozen=True):
     """All the topics that this client now receives."""
 
     topics: list[str]
 
 
-class TopicState(Result):
+class TopicState(Record, frozen=True):
     """A topic's latest value and how old it is; ``seq`` counts its events, sent to this client or not."""
 
     seq: int
     stamp_s: float
     age_s: float
-    data: SerializeAsAny[TopicData]
+    data: Annotated[Any, Meta(description="the topic's record", extra_json_schema={"type": "object"})]
 
 
-class Hello(Result):
+class Hello(Record, frozen=True, kw_only=True):
     """The greeting; ``session`` changes when the daemon restarts, ``auth`` is what a client must do first."""
 
     protocol: Literal["1.0"] = PROTOCOL
@@ -161,20 +137,20 @@ class Hello(Result):
     capabilities: tuple[str, ...]
 
 
-class Event(TopicState):
+class Event(TopicState, frozen=True):
     """One telemetry object."""
 
     topic: str
 
 
-class Dropped(Result):
+class Dropped(Record, frozen=True):
     """How many events a client that reads too slowly has lost since the last such notice."""
 
     topics: dict[str, int]
     total: int
 
 
-class MethodDescription(Result):
+class MethodDescription(Record, frozen=True):
     """A method's purpose, the role that it needs (null: none), and the JSON Schemas of what it takes and gives."""
 
     summary: str
@@ -183,14 +159,14 @@ class MethodDescription(Result):
     result: dict[str, Any]
 
 
-class TopicDescription(Result):
+class TopicDescription(Record, frozen=True):
     """A topic's purpose and the JSON Schema of its data."""
 
     summary: str
     data: dict[str, Any]
 
 
-class ErrorDescription(Result):
+class ErrorDescription(Record, frozen=True):
     """A kind of error: its JSON-RPC code, its meaning, and whether it ends the connection."""
 
     code: int
@@ -198,7 +174,7 @@ class ErrorDescription(Result):
     closes: bool
 
 
-class Description(Result):
+class Description(Record, frozen=True):
     """The whole interface, made from the models that check it."""
 
     protocol: str

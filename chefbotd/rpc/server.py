@@ -13,6 +13,7 @@ from chefbotd.rpc.connection_manager import ConnectionManager
 from chefbotd.rpc.control_leases import ControlLeases, Sources
 from chefbotd.rpc.describe import prepare
 from chefbotd.rpc.dispatch import Dispatcher
+from chefbotd.rpc.encoding import encode
 from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.jobs import Jobs
 from chefbotd.rpc.method import Method
@@ -148,16 +149,16 @@ class RpcServer:
         for _ in prepare(self._methods, self._fanout.topics):
             await next_beat(self._clock)
 
-    def _tap(self, topic: Topic, wanted: bool) -> None:
+    def _tap(self, topic: Topic, has_subscribers: bool) -> None:
         """Take a topic's events off the bus only while someone wants them; its publisher can tell."""
-        if wanted:
+        if has_subscribers:
             self._taps[topic.name] = self._bus.add_handler(
                 self._fanout.publish, *topic.events, on_error=self._failure.report
             )
         else:
             self._taps.pop(topic.name)()
         if topic.demanded is not None:
-            topic.demanded(wanted)
+            topic.demanded(has_subscribers)
 
     def _greeting(self) -> bytes:
         hello = Hello(
@@ -167,4 +168,4 @@ class RpcServer:
             auth="none" if self._keyring is None else "token",
             capabilities=self._capabilities,
         )
-        return jsonrpc.notification("hello", hello.model_dump_json().encode())
+        return jsonrpc.notification("hello", encode(hello))

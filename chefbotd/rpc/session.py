@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 
+from chefbotd.core.record import Record
 from chefbotd.rpc.arrivals import Arrival
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 from chefbotd.rpc.parameters import ApiParameters
@@ -25,15 +26,22 @@ class TokenBucket:
         return True
 
 
+class SessionState(Record, frozen=True):
+    """Who a client is: that is what the robot says of it. Nobody is to know its token."""
+
+    number: int
+    client: str
+    host: str
+    port: int
+    role: Role | None
+
+
 class Session:
     """From a client's arrival at ``host:port`` to its end; time is an argument.
 
     ``role`` is None until the client has shown a token, ``client`` is what it calls itself, ``proven`` says whether it
     has ever sent a request, and ``stops_only`` why it may do nothing but stop the robot (empty: it may do more).
     """
-
-    UNRECORDED = frozenset({"_parameters", "token_digest", "arrival", "_requests", "_errors"})
-    """What the robot does follows from none of it, and nobody else is to know the token."""
 
     def __init__(
         self, parameters: ApiParameters, host: str, port: int, role: Role | None, now_s: float
@@ -51,6 +59,17 @@ class Session:
 
     def __str__(self) -> str:
         return f"{self.client} ({self.where})" if self.client else self.where
+
+    def state(self) -> SessionState:
+        """Who it is."""
+        return SessionState(self.number, self.client, self.host, self._port, self.role)
+
+    @classmethod
+    def restored(cls, state: SessionState) -> "Session":
+        """A client of a recording."""
+        session = cls(ApiParameters(), state.host, state.port, state.role, 0.0)
+        session.number, session.client = state.number, state.client
+        return session
 
     @property
     def where(self) -> str:

@@ -5,11 +5,19 @@ holds the latest beam of every sensor). States are cheap. Data is made from them
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, TypeVar
 
-from msgspec import Struct
+from msgspec import Struct, convert
 
-from chefbotd.rpc.models import TopicData
+from chefbotd.core.record import Record
+from chefbotd.rpc.encoding import Sent
+
+R = TypeVar("R", bound=Record)
+
+
+def same_names(model: type[R]) -> Callable[[object | None], R]:
+    """Makes the record of what a value has under the same names; without a value its defaults."""
+    return lambda value: model() if value is None else convert(value, model, from_attributes=True)
 
 
 class Topic(Struct, frozen=True):
@@ -21,8 +29,8 @@ class Topic(Struct, frozen=True):
 
     name: str
     events: tuple[type[Any], ...]
-    model: type[TopicData]
-    data: Callable[[Any], TopicData]
+    model: type[Sent]
+    data: Callable[[Any], Sent]
     join: Callable[[Any, Any], Any] | None = None
     on_demand: bool = False
     always_known: bool = False

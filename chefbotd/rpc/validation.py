@@ -17,8 +17,8 @@ def _field_problem(error: ErrorDetails, *, confidential: bool) -> dict[str, str]
     value = "nothing" if error["type"] == "missing" else _shortened(repr(error["input"]))
     if confidential:
         return {"field": "params", "expected": error["msg"], "got": "what is not repeated here"}
-    told = error["msg"].removeprefix("Value error, ")
-    expected = "No such parameter" if error["type"] == "extra_forbidden" else told
+    message = error["msg"].removeprefix("Value error, ")
+    expected = "No such parameter" if error["type"] == "extra_forbidden" else message
     return {"field": _path(error["loc"]), "expected": expected, "got": value}
 
 

@@ -4,12 +4,16 @@ Silence stops the robot and is not a fault yet. The classic sketch regularly say
 waits for an ultrasonic echo. A latch that trips on a healthy robot teaches people to ignore it. So the robot brakes,
 and starts from rest with the next reading if it is still commanded. A silence that is longer than the sketch can
 explain, and that began while the robot was driven, is a fault.
+
+Where nothing is in reach of its ultrasonic sensor the sketch is silent for a second in every cycle, and would never be
+told to move. A board that has just said after such a silence that no echo came will be silent again. Then the robot may
+crawl, without a reading too: what it is told takes effect up to two cycles later.
 """
 
 from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
-from chefbotd.core.record import Record
+from chefbotd.core.record import Record, replace
 from chefbotd.safety.faults import Fault, FaultKind
 
 
@@ -17,23 +21,62 @@ class EncoderTimeoutParameters(Parameters):
     """How long the encoders may be silent.
 
     The robot moves only if the last encoder reading is younger than ``max_age_s``. A silence of ``latch_after_s`` that
-    began while the robot was driven is a fault.
+    began while the robot was driven is a fault. While the board waits for echoes that do not come, no rim moves faster
+    than ``silent_speed_m_s`` (0: the robot stands).
     """
 
     max_age_s: float = Field(default=0.25, gt=0, le=2)
     latch_after_s: float = Field(default=2.0, ge=2, le=60)
+    silent_speed_m_s: float = Field(default=0.06, ge=0, le=1)
+
+
+WAIT_S = 1.3
+"""A silence that is longer is not the wait for an echo: a second, a cycle, and the line."""
+
+OBEYS_AFTER_S = 2.1
+"""A command that comes just after a cycle has begun is read a cycle later, and in force after that cycle's wait."""
+
+OVERSHOOT = 4 / 3
+"""With one reading in a cycle the wheel loop goes so much faster than asked before it settles."""
 
 
 class EncoderTimeoutState(Record, frozen=True):
-    """When the encoders were last heard, and whether the robot was being driven when they fell silent."""
+    """When the encoders were last heard, and whether the robot was being driven when they fell silent.
+
+    ``awaits_echo``: before that the board was silent until it said that no echo came. ``silent_s`` is how long the
+    silence lasted that the last reading ended: a port that hands over several lines at once may bring that one first.
+    """
 
     heard_s: float = float("-inf")
     interrupted: bool = False
+    awaits_echo: bool = False
+    silent_s: float = 0.0
 
 
 def is_stale(params: EncoderTimeoutParameters, state: EncoderTimeoutState, now_s: float) -> bool:
     """Whether the robot must stand still because there is no recent reading."""
     return now_s - state.heard_s > params.max_age_s
+
+
+def heard(state: EncoderTimeoutState, now_s: float) -> EncoderTimeoutState:
+    """An encoder reading has come."""
+    return EncoderTimeoutState(now_s, awaits_echo=state.awaits_echo, silent_s=now_s - state.heard_s)
+
+
+def note_echo(
+    params: EncoderTimeoutParameters, state: EncoderTimeoutState, now_s: float, *, is_missing: bool
+) -> EncoderTimeoutState:
+    """A board that waits for its echoes has told of one, or that none came."""
+    silent_s = now_s - state.heard_s
+    if silent_s <= params.max_age_s:
+        silent_s = state.silent_s
+    awaits_echo = is_missing and params.max_age_s < silent_s <= WAIT_S
+    return replace(state, awaits_echo=awaits_echo)
+
+
+def awaits_echo(params: EncoderTimeoutParameters, state: EncoderTimeoutState, now_s: float) -> bool:
+    """Whether the robot may only crawl, since the board waits for an echo, or will; with no longer silence than that."""
+    return state.awaits_echo and params.silent_speed_m_s > 0 and now_s - state.heard_s <= WAIT_S
 
 
 def update(
@@ -43,9 +86,9 @@ def update(
     interrupted = state.interrupted or driven
     silent_s = now_s - state.heard_s
     if not interrupted or silent_s <= params.latch_after_s:
-        return EncoderTimeoutState(state.heard_s, interrupted), None
+        return replace(state, interrupted=interrupted), None
     reason = (
         f"no encoder reading for {silent_s:.1f} s while the robot was driven: "
-        "check that the board runs and that its sketch still sends 'e' lines"
+        "check that the board runs and that its sketch still sends encoder readings"
     )
     return EncoderTimeoutState(state.heard_s), Fault(FaultKind.ENCODERS_SILENT, reason)

@@ -81,13 +81,13 @@ class SafetyParameters(Parameters):
     def above(self, source: str) -> tuple[str, ...]:
         """The sources that take over from this one."""
         own = self.sources[source].priority
-        return tuple(name for name, each in self.sources.items() if each.priority > own)
+        return tuple(name for name, parameters in self.sources.items() if parameters.priority > own)
 
     @model_validator(mode="after")
     def _has_its_default(self) -> Self:
         if self.default_source not in self.sources:
-            known = ", ".join(self.sources)
-            raise ValueError(f"default_source must be one of {known}, got {self.default_source!r}")
+            names = ", ".join(self.sources)
+            raise ValueError(f"default_source must be one of {names}, got {self.default_source!r}")
         return self
 
 
@@ -159,7 +159,22 @@ COME_TO_REST = Decision(STANDING, None, halted=False)
 DEAD_MAN = "dead_man"
 """What limits a command that is too old to be followed, until it is past its source's time-out as well."""
 
-_REFUSALS = {Mode.DISARMED: RefusalKind.DISARMED, Mode.ESTOPPED: RefusalKind.ESTOPPED}
+_STOPPED: Mapping[str, str] = {
+    Mode.DISARMED: "the robot is stopped",
+    Mode.ESTOPPED: "the emergency stop is on",
+}
+
+
+def why_not_armed(mode: str, reason: str) -> str:
+    """The mode of a robot that may not move, for people; one that waits for its board has only the reason."""
+    return f"{_STOPPED[mode]} ({reason})" if mode in _STOPPED else reason
+
+
+def not_armed(mode: str, reason: str) -> Refused:
+    """The refusal of a motion that was asked for meanwhile."""
+    kind = RefusalKind.ESTOPPED if mode == Mode.ESTOPPED else RefusalKind.DISARMED
+    remedy = "; arm the robot first" if mode in _STOPPED else ""
+    return Refused(kind, why_not_armed(mode, reason) + remedy)
 
 
 def accept(parameters: SafetyParameters, state: GateState, command: Command) -> GateState:
@@ -169,10 +184,10 @@ def accept(parameters: SafetyParameters, state: GateState, command: Command) -> 
         Refused: its source is not configured, or the robot is not armed; nothing changes.
     """
     if command.source not in parameters.sources:
-        known = ", ".join(sorted(parameters.sources))
-        raise Refused(RefusalKind.UNKNOWN_SOURCE, f"no source named {command.source!r}; there are {known}")
+        names = ", ".join(sorted(parameters.sources))
+        raise Refused(RefusalKind.UNKNOWN_SOURCE, f"no source named {command.source!r}; there are {names}")
     if state.mode is not Mode.ARMED:
-        raise Refused(_REFUSALS[state.mode], f"the robot is {state.mode} ({state.reason}); send 'arm' first")
+        raise not_armed(state.mode, state.reason)
     return replace(state, commands=(*release(state, command.source).commands, command))
 
 

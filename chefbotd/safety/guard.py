@@ -49,6 +49,11 @@ class GuardParameters(Parameters):
     scan: ScanGuardParameters = section()
 
 
+def later(params: GuardParameters, late_s: float) -> GuardParameters:
+    """The same for a board that obeys so much later."""
+    return params if late_s == 0 else params.model_copy(update={"reaction_s": params.reaction_s + late_s})
+
+
 class Beam(Record, frozen=True):
     """The last reading of a sensor; infinity is a free way.
 
@@ -101,27 +106,27 @@ def _distance_m(measured: RangeMeasured) -> float:
     return 0.0 if measured.status in MAYBE_NEAR else math.inf
 
 
-def limit(params: GuardParameters, beams: Beams, wanted: Motion, now_s: float) -> tuple[Motion, str | None]:
+def limit(params: GuardParameters, beams: Beams, motion: Motion, now_s: float) -> tuple[Motion, str | None]:
     """The motion that may be driven, and the sensor that it was limited for (None: it is ``wanted``)."""
-    if isinstance(wanted, WheelVelocities):
-        return _limit_wheels(params, beams, wanted, now_s)
-    return _limit_twist(params, beams, wanted, now_s)
+    if isinstance(motion, WheelVelocities):
+        return _limit_wheels(params, beams, motion, now_s)
+    return _limit_twist(params, beams, motion, now_s)
 
 
 def _limit_wheels(
-    params: GuardParameters, beams: Beams, wanted: WheelVelocities, now_s: float
+    params: GuardParameters, beams: Beams, motion: WheelVelocities, now_s: float
 ) -> tuple[WheelVelocities, str | None]:
     share, limiting = 1.0, None
     for beam in beams:
-        closing_m_s = _closing_m_s(beam, wanted.twist)
+        closing_m_s = _closing_m_s(beam, motion.twist)
         allowed_m_s = _allowed_m_s(params, beam, now_s)
         if closing_m_s * share > allowed_m_s:
             share, limiting = allowed_m_s / closing_m_s, beam.sensor
-    return (wanted, None) if limiting is None else (wanted.slowed(share), limiting)
+    return (motion, None) if limiting is None else (motion.slowed(share), limiting)
 
 
 def _limit_twist(
-    params: GuardParameters, beams: Beams, wanted: Twist2D, now_s: float
+    params: GuardParameters, beams: Beams, motion: Twist2D, now_s: float
 ) -> tuple[Twist2D, str | None]:
     """Limit each axis by what it adds to a beam's shortening.
 
@@ -129,7 +134,7 @@ def _limit_twist(
     it, the robot stands.
     """
     allowed_m_s = [(beam, _allowed_m_s(params, beam, now_s)) for beam in beams]
-    twist, limiting = wanted, None
+    twist, limiting = motion, None
     for beam, most_m_s in allowed_m_s + allowed_m_s:
         if _closing_m_s(beam, twist) > most_m_s:
             twist, limiting = _slowed(beam, twist, most_m_s), beam.sensor

@@ -1,62 +1,103 @@
-"""The sources of commands that a stop holds.
+"""The sources of commands that a stop holds, and for whom.
 
 A driver who repeats its command without knowing of a stop would undo the stop 50 ms later. So a stop holds every
-source from which a command has come lately. Each further command from a held source is refused, and restarts its
-waiting time. A source is free again when no command has come from it for ``stop_hold_s``, or when its driver asks to
-drive again. An emergency stop also holds every source that tries to drive while it is latched, so that ``arm`` alone
-never moves the robot. It does not matter who sends the commands: a client that opens a new connection for each command
-is held as well.
+source that another client has lately tried to drive; an emergency stop also holds what its own client has tried, and
+what anybody tries while it is latched. A try is a command that names the source, whether it was carried out or not,
+and whatever motion it asked for.
+
+From a held source nobody drives but the clients that know of the stop: the one that sent it, unless it was held
+itself, and those that asked to drive after it. The others may be the same driver on a new connection, so they are all
+held, whoever tried first. A source is free when no held client has tried for ``stop_hold_s``. What those do who know
+of the stop neither ends the hold of the others nor makes it longer.
 """
 
-from collections.abc import Collection
 from typing import NamedTuple
 
+NEVER_S = float("-inf")
+MOST_KNOWING = 64
+"""So many clients that know of a stop are remembered, the latest ones; who is forgotten asks again."""
 
-class Attempt(NamedTuple):
-    """When the last command came from a source, refused or not, and whose stop holds the source (empty: none)."""
+
+class Tries(NamedTuple):
+    """The last try to drive a source and its client, the last one of any other client, and the stop that holds it.
+
+    ``stopped_by`` is empty where none does. ``knowing`` are the clients that are not held, and ``held_s`` is when a
+    held one has tried last.
+    """
 
     source: str
+    client: int
     stamp_s: float
+    others_s: float = NEVER_S
     stopped_by: str = ""
+    knowing: tuple[int, ...] = ()
+    held_s: float = NEVER_S
 
 
-Attempts = tuple[Attempt, ...]
-"""The latest of each source that has ever tried."""
+State = tuple[Tries, ...]
+"""One for each source that anybody has ever tried to drive."""
 
 
-def note_attempt(state: Attempts, source: str, now_s: float, stop_hold_s: float) -> Attempts:
-    """Record a command from this source. A source that was silent long enough is no longer held."""
-    before = _of(state, source)
-    goes_on = before is not None and now_s - before.stamp_s < stop_hold_s
-    stopped_by = before.stopped_by if before is not None and goes_on else ""
-    others = [each for each in state if each.source != source]
-    return (*others, Attempt(source, now_s, stopped_by))
+def note_try(
+    state: State, source: str, client: int, now_s: float, stop_hold_s: float, estopped_by: str = ""
+) -> State:
+    """A client tries to drive a source. ``estopped_by`` is not empty while an emergency stop is latched."""
+    before = _of(state, source) or Tries(source, client, NEVER_S)
+    others_s = before.others_s if before.client == client else before.stamp_s
+    stopped_by, knowing, held_s = before.stopped_by, before.knowing, before.held_s
+    if now_s - held_s >= stop_hold_s:
+        stopped_by, knowing = "", ()
+    if estopped_by:
+        stopped_by, knowing = estopped_by, ()
+    if stopped_by and client not in knowing:
+        held_s = now_s
+    after = Tries(source, client, now_s, others_s, stopped_by, knowing, held_s)
+    return (*(tries for tries in state if tries.source != source), after)
 
 
-def hold(
-    state: Attempts, now_s: float, stop_hold_s: float, by: str, excluded: Collection[str] = ()
-) -> Attempts:
-    """A stop: hold every source from which commands have come lately, except the ``excluded`` ones."""
+def stop(state: State, client: int, by: str, now_s: float, stop_hold_s: float) -> State:
+    """A client stops the robot: hold what others have tried to drive lately. ``by`` is the client's name."""
+    return tuple([_stopped(tries, client, by, now_s, stop_hold_s) for tries in state])
+
+
+def estop(state: State, by: str, now_s: float, stop_hold_s: float) -> State:
+    """Hold what anybody has tried to drive lately."""
     return tuple(
         [
-            each._replace(stopped_by=by)
-            if each.source not in excluded and now_s - each.stamp_s < stop_hold_s
-            else each
-            for each in state
+            tries._replace(stopped_by=by, knowing=(), held_s=tries.stamp_s)
+            if now_s - tries.stamp_s < stop_hold_s
+            else tries
+            for tries in state
         ]
     )
 
 
-def free(state: Attempts, sources: Collection[str]) -> Attempts:
-    """The drivers of these sources ask to drive again: free them."""
-    return tuple([each._replace(stopped_by="") if each.source in sources else each for each in state])
+def acknowledge(state: State, client: int, source: str | None = None) -> State:
+    """A client that knows of every stop so far asks to drive this source (None: any): it is held no longer."""
+    return tuple(
+        [
+            tries._replace(knowing=(*tries.knowing, client)[-MOST_KNOWING:])
+            if tries.stopped_by and client not in tries.knowing and source in (None, tries.source)
+            else tries
+            for tries in state
+        ]
+    )
 
 
-def holder_of(state: Attempts, source: str) -> str:
-    """Whose stop holds a source; empty where none does."""
-    attempt = _of(state, source)
-    return "" if attempt is None else attempt.stopped_by
+def holder_of(state: State, source: str, client: int) -> str:
+    """Whose stop holds a client that has just tried to drive a source; empty where none does."""
+    tries = _of(state, source)
+    return "" if tries is None or client in tries.knowing else tries.stopped_by
 
 
-def _of(state: Attempts, source: str) -> Attempt | None:
-    return next((each for each in state if each.source == source), None)
+def _stopped(tries: Tries, client: int, by: str, now_s: float, stop_hold_s: float) -> Tries:
+    was_held = bool(tries.stopped_by) and client not in tries.knowing and now_s - tries.held_s < stop_hold_s
+    others_s = tries.others_s if tries.client == client else tries.stamp_s
+    if now_s - others_s >= stop_hold_s:
+        return tries
+    held_s = tries.stamp_s if was_held else max(tries.held_s, others_s)
+    return tries._replace(stopped_by=by, knowing=() if was_held else (client,), held_s=held_s)
+
+
+def _of(state: State, source: str) -> Tries | None:
+    return next((tries for tries in state if tries.source == source), None)

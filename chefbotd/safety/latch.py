@@ -17,12 +17,12 @@ MAX_REASON_CHARACTERS = 1000
 
 UNCLEAN_SHUTDOWN = GateState(
     Mode.DISARMED,
-    "the previous daemon did not shut down properly; send arm when the robot may move",
+    "the previous daemon did not shut down properly; arm the robot when it may move",
     fault=FaultKind.UNCLEAN_SHUTDOWN,
 )
 UNREADABLE = GateState(
     Mode.DISARMED,
-    "the state of the previous daemon cannot be read, and the log says why; send arm when the robot may move",
+    "the state of the previous daemon cannot be read, and the log says why; arm the robot when it may move",
     fault=FaultKind.UNCLEAN_SHUTDOWN,
 )
 

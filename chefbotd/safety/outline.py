@@ -69,8 +69,8 @@ class Disc:
         """To where the line through the point enters the disc."""
         ahead = x if forward else -x
         inside = self.radius_m**2 - y * y
-        way = ahead - np.sqrt(np.maximum(inside, 0.0))
-        return np.where((inside > 0) & (ahead > 0), np.maximum(way, 0.0), np.inf)
+        free_m = ahead - np.sqrt(np.maximum(inside, 0.0))
+        return np.where((inside > 0) & (ahead > 0), np.maximum(free_m, 0.0), np.inf)
 
     def arc_angles(self, x: Floats, y: Floats, centre_m: float, *, left: bool) -> Floats:
         """By the law of cosines, in the triangle of origin, centre of the turn and point."""

@@ -78,8 +78,8 @@ def watch(
             for i, (excess, asked, travel) in enumerate(wheels)
         ]
     )
-    found = [i for i, excess in enumerate(after) if excess.lasted_s >= params.duration_s]
-    return after, _explain(names, found, asked_m_s, travel_m, dt_s) if found else None
+    too_fast = [i for i, excess in enumerate(after) if excess.lasted_s >= params.duration_s]
+    return after, _explain(names, too_fast, asked_m_s, travel_m, dt_s) if too_fast else None
 
 
 def _add(
@@ -109,16 +109,16 @@ def _slowed(params: OverspeedParameters, excess: Excess, asked_m_s: float, dt_s:
 
 def _explain(
     names: tuple[str, ...],
-    found: list[int],
+    too_fast: list[int],
     asked_m_s: tuple[float, ...],
     travel_m: tuple[float, ...],
     dt_s: float,
 ) -> Fault:
-    worst = max(found, key=lambda i: abs(travel_m[i]) - abs(asked_m_s[i]) * dt_s)
+    worst = max(too_fast, key=lambda i: abs(travel_m[i]) - abs(asked_m_s[i]) * dt_s)
     measured = f"{travel_m[worst] / dt_s:.2f} m/s" if dt_s > 0 else "faster"
     reason = (
-        f"{' and '.join(names[i] for i in found)} much faster than asked "
-        f"({measured} instead of {asked_m_s[worst]:.2f}): check that drive.max_duty is the board's full scale, "
-        "the gains ([pid], set_pid), encoders.counts_per_turn, and the motor's driver"
+        f"{' and '.join(names[i] for i in too_fast)} much faster than asked "
+        f"({measured} instead of {asked_m_s[worst]:.2f}): check the configured full scale of the duty, "
+        "the gains, the encoder's counts per turn, and the motor's driver"
     )
     return Fault(FaultKind.OVERSPEED, reason)

@@ -55,7 +55,7 @@ NOT_SEEN: Floats = np.zeros((0, 2))
 
 
 def limit(
-    params: GuardParameters, outline: Outline, views: Sequence[View], wanted: Motion, now_s: float
+    params: GuardParameters, outline: Outline, views: Sequence[View], motion: Motion, now_s: float
 ) -> tuple[Motion, str | None]:
     """The motion that may be driven, and what it was limited for (None: it is ``wanted``).
 
@@ -63,17 +63,17 @@ def limit(
     recent scan.
     """
     look = _Look(params, outline, views, now_s)
-    twist = wanted.twist if isinstance(wanted, WheelVelocities) else wanted
+    twist = motion.twist if isinstance(motion, WheelVelocities) else motion
     share, limited_by = look.share_of(twist)
     if share >= WHOLE:
-        return wanted, None
+        return motion, None
     if share * look.rim_m_s(twist) < CREEPING_M_S:
         share = 0.0
-    if isinstance(wanted, WheelVelocities):
-        return wanted.slowed(share), limited_by
+    if isinstance(motion, WheelVelocities):
+        return motion.slowed(share), limited_by
     if limited_by.startswith(SILENT):  # no part of it is free: it goes the same way, at a crawl
-        return _scaled(wanted, share), limited_by
-    return look.most_of(wanted, share), limited_by
+        return _scaled(motion, share), limited_by
+    return look.most_of(motion, share), limited_by
 
 
 class _Look:
@@ -107,21 +107,21 @@ class _Look:
                 share, limited_by = allowed, OBSTACLE + view.lidar
         return share, limited_by
 
-    def most_of(self, wanted: Twist2D, share: float) -> Twist2D:
+    def most_of(self, whole: Twist2D, share: float) -> Twist2D:
         """As much of the motion as is allowed: a tighter or a wider turn where that is free, else all of it more slowly.
 
         Where hardly anything is left of the whole, only the turning or only the driving, if more is left of that.
         """
-        linear_m_s, angular_rad_s = wanted.linear_m_s, wanted.angular_rad_s
+        linear_m_s, angular_rad_s = whole.linear_m_s, whole.angular_rad_s
         if linear_m_s == 0 or angular_rad_s == 0:
-            return _scaled(wanted, share)
+            return _scaled(whole, share)
         tighter = Twist2D(linear_m_s * share, angular_rad_s)
         wider = Twist2D(linear_m_s, angular_rad_s * share)
         for motion in (tighter, wider):
             if self.share_of(motion)[0] >= WHOLE:
                 return motion
         best = share
-        motion = _scaled(wanted, share)
+        motion = _scaled(whole, share)
         for part in (Twist2D(0.0, angular_rad_s), Twist2D(linear_m_s, 0.0)):
             allowed = min(self.share_of(part)[0], 1.0)
             if allowed > best + PARTLY:

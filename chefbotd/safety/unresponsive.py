@@ -54,7 +54,7 @@ DRIVEN = UnresponsiveState()
 """A duty is in force, or nothing was said yet."""
 
 
-def told(state: UnresponsiveState, now_s: float, *, driven: bool) -> UnresponsiveState:
+def commanded(state: UnresponsiveState, now_s: float, *, driven: bool) -> UnresponsiveState:
     """A command goes to the board; ``driven`` says whether it is other than zero."""
     if driven:
         return DRIVEN

@@ -185,15 +185,15 @@ def _first_fault(
 _WORDS = {
     FaultKind.ENCODER_JUMPS: (
         "{} has an encoder whose counts jump further than a wheel can turn: "
-        "check its cable and connector for a loose contact, and the configured encoders.counts_per_turn"
+        "check its cable and connector for a loose contact, and the configured counts per turn"
     ),
     FaultKind.WHEEL_STALLED: (
         "{} is driven and does not turn: check whether it is blocked, "
         "whether its motor has power and its encoder is plugged in"
     ),
     FaultKind.WHEEL_REVERSED: (
-        "{} turns the wrong way: check whether its motor or its encoder is wired backwards "
-        "(motor_sign, encoder_sign), or swapped with another wheel's"
+        "{} turns the wrong way: check whether its motor or its encoder is wired backwards, "
+        "or swapped with another wheel's"
     ),
 }
 

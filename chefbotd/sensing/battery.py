@@ -63,7 +63,9 @@ def measure(
     voltage_v = counted.adc / params.adc_full_scale * params.reference_v * params.divider_ratio
     status = _status(params, voltage_v, state.status)
     percentage = _percentage(params.discharge_curve, voltage_v)
-    measured = BatteryMeasured(counted.stamp_s, counted.arrival_s, voltage_v, percentage, status)
+    measured = BatteryMeasured(
+        voltage_v, percentage, status, stamp_s=counted.stamp_s, arrival_s=counted.arrival_s
+    )
     return BatteryState(status), measured
 
 

@@ -42,7 +42,10 @@ def from_quaternion(params: ImuParameters, reported: OrientationReported) -> Imu
     x, y, z, w = _unmount(params, x / norm, y / norm, z / norm, w / norm)
     heading_rad = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
     return ImuMeasured(
-        reported.stamp_s, reported.arrival_s, orientation=(x, y, z, w), heading_rad=heading_rad
+        stamp_s=reported.stamp_s,
+        arrival_s=reported.arrival_s,
+        orientation=(x, y, z, w),
+        heading_rad=heading_rad,
     )
 
 
@@ -51,8 +54,8 @@ def from_counts(params: ImuParameters, counted: InertialCounted) -> ImuMeasured:
     rad_s_per_count = math.radians(1 / params.gyro_counts_per_deg_s)
     m_s2_per_count = STANDARD_GRAVITY_M_S2 / params.accel_counts_per_g
     return ImuMeasured(
-        counted.stamp_s,
-        counted.arrival_s,
+        stamp_s=counted.stamp_s,
+        arrival_s=counted.arrival_s,
         angular_velocity_rad_s=_to_base(params, counted.angular_rate, rad_s_per_count),
         linear_acceleration_m_s2=_to_base(params, counted.acceleration, m_s2_per_count),
     )

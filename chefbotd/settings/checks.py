@@ -4,22 +4,13 @@ import math
 import os
 from collections.abc import Iterator
 
-from chefbotd.features.tuning.tuning import ALL_WHEELS
-from chefbotd.link.line_load import BITS_A_BYTE, needed_bytes_s
-from chefbotd.motion.kinematics import Kinematics
+from chefbotd.link.wires import BITS_A_BYTE, Needs, needed_bytes_s, variant_of, wires
+from chefbotd.motion.kinematics import ALL_WHEELS, Kinematics
 from chefbotd.motion.ramp import braking_distance
 from chefbotd.rpc.parameters import is_loopback
 from chefbotd.safety.guard import from_mounts
 from chefbotd.settings.model import Settings
 from chefbotd.settings.mounts import joint_names
-from firmware_protocol.codec import VARIANTS
-from firmware_protocol.messages import (
-    AnalogueLevel,
-    Orientation,
-    QuadratureEdges,
-    RawImu,
-    UltrasonicDistance,
-)
 
 EVENTS = "chefbotd/core/events"
 """Where a user finds the names of events."""
@@ -44,7 +35,7 @@ def check(settings: Settings) -> Iterator[str]:
 
 def _wheels(settings: Settings) -> Iterator[str]:
     wire = settings.robot.wire
-    wheels, named = VARIANTS[wire].wheels, len(settings.chassis.wheels)
+    wheels, named = variant_of(wire).wheels, len(settings.chassis.wheels)
     if wheels != named:
         yield f"the wire {wire!r} has {wheels} wheels, the chassis names {named}"
     if any(wheel.name == ALL_WHEELS for wheel in settings.chassis.wheels):
@@ -54,42 +45,41 @@ def _wheels(settings: Settings) -> Iterator[str]:
 def _lines(settings: Settings) -> Iterator[str]:
     """A section for what the board never tells would be a sensor that is for ever silent, and nobody knows."""
     needs = {
-        "[ultrasonic]": (settings.ultrasonic is not None, (UltrasonicDistance,)),
+        "[ultrasonic]": (settings.ultrasonic is not None, Needs.ULTRASONIC),
         "[[infrared]] " + " ".join(sensor.name for sensor in settings.infrared): (
             bool(settings.infrared),
-            (AnalogueLevel,),
+            Needs.INFRARED,
         ),
-        "[imu]": (settings.imu is not None, (Orientation, RawImu)),
-        "[quadrature]": ("quadrature" in settings.model_fields_set, (QuadratureEdges,)),
+        "[imu]": (settings.imu is not None, Needs.IMU),
+        "[quadrature]": ("quadrature" in settings.model_fields_set, Needs.QUADRATURE),
     }
-    for section, (is_there, messages) in needs.items():
-        speakers = [name for name, each in VARIANTS.items() if any(map(each.speaks, messages))]
-        if is_there and settings.robot.wire not in speakers:
+    for section, (is_there, line) in needs.items():
+        if is_there and settings.robot.wire not in wires(line):
             yield (
                 f"{section} needs a line that the wire {settings.robot.wire!r} does not have; "
-                f"those with one: {', '.join(speakers)}"
+                f"those with one: {', '.join(wires(line))}"
             )
 
 
 def _load(settings: Settings) -> Iterator[str]:
     """Every edge must fit the line at the highest speed that a wheel is driven at."""
-    variant, there = VARIANTS[settings.robot.wire], settings.link.baud // BITS_A_BYTE
-    if not variant.speaks(QuadratureEdges) or variant.wheels != len(settings.chassis.wheels):
+    variant, capacity = variant_of(settings.robot.wire), settings.link.baud // BITS_A_BYTE
+    if variant.name not in wires(Needs.QUADRATURE) or variant.wheels != len(settings.chassis.wheels):
         return
     rim_m_s, counts = settings.drive.max_rim_speed_m_s, settings.encoders.counts_per_turn
     wheels_rad_s = [rim_m_s / radius_m for radius_m in Kinematics(settings.chassis).radii_m]
     needed = needed_bytes_s(
-        variant,
+        variant.name,
         [wheel_rad_s * counts / math.tau for wheel_rad_s in wheels_rad_s],
         analogue_inputs=len(settings.infrared),
         ultrasonic=settings.ultrasonic is not None,
         imu=settings.imu is not None,
     )
-    if needed > there:
+    if needed > capacity:
         yield (
             f"the wire {variant.name!r} cannot carry every edge: {variant.wheels} wheels of {counts:g} "
             f"encoders.counts_per_turn at {max(wheels_rad_s):.1f} rad/s (drive.max_rim_speed_m_s {rim_m_s:g}) need "
-            f"{needed:.0f} bytes/s, and link.baud {settings.link.baud} carries {there}; use a faster line, "
+            f"{needed:.0f} bytes/s, and link.baud {settings.link.baud} carries {capacity}; use a faster line, "
             "slower wheels, or a board that counts its encoders itself"
         )
 
@@ -123,8 +113,8 @@ def _lidars(settings: Settings) -> Iterator[str]:
     cameras = [camera.name for camera in settings.depth_camera]
     names = [*settings.range_mounts(), *(lidar.name for lidar in settings.lidar), *cameras]
     if repeated := sorted({name for name in names if names.count(name) > 1}):
-        told = "lidars and depth cameras" if cameras else "lidars"
-        yield f"{told} need names of their own among the sensors, repeated: {', '.join(repeated)}"
+        what = "lidars and depth cameras" if cameras else "lidars"
+        yield f"{what} need names of their own among the sensors, repeated: {', '.join(repeated)}"
     holders = {_device(settings.link.device): "link.device"}
     for lidar in settings.lidar:
         key = f"lidar {lidar.name}"
@@ -248,14 +238,14 @@ def _braking(settings: Settings) -> Iterator[str]:
 
 def _mapping(settings: Settings) -> Iterator[str]:
     names = [lidar.name for lidar in settings.lidar]
-    there = f"those configured: {', '.join(names)}" if names else "none is configured"
+    configured = f"those configured: {', '.join(names)}" if names else "none is configured"
     for section, lidars in (
         ("mapping", settings.mapping.lidars),
         ("localization", settings.localization.lidars),
     ):
         for number, named in enumerate(lidars or ()):
             if named not in names:
-                yield f"{section}.lidars: {named!r} is no lidar ({there})"
+                yield f"{section}.lidars: {named!r} is no lidar ({configured})"
             elif named in (lidars or ())[:number]:
                 yield f"{section}.lidars names each lidar once, repeated: {named!r}"
 

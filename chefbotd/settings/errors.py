@@ -120,8 +120,8 @@ def with_new_names(values: dict[str, Any]) -> dict[str, Any]:
 def _sections(values: Any, names: Sequence[str]) -> Iterator[dict[str, Any]]:
     """The tables with this name, those in lists too."""
     if isinstance(values, list):
-        for each in values:
-            yield from _sections(each, names)
+        for item in values:
+            yield from _sections(item, names)
     elif isinstance(values, dict) and names:
         yield from _sections(values.get(names[0]), names[1:])
     elif isinstance(values, dict):
@@ -157,22 +157,22 @@ def _near_miss(model: type[BaseModel], kind: str, loc: Keys) -> str:
         return ""
     if renamed := RENAMED.get(tuple([key for key in loc if not key.isdigit()])):
         return f", it is now called {renamed}"
-    section, known = _model_at(model, loc[:-1]), []
+    section, names = _model_at(model, loc[:-1]), []
     if section is not None:
-        known = [field.alias or name for name, field in section.model_fields.items()]
+        names = [field.alias or name for name, field in section.model_fields.items()]
     import difflib  # rarely needed, and slow to import
 
-    close = difflib.get_close_matches(loc[-1], known, n=1)
+    close = difflib.get_close_matches(loc[-1], names, n=1)
     return f", did you mean {close[0]}?" if close else ""
 
 
 def _model_at(model: type[BaseModel], loc: Keys) -> type[BaseModel] | None:
     """The section that these keys lead to; numbers and names within it lead to its entries, which are alike."""
-    found: type[BaseModel] | None = model
+    inner: type[BaseModel] | None = model
     for key in loc:
-        if found is not None and key in found.model_fields:
-            found = _model_in(found.model_fields[key].annotation)
-    return found
+        if inner is not None and key in inner.model_fields:
+            inner = _model_in(inner.model_fields[key].annotation)
+    return inner
 
 
 def _model_in(annotation: object) -> type[BaseModel] | None:

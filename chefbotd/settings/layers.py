@@ -33,11 +33,11 @@ def variable(keys: Keys) -> str:
 def read(text: str) -> object:
     """What a variable's text means: ``7`` a number, ``true`` a condition, ``[1, 2]`` a list, ``/dev/x`` a string."""
     try:
-        found = tomllib.loads(f"value = {text}")
+        document = tomllib.loads(f"value = {text}")
     except tomllib.TOMLDecodeError:
         return text
-    value = found.get("value")
-    return value if len(found) == 1 and isinstance(value, bool | int | float | str | list | dict) else text
+    value = document.get("value")
+    return value if len(document) == 1 and isinstance(value, bool | int | float | str | list | dict) else text
 
 
 def place(values: dict[str, Any], keys: Keys, value: object) -> Keys:
@@ -50,23 +50,23 @@ def place(values: dict[str, Any], keys: Keys, value: object) -> Keys:
     """
     *sections, name = keys
     inner: Any = values
-    way: list[str] = []
+    path: list[str] = []
     for section in sections:
         if isinstance(inner, dict):
-            way.append(section)
+            path.append(section)
             inner = inner.setdefault(section, {})
         else:
             index = _index(inner, section, keys)
-            way.append(str(index))
+            path.append(str(index))
             inner = inner[index]
         if not isinstance(inner, dict | list):
             raise UnknownKey(f"{'.'.join(keys)}: {section} is a value, not a section")
     if isinstance(inner, dict):
         inner[name] = value
-        return (*way, name)
+        return (*path, name)
     index = _index(inner, name, keys)
     inner[index] = value
-    return (*way, str(index))
+    return (*path, str(index))
 
 
 def _index(entries: list[Any], text: str, keys: Keys) -> int:
@@ -76,5 +76,5 @@ def _index(entries: list[Any], text: str, keys: Keys) -> int:
     lowered = [name.lower() for name in names]
     if text and lowered.count(text.lower()) == 1:
         return lowered.index(text.lower())
-    told = [f"0 to {len(entries) - 1}", *filter(None, names)]
-    raise UnknownKey(f"{'.'.join(keys)}: there is no entry {text}, only {', '.join(told)}")
+    choices = [f"0 to {len(entries) - 1}", *filter(None, names)]
+    raise UnknownKey(f"{'.'.join(keys)}: there is no entry {text}, only {', '.join(choices)}")

@@ -41,8 +41,8 @@ def packaged(robot: str = DEFAULT_ROBOT) -> Path:
     folder = _packaged_folder()
     path = folder / f"{robot}.toml"
     if not path.is_file():
-        known = ", ".join(sorted(p.stem for p in folder.glob("*.toml")))
-        raise SettingsError(f"no configuration comes with chefbotd for robot {robot!r}; there are: {known}")
+        names = ", ".join(sorted(p.stem for p in folder.glob("*.toml")))
+        raise SettingsError(f"no configuration comes with chefbotd for robot {robot!r}; there are: {names}")
     return path
 
 
@@ -145,10 +145,10 @@ def _validate(values: dict[str, Any], texts: Mapping[Keys, str]) -> Settings:
     try:
         return Settings.model_validate_json(json.dumps(values, default=_as_json), strict=True)
     except ValidationError as error:
-        wanted = {
+        text_keys = {
             tuple(map(str, p["loc"])) for p in error.errors() if p["type"] in ("string_type", "path_type")
         }
-        mistaken = [keys for keys in texts if keys in wanted and not isinstance(read(texts[keys]), str)]
+        mistaken = [keys for keys in texts if keys in text_keys and not isinstance(read(texts[keys]), str)]
         if not mistaken:
             raise
     for keys in mistaken:
@@ -175,18 +175,18 @@ def _check_description(settings: Settings) -> None:
         return
     try:
         from chefbotd.settings.description import (  # slow to import, and rarely needed
-            Description,
             DescriptionError,
+            UrdfDescription,
+            differences,
         )
-        from chefbotd.settings.description_check import differences
     except ModuleNotFoundError as error:
         if str(error.name).partition(".")[0] not in URDF_PACKAGES:
             raise
         raise MissingExtraError(f"robot.description: {path}: {NO_URDF_PARSER}") from error
     try:
-        found = differences(Description(path), settings)
+        problems = differences(UrdfDescription(path), settings)
     except DescriptionError as error:
         raise SettingsError(f"robot.description: {error}") from error
-    if found:
-        told = f"robot.description: {path} does not describe the robot that is configured:"
-        raise SettingsError("\n".join([told, *found]), found)
+    if problems:
+        headline = f"robot.description: {path} does not describe the robot that is configured:"
+        raise SettingsError("\n".join([headline, *problems]), problems)

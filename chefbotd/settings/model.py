@@ -11,11 +11,8 @@ from pydantic import Field, ValidationInfo, field_validator
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters, section
-from chefbotd.features.discovery.parameters import DiscoveryParameters
-from chefbotd.features.driving.watch_timer import ControlParameters
-from chefbotd.features.foxglove.parameters import FoxgloveParameters
 from chefbotd.link.port import LinkParameters
-from chefbotd.localization.section import LocalizationSection
+from chefbotd.link.wires import wires
 from chefbotd.mapping.parameters import MappingParameters
 from chefbotd.maps.parameters import MapsParameters
 from chefbotd.motion.drive_state import DriveParameters
@@ -26,22 +23,20 @@ from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.odometry import OdometryParameters
 from chefbotd.motion.pid import PidParameters
 from chefbotd.motion.same_side import SameSideParameters
-from chefbotd.navigation.section import NavigationSection
 from chefbotd.perception.depth_camera import DepthSourceParameters
 from chefbotd.recording.parameters import RecordingParameters
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.safety.gate import SafetyParameters
 from chefbotd.safety.latch import LatchParameters
-from chefbotd.safety.watchdog import WatchdogParameters
+from chefbotd.safety.watchdog import ControlParameters, WatchdogParameters
 from chefbotd.sensing.battery import BatteryParameters
 from chefbotd.sensing.imu import ImuParameters
 from chefbotd.sensing.infrared import InfraredParameters
 from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.sensing.ultrasonic import UltrasonicParameters
 from chefbotd.sim_parameters.simulation import SimulationParameters
-from chefbotd.transport.web.parameters import PageParameters
-from chefbotd.worker.parameters import WorkerParameters
-from firmware_protocol.codec import VARIANTS
+from chefbotd.transport.parameters import DiscoveryParameters, FoxgloveParameters, PageParameters
+from chefbotd.worker.parameters import LocalizationSection, NavigationSection, WorkerParameters
 
 
 class BodyParameters(Parameters):
@@ -77,8 +72,8 @@ class RobotParameters(Parameters):
     @field_validator("wire")
     @classmethod
     def _is_spoken(cls, wire: str) -> str:
-        if wire not in VARIANTS:
-            raise ValueError(f"should be one of {', '.join(VARIANTS)}")
+        if wire not in wires():
+            raise ValueError(f"should be one of {', '.join(wires())}")
         return wire
 
 

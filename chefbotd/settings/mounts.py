@@ -27,23 +27,25 @@ def mounts(settings: Settings) -> list[Mount]:
     Their joints are ``ultrasonic_joint``, ``imu_joint``, ``infrared_joint`` and ``lidar_joint``, or, of several infrared
     sensors or lidars, ``infrared_NAME_joint`` and ``lidar_NAME_joint``.
     """
-    found = []
+    mounts_found = []
     if (sonar := settings.ultrasonic) is not None:
-        found.append(Mount("ultrasonic_joint", "ultrasonic", sonar.base_from_sensor, sonar.mount_z_m))
+        mounts_found.append(Mount("ultrasonic_joint", "ultrasonic", sonar.base_from_sensor, sonar.mount_z_m))
     several = len(settings.infrared) > 1
     for sensor in settings.infrared:
         joint = f"infrared_{sensor.name}_joint" if several else "infrared_joint"
         section = f"infrared.{sensor.name}"
-        found.append(Mount(joint, section, sensor.base_from_sensor, sensor.mount_z_m))
+        mounts_found.append(Mount(joint, section, sensor.base_from_sensor, sensor.mount_z_m))
     for lidar in settings.lidar:
         joint = f"lidar_{lidar.name}_joint" if len(settings.lidar) > 1 else "lidar_joint"
         section, place = f"lidar.{lidar.name}", lidar.base_from_lidar
         key, rolled = "mount_yaw_rad", lidar.upside_down
-        found.append(Mount(joint, section, place, lidar.mount_z_m, heading_key=key, upside_down=rolled))
+        mounts_found.append(
+            Mount(joint, section, place, lidar.mount_z_m, heading_key=key, upside_down=rolled)
+        )
     if (imu := settings.imu) is not None:
         heading = Pose2D(heading_rad=imu.mount_heading_rad)
-        found.append(Mount("imu_joint", "imu", heading, imu.mount_z_m, placed=False))
-    return found
+        mounts_found.append(Mount("imu_joint", "imu", heading, imu.mount_z_m, placed=False))
+    return mounts_found
 
 
 def joint_names(settings: Settings) -> list[str]:

@@ -69,8 +69,8 @@ class Editor:
         """The tables that say something of a section, in the file's order: of dotted keys there may be several."""
         parts: list[Part] = [self._document]
         for name in path:
-            found = [item for part in parts for _, item in _named(part, name)]
-            parts = [item for item in found if isinstance(item, Table | InlineTable)]
+            items = [item for part in parts for _, item in _named(part, name)]
+            parts = [item for item in items if isinstance(item, Table | InlineTable)]
         return parts
 
     def _change_inline(self, path: Path, changes: Changes) -> bool:
@@ -143,10 +143,10 @@ def _take(part: Part, name: str) -> None:
     They are put in as whitespace, which tomlkit writes as it is: a comment would make a header for a table that has
     only sections.
     """
-    found = _named(part, name)
-    if not found:
+    items = _named(part, name)
+    if not items:
         return
-    left = [(at, _leavings(item)) for at, item in found]
+    left = [(at, _leavings(item)) for at, item in items]
     part.remove(name)
     for at, text in left:
         _body(part)[at] = (None, Whitespace(text))

@@ -106,7 +106,7 @@ def _add_inertial(link: Element, mass_kg: float, per_kg: Vector, origin: dict[st
     if origin:
         SubElement(inertial, "origin", origin)
     SubElement(inertial, "mass", value=_number(mass_kg))
-    ixx, iyy, izz = (_number(mass_kg * each) for each in per_kg)
+    ixx, iyy, izz = (_number(mass_kg * value) for value in per_kg)
     SubElement(inertial, "inertia", ixx=ixx, ixy="0", ixz="0", iyy=iyy, iyz="0", izz=izz)
 
 

@@ -1,11 +1,10 @@
 """The battery: its charge, its voltage under load, and what the board's ADC reads of it."""
 
-from dataclasses import dataclass
 from itertools import pairwise
 
 from chefbotd.core.record import Record
 from chefbotd.sim.plant import Supply
-from chefbotd.sim_parameters.motor import BatteryParameters
+from chefbotd.sim_parameters.motor import SimBatteryParameters
 
 # Rest voltage of a 12 V lead-acid battery at 25 degrees C by state of charge, as battery makers publish it.
 # Tenths of the charge, from empty to full.
@@ -14,8 +13,7 @@ TENTHS = tuple(pairwise(REST_VOLTAGE_V))
 ADC_MAX = 4095
 
 
-@dataclass(frozen=True, slots=True)
-class Divider:
+class Divider(Record, frozen=True):
     """The voltage divider between the battery and the ADC, and the ADC's full scale."""
 
     reference_v: float = 3.3
@@ -25,11 +23,11 @@ class Divider:
 class Battery(Record, frozen=True):
     """A battery with ``charge_share`` (0 to 1) left in it."""
 
-    parameters: BatteryParameters
+    parameters: SimBatteryParameters
     charge_share: float
 
     @classmethod
-    def fresh(cls, parameters: BatteryParameters) -> "Battery":
+    def fresh(cls, parameters: SimBatteryParameters) -> "Battery":
         """The battery at the start of the simulation."""
         return cls(parameters, parameters.start_charge_share)
 

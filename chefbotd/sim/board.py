@@ -29,6 +29,10 @@ class BoardRunner:
         """The motor command in force."""
         return self._launchpad.sketch.duty
 
+    def lose_echoes(self, lost: bool) -> None:
+        """Whether, from now on, nothing is in reach of the ultrasonic sensor, as in a large hall."""
+        self._launchpad.sketch.loses_echoes = lost
+
     @property
     def received_dropped(self) -> int:
         """Bytes from the host that found the board's receive buffer full."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.sim.arrays import Vector
-from chefbotd.sim_parameters.crowd import PersonParameters, ThingParameters
+from chefbotd.sim_parameters.simulation import PersonParameters, ThingParameters
 
 PACE_SPREAD = 0.1
 """How much people's speeds and pauses differ from what is stated: a standard deviation, as a share (assumed)."""
@@ -64,8 +64,10 @@ class Person:
         """Whether the next step would bring this person too close to the robot."""
         kept_m = self._parameters.radius_m + robot_radius_m + self._parameters.min_distance_m
         now, then = self._place(self._walked_m), self._place(wanted_m)
-        there = (robot.x_m, robot.y_m)
-        return math.dist(then, there) < kept_m and math.dist(then, there) < math.dist(now, there)
+        robot_place = (robot.x_m, robot.y_m)
+        return math.dist(then, robot_place) < kept_m and math.dist(then, robot_place) < math.dist(
+            now, robot_place
+        )
 
     def _place(self, walked_m: float) -> tuple[float, float]:
         x = np.interp(walked_m, self._at_m, self._points[:, 0])

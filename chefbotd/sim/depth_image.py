@@ -14,7 +14,7 @@ from chefbotd.core.geometry import Pose2D
 from chefbotd.perception.depth_camera import DepthCameraParameters
 from chefbotd.sim.arrays import Vector
 from chefbotd.sim.scene import Scene
-from chefbotd.sim.worlds.solids import CEILING_M, Material
+from chefbotd.sim.worlds.building import CEILING_M, Material
 
 Depths: TypeAlias = npt.NDArray[np.float32]
 Part: TypeAlias = tuple[slice, slice]

@@ -4,8 +4,8 @@ import numpy as np
 
 from chefbotd.core.events import TruthSimulated
 from chefbotd.sim.arrays import Vector
+from chefbotd.sim.peripherals import Uart
 from chefbotd.sim.sketch import Sketch, Wiring
-from chefbotd.sim.uart import Uart
 from chefbotd.sim_parameters.sketches import BoardParameters
 
 

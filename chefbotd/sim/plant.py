@@ -24,8 +24,40 @@ from chefbotd.core.geometry import Twist2D
 from chefbotd.core.record import Record
 from chefbotd.motion.kinematics import places_x_m
 from chefbotd.sim.arrays import Vector
-from chefbotd.sim.chassis import PUBLISHED, Chassis
-from chefbotd.sim_parameters.motor import GRAVITY_M_S2, BodyParameters, MotorParameters
+from chefbotd.sim_parameters.motor import GRAVITY_M_S2, MotorParameters, SimBodyParameters
+
+
+class Wheel(Record, frozen=True):
+    """A driven wheel; a sign of -1 is a motor or an encoder that was wired backwards."""
+
+    is_left: bool
+    radius_m: float
+    motor_sign: int = 1
+    encoder_sign: int = 1
+
+
+class Chassis(Record, frozen=True):
+    """The wheels in the order of the wire, how far the sides are apart, and the counts of a wheel's turn.
+
+    Raises:
+        ValueError: a side has no wheel.
+    """
+
+    wheels: tuple[Wheel, ...]
+    track_width_m: float
+    counts_per_turn: float
+
+    def __post_init__(self) -> None:
+        if {wheel.is_left for wheel in self.wheels} != {True, False}:
+            raise ValueError(f"there must be at least one wheel on each side, got {self.wheels}")
+
+    def on_side_of(self, wheel: Wheel) -> int:
+        """How many wheels there are on the side of this one, itself included."""
+        return sum(other.is_left == wheel.is_left for other in self.wheels)
+
+
+PUBLISHED = Chassis((Wheel(True, 0.045), Wheel(False, 0.045)), track_width_m=0.3, counts_per_turn=4200.0)
+"""ChefBot's."""
 
 
 class Scrub:
@@ -98,7 +130,7 @@ class Plant:
     """Steps the wheels of one robot; holds constants only, the state goes through ``step``."""
 
     def __init__(
-        self, motor: MotorParameters, body: BodyParameters, step_s: float, chassis: Chassis = PUBLISHED
+        self, motor: MotorParameters, body: SimBodyParameters, step_s: float, chassis: Chassis = PUBLISHED
     ) -> None:
         """Raises ``ValueError`` unless ``step_s`` is positive."""
         if not step_s > 0:
@@ -232,13 +264,13 @@ def _stick_or_slide(propagator: _Propagator, free: list[float], limit: list[floa
     return tuple([0.0 if abs(rubs) < most else speed for rubs, speed, most in rubbed])
 
 
-def _radii_m(body: BodyParameters, chassis: Chassis) -> list[float]:
+def _radii_m(body: SimBodyParameters, chassis: Chassis) -> list[float]:
     """The wheels' real radii."""
     left, right = body.left_radius_multiplier, body.right_radius_multiplier
     return [wheel.radius_m * (left if wheel.is_left else right) for wheel in chassis.wheels]
 
 
-def _twist_from_wheels(body: BodyParameters, chassis: Chassis) -> Vector:
+def _twist_from_wheels(body: SimBodyParameters, chassis: Chassis) -> Vector:
     """The 2 x N matrix from wheel speeds to (forward m/s, CCW rad/s)."""
     columns = []
     for wheel, radius_m in zip(chassis.wheels, _radii_m(body, chassis), strict=True):
@@ -248,7 +280,7 @@ def _twist_from_wheels(body: BodyParameters, chassis: Chassis) -> Vector:
     return np.array(columns).T
 
 
-def _inertia(motor: MotorParameters, body: BodyParameters, twist_from_wheels: Vector) -> Vector:
+def _inertia(motor: MotorParameters, body: SimBodyParameters, twist_from_wheels: Vector) -> Vector:
     """The N x N inertia that the axles feel: rotors, and the robot's mass through the wheels."""
     moved = np.diag([body.mass_kg, body.yaw_inertia_kg_m2 if body.mass_kg else 0.0])
     carried: Vector = twist_from_wheels.T @ moved @ twist_from_wheels

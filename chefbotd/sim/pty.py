@@ -165,8 +165,8 @@ class PluggedLidars:
         self.runners: dict[str, LidarRunner] = {}
         for number, (name, lidar) in enumerate(build_lidars(simulation, seed).items()):
             if board_path is not None:
-                told = name if PLAIN.fullmatch(name) else str(number)
-                self.devices[name] = board_path.with_name(f"{board_path.name}-{told}")
+                suffix = name if PLAIN.fullmatch(name) else str(number)
+                self.devices[name] = board_path.with_name(f"{board_path.name}-{suffix}")
             pty = self._ptys[name] = PtyBoard(self._receiver(name), self.devices.get(name))
             handover_s = simulation.parameters.lidar.handover_s
             self.runners[name] = LidarRunner(
@@ -184,7 +184,7 @@ class PluggedLidars:
             OSError: a device cannot be made.
         """
         names = self._ptys if name is None else (name,)
-        return {each: self._ptys[each].plug() for each in names}
+        return {lidar: self._ptys[lidar].plug() for lidar in names}
 
     def unplug(self) -> None:
         """Pull the cables of all lidars."""

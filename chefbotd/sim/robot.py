@@ -16,7 +16,7 @@ from chefbotd.sim.crowd import Crowd
 from chefbotd.sim.plant import Plant, Wheels, WheelState
 from chefbotd.sim.sensors import Motion
 from chefbotd.sim.world import World
-from chefbotd.sim_parameters.motor import BodyParameters
+from chefbotd.sim_parameters.motor import SimBodyParameters
 
 Watcher = Callable[[float, float, Wheels, Wheels], None]
 """Told of every step: from and to which time, and the wheels' angles before and after."""
@@ -58,7 +58,7 @@ class Robot:
     def __init__(
         self,
         plant: Plant,
-        body: BodyParameters,
+        body: SimBodyParameters,
         world: World,
         battery: Battery,
         start: Pose2D,
@@ -162,44 +162,44 @@ class Robot:
             return RobotState(before, STANDING, wheels, battery, terminal_v, state.free_m)
         rolled = zip(wheels.angle_rad, state.wheels.angle_rad, strict=True)
         twist = self._plant.twist([(after - earlier) / step_s for after, earlier in rolled])
-        wanted = before.compose(arc(twist, step_s))
-        pose, free_m = self._let_through(state, wanted)
+        target = before.compose(arc(twist, step_s))
+        pose, free_m = self._let_through(state, target)
         touches_disc = False
         if len(self._world.discs):
             pose, free_m, touches_disc = self._among_discs(state, pose, free_m)
         skid = 0.0
-        if pose is not wanted:
-            skid = max(1 - _distance_m(before, pose) / max(_distance_m(before, wanted), TOUCH_M), 0.0)
+        if pose is not target:
+            skid = max(1 - _distance_m(before, pose) / max(_distance_m(before, target), TOUCH_M), 0.0)
             forward_m = before.inverse().compose(pose).x_m
             twist = Twist2D(forward_m / step_s, twist.angular_rad_s)
         forward_m_s2 = (twist.linear_m_s - state.twist.linear_m_s) / step_s
         return RobotState(pose, twist, wheels, battery, terminal_v, free_m, forward_m_s2, skid, touches_disc)
 
-    def _let_through(self, state: RobotState, wanted: Pose2D) -> tuple[Pose2D, float]:
+    def _let_through(self, state: RobotState, target: Pose2D) -> tuple[Pose2D, float]:
         """Where the walls let the robot go (``wanted`` itself if there), and how far it may go from there.
 
         The walls are looked at only when the robot may have used up its last clearance.
         """
         before = state.world_from_base
-        travel_m = _distance_m(before, wanted)
+        travel_m = _distance_m(before, target)
         if travel_m < state.free_m or travel_m == 0:
-            return wanted, state.free_m - travel_m
+            return target, state.free_m - travel_m
         radius_m = self._body.radius_m
-        place = self._world.settle((before.x_m, before.y_m), (wanted.x_m, wanted.y_m), radius_m)
+        place = self._world.settle((before.x_m, before.y_m), (target.x_m, target.y_m), radius_m)
         free_m = self._world.clearance_m(place) - radius_m
-        if place == (wanted.x_m, wanted.y_m):
-            return wanted, free_m
-        return Pose2D(*place, wanted.heading_rad), free_m
+        if place == (target.x_m, target.y_m):
+            return target, free_m
+        return Pose2D(*place, target.heading_rad), free_m
 
-    def _among_discs(self, state: RobotState, wanted: Pose2D, free_m: float) -> tuple[Pose2D, float, bool]:
+    def _among_discs(self, state: RobotState, target: Pose2D, free_m: float) -> tuple[Pose2D, float, bool]:
         """Where people and things let the robot go, how far it may go from there, and whether it touches one."""
         radius_m, before = self._body.radius_m, state.world_from_base
-        here, there = (before.x_m, before.y_m), (wanted.x_m, wanted.y_m)
-        place, touches = self._world.keep_off(here, there, radius_m)
-        if place == there:
-            return wanted, free_m, touches
+        here, target_place = (before.x_m, before.y_m), (target.x_m, target.y_m)
+        place, touches = self._world.keep_off(here, target_place, radius_m)
+        if place == target_place:
+            return target, free_m, touches
         free_m = self._world.clearance_m(place) - radius_m
-        return Pose2D(*place, wanted.heading_rad), free_m, touches
+        return Pose2D(*place, target.heading_rad), free_m, touches
 
 
 def _distance_m(a: Pose2D, b: Pose2D) -> float:

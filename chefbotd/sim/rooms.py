@@ -31,12 +31,12 @@ def scene_of(named: Path | None, closed_doors: Collection[str] = ()) -> Scene:
     building = None if named is None else BUILDINGS.get(str(named))
     doors = {} if building is None else {door.name: door for door in building.doors}
     if unknown := [name for name in closed_doors if name not in doors]:
-        told = (
+        choices = (
             f"there are: {', '.join(doors)}"
             if doors
             else "only a building that comes with chefbotd has doors"
         )
-        raise ValueError(f"sim.world.closed_doors: there is no door {unknown[0]!r}; {told}")
+        raise ValueError(f"sim.world.closed_doors: there is no door {unknown[0]!r}; {choices}")
     if building is not None:
         solids = (*building.solids, *[doors[name] for name in closed_doors])
         return scene.of_solids(solids, building.start)

@@ -1,28 +1,26 @@
 """A building in space: upright faces and level slabs, from which each sensor takes those that it can see."""
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from chefbotd.core.geometry import ORIGIN, Pose2D
+from chefbotd.core.record import Record
 from chefbotd.sim.arrays import Vector
 from chefbotd.sim.crowd import Crowd
 from chefbotd.sim.world import World
-from chefbotd.sim.worlds.solids import CEILING_M, Material, Solid
+from chefbotd.sim.worlds.building import CEILING_M, Material, Solid
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Slab:
+class Slab(Record, frozen=True, eq=False):
     """A level face: a convex polygon (N x 2, counter-clockwise) at a height."""
 
     corners: Vector
     height_m: float
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Scene:
+class Scene(Record, frozen=True, eq=False):
     """Upright faces, one row each: ``edges`` (S x 4: x1, y1, x2, y2), between two heights, of a material; and slabs.
 
     ``start`` is where a robot starts if nothing else is configured.

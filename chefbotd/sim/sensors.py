@@ -1,15 +1,20 @@
-"""The readings of the simulated ultrasonic sensor and IMU, with noise from a seeded generator."""
+"""The readings of the simulated range finders and IMU, with noise from a seeded generator.
+
+The infrared one is a Sharp GP2Y0A02YK: its voltage rises with distance up to its fold, and falls beyond.
+"""
 
 import math
-from dataclasses import dataclass, field
 
 import numpy as np
+from msgspec import field
 
 from chefbotd.core.geometry import Pose2D, wrap_angle
+from chefbotd.core.record import Record
 from chefbotd.sim.arrays import Vector
+from chefbotd.sim.battery import ADC_MAX
 from chefbotd.sim.world import World
 from chefbotd.sim_parameters.motor import GRAVITY_M_S2
-from chefbotd.sim_parameters.sensors import ImuParameters, UltrasonicParameters
+from chefbotd.sim_parameters.simulation import SimImuParameters, SimUltrasonicParameters
 
 # MPU-6050 at its power-on ranges, 2 g and 250 degrees/s (register map RM-MPU-6000A, sections 4.17, 4.19).
 COUNTS_PER_G = 16_384
@@ -17,8 +22,7 @@ COUNTS_PER_DEG_S = 131
 INT16_MAX = 32_767
 
 
-@dataclass(frozen=True, slots=True)
-class UltrasonicMount:
+class UltrasonicMount(Record, frozen=True):
     """Where the sensor sits on the robot, and its cone (full angle)."""
 
     base_from_sensor: Pose2D = field(default_factory=lambda: Pose2D(0.15))
@@ -43,7 +47,7 @@ class Fan:
 class Ultrasonic:
     """The nearest hit in the sensor's cone is the echo."""
 
-    def __init__(self, parameters: UltrasonicParameters, mount: UltrasonicMount, world: World) -> None:
+    def __init__(self, parameters: SimUltrasonicParameters, mount: UltrasonicMount, world: World) -> None:
         self._parameters = parameters
         self._fan = Fan(world, mount.base_from_sensor, mount.field_of_view_rad, parameters.rays)
 
@@ -56,8 +60,7 @@ class Ultrasonic:
         return max(distance_m, self._parameters.min_range_m)
 
 
-@dataclass(frozen=True, slots=True)
-class Motion:
+class Motion(Record, frozen=True):
     """The motion that an IMU measures: heading (world frame), angular rate, and acceleration in the base frame."""
 
     heading_rad: float
@@ -69,7 +72,7 @@ class Motion:
 class Imu:
     """Heading relative to where the robot pointed when the board booted, drifting from there."""
 
-    def __init__(self, parameters: ImuParameters, booted_s: float, boot_heading_rad: float) -> None:
+    def __init__(self, parameters: SimImuParameters, booted_s: float, boot_heading_rad: float) -> None:
         self._parameters, self._booted_s, self._boot_heading_rad = parameters, booted_s, boot_heading_rad
 
     def orientation(
@@ -101,3 +104,57 @@ class Imu:
 def _int16(values: Vector) -> tuple[int, int, int]:
     x, y, z = np.clip(np.rint(values), -INT16_MAX - 1, INT16_MAX)
     return int(x), int(y), int(z)
+
+
+NEAR_M = np.array([0.00, 0.05, 0.10, 0.13, 0.15])
+NEAR_V = np.array([0.50, 1.30, 2.20, 2.65, 2.75])
+"""Before the fold, read off the data sheet's figure."""
+
+FAR_M = np.array([0.15, 0.20, 0.25, 0.30, 0.40, 0.50, 0.60, 0.80, 1.00, 1.20, 1.50, 2.50])
+FAR_V = np.array([2.75, 2.70, 2.40, 2.00, 1.55, 1.25, 1.03, 0.78, 0.62, 0.51, 0.40, 0.25])
+"""From the fold outwards; between two points the voltage is linear in one over the distance."""
+
+
+INFRARED_RAYS = 3
+"""So many lines of sight across its cone."""
+
+INFRARED_NOISE_V = 0.01
+"""One sigma; assumed."""
+
+
+class InfraredMount(Record, frozen=True):
+    """One sensor: the board's analogue input, where it is on the robot, and the voltage of a full reading."""
+
+    channel: int = 0
+    base_from_sensor: Pose2D = Pose2D()
+    field_of_view_rad: float = 0.1
+    reference_v: float = 3.3
+
+
+class Infrared:
+    """The sensor on the robot."""
+
+    def __init__(
+        self,
+        mount: InfraredMount,
+        world: World,
+        *,
+        rays: int = INFRARED_RAYS,
+        noise_v: float = INFRARED_NOISE_V,
+    ) -> None:
+        self._reference_v, self._noise_v = mount.reference_v, noise_v
+        self._fan = Fan(world, mount.base_from_sensor, mount.field_of_view_rad, rays)
+        self.channel = mount.channel
+
+    def adc_counts(self, world_from_base: Pose2D, chance: np.random.Generator) -> int:
+        """The 12-bit reading of the nearest object in its cone."""
+        volts = voltage(self._fan.nearest_m(world_from_base))
+        volts += float(chance.standard_normal()) * self._noise_v
+        return min(max(round(volts / self._reference_v * ADC_MAX), 0), ADC_MAX)
+
+
+def voltage(distance_m: float) -> float:
+    """The sensor's output for a white card at this distance."""
+    if distance_m <= NEAR_M[-1]:
+        return float(np.interp(distance_m, NEAR_M, NEAR_V))
+    return float(np.interp(1 / distance_m, 1 / FAR_M[::-1], FAR_V[::-1]))

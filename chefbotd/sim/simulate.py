@@ -54,7 +54,7 @@ async def simulate(
         OSError: the map cannot be read, or the device or its link cannot be made.
         ValueError: the map is none, or the start pose is too close to a wall.
     """
-    session = Session(simulation, link_path, seed, as_json, say)
+    session = SimulatedBoard(simulation, link_path, seed, as_json, say)
     loop = asyncio.get_running_loop()
     for number in STOP_SIGNALS:
         loop.add_signal_handler(number, session.quit)
@@ -65,7 +65,7 @@ async def simulate(
             loop.remove_signal_handler(number)
 
 
-class Session:
+class SimulatedBoard:
     """One run of the program: a board on a pseudo-terminal, and the words it obeys."""
 
     def __init__(
@@ -112,8 +112,8 @@ class Session:
             if word in self._words:
                 self._words[word]()
             elif word:
-                known = " ".join(self._words)
-                self._say({"error": f"unknown word {word!r}, expected one of: {known}"}, "error")
+                words = " ".join(self._words)
+                self._say({"error": f"unknown word {word!r}, expected one of: {words}"}, "error")
 
     def plug(self) -> None:
         """Connect the cable, and say the path of the device."""

@@ -1,20 +1,19 @@
 """A robot to simulate, and the simulated board that is built for it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+
+from msgspec import field
 
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import Record
 from chefbotd.sim.battery import Battery, Divider
-from chefbotd.sim.chassis import PUBLISHED, Chassis
 from chefbotd.sim.crowd import Crowd
-from chefbotd.sim.infrared import Infrared, InfraredParameters
 from chefbotd.sim.launchpad import Launchpad
-from chefbotd.sim.ld19 import SimulatedLd19
-from chefbotd.sim.plant import Plant
+from chefbotd.sim.lidar_devices import SimulatedLd19, SimulatedRplidar
+from chefbotd.sim.plant import PUBLISHED, Chassis, Plant
 from chefbotd.sim.robot import Robot
 from chefbotd.sim.rooms import scene_of
-from chefbotd.sim.rplidar import SimulatedRplidar
-from chefbotd.sim.sensors import Ultrasonic, UltrasonicMount
+from chefbotd.sim.sensors import Infrared, InfraredMount, Ultrasonic, UltrasonicMount
 from chefbotd.sim.sketch import Wiring
 from chefbotd.sim.spinning import LidarMount, LidarWire, Sight, SpinningLidar
 from chefbotd.sim_parameters.simulation import SimulationParameters, WorldParameters
@@ -25,8 +24,7 @@ RANGE_SENSORS_M = 0.15
 """The height at which ultrasonic and infrared sensors look (assumed): beneath a table's top."""
 
 
-@dataclass(frozen=True, slots=True)
-class Simulation:
+class Simulation(Record, frozen=True):
     """A robot to simulate: its wire, wheels and sensors, and all else; a sensor that is None is not wired to the board.
 
     Each of ``lidars`` is on a line of its own.
@@ -41,7 +39,7 @@ class Simulation:
     line_rate_bytes_s: float = 11_520.0
     divider: Divider = field(default_factory=Divider)
     ultrasonic: UltrasonicMount | None = field(default_factory=UltrasonicMount)
-    infrared: tuple[InfraredParameters, ...] = ()
+    infrared: tuple[InfraredMount, ...] = ()
     has_imu: bool = True
     lidars: tuple[LidarMount, ...] = ()
 
@@ -99,7 +97,7 @@ def build_launchpad(simulation: Simulation, seed: int | None = None) -> Launchpa
         parameters.imu if simulation.has_imu else None,
         simulation.divider,
         simulation.variant,
-        tuple(Infrared(each, seen) for each in simulation.infrared),
+        tuple(Infrared(sensor, seen) for sensor in simulation.infrared),
     )
     return Launchpad(wiring, parameters.board, seed, simulation.line_rate_bytes_s)
 

@@ -12,21 +12,25 @@ that decodes no encoders sends their edges before each ``t``.
 
 import math
 from collections.abc import Callable, Generator, Iterator
-from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
+from chefbotd.core.record import Record
 from chefbotd.sim.battery import Divider, adc_counts
-from chefbotd.sim.chassis import Chassis
-from chefbotd.sim.commands import CommandReader, pwm_share
-from chefbotd.sim.dmp import MotionProcessor
-from chefbotd.sim.infrared import Infrared
-from chefbotd.sim.quadrature import Edge, EdgeRecorder, Taken
+from chefbotd.sim.peripherals import (
+    CommandReader,
+    CycleEdges,
+    Edge,
+    EdgeRecorder,
+    MotionProcessor,
+    Uart,
+    pwm_share,
+)
+from chefbotd.sim.plant import Chassis
 from chefbotd.sim.robot import Robot
-from chefbotd.sim.sensors import Imu, Ultrasonic
-from chefbotd.sim.uart import Uart
-from chefbotd.sim_parameters.sensors import ImuParameters
+from chefbotd.sim.sensors import Imu, Infrared, Ultrasonic
+from chefbotd.sim_parameters.simulation import SimImuParameters
 from chefbotd.sim_parameters.sketches import UINT32_SPAN, BoardParameters
 from firmware_protocol.codec import MOST_EDGES_A_LINE, MOST_TIMES_A_LINE, Variant, from_board
 from firmware_protocol.messages import (
@@ -46,14 +50,13 @@ from firmware_protocol.messages import (
 )
 
 
-@dataclass(frozen=True, slots=True)
-class Wiring:
+class Wiring(Record, frozen=True):
     """What the board is connected to, and the variant of the lines that it speaks."""
 
     robot: Robot
     chassis: Chassis
     ultrasonic: Ultrasonic | None
-    imu: ImuParameters | None
+    imu: SimImuParameters | None
     divider: Divider
     variant: Variant
     infrared: tuple[Infrared, ...] = ()
@@ -66,7 +69,7 @@ INT32_LIMIT = 1 << 31
 
 
 class Sketch:
-    """The program on the board, from power-on at time 0."""
+    """The program on the board, from power-on at time 0; while it ``loses_echoes`` nothing is in the sensor's reach."""
 
     def __init__(self, wiring: Wiring, parameters: BoardParameters, uart: Uart, seed: int) -> None:
         self._parameters, self._wiring, self._robot = parameters, wiring, wiring.robot
@@ -88,6 +91,7 @@ class Sketch:
         if wiring.variant.speaks(QuadratureEdges):
             self._edges = EdgeRecorder(self._counts_per_rad, parameters.edge_buffer)
             wiring.robot.watch(self._edges.watch)
+        self.loses_echoes = False
         self.duty: tuple[int, ...] = (0,) * len(self._counts_at_boot)
         self._asked = self.duty
         reporters: dict[str, Callable[[], Iterator[float]]] = {
@@ -169,7 +173,7 @@ class Sketch:
             return
         distance_m = self._wiring.ultrasonic.distance_m(self._robot.state.world_from_base, self._chance)
         timeout_s = self._parameters.echo_timeout_s
-        echo_s = math.inf if distance_m is None else 2 * distance_m / SOUND_M_S
+        echo_s = math.inf if distance_m is None or self.loses_echoes else 2 * distance_m / SOUND_M_S
         if self._parameters.blocking_ultrasonic:
             yield from self._wait(min(echo_s, timeout_s))
         heard = echo_s <= timeout_s
@@ -210,7 +214,7 @@ class Sketch:
         counts = adc_counts(state.terminal_v, self._wiring.divider, noise)
         yield from self._print(BatteryLevel(float(counts)))
 
-    def _print_edges(self, wheels: list[Taken]) -> Iterator[float]:
+    def _print_edges(self, wheels: list[CycleEdges]) -> Iterator[float]:
         """Every wheel's edges, as many a line as one holds; a line without any where it stood."""
         for wheel, (total, edges) in enumerate(wheels):
             if not edges:
@@ -230,7 +234,7 @@ class Sketch:
         self.duty = duty
         law, full_scale = self._parameters.pwm_law, self._parameters.pwm_full_scale
         wheels = zip(duty, self._motor_signs, strict=True)
-        self._robot.drive([sign * pwm_share(law, full_scale, each) for each, sign in wheels])
+        self._robot.drive([sign * pwm_share(law, full_scale, value) for value, sign in wheels])
 
     def _micros(self, at_s: float) -> int:
         """Microseconds since the board started, in its 32-bit counter."""

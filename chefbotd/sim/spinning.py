@@ -6,7 +6,6 @@ asked changes nothing.
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import NamedTuple
 
@@ -14,17 +13,18 @@ import numpy as np
 import numpy.typing as npt
 
 from chefbotd.core.geometry import ORIGIN, Pose2D
+from chefbotd.core.record import Record, replace
 from chefbotd.sim.arrays import Vector
-from chefbotd.sim.rays import RayCaster, to_discs_m
 from chefbotd.sim.scene import Scene
-from chefbotd.sim.worlds.solids import Material
-from chefbotd.sim_parameters.lidar import LidarFlaws
+from chefbotd.sim.world import RayCaster, to_discs_m
+from chefbotd.sim.worlds.building import Material
+from chefbotd.sim_parameters.simulation import LidarFlaws
 
 BRIGHT, DIM, GLINT = 200, 40, 120
 """Intensities of a plain surface, a black one and glass (assumed)."""
 
 
-class Seen(NamedTuple):
+class BeamReturns(NamedTuple):
     """For each beam what comes back: a range in metres, inf if nothing does, and an intensity."""
 
     range_m: Vector
@@ -42,7 +42,7 @@ class Sight:
         self._opaque = RayCaster(edges[~glass], flaws.max_range_m)
         self._glass = RayCaster(edges[glass], flaws.max_range_m) if glass.any() else None
 
-    def look(self, origins: Vector, bearings_rad: Vector, discs: Vector) -> Seen:
+    def look(self, origins: Vector, bearings_rad: Vector, discs: Vector) -> BeamReturns:
         """What beams see that leave from ``origins`` (B x 2) at rising or falling bearings of the world frame."""
         hits = self._opaque.cast(origins, bearings_rad)
         range_m, intensity = hits.range_m, np.full(len(bearings_rad), BRIGHT)
@@ -58,7 +58,7 @@ class Sight:
             pane = self._glass.cast(origins, bearings_rad)
             mirrors = (pane.range_m < range_m) & (pane.square >= self._flaws.glass_square)
             range_m, intensity[mirrors] = np.where(mirrors, pane.range_m, range_m), GLINT
-        return Seen(range_m, intensity)
+        return BeamReturns(range_m, intensity)
 
 
 LONGEST_GAP_S = 0.4
@@ -73,8 +73,7 @@ class LidarWire(StrEnum):
     RPLIDAR_A2 = "rplidar_a2"
 
 
-@dataclass(frozen=True, slots=True)
-class LidarMount:
+class LidarMount(Record, frozen=True):
     """Where a lidar sits: its name, its axis seen from the base, and the height at which it looks; which one it is.
 
     The heading is where its zero mark points, seen from above, also if it hangs upside down.
@@ -196,7 +195,7 @@ class SpinningLidar(ABC):
         turned: Vector = self._first_turn + self._rate_hz * (running_s + wobble_s)
         return turned
 
-    def _look(self, point_s: Vector, turned: Vector, trail: Vector, discs: Vector) -> Seen:
+    def _look(self, point_s: Vector, turned: Vector, trail: Vector, discs: Vector) -> BeamReturns:
         x, y, base_rad = (np.interp(point_s, trail[:, 0], trail[:, column]) for column in (1, 2, 3))
         mount, cos, sin = self._mount.base_from_lidar, np.cos(base_rad), np.sin(base_rad)
         origins = np.empty((len(x), 2))
@@ -206,7 +205,7 @@ class SpinningLidar(ABC):
         bearings = base_rad + mount.heading_rad + sense * math.tau * (turned - math.floor(turned[0]))
         return self._sight.look(origins, bearings, discs)
 
-    def _distances_m(self, seen: Seen) -> Vector:
+    def _distances_m(self, seen: BeamReturns) -> Vector:
         """As it measures them: 0 is no reading."""
         count, flaws = len(seen.range_m), self._flaws
         range_m = seen.range_m + flaws.noise_m * self._noise.standard_normal(count)

@@ -75,7 +75,7 @@ class MotorParameters(Parameters):
         return share * self.torque_constant_n_m_a * self.no_load_current_a / self.no_load_speed_rad_s
 
 
-class BodyParameters(Parameters):
+class SimBodyParameters(Parameters):
     """The robot's size and weight, and how its wheels meet the ground; a mass of 0 is a robot whose wheels hang free.
 
     A robot whose wheels are spread over a ``wheelbase_m`` turns by dragging them sideways (skid steer), against their
@@ -97,7 +97,7 @@ class BodyParameters(Parameters):
     right_slip: float = Field(0.0, ge=0, lt=1)
 
 
-class BatteryParameters(Parameters):
+class SimBatteryParameters(Parameters):
     """A 12 V lead-acid battery, the electronics on it besides the motors, and the noise of the ADC that watches it."""
 
     capacity_ah: float = Field(10.0, gt=0, le=1000)

@@ -1,15 +1,106 @@
-"""The section ``[sim]`` of a configuration."""
+"""The section ``[sim]`` of a configuration, with people and things in the way, and the flaws of lidars and sensors."""
 
+import math
+from enum import StrEnum
 from pathlib import Path
+from typing import Self
 
-from pydantic import Field
+from pydantic import Field, model_validator
 
 from chefbotd.core.parameters import Parameters, section
-from chefbotd.sim_parameters.crowd import PersonParameters, ThingParameters
-from chefbotd.sim_parameters.lidar import LidarFlaws
-from chefbotd.sim_parameters.motor import BatteryParameters, BodyParameters, MotorParameters
-from chefbotd.sim_parameters.sensors import ImuParameters, UltrasonicParameters
+from chefbotd.sim_parameters.motor import MotorParameters, SimBatteryParameters, SimBodyParameters
 from chefbotd.sim_parameters.sketches import BoardParameters
+
+
+class PersonParameters(Parameters):
+    """A person who walks along a path of points (x, y), back and forth or in circles, with a pause at each end.
+
+    ``stops_for_robot``: the person stops rather than come closer to the robot than ``min_distance_m``; otherwise it
+    ignores the robot.
+    Speeds and pauses vary by a tenth (a standard deviation), drawn from the seed.
+    """
+
+    path_m: tuple[tuple[float, float], ...] = Field(min_length=1)
+    speed_m_s: float = Field(0.8, gt=0, le=3)
+    radius_m: float = Field(0.25, gt=0, le=1)
+    start_m: float = Field(0.0, ge=0)
+    pause_s: float = Field(1.0, ge=0, le=3600)
+    stops_for_robot: bool = True
+    min_distance_m: float = Field(0.3, ge=0, le=5)
+    closed_path: bool = False
+
+    @model_validator(mode="after")
+    def _goes_somewhere(self) -> Self:
+        if self.closed_path and len(self.path_m) < 3:
+            raise ValueError(f"going round needs three points at least, got {len(self.path_m)}")
+        return self
+
+
+class ThingParameters(Parameters):
+    """A chair, a bag: something round on the floor that is on no map."""
+
+    x_m: float
+    y_m: float
+    radius_m: float = Field(0.25, gt=0, le=2)
+
+
+class ExpressScan(StrEnum):
+    """What a simulated RPLIDAR makes of a request for the express scan.
+
+    ``offered``: it sends one. ``promised``: its firmware is one that should, but nothing comes. ``absent``: its firmware
+    is older than the express scan.
+    """
+
+    OFFERED = "offered"
+    PROMISED = "promised"
+    ABSENT = "absent"
+
+
+class LidarFlaws(Parameters):
+    """An LD19: 4500 points/s at about ten turns a second, with a noise of a centimetre (LDROBOT's data sheet).
+
+    The motor's rate is off by ``rate_error_share`` (a standard deviation, drawn once) and varies by
+    ``rate_wobble_share`` within ``wobble_s``; a share of the beams is lost. Glass returns a beam whose cosine to the
+    pane's normal is above ``glass_square``, and lets others through. A black surface is seen from ``black_range_m`` at
+    most. The USB converter hands over what has come every ``handover_s``. The shares, glass and black are assumed.
+    ``height_m`` is the height of a lidar without a ``mount_z_m`` of its own.
+    """
+
+    turns_per_s: float = Field(10.0, ge=2, le=20)
+    points_per_s: float = Field(4500.0, ge=500, le=20_000)
+    noise_m: float = Field(0.01, ge=0, le=0.5)
+    lost_share: float = Field(0.01, ge=0, le=1)
+    rate_error_share: float = Field(0.003, ge=0, le=0.1)
+    rate_wobble_share: float = Field(0.004, ge=0, le=0.1)
+    wobble_s: float = Field(3.0, gt=0, le=100)
+    min_range_m: float = Field(0.02, ge=0, le=1)
+    max_range_m: float = Field(12.0, gt=0, le=60)
+    glass_square: float = Field(0.97, ge=0, le=1)
+    black_range_m: float = Field(4.0, ge=0, le=60)
+    handover_s: float = Field(0.01, ge=0.001, le=0.1)
+    express: ExpressScan = ExpressScan.OFFERED
+    height_m: float = Field(0.2, gt=0, le=2.4)
+
+
+class SimUltrasonicParameters(Parameters):
+    """How well an HC-SR04 hears."""
+
+    rays: int = Field(9, ge=1, le=361)
+    min_range_m: float = Field(0.02, ge=0)
+    max_range_m: float = Field(4.0, gt=0, le=20)
+    noise_m: float = Field(0.002, ge=0, le=1)
+    lost_echo_share: float = Field(0.0, ge=0, le=1)
+
+
+class SimImuParameters(Parameters):
+    """An MPU-6050 with its motion processor."""
+
+    heading_bias_rad: float = Field(0.0, ge=-math.pi, le=math.pi)
+    heading_drift_rad_s: float = Field(0.0001, ge=-1, le=1)
+    heading_noise_rad: float = Field(0.002, ge=0, le=1)
+    gyro_bias_rad_s: float = Field(0.01, ge=-1, le=1)
+    gyro_noise_rad_s: float = Field(0.001, ge=0, le=1)
+    acceleration_noise_m_s2: float = Field(0.04, ge=0, le=10)
 
 
 class WorldParameters(Parameters):
@@ -36,11 +127,11 @@ class SimulationParameters(Parameters):
     seed: int = Field(1, ge=0)
     step_s: float = Field(0.005, gt=0, le=0.02)
     motor: MotorParameters = section()
-    body: BodyParameters = section()
+    body: SimBodyParameters = section()
     world: WorldParameters = section()
-    ultrasonic: UltrasonicParameters = section()
-    imu: ImuParameters = section()
-    battery: BatteryParameters = section()
+    ultrasonic: SimUltrasonicParameters = section()
+    imu: SimImuParameters = section()
+    battery: SimBatteryParameters = section()
     board: BoardParameters = section()
     lidar: LidarFlaws = section()
     people: tuple[PersonParameters, ...] = ()

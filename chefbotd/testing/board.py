@@ -2,16 +2,15 @@
 
 import asyncio
 from collections.abc import Iterable
-from dataclasses import dataclass
 
+from chefbotd.core.record import Record
 from chefbotd.testing.transport import FakeSerialDevice
 from firmware_protocol.codec import CLASSIC, Variant, from_board, to_board
 from firmware_protocol.decoder import Decoder
 from firmware_protocol.messages import BoardTime, EncoderCounts, Malformed, Message, SetDuty
 
 
-@dataclass(frozen=True, slots=True)
-class Received:
+class Received(Record, frozen=True):
     """A line that the daemon sent, decoded, and the loop's time when it arrived."""
 
     stamp_s: float

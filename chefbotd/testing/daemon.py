@@ -4,27 +4,72 @@ import asyncio
 import contextlib
 import random
 import ssl
-from collections.abc import AsyncIterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
 from types import MappingProxyType
+
+import numpy as np
+from msgspec import field
 
 from chefbotd.app import Daemon
 from chefbotd.client import Client
 from chefbotd.clock import LoopClock
 from chefbotd.composition.context import FeatureBuilder, StartWriter
+from chefbotd.core.record import Record
+from chefbotd.link.depth.child import ScanWriter
+from chefbotd.link.depth.process import DepthChild
+from chefbotd.link.depth.sources import Frame
 from chefbotd.link.port import LinkParameters
 from chefbotd.link.reconnect import Opener
+from chefbotd.perception.depth_camera import DepthSourceParameters
 from chefbotd.process.build import build
 from chefbotd.process.simulated_robot import simulation_of
 from chefbotd.settings import Settings, load
 from chefbotd.sim.board import BoardRunner
+from chefbotd.sim.depth_image import DepthRenderer
 from chefbotd.sim.lidar import LidarRunner
+from chefbotd.sim.rooms import scene_of
+from chefbotd.sim.scene import Scene
 from chefbotd.sim.simulation import board_sender, build_launchpad, build_lidars
 from chefbotd.sim.spinning import SpinningLidar
-from chefbotd.testing.depth import depth_spawn
+from chefbotd.sim_parameters.simulation import SimulationParameters
 from chefbotd.testing.transport import FakeSerialDevice
 from chefbotd.testing.worker import no_worker
 from chefbotd.worker.spawn import Spawn
+
+
+class SimulatedDepthChild:
+    """What a camera's process would write, from where the robot truly is."""
+
+    def __init__(
+        self, parameters: DepthSourceParameters, scene: Scene, board: BoardRunner, seed: int
+    ) -> None:
+        self._renderer, self._writer = DepthRenderer(parameters, scene), ScanWriter(parameters)
+        self._board, self._period_s = board, 1 / parameters.rate_hz
+        self._chance = np.random.default_rng(seed)
+
+    async def read(self) -> bytes:
+        """A scan, when it is due."""
+        await asyncio.sleep(self._period_s)
+        now_s = asyncio.get_running_loop().time()
+        pose, discs = self._board.truth(now_s).world_from_base, self._board.crowd.discs
+        return self._writer.messages(Frame(now_s, self._renderer.image(pose, discs, self._chance)))
+
+    async def end(self) -> str:
+        """Nothing is left behind."""
+        return "ended"
+
+
+def depth_spawn(
+    board: BoardRunner, sim: SimulationParameters
+) -> Callable[[DepthSourceParameters], Awaitable[DepthChild]]:
+    """Starts the simulated camera in the place of the configured one's process."""
+
+    async def spawn(parameters: DepthSourceParameters) -> DepthChild:
+        scene = scene_of(sim.world.map_path, sim.world.closed_doors)
+        return SimulatedDepthChild(parameters, scene, board, sim.seed)
+
+    return spawn
+
 
 NO_LIDARS: Mapping[str, FakeSerialDevice] = MappingProxyType({})
 
@@ -74,16 +119,14 @@ def _opener(settings: Settings, board: FakeSerialDevice, lidars: Mapping[str, Fa
     return open_device
 
 
-@dataclass(frozen=True, slots=True)
-class SimulatedLidar:
+class SimulatedLidar(Record, frozen=True):
     """A lidar of the simulated robot: its cable, and what can be wrong with it (``runner.fault``)."""
 
     device: FakeSerialDevice
     runner: LidarRunner
 
 
-@dataclass(frozen=True, slots=True)
-class SimulatedRobot:
+class SimulatedRobot(Record, frozen=True):
     """A daemon driving the simulated robot: its client, the cable between them, and the board behind it.
 
     ``board`` has the truth too: the true pose and contact (``truth``), and who and what stands about (``crowd``).

@@ -21,7 +21,7 @@ from chefbotd.rpc.jsonrpc import ErrorKind, Failure, Request
 from chefbotd.rpc.session import Session
 from chefbotd.transport.framing import Framing, LineFraming
 from chefbotd.transport.outbox import Outbox
-from chefbotd.transport.state import NEXT, READING, SERVING, Event, State
+from chefbotd.transport.state import NEXT, READING, SERVING, ConnectionEvent, ConnectionState
 from chefbotd.transport.unread import HeldBytes, UnreadSockets, kernel_bytes, unread_bytes
 
 
@@ -42,7 +42,7 @@ class Connection(asyncio.Protocol):
         self._framing: Framing = framing or LineFraming()
         self._manager, self._unread, self.session, self._plain = manager, unread, session, plain
         self._backlog = Backlog(manager.parameters.max_request_bytes, manager.dispatcher.urgent_pattern)
-        self._state = State.OPEN
+        self._state = ConnectionState.OPEN
         self._scheduled = False
         self._may_hold_stops = False  # the backlog, beyond what was searched
         self._descriptor = -1
@@ -100,7 +100,7 @@ class Connection(asyncio.Protocol):
         if self._framing.failure is not None and not self.closing:
             self.end(self._framing.failure, at_once=True)
         elif self._framing.ended and self._state in READING:
-            self._read_no_more(Event.EOF)
+            self._read_no_more(ConnectionEvent.EOF)
 
     def _take(self, data: bytes) -> None:
         """Put the requests in these bytes into the backlog; a request is as old as its first byte."""
@@ -142,8 +142,8 @@ class Connection(asyncio.Protocol):
         if self._may_hold_stops or more:
             self._schedule()
         elif not self._backlog and self._state not in READING:
-            ends_here = self._state in (State.HALF_CLOSED, State.DRAINED)
-            self._enter(Event.SERVED)
+            ends_here = self._state in (ConnectionState.HALF_CLOSED, ConnectionState.DRAINED)
+            self._enter(ConnectionEvent.SERVED)
             if ends_here:
                 self._finish()
         self.session.set_incomplete(self._backlog.unfinished or self._framing.partial)
@@ -188,7 +188,7 @@ class Connection(asyncio.Protocol):
         more = self._search.serve_next()
         if self._search.limit.exceeded:
             self._backlog.clear()
-            self._enter(Event.DRAIN_OVER)
+            self._enter(ConnectionEvent.DRAIN_OVER)
         return more
 
     def _serve_urgent_request(self, request: Request) -> None:
@@ -222,10 +222,12 @@ class Connection(asyncio.Protocol):
 
     def eof_received(self) -> bool:
         """Asyncio: the client sends no more, so its last line has ended; it gets its answers, and we close."""
-        self._read_no_more(Event.EOF)
-        return self._state is not State.CLOSED and self._plain is not None  # TLS cannot be half-closed
+        self._read_no_more(ConnectionEvent.EOF)
+        return (
+            self._state is not ConnectionState.CLOSED and self._plain is not None
+        )  # TLS cannot be half-closed
 
-    def _read_no_more(self, event: Event) -> None:
+    def _read_no_more(self, event: ConnectionEvent) -> None:
         self._enter(event)
         self._backlog.finish()
         self._serve_waiting()
@@ -239,13 +241,13 @@ class Connection(asyncio.Protocol):
             self._take(kernel_bytes(self._plain))
         self._unread.unregister(self._descriptor, self)
         self._manager.remove(self.session)
-        self._enter(Event.LOST)
+        self._enter(ConnectionEvent.LOST)
         self._backlog.finish()
         self._schedule()
 
     def _end_stuck(self) -> None:
         """The client reads nothing: it would not read an error either."""
-        if self._state is not State.CLOSED and self.closing:
+        if self._state is not ConnectionState.CLOSED and self.closing:
             return  # it is being drained; from the end of that it has its time to read
         why = f"read nothing for {self._outbox.timeout_s:g} s"
         self._manager.count_ended(self.session, Failure(ErrorKind.TIMED_OUT, why))
@@ -269,16 +271,16 @@ class Connection(asyncio.Protocol):
     def _drain(self, finish: Callable[[], None], at_once: bool = False) -> None:
         self._outbox.shut()
         self._finish = finish
-        self._enter(Event.END)
+        self._enter(ConnectionEvent.END)
         if at_once:
             self._take(kernel_bytes(self._plain))
-            self._read_no_more(Event.DRAIN_OVER)
+            self._read_no_more(ConnectionEvent.DRAIN_OVER)
         else:
             loop = asyncio.get_running_loop()
-            self._drain_timer = loop.call_later(DRAIN_S, self._read_no_more, Event.DRAIN_OVER)
+            self._drain_timer = loop.call_later(DRAIN_S, self._read_no_more, ConnectionEvent.DRAIN_OVER)
             self._schedule()
 
-    def _enter(self, event: Event) -> None:
+    def _enter(self, event: ConnectionEvent) -> None:
         self._state = NEXT[self._state, event]
 
     @property
@@ -288,11 +290,11 @@ class Connection(asyncio.Protocol):
 
     def close(self) -> None:
         """Close once the client has what was already on its way; nothing it sends is read any more."""
-        self._enter(Event.CLOSE)
+        self._enter(ConnectionEvent.CLOSE)
         self._backlog.clear()
         self._outbox.close(self._framing.goodbye())
 
     def abort(self) -> None:
         """Close now."""
-        self._enter(Event.CLOSE)
+        self._enter(ConnectionEvent.CLOSE)
         self._transport.abort()

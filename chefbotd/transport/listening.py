@@ -45,8 +45,8 @@ def listen(host: str, port: int, receive_bytes: int, option: str) -> list[socket
     """
     listeners: list[socket.socket] = []
     try:
-        found = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
-        for family, _, _, _, address in dict.fromkeys(found):
+        addresses = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE)
+        for family, _, _, _, address in dict.fromkeys(addresses):
             listener = socket.create_server(address, family=family, backlog=BACKLOG)
             listeners.append(listener)
             # Accepted sockets inherit this bound on the requests that the kernel holds.

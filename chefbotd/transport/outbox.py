@@ -12,6 +12,7 @@ from collections import Counter, OrderedDict
 from collections.abc import Callable
 
 from chefbotd.rpc import jsonrpc
+from chefbotd.rpc.encoding import encode
 from chefbotd.rpc.models import Dropped
 from chefbotd.rpc.parameters import ApiParameters
 
@@ -97,7 +98,7 @@ class Outbox:
         if self._dropped:
             notice = Dropped(topics=dict(self._dropped), total=self._dropped.total())
             self._dropped.clear()
-            message = jsonrpc.notification("dropped", notice.model_dump_json().encode())
+            message = jsonrpc.notification("dropped", encode(notice))
             self._transport.write(self._encode(message))
         while self._waiting and not self.blocked:
             _, line = self._waiting.popitem(last=False)

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from enum import Enum, auto
 
 
-class State(Enum):
+class ConnectionState(Enum):
     """What a connection still does for its client."""
 
     OPEN = auto()
@@ -21,7 +21,7 @@ class State(Enum):
     """Nothing is read or served any more."""
 
 
-class Event(Enum):
+class ConnectionEvent(Enum):
     """What changes the state of a connection."""
 
     EOF = auto()
@@ -38,44 +38,44 @@ class Event(Enum):
     """The socket is gone."""
 
 
-READING = {State.OPEN, State.DRAINING}
-SERVING = {State.OPEN, State.HALF_CLOSED}
+READING = {ConnectionState.OPEN, ConnectionState.DRAINING}
+SERVING = {ConnectionState.OPEN, ConnectionState.HALF_CLOSED}
 
-NEXT: Mapping[tuple[State, Event], State] = {
-    (State.OPEN, Event.EOF): State.HALF_CLOSED,
-    (State.OPEN, Event.END): State.DRAINING,
-    (State.OPEN, Event.DRAIN_OVER): State.OPEN,
-    (State.OPEN, Event.SERVED): State.OPEN,
-    (State.OPEN, Event.CLOSE): State.CLOSED,
-    (State.OPEN, Event.LOST): State.LOST,
-    (State.HALF_CLOSED, Event.EOF): State.HALF_CLOSED,
-    (State.HALF_CLOSED, Event.END): State.DRAINED,
-    (State.HALF_CLOSED, Event.DRAIN_OVER): State.HALF_CLOSED,
-    (State.HALF_CLOSED, Event.SERVED): State.CLOSED,
-    (State.HALF_CLOSED, Event.CLOSE): State.CLOSED,
-    (State.HALF_CLOSED, Event.LOST): State.LOST,
-    (State.DRAINING, Event.EOF): State.DRAINED,
-    (State.DRAINING, Event.END): State.DRAINING,
-    (State.DRAINING, Event.DRAIN_OVER): State.DRAINED,
-    (State.DRAINING, Event.SERVED): State.DRAINING,
-    (State.DRAINING, Event.CLOSE): State.CLOSED,
-    (State.DRAINING, Event.LOST): State.LOST,
-    (State.DRAINED, Event.EOF): State.DRAINED,
-    (State.DRAINED, Event.END): State.DRAINED,
-    (State.DRAINED, Event.DRAIN_OVER): State.DRAINED,
-    (State.DRAINED, Event.SERVED): State.CLOSED,
-    (State.DRAINED, Event.CLOSE): State.CLOSED,
-    (State.DRAINED, Event.LOST): State.LOST,
-    (State.LOST, Event.EOF): State.LOST,
-    (State.LOST, Event.END): State.LOST,
-    (State.LOST, Event.DRAIN_OVER): State.LOST,
-    (State.LOST, Event.SERVED): State.CLOSED,
-    (State.LOST, Event.CLOSE): State.CLOSED,
-    (State.LOST, Event.LOST): State.LOST,
-    (State.CLOSED, Event.EOF): State.CLOSED,
-    (State.CLOSED, Event.END): State.CLOSED,
-    (State.CLOSED, Event.DRAIN_OVER): State.CLOSED,
-    (State.CLOSED, Event.SERVED): State.CLOSED,
-    (State.CLOSED, Event.CLOSE): State.CLOSED,
-    (State.CLOSED, Event.LOST): State.CLOSED,
+NEXT: Mapping[tuple[ConnectionState, ConnectionEvent], ConnectionState] = {
+    (ConnectionState.OPEN, ConnectionEvent.EOF): ConnectionState.HALF_CLOSED,
+    (ConnectionState.OPEN, ConnectionEvent.END): ConnectionState.DRAINING,
+    (ConnectionState.OPEN, ConnectionEvent.DRAIN_OVER): ConnectionState.OPEN,
+    (ConnectionState.OPEN, ConnectionEvent.SERVED): ConnectionState.OPEN,
+    (ConnectionState.OPEN, ConnectionEvent.CLOSE): ConnectionState.CLOSED,
+    (ConnectionState.OPEN, ConnectionEvent.LOST): ConnectionState.LOST,
+    (ConnectionState.HALF_CLOSED, ConnectionEvent.EOF): ConnectionState.HALF_CLOSED,
+    (ConnectionState.HALF_CLOSED, ConnectionEvent.END): ConnectionState.DRAINED,
+    (ConnectionState.HALF_CLOSED, ConnectionEvent.DRAIN_OVER): ConnectionState.HALF_CLOSED,
+    (ConnectionState.HALF_CLOSED, ConnectionEvent.SERVED): ConnectionState.CLOSED,
+    (ConnectionState.HALF_CLOSED, ConnectionEvent.CLOSE): ConnectionState.CLOSED,
+    (ConnectionState.HALF_CLOSED, ConnectionEvent.LOST): ConnectionState.LOST,
+    (ConnectionState.DRAINING, ConnectionEvent.EOF): ConnectionState.DRAINED,
+    (ConnectionState.DRAINING, ConnectionEvent.END): ConnectionState.DRAINING,
+    (ConnectionState.DRAINING, ConnectionEvent.DRAIN_OVER): ConnectionState.DRAINED,
+    (ConnectionState.DRAINING, ConnectionEvent.SERVED): ConnectionState.DRAINING,
+    (ConnectionState.DRAINING, ConnectionEvent.CLOSE): ConnectionState.CLOSED,
+    (ConnectionState.DRAINING, ConnectionEvent.LOST): ConnectionState.LOST,
+    (ConnectionState.DRAINED, ConnectionEvent.EOF): ConnectionState.DRAINED,
+    (ConnectionState.DRAINED, ConnectionEvent.END): ConnectionState.DRAINED,
+    (ConnectionState.DRAINED, ConnectionEvent.DRAIN_OVER): ConnectionState.DRAINED,
+    (ConnectionState.DRAINED, ConnectionEvent.SERVED): ConnectionState.CLOSED,
+    (ConnectionState.DRAINED, ConnectionEvent.CLOSE): ConnectionState.CLOSED,
+    (ConnectionState.DRAINED, ConnectionEvent.LOST): ConnectionState.LOST,
+    (ConnectionState.LOST, ConnectionEvent.EOF): ConnectionState.LOST,
+    (ConnectionState.LOST, ConnectionEvent.END): ConnectionState.LOST,
+    (ConnectionState.LOST, ConnectionEvent.DRAIN_OVER): ConnectionState.LOST,
+    (ConnectionState.LOST, ConnectionEvent.SERVED): ConnectionState.CLOSED,
+    (ConnectionState.LOST, ConnectionEvent.CLOSE): ConnectionState.CLOSED,
+    (ConnectionState.LOST, ConnectionEvent.LOST): ConnectionState.LOST,
+    (ConnectionState.CLOSED, ConnectionEvent.EOF): ConnectionState.CLOSED,
+    (ConnectionState.CLOSED, ConnectionEvent.END): ConnectionState.CLOSED,
+    (ConnectionState.CLOSED, ConnectionEvent.DRAIN_OVER): ConnectionState.CLOSED,
+    (ConnectionState.CLOSED, ConnectionEvent.SERVED): ConnectionState.CLOSED,
+    (ConnectionState.CLOSED, ConnectionEvent.CLOSE): ConnectionState.CLOSED,
+    (ConnectionState.CLOSED, ConnectionEvent.LOST): ConnectionState.CLOSED,
 }

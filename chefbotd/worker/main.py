@@ -44,8 +44,8 @@ def main(arguments: list[str]) -> int:
         runner = Runner(clock, None if len(arguments) > 3 else renew)
         threading.Thread(target=_say_alive, args=(line, runner, clock), daemon=True, name="alive").start()
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):
-            for known in arguments[3:]:
-                line.send_all(runner.take_message(TO_WORKER.decode(base64.b64decode(known))))
+            for message in arguments[3:]:
+                line.send_all(runner.take_message(TO_WORKER.decode(base64.b64decode(message))))
             _work(theirs, line, runner)
         runner.close()
     return 0
@@ -66,8 +66,8 @@ def _begin_anew(line: "_Line", arguments: list[str], configure: Configure) -> No
 
     Before it is told that the skills are ready, the daemon sends nothing but the configuration.
     """
-    known = base64.b64encode(packed(configure)).decode("ascii")
-    program = [sys.executable, "-P", "-m", "chefbotd.worker", *arguments, "0", known]  # it is nice already
+    message = base64.b64encode(packed(configure)).decode("ascii")
+    program = [sys.executable, "-P", "-m", "chefbotd.worker", *arguments, "0", message]  # it is nice already
     with line.lock:  # the other thread must not be cut off in the middle of a message
         os.execv(sys.executable, program)  # noqa: S606 - no shell
 

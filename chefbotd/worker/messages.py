@@ -1,7 +1,8 @@
 """The messages between daemon and worker: tagged MessagePack values, each after its length.
 
-The process code knows these only. What a skill is asked and what it tells are structs of its own, packed into ``body``,
-so that another skill needs no change here. Arrays are the bytes of little-endian 32-bit floats.
+The process code knows these only. What a skill is asked is a struct of its own, and what it tells and answers are the
+records of ``core``, all packed into ``body``: another skill needs no change here. Arrays are the bytes of little-endian
+32-bit floats.
 """
 
 from collections.abc import Iterator
@@ -128,10 +129,11 @@ class Failed(Message, frozen=True, tag="failed"):
 
 
 class Told(Message, frozen=True, tag="told"):
-    """Something that a skill says without having been asked."""
+    """Something that a skill says without having been asked: a record of the class named ``kind``."""
 
     skill: str
     body: bytes
+    kind: str = ""
 
 
 ToWorker: TypeAlias = Configure | ScanSeen | OdometrySeen | RangeSeen | Request | Cancel
@@ -146,8 +148,8 @@ class NotAMessage(ValueError):
     """Bytes that no message is made of."""
 
 
-def packed(value: msgspec.Struct) -> bytes:
-    """A struct as MessagePack, for a ``body``."""
+def packed(value: msgspec.Struct | None) -> bytes:
+    """A struct as MessagePack, for a ``body``; None: an answer that says no more than that it was done."""
     return ENCODER.encode(value)
 
 

@@ -1,10 +1,11 @@
-"""The limits of the worker process."""
+"""The parameters of the worker, and the sections for the skills that it runs; needs no numpy."""
 
 from pathlib import Path
 
 from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
+from chefbotd.navigation.states import UnknownSpace
 
 
 class WorkerParameters(Parameters):
@@ -17,9 +18,11 @@ class WorkerParameters(Parameters):
     niceness: int = Field(default=10, ge=0, le=19)
     """How far the worker stands back for the daemon and others (nice(2))."""
     start_timeout_s: float = Field(default=180.0, gt=0, le=3600)
-    """Until it is ready. Compiling for the first time takes half a minute here, and minutes on a small board."""
+    """Of its own processor time until it is ready, so a busy computer may take longer.
+
+    Compiling for the first time takes half a minute here, and minutes on a small board."""
     silence_timeout_s: float = Field(default=3.0, gt=0, le=60)
-    """It says twice a second that it lives."""
+    """It says twice a second that it lives. While it loads and compiles, processor time that it uses says so, too."""
     step_timeout_s: float = Field(default=20.0, gt=0, le=600)
     """For what it does without having been asked, such as a scan."""
     max_memory_mb: float = Field(default=800.0, ge=100, le=65536)
@@ -31,3 +34,33 @@ class WorkerParameters(Parameters):
     """So much of scans (4 kB each) and odometry waits for it to read; then the oldest give way."""
     cache_folder: Path | None = None
     """For compiled code. Without it: systemd's CacheDirectory=, else numba's own choice."""
+
+
+class LocalizationSection(Parameters):
+    """Which lidars' scans tell where the robot is, and what it may do by itself."""
+
+    lidars: tuple[str, ...] | None = Field(default=None, min_length=1)
+    """Their names, the leading one first; all that are configured, if none is named."""
+    auto_search: bool = True
+    """Whether a robot that is lost looks everywhere without being asked to."""
+    turn_at_start: bool = False
+    """Whether a robot that has not found itself yet, and cannot by looking for 3 s, may turn once on the spot."""
+    save_period_s: float = Field(default=5.0, gt=0, le=3600)
+    """How often the pose is kept on disk, at most; a robot that stands is not kept again."""
+
+
+class NavigationSection(Parameters):
+    """How fast the robot drives by itself, and what it does when somebody has driven meanwhile."""
+
+    max_speed_m_s: float = Field(default=0.30, gt=0, le=10)
+    """No faster than this; 0.30 m/s is the fastest that navigation was tried with."""
+    unknown_space: UnknownSpace = UnknownSpace.BLOCKED
+    """Whether paths lead through what the map knows nothing of: blocked, avoided (at six times the cost) or free."""
+    comfort_m: float = Field(default=0.30, gt=0, le=5)
+    """Paths keep so far from what stands where there is room; more room than that beside the robot is worth nothing."""
+    home_place: str = Field(default="home", min_length=1, max_length=64)
+    """The place of the map in use to which ``go_home`` drives;"""
+    dock_place: str = Field(default="dock", min_length=1, max_length=64)
+    """and ``dock``: where the robot is charged, with the heading that it needs there."""
+    resume_after_takeover: bool = True
+    """Whether a goal goes on when whoever took over has let go; otherwise it waits for ``resume_navigation``."""

@@ -7,9 +7,8 @@ deadline. Whatever the worker does or fails to do, nothing here raises into the 
 import asyncio
 import socket
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
 from functools import partial
-from typing import Final
+from typing import Final, TypeVar
 
 import msgspec
 import structlog
@@ -17,6 +16,7 @@ import structlog
 from chefbotd.clock import Clock
 from chefbotd.core.commands import Refused
 from chefbotd.core.events.inputs import WorkerGone, WorkerSaid
+from chefbotd.core.record import Record, replace
 from chefbotd.entries import entries_of
 from chefbotd.worker import messages
 from chefbotd.worker.channel import CLOSED, Channel
@@ -33,6 +33,7 @@ from chefbotd.worker.watch import (
     checked,
     excused,
     why_to_kill,
+    worked,
 )
 
 log = structlog.get_logger(component="worker")
@@ -48,11 +49,12 @@ LEAVE_S: Final = 1.5
 NOBODY: Final = 0
 """The number of a request whose answer nobody waits for."""
 
+A = TypeVar("A")
+S = TypeVar("S", bound=msgspec.Struct)
 OfSkill = messages.Told | messages.Answer | messages.Failed | messages.Progress
 
 
-@dataclass(frozen=True, slots=True)
-class WorkerStatus:
+class WorkerStatus(Record, frozen=True):
     """How the worker stands; ``cpu`` is its share of one core in the last second."""
 
     state: WorkerState = WorkerState.STOPPED
@@ -69,9 +71,6 @@ class Worker:
     ``on_status`` is called with each new status.
     """
 
-    UNRECORDED = frozenset({"_channel", "_ended", "_skills", "_vitals"})
-    """The process and the way to it: a replay has neither."""
-
     def __init__(
         self,
         parameters: WorkerParameters,
@@ -87,9 +86,17 @@ class Worker:
         self._channel: Channel | None = None
         self._ended: asyncio.Future[str] | None = None
         self._requests = Requests(self._clock)
-        self._listeners: dict[str, Callable[[bytes], None]] = {}
+        self._listeners: dict[tuple[str, str], Callable[[bytes], None]] = {}
         self._on_ready: list[Callable[[], None]] = []
         self._dropped = self._failures = 0
+
+    def state(self) -> tuple[WorkerStatus, int]:
+        """How it stands, and the number of the last request to it; the process itself is none of it."""
+        return self.status, self._requests.last_number
+
+    def restore(self, state: tuple[WorkerStatus, int]) -> None:
+        """Go on from there; ``follow`` is to come."""
+        self.status, self._requests.last_number = state
 
     @property
     def dropped(self) -> int:
@@ -101,9 +108,10 @@ class Worker:
         """Whether it takes requests."""
         return self.status.state is WorkerState.READY
 
-    def add_listener(self, skill: str, listener: Callable[[bytes], None]) -> None:
-        """Call ``listener`` with what this skill tells without having been asked."""
-        self._listeners[skill] = listener
+    def add_listener(self, skill: str, kind: type[S], listener: Callable[[S], None]) -> None:
+        """Call ``listener`` with the records of this class that this skill tells without having been asked."""
+        decoder = msgspec.msgpack.Decoder(kind)
+        self._listeners[skill, kind.__name__] = lambda body: listener(decoder.decode(body))
 
     def add_on_ready(self, handler: Callable[[], None]) -> None:
         """Call ``handler`` each time a worker has become ready: what the one before it knew has to be told again."""
@@ -123,12 +131,13 @@ class Worker:
         self,
         skill: str,
         body: msgspec.Struct,
+        answer: type[A],
         *,
         deadline_s: float,
         on_progress: OnProgress | None = None,
         settles: bool = False,
-    ) -> bytes:
-        """Have a skill do something, and return what it answers.
+    ) -> A:
+        """Have a skill do something, and return what it answers, which is of the class ``answer``.
 
         A worker that neither answers nor reports progress within ``deadline_s`` is killed. Cancelling this gives the
         request up. One that ``settles`` waits until the worker has given up, or has done it nevertheless, which is then
@@ -142,7 +151,7 @@ class Worker:
         number, future = self._requests.open(deadline_s, on_progress)
         self._channel.send(messages.Request(number, skill, deadline_s, packed(body)))
         try:
-            return await asyncio.shield(future)
+            return msgspec.msgpack.decode(await asyncio.shield(future), type=answer)
         except asyncio.CancelledError:
             if future.done() or self._channel is None:
                 raise
@@ -150,7 +159,7 @@ class Worker:
             if not settles:
                 raise
             try:
-                return await future
+                return msgspec.msgpack.decode(await future, type=answer)
             except (RequestCancelled, Refused):
                 raise asyncio.CancelledError from None
         finally:
@@ -201,7 +210,7 @@ class Worker:
             await asyncio.wait({waiting}, timeout=LEAVE_S)
             raise
         finally:
-            self._bury(child)
+            self._end_process(child)
             await waiting
 
     async def _watched(self, child: Child, waiting: "asyncio.Task[str]", ended: "asyncio.Future[str]") -> str:
@@ -217,6 +226,8 @@ class Worker:
                 return waiting.result() if waiting.done() else ended.result()
             now_s, rss_mb = self._clock.now_s(), child.rss_mb()
             self._excuse(now_s)
+            if not self.is_ready:
+                self._vitals = worked(self._vitals, child.cpu_s(), now_s)
             if reason := self._why_to_kill(now_s, rss_mb):
                 return reason
             self._vitals = checked(self._vitals, now_s)
@@ -238,7 +249,7 @@ class Worker:
         )
         return reason or self._requests.why_late(now_s)
 
-    def _bury(self, child: Child) -> None:
+    def _end_process(self, child: Child) -> None:
         """Nothing more comes from this worker: whoever waits for it hears so."""
         child.kill()
         if self._channel is not None:
@@ -295,9 +306,9 @@ class Worker:
             self._requests.take_message(message)
 
     def _hand_on(self, message: messages.Told) -> None:
-        listener = self._listeners.get(message.skill)
+        listener = self._listeners.get((message.skill, message.kind))
         if listener is None:
-            self._end(f"it tells of a skill that it does not have: {message.skill!r}")
+            self._end(f"its skill {message.skill!r} tells what nobody knows: {message.kind!r}")
             return
         try:
             listener(message.body)
@@ -310,7 +321,7 @@ class Worker:
         if state is None:
             self._end(f"it says that it is {happened} while it is {self.status.state}")
             return False
-        self._report(replace(self.status, state=state, **fields))  # type: ignore[arg-type]
+        self._report(replace(self.status, state=state, **fields))
         return True
 
     def _report(self, status: WorkerStatus) -> None:

@@ -2,8 +2,8 @@
 
 import asyncio
 from collections.abc import Callable
-from dataclasses import dataclass
-from itertools import count
+
+from msgspec import Struct
 
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
@@ -23,8 +23,7 @@ class WorkerLost(Refused):
         super().__init__(RefusalKind.WORKER_UNAVAILABLE, message)
 
 
-@dataclass(slots=True)
-class _Pending:
+class _Pending(Struct):
     future: "asyncio.Future[bytes]"
     on_progress: OnProgress | None
     deadline_s: float
@@ -36,12 +35,13 @@ class Requests:
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
-        self._ids = count(1)
+        self.last_number = 0
         self._pending: dict[int, _Pending] = {}
 
     def open(self, deadline_s: float, on_progress: OnProgress | None) -> tuple[int, "asyncio.Future[bytes]"]:
         """The number of a new request, and what its answer comes into."""
-        number, future = next(self._ids), asyncio.get_running_loop().create_future()
+        self.last_number = number = self.last_number + 1
+        future = asyncio.get_running_loop().create_future()
         due_s = self._clock.now_s() + deadline_s
         self._pending[number] = _Pending(future, on_progress, deadline_s, due_s)
         return number, future
@@ -86,7 +86,7 @@ class Requests:
     def fail_all(self) -> None:
         """The worker is gone: whoever waits for an answer is told."""
         pending, self._pending = self._pending, {}
-        for each in pending.values():
-            if not each.future.done():
-                each.future.set_exception(WorkerLost("the worker ended before it was done"))
-                each.future.exception()  # whoever asked may be gone
+        for request in pending.values():
+            if not request.future.done():
+                request.future.set_exception(WorkerLost("the worker ended before it was done"))
+                request.future.exception()  # whoever asked may be gone

@@ -1,27 +1,63 @@
-"""The worker's working thread, without a socket: messages in, messages out."""
+"""The worker's working thread, without a socket: messages in, messages out. A skill is imported when it is needed."""
 
 import sys
-from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from importlib import import_module
 from typing import TYPE_CHECKING, Final
 
 import msgspec
 
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.record import Record
 from chefbotd.worker import messages
 from chefbotd.worker.messages import FromWorker, ToWorker, packed
-from chefbotd.worker.skills.registry import CannotLoad, loaded
 from chefbotd.worker.skills.skill import Hears, Job, Meets, Skill
 
 if TYPE_CHECKING:  # it would load asyncio, 7 MB
     from chefbotd.clock import Clock
 
+if TYPE_CHECKING:  # it would load asyncio, 7 MB
+    from chefbotd.clock import Clock
+
+
+SKILLS: Final[Mapping[str, str]] = {
+    "mapping": "chefbotd.worker.skills.mapping:MappingSkill",
+    "localization": "chefbotd.worker.skills.localization:LocalizationSkill",
+    "navigation": "chefbotd.worker.skills.navigation:NavigationSkill",
+}
+"""Name -> module and class, which is made with its parameters as JSON and the worker's clock."""
+
+EXTRA: Final = "navigation"
+NEEDS: Final = ("numba", "scipy", "llvmlite")
+
+
+class CannotLoad(Exception):
+    """A skill that cannot work in this installation, and what to do; ready to be shown."""
+
+
+def loaded(name: str, parameters: bytes, clock: "Clock") -> Skill:
+    """The skill of this name.
+
+    Raises:
+        CannotLoad: what it needs is not installed.
+    """
+    module, _, kind = SKILLS[name].partition(":")
+    try:
+        make: Callable[[bytes, Clock], Skill] = getattr(import_module(module), kind)
+    except ModuleNotFoundError as missing:
+        if missing.name not in NEEDS:
+            raise
+        raise CannotLoad(
+            f"{name} needs {missing.name}, which is not installed: pip install 'chefbotd[{EXTRA}]'"
+        ) from missing
+    return make(parameters, clock)
+
+
 STEP_S: Final = 0.05
 """How often the skills have a turn of their own."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Running:
+class _Running(Record, frozen=True):
     request: messages.Request
     job: Job
 
@@ -105,8 +141,8 @@ class Runner:
     def _begin(self, request: messages.Request) -> Iterator[FromWorker]:
         skill = self._skills.get(request.skill)
         if skill is None:
-            told = f"the worker has no skill {request.skill!r}"
-            yield messages.Failed(request.id, RefusalKind.WORKER_UNAVAILABLE, told)
+            reason = f"the worker has no skill {request.skill!r}"
+            yield messages.Failed(request.id, RefusalKind.WORKER_UNAVAILABLE, reason)
             return
         self._begin_work(f"{request.skill}: a request")
         try:
@@ -116,7 +152,7 @@ class Runner:
             return
         finally:
             self.doing = None
-        if isinstance(result, msgspec.Struct):
+        if result is None or isinstance(result, msgspec.Struct):
             yield messages.Answer(request.id, packed(result))
         else:
             self._jobs.append(_Running(request, result))
@@ -145,12 +181,14 @@ class Runner:
                 yield messages.Failed(number, None, "it was cancelled")
                 return
 
-    def _telling(self, name: str, what: str, told: Iterable[msgspec.Struct]) -> Iterator[FromWorker]:
+    def _telling(
+        self, name: str, what: str, messages_of_skill: Iterable[msgspec.Struct]
+    ) -> Iterator[FromWorker]:
         """Hand on what a skill tells; being busy is the skill's time, not that of whoever takes it."""
         self._begin_work(f"{name}: {what}")
         try:
-            for each in told:
-                yield messages.Told(name, packed(each))
+            for message in messages_of_skill:
+                yield messages.Told(name, packed(message), type(message).__name__)
         finally:
             self.doing = None
 

@@ -95,6 +95,9 @@ def _type(field: Mapping[str, Any], kinds: Mapping[str, Any]) -> str:
     if "const" in field:
         return f"`{json.dumps(field['const'])}`"
     kind = str(field.get("type", "anything"))
+    if kind == "array" and "prefixItems" in field:  # of a fixed length
+        members = [_type(item, kinds) for item in field["prefixItems"]]
+        return f"array of {len(members)}: {', '.join(dict.fromkeys(members))}"
     if kind == "array":
         return f"array of {_type(field.get('items', {}), kinds)}"
     words = {

@@ -7,6 +7,7 @@ above. A packet has twelve points, evenly spaced from its start angle to its end
 import struct
 from collections import Counter
 from dataclasses import dataclass
+from typing import NamedTuple
 
 HEADER = b"\x54\x2c"
 POINTS = 12
@@ -71,6 +72,14 @@ def encode(packet: Ld19Packet) -> bytes:
     return body + bytes([crc8(body)])
 
 
+class Ld19DecoderState(NamedTuple):
+    """The packet in progress, and what was counted."""
+
+    rest: bytes
+    packets: int
+    refused: dict[str, int]
+
+
 class Ld19Decoder:
     """Bytes to packets; how the bytes are chunked makes no difference, and no more than a packet is ever kept.
 
@@ -82,6 +91,14 @@ class Ld19Decoder:
         self._rest = b""
         self.packets = 0
         self.refused: Counter[str] = Counter()
+
+    def state(self) -> Ld19DecoderState:
+        """What it remembers."""
+        return Ld19DecoderState(self._rest, self.packets, dict(self.refused))
+
+    def restore(self, state: Ld19DecoderState) -> None:
+        """Go on from there."""
+        self._rest, self.packets, self.refused = state.rest, state.packets, Counter(state.refused)
 
     def feed_bytes(self, data: bytes) -> list[Ld19Packet]:
         """The packets that ``data`` completes."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from enum import IntEnum
 from functools import reduce
 from operator import xor
-from typing import TypeAlias
+from typing import NamedTuple, TypeAlias
 
 BAUD = 115_200
 START = 0xA5
@@ -195,6 +195,15 @@ KINDS = {
 """By the descriptor's last byte. A node has three check bits only: four good ones in a row end a search for the next."""
 
 
+class RplidarDecoderState(NamedTuple):
+    """The answer in progress by its code in ``KINDS`` (None: a descriptor is awaited), and what was passed over."""
+
+    data: bytes
+    code: int | None
+    is_sure: bool
+    refused: dict[str, int]
+
+
 class RplidarDecoder:
     """Bytes to answers; how the bytes are chunked makes no difference, and no more than a few payloads are ever kept.
 
@@ -206,6 +215,16 @@ class RplidarDecoder:
         self._kind: _Kind | None = None
         self._is_sure = True
         self.refused: Counter[str] = Counter()
+
+    def state(self) -> RplidarDecoderState:
+        """What it remembers."""
+        code = next((code for code, kind in KINDS.items() if kind is self._kind), None)
+        return RplidarDecoderState(self._data[self._at :], code, self._is_sure, dict(self.refused))
+
+    def restore(self, state: RplidarDecoderState) -> None:
+        """Go on from there; raises ``KeyError`` for a code that no answer has."""
+        self._data, self._at, self._is_sure = state.data, 0, state.is_sure
+        self._kind, self.refused = None if state.code is None else KINDS[state.code], Counter(state.refused)
 
     def reset(self) -> None:
         """Forget the answer in progress: a request has been sent, or the connection is another."""

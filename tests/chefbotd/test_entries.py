@@ -19,8 +19,9 @@ from chefbotd.core.events.inputs import (
     TaskStepped,
     TimerFired,
 )
-from chefbotd.entries import Entries, entries_of
+from chefbotd.entries import Entries, due_of, entries_of
 from chefbotd.features.feature import Feature
+from chefbotd.snapshot import DaemonState
 from chefbotd.testing.daemon import simulated_robot
 
 SAID = SafetyChanged(7.0, "armed", "", None)
@@ -109,6 +110,86 @@ def test_each_step_of_a_task_is_an_entry() -> None:
             (0.75, False),
         ]
         assert {type(each) for each in taken} == {TaskStepped}
+
+    run_virtual(main())
+
+
+def test_a_service_is_at_rest_where_it_says_so_and_until_it_is_woken() -> None:
+    """Not before its first wait, not in the middle of what it does, and not when what it waits for has come."""
+
+    async def main() -> None:
+        entries = Entries(LoopClock())
+        orders, done = asyncio.Event(), asyncio.Event()
+
+        async def serve() -> None:
+            while True:
+                await entries.at_rest(orders.wait())
+                orders.clear()
+                await done.wait()
+
+        task = asyncio.create_task(entries.in_steps("serve", serve))
+        await asyncio.sleep(0.1)
+        steps = entries.running["serve"]
+        assert steps.is_at_rest
+        orders.set()
+        assert not steps.is_at_rest
+        await asyncio.sleep(0.1)
+        assert not steps.is_at_rest
+        done.set()
+        await asyncio.sleep(0.1)
+        assert steps.is_at_rest
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+        assert entries.running == {}
+        assert entries.resting == set()
+
+    run_virtual(main())
+
+
+def test_a_request_whose_wait_is_over_cannot_begin_again_from_a_state() -> None:
+    """Until then it can, and nothing is under way; a service that is at something is under way, too."""
+
+    async def main() -> None:
+        entries = Entries(LoopClock())
+        end = asyncio.get_running_loop().create_future()
+        state = DaemonState(entries, {}, lambda: ["request 1"], ())
+
+        async def wait() -> None:
+            await end
+            await asyncio.sleep(0.5)
+
+        tasks = [asyncio.create_task(entries.in_steps("request 1", wait, what="localize"))]
+        await asyncio.sleep(0.1)
+        assert state.is_settled
+        end.set_result(None)
+        assert state.record().left_out == ("request 1 (localize) is under way",)
+        await asyncio.gather(*tasks)
+        assert state.is_settled
+        tasks = [asyncio.create_task(entries.in_steps("serve", lambda: asyncio.sleep(0.5)))]
+        await asyncio.sleep(0.1)
+        assert state.record().left_out == ("the service serve is in the middle of something",)
+        await asyncio.gather(*tasks)
+
+    run_virtual(main())
+
+
+def test_a_timer_says_when_it_is_due_and_is_set_again_for_then() -> None:
+    """While it waits; one that was cancelled, or has fired, is due no more, and nothing is set again for it."""
+
+    async def main() -> None:
+        entries, fired = Entries(LoopClock()), list[float]()
+        began_s = entries.now_s()
+        timer = entries.call_later(0.5, lambda: None, "a")
+        due_s = due_of(timer)
+        assert due_s == pytest.approx(began_s + 0.5)
+        timer.cancel()
+        assert due_of(timer) is due_of(None) is None
+        again = entries.resume(due_s, lambda: fired.append(entries.now_s()), "a")
+        assert due_of(again) == pytest.approx(due_s)
+        await asyncio.sleep(0.7)
+        assert fired == [pytest.approx(due_s)]
+        assert due_of(again) is None
+        assert entries.resume(None, lambda: None, "a") is None
 
     run_virtual(main())
 

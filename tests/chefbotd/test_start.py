@@ -63,7 +63,7 @@ def test_a_daemon_on_a_real_robot_loads_no_simulator_and_nothing_else_that_it_do
     )
     assert said.returncode == 0, said.stderr
     loaded = set(said.stdout.split())
-    assert {"chefbotd.app", "chefbotd.features.recording.methods"} <= loaded
+    assert {"chefbotd.app", "chefbotd.features.recording.models"} <= loaded
     absent = {
         "chefbotd.sim",
         "chefbotd.client",
@@ -88,8 +88,6 @@ def test_a_daemon_on_a_real_robot_loads_no_simulator_and_nothing_else_that_it_do
         "chefbotd.recording.encoder",
         "chefbotd.recording.intake",
         "chefbotd.recording.recorder",
-        "chefbotd.snapshot.capture",
-        "chefbotd.snapshot.restorable",
         "mcap",
         "zstandard",
         "lz4",

@@ -16,7 +16,7 @@ from chefbotd.rpc.access import Guard
 from chefbotd.rpc.control_leases import ControlLeases, Sources
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.server import RpcServer
-from chefbotd.transport.tcp.server import TcpServer
+from chefbotd.transport.tcp import TcpServer
 from tests.fakes.robot import FakeRobot
 
 
@@ -73,7 +73,7 @@ def new_server(
         leases,
         robot_name="testbot",
         session="s1",
-        sources=Sources(robot.sources, robot.default_source, robot.resume),
+        sources=Sources(robot.sources, robot.default_source, robot.acknowledge_stops),
         command_timeout_s=robot.command_timeout_s,
         link_is_up=lambda: robot.link_is_up,
         keyring=guard.keyring if guard is not None else None,

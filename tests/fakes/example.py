@@ -6,10 +6,14 @@ from types import NoneType, UnionType
 from typing import Annotated, Any, Literal, TypeVar, Union, get_args, get_origin
 
 from annotated_types import Ge, Gt, Le
+from msgspec import structs
 from pydantic import BaseModel, SecretStr, ValidationError
 from pydantic.fields import FieldInfo
 
-M = TypeVar("M", bound=BaseModel)
+from chefbotd.core.record import Record
+from chefbotd.rpc.encoding import UnknownData
+
+M = TypeVar("M")
 
 PLAIN: dict[Any, Any] = {bool: True, int: 1, float: 1.0, SecretStr: SecretStr("0123456789abcdef")}
 
@@ -20,6 +24,12 @@ def example(model: type[M]) -> M:
     Raises:
         TypeError: none of these is valid; ``Field(examples=[...])`` says what is.
     """
+    if issubclass(model, UnknownData):
+        return model()
+    if issubclass(model, Record):
+        needed = [field for field in structs.fields(model) if field.required]
+        return model(**{field.name: _value(field.name, field.type) for field in needed})
+    assert issubclass(model, BaseModel)
     values = {name: _member(name, field) for name, field in model.model_fields.items()}
     required = {name: values[name] for name, field in model.model_fields.items() if field.is_required()}
     for chosen in (required, *({**required, name: values[name]} for name in values), values):
@@ -52,7 +62,7 @@ def _value(name: str, kind: Any) -> Any:
         return parts[0]
     if origin is not None:
         return [_value(name, parts[0])] if origin is list else origin()
-    if isinstance(kind, type) and issubclass(kind, BaseModel):
+    if isinstance(kind, type) and issubclass(kind, BaseModel | Record):
         return example(kind)
     if isinstance(kind, type) and issubclass(kind, Enum):
         return next(iter(kind))

@@ -1,39 +1,40 @@
 """A robot behind the command socket that remembers what it was asked, and refuses on demand."""
 
 import math
-from collections.abc import Callable, Collection, Mapping
-from functools import cache, wraps
+from collections.abc import Callable, Mapping
+from functools import cache, partial, wraps
 from inspect import iscoroutinefunction
-
-from pydantic import BaseModel
+from typing import Any
 
 from chefbotd.clock import Clock, ManualClock
 from chefbotd.core.commands import Allowed, RefusalKind, Refused
 from chefbotd.core.events import ControlChanged, StatsSampled
+from chefbotd.core.events.navigation import GoalResult, PlanResult
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.core.record import replace
-from chefbotd.features.board.methods import BoardMethods
-from chefbotd.features.description.methods import DescriptionMethods
-from chefbotd.features.driving.methods import DrivingMethods
-from chefbotd.features.driving.methods import methods as driving_methods
+from chefbotd.features.description.models import RobotDescription
+from chefbotd.features.driving.commands import DriveCommands
+from chefbotd.features.driving.commands import methods as driving_methods
 from chefbotd.features.feature import Feature, methods_and_topics
-from chefbotd.features.navigation.methods import GoalResult, NavigationMethods, PlanResult, Waypoint
-from chefbotd.features.odometry.methods import OdometryMethods
-from chefbotd.features.statistics.methods import StatisticsMethods
-from chefbotd.features.tuning.methods import TuningMethods
+from chefbotd.features.navigation.commands import NavigationCommands
+from chefbotd.features.navigation.models import Waypoint
+from chefbotd.features.odometry.models import ResetOdometryParams
+from chefbotd.features.statistics.models import StatsData, stats_data
+from chefbotd.features.tuning.models import WheelParams, Wheels
 from chefbotd.motion.pid import PidParameters
-from chefbotd.navigation.section import NavigationSection
 from chefbotd.process.build import build
 from chefbotd.rpc.control_leases import ControlLeases, Sources
+from chefbotd.rpc.encoding import Sent
 from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.jobs import Progress
-from chefbotd.rpc.method import Caller, Method, methods_of
+from chefbotd.rpc.method import Caller, Method, method, methods_of
 from chefbotd.rpc.methods import method_table
-from chefbotd.rpc.models import Params
+from chefbotd.rpc.models import DONE, Done, NoParams, Params
 from chefbotd.rpc.roles import Role
 from chefbotd.rpc.topics import Topic
 from chefbotd.settings import load, packaged
 from chefbotd.testing.recording import write_inline
+from chefbotd.worker.parameters import NavigationSection
 from tests.fakes.example import example
 
 WHEELS = ("left", "right")
@@ -68,8 +69,8 @@ def real_features() -> tuple[Feature, ...]:
 class FakeNavigation:
     """Remembers with the robot's other calls what it was told; every goal is reached."""
 
-    def __init__(self, robot: "FakeRobot") -> None:
-        self._robot = robot
+    def __init__(self, robot: "FakeRobot", section: NavigationSection) -> None:
+        self._robot, self.section = robot, section
         self._count = 0
 
     async def navigate_to(self, waypoints: list[Waypoint], *, queue: bool) -> list[int]:
@@ -114,30 +115,39 @@ class FakeRobot:
 
     def __init__(self) -> None:
         self.calls: list[tuple[object, ...]] = []
-        self.resumed: list[str] = []
+        self.acknowledged: list[tuple[int, str | None]] = []
         self.answer: Exception | None = None
-        self.wheels = {name: PidParameters(kp=400.0, ki=100.0, output_limit=1023.0) for name in WHEELS}
+        self.pid = {name: PidParameters(kp=400.0, ki=100.0, output_limit=1023.0) for name in WHEELS}
 
     def _record(self, *call: object) -> None:
         if self.answer is not None:
             raise self.answer
         self.calls.append(call)
 
-    def drive(self, source: str, twist: Twist2D) -> Allowed[Twist2D]:
-        """Remember it; it goes 1 m/s at most."""
-        self._record("drive", source, twist)
+    @property
+    def wheels(self) -> "FakeRobot":
+        """What knows the wheels."""
+        return self
+
+    def wheel_velocities(self, velocity_rad_s: Mapping[str, float]) -> dict[str, float]:
+        """Only the two wheels of ``WHEELS`` are known."""
+        for wheel in velocity_rad_s:
+            if wheel not in WHEELS:
+                raise Refused(RefusalKind.UNKNOWN_WHEEL, f"no wheel {wheel}")
+        return dict(velocity_rad_s)
+
+    def command(self, source: str, motion: Twist2D | Mapping[str, float], client: int) -> None:
+        """Remember it."""
+        self._record("drive" if isinstance(motion, Twist2D) else "set_wheel_velocities", source, motion)
+
+    def of_twist(self, twist: Twist2D) -> Allowed[Twist2D]:
+        """It goes 1 m/s at most."""
         if abs(twist.linear_m_s) <= 1.0:
             return Allowed(twist)
         return Allowed(Twist2D(math.copysign(1.0, twist.linear_m_s), twist.angular_rad_s), "limits.linear")
 
-    def set_wheel_velocities(
-        self, source: str, velocity_rad_s: Mapping[str, float]
-    ) -> Allowed[Mapping[str, float]]:
-        """Remember it; only the two wheels of ``WHEELS`` are known, and they turn at 10 rad/s at most."""
-        self._record("set_wheel_velocities", source, dict(velocity_rad_s))
-        for wheel in velocity_rad_s:
-            if wheel not in WHEELS:
-                raise Refused(RefusalKind.UNKNOWN_WHEEL, f"no wheel {wheel}")
+    def of_wheels(self, velocity_rad_s: Mapping[str, float]) -> Allowed[Mapping[str, float]]:
+        """They turn at 10 rad/s at most."""
         fastest = max(map(abs, velocity_rad_s.values()))
         share = 1.0 if fastest <= 10.0 else 10.0 / fastest
         slowed = {name: velocity_rad_s.get(name, 0.0) * share for name in WHEELS}
@@ -147,13 +157,16 @@ class FakeRobot:
         """Remember it."""
         self._record("release", source)
 
-    def stop(self, by: str, excluded: Collection[str] = ()) -> None:
+    def note_try(self, source: str, client: int) -> None:
+        """Nothing: this robot holds nobody."""
+
+    def stop(self, by: str, client: int) -> None:
         """Remember it."""
         self._record("stop")
 
-    def resume(self, sources: Collection[str]) -> None:
-        """Remember whose driver asks anew, apart from the commands."""
-        self.resumed.extend(sources)
+    def acknowledge_stops(self, client: int, source: str | None = None) -> None:
+        """Remember who asks anew, apart from the commands."""
+        self.acknowledged.append((client, source))
 
     def estop(self, reason: str) -> None:
         """Remember it."""
@@ -163,57 +176,68 @@ class FakeRobot:
         """Remember it."""
         self._record("arm", *(() if latch is None else (latch,)))
 
-    def gains(self) -> Mapping[str, PidParameters]:
+    @method(role=Role.OBSERVE)
+    def get_pid(self, caller: Caller, params: NoParams) -> Wheels:
         """The gains as last set."""
         self._record("pid")
-        return self.wheels
+        return Wheels(wheels=dict(self.pid))
 
-    def change(self, wheel: str, changes: Mapping[str, object]) -> Mapping[str, PidParameters]:
+    @method(role=Role.ADMIN, moves=False)
+    def set_pid(self, caller: Caller, params: WheelParams) -> Wheels:
         """Change them; only the two wheels of ``WHEELS`` are known."""
-        self._record("set_pid", wheel, dict(changes))
+        wheel, changes = params.wheel, params.changes()
+        self._record("set_pid", wheel, changes)
         if wheel not in (*WHEELS, "all"):
             raise Refused(RefusalKind.UNKNOWN_WHEEL, f"no wheel {wheel}")
         for name in WHEELS:
             if wheel in (name, "all"):
-                self.wheels[name] = self.wheels[name].model_copy(update=changes)
-        return self.wheels
+                self.pid[name] = self.pid[name].model_copy(update=changes)
+        return Wheels(wheels=dict(self.pid))
 
-    def undo(self) -> Mapping[str, PidParameters]:
+    @method(role=Role.ADMIN, moves=False)
+    def undo_pid(self, caller: Caller, params: NoParams) -> Wheels:
         """Remember it; the gains as last set."""
         self._record("undo_pid")
-        return self.wheels
+        return Wheels(wheels=dict(self.pid))
 
-    def set_pose(self, pose: Pose2D) -> None:
+    @method(role=Role.DRIVE, moves=False)
+    def reset_odometry(self, caller: Caller, params: ResetOdometryParams) -> Done:
         """Remember it."""
-        self._record("set_odometry", pose)
+        self._record("set_odometry", Pose2D(params.x_m, params.y_m, params.heading_rad))
+        return DONE
 
-    def reset_board(self) -> None:
+    @method(role=Role.ADMIN, moves=False)
+    def reset_board(self, caller: Caller, params: NoParams) -> Done:
         """Remember it."""
         self._record("reset_board")
+        return DONE
 
-    def sample(self) -> StatsSampled:
+    @method(role=Role.OBSERVE)
+    def get_stats(self, caller: Caller, params: NoParams) -> StatsData:
         """The same ones always, but for a count of commands."""
         self._record("stats")
-        return replace(STATS, figures={**STATS.figures, "control_steps": len(self.calls)})
+        return stats_data(replace(STATS, figures={**STATS.figures, "control_steps": len(self.calls)}))
+
+    @method(role=Role.OBSERVE)
+    def get_description(self, caller: Caller, params: NoParams) -> RobotDescription:
+        """The same one always."""
+        return RobotDescription(urdf=self.description)
 
     def features(self, leases: ControlLeases, clock: Clock, *, simulated: bool = False) -> list[Feature]:
         """The real features' methods and topics, over this robot; a simulated one has lidars and the truth as well.
 
         ``calls`` has those that it does not carry out by their names and parameters.
         """
-        driving = DrivingMethods(
-            self, leases, clock, sources=self.sources, default_source=self.default_source
+        robot: Any = self
+        driving = DriveCommands(
+            robot, robot, leases, clock, sources=self.sources, default_source=self.default_source
         )
+        navigation: Any = FakeNavigation(self, NavigationSection())
         own = [
             *driving_methods(driving, self.arm_role),
-            *methods_of(OdometryMethods(self)),
-            *methods_of(TuningMethods(self)),
-            *methods_of(StatisticsMethods(self)),
-            *methods_of(DescriptionMethods(lambda: self.description)),
-            *methods_of(BoardMethods(self)),
-            *methods_of(NavigationMethods(FakeNavigation(self), NavigationSection())),
+            *methods_of(NavigationCommands(navigation)),
         ]
-        by_name = {each.name: each for each in own if each.name in BY_HAND}
+        by_name = {each.name: each for each in (*own, *methods_of(self)) if each.name in BY_HAND}
         return [
             Feature(
                 feature.name,
@@ -226,15 +250,18 @@ class FakeRobot:
 
     def _faked(self, method: Method, own: Method | None) -> Method:
         if own is not None:
-            return replace(method, handle=own.handle, role=own.role)
+            handle = (
+                own.handle if iscoroutinefunction(own.handle) else wraps(method.handle)(partial(own.handle))
+            )
+            return replace(method, handle=handle, role=own.role)
 
         @wraps(method.handle)
-        def remember(caller: Caller, params: Params) -> BaseModel:
+        def remember(caller: Caller, params: Params) -> Sent:
             self._record(method.name, params.model_dump(mode="json", exclude_unset=True))
             return example(method.result)
 
         @wraps(method.handle)
-        async def remember_in_a_job(caller: Caller, params: Params, progress: Progress) -> BaseModel:
+        async def remember_in_a_job(caller: Caller, params: Params, progress: Progress) -> Sent:
             return remember(caller, params)
 
         return replace(method, handle=remember_in_a_job if iscoroutinefunction(method.handle) else remember)
@@ -252,7 +279,7 @@ def table_of(robot: FakeRobot, fanout: Fanout, clock: Clock, leases: ControlLeas
         fanout,
         clock,
         leases,
-        Sources(robot.sources, robot.default_source, robot.resume),
+        Sources(robot.sources, robot.default_source, robot.acknowledge_stops),
     )
 
 

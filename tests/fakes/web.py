@@ -12,7 +12,7 @@ from websockets.protocol import Protocol, Side, State
 
 from chefbotd.metrics import Metrics
 from chefbotd.rpc.access import Guard
-from chefbotd.transport.web.parameters import PageParameters
+from chefbotd.transport.parameters import PageParameters
 from chefbotd.transport.web.server import PageServer
 from tests.fakes.api import Served, new_server
 
@@ -54,7 +54,7 @@ class Answer:
 
 async def read_head(reader: asyncio.StreamReader) -> tuple[int, dict[str, str]]:
     """An answer's status and its headers, in lower case."""
-    async with asyncio.timeout(10.0):
+    async with asyncio.timeout(60.0):
         first, *lines = (await reader.readuntil(b"\r\n\r\n")).decode().split("\r\n")
     pairs = (line.partition(":") for line in lines if line)
     return int(first.split()[1]), {name.lower(): value.strip() for name, _, value in pairs}
@@ -95,7 +95,7 @@ class FrameClient:
         """Send bytes as they are."""
         self._writer.write(data)
 
-    async def frame(self, timeout_s: float = 10.0) -> Frame:
+    async def frame(self, timeout_s: float = 60.0) -> Frame:
         """The next frame; raises ``EOFError`` at the end of the connection."""
         async with asyncio.timeout(timeout_s):
             while not self._read:

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from firmware_protocol.levels import is_packed, pack, unpack
+from firmware_protocol.lines import is_packed, pack, unpack
 
 
 @pytest.mark.parametrize(

@@ -14,6 +14,7 @@ def step(
     measured_m_s: float,
     dt_s: float,
     scrub_duty: float = 0.0,
+    integral_share: float = 1.0,
 ) -> tuple[PidState, float]:
     """The next state and the duty."""
     dt_s = dt_s if dt_s >= SHORTEST_S else 0.0
@@ -22,7 +23,7 @@ def step(
     error = error if abs(error) > params.deadband else 0.0
     other = feedforward(params, setpoint_m_s, acceleration_m_s2, scrub_duty) + _fading(seen, setpoint_m_s)
     other = other + params.kp * error + seen.derivative_duty
-    integral = _integrate(params, seen.integral_duty, params.ki * error * dt_s, other, dt_s)
+    integral = _integrate(params, seen.integral_duty, params.ki * error * dt_s * integral_share, other, dt_s)
     return replace(seen, integral_duty=integral), _clamp(other + integral, params.output_limit)
 
 

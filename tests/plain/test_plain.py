@@ -42,16 +42,20 @@ GAINS = st.builds(
 STEPS = st.lists(st.tuples(speeds, speeds, speeds, st.floats(-0.01, 0.1)), min_size=1, max_size=20)
 
 
-@given(GAINS, STEPS, st.floats(-200, 200), st.floats(0, 30))
+@given(GAINS, STEPS, st.floats(-200, 200), st.floats(0, 30), st.sampled_from([0.2, 1.0]))
 @settings(max_examples=examples(300))
 def test_a_step_of_the_pid(
-    gains: PidParameters, steps: list[tuple[float, float, float, float]], fading: float, scrub: float
+    gains: PidParameters,
+    steps: list[tuple[float, float, float, float]],
+    fading: float,
+    scrub: float,
+    share: float,
 ) -> None:
     """Any gains, setpoints and measurements, also after new gains have left something to fade."""
     state = plain = PidState(fading_duty=fading, setpoint_m_s=0.2)
     for setpoint, acceleration, measured, dt_s in steps:
-        state, duty = pid.step(gains, state, setpoint, acceleration, measured, dt_s, scrub)
-        plain, expected = plain_pid.step(gains, plain, setpoint, acceleration, measured, dt_s, scrub)
+        state, duty = pid.step(gains, state, setpoint, acceleration, measured, dt_s, scrub, share)
+        plain, expected = plain_pid.step(gains, plain, setpoint, acceleration, measured, dt_s, scrub, share)
         assert (state, duty) == (plain, expected)
 
 

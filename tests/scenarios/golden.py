@@ -35,8 +35,11 @@ UNRECORDED = (events.StatsSampled, events.TruthSimulated, events.LineSeen, event
 EVENTS = tuple(
     each
     for _, each in inspect.getmembers(events, inspect.isclass)
-    if issubclass(each, Record) and each not in UNRECORDED
+    if issubclass(each, Record) and "stamp_s" in each.__struct_fields__ and each not in UNRECORDED
 )
+
+
+TIMES = ("stamp_s", "arrival_s", "board_s")
 
 
 @dataclass(frozen=True)
@@ -114,9 +117,9 @@ async def _apply(step: Step, device: FakeSerialDevice, client: Client) -> None:
 
 
 def _tell(event: Any, start_s: float) -> str:
-    fields = []
-    for name, value in asdict(event).items():
-        if name in ("stamp_s", "arrival_s", "board_s"):
+    fields, values = [], asdict(event)
+    for name, value in sorted(values.items(), key=lambda item: item[0] not in TIMES):
+        if name in TIMES:
             value -= start_s
         elif name == "latch":
             value %= LATCHES_PER_SESSION  # no two starts of a daemon have the same
@@ -159,9 +162,9 @@ def _tap(robot: SimulatedRobot, note: Callable[[str, Any], None]) -> None:
     feed, call = robot.device.feed, robot.client.call
     unplug, plug = robot.device.unplug, robot.device.plug
 
-    async def noted_call(method: str, /, **params: Any) -> dict[str, Any]:
+    async def noted_call(method: str, /, *, on_progress: Any = None, **params: Any) -> dict[str, Any]:
         note("call", [method, params])
-        return await call(method, **params)
+        return await call(method, on_progress=on_progress, **params)
 
     def noted_feed(data: bytes) -> None:
         note("board", data)

@@ -14,7 +14,7 @@ from typing import Any
 from structlog.testing import capture_logs
 
 from chefbotd.client import ChefbotError
-from chefbotd.client.goals import GoalNotReached
+from chefbotd.client.errors import GoalNotReached
 from chefbotd.testing.daemon import SimulatedRobot
 from tests.scenarios.fault_run import Result
 from tests.scenarios.instruments import FrameCount, StepCount, Stopwatch

@@ -12,6 +12,7 @@ from typing import Any
 from chefbotd.clock import run_virtual
 from chefbotd.core.events import SafetyChanged
 from chefbotd.core.events.navigation import NavigationChanged
+from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.maps.contents import save
 from chefbotd.maps.store import MapStore
 from chefbotd.settings import load, packaged
@@ -69,13 +70,18 @@ def in_flat(
     before: Callable[[SimulatedRobot], None] = lambda robot: None,
     overrides: Mapping[str, object] = UNCHANGED,
     worker_late_s: float = 0.0,
+    grid: OccupancyGrid | None = None,
 ) -> None:
     """Run a scenario with the robot armed and localized, on a map with these zones.
+
+    With a ``grid`` that is where it drives, and the map "hall", in place of the flat.
 
     ``before`` is called with the robot before it localizes itself; ``overrides`` change its configuration. A worker that
     starts later by a part of its step of 50 ms makes all its steps so much later after the lidar's turns.
     """
-    save(MapStore(folder, 3), "flat", FLAT.grid())
+    name = "flat" if grid is None else "hall"
+    world = {} if grid is None else {"sim.world.map_path": str(folder / "hall.yaml")}
+    save(MapStore(folder, 3), name, grid or FLAT.grid())
     if zones:
         (folder / "flat.map" / "zones.yaml").write_text(zones)
     children: list[Child] = []
@@ -87,18 +93,18 @@ def in_flat(
 
     async def run() -> None:
         settings = load(
-            packaged("chefbot_lidar"), overrides={"maps.folder": str(folder), **START, **overrides}
+            packaged("chefbot_lidar"), overrides={"maps.folder": str(folder), **START, **world, **overrides}
         )
         async with simulated_robot(settings, spawn_worker=spawn) as robot:
             drive = Drive(robot, children, folder)
             before(robot)
             await asyncio.sleep(1.5)
-            await robot.client.load_map("flat")
+            await robot.client.load_map(name)
             async with asyncio.timeout(15.0), robot.client.subscribe("localization") as events:
                 async for event in events:
                     if event.data.state == "localized":
                         break
-            await asyncio.wait_for(scenario(drive), 120.0)
+            await asyncio.wait_for(scenario(drive), 120.0 if grid is None else 900.0)
             assert not drive.truth.in_contact
 
     run_virtual(run())

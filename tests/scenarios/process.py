@@ -19,19 +19,33 @@ from chefbotd.sim.pty import PtyBoard
 from chefbotd.sim.simulation import board_sender, build_launchpad
 from tests.scenarios.robots import packaged_name, settings_of
 
-PATIENCE_S = 60.0
-"""For a whole scenario; a busy machine may take half of it for the daemon's start."""
+PATIENCE_S = 100.0
+"""For a whole scenario, which may start two daemons; a busy machine takes half a minute for each."""
 SPEED_M_S = 0.2
+REST_M_S = 0.005
 PERIOD_S = 0.02
 PLAIN: Mapping[str, str] = {}
+BUSY_COMPUTER: Mapping[str, str] = {
+    "CHEFBOTD_SAFETY__ENCODERS__MAX_AGE_S": "2",
+    "CHEFBOTD_SAFETY__ENCODERS__LATCH_AFTER_S": "60",
+    "CHEFBOTD_SAFETY__UNRESPONSIVE__REACTION_S": "10",
+    "CHEFBOTD_SAFETY__WHEELS__STALLED_S": "60",
+    "CHEFBOTD_WATCHDOG__LATCH_PAUSES": "100",
+}
+"""The simulated board runs in the test's own process: where that gets no time, the robot seems to have a fault."""
 
 # A fault of the program itself is a few lines of Python before its start.
 GET_STATS = """
-import ctypes, time, types
-broken = types.SimpleNamespace(sample=lambda: %s)
-methods.StatisticsMethods.__init__ = lambda self, _: setattr(self, "_statistics", broken)
+import ctypes, functools, time
+get_stats = service.StatsService.get_stats
+service.StatsService.get_stats = functools.wraps(get_stats)(lambda self, caller, params: %s)
 """
 BLOCKED = GET_STATS % "time.sleep(1.0)"
+HELD = (
+    "import os\n"
+    + GET_STATS % "[time.sleep(0.01) for _ in iter(lambda: os.path.exists(os.environ['HELD']), False)]"
+)
+"""Blocked for as long as there is the file that the environment names."""
 OUT_OF_MEMORY = GET_STATS % "bytearray(1 << 60)"
 CRASH = GET_STATS % "ctypes.string_at(0)"
 UNREAD_LOG = """
@@ -138,6 +152,7 @@ class Program:
                 socket.create_connection(("127.0.0.1", self.port)).close()
                 break
             except ConnectionRefusedError:
+                assert self.process.returncode is None, "the daemon has ended"
                 await asyncio.sleep(PERIOD_S)
         async with Client.connect("127.0.0.1", self.port) as client:
             yield client
@@ -171,7 +186,7 @@ async def _daemon(
 ) -> AsyncIterator[Program]:
     port = _free_port()
     start = "from chefbotd.cli.programs.chefbotd import main\nmain()"
-    program = f"from chefbotd.features.statistics import methods\n{fault}\n{start}"
+    program = f"from chefbotd.features.statistics import service\n{fault}\n{start}"
     where = ("--port", str(board.device), "--listen", f"{host}:{port}")
     inherited = {name: text for name, text in os.environ.items() if name != "RUNTIME_DIRECTORY"}
     with log.open("wb") as sink:
@@ -179,7 +194,7 @@ async def _daemon(
             sys.executable,
             *("-c", program, "run", "--config", str(packaged(packaged_name(board.robot))), *where),
             stderr=sink,
-            env={**inherited, **environment},
+            env={**inherited, **BUSY_COMPUTER, **environment},
         )
     try:
         yield Program(process, board, port, log, environment)
@@ -213,11 +228,25 @@ async def driving(
 async def drive_until_told(board: Board, client: Client) -> None:
     """Command a motion until the board hears of one."""
     while not board.told_to_move:
-        await _drive_once(client)
+        await drive_once(client)
         await asyncio.sleep(PERIOD_S)
 
 
-async def _drive_once(client: Client) -> None:
+async def drive_on(board: Board, client: Client) -> None:
+    """Command a motion until the board hears of one more."""
+    before = len(board.heard)
+    while all(map(board.is_stop, (line for _, line in board.heard[before:]))):
+        await drive_once(client)
+        await asyncio.sleep(PERIOD_S)
+
+
+async def stopped(board: Board) -> None:
+    """Until the board was told to stand, and the robot does; the scenario's end is the only limit."""
+    while board.told_to_move or board.speed_m_s > REST_M_S:  # noqa: ASYNC110 - nobody tells us
+        await asyncio.sleep(PERIOD_S)
+
+
+async def drive_once(client: Client) -> None:
     """Nobody drives a robot whose board is not heard yet; what waited too long on a busy machine is sent again."""
     try:
         await client.drive(SPEED_M_S, 0.0)

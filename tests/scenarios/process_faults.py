@@ -36,8 +36,8 @@ from tests.scenarios.process import (
 )
 from tests.scenarios.robots import ROBOTS
 
-IDLE_CLIENTS, FROZEN_S = 60, 0.6
-RUN_UP_S, WATCHED_S = 0.8, 1.5
+IDLE_CLIENTS, FROZEN_S, HELD_UP_S = 60, 1.1, 0.6
+RUN_UP_S, WATCHED_S = 0.8, 2.0
 LOOK_S = 0.005
 SENT = (
     signal.SIGTERM,
@@ -137,12 +137,12 @@ async def _crowded(program: Program, client: Client) -> tuple[str, ...]:
     return () if b'"ok":true' in answer else (f"answered with {answer!r}",)
 
 
-async def _frozen(program: Program, client: Client) -> tuple[str, ...]:
+async def _frozen(seconds: float, program: Program, client: Client) -> tuple[str, ...]:
     """Stopped and continued, as by a debugger; the driver's commands wait in the kernel meanwhile."""
     del client
     os.kill(program.process.pid, signal.SIGSTOP)
     try:
-        await asyncio.sleep(FROZEN_S)
+        await asyncio.sleep(seconds)
     finally:
         os.kill(program.process.pid, signal.SIGCONT)
     return ()
@@ -169,9 +169,15 @@ PROCESS_FAULTS = (
     ),
     Ending(
         "The program is frozen",
-        "SIGSTOP and SIGCONT after 0.6 s",
-        _frozen,
+        "SIGSTOP and SIGCONT after 1.1 s",
+        partial(_frozen, FROZEN_S),
         latched("loop_blocked", FROZEN_S + 0.25),
+    ),
+    Ending(
+        "The control loop is held up",
+        "SIGSTOP and SIGCONT after 0.6 s",
+        partial(_frozen, HELD_UP_S),
+        drives_on("the control loop stood still while it drove"),
     ),
     Ending(
         "Too many clients",

@@ -19,11 +19,11 @@ FASTEST_M_S = 0.45
 """Asked for 0.2 m/s: a damaged command is obeyed until the next one. Measured: 0.30 on ChefBot, 0.39 on KHAN."""
 
 ENDS = {
-    "flip": {None, "board_restarted", "echo_mismatch", "wheel_reversed"},
+    "flip": {None, "board_restarted", "echo_mismatch", "wheel_reversed", "wheel_stalled"},
     "drop": {None, "echo_mismatch", "wheel_reversed"},
     "double": {None, "echo_mismatch", "overspeed"},
 }
-"""It drives on, or is disarmed: a flipped ``s`` reset the board, or it carried out other or more than it was told."""
+"""It drives on, or is disarmed: a flipped ``s`` reset the board, or it did other than it was told, and met a wall."""
 
 
 def slow(robot: str, share: str, seed: int) -> object:

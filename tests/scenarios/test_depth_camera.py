@@ -9,15 +9,14 @@ import numpy as np
 import pytest
 
 from chefbotd.clock import run_virtual
-from chefbotd.core.events.lidars import DepthCameraChanged
-from chefbotd.core.events.scans import ScanMeasured
+from chefbotd.core.events.lidars import DepthCameraChanged, ScanMeasured
 from chefbotd.maps.contents import save
 from chefbotd.maps.store import MapStore
+from chefbotd.rpc.encoding import plain
 from chefbotd.settings import SettingsError, load, packaged
 from chefbotd.settings.model import Settings
 from chefbotd.sim.worlds.flat import FLAT
-from chefbotd.testing.daemon import simulated_robot
-from chefbotd.testing.depth import SimulatedDepthChild
+from chefbotd.testing.daemon import SimulatedDepthChild, simulated_robot
 from chefbotd.testing.worker import worker_in_process
 from tests.budget import sample
 
@@ -76,9 +75,9 @@ def test_scans_and_health_are_on_the_socket_with_and_without_a_lidar(robot_name:
             await asyncio.sleep(1.0)
             async with asyncio.timeout(5):
                 async with robot.client.subscribe("depth_cameras") as events:
-                    assert (await anext(events)).data.model_dump()["cameras"][0]["healthy"] is True
+                    assert plain((await anext(events)).data)["cameras"][0]["healthy"] is True
                 async with robot.client.subscribe("scan") as events:
-                    while (scan := (await anext(events)).data.model_dump())["lidar"] != "eye":
+                    while (scan := plain((await anext(events)).data))["lidar"] != "eye":
                         pass
             assert len(scan["range_mm"]) == 80
             stats = await robot.client.call("get_stats")

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from chefbotd.clock import run_virtual
-from chefbotd.core.events.lidars import LidarChanged
-from chefbotd.core.events.scans import ScanMeasured
-from chefbotd.perception.laser_scan import BeamParameters, Track, points_in_base
+from chefbotd.core.events.lidars import LidarChanged, ScanMeasured
+from chefbotd.perception.laser_scan import OdometryTrack, points_in_base
 from chefbotd.settings import load, packaged
 from chefbotd.sim.lidar import LidarFault
 from chefbotd.sim.rooms import scene_of
@@ -33,7 +32,7 @@ def in_flat(scenario: Callable[[SimulatedRobot], Awaitable[None]], **overrides: 
     run_virtual(run())
 
 
-async def trail_of(robot: SimulatedRobot, seconds: float) -> Track:
+async def trail_of(robot: SimulatedRobot, seconds: float) -> OdometryTrack:
     """Where the robot truly is, every 10 ms."""
     rows = []
     for _ in range(round(seconds / 0.01)):
@@ -42,7 +41,7 @@ async def trail_of(robot: SimulatedRobot, seconds: float) -> Track:
         pose = robot.board.truth(now_s).world_from_base
         rows.append((now_s, pose.x_m, pose.y_m, pose.heading_rad))
     times = np.array(rows)
-    return Track(times[:, 0], times[:, 1:])
+    return OdometryTrack(times[:, 0], times[:, 1:])
 
 
 def to_walls_m(points: np.ndarray) -> np.ndarray:
@@ -62,7 +61,7 @@ def test_scans_of_a_robot_that_turns_and_drives_lie_on_the_walls() -> None:
             truth = await trail_of(robot, 3.0)
             await driving
         assert 27 <= len(seen) <= 31
-        beams = BeamParameters(max_range_m=12.0)
+        beams = (0.05, 12.0)
         off_m = []
         for scan in seen[2:-2]:
             assert scan.base_from_lidar.x_m == 0.05
@@ -164,9 +163,9 @@ def test_cut_and_doubled_packets_make_no_false_wall(fault: LidarFault) -> None:
         await asyncio.sleep(3.0)
         pose = robot.board.truth(0.0).world_from_base
         cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
-        standing = Track(np.zeros(1), np.zeros((1, 3)))
+        standing = OdometryTrack(np.zeros(1), np.zeros((1, 3)))
         for scan in seen:
-            points = points_in_base(BeamParameters(), scan.base_from_lidar, scan.scan, standing)
+            points = points_in_base((0.05, 30.0), scan.base_from_lidar, scan.scan, standing)
             off_m = to_walls_m(points @ np.array([[cos, sin], [-sin, cos]]) + [pose.x_m, pose.y_m])
             assert np.quantile(off_m, 0.95) < 0.05
 

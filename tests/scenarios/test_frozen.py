@@ -12,12 +12,20 @@ import pytest
 
 from chefbotd.client import Client
 from tests.budget import sample
-from tests.scenarios.process import PERIOD_S, SPEED_M_S, Board, Program, driving
+from tests.scenarios.process import (
+    PERIOD_S,
+    REST_M_S,
+    SPEED_M_S,
+    Board,
+    Program,
+    drive_once,
+    driving,
+    stopped,
+)
 
 pytestmark = pytest.mark.realtime
 
 DRIVE = b'{"jsonrpc":"2.0","id":1,"method":"drive","params":{"linear_m_s":0.2,"angular_rad_s":0.1}}\n'
-STILL_M_S = 0.005
 
 
 @asynccontextmanager
@@ -42,8 +50,7 @@ async def fastest_m_s(board: Board, seconds: float) -> float:
 async def at_rest(board: Board, client: Client) -> None:
     """Let go, and wait until it stands and no duty is left."""
     await client.stop()
-    while board.told_to_move or board.speed_m_s > STILL_M_S:  # noqa: ASYNC110 - nobody tells us
-        await asyncio.sleep(PERIOD_S)
+    await stopped(board)
     await asyncio.sleep(0.5)
 
 
@@ -105,7 +112,7 @@ def test_drives_that_were_sent_during_a_freeze_move_nothing(tmp_path: Path):
                     await asyncio.sleep(0.2)
             answers = [json.loads(await reader.readline()) for _ in range(5)]
             assert [answer["error"]["data"]["kind"] for answer in answers] == ["too_old"] * 5
-            assert await fastest_m_s(program.board, 1.0) <= STILL_M_S
+            assert await fastest_m_s(program.board, 1.0) <= REST_M_S
             assert await told(client) == ("armed", None)
 
     asyncio.run(scenario())
@@ -121,10 +128,10 @@ def test_a_freeze_at_rest_is_no_fault(tmp_path: Path, frozen_s: float):
             await at_rest(program.board, client)
             async with frozen(program):
                 await asyncio.sleep(frozen_s)
-            assert await fastest_m_s(program.board, 1.0) <= STILL_M_S
+            assert await fastest_m_s(program.board, 1.0) <= REST_M_S
             assert await told(client) == ("armed", None)
             while program.board.speed_m_s < SPEED_M_S / 2:
-                await client.drive(SPEED_M_S, 0.0)
+                await drive_once(client)
                 await asyncio.sleep(PERIOD_S)
             assert await told(client) == ("armed", None)
 
@@ -138,12 +145,12 @@ def test_a_freeze_in_mid_drive_ends_in_a_stop(tmp_path: Path, frozen_s: float):
     async def scenario() -> None:
         async with driving(tmp_path) as (program, client):
             while program.board.speed_m_s < SPEED_M_S / 2:
-                await client.drive(SPEED_M_S, 0.0)
+                await drive_once(client)
                 await asyncio.sleep(PERIOD_S)
             async with frozen(program):
                 await asyncio.sleep(frozen_s)
-            await asyncio.sleep(0.6)
-            assert await fastest_m_s(program.board, 0.5) <= STILL_M_S
+            await stopped(program.board)
+            assert await fastest_m_s(program.board, 0.5) <= REST_M_S
             assert await told(client) == ("disarmed", "loop_blocked")
             assert not program.board.told_to_move
 

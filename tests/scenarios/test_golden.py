@@ -20,3 +20,11 @@ def test_the_recorded_inputs_are_those_of_the_simulated_robot(name: str):
     stop = "s" + " 0" * len(golden.STORIES[name].settings().chassis.wheels)
     assert any("> b's " in line and f"> b'{stop}" not in line for line in expected)
     assert [line for line in expected if " > " in line][-1].endswith(4 * rf"{stop}\r" + "'")
+
+
+def test_the_inputs_can_be_recorded_anew():
+    """What goes into a daemon is noted as lines that are read back as the same steps."""
+    steps = golden.record(golden.STORIES["khan"])
+    assert {step.kind for step in steps} == {"board", "call"}
+    lines = [step.dump() for step in steps]
+    assert [golden.Step.parse(line).dump() for line in lines] == lines

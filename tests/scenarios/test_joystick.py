@@ -5,7 +5,7 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from chefbotd.cli.drive.gamepad import Button, PadParameters, Reading
+from chefbotd.cli.drive.gamepad import Button, PadReading, StickScale
 from chefbotd.cli.drive.joystick import JoystickPilot
 from chefbotd.client import Client
 from chefbotd.clock import run_virtual
@@ -14,7 +14,7 @@ from chefbotd.settings import load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from tests.budget import sample
 
-HELD = Reading(1.0, 0.0, frozenset({Button.ENABLE}))
+HELD = PadReading(1.0, 0.0, frozenset({Button.ENABLE}))
 
 
 class Pad:
@@ -23,9 +23,9 @@ class Pad:
     name = "Pad"
 
     def __init__(self) -> None:
-        self.reading: Reading | None = Reading()
+        self.reading: PadReading | None = PadReading()
 
-    def read(self) -> Reading | None:
+    def read(self) -> PadReading | None:
         return self.reading
 
 
@@ -41,7 +41,7 @@ def with_a_pad(script: Script) -> None:
             pad = Pad()
             async with Client.connect(*await robot.daemon.server.address()) as client:
                 pilot = asyncio.create_task(
-                    JoystickPilot(client, pad, lambda _text: None, PadParameters()).run()
+                    JoystickPilot(client, pad, lambda _text: None, StickScale()).run()
                 )
                 await asyncio.sleep(0.1)
                 await script(robot, pad)
@@ -63,8 +63,8 @@ async def navigate(robot: SimulatedRobot) -> None:
         await asyncio.sleep(0.2)
 
 
-@pytest.mark.parametrize("released", sample([Reading(1.0, 0.0), None]))
-def test_who_lets_go_gives_the_robot_back(released: Reading | None):
+@pytest.mark.parametrize("released", sample([PadReading(1.0, 0.0), None]))
+def test_who_lets_go_gives_the_robot_back(released: PadReading | None):
     """The button up, or the pad unplugged: navigation's live command is followed at once, and nobody is stopped."""
 
     async def script(robot: SimulatedRobot, pad: Pad) -> None:
@@ -90,7 +90,7 @@ def test_who_lets_go_leaves_no_velocity_behind():
     async def script(robot: SimulatedRobot, pad: Pad) -> None:
         pad.reading = HELD
         await asyncio.sleep(1.5)
-        pad.reading = Reading(1.0, 0.0)
+        pad.reading = PadReading(1.0, 0.0)
         await asyncio.sleep(0.15)
         assert not any(robot.board.duty)
         state = (await robot.client.call("get_state"))["safety"]
@@ -104,7 +104,7 @@ def test_its_stop_is_for_everybody():
 
     async def script(robot: SimulatedRobot, pad: Pad) -> None:
         await robot.client.drive(0.1, 0.0, "move_base")
-        pad.reading = Reading(down=frozenset({Button.STOP}))
+        pad.reading = PadReading(down=frozenset({Button.STOP}))
         await asyncio.sleep(0.02)
         assert (await robot.client.call("get_state"))["safety"]["source"] is None
 

@@ -9,7 +9,7 @@ from collections.abc import Awaitable, Callable
 import pytest
 from structlog.testing import capture_logs
 
-from chefbotd.cli.drive.course import CourseParameters, TurnTo
+from chefbotd.cli.drive.course import TurnTo
 from chefbotd.cli.drive.course_driver import CourseDriver
 from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
@@ -188,9 +188,7 @@ def test_a_turn_in_place_ends(robot_name: str, board: dict[str, object], degrees
 
         telling = asyncio.create_task(tell_truth())
         target = TurnTo(Pose2D(0.0, 0.0, heading_rad))
-        drive_course = await CourseDriver(
-            robot.client, CourseParameters(), lambda progress: None
-        ).drive_course([target])
+        drive_course = await CourseDriver(robot.client, lambda progress: None).drive_course([target])
         telling.cancel()
         odometric, true = drive_course.marks[-1].odometric, drive_course.marks[-1].true
         assert true is not None

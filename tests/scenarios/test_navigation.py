@@ -36,6 +36,20 @@ async def test_a_goal_in_a_wall_is_unreachable_and_nothing_moves(drive: Drive) -
     assert drive.off()[0] > 1.2
 
 
+@drives_in_flat(overrides={"safety.guard.stop_distance_m": 0.18})
+async def test_goals_beside_a_wall_are_reached_where_the_guard_stops_the_robot_farther_off(
+    drive: Drive,
+) -> None:
+    """0.11 m from the hall's wall, straight ahead, where the guard stops it at 0.15 m: three headings."""
+    x_m, y_m = 2.0, 4.6 - 0.18 - 0.11
+    for heading_rad in (math.pi / 2 + 1.1, math.pi / 2, 0.3):
+        assert "reached" in await drive.begin(x_m=x_m, y_m=y_m, heading_rad=heading_rad)
+        pose = drive.truth.world_from_base
+        assert math.dist((pose.x_m, pose.y_m), (x_m, y_m)) < 0.04
+        assert abs(math.remainder(pose.heading_rad - heading_rad, math.tau)) < math.radians(3)
+    assert "obstacle:front" in {event.limited_by for event in drive.safety}
+
+
 @drives_in_flat()
 async def test_a_killed_worker_leaves_the_robot_standing_and_the_next_one_goes_on(drive: Drive) -> None:
     """At rest within the dead-man and the ramp; told why; then the goal is reached all the same."""
@@ -91,7 +105,7 @@ async def test_an_estop_ends_the_goal_as_a_fault(drive: Drive) -> None:
     await drive.client.estop("a child")
     with pytest.raises(GoalFault, match="a child"):
         await leg
-    with pytest.raises(CallError, match="send 'arm' first"):
+    with pytest.raises(CallError, match="arm the robot first"):
         await drive.begin()
     await drive.client.arm()
     assert "reached" in await drive.begin()

@@ -82,6 +82,34 @@ async def test_zones_that_change_in_mid_drive_hold_when_the_map_is_loaded_again(
     assert "reached" in await drive.begin()
 
 
+@drives_in_flat()
+async def test_a_map_that_is_renamed_in_mid_drive_is_the_same_map(drive: Drive) -> None:
+    """Twice in a row: the goal goes on and is reached, the pose stays known, and the state has the new name."""
+    leg = drive.begin()
+    await drive.until_driving()
+    await drive.client.rename_map("flat", "home")
+    await drive.client.rename_map("home", "our flat")
+    await asyncio.sleep(1.0)
+    known = (await drive.client.get_state()).topics["localization"].data
+    assert (known.state, known.map) == ("localized", "our flat")
+    assert "reached" in await leg
+    assert drive.off()[0] < 0.04
+    assert not any("lost" in event.reason or event.state == "fault" for event in drive.told)
+
+
+@drives_in_flat()
+async def test_a_map_that_is_renamed_while_the_worker_is_away_is_the_same_map(drive: Drive) -> None:
+    """The next worker has it under its new name, tries the pose that was kept, and the goal goes on."""
+    leg = drive.begin()
+    await drive.until_driving()
+    drive.children[-1].kill()
+    await asyncio.sleep(0.1)
+    await drive.client.rename_map("flat", "home")
+    assert "reached" in await leg
+    known = (await drive.client.get_state()).topics["localization"].data
+    assert (known.state, known.map) == ("localized", "home")
+
+
 @drives_in_flat(zones="keep_out: [stairs]")
 async def test_zones_that_cannot_be_read_let_nothing_drive(drive: Drive) -> None:
     """A file that is no zones: where not to go is not known, so goals are refused, and why is said."""

@@ -95,7 +95,7 @@ def found(
             await asyncio.sleep(1.0)
             rewire(robot, b"e", broken)
             start_s = asyncio.get_running_loop().time()
-            with pytest.raises(CallError, match="disarmed"):
+            with pytest.raises(CallError, match="the robot is stopped"):
                 await rock(robot, motion, half_period_s, 10.0)
             return asyncio.get_running_loop().time() - start_s, *await fault_of(robot)
 

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.scenarios.process import PATIENCE_S, driving, started
+from tests.scenarios.process import PATIENCE_S, drive_on, drive_once, driving, started
 
 pytestmark = pytest.mark.realtime
 
@@ -43,12 +43,12 @@ def test_sighup_reloads_and_the_watchdog_is_fed_while_the_robot_drives(tmp_path:
             reloading = asyncio.create_task(until(heard, "READY=1"))
             os.kill(program.process.pid, signal.SIGHUP)
             while not reloading.done():
-                await client.drive(0.2, 0.0)
+                await drive_once(client)
                 await asyncio.sleep(0.05)
             told = reloading.result()
             assert any("RELOADING=1\nMONOTONIC_USEC=" in message for message in told)
             assert "reloaded: nothing has changed" in told[-1]
-            assert program.board.told_to_move
+            await drive_on(program.board, client)
             assert (await client.call("get_state"))["safety"]["armed"]
             program.process.terminate()
             assert await program.ended() == 0

@@ -6,7 +6,7 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from chefbotd.cli.drive.course import CourseParameters, square
+from chefbotd.cli.drive.course import square
 from chefbotd.cli.drive.course_driver import CourseDriver, problems
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.sim_parameters.sketches import SKETCHES, SketchName
@@ -104,7 +104,7 @@ def test_a_square_closes(robot: str):
 
     async def scenario(simulated: SimulatedRobot) -> None:
         start = simulated.board.truth(0.0).world_from_base
-        course = CourseDriver(simulated.client, CourseParameters(), lambda progress: None)
+        course = CourseDriver(simulated.client, lambda progress: None)
         telling = asyncio.create_task(tell_the_truth(simulated))
         result = await course.drive_course(square(1.0))
         telling.cancel()

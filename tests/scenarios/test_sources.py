@@ -7,7 +7,7 @@ from itertools import pairwise
 import pytest
 
 from chefbotd.cli.drive.timed_drive import drive_for
-from chefbotd.cli.tune.excitation import Exciter, WaveParameters
+from chefbotd.cli.tune.excitation import Exciter, Wave
 from chefbotd.client import Client
 from chefbotd.clock import run_virtual
 from chefbotd.core.events import SafetyChanged, WheelsDriven
@@ -117,7 +117,7 @@ async def timed_drive(robot: Client) -> None:
 
 async def wave(robot: Client) -> None:
     """A second of the wave of ``pid tune``, and leaving."""
-    exciter = Exciter(robot, WaveParameters(), lambda refusal: None)
+    exciter = Exciter(robot, Wave(0.1, 1.5), lambda refusal: None)
     exciter.start()
     running = asyncio.create_task(exciter.run())
     await asyncio.sleep(1.0)

@@ -6,7 +6,6 @@ import signal
 import ssl
 from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
 from contextlib import AsyncExitStack, asynccontextmanager
-from dataclasses import dataclass, field, replace
 from typing import Any, Protocol, Self, TypeVar
 
 from chefbotd.cli.common.arguments import Address
@@ -21,6 +20,7 @@ from chefbotd.client import (
     IncompatibleProtocol,
     NoGreeting,
 )
+from chefbotd.core.record import Record, replace
 
 T = TypeVar("T")
 
@@ -65,19 +65,21 @@ async def beside(*loops: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
         await asyncio.wait(tasks)
 
 
-@dataclass(frozen=True, slots=True)
-class Credentials:
+class Credentials(Record, frozen=True):
     """The token for the daemon, and the TLS context that verifies its certificate (None: not encrypted)."""
 
-    token: str | None = field(default=None, repr=False)
+    token: str | None = None
     tls: ssl.SSLContext | None = None
+
+    def __repr__(self) -> str:
+        """Without the token."""
+        return f"Credentials(encrypted={self.tls is not None})"
 
 
 NO_CREDENTIALS = Credentials()
 
 
-@dataclass(frozen=True, slots=True)
-class CommandContext:
+class CommandContext(Record, frozen=True):
     """Where the daemon is, whether to print JSON, how to run an event loop, and the credentials."""
 
     address: Address

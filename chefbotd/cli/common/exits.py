@@ -1,6 +1,9 @@
-"""The exit codes of both programs and their meaning, as shown in ``--help``."""
+"""The exit codes of both programs, the failure that ends with one, and parts that need packages of an optional extra."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from enum import IntEnum
+from importlib import import_module
 
 
 class Exit(IntEnum):
@@ -51,3 +54,30 @@ class ProgramError(Exception):
         super().__init__(message)
         self.code = code
         self.details = details
+
+
+@contextmanager
+def extra(name: str, *packages: str) -> Iterator[None]:
+    """Around an import: tell the user to install the extra ``name`` if one of its ``packages`` is missing.
+
+    Raises:
+        ProgramError: a package, or a shared library that it needs, is missing. Other import errors pass unchanged.
+    """
+    try:
+        yield
+    except ImportError as error:
+        if error.name is not None and error.name.partition(".")[0] not in packages:
+            raise
+        advice = f"pip install 'chefbotd[{name}]'"
+        raise ProgramError(Exit.NOT_INSTALLED, f"an optional part is missing ({error}): {advice}") from error
+
+
+def require(name: str, *packages: str) -> None:
+    """Import the ``packages`` of the extra ``name``, so that a missing one is told before anything is begun.
+
+    Raises:
+        ProgramError: one of them, or a shared library that it needs, is missing.
+    """
+    with extra(name, *packages):
+        for package in packages:
+            import_module(package)

@@ -2,11 +2,13 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
+
+from chefbotd.core.record import Record
 
 
-@dataclass(frozen=True, slots=True)
-class Ping:
+class Ping(Record, frozen=True):
     """One ping: sent and received by our clock, answered with a stamp of the daemon's clock."""
 
     sent_s: float
@@ -24,8 +26,7 @@ class Ping:
         return self.stamp_s - (self.sent_s + self.received_s) / 2
 
 
-@dataclass(slots=True)
-class Latencies:
+class Latencies(Struct):
     """Pings and arrivals on a connection; an arrival is our time and the daemon's stamp of an event."""
 
     pings: list[Ping] = field(default_factory=list)

@@ -18,12 +18,19 @@ Data = Mapping[str, Any]
 
 def say(as_json: bool, value: object, text: str) -> None:
     """Print a JSON object, or a sentence."""
-    echo(json.dumps(value) if as_json else text)
+    echo(_json(value) if as_json else text)
+
+
+def _json(value: object) -> str:
+    """A value, or a record that the daemon sent, as it went over the wire."""
+    from chefbotd.rpc.encoding import plain
+
+    return json.dumps(plain(value))
 
 
 def _show(as_json: bool, value: object, draw: Callable[[], "RenderableType"]) -> None:
     if as_json:
-        echo(json.dumps(value))
+        echo(_json(value))
         return
     from chefbotd.cli.common.console import Printer
 
@@ -73,19 +80,15 @@ def event(
     as_json: bool, event: Event[Any], select: Callable[[str, Data], Mapping[str, Any]] = lambda _, data: data
 ) -> None:
     """One event on one line; ``select`` says what of a topic's data is printed."""
-    data = select(event.topic, _plain(event))
+    from chefbotd.rpc.encoding import plain  # loaded when it was subscribed
+
+    data = select(event.topic, plain(event.data))
     if as_json:
         value = {"topic": event.topic, "seq": event.seq, "stamp_s": event.stamp_s, "age_s": event.age_s}
         echo(json.dumps({**value, "data": data}))
     else:
-        told = " ".join(f"{name}={_brief(value)}" for name, value in data.items())
-        echo(f"{event.stamp_s:.3f} {event.topic} {told}")
-
-
-def _plain(event: Event[Any]) -> dict[str, Any]:
-    """The data as on the wire: lists, plain strings, null for what is not finite."""
-    data: dict[str, Any] = json.loads(event.data.model_dump_json())
-    return data
+        fields = " ".join(f"{name}={_brief(value)}" for name, value in data.items())
+        echo(f"{event.stamp_s:.3f} {event.topic} {fields}")
 
 
 def _brief(value: Any) -> str:
@@ -139,8 +142,8 @@ def countdown(seconds: float, console: "Console") -> Iterator[Callable[[float], 
         return
     from rich.progress import BarColumn, Progress, TextColumn
 
-    told = TextColumn("{task.completed:.1f} of {task.total:.1f} s")
-    bar = Progress(TextColumn("driving"), BarColumn(), told, console=console, transient=True)
+    elapsed = TextColumn("{task.completed:.1f} of {task.total:.1f} s")
+    bar = Progress(TextColumn("driving"), BarColumn(), elapsed, console=console, transient=True)
     with bar:
         task = bar.add_task("driving", total=seconds)
         yield lambda gone_s: bar.update(task, completed=gone_s)

@@ -5,11 +5,11 @@
 
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import Record, replace
 
 Data = Mapping[str, Any]
 
@@ -27,8 +27,7 @@ class Style(StrEnum):
     FAINT = "dim"
 
 
-@dataclass(frozen=True, slots=True)
-class Fact:
+class Fact(Record, frozen=True):
     """A line of a status display; ``age_s`` is None for what does not age."""
 
     label: str
@@ -103,15 +102,17 @@ def ranges(data: Data) -> Fact:
 
 
 def _beam(data: Data) -> str:
-    told = f"{data['range_m']:.2f} m" if data["status"] == "ok" else data["status"].replace("_", " ")
-    return f"{data['sensor']} {told}"
+    reading = f"{data['range_m']:.2f} m" if data["status"] == "ok" else data["status"].replace("_", " ")
+    return f"{data['sensor']} {reading}"
 
 
 def lidars(data: Data) -> Fact:
     """How each lidar is."""
-    told = ", ".join(f"{each['lidar']} {each['condition'].replace('_', ' ')}" for each in data["lidars"])
-    good = all(each["condition"] == "healthy" for each in data["lidars"])
-    return Fact("lidars", told or "none", Style.GOOD if good else Style.NOTICE)
+    conditions = ", ".join(
+        f"{lidar['lidar']} {lidar['condition'].replace('_', ' ')}" for lidar in data["lidars"]
+    )
+    good = all(lidar["condition"] == "healthy" for lidar in data["lidars"])
+    return Fact("lidars", conditions or "none", Style.GOOD if good else Style.NOTICE)
 
 
 def imu(data: Data) -> Fact:
@@ -125,8 +126,8 @@ def imu(data: Data) -> Fact:
 
 def truth(data: Data) -> Fact:
     """Where a simulated robot really is."""
-    told = pose(Pose2D(data["x_m"], data["y_m"], data["heading_rad"]))
-    return Fact("truth", told + (", touching a wall" if data["in_contact"] else ""))
+    text = pose(Pose2D(data["x_m"], data["y_m"], data["heading_rad"]))
+    return Fact("truth", text + (", touching a wall" if data["in_contact"] else ""))
 
 
 def worker(data: Data) -> Fact:
@@ -142,16 +143,16 @@ def localization(data: Data) -> Fact:
     if data["map"] is None:
         return Fact("place", "no map is in use")
     style = {"localized": Style.GOOD, "lost": Style.ALARM}.get(data["state"], Style.NOTICE)
-    told = f"{data['state']} on {data['map']}, fit {100 * data['fit']:.0f} %"
-    return Fact("place", ", ".join([told, *_reason(data)]), style)
+    text = f"{data['state']} on {data['map']}, fit {100 * data['fit']:.0f} %"
+    return Fact("place", ", ".join([text, *_reason(data)]), style)
 
 
 def navigation(data: Data) -> Fact:
     """The goal: its state, how far it is, and why it waits or has ended."""
     left = f"{data['distance_m']:.1f} m left" if data["distance_m"] is not None else ""
     failed = data["state"] in ("unreachable", "blocked", "lost", "fault")
-    told = [part for part in (data["state"], left, *_reason(data)) if part]
-    return Fact("goal", ", ".join(told), Style.NOTICE if failed else Style.PLAIN)
+    parts = [part for part in (data["state"], left, *_reason(data)) if part]
+    return Fact("goal", ", ".join(parts), Style.NOTICE if failed else Style.PLAIN)
 
 
 def mapping(data: Data) -> Fact:
@@ -159,18 +160,18 @@ def mapping(data: Data) -> Fact:
     if data["state"] == "idle":
         left = "one was never finished" if data["unfinished"] else "none is being made"
         return Fact("mapping", left, Style.NOTICE if data["unfinished"] else Style.PLAIN)
-    told = f"{data['state']}, {data['path_m']:.1f} m driven, {data['loops']} loops closed"
-    return Fact("mapping", ", ".join([told, *_reason(data)]), Style.NOTICE if data["reason"] else Style.GOOD)
+    text = f"{data['state']}, {data['path_m']:.1f} m driven, {data['loops']} loops closed"
+    return Fact("mapping", ", ".join([text, *_reason(data)]), Style.NOTICE if data["reason"] else Style.GOOD)
 
 
 def recording(data: Data) -> Fact:
     """What is being recorded, and what was lost."""
-    told = [data["state"]]
+    parts = [data["state"]]
     if data["state"] == "recording":
-        told += [str(data["name"]), f"{data['seconds']:.0f} s", f"{data['bytes_written'] / 1e6:.1f} MB"]
-    told += [f"{data['dropped']} events dropped"] if data["dropped"] else []
+        parts += [str(data["name"]), f"{data['seconds']:.0f} s", f"{data['bytes_written'] / 1e6:.1f} MB"]
+    parts += [f"{data['dropped']} events dropped"] if data["dropped"] else []
     bad = data["state"] == "failed" or data["dropped"]
-    return Fact("recording", ", ".join([*told, *_reason(data)]), Style.NOTICE if bad else Style.PLAIN)
+    return Fact("recording", ", ".join([*parts, *_reason(data)]), Style.NOTICE if bad else Style.PLAIN)
 
 
 def _reason(data: Data) -> list[str]:
@@ -185,11 +186,11 @@ def counters(data: Data) -> Fact:
         "board restarts": data["board_restarts"],
         "events dropped": sum(data["bus_dropped"].values()) + data["telemetry_dropped"],
     }
-    told = [f"{n} {what}" for what, n in wrong.items() if n]
+    problems = [f"{n} {what}" for what, n in wrong.items() if n]
     lines = f"{sum(data['frames'].values())} lines in, {data['lines_out']} out"
     clients = "1 client" if data["clients"] == 1 else f"{data['clients']} clients"
-    text = ", ".join([f"up {data['uptime_s']:.0f} s", lines, clients, *told])
-    return Fact("counters", text, Style.NOTICE if told else Style.PLAIN)
+    text = ", ".join([f"up {data['uptime_s']:.0f} s", lines, clients, *problems])
+    return Fact("counters", text, Style.NOTICE if problems else Style.PLAIN)
 
 
 BY_TOPIC: tuple[tuple[str, Callable[[Data], Fact]], ...] = (

@@ -105,7 +105,7 @@ async def _place_ahead(diagnosis: Diagnosis, robot: Client) -> None:
         return
     after = await snapshot(robot)
     diagnosis.find(
-        *[check_beam_ahead(each, before.beams_m[each], after.beams_m.get(each)) for each in sensors]
+        *[check_beam_ahead(sensor, before.beams_m[sensor], after.beams_m.get(sensor)) for sensor in sensors]
     )
     both = before.scans.keys() & after.scans.keys()
     diagnosis.find(

@@ -48,7 +48,7 @@ class Redactor:
 
     def __init__(self, secrets: Iterable[str]) -> None:
         self._secrets = sorted(
-            {each for each in secrets if len(each) >= SHORTEST_SECRET}, key=len, reverse=True
+            {secret for secret in secrets if len(secret) >= SHORTEST_SECRET}, key=len, reverse=True
         )
 
     def clean(self, text: str) -> str:
@@ -110,7 +110,7 @@ def contents(
     findings: Mapping[str, object], configuration: object, stats: object, state: object, log: str | None
 ) -> dict[str, str]:
     """The text files of the bundle by their names."""
-    told = (
+    log_text = (
         log if log is not None else "The log could not be read: 'journalctl -u chefbotd' needs its group.\n"
     )
     return {
@@ -119,7 +119,7 @@ def contents(
         "configuration.json": json.dumps(without_secrets(configuration), indent=2),
         "stats.json": json.dumps(stats, indent=2),
         "state.json": json.dumps(state, indent=2),
-        "log.txt": told,
+        "log.txt": log_text,
         "faults.txt": fault_lines(log or ""),
     }
 

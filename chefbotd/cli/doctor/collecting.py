@@ -3,8 +3,9 @@
 import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Collection, Iterable
-from dataclasses import dataclass, field
 from typing import Any
+
+from msgspec import Struct, field
 
 from chefbotd.client import Client, Event
 from chefbotd.client.models import ScanData
@@ -23,12 +24,12 @@ SNAPSHOT_S = 0.7
 @contextlib.asynccontextmanager
 async def collected(robot: Client, topics: Iterable[str]) -> AsyncIterator[list[Event[Any]]]:
     """A list that grows by every fresh event of these topics while the block lasts; unknown topics are left out."""
-    known = [topic for topic in topics if f"topic.{topic}" in robot.hello.capabilities]
+    available = [topic for topic in topics if f"topic.{topic}" in robot.hello.capabilities]
     events: list[Event[Any]] = []
-    async with robot.subscribe(known, policy="ordered", queue_size=QUEUE) as told:
+    async with robot.subscribe(available, policy="ordered", queue_size=QUEUE) as subscription:
 
         async def keep() -> None:
-            async for event in told:
+            async for event in subscription:
                 _keep_fresh(events, event)
 
         keeping = asyncio.create_task(keep())
@@ -44,8 +45,7 @@ def _keep_fresh(events: list[Event[Any]], event: Event[Any]) -> None:
         events.append(event)
 
 
-@dataclass(slots=True)
-class Snapshot:
+class Snapshot(Struct):
     """The robot at rest: where its wheels and its odometry are, how it lies, and what it sees."""
 
     position_rad: dict[str, float] = field(default_factory=dict)
@@ -75,7 +75,7 @@ def _see(seen: Snapshot, event: Event[Any]) -> None:
         case "imu":
             seen.attitude = attitude(data)
         case "ranges":
-            seen.beams_m = {each.sensor: each.range_m for each in data.ranges}
+            seen.beams_m = {beam.sensor: beam.range_m for beam in data.ranges}
         case "scan":
             seen.scans[data.lidar] = scan(data)
 
@@ -91,11 +91,11 @@ def scan(data: ScanData) -> ScanTaken:
     if data.bearing_step_rad is not None:
         bearings = [data.bearing_start_rad + data.bearing_step_rad * index for index in range(count)]
     else:
-        bearings = [each / 1000 for each in data.bearing_mrad or (0,) * count]
+        bearings = [value / 1000 for value in data.bearing_mrad or (0,) * count]
     return ScanTaken(
         Pose2D(data.x_m, data.y_m, data.yaw_rad),
         tuple(bearings),
-        tuple([each / 1000 for each in data.range_mm]),
+        tuple([value / 1000 for value in data.range_mm]),
     )
 
 

@@ -5,10 +5,10 @@ import contextlib
 import os
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Protocol
 
 import click
+from msgspec import Struct, field
 
 from chefbotd.clock import Clock
 from chefbotd.doctor.finding import Finding
@@ -83,8 +83,7 @@ def _read_some() -> bytes:
 Report = Callable[[Finding], None]
 
 
-@dataclass(slots=True)
-class Diagnosis:
+class Diagnosis(Struct):
     """``seconds`` is how long the robot is listened to; with ``motors`` the wheels may be driven, once asked.
 
     ``wanted_device`` is the board's device if the user named one.

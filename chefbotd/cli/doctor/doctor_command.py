@@ -63,10 +63,10 @@ def doctor(
     context: CommandContext = ctx.obj
     if bundle is not None and bundle.exists():
         raise ProgramError(Exit.FAILED, f"{bundle}: already exists, and is not overwritten")
-    settings, told = asyncio.run(_settings(path, device, context.address))
+    settings, origin = asyncio.run(_settings(path, device, context.address))
     diagnosis = _diagnosis(settings, context.as_json, quiet=quiet)
     diagnosis.seconds, diagnosis.motors, diagnosis.wanted_device = seconds, motors, device
-    context.run(_walk_and_bundle(diagnosis, context, told, bundle, keep_log()))
+    context.run(_walk_and_bundle(diagnosis, context, origin, bundle, keep_log()))
     if context.as_json:
         echo(view.as_json(diagnosis.findings))
     else:
@@ -124,13 +124,13 @@ def _daemon_at(where: Address) -> "RunningDaemon | None":
 
 
 async def _walk_and_bundle(
-    diagnosis: "Diagnosis", context: CommandContext, told: str, bundle: Path | None, log: "LogKept"
+    diagnosis: "Diagnosis", context: CommandContext, origin: str, bundle: Path | None, log: "LogKept"
 ) -> None:
     from chefbotd.cli.doctor.bundle import gather_bundle
     from chefbotd.cli.doctor.walk import walk
 
     try:
-        await walk(diagnosis, context, told)
+        await walk(diagnosis, context, origin)
     finally:
         if bundle is not None:
             await gather_bundle(diagnosis.settings, diagnosis.findings, context, bundle, log.text())

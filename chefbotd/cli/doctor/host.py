@@ -2,14 +2,16 @@
 
 import asyncio
 import contextlib
+import os
 import re
 from collections.abc import Mapping
 from pathlib import Path
 
 from chefbotd.core.record import Record
 from chefbotd.doctor.host import PortFound
+from chefbotd.doctor.listening.ports import holder, permission_problem
+from chefbotd.link.cannot_open import ports_there
 from chefbotd.link.port import LinkParameters
-from chefbotd.link.ports import holder, permission_problem, ports_there
 
 CPUS = Path("/sys/devices/system/cpu")
 RUNS_SYSTEMD = Path("/run/systemd/system")
@@ -30,11 +32,11 @@ def look_at_port(link: LinkParameters) -> PortFound:
 
 def governors(cpus: Path = CPUS) -> list[str]:
     """The governor of each processor."""
-    found = []
+    names = []
     for path in sorted(cpus.glob("cpu[0-9]*/cpufreq/scaling_governor")):
         with contextlib.suppress(OSError):
-            found.append(path.read_text().strip())
-    return found
+            names.append(path.read_text().strip())
+    return names
 
 
 async def command_output(*command: str) -> str | None:
@@ -60,18 +62,18 @@ async def command_output(*command: str) -> str | None:
 
 async def is_synchronized() -> bool | None:
     """Whether the computer's clock is kept right; None where nothing tells."""
-    told = await command_output("timedatectl", "show", "--property=NTPSynchronized", "--value")
-    return None if told is None else told.strip() == "yes"
+    answer = await command_output("timedatectl", "show", "--property=NTPSynchronized", "--value")
+    return None if answer is None else answer.strip() == "yes"
 
 
 async def service_unit() -> Mapping[str, str] | None:
     """The unit's properties; None where systemd does not run."""
     if not _runs_systemd():
         return None
-    told = await command_output("systemctl", "show", UNIT, f"--property={PROPERTIES}")
-    if told is None:
+    answer = await command_output("systemctl", "show", UNIT, f"--property={PROPERTIES}")
+    if answer is None:
         return None
-    return dict(line.split("=", 1) for line in told.splitlines() if "=" in line)
+    return dict(line.split("=", 1) for line in answer.splitlines() if "=" in line)
 
 
 PROC = Path("/proc")
@@ -87,19 +89,41 @@ class RunningDaemon(Record, frozen=True):
 
 def running_daemons(proc: Path = PROC) -> list[RunningDaemon]:
     """Every one that we may see."""
-    found = []
+    daemons = []
     for entry in proc.iterdir():
         words = _command_line(entry) if entry.name.isdecimal() else []
         if "run" in words and any(
             Path(word).name in ("chefbotd", "chefbotd.py") or word.startswith("chefbotd.cli.programs")
             for word in words
         ):
-            found.append(
+            daemons.append(
                 RunningDaemon(
                     int(entry.name), _value_of("--config", words, entry), _value_of("--listen", words, entry)
                 )
             )
-    return sorted(found, key=lambda daemon: daemon.pid)
+    return sorted(daemons, key=lambda daemon: daemon.pid)
+
+
+def pid_at(port: int, proc: Path = PROC) -> int | None:
+    """The daemon that listens at this port, by its command line; where none names it, the only one there is."""
+    daemons = running_daemons(proc)
+    named = [daemon for daemon in daemons if daemon.listen.rpartition(":")[2] == str(port)]
+    candidates = named or daemons
+    return candidates[0].pid if len(candidates) == 1 else None
+
+
+def priority_of(pid: int | None, proc: Path = PROC) -> tuple[int | None, int, int]:
+    """A daemon's real-time priority (0: none), nice value and locked kilobytes; None, 0, 0 where there is no daemon."""
+    if pid is None:
+        return None, 0, 0
+    try:
+        policy, parameter = os.sched_getscheduler(pid), os.sched_getparam(pid)
+        nice = os.getpriority(os.PRIO_PROCESS, pid)
+        status = dict(line.split(":", 1) for line in (proc / str(pid) / "status").read_text().splitlines())
+    except OSError:
+        return None, 0, 0
+    is_realtime = policy & ~os.SCHED_RESET_ON_FORK in (os.SCHED_FIFO, os.SCHED_RR)
+    return parameter.sched_priority if is_realtime else 0, nice, int(status["VmLck"].split()[0])
 
 
 def _command_line(entry: Path) -> list[str]:

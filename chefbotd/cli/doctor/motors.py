@@ -10,16 +10,16 @@ from chefbotd.client import CallError, Client, Event
 from chefbotd.core.record import replace
 from chefbotd.doctor.finding import skipped
 from chefbotd.doctor.latency import check_echo
+from chefbotd.doctor.listening.line_survey import echo_delays_s, line_bytes
 from chefbotd.doctor.wheels import (
     TURNED_RAD,
-    Sample,
     WheelRun,
+    WheelSample,
     WheelSetting,
     check_faults,
     check_motor,
     check_scale,
 )
-from chefbotd.link.line_survey import echo_delays_s, line_bytes
 from chefbotd.safety.faults import FaultKind
 
 PERIOD_S = 0.05
@@ -160,9 +160,9 @@ async def _turn(robot: Client, name: str, speed_rad_s: float, seconds: float) ->
     return ""
 
 
-def _samples(events: list[Event[Any]]) -> tuple[Sample, ...]:
+def _samples(events: list[Event[Any]]) -> tuple[WheelSample, ...]:
     return tuple(
-        Sample(
+        WheelSample(
             event.stamp_s,
             dict(zip(event.data.name, event.data.position_rad, strict=True)),
             dict(zip(event.data.name, event.data.velocity_rad_s, strict=True)),

@@ -16,9 +16,9 @@ from chefbotd.doctor.host import check_baud
 from chefbotd.doctor.latency import check_latency
 from chefbotd.doctor.lidar import check_lidar
 from chefbotd.doctor.lines import LinesHeard, check_at_rest, check_clock, check_damaged, check_heard
+from chefbotd.doctor.listening.line_survey import LineSurvey, line_bytes
 from chefbotd.doctor.sensors import Beams, check_battery, check_beams, check_imu
 from chefbotd.doctor.sketches import Expected, check_expected, check_sketch
-from chefbotd.link.line_survey import LineSurvey, line_bytes
 
 TOPICS = ("raw", "imu", "ranges", "battery", "scan", "lidars", "odometry", "stats")
 PINGS, PING_EVERY_S = 50, 0.02
@@ -106,14 +106,16 @@ def _safety(state: State) -> Finding:
 
 
 def _sensor_findings(diagnosis: Diagnosis, heard: LinesHeard, events: Sequence[Event[Any]]) -> list[Finding]:
-    settings, found = diagnosis.settings, [_battery(diagnosis, heard, of_topic(events, "battery"))]
+    settings, findings = diagnosis.settings, [_battery(diagnosis, heard, of_topic(events, "battery"))]
     attitudes = [attitude(event.data) for event in of_topic(events, "imu")]
-    found.append(check_imu(attitudes, configured=settings.imu is not None, sends_imu="i" in heard.kinds))
+    findings.append(check_imu(attitudes, configured=settings.imu is not None, sends_imu="i" in heard.kinds))
     beams = _beams(of_topic(events, "ranges"))
     if settings.ultrasonic is not None:
-        found.append(check_ultrasonic(settings.ultrasonic.name, beams, sends="u" in heard.kinds))
-    found += [check_beams(each.name, beams.get(each.name), kind="infrared") for each in settings.infrared]
-    return [*found, *_lidars(diagnosis, events)]
+        findings.append(check_ultrasonic(settings.ultrasonic.name, beams, sends="u" in heard.kinds))
+    findings += [
+        check_beams(sensor.name, beams.get(sensor.name), kind="infrared") for sensor in settings.infrared
+    ]
+    return [*findings, *_lidars(diagnosis, events)]
 
 
 def check_ultrasonic(name: str, beams: dict[str, Beams], *, sends: bool) -> Finding:
@@ -127,11 +129,11 @@ def check_ultrasonic(name: str, beams: dict[str, Beams], *, sends: bool) -> Find
     return check_beams(name, beams.get(name), kind="ultrasonic")
 
 
-def _battery(diagnosis: Diagnosis, heard: LinesHeard, told: Sequence[Event[Any]]) -> Finding:
+def _battery(diagnosis: Diagnosis, heard: LinesHeard, events: Sequence[Event[Any]]) -> Finding:
     parameters = diagnosis.settings.battery
     return check_battery(
-        told[-1].data.voltage_v if told else None,
-        told[-1].data.status if told else "",
+        events[-1].data.voltage_v if events else None,
+        events[-1].data.status if events else "",
         sends_battery="b" in heard.kinds,
         absent_below_v=diagnosis.settings.safety.battery.absent_below_v,
         low_v=parameters.low_v,
@@ -139,10 +141,10 @@ def _battery(diagnosis: Diagnosis, heard: LinesHeard, told: Sequence[Event[Any]]
     )
 
 
-def _beams(told: Sequence[Event[Any]]) -> dict[str, Beams]:
+def _beams(events: Sequence[Event[Any]]) -> dict[str, Beams]:
     statuses: dict[str, Counter[str]] = {}
     metres: dict[str, list[float]] = {}
-    for event in told:
+    for event in events:
         for beam in event.data.ranges:
             statuses.setdefault(beam.sensor, Counter())[str(beam.status)] += 1
             if beam.range_m is not None:
@@ -154,8 +156,8 @@ def _beams(told: Sequence[Event[Any]]) -> dict[str, Beams]:
 
 
 def _lidars(diagnosis: Diagnosis, events: Sequence[Event[Any]]) -> list[Finding]:
-    conditions = {each.lidar: each for event in of_topic(events, "lidars") for each in event.data.lidars}
-    found = []
+    conditions = {row.lidar: row for event in of_topic(events, "lidars") for row in event.data.lidars}
+    findings = []
     for lidar in diagnosis.settings.lidar:
         turns = [event for event in of_topic(events, "scan") if event.data.lidar == lidar.name]
         condition = conditions.get(lidar.name)
@@ -165,18 +167,18 @@ def _lidars(diagnosis: Diagnosis, events: Sequence[Event[Any]]) -> list[Finding]
         covered = 0.0
         if turns:
             ranges = scan(turns[-1].data).range_m
-            covered = sum(each > 0 for each in ranges) / max(len(ranges), 1)
-        found.append(check_lidar(lidar.name, how, why, len(turns) / diagnosis.seconds, covered))
-    return found
+            covered = sum(row > 0 for row in ranges) / max(len(ranges), 1)
+        findings.append(check_lidar(lidar.name, how, why, len(turns) / diagnosis.seconds, covered))
+    return findings
 
 
-def _odometry(told: Sequence[Event[Any]], seconds: float) -> Finding:
-    if not told:
+def _odometry(events: Sequence[Event[Any]], seconds: float) -> Finding:
+    if not events:
         return problem("pose", "the robot tells no pose", "it needs encoder lines: see the findings on lines")
-    pose = told[-1].data
+    pose = events[-1].data
     return ok(
         "pose",
-        f"odometry says x {pose.x_m:.2f} m, y {pose.y_m:.2f} m, {len(told) / seconds:.0f} times a second",
+        f"odometry says x {pose.x_m:.2f} m, y {pose.y_m:.2f} m, {len(events) / seconds:.0f} times a second",
     )
 
 

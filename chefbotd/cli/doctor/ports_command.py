@@ -11,8 +11,7 @@ from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import echo
 
 if TYPE_CHECKING:
-    from chefbotd.cli.doctor.ports import Behind
-    from chefbotd.link.ports import SerialPort
+    from chefbotd.doctor.listening.ports import Behind, SerialPort
 
 COLUMNS = ("port", "lasting name", "USB", "driver", "open it?", "held by")
 
@@ -28,23 +27,22 @@ def ports(context: CommandContext, devices: tuple[str, ...], listens: bool) -> N
     is opened. Nothing is written to a port on which anything is heard. Only where nothing at all is heard for 2.5 s, an
     RPLIDAR is asked what it is: two bytes (A5 50), which no board takes for a command.
     """
-    from chefbotd.cli.doctor.ports import look_behind
     from chefbotd.clock import SystemClock
+    from chefbotd.doctor.listening.ports import look_behind, serial_ports
     from chefbotd.link.port import open_port
-    from chefbotd.link.ports import serial_ports
 
-    found = serial_ports(devices)
+    ports_here = serial_ports(devices)
     if not context.as_json:
-        _show(found)
-    if listens and not context.as_json and found:
+        _show(ports_here)
+    if listens and not context.as_json and ports_here:
         echo("Listening; this takes up to 10 s a port.")
-    behind = context.run(_all(look_behind(found, open_port, SystemClock()), context)) if listens else []
+    behind = context.run(_all(look_behind(ports_here, open_port, SystemClock()), context)) if listens else []
     if context.as_json:
-        echo(json.dumps({"ports": [_as_data(port, behind) for port in found]}))
+        echo(json.dumps({"ports": [_as_data(port, behind) for port in ports_here]}))
 
 
-def _show(found: "list[SerialPort]") -> None:
-    if not found:
+def _show(ports_here: "list[SerialPort]") -> None:
+    if not ports_here:
         echo(
             "No serial port was found: is the board plugged in (a charging cable has no data lines), and powered?"
         )
@@ -58,24 +56,24 @@ def _show(found: "list[SerialPort]") -> None:
             f"no: {port.permission}" if port.permission else "yes",
             port.held_by or "nobody",
         )
-        for port in found
+        for port in ports_here
     ]
     output.table(False, {}, COLUMNS, rows)
 
 
 async def _all(looking: "AsyncIterator[Behind]", context: CommandContext) -> "list[Behind]":
     """Everything that is found, told as soon as it is."""
-    found = []
-    async for each in looking:
-        found.append(each)
+    rows = []
+    async for row in looking:
+        rows.append(row)
         if not context.as_json:
-            at = f", {each.baud} baud" if each.baud else ""
-            echo(f"{each.device}: {each.told}{at}")
-    return found
+            at = f", {row.baud} baud" if row.baud else ""
+            echo(f"{row.device}: {row.told}{at}")
+    return rows
 
 
 def _as_data(port: "SerialPort", behind: "list[Behind]") -> dict[str, object]:
     from msgspec.structs import asdict
 
-    heard = [asdict(each) for each in behind if each.device == port.device]
+    heard = [asdict(row) for row in behind if row.device == port.device]
     return {**asdict(port), **({"behind": heard[0]} if heard else {})}

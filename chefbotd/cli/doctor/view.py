@@ -37,13 +37,13 @@ def _sentence(text: str) -> str:
 def summary(findings: Sequence[Finding]) -> str:
     """How many of each."""
     counts = {verdict: sum(finding.verdict is verdict for finding in findings) for verdict in Verdict}
-    told = {
+    texts = {
         Verdict.OK: "{} ok",
         Verdict.WARNING: "{} warning{}",
         Verdict.PROBLEM: "{} problem{}",
         Verdict.SKIPPED: "{} skipped",
     }
-    return ", ".join(told[verdict].format(n, "" if n == 1 else "s") for verdict, n in counts.items() if n)
+    return ", ".join(texts[verdict].format(n, "" if n == 1 else "s") for verdict, n in counts.items() if n)
 
 
 def as_data(findings: Sequence[Finding]) -> dict[str, object]:

@@ -23,12 +23,13 @@ from chefbotd.doctor.host import (
     check_governor,
     check_holder,
     check_permission,
+    check_priority,
     check_service,
     check_socket,
     check_time_sync,
 )
 from chefbotd.doctor.lines import LinesHeard, check_left_on
-from chefbotd.link.listener import USUAL_BAUDS, listen, survey
+from chefbotd.doctor.listening.listener import USUAL_BAUDS, listen, survey
 from chefbotd.process.own_daemon import own_daemon
 from chefbotd.rpc.parameters import is_loopback
 
@@ -77,9 +78,9 @@ async def examine(diagnosis: Diagnosis, robot: Client, *, rate_is_known: bool = 
 async def _examine_computer(diagnosis: Diagnosis, context: CommandContext, robot: Client | None) -> bool:
     """The computer that the robot is on, if that is ours; whether the board's port could be opened."""
     if robot is not None and not is_loopback(context.address.host):
-        told = f"the robot is on {context.address.host}, another computer"
+        where = f"the robot is on {context.address.host}, another computer"
         diagnosis.find(
-            skipped("computer", told, "run the doctor there for its port, its service and its clock")
+            skipped("computer", where, "run the doctor there for its port, its service and its clock")
         )
         return False
     link = diagnosis.settings.link
@@ -91,21 +92,22 @@ async def _examine_computer(diagnosis: Diagnosis, context: CommandContext, robot
     diagnosis.find(
         check_service(await host.service_unit()),
         check_governor(host.governors()),
+        check_priority(*host.priority_of(None if robot is None else host.pid_at(context.address.port))),
         check_time_sync(await host.is_synchronized()),
     )
     return is_free
 
 
-def require_same(wanted: str | None, held: str, where: str) -> None:
+def require_same(requested: str | None, held: str, where: str) -> None:
     """See that the board that was named is the one that the daemon drives: else another robot would be driven.
 
     Raises:
         ProgramError: it is another one.
     """
-    if wanted is not None and Path(wanted).resolve() != Path(held).resolve():
+    if requested is not None and Path(requested).resolve() != Path(held).resolve():
         raise ProgramError(
             Exit.USAGE,
-            f"--port {wanted}: the daemon at {where} uses {held}, which the doctor would examine; omit --port, "
+            f"--port {requested}: the daemon at {where} uses {held}, which the doctor would examine; omit --port, "
             "stop the daemon, or give another address with --connect",
         )
 
@@ -116,10 +118,10 @@ async def _without_daemon(diagnosis: Diagnosis, context: CommandContext) -> None
             skipped("board", "the board's port cannot be opened: mend that first, then ask the doctor again")
         )
         return
-    found = await find_baud(diagnosis)
-    if found is None:
+    match = await find_baud(diagnosis)
+    if match is None:
         return
-    baud, heard = found
+    baud, heard = match
     diagnosis.find(*check_left_on(heard.duty))
     fits = heard.is_board and heard.wheels == len(diagnosis.settings.chassis.wheels)
     async with _daemon_at(diagnosis, baud) if fits else contextlib.nullcontext() as robot:
@@ -184,10 +186,10 @@ async def find_baud(diagnosis: Diagnosis) -> tuple[int, LinesHeard] | None:
                 diagnosis.find(check_baud(link.baud, baud, heard_anything=True))
                 return baud, other
     except OSError as error:
-        told = str(error).removeprefix(f"{link.device}: ")
+        reason = str(error).removeprefix(f"{link.device}: ")
         diagnosis.find(
             problem(
-                "open", f"{link.device} cannot be opened: {told}", "end what holds it, or plug it in again"
+                "open", f"{link.device} cannot be opened: {reason}", "end what holds it, or plug it in again"
             )
         )
         return None

@@ -17,14 +17,13 @@ from chefbotd.cli.common.arguments import (
 )
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import need_terminal
-from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.common.extras import extra
+from chefbotd.cli.common.exits import Exit, ProgramError, extra
 from chefbotd.cli.drive.control import run_as_driver, take_over
 from chefbotd.client import Client
 from chefbotd.core.geometry import Twist2D
 
 if TYPE_CHECKING:
-    from chefbotd.cli.drive.timed_drive import Turning
+    from chefbotd.cli.drive.timed_drive import DrivenWheels
 
 
 SPEED, TURNING = click.FloatRange(0.01, 5.0), click.FloatRange(0.01, 20.0)
@@ -66,8 +65,8 @@ def drive(
         f"{done.told.limit_line(allowed)}Moved, seen from the start: {state_text.pose(done.moved)}",
     )
     if not done.happened:
-        told = "the robot was told to move, but odometry saw next to no motion"
-        raise ProgramError(Exit.NOT_DONE, f"{told}{done.told.limit_suffix}")
+        reason = "the robot was told to move, but odometry saw next to no motion"
+        raise ProgramError(Exit.NOT_DONE, f"{reason}{done.told.limit_suffix}")
 
 
 @click.command()
@@ -134,18 +133,16 @@ def joystick(
     """
     with extra("joystick", "sdl2"):
         from chefbotd.cli.drive.sdl_gamepad import HELP, SdlPad
-    from chefbotd.cli.drive.gamepad import PadParameters
+    from chefbotd.cli.drive.gamepad import StickScale
     from chefbotd.cli.drive.joystick import JoystickPilot
 
-    parameters = PadParameters(
-        linear_m_s=linear_m_s, angular_rad_s=angular_rad_s, turbo=turbo, dead_zone=dead_zone
-    )
+    scale = StickScale(linear_m_s=linear_m_s, angular_rad_s=angular_rad_s, turbo=turbo, dead_zone=dead_zone)
     with SdlPad() as pad:
         click.echo(HELP, err=True)
         run_as_driver(
             context,
             "joystick",
-            lambda robot: JoystickPilot(robot, pad, _say, parameters, source, takes_over=takes_over).run(),
+            lambda robot: JoystickPilot(robot, pad, _say, scale, source, takes_over=takes_over).run(),
             takes_over=False,  # the pilot takes control of its own source
         )
 
@@ -178,16 +175,16 @@ def wheels(
 
     if len(dict(asked)) < len(asked):
         raise click.UsageError("each wheel may be named once")
-    wanted: dict[str, float] = {}
+    speeds: dict[str, float] = {}
 
-    async def turn(robot: Client) -> "Turning":
-        wanted.update(_by_wheel(asked, list(await robot.get_pid())))
-        return await turn_for(robot, wanted, seconds, report)
+    async def turn(robot: Client) -> "DrivenWheels":
+        speeds.update(_by_wheel(asked, list(await robot.get_pid())))
+        return await turn_for(robot, speeds, seconds, report)
 
     with output.countdown(seconds, Console(stderr=True, quiet=context.as_json)) as report:
         done = run_as_driver(context, "wheels", turn, takes_over=takes_over)
     allowed = ", ".join(f"{name} {speed:+.2f} rad/s" for name, speed in done.allowed_rad_s.items())
-    turned = ", ".join(f"{name} {done.turned_rad_s.get(name, 0.0):+.2f} rad/s" for name in wanted)
+    turned = ", ".join(f"{name} {done.turned_rad_s.get(name, 0.0):+.2f} rad/s" for name in speeds)
     output.say(
         context.as_json,
         {
@@ -206,10 +203,10 @@ def wheels(
 def _by_wheel(asked: Iterable[tuple[str, float]], wheels: Iterable[str]) -> dict[str, float]:
     """The speeds by the wheels' full names; an unknown name is passed on, and the daemon refuses it."""
     short = {wheel.removesuffix(SUFFIX): wheel for wheel in wheels}
-    found: dict[str, float] = {}
+    by_wheel: dict[str, float] = {}
     for name, speed in asked:
         wheel = short.get(name.removesuffix(SUFFIX), name)
-        if wheel in found:
+        if wheel in by_wheel:
             raise click.UsageError(f"each wheel may be named once, and {name} is {wheel} too")
-        found[wheel] = speed
-    return found
+        by_wheel[wheel] = speed
+    return by_wheel

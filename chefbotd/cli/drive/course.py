@@ -4,43 +4,28 @@ Poses are in the course's own frame, whose origin is where the robot started: ``
 """
 
 import math
-from dataclasses import dataclass
 from typing import TypeAlias
 
-from pydantic import Field
-
-from chefbotd.cli.drive.turning import TurnParameters
 from chefbotd.core.geometry import Pose2D, Twist2D, wrap_angle
-from chefbotd.core.parameters import Parameters
+from chefbotd.core.record import Record
+
+CRUISE_M_S, CREEP_M_S, DECELERATION_M_S2 = 0.3, 0.03, 0.25
+"""How fast a side is driven, how slowly its end is approached, and how the robot slows down."""
+
+TURN_RAD_S = 1.2
+"""Corrections turn no faster."""
+
+HEADING_GAIN_PER_S, CROSS_TRACK_GAIN_RAD_PER_M = 2.0, 2.0
+POSITION_TOLERANCE_M = 0.005
 
 
-class CourseParameters(Parameters):
-    """Speeds, deceleration and tolerances of a course.
-
-    A side fails when the robot comes no nearer for ``patience_s``. Corrections turn at ``turn_rad_s`` at most.
-    """
-
-    cruise_m_s: float = Field(0.3, gt=0)
-    creep_m_s: float = Field(0.03, gt=0)
-    deceleration_m_s2: float = Field(0.25, gt=0)
-    turn_rad_s: float = Field(1.2, gt=0)
-    heading_gain_per_s: float = Field(2.0, ge=0)
-    cross_track_gain_rad_per_m: float = Field(2.0, ge=0)
-    position_tolerance_m: float = Field(0.005, gt=0)
-    turn: TurnParameters = TurnParameters()
-    patience_s: float = Field(10.0, gt=0)
-    time_limit_s: float = Field(600.0, gt=0)
-
-
-@dataclass(frozen=True, slots=True)
-class GoTo:
+class GoTo(Record, frozen=True):
     """Drive along the target's heading until level with the target."""
 
     target: Pose2D
 
 
-@dataclass(frozen=True, slots=True)
-class TurnTo:
+class TurnTo(Record, frozen=True):
     """Turn in place, the shorter way, to the target's heading."""
 
     target: Pose2D
@@ -73,16 +58,16 @@ def remaining_rad(leg: TurnTo, course_from_base: Pose2D) -> float:
     return wrap_angle(leg.target.heading_rad - course_from_base.heading_rad)
 
 
-def steer(parameters: CourseParameters, leg: GoTo, course_from_base: Pose2D) -> Twist2D | None:
+def steer(leg: GoTo, course_from_base: Pose2D) -> Twist2D | None:
     """The velocity for this side; None when it is done."""
     target_from_base = leg.target.inverse().compose(course_from_base)
     remaining_m = -target_from_base.x_m
-    if remaining_m <= parameters.position_tolerance_m:
+    if remaining_m <= POSITION_TOLERANCE_M:
         return None
-    linear = slowing(remaining_m, parameters.cruise_m_s, parameters.creep_m_s, parameters.deceleration_m_s2)
-    wanted_rad = -parameters.cross_track_gain_rad_per_m * target_from_base.y_m
-    angular = parameters.heading_gain_per_s * wrap_angle(wanted_rad - target_from_base.heading_rad)
-    return Twist2D(linear, math.copysign(min(abs(angular), parameters.turn_rad_s), angular))
+    linear = slowing(remaining_m, CRUISE_M_S, CREEP_M_S, DECELERATION_M_S2)
+    wanted_rad = -CROSS_TRACK_GAIN_RAD_PER_M * target_from_base.y_m
+    angular = HEADING_GAIN_PER_S * wrap_angle(wanted_rad - target_from_base.heading_rad)
+    return Twist2D(linear, math.copysign(min(abs(angular), TURN_RAD_S), angular))
 
 
 def slowing(distance: float, cruise: float, creep: float, deceleration: float) -> float:
@@ -90,8 +75,7 @@ def slowing(distance: float, cruise: float, creep: float, deceleration: float) -
     return max(min(math.sqrt(2 * deceleration * distance), cruise), creep)
 
 
-@dataclass(frozen=True, slots=True)
-class Deviation:
+class Deviation(Record, frozen=True):
     """The difference of two poses: distance, and absolute difference of heading."""
 
     distance_m: float

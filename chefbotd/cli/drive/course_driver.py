@@ -3,15 +3,15 @@
 import asyncio
 import math
 from collections.abc import Awaitable, Callable, Sequence
-from dataclasses import dataclass, field
 from typing import Any
+
+from msgspec import Struct, field
 
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.common.latency import Latencies, Ping
 from chefbotd.cli.drive import turning
 from chefbotd.cli.drive.control import release_source, send_drive
 from chefbotd.cli.drive.course import (
-    CourseParameters,
     GoTo,
     Leg,
     TurnTo,
@@ -24,6 +24,7 @@ from chefbotd.cli.drive.timed_drive import pose, standing
 from chefbotd.client import Client, Event, Subscription
 from chefbotd.client.models import OdometryData
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
+from chefbotd.core.record import Record
 
 PING_PERIOD_S = 0.1
 FIRST_ODOMETRY_TIMEOUT_S = 10.0
@@ -32,12 +33,14 @@ FIRST_ODOMETRY_TIMEOUT_S = 10.0
 ODOMETRY_TIMEOUT_S = 2.0
 SETTLING_S = 0.5
 NEARER_M = 0.005
+PATIENCE_S, TIME_LIMIT_S = 10.0, 600.0
+"""A side fails when the robot comes no nearer to its end for so long; a course fails when it takes longer."""
+
 ALLOWED_DISTANCE_M = 0.05
 ALLOWED_HEADING_RAD = math.radians(5)
 
 
-@dataclass(frozen=True, slots=True)
-class Mark:
+class LegEnd(Record, frozen=True):
     """The end of a leg: the commanded pose, the pose by odometry, and the true pose (simulated robots only)."""
 
     name: str
@@ -46,8 +49,7 @@ class Mark:
     true: Pose2D | None
 
 
-@dataclass(frozen=True, slots=True)
-class Progress:
+class CourseProgress(Record, frozen=True):
     """Progress along a course: legs done, name and completed share (0 to 1) of the present leg, pose by odometry."""
 
     leg: int
@@ -57,22 +59,20 @@ class Progress:
     odometric: Pose2D
 
 
-@dataclass(frozen=True, slots=True)
-class CourseResult:
+class CourseResult(Record, frozen=True):
     """A finished course. The last mark was made after the robot stood."""
 
-    marks: tuple[Mark, ...]
+    marks: tuple[LegEnd, ...]
     seconds: float
     latencies: Latencies
 
 
-Report = Callable[[Progress], None]
+Report = Callable[[CourseProgress], None]
 DriveStep = Callable[[Twist2D], Awaitable[None]]
 """Command a twist, and wait for the next odometry."""
 
 
-@dataclass(slots=True)
-class _Track:
+class _Track(Struct):
     """A topic's poses, seen from where the first one was."""
 
     start: Pose2D | None = None
@@ -86,12 +86,20 @@ class _Track:
 class CourseDriver:
     """Drives a robot along a course, from wherever it stands."""
 
-    def __init__(self, robot: Client, parameters: CourseParameters, report: Report) -> None:
-        self._robot, self._parameters, self._report = robot, parameters, report
+    def __init__(
+        self,
+        robot: Client,
+        report: Report,
+        *,
+        patience_s: float = PATIENCE_S,
+        time_limit_s: float = TIME_LIMIT_S,
+    ) -> None:
+        self._robot, self._report = robot, report
+        self._patience_s, self._time_limit_s = patience_s, time_limit_s
         self._tracks = {"odometry": _Track(), "sim": _Track()}
         self._odometry = self._tracks["odometry"]
         self._standing = True
-        self._delay_s: float | None = None
+        self._delay_s = turning.FIRST_DELAY_S
         self._latencies = Latencies()
 
     async def drive_course(self, legs: Sequence[Leg]) -> CourseResult:
@@ -107,10 +115,10 @@ class CourseDriver:
             await self._first_values(events, topics)
             began_s = loop.time()
             try:
-                async with asyncio.timeout(self._parameters.time_limit_s):
+                async with asyncio.timeout(self._time_limit_s):
                     marks = [await self._follow(events, legs, index) for index in range(len(legs))]
             except TimeoutError as error:
-                limit = f"{self._parameters.time_limit_s:g} s"
+                limit = f"{self._time_limit_s:g} s"
                 raise ProgramError(Exit.NOT_DONE, f"the course was not finished within {limit}") from error
             finally:
                 await release_source(self._robot)
@@ -131,7 +139,7 @@ class CourseDriver:
                 Exit.NOT_DONE, f"no {missing} for {FIRST_ODOMETRY_TIMEOUT_S + ODOMETRY_TIMEOUT_S:g} s"
             ) from error
 
-    async def _follow(self, events: Subscription[Any], legs: Sequence[Leg], index: int) -> Mark:
+    async def _follow(self, events: Subscription[Any], legs: Sequence[Leg], index: int) -> LegEnd:
         """Drive until the leg is done and the robot stands, so that no turn begins with speed left over."""
         leg, name = legs[index], _name(legs, index)
         whole = remaining(leg, self._odometry.latest)
@@ -141,7 +149,7 @@ class CourseDriver:
             await self._ping_if_due()
             await self._next(events, ODOMETRY_TIMEOUT_S)
             share = 1 - remaining(leg, self._odometry.latest) / whole if whole else 1.0
-            self._report(Progress(index, len(legs), name, share, self._odometry.latest))
+            self._report(CourseProgress(index, len(legs), name, share, self._odometry.latest))
 
         try:
             await (
@@ -155,24 +163,22 @@ class CourseDriver:
         """Drive a side; fails when the robot comes no nearer to its end for ``patience_s``."""
         loop = asyncio.get_running_loop()
         nearest_m, nearer_s = math.inf, loop.time()
-        while (twist := steer(self._parameters, leg, self._odometry.latest)) or not self._standing:
+        while (twist := steer(leg, self._odometry.latest)) or not self._standing:
             remaining_m = remaining(leg, self._odometry.latest)
             if remaining_m < nearest_m - NEARER_M:
                 nearest_m, nearer_s = remaining_m, loop.time()
-            if loop.time() - nearer_s > self._parameters.patience_s:
-                told = f"{remaining_m:.2f} m are left, and no nearer for {self._parameters.patience_s:g} s"
-                raise ProgramError(Exit.NOT_DONE, told)
+            if loop.time() - nearer_s > self._patience_s:
+                reason = f"{remaining_m:.2f} m are left, and no nearer for {self._patience_s:g} s"
+                raise ProgramError(Exit.NOT_DONE, reason)
             await drive_step(twist or STANDING)
 
     async def _turn(self, leg: TurnTo, drive_step: DriveStep) -> None:
         """Turn in place. The delay that this turn learned is used for the next one."""
-        loop, parameters = asyncio.get_running_loop(), self._parameters.turn
-        turn = turning.begin(
-            parameters, loop.time(), remaining_rad(leg, self._odometry.latest), self._delay_s
-        )
+        loop = asyncio.get_running_loop()
+        turn = turning.begin(loop.time(), remaining_rad(leg, self._odometry.latest), self._delay_s)
         while True:
             angle_rad = remaining_rad(leg, self._odometry.latest)
-            turn, rate = turning.step(parameters, turn, loop.time(), angle_rad, stands=self._standing)
+            turn, rate = turning.step(turn, loop.time(), angle_rad, stands=self._standing)
             if rate is None:
                 self._delay_s = turn.delay_s
                 return
@@ -214,9 +220,9 @@ class CourseDriver:
             stamp_s = (await self._robot.ping()).stamp_s
             pings.append(Ping(sent_s, loop.time(), stamp_s))
 
-    def _mark(self, name: str, leg: Leg) -> Mark:
+    def _mark(self, name: str, leg: Leg) -> LegEnd:
         true = self._tracks["sim"]
-        return Mark(
+        return LegEnd(
             name, leg.target, self._tracks["odometry"].latest, None if true.start is None else true.latest
         )
 
@@ -230,12 +236,12 @@ def _name(legs: Sequence[Leg], index: int) -> str:
 def problems(result: CourseResult) -> list[str]:
     """The problems with the final pose; empty when there are none."""
     end = result.marks[-1]
-    found = []
+    texts = []
     closing = deviation(end.commanded, end.odometric)
     if not closing.within(ALLOWED_DISTANCE_M, ALLOWED_HEADING_RAD):
-        found.append(f"odometry says that the robot ended {closing} from the goal")
+        texts.append(f"odometry says that the robot ended {closing} from the goal")
     if end.true is not None:
         drift = deviation(end.true, end.odometric)
         if not drift.within(ALLOWED_DISTANCE_M, ALLOWED_HEADING_RAD):
-            found.append(f"the robot really ended {drift} from where odometry says")
-    return found
+            texts.append(f"the robot really ended {drift} from where odometry says")
+    return texts

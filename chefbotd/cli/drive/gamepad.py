@@ -6,24 +6,23 @@ stops the robot, whoever drives it.
 """
 
 import math
-from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import TypeAlias
 
-from pydantic import Field
-
 from chefbotd.core.geometry import STANDING, Twist2D
-from chefbotd.core.parameters import Parameters
+from chefbotd.core.record import Record, replace
+
+REPEAT_S = 0.05
+"""20 Hz, ten times within the daemon's dead-man of 0.5 s."""
 
 
-class PadParameters(Parameters):
-    """Speeds at full deflection, the turbo factor, the stick's dead zone (0 to 1), and the repeat period."""
+class StickScale(Record, frozen=True):
+    """Speeds at full deflection, the turbo factor, and the stick's dead zone (0 to 1): options of the command."""
 
-    linear_m_s: float = Field(0.2, gt=0, le=5)
-    angular_rad_s: float = Field(0.8, gt=0, le=20)
-    turbo: float = Field(2.0, ge=1, le=10)
-    dead_zone: float = Field(0.12, ge=0, lt=1)
-    repeat_s: float = Field(0.05, gt=0, le=0.1)
+    linear_m_s: float = 0.2
+    angular_rad_s: float = 0.8
+    turbo: float = 2.0
+    dead_zone: float = 0.12
 
 
 class Button(StrEnum):
@@ -36,8 +35,7 @@ class Button(StrEnum):
     ARM = "arm"
 
 
-@dataclass(frozen=True, slots=True)
-class Reading:
+class PadReading(Record, frozen=True):
     """One reading of a pad: the stick from -1 to 1 (forward and left are positive), and the buttons held."""
 
     forward: float = 0.0
@@ -45,7 +43,7 @@ class Reading:
     down: frozenset[Button] = frozenset()
 
 
-class Request(StrEnum):
+class PadRequest(StrEnum):
     """An order other than a velocity. ``RELEASE`` ends this pad's own motion, ``STOP`` everybody's."""
 
     RELEASE = "release"
@@ -54,14 +52,13 @@ class Request(StrEnum):
     ARM = "arm"
 
 
-Order: TypeAlias = Twist2D | Request
+Order: TypeAlias = Twist2D | PadRequest
 
-REQUESTS = ((Button.ESTOP, Request.ESTOP), (Button.STOP, Request.STOP), (Button.ARM, Request.ARM))
+REQUESTS = ((Button.ESTOP, PadRequest.ESTOP), (Button.STOP, PadRequest.STOP), (Button.ARM, PadRequest.ARM))
 """What each button requests; when several are pressed at once, the first one in this order counts."""
 
 
-@dataclass(frozen=True, slots=True)
-class Pad:
+class Pad(Record, frozen=True):
     """The state after a reading. At first every button counts as held, so that each has to be released once.
 
     ``due_s`` is when the next velocity is due: on a fixed grid from the first one on, however late readings come.
@@ -77,7 +74,7 @@ INITIAL_PAD = Pad()
 
 
 def step(
-    parameters: PadParameters, pad: Pad, reading: Reading | None, now_s: float
+    scale: StickScale, pad: Pad, reading: PadReading | None, now_s: float
 ) -> tuple[Pad, tuple[Order, ...]]:
     """Process a reading (None: the pad is gone). Returns the next state and the orders to send now, in this order.
 
@@ -88,15 +85,15 @@ def step(
     pressed = reading.down - pad.down
     for button, request in REQUESTS:
         if button in pressed:
-            return Pad(reading.down), (*_release_if(pad.enabled and request is Request.ARM), request)
+            return Pad(reading.down), (*_release_if(pad.enabled and request is PadRequest.ARM), request)
     if not (Button.ENABLE in pressed or (pad.enabled and Button.ENABLE in reading.down)):
         return Pad(reading.down), _release_if(pad.enabled)
-    wanted = twist(parameters, reading)
+    command = twist(scale, reading)
     due_s = pad.due_s if pad.enabled else now_s
     if now_s >= due_s:
-        return Pad(reading.down, True, wanted, _next_due_s(due_s, parameters.repeat_s, now_s)), (wanted,)
-    if wanted == STANDING != pad.twist:
-        return Pad(reading.down, True, wanted, due_s), (wanted,)
+        return Pad(reading.down, True, command, _next_due_s(due_s, REPEAT_S, now_s)), (command,)
+    if command == STANDING != pad.twist:
+        return Pad(reading.down, True, command, due_s), (command,)
     return replace(pad, down=reading.down), ()
 
 
@@ -110,12 +107,12 @@ def disabled(pad: Pad) -> Pad:
     return Pad(pad.down)
 
 
-def twist(parameters: PadParameters, reading: Reading) -> Twist2D:
+def twist(scale: StickScale, reading: PadReading) -> Twist2D:
     """The velocity for a stick position."""
-    gain = parameters.turbo if Button.TURBO in reading.down else 1.0
+    gain = scale.turbo if Button.TURBO in reading.down else 1.0
     return Twist2D(
-        gain * parameters.linear_m_s * deflection(reading.forward, parameters.dead_zone),
-        gain * parameters.angular_rad_s * deflection(reading.left, parameters.dead_zone),
+        gain * scale.linear_m_s * deflection(reading.forward, scale.dead_zone),
+        gain * scale.angular_rad_s * deflection(reading.left, scale.dead_zone),
     )
 
 
@@ -126,4 +123,4 @@ def deflection(raw: float, dead_zone: float) -> float:
 
 
 def _release_if(driving: bool) -> tuple[Order, ...]:
-    return (Request.RELEASE,) if driving else ()
+    return (PadRequest.RELEASE,) if driving else ()

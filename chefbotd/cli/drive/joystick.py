@@ -9,7 +9,7 @@ from typing import Protocol
 
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.drive.control import arm_seen, describe_stop, release_source
-from chefbotd.cli.drive.gamepad import INITIAL_PAD, Order, PadParameters, Reading, Request, disabled, step
+from chefbotd.cli.drive.gamepad import INITIAL_PAD, Order, PadReading, PadRequest, StickScale, disabled, step
 from chefbotd.client import CallError, Client
 
 POLL_PERIOD_S = 0.01
@@ -22,7 +22,7 @@ class Device(Protocol):
 
     name: str
 
-    def read(self) -> Reading | None:
+    def read(self) -> PadReading | None:
         """The present reading; None while the pad is not connected."""
         ...
 
@@ -39,14 +39,14 @@ class JoystickPilot:
         robot: Client,
         device: Device,
         say: Callable[[str], None],
-        parameters: PadParameters,
+        scale: StickScale,
         source: str | None = None,
         *,
         takes_over: bool = False,
     ) -> None:
         self._takes_over = takes_over
         self._robot, self._device, self._say = robot, device, say
-        self._parameters, self._fallback = parameters, source is None
+        self._scale, self._fallback = scale, source is None
         self._source: str | None = source or OWN_SOURCE
         self._pad, self._there = INITIAL_PAD, True
 
@@ -89,7 +89,7 @@ class JoystickPilot:
         if self._there != (reading is not None):
             self._there = reading is not None
             self._say(f"{self._device.name} is {'back' if self._there else 'gone: it drives no more'}")
-        self._pad, orders = step(self._parameters, self._pad, reading, asyncio.get_running_loop().time())
+        self._pad, orders = step(self._scale, self._pad, reading, asyncio.get_running_loop().time())
         for order in orders:
             await self._obey(order)
 
@@ -104,14 +104,14 @@ class JoystickPilot:
             self._say(f"{error.kind}: {error.message}")
 
     async def _ask(self, order: Order) -> None:
-        if order is Request.RELEASE:
+        if order is PadRequest.RELEASE:
             await release_source(self._robot, self._source)
-        elif order is Request.STOP:
+        elif order is PadRequest.STOP:
             self._say(describe_stop(await self._robot.stop()))
-        elif order is Request.ESTOP:
+        elif order is PadRequest.ESTOP:
             await self._robot.estop("asked by joystick")
             self._say("Emergency stop; Start arms again.")
-        elif order is Request.ARM:
+        elif order is PadRequest.ARM:
             await arm_seen(self._robot)
             self._say("Armed.")
         else:

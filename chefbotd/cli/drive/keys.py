@@ -8,9 +8,8 @@ drives for the whole first hold. To keep taps short on a fast keyboard and drive
 learned from the first key that is held. Any unknown key stops at once.
 """
 
-from dataclasses import dataclass, replace
-
 from chefbotd.core.geometry import STANDING, Twist2D
+from chefbotd.core.record import Record, replace
 
 #: Which way each key drives, as signs of forward and of counter-clockwise turning.
 MOVES: dict[str, tuple[int, int]] = {
@@ -46,8 +45,7 @@ SHORTEST_HOLD_S, LONGEST_HOLD_S = 0.12, 0.25
 MAX_LINEAR_M_S, MAX_ANGULAR_RAD_S = 0.5, 5.0
 
 
-@dataclass(frozen=True, slots=True)
-class Keys:
+class Keys(Record, frozen=True):
     """The state of the keys.
 
     ``held`` is the key that drives until ``until_s``, last seen at ``seen_s``; ``gap_s`` is the time between

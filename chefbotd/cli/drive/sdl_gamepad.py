@@ -9,7 +9,7 @@ with warnings.catch_warnings():
     import sdl2
 
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.drive.gamepad import Button, Reading
+from chefbotd.cli.drive.gamepad import Button, PadReading
 
 BUTTONS = {
     Button.ENABLE: sdl2.SDL_CONTROLLER_BUTTON_LEFTSHOULDER,
@@ -45,7 +45,7 @@ class SdlPad:
         self._close()
         sdl2.SDL_Quit()
 
-    def read(self) -> Reading | None:
+    def read(self) -> PadReading | None:
         """The pad as it is now; None while there is none. Does not wait."""
         sdl2.SDL_GameControllerUpdate()
         if self._pad is not None and not sdl2.SDL_GameControllerGetAttached(self._pad):
@@ -53,7 +53,7 @@ class SdlPad:
         if self._pad is None and not self._find():
             return None
         down = [b for b, code in BUTTONS.items() if sdl2.SDL_GameControllerGetButton(self._pad, code)]
-        return Reading(
+        return PadReading(
             forward=-self._axis(sdl2.SDL_CONTROLLER_AXIS_LEFTY),
             left=-self._axis(sdl2.SDL_CONTROLLER_AXIS_LEFTX),
             down=frozenset(down),

@@ -20,8 +20,8 @@ from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import echo, writing
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.common.latency import Latencies, percentile
-from chefbotd.cli.drive.course import CourseParameters, deviation, square
-from chefbotd.cli.drive.course_driver import CourseDriver, CourseResult, Progress, Report, problems
+from chefbotd.cli.drive.course import deviation, square
+from chefbotd.cli.drive.course_driver import CourseDriver, CourseProgress, CourseResult, Report, problems
 from chefbotd.cli.drive.simulated_daemon import simulated_daemon
 from chefbotd.client import Client
 from chefbotd.core.geometry import Pose2D
@@ -33,7 +33,7 @@ KINDS: dict[str, Callable[[Latencies], list[float]]] = {
 }
 
 
-class View:
+class SquareView:
     """Shows a drive: live on a terminal, line by line in a file, and only the result as JSON."""
 
     def __init__(self, as_json: bool, console: Console | None = None) -> None:
@@ -65,7 +65,7 @@ class View:
     def _line_by_leg(self) -> Report:
         begun: set[int] = set()
 
-        def report(now: Progress) -> None:
+        def report(now: CourseProgress) -> None:
             if now.leg not in begun:
                 begun.add(now.leg)
                 self.say(f"{now.name} of {now.legs // 2}: from {state_text.pose(now.odometric)}")
@@ -135,11 +135,11 @@ def drive_square(
     Raises:
         ProgramError: the robot did not reach the goal.
     """
-    view = View(context.as_json)
+    view = SquareView(context.as_json)
 
     async def drive_course(client: Client) -> CourseResult:
         with view.progress() as report:
-            return await CourseDriver(client, CourseParameters(), report).drive_course(square(side_m))
+            return await CourseDriver(client, report).drive_course(square(side_m))
 
     async def drive_simulation() -> CourseResult:
         view.say("starting chefbotd on a simulated robot ...")
@@ -148,7 +148,7 @@ def drive_square(
             return await CommandContext(address).with_client(drive_course)
 
     result = context.run(drive_simulation() if simulated else context.with_client(drive_course))
-    found = problems(result)
-    view.show(result, found)
-    if found:
-        raise ProgramError(Exit.NOT_DONE, "; ".join(found))
+    deviations = problems(result)
+    view.show(result, deviations)
+    if deviations:
+        raise ProgramError(Exit.NOT_DONE, "; ".join(deviations))

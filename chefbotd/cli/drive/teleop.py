@@ -2,7 +2,6 @@
 
 import asyncio
 from collections.abc import Coroutine
-from dataclasses import replace
 from typing import Any, ClassVar
 
 from rich.table import Table
@@ -16,9 +15,11 @@ from textual.widgets import Static
 from chefbotd.cli.common import state_text
 from chefbotd.cli.common.screen import RobotScreen
 from chefbotd.cli.common.state_text import Fact, Style
+from chefbotd.cli.drive.control import Pilot
 from chefbotd.cli.drive.keys import released
-from chefbotd.cli.drive.pilot import Pilot
 from chefbotd.client import Client, ConnectionLost, Event
+from chefbotd.core.record import replace
+from chefbotd.rpc.encoding import plain
 
 TOPICS = ("odometry", "wheels", "imu", "ranges", "battery", "link", "safety")
 SHOWN_HZ = 10.0
@@ -135,12 +136,12 @@ class Teleop(RobotScreen):
 
     def _facts(self) -> list[Fact]:
         keys, asked = self._pilot.keys, self._pilot.asked
-        told = state_text.of_topics({topic: self._aged(topic) for topic in TOPICS if topic in self._latest})
+        facts = state_text.of_topics({topic: self._aged(topic) for topic in TOPICS if topic in self._latest})
         trip = "-" if self._round_trip_s is None else f"{1000 * self._round_trip_s:.1f} ms round trip"
         if not self.robot.connected:
-            told = [LOST, *(replace(fact, style=Style.FAINT) for fact in told)]
+            facts = [LOST, *(replace(fact, style=Style.FAINT) for fact in facts)]
         return [
-            *told,
+            *facts,
             Fact("asked", state_text.twist(asked.linear_m_s, asked.angular_rad_s)),
             Fact("keys", f"{keys.linear_m_s:.2f} m/s  {keys.angular_rad_s:.2f} rad/s"),
             Fact("latency", trip),
@@ -148,7 +149,7 @@ class Teleop(RobotScreen):
 
     def _aged(self, topic: str) -> dict[str, Any]:
         event = self._latest[topic]
-        return {"data": event.data.model_dump(), "age_s": event.age_s + self.now_s() - self._arrived_s[topic]}
+        return {"data": plain(event.data), "age_s": event.age_s + self.now_s() - self._arrived_s[topic]}
 
 
 async def teleop(robot: Client, address: str) -> None:

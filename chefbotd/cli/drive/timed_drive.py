@@ -6,13 +6,13 @@ Only our own motion ends by that. A stop would hold everybody else who drives, t
 import asyncio
 import math
 from collections.abc import Awaitable, Callable, Mapping
-from dataclasses import dataclass, field
 
 from chefbotd.cli.drive.control import release_source
 from chefbotd.client import Client
 from chefbotd.client.models import Driven, Limited, OdometryData, SimData, WheelsData, WheelsDriven
 from chefbotd.client.state import State
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D, wrap_angle
+from chefbotd.core.record import Record
 
 PERIOD_S = 0.05
 """20 Hz, ten times within the daemon's dead-man of 0.5 s."""
@@ -24,17 +24,12 @@ MOVED_SHARE = 0.1
 """A robot that covered less than this share of the allowed motion counts as not moved."""
 
 
-@dataclass(slots=True)
 class TravelledPath:
     """How far the robot went and turned (CCW positive) since ``start``. Poses must come at least twice a revolution."""
 
-    start: Pose2D
-    latest: Pose2D = field(init=False)
-    went_m: float = 0.0
-    turned_rad: float = 0.0
-
-    def __post_init__(self) -> None:
-        self.latest = self.start
+    def __init__(self, start: Pose2D) -> None:
+        self.start = self.latest = start
+        self.went_m = self.turned_rad = 0.0
 
     def add_pose(self, at: Pose2D) -> None:
         """Add the robot's present pose."""
@@ -49,8 +44,7 @@ class TravelledPath:
         return self.start.inverse().compose(self.latest)
 
 
-@dataclass(frozen=True, slots=True)
-class LimitReport:
+class LimitReport(Record, frozen=True):
     """Why the daemon slowed a command.
 
     ``limited_by`` names the configured limit that the command exceeds, ``held_by`` whatever else slows the robot.
@@ -69,8 +63,7 @@ class LimitReport:
         return "" if self.held_by is None else f"; slowed by {self.held_by}"
 
 
-@dataclass(frozen=True, slots=True)
-class Drive:
+class DrivenMotion(Record, frozen=True):
     """The velocity that the daemon allowed, and the motion that odometry measured."""
 
     allowed: Twist2D
@@ -88,8 +81,7 @@ class Drive:
         return self.went_m >= MOVED_SHARE * allowed_m and abs(self.turned_rad) >= MOVED_SHARE * allowed_rad
 
 
-@dataclass(frozen=True, slots=True)
-class Turning:
+class DrivenWheels(Record, frozen=True):
     """The speed that the daemon allowed each wheel, and the speed of each wheel at the end, in rad/s."""
 
     allowed_rad_s: Mapping[str, float]
@@ -107,20 +99,22 @@ class Turning:
         ]
 
 
-async def drive_for(robot: Client, twist: Twist2D, seconds: float, report: Callable[[float], None]) -> Drive:
+async def drive_for(
+    robot: Client, twist: Twist2D, seconds: float, report: Callable[[float], None]
+) -> DrivenMotion:
     """Drive, telling ``report`` the seconds gone by, then command zero and wait until the robot stands.
 
     Zero is commanded on every exit: the end, an error, a cancellation. Raises the client's errors.
     """
     path = TravelledPath(pose(await odometry(robot)))
     answer: Driven | None = None
-    told = LimitReport()
+    limits = LimitReport()
 
     async def command() -> None:
-        nonlocal answer, told
+        nonlocal answer, limits
         answer = await robot.drive(twist.linear_m_s, twist.angular_rad_s)
         state = await robot.get_state()
-        told = _told(answer, state)
+        limits = _told(answer, state)
         path.add_pose(pose(_odometry(state)))
 
     try:
@@ -129,12 +123,12 @@ async def drive_for(robot: Client, twist: Twist2D, seconds: float, report: Calla
         await release_source(robot)
     await _wait_for_standstill(robot, path)
     allowed = STANDING if answer is None else Twist2D(answer.linear_m_s, answer.angular_rad_s)
-    return Drive(allowed, told, seconds, path.moved, path.went_m, path.turned_rad)
+    return DrivenMotion(allowed, limits, seconds, path.moved, path.went_m, path.turned_rad)
 
 
 async def turn_for(
     robot: Client, velocity_rad_s: Mapping[str, float], seconds: float, report: Callable[[float], None]
-) -> Turning:
+) -> DrivenWheels:
     """Turn wheels, telling ``report`` the seconds gone by, then command zero: how fast each turned before that.
 
     Zero is commanded on every exit. Raises the client's errors.
@@ -151,7 +145,7 @@ async def turn_for(
     finally:
         await release_source(robot)
     turned = _by_name(state.wheels) if "wheels" in state.topics else {}
-    return Turning(_by_name(answer), _told(answer, state), turned)
+    return DrivenWheels(_by_name(answer), _told(answer, state), turned)
 
 
 def _told(answer: Limited, state: State) -> LimitReport:

@@ -7,34 +7,25 @@ the next try is faster.
 """
 
 import math
-from dataclasses import dataclass, replace
-
-from pydantic import Field
 
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.core.parameters import Parameters
+from chefbotd.core.record import Record, replace
+
+RATE_RAD_S, DECELERATION_RAD_S2, CREEP_RAD_S = 1.2, 1.0, 0.15
+"""How fast the robot turns, how it slows down, and how slowly it approaches the goal."""
+
+TOLERANCE_RAD = 0.008
+"""The turn is done when the robot stands so near to the goal."""
+
+FIRST_DELAY_S, MAX_DELAY_S = 0.2, 1.0
+"""The delay that a first turn assumes, and the longest that is learned."""
+
+TRIES = 12
+PATIENCE_S = 15.0
+"""A turn fails so long after the time that one without a fault takes."""
 
 
-class TurnParameters(Parameters):
-    """How a turn slows down, and when it is done.
-
-    The robot turns at ``rate_rad_s``, decelerates by ``deceleration_rad_s2`` and approaches the goal at ``creep_rad_s``.
-    The turn is done when the robot stands within ``tolerance_rad`` of the goal, after the last of the ``tries`` within
-    twice as much. It fails if that is missed, or ``patience_s`` after the time that a turn without a fault takes.
-    """
-
-    rate_rad_s: float = Field(1.2, gt=0)
-    deceleration_rad_s2: float = Field(1.0, gt=0)
-    creep_rad_s: float = Field(0.15, gt=0)
-    tolerance_rad: float = Field(0.008, gt=0)
-    delay_s: float = Field(0.2, ge=0)
-    max_delay_s: float = Field(1.0, gt=0)
-    tries: int = Field(12, ge=1)
-    patience_s: float = Field(15.0, gt=0)
-
-
-@dataclass(frozen=True, slots=True)
-class Try:
+class Try(Record, frozen=True):
     """One approach: to the left (1) or the right (-1; 0: not yet begun), from where, and since when.
 
     ``asked`` is what was asked of late, oldest first: since when, and the rate. ``stopped_s`` is when it was told to
@@ -48,8 +39,7 @@ class Try:
     stopped_s: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Turn:
+class TurnInPlace(Record, frozen=True):
     """A turn under way: when it began, how much there was to turn, the tries so far, and what was learned."""
 
     began_s: float
@@ -75,14 +65,14 @@ LAST_RESORT = 2.0
 them at all can turn the robot from one side of the goal to the other."""
 
 
-def begin(params: TurnParameters, now_s: float, remaining_rad: float, delay_s: float | None = None) -> Turn:
+def begin(now_s: float, remaining_rad: float, delay_s: float = FIRST_DELAY_S) -> TurnInPlace:
     """A turn of ``remaining_rad`` (CCW positive). ``delay_s`` is the delay that an earlier turn learned."""
-    return Turn(now_s, abs(remaining_rad), params.delay_s if delay_s is None else delay_s, params.creep_rad_s)
+    return TurnInPlace(now_s, abs(remaining_rad), delay_s, CREEP_RAD_S)
 
 
 def step(
-    params: TurnParameters, turn: Turn, now_s: float, remaining_rad: float, *, stands: bool
-) -> tuple[Turn, float | None]:
+    turn: TurnInPlace, now_s: float, remaining_rad: float, *, stands: bool
+) -> tuple[TurnInPlace, float | None]:
     """The turn and the rate to command now (rad/s, CCW positive; None when the turn is done).
 
     ``remaining_rad`` is the rotation still to do, as odometry shows it.
@@ -90,33 +80,33 @@ def step(
     Raises:
         ProgramError: the turn does not come to its end.
     """
-    _check(params, turn, now_s, remaining_rad)
+    _check(turn, now_s, remaining_rad)
     attempt = turn.now
     if attempt.stopped_s is not None:
         if not stands or now_s - attempt.stopped_s < turn.delay_s + SETTLE_S:
             return turn, 0.0
-        last_resort = LAST_RESORT if turn.tries >= params.tries else 1.0
-        if abs(remaining_rad) <= last_resort * params.tolerance_rad:
+        last_resort = LAST_RESORT if turn.tries >= TRIES else 1.0
+        if abs(remaining_rad) <= last_resort * TOLERANCE_RAD:
             return turn, None
-        turn = _learn(params, turn, remaining_rad)
+        turn = _learn(turn, remaining_rad)
         attempt = turn.now
     if attempt.way == 0:
-        if stands and abs(remaining_rad) <= params.tolerance_rad:
+        if stands and abs(remaining_rad) <= TOLERANCE_RAD:
             return turn, None
         attempt = Try(1 if remaining_rad > 0 else -1, remaining_rad, now_s)
     to_come_rad = remaining_rad - _pending_rad(attempt, now_s, turn.delay_s)
     sticks = stands and now_s - attempt.began_s > turn.delay_s + STUCK_S
     if attempt.way * to_come_rad <= 0 or sticks:
         return replace(turn, now=replace(attempt, stopped_s=now_s)), 0.0
-    rate = attempt.way * _rate(params, turn, abs(to_come_rad))
+    rate = attempt.way * _rate(turn, abs(to_come_rad))
     asked = (*_within(attempt.asked, now_s - turn.delay_s), (now_s, rate))
     return replace(turn, now=replace(attempt, asked=asked)), rate
 
 
-def _rate(params: TurnParameters, turn: Turn, distance_rad: float) -> float:
+def _rate(turn: TurnInPlace, distance_rad: float) -> float:
     """The rate from which the deceleration stops within the distance, no slower than creeping."""
-    slowing = math.sqrt(2 * params.deceleration_rad_s2 * distance_rad)
-    return max(min(slowing, params.rate_rad_s), turn.creep_rad_s)
+    slowing = math.sqrt(2 * DECELERATION_RAD_S2 * distance_rad)
+    return max(min(slowing, RATE_RAD_S), turn.creep_rad_s)
 
 
 def _within(asked: tuple[tuple[float, float], ...], since_s: float) -> tuple[tuple[float, float], ...]:
@@ -134,32 +124,32 @@ def _pending_rad(attempt: Try, now_s: float, delay_s: float) -> float:
     return pending_rad
 
 
-def _learn(params: TurnParameters, turn: Turn, remaining_rad: float) -> Turn:
+def _learn(turn: TurnInPlace, remaining_rad: float) -> TurnInPlace:
     """The next try after a miss: an overshoot means that the delay was assumed too short, an undershoot too long."""
     attempt = turn.now
     beyond_rad = -attempt.way * remaining_rad
     turned_rad = abs(attempt.from_rad - remaining_rad)
     if turned_rad < STUCK_SHARE * abs(attempt.from_rad):
-        creep_rad_s = min(PUSH * turn.creep_rad_s, params.rate_rad_s)
+        creep_rad_s = min(PUSH * turn.creep_rad_s, RATE_RAD_S)
         return replace(turn, creep_rad_s=creep_rad_s, tries=turn.tries + 1, now=Try())
-    slowing, creep = params.deceleration_rad_s2, turn.creep_rad_s
+    slowing, creep = DECELERATION_RAD_S2, turn.creep_rad_s
     late_s = (
         math.sqrt(creep**2 + 2 * slowing * abs(beyond_rad)) - creep
     ) / slowing  # at the end of the approach
     change_s = LEARNED_SHARE * math.copysign(late_s, beyond_rad)
-    delay_s = min(max(turn.delay_s + change_s, 0.0), params.max_delay_s)
-    return replace(turn, delay_s=delay_s, creep_rad_s=params.creep_rad_s, tries=turn.tries + 1, now=Try())
+    delay_s = min(max(turn.delay_s + change_s, 0.0), MAX_DELAY_S)
+    return replace(turn, delay_s=delay_s, creep_rad_s=CREEP_RAD_S, tries=turn.tries + 1, now=Try())
 
 
-def _check(params: TurnParameters, turn: Turn, now_s: float, remaining_rad: float) -> None:
+def _check(turn: TurnInPlace, now_s: float, remaining_rad: float) -> None:
     took_s = now_s - turn.began_s
-    ideal_s = turn.whole_rad / params.rate_rad_s + params.rate_rad_s / params.deceleration_rad_s2
-    if turn.tries <= params.tries and took_s <= ideal_s + params.patience_s:
+    ideal_s = turn.whole_rad / RATE_RAD_S + RATE_RAD_S / DECELERATION_RAD_S2
+    if turn.tries <= TRIES and took_s <= ideal_s + PATIENCE_S:
         return
-    left, whole, most = (math.degrees(rad) for rad in (remaining_rad, turn.whole_rad, params.tolerance_rad))
-    told = (
+    left, whole, most = (math.degrees(rad) for rad in (remaining_rad, turn.whole_rad, TOLERANCE_RAD))
+    reason = (
         f"the turn does not come to its end: {left:+.1f}° left of {whole:.0f}° after {took_s:.0f} s "
-        f"and {min(turn.tries, params.tries)} tries (expected within {most:.1f}°); "
+        f"and {min(turn.tries, TRIES)} tries (expected within {most:.1f}°); "
         "see what 'chefbotctl status' says holds the robot, and its gains"
     )
-    raise ProgramError(Exit.NOT_DONE, told)
+    raise ProgramError(Exit.NOT_DONE, reason)

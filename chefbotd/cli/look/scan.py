@@ -12,7 +12,7 @@ from chefbotd.cli.common.arguments import positive
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import writing
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.client import CallError, Client
+from chefbotd.client import CallError, Client, NotReported
 
 if TYPE_CHECKING:
     from rich.console import Console, RenderableType
@@ -88,10 +88,15 @@ async def _next_of(events: AsyncIterator["Event[ScanData]"], lidar: str | None) 
 
 
 async def _why_none(robot: Client, lidar: str | None) -> str:
-    known = (await robot.get_state()).lidars.lidars
-    told = "; ".join(f"{each.lidar}: {each.condition}{each.reason and ', '}{each.reason}" for each in known)
+    try:
+        lidars = (await robot.get_state()).lidars.lidars
+        conditions = "; ".join(
+            f"{row.lidar}: {row.condition}{row.reason and ', '}{row.reason}" for row in lidars
+        )
+    except NotReported:
+        conditions = "this robot has no lidar, and a depth camera's images are drawn while it sends some"
     what = "no scan" if lidar is None else f"no scan of {lidar!r}"
-    return f"{what} within {FIRST_WITHIN_S:g} s ({told})"
+    return f"{what} within {FIRST_WITHIN_S:g} s ({conditions})"
 
 
 def _print(as_json: bool, event: "Event[ScanData]", console: "Console", reach_m: float | None) -> None:
@@ -118,7 +123,7 @@ async def _draw_live(
 def _picture(data: "ScanData", console: "Console", reach_m: float | None) -> "RenderableType":
     from rich.console import Group
 
-    from chefbotd.cli.look.scan_view import caption, draw_scan, points_m, reach_of
+    from chefbotd.cli.look.view import caption, draw_scan, points_m, reach_of
 
     points = points_m(data)
     reach_m = reach_m or reach_of(points)

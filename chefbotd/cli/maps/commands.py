@@ -1,24 +1,28 @@
-"""The commands ``chefbotctl map``, for the maps that the daemon keeps."""
+"""The commands ``chefbotctl map``, for the maps that the daemon keeps, and for the one that is being made."""
 
+from collections.abc import Awaitable, Callable
 from datetime import datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import click
 
 from chefbotd.cli.common import output
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import echo
-from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.common.extras import require
+from chefbotd.cli.common.exits import Exit, ProgramError, require
 from chefbotd.cli.maps.asking import ask, progress_bar, write_file
-from chefbotd.cli.maps.making import COMMANDS as MAKING
 from chefbotd.client import Client
 
 if TYPE_CHECKING:
-    from chefbotd.cli.maps.draw import Mark
+    from chefbotd.cli.maps.draw import MapMark
     from chefbotd.client.map_methods import MapImage
     from chefbotd.client.models import MapSummary
+
+
+T = TypeVar("T")
+
+NEEDS_LIDAR = "this robot makes no maps: its configuration has no [[lidar]], or [worker] enabled = false"
 
 LEGEND_ROWS, MOST_AGE_S = 3, 2.0
 MODES = ("trinary", "scale", "raw")
@@ -38,18 +42,23 @@ def list_command(context: CommandContext) -> None:
         echo(f"There is no map in {maps.folder} yet.")
         return
     header = ["map", "size", "saved", "version", ""]
-    output.table(context.as_json, maps.model_dump(mode="json"), header, [_row(each) for each in maps.maps])
+    output.table(context.as_json, maps, header, [_row(summary) for summary in maps.maps])
 
 
-def _row(each: "MapSummary") -> list[str]:
-    notes = ["in use" if each.in_use else "", "" if each.condition == "whole" else each.condition]
-    notes += ["mapping can go on" if each.can_go_on else "", each.problem or ""]
-    told = ", ".join(note for note in notes if note)
-    if each.resolution_m is None or each.columns is None or each.rows is None or each.saved_at_s is None:
-        return [each.name, "", "", "", told]
-    size = f"{each.columns * each.resolution_m:.1f} x {each.rows * each.resolution_m:.1f} m"
-    saved = datetime.fromtimestamp(each.saved_at_s).strftime("%Y-%m-%d %H:%M")
-    return [each.name, size, saved, str(each.version), told]
+def _row(summary: "MapSummary") -> list[str]:
+    notes = ["in use" if summary.in_use else "", "" if summary.condition == "whole" else summary.condition]
+    notes += ["mapping can go on" if summary.can_go_on else "", summary.problem or ""]
+    notes_text = ", ".join(note for note in notes if note)
+    if (
+        summary.resolution_m is None
+        or summary.columns is None
+        or summary.rows is None
+        or summary.saved_at_s is None
+    ):
+        return [summary.name, "", "", "", notes_text]
+    size = f"{summary.columns * summary.resolution_m:.1f} x {summary.rows * summary.resolution_m:.1f} m"
+    saved = datetime.fromtimestamp(summary.saved_at_s).strftime("%Y-%m-%d %H:%M")
+    return [summary.name, size, saved, str(summary.version), notes_text]
 
 
 @map_group.command()
@@ -61,7 +70,7 @@ def load(context: CommandContext, name: str) -> None:
         loaded = ask(context, lambda robot: robot.load_map(name, report))
     warning = f" Beware: {loaded.warning}." if loaded.warning else ""
     text = f"The map {loaded.name} (version {loaded.version}) is in use.{warning}"
-    output.say(context.as_json, loaded.model_dump(), text)
+    output.say(context.as_json, loaded, text)
 
 
 @map_group.command("import")
@@ -78,7 +87,7 @@ def import_command(context: CommandContext, yaml: str, name: str | None, replace
             context, lambda robot: robot.import_map(where, name, replace=replace, on_progress=report)
         )
     text = f"Stored as the map {stored.name}, version {stored.version}. 'chefbotctl map load' uses it."
-    output.say(context.as_json, stored.model_dump(), text)
+    output.say(context.as_json, stored, text)
 
 
 @map_group.command()
@@ -93,7 +102,7 @@ def show(context: CommandContext, name: str | None, png: Path | None, force: boo
     if png is not None:
         require("maps", "PIL")
     image, marks = _fetch(context, name)
-    facts = {key: getattr(image, key) for key in image.__dataclass_fields__ if key != "cells"}
+    facts = {key: getattr(image, key) for key in image.__struct_fields__ if key != "cells"}
     if png is not None:
         from chefbotd.cli.maps.png import to_png
 
@@ -106,7 +115,7 @@ def show(context: CommandContext, name: str | None, png: Path | None, force: boo
     _draw(image, marks)
 
 
-def _draw(image: "MapImage", marks: "list[Mark]") -> None:
+def _draw(image: "MapImage", marks: "list[MapMark]") -> None:
     from chefbotd.cli.common.console import Printer
     from chefbotd.cli.common.echo import writing
     from chefbotd.cli.maps.draw import draw_map
@@ -125,10 +134,10 @@ def _legend(image: "MapImage") -> str:
     return f"{image.name or 'a new map'}, {made}: {size}"
 
 
-def _fetch(context: CommandContext, name: str | None) -> "tuple[MapImage, list[Mark]]":
+def _fetch(context: CommandContext, name: str | None) -> "tuple[MapImage, list[MapMark]]":
     """A map, and what is to be marked in it."""
 
-    async def fetch(robot: Client) -> "tuple[MapImage, list[Mark]]":
+    async def fetch(robot: Client) -> "tuple[MapImage, list[MapMark]]":
         image = await robot.get_map(name, report)
         is_made = image.saved_at_s is None
         places = () if image.name is None else (await robot.list_places(image.name)).places
@@ -138,24 +147,24 @@ def _fetch(context: CommandContext, name: str | None) -> "tuple[MapImage, list[M
         return ask(context, fetch)
 
 
-def _place_marks(places: Any) -> "list[Mark]":
-    from chefbotd.cli.maps.draw import Mark
+def _place_marks(places: Any) -> "list[MapMark]":
+    from chefbotd.cli.maps.draw import MapMark
 
-    return [Mark(place.x_m, place.y_m, label=place.name) for place in places]
+    return [MapMark(place.x_m, place.y_m, label=place.name) for place in places]
 
 
-async def _robot_mark(robot: Client, name: str | None) -> "list[Mark]":
+async def _robot_mark(robot: Client, name: str | None) -> "list[MapMark]":
     """The robot, where something localizes it in this map; None is the map that is being made."""
-    from chefbotd.cli.maps.draw import Mark
+    from chefbotd.cli.maps.draw import MapMark
 
     topics = (await robot.call("get_state"))["topics"]
-    told = topics.get("map_pose")
+    latest = topics.get("map_pose")
     is_making = "mapping" in topics and topics["mapping"]["data"]["state"] != "idle"
     its_map = None if is_making else (await robot.list_maps()).in_use
-    if told is None or told["age_s"] > MOST_AGE_S or its_map != name:
+    if latest is None or latest["age_s"] > MOST_AGE_S or its_map != name:
         return []
-    pose = told["data"]
-    return [Mark(pose["x_m"], pose["y_m"], pose["heading_rad"], style="bold red")]
+    pose = latest["data"]
+    return [MapMark(pose["x_m"], pose["y_m"], pose["heading_rad"], style="bold red")]
 
 
 @map_group.command()
@@ -171,11 +180,11 @@ def export(context: CommandContext, folder: Path, name: str | None, mode: str, f
 
     'scale' and 'raw' keep every cell's percentage, 'trinary' free, occupied and unknown.
     """
-    from chefbotd.mapping.map_server import Mode, to_description, to_image
-    from chefbotd.maps.errors import MapStoreError
+    from chefbotd.mapping.map_server import ImageMode, to_description, to_image
+    from chefbotd.maps.disk import MapStoreError
     from chefbotd.maps.names import map_name
 
-    if mode == Mode.SCALE:
+    if mode == ImageMode.SCALE:
         require("maps", "PIL")
     with progress_bar("receiving the map", quiet=context.as_json) as report:
         image = ask(context, lambda robot: robot.get_map(name, report))
@@ -183,9 +192,9 @@ def export(context: CommandContext, folder: Path, name: str | None, mode: str, f
         stem = map_name(image.name or "new map")
     except MapStoreError as error:
         raise ProgramError(Exit.FAILED, f"the daemon's map: {error}") from error
-    grid, suffix = image.grid(), ".png" if mode == Mode.SCALE else ".pgm"
-    description = to_description(grid, f"{stem}{suffix}", Mode(mode)).encode()
-    write_file(folder / f"{stem}{suffix}", to_image(grid, Mode(mode)), force=force)
+    grid, suffix = image.grid(), ".png" if mode == ImageMode.SCALE else ".pgm"
+    description = to_description(grid, f"{stem}{suffix}", ImageMode(mode)).encode()
+    write_file(folder / f"{stem}{suffix}", to_image(grid, ImageMode(mode)), force=force)
     write_file(folder / f"{stem}.yaml", description, force=force)
     files = [str(folder / f"{stem}{end}") for end in (".yaml", suffix)]
     output.say(context.as_json, {"files": files}, f"Wrote {' and '.join(files)}.")
@@ -213,5 +222,65 @@ def delete(context: CommandContext, name: str, yes: bool) -> None:
     output.say(context.as_json, {"ok": True}, f"The map {name} is deleted.")
 
 
-for command in MAKING:
-    map_group.add_command(command)
+@map_group.command()
+@click.argument("name", required=False)
+@click.option("--unfinished", is_flag=True, help="Go on with the map that was never finished.")
+@click.pass_obj
+def start(context: CommandContext, name: str | None, unfinished: bool) -> None:
+    """Begin a map, or go on with the saved map NAME, or after a pause.
+
+    Drive the robot through the rooms then, by whatever means, and 'chefbotctl map finish NAME'.
+    """
+    result = _run(context, lambda robot: robot.start_mapping(name, unfinished=unfinished))
+    begun = f"Mapping: {result.keyframes} scans so far." if result.keyframes else "Mapping."
+    warning = f" Beware: {result.warning}." if result.warning else ""
+    output.say(context.as_json, result, f"{begun} 'chefbotctl map live' shows the map.{warning}")
+
+
+@map_group.command()
+@click.pass_obj
+def pause(context: CommandContext) -> None:
+    """Add nothing to the map until 'map start'."""
+    result = _run(context, lambda robot: robot.pause_mapping())
+    output.say(context.as_json, result, f"Paused, with {result.keyframes} scans.")
+
+
+@map_group.command()
+@click.argument("name")
+@click.pass_obj
+def finish(context: CommandContext, name: str) -> None:
+    """Match all scans once more, save the map as NAME, and end. Ctrl-C gives up, and mapping goes on."""
+    with progress_bar(f"finishing {name}", quiet=context.as_json) as report:
+        saved = _run(context, lambda robot: robot.finish_mapping(name, on_progress=report))
+    text = f"Saved {saved.name}, version {saved.version}: {saved.keyframes} scans on {saved.path_m:.0f} m."
+    output.say(context.as_json, saved, text)
+
+
+@map_group.command()
+@click.option("--yes", is_flag=True, help="Do not ask.")
+@click.pass_obj
+def discard(context: CommandContext, yes: bool) -> None:
+    """Forget the map that is being made, or was never finished. Saved maps stay."""
+    if not (yes or context.as_json):
+        click.confirm("Forget the map that is being made?", abort=True, err=True)
+    result = _run(context, lambda robot: robot.discard_mapping())
+    output.say(context.as_json, result, "The map is discarded.")
+
+
+@map_group.command()
+@click.pass_obj
+def live(context: CommandContext) -> None:
+    """Draw the map that is being made, as it grows, with the robot in it, until Ctrl-C."""
+    from chefbotd.cli.maps.live_view import LiveMapView, MappingScene, listen
+
+    view = LiveMapView(quiet=context.as_json)
+
+    async def watch(robot: Client) -> None:
+        with view.showing() as show:
+            await listen(robot, MappingScene(doing="mapping"), show)
+
+    _run(context, watch)
+
+
+def _run(context: CommandContext, action: Callable[[Client], Awaitable[T]]) -> T:
+    return context.run_with_client(action, absent=NEEDS_LIDAR)

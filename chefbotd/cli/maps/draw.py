@@ -6,7 +6,6 @@ that no wall disappears. Ground that nobody has seen is cut off around the map. 
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from itertools import groupby
 
 import numpy as np
@@ -14,6 +13,7 @@ import numpy.typing as npt
 from rich.text import Text
 
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import Record
 from chefbotd.mapping.occupancy_grid import UNKNOWN, OccupancyGrid
 
 Percents = npt.NDArray[np.int8]
@@ -29,8 +29,7 @@ COLORS = ("grey30", "grey85", "black")
 """By kind: not seen, free, wall. The same on a dark and on a light terminal."""
 
 
-@dataclass(frozen=True, slots=True)
-class Mark:
+class MapMark(Record, frozen=True):
     """Something in the map, in metres of ``map``; one with a heading is an arrow, any other its sign, with its label."""
 
     x_m: float
@@ -41,8 +40,7 @@ class Mark:
     sign: str = "●"
 
 
-@dataclass(frozen=True, slots=True)
-class View:
+class MapSection(Record, frozen=True):
     """The part of a grid that is drawn: its first cell, and how many cells one half of a character stands for."""
 
     row: int
@@ -50,7 +48,7 @@ class View:
     scale: float
     kinds: Shades
 
-    def place(self, grid: OccupancyGrid, mark: Mark) -> tuple[int, int] | None:
+    def place(self, grid: OccupancyGrid, mark: MapMark) -> tuple[int, int] | None:
         """The line and the column of a mark, counted from the top left; None outside the picture."""
         x_m, y_m = _in_grid(grid, mark).x_m, _in_grid(grid, mark).y_m
         if not (math.isfinite(x_m) and math.isfinite(y_m)):
@@ -63,7 +61,7 @@ class View:
 
 
 def draw_map(
-    grid: OccupancyGrid, columns: int, rows: int, marks: Sequence[Mark] = (), *, color: bool = True
+    grid: OccupancyGrid, columns: int, rows: int, marks: Sequence[MapMark] = (), *, color: bool = True
 ) -> Text:
     """The grid in at most ``columns`` by ``rows`` characters, the later marks above the earlier ones.
 
@@ -77,19 +75,19 @@ def draw_map(
     return Text("\n").join(lines)
 
 
-def _view(grid: OccupancyGrid, columns: int, rows: int) -> View:
+def _view(grid: OccupancyGrid, columns: int, rows: int) -> MapSection:
     row, column, percent = _known_part(grid.percent)
     height, width = percent.shape
     scale = max(1.0, width / columns, height / (2 * rows))
-    return View(row, column, scale, _shrunk(percent, scale, columns, 2 * rows))
+    return MapSection(row, column, scale, _shrunk(percent, scale, columns, 2 * rows))
 
 
 def _known_part(percent: Percents) -> tuple[int, int, Percents]:
     """The smallest rectangle with all cells that are known, and a cell around it; all of a map that knows none."""
-    known = percent != UNKNOWN
-    if not known.any():
+    seen = percent != UNKNOWN
+    if not seen.any():
         return 0, 0, percent
-    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    rows, columns = np.flatnonzero(seen.any(axis=1)), np.flatnonzero(seen.any(axis=0))
     row, column = max(0, int(rows[0]) - 1), max(0, int(columns[0]) - 1)
     return row, column, percent[row : int(rows[-1]) + 2, column : int(columns[-1]) + 2]
 
@@ -127,7 +125,7 @@ def _plain(above: int, below: int) -> str:
     return FOG if above == below == UNSEEN else " "
 
 
-def _put(lines: list[Text], view: View, grid: OccupancyGrid, mark: Mark) -> None:
+def _put(lines: list[Text], view: MapSection, grid: OccupancyGrid, mark: MapMark) -> None:
     """Write a mark over what is there, its label to the right of it as far as there is room."""
     place = view.place(grid, mark)
     if place is None:
@@ -144,7 +142,7 @@ def _printable(label: str) -> str:
     return "".join(character for character in label if character.isprintable())
 
 
-def _in_grid(grid: OccupancyGrid, mark: Mark) -> Pose2D:
+def _in_grid(grid: OccupancyGrid, mark: MapMark) -> Pose2D:
     return grid.map_from_grid.inverse().compose(Pose2D(mark.x_m, mark.y_m, mark.heading_rad or 0.0))
 
 

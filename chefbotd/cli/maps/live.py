@@ -1,7 +1,6 @@
 """Puts the growing map together from the topic ``map``, with the robot's pose in it."""
 
 import base64
-import zlib
 from bisect import bisect_left
 from collections import deque
 
@@ -10,22 +9,19 @@ import numpy as np
 from chefbotd.client.errors import ProtocolError
 from chefbotd.client.models import MapData, MapPoseData, OdometryData
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.grid_patch import GridAssembler, GridPatch
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 
 REMEMBERED_READINGS = 400
 
 
-class LiveMap:
+class ReceivedMap:
     """Its cells so far. A part that does not follow the last one leaves it as it is, until a whole one comes."""
 
     def __init__(self) -> None:
-        self._grid: OccupancyGrid | None = None
-        self._revision = 0
-
-    @property
-    def grid(self) -> OccupancyGrid | None:
+        self._assembler = GridAssembler()
+        self.grid: OccupancyGrid | None = None
         """What is known; None before the first whole one."""
-        return self._grid
 
     def take_part(self, part: MapData) -> bool:
         """Take in what has changed; False: parts before it were missed, and it was left out.
@@ -33,35 +29,22 @@ class LiveMap:
         Raises:
             ProtocolError: the part is not what it says it is.
         """
-        cells = _cells(part)
-        if part.whole:
+        try:
+            followed = self._assembler.add(_patch(part), whole=part.whole)
+        except ValueError as error:
+            raise ProtocolError(f"map: {error}") from error
+        if followed:
+            percent = np.frombuffer(self._assembler.cells, np.int8).reshape(part.rows, part.columns)
             origin = Pose2D(part.x_m, part.y_m, part.heading_rad)
-            self._grid = OccupancyGrid(part.resolution_m, origin, cells)
-        elif self._grid is None or part.revision != self._revision + 1:
-            return False
-        else:
-            percent = self._grid.percent
-            if (
-                part.row + part.part_rows > percent.shape[0]
-                or part.column + part.part_columns > percent.shape[1]
-            ):
-                raise ProtocolError("map: a part lies outside of the map")
-            percent[part.row : part.row + part.part_rows, part.column : part.column + part.part_columns] = (
-                cells
-            )
-        self._revision = part.revision
-        return True
+            self.grid = OccupancyGrid(part.resolution_m, origin, percent)
+        return followed
 
 
-def _cells(part: MapData) -> "np.ndarray[tuple[int, ...], np.dtype[np.int8]]":
-    expected = part.part_rows * part.part_columns
-    try:
-        data = zlib.decompressobj().decompress(base64.b64decode(part.cells, validate=True), expected + 1)
-    except (ValueError, zlib.error) as error:
-        raise ProtocolError(f"map: the cells cannot be unpacked: {error}") from error
-    if len(data) != expected:
-        raise ProtocolError(f"map: {expected} cells were expected, but at least {len(data)} arrived")
-    return np.frombuffer(data, np.int8).reshape(part.part_rows, part.part_columns).copy()
+def _patch(part: MapData) -> GridPatch:
+    fields = {name: getattr(part, name) for name in GridPatch.__struct_fields__ if hasattr(part, name)}
+    cells = base64.b64decode(part.cells, validate=True)
+    origin = Pose2D(part.x_m, part.y_m, part.heading_rad)
+    return GridPatch(**fields | {"stamp_s": 0.0, "map_from_grid": origin, "cells": cells})
 
 
 class MapTracker:

@@ -22,13 +22,13 @@ def places() -> None:
 @click.pass_obj
 def list_command(context: CommandContext, of_map: str | None) -> None:
     """List the places of a map."""
-    found = ask(context, lambda robot: robot.list_places(of_map))
+    listed = ask(context, lambda robot: robot.list_places(of_map))
     rows = [
-        [each.name, f"{each.x_m:.2f}", f"{each.y_m:.2f}", f"{math.degrees(each.heading_rad):.0f}°"]
-        for each in found.places
+        [place.name, f"{place.x_m:.2f}", f"{place.y_m:.2f}", f"{math.degrees(place.heading_rad):.0f}°"]
+        for place in listed.places
     ]
-    headings = [f"place in {found.map}", "x (m)", "y (m)", "heading"]
-    output.table(context.as_json, found.model_dump(mode="json"), headings, rows)
+    headings = [f"place in {listed.map}", "x (m)", "y (m)", "heading"]
+    output.table(context.as_json, listed, headings, rows)
 
 
 @places.command(context_settings=NUMBERS_MAY_BE_NEGATIVE)
@@ -54,8 +54,8 @@ def save(
         raise click.UsageError("X needs a Y with it")
     heading_rad = None if heading_deg is None else math.radians(heading_deg)
     place = ask(context, lambda robot: robot.save_place(name, x_m, y_m, heading_rad, of_map=of_map))
-    told = f"({place.x_m:.2f} m, {place.y_m:.2f} m, {math.degrees(place.heading_rad):.0f}°)"
-    output.say(context.as_json, place.model_dump(), f"{place.name} is at {told}.")
+    where = f"({place.x_m:.2f} m, {place.y_m:.2f} m, {math.degrees(place.heading_rad):.0f}°)"
+    output.say(context.as_json, place, f"{place.name} is at {where}.")
 
 
 @places.command()

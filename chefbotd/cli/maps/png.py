@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from chefbotd.cli.maps.draw import LIKELY_OCCUPIED, Mark
+from chefbotd.cli.maps.draw import LIKELY_OCCUPIED, MapMark
 from chefbotd.core.geometry import Pose2D
 from chefbotd.mapping.occupancy_grid import UNKNOWN, OccupancyGrid
 
@@ -16,7 +16,7 @@ UNSEEN, WALL, MARK = (154, 160, 166), (20, 20, 24), (200, 30, 45)
 ROBOT_M, DOT_M = 0.36, 0.1
 
 
-def to_png(grid: OccupancyGrid, marks: Sequence[Mark] = ()) -> bytes:
+def to_png(grid: OccupancyGrid, marks: Sequence[MapMark] = ()) -> bytes:
     """The grid's y axis up; small maps are enlarged. A mark with a heading is an arrow, any other a dot."""
     rows, columns = grid.percent.shape
     scale = max(1, min(MOST_PIXELS_A_CELL, WISHED_PIXELS // max(rows, columns)))
@@ -40,7 +40,7 @@ def _colors(grid: OccupancyGrid) -> "np.ndarray[tuple[int, ...], np.dtype[np.uin
     return colors
 
 
-def _draw(canvas: ImageDraw.ImageDraw, grid: OccupancyGrid, mark: Mark, scale: int) -> None:
+def _draw(canvas: ImageDraw.ImageDraw, grid: OccupancyGrid, mark: MapMark, scale: int) -> None:
     pose = grid.map_from_grid.inverse().compose(Pose2D(mark.x_m, mark.y_m, mark.heading_rad or 0.0))
     per_m = scale / grid.resolution_m
     height = grid.percent.shape[0] * scale

@@ -1,8 +1,7 @@
-"""The commands ``go``, ``home``, ``dock``, ``patrol``, ``where``, ``localize`` and ``serve``."""
+"""The commands ``go``, ``home``, ``dock``, ``patrol``, ``where`` and ``localize``."""
 
 import asyncio
 import contextlib
-import json
 import math
 from collections.abc import Awaitable, Callable
 from typing import TYPE_CHECKING, Any, TypeVar
@@ -12,14 +11,12 @@ import click
 from chefbotd.cli.common import output
 from chefbotd.cli.common.arguments import NUMBERS_MAY_BE_NEGATIVE, finite
 from chefbotd.cli.common.context import CommandContext, beside
-from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.common.extras import extra, require
 from chefbotd.client import Client
-from chefbotd.client.goals import GoalNotReached
+from chefbotd.client.errors import GoalNotReached
 
 if TYPE_CHECKING:
-    from chefbotd.cli.navigate.scene import NavigationScene, Show
+    from chefbotd.cli.navigate.view import NavigationScene, Show
 
 T = TypeVar("T")
 LOOKED_S = 30.0
@@ -65,8 +62,8 @@ def dock(context: CommandContext) -> None:
 
 def _send(context: CommandContext, drive: Callable[[Client], Awaitable[str]], doing: str) -> None:
     """Have it drive there, and say what came of it."""
-    told = _navigate(context, drive, doing)
-    output.say(context.as_json, {"end": "reached", "reason": told}, f"{told[:1].upper()}{told[1:]}.")
+    reason = _navigate(context, drive, doing)
+    output.say(context.as_json, {"end": "reached", "reason": reason}, f"{reason[:1].upper()}{reason[1:]}.")
 
 
 def _goal(target: tuple[str, ...]) -> dict[str, Any]:
@@ -88,15 +85,15 @@ def patrol(context: CommandContext, places: tuple[str, ...], rounds: int) -> Non
     """Send the robot to places one after the other. Ctrl-C cancels, and the robot stands."""
 
     async def drive(robot: Client) -> str:
-        told = ""
+        reason = ""
         for _ in range(rounds):
             for place in places:
-                told = await robot.navigate_to(place=place)
-        return told
+                reason = await robot.navigate_to(place=place)
+        return reason
 
-    told = _navigate(context, drive, f"to {', '.join(places)}")
+    reason = _navigate(context, drive, f"to {', '.join(places)}")
     count = rounds * len(places)
-    output.say(context.as_json, {"goals": count}, f"Reached {count} places; the last: {told}.")
+    output.say(context.as_json, {"goals": count}, f"Reached {count} places; the last: {reason}.")
 
 
 @click.command()
@@ -106,27 +103,29 @@ def where(context: CommandContext) -> None:
     state = _run(context, lambda robot: robot.call("get_state"))
     if "localization" not in state:
         raise ProgramError(Exit.REFUSED, NEEDS_LIDAR)
-    known, pose = _known_of(state)
-    output.say(context.as_json, {"localization": known, "pose": pose}, _where(known, pose))
+    localization, pose = _known_of(state)
+    output.say(context.as_json, {"localization": localization, "pose": pose}, _where(localization, pose))
 
 
 def _known_of(state: dict[str, Any]) -> tuple[dict[str, Any], dict[str, Any] | None]:
     """How localization stands, also before it has told anything, and the pose while it is known."""
-    known, told = state["localization"], state["topics"].get("map_pose")
-    is_known = told is not None and known["state"] in ("localized", "uncertain")
-    return known, {**told["data"], "age_s": told["age_s"]} if is_known else None
+    localization, latest = state["localization"], state["topics"].get("map_pose")
+    is_known = latest is not None and localization["state"] in ("localized", "uncertain")
+    return localization, {**latest["data"], "age_s": latest["age_s"]} if is_known else None
 
 
-def _where(known: dict[str, Any], pose: dict[str, Any] | None) -> str:
-    on_map = f" on the map {known['map']}" if known["map"] else ""
-    why = f": {known['reason']}" if known["reason"] else ""
+def _where(localization: dict[str, Any], pose: dict[str, Any] | None) -> str:
+    on_map = f" on the map {localization['map']}" if localization["map"] else ""
+    why = f": {localization['reason']}" if localization["reason"] else ""
     if pose is None:
-        others = "".join(f"\n  {_at(each)}, fit {each['fit']:.2f}" for each in known["alternatives"])
-        count = len(known["alternatives"])
+        others = "".join(
+            f"\n  {_at(place)}, fit {place['fit']:.2f}" for place in localization["alternatives"]
+        )
+        count = len(localization["alternatives"])
         may_be = f"; it may be at {count} place{'s' if count > 1 else ''}" if count else ""
-        return f"The robot does not know where it is{on_map} ({known['state']}{may_be}){why}.{others}"
+        return f"The robot does not know where it is{on_map} ({localization['state']}{may_be}){why}.{others}"
     was = f"was {pose['age_s']:.0f} s ago" if pose["age_s"] > OLD_S else "is"
-    return f"The robot {was} at {_at(pose)}{on_map}: {known['state']}, fit {known['fit']:.2f}{why}."
+    return f"The robot {was} at {_at(pose)}{on_map}: {localization['state']}, fit {localization['fit']:.2f}{why}."
 
 
 def _at(pose: dict[str, Any]) -> str:
@@ -141,18 +140,18 @@ def localize(context: CommandContext, turn: bool) -> None:
 
     It does not move, unless --turn allows it to.
     """
-    state, told = _run(context, lambda robot: _looked(robot, turn=turn))
-    known, pose = _known_of(state)
-    if known["state"] != "localized" or pose is None:
-        raise ProgramError(Exit.NOT_DONE, "; ".join(filter(None, (told, _where(known, None)))))
-    output.say(context.as_json, {"localization": known, "pose": pose}, _where(known, pose))
+    state, reason = _run(context, lambda robot: _looked(robot, turn=turn))
+    localization, pose = _known_of(state)
+    if localization["state"] != "localized" or pose is None:
+        raise ProgramError(Exit.NOT_DONE, "; ".join(filter(None, (reason, _where(localization, None)))))
+    output.say(context.as_json, {"localization": localization, "pose": pose}, _where(localization, pose))
 
 
 async def _looked(robot: Client, *, turn: bool) -> tuple[dict[str, Any], str]:
     """The robot's state after it has looked, and turned where it may and had to; and what came of the turn."""
-    told = ""
+    reason = ""
     if turn:
-        told = (await robot.localize(turn=True)).reason
+        reason = (await robot.localize(turn=True)).reason
     else:
         await robot.localize()
         async with robot.subscribe("localization") as events:  # the first one tells how it stands since then
@@ -161,7 +160,7 @@ async def _looked(robot: Client, *, turn: bool) -> tuple[dict[str, Any], str]:
                     async for event in events:
                         if event.data.state in ("localized", "lost"):
                             break
-    return await robot.call("get_state"), told
+    return await robot.call("get_state"), reason
 
 
 def _navigate(context: CommandContext, drive: Callable[[Client], Awaitable[str]], doing: str) -> str:
@@ -170,8 +169,7 @@ def _navigate(context: CommandContext, drive: Callable[[Client], Awaitable[str]]
     Raises:
         ProgramError: a goal was not reached, or any failure.
     """
-    from chefbotd.cli.navigate.scene import NavigationScene
-    from chefbotd.cli.navigate.view import NavigationView
+    from chefbotd.cli.navigate.view import NavigationScene, NavigationView
 
     view = NavigationView(quiet=context.as_json)
 
@@ -188,12 +186,12 @@ def _navigate(context: CommandContext, drive: Callable[[Client], Awaitable[str]]
 async def _watched(
     robot: Client, scene: "NavigationScene", show: "Show", drive: Callable[[Client], Awaitable[str]]
 ) -> str:
-    from chefbotd.cli.maps.draw import Mark
-    from chefbotd.cli.navigate.scene import PLACE, listen
+    from chefbotd.cli.maps.draw import MapMark
+    from chefbotd.cli.navigate.view import PLACE, listen
 
     scene.grid = (await robot.get_map()).grid()
-    known = (await robot.list_places()).places
-    scene.places = tuple(Mark(each.x_m, each.y_m, label=each.name, style=PLACE) for each in known)
+    places = (await robot.list_places()).places
+    scene.places = tuple(MapMark(place.x_m, place.y_m, label=place.name, style=PLACE) for place in places)
     async with beside(listen(robot, scene, show)):
         return await drive(robot)
 
@@ -202,29 +200,4 @@ def _run(context: CommandContext, action: Callable[[Client], Awaitable[T]]) -> T
     return context.run_with_client(action, absent=NEEDS_LIDAR)
 
 
-@click.command()
-@click.pass_obj
-def serve(context: CommandContext) -> None:
-    """Demo: a simulated ChefBot with a lidar serves three tables. No robot and no daemon is needed.
-
-    It starts somewhere in a flat without being told where, finds out, goes to the tables and home to the kitchen.
-    People walk about, and a chair that is on no map is in its way. At the end each leg is held against the truth.
-    """
-    require("navigation", "PIL")
-    with extra("navigation", "numba", "llvmlite", "scipy"):
-        from chefbotd.cli.navigate.serve import Serve
-    from chefbotd.cli.navigate import order
-    from chefbotd.cli.navigate.view import NavigationView, as_json
-
-    view = NavigationView(quiet=context.as_json)
-    with view.showing() as show:
-        served = context.run(Serve((*order.TABLES, order.HOME), show).run())
-    if context.as_json:
-        echo(json.dumps(as_json(served)))
-    else:
-        view.show(served)
-    if served.failures:
-        raise ProgramError(Exit.NOT_DONE, "; ".join(served.failures))
-
-
-COMMANDS = (go, home, dock, patrol, where, localize, serve)
+COMMANDS = (go, home, dock, patrol, where, localize)

@@ -1,31 +1,95 @@
-"""Draws a navigating robot again and again, and the table of the legs at the end."""
+"""What is shown of a navigating robot, the map, the path, the people and the state of the goal, and a picture of it."""
 
-import math
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
-from typing import Any
+from typing import Any, TypeAlias
 
-from rich import box
-from rich.console import Group
+from msgspec import Struct, field
+from rich.console import Group, RenderableType
 from rich.live import Live
-from rich.table import Table
 from rich.text import Text
 
 from chefbotd.cli.common.console import Printer
 from chefbotd.cli.common.echo import writing
-from chefbotd.cli.maps.draw import draw_map
-from chefbotd.cli.navigate.scene import Leg, NavigationScene, Served, Show
+from chefbotd.cli.maps.draw import MapMark, draw_map
+from chefbotd.cli.maps.live import MapTracker
+from chefbotd.client import Client
+from chefbotd.mapping.occupancy_grid import OccupancyGrid
+
+Disc = tuple[float, float, float]
+"""x, y and radius in metres."""
+
+
+RATE_HZ = 5.0
+TOPICS = ("odometry", "map_pose", "navigation", "path", "localization")
+ENDS = ("reached", "unreachable", "blocked", "cancelled", "lost", "fault")
+ROBOT, PATH, PLACE, SOMEBODY = "bold red", "green", "bold blue", "bold magenta"
+
+
+class NavigationScene(Struct):
+    """The newest of each."""
+
+    grid: OccupancyGrid | None = None
+    places: tuple[MapMark, ...] = ()
+    tracker: MapTracker = field(default_factory=MapTracker)
+    path: tuple[tuple[float, float], ...] = ()
+    discs: tuple[Disc, ...] = ()
+    doing: str = ""
+    state: str = "idle"
+    reason: str = ""
+    distance_m: float | None = None
+    time_s: float | None = None
+    localization: str = "unknown"
+    _past_goal: int | None = None
+    _heard: bool = False
+
+    def take_event(self, event: Any) -> None:
+        """Take in an event of ``TOPICS``."""
+        data = event.data
+        if event.topic == "odometry":
+            self.tracker.take_odometry(event.stamp_s, data)
+        elif event.topic == "map_pose":
+            self.tracker.take_map_pose(event.stamp_s, data)
+        elif event.topic == "localization":
+            self.localization = data.state
+        elif event.topic == "navigation":
+            self._take_navigation(data)
+        elif event.topic == "path":
+            self.path = tuple(zip(data.x_m, data.y_m, strict=True))
+
+    def _take_navigation(self, data: Any) -> None:
+        """What it does; how somebody's last goal ended before this scene began is not told again."""
+        if not self._heard:
+            self._heard, self._past_goal = True, data.goal if data.state in ENDS else None
+        if data.state in ENDS and data.goal is not None and data.goal == self._past_goal:
+            return
+        self.state, self.reason = data.state, data.reason
+        self.distance_m, self.time_s = data.distance_m, data.time_s
+
+    def marks(self) -> list[MapMark]:
+        """What is drawn on the map, the later above the earlier."""
+        marks = [MapMark(x, y, style=PATH, sign="·") for x, y in self.path]
+        marks += self.places
+        marks += [MapMark(x, y, style=SOMEBODY, sign="o") for x, y, _ in self.discs]
+        if (pose := self.tracker.pose) is not None:
+            marks.append(MapMark(pose.x_m, pose.y_m, pose.heading_rad, style=ROBOT))
+        return marks
+
+
+Show: TypeAlias = Callable[[NavigationScene], None]
+
+
+async def listen(robot: Client, scene: NavigationScene, show: Show) -> None:
+    """Take in what is told, and show each change of the pose, until cancelled."""
+    async with robot.subscribe(TOPICS, max_rate_hz=RATE_HZ) as events:
+        async for event in events:
+            scene.take_event(event)
+            if event.topic in ("odometry", "navigation"):
+                show(scene)
+
 
 STATUS_ROWS, ROWS_IN_A_FILE = 5, 45
-COLUMNS = (
-    "leg to",
-    "length, over shortest",
-    "time, over ideal",
-    "closest approach",
-    "true error at the goal",
-)
 
 
 class NavigationView:
@@ -33,7 +97,13 @@ class NavigationView:
 
     def __init__(self, *, quiet: bool) -> None:
         self._console = Printer(quiet=quiet, highlight=False)
-        self._told, self._draw_again_s = "", 0.0
+        self._last_text, self._draw_again_s = "", 0.0
+
+    def print(self, *parts: RenderableType) -> None:
+        """Print these below one another."""
+        with writing():
+            for part in parts:
+                self._console.print(part)
 
     @contextmanager
     def showing(self) -> Iterator[Show]:
@@ -53,11 +123,10 @@ class NavigationView:
         self._draw_again_s = began_s + 4 * (time.monotonic() - began_s)
 
     def _say_what_is_new(self, scene: NavigationScene) -> None:
-        told = f"{scene.doing}: {scene.reason}" if scene.state != "idle" and scene.reason else scene.doing
-        if told != self._told:
-            self._told = told
-            with writing():
-                self._console.print(told)
+        text = f"{scene.doing}: {scene.reason}" if scene.state != "idle" and scene.reason else scene.doing
+        if text != self._last_text:
+            self._last_text = text
+            self.print(text)
 
     def picture(self, scene: NavigationScene) -> Group:
         """The map with all that is on it, and what the robot does."""
@@ -73,61 +142,9 @@ class NavigationView:
         rows = max(1, self._console.height - STATUS_ROWS) if self._console.redraws else ROWS_IN_A_FILE
         return draw_map(scene.grid, self._console.width, rows, scene.marks(), color=self._console.draws_color)
 
-    def show(self, served: Served) -> None:
-        """What came of it."""
-        with writing():
-            self._console.print(found_text(served))
-            self._console.print(_table(served.legs))
-
 
 def _standing(scene: NavigationScene) -> str:
     left = "" if scene.distance_m is None else f", {scene.distance_m:.1f} m to go"
     return (
         f"{scene.localization}, {scene.state}{left}: {scene.reason}" if scene.reason else scene.localization
     )
-
-
-def found_text(served: Served) -> str:
-    """How it found out where it was."""
-    found = served.found
-    how = "turning where it stood" if found.turned else "without a motion"
-    off = f"{100 * found.off_m:.1f} cm and {math.degrees(found.off_rad):.1f} degrees off the truth"
-    return f"It found out where it was within {found.seconds:.1f} s, {how}: {off}."
-
-
-def _table(legs: tuple[Leg, ...]) -> Table:
-    table = Table(*COLUMNS, box=box.SIMPLE_HEAD, pad_edge=False)
-    for leg in legs:
-        table.add_row(*row(leg))
-    return table
-
-
-def row(leg: Leg) -> tuple[str, ...]:
-    """A leg in words; one that failed says why."""
-    if leg.failure is not None:
-        return (leg.place, f"{leg.length_m:.1f} m", f"{leg.seconds:.0f} s", _cm(leg.closest_m), leg.failure)
-    return (
-        leg.place,
-        f"{leg.length_m:.1f} m, {leg.length_m / leg.shortest_m:.2f}",
-        f"{leg.seconds:.0f} s, {leg.seconds / leg.ideal_s:.2f}",
-        _cm(leg.closest_m),
-        f"{_cm(leg.off_m)}, {math.degrees(leg.off_rad):.1f} degrees",
-    )
-
-
-def _cm(metres: float) -> str:
-    return f"{100 * metres:.1f} cm" if math.isfinite(metres) else "?"
-
-
-def as_json(served: Served) -> dict[str, Any]:
-    """The same for a script."""
-    return {
-        "found": asdict(served.found),
-        "legs": [{name: _finite(value) for name, value in asdict(leg).items()} for leg in served.legs],
-        "seconds": served.seconds,
-        "failures": list(served.failures),
-    }
-
-
-def _finite(value: object) -> object:
-    return None if isinstance(value, float) and not math.isfinite(value) else value

@@ -10,17 +10,18 @@ from chefbotd import __version__
 from chefbotd.cli.common.arguments import Address, address
 from chefbotd.cli.common.context import CommandContext, Credentials, Runner, run_until_signalled
 from chefbotd.cli.common.exits import MEANING, exit_table
-from chefbotd.cli.discovery.robots import address_of, robots
 from chefbotd.cli.doctor.doctor_command import doctor
 from chefbotd.cli.doctor.ports_command import ports
 from chefbotd.cli.drive import commands as driving
 from chefbotd.cli.drive import stop_arm_reset
 from chefbotd.cli.drive.commands import wheels
 from chefbotd.cli.look import commands as looking
+from chefbotd.cli.look.robots import address_of, robots
 from chefbotd.cli.look.scan import scan
 from chefbotd.cli.maps.commands import map_group
 from chefbotd.cli.maps.places import places
 from chefbotd.cli.navigate import commands as navigating
+from chefbotd.cli.programs.examples import example
 from chefbotd.cli.programs.program import Program, completion, wants_json
 from chefbotd.cli.record.commands import log_group, record
 from chefbotd.cli.tune.commands import pid
@@ -110,6 +111,8 @@ def _token(file: TextIO) -> str:
     return words[-1]
 
 
+map_group.add_command(example("demo", "map"))
+
 COMMANDS: tuple[click.Command, ...] = (
     looking.status,
     looking.watch,
@@ -130,6 +133,7 @@ COMMANDS: tuple[click.Command, ...] = (
     map_group,
     places,
     *navigating.COMMANDS,
+    example("serve", "serve"),
     record,
     log_group,
     stop_arm_reset.reset_odometry,

@@ -15,8 +15,7 @@ import click
 from chefbotd import __version__, start
 from chefbotd.cli.common.arguments import Address, address, configuration
 from chefbotd.cli.common.echo import echo
-from chefbotd.cli.common.exits import Exit, ProgramError, exit_table
-from chefbotd.cli.common.extras import require
+from chefbotd.cli.common.exits import Exit, ProgramError, exit_table, require
 from chefbotd.cli.programs.load import load_valid
 from chefbotd.cli.programs.load import simulation as simulation_of
 from chefbotd.cli.programs.program import Program, completion, wants_json
@@ -120,9 +119,9 @@ def _check_simulated(simulated: bool, device: str | None, sketch: str | None) ->
         raise click.UsageError("--sketch needs --sim: a real board runs its own")
 
 
-def _given(wanted: Mapping[str, object]) -> dict[str, object]:
+def _given(options: Mapping[str, object]) -> dict[str, object]:
     """What was named on the command line."""
-    return {key: value for key, value in wanted.items() if value is not None}
+    return {key: value for key, value in options.items() if value is not None}
 
 
 def _require_extras(settings: "Settings") -> None:
@@ -196,7 +195,7 @@ def check_config(ctx: click.Context, path: Path | None) -> None:
 
 main.add_late("chefbotd.cli.programs.init", "init", "urdf")
 main.add_late("chefbotd.cli.record.replay", "replay")
-main.add_late("chefbotd.cli.service.commands", "install-service", "uninstall-service")
+main.add_late("chefbotd.cli.programs.service", "install-service", "uninstall-service")
 main.add_command(completion)
 
 

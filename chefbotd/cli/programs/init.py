@@ -30,8 +30,8 @@ def init(robot: str, folder: Path) -> None:
         raise click.UsageError(str(error)) from error
     config, urdf = folder / source.name, folder / f"{source.stem}.urdf"
     texts = {config: source.read_text(encoding="utf-8"), urdf: urdf_of(load_valid(source))}
-    if there := [str(path) for path in texts if path.exists()]:
-        raise ProgramError(Exit.FAILED, f"{', '.join(there)}: already exists, and is not overwritten")
+    if existing := [str(path) for path in texts if path.exists()]:
+        raise ProgramError(Exit.FAILED, f"{', '.join(existing)}: already exists, and is not overwritten")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for path, text in texts.items():

@@ -4,8 +4,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.common.extras import extra
+from chefbotd.cli.common.exits import Exit, ProgramError, extra
 
 if TYPE_CHECKING:
     from chefbotd.settings import Settings, SettingsError

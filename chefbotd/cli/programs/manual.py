@@ -28,9 +28,9 @@ def _pages(context: click.Context, name: str) -> Iterator[tuple[str, click.Conte
     command = context.command
     if isinstance(command, click.Group):
         for inner in command.list_commands(context):
-            found = command.get_command(context, inner)
-            if found is not None and not found.hidden:
-                child = click.Context(found, info_name=inner, parent=context)
+            inner_command = command.get_command(context, inner)
+            if inner_command is not None and not inner_command.hidden:
+                child = click.Context(inner_command, info_name=inner, parent=context)
                 yield from _pages(child, f"{name}-{inner}")
 
 
@@ -53,7 +53,7 @@ def roff(name: str, context: click.Context) -> str:
         lines += [f".TP\n.B {_escaped(term)}\n{_escaped(text)}" for term, text in rows]
     if command.epilog:
         lines += [".SH NOTES", ".nf", _escaped(command.epilog.replace("\b", "").strip("\n")), ".fi"]
-    lines += [".SH SEE ALSO", ", ".join(f"{each}(1)" for each in _related(name, context))]
+    lines += [".SH SEE ALSO", ", ".join(f"{page}(1)" for page in _related(name, context))]
     return "\n".join(lines) + "\n"
 
 
@@ -75,19 +75,23 @@ def markdown(name: str, context: click.Context) -> str:
 
 def _sections(context: click.Context) -> Iterator[tuple[str, list[tuple[str, str]]]]:
     command = context.command
-    records = [record for each in command.get_params(context) if (record := each.get_help_record(context))]
+    records = [record for item in command.get_params(context) if (record := item.get_help_record(context))]
     if records:
         yield "OPTIONS", [(term, _one_line(text)) for term, text in records]
     variables = [
-        (str(each.envvar), f"as {each.opts[0]}")
-        for each in command.get_params(context)
-        if isinstance(each, click.Option) and each.envvar
+        (str(item.envvar), f"as {item.opts[0]}")
+        for item in command.get_params(context)
+        if isinstance(item, click.Option) and item.envvar
     ]
     if variables:
         yield "ENVIRONMENT", variables
     if isinstance(command, click.Group):
-        inner = [(each, command.get_command(context, each)) for each in command.list_commands(context)]
-        rows = [(each, found.get_short_help_str(500)) for each, found in inner if found and not found.hidden]
+        inner = [(item, command.get_command(context, item)) for item in command.list_commands(context)]
+        rows = [
+            (item, inner_command.get_short_help_str(500))
+            for item, inner_command in inner
+            if inner_command and not inner_command.hidden
+        ]
         yield "COMMANDS", rows
 
 
@@ -99,7 +103,7 @@ def _related(name: str, context: click.Context) -> list[str]:
 
 
 def _paragraphs(text: str) -> list[str]:
-    return [each for each in re.split(r"\n\s*\n", text.replace("\b", "").strip()) if each]
+    return [paragraph for paragraph in re.split(r"\n\s*\n", text.replace("\b", "").strip()) if paragraph]
 
 
 def _one_line(text: str) -> str:

@@ -75,8 +75,8 @@ def export(context: CommandContext, file: Path, folder: Path, topics: tuple[str,
     from chefbotd.cli.record.export import export_csv
 
     files = export_csv(file, folder, topics, force=force)
-    told = {"files": [str(path) for path in files]}
-    output.say(context.as_json, told, f"Wrote {len(files)} tables in {folder}.")
+    result = {"files": [str(path) for path in files]}
+    output.say(context.as_json, result, f"Wrote {len(files)} tables in {folder}.")
 
 
 @log_group.command()

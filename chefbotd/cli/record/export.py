@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any, TextIO
 
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.record.opening import opened
-from chefbotd.recording.reader import Message
+from chefbotd.cli.record.info import opened
+from chefbotd.recording.reader import RecordedMessage
 
 WIDEST_LIST = 16
 """A longer list, such as a scan's ranges, is one cell, as JSON."""
@@ -33,8 +33,8 @@ def export_csv(path: Path, folder: Path, topics: Collection[str], *, force: bool
     if not columns:
         raise ProgramError(Exit.FAILED, f"{path} has no message that can be read")
     if unknown := sorted(set(topics) - columns.keys()):
-        known = ", ".join(sorted(columns))
-        raise ProgramError(Exit.FAILED, f"{path} has no topic {', '.join(unknown)}; it has {known}")
+        available = ", ".join(sorted(columns))
+        raise ProgramError(Exit.FAILED, f"{path} has no topic {', '.join(unknown)}; it has {available}")
     files = _files(folder, [topic for topic in columns if not topics or topic in topics])
     for file in files.values():
         if file.exists() and not force:
@@ -64,12 +64,12 @@ def _write(path: Path, files: dict[str, Path], columns: dict[str, dict[str, None
             stream.close()
 
 
-def _row(path: Path, message: Message) -> dict[str, Any]:
+def _row(path: Path, message: RecordedMessage) -> dict[str, Any]:
     own = {"log_time_s": f"{message.log_ns / 1e9:.9f}", "sequence": message.sequence}
     return {**own, **dict(_cells(_decoded(path, message)))}
 
 
-def _decoded(path: Path, message: Message) -> Any:
+def _decoded(path: Path, message: RecordedMessage) -> Any:
     try:
         return json.loads(message.data)
     except ValueError:
@@ -96,9 +96,9 @@ def _cells(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
 
 def _files(folder: Path, topics: Iterable[str]) -> dict[str, Path]:
     """A file for each topic, whatever somebody has called it: no two are the same, and none is elsewhere."""
-    found: dict[str, Path] = {}
+    files: dict[str, Path] = {}
     for topic in topics:
         name = re.sub(r"[^\w.-]+", "_", topic.strip("/"))[:MAX_NAME].strip(".") or "topic"
-        number = sum(file.stem.partition("~")[0].lower() == name.lower() for file in found.values())
-        found[topic] = folder / (f"{name}~{number + 1}.csv" if number else f"{name}.csv")
-    return found
+        number = sum(file.stem.partition("~")[0].lower() == name.lower() for file in files.values())
+        files[topic] = folder / (f"{name}~{number + 1}.csv" if number else f"{name}.csv")
+    return files

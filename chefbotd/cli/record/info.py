@@ -1,25 +1,45 @@
 """Describes a recording: its topics with counts and rates, its length, its robot, and its problems."""
 
-from dataclasses import dataclass
+from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
 import msgspec
+from msgspec import Struct
 
 from chefbotd.cli.common import output
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import echo, plain
-from chefbotd.cli.record.opening import opened
+from chefbotd.cli.common.exits import Exit, ProgramError, extra
 from chefbotd.recording.encoder import REPEATED
 from chefbotd.recording.reader import RecordingReader
+
+with extra("recording", "mcap", "zstandard", "lz4"):
+    from chefbotd.recording.reader import RecordingReader
+
+from chefbotd.recording.status import UnreadableRecording
+
+
+@contextmanager
+def opened(path: Path) -> Iterator[RecordingReader]:
+    """A reader of the file.
+
+    Raises:
+        ProgramError: the file is no recording, or cannot be read.
+    """
+    try:
+        yield RecordingReader(path)
+    except UnreadableRecording as error:
+        raise ProgramError(Exit.FAILED, str(error)) from error
+
 
 OWN_METADATA = "chefbotd"
 """What a recording of the daemon has at its beginning."""
 
 
-@dataclass(slots=True)
-class _Topic:
+class _Topic(Struct):
     schema: str
     count: int = 0
     repeated: int = 0
@@ -28,11 +48,11 @@ class _Topic:
 def show_info(context: CommandContext, path: Path) -> None:
     """Print it."""
     with opened(path) as reader:
-        found = _read(reader)
+        summary = _read(reader)
     if context.as_json:
-        output.say(True, found, "")
+        output.say(True, summary, "")
         return
-    echo("\n".join(plain(line) for line in _lines(found)))
+    echo("\n".join(plain(line) for line in _lines(summary)))
     rows = [
         [
             plain(topic),
@@ -40,7 +60,7 @@ def show_info(context: CommandContext, path: Path) -> None:
             str(row["messages"]),
             "" if row["hz"] is None else f"{row['hz']:.1f}",
         ]
-        for topic, row in found["topics"].items()
+        for topic, row in summary["topics"].items()
     ]
     output.table(False, None, ["topic", "schema", "messages", "Hz"], rows)
 
@@ -81,17 +101,17 @@ def _read(reader: RecordingReader) -> dict[str, Any]:
     }
 
 
-def _lines(found: dict[str, Any]) -> list[str]:
-    robot = found["robot"]
-    lines = [f"{found['file']}: {found['size_bytes'] / 1e6:.1f} MB, {found['messages']} messages"]
-    if found["began_at_s"] is not None:
-        began = datetime.fromtimestamp(found["began_at_s"], UTC).strftime("%Y-%m-%d %H:%M:%S")
-        lines.append(f"{found['seconds']:.1f} s from {began} UTC on")
+def _lines(summary: dict[str, Any]) -> list[str]:
+    robot = summary["robot"]
+    lines = [f"{summary['file']}: {summary['size_bytes'] / 1e6:.1f} MB, {summary['messages']} messages"]
+    if summary["began_at_s"] is not None:
+        began = datetime.fromtimestamp(summary["began_at_s"], UTC).strftime("%Y-%m-%d %H:%M:%S")
+        lines.append(f"{summary['seconds']:.1f} s from {began} UTC on")
     if robot:
-        told = f"robot {robot.get('robot', '?')}, chefbotd {robot.get('chefbotd', '?')}"
-        lines.append(f"{told}, recorded for: {robot.get('reason', '?')}, part {robot.get('part', '?')}")
-    if found["dropped"]:
-        lines.append(f"{found['dropped']} events are missing: the disk was too slow")
-    if found["problem"]:
-        lines.append(f"Beware: {found['problem']}. What is told here is what can be read.")
+        text = f"robot {robot.get('robot', '?')}, chefbotd {robot.get('chefbotd', '?')}"
+        lines.append(f"{text}, recorded for: {robot.get('reason', '?')}, part {robot.get('part', '?')}")
+    if summary["dropped"]:
+        lines.append(f"{summary['dropped']} events are missing: the disk was too slow")
+    if summary["problem"]:
+        lines.append(f"Beware: {summary['problem']}. What is told here is what can be read.")
     return lines

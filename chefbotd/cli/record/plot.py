@@ -1,21 +1,20 @@
 """Plots a recording: wheel speeds and targets, the path, the battery, and the faults."""
 
 import json
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.common.extras import extra
+from msgspec import Struct, field
+
+from chefbotd.cli.common.exits import Exit, ProgramError, extra
 from chefbotd.cli.maps.asking import write_file
-from chefbotd.cli.record.opening import opened
+from chefbotd.cli.record.info import opened
 
 WANTED = {"WheelsDriven", "OdometryUpdated", "BatteryMeasured", "SafetyChanged"}
 WIDTH_INCHES, PANEL_INCHES, PATH_INCHES, DOTS_PER_INCH = 11.0, 2.6, 5.0, 110
 
 
-@dataclass(slots=True)
-class Curves:
+class Curves(Struct):
     """What is drawn, over seconds from the first event on."""
 
     wheels_s: list[float] = field(default_factory=list)
@@ -61,8 +60,8 @@ def read_curves(path: Path) -> Curves:
         curves.problem = reader.problem
         curves.names = _wheel_names(reader.metadata.get("configuration", {}).get("json", ""))
     if began_s is None:
-        wanted = ", ".join(sorted(WANTED))
-        raise ProgramError(Exit.FAILED, f"{path} has nothing that can be drawn: none of {wanted}")
+        names = ", ".join(sorted(WANTED))
+        raise ProgramError(Exit.FAILED, f"{path} has nothing that can be drawn: none of {names}")
     return curves
 
 
@@ -111,11 +110,11 @@ def plot_png(path: Path, out: Path, *, force: bool) -> None:
 
 
 def _draw_wheel(axis: Any, curves: Curves, wheel: int) -> None:
-    targets = [each[wheel] for each in curves.targets]
+    targets = [row[wheel] for row in curves.targets]
     axis.plot(curves.wheels_s, targets, color="0.5", linewidth=1.2, label="asked for")
     axis.plot(
         curves.wheels_s,
-        [each[wheel] for each in curves.speeds],
+        [row[wheel] for row in curves.speeds],
         color="tab:blue",
         linewidth=0.9,
         label="measured",

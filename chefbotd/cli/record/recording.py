@@ -53,7 +53,7 @@ def record(context: CommandContext, name: str | None, seconds: float | None) -> 
     )
     if ended.dropped:
         text += f"\n{ended.dropped} events found no room since the daemon started: its disk is too slow."
-    output.say(context.as_json, ended.model_dump(), text)
+    output.say(context.as_json, ended, text)
 
 
 def _forget_cancellation() -> None:
@@ -76,15 +76,15 @@ def _progress(data: "RecordingData") -> str:
     free = "" if data.free_bytes is None else f", {_size(data.free_bytes)} free"
     lost = f", {data.dropped} events dropped" if data.dropped else ""
     reason = f" ({data.reason})" if data.reason else ""
-    told = f"recording {data.name}: {data.seconds:.0f} s, {_size(data.bytes_written)}"
-    return f"{told}{free}{lost}{reason} - Ctrl-C ends it"
+    text = f"recording {data.name}: {data.seconds:.0f} s, {_size(data.bytes_written)}"
+    return f"{text}{free}{lost}{reason} - Ctrl-C ends it"
 
 
 def save_ring(context: CommandContext, name: str | None) -> None:
     """Write the last minutes into a file."""
     saved = _ask(context, lambda robot: robot.save_ring(name))
     text = f"Wrote the last {saved.seconds:.0f} s: {saved.file}"
-    output.say(context.as_json, saved.model_dump(), text)
+    output.say(context.as_json, saved, text)
 
 
 def list_files(context: CommandContext) -> None:
@@ -102,7 +102,7 @@ def list_files(context: CommandContext) -> None:
         ]
         for row in listed.files
     ]
-    output.table(context.as_json, listed.model_dump(mode="json"), ["recording", "size", "changed", ""], rows)
+    output.table(context.as_json, listed, ["recording", "size", "changed", ""], rows)
     if not context.as_json:
         echo(f"In {listed.folder}, on the robot's computer.")
 

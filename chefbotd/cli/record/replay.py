@@ -10,13 +10,12 @@ import click
 
 from chefbotd.cli.common.arguments import Address, address, configuration
 from chefbotd.cli.common.echo import echo, plain
-from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.common.extras import require
+from chefbotd.cli.common.exits import Exit, ProgramError, require
 from chefbotd.cli.programs.load import load_valid
 from chefbotd.cli.programs.program import wants_json
 
 if TYPE_CHECKING:
-    from chefbotd.replay.replay import Outcome
+    from chefbotd.replay.replay import ReplayOutcome
     from chefbotd.replay.run import Replayed
 
 RATE = click.FloatRange(0.01, 1000.0)
@@ -68,22 +67,22 @@ def replay(
 
     quiet = structlog.make_filtering_bound_logger(logging.CRITICAL)  # what was logged then is known
     structlog.configure(wrapper_class=quiet)
-    wanted = where or SERVED
-    listen = (wanted.host, wanted.port) if serves else None
+    shown_at = where or SERVED
+    listen = (shown_at.host, shown_at.port) if serves else None
     configured = None if other is None else load_valid(other)
     if serves:
-        click.echo(f"Shown on {wanted}, and on the page where it is installed; Ctrl-C ends it.", err=True)
+        click.echo(f"Shown on {shown_at}, and on the page where it is installed; Ctrl-C ends it.", err=True)
     try:
         replayed = replay_files(files, Wishes(configured, rate, listen, any_version))
     except NotReplayable as problem:
         raise ProgramError(Exit.FAILED, str(problem)) from problem
-    told = _told(replayed, is_other=other is not None)
-    echo(json.dumps(_as_json(replayed)) if wants_json(ctx) else "\n".join(map(plain, told)))
+    lines = _lines(replayed, is_other=other is not None)
+    echo(json.dumps(_as_json(replayed)) if wants_json(ctx) else "\n".join(map(plain, lines)))
     if other is None and not replayed.outcome.exact:
         ctx.exit(Exit.NOT_DONE)
 
 
-def _told(replayed: "Replayed", *, is_other: bool) -> Iterator[str]:
+def _lines(replayed: "Replayed", *, is_other: bool) -> Iterator[str]:
     outcome = replayed.outcome
     speed = outcome.seconds / replayed.took_s if replayed.took_s > 0 else 0.0
     yield (
@@ -92,7 +91,7 @@ def _told(replayed: "Replayed", *, is_other: bool) -> Iterator[str]:
     )
     if replayed.problem is not None:
         yield f"Note: {replayed.problem}; replayed up to there"
-    yield from _told_of_beginning(outcome)
+    yield from _beginning_lines(outcome)
     if outcome.lost:
         yield f"Note: {outcome.lost} events are missing from the recording"
     for problem in outcome.problems:
@@ -111,7 +110,7 @@ def _told(replayed: "Replayed", *, is_other: bool) -> Iterator[str]:
         yield from _figures(replayed)
 
 
-def _told_of_beginning(outcome: "Outcome") -> Iterator[str]:
+def _beginning_lines(outcome: "ReplayOutcome") -> Iterator[str]:
     if outcome.from_start:
         return
     if not outcome.from_state:
@@ -121,8 +120,8 @@ def _told_of_beginning(outcome: "Outcome") -> Iterator[str]:
         f"; the {outcome.skipped_s:.1f} s before it are not replayed" if outcome.skipped_s >= 0.05 else ""
     )
     yield f"Note: it begins from the state that was recorded while the robot ran{before}"
-    for each in outcome.left_out:
-        yield f"Note: not in that state: {each}"
+    for part in outcome.left_out:
+        yield f"Note: not in that state: {part}"
 
 
 def _table(replayed: "Replayed") -> Iterator[str]:
@@ -156,8 +155,8 @@ OF_DIFFERENCE = ("stamp_s", "after", "field", "recorded", "replayed")
 OF_ROW = ("recorded", "replayed", "differing", "largest", "field")
 
 
-def _told_by_name(told: object, names: tuple[str, ...]) -> dict[str, Any]:
-    return {name: getattr(told, name) for name in names}
+def _by_name(value: object, names: tuple[str, ...]) -> dict[str, Any]:
+    return {name: getattr(value, name) for name in names}
 
 
 def _as_json(replayed: "Replayed") -> dict[str, Any]:
@@ -167,10 +166,10 @@ def _as_json(replayed: "Replayed") -> dict[str, Any]:
         "robot": replayed.robot,
         "took_s": replayed.took_s,
         "problem": replayed.problem,
-        **_told_by_name(outcome, OF_OUTCOME),
+        **_by_name(outcome, OF_OUTCOME),
         "first_difference": None
         if first is None
-        else {"event": first.kind, **_told_by_name(first, OF_DIFFERENCE)},
-        "events": {kind: _told_by_name(row, OF_ROW) for kind, row in outcome.comparison.rows.items()},
+        else {"event": first.kind, **_by_name(first, OF_DIFFERENCE)},
+        "events": {kind: _by_name(row, OF_ROW) for kind, row in outcome.comparison.rows.items()},
         "wheel_speed_error_rms_rad_s": [outcome.recorded_error.rms_rad_s, outcome.replayed_error.rms_rad_s],
     }

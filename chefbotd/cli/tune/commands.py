@@ -9,8 +9,7 @@ from chefbotd.cli.common import output
 from chefbotd.cli.common.arguments import gain
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import need_terminal
-from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.common.extras import extra
+from chefbotd.cli.common.exits import Exit, ProgramError, extra
 
 FILE = click.Path(exists=True, dir_okay=False, writable=True, path_type=Path)
 UNSAVED = (
@@ -98,10 +97,10 @@ def tune(context: CommandContext, path: Path | None, amplitude_m_s: float, half_
     """
     with extra("tune", "textual", "textual_plot", "textual_hires_canvas", "tomlkit"):
         from chefbotd.cli.tune.tuning_screen import tune as run_screen
-    from chefbotd.cli.tune.excitation import WaveParameters
+    from chefbotd.cli.tune.excitation import Wave
 
     need_terminal()
-    wave = WaveParameters(amplitude_m_s=amplitude_m_s, half_period_s=half_period_s)
+    wave = Wave(amplitude_m_s=amplitude_m_s, half_period_s=half_period_s)
     context.run_with_client(lambda robot: run_screen(robot, str(context.address), path, wave, _tell_unsaved))
 
 

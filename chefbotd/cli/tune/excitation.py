@@ -3,39 +3,32 @@
 import asyncio
 from collections.abc import Callable
 
-from pydantic import Field
-
 from chefbotd.cli.drive.control import release_source
 from chefbotd.client import CallError, Client
-from chefbotd.core.parameters import Parameters
+from chefbotd.core.record import Record
 
 PERIOD_S = 0.05
 """20 Hz, ten times within the daemon's dead-man of 0.5 s."""
 
 
-class WaveParameters(Parameters):
-    """The wave: ``half_period_s`` forward at ``amplitude_m_s``, then as long backward.
+class Wave(Record, frozen=True):
+    """``half_period_s`` forward at ``amplitude_m_s``, then as long backward; the command's options bound both."""
 
-    The amplitude is bounded so that it does little harm when the wheels are on the ground.
-    """
-
-    amplitude_m_s: float = Field(0.1, gt=0, le=0.2)
-    half_period_s: float = Field(1.5, ge=0.5, le=5)
+    amplitude_m_s: float
+    half_period_s: float
 
 
-def speed_m_s(parameters: WaveParameters, elapsed_s: float) -> float:
+def speed_m_s(wave: Wave, elapsed_s: float) -> float:
     """The speed ``elapsed_s`` after the start; the first half period is forward."""
-    forward = elapsed_s % (2 * parameters.half_period_s) < parameters.half_period_s
-    return parameters.amplitude_m_s if forward else -parameters.amplitude_m_s
+    forward = elapsed_s % (2 * wave.half_period_s) < wave.half_period_s
+    return wave.amplitude_m_s if forward else -wave.amplitude_m_s
 
 
 class Exciter:
     """Drives the wave while it is on. A refusal is passed to ``report_refusal`` and turns it off."""
 
-    def __init__(
-        self, robot: Client, parameters: WaveParameters, report_refusal: Callable[[str], None]
-    ) -> None:
-        self._robot, self._parameters, self._report_refusal = robot, parameters, report_refusal
+    def __init__(self, robot: Client, wave: Wave, report_refusal: Callable[[str], None]) -> None:
+        self._robot, self._wave, self._report_refusal = robot, wave, report_refusal
         self._changed = asyncio.Event()
         self._driving = self._stop_due = False
         self.on = False
@@ -73,7 +66,7 @@ class Exciter:
         try:
             while self.on:
                 self._driving = True
-                await self._robot.drive(speed_m_s(self._parameters, loop.time() - began_s), 0.0)
+                await self._robot.drive(speed_m_s(self._wave, loop.time() - began_s), 0.0)
                 await self._pause()
             stop_due, self._stop_due = self._stop_due, False
             if stop_due:

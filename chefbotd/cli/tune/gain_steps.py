@@ -56,8 +56,8 @@ def restore_commands(saved: Wheels, gains: Wheels) -> list[str]:
     """The ``chefbotctl pid set`` commands from ``saved`` to ``gains``; one command if all wheels changed alike."""
     changes = {wheel: _changes(saved[wheel], own) for wheel, own in gains.items() if wheel in saved}
     alike = len(set(changes.values())) == 1 and len(changes) > 1
-    told = {"all": next(iter(changes.values()))} if alike else changes
-    return [f"chefbotctl pid set {wheel} {words}" for wheel, words in told.items() if words]
+    changes_by_wheel = {"all": next(iter(changes.values()))} if alike else changes
+    return [f"chefbotctl pid set {wheel} {words}" for wheel, words in changes_by_wheel.items() if words]
 
 
 def _changes(saved: PidParameters, now: PidParameters) -> str:

@@ -3,7 +3,6 @@
 import math
 from collections import deque
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
 from itertools import count, cycle, pairwise
 from typing import Any, Self, TypeVar
 
@@ -12,11 +11,12 @@ import numpy.typing as npt
 from textual_hires_canvas import HiResMode
 from textual_plot import NumericAxisFormatter, PlotWidget
 
+from chefbotd.core.record import Record
+
 Curve = npt.NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class WheelTrace:
+class WheelTrace(Record, frozen=True):
     """One wheel's samples; ``age_s`` is 0 for the newest and negative before."""
 
     age_s: Curve
@@ -83,8 +83,7 @@ TICKS = 5
 ROUNDING = 1e-9
 
 
-@dataclass(frozen=True, slots=True)
-class Panel:
+class Panel(Record, frozen=True):
     """A quantity: its name, its curve, what that is compared with, its share of the height, its axis's least span.
 
     ``has_time`` panels show the time below them.
@@ -159,8 +158,7 @@ class WheelPlot(PlotWidget, can_focus=False):
         drawn.append(curve)
 
 
-@dataclass(frozen=True, slots=True)
-class Axis:
+class Axis(Record, frozen=True):
     """The ends of a vertical axis and its ticks, which are a whole number of rows apart."""
 
     lowest: float

@@ -16,12 +16,13 @@ from textual.widgets import Static
 from chefbotd.cli.common.screen import RobotScreen
 from chefbotd.cli.common.state_text import Style
 from chefbotd.cli.drive.control import arm_seen
-from chefbotd.cli.tune.excitation import Exciter, WaveParameters
+from chefbotd.cli.tune.excitation import Exciter, Wave
 from chefbotd.cli.tune.gain_steps import COARSE, FINE, FIRST_STEP, Gain, restore_commands, stepped
 from chefbotd.cli.tune.plots import PANELS, SHOWN_S, Trace, WheelPlot, coloured
 from chefbotd.client import Client
 from chefbotd.client.methods import Gains
 from chefbotd.motion.pid import PidParameters
+from chefbotd.rpc.encoding import plain
 from chefbotd.settings import SettingsError
 from chefbotd.settings.gains_file import save
 
@@ -58,7 +59,7 @@ class Tune(RobotScreen):
     """
     )
 
-    def __init__(self, robot: Client, address: str, config: Path | None, wave: WaveParameters) -> None:
+    def __init__(self, robot: Client, address: str, config: Path | None, wave: Wave) -> None:
         super().__init__(robot, address)
         self._config, self._wave = config, wave
         self._exciter = Exciter(robot, wave, self.say)
@@ -185,7 +186,7 @@ class Tune(RobotScreen):
     async def _listen(self) -> None:
         async with self.robot.subscribe("wheels", policy="ordered") as samples:
             async for sample in samples:
-                self._trace.add(sample.stamp_s, sample.data.model_dump())
+                self._trace.add(sample.stamp_s, plain(sample.data))
 
     def _draw(self) -> None:
         wheels = [self._wheel] if self._wheel != ALL_WHEELS else list(self._trace.wheels)
@@ -235,7 +236,7 @@ async def tune(
     robot: Client,
     address: str,
     config: Path | None,
-    wave: WaveParameters,
+    wave: Wave,
     tell_unsaved: Callable[[list[str]], None],
 ) -> None:
     """Tune until the user quits; raises the client's errors.

@@ -1,15 +1,22 @@
 """Events of the link and the board, in the board's own numbers."""
 
 from enum import StrEnum
+from typing import ClassVar
 
-from chefbotd.core.record import Record
+from chefbotd.core.record import Level, LogLine, Record
 
 
 class LinkOpened(Record, frozen=True):
     """The serial device is open and being read."""
 
+    retained: ClassVar[bool] = True
+
     stamp_s: float
     device: str
+
+    def log_line(self) -> LogLine:
+        """What the log says of it."""
+        return LogLine(Level.INFO, "link", f"open: {self.device}")
 
 
 class LinkNotOpened(Record, frozen=True):
@@ -19,6 +26,10 @@ class LinkNotOpened(Record, frozen=True):
     device: str
     reason: str
 
+    def log_line(self) -> LogLine:
+        """What the log says of it."""
+        return LogLine(Level.WARNING, "link", f"cannot be opened: {self.reason}")
+
 
 class LinkClosed(Record, frozen=True):
     """The serial device is gone; ``reason`` is for people."""
@@ -26,6 +37,10 @@ class LinkClosed(Record, frozen=True):
     stamp_s: float
     device: str
     reason: str
+
+    def log_line(self) -> LogLine:
+        """What the log says of it."""
+        return LogLine(Level.WARNING, "link", f"closed: {self.reason}")
 
 
 class LinkHealthChanged(Record, frozen=True):
@@ -37,12 +52,22 @@ class LinkHealthChanged(Record, frozen=True):
     condition: str
     reason: str
 
+    def log_line(self) -> LogLine:
+        """What the log says of it."""
+        if self.healthy:
+            return LogLine(Level.INFO, "link", f"{self.device} is healthy")
+        return LogLine(Level.WARNING, "link", f"{self.condition}: {self.reason}")
+
 
 class BoardRestarted(Record, frozen=True):
     """The board's counters and time began anew; ``cause`` says how it was noticed."""
 
     stamp_s: float
     cause: str
+
+    def log_line(self) -> LogLine:
+        """What the log says of it."""
+        return LogLine(Level.WARNING, "board", f"has restarted: {self.cause}")
 
 
 class BoardResetProgressed(Record, frozen=True):
@@ -51,6 +76,10 @@ class BoardResetProgressed(Record, frozen=True):
     stamp_s: float
     stage: str
     reason: str
+
+    def log_line(self) -> LogLine:
+        """What the log says of it."""
+        return LogLine(Level.INFO, "board", f"reset {self.stage}: {self.reason}")
 
 
 class DutyWritten(Record, frozen=True):
@@ -89,6 +118,10 @@ class TextReceived(Record, frozen=True):
 
     stamp_s: float
     text: str
+
+    def log_line(self) -> LogLine:
+        """What the log says of it."""
+        return LogLine(Level.INFO, "board", self.text)
 
 
 class EncodersCounted(Record, frozen=True):

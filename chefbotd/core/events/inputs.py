@@ -5,9 +5,9 @@ which time: until the next entry the robot sees no other time. What follows an e
 Records that are no entries say what the outside answered meanwhile.
 """
 
-from typing import Any, TypeAlias
+from typing import Any, ClassVar, TypeAlias
 
-from chefbotd.core.record import Record
+from chefbotd.core.record import Level, LogLine, Record
 
 BOARD_LINK = "board"
 
@@ -28,8 +28,8 @@ class DaemonStarted(Record, frozen=True):
 class StateRecorded(Record, frozen=True):
     """An entry: what the parts of the daemon remember, so that a replay can begin here.
 
-    ``open_links`` are the links whose port is open. ``left_out`` says what is missing: a request that was under way, or
-    something that no plain value can hold.
+    ``parts`` has the state of each part by its name, as MessagePack in base64; in an earlier version it was something
+    else. ``open_links`` are the links whose port is open. ``left_out`` says what was under way, and so is missing.
     """
 
     stamp_s: float
@@ -77,6 +77,8 @@ class PortDrained(Record, frozen=True):
 class LinkBytesRead(Record, frozen=True):
     """An entry: bytes came from a link, in one read."""
 
+    recorded_as: ClassVar[str] = "/links/{link}/read"
+
     stamp_s: float
     link: str
     data: bytes
@@ -84,6 +86,8 @@ class LinkBytesRead(Record, frozen=True):
 
 class LinkBytesWritten(Record, frozen=True):
     """Bytes went to a link: what the robot did."""
+
+    recorded_as: ClassVar[str] = "/links/{link}/written"
 
     stamp_s: float
     link: str
@@ -103,6 +107,8 @@ class RequestHandled(Record, frozen=True):
     ``number`` counts the requests and ``client`` the connections. ``name`` is what the client calls itself, ``where``
     its address.
     """
+
+    recorded_as: ClassVar[str] = "/requests"
 
     stamp_s: float
     number: int
@@ -134,6 +140,10 @@ class ServiceFailed(Record, frozen=True):
 
     stamp_s: float
     reason: str
+
+    def log_line(self) -> LogLine:
+        """What the log says of it."""
+        return LogLine(Level.ERROR, "daemon", self.reason)
 
 
 class GainsExchanged(Record, frozen=True):

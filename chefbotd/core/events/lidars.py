@@ -1,6 +1,26 @@
-"""What is heard of lidars and depth cameras, apart from their scans. Loads no numpy."""
+"""What is heard of lidars and depth cameras. Loads no numpy: only who makes or reads a scan does."""
 
-from chefbotd.core.record import Record
+from typing import TYPE_CHECKING, Annotated, ClassVar
+
+from msgspec import Meta
+
+from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import Level, LogLine, Record
+
+if TYPE_CHECKING:
+    from chefbotd.core.scan import LaserScan
+
+
+class ScanMeasured(Record, frozen=True):
+    """A whole turn of the lidar ``lidar``, which is mounted at ``base_from_lidar``; readings that are none are 0.
+
+    ``stamp_s`` is the host's monotonic time, as is the scan's own stamp: when its last beam was measured.
+    """
+
+    stamp_s: float
+    lidar: str
+    base_from_lidar: Pose2D
+    scan: "LaserScan"
 
 
 class LidarChanged(Record, frozen=True):
@@ -10,6 +30,8 @@ class LidarChanged(Record, frozen=True):
     healthy). ``healthy`` is None until it can be told.
     """
 
+    retained: ClassVar[bool] = True
+
     stamp_s: float
     lidar: str
     device: str
@@ -18,11 +40,25 @@ class LidarChanged(Record, frozen=True):
     condition: str
     reason: str
 
+    def log_line(self) -> LogLine:
+        """What the log says of it."""
+        return LogLine(
+            Level.INFO if self.healthy else Level.WARNING, self.lidar, self.reason or self.condition
+        )
+
 
 class DepthCameraChanged(Record, frozen=True):
-    """A depth camera sends images, or none any more; ``reason`` is for people (empty: it does)."""
+    """One depth camera sends images, or none any more."""
 
-    stamp_s: float
+    retained: ClassVar[bool] = True
+
+    stamp_s: Annotated[float, Meta(description="since when that is so")]
     camera: str
-    healthy: bool
-    reason: str
+    healthy: Annotated[bool, Meta(description="whether it sends images")]
+    reason: Annotated[str, Meta(description="why it does not")]
+
+    def log_line(self) -> LogLine:
+        """What the log says of it."""
+        return LogLine(
+            Level.INFO if self.healthy else Level.WARNING, self.camera, self.reason or "sends images"
+        )

@@ -1,44 +1,49 @@
 """Events of navigation: its state, and the path that it follows. Loads no numpy."""
 
-from chefbotd.core.geometry import Pose2D
-from chefbotd.core.record import Record
+from typing import Annotated, ClassVar
+
+from msgspec import Meta
+
+from chefbotd.core.grid_patch import GridPatch
+from chefbotd.core.record import LogLine, Record, state_line
 
 
-class NavigationChanged(Record, frozen=True):
-    """``state`` is idle, planning, driving, recovering or paused, or how the goal ended, until the next one.
+class NavigationData(Record, frozen=True):
+    """What navigation does; ``reason`` is a sentence."""
 
-    A goal ends reached, unreachable, blocked, cancelled, lost or fault. ``reason`` is a sentence; ``distance_m`` and
-    ``time_s`` are what is left.
-    """
+    state: Annotated[
+        str,
+        Meta(
+            description="idle, planning, driving, recovering or paused; or how the last goal ended: reached, "
+            "unreachable, blocked, cancelled, lost or fault"
+        ),
+    ] = "idle"
+    goal: int | None = None
+    reason: str = ""
+    distance_m: Annotated[float | None, Meta(description="still to drive")] = None
+    time_s: Annotated[float | None, Meta(description="how long that takes without obstacles")] = None
+
+
+class NavigationChanged(NavigationData, frozen=True, kw_only=True):
+    """Navigation does something else, or is nearer to its goal."""
+
+    retained: ClassVar[bool] = True
 
     stamp_s: float
-    state: str
-    goal: int | None
-    reason: str
-    distance_m: float | None
-    time_s: float | None
+
+    def log_line(self) -> LogLine:
+        """What the log says of it."""
+        return state_line("navigation", self.state, self.reason)
 
 
-class CostmapChanged(Record, frozen=True):
+class CostmapChanged(GridPatch, frozen=True):
     """A part of what it costs to drive through the cells of a map; made only while somebody looks.
 
-    The part's cells are ``part_rows`` by ``part_columns`` from (``row``, ``column``) on: a byte each, row by row from
-    the lowest y up, compressed by zlib. 0 is free, 100 blocked, in between 20 times what a cell costs beyond 1. With
-    another ``revision`` than before, whatever was known is void.
+    0 is free, 100 blocked, in between 20 times what a cell costs beyond 1. With another ``revision`` than before,
+    whatever was known is void.
     """
 
-    stamp_s: float
     map: str
-    revision: int
-    resolution_m: float
-    map_from_grid: Pose2D
-    columns: int
-    rows: int
-    column: int
-    row: int
-    part_columns: int
-    part_rows: int
-    cells: bytes
 
 
 class ObstaclesSeen(Record, frozen=True):
@@ -54,9 +59,39 @@ class ObstaclesSeen(Record, frozen=True):
     dynamic_obstacles: tuple[tuple[float, float, float, float], ...]
 
 
-class PathChanged(Record, frozen=True):
-    """The path that is followed from now on, in the map; without points there is none."""
+class PathData(Record, frozen=True):
+    """The path that the robot follows, in the map; without points there is none."""
+
+    x_m: tuple[float, ...] = ()
+    y_m: tuple[float, ...] = ()
+
+
+class PathChanged(PathData, frozen=True, kw_only=True):
+    """The path that is followed from now on."""
 
     stamp_s: float
-    x_m: tuple[float, ...]
-    y_m: tuple[float, ...]
+
+
+class GoalResult(Record, frozen=True):
+    """The goal's number; and, after waiting, how it ended, with a sentence."""
+
+    goal: int
+    end: Annotated[
+        str | None,
+        Meta(description="reached, unreachable, blocked, cancelled, lost or fault; null: it was accepted"),
+    ] = None
+    reason: str = ""
+
+
+class PlanResult(Record, frozen=True):
+    """What would be driven. Where nothing can be, ``reason`` says why, and there may be a free pose near the goal."""
+
+    possible: bool
+    reason: str = ""
+    length_m: float | None = None
+    time_s: float | None = None
+    x_m: tuple[float, ...] = ()
+    y_m: tuple[float, ...] = ()
+    nearest_x_m: float | None = None
+    nearest_y_m: float | None = None
+    nearest_heading_rad: float | None = None

@@ -1,30 +1,34 @@
 """Events of the recorder, for the bus and for its files."""
 
-from chefbotd.core.record import Record
+from typing import Annotated
+
+from msgspec import Meta
+
+from chefbotd.core.record import Level, LogLine, Record
 
 
-class RecordingChanged(Record, frozen=True):
-    """How the recorder stands: ``state`` is idle, recording or failed (``reason`` says why), told once a second.
+class RecordingData(Record, frozen=True):
+    """The recorder's state; ``reason`` says why recording has ended or is not possible."""
 
-    ``file`` is the one being written, or the last one; ``dropped`` counts events that found no room since the daemon
-    started, ``waiting`` those that are on their way to the writing thread. ``saved`` is the file of the ring that was
-    written last. ``free_bytes`` is None until the disk has been asked.
-    """
+    state: Annotated[str, Meta(description="idle, recording or failed")] = "idle"
+    name: str | None = None
+    file: Annotated[str | None, Meta(description="the one being written, or the last one")] = None
+    seconds: float = 0.0
+    bytes_written: int = 0
+    messages: int = 0
+    dropped: Annotated[int, Meta(description="events that were dropped since the daemon started")] = 0
+    waiting: int = 0
+    ring_s: float = 0.0
+    ring_bytes: int = 0
+    free_bytes: int | None = None
+    saved: Annotated[str | None, Meta(description="the file that was last saved from memory")] = None
+    reason: str = ""
+
+
+class RecordingChanged(RecordingData, frozen=True, kw_only=True):
+    """Told once a second."""
 
     stamp_s: float
-    state: str
-    name: str | None
-    file: str | None
-    seconds: float
-    bytes_written: int
-    messages: int
-    dropped: int
-    waiting: int
-    ring_s: float
-    ring_bytes: int
-    free_bytes: int | None
-    saved: str | None
-    reason: str
 
 
 class EventsDropped(Record, frozen=True):
@@ -33,3 +37,7 @@ class EventsDropped(Record, frozen=True):
     stamp_s: float
     count: int
     reason: str
+
+    def log_line(self) -> LogLine:
+        """What the log says of it."""
+        return LogLine(Level.ERROR, "recording", f"{self.count} events are missing: {self.reason}")

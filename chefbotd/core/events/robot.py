@@ -1,9 +1,13 @@
 """Events of the robot in SI units: wheels, odometry, sensors, and what the robot may do."""
 
+from collections.abc import Mapping
 from enum import StrEnum
+from typing import Annotated, ClassVar
+
+from msgspec import Meta
 
 from chefbotd.core.geometry import Pose2D, PoseCovariance, Twist2D
-from chefbotd.core.record import Record
+from chefbotd.core.record import Level, LogLine, Record, state_line
 
 
 class WheelsMeasured(Record, frozen=True):
@@ -78,15 +82,22 @@ class RangeMeasured(Record, frozen=True):
     field_of_view_rad: float
 
 
-class ImuMeasured(Record, frozen=True):
-    """The IMU in SI units: a unit quaternion (x, y, z, w), or rates and accelerations; what it lacks is None."""
+class ImuData(Record, frozen=True):
+    """The IMU; what this variant does not measure is null."""
 
-    stamp_s: float
-    arrival_s: float
-    orientation: tuple[float, float, float, float] | None = None
+    orientation: Annotated[
+        tuple[float, float, float, float] | None, Meta(description="unit quaternion x, y, z, w")
+    ] = None
     heading_rad: float | None = None
     angular_velocity_rad_s: tuple[float, float, float] | None = None
     linear_acceleration_m_s2: tuple[float, float, float] | None = None
+
+
+class ImuMeasured(ImuData, frozen=True, kw_only=True):
+    """The IMU's values, and their times."""
+
+    stamp_s: float
+    arrival_s: float
 
 
 class BatteryLevelStatus(StrEnum):
@@ -97,23 +108,30 @@ class BatteryLevelStatus(StrEnum):
     CRITICAL = "critical"
 
 
-class BatteryMeasured(Record, frozen=True):
+class BatteryData(Record, frozen=True):
+    """The battery."""
+
+    voltage_v: float
+    percentage: float
+    status: BatteryLevelStatus
+
+
+class BatteryMeasured(BatteryData, frozen=True, kw_only=True):
     """The battery in volts, as a percentage of its useful range, and how urgent that is."""
 
     stamp_s: float
     arrival_s: float
-    voltage_v: float
-    percentage: float
-    status: BatteryLevelStatus
 
 
 class SafetyChanged(Record, frozen=True):
     """The gate's state: its mode, why, and whose command is in force (None: nobody's).
 
     ``fault`` is the stable name of the fault that latched (None: none did). ``limited_by`` says what keeps the command
-    from being followed as it was given: ``encoders_stale``, ``obstacle:`` and the sensor that sees it, or ``silent:``
-    and the lidar that sees nothing any more. ``latch`` counts the e-stops and faults that have latched.
+    from being followed as it was given: ``encoders_stale``, ``no_echo``, ``obstacle:`` and the sensor that sees it, or
+    ``silent:`` and the lidar that sees nothing any more. ``latch`` counts the e-stops and faults that have latched.
     """
+
+    retained: ClassVar[bool] = True
 
     stamp_s: float
     mode: str
@@ -123,12 +141,28 @@ class SafetyChanged(Record, frozen=True):
     limited_by: str | None = None
     latch: int = 0
 
+    def log_line(self) -> LogLine:
+        """What the log says of it."""
+        text = f"{self.mode}: {self.reason}" if self.reason else self.mode
+        if self.limited_by:
+            text += f" (limited by {self.limited_by})"
+        if self.fault is not None:
+            return LogLine(Level.ERROR, "safety", f"{text} [{self.fault}]")
+        return LogLine(Level.INFO, "safety", text)
+
 
 class ControlChanged(Record, frozen=True):
     """Who drives: for each source of commands that someone has control of, the client's name."""
 
+    retained: ClassVar[bool] = True
+
     stamp_s: float
     holders: dict[str, str]
+
+    def log_line(self) -> LogLine:
+        """What the log says of it."""
+        drivers = ", ".join(f"{source}: {name}" for source, name in self.holders.items())
+        return LogLine(Level.INFO, "control", drivers or "nobody has control")
 
 
 class TruthSimulated(Record, frozen=True):
@@ -142,3 +176,35 @@ class TruthSimulated(Record, frozen=True):
     twist: Twist2D
     in_contact: bool
     discs: tuple[tuple[float, float, float], ...] = ()
+
+
+class StatsSampled(Record, frozen=True):
+    """Every figure of the registry by its name, sampled once a second."""
+
+    stamp_s: float
+    figures: Mapping[str, int | float | Mapping[str, int] | None]
+
+
+class WorkerData(Record, frozen=True):
+    """The worker process; ``reason`` says what it is doing, or why it is not ready."""
+
+    state: Annotated[
+        str, Meta(description="stopped, starting, warming, ready, restarting or unavailable")
+    ] = "stopped"
+    pid: int | None = None
+    restarts: int = 0
+    rss_mb: Annotated[float | None, Meta(description="resident memory")] = None
+    cpu: Annotated[float | None, Meta(description="share of one core in the last second")] = None
+    reason: str = ""
+
+
+class WorkerReported(WorkerData, frozen=True, kw_only=True):
+    """Told with each change, and once a second."""
+
+    retained: ClassVar[bool] = True
+
+    stamp_s: float
+
+    def log_line(self) -> LogLine:
+        """What the log says of it."""
+        return state_line("worker", self.state, self.reason)

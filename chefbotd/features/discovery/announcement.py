@@ -30,8 +30,8 @@ class Announcement(Record, frozen=True):
 
     def properties(self) -> dict[str, str]:
         """The TXT record: what is not known has no key."""
-        told = {"robot": self.robot, "version": self.version, "tls": "1" if self.encrypted else "0"}
-        return told if self.page_port is None else {**told, "page": str(self.page_port)}
+        properties = {"robot": self.robot, "version": self.version, "tls": "1" if self.encrypted else "0"}
+        return properties if self.page_port is None else {**properties, "page": str(self.page_port)}
 
 
 def read(

@@ -55,7 +55,7 @@ def own_addresses() -> tuple[str, ...]:
         OSError: it has none: no network yet.
     """
     ips = [ip.ip for adapter in ifaddr.get_adapters() for ip in adapter.ips if ip.is_IPv4]
-    found = tuple([str(ip) for ip in ips if not str(ip).startswith("127.")])
-    if not found:
+    addresses = tuple([str(ip) for ip in ips if not str(ip).startswith("127.")])
+    if not addresses:
         raise OSError("this computer has no address on a network")
-    return found
+    return addresses

@@ -9,7 +9,9 @@ import structlog
 
 from chefbotd import __version__
 from chefbotd.features.discovery.announcement import Announcement
+from chefbotd.features.feature import Feature, Service
 from chefbotd.rpc.parameters import is_loopback
+from chefbotd.transport.parameters import DiscoveryParameters
 
 log = structlog.get_logger(component="discovery")
 
@@ -108,3 +110,13 @@ def _is_any(host: str) -> bool:
         return ipaddress.ip_address(host).is_unspecified
     except ValueError:
         return False
+
+
+def discovery(
+    parameters: DiscoveryParameters, robot: str, server: Listening, page: Listening | None, *, encrypted: bool
+) -> Feature:
+    """The robot is found by its name on the local network."""
+    from chefbotd.features.discovery.multicast import Multicast  # an optional library
+
+    service = DiscoveryService(parameters.label(robot), robot, server, page, Multicast(), encrypted=encrypted)
+    return Feature("discovery", services=(Service("discovery", service.run),))

@@ -17,25 +17,31 @@ log = structlog.get_logger(component="safety")
 class GateAnnouncer:
     """``latch`` remembers the mode beyond the end of the process; ``faults`` counts those that latched, by kind."""
 
-    UNRECORDED = frozenset({"_latch"})
-
     def __init__(self, bus: Bus, latch: GateStore) -> None:
         self._bus, self._latch = bus, latch
         self._announced: SafetyChanged | None = None
         self.faults: Counter[str] = Counter()
         self._limited_log = RateLimitedLog(log)
 
+    def state(self) -> tuple[SafetyChanged | None, dict[str, int]]:
+        """What was announced last, and how often each fault was."""
+        return self._announced, self.faults
+
+    def restore(self, state: tuple[SafetyChanged | None, dict[str, int]]) -> None:
+        """Go on from there."""
+        self._announced, self.faults = state[0], Counter(state[1])
+
     def announce(self, event: SafetyChanged, state: GateState) -> None:
         """Publish a change, leave word of ``state`` for the next daemon, and log what people should know."""
-        told, self._announced = self._announced, event
-        is_new_fault = event.fault is not None and (told is None or told.fault != event.fault)
+        before, self._announced = self._announced, event
+        is_new_fault = event.fault is not None and (before is None or before.fault != event.fault)
         if is_new_fault:
             self.faults[str(event.fault)] += 1
         self._latch.keep(state)
         self._bus.publish(event)
-        if event.limited_by is not None and (told is None or told.limited_by != event.limited_by):
+        if event.limited_by is not None and (before is None or before.limited_by != event.limited_by):
             self._limited_log.warning("motion limited", by=event.limited_by)
-        if told is not None and told.mode != event.mode:
+        if before is not None and before.mode != event.mode:
             logged = log.info if state.mode is Mode.ARMED else log.warning
             logged("safety mode changed", mode=str(event.mode), reason=event.reason, fault=event.fault)
         elif is_new_fault and event.fault in UNSTOPPED:

@@ -9,6 +9,7 @@ from typing import Final, Protocol
 from chefbotd.clock import Clock
 from chefbotd.core.geometry import Motion, Twist2D
 from chefbotd.rpc.control_leases import ControlLeases
+from chefbotd.rpc.method import Unserved
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.roles import Role
 from chefbotd.rpc.session import Session
@@ -30,16 +31,20 @@ class Gate(Protocol):
         """Whose was the last of them."""
         ...
 
-    def command(self, source: str, motion: Motion) -> None:
-        """Take a command; raises ``Refused``."""
+    def command(self, source: str, motion: Motion, client: int = 0) -> None:
+        """Take a client's command; raises ``Refused``."""
         ...
 
     def release(self, source: str) -> None:
         """Forget the source's command."""
         ...
 
-    def resume(self, sources: Collection[str]) -> None:
-        """No stop holds these sources any longer."""
+    def acknowledge_stops(self, client: int, source: str | None = None) -> None:
+        """A client knows of the stops so far, and asks to drive this source (None: any)."""
+        ...
+
+    def note_try(self, source: str, client: int) -> None:
+        """A client tries to drive what another one has."""
         ...
 
 
@@ -61,6 +66,15 @@ class InnerDriver:
         self._higher = frozenset(higher)
         self._session = _Inner(source, clock.now_s())
         self._has_lease = False
+        leases.add_own(self._session)
+
+    def state(self) -> bool:
+        """Whether it has driven since it let go; its lease stands with the others."""
+        return self._has_lease
+
+    def restore(self, state: bool) -> None:
+        """Go on from there."""
+        self._has_lease = state
 
     def drive(self, twist: Twist2D, wished_s: float) -> None:
         """Move so until the next wish, or until the dead-man ends it; ``wished_s`` is when it was wished.
@@ -74,8 +88,12 @@ class InnerDriver:
         now_s = self._clock.now_s()
         if now_s - wished_s > MOST_AGE_S:
             return
-        self._leases.require(self.source, self._session, now_s)
-        self._gate.command(self.source, twist)
+        try:
+            self._leases.require(self.source, self._session, now_s)
+        except Unserved:
+            self._gate.note_try(self.source, self._session.number)
+            raise
+        self._gate.command(self.source, twist, self._session.number)
         self._leases.renew(self.source, self._session, now_s)
         self._has_lease = True
 
@@ -95,7 +113,7 @@ class InnerDriver:
 
     def begin(self) -> None:
         """A new goal was asked for: a stop from before does not hold it."""
-        self._gate.resume((self.source,))
+        self._gate.acknowledge_stops(self._session.number, self.source)
 
     def let_go(self) -> None:
         """Nothing is wished any more: the robot comes to rest, or a lower source goes on."""

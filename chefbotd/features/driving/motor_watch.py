@@ -3,6 +3,8 @@
 from collections.abc import Iterator
 
 from chefbotd.core.events import DutyEchoed
+from chefbotd.core.geometry import Motion, Twist2D
+from chefbotd.core.record import Record
 from chefbotd.features.driving.wheel_reader import WheelsRead
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.safety import echo, overspeed, unresponsive, wheels
@@ -20,6 +22,17 @@ LATE_READINGS_S = 1.0
 """For so long after a pause readings may be older than the commands that they are held against."""
 
 
+class MotorWatchState(Record, frozen=True):
+    """What each detector remembers, when the control loop ran last, and until when readings may be old."""
+
+    wheels: wheels.WheelWatchState
+    overspeed: tuple[overspeed.Excess, ...]
+    unresponsive: unresponsive.UnresponsiveState
+    echo: echo.EchoState
+    ran_s: float
+    blind_until_s: float
+
+
 class MotorWatch:
     """Holds what the detectors remember from one reading to the next."""
 
@@ -34,6 +47,17 @@ class MotorWatch:
         self._blind_until_s = self._ran_s = float("-inf")
         self.start_anew()
 
+    def state(self) -> MotorWatchState:
+        """What it remembers."""
+        judged = self._wheels, self._overspeed, self._unresponsive, self._echo
+        return MotorWatchState(*judged, self._ran_s, self._blind_until_s)
+
+    def restore(self, state: MotorWatchState) -> None:
+        """Go on from there."""
+        self._wheels, self._overspeed = state.wheels, state.overspeed
+        self._unresponsive, self._echo = state.unresponsive, state.echo
+        self._ran_s, self._blind_until_s = state.ran_s, state.blind_until_s
+
     def loop_runs(self, now_s: float) -> bool:
         """The control loop runs; tells whether it had paused.
 
@@ -43,6 +67,13 @@ class MotorWatch:
         if paused:
             self._blind_until_s = now_s + LATE_READINGS_S
         return paused
+
+    def slowed(self, motion: Motion, rim_m_s: float) -> Motion:
+        """The same motion, with no rim faster than this."""
+        if isinstance(motion, Twist2D):
+            return self._kinematics.saturate(motion, rim_m_s)
+        fastest_m_s = max(map(abs, self._kinematics.rims_at_m_s(motion.rad_s)))
+        return motion if fastest_m_s <= rim_m_s else motion.slowed(rim_m_s / fastest_m_s)
 
     def start_anew(self) -> None:
         """The robot is armed: nothing is held against it."""
@@ -65,7 +96,7 @@ class MotorWatch:
 
     def note_command(self, now_s: float, duty: tuple[int, ...]) -> None:
         """A command goes to the board."""
-        self._unresponsive = unresponsive.told(self._unresponsive, now_s, driven=any(duty))
+        self._unresponsive = unresponsive.commanded(self._unresponsive, now_s, driven=any(duty))
         self._echo = echo.note_command(self._echo, now_s, duty)
 
     def note_echo(self, event: DutyEchoed) -> Fault | None:
@@ -102,7 +133,7 @@ class MotorWatch:
         """Whether the robot is too fast, or moves although it was told to stand; unless it cannot be told."""
         if now_s < self._blind_until_s:
             self._overspeed = overspeed.at_rest(len(self._names))
-            self._unresponsive = unresponsive.told(
+            self._unresponsive = unresponsive.commanded(
                 unresponsive.DRIVEN, now_s, driven=self._unresponsive.told_s is None
             )
             return

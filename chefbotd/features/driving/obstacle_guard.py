@@ -1,7 +1,7 @@
 """Applies the obstacle guards of range sensors and lidars to a motion."""
 
 from collections.abc import Callable, Mapping
-from typing import Protocol
+from typing import Any, Protocol
 
 from chefbotd.bus import Bus, OnError
 from chefbotd.core.events import RangeMeasured
@@ -15,8 +15,19 @@ OBSTACLE = "obstacle:"
 class Scans(Protocol):
     """What lidars see, as a source of the obstacle guard."""
 
-    def limit(self, wanted: Motion, now_s: float) -> tuple[Motion, str | None]:
-        """The motion that may be driven, and what it was limited for (None: it is ``wanted``)."""
+    def limit(self, motion: Motion, now_s: float, late_s: float = 0.0) -> tuple[Motion, str | None]:
+        """The motion that may be driven, and what it was limited for (None: it is ``wanted``).
+
+        ``late_s`` passes until the board obeys, in addition to the guard's ``reaction_s``.
+        """
+        ...
+
+    def state(self) -> Any:
+        """What was seen."""
+        ...
+
+    def restore(self, state: Any) -> None:
+        """Go on from there."""
         ...
 
 
@@ -35,24 +46,40 @@ class ObstacleGuard:
         on_error: OnError,
     ) -> None:
         self._parameters, self._beams = parameters, guard.from_mounts(mounts)
-        self._scans = None if scans is None else scans(on_error)
+        self.scans = None if scans is None else scans(on_error)
         bus.add_handler(self._on_range, RangeMeasured, on_error=on_error)
 
-    def limit(self, wanted: Motion, now_s: float) -> tuple[Motion, str | None]:
-        """The motion that may be driven, and what it was limited for (None: it is ``wanted``)."""
-        motion, sensor = guard.limit(self._parameters, self._beams, wanted, now_s)
-        limited_by = None if sensor is None else OBSTACLE + sensor
-        if self._scans is None:
-            return motion, limited_by
-        free, seen = self._scans.limit(motion, now_s)
-        return (motion, limited_by) if seen is None else (self._agreed(self._scans, free, now_s), seen)
+    def state(self) -> guard.Beams:
+        """What the range sensors have seen; ``scans`` is a part of its own."""
+        return self._beams
 
-    def _agreed(self, scans: Scans, motion: Motion, now_s: float) -> Motion:
+    def restore(self, state: guard.Beams) -> None:
+        """Go on from there."""
+        self._beams = state
+
+    def limit(self, asked_motion: Motion, now_s: float, late_s: float = 0.0) -> tuple[Motion, str | None]:
+        """The motion that may be driven, and what it was limited for (None: it is ``wanted``).
+
+        ``late_s`` passes until the board obeys, in addition to ``reaction_s``.
+        """
+        parameters = guard.later(self._parameters, late_s)
+        motion, sensor = guard.limit(parameters, self._beams, asked_motion, now_s)
+        limited_by = None if sensor is None else OBSTACLE + sensor
+        if self.scans is None:
+            return motion, limited_by
+        free, seen = self.scans.limit(motion, now_s, late_s)
+        if seen is None:
+            return motion, limited_by
+        return self._agreed(self.scans, parameters, free, now_s, late_s), seen
+
+    def _agreed(
+        self, scans: Scans, parameters: GuardParameters, motion: Motion, now_s: float, late_s: float
+    ) -> Motion:
         """A part of a motion may bring a beam closer than the whole: what the scans do not allow then is not driven."""
-        again, sensor = guard.limit(self._parameters, self._beams, motion, now_s)
+        again, sensor = guard.limit(parameters, self._beams, motion, now_s)
         if sensor is None:
             return motion
-        return again if scans.limit(again, now_s)[1] is None else STANDING
+        return again if scans.limit(again, now_s, late_s)[1] is None else STANDING
 
     def _on_range(self, event: RangeMeasured) -> None:
         self._beams = guard.update(self._beams, event)

@@ -6,14 +6,23 @@ import structlog
 
 from chefbotd.bus import Bus, HandlerFailure
 from chefbotd.core.events import BoardRestarted, EdgeBurst, EdgesSeen, EncodersCounted
+from chefbotd.core.record import Record
 from chefbotd.logs import RateLimitedLog
 from chefbotd.motion import quadrature
 from chefbotd.motion.edge_speed import QuadratureParameters
+from chefbotd.motion.quadrature import QuadratureState
 
 log = structlog.get_logger(component="quadrature")
 
 SLACK_S = 0.001
 """A board may see an edge while it reads its clock for the cycle's end."""
+
+
+class EdgesState(Record, frozen=True):
+    """What each wheel's edges have shown, and when the last cycle ended."""
+
+    wheels: list[QuadratureState]
+    since_s: float | None
 
 
 class QuadratureService:
@@ -31,6 +40,14 @@ class QuadratureService:
         bus.add_handler(self._count_edges, EdgesSeen, on_error=self._failure.report)
         bus.add_handler(self._rebase, BoardRestarted, on_error=self._failure.report)
         self._log = RateLimitedLog(log)
+
+    def state(self) -> EdgesState:
+        """What it remembers."""
+        return EdgesState(self._states, self._since_s)
+
+    def restore(self, state: EdgesState) -> None:
+        """Go on from there."""
+        self._states, self._since_s = state.wheels, state.since_s
 
     @property
     def illegal_transitions(self) -> int:
@@ -62,11 +79,11 @@ class QuadratureService:
         for burst in bursts:
             state = self._states[burst.wheel]
             self._states[burst.wheel] = quadrature.decode(self._parameters, state, burst)
-        told = {burst.wheel for burst in bursts}
+        counted = {burst.wheel for burst in bursts}
         doubtful = [
             name
             for wheel, name in enumerate(self._wheel_names)
-            if wheel not in told or quadrature.misses_edges(before[wheel], self._states[wheel])
+            if wheel not in counted or quadrature.misses_edges(before[wheel], self._states[wheel])
         ]
         if doubtful or len(bursts) < len(event.bursts):
             self._log.warning("encoder edges were lost, so this cycle has no reading", wheels=doubtful)

@@ -3,7 +3,7 @@
 It moves nothing itself: ``DriveService`` asks it before every duty and carries out the answer.
 """
 
-from collections.abc import Callable, Collection, Mapping
+from collections.abc import Callable, Mapping
 
 import structlog
 
@@ -16,26 +16,30 @@ from chefbotd.core.events import (
     DutyEchoed,
     LinkClosed,
     LinkOpened,
+    RangeMeasured,
+    RangeStatus,
     SafetyChanged,
 )
 from chefbotd.core.events.inputs import FaultTaken
 from chefbotd.core.geometry import STANDING, Pose2D
-from chefbotd.core.record import replace
+from chefbotd.core.record import Record, replace
 from chefbotd.entries import entries_of
 from chefbotd.features.driving.gate_announcer import GateAnnouncer
-from chefbotd.features.driving.motor_watch import MotorWatch
+from chefbotd.features.driving.motor_watch import MotorWatch, MotorWatchState
 from chefbotd.features.driving.obstacle_guard import ObstacleGuard, Scans
-from chefbotd.features.driving.stop_hold import EMERGENCY_STOP, StopHold
+from chefbotd.features.driving.stop_hold import StopHold
 from chefbotd.features.driving.wheel_reader import WheelsRead
-from chefbotd.safety import battery_monitor, encoder_timeout, gate
+from chefbotd.safety import battery_monitor, encoder_timeout, gate, hold
 from chefbotd.safety.encoder_timeout import EncoderTimeoutState
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import HALT, Command, Decision, GateState, Mode, Rearm, SafetyParameters, Trigger
+from chefbotd.safety.guard import Beams
 from chefbotd.safety.latch import GateStore
 
 log = structlog.get_logger(component="safety")
 
 ENCODERS_STALE = "encoders_stale"
+NO_ECHO = "no_echo"
 NO_BOARD = "no_board"
 """The mode that is told while the gate is armed and no board has been connected yet: nothing can move."""
 
@@ -46,6 +50,27 @@ WAITING = "waiting for the board"
 
 LATCHES_PER_SESSION = 2**20
 """The number of a latch is the session's times this, and a count: with 32 bits of session exact in a float, too."""
+
+
+class KeeperState(Record, frozen=True):
+    """The gate, what each detector remembers, and what was announced.
+
+    ``reported`` is a fault that a thread has reported and that has not latched yet.
+    """
+
+    gate: GateState
+    decision: Decision
+    latched: int
+    held: hold.State
+    motors: MotorWatchState
+    silence: EncoderTimeoutState
+    without_echo: str
+    beams: Beams
+    critical_since_s: float | None
+    link_open: bool
+    reported: Fault | None
+    announcer: tuple[SafetyChanged | None, dict[str, int]]
+    announced: tuple[str | int | None, ...]
 
 
 class SafetyKeeper:
@@ -73,16 +98,48 @@ class SafetyKeeper:
         self._latched = session * LATCHES_PER_SESSION
         self._held = StopHold(parameters.held_until_silent_s)
         self._silence = EncoderTimeoutState()
+        self._without_echo = ""  # the sensor that waits for echoes that do not come
         self._critical_since_s: float | None = None
-        self._obstacles = ObstacleGuard(bus, parameters.guard, mounts, scans, self._keep_error)
+        self.obstacles = ObstacleGuard(bus, parameters.guard, mounts, scans, self._keep_error)
         self._link_open = False
         self._reported: Fault | None = None
         self.announcer = GateAnnouncer(bus, latch)
         self._announced: tuple[str | int | None, ...] = ()
         self._reading_error: Exception | None = None
         self._on_fault: Callable[[], None] = lambda: None
+        bus.add_handler(self._on_range, RangeMeasured, on_error=self._keep_error)
         bus.add_handler(self._on_battery, BatteryMeasured, on_error=self._keep_error)
         bus.add_handler(self._on_echo, DutyEchoed, on_error=self._keep_error)
+
+    def state(self) -> KeeperState:
+        """What it remembers; what lidars have seen is a part of its own."""
+        return KeeperState(
+            self._gate,
+            self._decision,
+            self._latched,
+            self._held.state(),
+            self.motors.state(),
+            self._silence,
+            self._without_echo,
+            self.obstacles.state(),
+            self._critical_since_s,
+            self._link_open,
+            self._reported,
+            self.announcer.state(),
+            self._announced,
+        )
+
+    def restore(self, state: KeeperState) -> None:
+        """Go on from there."""
+        self._gate, self._decision, self._latched = state.gate, state.decision, state.latched
+        self._held.restore(state.held)
+        self.motors.restore(state.motors)
+        self._silence, self._critical_since_s = state.silence, state.critical_since_s
+        self._without_echo = state.without_echo
+        self.obstacles.restore(state.beams)
+        self._link_open, self._reported = state.link_open, state.reported
+        self.announcer.restore(state.announcer)
+        self._announced = state.announced
 
     @property
     def gate(self) -> GateState:
@@ -105,31 +162,34 @@ class SafetyKeeper:
 
     # What is asked of the robot
 
-    def accept(self, command: Command) -> None:
-        """Take a command into account.
+    def accept(self, command: Command, client: int) -> None:
+        """Take a client's command into account.
 
         Raises:
-            Refused: the link is down, the robot is not armed, or there is no such source.
+            Refused: the link is down, the robot is not armed, a stop holds the client, or there is no such source.
         """
         self._take_report()
-        if command.source in self._parameters.sources:
-            estopped = self._gate.mode is Mode.ESTOPPED
-            self._held.note_attempt(command.source, command.stamp_s, estopped=estopped)
+        self.note_try(command.source, client, command.stamp_s)
         accepted = gate.accept(self._parameters, self._gate, command)
-        self._held.require_free(command.source)
+        self._held.require_free(command.source, client)
         if not self._link_open:
             raise Refused(RefusalKind.LINK_DOWN, "the board is not connected")
         self._gate = accepted
 
-    def stop(self, by: str = "", excluded: Collection[str] = ()) -> None:
-        """Forget every command; hold the sources that are driven, but for the ``excluded`` ones, if told by whom."""
+    def note_try(self, source: str, client: int, now_s: float) -> None:
+        """A client tries to drive, whether or not its command is taken into account."""
+        if source in self._parameters.sources:
+            self._held.note_try(source, client, now_s, estopped=self._gate.mode is Mode.ESTOPPED)
+
+    def stop(self, by: str = "", client: int = 0) -> None:
+        """Forget every command; hold what other clients drive than this one of the name ``by``, if there is a name."""
         self._gate = gate.stop(self._gate)
         if by:
-            self._held.hold(self._clock.now_s(), by, excluded)
+            self._held.stop(client, by, self._clock.now_s())
 
-    def resume(self, sources: Collection[str]) -> None:
-        """The drivers of these sources ask anew: no stop holds them any longer."""
-        self._held.free(sources)
+    def acknowledge_stops(self, client: int, source: str | None = None) -> None:
+        """A client knows of the stops so far and asks to drive this source (None: any): they hold it no longer."""
+        self._held.acknowledge(client, source)
 
     def release(self, source: str) -> None:
         """Forget a source's command."""
@@ -137,7 +197,7 @@ class SafetyKeeper:
 
     def estop(self, reason: str) -> None:
         """Latch, until ``arm``; who drives is held beyond that."""
-        self._held.hold(self._clock.now_s(), EMERGENCY_STOP)
+        self._held.estop(self._clock.now_s())
         self._gate = gate.change_mode(self._gate, Trigger.ESTOP, reason)
         self._latched += 1
 
@@ -156,8 +216,8 @@ class SafetyKeeper:
             since = "the daemon was restarted" if is_foreign else "the robot was stopped again"
             raise Refused(
                 RefusalKind.LATCHED_AGAIN,
-                f"arm was sent for latch {latch}, but {since}, and the newest is {self._latched}: "
-                f"the robot is {self._gate.mode} ({self._gate.reason})",
+                f"{since} meanwhile: {gate.why_not_armed(self._gate.mode, self._gate.reason)}; "
+                "look at it, then arm the robot again",
             )
         if not self._link_open:
             raise Refused(RefusalKind.LINK_DOWN, "the board is not connected, so the robot cannot be armed")
@@ -198,7 +258,7 @@ class SafetyKeeper:
         self, now_s: float, effort: tuple[float, ...], setpoint_m_s: tuple[float, ...], seen: WheelsRead
     ) -> None:
         """A good encoder reading, and what each wheel and rim was asked for meanwhile (see ``MotorWatch.watch``)."""
-        self._silence = EncoderTimeoutState(now_s)
+        self._silence = encoder_timeout.heard(self._silence, now_s)
         for fault in self.motors.watch(now_s, effort, setpoint_m_s, seen):
             self.fail(fault)
 
@@ -235,10 +295,10 @@ class SafetyKeeper:
     def announce(self, now_s: float) -> None:
         """Tell the gate's state if it has changed."""
         state, decision = self._gate, self._decision
-        known = (
+        is_settled = (
             self._link_open or state.mode is not Mode.ARMED
         )  # before, it is armed and there is nothing to move
-        mode, reason = (state.mode, state.reason) if known else (NO_BOARD, WAITING)
+        mode, reason = (state.mode, state.reason) if is_settled else (NO_BOARD, WAITING)
         said = (mode, reason, decision.source, state.fault, decision.limited_by, self._latched)
         if said != self._announced:
             self._announced = said
@@ -246,6 +306,8 @@ class SafetyKeeper:
 
     def _within_sight(self, decision: Decision, now_s: float, driven: bool) -> Decision:
         """No motion without encoders, and none that an obstacle forbids."""
+        if encoder_timeout.awaits_echo(self._parameters.encoders, self._silence, now_s):
+            return self._crawling(decision, now_s)
         if encoder_timeout.is_stale(self._parameters.encoders, self._silence, now_s):
             self._silence, fault = encoder_timeout.update(
                 self._parameters.encoders, self._silence, now_s, driven=driven
@@ -257,10 +319,30 @@ class SafetyKeeper:
             return Decision(STANDING, decision.source, halted=True, limited_by=limited_by)
         if not self._parameters.guard.enabled or decision.motion == STANDING:
             return decision
-        motion, limited_by = self._obstacles.limit(decision.motion, now_s)
+        motion, limited_by = self.obstacles.limit(decision.motion, now_s)
         if limited_by is None:
             return decision
         return Decision(motion, decision.source, halted=False, limited_by=limited_by)
+
+    def _crawling(self, decision: Decision, now_s: float) -> Decision:
+        """The board waits for echoes that do not come: no fast motion, and room to stop as late as it obeys."""
+        crawl_m_s = self._parameters.encoders.silent_speed_m_s
+        motion = self.motors.slowed(decision.motion, crawl_m_s)
+        limited_by = None if motion == decision.motion else NO_ECHO
+        if self._parameters.guard.enabled and motion != STANDING:
+            late_s = encoder_timeout.OVERSHOOT * encoder_timeout.OBEYS_AFTER_S
+            motion, seen = self.obstacles.limit(motion, now_s, late_s)
+            limited_by = seen or limited_by
+        return Decision(motion, decision.source, halted=False, limited_by=limited_by)
+
+    def _on_range(self, event: RangeMeasured) -> None:
+        """Only an ultrasonic sensor says that no echo came; until it says something else the board waits for it."""
+        is_missing = event.status is RangeStatus.NO_ECHO
+        if is_missing or event.sensor == self._without_echo:
+            self._without_echo = event.sensor if is_missing else ""
+            self._silence = encoder_timeout.note_echo(
+                self._parameters.encoders, self._silence, self._clock.now_s(), is_missing=is_missing
+            )
 
     def _take_report(self) -> None:
         if self._reported is not None:

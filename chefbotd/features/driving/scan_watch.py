@@ -14,12 +14,13 @@ import numpy as np
 from chefbotd.bus import Bus, OnError
 from chefbotd.clock import Clock
 from chefbotd.core.events import WheelsMeasured
-from chefbotd.core.events.scans import ScanMeasured
+from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.geometry import Motion, Pose2D
+from chefbotd.core.record import Record
 from chefbotd.mapping.poses import row_of, transform
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
-from chefbotd.perception.laser_scan import BeamParameters, Track, points_in_base
-from chefbotd.safety import scan_guard
+from chefbotd.perception.laser_scan import OdometryTrack, points_in_base
+from chefbotd.safety import guard, scan_guard
 from chefbotd.safety.guard import GuardParameters
 from chefbotd.safety.outline import Box, Disc, Floats, Outline
 from chefbotd.safety.scan_guard import NOT_SEEN, View
@@ -86,6 +87,14 @@ class GuardSensor(Protocol):
         ...
 
 
+class ScanWatchState(Record, frozen=True):
+    """The last turns of each sensor, and the trail: stamps and poses, and the newest pose."""
+
+    seen: dict[str, list[_Seen]]
+    trail: list[tuple[float, float, float, float]]
+    pose: Pose2D
+
+
 class ScanWatch:
     """Keeps the last turns of each lidar that guards, and where the wheels have taken the robot since.
 
@@ -107,11 +116,7 @@ class ScanWatch:
     ) -> None:
         self._clock, self._parameters, self._outline = clock, parameters, outline
         self._kinematics = Kinematics(chassis)
-        bands = {sensor.name: sensor.band_m for sensor in sensors if sensor.guards}
-        self._beams = {
-            name: BeamParameters(min_range_m=nearest_m, max_range_m=farthest_m)
-            for name, (nearest_m, farthest_m) in bands.items()
-        }
+        self._bands_m = bands = {sensor.name: sensor.band_m for sensor in sensors if sensor.guards}
         self._near_m = {name: bands[name][0] + NEAR_MARGIN_M for name in blind_near if name in bands}
         self._seen: dict[str, deque[_Seen]] = {name: deque(maxlen=TURNS_KEPT) for name in bands}
         self._pose = Pose2D()
@@ -119,10 +124,24 @@ class ScanWatch:
         bus.add_handler(self._on_wheels, WheelsMeasured, on_error=on_error)
         bus.add_handler(self._on_scan, ScanMeasured, on_error=on_error)
 
-    def limit(self, wanted: Motion, now_s: float) -> tuple[Motion, str | None]:
-        """The motion that may be driven, and what it was limited for."""
+    def state(self) -> ScanWatchState:
+        """What it remembers."""
+        seen = {name: list(turns) for name, turns in self._seen.items()}
+        return ScanWatchState(seen, list(self._trail), self._pose)
+
+    def restore(self, state: ScanWatchState) -> None:
+        """Go on from there."""
+        for name, turns in self._seen.items():
+            turns.clear()
+            turns.extend(state.seen.get(name, ()))
+        self._trail.clear()
+        self._trail.extend(state.trail)
+        self._pose = state.pose
+
+    def limit(self, motion: Motion, now_s: float, late_s: float = 0.0) -> tuple[Motion, str | None]:
+        """The motion that may be driven, and what it was limited for; the board obeys ``late_s`` later than usual."""
         views = [self._view(name) for name in self._seen]
-        return scan_guard.limit(self._parameters, self._outline, views, wanted, now_s)
+        return scan_guard.limit(guard.later(self._parameters, late_s), self._outline, views, motion, now_s)
 
     def _on_wheels(self, event: WheelsMeasured) -> None:
         """Straight from pose to pose: between two readings a robot turns by a degree or two."""
@@ -136,12 +155,12 @@ class ScanWatch:
         self._trail.append((event.stamp_s, self._pose.x_m, self._pose.y_m, self._pose.heading_rad))
 
     def _on_scan(self, event: ScanMeasured) -> None:
-        beams = self._beams.get(event.lidar)
-        if beams is None:
+        band_m = self._bands_m.get(event.lidar)
+        if band_m is None:
             return
         trail = np.array(self._trail) if self._trail else np.array([[event.stamp_s, 0.0, 0.0, 0.0]])
-        track = Track(trail[:, 0], trail[:, 1:])
-        in_base = points_in_base(beams, event.base_from_lidar, event.scan, track)
+        track = OdometryTrack(trail[:, 0], trail[:, 1:])
+        in_base = points_in_base(band_m, event.base_from_lidar, event.scan, track)
         trail_from_base = _pose_at(trail, event.stamp_s)
         after_s = event.scan.after_s
         turn_s = float(np.ptp(after_s)) if len(after_s) else 0.0
@@ -166,7 +185,7 @@ class ScanWatch:
         if not seen:
             return View(name, NOT_SEEN, -math.inf, -math.inf, 0.0)
         newest = seen[-1]
-        recent = [each.points_m for each in seen if newest.stamp_s - each.stamp_s <= 2 * newest.turn_s]
+        recent = [scan.points_m for scan in seen if newest.stamp_s - scan.stamp_s <= 2 * newest.turn_s]
         points_m = transform(
             row_of(self._pose.inverse()), np.concatenate(recent) if recent else newest.points_m
         )

@@ -4,7 +4,7 @@ Commands come in by direct call, so that a stop goes from the socket to the wire
 goes out as events.
 """
 
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from time import perf_counter
 
 import structlog
@@ -20,17 +20,19 @@ from chefbotd.core.events import (
     WheelsMeasured,
 )
 from chefbotd.core.geometry import Motion
+from chefbotd.core.record import Record
 from chefbotd.entries import entries_of
 from chefbotd.features.driving.motor_watch import PAUSE_S
-from chefbotd.features.driving.safety_keeper import SafetyKeeper
-from chefbotd.features.driving.watch_timer import ControlParameters, WatchTimer
+from chefbotd.features.driving.safety_keeper import KeeperState, SafetyKeeper
+from chefbotd.features.driving.watch_timer import WatchTimer, WatchTimerState
 from chefbotd.features.driving.wheel_controller import WheelController
-from chefbotd.features.driving.wheel_reader import WheelReader, WheelsRead
+from chefbotd.features.driving.wheel_reader import WheelReader, WheelReaderState, WheelsRead
 from chefbotd.metrics import Histogram
 from chefbotd.motion.drive import Drive
+from chefbotd.motion.drive_state import DriveState
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import Command, Decision
-from chefbotd.safety.watchdog import WatchdogParameters
+from chefbotd.safety.watchdog import ControlParameters, WatchdogParameters, judge_pause
 
 STEP_BOUNDS_S = (0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)
 """From a fast computer's step to a cycle of the fastest board (10 ms), and beyond."""
@@ -38,14 +40,29 @@ STEP_BOUNDS_S = (0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)
 log = structlog.get_logger(component="drive")
 
 
+class DriveServiceState(Record, frozen=True):
+    """What the control loop remembers; gains and limits are parts of their own."""
+
+    wheels: DriveState
+    keeper: KeeperState
+    reader: WheelReaderState
+    watch_timer: WatchTimerState
+    stops: int
+    stopped_by: str
+    steps: int
+    internal_errors: int
+    acted_s: float
+    pauses: int
+    pauses_s: tuple[float, ...]
+
+
 class DriveService:
     """Asks ``wheels`` what to do; ``keeper`` has the last word, ``send_duty`` puts a duty on the wire at once.
 
     ``reader`` says what the wheels did; ``wheel_names`` and ``duty_ceiling`` are the ``WheelController``'s.
-    A loop that stood still for ``patience_s`` while it drove disarms, whether or not a watchdog looked meanwhile.
+    A loop that stood still for ``watchdog.timeout_s`` forgets what was asked before, whether or not a watchdog looked
+    meanwhile. If it drove, it brakes: until the next command, or after a long pause or too many until it is armed.
     """
-
-    RESTORABLE_TIMERS = ("_watch",)
 
     def __init__(
         self,
@@ -59,14 +76,14 @@ class DriveService:
         wheel_names: tuple[str, ...],
         control: ControlParameters,
         duty_ceiling: Callable[[float], tuple[int, ...] | None] = lambda now_s: None,
-        patience_s: float = WatchdogParameters().timeout_s,
+        watchdog: WatchdogParameters,
     ) -> None:
         self._bus, self._clock, self._write_duty = bus, entries_of(clock), send_duty
         self.wheels = WheelController(drive, wheel_names, duty_ceiling)
         self.keeper, self.reader = keeper, reader
-        self._patience_s = patience_s
+        self._watchdog = watchdog
         self._watch_timer = WatchTimer(
-            self._clock, control.watch_period_s, min(patience_s, PAUSE_S), self._watch
+            self._clock, control.watch_period_s, min(watchdog.timeout_s, PAUSE_S), self._watch
         )
         keeper.call_on_fault(self._watch_timer.look_soon)
         self._failure = HandlerFailure()
@@ -82,19 +99,53 @@ class DriveService:
         self.steps, self.step_times = 0, Histogram(STEP_BOUNDS_S)
         self.internal_errors = 0
         self.acted_s = float("-inf")
+        self.pauses = 0
+        self._pauses_s: tuple[float, ...] = ()
+
+    def state(self) -> DriveServiceState:
+        """What it remembers."""
+        return DriveServiceState(
+            self.wheels.drive_state,
+            self.keeper.state(),
+            self.reader.state(),
+            self._watch_timer.state(),
+            self.stops,
+            self.stopped_by,
+            self.steps,
+            self.internal_errors,
+            self.acted_s,
+            self.pauses,
+            self._pauses_s,
+        )
+
+    def restore(self, state: DriveServiceState) -> None:
+        """Go on from there."""
+        self.wheels.drive_state = state.wheels
+        self.keeper.restore(state.keeper)
+        self.reader.restore(state.reader)
+        self._watch_timer.restore(state.watch_timer)
+        self.stops, self.stopped_by = state.stops, state.stopped_by
+        self.steps, self.internal_errors, self.acted_s = state.steps, state.internal_errors, state.acted_s
+        self.pauses, self._pauses_s = state.pauses, state.pauses_s
 
     # Commands
 
-    def command(self, source: str, motion: Motion) -> None:
+    def command(self, source: str, motion: Motion, client: int = 0) -> None:
         """Move so from now until the command is too old, a higher source speaks, or a stop.
 
+        ``client`` is the number of the connection that asks for it; 0: a driver inside the daemon.
+
         Raises:
-            Refused: the link is down, the robot is not armed, or there is no such source.
+            Refused: the link is down, the robot is not armed, a stop holds the client, or there is no such source.
         """
         now_s = self._clock.now_s()
         self._note_run(now_s)
-        self.keeper.accept(Command(source, motion, now_s))
+        self.keeper.accept(Command(source, motion, now_s), client)
         self._obey(now_s)
+
+    def note_try(self, source: str, client: int) -> None:
+        """A client tries to drive what another one has; a stop holds it as well."""
+        self.keeper.note_try(source, client, self._clock.now_s())
 
     def release(self, source: str) -> None:
         """Forget one source's command: a lower one goes on at once, or the robot comes to rest."""
@@ -106,18 +157,18 @@ class DriveService:
         self.keeper.stop()
         self._halt()
 
-    def stop(self, by: str = "", excluded: Collection[str] = ()) -> None:
+    def stop(self, by: str = "", client: int = 0) -> None:
         """Come to rest within the deceleration limit; every source's command is forgotten.
 
-        Sources that are driven are held in the name of ``by``, but for the ``excluded`` ones; without a name, none is.
+        What other clients drive is held in the name of ``by``; without a name, nothing is.
         """
         self.stops, self.stopped_by = self.stops + 1, by
-        self.keeper.stop(by, excluded)
+        self.keeper.stop(by, client)
         self._obey(self._clock.now_s())
 
-    def resume(self, sources: Collection[str]) -> None:
-        """Hold these sources no longer."""
-        self.keeper.resume(sources)
+    def acknowledge_stops(self, client: int, source: str | None = None) -> None:
+        """A client knows of the stops so far, and asks to drive this source (None: any)."""
+        self.keeper.acknowledge_stops(client, source)
 
     def estop(self, reason: str) -> None:
         """Zero on the wire now, and until ``arm``."""
@@ -131,7 +182,10 @@ class DriveService:
         Raises:
             Refused: the link is down, or another e-stop or fault has latched after that one.
         """
+        was_armed = self.keeper.armed
         self.keeper.arm(latch)
+        if not was_armed:
+            self._pauses_s = ()
         self._obey(self._clock.now_s())
 
     def fail(self, fault: Fault) -> None:
@@ -142,7 +196,7 @@ class DriveService:
     @property
     def is_driving(self) -> bool:
         """Whether the last duty was not zero; may be read from any thread."""
-        return any(self.wheels.state.duty)
+        return any(self.wheels.drive_state.duty)
 
     # The loop
 
@@ -154,7 +208,7 @@ class DriveService:
         self.keeper.announce(self._clock.now_s())
         self._watch_timer.start(self._clock.now_s())
         try:
-            await self._failure.wait()
+            await self._clock.at_rest(self._failure.wait())
         finally:
             self._watch_timer.stop()
             self.detach()
@@ -178,7 +232,7 @@ class DriveService:
         """One control step: decode, ask the keeper, regulate, put it on the wire, tell the others."""
         began_s, now_s = perf_counter(), self._clock.now_s()
         self._note_run(now_s)
-        seen = self.reader.read(event, self.wheels.state.setpoint_m_s)
+        seen = self.reader.read(event, self.wheels.drive_state.setpoint_m_s)
         reading = seen.reading
         self.keeper.loop_runs(now_s)
         if reading.refused:
@@ -189,13 +243,13 @@ class DriveService:
             self._act(now_s)
             return
         effort = self.reader.effort(seen, self.wheels.effort)
-        self.keeper.watch_wheels(now_s, effort, self.wheels.state.setpoint_m_s, seen)
+        self.keeper.watch_wheels(now_s, effort, self.wheels.drive_state.setpoint_m_s, seen)
         self.wheels.regulate(self.keeper.decide(now_s, driven=self.is_driving), now_s, seen)
-        self._send_duty(now_s, self.wheels.state.duty)
+        self._send_duty(now_s, self.wheels.drive_state.duty)
         self._watch_timer.restart(now_s)
         if self.wheels.change_waits:
             self.wheels.make_change()
-        if self.wheels.state.duty != self._still or any(reading.travel_rad) or self._is_asked():
+        if self.wheels.drive_state.duty != self._still or any(reading.travel_rad) or self._is_asked():
             if self._watch_timer.still_since_s is not None:
                 self._watch_timer.note_activity(now_s)
         else:
@@ -210,7 +264,7 @@ class DriveService:
         position_rad, velocity_rad_s = reading.position_rad, reading.velocity_rad_s
         times = stamp_s, event.arrival_s, event.board_s
         self._bus.publish(WheelsMeasured(*times, position_rad, reading.travel_rad, velocity_rad_s, excluded))
-        targets, duty = self.wheels.targets_rad_s, self.wheels.state.duty
+        targets, duty = self.wheels.targets_rad_s, self.wheels.drive_state.duty
         self._bus.publish(WheelsDriven(stamp_s, position_rad, velocity_rad_s, targets, duty, excluded))
 
     def _act(self, now_s: float, *, repeat: bool = True) -> None:
@@ -218,9 +272,9 @@ class DriveService:
 
         One that was lost on the wire must not leave the motors on for want of encoder frames to answer.
         """
-        before = self.wheels.state.duty
+        before = self.wheels.drive_state.duty
         self.wheels.retarget(self._decide(now_s), now_s)
-        duty = self.wheels.state.duty
+        duty = self.wheels.drive_state.duty
         if repeat or duty != before or not any(duty):
             self._send_duty(now_s, duty)
         if self.wheels.change_waits:
@@ -239,13 +293,26 @@ class DriveService:
         return self.keeper.decide(now_s, driven=self.is_driving)
 
     def _note_run(self, now_s: float) -> None:
-        """The loop runs. If it stood still while a duty was in force, that is a fault, whoever wakes first after it."""
+        """The loop runs. If it stood still, what was asked before is void, whoever wakes first after it.
+
+        If a duty was in force meanwhile, it is zero now: nobody watched what it did.
+        """
         stood_s, self.acted_s = now_s - self.acted_s, now_s
-        if stood_s > self._patience_s and self.is_driving:
-            reason = (
-                f"the control loop did not run for {stood_s:.2f} s, or the whole program; its log may say why"
-            )
-            self.keeper.fail(Fault(FaultKind.LOOP_BLOCKED, reason))
+        if stood_s <= self._watchdog.timeout_s:
+            return
+        self.keeper.stop()
+        if not self.is_driving:
+            return
+        self.pauses += 1
+        self._pauses_s, fault = judge_pause(self._watchdog, self._pauses_s, now_s, stood_s)
+        log.warning(
+            "the control loop stood still while it drove",
+            stood_s=round(stood_s, 3),
+            pauses_in_a_minute=len(self._pauses_s),
+        )
+        if fault is not None:
+            self.keeper.fail(fault)
+        self._halt()
 
     # Faults
 

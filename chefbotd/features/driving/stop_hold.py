@@ -1,7 +1,5 @@
 """Holds sources after a stop, and tells their drivers; the rules are in ``chefbotd.safety.hold``."""
 
-from collections.abc import Collection
-
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.safety import hold
 
@@ -9,32 +7,43 @@ EMERGENCY_STOP = "an emergency stop"
 
 
 class StopHold:
-    """Remembers who has tried to drive; a source is free when nobody has tried for ``stop_hold_s``."""
+    """Remembers who has tried to drive what, and who knows of the stops since. Clients are told apart by a number."""
 
     def __init__(self, stop_hold_s: float) -> None:
         self._stop_hold_s = stop_hold_s
-        self._attempts: hold.Attempts = ()
+        self._tries: hold.State = ()
 
-    def note_attempt(self, source: str, now_s: float, *, estopped: bool) -> None:
-        """Somebody tries to drive; while an e-stop is latched that is held from then on, as what came before it."""
-        self._attempts = hold.note_attempt(self._attempts, source, now_s, self._stop_hold_s)
-        if estopped:
-            self.hold(now_s, EMERGENCY_STOP)
+    def state(self) -> hold.State:
+        """What it remembers."""
+        return self._tries
 
-    def hold(self, now_s: float, by: str, excluded: Collection[str] = ()) -> None:
-        """A stop: hold what has been driven lately, but for the ``excluded`` sources."""
-        self._attempts = hold.hold(self._attempts, now_s, self._stop_hold_s, by, excluded)
+    def restore(self, state: hold.State) -> None:
+        """Go on from there."""
+        self._tries = state
 
-    def free(self, sources: Collection[str]) -> None:
-        """The drivers of these sources ask anew: no stop holds them any longer."""
-        self._attempts = hold.free(self._attempts, sources)
+    def note_try(self, source: str, client: int, now_s: float, *, estopped: bool) -> None:
+        """A client tries to drive; ``estopped``: while an emergency stop is latched."""
+        by = EMERGENCY_STOP if estopped else ""
+        self._tries = hold.note_try(self._tries, source, client, now_s, self._stop_hold_s, by)
 
-    def require_free(self, source: str) -> None:
-        """Raises ``Refused`` where a stop holds the source."""
-        stopped_by, stop_hold_s = hold.holder_of(self._attempts, source), self._stop_hold_s
+    def stop(self, client: int, by: str, now_s: float) -> None:
+        """A client of this name stops the robot."""
+        self._tries = hold.stop(self._tries, client, by, now_s, self._stop_hold_s)
+
+    def estop(self, now_s: float) -> None:
+        """An emergency stop, whoever sends it."""
+        self._tries = hold.estop(self._tries, EMERGENCY_STOP, now_s, self._stop_hold_s)
+
+    def acknowledge(self, client: int, source: str | None = None) -> None:
+        """A client knows of every stop so far, and asks to drive this source (None: any)."""
+        self._tries = hold.acknowledge(self._tries, client, source)
+
+    def require_free(self, source: str, client: int) -> None:
+        """Raises ``Refused`` where a stop holds this client, whose try was just noted."""
+        stopped_by, stop_hold_s = hold.holder_of(self._tries, source, client), self._stop_hold_s
         if stopped_by:
             raise Refused(
                 RefusalKind.STOPPED,
-                f"{source} was stopped by {stopped_by}: do not drive for {stop_hold_s:g} s, or send arm",
+                f"{source} was stopped by {stopped_by}: let go for {stop_hold_s:g} s, or arm the robot",
                 {"source": source, "stopped_by": stopped_by, "stop_hold_s": stop_hold_s},
             )

@@ -8,10 +8,8 @@ of a robot that is driven, and every command acts in the call that brings it.
 import math
 from collections.abc import Callable
 
-from pydantic import Field
-
-from chefbotd.core.parameters import Parameters
-from chefbotd.entries import Entries, Timer
+from chefbotd.core.record import Record
+from chefbotd.entries import Entries, Timer, due_of
 
 REST_AFTER_S = 1.0
 """Every frame of this time was answered with a stop: none of them can be the one that was lost."""
@@ -24,10 +22,14 @@ DRIVE_WATCH = "drive watch"
 """What the timer is called in a recording."""
 
 
-class ControlParameters(Parameters):
-    """``watch_period_s``: how long encoders may be silent before the gate is looked at without them."""
+class WatchTimerState(Record, frozen=True):
+    """When the next look is due, when it was begun to be waited for, and whether the robot rests."""
 
-    watch_period_s: float = Field(default=0.02, gt=0, le=0.1)
+    due_s: float | None
+    began_s: float
+    still_since_s: float | None
+    runs: bool
+    resting: bool
 
 
 class WatchTimer:
@@ -47,6 +49,18 @@ class WatchTimer:
         self._began_s = 0.0
         self.still_since_s: float | None = None
         self._runs = self.resting = False
+
+    def state(self) -> WatchTimerState:
+        """What it remembers."""
+        return WatchTimerState(
+            due_of(self._timer), self._began_s, self.still_since_s, self._runs, self.resting
+        )
+
+    def restore(self, state: WatchTimerState) -> None:
+        """Go on from there."""
+        self._timer = self._entries.resume(state.due_s, self._look, DRIVE_WATCH)
+        self._began_s, self.still_since_s = state.began_s, state.still_since_s
+        self._runs, self.resting = state.runs, state.resting
 
     def start(self, now_s: float) -> None:
         """Look from now on."""

@@ -3,17 +3,26 @@
 from collections.abc import Callable, Mapping
 
 from chefbotd.core.geometry import WheelVelocities
+from chefbotd.core.record import Record
 from chefbotd.features.driving.wheel_reader import WheelsRead
-from chefbotd.motion import ceiling
 from chefbotd.motion.drive import Drive
 from chefbotd.motion.limits import AT_REST, MotionLimits
 from chefbotd.motion.pid import PidParameters
+from chefbotd.motion.setpoints import under
 from chefbotd.safety.gate import Decision
 
 
-class WheelController:
-    """Steps the drive; ``state`` has the setpoints and duties that are in force. ``wheel_names`` has the drive's order.
+class LimitsState(Record, frozen=True):
+    """The limits in force, and those that wait until the robot is at rest."""
 
+    limits: MotionLimits
+    waiting: MotionLimits | None
+
+
+class WheelController:
+    """Steps the drive; ``drive_state`` has the setpoints and duties that are in force.
+
+    ``wheel_names`` has the drive's order.
     ``duty_ceiling`` is the hardest that each wheel may be pushed while commands that are faster are held back on the
     way to the board.
     """
@@ -25,14 +34,29 @@ class WheelController:
         duty_ceiling: Callable[[float], tuple[int, ...] | None],
     ) -> None:
         self._drive, self._wheel_names, self._duty_ceiling = drive, wheel_names, duty_ceiling
-        self.state = drive.at_rest
-        self._when_at_rest: Callable[[], None] | None = None
+        self.drive_state = drive.at_rest
+        self._waiting: tuple[MotionLimits, Callable[[], None]] | None = None
+        self._on_limits: Callable[[MotionLimits], None] = lambda limits: None
+
+    def state(self) -> LimitsState:
+        """The limits; gains and ``drive_state`` stand elsewhere."""
+        return LimitsState(self._drive.limits, None if self._waiting is None else self._waiting[0])
+
+    def restore(self, state: LimitsState) -> None:
+        """Go on with them; nobody waits for those that are to come."""
+        self._drive.relimit(state.limits)
+        self._on_limits(state.limits)
+        self._waiting = None if state.waiting is None else (state.waiting, lambda: None)
+
+    def call_on_limits(self, handler: Callable[[MotionLimits], None]) -> None:
+        """Call ``handler`` with the limits each time that they have been exchanged."""
+        self._on_limits = handler
 
     def regulate(self, decision: Decision, now_s: float, seen: WheelsRead) -> None:
         """Step with a measurement."""
-        before = self.state
+        before = self.drive_state
         if decision.halted:
-            self.state = self._drive.halt(before)
+            self.drive_state = self._drive.halt(before)
             return
         after = self._drive.regulate(
             before,
@@ -44,37 +68,37 @@ class WheelController:
             apart=decision.limited_by is not None,
             substitutes=seen.same_side.substitutes,
         )
-        self.state = ceiling.under(self._duty_ceiling(now_s), before, after)
+        self.drive_state = under(self._duty_ceiling(now_s), before, after)
 
     def retarget(self, decision: Decision, now_s: float) -> None:
         """Step without one."""
-        before = self.state
+        before = self.drive_state
         if decision.halted:
-            self.state = self._drive.halt(before)
+            self.drive_state = self._drive.halt(before)
             return
         apart = decision.limited_by is not None
         after = self._drive.retarget(before, decision.motion, now_s, apart=apart)
-        self.state = ceiling.under(self._duty_ceiling(now_s), before, after)
+        self.drive_state = under(self._duty_ceiling(now_s), before, after)
 
     def halt(self) -> None:
         """No duty, and nothing asked of any wheel."""
-        self.state = self._drive.halt(self.state)
+        self.drive_state = self._drive.halt(self.drive_state)
 
     @property
     def rests(self) -> bool:
         """Whether no duty is in force, and nothing is asked of any wheel."""
-        state = self.state
+        state = self.drive_state
         return not any(state.duty) and not any(state.setpoint_m_s) and state.limiter == AT_REST
 
     @property
     def effort(self) -> tuple[float, ...]:
         """How hard each wheel is pushed by now, as ``Drive.effort`` has it."""
-        return self._drive.effort(self.state)
+        return self._drive.effort(self.drive_state)
 
     @property
     def targets_rad_s(self) -> tuple[float, ...]:
         """The speed that each wheel is asked for."""
-        return self._drive.targets_rad_s(self.state)
+        return self._drive.targets_rad_s(self.drive_state)
 
     def wheel_velocities(self, velocity_rad_s: Mapping[str, float]) -> WheelVelocities:
         """A speed for each named wheel as a motion to command; raises ``Refused`` for a name that no wheel has."""
@@ -86,30 +110,32 @@ class WheelController:
 
     def retune(self, gains: Mapping[str, PidParameters]) -> None:
         """Exchange the gains of every wheel without a bump."""
-        self.state = self._drive.retune(self.state, tuple([gains[name] for name in self._wheel_names]))
+        self.drive_state = self._drive.retune(
+            self.drive_state, tuple([gains[name] for name in self._wheel_names])
+        )
 
-    def relimit(self, limits: MotionLimits, then: Callable[[], None]) -> bool:
+    def set_gains(self, gains: Mapping[str, PidParameters]) -> None:
+        """These have been the gains."""
+        self._drive.gains = tuple([gains[name] for name in self._wheel_names])
+
+    def relimit(self, limits: MotionLimits, then: Callable[[], None] = lambda: None) -> bool:
         """Exchange the limits as soon as the robot is at rest, and call ``then``; whether it was at once.
 
         Of several changes that wait, the last one is made.
         """
-
-        def exchange() -> None:
-            self._drive.relimit(limits)
-            then()
-
-        self._when_at_rest = exchange
+        self._waiting = limits, then
         self.make_change()
-        return self._when_at_rest is None
+        return self._waiting is None
 
     @property
     def change_waits(self) -> bool:
         """Whether a change waits for the robot to be at rest."""
-        return self._when_at_rest is not None
+        return self._waiting is not None
 
     def make_change(self) -> None:
         """Make the change that waits, if the robot is at rest."""
-        change = self._when_at_rest
-        if change is not None and self.rests:
-            self._when_at_rest = None
-            change()
+        if self._waiting is not None and self.rests:
+            (limits, then), self._waiting = self._waiting, None
+            self._drive.relimit(limits)
+            self._on_limits(limits)
+            then()

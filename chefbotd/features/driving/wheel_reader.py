@@ -8,7 +8,7 @@ from chefbotd.core.events import EncodersCounted
 from chefbotd.core.record import Record
 from chefbotd.logs import RateLimitedLog
 from chefbotd.motion import encoder
-from chefbotd.motion.encoder import EncoderParameters, Reading
+from chefbotd.motion.encoder import EncoderParameters, EncodersState, Reading
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.motion.same_side import SameSideParameters, SameSideState, SameSideWheels
 
@@ -21,6 +21,15 @@ class WheelsRead(Record, frozen=True):
     reading: Reading
     dt_s: float
     same_side: SameSideState
+
+
+class WheelReaderState(Record, frozen=True):
+    """What the frames so far have shown."""
+
+    encoders: EncodersState
+    compared: SameSideState
+    board_s: float | None
+    refused: int
 
 
 class WheelReader:
@@ -37,6 +46,15 @@ class WheelReader:
         self._board_s: float | None = None
         self._log = RateLimitedLog(log)
         self.refused = 0
+
+    def state(self) -> WheelReaderState:
+        """What it remembers."""
+        return WheelReaderState(self._encoders, self._compared, self._board_s, self.refused)
+
+    def restore(self, state: WheelReaderState) -> None:
+        """Go on from there."""
+        self._encoders, self._compared = state.encoders, state.compared
+        self._board_s, self.refused = state.board_s, state.refused
 
     def read(self, event: EncodersCounted, setpoint_m_s: Sequence[float]) -> WheelsRead:
         """The next frame, after a while in which the wheels' rims were asked for these speeds."""

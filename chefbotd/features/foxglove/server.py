@@ -6,8 +6,8 @@ from typing import Any
 import foxglove
 from foxglove.websocket import ServerListener
 
-from chefbotd.features.foxglove.parameters import FoxgloveParameters
 from chefbotd.recording.channels import Channel
+from chefbotd.transport.parameters import FoxgloveParameters
 
 
 class _Subscriptions(ServerListener):
@@ -59,15 +59,15 @@ class FoxgloveServer:
 
     def send(self, channel: Channel, log_ns: int, payload: bytes) -> None:
         """Send a message, and offer its channel where it is new; the library drops what a slow client does not take."""
-        found = self._channels.get(channel.number)
-        if found is None:
+        known_channel = self._channels.get(channel.number)
+        if known_channel is None:
             schema = foxglove.Schema(
                 name=channel.schema.name, encoding="jsonschema", data=channel.schema.text
             )
-            found = self._channels[channel.number] = foxglove.Channel(
+            known_channel = self._channels[channel.number] = foxglove.Channel(
                 channel.topic, schema=schema, message_encoding="json", context=self._context
             )
-        found.log(payload, log_time=log_ns)
+        known_channel.log(payload, log_time=log_ns)
 
     def stop(self) -> None:
         """End it."""

@@ -10,10 +10,13 @@ import structlog
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.entries import entries_of
+from chefbotd.features.feature import Feature, Service
+from chefbotd.features.recording.making import read_map
 from chefbotd.logs import RateLimitedLog
 from chefbotd.recording.channels import Channel, Channels
-from chefbotd.recording.encoder import REPEATED, STATES, Encoder, MapEvent
-from chefbotd.recording.maps import MapDrawer, ReadMap
+from chefbotd.recording.encoder import REPEATED, Encoder, MapEvent
+from chefbotd.recording.foxglove import MapDrawer, ReadMap
+from chefbotd.transport.parameters import FoxgloveParameters
 
 log = structlog.get_logger(component="foxglove")
 
@@ -102,7 +105,7 @@ class FoxgloveService:
             await inbox.next_put()
             watched = server.is_watched
             for event in inbox.take_all():
-                if watched or type(event) not in offered or type(event).__name__ in STATES:
+                if watched or type(event) not in offered or getattr(event, "retained", False):
                     offered.add(type(event))
                     self._send(encoder, event)
             drawn, now_ns = encoder.take_maps(), self._now_ns(offset_ns)
@@ -132,3 +135,13 @@ def _draw(maps: MapDrawer, events: tuple[MapEvent, ...], now_ns: int, sink: Any)
     if not events:
         maps.tell(now_ns, REPEATED, sink)
         maps.drawn_ns = now_ns
+
+
+def foxglove(
+    bus: Bus, clock: Clock, parameters: FoxgloveParameters, robot: str, first_scanner: str | None
+) -> Feature:
+    """What happens, live in Foxglove."""
+    from chefbotd.features.foxglove.server import FoxgloveServer  # an optional library
+
+    service = FoxgloveService(bus, clock, lambda: FoxgloveServer(parameters, robot), first_scanner, read_map)
+    return Feature("foxglove", services=(Service("foxglove", service.run),))

@@ -9,34 +9,39 @@ from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.mapping import (
-    Alternative,
     LocalizationChanged,
     MapLoaded,
     MappingChanged,
     MapPoseUpdated,
     MapUnloaded,
 )
-from chefbotd.core.events.worker import WorkerReported
-from chefbotd.core.geometry import Pose2D, PoseCovariance
-from chefbotd.entries import entries_of
+from chefbotd.core.events.robot import WorkerReported
+from chefbotd.core.record import Record, replace
+from chefbotd.entries import entries_of, set_event
 from chefbotd.features.driving.inner_driver import InnerDriver
-from chefbotd.features.feature import Waiting
-from chefbotd.features.localization.methods import LocalizationResult
-from chefbotd.features.localization.turning import Turning
+from chefbotd.features.feature import Feature, Service, Waiting
+from chefbotd.features.localization.models import (
+    TOPICS,
+    LocalizationData,
+    LocalizeParams,
+    SetPoseParams,
+    localization_data,
+)
+from chefbotd.features.localization.turning import Turning, TurningState
 from chefbotd.features.worker.service import WorkerService
 from chefbotd.rpc.jobs import Progress
+from chefbotd.rpc.method import Caller, method, methods_of
+from chefbotd.rpc.roles import Role
 from chefbotd.worker.requests import OnProgress
-from chefbotd.worker.skills import navigation_messages as navigation
-from chefbotd.worker.skills.localization_messages import (
-    LOCATED,
+from chefbotd.worker.skills import navigation_requests as navigation
+from chefbotd.worker.skills.localization_requests import (
     SKILL,
     Localize,
-    Located,
     SetPose,
     UseMap,
     UseNone,
 )
-from chefbotd.worker.skills.navigation_messages import CheckMap
+from chefbotd.worker.skills.navigation_requests import CheckMap, MapChecked
 
 log = structlog.get_logger(component="localization")
 
@@ -52,10 +57,28 @@ TOLD_EVERY_S: Final = 1.0
 """How often the state is told while nothing of it changes."""
 
 
+class LocalizationState(Record, frozen=True):
+    """The map in use, what the skill was and has to be told of it, and what was told of the pose last.
+
+    ``waits`` are the requests that wait for the end of a turn, by their tasks.
+    """
+
+    map: MapLoaded | None
+    renamed_from: str | None
+    is_mapping: bool
+    was_unloaded: bool
+    has_to_tell: bool
+    has_told: bool
+    problem: str
+    told: LocalizationChanged | None
+    jumps_before: int
+    turning: TurningState
+    may_turn: bool
+    waits: tuple[str, ...]
+
+
 class LocalizationService:
     """Keeps the skill at the map in use. While a map is being made, it rests: then SLAM tells the pose."""
-
-    UNRECORDED = frozenset({"_reports"})
 
     def __init__(
         self,
@@ -69,30 +92,61 @@ class LocalizationService:
         """``driver`` drives as the source navigation; ``turns_at_start``: it may turn before it was ever asked to."""
         self._bus, self._clock, self._feed, self._worker = bus, clock, feed, feed.worker
         self._map: MapLoaded | None = None
+        self._renamed_from: str | None = None  # the name of the map in use by which the worker knows it
         self._is_mapping = self._was_unloaded = False
         self._has_to_tell, self._has_told = asyncio.Event(), asyncio.Event()
         self._has_told.set()
         self._reports: list[OnProgress] = []
         self._problem = ""  # why the map cannot be used
         self._told: LocalizationChanged | None = None
-        self._jumps = 0
+        self._jumps_before = 0  # by the workers before this one
         self._entries, self._turning = entries_of(clock), Turning(bus, clock, driver, self._report)
         self._may_turn = turns_at_start  # it has neither turned nor found itself yet
         self._waits: set[str] = set()  # requests that wait for a turn, by their tasks
-        self._worker.add_listener(SKILL, self._take_told)
-        self._worker.add_on_ready(self._has_to_tell.set)
+        self._worker.add_listener(SKILL, LocalizationChanged, self._take_told)
+        self._worker.add_listener(SKILL, MapPoseUpdated, self._take_pose)
+        self._worker.add_on_ready(self._take_ready)
         bus.add_handler(self._take_map, MapLoaded)
         bus.add_handler(self._take_unloaded, MapUnloaded)
         bus.add_handler(self._take_mapping, MappingChanged)
         bus.add_handler(self._take_worker, WorkerReported)
 
-    async def set_pose(self, x_m: float, y_m: float, heading_rad: float) -> LocalizationResult:
-        """The robot is about here."""
-        return await self._ask(SetPose(x_m, y_m, heading_rad), SHORT_S)
+    def state(self) -> LocalizationState:
+        """What it remembers."""
+        return LocalizationState(
+            self._map,
+            self._renamed_from,
+            self._is_mapping,
+            self._was_unloaded,
+            self._has_to_tell.is_set(),
+            self._has_told.is_set(),
+            self._problem,
+            self._told,
+            self._jumps_before,
+            self._turning.state(),
+            self._may_turn,
+            tuple(sorted(self._waits)),
+        )
 
-    async def localize(self, progress: Progress, *, turn: bool) -> LocalizationResult:
-        """Search everywhere, and turn once where that is not enough."""
-        if not turn:
+    def restore(self, state: LocalizationState) -> None:
+        """Go on from there; the requests that wait are to begin again."""
+        self._map, self._renamed_from = state.map, state.renamed_from
+        self._is_mapping, self._was_unloaded = state.is_mapping, state.was_unloaded
+        set_event(self._has_to_tell, state.has_to_tell)
+        set_event(self._has_told, state.has_told)
+        self._problem, self._told, self._jumps_before = state.problem, state.told, state.jumps_before
+        self._turning.restore(state.turning)
+        self._may_turn, self._waits = state.may_turn, set(state.waits)
+
+    @method(role=Role.DRIVE, moves=False)
+    async def set_pose(self, caller: Caller, params: SetPoseParams, progress: Progress) -> LocalizationData:
+        """Set the robot's approximate pose in the map in use; the next scans confirm it, or it searches."""
+        return await self._ask(SetPose(params.x_m, params.y_m, params.heading_rad), SHORT_S)
+
+    @method(role=Role.DRIVE, moves=True)
+    async def localize(self, caller: Caller, params: LocalizeParams, progress: Progress) -> LocalizationData:
+        """Search the whole map for the robot's pose; the robot does not move, unless ``turn`` allows one turn."""
+        if not params.turn:
             return await self._ask(Localize(), SHORT_S)
         driver = self._turning.require()
         stops = driver.stops
@@ -104,7 +158,7 @@ class LocalizationService:
         self._turning.begin(is_asked=True)
         return await self._turned(progress)
 
-    async def _turned(self, progress: Progress) -> LocalizationResult:
+    async def _turned(self, progress: Progress) -> LocalizationData:
         """Wait for the end of the turn, which ends with whoever waits for it."""
         end, task = self._turning.begin(is_asked=False), self._entries.task
         self._waits.add(task)
@@ -117,9 +171,7 @@ class LocalizationService:
         finally:
             self._waits.discard(task)
             self._reports.remove(progress.report)
-        told = self._told
-        state, name = ("unknown", None) if told is None else (told.state, told.map)
-        return LocalizationResult(state=state, map=name, reason=why)
+        return replace(localization_data(self._told), reason=why)
 
     def waiting(self) -> Waiting:
         """The requests that wait for the end of a turn, by their tasks."""
@@ -137,7 +189,7 @@ class LocalizationService:
     async def run(self) -> None:
         """Tell the skill which map to use: when that changes, and each time that a worker has become ready."""
         while True:
-            await self._has_to_tell.wait()
+            await self._entries.at_rest(self._has_to_tell.wait())
             self._has_to_tell.clear()
             if self._worker.is_ready:
                 await self._tell_map()
@@ -146,18 +198,22 @@ class LocalizationService:
 
     async def _tell_map(self) -> None:
         used, self._problem = None if self._is_mapping else self._map, ""
+        renamed_from, self._renamed_from = self._renamed_from, None
         try:
             if self._was_unloaded:  # the next map may have its name and version
                 self._was_unloaded = False
                 await self._ask(UseNone(), LONG_S)
-            await self._ask(UseNone() if used is None else UseMap(used.name, used.version), LONG_S)
+            request = UseNone() if used is None else UseMap(used.name, used.version, renamed_from)
+            await self._ask(request, LONG_S)
             if used is not None:
-                checked = await self._worker.request(navigation.SKILL, CheckMap(), deadline_s=SHORT_S)
-                self._problem = navigation.MAP_CHECKED.decode(checked).problem
+                checked = await self._worker.request(
+                    navigation.SKILL, CheckMap(), MapChecked, deadline_s=SHORT_S
+                )
+                self._problem = checked.problem
         except Refused as problem:
             self._problem = str(problem)
             log.error("localization has no map", reason=self._problem)
-            self._publish(self._clock.now_s(), state="unknown", name=None, reason=self._problem)
+            self._publish_unknown(self._clock.now_s(), self._problem)
 
     def _report(self, done: float, total: float, text: str) -> None:
         for report in self._reports:
@@ -165,16 +221,20 @@ class LocalizationService:
 
     async def _ask(
         self, request: UseMap | UseNone | SetPose | Localize, deadline_s: float
-    ) -> LocalizationResult:
-        told = await self._worker.request(SKILL, request, deadline_s=deadline_s, on_progress=self._report)
-        answer = LOCATED.decode(told)
-        self._take(answer)
-        return LocalizationResult(state=answer.state, map=answer.map)
+    ) -> LocalizationData:
+        answer = await self._worker.request(
+            SKILL, request, LocalizationChanged, deadline_s=deadline_s, on_progress=self._report
+        )
+        return localization_data(self._publish(answer))
 
     # what happens
 
     def _take_map(self, event: MapLoaded) -> None:
-        self._map = event
+        """Of a map that is renamed twice before the worker was told, it knows the first name."""
+        before, self._map = self._map, event
+        is_told = self._renamed_from is None or before is None or before.name != event.renamed_from
+        if event.renamed_from is None or is_told:
+            self._renamed_from = event.renamed_from
         self._has_told.clear()
         self._has_to_tell.set()
 
@@ -192,57 +252,46 @@ class LocalizationService:
         """Nobody finds the way while there is no worker: what was known is old."""
         if event.state in AWAY and self._told is not None and self._told.state != "unknown":
             why = f"the worker is {event.state}" + (f": {event.reason}" if event.reason else "")
-            self._publish(event.stamp_s, state="unknown", name=None, reason=why)
+            self._publish_unknown(event.stamp_s, why)
 
-    def _take_told(self, body: bytes) -> None:
-        """Raises ``msgspec.DecodeError`` for what the skill does not say."""
+    def _take_told(self, event: LocalizationChanged) -> None:
         if not self._is_mapping:
-            self._take(LOCATED.decode(body))
+            self._publish(event)
 
-    def _take(self, told: Located) -> None:
-        self._jumps += told.jumped
-        alternatives = tuple(
-            Alternative(Pose2D(x, y, heading), fit) for x, y, heading, fit in told.alternatives
-        )
-        self._publish(
-            told.stamp_s, told.state, told.map, told.fit, alternatives, told.searched, reason=told.reason
-        )
-        if told.map_from_base is None:
-            return
-        pose, steady_from_base = Pose2D(*told.map_from_base), Pose2D(*told.odometry)
-        map_from_steady = pose.compose(steady_from_base.inverse())
-        self._bus.publish(
-            MapPoseUpdated(
-                told.stamp_s,
-                pose,
-                map_from_steady.compose(self._feed.steady_from_odom),
-                PoseCovariance(*told.covariance),
-                told.fit,
-                told.state,
-            )
-        )
+    def _take_pose(self, event: MapPoseUpdated) -> None:
+        if not self._is_mapping:
+            self._bus.publish(self._feed.in_odom(event))
 
-    def _publish(
-        self,
-        stamp_s: float,
-        state: str,
-        name: str | None,
-        fit: float = 0.0,
-        alternatives: tuple[Alternative, ...] = (),
-        searched: float = 0.0,
-        *,
-        reason: str = "",
-    ) -> None:
-        """Tell how it stands if that has changed, or was told a while ago."""
-        last = self._told
-        now = LocalizationChanged(stamp_s, state, name, fit, alternatives, searched, self._jumps, reason)
+    def _take_ready(self) -> None:
+        """A new worker counts its jumps from 0 on."""
+        self._jumps_before = self._jumps
+        self._has_to_tell.set()
+
+    @property
+    def _jumps(self) -> int:
+        return 0 if self._told is None else self._told.jumps
+
+    def _publish_unknown(self, stamp_s: float, reason: str) -> None:
+        jumps = self._jumps - self._jumps_before
+        self._publish(LocalizationChanged(stamp_s, "unknown", None, 0.0, (), 0.0, jumps, reason))
+
+    def _publish(self, event: LocalizationChanged) -> LocalizationChanged:
+        """Tell how it stands if that has changed, or was told a while ago; ``jumps`` are those of this worker."""
+        last, now = self._told, replace(event, jumps=self._jumps_before + event.jumps)
         if last is not None:
-            same = (last.state, last.map, last.jumps, last.reason) == (state, name, self._jumps, reason)
-            if same and len(last.alternatives) == len(alternatives) and stamp_s - last.stamp_s < TOLD_EVERY_S:
-                return
+            same = (last.state, last.map, last.jumps, last.reason) == (
+                now.state,
+                now.map,
+                now.jumps,
+                now.reason,
+            )
+            same = same and len(last.alternatives) == len(now.alternatives)
+            if same and now.stamp_s - last.stamp_s < TOLD_EVERY_S:
+                return now
         self._told = now
         self._bus.publish(now)
         self._turn_or_not(now)
+        return now
 
     def _turn_or_not(self, now: LocalizationChanged) -> None:
         """A turn ends when the robot knows where it is; one that never did turns by itself, where it may."""
@@ -255,3 +304,15 @@ class LocalizationService:
                 self._turning.begin(is_asked=False)
             except Refused as refusal:
                 log.info("the robot does not turn to find itself", reason=str(refusal))
+
+
+def localization(service: LocalizationService) -> Feature:
+    """Localization in the worker, over the service that asks it."""
+    return Feature(
+        "localization",
+        services=(Service("localization", service.run, in_steps=True),),
+        methods=methods_of(service),
+        topics=TOPICS,
+        parts={"localization": service},
+        waiting=service.waiting,
+    )

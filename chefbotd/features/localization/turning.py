@@ -11,12 +11,14 @@ from typing import Final
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.core.events import OdometryUpdated, SafetyChanged
+from chefbotd.core.events import OdometryReset, OdometryUpdated, SafetyChanged
 from chefbotd.core.events.navigation import NavigationChanged
 from chefbotd.core.geometry import Twist2D, wrap_angle
-from chefbotd.entries import Timer, entries_of
+from chefbotd.core.record import Record
+from chefbotd.entries import Timer, due_of, entries_of
 from chefbotd.features.driving.inner_driver import InnerDriver
 from chefbotd.rpc.method import Unserved
+from chefbotd.safety.gate import not_armed, why_not_armed
 from chefbotd.worker.requests import OnProgress as Report
 
 LOOKS_S: Final = 3.0
@@ -34,10 +36,29 @@ ARMED: Final = "armed"
 ON_ITS_WAY: Final = ("planning", "driving", "recovering", "paused")
 
 
+TIMER: Final = "localization turn"
+
+
+class TurningState(Record, frozen=True):
+    """How far a turn is, and what decides whether the robot may turn; ``due_s`` is when it goes on.
+
+    ``why_ended`` is None while a turn is under way, and empty before the first.
+    """
+
+    drives: bool
+    safety: SafetyChanged | None
+    has_goal: bool
+    due_s: float | None
+    why_ended: str | None
+    turns_until_s: float
+    reported_s: float
+    stops: int
+    heading_rad: float | None
+    turned_rad: float
+
+
 class Turning:
     """One turn at a time; ``driver`` puts it through the gate. Without one this robot does not drive by itself."""
-
-    RESTORABLE_TIMERS = ("_go_on",)
 
     def __init__(self, bus: Bus, clock: Clock, driver: InnerDriver | None, report: Report) -> None:
         """``report`` is told how far it has turned."""
@@ -51,8 +72,37 @@ class Turning:
         self._heading_rad: float | None = None
         self._turned_rad = 0.0
         bus.add_handler(self._take_odometry, OdometryUpdated)
+        bus.add_handler(self._take_reset, OdometryReset)
         bus.add_handler(self._take_safety, SafetyChanged)
         bus.add_handler(self._take_navigation, NavigationChanged)
+
+    def state(self) -> TurningState:
+        """What it remembers."""
+        end = self._end
+        return TurningState(
+            self._driver is not None and self._driver.state(),
+            self._safety,
+            self._has_goal,
+            due_of(self._timer),
+            "" if end is None else end.result() if end.done() else None,
+            self._turns_until_s,
+            self._reported_s,
+            self._stops,
+            self._heading_rad,
+            self._turned_rad,
+        )
+
+    def restore(self, state: TurningState) -> None:
+        """Go on from there."""
+        if self._driver is not None:
+            self._driver.restore(state.drives)
+        self._safety, self._has_goal = state.safety, state.has_goal
+        self._timer = self._entries.resume(state.due_s, self._go_on, TIMER)
+        self._end = None if state.why_ended == "" else asyncio.get_running_loop().create_future()
+        if self._end is not None and state.why_ended is not None:
+            self._end.set_result(state.why_ended)
+        self._turns_until_s, self._reported_s = state.turns_until_s, state.reported_s
+        self._stops, self._heading_rad, self._turned_rad = state.stops, state.heading_rad, state.turned_rad
 
     def require(self) -> InnerDriver:
         """The driver, if the robot may turn now.
@@ -62,12 +112,11 @@ class Turning:
         """
         safety = self._safety
         if self._driver is None:
-            raise Refused(RefusalKind.UNKNOWN_SOURCE, "this robot has no source navigation to turn by")
+            raise Refused(RefusalKind.UNKNOWN_SOURCE, "this robot is not set up to turn by itself")
         if safety is not None and safety.mode != ARMED:
-            kind = RefusalKind.ESTOPPED if safety.mode == "estopped" else RefusalKind.DISARMED
-            raise Refused(kind, f"the robot is {safety.mode} ({safety.reason}); send 'arm' first")
+            raise not_armed(safety.mode, safety.reason)
         if self._has_goal:
-            told = "the robot has a goal and cannot turn now; send cancel_navigation first"
+            told = "the robot has a goal and cannot turn now; cancel the goal first"
             raise Refused(RefusalKind.STOPPED, told)
         if safety is not None and self._driver.gives_way_to(safety.source):
             raise Refused(RefusalKind.STOPPED, f"{safety.source} drives; the robot does not turn meanwhile")
@@ -86,7 +135,7 @@ class Turning:
             self._end = asyncio.get_running_loop().create_future()
             self._turned_rad, self._stops = 0.0, driver.stops
             self._turns_until_s = self._entries.now_s() + LOOKS_S + AT_MOST_S
-            self._timer = self._entries.call_later(LOOKS_S, self._go_on, "localization turn")
+            self._timer = self._entries.call_later(LOOKS_S, self._go_on, TIMER)
         return self._end
 
     def end(self, why: str) -> None:
@@ -112,7 +161,7 @@ class Turning:
         if now_s - self._reported_s >= REPORT_S:
             self._reported_s = now_s
             self._report(self._turned_rad, math.tau, "turns on the spot")
-        self._timer = self._entries.call_later(EVERY_S, self._go_on, "localization turn")
+        self._timer = self._entries.call_later(EVERY_S, self._go_on, TIMER)
 
     def _why_not(self, driver: InnerDriver, now_s: float) -> str:
         """Turn on, or say why not."""
@@ -132,10 +181,13 @@ class Turning:
         if self._timer is not None and before_rad is not None:
             self._turned_rad += wrap_angle(heading_rad - before_rad)
 
+    def _take_reset(self, event: OdometryReset) -> None:
+        self._heading_rad = event.after.heading_rad
+
     def _take_safety(self, event: SafetyChanged) -> None:
         self._safety = event
         if event.mode != ARMED:
-            self.end(f"it turns no more: the robot is {event.mode} ({event.reason})")
+            self.end(f"it turns no more: {why_not_armed(event.mode, event.reason)}")
         elif self._driver is not None and self._driver.gives_way_to(event.source):
             self.end(f"it turns no more, for {event.source} took over")
 

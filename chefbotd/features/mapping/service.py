@@ -6,31 +6,32 @@ from collections.abc import Awaitable, Callable
 from typing import Final
 
 import structlog
-from msgspec.structs import asdict
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.commands import Refused
-from chefbotd.core.events.mapping import MapChanged, MappingChanged, MapPoseUpdated
-from chefbotd.core.geometry import Pose2D, PoseCovariance
-from chefbotd.features.mapping.methods import MappingResult, MapSaved
-from chefbotd.features.maps.grid_part import grid_event
+from chefbotd.core.events.mapping import MapChanged, MappingChanged, MappingData, MapPoseUpdated, MapSaved
+from chefbotd.core.record import Record
+from chefbotd.entries import entries_of, set_event
+from chefbotd.features.feature import Feature, Service
+from chefbotd.features.mapping.models import (
+    TOPICS,
+    FinishMappingParams,
+    StartMappingParams,
+    mapping_data,
+)
 from chefbotd.features.worker.service import WorkerService
 from chefbotd.rpc.jobs import Progress
-from chefbotd.worker.skills.mapping_messages import (
-    FINISHED,
-    GRID,
+from chefbotd.rpc.method import Caller, method, methods_of
+from chefbotd.rpc.models import NoParams
+from chefbotd.rpc.roles import Role
+from chefbotd.worker.skills.mapping_requests import (
     SKILL,
-    STATUS,
-    TOLD,
     Discard,
     Finish,
     GetGrid,
     GetStatus,
-    GridPart,
-    MappingStatus,
     Pause,
-    PoseFound,
     Resume,
     Start,
 )
@@ -42,6 +43,13 @@ SHORT_S: Final = 20.0
 
 LONG_S: Final = 120.0
 """For what reads a large map, or between two steps of what matches all of it."""
+
+
+class MappingState(Record, frozen=True):
+    """What the skill said last, and whether a new worker has to be told to go on."""
+
+    status: MappingChanged
+    has_to_resume: bool
 
 
 class MappingService:
@@ -56,39 +64,57 @@ class MappingService:
     ) -> None:
         """``use_saved`` is called with the name of a map that was finished."""
         self._use_saved = use_saved
-        self._bus, self._clock, self._feed, self._worker = bus, clock, feed, feed.worker
-        self._status = MappingStatus("idle")
+        self._bus, self._clock, self._feed, self._worker = bus, entries_of(clock), feed, feed.worker
+        self._status = MappingChanged(stamp_s=0.0)
         self._has_to_resume = asyncio.Event()
-        self._worker.add_listener(SKILL, self._take_told)
+        self._worker.add_listener(SKILL, MappingChanged, self._publish)
+        self._worker.add_listener(SKILL, MapPoseUpdated, lambda event: bus.publish(feed.in_odom(event)))
+        self._worker.add_listener(SKILL, MapChanged, bus.publish)
         self._worker.add_on_ready(self._has_to_resume.set)
+
+    def state(self) -> MappingState:
+        """What it remembers."""
+        return MappingState(self._status, self._has_to_resume.is_set())
+
+    def restore(self, state: MappingState) -> None:
+        """Go on from there."""
+        self._status = state.status
+        set_event(self._has_to_resume, state.has_to_resume)
 
     @property
     def is_mapping(self) -> bool:
         """Whether a map is being made, paused or not."""
         return self._status.state != "idle"
 
-    async def start(self, name: str | None, *, unfinished: bool) -> MappingResult:
-        """Begin, or go on."""
-        return await self._ask(Start(name, unfinished), LONG_S)
+    @method(role=Role.DRIVE, moves=False)
+    async def start_mapping(
+        self, caller: Caller, params: StartMappingParams, progress: Progress
+    ) -> MappingData:
+        """Begin a map, go on with a saved one by its name, or go on after a pause."""
+        return await self._ask(Start(params.name, params.unfinished), LONG_S)
 
-    async def pause(self) -> MappingResult:
-        """Take in no scans until started again."""
+    @method(role=Role.DRIVE, moves=False)
+    async def pause_mapping(self, caller: Caller, params: NoParams, progress: Progress) -> MappingData:
+        """Pause mapping until start_mapping is sent."""
         return await self._ask(Pause(), SHORT_S)
 
-    async def discard(self) -> MappingResult:
-        """Forget the map that is being made, or was never finished."""
-        return await self._ask(Discard(), SHORT_S)
-
-    async def finish(self, name: str, progress: Progress) -> MapSaved:
-        """Match all scans once more, and save the map."""
-        answer = await self._worker.request(
-            SKILL, Finish(name), deadline_s=LONG_S, on_progress=progress.report, settles=True
+    @method(role=Role.DRIVE, moves=False)
+    async def finish_mapping(
+        self, caller: Caller, params: FinishMappingParams, progress: Progress
+    ) -> MapSaved:
+        """Match all scans once more, save the map under a name, and end; reports progress."""
+        saved = await self._worker.request(
+            SKILL, Finish(params.name), MapSaved, deadline_s=LONG_S, on_progress=progress.report, settles=True
         )
-        saved = FINISHED.decode(answer)
-        self._publish(MappingStatus("idle"))
+        self._publish(MappingChanged(stamp_s=self._clock.now_s()))
         await self._learn_status()  # what it saved on its own may be there still
         await self._use(saved.name)
-        return MapSaved.of(saved)
+        return saved
+
+    @method(role=Role.DRIVE, moves=False)
+    async def discard_mapping(self, caller: Caller, params: NoParams, progress: Progress) -> MappingData:
+        """End without saving, and forget the map that was never finished; saved maps stay."""
+        return await self._ask(Discard(), SHORT_S)
 
     async def _use(self, name: str) -> None:
         """The map is saved; that it cannot be used right away is told in the log only."""
@@ -100,13 +126,12 @@ class MappingService:
 
     async def grid(self) -> MapChanged:
         """The whole map that is being made, as it is now."""
-        answer = await self._worker.request(SKILL, GetGrid(), deadline_s=SHORT_S)
-        return grid_event(MapChanged, GRID.decode(answer))
+        return await self._worker.request(SKILL, GetGrid(), MapChanged, deadline_s=SHORT_S)
 
     async def run(self) -> None:
         """Each time that a worker is ready, have it go on with the map, or ask whether one was never finished."""
         while True:
-            await self._has_to_resume.wait()
+            await self._clock.at_rest(self._has_to_resume.wait())
             self._has_to_resume.clear()
             if self.is_mapping:
                 await self._resume()
@@ -121,51 +146,38 @@ class MappingService:
     async def _resume(self) -> None:
         status = self._status
         begun = status.keyframes > 0 or status.name is not None
-        request = Resume(status.state == "paused", status.name) if begun else Start()
+        paused = status.state == "paused"
+        request = Resume(paused, status.name) if begun else Start(paused=paused)
         try:
             await self._ask(request, LONG_S)
             log.info("mapping continues after a restart of the worker", state=self._status.state)
         except Refused as problem:
             log.error("mapping cannot continue after a restart of the worker", reason=str(problem))
             if self._worker.is_ready:  # else the next one is asked
-                self._publish(MappingStatus("idle", reason=str(problem)))
+                self._publish(MappingChanged(stamp_s=self._clock.now_s(), reason=str(problem)))
 
     async def _ask(
         self, request: Start | Resume | Pause | Discard | GetStatus, deadline_s: float
-    ) -> MappingResult:
-        answer = await self._worker.request(SKILL, request, deadline_s=deadline_s)
-        status = STATUS.decode(answer)
+    ) -> MappingData:
+        status = await self._worker.request(SKILL, request, MappingChanged, deadline_s=deadline_s)
         self._publish(status)
-        result = MappingResult.of(status)
-        return result if result.warning else result.model_copy(update={"warning": None})
+        return mapping_data(status)
 
-    def _take_told(self, body: bytes) -> None:
-        """Raises ``msgspec.DecodeError`` for what the skill does not say."""
-        told = TOLD.decode(body)
-        match told:
-            case PoseFound():
-                self._bus.publish(self._pose_updated(told))
-            case GridPart():
-                self._bus.publish(grid_event(MapChanged, told))
-            case MappingStatus():
-                self._publish(told)
-
-    def _publish(self, status: MappingStatus) -> None:
+    def _publish(self, status: MappingChanged) -> None:
         if status.warning and status.warning != self._status.warning:
             log.warning("the unfinished map is damaged", state=status.state, warning=status.warning)
         if status.reason and not self._status.reason:
             log.warning("the unfinished map has a problem", reason=status.reason)
         self._status = status
-        self._bus.publish(MappingChanged(self._clock.now_s(), **asdict(status)))
+        self._bus.publish(status)
 
-    def _pose_updated(self, found: PoseFound) -> MapPoseUpdated:
-        map_from_base, steady_from_base = Pose2D(*found.map_from_base), Pose2D(*found.odometry)
-        map_from_steady = map_from_base.compose(steady_from_base.inverse())
-        return MapPoseUpdated(
-            found.stamp_s,
-            map_from_base,
-            map_from_steady.compose(self._feed.steady_from_odom),
-            PoseCovariance(*found.covariance),
-            found.fit,
-            found.state,
-        )
+
+def mapping(service: MappingService) -> Feature:
+    """SLAM in the worker, over the service that asks it."""
+    return Feature(
+        "mapping",
+        services=(Service("mapping", service.run, in_steps=True),),
+        methods=methods_of(service),
+        topics=TOPICS,
+        parts={"mapping": service},
+    )

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from chefbotd.core.commands import RefusalKind
-from chefbotd.maps.errors import MapStoreError
+from chefbotd.maps.disk import MapStoreError
 from chefbotd.maps.importing import Order
 
 Report = Callable[[float, float, str], None]

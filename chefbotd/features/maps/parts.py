@@ -5,13 +5,16 @@ from dataclasses import dataclass
 
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.events.mapping import MapChanged
-from chefbotd.features.maps.methods import MapPart
-from chefbotd.maps.errors import MapStoreError
+from chefbotd.features.maps.models import MapPart
+from chefbotd.maps.disk import MapStoreError
 from chefbotd.maps.manifest import CELLS, Extent, Manifest
 from chefbotd.maps.store import MapStore
 
 PART_BYTES = 49_152
 """64 KiB as base64; a multiple of three, so that the texts of all parts are one base64."""
+
+MOST_CLIENTS = 8
+"""For so many at once a map that is being made is kept; who comes later replaces who began first."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,14 +52,14 @@ class Cache:
 
     def __init__(self) -> None:
         self._latest: tuple[str, Manifest, Cells] | None = None
-        self._growing: Cells | None = None
+        self._growing: dict[int, Cells] = {}  # by the number of the session that fetches it, the latest last
 
     def part(self, store: MapStore, name: str, part: int, now_s: float) -> MapPart:
         """A part of the latest version of a stored map; raises ``MapStoreError``. It waits for the disk."""
         return self._cells(store, name).part(part, now_s)
 
-    def keep(self, name: str | None, grown: MapChanged) -> None:
-        """Send this of the map that is being made, until the next one is kept."""
+    def keep(self, session: int, name: str | None, grown: MapChanged) -> None:
+        """Send this session this of the map that is being made, until the next one is kept for it."""
         origin = grown.map_from_grid
         extent = Extent(
             resolution_m=grown.resolution_m,
@@ -66,13 +69,16 @@ class Cache:
             y_m=origin.y_m,
             heading_rad=origin.heading_rad,
         )
-        self._growing = Cells(name, grown.revision, None, extent, grown.cells)
+        self._growing.pop(session, None)
+        self._growing[session] = Cells(name, grown.revision, None, extent, grown.cells)
+        while len(self._growing) > MOST_CLIENTS:
+            del self._growing[next(iter(self._growing))]
 
-    def growing_part(self, part: int, now_s: float) -> MapPart:
-        """A part of what was kept; raises ``MapStoreError``."""
-        if self._growing is None:
+    def growing_part(self, session: int, part: int, now_s: float) -> MapPart:
+        """A part of what was kept for this session; raises ``MapStoreError``."""
+        if session not in self._growing:
             raise MapStoreError(RefusalKind.OUT_OF_RANGE, "of a map that is being made, ask for part 0 first")
-        return self._growing.part(part, now_s)
+        return self._growing[session].part(part, now_s)
 
     def _cells(self, store: MapStore, name: str) -> Cells:
         stored = store.describe(name)

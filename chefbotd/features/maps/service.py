@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import structlog
+from msgspec.structs import replace
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
@@ -15,18 +16,36 @@ from chefbotd.core.commands import RefusalKind
 from chefbotd.core.events.mapping import MapChanged, MapLoaded, MapUnloaded
 from chefbotd.core.geometry import wrap_angle
 from chefbotd.entries import entries_of
+from chefbotd.features.feature import Feature, Service
 from chefbotd.features.maps import parts
 from chefbotd.features.maps.importer import Report, repeated, run_import
-from chefbotd.features.maps.methods import MapInUse, MapList, MapPart, PlaceData, PlaceList, SavePlaceParams
-from chefbotd.features.maps.summary import summary
+from chefbotd.features.maps.models import (
+    GetMapParams,
+    ImportMapParams,
+    MapInUse,
+    MapList,
+    MapName,
+    MapPart,
+    MapSummary,
+    OfMapParams,
+    PlaceData,
+    PlaceList,
+    PlaceName,
+    RenameMapParams,
+    SavePlaceParams,
+)
 from chefbotd.features.maps.whereabouts import Whereabouts
-from chefbotd.maps.errors import MapStoreError
+from chefbotd.maps.disk import MapStoreError
 from chefbotd.maps.importing import Order
+from chefbotd.maps.manifest import Manifest
 from chefbotd.maps.names import map_name, place_name
 from chefbotd.maps.places import PLACES, Place, parse_places, to_file, with_place, without_place
-from chefbotd.maps.store import MapStore
+from chefbotd.maps.store import MapStore, StoredMap
 from chefbotd.maps.versions import Version
 from chefbotd.rpc.jobs import Progress
+from chefbotd.rpc.method import Caller, method, methods_of
+from chefbotd.rpc.models import DONE, Done, NoParams
+from chefbotd.rpc.roles import Role
 
 log = structlog.get_logger(component="maps")
 
@@ -66,30 +85,35 @@ class MapsService:
                 await self._changing(self.store.repair)
                 await self._use(name)
 
-    async def list_maps(self) -> MapList:
-        """Every map."""
+    # what clients ask: each runs as a job, because the disk may take its time
+
+    @method(role=Role.OBSERVE)
+    async def list_maps(self, caller: Caller, params: NoParams, progress: Progress) -> MapList:
+        """List the stored maps, whether each is intact, and which one is in use."""
 
         def read() -> list[Any]:
             return [
-                summary(self.store.describe(name, thorough=True), self.in_use) for name in self.store.names()
+                _summary(self.store.describe(name, thorough=True), self.in_use) for name in self.store.names()
             ]
 
         maps = await self._in_thread(read)
         return MapList(folder=str(self.store.folder), in_use=self.in_use, maps=tuple(maps))
 
-    async def load(self, name: str, progress: Progress) -> MapInUse:
-        """Use a map, and wait until the way can be found on it; what somebody has edited is imported first."""
-        name = map_name(name)
+    @method(role=Role.DRIVE, moves=False)
+    async def load_map(self, caller: Caller, params: MapName, progress: Progress) -> MapInUse:
+        """Use a map from now on, and after a restart."""
+        name = map_name(params.name)
         return await self._entries.outside(lambda: self._loaded(name, progress.report))
 
     async def _loaded(self, name: str, report: Report) -> MapInUse:
+        """Wait until the way can be found on it; what somebody has edited is imported first."""
         with repeated(report, "waiting for the disk") as tell:
             async with self._order:
                 ignored = await self._import_edited(name, tell)
                 used = await self._use(name)
             problem = "" if self.made_ready is None else await self.made_ready(tell)
         warning = "; ".join(filter(None, (ignored, used.warning, problem))) or None
-        return used.model_copy(update={"warning": warning})
+        return replace(used, warning=warning)
 
     async def _import_edited(self, name: str, report: Report) -> str | None:
         """Take in what somebody put there or has edited; why not, if it is no map and a saved version is whole."""
@@ -117,29 +141,31 @@ class MapsService:
         warning = "; ".join(f"version {number}: {why}" for number, why in damage.items()) or None
         return MapInUse(name=name, version=version.manifest.version, warning=warning)
 
-    def _announce(self, name: str, version: Version) -> None:
+    def _announce(self, name: str, version: Version, renamed_from: str | None = None) -> None:
         folder, number = str(self.store.folder), version.manifest.version
         log.info("map in use", map=name, version=number)
-        self._entries.observe(self._bus, MapLoaded(self._clock.now_s(), folder, name, number))
+        self._entries.observe(self._bus, MapLoaded(self._clock.now_s(), folder, name, number, renamed_from))
 
-    async def part(self, name: str | None, part: int) -> MapPart:
-        """A part of a map's cells."""
-        now_s = self._clock.now_s()
+    @method(role=Role.OBSERVE)
+    async def get_map(self, caller: Caller, params: GetMapParams, progress: Progress) -> MapPart:
+        """The cells of a map, compressed, in parts."""
+        name, part, now_s = params.name, params.part, self._clock.now_s()
         if name is None and self.growing is not None and self._whereabouts.is_mapping:
             if part == 0:
-                self._cells.keep(self._whereabouts.mapped, await self.growing())
-            return self._cells.growing_part(part, now_s)
+                self._cells.keep(caller.session.number, self._whereabouts.mapped, await self.growing())
+            return self._cells.growing_part(caller.session.number, part, now_s)
         name = self._named(name)
         found: MapPart = await self._in_thread(self._cells.part, self.store, name, part, now_s)
         return found
 
-    async def import_files(self, yaml: str, name: str | None, replace: bool, progress: Progress) -> MapInUse:
-        """Take somebody's files into the store."""
-        path = self.store.folder / yaml
-        name = map_name(path.stem if name is None else name)
+    @method(role=Role.ADMIN, moves=False)
+    async def import_map(self, caller: Caller, params: ImportMapParams, progress: Progress) -> MapInUse:
+        """Store the map of map_server's files on the robot's computer."""
+        path = self.store.folder / params.yaml
+        name = map_name(path.stem if params.name is None else params.name)
         async with self._order:
             known = await self._in_thread(self.store.names)
-            if name in known and not replace:
+            if name in known and not params.replace:
                 raise MapStoreError(
                     RefusalKind.MAP_EXISTS,
                     f"there is a map {name!r} already; replace makes this its next version",
@@ -160,29 +186,34 @@ class MapsService:
         )
         return await run_import(order, report)
 
-    async def rename(self, name: str, new_name: str) -> None:
-        """Give a map another name; one in use stays in use."""
+    @method(role=Role.ADMIN, moves=False)
+    async def rename_map(self, caller: Caller, params: RenameMapParams, progress: Progress) -> Done:
+        """Give a map another name."""
+        name, new_name = params.name, params.new_name
         async with self._order:
             self._require_not_mapped(name)
             await self._changing(self.store.rename, name, new_name)
             if self.in_use == map_name(name):
                 self.in_use = map_name(new_name)
                 version, _ = await self._in_thread(self.store.read, self.in_use)
-                self._announce(self.in_use, version)
+                self._announce(self.in_use, version, renamed_from=map_name(name))
+        return DONE
 
-    async def delete(self, name: str) -> None:
-        """Remove a map; after the one in use, none is."""
+    @method(role=Role.ADMIN, moves=False)
+    async def delete_map(self, caller: Caller, params: MapName, progress: Progress) -> Done:
+        """Remove a map with all its versions and places."""
+        name = params.name
         async with self._order:
             self._require_not_mapped(name)
             await self._changing(self.store.delete, name)
             if self.in_use == map_name(name):
                 self._entries.observe(self._bus, MapUnloaded(self._clock.now_s(), self.in_use))
                 self.in_use = None
+        return DONE
 
-    # places
-
-    async def save_place(self, params: SavePlaceParams) -> PlaceData:
-        """Keep a place: the given pose, or the robot's in the map in use."""
+    @method(role=Role.DRIVE, moves=False)
+    async def save_place(self, caller: Caller, params: SavePlaceParams, progress: Progress) -> PlaceData:
+        """Give a pose in a map a name, or move the place of this name; without a pose, the robot's."""
         of_map = self._named(params.map)
         place = self._place(params, of_map)
         name = place_name(params.name)
@@ -195,6 +226,11 @@ class MapsService:
         pose = self._whereabouts.pose_in(of_map, self.in_use, self._clock.now_s())
         return Place(x_m=pose.x_m, y_m=pose.y_m, heading_rad=pose.heading_rad)
 
+    @method(role=Role.OBSERVE)
+    async def list_places(self, caller: Caller, params: OfMapParams, progress: Progress) -> PlaceList:
+        """The places of a map."""
+        return await self.places(params.map)
+
     async def places(self, of_map: str | None) -> PlaceList:
         """The places of a map."""
         name = self._named(of_map)
@@ -202,9 +238,11 @@ class MapsService:
         rows = tuple(PlaceData(name=each, **place.model_dump()) for each, place in places.items())
         return PlaceList(map=name, places=rows)
 
-    async def delete_place(self, of_map: str | None, name: str) -> None:
+    @method(role=Role.DRIVE, moves=False)
+    async def delete_place(self, caller: Caller, params: PlaceName, progress: Progress) -> Done:
         """Remove a place."""
-        await self._change_places(self._named(of_map), lambda places: without_place(places, name))
+        await self._change_places(self._named(params.map), lambda places: without_place(places, params.name))
+        return DONE
 
     async def _change_places(
         self, of_map: str, change: Callable[[dict[str, Place]], dict[str, Place]]
@@ -222,7 +260,7 @@ class MapsService:
         if self._whereabouts.is_mapping and self._whereabouts.mapped == map_name(name):
             raise MapStoreError(
                 RefusalKind.ALREADY_MAPPING,
-                f"mapping is extending the map {name!r}: send finish_mapping or discard_mapping first",
+                f"the map {name!r} is being extended: finish or discard that first",
             )
 
     def _named(self, name: str | None) -> str:
@@ -245,3 +283,44 @@ class MapsService:
         except asyncio.CancelledError:
             await asyncio.wait([work])
             raise
+
+
+def _summary(stored: StoredMap, in_use: str | None) -> MapSummary:
+    """A map as it is told."""
+    damage = (stored.damage or {}).items()
+    row = MapSummary(
+        name=stored.name,
+        condition="foreign" if stored.plain else "damaged",
+        problem="; ".join(f"version {number}: {why}" for number, why in damage) or None,
+        in_use=stored.name == in_use,
+        version=None,
+        versions=stored.versions,
+        saved_at_s=None,
+        source=None,
+        resolution_m=None,
+        columns=None,
+        rows=None,
+        size_bytes=None,
+        can_go_on=False,
+    )
+    return row if stored.manifest is None else _with_manifest(row, stored.manifest)
+
+
+def _with_manifest(row: MapSummary, manifest: Manifest) -> MapSummary:
+    return replace(
+        row,
+        condition="whole",
+        version=manifest.version,
+        saved_at_s=manifest.saved_at_s,
+        source=manifest.source,
+        resolution_m=manifest.extent.resolution_m,
+        columns=manifest.extent.columns,
+        rows=manifest.extent.rows,
+        size_bytes=manifest.total_bytes,
+        can_go_on=manifest.can_go_on,
+    )
+
+
+def maps(service: MapsService) -> Feature:
+    """Stored maps and their places, over the service that keeps them."""
+    return Feature("maps", services=(Service("maps", service.run),), methods=methods_of(service))

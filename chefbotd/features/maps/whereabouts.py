@@ -6,7 +6,7 @@ from chefbotd.bus import Bus
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.events.mapping import MappingChanged, MapPoseUpdated
 from chefbotd.core.geometry import Pose2D
-from chefbotd.maps.errors import MapStoreError
+from chefbotd.maps.disk import MapStoreError
 
 SURE: Final = ("mapping", "localized")
 """States in which the scans fit; in any other the pose may be wrong, and a place of it with it."""
@@ -49,12 +49,12 @@ class Whereabouts:
         if (self.mapped if self.is_mapping else in_use) != of_map:
             why = "another map is being made" if self.is_mapping else "another map is in use"
         elif pose is None or now_s - pose.stamp_s > MOST_AGE_S:
-            why = "no source of the pose"
+            why = "nothing tells it at present"
         elif pose.state not in SURE:
-            why = f"it is {pose.state}"
+            why = f"it is {pose.state}".replace("_", " ")
         else:
             return pose.map_from_base
         raise MapStoreError(
             RefusalKind.POSE_UNKNOWN,
-            f"where the robot is in the map {of_map!r} is not known ({why}): give x_m, y_m and heading_rad",
+            f"where the robot is in the map {of_map!r} is not known ({why}): say where it is",
         )

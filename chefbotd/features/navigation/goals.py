@@ -2,12 +2,21 @@
 
 import asyncio
 from collections.abc import Iterable
-from itertools import count
 
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.worker.skills.navigation_messages import GoalAsked, GoalEnded
+from chefbotd.core.events.navigation import GoalResult
+from chefbotd.core.record import Record
+from chefbotd.worker.skills.navigation_requests import GoalAsked
 
 MOST_ACTIVE, MOST_ENDED = 200, 400
+
+
+class GoalsState(Record, frozen=True):
+    """The goals that have not ended, in order, the ends of the others, and the last number that was given."""
+
+    active: list[GoalAsked]
+    ended: list[GoalResult]
+    last_number: int
 
 
 class Goals:
@@ -15,12 +24,26 @@ class Goals:
 
     def __init__(self) -> None:
         self.active: dict[int, GoalAsked] = {}
-        self._ends: dict[int, asyncio.Future[GoalEnded]] = {}
-        self._numbers = count(1)
+        self._ends: dict[int, asyncio.Future[GoalResult]] = {}
+        self._last_number = 0
+
+    def state(self) -> GoalsState:
+        """What it remembers."""
+        ended = [end.result() for end in self._ends.values() if end.done()]
+        return GoalsState(list(self.active.values()), ended, self._last_number)
+
+    def restore(self, state: GoalsState) -> None:
+        """Go on from there."""
+        self.active, self._ends, self._last_number = {}, {}, state.last_number
+        for ended in state.ended:
+            self._ends[ended.goal] = asyncio.get_running_loop().create_future()
+            self._ends[ended.goal].set_result(ended)
+        self.add(state.active)
 
     def next_number(self) -> int:
         """A number that no goal has had."""
-        return next(self._numbers)
+        self._last_number += 1
+        return self._last_number
 
     def require_room(self, more: int) -> None:
         """Raises ``Refused`` where so many more would be too many."""
@@ -43,15 +66,15 @@ class Goals:
             self.active.pop(number, None)
             self._ends.pop(number, None)
 
-    def end(self, ended: GoalEnded) -> bool:
+    def end(self, ended: GoalResult) -> bool:
         """A goal has ended; False: it is none of the active ones."""
-        if self.active.pop(ended.number, None) is None:
+        if self.active.pop(ended.goal, None) is None:
             return False
-        end = self._ends[ended.number]
+        end = self._ends[ended.goal]
         if not end.done():
             end.set_result(ended)
         return True
 
-    def end_of(self, number: int) -> "asyncio.Future[GoalEnded]":
+    def end_of(self, number: int) -> "asyncio.Future[GoalResult]":
         """What will have the goal's end."""
         return self._ends[number]

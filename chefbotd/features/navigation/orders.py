@@ -2,7 +2,9 @@
 
 import asyncio
 
-from chefbotd.worker.skills.navigation_messages import (
+from chefbotd.core.record import Record
+from chefbotd.entries import set_event
+from chefbotd.worker.skills.navigation_requests import (
     KeepGoals,
     NavigateTo,
     NavigationRequest,
@@ -19,6 +21,14 @@ MADE_VOID: dict[type[NavigationRequest], tuple[type[NavigationRequest], ...]] = 
 """By its kind, which earlier orders an order makes void. Goals that are told again are all that are left."""
 
 
+class OrdersState(Record, frozen=True):
+    """What waits; ``told``: nothing waits, and nothing is being told."""
+
+    waiting: list[NavigationRequest]
+    arrived: bool
+    told: bool
+
+
 class Orders:
     """Waits for whoever tells them; at most one of each kind."""
 
@@ -29,6 +39,16 @@ class Orders:
 
     def __len__(self) -> int:
         return len(self._waiting)
+
+    def state(self) -> OrdersState:
+        """What it remembers."""
+        return OrdersState(self._waiting, self._arrived.is_set(), self._told.is_set())
+
+    def restore(self, state: OrdersState) -> None:
+        """Go on from there."""
+        self._waiting = state.waiting
+        set_event(self._arrived, state.arrived)
+        set_event(self._told, state.told)
 
     def put(self, order: NavigationRequest) -> None:
         """To be told after all that wait, but for those that it makes void."""

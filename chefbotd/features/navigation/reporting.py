@@ -7,7 +7,8 @@ from typing import Final
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events.navigation import NavigationChanged
-from chefbotd.entries import Timer, entries_of
+from chefbotd.core.record import Record
+from chefbotd.entries import Timer, due_of, entries_of
 from chefbotd.rpc.jobs import Progress
 
 TOLD_EVERY_S: Final = 0.5
@@ -17,18 +18,32 @@ REPEAT_S: Final = 2.0
 """How often a request that waits is told that its goal has not ended: a client gives up what is silent for 5 s."""
 
 
+TIMER: Final = "navigation progress"
+
+
+class ReportingState(Record, frozen=True):
+    """What was told last, and when the requests that wait are told again."""
+
+    told: NavigationChanged | None
+    due_s: float | None
+
+
 class Reporting:
     """Tells what is new at once, and how far it still is now and then; an end stays until the next goal."""
-
-    UNRECORDED = frozenset({"_waiting"})
-
-    RESTORABLE_TIMERS = ("_repeat",)
 
     def __init__(self, bus: Bus, clock: Clock) -> None:
         self._bus, self._clock = bus, entries_of(clock)
         self._told: NavigationChanged | None = None
         self._waiting: list[_Waiting] = []
         self._timer: Timer | None = None
+
+    def state(self) -> ReportingState:
+        """What it remembers."""
+        return ReportingState(self._told, due_of(self._timer))
+
+    def restore(self, state: ReportingState) -> None:
+        """Go on from there."""
+        self._told, self._timer = state.told, self._clock.resume(state.due_s, self._repeat, TIMER)
 
     def tell(
         self,
@@ -45,7 +60,9 @@ class Reporting:
         is_same = last is not None and (last.state, last.goal, last.reason) == (state, goal, reason)
         if last is not None and is_same and now_s - last.stamp_s < TOLD_EVERY_S:
             return
-        self._told = NavigationChanged(now_s, state, goal, reason, distance_m, time_s)
+        self._told = NavigationChanged(
+            state=state, goal=goal, reason=reason, distance_m=distance_m, time_s=time_s, stamp_s=now_s
+        )
         self._bus.publish(self._told)
         for waiting in self._waiting:
             waiting.report(self._told)
@@ -66,7 +83,7 @@ class Reporting:
             self._timer.cancel()
         self._timer = None
         if self._waiting:
-            self._timer = self._clock.call_later(REPEAT_S, self._repeat, "navigation progress")
+            self._timer = self._clock.call_later(REPEAT_S, self._repeat, TIMER)
 
     def _repeat(self) -> None:
         """Also where nothing happens: the goal is paused, or there is no worker."""

@@ -6,33 +6,37 @@ delays it nor takes it back. Goals that are left outlive the worker; the next on
 
 import asyncio
 from functools import partial
+from types import NoneType
 from typing import Final
 
 import structlog
+from msgspec.structs import astuple
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import SafetyChanged
-from chefbotd.core.events.mapping import LocalizationChanged
-from chefbotd.core.events.navigation import PathChanged
-from chefbotd.core.events.worker import WorkerReported
+from chefbotd.core.events.mapping import LocalizationChanged, MapLoaded
+from chefbotd.core.events.navigation import GoalResult, PathChanged, PlanResult
+from chefbotd.core.events.robot import WorkerReported
 from chefbotd.core.geometry import Twist2D
-from chefbotd.entries import Timer, entries_of
+from chefbotd.core.record import Record
+from chefbotd.entries import Timer, due_of, entries_of
 from chefbotd.features.driving.inner_driver import InnerDriver
 from chefbotd.features.feature import Waiting
 from chefbotd.features.navigation.destinations import Destinations, Places
-from chefbotd.features.navigation.goals import Goals
-from chefbotd.features.navigation.methods import GoalResult, PlanResult, Waypoint
-from chefbotd.features.navigation.orders import Orders
-from chefbotd.features.navigation.reporting import Reporting
+from chefbotd.features.navigation.goals import Goals, GoalsState
+from chefbotd.features.navigation.models import Waypoint
+from chefbotd.features.navigation.orders import Orders, OrdersState
+from chefbotd.features.navigation.reporting import Reporting, ReportingState
 from chefbotd.features.navigation.shown import ShownOnDemand
 from chefbotd.features.worker.service import WorkerService
-from chefbotd.navigation.section import NavigationSection
 from chefbotd.rpc.jobs import Progress
 from chefbotd.rpc.method import Unserved
-from chefbotd.worker.skills import navigation_messages as messages
-from chefbotd.worker.skills.navigation_messages import SKILL, GoalEnded, NavigationRequest
+from chefbotd.safety.gate import not_armed, why_not_armed
+from chefbotd.worker.parameters import NavigationSection
+from chefbotd.worker.skills import navigation_requests as messages
+from chefbotd.worker.skills.navigation_requests import SKILL, NavigationRequest
 
 log = structlog.get_logger(component="navigation")
 
@@ -49,10 +53,34 @@ ARMED: Final = "armed"
 AWAY: Final = ("restarting", "unavailable", "stopped")
 
 
+TIMER: Final = "navigation worker"
+
+
+class NavigationState(Record, frozen=True):
+    """The goals, what the worker has to be told of them, and what holds them up; ``due_s``: when they are given up.
+
+    ``waits`` are the requests by their tasks, and the goals that each waits for.
+    """
+
+    goals: GoalsState
+    waits: dict[str, tuple[int, ...]]
+    orders: OrdersState
+    reporting: ReportingState
+    drives: bool
+    shown: messages.Show
+    stops: int
+    map: str | None
+    known_map: str | None
+    safety: SafetyChanged | None
+    paused: str
+    is_taken_over: bool
+    must_tell_goals: bool
+    workers_lost: int
+    due_s: float | None
+
+
 class NavigationService:
     """``driver`` puts wishes through the gate. Somebody who takes over pauses the goals."""
-
-    RESTORABLE_TIMERS = ("_give_up",)
 
     def __init__(
         self,
@@ -80,15 +108,49 @@ class NavigationService:
         self._is_taken_over = self._must_tell_goals = False
         self._workers_lost = 0  # since a goal was accepted or ended
         self._away_timer: Timer | None = None
-        self._worker.add_listener(SKILL, self._take_told)
+        self._worker.add_listener(SKILL, messages.Stepped, self._take_stepped)
         bus.add_handler(self._take_safety, SafetyChanged)
         bus.add_handler(self._take_worker, WorkerReported)
         bus.add_handler(self._take_localization, LocalizationChanged)
+        bus.add_handler(self._take_map, MapLoaded)
+
+    def state(self) -> NavigationState:
+        """What it remembers."""
+        return NavigationState(
+            self._goals.state(),
+            self._waits,
+            self._orders.state(),
+            self._reporting.state(),
+            self._driver.state(),
+            self.shown.state(),
+            self._stops,
+            self._map,
+            self._known_map,
+            self._safety,
+            self._paused,
+            self._is_taken_over,
+            self._must_tell_goals,
+            self._workers_lost,
+            due_of(self._away_timer),
+        )
+
+    def restore(self, state: NavigationState) -> None:
+        """Go on from there; the requests that wait are to begin again."""
+        self._goals.restore(state.goals)
+        self._waits = dict(state.waits)
+        self._orders.restore(state.orders)
+        self._reporting.restore(state.reporting)
+        self._driver.restore(state.drives)
+        self.shown.restore(state.shown)
+        self._stops, self._map, self._known_map = state.stops, state.map, state.known_map
+        self._safety, self._paused, self._is_taken_over = state.safety, state.paused, state.is_taken_over
+        self._must_tell_goals, self._workers_lost = state.must_tell_goals, state.workers_lost
+        self._away_timer = self._entries.resume(state.due_s, self._give_up, TIMER)
 
     async def run(self) -> None:
         """Tell the skill what was ordered, one thing after the other."""
         while True:
-            order = await self._orders.next()
+            order = await self._entries.at_rest(self._orders.next())
             try:
                 await self._ask(order)
             except Refused as problem:
@@ -104,8 +166,8 @@ class NavigationService:
                 else:
                     self._end_goals("fault", str(problem))
 
-    async def _ask(self, request: NavigationRequest) -> bytes:
-        return await self._worker.request(SKILL, request, deadline_s=SHORT_S)
+    async def _ask(self, request: NavigationRequest) -> None:
+        await self._worker.request(SKILL, request, NoneType, deadline_s=SHORT_S)
 
     # what is asked
 
@@ -115,13 +177,13 @@ class NavigationService:
         self._end_if_stopped()
         stops = self._stops
         await self._orders.all_told()  # or a cancel that waits for a busy worker would end these goals
-        goals = [await self._destinations.goal(self._goals.next_number(), each) for each in waypoints]
+        numbers = [self._goals.next_number() for _ in waypoints]
+        goals = await self._destinations.goals(numbers, waypoints)
         self._goals.require_room(len(goals))
         if self._driver.stops != stops:
             raise Refused(
-                RefusalKind.STOPPED, "the robot was stopped after this goal was sent; send it again"
+                RefusalKind.STOPPED, "the robot was stopped after this goal was sent; choose it again"
             )
-        numbers = [goal.number for goal in goals]
         self._goals.add(goals)
         self._driver.begin()
         try:
@@ -136,15 +198,14 @@ class NavigationService:
     def _require_armed(self) -> None:
         safety = self._safety
         if safety is not None and safety.mode != ARMED:
-            kind = RefusalKind.ESTOPPED if safety.mode == "estopped" else RefusalKind.DISARMED
-            raise Refused(kind, f"the robot is {safety.mode} ({safety.reason}); send 'arm' first")
+            raise not_armed(safety.mode, safety.reason)
 
     def _accepted(self, numbers: list[int], *, queue: bool) -> None:
         self._map, self._workers_lost = self._known_map, 0
         before = [number for number in self._goals.active if number < numbers[0]]
         if not queue:
             for number in reversed(before):
-                self._end(GoalEnded(number, "cancelled", "cancelled: a new goal replaced it"))
+                self._end(GoalResult(number, "cancelled", "cancelled: a new goal replaced it"))
         if not queue or not before:
             self._paused = ""
             if self._is_taken_over:
@@ -168,7 +229,7 @@ class NavigationService:
             raise
         finally:
             self._waits.pop(task, None)
-        return GoalResult(goal=ended.number, end=ended.end, reason=ended.reason)
+        return ended
 
     def waiting(self) -> Waiting:
         """The requests that wait for the end of goals, by their tasks."""
@@ -176,20 +237,9 @@ class NavigationService:
 
     async def plan_to(self, waypoint: Waypoint) -> PlanResult:
         """What would be driven."""
-        answer = await self._ask(messages.PlanTo(await self._destinations.goal(0, waypoint)))
-        told = messages.PLANNED.decode(answer)
-        x_m, y_m, heading_rad = told.nearest or (None, None, None)
-        return PlanResult(
-            possible=told.possible,
-            reason=told.reason,
-            length_m=told.length_m if told.possible else None,
-            time_s=told.time_s if told.possible else None,
-            x_m=told.x_m,
-            y_m=told.y_m,
-            nearest_x_m=x_m,
-            nearest_y_m=y_m,
-            nearest_heading_rad=heading_rad,
-        )
+        (goal,) = await self._destinations.goals([0], [waypoint])
+        request = messages.PlanTo(goal)
+        return await self._worker.request(SKILL, request, PlanResult, deadline_s=SHORT_S)
 
     def cancel(self, reason: str) -> None:
         """End all goals; the robot comes to rest at once, whatever the worker is at."""
@@ -219,27 +269,20 @@ class NavigationService:
 
     # what the worker tells
 
-    def _take_told(self, body: bytes) -> None:
-        """Raises ``msgspec.DecodeError`` for what the skill does not say."""
-        told = messages.TOLD.decode(body)
-        if isinstance(told, messages.Stepped):
-            self._take_stepped(told)
-        else:
-            self.shown.publish(told)
-
     def _take_stepped(self, told: messages.Stepped) -> None:
         self._end_if_stopped()
         for ended in reversed(told.ended):  # the one that has ended the others is told last, and stays
             self._end(ended)
         if told.path is not None:
-            self._bus.publish(PathChanged(told.stamp_s, *told.path))
-        is_active = told.goal in self._goals.active
-        if is_active or told.goal is None:
-            self._reporting.tell(told.state, told.goal, told.reason, told.distance_m, told.time_s)
+            self._bus.publish(PathChanged(*astuple(told.path), stamp_s=told.stamp_s))
+        now = told.now
+        is_active = now.goal in self._goals.active
+        if is_active or now.goal is None:
+            self._reporting.tell(now.state, now.goal, now.reason, now.distance_m, now.time_s)
         if told.twist is None or self._paused or not is_active:
             self._driver.let_go()
         else:
-            self._drive(Twist2D(*told.twist), told.stamp_s)
+            self._drive(told.twist, told.stamp_s)
 
     def _drive(self, twist: Twist2D, wished_s: float) -> None:
         try:
@@ -249,7 +292,7 @@ class NavigationService:
         except Refused as refusal:
             end = "cancelled" if refusal.kind is RefusalKind.STOPPED else "fault"
             self._driver.let_go()
-            self._end_goals(end, str(refusal).partition(": do not")[0])
+            self._end_goals(end, str(refusal).partition(": let go")[0])
 
     # what happens
 
@@ -259,7 +302,7 @@ class NavigationService:
             self._end_if_stopped()
         elif self._goals.active:
             self._driver.let_go()
-            self._end_goals("fault", f"the robot is {event.mode}: {event.reason}")
+            self._end_goals("fault", why_not_armed(event.mode, event.reason))
         is_taken_over = self._driver.gives_way_to(event.source)
         if is_taken_over is not self._is_taken_over:
             self._is_taken_over = is_taken_over
@@ -278,7 +321,7 @@ class NavigationService:
 
     def _why_taken_over(self) -> str:
         source = None if self._safety is None else self._safety.source
-        goes_on = "" if self.section.resume_after_takeover else "; resume_navigation continues it"
+        goes_on = "" if self.section.resume_after_takeover else "; it goes on when somebody resumes it"
         return f"paused, because {source or 'another source'} has control{goes_on}"
 
     def _take_worker(self, event: WorkerReported) -> None:
@@ -295,9 +338,9 @@ class NavigationService:
             return
         if not self._must_tell_goals:
             self._must_tell_goals = True
-            self._bus.publish(PathChanged(self._clock.now_s(), (), ()))
+            self._bus.publish(PathChanged(stamp_s=self._clock.now_s()))
         if self._away_timer is None:
-            self._away_timer = self._entries.call_later(WORKER_AWAY_S, self._give_up, "navigation worker")
+            self._away_timer = self._entries.call_later(WORKER_AWAY_S, self._give_up, TIMER)
         why = f"waits until its worker is back: {event.reason}"
         self._reporting.tell("paused", next(iter(self._goals.active)), why)
 
@@ -311,6 +354,11 @@ class NavigationService:
         if self._away_timer is not None:
             self._away_timer.cancel()
         self._must_tell_goals, self._away_timer = False, None
+
+    def _take_map(self, event: MapLoaded) -> None:
+        """Goals on a map that gets another name are on the same map."""
+        if event.renamed_from is not None and event.renamed_from == self._map:
+            self._map = event.name
 
     def _take_localization(self, event: LocalizationChanged) -> None:
         """A worker that is back has its map, or has none any more: tell it of the goals that are left."""
@@ -339,8 +387,8 @@ class NavigationService:
             f"{end}: {why}" if end == "cancelled" else f"cancelled: goal {ending[0]} before it ended {end}"
         )
         for number in reversed(ending[1:]):
-            self._end(GoalEnded(number, "cancelled", follows))
-        self._end(GoalEnded(ending[0], end, f"{end}: {why}"))
+            self._end(GoalResult(number, "cancelled", follows))
+        self._end(GoalResult(ending[0], end, f"{end}: {why}"))
         self._tell_which_are_left()
 
     def _tell_which_are_left(self) -> None:
@@ -352,8 +400,8 @@ class NavigationService:
         if self._worker.is_ready:
             self._orders.put(messages.KeepGoals(left))
 
-    def _end(self, ended: GoalEnded) -> None:
+    def _end(self, ended: GoalResult) -> None:
         if self._goals.end(ended):
             self._workers_lost = 0
-            log.info("goal ended", goal=ended.number, end=ended.end, reason=ended.reason)
-            self._reporting.tell(ended.end, ended.number, ended.reason)
+            log.info("goal ended", goal=ended.goal, end=ended.end, reason=ended.reason)
+            self._reporting.tell(ended.end or "", ended.goal, ended.reason)

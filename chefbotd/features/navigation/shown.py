@@ -2,18 +2,27 @@
 
 from chefbotd.bus import Bus
 from chefbotd.core.events.navigation import CostmapChanged, ObstaclesSeen
-from chefbotd.features.maps.grid_part import grid_event
 from chefbotd.worker.process import Worker
-from chefbotd.worker.skills.navigation_messages import SKILL, CostsShown, ObstaclesShown, Show
+from chefbotd.worker.skills.navigation_requests import SKILL, Show
 
 
 class ShownOnDemand:
     """Asks the worker for them, a new worker too, and publishes what it tells."""
 
     def __init__(self, bus: Bus, worker: Worker) -> None:
-        self._bus, self._worker = bus, worker
+        self._worker = worker
         self._shows = Show(costmap=False, obstacles=False)
         worker.add_on_ready(self._ask)
+        worker.add_listener(SKILL, CostmapChanged, bus.publish)
+        worker.add_listener(SKILL, ObstaclesSeen, bus.publish)
+
+    def state(self) -> Show:
+        """What somebody looks at."""
+        return self._shows
+
+    def restore(self, state: Show) -> None:
+        """Go on from there."""
+        self._shows = state
 
     def show_costmap(self, wanted: bool) -> None:
         """Somebody looks at the costs, or nobody does any more."""
@@ -27,10 +36,3 @@ class ShownOnDemand:
 
     def _ask(self) -> None:
         self._worker.tell(SKILL, self._shows)
-
-    def publish(self, told: CostsShown | ObstaclesShown) -> None:
-        """A part of the costs, or all obstacles."""
-        if isinstance(told, CostsShown):
-            self._bus.publish(grid_event(CostmapChanged, told))
-        else:
-            self._bus.publish(ObstaclesSeen(told.stamp_s, told.x_m, told.y_m, told.omitted, told.movers))

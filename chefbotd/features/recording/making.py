@@ -15,8 +15,8 @@ from chefbotd.core.geometry import Pose2D
 from chefbotd.recording.parameters import RecordingParameters
 
 if TYPE_CHECKING:
+    from chefbotd.recording.foxglove import Cells
     from chefbotd.recording.intake import Intake
-    from chefbotd.recording.maps import Cells
     from chefbotd.recording.recorder import Recorder
     from chefbotd.recording.writer import MakeRecorder
 
@@ -38,7 +38,6 @@ def recorder_maker(
     offset_ns = time.time_ns() - round(started_s * 1e9)
 
     def make() -> "tuple[Intake, Recorder]":
-        import chefbotd.snapshot.capture  # noqa: F401 - for the first state: control does not wait for it
         from chefbotd.recording.about import about_robot
         from chefbotd.recording.channels import Channels
         from chefbotd.recording.intake import Intake

@@ -1,7 +1,7 @@
 """The thread that records, as the service sees it: started once, asked in turn, watched for a disk that hangs."""
 
 import asyncio
-from collections.abc import Callable
+from collections.abc import Callable, Coroutine
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -9,8 +9,9 @@ import structlog
 
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.recording.errors import RecordingError
-from chefbotd.recording.status import Status
+from chefbotd.core.events.recording import RecordingData
+from chefbotd.recording.status import RecordingError
+from chefbotd.rpc.jobs import Progress
 
 if TYPE_CHECKING:
     from chefbotd.recording.recorder import Recorder
@@ -19,6 +20,9 @@ if TYPE_CHECKING:
 T = TypeVar("T")
 
 log = structlog.get_logger(component="recording")
+
+DISK_PATIENCE_S = 15.0
+"""A card may stand still for seconds while it clears its blocks."""
 
 HANGS_AFTER_S = 3.0
 """The thread has got nowhere for so long: a computer that is busy holds it up for a second, too."""
@@ -35,9 +39,9 @@ class RecorderThread:
         self.hangs = False
 
     @property
-    def status(self) -> Status:
+    def status(self) -> RecordingData:
         """The recorder's state."""
-        return Status() if self.writer is None else self.writer.status
+        return RecordingData() if self.writer is None else self.writer.status
 
     @property
     def dropped(self) -> int:
@@ -103,3 +107,16 @@ class RecorderThread:
 
 def _failed(problem: str) -> RecordingError:
     return RecordingError(RefusalKind.STORAGE_FAILED, problem)
+
+
+async def waiting(work: Coroutine[Any, Any, T], progress: Progress) -> T:
+    """Do it, and say every second that the disk is waited for, so that a client goes on waiting."""
+    task = asyncio.ensure_future(work)
+    try:
+        seconds = 0
+        while not (await asyncio.wait([task], timeout=1.0))[0]:
+            seconds += 1
+            progress.report(seconds, DISK_PATIENCE_S, "waiting for the disk")
+        return task.result()
+    finally:
+        task.cancel()

@@ -16,11 +16,23 @@ from chefbotd.core.events import (
     RangeMeasured,
     UltrasonicEchoed,
 )
+from chefbotd.core.record import Record
+from chefbotd.features.feature import Feature, Service
+from chefbotd.features.sensors.models import TOPICS
+from chefbotd.metrics import Metrics
 from chefbotd.sensing import battery, imu, infrared, ultrasonic
-from chefbotd.sensing.battery import BatteryParameters
+from chefbotd.sensing.battery import BatteryParameters, BatteryState
 from chefbotd.sensing.imu import ImuParameters
-from chefbotd.sensing.infrared import InfraredParameters
+from chefbotd.sensing.infrared import InfraredParameters, InfraredState
 from chefbotd.sensing.ultrasonic import UltrasonicParameters
+
+
+class SensorState(Record, frozen=True):
+    """The last readings of the battery, and of the infrared sensors by channel."""
+
+    battery: BatteryState
+    measured: BatteryMeasured | None
+    infrared: dict[int, InfraredState]
 
 
 class SensorService:
@@ -42,13 +54,29 @@ class SensorService:
             self._interpret[UltrasonicEchoed] = partial(ultrasonic.interpret, ultrasonic_parameters)
         interruptions = (BoardRestarted, LinkClosed) if infrared_parameters else ()
         if infrared_parameters:
-            self._interpret |= {AnalogueCounted: self._glow, **dict.fromkeys(interruptions, self._forget)}
+            self._interpret |= {
+                AnalogueCounted: self._infrared_range,
+                **dict.fromkeys(interruptions, self._forget),
+            }
         if imu_parameters is not None:
             self._interpret[OrientationReported] = partial(imu.from_quaternion, imu_parameters)
             self._interpret[InertialCounted] = partial(imu.from_counts, imu_parameters)
         self.battery: BatteryMeasured | None = None
         self._failure = HandlerFailure()
         bus.add_handler(self._on_reading, *self._interpret, on_error=self._failure.report)
+
+    def state(self) -> SensorState:
+        """What it remembers."""
+        seen = {channel: state for channel, (_, state) in self._infrared.items()}
+        return SensorState(self._battery_state, self.battery, seen)
+
+    def restore(self, state: SensorState) -> None:
+        """Go on from there."""
+        self._battery_state, self.battery = state.battery, state.measured
+        self._infrared = {
+            channel: (sensor, state.infrared.get(channel, infrared.START))
+            for channel, (sensor, _) in self._infrared.items()
+        }
 
     async def run(self) -> None:
         """Raise the error of a reading that could not be interpreted; readings are interpreted as they are published."""
@@ -59,7 +87,7 @@ class SensorService:
         if measured is not None:
             self._bus.publish(measured)
 
-    def _glow(self, event: AnalogueCounted) -> RangeMeasured | None:
+    def _infrared_range(self, event: AnalogueCounted) -> RangeMeasured | None:
         """None for an analogue input that no sensor is configured on."""
         if event.channel not in self._infrared:
             return None
@@ -77,3 +105,27 @@ class SensorService:
     def _charge(self, event: BatteryCounted) -> BatteryMeasured:
         self._battery_state, self.battery = battery.measure(self._battery, self._battery_state, event)
         return self.battery
+
+
+def sensors(service: SensorService) -> Feature:
+    """Their readings in SI units, over the service that interprets them."""
+
+    def add_metrics(metrics: Metrics) -> None:
+        metrics.optional_gauge(
+            "battery_v",
+            "The battery's voltage.",
+            lambda: None if service.battery is None else service.battery.voltage_v,
+        )
+        metrics.optional_gauge(
+            "battery_percentage",
+            "The remaining charge of the battery.",
+            lambda: None if service.battery is None else service.battery.percentage,
+        )
+
+    return Feature(
+        "sensors",
+        services=(Service("sensors", service.run),),
+        topics=TOPICS,
+        add_metrics=add_metrics,
+        parts={"sensors": service},
+    )

@@ -1,10 +1,17 @@
 """Publishes the daemon's figures and the lag of the event loop once a second."""
 
+from msgspec.structs import replace
+
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock, next_beat
 from chefbotd.core.events import StatsSampled
 from chefbotd.entries import entries_of
+from chefbotd.features.feature import Feature, Service
+from chefbotd.features.statistics.models import StatsData, stats_data, stats_model, topics
 from chefbotd.metrics import Histogram, Metrics
+from chefbotd.rpc.method import Caller, method, methods_of
+from chefbotd.rpc.models import NoParams
+from chefbotd.rpc.roles import Role
 
 PROBE_BEATS, PROBES_PER_SAMPLE = 2, 10
 """The loop's lag is probed ten times a second, and a sample is taken once a second."""
@@ -25,6 +32,11 @@ class StatsService:
         """The figures now."""
         return StatsSampled(self._clock.now_s(), self._metrics.collect())
 
+    @method(role=Role.OBSERVE)
+    def get_stats(self, caller: Caller, params: NoParams) -> StatsData:
+        """The present values of the daemon's counters."""
+        return stats_data(self.sample())
+
     async def run(self) -> None:
         """Probe the loop's lag and publish a sample every second until cancelled."""
         while True:
@@ -40,3 +52,25 @@ class StatsService:
             self.lags.observe(lag_s)
             worst_s = max(worst_s, lag_s)
         return worst_s
+
+
+def statistics(service: StatsService, metrics: Metrics, clock: Clock) -> Feature:
+    """The registry's figures, over the service that samples them; the uptime counts from this call."""
+    started_s, model = clock.now_s(), stats_model(metrics)
+
+    def add_metrics(metrics: Metrics) -> None:
+        metrics.gauge("uptime_s", "Time since the daemon started.", lambda: clock.now_s() - started_s)
+        metrics.gauge(
+            "loop_lag_s",
+            "The longest delay of a timer of the event loop in the last second.",
+            lambda: service.lag_s,
+        )
+        metrics.histogram("loop_lags_s", "The delay of the event loop's timers.", service.lags)
+
+    return Feature(
+        "statistics",
+        services=(Service("stats", service.run),),
+        methods=tuple(replace(row, result=model) for row in methods_of(service)),
+        topics=topics(model),
+        add_metrics=add_metrics,
+    )

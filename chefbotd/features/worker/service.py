@@ -3,18 +3,31 @@
 from collections.abc import Mapping
 
 import numpy as np
+from msgspec.structs import asdict
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events import OdometryReset, OdometryUpdated, RangeMeasured, RangeStatus
-from chefbotd.core.events.scans import ScanMeasured
-from chefbotd.core.events.worker import WorkerReported
+from chefbotd.core.events.lidars import ScanMeasured
+from chefbotd.core.events.mapping import MapPoseUpdated
+from chefbotd.core.events.robot import WorkerReported
 from chefbotd.core.geometry import ORIGIN, Pose2D
+from chefbotd.core.record import Record, replace
 from chefbotd.entries import entries_of
+from chefbotd.features.feature import Feature, Service
+from chefbotd.features.worker.models import TOPICS
+from chefbotd.metrics import Metrics
 from chefbotd.worker.messages import OdometrySeen, RangeSeen, ScanSeen
 from chefbotd.worker.parameters import WorkerParameters
 from chefbotd.worker.process import Worker, WorkerStatus
 from chefbotd.worker.spawn import Spawn, spawn
+
+
+class WorkerServiceState(Record, frozen=True):
+    """The worker, and where ``odom`` lies in the frame that its skills know."""
+
+    worker: tuple[WorkerStatus, int]
+    steady_from_odom: Pose2D
 
 
 class WorkerService:
@@ -41,10 +54,18 @@ class WorkerService:
         if self._mounts:
             bus.add_handler(self._send_range, RangeMeasured)
 
-    @property
-    def steady_from_odom(self) -> Pose2D:
-        """Where ``odom`` lies in the frame that the skills know."""
-        return self._steady_from_odom
+    def state(self) -> WorkerServiceState:
+        """What it remembers."""
+        return WorkerServiceState(self.worker.state(), self._steady_from_odom)
+
+    def restore(self, state: WorkerServiceState) -> None:
+        """Go on from there."""
+        self.worker.restore(state.worker)
+        self._steady_from_odom = state.steady_from_odom
+
+    def in_odom(self, event: MapPoseUpdated) -> MapPoseUpdated:
+        """A pose of the worker, with ``odom`` as it is here."""
+        return replace(event, map_from_odom=event.map_from_odom.compose(self._steady_from_odom))
 
     async def run(self) -> None:
         """Keep the worker alive."""
@@ -53,15 +74,7 @@ class WorkerService:
     def _report(self, status: WorkerStatus) -> None:
         self._entries.observe(
             self._bus,
-            WorkerReported(
-                self._entries.now_s(),
-                str(status.state),
-                status.pid,
-                status.restarts,
-                status.rss_mb,
-                status.cpu,
-                status.reason,
-            ),
+            WorkerReported(stamp_s=self._entries.now_s(), **{**asdict(status), "state": str(status.state)}),
         )
 
     def _take_reset(self, event: OdometryReset) -> None:
@@ -95,3 +108,28 @@ class WorkerService:
         self.worker.send(
             ScanSeen(scan.stamp_s, event.lidar, (mount.x_m, mount.y_m, mount.heading_rad), *data)
         )
+
+
+def worker(service: WorkerService) -> Feature:
+    """The process, what it is fed with, and the topic that says how it stands."""
+    process = service.worker
+
+    def add_metrics(metrics: Metrics) -> None:
+        metrics.counter("worker_restarts", "Restarts of the worker.", lambda: process.status.restarts)
+        metrics.counter(
+            "worker_dropped",
+            "Scans and odometry that were dropped, because the worker did not read in time.",
+            lambda: process.dropped,
+        )
+        metrics.optional_gauge(
+            "worker_rss_mb", "Resident memory of the worker.", lambda: process.status.rss_mb
+        )
+        metrics.optional_gauge("worker_cpu", "The worker's share of one core.", lambda: process.status.cpu)
+
+    return Feature(
+        "worker",
+        services=(Service("worker", service.run),),
+        topics=TOPICS,
+        add_metrics=add_metrics,
+        parts={"worker": service},
+    )

@@ -8,8 +8,7 @@ import structlog
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
-from chefbotd.core.events.lidars import DepthCameraChanged
-from chefbotd.core.events.scans import ScanMeasured
+from chefbotd.core.events.lidars import DepthCameraChanged, ScanMeasured
 from chefbotd.core.scan import Floats, LaserScan
 from chefbotd.entries import entries_of
 from chefbotd.link.depth.process import DepthChild, Spawn
@@ -37,12 +36,13 @@ class DepthCamera:
 
     async def run(self) -> None:
         """Keep the camera's process running until cancelled."""
-        wait_s = FIRST_WAIT_S
+        wait_s = 0.0
         while True:
             scans = self.scans
             reason = await self._serve_once()
             self._tell(healthy=False, reason=reason)
-            wait_s = FIRST_WAIT_S if self.scans > scans else min(2 * wait_s, LONGEST_WAIT_S)
+            longer_s = 0.0 if self.scans > scans else 2 * wait_s
+            wait_s = min(max(longer_s, FIRST_WAIT_S), LONGEST_WAIT_S)
             await asyncio.sleep(wait_s * self._rng.uniform(0.8, 1.2))
 
     async def _serve_once(self) -> str:

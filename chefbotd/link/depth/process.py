@@ -29,7 +29,7 @@ Spawn: TypeAlias = Callable[[DepthSourceParameters], Awaitable[DepthChild]]
 """Starts a camera's process, or raises ``OSError``."""
 
 
-class ChildProcess:
+class CameraProcess:
     """A Python program that serves one camera."""
 
     def __init__(self, process: asyncio.subprocess.Process) -> None:
@@ -87,4 +87,4 @@ async def spawn_program(parameters: DepthSourceParameters, *program: str) -> Dep
         stderr=asyncio.subprocess.PIPE,
         start_new_session=True,  # a Ctrl-C in the terminal is for the daemon
     )
-    return ChildProcess(process)
+    return CameraProcess(process)

@@ -2,11 +2,12 @@
 
 import struct
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+
+from chefbotd.core.record import Record
 
 HEADER = struct.Struct("<4sdI")
 BEARINGS, SCAN = b"bear", b"scan"
@@ -19,8 +20,7 @@ class BadMessage(ValueError):
     """Bytes that no depth camera's process writes."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Message:
+class DepthMessage(Record, frozen=True, eq=False):
     """``kind`` is ``BEARINGS`` (the stamp means nothing) or ``SCAN``, whose stamp is on the daemon's clock."""
 
     kind: bytes
@@ -39,7 +39,7 @@ class MessageReader:
     def __init__(self) -> None:
         self._data = b""
 
-    def feed_bytes(self, data: bytes) -> Iterator[Message]:
+    def feed_bytes(self, data: bytes) -> Iterator[DepthMessage]:
         """The messages that ``data`` completes.
 
         Raises:
@@ -55,4 +55,4 @@ class MessageReader:
                 return
             values = np.frombuffer(self._data[HEADER.size : end], "<f4").astype(np.float64)
             self._data = self._data[end:]
-            yield Message(kind, stamp_s, values)
+            yield DepthMessage(kind, stamp_s, values)

@@ -1,8 +1,8 @@
 """Checks whether the received bytes are from the configured lidar, and whether it turns."""
 
-from dataclasses import dataclass
 from enum import StrEnum
 
+from chefbotd.core.record import MutableState, Record
 from chefbotd.link.health import show
 from firmware_protocol.lidar import ld19, rplidar
 
@@ -18,7 +18,7 @@ QUIET_S = 1.0
 TEXT_SHARE = 0.9
 
 
-class Condition(StrEnum):
+class LidarCondition(StrEnum):
     """What an open port turned out to be."""
 
     HEALTHY = "healthy"
@@ -30,8 +30,7 @@ class Condition(StrEnum):
     DEVICE_ERROR = "device_error"
 
 
-@dataclass(frozen=True, slots=True)
-class Heard:
+class LidarTotals(Record, frozen=True):
     """Totals: bytes, packets in good form, whole turns, and turns and packets that were there before.
 
     ``last_s`` is when the last byte came. ``awaits_scan``: the device answers, and has sent nothing of the scan yet.
@@ -44,9 +43,9 @@ class Heard:
     last_s: float = 0.0
     awaits_scan: bool = False
 
-    def since(self, before: "Heard") -> "Heard":
+    def since(self, before: "LidarTotals") -> "LidarTotals":
         """What was heard after ``before``."""
-        return Heard(
+        return LidarTotals(
             self.bytes - before.bytes,
             self.packets - before.packets,
             self.turns - before.turns,
@@ -56,28 +55,27 @@ class Heard:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class Health:
+class LidarHealth(Record, frozen=True):
     """The condition, and for people what was heard and what it suggests (empty while healthy)."""
 
-    condition: Condition
+    condition: LidarCondition
     reason: str
 
 
-class HealthWatch:
-    """Judges one connection; look at it a few times a second."""
+class LidarHealthWatch(MutableState):
+    """Judges one connection from ``from_s`` on; look at it a few times a second."""
 
-    def __init__(self, now_s: float, heard: Heard) -> None:
-        self._from_s, self._before = now_s, heard
-        self._told: Health | None = None
+    from_s: float
+    before: LidarTotals
+    _told: LidarHealth | None = None
 
-    def look(self, now_s: float, heard: Heard, sample: bytes, complaint: str) -> Health | None:
+    def look(self, now_s: float, heard: LidarTotals, sample: bytes, complaint: str) -> LidarHealth | None:
         """The health if it has changed; ``sample`` are the newest bytes, ``complaint`` what the lidar says is wrong."""
-        new, waited_s = heard.since(self._before), now_s - self._from_s
+        new, waited_s = heard.since(self.before), now_s - self.from_s
         soon = new.turns > 0 and waited_s >= SOON_S
         if not soon and waited_s < JUDGED_AFTER_S:
             return None
-        self._from_s, self._before = now_s, heard
+        self.from_s, self.before = now_s, heard
         quiet_s = waited_s if not new.bytes else now_s - new.last_s
         health = judge(new, quiet_s, sample, complaint)
         if self._told is not None and health.condition is self._told.condition:
@@ -86,39 +84,48 @@ class HealthWatch:
         return health
 
 
-def judge(new: Heard, quiet_s: float, sample: bytes, complaint: str) -> Health:
+def judge(new: LidarTotals, quiet_s: float, sample: bytes, complaint: str) -> LidarHealth:
     """What has been heard says of the port; ``quiet_s`` is how long there has been nothing now."""
     if new.awaits_scan and not complaint:
-        return Health(Condition.MOTOR_STALLED, "it answers, but sends no scan: does its motor turn?")
+        return LidarHealth(
+            LidarCondition.MOTOR_STALLED, "it answers, but sends no scan: does its motor turn?"
+        )
     if quiet_s >= QUIET_S and not new.turns:
         told = f"nothing received for {quiet_s:.1f} s: does the lidar have power, is this its port, and its baud rate?"
-        return Health(Condition.SILENT, told)
+        return LidarHealth(LidarCondition.SILENT, told)
     found = f"{new.bytes} bytes, {new.packets} packets; received: {show(sample)}"
     if not new.packets:
         return _judge_foreign(sample, found)
     if complaint:
-        wrong = Condition.WRONG_DEVICE if "another lidar" in complaint else Condition.DEVICE_ERROR
-        return Health(wrong, complaint)
+        wrong = LidarCondition.WRONG_DEVICE if "another lidar" in complaint else LidarCondition.DEVICE_ERROR
+        return LidarHealth(wrong, complaint)
     if new.turns:
-        return Health(Condition.HEALTHY, "")
+        return LidarHealth(LidarCondition.HEALTHY, "")
     if new.repeated:
         told = f"the same data again ({new.repeated} times): the lidar has frozen, or its bytes are replayed"
-        return Health(Condition.FROZEN, told)
-    return Health(Condition.MOTOR_STALLED, f"packets but no whole turn: does its motor turn? {found}")
+        return LidarHealth(LidarCondition.FROZEN, told)
+    return LidarHealth(
+        LidarCondition.MOTOR_STALLED, f"packets but no whole turn: does its motor turn? {found}"
+    )
 
 
-def _judge_foreign(sample: bytes, found: str) -> Health:
+def _judge_foreign(sample: bytes, found: str) -> LidarHealth:
     """Bytes that are no packet of the configured lidar: another lidar's, a board's text, or a wrong baud rate."""
     decoder = ld19.Ld19Decoder()
     if decoder.feed_bytes(sample):
-        return Health(
-            Condition.WRONG_DEVICE, f"these are packets of an LD06 or LD19: is the model right? {found}"
+        return LidarHealth(
+            LidarCondition.WRONG_DEVICE, f"these are packets of an LD06 or LD19: is the model right? {found}"
         )
     if rplidar.DESCRIPTOR_START in sample:
-        return Health(Condition.WRONG_DEVICE, f"this may be an RPLIDAR: is the model right? {found}")
+        return LidarHealth(
+            LidarCondition.WRONG_DEVICE, f"this may be an RPLIDAR: is the model right? {found}"
+        )
     text = sum(0x20 <= byte <= 0x7E or byte in b"\t\r\n" for byte in sample)
     if text >= TEXT_SHARE * len(sample):
-        return Health(Condition.WRONG_DEVICE, f"this is text: is this the port of the board? {found}")
-    return Health(
-        Condition.WRONG_BAUD, f"no packets: is the baud rate right, and is this the lidar's port? {found}"
+        return LidarHealth(
+            LidarCondition.WRONG_DEVICE, f"this is text: is this the port of the board? {found}"
+        )
+    return LidarHealth(
+        LidarCondition.WRONG_BAUD,
+        f"no packets: is the baud rate right, and is this the lidar's port? {found}",
     )

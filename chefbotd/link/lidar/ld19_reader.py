@@ -9,14 +9,16 @@ from typing import NamedTuple
 
 import numpy as np
 
+from chefbotd.core.record import Record
 from chefbotd.link.board_clock import ClockRelation
-from chefbotd.link.lidar.turn import LEAST_COVERED, Turn
+from chefbotd.link.lidar.turn import LEAST_COVERED, LidarTurn
 from firmware_protocol.lidar.ld19 import (
     FULL_TURN_CDEG,
     PACKET,
     POINTS,
     TIME_SPAN_MS,
     Ld19Decoder,
+    Ld19DecoderState,
     Ld19Packet,
 )
 
@@ -48,6 +50,20 @@ class _Placed(NamedTuple):
     packet: Ld19Packet
 
 
+class Ld19State(Record, frozen=True, tag="ld19"):
+    """The lidar's clock, its angle, and the packets of the turn in progress."""
+
+    decoder: Ld19DecoderState
+    passed_over: dict[str, int]
+    relation: ClockRelation
+    last: _Placed | None
+    last_read_s: float
+    odd: Ld19Packet | None
+    odd_in_a_row: int
+    placed: list[_Placed]
+    end_cdeg: int | None
+
+
 class Ld19Reader:
     """Follows the lidar's clock and its angle; packets whose time goes back belong to no turn."""
 
@@ -70,6 +86,28 @@ class Ld19Reader:
     def _drop_turn(self) -> None:
         self._placed: list[_Placed] = []
         self._end_cdeg: int | None = None  # of the present turn; None: it was not heard from its beginning
+
+    def state(self) -> Ld19State:
+        """What it remembers."""
+        return Ld19State(
+            self._decoder.state(),
+            dict(self._passed_over),
+            self.relation,
+            self._last,
+            self._last_read_s,
+            self._odd,
+            self._odd_in_a_row,
+            self._placed,
+            self._end_cdeg,
+        )
+
+    def restore(self, state: Ld19State) -> None:
+        """Go on from there."""
+        self._decoder.restore(state.decoder)
+        self._passed_over, self.relation = Counter(state.passed_over), state.relation
+        self._last, self._last_read_s = state.last, state.last_read_s
+        self._odd, self._odd_in_a_row = state.odd, state.odd_in_a_row
+        self._placed, self._end_cdeg = state.placed, state.end_cdeg
 
     @property
     def packets(self) -> int:
@@ -95,7 +133,7 @@ class Ld19Reader:
         """Nothing: the lidar turns as long as it has power."""
         return b""
 
-    def read_bytes(self, data: bytes, now_s: float) -> list[Turn]:
+    def read_bytes(self, data: bytes, now_s: float) -> list[LidarTurn]:
         """The turns that these bytes complete.
 
         Of all packets of a read the last has waited least: the lidar's clock is compared with the host's by that one.
@@ -171,7 +209,7 @@ class Ld19Reader:
         self._placed, self._end_cdeg = [newest], next_end_cdeg
         return None if end_cdeg is None else (placed, end_cdeg)
 
-    def _turn_of(self, placed: list[_Placed], end_cdeg: int, now_s: float) -> Turn | None:
+    def _turn_of(self, placed: list[_Placed], end_cdeg: int, now_s: float) -> LidarTurn | None:
         """The points of the turn that ends at this angle; None where too much of it is missing."""
         packets = [each.packet for each in placed]
         start, span = np.array([(each.start_cdeg, each.packet.span_cdeg) for each in placed], float).T
@@ -187,4 +225,4 @@ class Ld19Reader:
         stamp_s = np.minimum(sent_s[:, None] - packet_s[:, None] * (1 - share), now_s)
         range_m = np.array([packet.distance_mm for packet in packets]) * 1e-3
         beam_s = np.maximum.accumulate(stamp_s[inside])  # the lidar's milliseconds are whole ones
-        return Turn(angle[inside] * (math.pi / HALF_TURN_CDEG), range_m[inside], beam_s)
+        return LidarTurn(angle[inside] * (math.pi / HALF_TURN_CDEG), range_m[inside], beam_s)

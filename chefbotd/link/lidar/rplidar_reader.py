@@ -4,13 +4,15 @@ Source: Slamtec's "RPLIDAR Interface Protocol and Application Notes". The device
 """
 
 import math
-from collections import Counter, deque
+from collections import Counter
 from enum import StrEnum
 from statistics import median
 
 import numpy as np
+from msgspec import field
 
-from chefbotd.link.lidar.turn import LEAST_COVERED, Turn
+from chefbotd.core.record import MutableState, Record
+from chefbotd.link.lidar.turn import LEAST_COVERED, LidarTurn
 from chefbotd.sensing.lidar import LidarModel
 from firmware_protocol.lidar.rplidar import (
     FULL_TURN_Q6,
@@ -22,6 +24,7 @@ from firmware_protocol.lidar.rplidar import (
     Health,
     Request,
     RplidarDecoder,
+    RplidarDecoderState,
     ScanNode,
     express_request,
     motor_request,
@@ -65,6 +68,91 @@ PATIENCE_S = {
 """How long nothing may come before the conversation begins anew; a motor takes two seconds to its speed (assumed)."""
 
 
+class _TurnBuilder(MutableState):
+    """Points of either scan to turns; a beam's time is by its share of the turn, which ends when that was read."""
+
+    passed_over: Counter[str] = field(default_factory=Counter)
+    _points_s: list[float] = []  # of the last turns
+    _began_s: float | None = None
+    _angle_q6: list[float] = []
+    _range_m: list[float] = []
+    _point_s: float = 0.0
+    _capsule: Capsule | None = None
+    _axis_q6: float = 0.0  # where the lidar looked last, in an express scan
+
+    def begin(self) -> None:
+        """A scan begins: the turn in progress will not be whole."""
+        self.restore(_TurnBuilder(passed_over=self.passed_over))
+
+    def take_node(self, node: ScanNode, now_s: float, behind: int) -> LidarTurn | None:
+        """A point of a standard scan; ``behind`` is how many came after it in the same read."""
+        turn = self._end_turn(now_s - behind * self._point_s) if node.starts_turn else None
+        self._add(node.angle_q6, node.distance_q2 / 4000)
+        return turn
+
+    def take_capsule(self, capsule: Capsule, now_s: float, behind: int) -> LidarTurn | None:
+        """A capsule of an express scan: the points of the one before it have their angles now."""
+        before, self._capsule = self._capsule, capsule
+        if before is None or capsule.is_first:
+            return None
+        step_q6 = (capsule.start_q6 - before.start_q6) % FULL_TURN_Q6 / POINTS
+        turn = None
+        for index, (range_mm, offset_q3) in enumerate(zip(before.distance_mm, before.offset_q3, strict=True)):
+            angle_q6 = (before.start_q6 + step_q6 * index) % FULL_TURN_Q6
+            if angle_q6 + FULL_TURN_Q6 / 2 < self._axis_q6:  # the zero mark was passed
+                points_behind = (behind + 2) * POINTS - index
+                turn = self._end_turn(now_s - points_behind * self._point_s)
+            self._axis_q6 = angle_q6
+            self._add(angle_q6 - 8 * offset_q3, range_mm / 1000)
+        return turn
+
+    def _add(self, angle_q6: float, range_m: float) -> None:
+        if self._began_s is not None and len(self._angle_q6) < FULL_TURN_Q6:
+            self._angle_q6.append(angle_q6)
+            self._range_m.append(range_m)
+
+    def _end_turn(self, now_s: float) -> LidarTurn | None:
+        """The points since the zero mark was last passed."""
+        began_s, self._began_s = self._began_s, now_s
+        angle_q6, range_m = np.array(self._angle_q6), np.array(self._range_m)
+        self._angle_q6, self._range_m = [], []
+        if began_s is None:
+            return None
+        if len(angle_q6) < LEAST_NODES or np.ptp(angle_q6) < LEAST_COVERED * FULL_TURN_Q6:
+            self.passed_over["incomplete"] += 1
+            return None
+        if not 0 < now_s - began_s <= LONGEST_TURN_S:
+            self.passed_over["interrupted"] += 1
+            return None
+        took_s = self._steadied_s(now_s - began_s, len(angle_q6))
+        self._point_s = took_s / len(angle_q6)
+        share = np.clip(angle_q6 / FULL_TURN_Q6, 0.0, 1.0)
+        return LidarTurn(angle_q6 * (math.tau / FULL_TURN_Q6), range_m, now_s - (1 - share) * took_s)
+
+    def _steadied_s(self, took_s: float, points: int) -> float:
+        """How long the turn took; where that is far from what the last ones did, as long as those."""
+        self._points_s = [*self._points_s[-STEADY_TURNS + 1 :], took_s / points]
+        usual_s = median(self._points_s) * points
+        if len(self._points_s) < STEADY_AFTER or abs(took_s - usual_s) <= UNSTEADY_SHARE * usual_s:
+            return took_s
+        return usual_s
+
+
+class RplidarState(Record, frozen=True, tag="rplidar"):
+    """How far the conversation has come, and the turn in progress."""
+
+    decoder: RplidarDecoderState
+    turns: _TurnBuilder
+    phase: Phase
+    heard_s: float
+    words: bytes
+    has_express: bool
+    awaits_scan: bool
+    packets: int
+    complaint: str
+    info: DeviceInfo | None
+
+
 class RplidarReader:
     """``poll`` says what is to be written: the next request, or the first one again where no answer came."""
 
@@ -80,6 +168,29 @@ class RplidarReader:
         self._heard_s = 0.0
         self._words = b""
 
+    def state(self) -> RplidarState:
+        """What it remembers."""
+        return RplidarState(
+            self._decoder.state(),
+            self._turns,
+            self.phase,
+            self._heard_s,
+            self._words,
+            self._has_express,
+            self.awaits_scan,
+            self.packets,
+            self.complaint,
+            self.info,
+        )
+
+    def restore(self, state: RplidarState) -> None:
+        """Go on from there."""
+        self._decoder.restore(state.decoder)
+        self._turns = state.turns
+        self.phase, self._heard_s, self._words = state.phase, state.heard_s, state.words
+        self._has_express, self.awaits_scan = state.has_express, state.awaits_scan
+        self.packets, self.complaint, self.info = state.packets, state.complaint, state.info
+
     @property
     def refused(self) -> Counter[str]:
         """Bytes that were passed over, and turns of which too much is missing (``incomplete``)."""
@@ -92,7 +203,7 @@ class RplidarReader:
         self._go(Phase.STOPPING, now_s, request(Request.STOP))
         return self.poll(now_s)
 
-    def read_bytes(self, data: bytes, now_s: float) -> list[Turn]:
+    def read_bytes(self, data: bytes, now_s: float) -> list[LidarTurn]:
         """The turns that these bytes complete."""
         if self.phase in (Phase.STOPPING, Phase.RESETTING):  # the rest of a scan, or what a start prints
             return []
@@ -136,7 +247,7 @@ class RplidarReader:
         self._decoder.reset()
         self._turns.begin()
 
-    def _take(self, answer: Answer, now_s: float, behind: int) -> Turn | None:
+    def _take(self, answer: Answer, now_s: float, behind: int) -> LidarTurn | None:
         match answer:
             case DeviceInfo() if self.phase is Phase.ASKING_INFO:
                 self.info, self.complaint = answer, self._complaint_about(answer)
@@ -163,75 +274,3 @@ class RplidarReader:
         if info.model >> 4 == SERIES[self._model]:
             return ""
         return f"another lidar: it reports model 0x{info.model:02x}, but the configuration says {self._model}"
-
-
-class _TurnBuilder:
-    """Points of either scan to turns; a beam's time is by its share of the turn, which ends when that was read."""
-
-    def __init__(self) -> None:
-        self.passed_over: Counter[str] = Counter()
-        self._points_s: deque[float] = deque(maxlen=STEADY_TURNS)
-        self.begin()
-
-    def begin(self) -> None:
-        """A scan begins: the turn in progress will not be whole."""
-        self._began_s: float | None = None
-        self._points_s.clear()
-        self._angle_q6: list[float] = []
-        self._range_m: list[float] = []
-        self._point_s = 0.0
-        self._capsule: Capsule | None = None
-        self._axis_q6 = 0.0  # where the lidar looked last, in an express scan
-
-    def take_node(self, node: ScanNode, now_s: float, behind: int) -> Turn | None:
-        """A point of a standard scan; ``behind`` is how many came after it in the same read."""
-        turn = self._end_turn(now_s - behind * self._point_s) if node.starts_turn else None
-        self._add(node.angle_q6, node.distance_q2 / 4000)
-        return turn
-
-    def take_capsule(self, capsule: Capsule, now_s: float, behind: int) -> Turn | None:
-        """A capsule of an express scan: the points of the one before it have their angles now."""
-        before, self._capsule = self._capsule, capsule
-        if before is None or capsule.is_first:
-            return None
-        step_q6 = (capsule.start_q6 - before.start_q6) % FULL_TURN_Q6 / POINTS
-        turn = None
-        for index, (range_mm, offset_q3) in enumerate(zip(before.distance_mm, before.offset_q3, strict=True)):
-            angle_q6 = (before.start_q6 + step_q6 * index) % FULL_TURN_Q6
-            if angle_q6 + FULL_TURN_Q6 / 2 < self._axis_q6:  # the zero mark was passed
-                points_behind = (behind + 2) * POINTS - index
-                turn = self._end_turn(now_s - points_behind * self._point_s)
-            self._axis_q6 = angle_q6
-            self._add(angle_q6 - 8 * offset_q3, range_mm / 1000)
-        return turn
-
-    def _add(self, angle_q6: float, range_m: float) -> None:
-        if self._began_s is not None and len(self._angle_q6) < FULL_TURN_Q6:
-            self._angle_q6.append(angle_q6)
-            self._range_m.append(range_m)
-
-    def _end_turn(self, now_s: float) -> Turn | None:
-        """The points since the zero mark was last passed."""
-        began_s, self._began_s = self._began_s, now_s
-        angle_q6, range_m = np.array(self._angle_q6), np.array(self._range_m)
-        self._angle_q6, self._range_m = [], []
-        if began_s is None:
-            return None
-        if len(angle_q6) < LEAST_NODES or np.ptp(angle_q6) < LEAST_COVERED * FULL_TURN_Q6:
-            self.passed_over["incomplete"] += 1
-            return None
-        if not 0 < now_s - began_s <= LONGEST_TURN_S:
-            self.passed_over["interrupted"] += 1
-            return None
-        took_s = self._steadied_s(now_s - began_s, len(angle_q6))
-        self._point_s = took_s / len(angle_q6)
-        share = np.clip(angle_q6 / FULL_TURN_Q6, 0.0, 1.0)
-        return Turn(angle_q6 * (math.tau / FULL_TURN_Q6), range_m, now_s - (1 - share) * took_s)
-
-    def _steadied_s(self, took_s: float, points: int) -> float:
-        """How long the turn took; where that is far from what the last ones did, as long as those."""
-        self._points_s.append(took_s / points)
-        usual_s = median(self._points_s) * points
-        if len(self._points_s) < STEADY_AFTER or abs(took_s - usual_s) <= UNSTEADY_SHARE * usual_s:
-            return took_s
-        return usual_s

@@ -10,13 +10,13 @@ from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events import OdometryUpdated
 from chefbotd.core.events.inputs import LinkBytesWritten
-from chefbotd.core.events.lidars import LidarChanged
-from chefbotd.core.events.scans import ScanMeasured
-from chefbotd.entries import Timer, entries_of
-from chefbotd.link.lidar.health import Condition, HealthWatch, Heard
-from chefbotd.link.lidar.ld19_reader import Ld19Reader
-from chefbotd.link.lidar.rplidar_reader import RplidarReader
-from chefbotd.link.lidar.turn import LidarReader, RepeatFinder, Travel, Turn, scan_of
+from chefbotd.core.events.lidars import LidarChanged, ScanMeasured
+from chefbotd.core.record import Record
+from chefbotd.entries import Timer, due_of, entries_of
+from chefbotd.link.lidar.health import LidarCondition, LidarHealthWatch, LidarTotals
+from chefbotd.link.lidar.ld19_reader import Ld19Reader, Ld19State
+from chefbotd.link.lidar.rplidar_reader import RplidarReader, RplidarState
+from chefbotd.link.lidar.turn import LidarTurn, RepeatFinder, Travel, scan_of
 from chefbotd.link.port import LinkParameters
 from chefbotd.sensing.lidar import LidarModel, LidarParameters
 from firmware_protocol.lidar import ld19, rplidar
@@ -58,17 +58,37 @@ def link_of(lidar: LidarParameters) -> str:
     return f"lidar/{lidar.name}"
 
 
-def _reader_of(lidar: LidarParameters) -> LidarReader:
+def _reader_of(lidar: LidarParameters) -> Ld19Reader | RplidarReader:
+    """One side of the wire, without I/O; it lives across reconnections and keeps its counters.
+
+    ``complaint`` is what the lidar itself says is wrong, or what it is instead of the configured one (empty: nothing).
+    """
     baud = baud_of(lidar)
     if lidar.model.is_ldrobot:
         return Ld19Reader(baud)
     return RplidarReader(lidar.model, baud, express=lidar.express)
 
 
+class LidarSessionState(Record, frozen=True):
+    """What the session remembers of its lidar, but for the port itself; ``due_s`` is when it is polled next."""
+
+    reader: Ld19State | RplidarState
+    repeats: RepeatFinder
+    travel: Travel
+    health: LidarHealthWatch
+    sample: bytes
+    due_s: float | None
+    heard_s: float
+    bytes_in: int
+    opens: int
+    scans: int
+    scans_before: int
+    repeated: int
+    turn_s: float | None
+
+
 class LidarSession(asyncio.Protocol):
     """An asyncio protocol that lives across reconnections and keeps its counters; scans go to the bus as they end."""
-
-    RESTORABLE_TIMERS = ("_poll",)
 
     def __init__(self, bus: Bus, clock: Clock, lidar: LidarParameters) -> None:
         self._bus, self._clock, self.lidar = bus, entries_of(clock), lidar
@@ -82,9 +102,42 @@ class LidarSession(asyncio.Protocol):
         self._sample = b""
         self._poll_timer: Timer | None = None
         self._scans_before, self._heard_s = 0, 0.0
-        self._health = HealthWatch(0.0, Heard())
+        self._health = LidarHealthWatch(0.0, LidarTotals())
         self.bytes_in = self.opens = self.scans = self.repeated = 0
         self.turn_s: float | None = None
+
+    def state(self) -> LidarSessionState:
+        """What it remembers."""
+        return LidarSessionState(
+            self.reader.state(),
+            self._repeats,
+            self._travel,
+            self._health,
+            self._sample,
+            due_of(self._poll_timer),
+            self._heard_s,
+            self.bytes_in,
+            self.opens,
+            self.scans,
+            self._scans_before,
+            self.repeated,
+            self.turn_s,
+        )
+
+    def restore(self, state: LidarSessionState) -> None:
+        """Go on from there; the port is open already, where it was. Raises ``TypeError`` for another model's state."""
+        match self.reader, state.reader:
+            case (Ld19Reader() as ld19_reader, Ld19State() as of_ld19):
+                ld19_reader.restore(of_ld19)
+            case (RplidarReader() as rplidar_reader, RplidarState() as of_rplidar):
+                rplidar_reader.restore(of_rplidar)
+            case _:
+                raise TypeError(f"the state is not that of {self.lidar.model}")
+        self._repeats, self._travel, self._health = state.repeats, state.travel, state.health
+        self._sample, self._heard_s = state.sample, state.heard_s
+        self.bytes_in, self.opens, self.repeated = state.bytes_in, state.opens, state.repeated
+        self.scans, self._scans_before, self.turn_s = state.scans, state.scans_before, state.turn_s
+        self._poll_timer = self._clock.resume(state.due_s, self._poll, self._poll_name)
 
     # What asyncio tells us
 
@@ -94,7 +147,7 @@ class LidarSession(asyncio.Protocol):
         now_s = self._clock.now_s()
         self.opens += 1
         self._scans_before, self._sample = self.scans, b""
-        self._health = HealthWatch(now_s, self._heard())
+        self._health = LidarHealthWatch(now_s, self._heard())
         self._say(self.reader.begin(now_s))
         self._tell(UNKNOWN, "", healthy=None)
         self._poll()
@@ -116,7 +169,7 @@ class LidarSession(asyncio.Protocol):
             self._take_turn(turn)
         self._say(self.reader.poll(now_s))
 
-    def _take_turn(self, turn: Turn) -> None:
+    def _take_turn(self, turn: LidarTurn) -> None:
         """A turn that was there before the robot moved is no measurement: it is not published."""
         if self._repeats.is_repeated(turn, self._travel.travelled_m):
             self.repeated += 1
@@ -146,7 +199,7 @@ class LidarSession(asyncio.Protocol):
         health = self._health.look(self._clock.now_s(), self._heard(), self._sample, self.reader.complaint)
         if health is None or not self.is_open:
             return
-        healthy = health.condition is Condition.HEALTHY
+        healthy = health.condition is LidarCondition.HEALTHY
         self._tell(str(health.condition), health.reason, healthy=healthy)
         if not healthy:
             log.warning(
@@ -186,12 +239,16 @@ class LidarSession(asyncio.Protocol):
 
     # Inside
 
+    @property
+    def _poll_name(self) -> str:
+        return f"{link_of(self.lidar)} poll"
+
     def _poll(self) -> None:
         """A reader that waits for an answer looks at the time."""
         if self._transport is None or self.lidar.model in (LidarModel.LD06, LidarModel.LD19):
             return
         self._say(self.reader.poll(self._clock.now_s()))
-        self._poll_timer = self._clock.call_later(POLL_EVERY_S, self._poll, f"{link_of(self.lidar)} poll")
+        self._poll_timer = self._clock.call_later(POLL_EVERY_S, self._poll, self._poll_name)
 
     def _say(self, words: bytes) -> None:
         if words and self._transport is not None:
@@ -199,10 +256,12 @@ class LidarSession(asyncio.Protocol):
             if self._clock.recording:
                 self._clock.publish(LinkBytesWritten(self._clock.now_s(), link_of(self.lidar), words))
 
-    def _heard(self) -> Heard:
+    def _heard(self) -> LidarTotals:
         repeated = self.repeated + self.reader.refused["out_of_order"]
         reader = self.reader
-        return Heard(self.bytes_in, reader.packets, self.scans, repeated, self._heard_s, reader.awaits_scan)
+        return LidarTotals(
+            self.bytes_in, reader.packets, self.scans, repeated, self._heard_s, reader.awaits_scan
+        )
 
     def _tell(self, condition: str, reason: str, *, healthy: bool | None) -> None:
         device, is_open = self.lidar.device, self.is_open

@@ -1,13 +1,13 @@
 """A lidar's turn, and the scan that is made of it."""
 
 import math
-from collections import Counter, OrderedDict
-from dataclasses import dataclass
-from typing import Protocol
+from hashlib import blake2b
 
 import numpy as np
+from msgspec import field
 
 from chefbotd.core.geometry import Twist2D
+from chefbotd.core.record import MutableState, Record
 from chefbotd.core.scan import Floats, LaserScan
 from chefbotd.sensing.lidar import LidarParameters
 
@@ -25,8 +25,7 @@ LEAST_COVERED = 0.75
 """A turn of which more is missing is no turn."""
 
 
-@dataclass(frozen=True, slots=True)
-class Turn:
+class LidarTurn(Record, frozen=True):
     """What a lidar measured in one turn, in that order: angles as it counts them, clockwise from its zero mark.
 
     ``clockwise_rad`` rises, ``range_m`` is 0 where there was no reading, ``stamp_s`` is each beam's host time.
@@ -37,7 +36,7 @@ class Turn:
     stamp_s: Floats
 
 
-def scan_of(lidar: LidarParameters, turn: Turn) -> LaserScan:
+def scan_of(lidar: LidarParameters, turn: LidarTurn) -> LaserScan:
     """The turn as a scan: counter-clockwise, and without what the lidar is not to look at.
 
     Seen from above, a lidar that is mounted upside down turns the other way round.
@@ -51,33 +50,32 @@ def scan_of(lidar: LidarParameters, turn: Turn) -> LaserScan:
     return LaserScan(stamp_s, bearing_rad, np.where(good, turn.range_m, 0.0), turn.stamp_s - stamp_s)
 
 
-class RepeatFinder:
+class RepeatFinder(MutableState):
     """Finds turns that were measured before the robot moved: bit for bit the same though it now stands elsewhere.
 
     Noise makes each turn of a real lidar different, but a simulated one without noise repeats itself while the robot
     stands. So a repetition is one only after ``MOVED_M`` of travel.
     """
 
-    def __init__(self) -> None:
-        self._travelled_m: OrderedDict[int, float] = OrderedDict()
+    _travelled_m: dict[bytes, float] = field(default_factory=dict)
+    """When each was first heard, by its digest: the same in every process, so that a replay finds it."""
 
-    def is_repeated(self, turn: Turn, travelled_m: float) -> bool:
+    def is_repeated(self, turn: LidarTurn, travelled_m: float) -> bool:
         """Whether this turn is one of the last ``REMEMBERED_TURNS``, and the robot has moved on since then."""
         if np.count_nonzero(turn.range_m) < LEAST_READINGS:
             return False
-        key = hash(turn.range_m.tobytes() + turn.clockwise_rad.tobytes())
+        key = blake2b(turn.range_m.tobytes() + turn.clockwise_rad.tobytes(), digest_size=8).digest()
         first_m = self._travelled_m.setdefault(key, travelled_m)
         if len(self._travelled_m) > REMEMBERED_TURNS:
-            self._travelled_m.popitem(last=False)
+            del self._travelled_m[next(iter(self._travelled_m))]
         return travelled_m - first_m > MOVED_M
 
 
-class Travel:
+class Travel(MutableState):
     """How far a robot has moved, from its twists: metres of its middle, and of a point ``REACH_M`` away as it turns."""
 
-    def __init__(self) -> None:
-        self.travelled_m = 0.0
-        self._stamp_s: float | None = None
+    travelled_m: float = 0.0
+    _stamp_s: float | None = None
 
     def add_twist(self, stamp_s: float, twist: Twist2D) -> None:
         """The robot has moved with this twist since the one before; a gap counts as ``LONGEST_STEP_S``."""
@@ -85,47 +83,3 @@ class Travel:
             step_s = min(max(stamp_s - self._stamp_s, 0.0), LONGEST_STEP_S)
             self.travelled_m += (abs(twist.linear_m_s) + REACH_M * abs(twist.angular_rad_s)) * step_s
         self._stamp_s = stamp_s
-
-
-class LidarReader(Protocol):
-    """One side of a lidar's wire, without I/O; it lives across reconnections and keeps its counters.
-
-    ``packets`` counts what the lidar says in good form, ``refused`` what was passed over, by reason. ``complaint`` is
-    what the lidar itself says is wrong, or what it is instead of the configured one (empty: nothing).
-    """
-
-    @property
-    def packets(self) -> int:
-        """How many packets were in good form."""
-        ...
-
-    @property
-    def complaint(self) -> str:
-        """What is wrong, for people."""
-        ...
-
-    @property
-    def refused(self) -> Counter[str]:
-        """How much was passed over, by reason."""
-        ...
-
-    @property
-    def awaits_scan(self) -> bool:
-        """Whether the device has answered, was asked for a scan, and has sent nothing of it yet."""
-        ...
-
-    def begin(self, now_s: float) -> bytes:
-        """The port was opened: what is to be written."""
-        ...
-
-    def read_bytes(self, data: bytes, now_s: float) -> list[Turn]:
-        """Bytes that have come in: the turns that they complete."""
-        ...
-
-    def poll(self, now_s: float) -> bytes:
-        """What is to be written now; to be asked after each ``read_bytes``, and a few times a second."""
-        ...
-
-    def end(self) -> bytes:
-        """The last words before the port is closed."""
-        ...

@@ -15,27 +15,27 @@ class InstallError(Exception):
     """The installation cannot go on; the text is ready to be shown."""
 
 
-class Ended(Struct, frozen=True):
+class CommandEnded(Struct, frozen=True):
     """A command that was run: its exit code, and what it printed."""
 
     code: int
     output: str = ""
 
 
-Run = Callable[[tuple[str, ...]], Ended]
+Run = Callable[[tuple[str, ...]], CommandEnded]
 
 
-def run_command(command: tuple[str, ...]) -> Ended:
+def run_command(command: tuple[str, ...]) -> CommandEnded:
     """Run a program of the system to its end."""
     try:
         done = subprocess.run(  # noqa: S603 - the commands are our own
             command, capture_output=True, text=True, timeout=LONGEST_S, check=False, stdin=subprocess.DEVNULL
         )
     except FileNotFoundError:
-        return Ended(127, f"there is no program {command[0]}")
+        return CommandEnded(127, f"there is no program {command[0]}")
     except subprocess.TimeoutExpired:
-        return Ended(124, f"it took longer than {LONGEST_S:g} s")
-    return Ended(done.returncode, (done.stdout + done.stderr).strip())
+        return CommandEnded(124, f"it took longer than {LONGEST_S:g} s")
+    return CommandEnded(done.returncode, (done.stdout + done.stderr).strip())
 
 
 class Host:

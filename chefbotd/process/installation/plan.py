@@ -10,7 +10,7 @@ from msgspec import Struct
 
 from chefbotd.process.installation import texts
 from chefbotd.process.installation.host import Host
-from chefbotd.process.installation.steps import Step, command, file, folder, remove, write
+from chefbotd.process.installation.steps import InstallationStep, command, file, folder, remove, write
 from chefbotd.settings import load, packaged
 
 SERVICE = "chefbotd.service"
@@ -35,7 +35,7 @@ class Wanted(Struct, frozen=True):
     start: bool = True
 
 
-def install(host: Host, wanted: Wanted) -> list[Step]:
+def install(host: Host, request: Wanted) -> list[InstallationStep]:
     """Every step from a computer without the service to one on which it runs.
 
     Raises:
@@ -43,45 +43,45 @@ def install(host: Host, wanted: Wanted) -> list[Step]:
     """
     steps = [file(host, SYSUSERS, texts.SYSUSERS), _user(host)]
     steps += [folder(host, FOLDER, 0o755), folder(host, STATE, 0o750, texts.USER)]
-    steps += _configuration(host, wanted)
+    steps += _configuration(host, request)
     steps.append(_tokens(host))
     templates = packaged().parent
     rule = file(host, RULE, (templates / "60-chefbot.rules").read_text(encoding="utf-8"))
     steps.append(rule)
     steps += _named(host, rule)
-    unit = file(host, UNIT, texts.unit((templates / SERVICE).read_text(encoding="utf-8"), wanted.program))
-    return [*steps, unit, *_told(host, unit), *(_started(host, unit) if wanted.start else ())]
+    unit = file(host, UNIT, texts.unit((templates / SERVICE).read_text(encoding="utf-8"), request.program))
+    return [*steps, unit, *_daemon_reload(host, unit), *(_started(host, unit) if request.start else ())]
 
 
-def _named(host: Host, rule: Step) -> Iterator[Step]:
+def _named(host: Host, rule: InstallationStep) -> Iterator[InstallationStep]:
     """Have udev obey a new rule, for boards that are plugged in as well; in a container there is none to tell."""
     if rule.act is None or not host.is_running:
         return
     if not host.path(UDEV).exists():
-        yield Step("udev is not running here, so its rule has no effect yet")
+        yield InstallationStep("udev is not running here, so its rule has no effect yet")
         return
     yield command(host, "have udev read the rule", "udevadm", "control", "--reload")
-    told = "apply the rule to the boards that are plugged in"
-    yield command(host, told, "udevadm", "trigger", "--subsystem-match=tty", "--action=add")
+    doing = "apply the rule to the boards that are plugged in"
+    yield command(host, doing, "udevadm", "trigger", "--subsystem-match=tty", "--action=add")
 
 
-def _user(host: Host) -> Step:
+def _user(host: Host) -> InstallationStep:
     if host.has_user(texts.USER) and host.is_in_group(texts.USER, texts.SERIAL_GROUP):
-        return Step(f"user {texts.USER}, in the group {texts.SERIAL_GROUP}: unchanged")
-    told = f"create the system user {texts.USER}, in the group {texts.SERIAL_GROUP}"
-    return command(host, told, "systemd-sysusers", *_root_option(host), str(host.path(SYSUSERS)))
+        return InstallationStep(f"user {texts.USER}, in the group {texts.SERIAL_GROUP}: unchanged")
+    doing = f"create the system user {texts.USER}, in the group {texts.SERIAL_GROUP}"
+    return command(host, doing, "systemd-sysusers", *_root_option(host), str(host.path(SYSUSERS)))
 
 
 def _root_option(host: Host) -> tuple[str, ...]:
     return () if host.is_running else (f"--root={host.root}",)
 
 
-def _configuration(host: Host, wanted: Wanted) -> Iterator[Step]:
+def _configuration(host: Host, request: Wanted) -> Iterator[InstallationStep]:
     """What is there stays, for people edit it; else the robot's own, or the file that was named."""
-    path, source = host.path(texts.CONFIGURATION), wanted.config
+    path, source = host.path(texts.CONFIGURATION), request.config
     if source is None:
         text = texts.configuration(
-            packaged(wanted.robot).read_text(encoding="utf-8"),
+            packaged(request.robot).read_text(encoding="utf-8"),
             with_page=importlib.util.find_spec("aiohttp") is not None,
         )
     else:
@@ -94,37 +94,37 @@ def _configuration(host: Host, wanted: Wanted) -> Iterator[Step]:
         return
     load(path)
     if path.read_text(encoding="utf-8") == text:
-        yield Step(f"{texts.CONFIGURATION}: unchanged")
+        yield InstallationStep(f"{texts.CONFIGURATION}: unchanged")
     else:
-        yield Step(f"{texts.CONFIGURATION}: kept as it is (edited, or another robot's)")
+        yield InstallationStep(f"{texts.CONFIGURATION}: kept as it is (edited, or another robot's)")
 
 
-def _description(host: Host, source: Path) -> Iterator[Step]:
+def _description(host: Host, source: Path) -> Iterator[InstallationStep]:
     """The URDF beside a configuration, if that names one by a relative path."""
     named = tomllib.loads(source.read_text(encoding="utf-8")).get("robot", {}).get("description")
     if isinstance(named, str) and not Path(named).is_absolute():
         yield file(host, f"{FOLDER}/{named}", (source.parent / named).read_text(encoding="utf-8"))
 
 
-def _tokens(host: Host) -> Step:
+def _tokens(host: Host) -> InstallationStep:
     """Made once: whoever has a copy keeps it."""
     path = host.path(texts.TOKENS)
     if not path.exists():
-        told = f"write {texts.TOKENS} ({TOKEN_MODE:04o}, root), a token for each role"
-        return Step(told, lambda: write(host, path, texts.tokens(), TOKEN_MODE))
+        doing = f"write {texts.TOKENS} ({TOKEN_MODE:04o}, root), a token for each role"
+        return InstallationStep(doing, lambda: write(host, path, texts.tokens(), TOKEN_MODE))
     if stat.S_IMODE(path.stat().st_mode) != TOKEN_MODE:
-        return Step(f"let nobody but root read {texts.TOKENS}", lambda: path.chmod(TOKEN_MODE))
-    return Step(f"{texts.TOKENS}: unchanged")
+        return InstallationStep(f"let nobody but root read {texts.TOKENS}", lambda: path.chmod(TOKEN_MODE))
+    return InstallationStep(f"{texts.TOKENS}: unchanged")
 
 
-def _told(host: Host, unit: Step) -> Iterator[Step]:
+def _daemon_reload(host: Host, unit: InstallationStep) -> Iterator[InstallationStep]:
     if host.is_running and unit.act is not None:
         yield command(host, "have systemd read the unit", "systemctl", "daemon-reload")
 
 
-def _started(host: Host, unit: Step) -> Iterator[Step]:
+def _started(host: Host, unit: InstallationStep) -> Iterator[InstallationStep]:
     if host.path(WANTED_BY).is_symlink():
-        yield Step(f"{SERVICE} starts at boot: unchanged")
+        yield InstallationStep(f"{SERVICE} starts at boot: unchanged")
     else:
         yield command(host, "start it at boot", "systemctl", *_root_option(host), "enable", SERVICE)
     if not host.is_running:
@@ -134,15 +134,15 @@ def _started(host: Host, unit: Step) -> Iterator[Step]:
     elif unit.act is not None:
         yield command(host, "restart it, with the robot stopped", "systemctl", "restart", SERVICE)
     else:
-        yield Step(f"{SERVICE} runs: unchanged")
+        yield InstallationStep(f"{SERVICE} runs: unchanged")
 
 
-def uninstall(host: Host, *, purge: bool) -> list[Step]:
+def uninstall(host: Host, *, purge: bool) -> list[InstallationStep]:
     """Every step back; ``purge`` takes configuration, tokens, maps and the user too."""
     return [*_stopped(host), *_removed(host), *(_purged(host) if purge else _kept(host))]
 
 
-def _stopped(host: Host) -> Iterator[Step]:
+def _stopped(host: Host) -> Iterator[InstallationStep]:
     enabled = host.path(WANTED_BY).is_symlink()
     if host.is_running and host.ask("systemctl", "is-active", "--quiet", SERVICE):
         yield command(host, "stop it, which stops the motors", "systemctl", "stop", SERVICE)
@@ -152,7 +152,7 @@ def _stopped(host: Host) -> Iterator[Step]:
         )
 
 
-def _removed(host: Host) -> Iterator[Step]:
+def _removed(host: Host) -> Iterator[InstallationStep]:
     steps = {name: remove(host, name) for name in (UNIT, RULE, SYSUSERS)}
     yield from steps.values()
     if host.is_running and steps[UNIT].act is not None:
@@ -161,17 +161,17 @@ def _removed(host: Host) -> Iterator[Step]:
         yield command(host, "have udev forget the rule", "udevadm", "control", "--reload")
 
 
-def _purged(host: Host) -> Iterator[Step]:
+def _purged(host: Host) -> Iterator[InstallationStep]:
     for name in (FOLDER, STATE, CACHE, RUNTIME):
         yield remove(host, name)
     if not host.has_user(texts.USER):
-        yield Step(f"user {texts.USER}: not there")
+        yield InstallationStep(f"user {texts.USER}: not there")
     else:
         root = () if host.is_running else ("--root", str(host.root))
         yield command(host, "remove the user", "userdel", *root, texts.USER)
 
 
-def _kept(host: Host) -> Iterator[Step]:
+def _kept(host: Host) -> Iterator[InstallationStep]:
     for name, what in ((FOLDER, "configuration and tokens"), (STATE, "maps and recordings")):
         if host.path(name).exists():
-            yield Step(f"{name}: kept ({what}); --purge removes it")
+            yield InstallationStep(f"{name}: kept ({what}); --purge removes it")

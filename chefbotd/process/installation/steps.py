@@ -13,14 +13,14 @@ from chefbotd.process.installation.host import Host, InstallError
 FILE_MODE = 0o644
 
 
-class Step(Struct, frozen=True):
+class InstallationStep(Struct, frozen=True):
     """``told`` is what is done, in words; ``act`` does it (None: it is done already, or not wanted)."""
 
     told: str
     act: Callable[[], None] | None = None
 
 
-def carry_out(steps: Iterable[Step], tell: Callable[[Step], None]) -> None:
+def carry_out(steps: Iterable[InstallationStep], tell: Callable[[InstallationStep], None]) -> None:
     """Tell and do each step in turn.
 
     Raises:
@@ -36,12 +36,12 @@ def carry_out(steps: Iterable[Step], tell: Callable[[Step], None]) -> None:
             raise InstallError(f"{step.told}: {error}") from error
 
 
-def folder(host: Host, name: str, mode: int, owner: str = "root") -> Step:
+def folder(host: Host, name: str, mode: int, owner: str = "root") -> InstallationStep:
     """A folder with this mode and owner; what is in it stays."""
     path = host.path(name)
     right = path.is_dir() and stat.S_IMODE(path.stat().st_mode) == mode and _has_owner(host, path, owner)
     if right:
-        return Step(f"{name}: unchanged")
+        return InstallationStep(f"{name}: unchanged")
 
     def make() -> None:
         path.mkdir(parents=True, exist_ok=True)
@@ -49,16 +49,16 @@ def folder(host: Host, name: str, mode: int, owner: str = "root") -> Step:
         host.give(path, owner, owner)
 
     verb = "set mode and owner of" if path.is_dir() else "create"
-    return Step(f"{verb} {name} ({mode:04o}, {owner})", make)
+    return InstallationStep(f"{verb} {name} ({mode:04o}, {owner})", make)
 
 
-def file(host: Host, name: str, text: str) -> Step:
+def file(host: Host, name: str, text: str) -> InstallationStep:
     """A file of root's with just this text, whatever it had before."""
     path = host.path(name)
     if _reads(path) == text and stat.S_IMODE(path.stat().st_mode) == FILE_MODE:
-        return Step(f"{name}: unchanged")
+        return InstallationStep(f"{name}: unchanged")
     verb = "replace" if path.exists() else "write"
-    return Step(f"{verb} {name}", lambda: write(host, path, text, FILE_MODE))
+    return InstallationStep(f"{verb} {name}", lambda: write(host, path, text, FILE_MODE))
 
 
 def write(host: Host, path: Path, text: str, mode: int) -> None:
@@ -73,19 +73,19 @@ def write(host: Host, path: Path, text: str, mode: int) -> None:
     new.replace(path)
 
 
-def remove(host: Host, name: str) -> Step:
+def remove(host: Host, name: str) -> InstallationStep:
     """A file or a folder with all that is in it, gone."""
     path = host.path(name)
     if not path.exists() and not path.is_symlink():
-        return Step(f"{name}: not there")
+        return InstallationStep(f"{name}: not there")
     if path.is_dir() and not path.is_symlink():
-        return Step(f"remove {name} and all that is in it", lambda: shutil.rmtree(path))
-    return Step(f"remove {name}", path.unlink)
+        return InstallationStep(f"remove {name} and all that is in it", lambda: shutil.rmtree(path))
+    return InstallationStep(f"remove {name}", path.unlink)
 
 
-def command(host: Host, told: str, *words: str) -> Step:
+def command(host: Host, doing: str, *words: str) -> InstallationStep:
     """A command that must not fail."""
-    return Step(f"{told}: {' '.join(words)}", lambda: host.run(*words))
+    return InstallationStep(f"{doing}: {' '.join(words)}", lambda: host.run(*words))
 
 
 def _reads(path: Path) -> str | None:

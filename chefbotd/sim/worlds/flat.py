@@ -16,12 +16,12 @@ y
 import math
 
 from chefbotd.core.geometry import Pose2D
-from chefbotd.sim.worlds.building import Building
-from chefbotd.sim.worlds.solids import (
+from chefbotd.sim.worlds.building import (
     CEILING_M,
+    Building,
     Door,
     Material,
-    Place,
+    Placement,
     Solid,
     box,
     chair,
@@ -56,70 +56,70 @@ WALLS: tuple[Solid, ...] = (
     *upright_wall(7.6, 0.0, SOUTH_Y_M),
     *upright_wall(3.6, 4.7, 8.0),
     *upright_wall(6.2, 4.7, 8.0, (CONNECTING,)),
-    box("chimney", Place(9.5, 7.3), 0.5, 0.7, CEILING_M),
+    box("chimney", Placement(9.5, 7.3), 0.5, 0.7, CEILING_M),
 )
 
 BALCONY: tuple[Solid, ...] = (
     *[
-        box("glass", Place(x, -0.14), 1.06, 0.04, CEILING_M, material=Material.GLASS)
+        box("glass", Placement(x, -0.14), 1.06, 0.04, CEILING_M, material=Material.GLASS)
         for x in (0.82, 1.96, 3.1)
     ],
-    *[box("window frame", Place(x, -0.16), 0.08, 0.08, CEILING_M) for x in (0.8, 1.88, 3.02, 4.14)],
+    *[box("window frame", Placement(x, -0.16), 0.08, 0.08, CEILING_M) for x in (0.8, 1.88, 3.02, 4.14)],
     *level_wall(-1.6, 0.3, 4.7),
     *upright_wall(0.3, -1.5, -OUTER_M),
     *upright_wall(4.6, -1.5, -OUTER_M),
 )
 
 LIVING: tuple[Solid, ...] = (
-    box("sofa", Place(0.0, 0.5), 0.9, 2.0, 0.8),
-    *table("coffee table", Place(1.45, 1.0, 0.2), 0.56, 0.96, 0.42, 0.04),
-    box("sideboard", Place(3.1, 2.94), 1.4, 0.36, 0.6),
-    *table("dining table", Place(3.3, 0.55), 0.8, 1.2),
-    *chair("chair", Place(2.83, 0.75, -0.1)),
-    *chair("chair", Place(3.5, 2.2, 0.1 - math.pi / 2)),
+    box("sofa", Placement(0.0, 0.5), 0.9, 2.0, 0.8),
+    *table("coffee table", Placement(1.45, 1.0, 0.2), 0.56, 0.96, 0.42, 0.04),
+    box("sideboard", Placement(3.1, 2.94), 1.4, 0.36, 0.6),
+    *table("dining table", Placement(3.3, 0.55), 0.8, 1.2),
+    *chair("chair", Placement(2.83, 0.75, -0.1)),
+    *chair("chair", Placement(3.5, 2.2, 0.1 - math.pi / 2)),
     column("plant", 0.3, 2.95, 0.18, 0.9),
 )
 
 KITCHEN_FURNITURE: tuple[Solid, ...] = (
-    box("kitchen block", Place(5.6, 0.0), 2.0, 0.6, 0.9),
-    box("fridge", Place(7.0, 0.6), 0.6, 0.62, 1.8),
-    *table("kitchen table", Place(5.06, 2.5), 0.7, 0.74, 0.74, 0.05),
-    *chair("stool", Place(6.1, 3.05, math.pi + 0.4)),
+    box("kitchen block", Placement(5.6, 0.0), 2.0, 0.6, 0.9),
+    box("fridge", Placement(7.0, 0.6), 0.6, 0.62, 1.8),
+    *table("kitchen table", Placement(5.06, 2.5), 0.7, 0.74, 0.74, 0.05),
+    *chair("stool", Placement(6.1, 3.05, math.pi + 0.4)),
 )
 
 BATH_FURNITURE: tuple[Solid, ...] = (
-    box("bath tub", Place(7.7, 0.0), 2.3, 0.75, 0.6),
-    box("washing machine", Place(7.7, 2.66), 0.6, 0.64, 0.85),
-    box("washbasin", Place(9.58, 1.6), 0.42, 0.55, 0.85, 0.62),
-    box("toilet", Place(7.7, 1.5), 0.56, 0.38, 0.45),
+    box("bath tub", Placement(7.7, 0.0), 2.3, 0.75, 0.6),
+    box("washing machine", Placement(7.7, 2.66), 0.6, 0.64, 0.85),
+    box("washbasin", Placement(9.58, 1.6), 0.42, 0.55, 0.85, 0.62),
+    box("toilet", Placement(7.7, 1.5), 0.56, 0.38, 0.45),
 )
 
 BEDROOM_FURNITURE: tuple[Solid, ...] = (
-    box("bed", Place(0.0, 5.5), 2.0, 1.6, 0.5),
-    box("wardrobe", Place(1.5, 7.4), 2.1, 0.6, 2.1, material=Material.BLACK),
-    box("bedside table", Place(0.0, 7.2), 0.42, 0.4, 0.5),
-    *chair("chair", Place(0.25, 4.76, 0.3)),
+    box("bed", Placement(0.0, 5.5), 2.0, 1.6, 0.5),
+    box("wardrobe", Placement(1.5, 7.4), 2.1, 0.6, 2.1, material=Material.BLACK),
+    box("bedside table", Placement(0.0, 7.2), 0.42, 0.4, 0.5),
+    *chair("chair", Placement(0.25, 4.76, 0.3)),
 )
 
 STUDY_FURNITURE: tuple[Solid, ...] = (
-    *table("desk", Place(3.72, 7.2), 1.5, 0.76),
-    *chair("chair", Place(4.7, 6.6, math.pi / 2 + 0.25)),
-    box("bookshelf", Place(5.88, 4.72), 0.32, 1.3, 2.0),
-    box("paper basket", Place(3.8, 5.6), 0.26, 0.26, 0.35),
+    *table("desk", Placement(3.72, 7.2), 1.5, 0.76),
+    *chair("chair", Placement(4.7, 6.6, math.pi / 2 + 0.25)),
+    box("bookshelf", Placement(5.88, 4.72), 0.32, 1.3, 2.0),
+    box("paper basket", Placement(3.8, 5.6), 0.26, 0.26, 0.35),
 )
 
 CHILDS_FURNITURE: tuple[Solid, ...] = (
-    box("bed", Place(9.1, 5.1), 0.9, 2.0, 0.45),
-    box("toy chest", Place(7.0, 5.0, 0.5), 0.7, 0.4, 0.45),
-    *table("low table", Place(7.3, 7.0, -0.35), 0.7, 0.6, 0.55, 0.05),
-    box("drawers", Place(6.34, 7.56), 0.8, 0.44, 0.9, material=Material.BLACK),
+    box("bed", Placement(9.1, 5.1), 0.9, 2.0, 0.45),
+    box("toy chest", Placement(7.0, 5.0, 0.5), 0.7, 0.4, 0.45),
+    *table("low table", Placement(7.3, 7.0, -0.35), 0.7, 0.6, 0.55, 0.05),
+    box("drawers", Placement(6.34, 7.56), 0.8, 0.44, 0.9, material=Material.BLACK),
 )
 
 HALL_FURNITURE: tuple[Solid, ...] = (
-    box("shoe cabinet", Place(0.0, 3.4), 0.34, 0.8, 1.0),
+    box("shoe cabinet", Placement(0.0, 3.4), 0.34, 0.8, 1.0),
     column("coat stand", 7.5, 4.4, 0.14, 1.8),
-    box("chest", Place(3.7, 3.4), 0.9, 0.28, 0.7),
-    box("end of the hall", Place(9.7, 3.4), 0.3, 0.5, 2.0),
+    box("chest", Placement(3.7, 3.4), 0.9, 0.28, 0.7),
+    box("end of the hall", Placement(9.7, 3.4), 0.3, 0.5, 2.0),
 )
 
 TOUR = (

@@ -7,11 +7,11 @@ import math
 from collections.abc import Iterator
 
 from chefbotd.core.geometry import Pose2D
-from chefbotd.sim.worlds.building import Building
-from chefbotd.sim.worlds.solids import (
+from chefbotd.sim.worlds.building import (
+    Building,
     Door,
     Material,
-    Place,
+    Placement,
     Solid,
     box,
     chair,
@@ -31,8 +31,8 @@ NORTH = tuple(Door(f"room {k + 5}", ROOM_M * k + 1.1, 0.9) for k in range(4))
 
 
 def _workplace(x_m: float, y_m: float) -> Iterator[Solid]:
-    yield from table("desk", Place(x_m, y_m), 1.6, 0.8)
-    yield from chair("chair", Place(x_m + 0.6, y_m + 0.9, math.pi * 1.5 + 0.1))
+    yield from table("desk", Placement(x_m, y_m), 1.6, 0.8)
+    yield from chair("chair", Placement(x_m + 0.6, y_m + 0.9, math.pi * 1.5 + 0.1))
 
 
 OFFICE = Building(
@@ -48,9 +48,9 @@ OFFICE = Building(
         *[wall for k in (1, 2, 3) for wall in upright_wall(ROOM_M * k, NORTH_Y_M + 0.1, 9.0)],
         *[part for k in range(4) for part in _workplace(ROOM_M * k + 0.8, 0.3)],
         *[part for k in range(3) for part in _workplace(ROOM_M * k + 3.2, 6.4)],
-        box("copier", Place(23.2, 4.6), 0.7, 0.6, 1.1, material=Material.BLACK),
+        box("copier", Placement(23.2, 4.6), 0.7, 0.6, 1.1, material=Material.BLACK),
         column("plant", 0.35, 5.0, 0.2, 1.2),
-        *table("meeting table", Place(20.2, 6.6, 0.1), 2.4, 1.2),
+        *table("meeting table", Placement(20.2, 6.6, 0.1), 2.4, 1.2),
     ),
     doors=(*[level_door(door, SOUTH_Y_M) for door in SOUTH], *[level_door(door, NORTH_Y_M) for door in NORTH]),
     start=Pose2D(1.5, 4.5, 0.1),

@@ -8,10 +8,12 @@ import json
 import logging
 import socket
 from http import HTTPStatus
+from importlib import resources
 from typing import cast
 
 import structlog
 from aiohttp import web
+from msgspec import Struct
 from websockets.utils import accept_key
 
 from chefbotd.logs import RateLimitedLog
@@ -24,12 +26,37 @@ from chefbotd.rpc.server import RpcServer
 from chefbotd.rpc.session import Session
 from chefbotd.transport.connection import Connection
 from chefbotd.transport.listening import DescriptorLimit, listen
+from chefbotd.transport.parameters import PageParameters
 from chefbotd.transport.unread import UnreadSockets
-from chefbotd.transport.web.files import page_files
 from chefbotd.transport.web.framing import WebSocketFraming
 from chefbotd.transport.web.origin import is_own_host, is_own_origin
-from chefbotd.transport.web.parameters import PageParameters
 from chefbotd.transport.web.prometheus import CONTENT_TYPE, exposition
+
+TYPES = {
+    "html": "text/html; charset=utf-8",
+    "css": "text/css; charset=utf-8",
+    "js": "text/javascript; charset=utf-8",
+    "svg": "image/svg+xml",
+}
+
+
+class PageFile(Struct, frozen=True):
+    """A file as it is sent."""
+
+    content_type: str
+    body: bytes
+
+
+def page_files() -> dict[str, PageFile]:
+    """Every file of the page by its path; ``/`` is ``index.html``."""
+    folder = resources.files(__package__) / "page"
+    files = {
+        f"/{entry.name}": PageFile(TYPES[suffix], entry.read_bytes())
+        for entry in folder.iterdir()
+        if (suffix := entry.name.rpartition(".")[2]) in TYPES
+    }
+    return {"/": files["/index.html"], **files}
+
 
 ACCEPT_AGAIN_S = 0.1
 MAX_HTTP_CONNECTIONS = 64
@@ -151,7 +178,7 @@ class PageServer:
             await asyncio.sleep(0)
 
     def _make_room(self, server: web.Server) -> None:
-        waiting = [each for each in server.connections if each not in self._upgraded]
+        waiting = [connection for connection in server.connections if connection not in self._upgraded]
         if len(waiting) >= MAX_HTTP_CONNECTIONS and waiting[0].transport is not None:
             waiting[0].transport.abort()
 
@@ -182,7 +209,7 @@ class PageServer:
 
     def _forget_sockets(self, server: web.Server) -> None:
         alive = set(server.connections)
-        for handler in [each for each in self._sockets if each not in alive]:
+        for handler in [connection for connection in self._sockets if connection not in alive]:
             del self._sockets[handler]
 
     async def _handle(self, request: web.BaseRequest) -> web.StreamResponse:
@@ -194,8 +221,8 @@ class PageServer:
 
     async def _serve(self, request: web.BaseRequest) -> web.StreamResponse:
         if not is_own_host(request.headers.get("Host", ""), self._parameters.allowed_hosts):
-            told = "this name is not the robot's: add it to page.allowed_hosts, or use its address"
-            return _answer(HTTPStatus.MISDIRECTED_REQUEST, told)
+            reason = "this name is not the robot's: add it to page.allowed_hosts, or use its address"
+            return _answer(HTTPStatus.MISDIRECTED_REQUEST, reason)
         if request.method not in ("GET", "HEAD"):
             return _answer(HTTPStatus.METHOD_NOT_ALLOWED, "only GET is served here")
         if request.path == SOCKET_PATH:
@@ -230,8 +257,8 @@ class PageServer:
         host, port = transport.get_extra_info("peername")[:2]
         session = self._rpc.connections.admit(host, port)
         if isinstance(session, Failure):
-            told = json.dumps({"kind": str(session.kind), "message": session.message})
-            return _answer(HTTPStatus.SERVICE_UNAVAILABLE, told)
+            text = json.dumps({"kind": str(session.kind), "message": session.message})
+            return _answer(HTTPStatus.SERVICE_UNAVAILABLE, text)
         handler = cast(asyncio.Protocol, request.protocol)
         connection = WebSocketConnection(self._rpc, self.unread, session, self._sockets.get(handler), handler)
         self._upgraded.add(handler)
@@ -254,5 +281,5 @@ def _switching(key: str) -> bytes:
     ).encode()
 
 
-def _answer(status: HTTPStatus, told: str) -> web.Response:
-    return web.Response(status=status, text=told + "\n", headers=HEADERS)
+def _answer(status: HTTPStatus, text: str) -> web.Response:
+    return web.Response(status=status, text=text + "\n", headers=HEADERS)

@@ -8,12 +8,13 @@ from typing import Final, NamedTuple
 
 import numpy as np
 
-from chefbotd.core.geometry import Pose2D
+from chefbotd.core.events.mapping import MapPoseUpdated
+from chefbotd.core.geometry import Pose2D, PoseCovariance
 from chefbotd.core.scan import LaserScan
 from chefbotd.mapping.poses import Floats
 from chefbotd.mapping.state import Scan
 from chefbotd.mapping.surfaces import normals
-from chefbotd.perception.laser_scan import BeamParameters, Track, pose_at
+from chefbotd.perception.laser_scan import OdometryTrack, pose_at
 from chefbotd.perception.scan_assembler import MountedScan, ScanAssembler, joined_points
 from chefbotd.worker.messages import OdometrySeen, ScanSeen
 
@@ -24,8 +25,8 @@ MOST_WAITING: Final = 5
 PATIENCE_S: Final = 0.25
 """A scan that is older goes on without newer odometry: that is held, and a robot without encoders stands (safety.md)."""
 
-BEAMS: Final = BeamParameters(min_range_m=0.01, max_range_m=90.0)
-"""The lidar's own range, blind sectors and the robot's body were taken out before."""
+BAND_M: Final = (0.01, 90.0)
+"""The lidar's own range and its blind sectors were taken out before."""
 
 
 class AlignedScan(NamedTuple):
@@ -90,18 +91,18 @@ class ScanAligner:
     def _aligned(self, turns: tuple[ScanSeen, ...]) -> AlignedScan:
         mounted = [MountedScan(Pose2D(*turn.mount), laser_scan(turn)) for turn in turns]
         track = self._track_from(min(each.stamp_s + each.after_s.min(initial=0.0) for _, each in mounted))
-        seen = joined_points(BEAMS, mounted, track)
+        seen = joined_points(BAND_M, mounted, track)
         points, stamp_s = seen.points_m.astype(np.float32), turns[0].stamp_s
         pose = pose_at(track, np.array([stamp_s]))[0]
         sensor_m = seen.sensor_m if seen.sensor_m.ndim == 1 else seen.sensor_m.astype(np.float32)
         return AlignedScan(stamp_s, pose, Scan(points, normals(points, sensor_m), sensor_m))
 
-    def _track_from(self, begin_s: float) -> Track:
+    def _track_from(self, begin_s: float) -> OdometryTrack:
         """Where the robot was, from the last that was known by then on."""
         known = len(self._track)
         first = next((k for k in range(known - 1, 0, -1) if self._track[k].stamp_s <= begin_s), 0)
         rows = np.array([(o.stamp_s, o.x_m, o.y_m, o.heading_rad) for o in islice(self._track, first, None)])
-        return Track(rows[:, 0], rows[:, 1:])
+        return OdometryTrack(rows[:, 0], rows[:, 1:])
 
 
 def laser_scan(scan: ScanSeen) -> LaserScan:
@@ -117,3 +118,32 @@ def laser_scan(scan: ScanSeen) -> LaserScan:
         for data in (scan.bearing_rad, scan.range_m, scan.after_s)
     ]
     return LaserScan(scan.stamp_s, *arrays)
+
+
+def pose_updated(
+    stamp_s: float,
+    map_pose: Floats,
+    odometry: Floats,
+    covariance: Floats,
+    fit: float,
+    state: str,
+    searched: float = 0.0,
+) -> MapPoseUpdated:
+    """Where the robot was in the map; ``odom`` is the frame of the odometry that the worker is sent."""
+    map_from_base = pose_of(map_pose)
+    c = covariance.tolist()
+    return MapPoseUpdated(
+        stamp_s,
+        map_from_base,
+        map_from_base.compose(pose_of(odometry).inverse()),
+        PoseCovariance(c[0][0], c[0][1], c[0][2], c[1][1], c[1][2], c[2][2]),
+        fit,
+        state,
+        searched,
+    )
+
+
+def pose_of(pose: Floats) -> Pose2D:
+    """Three numbers as a pose."""
+    x_m, y_m, heading_rad = pose.tolist()
+    return Pose2D(x_m, y_m, heading_rad)

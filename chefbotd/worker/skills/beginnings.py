@@ -39,7 +39,7 @@ class Beginnings:
         if found is not None and not unfinished:
             raise Refused(
                 RefusalKind.ALREADY_MAPPING,
-                "there is an unfinished map: continue it (unfinished = true), or send discard_mapping",
+                "there is an unfinished map: go on with it, or discard it",
             )
         warning = self.warning(is_found=found is not None)
         if unfinished and found is None:

@@ -2,11 +2,13 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events.mapping import Alternative, LocalizationChanged
+from chefbotd.core.record import replace
 from chefbotd.localization.localizer import (
     Localization,
     Odometry,
@@ -17,7 +19,6 @@ from chefbotd.localization.localizer import (
     step,
 )
 from chefbotd.localization.mount_check import MountCheck, checked, mount_problem
-from chefbotd.localization.parameters import LocalizationParameters
 from chefbotd.localization.pyramid import pyramid
 from chefbotd.localization.saved import SavedPose
 from chefbotd.localization.searching import LocalizationMap
@@ -29,11 +30,10 @@ from chefbotd.mapping.poses import Floats, compose
 from chefbotd.maps.contents import read_grid
 from chefbotd.maps.store import MapStore
 from chefbotd.worker.messages import OdometrySeen, ScanSeen
-from chefbotd.worker.skills import localization_messages as messages
-from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner
-from chefbotd.worker.skills.localization_messages import LocalizationSkillParameters, Located
-from chefbotd.worker.skills.on_map import require_on_map
-from chefbotd.worker.skills.pose_file import PoseFile, PoseOnDisk
+from chefbotd.worker.skills import localization_requests as requests
+from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner, pose_of, pose_updated
+from chefbotd.worker.skills.localization_requests import POSE_FILE, LocalizationSkillParameters
+from chefbotd.worker.skills.pose_file import PoseFile, PoseOnDisk, require_on_map
 from chefbotd.worker.skills.silence import Silence
 from chefbotd.worker.skills.skill import Done, Job, Struct
 
@@ -41,8 +41,6 @@ if TYPE_CHECKING:  # it would load asyncio, 7 MB
     from chefbotd.clock import Clock
 
 KEPT_ANEW_M, KEPT_ANEW_RAD = 0.02, 0.02
-NOTHING: Final = (0.0, 0.0, 0.0)
-NO_COVARIANCE: Final = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 ReadGrid = Callable[[str], OccupancyGrid]
 """The cells of a stored map; raises ``Refused``."""
@@ -66,17 +64,15 @@ class LocalizationSkill:
     ) -> None:
         self._parameters = LocalizationSkillParameters.model_validate_json(parameters)
         self._read_map = read_map or stored_grids(self._parameters.folder)
-        self._pose_file = pose_file or PoseOnDisk(self._parameters.pose_file)
+        self._pose_file = pose_file or PoseOnDisk(self._parameters.folder / POSE_FILE)
         self._clock = clock
-        searching = {"by_itself": self._parameters.auto_search}
-        self._localization = LocalizationParameters.model_validate({"searching": searching})
         self._aligner = ScanAligner(self._parameters.lidars)
         self._within: LocalizationMap | None = None
         self._map: tuple[str, int] | None = None
         self._now = Localization()
         self._mount = MountCheck()
         self._silence = Silence(self._parameters.lidars)
-        self._reason = ""
+        self._reason, self._jumps = "", 0
         self._kept: Floats | None = None
         self._keep_at_s = float("-inf")
         self.grid: OccupancyGrid | None = None
@@ -95,7 +91,7 @@ class LocalizationSkill:
     def problem(self) -> str:
         """Why no pose may be believed, however well the scans fit; empty: there is no such reason."""
         told = mount_problem(self._mount, self._parameters.lidars)
-        return f"{told}; mend that, then send localize" if told else ""
+        return f"{told}; mend that, then have the robot find itself" if told else ""
 
     def warm(self) -> None:
         """Load, or compile, all that localization needs."""
@@ -122,17 +118,23 @@ class LocalizationSkill:
             aligned = self._aligner.next_aligned(self._clock.now_s())
             if aligned is None:
                 return
-            yield self._followed(self._within, aligned)
+            yield from self._followed(self._within, aligned)
 
-    def _followed(self, within: LocalizationMap, aligned: AlignedScan) -> Located:
+    def _followed(self, within: LocalizationMap, aligned: AlignedScan) -> Iterator[Struct]:
         odometry = Odometry(aligned.odometry)
         self._now, report = step(
-            self._localization, within, self._now, aligned.stamp_s, odometry, aligned.scan
+            within,
+            self._now,
+            aligned.stamp_s,
+            odometry,
+            aligned.scan,
+            auto_search=self._parameters.localization.auto_search,
         )
         self.report, self.seen = report, aligned
+        self._jumps += report.jumped
         there = report.map_from_base if report.state in HAS_POSE else None
         found = None if there is None else there.pose
-        self._mount = checked(self._localization.mount_check, self._mount, aligned.odometry, found)
+        self._mount = checked(self._mount, aligned.odometry, found)
         return self._located(report)
 
     # what has its own time
@@ -145,9 +147,9 @@ class LocalizationSkill:
             yield self._standing()
         if self._within is None:
             return
-        self._now = advanced(self._localization, self._within, self._now)
+        self._now = advanced(self._within, self._now)
         if now_s >= self._keep_at_s:
-            self._keep_at_s = now_s + self._parameters.save_period_s
+            self._keep_at_s = now_s + self._parameters.localization.save_period_s
             self._keep()
 
     def _keep(self) -> None:
@@ -161,7 +163,7 @@ class LocalizationSkill:
             if max(off[0], off[1]) < KEPT_ANEW_M and off[2] < KEPT_ANEW_RAD:
                 return
         name, version = self._map
-        x, y, heading = _triple(pose)
+        x, y, heading = pose.tolist()
         covariance = tuple(float(value) for value in estimate.covariance.ravel())
         kept = SavedPose(map=name, version=version, x_m=x, y_m=y, heading_rad=heading, covariance=covariance)
         self._reason = self._pose_file.write(kept)
@@ -175,33 +177,33 @@ class LocalizationSkill:
 
     def handle(self, body: bytes) -> Struct | Job:
         """One request."""
-        match messages.REQUEST.decode(body):
-            case messages.UseMap() as request:
-                return self._using(request.name, request.version)
-            case messages.UseNone():
+        match requests.REQUEST.decode(body):
+            case requests.UseMap() as request:
+                return self._using(request.name, request.version, request.renamed_from)
+            case requests.UseNone():
                 self._keep()
                 self._rest()
-            case messages.SetPose() as request:
+            case requests.SetPose() as request:
                 self._require_map()
                 if self.grid is not None:
                     require_on_map(self.grid, request.x_m, request.y_m)
                 pose = np.array([request.x_m, request.y_m, request.heading_rad])
-                self._now, self._mount = set_pose(self._localization, self._now, pose), MountCheck()
+                self._now, self._mount = set_pose(self._now, pose), MountCheck()
             case _:  # Localize
                 self._require_map()
                 self._now, self._mount = localize(self._now), MountCheck()
         return self._standing()
 
-    def _using(self, name: str, version: int) -> Job:
+    def _using(self, name: str, version: int, renamed_from: str | None) -> Job:
         """Make a map ready, in steps; one that is ready is only told to be in use anew, and the pose stays."""
-        if self._map == (name, version):
-            self._map = name, version
+        if self._map in ((name, version), (renamed_from, version)):
+            self._map, self._kept = (name, version), None
             return self._standing()
         try:
             yield Done(0.0, 3.0, "reading the map")
             grid = self._read_map(name)
             yield Done(1.0, 3.0, "finding its walls")
-            surfaces = surface_map(self._localization.surfaces, grid)
+            surfaces = surface_map(grid)
             yield Done(2.0, 3.0, "preparing the search")
             within = LocalizationMap(surfaces, pyramid(surfaces))
         except (ValueError, Refused) as problem:
@@ -209,19 +211,21 @@ class LocalizationSkill:
             self._rest()
             kind = problem.kind if isinstance(problem, Refused) else RefusalKind.MAP_UNREADABLE
             raise Refused(kind, f"the map {name!r} cannot be used for localization: {problem}") from problem
-        self._change_to(name, version, grid, within)
+        self._change_to(name, version, grid, within, renamed_from)
         return self._standing()
 
-    def _change_to(self, name: str, version: int, grid: OccupancyGrid, within: LocalizationMap) -> None:
+    def _change_to(
+        self, name: str, version: int, grid: OccupancyGrid, within: LocalizationMap, renamed_from: str | None
+    ) -> None:
         """Find the way on another map, or version; the pose that was kept for it is tried first."""
         self._keep()
         self._rest()
         self._within, self._map, self.grid = within, (name, version), grid
         kept = self._pose_file.read()
-        if kept is not None and kept.map == name:
+        if kept is not None and kept.map in (name, renamed_from):
             pose = np.array([kept.x_m, kept.y_m, kept.heading_rad])
             covariance = np.array(kept.loosened()).reshape(3, 3)
-            self._now = set_pose(self._localization, self._now, pose, covariance)
+            self._now = set_pose(self._now, pose, covariance)
 
     def _rest(self) -> None:
         self._within = self._map = self._kept = self.grid = self.report = self.seen = None
@@ -237,25 +241,22 @@ class LocalizationSkill:
 
     # what is told
 
-    def _located(self, report: Report) -> Located:
+    def _located(self, report: Report) -> Iterator[Struct]:
+        """How it stands with a scan, and the pose, where there is one, which follows the estimate smoothly."""
         odometry, there = self._now.odometry, report.map_from_base
-        is_known = there is not None and not self.problem
-        moved = odometry is not None and is_known and report.map_from_odom is not None
-        c = there.covariance if there is not None else np.zeros((3, 3))
-        upper = (c[0, 0], c[0, 1], c[0, 2], c[1, 1], c[1, 2], c[2, 2])
-        return Located(
+        alternatives = tuple(Alternative(pose_of(one.estimate.pose), one.fit) for one in report.alternatives)
+        yield replace(
+            self._standing(),
             stamp_s=report.stamp_s,
             state=self._state_told(report.state),
-            map=self._map[0] if self._map else None,
-            map_from_base=_triple(compose(report.map_from_odom, odometry.pose)) if moved else None,  # type: ignore[arg-type,union-attr]
-            odometry=_triple(odometry.pose) if odometry else NOTHING,
-            covariance=tuple(float(value) for value in upper),  # type: ignore[arg-type]
             fit=report.fit,
-            jumped=report.jumped,
-            alternatives=tuple((*_triple(one.estimate.pose), one.fit) for one in report.alternatives),
+            alternatives=alternatives,
             searched=report.searched,
-            reason=self._reason_told(),
         )
+        if odometry is None or there is None or self.problem or report.map_from_odom is None:
+            return
+        pose, state = compose(report.map_from_odom, odometry.pose), self._state_told(report.state)
+        yield pose_updated(report.stamp_s, pose, odometry.pose, there.covariance, report.fit, state)
 
     def _state_told(self, state: State) -> str:
         """Without scans nobody is sure of a pose, and with a lidar that is turned nobody has one."""
@@ -266,23 +267,9 @@ class LocalizationSkill:
     def _reason_told(self) -> str:
         return "; ".join(filter(None, (self.problem, self._silence.told, self._reason)))
 
-    def _standing(self) -> Located:
-        """How it stands between two scans."""
+    def _standing(self) -> LocalizationChanged:
+        """How it stands between two scans; ``jumps`` are those since the worker started."""
         state, name = self._state_told(self._now.state), self._map[0] if self._map else None
-        return Located(
-            self._clock.now_s(),
-            state,
-            name,
-            None,
-            NOTHING,
-            NO_COVARIANCE,
-            0.0,
-            False,
-            (),
-            0.0,
-            self._reason_told(),
+        return LocalizationChanged(
+            self._clock.now_s(), state, name, 0.0, (), 0.0, self._jumps, self._reason_told()
         )
-
-
-def _triple(pose: Floats) -> tuple[float, float, float]:
-    return float(pose[0]), float(pose[1]), float(pose[2])

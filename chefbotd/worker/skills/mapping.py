@@ -9,7 +9,8 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Final
 
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.localization.mount_check import MountCheck, MountCheckParameters, checked, mount_problem
+from chefbotd.core.events.mapping import MappingChanged, MapPoseUpdated, MapSaved
+from chefbotd.localization.mount_check import MountCheck, checked, mount_problem
 from chefbotd.mapping.finish import refining
 from chefbotd.mapping.occupancy import occupancy
 from chefbotd.mapping.saved import saved
@@ -18,19 +19,18 @@ from chefbotd.mapping.state import SlamMode, SlamState, start
 from chefbotd.mapping.warm import warm
 from chefbotd.maps.names import map_name
 from chefbotd.worker.messages import OdometrySeen, ScanSeen
-from chefbotd.worker.skills import mapping_messages as messages
-from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner
+from chefbotd.worker.skills import mapping_requests as requests
+from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner, pose_updated
 from chefbotd.worker.skills.beginnings import Beginning, Beginnings
 from chefbotd.worker.skills.map_files import MapFiles, StoredMaps
-from chefbotd.worker.skills.map_updates import MapUpdates, pose_found, way_m
-from chefbotd.worker.skills.mapping_messages import MappingSkillParameters, MappingStatus, PoseFound
+from chefbotd.worker.skills.map_updates import MapUpdates, way_m
+from chefbotd.worker.skills.mapping_requests import MappingSkillParameters
 from chefbotd.worker.skills.silence import Silence
 from chefbotd.worker.skills.skill import Done, Job, Struct
 
 if TYPE_CHECKING:  # it would load asyncio, 7 MB
     from chefbotd.clock import Clock
 
-MOUNT: Final = MountCheckParameters()
 
 BUSY_SHARE: Final = 0.05
 """Telling and saving each take no more of the time than this; a large map is told and saved less often."""
@@ -97,13 +97,21 @@ class MappingSkill:
                 return
             yield self._mapped(aligned)
 
-    def _mapped(self, aligned: AlignedScan) -> PoseFound:
+    def _mapped(self, aligned: AlignedScan) -> MapPoseUpdated:
         slam = self._parameters.mapping.slam
         self._state, report = step(slam, self._state, aligned.stamp_s, aligned.odometry, aligned.scan)
         self._scans += 1
         fits = report.mode in (SlamMode.MAPPING, SlamMode.WHEEL_SLIP)
-        self._mount = checked(MOUNT, self._mount, aligned.odometry, report.map_pose if fits else None)
-        return pose_found(aligned, report)
+        self._mount = checked(self._mount, aligned.odometry, report.map_pose if fits else None)
+        return pose_updated(
+            aligned.stamp_s,
+            report.map_pose,
+            aligned.odometry,
+            report.covariance,
+            report.fit,
+            str(report.mode),
+            report.searched,
+        )
 
     # what has its own time
 
@@ -148,33 +156,36 @@ class MappingSkill:
 
     def handle(self, body: bytes) -> Struct | Job:
         """One request."""
-        match messages.REQUEST.decode(body):
-            case messages.Start() as request:
+        match requests.REQUEST.decode(body):
+            case requests.Start() as request:
                 return self._start(request)
-            case messages.Resume() as request:
+            case requests.Resume() as request:
                 return self._resume(request)
-            case messages.Pause():
+            case requests.Pause():
                 return self._pause()
-            case messages.Finish() as request:
+            case requests.Finish() as request:
                 return self._finish(request.name)
-            case messages.Discard():
+            case requests.Discard():
                 return self._discard()
-            case messages.GetStatus():
+            case requests.GetStatus():
                 return self._status()
             case _:  # GetGrid
                 return self._whole_grid()
 
-    def _start(self, request: messages.Start) -> MappingStatus:
+    def _start(self, request: requests.Start) -> MappingChanged:
         if self._mode is Mode.PAUSED and request.name in (None, self._name) and not request.unfinished:
             self._mode = Mode.MAPPING
             return self._status()
         if self._mode is not Mode.IDLE:
-            raise Refused(RefusalKind.ALREADY_MAPPING, f"a map is being made already (it is {self._mode})")
+            told = (
+                "the map is being finished" if self._mode is Mode.FINISHING else "a map is being made already"
+            )
+            raise Refused(RefusalKind.ALREADY_MAPPING, told)
         self._begin(self._beginnings.asked_for(request.name, unfinished=request.unfinished), request.name)
-        self._mode = Mode.MAPPING
+        self._mode = Mode.PAUSED if request.paused else Mode.MAPPING
         return self._status()
 
-    def _resume(self, request: messages.Resume) -> MappingStatus:
+    def _resume(self, request: requests.Resume) -> MappingChanged:
         beginning = self._beginnings.unfinished()
         if beginning is None:
             self._reason = "the worker ended, and nothing was kept of the map that was being made"
@@ -189,13 +200,13 @@ class MappingSkill:
         self._state, self._warning = beginning
         self._name, self._reason = name, ""
 
-    def _pause(self) -> MappingStatus:
+    def _pause(self) -> MappingChanged:
         self._require_map()
         self._aligner.clear()
         self._mode = Mode.PAUSED
         return self._status()
 
-    def _discard(self) -> MappingStatus:
+    def _discard(self) -> MappingChanged:
         if self._mode is Mode.FINISHING:
             raise Refused(RefusalKind.ALREADY_MAPPING, "the map is being finished: cancel that first")
         self._files.discard_autosave()
@@ -238,7 +249,7 @@ class MappingSkill:
             self._files.discard_autosave()
         except Refused as problem:  # the map is saved nevertheless
             self._reason = str(problem)
-        return messages.Finished(name, version, status.keyframes, status.loops, status.path_m)
+        return MapSaved(name, version, status.keyframes, status.loops, status.path_m)
 
     def _require_map(self) -> None:
         if self._mode in (Mode.IDLE, Mode.FINISHING):
@@ -253,12 +264,13 @@ class MappingSkill:
 
     # what is told
 
-    def _status(self) -> MappingStatus:
+    def _status(self) -> MappingChanged:
         state, is_idle = self._state, self._mode is Mode.IDLE
         unfinished, warning = is_idle and self._files.has_autosave(), self._warning
         if is_idle:
             warning = self._beginnings.warning(is_found=unfinished)
-        return MappingStatus(
+        return MappingChanged(
+            stamp_s=self._clock.now_s(),
             state=str(self._mode),
             name=self._name,
             keyframes=len(state.nodes),

@@ -7,30 +7,29 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events.navigation import GoalResult, NavigationData, PathData, PlanResult
 from chefbotd.core.geometry import Pose2D
 from chefbotd.localization.states import State as Knows
+from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.poses import Floats, compose
 from chefbotd.maps.store import MapStore
 from chefbotd.navigation.navigator import Navigator
-from chefbotd.navigation.outline import OutlineParameters
+from chefbotd.navigation.outline import Footprint
 from chefbotd.navigation.parameters import NavigationParameters
-from chefbotd.navigation.planner import Goal, NoPath, Path
+from chefbotd.navigation.path import Goal, NoPath, Path
 from chefbotd.navigation.reports import PoseStatus, Seen, Step
-from chefbotd.navigation.steering import FollowerParameters
+from chefbotd.navigation.steering import FollowerLimits
 from chefbotd.navigation.warm import warm
 from chefbotd.navigation.zones import NO_ZONES, Zones, parse_zones
 from chefbotd.worker.messages import OdometrySeen, RangeSeen, ScanSeen
-from chefbotd.worker.skills import navigation_messages as messages
+from chefbotd.worker.skills import navigation_requests as requests
 from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner
 from chefbotd.worker.skills.localization import LocalizationSkill
-from chefbotd.worker.skills.navigation_messages import (
+from chefbotd.worker.skills.navigation_requests import (
     GoalAsked,
-    GoalEnded,
     MapChecked,
     NavigationSkillParameters,
-    Planned,
     Stepped,
-    Taken,
 )
 from chefbotd.worker.skills.navigation_shown import Shown
 
@@ -56,7 +55,6 @@ A scan is matched from where odometry left off, and does not find all of the way
 HELD_S: Final = 0.3
 
 STATUS: Final = {Knows.LOCALIZED: PoseStatus.LOCALIZED, Knows.UNCERTAIN: PoseStatus.UNCERTAIN}
-NO_WAY: Final[tuple[tuple[float, ...], tuple[float, ...]]] = ((), ())
 
 
 class NavigationSkill:
@@ -64,12 +62,19 @@ class NavigationSkill:
 
     def __init__(self, parameters: bytes, clock: "Clock") -> None:
         told = NavigationSkillParameters.model_validate_json(parameters)
-        self._params = NavigationParameters(outline=_outline(told), follower=_follower(told))
+        self._params = NavigationParameters(
+            outline=_outline(told),
+            follower=_follower(told),
+            silent_speed_m_s=told.silent_speed_m_s,
+            unknown_space=told.navigation.unknown_space,
+            comfort_m=told.navigation.comfort_m,
+        )
         self._folder, self._clock = told.folder, clock
         self._navigator = Navigator(self._params)
         self._finder: LocalizationSkill | None = None
         self._map: tuple[str, int] | None = None  # the one that is navigated on,
         self._used: tuple[str, int] | None = None  # and localization's
+        self._grid: OccupancyGrid | None = None
         self._problem = ""
         self._odometry: OdometrySeen | None = None
         self._map_from_odom: Floats | None = None  # by which the robot is placed
@@ -116,30 +121,30 @@ class NavigationSkill:
 
     # what is asked
 
-    def handle(self, body: bytes) -> Struct | Job:
+    def handle(self, body: bytes) -> Struct | Job | None:
         """One request."""
         self._follow_map()
         navigator = self._navigator
-        match messages.REQUEST.decode(body):
-            case messages.NavigateTo() as request:
+        match requests.REQUEST.decode(body):
+            case requests.NavigateTo() as request:
                 self._require_map()
                 self._require_sound_pose()
                 numbers = navigator.navigate_to(tuple(map(_goal, request.goals)), queue=request.queue)
                 asked = [goal.number for goal in request.goals]
                 self._numbers.update(zip(numbers, asked, strict=True))
-            case messages.KeepGoals() as request:
+            case requests.KeepGoals() as request:
                 navigator.keep([mine for mine, theirs in self._numbers.items() if theirs in request.numbers])
-            case messages.Pause() as request:
+            case requests.Pause() as request:
                 navigator.pause(request.reason)
-            case messages.Resume():
+            case requests.Resume():
                 navigator.resume()
-            case messages.PlanTo() as request:
+            case requests.PlanTo() as request:
                 return self._planned(request.goal)
-            case messages.Show() as request:
+            case requests.Show() as request:
                 self._shown.ask(request)
-            case messages.CheckMap():
+            case requests.CheckMap():
                 return MapChecked(self._problem)
-        return Taken()
+        return None
 
     def _require_map(self) -> None:
         if self._map is None:
@@ -150,7 +155,7 @@ class NavigationSkill:
         if self._finder is not None and self._finder.problem:
             raise Refused(RefusalKind.POSE_UNKNOWN, self._finder.problem)
 
-    def _planned(self, goal: GoalAsked) -> Planned:
+    def _planned(self, goal: GoalAsked) -> PlanResult:
         self._require_map()
         self._require_sound_pose()
         now_s = self._clock.now_s()
@@ -160,11 +165,11 @@ class NavigationSkill:
         found = self._navigator.plan_to(pose, _goal(goal), now_s)
         if isinstance(found, NoPath):
             near = found.nearest
-            nearest = None if near is None else (near.x_m, near.y_m, near.heading_rad)
-            return Planned(False, found.reason, 0.0, 0.0, (), (), nearest)
+            nearest = (None, None, None) if near is None else (near.x_m, near.y_m, near.heading_rad)
+            return PlanResult(False, found.reason, None, None, (), (), *nearest)
         told = "the nearest free place within the tolerance" if found.is_substitute else ""
         time_s = self._navigator.time_s(found, pose)
-        return Planned(True, told, found.length_m, time_s, *_points(found), None)
+        return PlanResult(True, told, found.length_m, time_s, *_points(found))
 
     # what has its own time
 
@@ -196,7 +201,7 @@ class NavigationSkill:
             return None, PoseStatus.LOST
         if now_s - odometry.stamp_s > SILENT_S:
             self._held_until_s = now_s + HELD_S
-        if now_s >= self._held_until_s or self._map_from_odom is None:
+        if now_s >= self._held_until_s or self._map_from_odom is None or self._navigator.crawls:
             self._map_from_odom = known.map_from_odom
         pose = _pose2d(compose(self._map_from_odom, expected(odometry, now_s)))
         if now_s - odometry.stamp_s > MOST_AGE_S:
@@ -233,26 +238,18 @@ class NavigationSkill:
         progress = done.progress
         planned = self._navigator.planned
         is_new, self._path = planned is not self._path, planned
-        twist = None if done.twist is None else (done.twist.linear_m_s, done.twist.angular_rad_s)
         number = None if progress.goal is None else self._numbers.get(progress.goal)
+        state = str(progress.state)
+        now = NavigationData(state, number, progress.reason, progress.distance_m, progress.time_s)
         ended = tuple(
-            GoalEnded(self._numbers.pop(each.goal, 0), str(each.end), each.reason) for each in done.ended
+            GoalResult(self._numbers.pop(each.goal, 0), str(each.end), each.reason) for each in done.ended
         )
-        return Stepped(
-            stamp_s=now_s,
-            twist=twist,
-            state=str(progress.state),
-            goal=number,
-            reason=progress.reason,
-            distance_m=progress.distance_m,
-            time_s=progress.time_s,
-            ended=ended,
-            path=(NO_WAY if planned is None else _points(planned)) if is_new else None,
-        )
+        path = PathData() if planned is None else PathData(*_points(planned))
+        return Stepped(now_s, done.twist, now, ended, path if is_new else None)
 
     def _has_changed(self, told: Stepped) -> bool:
-        last = self._told
-        return last is None or (last.state, last.goal, last.reason) != (told.state, told.goal, told.reason)
+        last, now = None if self._told is None else self._told.now, told.now
+        return last is None or (last.state, last.goal, last.reason) != (now.state, now.goal, now.reason)
 
     # the map
 
@@ -262,10 +259,14 @@ class NavigationSkill:
         if used is self._used:
             return
         before, self._used = self._used, used
+        grid_before, self._grid = self._grid, None if self._finder is None else self._finder.grid
+        grid = self._grid
         if before is not None and used is not None and before[0] != used[0]:
+            if grid is not None and grid is grid_before:  # renamed: the same map, with the same zones
+                self._map = used if self._map is not None else None
+                return
             self._navigator.fail(f"the map was changed from {before[0]} to {used[0]}")
         self._map, self._problem, self._map_from_odom = used, "", None
-        grid = None if self._finder is None else self._finder.grid
         if used is None or grid is None:
             self._map = None
             self._navigator.fail("there is no map in use any more")
@@ -297,16 +298,15 @@ def expected(odometry: OdometrySeen, at_s: float) -> Floats:
     return compose(np.array([odometry.x_m, odometry.y_m, odometry.heading_rad]), on)
 
 
-def _outline(told: NavigationSkillParameters) -> OutlineParameters:
+def _outline(told: NavigationSkillParameters) -> Footprint:
     if told.radius_m is not None:
-        return OutlineParameters(radius_m=told.radius_m)
+        return Footprint(radius_m=told.radius_m)
     x, y = told.half_length_m, told.half_width_m
-    return OutlineParameters(corners_m=((x, y), (-x, y), (-x, -y), (x, -y)))
+    return Footprint(corners_m=((x, y), (-x, y), (-x, -y), (x, -y)))
 
 
-def _follower(told: NavigationSkillParameters) -> FollowerParameters:
-    usual = FollowerParameters()
-    return usual.model_copy(update={"max_speed_m_s": min(usual.max_speed_m_s, told.max_speed_m_s)})
+def _follower(told: NavigationSkillParameters) -> FollowerLimits:
+    return FollowerLimits(max_speed_m_s=min(FollowerLimits().max_speed_m_s, told.navigation.max_speed_m_s))
 
 
 def _goal(asked: GoalAsked) -> Goal:

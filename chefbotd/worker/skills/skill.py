@@ -43,8 +43,8 @@ class Skill(Protocol):
         """Where odometry says the robot is; usually a little later than a scan of the same time."""
         ...
 
-    def handle(self, body: bytes) -> Struct | Job:
-        """A request of the daemon; the answer, or a job that ends with it.
+    def handle(self, body: bytes) -> Struct | Job | None:
+        """A request of the daemon; the answer, or a job that ends with it. None: it was done.
 
         Raises:
             Refused: it is not carried out.

@@ -12,6 +12,7 @@ from chefbotd.clock import run_virtual
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.motion.pid import PidParameters
 from chefbotd.rpc.describe import describe
+from chefbotd.rpc.encoding import plain
 from tests.fakes.robot import methods_of_socket, topics_of
 
 T = TypeVar("T")
@@ -43,7 +44,7 @@ class FakeDaemon:
     do not turn; ``slip`` is the share of its motion that the robot does not make, though its wheels do, and
     ``drift_rad_s`` how it turns though they do not; every answer takes ``latency_s``. ``MOST`` is the most that it
     allows of any speed, and ``held_by`` what it says holds it up. ``scan`` is what its lidar sees (None: nothing), and
-    ``lidar_condition`` how that is; everything that it tells is ``age_s`` old.
+    ``lidar_condition`` how that is (empty: there is none); everything that it tells is ``age_s`` old.
     """
 
     def __init__(self) -> None:
@@ -63,7 +64,7 @@ class FakeDaemon:
         self.latch = 0
         self.scan: dict[str, Any] | None = None
         recording = RecordingData(state="recording", name="evening_1")
-        self.recording: dict[str, Any] = recording.model_dump(mode="json")
+        self.recording: dict[str, Any] = plain(recording)
         self.recordings: list[dict[str, Any]] = []
         self.lidar_condition = "healthy"
         self.age_s = 0.004
@@ -155,7 +156,8 @@ class FakeDaemon:
         topics["recording"] = self.recording
         if self.scan is not None:
             topics["scan"] = self.scan
-        topics["lidars"] = {"lidars": [{**LIDAR, "condition": self.lidar_condition}]}
+        if self.lidar_condition:
+            topics["lidars"] = {"lidars": [{**LIDAR, "condition": self.lidar_condition}]}
         if self.simulated:
             topics["sim"] = {**_pose(self.truth), **speed, "in_contact": False}
         return topics
@@ -240,7 +242,7 @@ class FakeDaemon:
 
 def description(*, simulated: bool) -> dict[str, Any]:
     """What a real daemon says of itself."""
-    return describe(methods_of_socket(), topics_of(simulated=simulated)).model_dump(mode="json")
+    return plain(describe(methods_of_socket(), topics_of(simulated=simulated)))
 
 
 BEAM = {

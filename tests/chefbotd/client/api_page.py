@@ -5,7 +5,9 @@ import json
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
+from typing import Any
 
+from chefbotd.rpc.encoding import schema
 from chefbotd.rpc.method import Method
 from chefbotd.rpc.topics import Topic
 from tests.fakes.example import example
@@ -65,7 +67,7 @@ def _in_order(rows: list[str], before: Iterable[str]) -> list[str]:
 
 
 def _method_row(method: Method, cells: list[str]) -> str:
-    takes, gives = method.params.model_fields, method.result.model_fields
+    takes, gives = method.params.model_fields, members(method.result)
     old = dict(enumerate(cells))
     params = _kept(old.get(0, ""), list(takes)[:4], takes) or ", ".join(
         f"`{name}`" + ("" if field.is_required() else f" = {json.dumps(field.default)}")
@@ -77,15 +79,20 @@ def _method_row(method: Method, cells: list[str]) -> str:
     return " | ".join([f"| `{method.name}`", params, result, role, does]).replace("|  |", "| |") + " |"
 
 
+def members(model: type[Any]) -> dict[str, Any]:
+    """What a record has, each with its JSON Schema."""
+    return schema(model).get("properties", {})  # type: ignore[no-any-return]
+
+
 def _cell(text: str) -> str:
     """Text on one line, with its bars escaped: a bar ends a cell."""
     return " ".join(text.split()).replace("|", r"\|")
 
 
 def _topic_row(topic: Topic, cells: list[str]) -> str:
-    fields = {} if topic.name == "stats" else topic.model.model_fields
+    fields = {} if topic.name == "stats" else members(topic.model)
     told = (
-        f"`{name}`" + (f" ({_cell(field.description)})" if field.description else "")
+        f"`{name}`" + (f" ({_cell(field['description'])})" if "description" in field else "")
         for name, field in fields.items()
     )
     row = (

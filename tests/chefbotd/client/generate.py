@@ -11,19 +11,22 @@ from collections.abc import Iterable, Mapping
 from enum import Enum
 from pathlib import Path
 from types import NoneType, UnionType
-from typing import Annotated, Any, Literal, Union, get_args, get_origin
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
 
-from pydantic import BaseModel, SecretStr
+from pydantic import SecretStr
 
 import chefbotd.client
 from chefbotd.client.client import Client
 from chefbotd.client.generated import GeneratedMethods
+from chefbotd.core.record import Record
+from chefbotd.rpc.encoding import UnknownData
 from chefbotd.rpc.method import Method
-from chefbotd.rpc.models import Done, Sent, UnknownData
+from chefbotd.rpc.models import Done
 from chefbotd.rpc.topics import Topic
 from tests.chefbotd.client.api_page import PAGE, page
 from tests.fakes.robot import methods_of_socket, topics_of
 
+SENT = (Record, UnknownData)
 PACKAGE = Path(chefbotd.client.__file__).parent
 WIDTH = 120
 WITHOUT_METHOD = {"subscribe", "unsubscribe", "cancel"}
@@ -119,7 +122,7 @@ def _annotation(kind: Any, where: str) -> str:
     )
 
 
-def _method(method: Method, exported: Mapping[str, type[Sent]]) -> str:
+def _method(method: Method, exported: Mapping[str, type[Any]]) -> str:
     fields = sorted(method.params.model_fields.items(), key=lambda item: not item[1].is_required())
     takes, gives = ["self"], []
     for name, field in fields:
@@ -140,39 +143,39 @@ def _method(method: Method, exported: Mapping[str, type[Sent]]) -> str:
     return "\n".join((_filled(head, 8), quoted, _filled(call, 12)))
 
 
-def _models(kinds: Iterable[type[BaseModel]]) -> dict[str, type[Sent]]:
+def _models(kinds: Iterable[type[Any]]) -> dict[str, type[Any]]:
     """These models, those within them and those that they are made from, as far as a module has them.
 
     Raises:
         ValueError: two of them have the same name.
     """
-    found: dict[str, type[Sent]] = {}
+    found: dict[str, type[Any]] = {}
     waiting = list(kinds)
     while waiting:
         kind = waiting.pop()
         for each in kind.__mro__:
             known = getattr(sys.modules[each.__module__], each.__name__, None) is each
-            if known and issubclass(each, Sent) and each not in (Sent, found.get(each.__name__)):
+            if known and issubclass(each, SENT) and each not in (Record, found.get(each.__name__)):
                 if other := found.get(each.__name__):
                     raise ValueError(
                         f"{other.__module__} and {each.__module__} both have a model {each.__name__}"
                     )
                 found[each.__name__] = each
-                waiting += [part for field in each.model_fields.values() for part in _parts(field.annotation)]
+                waiting += [part for kind in get_type_hints(each).values() for part in _parts(kind)]
     return found
 
 
-def _parts(kind: Any) -> list[type[BaseModel]]:
-    if isinstance(kind, type) and issubclass(kind, BaseModel):
+def _parts(kind: Any) -> list[type[Any]]:
+    if isinstance(kind, type) and issubclass(kind, SENT):
         return [kind]
     return [model for part in get_args(kind) for model in _parts(part)]
 
 
-def _exported(model: type[BaseModel], exported: Mapping[str, type[Sent]]) -> str:
+def _exported(model: type[Any], exported: Mapping[str, type[Any]]) -> str:
     return next(each.__name__ for each in model.__mro__ if exported.get(each.__name__) is each)
 
 
-def _methods_module(asking: list[Method], exported: Mapping[str, type[Sent]], data: Mapping[str, str]) -> str:
+def _methods_module(asking: list[Method], exported: Mapping[str, type[Any]], data: Mapping[str, str]) -> str:
     methods = "".join(f"\n{_method(each, exported)}\n" for each in asking)
     overloads = "\n".join(
         "    @overload\n"
@@ -192,7 +195,7 @@ def _sync_module(asking: list[Method], by_hand: Mapping[str, object]) -> str:
     return MARK + '"""The methods of the asyncio client as plain ones."""\n' + SYNC_HEAD + rows
 
 
-def _models_module(exported: Mapping[str, type[Sent]], data: Mapping[str, str]) -> str:
+def _models_module(exported: Mapping[str, type[Any]], data: Mapping[str, str]) -> str:
     by_module: dict[str, list[str]] = {}
     for name, model in exported.items():
         by_module.setdefault(model.__module__, []).append(name)
@@ -206,8 +209,9 @@ def _models_module(exported: Mapping[str, type[Sent]], data: Mapping[str, str]) 
 from collections.abc import Mapping
 
 {imports}
+from chefbotd.rpc.encoding import Sent
 
-DATA_BY_TOPIC: Mapping[str, type[TopicData]] = {{
+DATA_BY_TOPIC: Mapping[str, type[Sent]] = {{
 {table}
 }}
 """What a client reads each topic as."""

@@ -9,10 +9,12 @@ import pytest
 from msgspec.structs import replace
 
 from chefbotd.client import Client, SyncClient, models
+from chefbotd.client.blocking import SyncSubscription
 from chefbotd.client.generated import GeneratedMethods
 from chefbotd.client.models import Driven, MapList, OdometryData, PathData
 from chefbotd.client.subscription import Subscription
-from chefbotd.client.sync_subscription import SyncSubscription
+from chefbotd.core.record import Record
+from chefbotd.rpc.encoding import plain
 from chefbotd.rpc.method import Method
 from chefbotd.rpc.models import Params
 from tests.chefbotd.client.api_page import page
@@ -38,7 +40,8 @@ class Recorder(GeneratedMethods):
 
     async def call(self, method: str, /, *, on_progress: object = None, **params: Any) -> dict[str, Any]:
         self.asked.append((method, params))
-        return example(METHODS[method].result).model_dump(mode="json")
+        answer: dict[str, Any] = plain(example(METHODS[method].result))
+        return answer
 
 
 @pytest.mark.parametrize("name", [name for name in vars(GeneratedMethods) if name in METHODS])
@@ -56,7 +59,7 @@ def test_a_written_method_asks_for_what_it_is_named_after(name: str) -> None:
 
 def test_two_models_of_one_name_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """The client has all of them in one module."""
-    other = type("Pong", (models.Result,), {"__module__": __name__})
+    other = type("Pong", (Record,), {"__module__": __name__})
     monkeypatch.setitem(globals(), "Pong", other)
     with pytest.raises(ValueError, match="both have a model Pong"):
         written({**METHODS, "pong": replace(METHODS["ping"], result=other)}, TOPICS)
@@ -117,10 +120,8 @@ def test_a_page_keeps_its_words_and_gets_what_is_missing() -> None:
     methods = {name: METHODS[name] for name in ("set_pose", "delete_place", "arm", "ping")}
     told = page(PAGE, methods, {"battery": TOPICS["battery"]})
     assert "| `delete_place` | its `name` and `map` | `ok` | drive | forgets it |" in told
-    assert (
-        "| `set_pose` | `x_m`, `y_m`, `heading_rad` = 0.0 | `state`, `map`, `reason` | drive | as it was |"
-        in told
-    )
+    given = "`state`, `map`, `fit`, `alternatives`, `searched`, `jumps`, `reason`"
+    assert f"| `set_pose` | `x_m`, `y_m`, `heading_rad` = 0.0 | {given} | drive | as it was |" in told
     assert "| `arm` | `latch` = null | `ok` | drive | allows motion |" in told
     assert "| `ping` | | `pong`, `stamp_s` | observe | Answer at once, with the daemon's time. |" in told
     assert "| `battery` | The battery. `voltage_v`, `percentage`, `status` |" in told

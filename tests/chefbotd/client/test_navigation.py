@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from chefbotd.client import CallError, Client, GoalBlocked
-from chefbotd.features.navigation.methods import GoalResult
+from chefbotd.core.events.navigation import GoalResult
 from chefbotd.rpc.jobs import Progress
 from tests.fakes.api import serving
 from tests.fakes.robot import FakeNavigation

@@ -14,6 +14,7 @@ from chefbotd.doctor.host import (
     check_governor,
     check_holder,
     check_permission,
+    check_priority,
     check_service,
     check_time_sync,
 )
@@ -90,6 +91,15 @@ def test_the_service(unit: Mapping[str, str] | None, verdict: Verdict, said: str
     finding = check_service(unit)
     assert finding.verdict is verdict
     assert said in finding.measured
+
+
+def test_the_loops_priority():
+    """Real time is well, ordinary is a warning with what to do, and no daemon is nothing to judge."""
+    assert check_priority(10, 0, 50_000).verdict is Verdict.OK
+    assert "real-time priority 10, and its memory is locked" in check_priority(10, 0, 50_000).measured
+    assert check_priority(0, -10, 0).verdict is Verdict.WARNING
+    assert "nice -10" in check_priority(0, -10, 0).measured
+    assert check_priority(None, 0, 0).verdict is Verdict.SKIPPED
 
 
 def test_governor_clock_and_configuration():

@@ -4,8 +4,8 @@ import pytest
 
 from chefbotd.doctor.finding import Verdict
 from chefbotd.doctor.wheels import (
-    Sample,
     WheelRun,
+    WheelSample,
     WheelSetting,
     check_distance,
     check_motor,
@@ -25,9 +25,9 @@ def run(
 ) -> WheelRun:
     """The left wheel was asked; both turned so far, the left one with this speed at the end."""
     zero = {"left": 0.0, "right": 0.0}
-    start = Sample(0.0, zero, zero, {"left": 0, "right": 0})
+    start = WheelSample(0.0, zero, zero, {"left": 0, "right": 0})
     turned = {"left": left_rad, "right": right_rad}
-    end = Sample(1.0, turned, {"left": speed, "right": 0.0}, {"left": duty, "right": 0})
+    end = WheelSample(1.0, turned, {"left": speed, "right": 0.0}, {"left": duty, "right": 0})
     return WheelRun("left", (start, end), seen=seen)
 
 

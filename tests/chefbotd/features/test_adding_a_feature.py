@@ -14,12 +14,15 @@ from chefbotd.bus import Bus
 from chefbotd.client import CallError
 from chefbotd.client import models as client_models
 from chefbotd.clock import ManualClock, run_virtual
+from chefbotd.core.record import Record
+from chefbotd.entries import Entries
 from chefbotd.features.feature import Feature, methods_and_topics
 from chefbotd.rpc.method import Method, method
-from chefbotd.rpc.models import NoParams, TopicData
+from chefbotd.rpc.models import NoParams
 from chefbotd.rpc.roles import Role
 from chefbotd.rpc.topics import Topic
 from chefbotd.settings import load
+from chefbotd.snapshot import DaemonState, encoded
 from chefbotd.testing.board import ScriptedBoard
 from chefbotd.testing.daemon import running_daemon
 from chefbotd.testing.transport import FakeSerialDevice
@@ -85,6 +88,17 @@ def test_the_role_of_the_worked_example_is_enforced(shown: types.ModuleType) -> 
     assert all(service.in_steps for service in shown.trip(Bus(), ManualClock()).services)
 
 
+def test_the_worked_example_goes_on_from_a_recorded_state(shown: types.ModuleType) -> None:
+    """What one has driven, another one goes on with; a state of anything else is refused."""
+    one, other = (shown.trip(Bus(), ManualClock()).parts for _ in range(2))
+    one["trip"].turned_rad, one["trip"].resets = 2.5, 3
+    state = DaemonState(Entries(ManualClock()), other, tuple, ())
+    assert state.restore({"trip": encoded(one["trip"].state())}) == []
+    assert (other["trip"].turned_rad, other["trip"].resets) == (2.5, 3)
+    (problem,) = state.restore({"trip": encoded({"turned_rad": "far", "resets": 3})})
+    assert "Expected `float`, got `str` - at `$.turned_rad`" in problem
+
+
 def added(shown: types.ModuleType) -> tuple[dict[str, Method], dict[str, Topic]]:
     """The methods and topics of a socket, and those of the page."""
     methods, topics = methods_and_topics([shown.trip(Bus(), ManualClock())])
@@ -125,7 +139,7 @@ def test_one_command_writes_all_else_that_the_worked_example_needs(
 
 def test_two_features_with_one_topic_are_refused() -> None:
     """The error names the feature that came second, and what is taken."""
-    topic = Topic("trip", (), TopicData, TopicData.of)
+    topic = Topic("trip", (), Record, lambda _: Record())
     features = [Feature("first", topics=(topic,)), Feature("second", topics=(topic,))]
     with pytest.raises(ValueError, match="second: topic trip already belongs to another feature"):
         methods_and_topics(features)
@@ -134,7 +148,7 @@ def test_two_features_with_one_topic_are_refused() -> None:
 def test_a_method_without_a_model_of_its_parameters_is_refused() -> None:
     """It is the function that is named, when its class is made."""
 
-    def fly(self: object, caller: object, params: int) -> TopicData:
+    def fly(self: object, caller: object, params: int) -> Record:
         raise NotImplementedError
 
     with pytest.raises(TypeError, match="fly: params must be annotated with a Params, got <class 'int'>"):
@@ -155,7 +169,7 @@ def test_a_method_says_whether_it_moves_the_robot(
 ) -> None:
     """Nobody forgets it: a stop would void no request of such a method, and an observer could drive."""
 
-    def fly(self: object, caller: object, params: NoParams) -> TopicData:
+    def fly(self: object, caller: object, params: NoParams) -> Record:
         raise NotImplementedError
 
     with pytest.raises(TypeError, match=missing.replace("(", r"\(")):

@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from chefbotd.features.driving.methods import DriveParams
-from chefbotd.features.odometry.methods import ResetOdometryParams
-from chefbotd.features.tuning.methods import SetPidParams
+from chefbotd.features.driving.models import DriveParams
+from chefbotd.features.odometry.models import ResetOdometryParams
+from chefbotd.features.tuning.models import SetPidParams
 from chefbotd.motion.pid import PidParameters
 from chefbotd.rpc.models import SubscribeParams
 from chefbotd.rpc.validation import explain

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from chefbotd.link.board_clock import BoardClock, ClockRelation, Verdict
+from chefbotd.link.board_clock import BoardClock, ClockRelation, StampVerdict
 from tests.budget import examples
 
 WRAP = 2**32
@@ -18,7 +18,7 @@ def run(
     """So many regular cycles; returns the host time after the last."""
     for number in range(cycles):
         micros = (start_micros + round(number * cycle_s * 1e6)) % WRAP
-        assert clock.observe(micros, cycle_s, host_s + number * cycle_s) is Verdict.GOOD
+        assert clock.observe(micros, cycle_s, host_s + number * cycle_s) is StampVerdict.GOOD
     return host_s + (cycles - 1) * cycle_s
 
 
@@ -45,7 +45,7 @@ def test_cycles_lost_on_the_wire_are_bridged_by_the_host_clock():
     clock = BoardClock()
     host_s = run(clock, 0, 10)
     before = clock.latest_s
-    assert clock.observe(9 * 20_000 + 100_000, 0.02, host_s + 0.1) is Verdict.GOOD
+    assert clock.observe(9 * 20_000 + 100_000, 0.02, host_s + 0.1) is StampVerdict.GOOD
     assert clock.latest_s - before == pytest.approx(0.1)
 
 
@@ -53,7 +53,7 @@ def test_a_replay_faster_than_real_time_is_believed():
     """50 ms cycles arriving every millisecond agree with their own second field."""
     clock = BoardClock()
     for number in range(100):
-        assert clock.observe(number * 50_000, 0.05, 100.0 + number * 0.001) is Verdict.GOOD
+        assert clock.observe(number * 50_000, 0.05, 100.0 + number * 0.001) is StampVerdict.GOOD
     assert clock.latest_s == pytest.approx(100.0 + 99 * 0.05)
 
 
@@ -62,10 +62,10 @@ def test_one_damaged_reading_is_left_out():
     clock = BoardClock()
     host_s = run(clock, 5_000_000, 10)
     before = clock.latest_s
-    assert clock.observe(518, 0.02, host_s + 0.02) is Verdict.SUSPECT
+    assert clock.observe(518, 0.02, host_s + 0.02) is StampVerdict.SUSPECT
     assert clock.in_doubt
     assert clock.latest_s == before
-    assert clock.observe(5_000_000 + 11 * 20_000, 0.02, host_s + 0.04) is Verdict.GOOD
+    assert clock.observe(5_000_000 + 11 * 20_000, 0.02, host_s + 0.04) is StampVerdict.GOOD
     assert not clock.in_doubt
     assert clock.latest_s - before == pytest.approx(0.04)
     assert clock.suspects == 1
@@ -76,8 +76,8 @@ def test_two_agreeing_readings_near_zero_are_a_restart():
     clock = BoardClock()
     host_s = run(clock, 50_000_000, 10)
     before = clock.latest_s
-    assert clock.observe(800_000, 0.02, host_s + 1.5) is Verdict.SUSPECT
-    assert clock.observe(820_000, 0.02, host_s + 1.52) is Verdict.RESTARTED
+    assert clock.observe(800_000, 0.02, host_s + 1.5) is StampVerdict.SUSPECT
+    assert clock.observe(820_000, 0.02, host_s + 1.52) is StampVerdict.RESTARTED
     assert clock.latest_s - before == pytest.approx(1.52)
 
 
@@ -87,8 +87,8 @@ def test_two_agreeing_readings_a_little_ahead_are_a_gap():
     host_s = run(clock, 50_000_000, 10)
     before = clock.latest_s
     ahead = 50_000_000 + 9 * 20_000 + 3_000_000
-    assert clock.observe(ahead, 0.02, host_s + 0.01) is Verdict.SUSPECT
-    assert clock.observe(ahead + 20_000, 0.02, host_s + 0.011) is Verdict.RESYNCED
+    assert clock.observe(ahead, 0.02, host_s + 0.01) is StampVerdict.SUSPECT
+    assert clock.observe(ahead + 20_000, 0.02, host_s + 0.011) is StampVerdict.RESYNCED
     assert clock.latest_s - before == pytest.approx(3.02)
 
 
@@ -100,9 +100,9 @@ def test_a_reading_damaged_forwards_makes_no_restart():
     clock = BoardClock()
     host_s = run(clock, 5_000_000, 10)
     before = clock.latest_s
-    assert clock.observe(5_180_000 + 90_000, 0.09, host_s + 0.02) is Verdict.GOOD
-    assert clock.observe(5_220_000, 0.02, host_s + 0.04) is Verdict.SUSPECT
-    assert clock.observe(5_240_000, 0.02, host_s + 0.06) is Verdict.RESYNCED
+    assert clock.observe(5_180_000 + 90_000, 0.09, host_s + 0.02) is StampVerdict.GOOD
+    assert clock.observe(5_220_000, 0.02, host_s + 0.04) is StampVerdict.SUSPECT
+    assert clock.observe(5_240_000, 0.02, host_s + 0.06) is StampVerdict.RESYNCED
     assert clock.latest_s - before == pytest.approx(0.09 + 0.04)
 
 
@@ -110,15 +110,15 @@ def test_two_readings_that_lost_the_same_digit_make_no_restart():
     """9.17 s becomes 0.97 s twice in a row: too much for a board that has been running for 40 ms."""
     clock = BoardClock()
     host_s = run(clock, 9_150_065, 2)
-    assert clock.observe(949_065, 0.02, host_s + 0.02) is Verdict.SUSPECT
-    assert clock.observe(969_065, 0.02, host_s + 0.04) is Verdict.RESYNCED
+    assert clock.observe(949_065, 0.02, host_s + 0.02) is StampVerdict.SUSPECT
+    assert clock.observe(969_065, 0.02, host_s + 0.04) is StampVerdict.RESYNCED
 
 
 def test_a_reading_50_ms_off_is_not_excused_by_the_host():
     """Neither the line's own 20 ms nor the host's 20 ms allow a step of 70 ms: it waits for the next reading."""
     clock = BoardClock()
     host_s = run(clock, 5_000_000, 10)
-    assert clock.observe(5_000_000 + 9 * 20_000 + 70_000, 0.02, host_s + 0.02) is Verdict.SUSPECT
+    assert clock.observe(5_000_000 + 9 * 20_000 + 70_000, 0.02, host_s + 0.02) is StampVerdict.SUSPECT
 
 
 @pytest.mark.parametrize(
@@ -131,8 +131,8 @@ def test_a_power_cycle_is_a_restart_wherever_the_counter_stands(up_s: float, out
     clock = BoardClock()
     host_s = run(clock, round(up_s * 1e6) - 180_000, 10)
     before = clock.latest_s
-    assert clock.observe(round(back_s * 1e6), 0.02, host_s + out_s) is Verdict.SUSPECT
-    assert clock.observe(round(back_s * 1e6) + 20_000, 0.02, host_s + out_s + 0.02) is Verdict.RESTARTED
+    assert clock.observe(round(back_s * 1e6), 0.02, host_s + out_s) is StampVerdict.SUSPECT
+    assert clock.observe(round(back_s * 1e6) + 20_000, 0.02, host_s + out_s + 0.02) is StampVerdict.RESTARTED
     assert clock.latest_s - before == pytest.approx(out_s + 0.02)
 
 
@@ -140,15 +140,15 @@ def test_a_board_that_ran_on_while_the_cable_was_out_is_no_restart():
     """Up for 3.7 s, unplugged for 12 s, back at 15.7 s: it has been counting all the time."""
     clock = BoardClock()
     host_s = run(clock, 3_700_000 - 180_000, 10)
-    assert clock.observe(15_705_000, 0.02, host_s + 12.0) is Verdict.GOOD
+    assert clock.observe(15_705_000, 0.02, host_s + 12.0) is StampVerdict.GOOD
 
 
 def test_a_long_gap_read_late_is_no_restart():
     """Up for 3.7 s, silent for 1 s, then read 60 ms late twice: 4.7 s of uptime cannot have begun in that second."""
     clock = BoardClock()
     host_s = run(clock, 3_700_000 - 180_000, 10)
-    assert clock.observe(4_700_000, 0.02, host_s + 1.06) is Verdict.SUSPECT
-    assert clock.observe(4_720_000, 0.02, host_s + 1.08) is Verdict.RESYNCED
+    assert clock.observe(4_700_000, 0.02, host_s + 1.06) is StampVerdict.SUSPECT
+    assert clock.observe(4_720_000, 0.02, host_s + 1.08) is StampVerdict.RESYNCED
 
 
 def test_a_leap_far_ahead_is_no_restart():
@@ -156,8 +156,8 @@ def test_a_leap_far_ahead_is_no_restart():
     clock = BoardClock()
     host_s = run(clock, 0, 10)
     before = clock.latest_s
-    assert clock.observe(3_000_000_000, 0.02, host_s + 0.02) is Verdict.SUSPECT
-    assert clock.observe(3_000_020_000, 0.02, host_s + 0.04) is Verdict.RESYNCED
+    assert clock.observe(3_000_000_000, 0.02, host_s + 0.02) is StampVerdict.SUSPECT
+    assert clock.observe(3_000_020_000, 0.02, host_s + 0.04) is StampVerdict.RESYNCED
     assert clock.latest_s - before == pytest.approx(0.04)
 
 
@@ -167,7 +167,7 @@ def test_after_a_banner_the_next_reading_counts():
     host_s = run(clock, 50_000_000, 10)
     clock.restart()
     assert clock.latest_s is None
-    assert clock.observe(20_000, 0.02, host_s + 2.0) is Verdict.GOOD
+    assert clock.observe(20_000, 0.02, host_s + 2.0) is StampVerdict.GOOD
     assert clock.latest_s == pytest.approx(host_s + 2.0)
 
 
@@ -263,9 +263,9 @@ def test_a_reading_in_doubt_is_not_late():
     """Nobody knows when it was made: what comes with it is stamped as it is read."""
     clock = BoardClock()
     host_s = run(clock, 5_000_000, 60)
-    assert clock.observe(5_000_000 + 60 * 20_000, 0.02, host_s + 0.045) is Verdict.GOOD
+    assert clock.observe(5_000_000 + 60 * 20_000, 0.02, host_s + 0.045) is StampVerdict.GOOD
     assert clock.late_s == pytest.approx(0.025)
-    assert clock.observe(518, 0.02, host_s + 0.06) is Verdict.SUSPECT
+    assert clock.observe(518, 0.02, host_s + 0.06) is StampVerdict.SUSPECT
     assert clock.late_s == 0.0
 
 
@@ -292,8 +292,8 @@ def test_a_leap_of_exactly_ten_seconds_is_still_a_gap():
     clock = BoardClock()
     host_s = run(clock, 50_000_000, 10)
     before, last = clock.latest_s, 50_000_000 + 9 * 20_000
-    assert clock.observe(last + 9_980_000, 0.02, host_s + 0.01) is Verdict.SUSPECT
-    assert clock.observe(last + 10_000_000, 0.02, host_s + 0.011) is Verdict.RESYNCED
+    assert clock.observe(last + 9_980_000, 0.02, host_s + 0.01) is StampVerdict.SUSPECT
+    assert clock.observe(last + 10_000_000, 0.02, host_s + 0.011) is StampVerdict.RESYNCED
     assert clock.latest_s - before == pytest.approx(10.0)
 
 
@@ -302,8 +302,8 @@ def test_a_leap_of_half_a_second_more_is_none():
     clock = BoardClock()
     host_s = run(clock, 50_000_000, 10)
     before, last = clock.latest_s, 50_000_000 + 9 * 20_000
-    assert clock.observe(last + 10_480_000, 0.02, host_s + 0.01) is Verdict.SUSPECT
-    assert clock.observe(last + 10_500_000, 0.02, host_s + 0.011) is Verdict.RESYNCED
+    assert clock.observe(last + 10_480_000, 0.02, host_s + 0.01) is StampVerdict.SUSPECT
+    assert clock.observe(last + 10_500_000, 0.02, host_s + 0.011) is StampVerdict.RESYNCED
     assert clock.latest_s - before == pytest.approx(0.011)
 
 
@@ -311,14 +311,14 @@ def test_a_line_that_comes_twice_is_in_doubt():
     """The same microseconds again: no cycle of 20 ms has passed between two of them."""
     clock = BoardClock()
     host_s = run(clock, 50_000_000, 10)
-    assert clock.observe(50_000_000 + 9 * 20_000, 0.02, host_s) is Verdict.SUSPECT
+    assert clock.observe(50_000_000 + 9 * 20_000, 0.02, host_s) is StampVerdict.SUSPECT
 
 
 def test_a_banner_ends_a_doubt():
     """What disagreed was of the run before, or the first of the new one: no reading waits for another any more."""
     clock = BoardClock()
     host_s = run(clock, 50_000_000, 10)
-    assert clock.observe(518, 0.02, host_s + 0.02) is Verdict.SUSPECT
+    assert clock.observe(518, 0.02, host_s + 0.02) is StampVerdict.SUSPECT
     clock.restart()
     assert not clock.in_doubt
 

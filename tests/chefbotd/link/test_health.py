@@ -12,7 +12,7 @@ GPS = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9*47\r\n"
 
 def judged(heard: Heard, sample: bytes, *, waited_s: float = 2.0) -> Health | None:
     """What is made of so much heard since the port was opened."""
-    return HealthWatch(100.0, Heard(), health_after_s=2.0).look(100.0 + waited_s, heard, sample)
+    return HealthWatch(100.0, Heard()).look(100.0 + waited_s, heard, sample, health_after_s=2.0)
 
 
 def test_frames_are_a_board():
@@ -66,13 +66,13 @@ def test_too_little_is_not_judged():
 
 def test_only_changes_are_told():
     """Silent, silent, then a board, then silent again: three reports, each on what was heard since the one before."""
-    watch = HealthWatch(0.0, Heard(), health_after_s=2.0)
+    watch = HealthWatch(0.0, Heard())
     board = Heard(400, 20, 20)
     looks = [
-        watch.look(2.0, Heard(), b""),
-        watch.look(4.0, Heard(), b""),
-        watch.look(4.1, board, b"u\t1\n"),
-        watch.look(6.2, board, b"u\t1\n"),
+        watch.look(2.0, Heard(), b"", health_after_s=2.0),
+        watch.look(4.0, Heard(), b"", health_after_s=2.0),
+        watch.look(4.1, board, b"u\t1\n", health_after_s=2.0),
+        watch.look(6.2, board, b"u\t1\n", health_after_s=2.0),
     ]
     told = [None if health is None else health.condition for health in looks]
     assert told == [Condition.SILENT, None, Condition.HEALTHY, Condition.SILENT]

@@ -79,7 +79,7 @@ def on_link(cable: Cable, story: Callable[[BoardSession], Awaitable[None]]) -> N
         await asyncio.wait([task])
 
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-        runner.run(asyncio.wait_for(run(), timeout=30.0))
+        runner.run(asyncio.wait_for(run(), timeout=60.0))
 
 
 async def until(condition: Callable[[], bool]) -> None:
@@ -169,7 +169,7 @@ def test_a_device_in_use_is_refused_by_its_owners_name(cable: Cable):
             await open_port(LinkParameters(device=str(cable.path)), asyncio.Protocol())
         await other.communicate(b"\n")
 
-    asyncio.run(asyncio.wait_for(story(), timeout=30.0))
+    asyncio.run(asyncio.wait_for(story(), timeout=60.0))
 
 
 def test_a_file_that_is_no_device_is_an_error_that_names_it(tmp_path: Path):

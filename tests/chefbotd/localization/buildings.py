@@ -14,7 +14,6 @@ from chefbotd.localization.localizer import (
     advanced,
     step,
 )
-from chefbotd.localization.parameters import LocalizationParameters
 from chefbotd.localization.searching import LocalizationMap
 from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from chefbotd.mapping.poses import between
@@ -22,7 +21,6 @@ from chefbotd.mapping.state import Scan
 from chefbotd.mapping.surfaces import Singles, normals
 from tests.chefbotd.mapping.slam.flat import Floats, box, wall
 
-PARAMS = LocalizationParameters()
 CENTER = np.zeros(2)
 PERIOD_S = 0.1
 MARGIN_M = 0.4
@@ -78,7 +76,7 @@ class Robot:
     """A robot that localizes: it takes a turn of its lidar every 0.1 s."""
 
     within: LocalizationMap
-    params: LocalizationParameters = PARAMS
+    auto_search: bool = True
     now: Localization = field(default_factory=Localization)
     stamp_s: float = 0.0
     reports: list[Report] = field(default_factory=list)
@@ -88,8 +86,8 @@ class Robot:
         self.stamp_s += PERIOD_S
         scan = None if points is None else scan_of(points)
         told = Odometry(odometry, covariance)
-        self.now, report = step(self.params, self.within, self.now, self.stamp_s, told, scan)
-        self.now = advanced(self.params, self.within, self.now)
+        self.now, report = step(self.within, self.now, self.stamp_s, told, scan, auto_search=self.auto_search)
+        self.now = advanced(self.within, self.now)
         self.reports.append(report)
         return report
 

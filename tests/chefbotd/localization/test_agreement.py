@@ -7,7 +7,7 @@ import pytest
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.localization.agreement import Agreement, agreement
-from chefbotd.localization.surface_map import SurfaceMapParameters, surface_map
+from chefbotd.localization.surface_map import surface_map
 from chefbotd.mapping.local_map import LocalMap
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.poses import Floats
@@ -24,7 +24,7 @@ def grids() -> LocalMap:
     x = np.broadcast_to(middle, (200, 200))
     percent = np.where(np.abs(x) > 3, -1, np.where(np.abs(x) < 0.05, 100, 0)).astype(np.int8)
     grid = OccupancyGrid(0.05, Pose2D(-5, -5), percent)
-    return surface_map(SurfaceMapParameters(depth_cells=0), grid).grids
+    return surface_map(grid, depth_cells=0).grids
 
 
 def beams(*ends: tuple[float, float], normal: tuple[float, float] = (-1.0, 0.0)) -> Scan:

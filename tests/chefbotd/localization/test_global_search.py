@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 
 from chefbotd.localization.global_search import (
+    BOUNDS_A_STEP,
     GlobalSearch,
-    GlobalSearchParameters,
     begun,
     places,
     searched,
     thinned,
 )
 from chefbotd.localization.pyramid import CELL_M, Pyramid, pyramid
-from chefbotd.localization.surface_map import SurfaceMapParameters, surface_map
+from chefbotd.localization.surface_map import surface_map
 from chefbotd.mapping.poses import Floats, transform
 from chefbotd.mapping.surfaces import Singles
 from tests.chefbotd.localization.buildings import drawn
@@ -27,14 +27,14 @@ HERE = np.array([3.0, 1.2, 2.2])
 @pytest.fixture(scope="module")
 def levels() -> Pyramid:
     """The room's."""
-    return pyramid(surface_map(SurfaceMapParameters(), drawn(ROOM)))
+    return pyramid(surface_map(drawn(ROOM)))
 
 
-def done(search: GlobalSearch, params: GlobalSearchParameters) -> tuple[GlobalSearch, int]:
+def done(search: GlobalSearch, bounds_a_step: int = BOUNDS_A_STEP) -> tuple[GlobalSearch, int]:
     """The finished search, and how many steps it took."""
     steps = 0
     while not search.is_done:
-        search, steps = searched(params, search), steps + 1
+        search, steps = searched(search, bounds_a_step=bounds_a_step), steps + 1
     return search, steps
 
 
@@ -56,9 +56,8 @@ def brute_force(levels: Pyramid, points: Singles, turns: Floats) -> float:
 @pytest.mark.slow
 def test_nothing_that_brute_force_finds_is_missed(levels: Pyramid) -> None:
     """The best score is that of all poses tried one by one, and its place is where the scan was taken."""
-    params = GlobalSearchParameters(points_at_most=40)
-    search, _ = done(begun(params, levels, Lidar(ROOM, 3).points(HERE)), params)
-    found, is_complete = places(params, search)
+    search, _ = done(begun(levels, Lidar(ROOM, 3).points(HERE), points_at_most=40))
+    found, is_complete = places(search)
     assert is_complete
     assert found[0].score == pytest.approx(brute_force(levels, search.points, search.turns), abs=1e-9)
     assert math.dist(found[0].pose[:2], HERE[:2]) < 0.15
@@ -68,22 +67,18 @@ def test_nothing_that_brute_force_finds_is_missed(levels: Pyramid) -> None:
 def test_a_small_budget_takes_more_steps_and_finds_the_same(levels: Pyramid) -> None:
     """A hundredth of the work in a step: many steps, one result."""
     points = Lidar(ROOM, 3).points(HERE)
-    large, small = GlobalSearchParameters(), GlobalSearchParameters(bounds_a_step=300)
     (one, few), (other, many) = (
-        done(begun(large, levels, points), large),
-        done(begun(small, levels, points), small),
+        done(begun(levels, points)),
+        done(begun(levels, points), bounds_a_step=300),
     )
     assert many > 3 * few
-    assert [place.score for place in places(large, one)[0]] == [
-        place.score for place in places(small, other)[0]
-    ]
+    assert [place.score for place in places(one)[0]] == [place.score for place in places(other)[0]]
 
 
 def test_too_many_places_are_said_to_be_too_many(levels: Pyramid) -> None:
     """Two points fit along every wall: it keeps as many places as it may, and says that these are not all."""
-    params = GlobalSearchParameters(places_at_most=5)
-    search, _ = done(begun(params, levels, np.array([[1.0, 0.0], [1.0, 0.3]], np.float32)), params)
-    found, is_complete = places(params, search)
+    search, _ = done(begun(levels, np.array([[1.0, 0.0], [1.0, 0.3]], np.float32)))
+    found, is_complete = places(search, at_most=5)
     assert len(found) == 5
     assert not is_complete
 
@@ -99,4 +94,4 @@ def test_points_near_the_robot_do_not_outweigh_the_rest() -> None:
 def test_a_scan_without_points_is_refused(levels: Pyramid) -> None:
     """There is nothing to search for."""
     with pytest.raises(ValueError, match="a scan with points"):
-        begun(GlobalSearchParameters(), levels, np.zeros((0, 2), np.float32))
+        begun(levels, np.zeros((0, 2), np.float32))

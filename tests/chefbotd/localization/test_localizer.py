@@ -2,6 +2,7 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -15,7 +16,7 @@ from chefbotd.localization.searching import LocalizationMap, localization_map
 from chefbotd.localization.states import Event, State
 from chefbotd.mapping.poses import Floats, compose
 from tests.budget import sample
-from tests.chefbotd.localization.buildings import PARAMS, Robot, drawn, mirrored, off, twin_rooms
+from tests.chefbotd.localization.buildings import Robot, drawn, mirrored, off, twin_rooms
 from tests.chefbotd.mapping.slam.flat import (
     TOUR,
     Lidar,
@@ -35,12 +36,12 @@ SURE_M, SURE_DEG = 0.2, 5.0
 @pytest.fixture(scope="module")
 def flat() -> LocalizationMap:
     """The flat, as its plan has it."""
-    return localization_map(PARAMS.surfaces, drawn(WALLS))
+    return localization_map(drawn(WALLS))
 
 
 def placed(robot: Robot, pose: Floats) -> Robot:
     """The robot, knowing where it is: its odometry begins at zero there."""
-    robot.now = set_pose(PARAMS, robot.now, pose, np.diag([0.01, 0.01, 0.01]))
+    robot.now = set_pose(robot.now, pose, np.diag([0.01, 0.01, 0.01]))
     return robot
 
 
@@ -228,7 +229,7 @@ def test_scans_and_odometry_may_be_apart_by_a_tenth_of_a_second(flat: Localizati
 def test_a_mirrored_map_is_never_believed() -> None:
     """The map's image is flipped. Rooms are rectangles, so some of it fits; it is not sure anywhere on the way."""
     lidar, way = Lidar(WALLS, 1), TRUTH[:160]
-    robot = Robot(localization_map(PARAMS.surfaces, mirrored(drawn(WALLS))))
+    robot = Robot(localization_map(mirrored(drawn(WALLS))))
     for _ in robot.drive(odometry(way, 1), lambda k: lidar.points(way[k])):
         pass
     assert State.LOCALIZED not in {report.state for report in robot.reports}
@@ -238,7 +239,7 @@ def test_a_mirrored_map_is_never_believed() -> None:
 def test_twin_rooms_are_both_named_until_motion_tells_them_apart() -> None:
     """In one of two equal rooms it names both and is sure of neither; once through the door it is sure, and right."""
     walls = twin_rooms()
-    lidar, robot = Lidar(walls, 2), Robot(localization_map(PARAMS.surfaces, drawn(walls)))
+    lidar, robot = Lidar(walls, 2), Robot(localization_map(drawn(walls)))
     start = np.array([6.6, 1.9, 2.0])
     turns = [compose(start, np.array([0.0, 0.0, 0.05 * k])) for k in range(40)]
     way = np.vstack(
@@ -259,7 +260,7 @@ def test_twin_rooms_are_both_named_until_motion_tells_them_apart() -> None:
 def test_a_symmetric_corridor_is_two_places() -> None:
     """A corridor with a cupboard at each end, on opposite sides, is the same when turned round: it says both."""
     walls = np.vstack([box(0, 0, 8, 1.6), box(1.0, 0.0, 0.7, 0.3), box(6.3, 1.3, 0.7, 0.3)])
-    lidar, robot = Lidar(walls, 3), Robot(localization_map(PARAMS.surfaces, drawn(walls)))
+    lidar, robot = Lidar(walls, 3), Robot(localization_map(drawn(walls)))
     pose = np.array([2.9, 0.7, 0.4])
     report = robot.look(np.zeros(3), lambda: lidar.points(pose), 40)
     assert report.state is State.SEARCHING
@@ -273,7 +274,7 @@ def test_along_a_bare_corridor_the_covariance_is_long() -> None:
     walls = np.array([[-40.0, 0, 40, 0], [-40, 1.8, 40, 1.8]])
     lidar, robot = (
         Lidar(walls, 3),
-        placed(Robot(localization_map(PARAMS.surfaces, drawn(walls))), np.array([-9.0, 0.8, 0.0])),
+        placed(Robot(localization_map(drawn(walls))), np.array([-9.0, 0.8, 0.0])),
     )
     way = poses_along([(-9.0, 0.8), (0.0, 0.8)], 0.0)
     for _ in robot.drive(odometry(way, 3, turn_scale=1.0), lambda k: lidar.points(way[k])):
@@ -288,12 +289,12 @@ def test_a_given_pose_is_uncertain_until_scans_confirm_it(flat: LocalizationMap)
     """A person is 0.4 m and 15 degrees off: three scans put it right. In the wrong room it is given up, and searched."""
     lidar, pose, still = Lidar(WALLS, 2), np.array([2.0, 2.4, 0.3]), np.zeros(3)
     robot = Robot(flat)
-    robot.now = set_pose(PARAMS, robot.now, pose + np.array([0.3, -0.27, math.radians(15)]))
+    robot.now = set_pose(robot.now, pose + np.array([0.3, -0.27, math.radians(15)]))
     assert robot.now.state is State.UNCERTAIN
     report = robot.look(still, lambda: lidar.points(pose), 3)
     assert report.state is State.LOCALIZED
     assert off(report, pose)[0] < 0.05
-    robot.now = set_pose(PARAMS, robot.now, np.array([8.5, 6.0, 0.3]))
+    robot.now = set_pose(robot.now, np.array([8.5, 6.0, 0.3]))
     report = robot.look(still, lambda: lidar.points(pose), 40)
     assert Event.GIVEN_UP in [report.event for report in robot.reports]
     assert report.state is State.LOCALIZED
@@ -304,7 +305,7 @@ def test_a_given_pose_from_which_nothing_of_the_map_is_seen_is_given_up(flat: Lo
     """100 m beside the flat no scan says that it is wrong: it is uncertain for 10 s, and not for ever."""
     lidar, pose = Lidar(WALLS, 2), np.array([2.0, 2.4, 0.3])
     robot = Robot(flat)
-    robot.now = set_pose(PARAMS, robot.now, np.array([100.0, 100.0, 0.3]))
+    robot.now = set_pose(robot.now, np.array([100.0, 100.0, 0.3]))
     report = robot.look(np.zeros(3), lambda: lidar.points(pose), 95)
     assert report.state is State.UNCERTAIN
     report = robot.look(np.zeros(3), lambda: lidar.points(pose), 40)
@@ -314,9 +315,8 @@ def test_a_given_pose_from_which_nothing_of_the_map_is_seen_is_given_up(flat: Lo
 
 def test_no_search_where_it_is_not_wanted(flat: LocalizationMap) -> None:
     """With searching by itself switched off it says that it is unknown, until ``localize`` is asked for."""
-    params = PARAMS.model_copy(update={"searching": PARAMS.searching.model_copy(update={"by_itself": False})})
     lidar, pose, still = Lidar(WALLS, 2), np.array([2.0, 2.4, 0.3]), np.zeros(3)
-    robot = Robot(flat, params)
+    robot = Robot(flat, auto_search=False)
     assert robot.look(still, lambda: lidar.points(pose), 20).state is State.UNKNOWN
     robot.now = localize(robot.now)
     assert robot.look(still, lambda: lidar.points(pose), 20).state is State.LOCALIZED
@@ -325,7 +325,7 @@ def test_no_search_where_it_is_not_wanted(flat: LocalizationMap) -> None:
 def test_a_pose_that_is_none_is_refused(flat: LocalizationMap) -> None:
     """Three finite numbers, and the message has the value."""
     with pytest.raises(ValueError, match=r"got \[1.0, nan, 0.0\]"):
-        set_pose(PARAMS, Robot(flat).now, np.array([1.0, math.nan, 0.0]))
+        set_pose(Robot(flat).now, np.array([1.0, math.nan, 0.0]))
 
 
 def test_what_others_are_told_never_jumps_in_silence(flat: LocalizationMap) -> None:
@@ -356,3 +356,65 @@ def test_the_same_input_gives_the_same_bits(flat: LocalizationMap) -> None:
         runs.append(robot.reports[-1].map_from_base)
     assert (runs[0].pose == runs[1].pose).all()
     assert (runs[0].covariance == runs[1].covariance).all()
+
+
+@pytest.mark.parametrize("seed", sample(range(8), fast=3))
+def test_a_wrong_pose_that_was_given_is_not_believed(flat: LocalizationMap, seed: int) -> None:
+    """2.5 m along a wall, or turned round: while the robot stands for 4 s it is never localized at a wrong place."""
+    chance, lidar = np.random.default_rng(seed), Lidar(WALLS, seed)
+    truth = somewhere(chance)
+    motion = np.array([0.0, 0.0, math.pi] if seed % 2 else [2.5, 0.0, 0.0])
+    robot, still = placed(Robot(flat), compose(truth, motion)), np.zeros(3)
+    for _ in range(40):
+        report = robot.take(still, lidar.points(truth))
+        if report.state is State.LOCALIZED:
+            assert off(report, truth)[0] < 0.3
+
+
+def test_a_pose_that_was_given_in_a_bare_tunnel_stays_uncertain() -> None:
+    """Nothing tells where along it the robot is, so a lie of 2.5 m along it is not confirmed."""
+    walls = np.array([[-40.0, 0, 40, 0], [-40, 1.8, 40, 1.8]])
+    within = localization_map(drawn(walls))
+    lidar, robot = Lidar(walls, 3), placed(Robot(within), np.array([-6.5, 0.8, 0.0]))
+    for _ in range(20):
+        robot.take(np.zeros(3), lidar.points(np.array([-9.0, 0.8, 0.0])))
+    assert State.LOCALIZED not in {report.state for report in robot.reports}
+
+
+@pytest.mark.parametrize("seed", sample((4, 13, 29, 45, 57, 61, 0, 1, 2, 3), fast=3))
+def test_a_pose_that_was_believed_is_doubted_by_what_contradicts_it(flat: LocalizationMap, seed: int) -> None:
+    """It stands elsewhere than it believed a moment ago: not localized for longer than a second."""
+    chance, lidar = np.random.default_rng(seed), Lidar(WALLS, seed)
+    truth = TRUTH[chance.integers(len(TRUTH))]
+    lies = (
+        compose(truth, np.array([0.0, 0.0, math.pi])),
+        truth + np.array([chance.choice([-2.5, 2.5]), 0.0, 0.0]),
+        truth + np.array([0.0, chance.choice([-2.5, 2.5]), 0.0]),
+        TRUTH[chance.integers(len(TRUTH))],
+    )
+    robot = placed(Robot(flat), lies[seed % 4])
+    robot.now = replace(robot.now, state=State.LOCALIZED, is_unchecked=False, checked=(np.zeros(3), 0.95))
+    for _ in range(40):
+        robot.take(np.zeros(3), lidar.points(truth))
+    wrong = [
+        report for report in robot.reports if report.state is State.LOCALIZED and off(report, truth)[0] > 0.3
+    ]
+    assert len(wrong) <= 10
+
+
+@pytest.mark.slow
+def test_people_and_moved_furniture_are_no_reason_to_give_up_a_pose(flat: LocalizationMap) -> None:
+    """All furniture is up to 0.7 m from its place, or eight people stand around: it stays right, mostly sure."""
+    chance, furniture = np.random.default_rng(0), WALLS.copy()
+    for k in range(len(WALLS) - 32, len(WALLS), 4):
+        furniture[k : k + 4] += np.tile(chance.uniform(-0.5, 0.5, 2), 2)
+    for walls, count in ((furniture, 0), (WALLS, 8)):
+        lidar, robot, told = Lidar(walls, 3), placed(Robot(flat), TRUTH[0]), odometry(TRUTH, 3)
+        for k, pose in enumerate(TRUTH):
+            near = np.random.default_rng(k // 5)
+            bearing, away_m = near.uniform(0, math.tau, count), near.uniform(0.6, 1.6, count)
+            x, y = pose[0] + away_m * np.cos(bearing), pose[1] + away_m * np.sin(bearing)
+            report = robot.take(told[k], lidar.points(pose, np.stack([x, y, np.full(count, 0.2)], axis=1)))
+            assert off(report, pose)[0] < 0.3
+        states = [report.state for report in robot.reports]
+        assert states.count(State.LOCALIZED) > 0.9 * len(states)

@@ -5,10 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from chefbotd.localization.smoothing import SmoothingParameters, corrected
+from chefbotd.localization.smoothing import corrected
 from chefbotd.mapping.poses import between, compose
 
-PARAMS = SmoothingParameters(rate_m_s=0.2, rate_rad_s=0.5, jump_m=0.3, jump_rad=0.35)
 FAR_AWAY = np.array([40.0, -25.0, 2.1])
 """Where odometry says the robot is: far from its origin, where a small turn of the frame moves it by much."""
 
@@ -18,22 +17,22 @@ def test_a_small_correction_glides_along_at_the_rate() -> None:
     told = np.array([1.0, 2.0, 0.3])
     here = compose(told, FAR_AWAY)
     right = here + np.array([0.16, 0.12, 0.0])
-    first = corrected(PARAMS, told, right, FAR_AWAY, 0.1)
+    first = corrected(told, right, FAR_AWAY, 0.1)
     shown = compose(first.map_from_odom, FAR_AWAY)
     assert not first.jumped
     assert shown[:2] - here[:2] == pytest.approx([0.016, 0.012], abs=1e-9)
     for _ in range(10):
-        told = corrected(PARAMS, told, right, FAR_AWAY, 0.1).map_from_odom
+        told = corrected(told, right, FAR_AWAY, 0.1).map_from_odom
     assert compose(told, FAR_AWAY) == pytest.approx(right, abs=1e-9)
 
 
 def test_a_turn_is_corrected_about_the_robot() -> None:
-    """A heading that is 0.1 rad off turns by 0.05 rad in 0.1 s, and the robot's place does not move at all."""
+    """A heading that is 0.1 rad off turns by 0.035 rad in 0.1 s, and the robot's place does not move at all."""
     told = np.array([-3.0, 0.5, -0.7])
     here = compose(told, FAR_AWAY)
-    found = corrected(PARAMS, told, here + np.array([0, 0, 0.1]), FAR_AWAY, 0.1)
+    found = corrected(told, here + np.array([0, 0, 0.1]), FAR_AWAY, 0.1)
     off = between(here, compose(found.map_from_odom, FAR_AWAY))
-    assert off == pytest.approx([0, 0, 0.05], abs=1e-9)
+    assert off == pytest.approx([0, 0, 0.035], abs=1e-9)
 
 
 @pytest.mark.parametrize("off", [(0.25, 0.2, 0.0), (0.0, 0.0, -0.4)])
@@ -41,7 +40,7 @@ def test_what_is_too_far_jumps_and_says_so(off: tuple[float, float, float]) -> N
     """By 0.32 m or 0.4 rad nobody glides: the right pose is told at once."""
     told = np.array([1.0, 2.0, 0.3])
     right = compose(told, FAR_AWAY) + np.array(off)
-    found = corrected(PARAMS, told, right, FAR_AWAY, 0.1)
+    found = corrected(told, right, FAR_AWAY, 0.1)
     assert found.jumped
     assert math.dist(compose(found.map_from_odom, FAR_AWAY)[:2], right[:2]) < 1e-9
 
@@ -49,6 +48,6 @@ def test_what_is_too_far_jumps_and_says_so(off: tuple[float, float, float]) -> N
 def test_nothing_to_correct_changes_nothing() -> None:
     """The frame stays bit for bit where it was, however the robot drives."""
     told = np.array([1.0, 2.0, 0.3])
-    found = corrected(PARAMS, told, compose(told, FAR_AWAY), FAR_AWAY, 0.1)
+    found = corrected(told, compose(told, FAR_AWAY), FAR_AWAY, 0.1)
     assert found.map_from_odom == pytest.approx(told, abs=1e-12)
     assert not found.jumped

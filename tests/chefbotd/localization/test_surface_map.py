@@ -6,10 +6,8 @@ import numpy as np
 import pytest
 
 from chefbotd.core.geometry import Pose2D
-from chefbotd.localization.surface_map import SurfaceMapParameters, surface_map
+from chefbotd.localization.surface_map import surface_map
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
-
-AT_THE_BORDER = SurfaceMapParameters(depth_cells=0)
 
 
 def half_plane(
@@ -31,7 +29,7 @@ def half_plane(
 def test_a_wall_faces_the_free_side_and_lies_at_its_border(degrees: float, resolution_m: float) -> None:
     """Along an oblique wall all surfaces are within a third of a cell of it, and turned by under 11 degrees."""
     turn = math.radians(degrees)
-    found = surface_map(AT_THE_BORDER, half_plane(turn, 0.3, resolution_m)).surfaces
+    found = surface_map(half_plane(turn, 0.3, resolution_m), depth_cells=0).surfaces
     normal = np.array([math.cos(turn), math.sin(turn)])
     inner = (np.abs(found.points) < 2).all(axis=1) & (found.facing != 0).any(axis=1)
     assert inner.sum() > 3 / resolution_m
@@ -41,7 +39,7 @@ def test_a_wall_faces_the_free_side_and_lies_at_its_border(degrees: float, resol
 
 def test_a_map_that_is_turned_has_its_surfaces_turned() -> None:
     """A wall along x = 0 of the grid's middle, in a grid turned by 0.5 rad about its corner, which lies at (2, -1)."""
-    found = surface_map(AT_THE_BORDER, half_plane(0.0, 0.3, at=Pose2D(2, -1, 0.5))).surfaces
+    found = surface_map(half_plane(0.0, 0.3, at=Pose2D(2, -1, 0.5)), depth_cells=0).surfaces
     along = np.array([math.cos(0.5), math.sin(0.5)])
     inner = np.abs((found.points - [2, -1]) @ [-along[1], along[0]] - 3) < 2.5
     assert (found.points[inner] - [2, -1]) @ along == pytest.approx(3.0, abs=1e-5)
@@ -54,7 +52,7 @@ def test_both_sides_of_a_thin_wall_are_kept_apart() -> None:
     middle = (np.arange(120) + 0.5) * 0.05 - 3
     depth = math.cos(turn) * middle[None, :] + math.sin(turn) * middle[:, None]
     percent = np.where(np.abs(depth) < 0.04, 100, 0).astype(np.int8)
-    found = surface_map(AT_THE_BORDER, OccupancyGrid(0.05, Pose2D(-3, -3), percent)).surfaces
+    found = surface_map(OccupancyGrid(0.05, Pose2D(-3, -3), percent), depth_cells=0).surfaces
     inner = (np.abs(found.points) < 2).all(axis=1)
     facing = found.facing[inner] @ [math.cos(turn), math.sin(turn)]
     assert (np.abs(facing) > math.cos(math.radians(8))).all()
@@ -63,14 +61,14 @@ def test_both_sides_of_a_thin_wall_are_kept_apart() -> None:
 
 def test_a_wall_of_scans_lies_within_its_cells() -> None:
     """With a depth of half a cell, a wall along x = 0 is expected at x = 0.025."""
-    found = surface_map(SurfaceMapParameters(depth_cells=0.5), half_plane(0.0, 0.05)).surfaces
+    found = surface_map(half_plane(0.0, 0.05), depth_cells=0.5).surfaces
     inner = np.abs(found.points[:, 1]) < 2.5
     assert found.points[inner, 0] == pytest.approx(0.025, abs=1e-6)
 
 
 def test_only_what_faces_free_space_is_a_surface() -> None:
     """Nobody can stand where nothing is known, so the far side of the wall is none."""
-    found = surface_map(AT_THE_BORDER, half_plane(0.0, 0.3)).surfaces
+    found = surface_map(half_plane(0.0, 0.3), depth_cells=0).surfaces
     assert len(found.points) == 120
     assert found.points[:, 0] == pytest.approx(0.0, abs=0.02)
 
@@ -78,16 +76,10 @@ def test_only_what_faces_free_space_is_a_surface() -> None:
 def test_a_map_without_walls_is_refused() -> None:
     """All free: there is nothing to match against."""
     with pytest.raises(ValueError, match="needs walls beside free space"):
-        surface_map(AT_THE_BORDER, OccupancyGrid(0.05, Pose2D(), np.zeros((9, 9), np.int8)))
-
-
-def test_thresholds_must_be_apart() -> None:
-    """Free is below occupied, and the values are named."""
-    with pytest.raises(ValueError, match="got 70 and 60"):
-        SurfaceMapParameters(free_percent=70, occupied_percent=60)
+        surface_map(OccupancyGrid(0.05, Pose2D(), np.zeros((9, 9), np.int8)), depth_cells=0)
 
 
 def test_a_map_that_is_too_large_is_refused_with_its_size() -> None:
     """120 by 120 cells, where 14,000 are allowed."""
     with pytest.raises(ValueError, match="has 14400 cells, at most 14000 are possible"):
-        surface_map(SurfaceMapParameters(most_cells=14_000), half_plane(0.4, 0.3))
+        surface_map(half_plane(0.4, 0.3), most_cells=14_000)

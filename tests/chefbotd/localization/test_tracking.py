@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 
 from chefbotd.localization.tracking import (
+    LASER_NOISE_M,
+    MAP_SIGMA_M,
     Estimate,
-    TrackingParameters,
     fused,
     motion_covariance,
     predicted,
@@ -15,13 +16,11 @@ from chefbotd.localization.tracking import (
 )
 from chefbotd.mapping.refine import Fit
 
-PARAMS = TrackingParameters()
-
 
 def test_what_is_uncertain_grows_with_the_way() -> None:
     """Four metres straight ahead at 0.1 m for the root of a metre: 0.2 m, and what the heading adds across."""
     last = Estimate(np.array([1.0, 2.0, math.pi / 2]), np.diag([0.0, 0.0, 0.01]))
-    found = predicted(PARAMS, last, np.array([4.0, 0.0, 0.0]))
+    found = predicted(last, np.array([4.0, 0.0, 0.0]))
     assert found.pose == pytest.approx([1.0, 6.0, math.pi / 2])
     assert found.covariance[1, 1] == pytest.approx(0.04)
     assert found.covariance[0, 0] == pytest.approx(0.04 + 16 * 0.01)
@@ -31,7 +30,7 @@ def test_what_is_uncertain_grows_with_the_way() -> None:
 def test_standing_adds_nothing() -> None:
     """A robot that stands for an hour is as sure as before."""
     last = Estimate(np.array([1.0, 2.0, 0.4]), np.diag([0.01, 0.02, 0.003]))
-    found = predicted(PARAMS, last, np.zeros(3))
+    found = predicted(last, np.zeros(3))
     assert (found.covariance == last.covariance).all()
 
 
@@ -43,13 +42,13 @@ def test_the_odometry_s_own_covariance_is_used_in_the_robot_s_frame() -> None:
     noise = motion_covariance(before, told, after, told + np.diag([0.01**2, 0.03**2, 0.0]))
     assert np.diag(noise) == pytest.approx([0.03**2, 0.01**2, 0.0])
     last = Estimate(np.array([0.0, 0.0, 0.0]), np.zeros((3, 3)))
-    assert predicted(PARAMS, last, np.array([0.5, 0, 0]), noise).covariance[0, 0] == pytest.approx(0.03**2)
+    assert predicted(last, np.array([0.5, 0, 0]), noise).covariance[0, 0] == pytest.approx(0.03**2)
 
 
 def test_odometry_that_jumps_is_not_believed() -> None:
     """Nobody drives 7 m between two scans."""
     last = Estimate(np.array([1.0, 2.0, 0.4]), np.diag([0.01, 0.01, 0.01]))
-    assert predicted(PARAMS, last, np.array([5.0, 5.0, 0.0])) is last
+    assert predicted(last, np.array([5.0, 5.0, 0.0])) is last
 
 
 def test_the_largest_sigma_is_that_of_the_longest_axis() -> None:
@@ -61,11 +60,11 @@ def test_the_largest_sigma_is_that_of_the_longest_axis() -> None:
 
 def test_a_wall_corrects_across_itself_only() -> None:
     """The match is 0.1 m off in both; 200 beams on a wall along x tell y, and of x only what noisy normals pretend."""
-    per_beam = PARAMS.laser_noise_m**-2
+    per_beam = LASER_NOISE_M**-2
     information = np.diag([200 * per_beam * math.sin(0.05) ** 2, 200 * per_beam, 200 * per_beam])
     expected = Estimate(np.array([3.0, 4.0, 0.0]), np.diag([0.04, 0.04, 0.01]))
     fit = Fit(np.array([3.1, 4.1, 0.0]), information, 200, 200, 200, 0, 0.01)
-    found = fused(PARAMS, expected, fit, np.linalg.inv(expected.covariance))
+    found = fused(expected, fit, np.linalg.inv(expected.covariance))
     assert found.pose[:2] == pytest.approx([3.0, 4.1], abs=0.002)
     assert math.sqrt(found.covariance[0, 0]) == pytest.approx(0.2, abs=0.001)
-    assert math.sqrt(found.covariance[1, 1]) == pytest.approx(PARAMS.map_m, abs=0.002)
+    assert math.sqrt(found.covariance[1, 1]) == pytest.approx(MAP_SIGMA_M, abs=0.002)

@@ -11,9 +11,9 @@ from PIL import Image
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.mapping.map_server import (
+    ImageMode,
     MapDescription,
     MapFileError,
-    Mode,
     parse_description,
     parse_image,
     to_description,
@@ -56,7 +56,7 @@ def test_a_description_is_read_as_map_saver_writes_it() -> None:
     assert description == MapDescription(
         image="flat.pgm", resolution=0.05, origin=(-12.2, 3.5, 0.0), occupied_thresh=0.65, free_thresh=0.196
     )
-    assert description.mode is Mode.TRINARY
+    assert description.mode is ImageMode.TRINARY
 
 
 def test_the_first_row_of_the_image_is_the_top_of_the_map() -> None:
@@ -137,8 +137,8 @@ GRIDS = st.builds(
 )
 
 
-@given(GRIDS, st.sampled_from([Mode.SCALE, Mode.RAW]))
-def test_a_scale_and_a_raw_map_keep_every_percent(grid: OccupancyGrid, mode: Mode) -> None:
+@given(GRIDS, st.sampled_from([ImageMode.SCALE, ImageMode.RAW]))
+def test_a_scale_and_a_raw_map_keep_every_percent(grid: OccupancyGrid, mode: ImageMode) -> None:
     """Written and read again: cells, resolution and origin."""
     description = parse_description(to_description(grid, "m.png", mode), "m.yaml")
     again = parse_image(to_image(grid, mode), description)

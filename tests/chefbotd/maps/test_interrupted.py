@@ -10,7 +10,7 @@ import pytest
 
 from chefbotd.core.commands import RefusalKind
 from chefbotd.maps.contents import read_grid, read_map_server, read_slam, save
-from chefbotd.maps.errors import MapStoreError
+from chefbotd.maps.disk import MapStoreError
 from chefbotd.maps.store import MapStore
 from tests.budget import sample
 from tests.chefbotd.maps.disks import BROKEN, FULL, READ_ONLY, FailingDisk, Killed

@@ -11,7 +11,7 @@ from chefbotd.core.commands import RefusalKind
 from chefbotd.core.geometry import Pose2D
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.maps.contents import autosave, read_arrays, read_grid, read_map_server, read_slam, save
-from chefbotd.maps.errors import MapStoreError
+from chefbotd.maps.disk import MapStoreError
 from chefbotd.maps.manifest import CELLS, GRAPH, MANIFEST
 from chefbotd.maps.store import MapStore
 

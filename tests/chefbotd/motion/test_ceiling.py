@@ -5,9 +5,9 @@ import pytest
 from chefbotd.core.geometry import STANDING, Twist2D
 from chefbotd.core.record import replace
 from chefbotd.motion import pid
-from chefbotd.motion.ceiling import under
 from chefbotd.motion.drive_state import DriveState
 from chefbotd.motion.limits import LimiterState
+from chefbotd.motion.setpoints import under
 
 BEFORE = DriveState(
     (replace(pid.RESET, integral_duty=3.0), replace(pid.RESET, integral_duty=-2.0)),

@@ -351,6 +351,23 @@ def test_wheels_that_are_dragged_sideways_get_more(linear_m_s: float, angular_ra
     )
 
 
+def test_the_integral_acts_in_full_when_the_setpoint_is_steady():
+    """0.1 m/s too slow: 100 * 0.1 m/s * 20 ms = 0.2 duty a step; a fifth until 0.3 s after a start, and a change."""
+    integral_only = PidParameters(kp=0.0, ki=100.0, output_limit=1023.0)
+    controller = drive(integral_only, integral_settle_s=0.3, response_delay_s=0.02)
+    state, grown = controller.at_rest, {}
+    for number in range(1, 151):
+        target = Twist2D(0.2, 0.0) if number <= 75 else Twist2D(0.3, 0.0)
+        before = state.pids[0].integral_duty
+        rim_rad_s = (target.linear_m_s - 0.1) / RADIUS_M
+        state = controller.regulate(
+            state, target, number * 0.02, (rim_rad_s, rim_rad_s), 0.02, measured_over_s=0.08
+        )
+        grown[number] = state.pids[0].integral_duty - before
+    for since, until, expected in ((20, 25, 0.04), (35, 75, 0.2), (90, 95, 0.04), (105, 150, 0.2)):
+        assert [grown[n] for n in range(since, until)] == pytest.approx([expected] * (until - since)), since
+
+
 def test_effort_is_what_is_pushed_beyond_scrubbing():
     """On the spot at 0.3 m/s of the rims: 40 + 300 + 100 of 1000; less 1.3 times the 100 that scrubbing takes: 0.31."""
     gains = PidParameters(kp=0.0, ki=0.0, ks=40.0, kv=1000.0, output_limit=1000.0)

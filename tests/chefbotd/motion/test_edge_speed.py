@@ -5,7 +5,15 @@ from itertools import accumulate, pairwise
 
 import pytest
 
-from chefbotd.motion.edge_speed import START, Mark, QuadratureParameters, Run, extend, rate_counts_s, turned
+from chefbotd.motion.edge_speed import (
+    START,
+    QuadratureParameters,
+    Run,
+    TimedEdge,
+    extend,
+    rate_counts_s,
+    turned,
+)
 
 PARAMETERS = QuadratureParameters(window_s=0.04, standstill_s=5.0)
 
@@ -26,7 +34,7 @@ def run_of(direction: int, edges_s: list[float], run: Run = START, first: int = 
     """A run with an edge at each of these times."""
     run = turned(run, direction) if run.direction != direction else run
     for k, at_s in enumerate(edges_s):
-        run = extend(PARAMETERS, run, Mark(first + direction * k, at_s))
+        run = extend(PARAMETERS, run, TimedEdge(first + direction * k, at_s))
     return run
 
 
@@ -41,7 +49,7 @@ def seen_each_cycle(
     while now_s < until_s:
         burst = [(k, at_s) for k, at_s in enumerate(edges_s) if now_s - CYCLE_S < at_s <= now_s]
         for k, at_s in burst[-timed:]:
-            run = extend(PARAMETERS, run, Mark(k, at_s))
+            run = extend(PARAMETERS, run, TimedEdge(k, at_s))
         readings.append((now_s, rate_counts_s(PARAMETERS, run, now_s)))
         now_s += CYCLE_S
     return readings
@@ -150,7 +158,7 @@ def test_a_smooth_start_is_a_smooth_speed() -> None:
     edges_s = [math.sqrt(2 * k / per_rad / 4.0) for k in range(1, 200)]
     run, rates = turned(START, 1), []
     for k, at_s in enumerate(edges_s):
-        run = extend(PARAMETERS, run, Mark(k, at_s))
+        run = extend(PARAMETERS, run, TimedEdge(k, at_s))
         rates.append(rate_counts_s(PARAMETERS, run, at_s))
     assert all(after >= before - 1e-9 for before, after in pairwise(rates))
     assert rates[-1] == pytest.approx(4.0 * edges_s[-1] * per_rad, rel=0.03)
@@ -166,7 +174,7 @@ def test_edges_of_another_cycle_say_nothing_of_the_widest_phase() -> None:
 
     The rate is from the edge that is like the newest, 8 counts in 0.15 s; a phase of 30 ms was seen a cycle before.
     """
-    marks = tuple(Mark(*mark) for mark in ((0, 0.0), (1, 0.01), (2, 0.04), (3, 0.05), (10, 0.19)))
+    marks = tuple(TimedEdge(*mark) for mark in ((0, 0.0), (1, 0.01), (2, 0.04), (3, 0.05), (10, 0.19)))
     run = Run(1, marks)
     assert rate_counts_s(PARAMETERS, run, 0.19) == pytest.approx(8 / 0.15)
     assert rate_counts_s(PARAMETERS, run, 0.22) == pytest.approx(1 / 0.03)
@@ -174,7 +182,7 @@ def test_edges_of_another_cycle_say_nothing_of_the_widest_phase() -> None:
 
 def test_three_phases_leave_the_fourth_the_rest_of_the_cycle() -> None:
     """10, 15 and 5 ms are 3 counts in 30 ms, which leaves 10 ms: after 30 ms without an edge it is 1.5 / 0.03 s."""
-    marks = tuple(Mark(*mark) for mark in ((0, 0.0), (-1, 0.01), (-2, 0.025), (-3, 0.03)))
+    marks = tuple(TimedEdge(*mark) for mark in ((0, 0.0), (-1, 0.01), (-2, 0.025), (-3, 0.03)))
     run = Run(-1, marks)
     assert rate_counts_s(PARAMETERS, run, 0.03) == pytest.approx(-100.0)
     assert rate_counts_s(PARAMETERS, run, 0.06) == pytest.approx(-50.0)

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from chefbotd.core.geometry import Pose2D
-from chefbotd.navigation.planner import Goal
+from chefbotd.navigation.path import Goal
 from tests.chefbotd.mapping.slam.flat import Floats, box, wall
 from tests.chefbotd.navigation.drives import RADIUS_M, ROUND, Drive, Person
 from tests.chefbotd.navigation.grids import rasterised

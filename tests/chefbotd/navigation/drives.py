@@ -8,8 +8,10 @@ import numpy as np
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.navigation.navigator import Navigator
-from chefbotd.navigation.outline import OutlineParameters, clearance_m
+from chefbotd.navigation.outline import Footprint, clearance_m
 from chefbotd.navigation.parameters import NavigationParameters
+from chefbotd.navigation.path import Planner
+from chefbotd.navigation.planner import plan
 from chefbotd.navigation.reports import Ended, PoseStatus, Seen, Step
 from tests.chefbotd.mapping.slam.flat import BEAMS, Floats, cast
 
@@ -18,7 +20,7 @@ DELAY_S = 0.1
 NOISE_M, MAX_RANGE_M = 0.008, 12.0
 MOST_M_S, MOST_RAD_S, ACCELERATION_M_S2, TURN_RAD_S2 = 0.34, 2.0, 1.0, 4.0
 RADIUS_M = 0.18
-ROUND = NavigationParameters(outline=OutlineParameters(radius_m=RADIUS_M))
+ROUND = NavigationParameters(outline=Footprint(radius_m=RADIUS_M))
 BEARINGS = -math.pi + math.tau / BEAMS * np.arange(BEAMS)
 
 
@@ -37,6 +39,11 @@ class Person:
     def __post_init__(self) -> None:
         self._sums = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(self.way, axis=0).T))])
 
+    @property
+    def length_m(self) -> float:
+        """Of its way."""
+        return float(self._sums[-1])
+
     def at(self, along_m: float) -> tuple[float, float]:
         """Where it is after so much of its way."""
         return (
@@ -47,7 +54,7 @@ class Person:
     def walk(self, dt_s: float, robot: Pose2D) -> None:
         """One step, if nobody is in the way."""
         there = self.along_m + self.direction * self.speed_m_s * dt_s
-        if not 0 <= there <= self._sums[-1]:
+        if not 0 <= there <= self.length_m:
             self.direction = -self.direction
             return
         x, y = self.at(self.along_m)
@@ -71,6 +78,7 @@ class Clearance:
     walls_m: float
     people_m: float
     people: tuple[tuple[float, float], ...] = ()
+    speed_m_s: float = 0.0
 
 
 @dataclass
@@ -82,6 +90,7 @@ class Drive:
     pose: Pose2D
     people: list[Person] = field(default_factory=list)
     params: NavigationParameters = ROUND
+    planner: Planner = plan
     seed: int = 0
     status: PoseStatus = PoseStatus.LOCALIZED
     lidar_works: bool = True
@@ -93,7 +102,7 @@ class Drive:
     def __post_init__(self) -> None:
         self.scans: list[tuple[float, Seen]] = []
         self._read = 0.0, self.pose, Twist2D()
-        self.navigator = Navigator(self.params)
+        self.navigator = Navigator(self.params, self.planner)
         self.navigator.use_map(self.grid)
         self.chance = np.random.default_rng(self.seed)
         self.now_s, self.ticks = 0.0, 0
@@ -166,7 +175,7 @@ class Drive:
         if self.ticks % 2 == 0:
             people = tuple(person.at(person.along_m) for person in self.people)
             here = self.pose.x_m, self.pose.y_m
-            clearance = Clearance(*here, self.walls_m(), self.people_m(), people)
+            clearance = Clearance(*here, self.walls_m(), self.people_m(), people, self.twist.linear_m_s)
             self.passed.append(clearance)
             self.least_m = min(self.least_m, clearance.walls_m, clearance.people_m)
 
@@ -204,12 +213,15 @@ class Drive:
         x, y, heading = self.chance.normal(0, (0.004, 0.004, 0.002))
         return Pose2D(here.x_m + x, here.y_m + y, here.heading_rad + heading)
 
+    def allowed(self, wanted: Twist2D) -> Twist2D:
+        """What the obstacle guards let through: here there are none."""
+        return wanted
+
     def _move(self) -> None:
-        wanted = self.twist if not self.queue else Twist2D()
         while self.queue and self.queue[0][0] <= self.now_s:
             obeyed = self.queue.pop(0)[1]
             self._obeyed = getattr(self, "_obeyed", Twist2D()) if self.is_silent else obeyed
-        wanted = getattr(self, "_obeyed", Twist2D())
+        wanted = self.allowed(getattr(self, "_obeyed", Twist2D()))
         linear = _towards(self.twist.linear_m_s, wanted.linear_m_s, ACCELERATION_M_S2 * STEP_S, MOST_M_S)
         angular = _towards(self.twist.angular_rad_s, wanted.angular_rad_s, TURN_RAD_S2 * STEP_S, MOST_RAD_S)
         self.twist = Twist2D(linear, angular)

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from pydantic import ValidationError
 
 from chefbotd.core.geometry import Pose2D
-from chefbotd.navigation.costmap import CostParameters, UnknownSpace, between_cells, costmap, with_obstacles
+from chefbotd.navigation.costmap import between_cells, costmap, with_obstacles
 from chefbotd.navigation.distance import distances_m
-from chefbotd.navigation.outline import OutlineParameters, clearance_m
+from chefbotd.navigation.outline import Footprint, clearance_m
+from chefbotd.navigation.states import UnknownSpace
 from chefbotd.navigation.zones import Zones, parse_zones
 from tests.chefbotd.navigation.grids import drawn
 
-ROUND = OutlineParameters(radius_m=0.18)
+ROUND = Footprint(radius_m=0.18)
 EMPTY = drawn(*["." * 30] * 20)
 
 
@@ -45,9 +45,8 @@ def test_distances_are_exact(seed: int, rows: int, columns: int) -> None:
 
 def test_the_cost_falls_with_the_square_of_the_room() -> None:
     """Half way between the inner radius 0.2 and the comfort 0.4 beyond it: 1 + 4 x (1/2)^2 = 2; with no room 3 more."""
-    params = CostParameters(comfort_m=0.4)
     wall = drawn("#" + "." * 30)
-    costs = costmap(params, OutlineParameters(radius_m=0.2), wall, 0.3).costs[0]
+    costs = costmap(Footprint(radius_m=0.2), wall, 0.3, comfort_m=0.4).costs[0]
     assert math.isinf(costs[3])  # 0.15 m
     assert costs[4] == pytest.approx(8.0)  # 0.20 m
     assert costs[5] == pytest.approx(1 + 4 * 0.875**2 + 3 * (7 / 12) ** 2)  # 0.25 m
@@ -58,12 +57,11 @@ def test_the_cost_falls_with_the_square_of_the_room() -> None:
 
 @pytest.mark.parametrize(
     ("unknown", "cost"),
-    [(UnknownSpace.BLOCKED, math.inf), (UnknownSpace.AVOIDED, 3.5), (UnknownSpace.FREE, 1.0)],
+    [(UnknownSpace.BLOCKED, math.inf), (UnknownSpace.AVOIDED, 6.0), (UnknownSpace.FREE, 1.0)],
 )
 def test_unknown_space_is_worth_what_was_configured(unknown: UnknownSpace, cost: float) -> None:
-    """Blocked, dearer by the configured weight, or like free space."""
-    params = CostParameters(unknown_space=unknown, unknown_weight=2.5)
-    assert costmap(params, ROUND, drawn("..??.."), 0.3).costs[0, 2] == cost
+    """Blocked, dearer by 5, or like free space."""
+    assert costmap(ROUND, drawn("..??.."), 0.3, unknown_space=unknown).costs[0, 2] == cost
 
 
 def test_a_keep_out_zone_is_an_obstacle_with_the_robots_radius_about_it() -> None:
@@ -72,7 +70,7 @@ def test_a_keep_out_zone_is_an_obstacle_with_the_robots_radius_about_it() -> Non
     zones = Zones.model_validate(
         {"keep_out": [{"name": "stairs", "corners_m": [[1.0, 2.5], [1.5, 2.5], [1.5, 3.0]]}]}
     )
-    made = costmap(CostParameters(), ROUND, turned, 0.3, zones)
+    made = costmap(ROUND, turned, 0.3, zones)
     inside, outside = made.frame.to_grid(np.array([[1.4, 2.6], [1.1, 2.9]]))
     assert made.distance_m[made.frame.cell(*inside)] == 0.0
     assert made.distance_m[made.frame.cell(*outside)] > 0.1
@@ -85,7 +83,7 @@ def test_a_slow_zone_costs_the_time_that_it_takes() -> None:
     zones = Zones.model_validate(
         {"slow": [{"corners_m": [[0.5, 0.2], [1.0, 0.2], [1.0, 0.7], [0.5, 0.7]], "max_speed_m_s": 0.1}]}
     )
-    made = costmap(CostParameters(), ROUND, EMPTY, 0.3, zones)
+    made = costmap(ROUND, EMPTY, 0.3, zones)
     assert made.costs[made.frame.cell(0.6, 0.5)] == pytest.approx(3.0)
     assert made.speed_limit_m_s[made.frame.cell(0.6, 0.5)] == 0.1
     assert made.costs[made.frame.cell(0.4, 0.5)] == 1.0
@@ -95,9 +93,9 @@ def test_what_was_seen_is_kept_away_from_as_an_obstacle_of_the_map_with_a_margin
     """A point in the middle of a cell: costs as of an obstacle, but blocked to 0.22 m instead of 0.1675 m."""
     rows = ["." * 40] * 30
     rows[11] = "." * 13 + "#" + "." * 26
-    ground = costmap(CostParameters(), ROUND, drawn(*["." * 40] * 30), 0.3)
+    ground = costmap(ROUND, drawn(*["." * 40] * 30), 0.3)
     live = with_obstacles(ground, np.array([[0.675, 0.925]]))
-    on_map = costmap(CostParameters(), ROUND, drawn(*rows), 0.3)
+    on_map = costmap(ROUND, drawn(*rows), 0.3)
     near = on_map.distance_m < 0.45
     assert live.distance_m[near] == pytest.approx(on_map.distance_m[near], abs=1e-6)
     free = np.isfinite(live.costs)
@@ -108,7 +106,7 @@ def test_what_was_seen_is_kept_away_from_as_an_obstacle_of_the_map_with_a_margin
 
 def test_a_point_is_not_rounded_to_its_cell() -> None:
     """At the edge of a cell, 0.02 m from its middle: the next cells are 0.03 and 0.07 m away."""
-    live = with_obstacles(costmap(CostParameters(), ROUND, EMPTY, 0.3), np.array([[0.545, 0.525]]))
+    live = with_obstacles(costmap(ROUND, EMPTY, 0.3), np.array([[0.545, 0.525]]))
     assert live.distance_m[10, 10] == 0.0
     assert (live.distance_m[10, 11], live.distance_m[10, 9]) == pytest.approx((0.03, 0.07))
 
@@ -123,7 +121,7 @@ def test_between_the_middles_of_cells_values_are_linear() -> None:
 
 def test_the_clearance_from_an_oblique_polygon() -> None:
     """A trapezium, longer in front than behind: beside, off a corner, inside."""
-    outline = OutlineParameters(corners_m=((0.3, 0.1), (-0.1, 0.1), (-0.1, -0.1), (0.3, -0.1)))
+    outline = Footprint(corners_m=((0.3, 0.1), (-0.1, 0.1), (-0.1, -0.1), (0.3, -0.1)))
     assert clearance_m(outline.hull, outline.pad_m, 0.1, 0.25) == pytest.approx(0.15)
     assert clearance_m(outline.hull, outline.pad_m, 0.33, 0.14) == pytest.approx(0.05)
     assert clearance_m(outline.hull, outline.pad_m, 0.02, 0.03) == pytest.approx(-0.07)
@@ -146,8 +144,8 @@ def test_a_circle_has_one_radius() -> None:
 )
 def test_an_outline_is_one_shape_about_the_origin(wrong: dict[str, object]) -> None:
     """None, two, a line, and a shape beside the origin are refused."""
-    with pytest.raises(ValidationError, match=r"radius_m|corners_m"):
-        OutlineParameters.model_validate(wrong)
+    with pytest.raises(ValueError, match=r"radius_m|corners_m"):
+        Footprint(**wrong)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(

@@ -6,13 +6,12 @@ import numpy as np
 import pytest
 
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
-from chefbotd.navigation.arcs import ArcParameters
 from chefbotd.navigation.distance import Singles
-from chefbotd.navigation.evade import EvadeParameters, evasion
-from chefbotd.navigation.outline import OutlineParameters
+from chefbotd.navigation.evade import evasion
+from chefbotd.navigation.outline import Footprint
 from chefbotd.navigation.surroundings import Surroundings
 
-PARAMS, ARCS, ROUND = EvadeParameters(), ArcParameters(), OutlineParameters(radius_m=0.18)
+ROUND = Footprint(radius_m=0.18)
 NO_MAP: Singles = np.full((200, 200), np.inf, np.float32)
 FRONT = np.stack([0.22 * np.cos(np.linspace(1.7, 4.6, 14)), 0.22 * np.sin(np.linspace(1.7, 4.6, 14))], axis=1)
 SIDES = np.array([(x, y) for x in np.arange(-1.5, 1.6, 0.04) for y in (-0.34, 0.31)])
@@ -40,7 +39,7 @@ def evaded(
         points, np.zeros_like(points) if waits else intent, np.full(len(points), 0.015), NO_MAP, 0.05, Pose2D(5, 5),
         intent,
     )  # fmt: skip
-    return evasion(PARAMS, ARCS, ROUND, near, STANDING, away_m, is_stuck=is_stuck)
+    return evasion(ROUND, near, STANDING, away_m, is_stuck=is_stuck)
 
 
 @pytest.mark.parametrize(("x_m", "y_m"), [(1.6, 0.1), (1.55, -0.2), (-1.6, 0.2)])
@@ -70,7 +69,7 @@ def test_who_passes_by_or_walks_away_is_no_reason_to_move() -> None:
     assert evaded(0.9, 0.3, -0.5) is None
     passing, along = FRONT + np.array([1.0, 0.6]), np.tile([-0.5, 0.0], (len(FRONT), 1))
     beside = Surroundings(passing, along, np.full(len(FRONT), 0.1), NO_MAP, 0.05, Pose2D(5, 5))
-    assert evasion(PARAMS, ARCS, ROUND, beside, STANDING, 0.0, is_stuck=True) is None
+    assert evasion(ROUND, beside, STANDING, 0.0, is_stuck=True) is None
 
 
 def test_who_waits_for_a_robot_that_cannot_go_on_is_let_by() -> None:
@@ -102,7 +101,7 @@ def made_way(x_m: float, y_m: float, speed_m_s: float, wall_rad: float, wall_m: 
             Pose2D(5, 5), velocity @ turned,
         )  # fmt: skip
         away_m = math.hypot(pose.x_m, pose.y_m)
-        last = evasion(PARAMS, ARCS, ROUND, near, last, away_m, is_stuck=True) or STANDING
+        last = evasion(ROUND, near, last, away_m, is_stuck=True) or STANDING
         heading = 0.05 * last.angular_rad_s
         moved = 0.05 * last.linear_m_s
         pose = pose.compose(Pose2D(moved * math.cos(heading / 2), moved * math.sin(heading / 2), heading))
@@ -132,6 +131,6 @@ def test_it_goes_near_a_wall_rather_than_being_touched() -> None:
     velocity = np.zeros_like(points)
     velocity[: len(FRONT)] = [-0.15, 0.0]
     near = Surroundings(points, velocity, np.full(len(points), 0.015), NO_MAP, 0.05, Pose2D(5, 5), velocity)
-    twist = evasion(PARAMS, ARCS, ROUND, near, STANDING, 0.1, is_stuck=True)
+    twist = evasion(ROUND, near, STANDING, 0.1, is_stuck=True)
     assert twist is not None
     assert twist.linear_m_s < 0.0

@@ -10,17 +10,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D, wrap_angle
-from chefbotd.navigation.arcs import ArcParameters, stopping_speed, turn, way
+from chefbotd.navigation.arcs import stopping_speed, turn, way
 from chefbotd.navigation.follower import backwards, follow
-from chefbotd.navigation.outline import OutlineParameters
+from chefbotd.navigation.outline import Footprint
 from chefbotd.navigation.smooth import resampled
-from chefbotd.navigation.steering import FollowerParameters, FollowState, Phase, Track, predicted, slewed
+from chefbotd.navigation.steering import FollowerLimits, FollowState, Phase, Track, predicted, slewed
 from chefbotd.navigation.surroundings import Surroundings
 from tests.budget import examples
 
-ROUND = OutlineParameters(radius_m=0.18)
-OBLONG = OutlineParameters(corners_m=((0.3, 0.1), (-0.1, 0.1), (-0.1, -0.1), (0.3, -0.1)))
-PARAMS, ARCS = FollowerParameters(), ArcParameters()
+ROUND = Footprint(radius_m=0.18)
+OBLONG = Footprint(corners_m=((0.3, 0.1), (-0.1, 0.1), (-0.1, -0.1), (0.3, -0.1)))
+PARAMS = FollowerLimits()
 MIDDLE = Pose2D(5.0, 5.0)
 NO_MAP = np.full((200, 200), np.inf, np.float32)
 
@@ -31,9 +31,9 @@ def about(points: list[tuple[float, float]], pose: Pose2D = MIDDLE, margin_m: fl
     return Surroundings(there, np.zeros_like(there), np.full(len(there), margin_m), NO_MAP, 0.05, pose)
 
 
-def straight(near: Surroundings, horizon_m: float = 1.0, outline: OutlineParameters = ROUND) -> float:
+def straight(near: Surroundings, horizon_m: float = 1.0, outline: Footprint = ROUND) -> float:
     """How far it is free straight on."""
-    return way(ARCS, outline, near, 0.0, horizon_m, 0.3, 0.5).free
+    return way(outline, near, 0.0, horizon_m, 0.3, 0.5).free
 
 
 def test_straight_on_it_is_free_up_to_the_margin() -> None:
@@ -47,18 +47,18 @@ def test_an_arc_is_checked_along_itself() -> None:
     """With 1 m of radius to the left, (1, 1) is met after a quarter circle less a chord of 0.2 m."""
     near = about([(1.0, 1.0)])
     assert straight(near, 2.0) == 2.0
-    met = way(ARCS, ROUND, near, 1.0, 2.0, 0.3, 0.5).free
+    met = way(ROUND, near, 1.0, 2.0, 0.3, 0.5).free
     assert met == pytest.approx(math.pi / 2 - 2 * math.asin(0.1), abs=0.03)
-    assert way(ARCS, ROUND, near, -1.0, 2.0, 0.3, 0.5).free == 2.0
+    assert way(ROUND, near, -1.0, 2.0, 0.3, 0.5).free == 2.0
 
 
 def test_a_polygon_turns_with_its_corners() -> None:
     """A post at the left, 0.25 m from the origin: the front, at 0.316 m, reaches it; turning right it does not."""
     post = about([(0.0, 0.25)], margin_m=0.0)
-    left = turn(ARCS, OBLONG, post, math.pi / 2).free
+    left = turn(OBLONG, post, math.pi / 2).free
     assert left == pytest.approx(math.pi / 2 - math.asin(0.1 / 0.25), abs=0.06)
-    assert turn(ARCS, OBLONG, post, -1.0).free == 1.0
-    assert turn(ARCS, ROUND, post, math.pi).free == pytest.approx(math.pi)
+    assert turn(OBLONG, post, -1.0).free == 1.0
+    assert turn(ROUND, post, math.pi).free == pytest.approx(math.pi)
 
 
 def test_who_is_too_near_already_may_leave() -> None:
@@ -66,7 +66,7 @@ def test_who_is_too_near_already_may_leave() -> None:
     near = about([(0.185, 0.0)])
     assert straight(near) == 0.0
     assert straight(near, -0.5) == 0.5
-    assert turn(ARCS, ROUND, near, 2.0).free == 2.0
+    assert turn(ROUND, near, 2.0).free == 2.0
 
 
 def test_a_wall_that_no_lidar_sees_stops_by_the_map() -> None:
@@ -102,8 +102,7 @@ def test_it_goes_in_front_of_somebody_only_with_time_to_spare(
     near = Surroundings(
         np.array([[0.5, -ahead_m]]), np.array([[0.0, 1.0]]), np.array([0.1]), NO_MAP, 0.05, MIDDLE, speed_m_s=speed_m_s
     )  # fmt: skip
-    arcs = ArcParameters(foresight_s=6.0)
-    assert (way(arcs, ROUND, near, 0.0, 1.0, 0.3, 0.5).free == 1.0) is is_free
+    assert (way(ROUND, near, 0.0, 1.0, 0.3, 0.5, foresight_s=6.0).free == 1.0) is is_free
 
 
 def test_it_stops_at_no_goal_where_somebody_comes_by() -> None:
@@ -111,15 +110,14 @@ def test_it_stops_at_no_goal_where_somebody_comes_by() -> None:
     near = Surroundings(
         np.array([[0.4, -1.5]]), np.array([[0.0, 0.6]]), np.array([0.1]), NO_MAP, 0.05, MIDDLE, speed_m_s=0.3
     )
-    arcs = ArcParameters(foresight_s=6.0)
-    assert way(arcs, ROUND, replace(near, stops_m=0.4), 0.0, 1.0, 0.3, 0.5).free < 0.4
+    assert way(ROUND, replace(near, stops_m=0.4), 0.0, 1.0, 0.3, 0.5, foresight_s=6.0).free < 0.4
 
 
 def test_the_speed_falls_with_the_room() -> None:
     """Half of the full room beside, 0.1 m: half way between creeping and full speed, 0.08 and 0.3 m/s."""
     near = about([(0.1 * k, 0.18 + 0.1) for k in range(20)])
-    assert way(ARCS, ROUND, near, 0.0, 1.0, 0.3, 0.5).speed_m_s == pytest.approx(0.19, abs=0.025)
-    assert way(ARCS, ROUND, about([]), 0.0, 1.0, 0.3, 0.5).speed_m_s == 0.3
+    assert way(ROUND, near, 0.0, 1.0, 0.3, 0.5).speed_m_s == pytest.approx(0.19, abs=0.025)
+    assert way(ROUND, about([]), 0.0, 1.0, 0.3, 0.5).speed_m_s == 0.3
 
 
 def test_the_stopping_speed_counts_the_delay_and_the_braking() -> None:

@@ -10,7 +10,7 @@ from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.navigation.costmap import costmap
 from chefbotd.navigation.goal_queue import GoalQueue, added, first_ended, kept
 from chefbotd.navigation.input_watch import Missing, watched
-from chefbotd.navigation.planner import Goal, Path
+from chefbotd.navigation.path import Goal, Path
 from chefbotd.navigation.progress_check import InTheWay, LastProgress, checked
 from chefbotd.navigation.replanning import Choice, choice
 from chefbotd.navigation.reports import PoseStatus, StepInput
@@ -138,7 +138,7 @@ def test_a_path_that_grazes_a_wall_gives_way_to_a_clearer_one_of_the_same_length
     new_y_m: float, chosen: Choice
 ) -> None:
     """Planned round somebody, it has 4 cm beside it for 0.5 m of 28 m. 6 cm are no reason to take another; 25 cm are."""
-    costs = costmap(ROUND.costs, ROUND.outline, rasterised(box(0, 0, 30.0, 4.0), 30.0, 4.0), 0.3)
+    costs = costmap(ROUND.outline, rasterised(box(0, 0, 30.0, 4.0), 30.0, 4.0), 0.3)
 
     def path(y_m: float) -> Path:
         points = resampled(np.array([(1.0, 0.5), (1.6, y_m), (2.1, y_m), (2.8, 1.0), (29.0, 1.2)]), 0.05)

@@ -7,18 +7,17 @@ import pytest
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.navigation.grid_frame import GridFrame
-from chefbotd.navigation.live import LiveParameters, nothing_seen, obstacles_seen, see_range, see_scan
+from chefbotd.navigation.live import nothing_seen, obstacles_seen, see_range, see_scan
 from tests.chefbotd.navigation.grids import drawn
 
 FRAME = GridFrame.of(drawn(*["." * 60] * 40))
 FAR = np.full((40, 60), np.inf, np.float32)
-PARAMS = LiveParameters()
 SENSOR = np.array([0.51, 1.02])
 
 
 def cells(live: object, now_s: float, fixed_m: np.ndarray = FAR) -> list[tuple[int, int]]:
     """The cells of the obstacles at a time."""
-    points = obstacles_seen(PARAMS, live, fixed_m, now_s)
+    points = obstacles_seen(live, fixed_m, now_s)
     return [(math.floor(y / 0.05), math.floor(x / 0.05)) for x, y in points]
 
 
@@ -82,7 +81,7 @@ def test_what_the_map_shows_already_is_no_live_obstacle() -> None:
 def test_a_sonars_echo_marks_an_arc_that_fades_after_three_seconds() -> None:
     """At 0.8 m a cone of 0.26 rad is 0.21 m wide: five cells of 0.05 m, give or take one."""
     sensor = Pose2D(0.5, 1.0, 0.0)
-    live = see_range(PARAMS, nothing_seen(FRAME), FRAME, FAR, 5.0, sensor, 0.81, 0.26)
+    live = see_range(nothing_seen(FRAME), FRAME, FAR, 5.0, sensor, 0.81, 0.26)
     assert 4 <= len(cells(live, 5.0)) <= 6
     assert {column for _, column in cells(live, 5.0)} <= {25, 26}
     assert cells(live, 7.9) == cells(live, 5.0)
@@ -91,7 +90,7 @@ def test_a_sonars_echo_marks_an_arc_that_fades_after_three_seconds() -> None:
 
 def test_a_lidars_beam_does_not_clear_what_a_sonar_heard() -> None:
     """It may be glass: the beam passes it, the sound does not."""
-    live = see_range(PARAMS, nothing_seen(FRAME), FRAME, FAR, 5.0, Pose2D(0.5, 1.02, 0.0), 0.81, 0.26)
+    live = see_range(nothing_seen(FRAME), FRAME, FAR, 5.0, Pose2D(0.5, 1.02, 0.0), 0.81, 0.26)
     heard = cells(live, 5.1)
     through = see_scan(live, FRAME, 5.1, SENSOR, np.array([[2.5, 1.02]]))
     assert set(heard) <= set(cells(through, 5.1))
@@ -102,13 +101,13 @@ def test_an_echo_that_map_or_lidar_explain_marks_nothing() -> None:
     sensor = Pose2D(0.5, 1.0, 0.0)
     post = FAR.copy()
     post[22, 26] = 0.0
-    assert cells(see_range(PARAMS, nothing_seen(FRAME), FRAME, post, 5.0, sensor, 0.81, 0.26), 5.0) == []
+    assert cells(see_range(nothing_seen(FRAME), FRAME, post, 5.0, sensor, 0.81, 0.26), 5.0) == []
     leg = see_scan(nothing_seen(FRAME), FRAME, 5.0, SENSOR, np.array([[1.31, 1.08]]))
-    assert cells(see_range(PARAMS, leg, FRAME, FAR, 5.0, sensor, 0.81, 0.26), 5.0) == cells(leg, 5.0)
+    assert cells(see_range(leg, FRAME, FAR, 5.0, sensor, 0.81, 0.26), 5.0) == cells(leg, 5.0)
 
 
 @pytest.mark.parametrize("range_m", [0.0, -1.0, 1.6, math.nan, math.inf])
 def test_an_echo_from_afar_or_from_nowhere_marks_nothing(range_m: float) -> None:
     """Beyond 1.5 m a cone is too wide, and what is no distance is no echo."""
-    live = see_range(PARAMS, nothing_seen(FRAME), FRAME, FAR, 5.0, Pose2D(0.5, 1.0, 0.0), range_m, 0.26)
+    live = see_range(nothing_seen(FRAME), FRAME, FAR, 5.0, Pose2D(0.5, 1.0, 0.0), range_m, 0.26)
     assert cells(live, 5.0) == []

@@ -8,9 +8,9 @@ import pytest
 
 from chefbotd.core.geometry import Pose2D, wrap_angle
 from chefbotd.navigation.navigator import Navigator, NoMapError
-from chefbotd.navigation.outline import OutlineParameters
+from chefbotd.navigation.outline import Footprint
 from chefbotd.navigation.parameters import NavigationParameters
-from chefbotd.navigation.planner import Goal, NoPath, Path
+from chefbotd.navigation.path import Goal, NoPath, Path
 from chefbotd.navigation.reports import Ended, PoseStatus
 from chefbotd.navigation.states import End, State
 from tests.budget import sample
@@ -80,7 +80,7 @@ def test_through_two_doors_into_another_room() -> None:
 def test_an_oblong_robot_drives_and_turns_without_touching() -> None:
     """KHAN's outline, 0.32 by 0.15 m with the origin in its middle, from desk to desk."""
     building = office(1)
-    outline = OutlineParameters(corners_m=((0.16, 0.075), (-0.16, 0.075), (-0.16, -0.075), (0.16, -0.075)))
+    outline = Footprint(corners_m=((0.16, 0.075), (-0.16, 0.075), (-0.16, -0.075), (0.16, -0.075)))
     drive = Drive(
         rasterised(building.walls, 12, 9), building.walls, Pose2D(0.5, 3.2, 1.0),
         params=NavigationParameters(outline=outline),

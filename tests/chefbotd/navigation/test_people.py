@@ -6,7 +6,8 @@ import pytest
 from chefbotd.core.geometry import Pose2D
 from chefbotd.navigation.awareness import Awareness
 from chefbotd.navigation.costmap import Costmap
-from chefbotd.navigation.planner import Goal, Path, plan
+from chefbotd.navigation.path import Goal, Path
+from chefbotd.navigation.planner import plan
 from chefbotd.navigation.reports import Seen
 from chefbotd.navigation.zones import NO_ZONES
 from tests.chefbotd.mapping.slam.flat import Floats, box, wall
@@ -75,8 +76,6 @@ def test_a_chair_is_planned_round_also_while_somebody_stands_at_it() -> None:
 def test_nobody_in_a_doorway_moves_the_path_to_its_post(vy: float, y_m: float) -> None:
     """A door of 0.91 m leaves 0.27 m on either side of the robot: there are 0.10 m also while somebody comes through."""
     walls = np.vstack([HALL, wall((1.8, 0.0), (1.8, 2.62)), wall((1.8, 3.53), (1.8, 6.0))])
-    path = plan(
-        ROUND.planner, ROUND.outline, costs_after(3.0, 0.0, -0.4, vy, 2.6, y_m, walls), HERE, Goal(4.0, 2.2)
-    )
+    path = plan(ROUND.outline, costs_after(3.0, 0.0, -0.4, vy, 2.6, y_m, walls), HERE, Goal(4.0, 2.2))
     assert isinstance(path, Path)
     assert min(segment_distance_m(walls, *point) for point in path.points_m.tolist()) - 0.18 >= 0.10

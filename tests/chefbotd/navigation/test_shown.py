@@ -7,7 +7,7 @@ import numpy as np
 from chefbotd.core.geometry import Pose2D
 from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from chefbotd.navigation.awareness import Awareness
-from chefbotd.navigation.outline import OutlineParameters
+from chefbotd.navigation.outline import Footprint
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.reports import Seen
 from chefbotd.navigation.shown import (
@@ -20,7 +20,7 @@ from chefbotd.navigation.shown import (
 )
 from chefbotd.navigation.zones import NO_ZONES
 
-PARAMS = NavigationParameters(outline=OutlineParameters(radius_m=0.2))
+PARAMS = NavigationParameters(outline=Footprint(radius_m=0.2))
 ORIGIN = Pose2D(-3.0, 1.0, math.radians(30))
 
 
@@ -45,18 +45,17 @@ def test_all_parts_come_a_few_at_a_time_and_then_only_what_changes() -> None:
     for k in range(3):
         patches = shown.changes(hall, 0.5 * k)
         counts.append(len(patches))
-        for patch in patches:
-            rows, columns = patch.cells.shape
-            cells[patch.row : patch.row + rows, patch.column : patch.column + columns] = patch.cells
+        for row, column, part in patches:
+            rows, columns = part.shape
+            cells[row : row + rows, column : column + columns] = part
     assert (counts[:2], counts[2] >= 4) == ([MOST_PATCHES, MOST_PATCHES], True)
     assert np.array_equal(cells, cells_of(hall.ground.costs))
     assert len(shown.changes(hall, 2.0)) == IN_TURN
     place = ORIGIN.compose(Pose2D(6.0, 5.0))
     hall.take_scan(Seen(2.1, place, np.zeros(2), np.array([[1.02, 0.02]])))
     changed = shown.changes(hall, 2.2)
-    assert [patch for patch in changed if (patch.row, patch.column) == (80, 80)]
-    (chair,) = [patch for patch in changed if (patch.row, patch.column) == (80, 80)]
-    assert chair.cells[100 - 80, 140 - 80] == 100
+    (chair,) = [part for row, column, part in changed if (row, column) == (80, 80)]
+    assert chair[100 - 80, 140 - 80] == 100
     assert shown.revision == 1
 
 
@@ -64,7 +63,7 @@ def test_every_part_comes_again_for_whoever_looks_later() -> None:
     """In turn, four each time: 6 parts within 2 times; another map, or a first look, is another revision."""
     hall, shown = known(150, 170), ShownCosts()
     shown.changes(hall, 0.0)
-    again = {(patch.row, patch.column) for k in range(2) for patch in shown.changes(hall, 1.0 + k)}
+    again = {patch[:2] for k in range(2) for patch in shown.changes(hall, 1.0 + k)}
     assert again == {(row, column) for row in (0, 80) for column in (0, 80, 160)}
     shown.changes(known(150, 170), 9.0)
     assert shown.revision == 2

@@ -6,8 +6,8 @@ from chefbotd.navigation.arcs import _way
 from chefbotd.navigation.costmap import _stamp
 from chefbotd.navigation.evade import _least_m
 from chefbotd.navigation.live import _see
+from chefbotd.navigation.path import Goal
 from chefbotd.navigation.people import _stamp_people
-from chefbotd.navigation.planner import Goal
 from chefbotd.navigation.search import _search
 from chefbotd.navigation.smooth import _pull, _relax
 from chefbotd.navigation.warm import warm

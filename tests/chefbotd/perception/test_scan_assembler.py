@@ -7,10 +7,10 @@ import pytest
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.scan import LaserScan
-from chefbotd.perception.laser_scan import BeamParameters, Track
+from chefbotd.perception.laser_scan import OdometryTrack
 from chefbotd.perception.scan_assembler import MountedScan, ScanAssembler, joined_points
 
-STILL = Track(np.array([0.0]), np.zeros((1, 3)))
+STILL = OdometryTrack(np.array([0.0]), np.zeros((1, 3)))
 
 
 def fed(turns: list[tuple[str, float]], *lidars: str) -> list[tuple[str, ...]]:
@@ -77,17 +77,15 @@ def test_points_of_both_are_where_the_robot_stands_at_the_first_ones_time() -> N
     """
     rear = MountedScan(Pose2D(-0.1, 0.0, math.pi), one_beam(9.96, 0.0, 1.0))
     front = MountedScan(Pose2D(0.15, 0.05, 0.0), one_beam(10.0, 0.0, 2.0))
-    track = Track(np.array([9.96, 10.0]), np.array([[0.0, 0.0, 0.0], [0.2, 0.0, math.pi / 2]]))
-    seen = joined_points(BeamParameters(), [front, rear], track)
+    track = OdometryTrack(np.array([9.96, 10.0]), np.array([[0.0, 0.0, 0.0], [0.2, 0.0, math.pi / 2]]))
+    seen = joined_points((0.05, 30.0), [front, rear], track)
     assert np.allclose(seen.points_m, [[2.15, 0.05], [0.0, 1.3]])
     assert np.allclose(seen.sensor_m, [[0.15, 0.05], [0.0, 0.3]])
 
 
 def test_one_lidar_alone_has_one_place() -> None:
     """As without the others: the mount's place for all points."""
-    seen = joined_points(
-        BeamParameters(), [MountedScan(Pose2D(0.1, -0.2, 0.3), one_beam(5.0, -0.3, 1.0))], STILL
-    )
+    seen = joined_points((0.05, 30.0), [MountedScan(Pose2D(0.1, -0.2, 0.3), one_beam(5.0, -0.3, 1.0))], STILL)
     assert np.allclose(seen.points_m, [[1.1, -0.2]])
     assert seen.sensor_m.tolist() == [0.1, -0.2]
 

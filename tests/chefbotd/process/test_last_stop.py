@@ -1,7 +1,12 @@
 """The program that stops the motors after its daemon was killed, against ports that fail."""
 
+import fcntl
+import math
 import os
 import termios
+import tty
+from collections.abc import Iterator
+from dataclasses import dataclass
 from io import BytesIO, TextIOWrapper
 
 import pytest
@@ -65,6 +70,72 @@ def test_a_port_that_stays_away_is_waited_for_ten_seconds(
     assert sum(slept_s) == pytest.approx(10.0, abs=0.2)
 
 
+@dataclass
+class PortInUse:
+    """A real pseudo-terminal whose lock another program holds, until so many looks of 0.1 s have been in vain."""
+
+    board: int
+    path: str
+    holder: int
+    looks_left: float
+    slept_s: float = 0.0
+
+    def sleep(self, duration_s: float) -> None:
+        """All the time that passes."""
+        self.slept_s += duration_s
+        self.looks_left -= 1
+        if self.looks_left == 0:
+            os.close(self.holder)
+
+    @property
+    def written(self) -> bytes:
+        """What has reached the board."""
+        try:
+            return os.read(self.board, 4096)
+        except BlockingIOError:
+            return b""
+
+
+@pytest.fixture
+def port_in_use(monkeypatch: pytest.MonkeyPatch) -> Iterator[PortInUse]:
+    """Held for ever, unless the test says how long."""
+    board, device = os.openpty()
+    tty.setraw(device)
+    os.set_blocking(board, False)
+    path = os.ttyname(device)
+    holder = os.open(path, os.O_RDWR | os.O_NOCTTY)
+    fcntl.flock(holder, fcntl.LOCK_EX)
+    port = PortInUse(board, path, holder, math.inf)
+    monkeypatch.setattr(last_stop.time, "sleep", port.sleep)
+    monkeypatch.setattr(last_stop.time, "monotonic", lambda: port.slept_s)
+    yield port
+    if port.looks_left > 0:
+        os.close(holder)
+    os.close(device)
+    os.close(board)
+
+
+@pytest.mark.parametrize("looks", [1, 30])
+def test_the_lock_of_the_daemon_that_dies_is_waited_for(port_in_use: PortInUse, looks: int):
+    """The pipe has ended, but the kernel has not let go of the port yet: on a busy computer that takes its time."""
+    port_in_use.looks_left = looks
+    assert last_stop.stop_motors(port_in_use.path, 115200, True, True, b"s 0 0\r")
+    assert port_in_use.written == b"s 0 0\r" * last_stop.STOPS
+
+
+def test_a_daemon_that_cannot_end_is_stopped_all_the_same(port_in_use: PortInUse):
+    """It holds the lock for longer than ten seconds, and it is still this program's parent: nobody else drives."""
+    assert last_stop.stop_motors(port_in_use.path, 115200, True, True, b"s 0 0\r", None, os.getppid())
+    assert port_in_use.written == b"s 0 0\r" * last_stop.STOPS
+
+
+def test_a_port_that_another_program_keeps_is_left_to_it(port_in_use: PortInUse):
+    """The daemon is gone, and the lock is still held ten seconds later: not a byte is written, and that is no fault."""
+    assert last_stop.stop_motors(port_in_use.path, 115200, True, True, b"s 0 0\r")
+    assert port_in_use.written == b""
+    assert port_in_use.slept_s == pytest.approx(10.0, abs=0.2)
+
+
 def test_a_terminal_that_has_the_number_of_a_simulated_board_gets_nothing() -> None:
     """The board is gone, and the next pseudo-terminal that is opened gets its number: not a byte is written there."""
     board, device = os.openpty()
@@ -104,7 +175,9 @@ def test_what_came_of_it_is_in_the_systems_log(
     monkeypatch.setattr(serial, "Serial", FailingPort([] if there else [FileNotFoundError(2, "gone")] * 1000))
     monkeypatch.setattr(last_stop.syslog, "syslog", lambda level, text: told.append(text))
     monkeypatch.setattr(last_stop.signal, "signal", lambda *_: None)
-    monkeypatch.setattr(last_stop.sys, "argv", ["", "/dev/nowhere", "115200", "1", "1", b"s 0 0\r".hex()])
+    monkeypatch.setattr(
+        last_stop.sys, "argv", ["", "/dev/nowhere", "115200", "1", "1", b"s 0 0\r".hex(), "0"]
+    )
     monkeypatch.setattr(last_stop.sys, "stdin", TextIOWrapper(BytesIO(b"")))
     last_stop.main()
     assert len(told) == 1

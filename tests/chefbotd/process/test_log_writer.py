@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from chefbotd.process.log_writer import ROOM_FOR_LINES, LogWriter
+from chefbotd.process.logs import ROOM_FOR_LINES, LogWriter
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from chefbotd.clock import SystemClock
-from chefbotd.link.depth.wire import SCAN, Message, MessageReader
+from chefbotd.link.depth.wire import SCAN, DepthMessage, MessageReader
 from chefbotd.perception.depth_camera import DepthSourceParameters
 from chefbotd.process.simulated_depth import spawn_with
 from chefbotd.process.simulated_robot import simulation_of
@@ -25,7 +25,7 @@ def test_it_draws_what_is_before_the_robot_and_the_things_that_are_put_there() -
     sim = {"map_path": "flat", "start_x_m": 2.2, "start_y_m": 1.5, "start_heading_rad": 0.0}
     things = [{"x_m": 3.1, "y_m": 1.5, "radius_m": 0.2}]
 
-    async def newest(things: list[dict[str, float]]) -> Message:
+    async def newest(things: list[dict[str, float]]) -> DepthMessage:
         settings = load(packaged("chefbot_lidar"), overrides={"sim.world": sim, "sim.things": things})
         with EmbeddedBoard(simulation_of(settings), SystemClock()) as board:
             child = await spawn_with(board.share_truth(), settings.sim)(

@@ -7,7 +7,7 @@ import pytest
 from chefbotd.core.geometry import Pose2D
 from chefbotd.process.simulated_robot import CannotSimulateError, checked_simulation, simulation_of
 from chefbotd.settings import load, packaged
-from chefbotd.sim.chassis import Wheel
+from chefbotd.sim.plant import Wheel
 from chefbotd.sim.simulation import build_launchpad
 from chefbotd.sim.spinning import LidarMount
 from firmware_protocol.codec import KHAN
@@ -19,7 +19,7 @@ def test_khan_is_simulated_with_its_own_wire_wheels_and_sensors() -> None:
     left, right = Wheel(True, 0.03), Wheel(False, 0.03)
     assert (simulated.variant, simulated.chassis.wheels) == (KHAN, (left, right, left, right))
     (sensor,) = simulated.infrared
-    assert (sensor.channel, sensor.mount_x_m, sensor.field_of_view_rad) == (0, 0.06, 0.1)
+    assert (sensor.channel, sensor.base_from_sensor.x_m, sensor.field_of_view_rad) == (0, 0.06, 0.1)
     assert (simulated.ultrasonic, simulated.has_imu) == (None, False)
 
 

@@ -41,12 +41,20 @@ def watchdog(loop: StandingLoop, now_s: float) -> Watchdog:
     ("takes_stop", "told"), [(True, "the watchdog stopped the motors"), (False, "the board accepted no stop")]
 )
 def test_a_loop_that_stands_still_while_driving_is_stopped(takes_stop: bool, told: str):
-    """The stop is written first, then the fault is reported with the time and whether the stop went."""
+    """The stop is written first; after a second the fault is reported with the time and whether the stop went."""
     loop = StandingLoop(takes_stop)
-    with watchdog(loop, now_s=0.12):
+    with watchdog(loop, now_s=1.02):
         assert loop.stopped.wait(SOON_S)
     assert loop.reported[0].kind is FaultKind.LOOP_BLOCKED
-    assert loop.reported[0].reason.startswith(f"the control loop did not run for 0.12 s and {told}")
+    assert loop.reported[0].reason.startswith(f"the control loop did not run for 1.02 s and {told}")
+
+
+def test_a_short_pause_while_driving_is_stopped_and_left_to_the_loop():
+    """The motors are stopped at once; whether it is a fault, the loop knows, which counts its pauses."""
+    loop = StandingLoop()
+    with watchdog(loop, now_s=0.12):
+        assert loop.stopped.wait(SOON_S)
+    assert not loop.reported
 
 
 def test_a_loop_that_goes_on_is_left_alone():

@@ -4,7 +4,7 @@ import errno
 import threading
 from pathlib import Path
 
-from chefbotd.recording.disk import Disk, OpenFile
+from chefbotd.recording.disk import OpenFile, RecordingDisk
 
 
 class FailingFile:
@@ -34,7 +34,7 @@ class FailingFile:
         self._inner.close()
 
 
-class FailingDisk(Disk):
+class FailingDisk(RecordingDisk):
     """Fails with ``error`` if it is set, hangs while ``hangs`` is, and has ``free`` bytes if that is set."""
 
     def __init__(self) -> None:
@@ -65,7 +65,7 @@ class FailingDisk(Disk):
         return super().free_bytes(folder) if self.free is None else self.free
 
 
-class SmallDisk(Disk):
+class SmallDisk(RecordingDisk):
     """Holds so many bytes of the folder's files; ``least`` is the least that was ever free when it was asked."""
 
     def __init__(self, capacity: int) -> None:

@@ -12,16 +12,17 @@ import msgspec
 import numpy as np
 
 from chefbotd.core.events import OdometryUpdated, SafetyChanged, WheelsDriven
-from chefbotd.core.events.scans import ScanMeasured
+from chefbotd.core.events.lidars import ScanMeasured
+from chefbotd.core.events.recording import RecordingData
 from chefbotd.core.geometry import Pose2D, PoseCovariance, Twist2D
 from chefbotd.core.scan import LaserScan
 from chefbotd.recording.channels import Channels
-from chefbotd.recording.disk import Disk
+from chefbotd.recording.disk import RecordingDisk
+from chefbotd.recording.foxglove import Cells, ReadMap
 from chefbotd.recording.intake import Intake
-from chefbotd.recording.maps import Cells, ReadMap
 from chefbotd.recording.parameters import RecordingParameters
 from chefbotd.recording.recorder import Recorder
-from chefbotd.recording.status import About, Status
+from chefbotd.recording.status import About
 
 WALL_S = 1_700_000_000.25
 START_S = 5000.5
@@ -49,17 +50,17 @@ class SyncRecorder(Recorder):
         if (piece := self.intake.cut(now_s)) is not None:
             super().record(piece, now_s)
 
-    def start(self, name: str | None, now_s: float, *, from_beginning: bool = False) -> Status:
+    def start(self, name: str | None, now_s: float, *, from_beginning: bool = False) -> RecordingData:
         """After all that was taken before."""
         self.flush(now_s)
         return super().start(name, now_s, from_beginning=from_beginning)
 
-    def stop(self, now_s: float) -> Status:
+    def stop(self, now_s: float) -> RecordingData:
         """After all that was taken before."""
         self.flush(now_s)
         return super().stop(now_s)
 
-    def save_ring(self, reason: str, now_s: float, *, fault: bool = False) -> Status:
+    def save_ring(self, reason: str, now_s: float, *, fault: bool = False) -> RecordingData:
         """After all that was taken before."""
         self.flush(now_s)
         return super().save_ring(reason, now_s, fault=fault)
@@ -72,7 +73,7 @@ def no_map(event: Any) -> Cells | None:
 
 def recorder(
     folder: Path,
-    disk: Disk | None = None,
+    disk: RecordingDisk | None = None,
     read_map: ReadMap = no_map,
     about: About = ABOUT,
     **parameters: Any,
@@ -86,7 +87,7 @@ def recorder(
 
 def parts(
     folder: Path,
-    disk: Disk | None = None,
+    disk: RecordingDisk | None = None,
     read_map: ReadMap = no_map,
     kind: type[Recorder] = SyncRecorder,
     about: About = ABOUT,

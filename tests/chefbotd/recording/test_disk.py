@@ -8,11 +8,10 @@ from pathlib import Path
 import pytest
 
 from chefbotd.core.commands import RefusalKind
-from chefbotd.recording.disk import Disk
-from chefbotd.recording.errors import RecordingError
+from chefbotd.recording.disk import RecordingDisk
 from chefbotd.recording.reader import RecordingReader
 from chefbotd.recording.recorder import Recorder
-from chefbotd.recording.status import AUTOMATIC
+from chefbotd.recording.status import AUTOMATIC, RecordingError
 from chefbotd.recording.writer import MOST_ASKED, WriterThread
 from tests.chefbotd.recording.disks import FailingDisk, FailingFile, SmallDisk
 from tests.chefbotd.recording.events import START_S, cycle, fault, parts, recorder
@@ -42,7 +41,7 @@ def test_a_ring_that_the_disk_does_not_take_leaves_no_part_of_itself(tmp_path: P
             super().close()
 
     create = disk.create
-    disk.create = lambda path: Full(disk, Disk.create(disk, path))  # type: ignore[method-assign]
+    disk.create = lambda path: Full(disk, RecordingDisk.create(disk, path))  # type: ignore[method-assign]
     with pytest.raises(RecordingError, match="the disk is full"):
         made.save_ring("stalled", START_S + 2.0, fault=True)
     assert list(tmp_path.iterdir()) == []

@@ -13,9 +13,9 @@ import pytest
 from mcap.reader import make_reader
 
 from chefbotd.core.events import OdometryUpdated, SafetyChanged
+from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.mapping import MapChanged, MapLoaded, MapPoseUpdated
 from chefbotd.core.events.navigation import PathChanged
-from chefbotd.core.events.scans import ScanMeasured
 from chefbotd.core.geometry import CERTAIN, Pose2D, Twist2D
 from chefbotd.core.scan import LaserScan
 from tests.chefbotd.recording.events import START_S, WALL_S, SyncRecorder, fault, recorder
@@ -95,17 +95,17 @@ def test_a_growing_map_is_put_together(tmp_path: Path) -> None:
     """A whole map of 2 rows by 3 columns, then its upper right corner: the cells from the lowest y up."""
 
     def change(
-        row: int, column: int, rows: int, columns: int, cells: list[int], *, whole: bool
+        revision: int, row: int, column: int, rows: int, columns: int, cells: list[int], *, whole: bool
     ) -> MapChanged:
         data = zlib.compress(np.array(cells, np.int8).tobytes())
         origin = Pose2D(-1.0, 0.5, 0.1)
-        return MapChanged(START_S, 1, 0.05, origin, 3, 2, column, row, columns, rows, whole, data)
+        return MapChanged(START_S, revision, 0.05, origin, 3, 2, column, row, columns, rows, data, whole)
 
     found = drawn(
         tmp_path,
-        change(1, 2, 1, 1, [77], whole=False),
-        change(0, 0, 2, 3, [-1, 0, 100, 5, 6, 7], whole=True),
-        change(1, 2, 1, 1, [99], whole=False),
+        change(1, 1, 2, 1, 1, [77], whole=False),
+        change(2, 0, 0, 2, 3, [-1, 0, 100, 5, 6, 7], whole=True),
+        change(3, 1, 2, 1, 1, [99], whole=False),
     )
     first, second = found["/map foxglove.Grid"]
     assert np.frombuffer(base64.b64decode(first["data"]), np.int8).tolist() == [-1, 0, 100, 5, 6, 7]
@@ -126,7 +126,10 @@ def test_the_map_in_use_is_drawn_and_told_again_in_the_next_file(tmp_path: Path)
 
     made = recorder(tmp_path, read_map=read_map)
     made.record(
-        [MapLoaded(START_S, "/maps", "flat", 3), PathChanged(START_S, (0.0, 3.0, 3.0), (0.0, 0.0, 4.0))],
+        [
+            MapLoaded(START_S, "/maps", "flat", 3),
+            PathChanged((0.0, 3.0, 3.0), (0.0, 0.0, 4.0), stamp_s=START_S),
+        ],
         START_S,
     )
     found = drawn(tmp_path, odometry(START_S, Pose2D()), made=made)

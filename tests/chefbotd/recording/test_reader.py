@@ -5,8 +5,8 @@ from pathlib import Path
 import pytest
 
 from chefbotd.recording.chunk import MAGIC
-from chefbotd.recording.errors import UnreadableRecording
 from chefbotd.recording.reader import CUT, RecordingReader
+from chefbotd.recording.status import UnreadableRecording
 from tests.chefbotd.recording.damage import damaged_chunk
 from tests.chefbotd.recording.events import START_S, cycle, recorder
 

@@ -18,9 +18,9 @@ from chefbotd.core.events import LineSeen
 from chefbotd.core.events.recording import EventsDropped
 from chefbotd.core.geometry import Pose2D
 from chefbotd.recording.classes import class_of, event_names
-from chefbotd.recording.errors import RecordingError
+from chefbotd.recording.encoder import schema_of
 from chefbotd.recording.reader import RecordingReader
-from chefbotd.recording.schemas import schema_of
+from chefbotd.recording.status import RecordingError
 from tests.chefbotd.recording.events import START_S, WALL_S, cycle, example, fault, recorder
 
 

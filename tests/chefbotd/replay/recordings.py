@@ -15,7 +15,7 @@ from chefbotd.recording.classes import encode
 from chefbotd.replay.build import replayed_daemon
 from chefbotd.replay.entries import ReplayEntries
 from chefbotd.replay.recorded import Recorded, from_beginning, groups_of
-from chefbotd.replay.replay import Outcome, Replay
+from chefbotd.replay.replay import Replay, ReplayOutcome
 from chefbotd.settings import Settings
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from chefbotd.testing.recording import write_inline
@@ -110,7 +110,7 @@ def recorded_of(events: Iterable[Any]) -> Iterator[Recorded]:
         yield Recorded(number, type(event).__name__, encode(event))
 
 
-def replayed(events: list[Any], settings: Settings, *, own_timers: bool = False) -> Outcome:
+def replayed(events: list[Any], settings: Settings, *, own_timers: bool = False) -> ReplayOutcome:
     """A replay of these events."""
     entries = ReplayEntries()
     started = next((each for each in events if isinstance(each, DaemonStarted)), None)

@@ -12,6 +12,7 @@ from chefbotd.client import GoalCancelled
 from chefbotd.core.events.inputs import StateRecorded
 from chefbotd.maps.contents import save
 from chefbotd.maps.store import MapStore
+from chefbotd.process.service import DaemonTarget
 from chefbotd.settings import load, packaged
 from chefbotd.sim.worlds.flat import FLAT
 from chefbotd.testing.daemon import SimulatedRobot
@@ -47,12 +48,44 @@ def test_a_recording_that_began_in_mid_drive_is_replayed_bit_for_bit() -> None:
     assert outcome.comparison.counts["SafetyChanged"] > 0  # the dead-man
 
 
+def test_limits_that_wait_for_the_robot_to_stand_are_in_the_state() -> None:
+    """They were read anew in mid-drive, before the recording began; it stands after that, and obeys them."""
+
+    async def script(robot: SimulatedRobot, recorder: LateRecorder) -> None:
+        await asyncio.sleep(0.9)
+        await drive(robot, 0.21, 0.37, 0.63)
+        changed = {"limits.linear.acceleration_m_s2": 0.13, "limits.linear.deceleration_m_s2": 0.5}
+        slower = load(overrides=changed).limits
+        assert not DaemonTarget(robot.daemon).relimit(slower)
+        recorder.begin()
+        await robot.client.stop()
+        await asyncio.sleep(1.9)
+        await drive(robot, 0.17, 0.31, 0.7)
+
+    settings = load()
+    outcome = replayed(recorded_late(script, settings), settings)
+    assert outcome.first is None, str(outcome.first)
+    assert outcome.comparison.counts["WheelsDriven"] > 30
+
+
 def test_without_its_state_it_is_not_the_same() -> None:
     """The test above would see it if the state were not put back."""
     settings = load()
     events = recorded_late(short, settings)
     emptied = replace(events[0], parts={})
     assert replayed([emptied, *events[1:]], settings).first is not None
+
+
+def test_a_replay_with_another_configuration_keeps_its_gains_from_a_state() -> None:
+    """A client had set kp to 31.7: a configuration that says so drives the same, and the recorded one does not."""
+    settings = load()
+    events = recorded_late(short, settings)
+    same = replayed(events, load(overrides={"pid.kp_duty_per_m_s": 31.7}), own_timers=True)
+    assert same.first is None, str(same.first)
+    other = replayed(events, settings, own_timers=True)
+    assert other.first is not None
+    assert other.comparison.rows["WheelsDriven"].differing > 10
+    assert not other.comparison.rows["OdometryUpdated"].differing
 
 
 def test_what_was_under_way_at_the_beginning_is_told_until_a_whole_state_comes() -> None:

@@ -29,7 +29,11 @@ async def eventful(robot: SimulatedRobot) -> None:
     await asyncio.sleep(1.2)
     await client.set_pid("left_wheel", kp=31.7)
     await drive(robot, -0.13, 0.55, 0.9)
-    asyncio.get_running_loop().stand_still(0.6)  # type: ignore[attr-defined]
+    for pause_s in (0.6, 1.2):  # the robot goes on after the first, and is disarmed by the second
+        asyncio.get_running_loop().stand_still(pause_s)  # type: ignore[attr-defined]
+        await asyncio.sleep(0.1)
+        if pause_s < 1.0:
+            await drive(robot, -0.13, 0.55, 0.9)
     await asyncio.sleep(0.3)
     await client.arm()
     await drive(robot, 0.11, -0.2, 0.4)

@@ -16,29 +16,33 @@ from tests.fakes.robot import topics_of
 
 
 @pytest.fixture
-def built(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[type[BaseModel]]]:
+def built(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[type[Any]]]:
     """Every model whose schema is built during the test, in a process that has built none before."""
-    models: list[type[BaseModel]] = []
+    models: list[type[Any]] = []
+    of_params, of_record = BaseModel.model_json_schema.__func__, describe.schema
 
-    original = BaseModel.model_json_schema.__func__
-
-    def count(model: type[BaseModel], **options: Any) -> dict[str, Any]:
+    def count_params(model: type[BaseModel], **options: Any) -> dict[str, Any]:
         models.append(model)
-        return original(model, **options)
+        return of_params(model, **options)
 
-    monkeypatch.setattr(BaseModel, "model_json_schema", classmethod(count))
-    describe._schema.cache_clear()
+    def count_record(model: type[Any]) -> dict[str, Any]:
+        models.append(model)
+        return of_record(model)
+
+    monkeypatch.setattr(BaseModel, "model_json_schema", classmethod(count_params))
+    monkeypatch.setattr(describe, "schema", count_record)
+    describe._built_schema.cache_clear()
     yield models
-    describe._schema.cache_clear()
+    describe._built_schema.cache_clear()
 
 
-def test_a_new_server_builds_no_schema(built: list[type[BaseModel]]) -> None:
+def test_a_new_server_builds_no_schema(built: list[type[Any]]) -> None:
     """A start does not wait for what nobody has asked for yet."""
     new_server(simulated=True)
     assert built == []
 
 
-def test_a_running_server_builds_one_schema_at_a_time(built: list[type[BaseModel]]) -> None:
+def test_a_running_server_builds_one_schema_at_a_time(built: list[type[Any]]) -> None:
     """None holds up the loop for as long as all of them together; after that ``describe`` has none left to build."""
 
     async def scenario() -> None:
@@ -60,7 +64,7 @@ def test_a_running_server_builds_one_schema_at_a_time(built: list[type[BaseModel
     run_virtual(scenario())
 
 
-def test_describe_before_all_is_prepared_has_everything(built: list[type[BaseModel]]) -> None:
+def test_describe_before_all_is_prepared_has_everything(built: list[type[Any]]) -> None:
     """Whoever asks at once gets what whoever asks later gets, and a second server builds nothing anew."""
 
     async def answer(wait_s: float) -> dict[str, Any]:

@@ -13,10 +13,9 @@ from msgspec.structs import replace
 
 from chefbotd.clock import LoopClock, ManualClock, run_virtual
 from chefbotd.core.events import Direction, LineSeen, TextReceived
-from chefbotd.features.board.methods import TextData
+from chefbotd.features.board.models import TextData
 from chefbotd.rpc.event import EventPayload
 from chefbotd.rpc.fanout import Fanout
-from chefbotd.rpc.models import TopicData
 from chefbotd.rpc.topics import Topic
 from tests.budget import examples
 from tests.fakes.robot import topics_of
@@ -57,7 +56,7 @@ class CountingTopic:
         self.conversions = 0
         self.table = {"text": replace(topics_of(simulated=False)["text"], data=self._convert)}
 
-    def _convert(self, event: TextReceived) -> TopicData:
+    def _convert(self, event: TextReceived) -> TextData:
         self.conversions += 1
         return TextData(text=event.text)
 

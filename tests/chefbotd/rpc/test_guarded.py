@@ -195,7 +195,7 @@ def test_the_greeting_says_that_a_token_is_wanted() -> None:
     async def main() -> None:
         async with serving(guard=GUARD) as served, Client.connect(served.host, served.port) as robot:
             assert robot.hello.auth == "token"
-            with pytest.raises(CallError, match="send authenticate") as caught:
+            with pytest.raises(CallError, match="asks for a token") as caught:
                 await robot.ping()
             assert caught.value.kind == "unauthenticated"
 

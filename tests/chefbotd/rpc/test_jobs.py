@@ -10,10 +10,11 @@ from structlog.testing import capture_logs
 from chefbotd.client import CallError, CallTimeout, Client
 from chefbotd.clock import run_virtual
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.record import Record
 from chefbotd.rpc.dispatch import Dispatcher
 from chefbotd.rpc.jobs import MAX_JOBS, Progress
 from chefbotd.rpc.method import Caller, Method, method, methods_of
-from chefbotd.rpc.models import DONE, Done, NoParams, Params, Result
+from chefbotd.rpc.models import DONE, Done, NoParams, Params
 from chefbotd.rpc.roles import Role
 from tests.fakes.api import LineClient, Served, line_client, serving
 
@@ -26,7 +27,7 @@ class SurveyParams(Params):
     locked: int = 0
 
 
-class Surveyed(Result):
+class Surveyed(Record, frozen=True):
     """How many were looked at."""
 
     rooms: int
@@ -213,10 +214,10 @@ def test_a_stop_does_not_wait_for_a_job() -> None:
 def test_a_method_that_stops_cannot_be_a_job() -> None:
     """A stop goes from the socket to the wire in one call stack; an async handler would break that."""
 
-    async def late_stop(caller: Caller, params: Params, progress: Progress) -> Result:
+    async def late_stop(caller: Caller, params: Params, progress: Progress) -> Record:
         raise NotImplementedError
 
-    row = Method(Role.OBSERVE, Params, Result, late_stop, urgent=True)
+    row = Method(Role.OBSERVE, Params, Record, late_stop, urgent=True)
     with pytest.raises(ValueError, match=r"stop is urgent, so its handler must not be async"):
         Dispatcher({"stop": row}, None, None, 0.5)  # type: ignore[arg-type]
 

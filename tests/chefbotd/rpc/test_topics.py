@@ -8,8 +8,9 @@ from msgspec.structs import replace
 from chefbotd.core import events
 from chefbotd.core.events import BatteryLevelStatus, Direction, RangeStatus
 from chefbotd.core.geometry import Pose2D, PoseCovariance, Twist2D
-from chefbotd.features.board.methods import link_data
-from chefbotd.features.driving.methods import safety_data
+from chefbotd.features.board.models import link_data
+from chefbotd.features.driving.models import safety_data
+from chefbotd.rpc.encoding import plain
 from tests.fakes.robot import STATS, topics_of
 
 TABLE = topics_of(simulated=True)
@@ -31,7 +32,7 @@ def data_of(name: str, *seen: Any) -> dict[str, Any]:
     topic, state = TABLE[name], None
     for event in seen:
         state = event if topic.join is None else topic.join(state, event)
-    return topic.data(state).model_dump(mode="json")
+    return plain(topic.data(state))
 
 
 def test_no_topic_has_lost_its_name() -> None:
@@ -76,9 +77,14 @@ def test_wheels() -> None:
 
 def test_imu_variants() -> None:
     """What a variant does not measure is null."""
-    oriented = events.ImuMeasured(1.0, 1.5, orientation=(0.0, 0.0, 0.0, 1.0), heading_rad=0.0)
+    oriented = events.ImuMeasured(
+        stamp_s=1.0, arrival_s=1.5, orientation=(0.0, 0.0, 0.0, 1.0), heading_rad=0.0
+    )
     inertial = events.ImuMeasured(
-        1.0, 1.5, angular_velocity_rad_s=(0.1, 0.2, 0.3), linear_acceleration_m_s2=(0.0, 0.0, 9.8)
+        stamp_s=1.0,
+        arrival_s=1.5,
+        angular_velocity_rad_s=(0.1, 0.2, 0.3),
+        linear_acceleration_m_s2=(0.0, 0.0, 9.8),
     )
     assert data_of("imu", oriented) == {
         "orientation": [0.0, 0.0, 0.0, 1.0],
@@ -109,7 +115,7 @@ def test_a_range_out_of_range_is_null_with_its_status(status: RangeStatus) -> No
 
 def test_battery() -> None:
     """Volts, percentage and urgency."""
-    event = events.BatteryMeasured(1.0, 1.5, 11.9, 20.0, BatteryLevelStatus.LOW)
+    event = events.BatteryMeasured(11.9, 20.0, BatteryLevelStatus.LOW, stamp_s=1.0, arrival_s=1.5)
     assert data_of("battery", event) == {"voltage_v": 11.9, "percentage": 20.0, "status": "low"}
 
 

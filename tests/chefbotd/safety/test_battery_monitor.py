@@ -12,7 +12,9 @@ def story(*readings: tuple[float, float, BatteryLevelStatus]) -> list[Fault | No
     since_s, faults = None, []
     for stamp_s, voltage_v, status in readings:
         since_s, fault = judge(
-            PARAMETERS, since_s, BatteryMeasured(stamp_s - 0.01, stamp_s, voltage_v, 0.0, status)
+            PARAMETERS,
+            since_s,
+            BatteryMeasured(voltage_v, 0.0, status, stamp_s=stamp_s - 0.01, arrival_s=stamp_s),
         )
         faults.append(fault)
     return faults

@@ -77,7 +77,7 @@ DEFAULTS: list[tuple[Parameters, dict[str, object]]] = [
     ),
     (EchoParameters(), {"mismatches": 8.0, "decay_per_match": 0.5, "min_confirmations": 5, "memory_s": 3.0}),
     (BatteryMonitorParameters(), {"critical_s": 5.0, "absent_below_v": 3.0}),
-    (EncoderTimeoutParameters(), {"max_age_s": 0.25, "latch_after_s": 2.0}),
+    (EncoderTimeoutParameters(), {"max_age_s": 0.25, "latch_after_s": 2.0, "silent_speed_m_s": 0.06}),
     (
         WheelWatchParameters(),
         {

@@ -2,7 +2,15 @@
 
 import pytest
 
-from chefbotd.safety.encoder_timeout import EncoderTimeoutParameters, EncoderTimeoutState, is_stale, update
+from chefbotd.safety.encoder_timeout import (
+    EncoderTimeoutParameters,
+    EncoderTimeoutState,
+    awaits_echo,
+    heard,
+    is_stale,
+    note_echo,
+    update,
+)
 from chefbotd.safety.faults import FaultKind
 
 PARAMETERS = EncoderTimeoutParameters(max_age_s=0.25, latch_after_s=2.0)
@@ -37,3 +45,40 @@ def test_a_silence_while_standing_never_latches():
         EncoderTimeoutState(100.0),
         None,
     )
+
+
+def test_a_board_that_said_that_no_echo_came_may_be_silent_for_another_second():
+    """Encoders at 10.0, silence, no echo at 11.0, encoders at 11.05: until 12.35 the robot may crawl."""
+    state = note_echo(PARAMETERS, heard(EncoderTimeoutState(), 10.0), 11.0, is_missing=True)
+    state = heard(state, 11.05)
+    assert awaits_echo(PARAMETERS, state, 11.5)
+    assert awaits_echo(PARAMETERS, state, 12.34)
+    assert not awaits_echo(PARAMETERS, state, 12.36)
+    standing = PARAMETERS.model_copy(update={"silent_speed_m_s": 0.0})
+    assert not awaits_echo(standing, state, 11.5)
+
+
+@pytest.mark.parametrize(
+    ("at_s", "is_missing"),
+    [
+        pytest.param(11.0, False, id="an echo"),
+        pytest.param(10.2, True, id="a board that does not wait for it"),
+        pytest.param(11.4, True, id="a longer silence than the wait for an echo"),
+    ],
+)
+def test_otherwise_silent_encoders_stop_the_robot_as_ever(at_s: float, is_missing: bool):
+    """Encoders at 10.0, and then something else than no echo after a silence of a second."""
+    before = EncoderTimeoutState(10.0, awaits_echo=True)
+    state = heard(note_echo(PARAMETERS, before, at_s, is_missing=is_missing), at_s)
+    assert not awaits_echo(PARAMETERS, state, at_s + 0.3)
+    assert is_stale(PARAMETERS, state, at_s + 0.3)
+
+
+def test_lines_that_come_all_at_once_say_the_same_in_another_order():
+    """Encoders at 10.0; at 11.0 the next ones come in one read with the "no echo" that was printed before them."""
+    state = heard(heard(EncoderTimeoutState(), 10.0), 11.0)
+    state = note_echo(PARAMETERS, state, 11.0, is_missing=True)
+    assert awaits_echo(PARAMETERS, state, 12.29)
+    assert not awaits_echo(PARAMETERS, note_echo(PARAMETERS, state, 11.0, is_missing=False), 11.5)
+    soon = heard(heard(state, 11.05), 11.1)
+    assert not awaits_echo(PARAMETERS, note_echo(PARAMETERS, soon, 11.1, is_missing=True), 11.5)

@@ -103,7 +103,7 @@ def test_the_first_of_two_faults_is_the_one_that_is_told():
 )
 def test_commands_are_refused_unless_armed(mode: Mode, kind: RefusalKind):
     """The refusal names the mode, the reason and the way out."""
-    with pytest.raises(Refused, match=r"\(why\); send 'arm' first") as refusal:
+    with pytest.raises(Refused, match=r"\(why\); arm the robot first") as refusal:
         accept(PARAMETERS, GateState(mode, "why"), Command("teleop", FAST, 0.0))
     assert refusal.value.kind is kind
 

@@ -112,6 +112,34 @@ def test_driving_and_turning_by_an_obstacle_ahead_turns() -> None:
     assert driven(ROUND, Twist2D(0.3, 0.9), ahead) == (Twist2D(0.0, 0.9), "obstacle:top")
 
 
+@pytest.mark.parametrize("linear_m_s", [0.002, 0.03, 0.3])
+@pytest.mark.parametrize("turn_rad_s", [0.15, -1.2])
+def test_a_disc_turns_beside_a_wall_and_no_part_of_its_driving_goes_on(
+    linear_m_s: float, turn_rad_s: float
+) -> None:
+    """A wall ahead, 1 cm from the rim of 0.18 m: a turn moves no point of the rim nearer, driving ahead does."""
+    ahead = view(*wall(0.19, -1, 0.19, 1))
+    assert driven(ROUND, Twist2D(0.0, turn_rad_s), ahead) == (Twist2D(0.0, turn_rad_s), None)
+    left, limited_by = driven(ROUND, Twist2D(linear_m_s, turn_rad_s), ahead)
+    assert left.linear_m_s <= 0.001, left
+    assert limited_by == (None if left.linear_m_s else "obstacle:top")
+
+
+def test_a_corner_that_would_hit_stops_a_turn_on_the_spot() -> None:
+    """0.3 by 0.15 m to the corner: 0.335 m. A wall 0.25 m to the left lets it drive along, and not turn across.
+
+    By 0.25 = 0.3 sin a + 0.15 cos a the front corner is there after a = 26 degrees; with 2 cm around it it touches
+    sooner, so at 1.2 rad/s, braking with 1 rad/s^2, it is slowed, and at 0.18 m, within 5 cm, it does not begin.
+    """
+    along = view(*wall(-1, 0.25, 1, 0.25))
+    assert driven(LONG, Twist2D(0.3, 0.0), along) == (Twist2D(0.3, 0.0), None)
+    slowed, limited_by = driven(LONG, Twist2D(0.0, 1.2), along)
+    assert limited_by == "obstacle:top"
+    assert 0.0 <= slowed.angular_rad_s < 0.6
+    near = view(*wall(-1, 0.18, 1, 0.18))
+    assert driven(LONG, Twist2D(0.0, 1.2), near) == (STANDING, "obstacle:top")
+
+
 def test_behind_and_at_the_side_are_looked_at_as_well() -> None:
     """Backwards into a chair leg; an arc that sweeps one at the outside."""
     assert driven(ROUND, Twist2D(-0.3, 0.0), view((-0.24, 0.01)))[0] == STANDING

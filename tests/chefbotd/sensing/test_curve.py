@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from chefbotd.sensing.curve import MonotoneCurve
+from chefbotd.sensing.infrared import MonotoneCurve
 from tests.budget import examples
 
 

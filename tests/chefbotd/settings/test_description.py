@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 from chefbotd.settings import load, packaged
-from chefbotd.settings.description import Description, DescriptionError
-from chefbotd.settings.description_check import differences
+from chefbotd.settings.description import DescriptionError, UrdfDescription, differences
 from tests.chefbotd.settings.urdf_files import written
 
 KHAN = load(packaged("khan"))
@@ -20,12 +19,12 @@ def spoilt(tmp_path: Path) -> Path:
     return copy
 
 
-def spoil(path: Path, old: str, new: str) -> Description:
+def spoil(path: Path, old: str, new: str) -> UrdfDescription:
     """Replace text, which must be there, once; the description as it then is."""
     text = path.read_text()
     assert old in text
     path.write_text(text.replace(old, new, 1))
-    return Description(path)
+    return UrdfDescription(path)
 
 
 def joint(name: str, parent: str, child: str, more: str = "") -> str:
@@ -43,12 +42,12 @@ def tree(*parts: str) -> str:
 @pytest.mark.parametrize("robot", ["chefbot", "khan"])
 def test_the_packaged_robots_are_what_they_are_described_as(robot: str) -> None:
     """Wheels and sensors of both URDFs that were written by hand are those of both configurations."""
-    assert differences(Description(written(robot)), load(packaged(robot))) == []
+    assert differences(UrdfDescription(written(robot)), load(packaged(robot))) == []
 
 
 def test_khan_has_its_published_numbers() -> None:
     """Radius 0.03 m, and 0.189 / 2 = 0.0945 m left and right of the middle."""
-    khan = Description(written("khan"))
+    khan = UrdfDescription(written("khan"))
     assert [khan.mount(name).y_m for name in khan.wheel_names()] == [0.0945, -0.0945, 0.0945, -0.0945]
     assert {khan.radius_m(name) for name in khan.wheel_names()} == {0.03}
 
@@ -194,7 +193,7 @@ def test_what_calibration_finds_changes_no_description() -> None:
         "chassis.left_radius_multiplier": 1.01,
         "chassis.right_radius_multiplier": 0.99,
     }
-    assert differences(Description(written("khan")), load(packaged("khan"), overrides=found)) == []
+    assert differences(UrdfDescription(written("khan")), load(packaged("khan"), overrides=found)) == []
 
 
 def test_of_several_infrared_sensors_each_has_a_joint_by_its_name(spoilt: Path) -> None:
@@ -222,13 +221,13 @@ def test_a_joint_may_leave_its_origin_out(spoilt: Path) -> None:
     """It is then at its parent's, and a link without a body has no radius."""
     text = spoilt.read_text()
     spoilt.write_text(text.replace('    <origin xyz="0.0925 0.0945 0"/>\n', ""))
-    assert Description(spoilt).mount("front_left_wheel").y_m == 0.0
+    assert UrdfDescription(spoilt).mount("front_left_wheel").y_m == 0.0
     bare = text.replace('<child link="front_left_wheel_link"/>', '<child link="bare"/>').replace(
         "</robot>", '<link name="bare"/></robot>'
     )
     spoilt.write_text(bare.replace('<link name="front_left_wheel_link">', '<link name="infrared_link_2">'))
     with pytest.raises(DescriptionError, match="Multiple roots"):
-        Description(spoilt)
+        UrdfDescription(spoilt)
 
 
 @pytest.mark.parametrize(
@@ -251,13 +250,13 @@ def test_what_is_no_description_is_refused(tmp_path: Path, text: str, told: str)
     path = tmp_path / "bad.urdf"
     path.write_text(text)
     with pytest.raises(DescriptionError, match=rf"bad\.urdf: .*{told}"):
-        Description(path)
+        UrdfDescription(path)
 
 
 def test_a_missing_description_is_named(tmp_path: Path) -> None:
     """The path, and why it cannot be read."""
     with pytest.raises(DescriptionError, match=r"absent\.urdf: cannot be read: No such file"):
-        Description(tmp_path / "absent.urdf")
+        UrdfDescription(tmp_path / "absent.urdf")
 
 
 @pytest.mark.parametrize(
@@ -286,6 +285,6 @@ def test_a_link_that_no_body_can_be_is_told(spoilt: Path, old: str, new: str, to
 def test_inertias_are_those_of_the_shapes(robot: str) -> None:
     """ChefBot's body, a cylinder of 5.6 kg: 5.6 * 0.18^2 / 2; KHAN's, a box of 2.6 kg: 2.6 / 12 * (0.32^2 + 0.15^2)."""
     upright = {"chefbot": 5.6 * 0.18**2 / 2, "khan": 2.6 / 12 * (0.32**2 + 0.15**2)}[robot]
-    mass_kg, inertia_kg_m2 = Description(written(robot)).inertias()["base_link"]
+    mass_kg, inertia_kg_m2 = UrdfDescription(written(robot)).inertias()["base_link"]
     assert mass_kg == {"chefbot": 5.6, "khan": 2.6}[robot]
     assert inertia_kg_m2[2, 2] == pytest.approx(upright, rel=0.005)

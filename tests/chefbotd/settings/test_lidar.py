@@ -7,8 +7,7 @@ import pytest
 
 from chefbotd.sensing.lidar import LidarModel
 from chefbotd.settings import SettingsError, load, packaged
-from chefbotd.settings.description import Description
-from chefbotd.settings.description_check import differences
+from chefbotd.settings.description import UrdfDescription, differences
 from chefbotd.settings.urdf import urdf_of
 
 LD19 = {"name": "top", "model": "ld19", "device": "/dev/ttyUSB0"}
@@ -143,7 +142,7 @@ def test_the_description_shows_a_lidar_where_it_is_mounted(tmp_path: Path, upsid
     settings = load(overrides={"lidar": [{**MOUNTED, "upside_down": upside_down}]})
     path = tmp_path / "made.urdf"
     path.write_text(urdf_of(settings))
-    made = Description(path)
+    made = UrdfDescription(path)
     assert differences(made, settings) == []
     assert made.place("lidar_joint") == pytest.approx((0.11, -0.07, 0.21))
     assert made.mount("lidar_joint").heading_rad == pytest.approx(0.7)
@@ -156,8 +155,8 @@ def test_of_several_lidars_each_has_a_joint_by_its_name(tmp_path: Path) -> None:
     settings = load(overrides={"lidar": [MOUNTED, A1]})
     path = tmp_path / "made.urdf"
     path.write_text(urdf_of(settings).replace('rpy="0 0 0.7"', 'rpy="0 0 0.9"'))
-    assert "lidar_low_joint" in Description(path).joints()
-    assert differences(Description(path), settings) == [
+    assert "lidar_low_joint" in UrdfDescription(path).joints()
+    assert differences(UrdfDescription(path), settings) == [
         "lidar_top_joint: the yaw is 0.9 rad, expected 0.7 rad (lidar.top.mount_yaw_rad)"
     ]
 

@@ -6,8 +6,7 @@ from xml.etree import ElementTree
 import pytest
 
 from chefbotd.settings import SettingsError, load, packaged
-from chefbotd.settings.description import Description
-from chefbotd.settings.description_check import differences
+from chefbotd.settings.description import UrdfDescription, differences
 from chefbotd.settings.urdf import urdf_of
 from tests.chefbotd.settings.urdf_files import served, written
 
@@ -17,7 +16,7 @@ def test_the_description_that_is_made_is_the_one_written_by_hand(robot: str, tmp
     """Every joint is where the other has it, masses are equal, and moments of inertia, which it rounds, within 0.5 %."""
     path = tmp_path / "made.urdf"
     path.write_text(urdf_of(load(packaged(robot))))
-    made, hand = Description(path), Description(written(robot))
+    made, hand = UrdfDescription(path), UrdfDescription(written(robot))
     assert made.joints() == hand.joints()
     for name in hand.joints():
         assert made.place(name) == pytest.approx(hand.place(name), abs=1e-9), name
@@ -49,7 +48,7 @@ def test_the_description_that_is_made_follows_the_configuration(tmp_path: Path) 
     settings = load(packaged("khan"), overrides=OBLIQUE)
     path = tmp_path / "made.urdf"
     path.write_text(urdf_of(settings))
-    made = Description(path)
+    made = UrdfDescription(path)
     assert differences(made, settings) == []
     assert made.place("front_left_wheel") == pytest.approx((0.125, 0.15, 0.04))
     assert made.place("rear_right_wheel") == pytest.approx((-0.125, -0.15, 0.03))

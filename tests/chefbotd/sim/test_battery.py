@@ -3,12 +3,12 @@
 import pytest
 
 from chefbotd.sim.battery import Battery, Divider, adc_counts
-from chefbotd.sim_parameters.motor import BatteryParameters
+from chefbotd.sim_parameters.motor import SimBatteryParameters
 
 
 def test_charge_falls_by_what_is_drawn() -> None:
     """5 A for an hour out of 10 Ah leave half, which rests at 12.10 V."""
-    battery = Battery.fresh(BatteryParameters(capacity_ah=10)).drained(5.0, 3600.0)
+    battery = Battery.fresh(SimBatteryParameters(capacity_ah=10)).drained(5.0, 3600.0)
     assert battery.charge_share == pytest.approx(0.5)
     assert battery.supply.open_circuit_v == pytest.approx(12.10)
 
@@ -16,13 +16,13 @@ def test_charge_falls_by_what_is_drawn() -> None:
 @pytest.mark.parametrize(("current_a", "left"), [(20.0, 0.0), (-20.0, 1.0)])
 def test_charge_stays_between_empty_and_full(current_a: float, left: float) -> None:
     """Neither drawing from an empty battery nor braking into a full one leaves 0 to 1."""
-    battery = Battery(BatteryParameters(capacity_ah=10), 0.5).drained(current_a, 3600.0)
+    battery = Battery(SimBatteryParameters(capacity_ah=10), 0.5).drained(current_a, 3600.0)
     assert battery.charge_share == left
 
 
 def test_supply_carries_resistance_and_electronics() -> None:
     """The motors see the battery's inner resistance and what the electronics draw."""
-    parameters = BatteryParameters(resistance_ohm=0.07, electronics_current_a=1.5)
+    parameters = SimBatteryParameters(resistance_ohm=0.07, electronics_current_a=1.5)
     supply = Battery.fresh(parameters).supply
     assert (supply.resistance_ohm, supply.base_load_a) == (0.07, 1.5)
 

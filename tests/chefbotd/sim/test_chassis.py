@@ -3,8 +3,7 @@
 import pytest
 
 from chefbotd.core.geometry import Twist2D
-from chefbotd.sim.chassis import Chassis, Wheel
-from chefbotd.sim.plant import Scrub
+from chefbotd.sim.plant import Chassis, Scrub, Wheel
 
 
 def chassis(order: str) -> Chassis:

@@ -2,7 +2,7 @@
 
 import pytest
 
-from chefbotd.sim.commands import CommandReader
+from chefbotd.sim.peripherals import CommandReader
 from firmware_protocol.messages import ResetBoard, SetDuty
 
 

@@ -11,8 +11,7 @@ from chefbotd.core.geometry import Pose2D
 from chefbotd.sim.crowd import Crowd
 from chefbotd.sim.simulation import Simulation, build_launchpad
 from chefbotd.sim.world import World
-from chefbotd.sim_parameters.crowd import PersonParameters, ThingParameters
-from chefbotd.sim_parameters.simulation import SimulationParameters
+from chefbotd.sim_parameters.simulation import PersonParameters, SimulationParameters, ThingParameters
 
 FAR = Pose2D(50.0, 50.0)
 

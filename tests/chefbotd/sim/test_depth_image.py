@@ -13,7 +13,7 @@ from chefbotd.perception.depth_scan import DepthToScan
 from chefbotd.sim import scene
 from chefbotd.sim.depth_image import DepthRenderer
 from chefbotd.sim.rooms import scene_of
-from chefbotd.sim.worlds.solids import Material, Place, box, table
+from chefbotd.sim.worlds.building import Material, Placement, box, table
 
 NOBODY = np.zeros((0, 3))
 HERE = Pose2D()
@@ -53,7 +53,7 @@ def test_a_corner_is_drawn_where_it_projects_to_from_a_tilted_camera() -> None:
 
     Level: forward and left of the eye. Then the pitch (nose down) and the roll (right side down) are undone.
     """
-    furniture = scene.of_solids(table("table", Place(2.0, -0.3), 0.8, 1.2))
+    furniture = scene.of_solids(table("table", Placement(2.0, -0.3), 0.8, 1.2))
     tilt = {"mount_pitch_rad": 0.25, "mount_roll_rad": 0.1}
     depth = drawn(furniture, Pose2D(0.2, 0.1, -0.2), **tilt)
     ahead, aside, above = 2.02 - 0.2, -0.28 - 0.1, 0.72 - 0.6
@@ -73,7 +73,7 @@ def test_a_corner_is_drawn_where_it_projects_to_from_a_tilted_camera() -> None:
 def test_tables_have_tops_legs_and_nothing_between() -> None:
     """From 1 m before it: the top's edge at 0.71 m, a leg below it, and the wall behind between the legs."""
     room = scene.of_solids(
-        [*table("table", Place(1.0, -0.6), 0.8, 1.2), box("wall", Place(3.0, -9.0), 0.1, 18.0, 2.4)]
+        [*table("table", Placement(1.0, -0.6), 0.8, 1.2), box("wall", Placement(3.0, -9.0), 0.1, 18.0, 2.4)]
     )
     depth = drawn(room)
     edge_row, between_row = 60 - round(146 * 0.105), 60 - round(146 * 0.02)
@@ -97,8 +97,8 @@ def test_a_table_in_the_flat_is_met_by_the_camera_and_not_by_a_lidar() -> None:
 
 def test_people_are_seen_and_glass_is_not() -> None:
     """A person's near side 1 m ahead; a pane before the wall is looked through."""
-    pane = box("pane", Place(2.0, -3.0), 0.04, 6.0, 2.0, material=Material.GLASS)
-    room = scene.of_solids([pane, box("wall", Place(4.0, -9.0), 0.1, 18.0, 2.4)])
+    pane = box("pane", Placement(2.0, -3.0), 0.04, 6.0, 2.0, material=Material.GLASS)
+    room = scene.of_solids([pane, box("wall", Placement(4.0, -9.0), 0.1, 18.0, 2.4)])
     assert drawn(room)[60, 80] == pytest.approx(4.0)
     with_person = drawn(room, discs=np.array([[1.25, 0.0, 0.25]]))
     assert with_person[60, 80] == pytest.approx(1.0, abs=0.02)
@@ -109,9 +109,9 @@ def test_what_is_behind_or_beside_the_camera_is_not_drawn() -> None:
     """A box around the robot's back and left: the wall ahead alone."""
     around = scene.of_solids(
         [
-            box("wall", Place(3.0, -9.0), 0.1, 18.0, 2.4),
-            box("behind", Place(-1.0, -1.0), 0.5, 2.0, 1.0),
-            box("left", Place(-0.2, 0.4), 0.6, 0.3, 1.0),
+            box("wall", Placement(3.0, -9.0), 0.1, 18.0, 2.4),
+            box("behind", Placement(-1.0, -1.0), 0.5, 2.0, 1.0),
+            box("left", Placement(-0.2, 0.4), 0.6, 0.3, 1.0),
         ]
     )
     assert drawn(around)[60, :] == pytest.approx(np.full(160, 3.0))

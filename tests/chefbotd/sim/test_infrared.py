@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from chefbotd.core.events import AnalogueCounted, RangeStatus
 from chefbotd.core.geometry import Pose2D
 from chefbotd.sensing import infrared as sensing
-from chefbotd.sim.infrared import Infrared, InfraredParameters, voltage
+from chefbotd.sim.sensors import Infrared, InfraredMount, voltage
 from chefbotd.sim.world import World
 from tests.budget import examples
 
@@ -38,7 +38,7 @@ def test_the_daemon_reads_it_back_within_a_few_percent(distance_m: float) -> Non
     Only next to the fold, where the curve bends from level to steep between 0.20 and 0.30 m, it is 6 %.
     """
     params = sensing.InfraredParameters(setback_m=0.1, median_window=1)
-    state = sensing.InfraredState((sensing.Sample(voltage(distance_m), 0.0),), maybe_folded=False)
+    state = sensing.InfraredState((sensing.InfraredSample(voltage(distance_m), 0.0),), maybe_folded=False)
     _, measured = sensing.interpret(
         params, state, AnalogueCounted(0.02, 0.02, 0, voltage(distance_m) / 3.3 * 4095)
     )
@@ -48,13 +48,13 @@ def test_the_daemon_reads_it_back_within_a_few_percent(distance_m: float) -> Non
 
 def test_a_wall_is_seen_from_where_the_sensor_sits() -> None:
     """Mounted 0.5 m ahead of the axle, a wall 1 m from it is 0.5 m away: 1.25 V of 3.3 are 1551 of 4095."""
-    sensor = Infrared(InfraredParameters(mount_x_m=0.5, noise_v=0, rays=1), WALL_AT_1_M)
+    sensor = Infrared(InfraredMount(base_from_sensor=Pose2D(0.5)), WALL_AT_1_M, noise_v=0, rays=1)
     assert sensor.adc_counts(Pose2D(), np.random.default_rng(1)) == 1551
 
 
 def test_noise_is_seeded_and_the_adc_is_bounded() -> None:
     """The same seed, the same reading; however wild, it stays within 12 bits."""
-    sensor = Infrared(InfraredParameters(noise_v=1.0), WALL_AT_1_M)
+    sensor = Infrared(InfraredMount(), WALL_AT_1_M, noise_v=1.0)
     first, second = (
         [sensor.adc_counts(Pose2D(), chance) for _ in range(100)]
         for chance in (np.random.default_rng(1), np.random.default_rng(1))
@@ -66,5 +66,5 @@ def test_noise_is_seeded_and_the_adc_is_bounded() -> None:
 
 def test_nothing_in_sight_is_nearly_no_voltage() -> None:
     """A wall behind the sensor is not in its cone."""
-    sensor = Infrared(InfraredParameters(noise_v=0), World([(-1.0, -5.0, -1.0, 5.0)]))
+    sensor = Infrared(InfraredMount(), World([(-1.0, -5.0, -1.0, 5.0)]), noise_v=0)
     assert sensor.adc_counts(Pose2D(), np.random.default_rng(1)) <= round(0.25 / 3.3 * 4095)

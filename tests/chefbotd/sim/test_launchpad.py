@@ -2,7 +2,6 @@
 
 import hashlib
 import math
-from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
@@ -10,8 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from chefbotd.sim.chassis import PUBLISHED
+from chefbotd.core.record import replace
 from chefbotd.sim.launchpad import Launchpad
+from chefbotd.sim.plant import PUBLISHED
 from chefbotd.sim.simulation import Simulation, build_launchpad
 from chefbotd.sim_parameters.simulation import SimulationParameters
 from chefbotd.sim_parameters.sketches import BoardParameters, SketchName

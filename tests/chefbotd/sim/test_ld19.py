@@ -9,10 +9,10 @@ import pytest
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.sim import scene
-from chefbotd.sim.ld19 import SimulatedLd19
+from chefbotd.sim.lidar_devices import SimulatedLd19
 from chefbotd.sim.spinning import LidarMount, Sight
-from chefbotd.sim.worlds.solids import Material, Place, box
-from chefbotd.sim_parameters.lidar import LidarFlaws
+from chefbotd.sim.worlds.building import Material, Placement, box
+from chefbotd.sim_parameters.simulation import LidarFlaws
 from firmware_protocol.lidar.ld19 import Ld19Decoder, Ld19Packet
 
 PERFECT: dict[str, Any] = {"noise_m": 0, "lost_share": 0, "rate_error_share": 0, "rate_wobble_share": 0}
@@ -152,7 +152,7 @@ def test_what_is_too_far_or_too_near_is_no_reading() -> None:
 
 def test_glass_returns_what_meets_it_squarely_and_lets_through_the_rest() -> None:
     """A pane at x = 1 before the wall at 2: its own 1 m within acos(0.97) = 14 degrees, the wall's 2 m beyond."""
-    pane = box("pane", Place(1.0, -3.0), 0.04, 6.0, 2.0, material=Material.GLASS)
+    pane = box("pane", Placement(1.0, -3.0), 0.04, 6.0, 2.0, material=Material.GLASS)
     glass, walls = scene.of_solids([pane]), ROOM
     room = scene.Scene(
         np.vstack([walls.edges, glass.edges]),
@@ -170,7 +170,7 @@ def test_glass_returns_what_meets_it_squarely_and_lets_through_the_rest() -> Non
 
 def test_black_is_seen_from_near_only() -> None:
     """A black cupboard at 1 m with its surfaces seen up to 1.2 m: dim within, no reading beyond."""
-    black = scene.of_solids([box("cupboard", Place(1.0, -3.0), 1.0, 6.0, 2.0, material=Material.BLACK)])
+    black = scene.of_solids([box("cupboard", Placement(1.0, -3.0), 1.0, 6.0, 2.0, material=Material.BLACK)])
     seen = beams(packets(a_lidar(where=black, black_range_m=1.2), 0.3))
     off_rad = np.abs((seen.angle_rad + math.pi) % math.tau - math.pi)
     limit_rad = math.acos(1 / 1.2)

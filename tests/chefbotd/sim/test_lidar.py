@@ -54,7 +54,7 @@ async def packets_on(device: Path, count: int) -> Ld19Decoder:
     """Open a lidar's device and read until so many packets have come."""
     decoder, descriptor = Ld19Decoder(), os.open(device, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)
     try:
-        async with asyncio.timeout(10):
+        async with asyncio.timeout(60):
             while decoder.packets < count:
                 await asyncio.sleep(0.02)
                 try:

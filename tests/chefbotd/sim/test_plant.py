@@ -1,18 +1,17 @@
 """The drive train against closed-form solutions."""
 
 import math
-from dataclasses import replace
 
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from chefbotd.sim.chassis import PUBLISHED, Chassis, Wheel
-from chefbotd.sim.plant import Plant, Supply, WheelState
-from chefbotd.sim_parameters.motor import BodyParameters, MotorParameters
+from chefbotd.core.record import replace
+from chefbotd.sim.plant import PUBLISHED, Chassis, Plant, Supply, Wheel, WheelState
+from chefbotd.sim_parameters.motor import MotorParameters, SimBodyParameters
 from tests.budget import examples
 
-HANGING = BodyParameters(mass_kg=0)
+HANGING = SimBodyParameters(mass_kg=0)
 FULL = (1.0, 1.0)
 # The default motor: R = 12 / 5 ohm, Ke = (12 - 2.4 * 0.3) / 8.37758 V s, Kt = 1.765 / 5 N m/A.
 RESISTANCE_OHM = 2.4
@@ -93,7 +92,7 @@ def test_static_friction_and_dead_zone_hold_a_wheel() -> None:
 
 def test_a_wheel_stands_while_the_other_drives() -> None:
     """The robot's inertia couples its wheels, yet friction holds the undriven one exactly still."""
-    plant = Plant(MotorParameters(), BodyParameters(), 0.005)
+    plant = Plant(MotorParameters(), SimBodyParameters(), 0.005)
     state = spin(plant, plant.standing, (0.3, 0.0), 1.0)
     assert state.velocity_rad_s[0] > 1
     assert state.angle_rad[1] == pytest.approx(0.0, abs=1e-9)
@@ -102,14 +101,14 @@ def test_a_wheel_stands_while_the_other_drives() -> None:
 def test_weight_adds_inertia() -> None:
     """Straight ahead each wheel moves half the mass: J + 6 kg * (0.045 m)^2 / 2 = 0.018075 kg m2."""
     motor = frictionless_motor()
-    plant = Plant(motor, BodyParameters(rolling_resistance=0), 1e-4)
+    plant = Plant(motor, SimBodyParameters(rolling_resistance=0), 1e-4)
     state = spin(plant, plant.standing, FULL, 1e-4)
     assert state.velocity_rad_s == pytest.approx([1e-4 * TORQUE_N_M_A * 5 / 0.018075] * 2, rel=2e-3)
 
 
 def test_turning_feels_the_yaw_inertia() -> None:
     """On the spot each wheel turns Iz (r / track)^2 * 2: 0.012 + 0.1 * 0.0225 * 2 = 0.0165 kg m2."""
-    plant = Plant(frictionless_motor(), BodyParameters(rolling_resistance=0), 1e-4)
+    plant = Plant(frictionless_motor(), SimBodyParameters(rolling_resistance=0), 1e-4)
     state = spin(plant, plant.standing, (-1.0, 1.0), 1e-4)
     gained_rad_s = 1e-4 * TORQUE_N_M_A * 5 / 0.0165
     assert state.velocity_rad_s == pytest.approx([-gained_rad_s, gained_rad_s], rel=2e-3)
@@ -135,7 +134,7 @@ def test_twist_follows_the_rims() -> None:
 
 def test_radii_and_slip_differ_by_side() -> None:
     """A right wheel 2 % larger that slips 50 % moves its side by half of 1.02 radii."""
-    body = BodyParameters(mass_kg=0, right_radius_multiplier=1.02, right_slip=0.5)
+    body = SimBodyParameters(mass_kg=0, right_radius_multiplier=1.02, right_slip=0.5)
     twist = Plant(MotorParameters(), body, 0.005).twist([0.0, 2.0])
     rim_m_s = 2.0 * 0.045 * 1.02 * 0.5
     assert (twist.linear_m_s, twist.angular_rad_s) == pytest.approx((rim_m_s / 2, rim_m_s / 0.3))
@@ -166,7 +165,7 @@ def test_every_wheel_has_its_own_radius() -> None:
 
 def test_skidding_against_a_wall_takes_the_grips_torque() -> None:
     """A held robot's wheels spin against grip * weight: 0.6 * 29.42 N * 0.045 m more friction each."""
-    plant = Plant(frictionless_motor(), BodyParameters(rolling_resistance=0), 0.005)
+    plant = Plant(frictionless_motor(), SimBodyParameters(rolling_resistance=0), 0.005)
     state, pulse_width = plant.standing, plant.pulse_width(FULL)
     for _ in range(400):
         state = plant.step(state, pulse_width, 12.0, skid=1.0)
@@ -202,7 +201,7 @@ def test_without_drive_energy_never_grows(
     left: float, right: float, shares: tuple[float, float] | None
 ) -> None:
     """Neither braking nor coasting, at any pair of speeds, adds to the kinetic energy of robot and rotors."""
-    plant = Plant(MotorParameters(), BodyParameters(), 0.005)
+    plant = Plant(MotorParameters(), SimBodyParameters(), 0.005)
 
     def energy_j(state: WheelState) -> float:
         twist = plant.twist(state.velocity_rad_s)
@@ -228,8 +227,8 @@ def test_skid_steer_pays_for_turning_and_not_for_driving() -> None:
 
     Against a damping of 0.353 * 1.34645 / 2.4 + 0.0025 = 0.2006 N m s that is 0.660 rad/s; straight on it is nothing.
     """
-    skidding = Plant(MotorParameters(), BodyParameters(wheelbase_m=0.1), 0.005, wheeled("LRLR"))
-    plain = Plant(MotorParameters(), BodyParameters(), 0.005, wheeled("LRLR"))
+    skidding = Plant(MotorParameters(), SimBodyParameters(wheelbase_m=0.1), 0.005, wheeled("LRLR"))
+    plain = Plant(MotorParameters(), SimBodyParameters(), 0.005, wheeled("LRLR"))
     turning = (-1.0, 1.0, -1.0, 1.0)
     slower = spin(plain, plain.standing, turning, 4.0).velocity_rad_s[1]
     slower -= spin(skidding, skidding.standing, turning, 4.0).velocity_rad_s[1]
@@ -240,5 +239,5 @@ def test_skid_steer_pays_for_turning_and_not_for_driving() -> None:
 
 def test_skidding_wheels_come_to_rest() -> None:
     """Braked out of a turn on the spot they stand, and what drags them sideways does not push them back."""
-    skidding = Plant(MotorParameters(), BodyParameters(wheelbase_m=0.1), 0.005, wheeled("LRLR"))
+    skidding = Plant(MotorParameters(), SimBodyParameters(wheelbase_m=0.1), 0.005, wheeled("LRLR"))
     assert not any(spin(skidding, spinning(3.0, -3.0, 3.0, -3.0), (0,) * 4, 2.0).velocity_rad_s)

@@ -18,7 +18,7 @@ from chefbotd.sim.pty import PtyBoard
 pytestmark = pytest.mark.realtime
 
 Run = Callable[[Coroutine[Any, Any, None]], None]
-PATIENCE_S = 5.0
+PATIENCE_S = 60.0
 
 
 @pytest.fixture(params=["asyncio", "uvloop"])

@@ -2,7 +2,7 @@
 
 import pytest
 
-from chefbotd.sim.commands import pwm_share
+from chefbotd.sim.peripherals import pwm_share
 from chefbotd.sim_parameters.sketches import PwmLaw
 
 

@@ -10,9 +10,9 @@ from hypothesis import strategies as st
 from chefbotd.core.events import EdgeBurst
 from chefbotd.motion import quadrature
 from chefbotd.motion.edge_speed import QuadratureParameters
-from chefbotd.sim.chassis import PUBLISHED, Chassis
-from chefbotd.sim.infrared import InfraredParameters
-from chefbotd.sim.quadrature import Edge, EdgeRecorder, Taken
+from chefbotd.sim.peripherals import CycleEdges, Edge, EdgeRecorder
+from chefbotd.sim.plant import PUBLISHED, Chassis
+from chefbotd.sim.sensors import InfraredMount
 from chefbotd.sim.simulation import Simulation, build_launchpad
 from chefbotd.sim_parameters.simulation import SimulationParameters
 from firmware_protocol.codec import KHAN_EDGES, from_board
@@ -48,8 +48,8 @@ def test_edges_are_taken_once_and_only_up_to_a_time() -> None:
     """What is later stays; a wheel that stands has none."""
     watched = EdgeRecorder([8 / math.tau] * 2, buffer_edges=100)
     watched.watch(0.0, 0.004, (0.0, 1.0), (math.tau * 2 / 8, 1.0))
-    assert watched.take_edges(0.003) == [Taken(1, [Edge(pytest.approx(0.002), 0b10)]), Taken(0, [])]
-    assert watched.take_edges(0.003) == [Taken(1, []), Taken(0, [])]
+    assert watched.take_edges(0.003) == [CycleEdges(1, [Edge(pytest.approx(0.002), 0b10)]), CycleEdges(0, [])]
+    assert watched.take_edges(0.003) == [CycleEdges(1, []), CycleEdges(0, [])]
     assert [(total, len(edges)) for total, edges in watched.take_edges(0.004)] == [(2, 1), (0, 0)]
 
 
@@ -100,7 +100,7 @@ def heard(to_s: float, counts_per_turn: float = 800, **board: float) -> list[obj
             KHAN_EDGES,
             Chassis(PUBLISHED.wheels * 2, PUBLISHED.track_width_m, counts_per_turn),
             ultrasonic=None,
-            infrared=(InfraredParameters(channel=2),),
+            infrared=(InfraredMount(channel=2),),
             has_imu=False,
         )
     )

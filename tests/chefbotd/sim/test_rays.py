@@ -6,9 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from chefbotd.sim.rays import NOTHING, RayCaster, to_discs_m
 from chefbotd.sim.rooms import scene_of
-from chefbotd.sim.world import World
+from chefbotd.sim.world import NOTHING, RayCaster, World, to_discs_m
 from chefbotd.sim.worlds.flat import FLAT
 
 EAST_WALL = np.array([[2.0, -1.0, 2.0, 3.0], [5.0, -9.0, 5.0, 9.0]])

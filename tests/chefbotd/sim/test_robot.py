@@ -13,7 +13,7 @@ from chefbotd.sim.plant import Plant
 from chefbotd.sim.robot import Robot, arc
 from chefbotd.sim.rooms import scene_of
 from chefbotd.sim.world import World
-from chefbotd.sim_parameters.motor import BatteryParameters, BodyParameters, MotorParameters
+from chefbotd.sim_parameters.motor import MotorParameters, SimBatteryParameters, SimBodyParameters
 from tests.budget import examples
 
 FAR_WALL = World([(50.0, -50.0, 50.0, 50.0)])
@@ -22,9 +22,9 @@ NEAR_WALL = World([(0.5, -50.0, 0.5, 50.0)])
 
 def robot_in(world: World, start: Pose2D | None = None) -> Robot:
     """The default robot in this world."""
-    body = BodyParameters()
+    body = SimBodyParameters()
     plant = Plant(MotorParameters(), body, 0.005)
-    return Robot(plant, body, world, Battery.fresh(BatteryParameters()), start or Pose2D())
+    return Robot(plant, body, world, Battery.fresh(SimBatteryParameters()), start or Pose2D())
 
 
 def test_an_arc_is_exact() -> None:

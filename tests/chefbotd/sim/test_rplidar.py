@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 
 from chefbotd.clock import run_virtual
-from chefbotd.core.events.scans import ScanMeasured
+from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.geometry import Pose2D
 from chefbotd.settings import load, packaged
 from chefbotd.sim import scene
 from chefbotd.sim.lidar import LidarFault
-from chefbotd.sim.rplidar import SimulatedRplidar
+from chefbotd.sim.lidar_devices import SimulatedRplidar
 from chefbotd.sim.spinning import LidarMount, LidarWire, Sight
-from chefbotd.sim_parameters.lidar import LidarFlaws
+from chefbotd.sim_parameters.simulation import LidarFlaws
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from firmware_protocol.lidar.rplidar import (
     FULL_TURN_Q6,

@@ -8,10 +8,10 @@ import pytest
 from chefbotd.core.geometry import Pose2D
 from chefbotd.sim.sensors import Imu, Motion, Ultrasonic, UltrasonicMount
 from chefbotd.sim.world import World
-from chefbotd.sim_parameters.sensors import ImuParameters, UltrasonicParameters
+from chefbotd.sim_parameters.simulation import SimImuParameters, SimUltrasonicParameters
 
 EAST_WALL = World([(2.0, -5.0, 2.0, 5.0)])
-EXACT_IMU = ImuParameters(
+EXACT_IMU = SimImuParameters(
     heading_drift_rad_s=0,
     heading_noise_rad=0,
     gyro_bias_rad_s=0,
@@ -28,7 +28,7 @@ def chance() -> np.random.Generator:
 
 def exact(world: World, mount_x_m: float = 0.0, cone_rad: float = 0.26, **changes: float) -> Ultrasonic:
     """An ultrasonic sensor at the axle without noise."""
-    parameters = UltrasonicParameters.model_validate({"noise_m": 0, **changes})
+    parameters = SimUltrasonicParameters.model_validate({"noise_m": 0, **changes})
     return Ultrasonic(parameters, UltrasonicMount(Pose2D(mount_x_m), cone_rad), world)
 
 

@@ -1,7 +1,6 @@
 """The simulator's configuration as a whole."""
 
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -10,7 +9,8 @@ from PIL import Image
 from pydantic import ValidationError
 
 from chefbotd.core.geometry import Pose2D
-from chefbotd.sim.chassis import PUBLISHED
+from chefbotd.core.record import replace
+from chefbotd.sim.plant import PUBLISHED
 from chefbotd.sim.simulation import Simulation, build_launchpad
 from chefbotd.sim_parameters.simulation import SimulationParameters
 from firmware_protocol.codec import CLASSIC, KHAN, Variant

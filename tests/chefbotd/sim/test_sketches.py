@@ -1,15 +1,15 @@
 """The published sketches, each as it was measured."""
 
 import math
-from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
 import pytest
 from pydantic import ValidationError
 
-from chefbotd.sim.chassis import PUBLISHED
+from chefbotd.core.record import replace
 from chefbotd.sim.launchpad import Launchpad
+from chefbotd.sim.plant import PUBLISHED
 from chefbotd.sim.simulation import FirstLineCut, Simulation, build_launchpad
 from chefbotd.sim_parameters.simulation import SimulationParameters
 from chefbotd.sim_parameters.sketches import PUBLISHED_SKETCHES, BoardParameters

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from chefbotd.sim.uart import Uart
+from chefbotd.sim.peripherals import Uart
 
 
 def test_a_line_has_left_when_its_last_byte_has() -> None:

@@ -7,6 +7,7 @@ import numpy as np
 
 from chefbotd.clock import run_virtual
 from chefbotd.core.events.lidars import LidarChanged
+from chefbotd.rpc.encoding import plain
 from chefbotd.settings import load, packaged
 from chefbotd.testing.daemon import running_daemon, simulated_robot
 from chefbotd.testing.transport import FakeSerialDevice
@@ -35,10 +36,10 @@ def test_each_lidar_is_opened_on_its_own_device_in_memory() -> None:
                 packet = Ld19Packet(3600, start, end, (1500 + k,) * 12, (200,) * 12, round(k * 2.667))
                 nose.feed(encode(packet))
                 await asyncio.sleep(0.002667)
-            scan = (await anext(scans)).data.model_dump()
+            scan = plain((await anext(scans)).data)
             assert scan["lidar"] == "nose"
             assert set(scan["range_mm"]) <= set(range(1500, 1620))
-            lidars = (await anext(events)).data.model_dump()["lidars"]
+            lidars = plain((await anext(events)).data)["lidars"]
             told += [f"{each['lidar']} {each['state']}" for each in lidars]
         assert board.transport is not nose.transport
         return told

@@ -2,7 +2,7 @@
 
 import pytest
 
-from chefbotd.transport.state import NEXT, READING, SERVING, Event, State
+from chefbotd.transport.state import NEXT, READING, SERVING, ConnectionEvent, ConnectionState
 
 EXPECTED = """
              EOF          END       DRAIN_OVER   SERVED    CLOSE   LOST
@@ -15,21 +15,23 @@ CLOSED       CLOSED       CLOSED    CLOSED       CLOSED    CLOSED  CLOSED
 """
 HEADER, *ROWS = [line.split() for line in EXPECTED.strip().splitlines()]
 PAIRS = [
-    (State[state], Event[event], State[after])
+    (ConnectionState[state], ConnectionEvent[event], ConnectionState[after])
     for state, *row in ROWS
     for event, after in zip(HEADER, row, strict=True)
 ]
 
 
 @pytest.mark.parametrize(("state", "event", "after"), PAIRS)
-def test_each_pair_leads_where_the_table_says(state: State, event: Event, after: State) -> None:
+def test_each_pair_leads_where_the_table_says(
+    state: ConnectionState, event: ConnectionEvent, after: ConnectionState
+) -> None:
     """An event that means nothing in a state, such as a second end, changes nothing."""
     assert NEXT[state, event] is after
 
 
 def test_the_table_is_complete() -> None:
     """Six states times six events, and no more."""
-    assert NEXT.keys() == {(state, event) for state in State for event in Event}
+    assert NEXT.keys() == {(state, event) for state in ConnectionState for event in ConnectionEvent}
     assert len(PAIRS) == len(NEXT) == 36
 
 
@@ -38,10 +40,10 @@ def test_a_connection_never_goes_back() -> None:
     for (state, event), after in NEXT.items():
         assert state in READING or after not in READING, (state, event)
         assert state in SERVING or after not in SERVING, (state, event)
-        assert state is not State.CLOSED or after is State.CLOSED
+        assert state is not ConnectionState.CLOSED or after is ConnectionState.CLOSED
 
 
 def test_every_state_ends_when_the_socket_is_lost_and_all_is_served() -> None:
     """From each state these two events lead to the end, so no connection stays behind."""
-    for state in State:
-        assert NEXT[NEXT[state, Event.LOST], Event.SERVED] is State.CLOSED
+    for state in ConnectionState:
+        assert NEXT[NEXT[state, ConnectionEvent.LOST], ConnectionEvent.SERVED] is ConnectionState.CLOSED

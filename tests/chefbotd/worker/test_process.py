@@ -6,7 +6,8 @@ import contextlib
 import pytest
 
 from chefbotd.clock import run_virtual
-from chefbotd.worker.messages import Alive, Configure, Ready, Told, ToWorker, Unavailable, Warming
+from chefbotd.core.geometry import Pose2D
+from chefbotd.worker.messages import Alive, Configure, Ready, Told, ToWorker, Unavailable, Warming, packed
 from chefbotd.worker.requests import WorkerLost
 from chefbotd.worker.watch import WorkerState
 from tests.chefbotd.worker.running import SCAN, Count, running
@@ -195,19 +196,27 @@ def test_a_flood_ends_it() -> None:
     run_virtual(scene())
 
 
-def test_what_a_skill_tells_reaches_its_listener() -> None:
-    """A skill's own message goes to who listens to that skill; one of no skill ends the worker."""
+@pytest.mark.parametrize(
+    ("told", "reason"),
+    [
+        (Told("other", packed(Pose2D()), "Pose2D"), "its skill 'other' tells what nobody knows: 'Pose2D'"),
+        (Told("counting", packed(Pose2D()), "Twist2D"), "'counting' tells what nobody knows: 'Twist2D'"),
+        (Told("counting", b"\x01", "Pose2D"), "counting sent what is no message"),
+    ],
+)
+def test_what_a_skill_tells_reaches_its_listener(told: Told, reason: str) -> None:
+    """A record goes to who listens to its class and skill; another skill's, or no such record, ends the worker."""
 
     async def scene() -> None:
         async with running() as (worker, nursery):
-            heard: list[bytes] = []
-            worker.add_listener("counting", heard.append)
-            nursery.last.say(Told("counting", b"\x01"))
+            heard: list[Pose2D] = []
+            worker.add_listener("counting", Pose2D, heard.append)
+            nursery.last.say(Told("counting", packed(Pose2D(1.0, 2.0, 0.5)), "Pose2D"))
             await asyncio.sleep(0.01)
-            assert heard == [b"\x01"]
-            nursery.last.say(Told("other", b"\x01"))
+            assert heard == [Pose2D(1.0, 2.0, 0.5)]
+            nursery.last.say(told)
             await asyncio.sleep(0.3)
-            assert "does not have: 'other'" in worker.status.reason
+            assert reason in worker.status.reason
 
     run_virtual(scene())
 
@@ -230,7 +239,7 @@ def test_a_missing_extra_is_said_once_and_for_all() -> None:
             assert worker.status.state is WorkerState.UNAVAILABLE
             assert worker.status.pid is None
             with pytest.raises(WorkerLost, match=r"unavailable: mapping needs numba.*chefbotd\[navigation\]"):
-                await worker.request("counting", Count(3), deadline_s=1.0)
+                await worker.request("counting", Count(3), str, deadline_s=1.0)
 
     run_virtual(scene())
 

@@ -21,11 +21,9 @@ def test_a_request_is_answered_with_progress_on_the_way() -> None:
         async with running(counting) as (worker, _):
             told: list[tuple[float, float, str]] = []
             answer = await worker.request(
-                "counting", Count(3), deadline_s=0.5, on_progress=lambda *progress: told.append(progress)
+                "counting", Count(3), str, deadline_s=0.5, on_progress=lambda *progress: told.append(progress)
             )
-            assert answer == b"\xa4done", (
-                "though it took longer than the deadline: each progress begins it anew"
-            )
+            assert answer == "done", "though it took longer than the deadline: each progress begins it anew"
             assert told == [(float(done), 10.0, "counting") for done in range(10)]
 
     run_virtual(scene())
@@ -36,7 +34,9 @@ def test_a_request_can_be_given_up() -> None:
 
     async def scene() -> None:
         async with running(counting) as (worker, nursery):
-            task = asyncio.create_task(worker.request("counting", Count(3), deadline_s=5.0, settles=True))
+            task = asyncio.create_task(
+                worker.request("counting", Count(3), str, deadline_s=5.0, settles=True)
+            )
             await asyncio.sleep(0.35)
             task.cancel()
             await asyncio.wait({task}, timeout=0.2)
@@ -62,11 +62,13 @@ def test_a_request_that_was_done_before_it_could_be_given_up_is_told_as_done() -
 
     async def scene() -> None:
         async with running(stubborn) as (worker, _):
-            task = asyncio.create_task(worker.request("counting", Count(3), deadline_s=5.0, settles=True))
+            task = asyncio.create_task(
+                worker.request("counting", Count(3), str, deadline_s=5.0, settles=True)
+            )
             await asyncio.sleep(0.1)
             task.cancel()
             await asyncio.wait({task}, timeout=0.2)
-            assert task.result() == b"\xa5saved"
+            assert task.result() == "saved"
 
     run_virtual(scene())
 
@@ -81,7 +83,7 @@ def test_a_service_that_is_cancelled_ends(settles: bool) -> None:
             async def service() -> None:
                 while True:
                     with contextlib.suppress(Refused):
-                        await worker.request("counting", Count(3), deadline_s=60.0, settles=settles)
+                        await worker.request("counting", Count(3), str, deadline_s=60.0, settles=settles)
                     await asyncio.sleep(0.1)
 
             task = asyncio.create_task(service())
@@ -112,7 +114,7 @@ def test_a_refusal_comes_with_its_kind() -> None:
     async def scene() -> None:
         async with running(refusing) as (worker, _):
             with pytest.raises(Refused, match="no map is being made") as refused:
-                await worker.request("counting", Count(3), deadline_s=5.0)
+                await worker.request("counting", Count(3), str, deadline_s=5.0)
             assert refused.value.kind is RefusalKind.NOT_MAPPING
 
     run_virtual(scene())
@@ -124,7 +126,7 @@ def test_a_request_that_is_not_answered_in_time_ends_the_worker() -> None:
     async def scene() -> None:
         async with running() as (worker, nursery):
             with pytest.raises(WorkerLost, match="ended before it was done"):
-                await worker.request("counting", Count(3), deadline_s=2.0)
+                await worker.request("counting", Count(3), str, deadline_s=2.0)
             assert nursery.children[0].killed
             await asyncio.sleep(0.1)
             assert worker.status.reason == "it did not answer a request within 2 s"
@@ -137,13 +139,13 @@ def test_who_waits_for_a_worker_that_dies_hears_so() -> None:
 
     async def scene() -> None:
         async with running() as (worker, nursery):
-            task = asyncio.create_task(worker.request("counting", Count(3), deadline_s=60.0))
+            task = asyncio.create_task(worker.request("counting", Count(3), str, deadline_s=60.0))
             await asyncio.sleep(0.1)
             nursery.last.die("it was killed by SIGKILL")
             with pytest.raises(WorkerLost):
                 await task
             with pytest.raises(WorkerLost, match="restarting: it was killed by SIGKILL"):
-                await worker.request("counting", Count(3), deadline_s=60.0)
+                await worker.request("counting", Count(3), str, deadline_s=60.0)
 
     run_virtual(scene())
 
@@ -158,7 +160,7 @@ def test_a_worker_that_does_not_read_holds_up_nothing() -> None:
             for k in range(500):
                 worker.send(ScanSeen(float(k), *(getattr(SCAN, name) for name in SCAN.__struct_fields__[1:])))
                 worker.send(OdometrySeen(float(k), 0.0, 0.0, 0.0, 0.0, 0.0))
-            asked = asyncio.create_task(worker.request("counting", Count(3), deadline_s=60.0))
+            asked = asyncio.create_task(worker.request("counting", Count(3), str, deadline_s=60.0))
             await asyncio.sleep(0.1)
             child.read_on()
             await asyncio.sleep(0.1)

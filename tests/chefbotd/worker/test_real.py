@@ -27,7 +27,7 @@ pytestmark = [
     pytest.mark.realtime,
     pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="needs /proc"),
 ]
-PATIENCE_S = 20.0
+PATIENCE_S = 60.0
 
 
 @contextlib.asynccontextmanager
@@ -128,7 +128,7 @@ def test_a_bound_of_memory_is_held() -> None:
         worker = Worker(tight, SystemClock(), {}, statuses.append)
         task = asyncio.create_task(worker.run())
         await until(lambda: worker.status.state is WorkerState.RESTARTING)
-        assert "MB of memory; worker.max_memory_mb is 10" in worker.status.reason
+        assert "MB of memory; 10 MB are allowed" in worker.status.reason
         task.cancel()
         await asyncio.wait({task})
 
@@ -200,7 +200,7 @@ def test_compiled_code_goes_where_the_service_may_write() -> None:
 def test_the_workers_clock_is_the_daemons() -> None:
     """Stamps of both mean the same; and the worker loads no event loop, which would take 7 MB."""
     program = (
-        "import sys, chefbotd.worker.main as main, chefbotd.worker.skills.registry as registry;"
+        "import sys, chefbotd.worker.main as main, chefbotd.worker.runner;"
         "print('asyncio' in sys.modules, main._Clock().now_s())"
     )
     before_s = SystemClock().now_s()

@@ -25,9 +25,7 @@ from chefbotd.worker.messages import (
     Warming,
     packed,
 )
-from chefbotd.worker.runner import Runner
-from chefbotd.worker.skills import registry
-from chefbotd.worker.skills.registry import CannotLoad
+from chefbotd.worker.runner import CannotLoad, Runner
 from chefbotd.worker.skills.skill import Done, Job, Struct
 
 SCAN = ScanSeen(1.0, "top", (0.0, 0.0, 0.0), b"", b"", b"")
@@ -137,8 +135,8 @@ def test_what_has_compiled_begins_anew_before_it_is_ready(
 def test_measurements_reach_the_skill_and_what_it_tells_is_sent(runner: Runner) -> None:
     """A scan's consequences leave in the order in which the skill tells them."""
     assert list(runner.take_message(ODOMETRY)) == []
-    assert list(runner.take_message(SCAN)) == [Told("counting", packed(Counted("scans", 1)))]
-    assert list(runner.take_message(SCAN)) == [Told("counting", packed(Counted("scans", 2)))]
+    assert list(runner.take_message(SCAN)) == [Told("counting", packed(Counted("scans", 1)), "Counted")]
+    assert list(runner.take_message(SCAN)) == [Told("counting", packed(Counted("scans", 2)), "Counted")]
 
 
 class Listening(Counting):
@@ -237,10 +235,10 @@ def test_a_missing_extra_is_one_clear_sentence(monkeypatch: pytest.MonkeyPatch, 
     def without_numba(name: str) -> object:
         raise ModuleNotFoundError("No module named 'numba'", name="numba")
 
-    monkeypatch.setattr(registry, "import_module", without_numba)
+    monkeypatch.setattr(runner_module, "import_module", without_numba)
     told = "mapping needs numba, which is not installed: pip install 'chefbotd[navigation]'"
     with pytest.raises(CannotLoad, match="pip install"):
-        registry.loaded("mapping", b"{}", ManualClock())
+        runner_module.loaded("mapping", b"{}", ManualClock())
     assert list(Runner(clock).take_message(Configure({"mapping": b"{}"}))) == [
         Warming("mapping"),
         Unavailable(told),
@@ -253,6 +251,6 @@ def test_a_fault_of_our_own_is_not_taken_for_a_missing_extra(monkeypatch: pytest
     def broken(name: str) -> object:
         raise ModuleNotFoundError("No module named 'chefbotd.nowhere'", name="chefbotd.nowhere")
 
-    monkeypatch.setattr(registry, "import_module", broken)
+    monkeypatch.setattr(runner_module, "import_module", broken)
     with pytest.raises(ModuleNotFoundError):
-        registry.loaded("mapping", b"{}", ManualClock())
+        runner_module.loaded("mapping", b"{}", ManualClock())

@@ -1,10 +1,10 @@
 """When a worker is killed, and how its state goes on: tables, without a process."""
 
-from dataclasses import replace
 from itertools import product
 
 import pytest
 
+from chefbotd.core.record import replace
 from chefbotd.worker.parameters import WorkerParameters
 from chefbotd.worker.watch import (
     NEXT,
@@ -15,6 +15,7 @@ from chefbotd.worker.watch import (
     checked,
     excused,
     why_to_kill,
+    worked,
 )
 
 S, H = WorkerState, Happened
@@ -67,8 +68,33 @@ def test_silence_is_measured(state: WorkerState, heard_s: float, killed: bool) -
 
 def test_a_start_has_its_end() -> None:
     """A worker that never becomes ready is killed after start_timeout_s; one that is ready may be as old as it likes."""
-    assert "within 60 s (worker.start_timeout_s)" in why(S.WARMING, spawned_s=39.9)
+    assert "within 60 s" in why(S.WARMING, spawned_s=39.9)
     assert why(S.READY, spawned_s=-1e6) == ""
+
+
+@pytest.mark.parametrize(
+    ("cpu_s", "killed"),
+    [(3.5, False), (60.0, False), (60.1, True), (0.9, True)],
+    ids=["it has a thirtieth of a processor", "all that is allowed", "more than that", "it hangs"],
+)
+def test_a_start_beside_other_programs_takes_as_long_as_it_takes(cpu_s: float, killed: bool) -> None:
+    """100 s after the start: what counts is how long it has worked itself, and that it works at all."""
+    assert ("within 60 s" in why(S.WARMING, spawned_s=0.0, cpu_s=cpu_s)) is killed
+
+
+@pytest.mark.parametrize(("state", "killed"), [(S.STARTING, False), (S.WARMING, False), (S.READY, True)])
+def test_a_worker_that_compiles_may_be_silent(state: WorkerState, killed: bool) -> None:
+    """The compiler lets no other thread say a word; one that is ready and silent for 22 s is hung all the same."""
+    assert ("silent" in why(state, heard_s=78.0, spawned_s=77.0, cpu_s=5.0, worked_s=99.0)) is killed
+
+
+def test_processor_time_that_grows_is_a_sign_of_life() -> None:
+    """The first reading is one as well; where it cannot be read there is none."""
+    first = worked(GOOD, 1.0, 100.0)
+    assert (first.cpu_s, first.worked_s) == (1.0, 100.0)
+    assert worked(first, 1.0, 101.0).worked_s == 100.0
+    assert worked(first, 1.01, 101.0).worked_s == 101.0
+    assert (worked(first, None, 101.0).cpu_s, worked(first, None, 101.0).worked_s) == (None, 100.0)
 
 
 def test_work_has_a_deadline() -> None:
@@ -85,7 +111,7 @@ def test_work_has_a_deadline() -> None:
 def test_memory_is_bounded() -> None:
     """Too much resident memory is a reason in every state, with both figures."""
     for state in (S.STARTING, S.WARMING, S.READY):
-        assert why(state, rss_mb=401.0) == "it took 401 MB of memory; worker.max_memory_mb is 400"
+        assert why(state, rss_mb=401.0) == "it took 401 MB of memory; 400 MB are allowed"
     assert why(rss_mb=399.0) == ""
 
 

@@ -6,14 +6,20 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from functools import partial
 
+from chefbotd.client import Client
 from chefbotd.core.events import LinkClosed, LinkOpened
+from chefbotd.safety.encoder_timeout import OVERSHOOT
 from tests.scenarios.fault_run import Expected, Fault, FaultRun
 from tests.scenarios.faults.outcomes import (
+    NO_RANGE_SENSOR,
+    ONCE_A_CYCLE_S,
     SLACK_S,
     STALE,
     STALE_S,
     drives_on,
+    estopped,
     latched,
+    rests,
 )
 from tests.scenarios.instruments import task_count
 from tests.scenarios.wires import damage, misread, transport_of
@@ -27,6 +33,9 @@ REPLUGS = 100
 BACKOFF_OPENS = 8
 """In three seconds: after 0.1, 0.2, 0.4, 0.8 and then every 2 s, each varied by a fifth."""
 
+CRAWLS_S, CRAWLS_M_S = 8.0, 0.06 * OVERSHOOT
+"""After so long among silences it crawls: the wheel loop, which has one reading in each, takes its time."""
+
 GPS = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"
 NOT_THE_BOARD = "the link to the board is not healthy"
 
@@ -38,6 +47,35 @@ async def unheard(fault_run: FaultRun) -> AsyncIterator[None]:
     feed, transport.feed = transport.feed, lambda data: None
     yield
     transport.feed = feed
+
+
+@asynccontextmanager
+async def without_echoes(fault_run: FaultRun) -> AsyncIterator[None]:
+    """Nothing is in reach of the ultrasonic sensor: the sketch waits for it in every cycle, and the robot crawls."""
+    board = fault_run.robot.board
+    board.lose_echoes(True)
+    await asyncio.sleep(CRAWLS_S)
+    speed_m_s = board.truth(0.0).twist.linear_m_s
+    fault_run.check(0.03 < speed_m_s < CRAWLS_M_S, f"crawls at {speed_m_s:.3f} m/s")
+    yield
+    board.lose_echoes(False)
+    await asyncio.sleep(ONCE_A_CYCLE_S)
+
+
+@asynccontextmanager
+async def stopped_without_echoes(fault_run: FaultRun) -> AsyncIterator[None]:
+    """The same, and the driver asks it to stop."""
+    async with without_echoes(fault_run):
+        fault_run.driver.says = Client.stop
+        yield
+
+
+@asynccontextmanager
+async def estopped_without_echoes(fault_run: FaultRun) -> AsyncIterator[None]:
+    """The same, and somebody presses the emergency stop."""
+    async with without_echoes(fault_run):
+        await fault_run.robot.client.estop("a child")
+        yield
 
 
 @asynccontextmanager
@@ -171,6 +209,22 @@ PULLED_S = REPLUG_S + LONGEST_BACKOFF_S + SLACK_S
 
 FAULTS = (
     Fault("Encoders silent for a moment", "board silent for 1 s", unheard, STALE, lasts_s=1.0, on_wire=True),
+    *(
+        Fault(
+            "Encoders silent in every cycle",
+            f"no echo in any cycle{and_then}",
+            inject,
+            expected,
+            lasts_s=4.0,
+            robots=("chefbot",),
+            sketches=NO_RANGE_SENSOR,
+        )
+        for and_then, inject, expected in (
+            ("", without_echoes, Expected("armed", "no_echo")),
+            (", stop", stopped_without_echoes, rests(ONCE_A_CYCLE_S + SLACK_S)),
+            (", estop", estopped_without_echoes, estopped(ONCE_A_CYCLE_S + SLACK_S)),
+        )
+    ),
     Fault(
         "Encoders silent for longer",
         "board silent for longer",

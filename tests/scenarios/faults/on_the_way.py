@@ -47,7 +47,7 @@ async def unknown_to_the_robot(drive: Drive) -> AsyncIterator[None]:
     assert way_m < 0.45, f"it drove {way_m:.2f} m without knowing where"
     known = (await drive.client.get_state()).topics["localization"].data
     assert known.state == "lost"
-    told = re.search(r"turned by about (-?\d+) degrees against its configuration", known.reason)
+    told = re.search(r"turned by about (-?\d+) degrees against its configured mounting", known.reason)
     assert told is not None
     assert abs(math.remainder(int(told[1]) - 180, 360)) < 10
     drive.robot.lidars["lidar"].runner.turn(math.pi)
@@ -173,7 +173,7 @@ WAY_FAULTS = (
         "lidar turned by 180 degrees",
         unknown_to_the_robot,
         end="fault",
-        reason="degrees against its configuration (mount_yaw_rad)",
+        reason="degrees against its configured mounting",
         lasts_s=3.0,
         before=turned_round,
         drives_after=True,

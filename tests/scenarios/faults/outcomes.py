@@ -17,6 +17,8 @@ RAMP_S = 0.3
 
 DEAD_MAN_S = 0.5
 STALE_S = 0.25 + SLACK_S
+ONCE_A_CYCLE_S = 2.1
+"""A board that waits 1 s for its echo reads commands once a cycle, and obeys after that cycle's wait."""
 
 NO_RANGE_SENSOR: Mapping[str, Expected | str] = dict.fromkeys(
     ("tiva_bare", "tiva_second"), "its sketch reads no range sensor"

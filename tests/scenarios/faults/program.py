@@ -12,7 +12,7 @@ from chefbotd.clock import VirtualLoop
 from chefbotd.core.events import BatteryCounted, EdgesSeen, EncodersCounted
 from tests.scenarios.fault_run import Fault, FaultRun
 from tests.scenarios.faults.other_clients import stranger
-from tests.scenarios.faults.outcomes import DRIVES_ON, ENDS, latched, rests
+from tests.scenarios.faults.outcomes import DRIVES_ON, ENDS, drives_on, latched, rests
 
 
 @asynccontextmanager
@@ -60,14 +60,14 @@ async def unsaved_map(fault_run: FaultRun) -> AsyncIterator[None]:
         yield
 
 
-FROZEN_S = 1.0
+FROZEN_S, HELD_UP_S = 1.2, 0.6
 DRIVE = b'{"jsonrpc":"2.0","id":1,"method":"drive","params":{"linear_m_s":0.2,"angular_rad_s":0.1}}\n'
 
 
 @asynccontextmanager
-async def frozen_while_driving(fault_run: FaultRun) -> AsyncIterator[None]:
-    """The whole program stands still for a second, as on SIGSTOP; the board drives on meanwhile."""
-    cast(VirtualLoop, asyncio.get_running_loop()).stand_still(FROZEN_S)
+async def frozen_while_driving(seconds: float, fault_run: FaultRun) -> AsyncIterator[None]:
+    """The whole program stands still, as on SIGSTOP or on a busy computer; the board drives on meanwhile."""
+    cast(VirtualLoop, asyncio.get_running_loop()).stand_still(seconds)
     yield
 
 
@@ -93,9 +93,16 @@ LOST = "Six service failures in a minute"
 FAULTS = (
     Fault(
         "The program is frozen",
-        "frozen for 1 s while driving",
-        frozen_while_driving,
+        "frozen for 1.2 s while driving",
+        partial(frozen_while_driving, FROZEN_S),
         latched("loop_blocked"),
+        on_wire=True,
+    ),
+    Fault(
+        "The control loop is held up",
+        "held up for 0.6 s while driving",
+        partial(frozen_while_driving, HELD_UP_S),
+        drives_on("the control loop stood still while it drove"),
         on_wire=True,
     ),
     Fault(

@@ -27,7 +27,7 @@ NEEDS_BROWSER = pytest.mark.skipif(
     CHROMIUM is None or not HERE,
     reason="the page needs a browser (apt-get install chromium) and the extras 'dev' and 'page'",
 )
-PATIENCE_MS = 20_000
+PATIENCE_MS = 60_000
 MOVES_M_S, STANDS_M_S = 0.05, 0.01
 PROGRAM = [sys.executable, "-c", "from chefbotd.start import chefbotd; chefbotd()"]
 
@@ -157,6 +157,8 @@ class FakeDaemon:
     METHODS = (
         *("drive", "stop", "estop", "arm", "navigate_to", "set_pose", "cancel_navigation"),
         *("list_places", "save_place", "delete_place", "list_maps", "start_mapping", "localize"),
+        *("follow_waypoints", "pause_navigation", "resume_navigation", "discard_mapping", "finish_mapping"),
+        *("save_ring", "start_recording", "stop_recording"),
     )
     TOPICS = (
         "odometry",
@@ -168,6 +170,7 @@ class FakeDaemon:
         "scan",
         "localization",
         "costmap",
+        *("mapping", "recording", "battery", "link", "lidars", "ranges", "reset"),
     )
     RESULTS: ClassVar[dict[str, Any]] = {
         "list_places": {
@@ -185,6 +188,9 @@ class FakeDaemon:
         self.asked: list[tuple[str, dict[str, Any]]] = []
         self._socket: Any = None
         self._page = page
+        self.refusal: dict[str, Any] | None = None  # the answer to everything that is not in RESULTS
+        self.held: set[str] = set()  # methods whose requests wait for ``answer``
+        self._waiting: list[tuple[str, int]] = []
         page.route_web_socket(re.compile("/socket$"), self._connected)
 
     def _connected(self, socket: Any) -> None:
@@ -196,9 +202,27 @@ class FakeDaemon:
     def _take(self, line: str) -> None:
         request = json.loads(line)
         self.asked.append((request["method"], request.get("params", {})))
-        result = self.RESULTS.get(request["method"], {})
-        if "id" in request:
-            self._socket.send(json.dumps({"jsonrpc": "2.0", "id": request["id"], "result": result}))
+        method, number = request["method"], request.get("id")
+        if method in self.held:
+            self._waiting.append((method, number))
+        elif number is not None:
+            refused = self.refusal if method not in (*self.RESULTS, "subscribe", "ping") else None
+            self._answer(number, {"error": refused} if refused else {"result": self.RESULTS.get(method, {})})
+
+    def _answer(self, number: int, answer: dict[str, Any]) -> None:
+        self._socket.send(json.dumps({"jsonrpc": "2.0", "id": number, **answer}))
+
+    def answer(self, method: str, **result: Any) -> None:
+        """Answer the oldest request of a method in ``held``."""
+        assert until(lambda: self.was_asked(method))
+        first = next(each for each in self._waiting if each[0] == method)
+        self._waiting.remove(first)
+        self._answer(first[1], {"result": result})
+
+    def disconnect(self) -> None:
+        """End the connection; the page comes back by itself."""
+        self._waiting.clear()
+        self._socket.close()
 
     def _send(self, method: str, params: dict[str, Any]) -> None:
         self._socket.send(json.dumps({"jsonrpc": "2.0", "method": method, "params": params}))

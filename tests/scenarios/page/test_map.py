@@ -25,7 +25,7 @@ def test_a_click_sends_the_robot_there_and_a_drag_gives_the_heading(page: Any, d
     sync_api.expect(page.locator("#goal")).to_have_text("No goal. Click in the view to send the robot there.")
     daemon.say("map_pose", x_m=2.0, y_m=-1.0, heading_rad=0.3, state="localized")
     daemon.say("navigation", state="driving", goal=1, reason="", distance_m=3.21, time_s=9.0)
-    sync_api.expect(page.locator("#goal")).to_have_text("driving, 3.2 m left")
+    sync_api.expect(page.locator("#goal")).to_have_text("Driving, 3.2 m left")
     middle = middle_of_view(page)
     assert until(lambda: pixel(page, *middle) == [0x0B, 0x57, 0xD0])  # the robot is drawn
     x, y = middle[0] + 45, middle[1] + 90
@@ -100,7 +100,7 @@ def test_a_place_is_gone_to_saved_and_deleted_by_its_name(page: Any, daemon: Fak
     page.get_by_role("button", name="Go there").click()
     assert until(lambda: daemon.was_asked("navigate_to"))
     assert daemon.last("navigate_to") == {"place": "table 3"}
-    page.get_by_role("button", name="Save where it stands").click()
+    page.get_by_role("button", name="Save its position").click()
     assert until(lambda: daemon.was_asked("save_place"))
     assert daemon.last("save_place") == {"name": "table 3"}
     delete = page.get_by_role("button", name="Delete", exact=True)
@@ -131,16 +131,16 @@ def test_poses_are_typed_where_nobody_can_click(page: Any, daemon: FakeDaemon) -
     page.keyboard.press("Enter")
     assert until(lambda: daemon.was_asked("navigate_to"))
     assert daemon.last("navigate_to") == {"x_m": 1.25, "y_m": -3, "heading_rad": pytest.approx(-1.570796)}
-    stands_here = page.get_by_role("button", name="It stands here")
+    is_here = page.get_by_role("button", name="The robot is here")
     page.locator("#place").fill("kitchen")
-    stands_here.press("Enter")
+    is_here.press("Enter")
     assert until(lambda: daemon.was_asked("set_pose"))
     assert daemon.last("set_pose") == {"x_m": 1.5, "y_m": -0.25, "heading_rad": 2.0}
     page.locator("#place").fill("0.5, 2")
-    stands_here.press("Enter")
+    is_here.press("Enter")
     assert daemon.last("set_pose") == {"x_m": 0.5, "y_m": 2}
     page.locator("#place").fill("cellar")
-    stands_here.press("Enter")
+    is_here.press("Enter")
     sync_api.expect(page.locator("#alert")).to_have_text("There is no place cellar on this map.")
 
 
@@ -156,5 +156,5 @@ def test_without_a_map_the_page_says_what_to_do_first(page: Any, daemon: FakeDae
     for name in ("#map-localize", "#map-localize-turn"):
         sync_api.expect(page.locator(name)).to_be_visible()
     page.locator("#map-localize-turn").click()
-    sync_api.expect(page.locator("#alert")).to_contain_text("localized: it knows where it is")
+    sync_api.expect(page.locator("#alert")).to_contain_text("The robot knows where it is.")
     assert ("localize", {"turn": True}) in daemon.asked

@@ -101,7 +101,81 @@ def test_a_screen_reader_is_told_faults_at_once_and_goals_without_the_metres(
     sync_api.expect(told).to_contain_text("check its plug. When it is safe, press Arm.")
     assert told.get_attribute("aria-live") == "assertive"
     daemon.say("navigation", state="driving", goal=1, reason="", distance_m=3.21, time_s=9.0)
-    sync_api.expect(page.locator("#goal-told")).to_have_text("driving")
+    sync_api.expect(page.locator("#goal-told")).to_have_text("Driving")
     daemon.say("navigation", state="blocked", goal=1, reason="a chair", distance_m=1.0, time_s=9.0)
-    sync_api.expect(page.locator("#goal-told")).to_have_text("blocked: a chair")
+    sync_api.expect(page.locator("#goal-told")).to_have_text("The way is blocked: a chair")
     assert page.locator("#goal").get_attribute("role") is None
+
+
+RECORDER = {
+    "state": "idle",
+    "file": None,
+    "seconds": 0.0,
+    "bytes_written": 0,
+    "ring_s": 300.0,
+    "free_bytes": 9e9,
+}
+
+
+def test_what_has_just_happened_is_saved(page: Any, daemon: FakeDaemon) -> None:
+    """The recorder's state, and a button that keeps the last minutes, if the robot has them in memory."""
+    save = page.get_by_role("button", name="Save what has just happened")
+    daemon.say("recording", **RECORDER, reason="")
+    recorder = page.locator("#recorder")
+    sync_api.expect(recorder).to_have_text("Not recording. The last 5 min are kept in memory.")
+    daemon.held = {"save_ring"}
+    save.click()
+    daemon.answer("save_ring", file="asked_1.mcap", seconds=297.0)
+    sync_api.expect(page.locator("#recorder-told")).to_have_text("The last 5 min are in asked_1.mcap.")
+    going = {"state": "recording", "file": "evening.mcap", "seconds": 61.0, "bytes_written": 2_500_000}
+    daemon.say("recording", **{**RECORDER, **going, "ring_s": 0.0}, reason="")
+    sync_api.expect(recorder).to_have_text("Recording into evening.mcap: 61 s, 2.5 MB. 9.0 GB are free.")
+    sync_api.expect(save).to_be_hidden()
+    page.get_by_role("button", name="Stop recording").click()
+    assert until(lambda: daemon.was_asked("stop_recording"))
+
+
+def test_a_history_is_bounded_and_has_a_gap_where_nothing_was_known(page: Any, daemon: FakeDaemon) -> None:
+    """10,000 samples, one a second, of which 300 are kept: a line with 299 steps; its name has the range in words."""
+    script = """async (count) => { const { History } = await import("/history.js");
+      window.plot = new History("battery-history",
+        { name: "Battery", unit: "V", digits: 1, span_s: 1, most: 300, least_range: 0.5 });
+      for (let s = 0; s < count; s += 1) window.plot.add(12 + (s % 2) / 2, s); }"""
+    page.evaluate(script, 10_000)
+    plot = page.locator("#battery-history")
+    expected = "Battery: 12.0 to 12.5 V in the last 5 min"
+    sync_api.expect(plot.get_by_role("img", name=expected)).to_be_visible()
+    line = plot.locator("path").get_attribute("d")
+    assert (line.count("M"), line.count("L")) == (1, 299)
+    page.evaluate("window.plot.gap(10000.5); window.plot.add(11.0, 10010)")
+    line = plot.locator("path").get_attribute("d")
+    assert (line.count("M"), line.count("L")) == (2, 297)
+
+
+def test_lately_is_bounded_and_says_each_thing_once(page: Any, daemon: FakeDaemon) -> None:
+    """A mode that stays is one line however often it is told; of a hundred changes the newest 50 lines are kept."""
+    ready = {"mode": "armed", "reason": "armed", "armed": True, "source": None, "control": {}}
+    stopped = {**ready, "mode": "estopped", "armed": False}
+    for _ in range(3):
+        daemon.say("safety", **{**stopped, "reason": "by Ann"})
+    lines = page.locator("#lately li")
+    sync_api.expect(lines.first).to_contain_text("Emergency stop: by Ann")
+    sync_api.expect(page.locator("#lately").get_by_text("by Ann")).to_have_count(1)
+    for number in range(50):
+        daemon.say("safety", **{**stopped, "reason": f"reason {number}"})
+        daemon.say("safety", **ready)
+    sync_api.expect(lines).to_have_count(50)
+    sync_api.expect(lines.nth(1)).to_contain_text("reason 49")
+
+
+@pytest.mark.parametrize(("width", "height"), [(390, 844), (820, 1180), (1200, 800), (1920, 1080)])
+def test_the_view_has_the_room_that_it_needs(page: Any, daemon: FakeDaemon, width: int, height: int) -> None:
+    """It is larger than the part that drives, both are in reach without scrolling, and nothing is cut off."""
+    page.set_viewport_size({"width": width, "height": height})
+    daemon.say("navigation", state="driving", goal=1, reason="", distance_m=3.21, time_s=9.0)
+    view, driving = page.locator("#view").bounding_box(), page.locator("#driving").bounding_box()
+    bar = page.locator("nav").bounding_box()
+    assert view["width"] * view["height"] > 1.5 * driving["width"] * driving["height"]
+    assert view["width"] > (0.5 if width > 1000 else 0.9) * width
+    assert page.locator("#joystick").bounding_box()["y"] + 130 < bar["y"]
+    assert page.evaluate("document.documentElement.scrollWidth") <= width

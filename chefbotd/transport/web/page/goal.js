@@ -1,24 +1,32 @@
 // Where the robot is going, how far that is, and how it ended.
 
-const $ = (id) => document.getElementById(id);
-const GOING = ["planning", "driving", "recovering", "paused"];
+import { $, text } from "./dom.js";
+import { because, GOAL } from "./words.js";
+
+export const GOING = ["planning", "driving", "recovering", "paused"];
 const NO_GOAL = "No goal. Click in the view to send the robot there.";
 const NO_MAP = "No map is in use: start one or choose one first. Then a click in the view sends the robot there.";
 
 export class Goal {
   #map; // undefined until it is told
   #last = { state: "idle", reason: "" };
+  #can = new Set();
 
   constructor(connection, ask, view) {
     const on = (topic, take) => connection.addEventListener(`topic:${topic}`, ({ detail }) => take(detail.data));
-    on("navigation", (told) => { this.#last = told; this.#show(); });
+    on("navigation", (navigation) => { this.#last = navigation; this.#show(); });
     on("localization", ({ map }) => { this.#map = map; this.#show(); });
     on("path", ({ x_m, y_m }) => {
       view.path = x_m.map((x, index) => [x, y_m[index]]);
       $("legend-path").hidden = x_m.length === 0;
       view.draw();
     });
-    $("goal-cancel").addEventListener("click", () => ask("cancel_navigation"));
+    for (const name of ["cancel", "pause", "resume"]) $(`goal-${name}`).addEventListener("click", () => ask(`${name}_navigation`));
+    this.#show();
+  }
+
+  begin(can) {
+    this.#can = can;
     this.#show();
   }
 
@@ -27,14 +35,13 @@ export class Goal {
     const { state, reason, distance_m } = this.#last;
     const going = GOING.includes(state);
     const left = going && typeof distance_m === "number" ? `, ${distance_m.toFixed(1)} m left` : "";
-    const why = reason ? `: ${reason}` : "";
+    const why = because(state, reason);
+    const words = (extra) => `${GOAL[state] ?? state}${extra}${why ? `: ${why}` : ""}`;
     const idle = this.#map === null ? NO_MAP : NO_GOAL;
-    text("goal", state === "idle" ? idle : `${state}${left}${why}`);
-    text("goal-told", state === "idle" ? "" : `${state}${why}`);
+    text("goal", state === "idle" ? idle : words(left));
+    text("goal-told", state === "idle" ? "" : words(""));
     $("goal-cancel").hidden = !going;
+    $("goal-pause").hidden = !going || state === "paused" || !this.#can.has("method.pause_navigation");
+    $("goal-resume").hidden = state !== "paused" || !this.#can.has("method.resume_navigation");
   }
-}
-
-function text(id, words) {
-  if ($(id).textContent !== words) $(id).textContent = words;
 }

@@ -1,21 +1,23 @@
-// Making and choosing maps, and what is known of where the robot is.
+// Making and choosing maps, what is known of where the robot is, and what to do first where there is no map.
 
+import { confirmed } from "./confirm.js";
+import { $, text } from "./dom.js";
 import { Grid, inflate } from "./grid.js";
+import { LOCATED, MAPPING, plain, refusal, sentence } from "./words.js";
 
-const $ = (id) => document.getElementById(id);
 const NO_MAP = "No map is in use. Start one and drive through the rooms, then finish it; or choose one that is stored.";
-const LOCATED = {
-  unknown: "It is not known where the robot is.",
-  searching: "Looking for where the robot is; drive a bit.",
-  localized: "The robot knows where it is.",
-  uncertain: "The robot is not sure where it is.",
-  lost: "The robot is lost; drive a bit, or say where it is.",
+const FIRST = {
+  new: ["First, make a map", "The robot has no map yet. With one it knows where it is, and drives to places by itself."],
+  stored: ["No map is in use", "Choose a saved map, or make a new one:"],
+  unfinished: ["There is an unfinished map", "The robot was restarted before this map was saved. A new one can begin when you have decided."],
 };
 
 export class Maps {
   #queue = Promise.resolve();
   #shown = null;
-  #mapping = "idle";
+  #mapping = { state: "idle", unfinished: false };
+  #inUse; // undefined until it is told
+  #stored = 0;
 
   constructor(connection, view, say) {
     Object.assign(this, { connection, view, say, can: new Set() });
@@ -24,24 +26,30 @@ export class Maps {
     on("mapping", (mapping) => this.#show(mapping));
     on("localization", (found) => this.#located(found));
     connection.addEventListener("closed", () => { this.#shown = null; });
-    $("map-start").addEventListener("click", () => this.#ask("start_mapping"));
+    for (const id of ["map-start", "guide-start"]) $(id).addEventListener("click", () => this.#ask("start_mapping"));
+    $("guide-continue").addEventListener("click", () => this.#ask("start_mapping", { unfinished: true }));
+    for (const id of ["map-discard", "guide-discard"]) $(id).addEventListener("click", () => this.#discard());
+    $("guide-choose").addEventListener("click", () => $("maps").focus());
     $("map-finish").addEventListener("click", () => this.#finish());
     $("map-localize").addEventListener("click", () => this.#ask("localize"));
     $("map-localize-turn").addEventListener("click", async () => {
       const found = await this.#ask("localize", { turn: true });
-      if (found) this.say(`${found.state}: ${found.reason}`);
+      if (found) this.say([LOCATED[found.state], sentence(plain(found.reason))].filter(Boolean).join(" "));
     });
     $("maps").addEventListener("change", () => this.#ask("load_map", { name: $("maps").value }));
   }
 
   begin(can) {
     this.can = can;
-    const has = (method) => can.has(`method.${method}`);
-    $("map-part").hidden = !has("list_maps");
-    $("map-start").hidden = !has("start_mapping");
+    $("map-part").hidden = !this.#has("list_maps");
+    $("map-start").hidden = !this.#has("start_mapping");
     $("map-localize").hidden = $("map-localize-turn").hidden = true; // until a map is in use
-    $("maps").disabled = !has("load_map");
-    if (has("list_maps")) this.#list();
+    $("maps").disabled = !this.#has("load_map");
+    if (this.#has("list_maps")) this.#list();
+  }
+
+  #has(method) {
+    return this.can.has(`method.${method}`);
   }
 
   async #ask(method, params = {}) {
@@ -50,7 +58,7 @@ export class Maps {
       this.say("");
       return answer;
     } catch (error) {
-      this.say(error.message);
+      this.say(refusal(error));
       return null;
     }
   }
@@ -61,8 +69,29 @@ export class Maps {
     const options = stored.maps.map(({ name, in_use }) => new Option(name, name, in_use, in_use));
     if (!stored.in_use) options.unshift(new Option("none", "", true, true));
     $("maps").replaceChildren(...options);
-    $("maps-label").hidden = stored.maps.length === 0;
-    if (stored.in_use && this.#mapping === "idle" && this.#shown !== stored.in_use) this.#fetch(stored.in_use);
+    this.#stored = stored.maps.length;
+    $("maps-label").hidden = this.#stored === 0;
+    if (stored.in_use && this.#mapping.state === "idle" && this.#shown !== stored.in_use) this.#fetch(stored.in_use);
+    this.#guide();
+  }
+
+  // What to do first, where there is nothing to drive on yet.
+  #guide() {
+    const { state, unfinished } = this.#mapping;
+    const mayMap = this.#has("start_mapping");
+    let first = null;
+    if (state === "idle" && unfinished) first = "unfinished";
+    else if (state === "idle" && this.#inUse === null) first = this.#stored ? "stored" : "new";
+    $("guide").hidden = first === null || (first === "stored" ? !this.#has("load_map") : !mayMap);
+    $("map-start").hidden = !mayMap || unfinished || state === "mapping" || state === "finishing";
+    $("map-start").textContent = state === "paused" ? "Go on with the map" : "Start a map";
+    if (first === null) return;
+    text("guide-title", FIRST[first][0]);
+    text("guide-words", FIRST[first][1]);
+    $("guide-steps").hidden = first === "unfinished" || !mayMap;
+    $("guide-start").hidden = first === "unfinished" || !mayMap;
+    $("guide-choose").hidden = first !== "stored";
+    $("guide-continue").hidden = $("guide-discard").hidden = first !== "unfinished";
   }
 
   // A stored map by its name; without one, the map that is being made.
@@ -102,15 +131,19 @@ export class Maps {
   }
 
   #show(mapping) {
-    const was = this.#mapping;
-    this.#mapping = mapping.state;
-    const making = mapping.state === "mapping" || mapping.state === "paused";
-    $("map-start").hidden = mapping.state === "mapping" || mapping.state === "finishing" || !this.can.has("method.start_mapping");
-    $("map-finish").hidden = $("map-name-label").hidden = !making || !this.can.has("method.finish_mapping");
-    $("maps").disabled = making || !this.can.has("method.load_map");
-    if (mapping.name && !$("map-name").value) $("map-name").value = mapping.name;
-    if (mapping.state !== "idle") $("map-told").textContent = `${mapping.state}: ${mapping.path_m.toFixed(1)} m driven, ${mapping.loops} loops ${mapping.reason ?? ""}`;
+    const was = this.#mapping.state;
+    this.#mapping = mapping;
+    const { state, name, path_m, loops, reason, warning } = mapping;
+    const making = state === "mapping" || state === "paused";
+    $("map-finish").hidden = $("map-name-label").hidden = !making || !this.#has("finish_mapping");
+    $("map-discard").hidden = !making || !this.#has("discard_mapping");
+    $("maps").disabled = making || !this.#has("load_map");
+    if (name && !$("map-name").value) $("map-name").value = name;
+    const so_far = `${path_m?.toFixed(1)} m driven, ${loops} ${loops === 1 ? "place" : "places"} recognized.`;
+    const advice = state === "mapping" ? "Drive slowly through every room and back to where you began, then save it." : "";
+    if (state !== "idle") text("map-told", [`${MAPPING[state]}: ${so_far}`, plain(warning), plain(reason), advice].filter(Boolean).join(" "));
     else if (was !== "idle") this.#list();
+    this.#guide();
   }
 
   async #finish() {
@@ -121,13 +154,20 @@ export class Maps {
       return;
     }
     const saved = await this.#ask("finish_mapping", { name });
-    if (saved) $("map-told").textContent = `Saved as ${saved.name}.`;
+    if (saved) text("map-told", `Saved as ${saved.name}.`);
+  }
+
+  async #discard() {
+    if (await confirmed("Discard the map that is not saved? It cannot be had back.", "Discard it")) this.#ask("discard_mapping");
   }
 
   #located(found) {
-    $("map-localize").hidden = $("map-localize-turn").hidden = !found.map || !this.can.has("method.localize");
-    if (this.#mapping !== "idle") return;
-    $("map-told").textContent = found.map ? `${LOCATED[found.state] ?? found.state} Fit ${((found.fit ?? 0) * 100).toFixed(0)} %. ${found.reason ?? ""}` : NO_MAP;
+    this.#inUse = found.map;
+    $("map-localize").hidden = $("map-localize-turn").hidden = !found.map || !this.#has("localize");
+    this.#guide();
+    if (this.#mapping.state !== "idle") return;
+    const fit = `The scan fits the map to ${((found.fit ?? 0) * 100).toFixed(0)} %.`;
+    text("map-told", found.map ? [LOCATED[found.state] ?? found.state, fit, plain(found.reason)].filter(Boolean).join(" ") : NO_MAP);
     if (found.map && found.map !== this.#shown) this.#list();
   }
 }

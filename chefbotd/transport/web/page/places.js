@@ -1,28 +1,27 @@
-// Named places of the map in use, or coordinates instead: go there, say that the robot stands there, save, delete.
+// Named places of the map in use, or coordinates instead: go there, say that the robot is there, save, delete.
 
-const $ = (id) => document.getElementById(id);
+import { confirmed, dismiss } from "./confirm.js";
+import { $ } from "./dom.js";
 
 export class Places {
   #map = null;
-  #doomed = null;
   #poses = new Map();
 
-  constructor(ask, say) {
-    Object.assign(this, { ask, say });
+  constructor(ask, say, route) {
+    Object.assign(this, { ask, say, route });
     $("place-form").addEventListener("submit", (event) => {
       event.preventDefault();
       this.#named((name) => this.ask("navigate_to", coordinates(name) ?? { place: name }));
     });
-    $("place-here").addEventListener("click", () => this.#named((name) => this.#standsAt(name)));
+    $("place-add").addEventListener("click", () => this.#named((name) => this.#add(name)));
+    $("place-here").addEventListener("click", () => this.#named((name) => this.#isAt(name)));
     $("place-save").addEventListener("click", () => this.#named((name) => this.#change("save_place", name)));
-    $("place-delete").addEventListener("click", () => this.#named((name) => this.#confirm(name)));
-    $("place-keep").addEventListener("click", () => this.#decided());
-    $("place-really").addEventListener("click", () => this.#change("delete_place", this.#decided()));
+    $("place-delete").addEventListener("click", () => this.#named((name) => this.#delete(name)));
   }
 
   begin(can) {
     this.there = can.has("method.list_places") && can.has("method.navigate_to");
-    for (const [id, method] of [["here", "set_pose"], ["save", "save_place"], ["delete", "delete_place"]]) {
+    for (const [id, method] of [["add", "follow_waypoints"], ["here", "set_pose"], ["save", "save_place"], ["delete", "delete_place"]]) {
       $(`place-${id}`).hidden = !can.has(`method.${method}`);
     }
     this.#map = null;
@@ -33,7 +32,7 @@ export class Places {
     if (map === this.#map) return;
     this.#map = map;
     $("place-form").hidden = !this.there || !map;
-    $("place-confirm").close();
+    dismiss();
     if (map) this.#list();
   }
 
@@ -43,24 +42,20 @@ export class Places {
     else $("place").focus();
   }
 
-  #standsAt(name) {
+  #isAt(name) {
     const pose = coordinates(name) ?? this.#poses.get(name);
     if (pose) this.ask("set_pose", pose);
     else this.say(`There is no place ${name} on this map.`);
   }
 
-  // Not modal: the emergency stop stays in reach, on its key too.
-  #confirm(name) {
-    this.#doomed = name;
-    $("place-confirm-told").textContent = `Delete the place ${name} from the map ${this.#map}?`;
-    $("place-confirm").show();
-    $("place-keep").focus();
+  #add(name) {
+    const pose = coordinates(name);
+    if (pose || this.#poses.has(name)) this.route.add(name, pose ?? { place: name }, pose ?? this.#poses.get(name));
+    else this.say(`There is no place ${name} on this map.`);
   }
 
-  #decided() {
-    $("place-confirm").close();
-    $("place-delete").focus();
-    return this.#doomed;
+  async #delete(name) {
+    if (await confirmed(`Delete the place ${name} from the map ${this.#map}?`, "Delete it")) this.#change("delete_place", name);
   }
 
   async #change(method, name) {

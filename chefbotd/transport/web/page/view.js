@@ -20,6 +20,7 @@ export class View {
     this.ranges = [];
     this.trail = [];
     this.path = null;
+    this.route = []; // where the goals of the list are
     this.#readColours();
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
       this.#readColours();
@@ -101,6 +102,7 @@ export class View {
     if (this.path) this.#line(this.path, colours.robot, 3);
     if (this.robot) this.#paintRobot(this.robot);
     if (this.aim) this.#paintAim(this.aim);
+    this.#paintRoute(ratio, width, height);
     this.#paintScaleBar(ratio, height);
   }
 
@@ -192,6 +194,24 @@ export class View {
     c.moveTo(...from);
     c.lineTo(...to);
     c.stroke();
+  }
+
+  // A numbered dot for each goal of the list, as large at any scale.
+  #paintRoute(ratio, width, height) {
+    const { context: c, colours } = this;
+    c.setTransform(ratio, 0, 0, ratio, 0, 0);
+    c.font = "bold 12px system-ui, sans-serif";
+    this.route.forEach(([x_m, y_m], index) => {
+      const [x, y] = [width / 2 + (x_m - this.centre[0]) * this.scale, height / 2 - (y_m - this.centre[1]) * this.scale];
+      c.fillStyle = colours.robot;
+      c.beginPath();
+      c.arc(x, y, 10, 0, 2 * Math.PI);
+      c.fill();
+      c.fillStyle = colours.paper;
+      c.textAlign = "center";
+      c.fillText(String(index + 1), x, y + 4);
+    });
+    c.textAlign = "start";
   }
 
   #paintScaleBar(ratio, height) {

@@ -2,8 +2,7 @@
 
 import pytest
 
-from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.common.extras import extra, require
+from chefbotd.cli.common.exits import Exit, ProgramError, extra, require
 
 
 def test_a_missing_package_of_the_extra() -> None:

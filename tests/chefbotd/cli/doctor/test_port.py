@@ -10,14 +10,13 @@ import pytest
 
 from chefbotd.cli.doctor import host, walk
 from chefbotd.cli.doctor.diagnosis import Diagnosis
-from chefbotd.cli.doctor.ports import Behind, look_behind
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.doctor.finding import Verdict
-from chefbotd.link.ports import SerialPort
+from chefbotd.doctor.listening.ports import Behind, SerialPort, look_behind
 from chefbotd.sim.lidar import heard_at
 from firmware_protocol.lidar import rplidar
 from tests.chefbotd.cli.doctor.bench import Answers, configured, diagnosis_of, found
-from tests.chefbotd.link.test_listener import Talker
+from tests.chefbotd.doctor.listening.test_listener import Talker
 from tests.fakes.lidar import ld19_bytes, noisy_box
 
 CYCLES = b"".join(
@@ -122,7 +121,7 @@ def test_a_port_that_is_not_there_or_not_ours(tmp_path: Path, monkeypatch: pytes
     assert not walk.examine_port(diagnosis, host.look_at_port(diagnosis.settings.link), daemon_answers=False)
     assert "serial port" in found(diagnosis)["device"].measured
     device.touch()
-    monkeypatch.setattr("chefbotd.link.ports.os.access", lambda *_: False)
+    monkeypatch.setattr("chefbotd.doctor.listening.ports.os.access", lambda *_: False)
     diagnosis, _ = diagnosis_at({}, link__device=str(device))
     assert not walk.examine_port(diagnosis, host.look_at_port(diagnosis.settings.link), daemon_answers=False)
     assert found(diagnosis)["permission"].verdict is Verdict.PROBLEM

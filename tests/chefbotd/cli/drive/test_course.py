@@ -7,7 +7,6 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.cli.drive.course import (
-    CourseParameters,
     Deviation,
     GoTo,
     TurnTo,
@@ -20,7 +19,6 @@ from chefbotd.cli.drive.course import (
 from chefbotd.core.geometry import Pose2D, Twist2D
 from tests.budget import examples
 
-P = CourseParameters()
 EAST_2M = GoTo(Pose2D(2.0, 0.0, 0.0))
 
 
@@ -38,21 +36,21 @@ def test_square_has_four_sides_and_four_left_turns() -> None:
 
 def test_far_from_the_corner_it_cruises_straight() -> None:
     """On the line and aligned, the speed is the cruising speed and nothing turns."""
-    assert steer(P, EAST_2M, Pose2D()) == Twist2D(0.3, 0.0)
+    assert steer(EAST_2M, Pose2D()) == Twist2D(0.3, 0.0)
 
 
 def test_it_slows_down_near_the_corner() -> None:
     """With 0.02 m to go and 0.25 m/s² the speed is sqrt(2 * 0.25 * 0.02) = 0.1 m/s."""
-    twist = steer(P, EAST_2M, Pose2D(1.98, 0.0, 0.0))
+    twist = steer(EAST_2M, Pose2D(1.98, 0.0, 0.0))
     assert twist is not None
     assert twist.linear_m_s == pytest.approx(0.1)
 
 
 def test_a_side_ends_level_with_its_corner() -> None:
     """Within the tolerance before the corner, or beyond it, the side is done."""
-    assert steer(P, EAST_2M, Pose2D(1.9951)) is None
-    assert steer(P, EAST_2M, Pose2D(2.1)) is None
-    assert steer(P, EAST_2M, Pose2D(1.99)) is not None
+    assert steer(EAST_2M, Pose2D(1.9951)) is None
+    assert steer(EAST_2M, Pose2D(2.1)) is None
+    assert steer(EAST_2M, Pose2D(1.99)) is not None
 
 
 @pytest.mark.parametrize(
@@ -60,16 +58,16 @@ def test_a_side_ends_level_with_its_corner() -> None:
 )
 def test_it_steers_back_to_the_line(y_m: float, heading_rad: float, angular_rad_s: float) -> None:
     """Left of the line by y it wants a heading of -2 y, and turns at 2 /s times what is missing."""
-    twist = steer(P, EAST_2M, Pose2D(0.0, y_m, heading_rad))
+    twist = steer(EAST_2M, Pose2D(0.0, y_m, heading_rad))
     assert twist is not None
     assert twist.angular_rad_s == pytest.approx(angular_rad_s)
 
 
 def test_correction_is_bounded() -> None:
     """Far off the line it turns no faster than at a corner."""
-    twist = steer(P, EAST_2M, Pose2D(0.0, 1.0, 0.0))
+    twist = steer(EAST_2M, Pose2D(0.0, 1.0, 0.0))
     assert twist is not None
-    assert twist.angular_rad_s == -P.turn_rad_s
+    assert twist.angular_rad_s == -1.2
 
 
 @pytest.mark.parametrize(("heading_deg", "degrees"), [(0.0, 90.0), (180.0, -90.0), (-89.0, 179.0)])
@@ -90,7 +88,7 @@ def test_slowing_is_monotone(one: float, other: float) -> None:
 def follow(leg: GoTo, start: Pose2D, dt_s: float = 0.02) -> Pose2D:
     """A kinematic robot that does exactly as steered: its final pose, after a minute at most."""
     pose, elapsed_s = start, 0.0
-    while (twist := steer(P, leg, pose)) is not None and elapsed_s < 60:
+    while (twist := steer(leg, pose)) is not None and elapsed_s < 60:
         pose = pose.compose(Pose2D(twist.linear_m_s * dt_s, 0.0, twist.angular_rad_s * dt_s))
         elapsed_s += dt_s
     return pose

@@ -11,9 +11,9 @@ from chefbotd.cli.drive.gamepad import (
     Button,
     Order,
     Pad,
-    PadParameters,
-    Reading,
-    Request,
+    PadReading,
+    PadRequest,
+    StickScale,
     deflection,
     disabled,
     step,
@@ -21,13 +21,13 @@ from chefbotd.cli.drive.gamepad import (
 from chefbotd.core.geometry import STANDING, Twist2D
 from tests.budget import examples
 
-PARAMETERS = PadParameters(linear_m_s=0.2, angular_rad_s=0.8, turbo=2.0, dead_zone=0.1)
+SCALE = StickScale(linear_m_s=0.2, angular_rad_s=0.8, turbo=2.0, dead_zone=0.1)
 AHEAD = Twist2D(0.2, 0.0)
 
 
-def reading(*down: Button, forward: float = 0.0, left: float = 0.0) -> Reading:
+def reading(*down: Button, forward: float = 0.0, left: float = 0.0) -> PadReading:
     """A look at a pad with these buttons down."""
-    return Reading(forward, left, frozenset(down))
+    return PadReading(forward, left, frozenset(down))
 
 
 @dataclass
@@ -38,11 +38,11 @@ class Driver:
     now_s: float = 100.0
     look_s: float = 0.01
 
-    def looks(self, *readings: Reading | None) -> list[Order]:
+    def looks(self, *readings: PadReading | None) -> list[Order]:
         """The orders of these looks."""
         asked: list[Order] = []
         for one in readings:
-            self.pad, orders = step(PARAMETERS, self.pad, one, self.now_s)
+            self.pad, orders = step(SCALE, self.pad, one, self.now_s)
             asked += orders
             self.now_s += self.look_s
         return asked
@@ -65,7 +65,7 @@ def test_letting_go_is_told_once() -> None:
     """One order when the button goes up, whatever the stick says, and then silence; it is no stop for everybody."""
     driver = Driver()
     driver.looks(reading(), reading(Button.ENABLE, forward=1.0))
-    assert driver.looks(reading(forward=1.0), reading(forward=1.0)) == [Request.RELEASE]
+    assert driver.looks(reading(forward=1.0), reading(forward=1.0)) == [PadRequest.RELEASE]
 
 
 def test_velocities_are_repeated_at_20_hz() -> None:
@@ -115,12 +115,12 @@ def test_turbo_is_twice_as_fast() -> None:
 @pytest.mark.parametrize(
     ("button", "demands"),
     [
-        (Button.ESTOP, [Request.ESTOP]),
-        (Button.STOP, [Request.STOP]),
-        (Button.ARM, [Request.RELEASE, Request.ARM]),
+        (Button.ESTOP, [PadRequest.ESTOP]),
+        (Button.STOP, [PadRequest.STOP]),
+        (Button.ARM, [PadRequest.RELEASE, PadRequest.ARM]),
     ],
 )
-def test_presses_that_are_no_velocity(button: Button, demands: list[Request]) -> None:
+def test_presses_that_are_no_velocity(button: Button, demands: list[PadRequest]) -> None:
     """Each press is told once, ends the motion (arming alone would not), and needs the enable button anew."""
     driver = Driver()
     driver.looks(reading(), reading(Button.ENABLE, forward=1.0))
@@ -132,14 +132,14 @@ def test_presses_that_are_no_velocity(button: Button, demands: list[Request]) ->
 @pytest.mark.parametrize("button", [Button.STOP, Button.ESTOP, Button.ARM])
 def test_presses_need_no_enable_button(button: Button) -> None:
     """Whoever holds the pad can stop the robot that another drives, and arm it."""
-    assert Driver().looks(reading(), reading(button)) == [Request(button)]
+    assert Driver().looks(reading(), reading(button)) == [PadRequest(button)]
 
 
 def test_of_presses_at_once_the_safest_counts() -> None:
     """The emergency stop before the stop, the stop before arming."""
     for buttons, request in (
-        ((Button.ESTOP, Button.STOP, Button.ARM), Request.ESTOP),
-        ((Button.STOP, Button.ARM), Request.STOP),
+        ((Button.ESTOP, Button.STOP, Button.ARM), PadRequest.ESTOP),
+        ((Button.STOP, Button.ARM), PadRequest.STOP),
     ):
         assert Driver().looks(reading(), reading(*buttons)) == [request]
 
@@ -148,7 +148,7 @@ def test_a_pad_that_goes_lets_go() -> None:
     """Unplugged while driving: one order; plugged in again with the button held: nothing."""
     driver = Driver()
     driver.looks(reading(), reading(Button.ENABLE, forward=1.0))
-    assert driver.looks(None, None, reading(Button.ENABLE, forward=1.0)) == [Request.RELEASE]
+    assert driver.looks(None, None, reading(Button.ENABLE, forward=1.0)) == [PadRequest.RELEASE]
 
 
 def test_after_a_refusal_the_button_is_needed_anew() -> None:
@@ -172,14 +172,14 @@ def test_the_dead_zone(raw: float, out: float) -> None:
 READINGS = st.one_of(
     st.none(),
     st.builds(
-        Reading, st.floats(-1, 1), st.floats(-1, 1), st.frozensets(st.sampled_from(Button), max_size=4)
+        PadReading, st.floats(-1, 1), st.floats(-1, 1), st.frozensets(st.sampled_from(Button), max_size=4)
     ),
 )
 
 
 @settings(max_examples=examples(100))
 @given(st.lists(READINGS, max_size=30))
-def test_no_motion_is_asked_for_without_the_button(looks: list[Reading | None]) -> None:
+def test_no_motion_is_asked_for_without_the_button(looks: list[PadReading | None]) -> None:
     """Whatever the driver does: a velocity is asked for only while the button is down, and never above turbo's."""
     driver = Driver()
     for look in looks:

@@ -7,13 +7,13 @@ from collections.abc import Awaitable, Callable
 import pytest
 
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.drive.gamepad import Button, PadParameters, Reading
+from chefbotd.cli.drive.gamepad import Button, PadReading, StickScale
 from chefbotd.cli.drive.joystick import JoystickPilot
 from chefbotd.client import Client, ConnectionLost
 from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
 
-HELD = Reading(1.0, 0.0, frozenset({Button.ENABLE}))
+HELD = PadReading(1.0, 0.0, frozenset({Button.ENABLE}))
 
 
 class FakePad:
@@ -22,9 +22,9 @@ class FakePad:
     name = "Pad"
 
     def __init__(self) -> None:
-        self.reading: Reading | None = Reading()
+        self.reading: PadReading | None = PadReading()
 
-    def read(self) -> Reading | None:
+    def read(self) -> PadReading | None:
         return self.reading
 
 
@@ -46,7 +46,7 @@ def fly(
         async with Client.connect("127.0.0.1", daemon.port) as robot:
             say = (said if said is not None else []).append
             began_s = asyncio.get_running_loop().time()
-            pilot = JoystickPilot(robot, pad, say, PadParameters(), source, takes_over=takes_over)
+            pilot = JoystickPilot(robot, pad, say, StickScale(), source, takes_over=takes_over)
             running = asyncio.create_task(pilot.run())
             await asyncio.sleep(0.05)
             await script(pad)
@@ -69,7 +69,7 @@ def test_it_drives_and_lets_go(daemon: FakeDaemon) -> None:
 
     async def script(pad: FakePad) -> None:
         await drive(pad)
-        pad.reading = Reading()
+        pad.reading = PadReading()
         await asyncio.sleep(1.0)
 
     asked = fly(daemon, script)
@@ -130,7 +130,7 @@ def test_letting_go_that_is_refused(daemon: FakeDaemon, refused: str, kind: str,
         await drive(pad)
         await asyncio.sleep(0.02)  # between two turns
         daemon.refuse[refused] = kind
-        pad.reading = Reading()
+        pad.reading = PadReading()
         await asyncio.sleep(0.2)
 
     said: list[str] = []
@@ -164,7 +164,7 @@ def test_stop_estop_and_arm(daemon: FakeDaemon) -> None:
 
     async def script(pad: FakePad) -> None:
         for button in (Button.STOP, Button.ESTOP, Button.ARM):
-            pad.reading = Reading(down=frozenset({button}))
+            pad.reading = PadReading(down=frozenset({button}))
             await asyncio.sleep(0.1)
 
     asked = fly(daemon, script, said)
@@ -194,7 +194,7 @@ def test_a_refusal_is_told_once(daemon: FakeDaemon) -> None:
     said: list[str] = []
 
     async def script(pad: FakePad) -> None:
-        for one in (HELD, Reading(), HELD):
+        for one in (HELD, PadReading(), HELD):
             pad.reading = one
             await asyncio.sleep(0.3)
 
@@ -209,7 +209,7 @@ def test_no_pad(daemon: FakeDaemon) -> None:
         pad = FakePad()
         pad.reading = None
         async with asyncio.timeout(1.0), Client.connect("127.0.0.1", daemon.port) as robot:
-            await JoystickPilot(robot, pad, lambda _text: None, PadParameters()).run()
+            await JoystickPilot(robot, pad, lambda _text: None, StickScale()).run()
 
     with pytest.raises(ProgramError, match="no gamepad found"):
         daemon.run(main())
@@ -223,7 +223,7 @@ def test_a_lost_connection_ends_it(daemon: FakeDaemon) -> None:
         pad = FakePad()
         async with asyncio.timeout(1.0), Client.connect("127.0.0.1", daemon.port) as robot:
             asyncio.get_running_loop().call_later(0.1, setattr, pad, "reading", HELD)
-            await JoystickPilot(robot, pad, lambda _text: None, PadParameters()).run()
+            await JoystickPilot(robot, pad, lambda _text: None, StickScale()).run()
 
     with pytest.raises(ConnectionLost):
         daemon.run(main())

@@ -6,7 +6,7 @@ from collections.abc import Awaitable, Callable
 
 import pytest
 
-from chefbotd.cli.drive.pilot import Pilot
+from chefbotd.cli.drive.control import Pilot
 from chefbotd.client import Client, ConnectionLost
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
 

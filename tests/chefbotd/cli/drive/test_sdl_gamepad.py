@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.drive.gamepad import Button, Reading
+from chefbotd.cli.drive.gamepad import Button, PadReading
 from chefbotd.cli.drive.sdl_gamepad import SdlPad, sdl2
 from tests.chefbotd.cli.conftest import Control
 
@@ -48,7 +48,7 @@ def test_without_a_pad(pad: SdlPad) -> None:
 def test_a_pad_is_read(pad: SdlPad) -> None:
     """Away from the driver is forward, left is left, and the buttons are where they are printed."""
     virtual = VirtualPad()
-    assert pad.read() == Reading()
+    assert pad.read() == PadReading()
     assert pad.name == "Virtual Controller"
     virtual.set(-1.0, -0.5, sdl2.SDL_CONTROLLER_BUTTON_LEFTSHOULDER, sdl2.SDL_CONTROLLER_BUTTON_B)
     reading = pad.read()
@@ -56,9 +56,9 @@ def test_a_pad_is_read(pad: SdlPad) -> None:
     assert (reading.forward, reading.left) == pytest.approx((0.5, 1.0), abs=1e-3)
     assert reading.down == {Button.ENABLE, Button.ESTOP}
     virtual.set(0.0, 0.0, sdl2.SDL_CONTROLLER_BUTTON_RIGHTSHOULDER, sdl2.SDL_CONTROLLER_BUTTON_START)
-    assert pad.read() == Reading(down=frozenset({Button.TURBO, Button.ARM}))
+    assert pad.read() == PadReading(down=frozenset({Button.TURBO, Button.ARM}))
     virtual.set(0.0, 0.0, sdl2.SDL_CONTROLLER_BUTTON_X)
-    assert pad.read() == Reading(down=frozenset({Button.STOP}))
+    assert pad.read() == PadReading(down=frozenset({Button.STOP}))
     virtual.unplug()
 
 
@@ -66,7 +66,7 @@ def test_a_pad_comes_and_goes(pad: SdlPad) -> None:
     """An unplugged pad reads as none, the next one is found."""
     for _ in range(2):
         virtual = VirtualPad()
-        assert pad.read() == Reading()
+        assert pad.read() == PadReading()
         virtual.unplug()
         assert pad.read() is None
 

@@ -5,7 +5,7 @@ import json
 import math
 import re
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import pytest
 from rich.console import Console
@@ -13,23 +13,22 @@ from rich.console import Console
 from chefbotd.cli.common.arguments import Address
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.drive import square_view
-from chefbotd.cli.drive.course import CourseParameters, square
-from chefbotd.cli.drive.course_driver import CourseDriver, CourseResult, Progress, problems
-from chefbotd.cli.drive.square_view import View
+from chefbotd.cli.drive.course import square
+from chefbotd.cli.drive.course_driver import CourseDriver, CourseProgress, CourseResult, problems
+from chefbotd.cli.drive.square_view import SquareView
 from chefbotd.client import Client
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import replace
 from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
 
 
-def drive(
-    daemon: FakeDaemon, parameters: CourseParameters, seen: list[Progress], legs: int = 8
-) -> CourseResult:
+def drive(daemon: FakeDaemon, seen: list[CourseProgress], legs: int = 8, **limits: float) -> CourseResult:
     """A 2 m square over the socket, or the first legs of it."""
 
     async def main() -> CourseResult:
         async with Client.connect("127.0.0.1", daemon.port) as robot:
-            return await CourseDriver(robot, parameters, seen.append).drive_course(square(2.0)[:legs])
+            return await CourseDriver(robot, seen.append, **limits).drive_course(square(2.0)[:legs])
 
     return daemon.run(main())
 
@@ -39,15 +38,15 @@ class Driven:
     """A square that is done, what was told meanwhile, and the daemon that it was driven on."""
 
     done: CourseResult
-    seen: list[Progress]
+    seen: list[CourseProgress]
     daemon: FakeDaemon
 
 
 @pytest.fixture(scope="module")
 def driven() -> Iterator[Driven]:
     """One for all the tests that only look at it."""
-    fake, seen = FakeDaemon(), list[Progress]()
-    yield Driven(drive(fake, CourseParameters(), seen), seen, fake)
+    fake, seen = FakeDaemon(), list[CourseProgress]()
+    yield Driven(drive(fake, seen), seen, fake)
     fake.close()
 
 
@@ -90,7 +89,7 @@ def test_latencies_are_measured(driven: Driven) -> None:
 def test_slip_is_noticed(daemon: FakeDaemon) -> None:
     """Wheels that slip by 10 % leave the robot 20 cm short of a 2 m side, and that is a problem."""
     daemon.slip = 0.1
-    done = drive(daemon, CourseParameters(), [], legs=1)
+    done = drive(daemon, [], legs=1)
     side = replace(done, marks=done.marks[:1])
     assert side.marks[0].odometric.x_m == pytest.approx(2.0, abs=0.005)
     (problem,) = problems(side)
@@ -111,7 +110,7 @@ def test_a_robot_that_does_not_move(daemon: FakeDaemon) -> None:
     """A side on which it comes no nearer for 3 s is given up, by its name, and zero is commanded."""
     daemon.stuck = True
     with pytest.raises(ProgramError, match=r"side 1: 2.00 m are left, and no nearer for 3 s") as caught:
-        drive(daemon, CourseParameters(patience_s=3.0), [])
+        drive(daemon, [], patience_s=3.0)
     assert caught.value.code is Exit.NOT_DONE
     assert "release_control" in daemon.methods()
     assert daemon.twist.linear_m_s == daemon.twist.angular_rad_s == 0
@@ -120,14 +119,14 @@ def test_a_robot_that_does_not_move(daemon: FakeDaemon) -> None:
 def test_a_course_that_takes_too_long(daemon: FakeDaemon) -> None:
     """The whole course has a limit of its own."""
     with pytest.raises(ProgramError, match="not finished within 3 s"):
-        drive(daemon, CourseParameters(time_limit_s=3.0), [])
+        drive(daemon, [], time_limit_s=3.0)
 
 
 def test_a_robot_without_odometry(daemon: FakeDaemon) -> None:
     """Without a first reading the robot is never told to move."""
     daemon.silent = True
     with pytest.raises(ProgramError, match="no odometry for 10 s"):
-        drive(daemon, CourseParameters(), [])
+        drive(daemon, [])
     assert "drive" not in daemon.methods()
 
 
@@ -160,8 +159,8 @@ def test_a_bad_square_is_a_failure(control: Control, daemon: FakeDaemon) -> None
 def test_live_progress() -> None:
     """On a terminal the leg and the pose are drawn as they change."""
     screen = Console(file=io.StringIO(), force_terminal=True, width=100)
-    with View(False, screen).progress() as report:
-        report(Progress(2, 8, "side 2", 0.5, Pose2D(2.0, 1.0, math.pi / 2)))
+    with SquareView(False, screen).progress() as report:
+        report(CourseProgress(2, 8, "side 2", 0.5, Pose2D(2.0, 1.0, math.pi / 2)))
     assert isinstance(screen.file, io.StringIO)
     assert "side 2" in screen.file.getvalue()
     assert "x +2.000 m  y +1.000 m  heading +90.0°" in screen.file.getvalue()

@@ -1,14 +1,12 @@
 """Turning in place over a link that shows late what was asked."""
 
 import math
-from dataclasses import replace
 
 import pytest
 
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.drive.turning import Try, Turn, TurnParameters, begin, step
-
-P = TurnParameters()
+from chefbotd.cli.drive.turning import Try, TurnInPlace, begin, step
+from chefbotd.core.record import replace
 
 
 class LateRobot:
@@ -36,11 +34,11 @@ class LateRobot:
             self.now_s += 0.005
 
 
-def turn_it(robot: LateRobot, params: TurnParameters = P) -> tuple[Turn, float]:
+def turn_it(robot: LateRobot) -> tuple[TurnInPlace, float]:
     """To its end: the turn, and the seconds that it took."""
-    began_s, turn = robot.now_s, begin(params, robot.now_s, robot.remaining_rad)
+    began_s, turn = robot.now_s, begin(robot.now_s, robot.remaining_rad)
     while True:
-        turn, rate = step(params, turn, robot.now_s, robot.remaining_rad, stands=robot.rate == 0.0)
+        turn, rate = step(turn, robot.now_s, robot.remaining_rad, stands=robot.rate == 0.0)
         if rate is None:
             return turn, robot.now_s - began_s
         robot.obey(rate)
@@ -67,8 +65,8 @@ def test_it_learns_the_delay() -> None:
 
 def test_a_robot_that_sticks_is_pushed_faster() -> None:
     """Creeping at 0.15 rad/s it does not move: it is tried at 0.21 and then 0.294, which moves it."""
-    robot = LateRobot(0.03, 0.1, 0.02, sticks_rad_s=0.25)
-    turn, _ = turn_it(robot, TurnParameters(deceleration_rad_s2=0.01))
+    robot = LateRobot(0.01, 0.1, 0.02, sticks_rad_s=0.25)
+    turn, _ = turn_it(robot)
     assert abs(math.degrees(robot.remaining_rad)) <= 0.5
     assert turn.tries >= 3
 
@@ -84,17 +82,17 @@ def test_a_robot_that_does_not_turn_is_given_up() -> None:
 
 def test_nothing_to_turn_is_done() -> None:
     """A robot that stands within the tolerance is asked for nothing."""
-    turn = begin(P, 3.0, -0.006)
-    assert step(P, turn, 3.0, -0.006, stands=True) == (turn, None)
+    turn = begin(3.0, -0.006)
+    assert step(turn, 3.0, -0.006, stands=True) == (turn, None)
 
 
 def test_the_last_try_may_miss_by_twice_the_tolerance() -> None:
     """0.9 degrees off (the tolerance is 0.46) ends the twelfth try, not the eleventh; 1.0 is a failure."""
     stopped = Try(way=1, from_rad=0.03, began_s=6.0, stopped_s=7.0)
-    last = Turn(began_s=0.0, whole_rad=1.5, delay_s=0.2, creep_rad_s=0.15, tries=12, now=stopped)
-    assert step(P, last, 8.0, math.radians(0.9), stands=True)[1] is None
-    before, rate = step(P, replace(last, tries=11), 8.0, math.radians(0.9), stands=True)
+    last = TurnInPlace(began_s=0.0, whole_rad=1.5, delay_s=0.2, creep_rad_s=0.15, tries=12, now=stopped)
+    assert step(last, 8.0, math.radians(0.9), stands=True)[1] is None
+    before, rate = step(replace(last, tries=11), 8.0, math.radians(0.9), stands=True)
     assert (before.tries, rate is None) == (12, False)
-    beyond, _ = step(P, last, 8.0, math.radians(-1.0), stands=True)
+    beyond, _ = step(last, 8.0, math.radians(-1.0), stands=True)
     with pytest.raises(ProgramError, match=r"-1\.0° left of 86° after 8 s and 12 tries"):
-        step(P, beyond, 8.02, math.radians(-1.0), stands=True)
+        step(beyond, 8.02, math.radians(-1.0), stands=True)

@@ -3,7 +3,7 @@
 import pytest
 
 from chefbotd.cli.common.exits import ProgramError
-from chefbotd.cli.look.fields import select
+from chefbotd.cli.look.commands import select
 
 CAPABILITIES = ("method.drive", "topic.odometry", "feature.roles", "topic.wheels")
 WHEELS = {"name": ["left", "right"], "duty": [50, -7]}

@@ -4,9 +4,10 @@ import json
 import math
 
 import pytest
+from msgspec import convert
 
 from chefbotd.cli.common.exits import Exit
-from chefbotd.cli.look.scan_view import caption, draw_scan, points_m, reach_of
+from chefbotd.cli.look.view import caption, draw_scan, points_m, reach_of
 from chefbotd.client.models import ScanData
 from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
@@ -29,14 +30,14 @@ def test_points_are_in_the_robot_s_frame() -> None:
 
     The lidar is 0.1 m ahead of the base.
     """
-    found = points_m(ScanData.model_validate(SCAN, strict=False))
+    found = points_m(convert(SCAN, ScanData))
     assert [(round(x, 6), round(y, 6)) for x, y in found] == [(0.1, 1.0), (1.6, 0.0), (-0.6, 0.0)]
 
 
 def test_uneven_bearings_are_drawn_where_they_are() -> None:
     """In thousandths of a radian, each for itself."""
     uneven = {**SCAN, "bearing_step_rad": None, "bearing_mrad": [0, -1571, 100, 1571]}
-    found = points_m(ScanData.model_validate(uneven, strict=False))
+    found = points_m(convert(uneven, ScanData))
     assert found[1] == pytest.approx((1.6, 0.0), abs=0.001)
     assert found[2] == pytest.approx((-0.6, 0.0), abs=0.001)
 
@@ -66,7 +67,7 @@ def test_the_scale_is_a_round_one_that_most_readings_fit() -> None:
 
 def test_the_caption_tells_the_nearest_reading_and_its_side() -> None:
     """0.6 m behind; a scan without a reading has none."""
-    scan = ScanData.model_validate(SCAN, strict=False)
+    scan = convert(SCAN, ScanData)
     told = caption(scan, points_m(scan), 2.0)
     for part in ("top", "3 of 4 beams", "100 ms", "0.60 m from the base, behind", "2 m"):
         assert part in told
@@ -127,3 +128,15 @@ def test_an_old_scan_is_not_drawn(control: Control, daemon: FakeDaemon) -> None:
     """What comes first may be of minutes ago."""
     daemon.scan, daemon.age_s = SCAN, 2.0
     assert "no scan within 5 s" in " ".join(control("scan", "--once").stderr.split())
+
+
+def test_a_depth_camera_without_a_lidar_that_sends_nothing_is_told(
+    control: Control, daemon: FakeDaemon
+) -> None:
+    """It brings the topic of the scans, and there is nothing to say of lidars."""
+    daemon.lidar_condition = ""
+    result = control("scan", "--once")
+    assert result.exit_code == Exit.FAILED
+    assert "no scan within 5 s (this robot has no lidar, and a depth camera's images" in " ".join(
+        result.stderr.split()
+    )

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 from rich.console import Console
 
-from chefbotd.cli.look.board import drawn
-from chefbotd.cli.look.fields import follow
+from chefbotd.cli.look.commands import follow
+from chefbotd.cli.look.view import drawn
 from chefbotd.client import Client, ConnectionLost
 from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon

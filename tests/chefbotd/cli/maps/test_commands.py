@@ -123,7 +123,7 @@ def test_places_are_listed_and_deleted(mapctl: Control, folder: Path) -> None:
     lost = mapctl("places", "save", "here")
     assert lost.exit_code == Exit.REFUSED
     assert lost.stderr.startswith(
-        "Error: pose_unknown: where the robot is in the map 'flat' is not known (no source of the pose): give"
+        "Error: pose_unknown: where the robot is in the map 'flat' is not known (nothing tells it at present): say"
     )
 
 

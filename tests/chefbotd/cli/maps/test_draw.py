@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from chefbotd.cli.maps.draw import FOG, FULL, LOWER, UPPER, Mark, draw_map
+from chefbotd.cli.maps.draw import FOG, FULL, LOWER, UPPER, MapMark, draw_map
 from chefbotd.core.geometry import ORIGIN, Pose2D
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 
@@ -55,14 +55,14 @@ def test_a_mark_stands_where_it_is_in_a_map_whose_origin_is_turned() -> None:
     origin = Pose2D(2.0, -3.0, math.pi / 2)
     free = grid([[0] * 6] * 6, origin)
     at = origin.compose(Pose2D(0.25, 0.35, math.pi / 4))
-    lines = plain(free, 80, 24, [Mark(at.x_m, at.y_m, at.heading_rad)])
+    lines = plain(free, 80, 24, [MapMark(at.x_m, at.y_m, at.heading_rad)])
     assert lines == ["      ", "  ↗   ", "      "]
 
 
 def test_a_label_is_cut_at_the_edge_and_a_mark_outside_is_left_out() -> None:
     """Neither makes a line longer; what cannot be printed in a name is left out."""
     free = grid([[0] * 6] * 2)
-    marks = [Mark(0.35, 0.05, label="kit\nchen"), Mark(9.0, 0.05, label="far"), Mark(math.nan, 0.0)]
+    marks = [MapMark(0.35, 0.05, label="kit\nchen"), MapMark(9.0, 0.05, label="far"), MapMark(math.nan, 0.0)]
     assert plain(free, 80, 24, marks) == ["   ●ki"]
 
 
@@ -79,7 +79,7 @@ def test_every_map_fits_every_terminal(height: int, width: int, columns: int, ro
     rng = np.random.default_rng(seed)
     percent = rng.choice(np.array([-1, 0, 40, 100], np.int8), (height, width))
     marks = [
-        Mark(x, y, label="place") for x in (0.0, width * 0.05 - 0.01) for y in (0.0, height * 0.05 - 0.01)
+        MapMark(x, y, label="place") for x in (0.0, width * 0.05 - 0.01) for y in (0.0, height * 0.05 - 0.01)
     ]
     lines = plain(OccupancyGrid(0.05, Pose2D(), percent), columns, rows, marks)
     assert 1 <= len(lines) <= rows

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 from chefbotd.cli.common.exits import Exit
 from chefbotd.cli.programs.chefbotctl import main
 from chefbotd.maps.contents import read_grid, read_map_server, save
-from chefbotd.maps.errors import MapStoreError
+from chefbotd.maps.disk import MapStoreError
 from chefbotd.maps.store import MapStore
 from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.maps.test_commands import ROOM
@@ -44,14 +44,6 @@ def test_a_png_needs_it_and_that_is_told_before_the_robot_is_asked(command: tupl
     result = CliRunner().invoke(main, ["--connect=127.0.0.1:1", *command])
     assert result.exit_code == Exit.NOT_INSTALLED
     assert ADVICE in result.stderr
-
-
-@pytest.mark.parametrize("command", [("map", "demo"), ("serve",)])
-def test_the_demonstrations_ask_for_all_of_navigation(command: tuple[str, ...]) -> None:
-    """Before a simulated robot is started: exit code 7 and the command of pip."""
-    result = CliRunner().invoke(main, command)
-    assert result.exit_code == Exit.NOT_INSTALLED
-    assert "pip install 'chefbotd[navigation]'" in result.stderr
 
 
 def test_a_maps_files_are_refused_with_what_to_install_on_the_robot(tmp_path: Path) -> None:

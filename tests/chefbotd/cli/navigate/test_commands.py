@@ -12,11 +12,11 @@ from click.testing import CliRunner, Result
 
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.navigate import commands
-from chefbotd.cli.navigate.scene import NavigationScene
+from chefbotd.cli.navigate.view import NavigationScene
 from chefbotd.cli.programs.chefbotctl import main
 from chefbotd.client import GoalBlocked
-from chefbotd.client.goals import GoalFault, GoalNotReached, GoalUnreachable, RobotLost, not_reached
-from chefbotd.features.navigation.methods import NavigationData
+from chefbotd.client.errors import GoalFault, GoalNotReached, GoalUnreachable, RobotLost, not_reached
+from chefbotd.features.navigation.models import NavigationData
 
 
 class Robot:

@@ -31,10 +31,3 @@ def test_a_robot_is_sent_from_any_computer(command: str) -> None:
     """The robot plans, and not this computer: all that is missing here is a daemon."""
     code, said = chefbotctl(*command.split())
     assert (code, "Traceback" in said) == (Exit.CANNOT_CONNECT, False), said
-
-
-def test_the_demonstration_says_what_to_install() -> None:
-    """It measures the robot's way against the shortest, and that is computed here."""
-    code, said = chefbotctl("serve")
-    assert code == Exit.NOT_INSTALLED
-    assert "pip install 'chefbotd[navigation]'" in said

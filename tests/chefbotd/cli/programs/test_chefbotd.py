@@ -147,7 +147,7 @@ def test_a_port_that_is_taken() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         where = f"127.0.0.1:{taken.getsockname()[1]}"
         command = (*PROGRAM, "run", "--sim", "--listen", where)
-        ended = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
+        ended = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     (told,) = ended.stderr.splitlines()
     assert (ended.returncode, ended.stdout) == (Exit.FAILED, "")
     assert (

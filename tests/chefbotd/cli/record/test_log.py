@@ -14,8 +14,8 @@ from PIL import Image
 from chefbotd.cli.common.exits import Exit
 from chefbotd.cli.programs.chefbotctl import main
 from chefbotd.core.events import BatteryLevelStatus, BatteryMeasured
+from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.recording import EventsDropped
-from chefbotd.core.events.scans import ScanMeasured
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.scan import LaserScan
 from chefbotd.recording.status import About
@@ -34,7 +34,10 @@ def recorded(tmp_path: Path) -> Path:
     made.start("drive", START_S)
     for k in range(101):
         made.record(cycle(START_S + k / 50), START_S + k / 50)
-    made.record([BatteryMeasured(START_S, START_S, 12.25, 80.0, BatteryLevelStatus.OK)], START_S + 2.0)
+    made.record(
+        [BatteryMeasured(12.25, 80.0, BatteryLevelStatus.OK, stamp_s=START_S, arrival_s=START_S)],
+        START_S + 2.0,
+    )
     beams = np.linspace(-3.0, 3.0, 40)
     made.record(
         [ScanMeasured(START_S, "top", Pose2D(), LaserScan(START_S, beams, beams**2, beams))], START_S + 2.0

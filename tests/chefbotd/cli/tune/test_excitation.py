@@ -4,13 +4,14 @@ import asyncio
 from collections.abc import Awaitable, Callable
 
 import pytest
-from pydantic import ValidationError
 
-from chefbotd.cli.tune.excitation import Exciter, WaveParameters, speed_m_s
+from chefbotd.cli.common.exits import Exit
+from chefbotd.cli.tune.excitation import Exciter, Wave, speed_m_s
 from chefbotd.client import Client
+from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
 
-WAVE = WaveParameters(amplitude_m_s=0.1, half_period_s=1.0)
+WAVE = Wave(amplitude_m_s=0.1, half_period_s=1.0)
 
 
 def excite(
@@ -37,11 +38,12 @@ def test_the_wave() -> None:
     assert [speed_m_s(WAVE, t) for t in (0.0, 0.99, 1.0, 1.99, 2.0)] == [0.1, 0.1, -0.1, -0.1, 0.1]
 
 
-@pytest.mark.parametrize("amplitude_m_s", [0.0, 0.21])
-def test_the_amplitude_is_bounded(amplitude_m_s: float) -> None:
+@pytest.mark.parametrize("amplitude_m_s", ["0.0", "0.21"])
+def test_the_amplitude_is_bounded(control: Control, amplitude_m_s: str) -> None:
     """Nothing faster than 0.2 m/s: somebody may have forgotten the blocks."""
-    with pytest.raises(ValidationError):
-        WaveParameters(amplitude_m_s=amplitude_m_s)
+    refused = control("pid", "tune", "--amplitude", amplitude_m_s)
+    assert refused.exit_code == Exit.USAGE
+    assert "0.01<=x<=0.2" in refused.stderr
 
 
 def test_it_drives_at_20_hz_and_turns_round(daemon: FakeDaemon) -> None:

@@ -15,7 +15,7 @@ from textual_hires_canvas import Canvas
 
 from chefbotd.cli.common.exits import Exit
 from chefbotd.cli.tune import tuning_screen
-from chefbotd.cli.tune.excitation import WaveParameters
+from chefbotd.cli.tune.excitation import Wave
 from chefbotd.cli.tune.plots import WheelPlot
 from chefbotd.cli.tune.tuning_screen import Tune, tune
 from chefbotd.client import Client, ConnectionLost
@@ -32,7 +32,7 @@ def on_screen(daemon: FakeDaemon, script: Script, config: Path | None = None) ->
 
     async def main() -> Tune:
         async with Client.connect("127.0.0.1", daemon.port) as robot:
-            screen = Tune(robot, "robot:7333", config, WaveParameters())
+            screen = Tune(robot, "robot:7333", config, Wave(0.1, 1.5))
             async with screen.run_test(size=(80, 24)) as user:
                 await until(user, lambda: "i limit" in side(screen))
                 await script(screen, user)
@@ -238,7 +238,7 @@ def test_unsaved_gains_are_told_whatever_ends_it(
 
     async def main() -> None:
         async with Client.connect("127.0.0.1", daemon.port) as robot:
-            await tune(robot, "robot:7333", None, WaveParameters(), told.append)
+            await tune(robot, "robot:7333", None, Wave(0.1, 1.5), told.append)
 
     with pytest.raises(ConnectionLost) if lost else contextlib.nullcontext():
         asyncio.run(daemon.beside(main()))

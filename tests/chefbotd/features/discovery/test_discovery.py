@@ -13,12 +13,13 @@ from chefbotd.client.discovery import find, robots
 from chefbotd.clock import ManualClock, run_virtual
 from chefbotd.features.discovery.announcement import Announcement, read
 from chefbotd.features.discovery.multicast import Multicast
-from chefbotd.features.discovery.parameters import DiscoveryParameters
 from chefbotd.features.discovery.service import DiscoveryService, NameTaken
 from chefbotd.process.build import build
 from chefbotd.settings import load
+from chefbotd.transport.parameters import DiscoveryParameters
 
 LOOPBACK = ["127.0.0.1"]
+PATIENCE_S = 60.0
 ANY, HERE, LAN = "0.0.0.0", "127.0.0.1", "192.168.7.31"
 
 
@@ -146,8 +147,8 @@ def test_a_robot_is_found_by_its_name_in_any_case_and_no_second_one_gets_it():
         network, other = Multicast(LOOPBACK), Multicast(LOOPBACK)
         await network.announce(mine)
         try:
-            assert await find(name.upper(), 3.0, LOOPBACK) is not None
-            assert mine in await robots(0.5, LOOPBACK)
+            assert await find(name.upper(), PATIENCE_S, LOOPBACK) is not None
+            assert mine in await robots(PATIENCE_S, LOOPBACK, expected=[name])
             with pytest.raises(NameTaken):
                 await other.announce(mine)
         finally:

@@ -11,7 +11,6 @@ from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.features.driving.motor_watch import MotorWatch
 from chefbotd.features.driving.safety_keeper import SafetyKeeper
 from chefbotd.features.driving.service import DriveService
-from chefbotd.features.driving.watch_timer import ControlParameters
 from chefbotd.features.driving.wheel_reader import WheelReader
 from chefbotd.motion.drive import Drive
 from chefbotd.motion.drive_state import DriveParameters
@@ -22,6 +21,7 @@ from chefbotd.motion.pid import PidParameters
 from chefbotd.motion.same_side import SameSideParameters
 from chefbotd.process.latch_file import LatchFile
 from chefbotd.safety.gate import Rearm, SafetyParameters
+from chefbotd.safety.watchdog import ControlParameters, WatchdogParameters
 
 CHASSIS = ChassisParameters.model_validate(
     {
@@ -70,6 +70,7 @@ class Rig:
             ),
             wheel_names=tuple(wheel.name for wheel in CHASSIS.wheels),
             control=ControlParameters(watch_period_s=0.02),
+            watchdog=WatchdogParameters(),
         )
         self.safety = self.bus.subscribe(SafetyChanged)
         self.wheels = self.bus.subscribe(WheelsMeasured, WheelsDriven)

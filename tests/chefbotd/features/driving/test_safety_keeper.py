@@ -31,6 +31,7 @@ from chefbotd.safety.gate import Command, Mode, Rearm, SafetyParameters
 from tests.chefbotd.features.driving.rig import CHASSIS
 
 TWIST = Twist2D(0.2, -0.3)
+ANN, BOB = 1, 2
 
 
 FAST_M_S = (10.0, 10.0)
@@ -216,18 +217,18 @@ def test_a_pause_of_the_loop_counts_as_a_silence_that_has_just_begun() -> None:
 def test_who_is_held_is_refused() -> None:
     """By a stop, and by an e-stop also who tries while it is latched: arm alone never moves the robot."""
     kept = Kept()
-    kept.keeper.accept(Command("teleop", TWIST, kept.clock.now_s()))
-    kept.keeper.stop("Bob")
+    kept.keeper.accept(Command("teleop", TWIST, kept.clock.now_s()), ANN)
+    kept.keeper.stop("Bob", BOB)
     with pytest.raises(Refused, match="teleop was stopped by Bob"):
-        kept.keeper.accept(Command("teleop", TWIST, kept.clock.now_s()))
+        kept.keeper.accept(Command("teleop", TWIST, kept.clock.now_s()), ANN)
     kept.keeper.estop("smoke")
     kept.clock.advance(0.1)
-    with pytest.raises(Refused, match="send 'arm' first"):
-        kept.keeper.accept(Command("navigation", TWIST, kept.clock.now_s()))
+    with pytest.raises(Refused, match="arm the robot first"):
+        kept.keeper.accept(Command("navigation", TWIST, kept.clock.now_s()), ANN)
     kept.keeper.arm()
     with pytest.raises(Refused, match="navigation was stopped by an emergency stop"):
-        kept.keeper.accept(Command("navigation", TWIST, kept.clock.now_s()))
-    kept.keeper.accept(Command("safety", TWIST, kept.clock.now_s()))
+        kept.keeper.accept(Command("navigation", TWIST, kept.clock.now_s()), ANN)
+    kept.keeper.accept(Command("safety", TWIST, kept.clock.now_s()), ANN)
 
 
 def test_names_that_are_no_source_leave_nothing_behind() -> None:
@@ -235,8 +236,8 @@ def test_names_that_are_no_source_leave_nothing_behind() -> None:
     kept = Kept()
     for number in range(1000):
         with pytest.raises(Refused, match="no source named"):
-            kept.keeper.accept(Command(f"source{number}", TWIST, kept.clock.now_s()))
-    assert kept.keeper._held._attempts == ()
+            kept.keeper.accept(Command(f"source{number}", TWIST, kept.clock.now_s()), ANN)
+    assert kept.keeper._held._tries == ()
 
 
 def echo_story(kept: Kept, reconnect: bool) -> FaultKind | None:
@@ -266,8 +267,8 @@ def test_what_is_logged_of_modes_and_limits() -> None:
         kept = Kept()
         steps: list[Callable[[], object]] = [
             lambda: None,
-            lambda: kept.keeper.accept(Command("teleop", TWIST, kept.clock.now_s())),
-            lambda: kept.keeper.accept(Command("safety", TWIST, kept.clock.now_s())),
+            lambda: kept.keeper.accept(Command("teleop", TWIST, kept.clock.now_s()), ANN),
+            lambda: kept.keeper.accept(Command("safety", TWIST, kept.clock.now_s()), ANN),
             lambda: kept.read(0.02, (0.1, 0.05)),
             lambda: kept.keeper.fail(Fault(FaultKind.SERVICE_FAILED, "a test")),
             kept.keeper.arm,
@@ -307,7 +308,7 @@ def test_a_board_that_drives_on_during_an_estop_is_logged_as_an_error() -> None:
 class DrivesStraight:
     """Scans that allow the driving of any motion, and not its turning."""
 
-    def limit(self, wanted: Motion, now_s: float) -> tuple[Motion, str | None]:
+    def limit(self, wanted: Motion, now_s: float, late_s: float = 0.0) -> tuple[Motion, str | None]:
         """Only what does not turn is free."""
         assert isinstance(wanted, Twist2D)
         if wanted.angular_rad_s == 0.0:
@@ -324,7 +325,7 @@ def test_what_the_scans_leave_is_held_against_the_beams_again() -> None:
     kept.read(0.02, (0.1, 0.05))
     now_s = kept.clock.now_s()
     kept.bus.publish(RangeMeasured(now_s, now_s, "left", RangeStatus.OK, 0.2, 0.02, 4.0, 0.26))
-    kept.keeper.accept(Command("teleop", Twist2D(0.2, 0.3), now_s))
+    kept.keeper.accept(Command("teleop", Twist2D(0.2, 0.3), now_s), ANN)
     decision = kept.keeper.decide(now_s, driven=False)
     assert decision.motion == Twist2D(pytest.approx(0.17913, abs=1e-5), 0.0)
     assert decision.limited_by == "obstacle:top"

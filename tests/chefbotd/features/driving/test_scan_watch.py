@@ -8,7 +8,7 @@ import pytest
 from chefbotd.bus import Bus
 from chefbotd.clock import ManualClock
 from chefbotd.core.events import WheelsMeasured
-from chefbotd.core.events.scans import ScanMeasured
+from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.core.scan import LaserScan
 from chefbotd.features.driving.scan_watch import ScanWatch, outline_of

@@ -1,13 +1,10 @@
 """What goes wrong in the control loop itself, and what is told to it from elsewhere."""
 
 import asyncio
-import contextlib
-from collections.abc import Callable
 
 import pytest
 import structlog
 
-from chefbotd.clock import VirtualLoop
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import EncodersCounted
 from chefbotd.core.geometry import Twist2D
@@ -105,66 +102,5 @@ def test_arming_what_is_armed_blinds_no_detector():
     async def scenario(rig: Rig) -> None:
         with pytest.raises(Refused, match="left_wheel is driven and does not turn"):
             await keep_arming(rig)
-
-    on_rig(scenario)
-
-
-def stand_still(seconds: float) -> None:
-    """The whole program is frozen for so long."""
-    loop = asyncio.get_running_loop()
-    assert isinstance(loop, VirtualLoop)
-    loop.stand_still(seconds)
-
-
-WAKES_FIRST: dict[str, Callable[[Rig], object]] = {
-    "watchdog": lambda rig: rig.service.keeper.report_from_thread(
-        Fault(FaultKind.LOOP_BLOCKED, "stood still")
-    ),
-    "command": lambda rig: rig.service.command("teleop", AHEAD),
-    "encoders": lambda rig: rig.bus.publish(EncodersCounted(*[rig.clock.now_s()] * 3, (57, -3))),
-    "stop": lambda rig: rig.service.stop(),
-    "timer": lambda rig: None,
-}
-
-
-@pytest.mark.parametrize("first", WAKES_FIRST)
-@pytest.mark.parametrize("seconds", [0.26, 1.0, 3600.0])
-def test_a_loop_that_stood_still_while_it_drove_disarms_whoever_wakes_first(first: str, seconds: float):
-    """Frozen for longer than 0.25 s: zero and `loop_blocked`, by the next command, reading, stop, timer or watchdog."""
-
-    async def scenario(rig: Rig) -> None:
-        await rig.drive_for(0.3)
-        assert any(rig.duty)
-        stand_still(seconds)
-        with contextlib.suppress(Refused):
-            WAKES_FIRST[first](rig)
-        await asyncio.sleep(0.03)
-        assert rig.duty == (0, 0)
-        told = [rig.safety.take_event() for _ in range(len(rig.safety))][-1]
-        assert (told.mode, told.fault) == ("disarmed", "loop_blocked")
-
-    on_rig(scenario)
-
-
-def test_a_pause_that_is_shorter_than_the_patience_is_no_fault():
-    """0.24 s, and the next command is carried out."""
-
-    async def scenario(rig: Rig) -> None:
-        await rig.drive_for(0.3)
-        stand_still(0.24)
-        await rig.drive_for(0.3)
-        assert rig.duty == FULL_DUTY
-
-    on_rig(scenario)
-
-
-def test_a_loop_that_stood_still_at_rest_is_no_fault():
-    """No duty was in force: armed as before, and the next command is carried out."""
-
-    async def scenario(rig: Rig) -> None:
-        await rig.frames(0.1)
-        stand_still(5.0)
-        await rig.drive_for(0.3)
-        assert rig.duty == FULL_DUTY
 
     on_rig(scenario)

@@ -28,7 +28,7 @@ def test_an_estop_is_zero_at_once_latches_and_does_not_jump_on_release():
         assert refusal.value.kind is RefusalKind.ESTOPPED
         await rig.frames(0.2)
         rig.service.arm()
-        rig.service.resume(("teleop",))
+        rig.service.acknowledge_stops(0)
         await rig.frames(0.1)
         assert rig.duty == (0, 0)
         rig.service.command("teleop", AHEAD)

@@ -26,7 +26,7 @@ class Scans:
     def __init__(self, rule: Limit) -> None:
         self._rule = rule
 
-    def limit(self, wanted: Motion, now_s: float) -> tuple[Motion, str | None]:
+    def limit(self, wanted: Motion, now_s: float, late_s: float = 0.0) -> tuple[Motion, str | None]:
         """By the rule."""
         assert isinstance(wanted, Twist2D)
         return self._rule(wanted)
@@ -53,7 +53,7 @@ def decided(
     keeper.on_link(LinkOpened(100.0, "dev"))
     keeper.watch_wheels(100.0, (0.0, 0.0), FAST_M_S, reading((0.0, 0.0), 0.02))
     bus.publish(RangeMeasured(100.0, 100.0, "left", RangeStatus.OK, range_m, 0.02, 4.0, 0.1))
-    keeper.accept(Command("teleop", wanted, 100.0))
+    keeper.accept(Command("teleop", wanted, 100.0), 1)
     return keeper.decide(100.0, driven=False)
 
 

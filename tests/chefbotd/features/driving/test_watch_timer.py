@@ -75,7 +75,9 @@ async def critical_battery(rig: Rig) -> None:
         count(rig, (7, -3))
         await asyncio.sleep(0.0311)
         now_s = rig.clock.now_s()
-        rig.bus.publish(BatteryMeasured(now_s, now_s, 11.1, 0.0, BatteryLevelStatus.CRITICAL))
+        rig.bus.publish(
+            BatteryMeasured(11.1, 0.0, BatteryLevelStatus.CRITICAL, stamp_s=now_s, arrival_s=now_s)
+        )
     await asyncio.sleep(0.3)
 
 

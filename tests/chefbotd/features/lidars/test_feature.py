@@ -11,10 +11,10 @@ import pytest
 
 from chefbotd.client import Client, NotReported
 from chefbotd.clock import LoopClock, run_virtual
-from chefbotd.core.events.scans import ScanMeasured
+from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.scan import LaserScan
-from chefbotd.features.lidars.feature import scan_data
+from chefbotd.features.lidars.service import scan_data
 from chefbotd.settings import load
 from chefbotd.testing.daemon import running_daemon
 from chefbotd.testing.transport import FakeSerialDevice

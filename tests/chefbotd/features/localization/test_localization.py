@@ -13,7 +13,7 @@ from chefbotd.core.geometry import Pose2D
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.maps.contents import save
 from chefbotd.maps.store import MapStore
-from chefbotd.worker.skills.localization_messages import POSE_FILE
+from chefbotd.worker.skills.localization_requests import POSE_FILE
 from tests.chefbotd.features.mapping.test_mapping import Workers, scene
 from tests.chefbotd.localization.buildings import drawn
 from tests.chefbotd.mapping.slam.flat import furnished_flat, odometry

@@ -6,20 +6,21 @@ from collections.abc import Awaitable, Callable
 from types import SimpleNamespace
 from typing import cast
 
-import msgspec
 import pytest
 
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.core.commands import Refused
 from chefbotd.core.events import SafetyChanged
+from chefbotd.core.events.mapping import LocalizationChanged
 from chefbotd.core.events.navigation import NavigationChanged
 from chefbotd.features.driving.inner_driver import InnerDriver
+from chefbotd.features.localization.models import LocalizeParams
 from chefbotd.features.localization.service import LocalizationService
 from chefbotd.features.localization.turning import LOOKS_S, Turning
 from chefbotd.features.worker.service import WorkerService
 from chefbotd.rpc.jobs import Progress
+from chefbotd.rpc.method import Caller
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
-from chefbotd.worker.skills.localization_messages import Located
 
 
 class Bench:
@@ -79,6 +80,23 @@ def test_it_looks_for_three_seconds_and_turns_once_round() -> None:
     on_robot(scenario)
 
 
+def test_a_reset_of_the_odometry_is_no_rotation() -> None:
+    """Half a turn that is only declared, twice, leaves a whole turn to be made, and all of it is made."""
+
+    async def scenario(bench: Bench) -> None:
+        began_s = asyncio.get_running_loop().time()
+        end = bench.turning.begin(is_asked=True)
+        await bench.until_turning()
+        for heading_rad in (3.0, 0.0, 3.0):
+            await bench.robot.client.reset_odometry(0.0, 0.0, heading_rad)
+            await asyncio.sleep(0.5)
+        assert await end == "it has turned once"
+        took_s = asyncio.get_running_loop().time() - began_s
+        assert LOOKS_S + math.tau / 0.4 < took_s < LOOKS_S + math.tau / 0.4 + 2.0
+
+    on_robot(scenario)
+
+
 async def _stop(bench: Bench) -> None:
     await bench.robot.client.stop()
 
@@ -96,7 +114,7 @@ async def _teleop(bench: Bench) -> None:
 
 
 async def _goal(bench: Bench) -> None:
-    bench.robot.daemon.bus.publish(NavigationChanged(1.0, "planning", 1, "plans", None, None))
+    bench.robot.daemon.bus.publish(NavigationChanged("planning", 1, "plans", stamp_s=1.0))
 
 
 async def _found(bench: Bench) -> None:
@@ -107,8 +125,8 @@ async def _found(bench: Bench) -> None:
     ("happens", "why"),
     [
         (_stop, "was stopped by"),
-        (_estop, "the robot is estopped"),
-        (_disarm, "the robot is disarmed"),
+        (_estop, "the emergency stop is on"),
+        (_disarm, "the robot is stopped"),
         (_teleop, "teleop took over"),
         (_goal, "it has a goal"),
         (_found, "it knows where it is"),
@@ -146,12 +164,12 @@ def test_a_robot_that_may_not_turn_says_why() -> None:
             turning.begin(is_asked=True)
         await client.release_control()
         await _goal(bench)
-        with pytest.raises(Refused, match="send cancel_navigation first"):
+        with pytest.raises(Refused, match="cancel the goal first"):
             turning.begin(is_asked=True)
         await _disarm(bench)
-        with pytest.raises(Refused, match="send 'arm' first"):
+        with pytest.raises(Refused, match="arm the robot first"):
             turning.begin(is_asked=True)
-        with pytest.raises(Refused, match="no source navigation"):
+        with pytest.raises(Refused, match="not set up to turn"):
             Turning(bench.robot.daemon.bus, LoopClock(), None, lambda *told: None).begin(is_asked=True)
 
     on_robot(scenario)
@@ -166,7 +184,7 @@ def test_a_client_that_drives_as_navigation_is_not_disturbed() -> None:
         for _ in range(5):
             await bench.robot.client.drive(0.0, 0.0, "navigation")
             await asyncio.sleep(0.1)
-        assert "take_control" in await asyncio.wait_for(end, 0.5)
+        assert "take control" in await asyncio.wait_for(end, 0.5)
         assert bench.turn_rad_s < 0.01
 
     on_robot(scenario)
@@ -186,12 +204,9 @@ class BusyWorker:
     def add_on_ready(self, _: object) -> None:
         """It is ready all the time."""
 
-    async def request(self, *_: object, **__: object) -> bytes:
+    async def request(self, *_: object, **__: object) -> LocalizationChanged:
         await self._happens()
-        nowhere = Located(
-            1.0, "searching", "flat", None, (0.0, 0.0, 0.0), (0.0,) * 6, 0.0, False, (), 0.0, ""
-        )
-        return msgspec.msgpack.encode(nowhere)
+        return LocalizationChanged(1.0, "searching", "flat", 0.0, (), 0.0, 0, "")
 
 
 @pytest.mark.parametrize("happens", [_stop, _estop])
@@ -211,7 +226,7 @@ def test_a_stop_while_the_worker_begins_to_search_is_not_undone(
         feed = cast(WorkerService, SimpleNamespace(worker=BusyWorker(meanwhile)))
         service = LocalizationService(daemon.bus, clock, feed, driver)
         with pytest.raises(Refused, match="stopped after this turn was asked for"):
-            await service.localize(cast(Progress, None), turn=True)
+            await service.localize(cast(Caller, None), LocalizeParams(turn=True), cast(Progress, None))
         await asyncio.sleep(LOOKS_S + 2.0)
         assert bench.turn_rad_s < 0.005
 

@@ -18,8 +18,8 @@ from chefbotd.client import Client
 from chefbotd.client.errors import CallError
 from chefbotd.clock import Clock, run_virtual
 from chefbotd.core.events import OdometryReset, OdometryUpdated
+from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.mapping import MapPoseUpdated
-from chefbotd.core.events.scans import ScanMeasured
 from chefbotd.core.geometry import CERTAIN, ORIGIN, STANDING, Pose2D
 from chefbotd.core.scan import LaserScan
 from chefbotd.features.feature import Feature
@@ -183,6 +183,24 @@ def test_a_paused_map_stays_paused_in_the_next_worker(tmp_path: Path) -> None:
             workers.children[0].kill()
             await asyncio.sleep(2.0)
             assert (await s.data("mapping")).state == "paused"
+            assert (await s.client.call("start_mapping"))["state"] == "mapping"
+
+    run_virtual(play())
+
+
+def test_a_map_that_is_paused_before_its_first_scan_stays_paused_in_the_next_worker(tmp_path: Path) -> None:
+    """There is nothing to go on with yet, and still no scan is taken in until start_mapping is sent."""
+    workers = Workers()
+
+    async def play() -> None:
+        async with scene(tmp_path, workers.spawn) as s:
+            await s.client.call("start_mapping")
+            await s.client.call("pause_mapping")
+            workers.children[0].kill()
+            await asyncio.sleep(2.0)
+            await s.drive(0, 5)
+            status = await s.data("mapping")
+            assert (status.state, status.keyframes) == ("paused", 0)
             assert (await s.client.call("start_mapping"))["state"] == "mapping"
 
     run_virtual(play())

@@ -20,16 +20,16 @@ from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.core.events.mapping import MapChanged, MapLoaded, MappingChanged, MapPoseUpdated, MapUnloaded
 from chefbotd.core.geometry import CERTAIN, Pose2D
 from chefbotd.features.maps import importer, parts
-from chefbotd.features.maps.methods import SavePlaceParams
+from chefbotd.features.maps.models import GetMapParams, MapName, RenameMapParams, SavePlaceParams
 from chefbotd.features.maps.service import MapsService
 from chefbotd.mapping.map_server import to_description, to_image
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.maps.contents import read_slam, save
-from chefbotd.maps.disk import locked
-from chefbotd.maps.errors import MapStoreError
+from chefbotd.maps.disk import MapStoreError, locked
 from chefbotd.maps.importing import Order
 from chefbotd.maps.parameters import MapsParameters
 from chefbotd.maps.store import MapStore
+from chefbotd.rpc.models import NoParams
 from chefbotd.settings import load
 from chefbotd.testing.daemon import running_daemon
 from chefbotd.testing.transport import FakeSerialDevice
@@ -37,6 +37,8 @@ from tests.budget import sample
 from tests.chefbotd.maps.test_store import grid, same
 
 Scenario = Callable[[Client], Awaitable[None]]
+NOBODY: Any = SimpleNamespace(session=SimpleNamespace(number=1))
+ANOTHER: Any = SimpleNamespace(session=SimpleNamespace(number=2))
 NOT_TOLD: Any = SimpleNamespace(report=lambda done, total, text: None)
 
 
@@ -268,9 +270,9 @@ def test_the_map_in_use_is_announced_renamed_and_given_up_when_it_is_deleted(tmp
         bus = Bus()
         events = bus.subscribe(MapLoaded, MapUnloaded)
         service = MapsService(bus, LoopClock(), MapStore(tmp_path), 3)
-        await service.load("flat", NOT_TOLD)
-        await service.rename("flat", "home")
-        await service.delete("home")
+        await service.load_map(NOBODY, MapName(name="flat"), NOT_TOLD)
+        await service.rename_map(NOBODY, RenameMapParams(name="flat", new_name="home"), NOT_TOLD)
+        await service.delete_map(NOBODY, MapName(name="home"), NOT_TOLD)
         assert service.in_use is None
         told = [await anext(aiter(events)) for _ in range(3)]
         assert [(type(event), event.name) for event in told] == [
@@ -299,7 +301,7 @@ def test_loading_waits_for_whoever_makes_the_map_ready_and_says_so_all_the_time(
         now_s = asyncio.get_running_loop().time
         progress: Any = SimpleNamespace(report=lambda done, total, text: told.append((now_s(), text)))
         begun_s = now_s()
-        used = await service.load("flat", progress)
+        used = await service.load_map(NOBODY, MapName(name="flat"), progress)
         assert used.warning == "nobody can find the way on it"
         times_s = [begun_s, *(at_s for at_s, _ in told), now_s()]
         assert max(after - before for before, after in pairwise(times_s)) < 1.5
@@ -320,14 +322,17 @@ def test_a_map_that_mapping_goes_on_with_keeps_its_name_and_stays(tmp_path: Path
         bus = Bus()
         service = MapsService(bus, LoopClock(), MapStore(tmp_path), 3)
         bus.publish(mapping_told("paused", "flat"))
-        for change in (service.rename("flat", "home"), service.delete("flat")):
-            with pytest.raises(MapStoreError, match="mapping is extending the map 'flat'") as refused:
+        for change in (
+            service.rename_map(NOBODY, RenameMapParams(name="flat", new_name="home"), NOT_TOLD),
+            service.delete_map(NOBODY, MapName(name="flat"), NOT_TOLD),
+        ):
+            with pytest.raises(MapStoreError, match="the map 'flat' is being extended") as refused:
                 await change
             assert refused.value.kind == "already_mapping"
-        await service.rename("cellar", "basement")
-        await service.delete("attic")
+        await service.rename_map(NOBODY, RenameMapParams(name="cellar", new_name="basement"), NOT_TOLD)
+        await service.delete_map(NOBODY, MapName(name="attic"), NOT_TOLD)
         bus.publish(mapping_told("idle", None))
-        await service.rename("flat", "home")
+        await service.rename_map(NOBODY, RenameMapParams(name="flat", new_name="home"), NOT_TOLD)
         assert MapStore(tmp_path).names() == ["basement", "home"]
 
     asyncio.run(run())
@@ -344,7 +349,8 @@ def test_damage_that_changes_no_size_is_listed(tmp_path: Path) -> None:
     cells.write_bytes(data)
 
     async def run() -> None:
-        (only,) = (await MapsService(Bus(), LoopClock(), store, 3).list_maps()).maps
+        service = MapsService(Bus(), LoopClock(), store, 3)
+        (only,) = (await service.list_maps(NOBODY, NoParams(), NOT_TOLD)).maps
         assert (only.condition, only.version) == ("whole", 1)
         assert only.problem == "version 2: cells.zlib is damaged: its checksum differs"
 
@@ -358,7 +364,7 @@ def pose_told(stamp_s: float, state: str) -> MapPoseUpdated:
 
 def mapping_told(state: str, name: str | None) -> MappingChanged:
     """How a map stands."""
-    return MappingChanged(0.0, state, name, 7, 1, 5.5, 80, False, "")
+    return MappingChanged(state, name, 7, 1, 5.5, 80, stamp_s=0.0)
 
 
 @pytest.mark.parametrize(
@@ -367,8 +373,8 @@ def mapping_told(state: str, name: str | None) -> MappingChanged:
         ("localized", 0.5, None, None),
         ("localized", 0.5, ("idle", None), None),
         ("mapping", 0.5, ("mapping", "flat"), None),
-        ("localized", 2.5, None, "no source of the pose"),
-        (None, 0.0, None, "no source of the pose"),
+        ("localized", 2.5, None, "nothing tells it at present"),
+        (None, 0.0, None, "nothing tells it at present"),
         ("lost", 0.5, None, "it is lost"),
         ("uncertain", 0.5, ("mapping", "flat"), "it is uncertain"),
         ("mapping", 0.5, ("mapping", None), "another map is being made"),
@@ -384,17 +390,17 @@ def test_where_the_robot_stands_becomes_a_place_if_that_is_known(
     async def run() -> None:
         bus, clock = Bus(), LoopClock()
         service = MapsService(bus, clock, MapStore(tmp_path), 3)
-        await service.load("flat", NOT_TOLD)
+        await service.load_map(NOBODY, MapName(name="flat"), NOT_TOLD)
         if told is not None:
             bus.publish(pose_told(clock.now_s() - age_s, told))
         if mapping is not None:
             bus.publish(mapping_told(*mapping))
         if why is None:
-            place = await service.save_place(SavePlaceParams(name="here"))
+            place = await service.save_place(NOBODY, SavePlaceParams(name="here"), NOT_TOLD)
             assert (place.x_m, place.y_m, place.heading_rad) == (1.25, -0.5, 2.0)
         else:
             with pytest.raises(MapStoreError, match=f"in the map 'flat' is not known \\({why}\\)"):
-                await service.save_place(SavePlaceParams(name="here"))
+                await service.save_place(NOBODY, SavePlaceParams(name="here"), NOT_TOLD)
 
     asyncio.run(run())
 
@@ -412,24 +418,31 @@ def test_the_map_that_is_being_made_is_sent_where_no_other_is_named(
         revision += 1
         percent = np.random.default_rng(revision).integers(-1, 101, (9, 13)).astype(np.int8)
         cells = zlib.compress(percent.tobytes())
-        return MapChanged(1.0, revision, 0.05, Pose2D(-1.0, 2.0), 13, 9, 0, 0, 13, 9, True, cells)
+        return MapChanged(1.0, revision, 0.05, Pose2D(-1.0, 2.0), 13, 9, 0, 0, 13, 9, cells, True)
 
     async def run() -> None:
         bus = Bus()
         service = MapsService(bus, LoopClock(), MapStore(tmp_path), 3)
         service.growing = growing
-        await service.load("flat", NOT_TOLD)
+        await service.load_map(NOBODY, MapName(name="flat"), NOT_TOLD)
         bus.publish(mapping_told("mapping", None))
-        first = await service.part(None, 0)
+        first = await service.get_map(NOBODY, GetMapParams(), NOT_TOLD)
         assert (first.name, first.version, first.saved_at_s, first.parts > 2) == (None, 5, None, True)
-        rest = [await service.part(None, part) for part in range(1, first.parts)]
+        rest = [
+            await service.get_map(NOBODY, GetMapParams(name=None, part=part), NOT_TOLD)
+            for part in range(1, first.parts)
+        ]
         assert {part.version for part in rest} == {5}
         packed = base64.b64decode("".join(part.data for part in (first, *rest)))
+        other = await service.get_map(ANOTHER, GetMapParams(), NOT_TOLD)
+        assert other.version == 6
+        again = await service.get_map(NOBODY, GetMapParams(name=None, part=1), NOT_TOLD)
+        assert again.version == 5  # or each client would make the other begin again
         expected = np.random.default_rng(5).integers(-1, 101, (9, 13)).astype(np.int8)
         assert zlib.decompress(packed) == expected.tobytes()
-        assert (await service.part("flat", 0)).name == "flat"
+        assert (await service.get_map(NOBODY, GetMapParams(name="flat", part=0), NOT_TOLD)).name == "flat"
         bus.publish(mapping_told("idle", None))
-        assert (await service.part(None, 0)).name == "flat"
+        assert (await service.get_map(NOBODY, GetMapParams(), NOT_TOLD)).name == "flat"
 
     asyncio.run(run())
 

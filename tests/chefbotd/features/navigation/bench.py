@@ -5,27 +5,22 @@ from collections.abc import Awaitable, Callable
 from types import SimpleNamespace
 from typing import Any
 
-import msgspec
-
 from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.core.commands import Refused
 from chefbotd.core.events import SafetyChanged
 from chefbotd.core.events.mapping import LocalizationChanged
-from chefbotd.core.events.navigation import NavigationChanged
-from chefbotd.core.events.worker import WorkerReported
+from chefbotd.core.events.navigation import GoalResult, NavigationChanged, NavigationData
+from chefbotd.core.events.robot import WorkerReported
 from chefbotd.core.geometry import Twist2D
-from chefbotd.features.maps.methods import PlaceData, PlaceList
-from chefbotd.features.navigation.methods import GoalResult, Waypoint
+from chefbotd.features.maps.models import PlaceData, PlaceList
+from chefbotd.features.navigation.models import Waypoint
 from chefbotd.features.navigation.service import NavigationService
-from chefbotd.navigation.section import NavigationSection
-from chefbotd.worker.messages import packed
-from chefbotd.worker.skills.navigation_messages import (
-    GoalEnded,
+from chefbotd.worker.parameters import NavigationSection
+from chefbotd.worker.skills.navigation_requests import (
     NavigateTo,
     NavigationRequest,
     Stepped,
-    Taken,
 )
 
 HERE, THERE = Waypoint(x_m=1.2, y_m=3.4, heading_rad=0.3), Waypoint(x_m=-0.5, y_m=2.0, tolerance_m=0.2)
@@ -39,10 +34,10 @@ class FakeWorker:
         self.busy_s = 0.0
         self.is_ready = True
         self.problem: Refused | None = None
-        self.hear: Callable[[bytes], None] = lambda body: None
+        self.hear: Callable[[Stepped], None] = lambda told: None
 
-    def add_listener(self, skill: str, listener: Callable[[bytes], None]) -> None:
-        self.hear = listener
+    def add_listener(self, skill: str, kind: type[Any], listener: Callable[[Any], None]) -> None:
+        self.hear = listener if kind is Stepped else self.hear
 
     def add_on_ready(self, handler: Callable[[], None]) -> None:
         """It is ready from the beginning."""
@@ -50,24 +45,29 @@ class FakeWorker:
     def tell(self, skill: str, body: Any) -> None:
         """Nobody looks."""
 
-    async def request(self, skill: str, body: NavigationRequest, *, deadline_s: float) -> bytes:
+    async def request(
+        self, skill: str, body: NavigationRequest, answer: type[Any], *, deadline_s: float
+    ) -> Any:
         await asyncio.sleep(self.busy_s)
         if self.problem is not None:
             raise self.problem
         self.received.append(body)
-        return packed(Taken())
+        return None
 
     def end(self, number: int, end: str, following: int | None = None) -> None:
         """The skill tells that a goal has ended, and what it is at now."""
         state = "idle" if following is None else "driving"
-        ended = (GoalEnded(number, end, f"{end}: as the test says"),)
-        told = Stepped(1.0, (0.2, 0.1) if following else None, state, following, "", None, None, ended, None)
-        self.hear(msgspec.msgpack.encode(told))
+        ended = (GoalResult(number, end, f"{end}: as the test says"),)
+        twist, now = Twist2D(0.2, 0.1) if following else None, NavigationData(state, following)
+        told = Stepped(1.0, twist, now, ended, None)
+        self.hear(told)
 
     def step(self, number: int, distance_m: float | None = None) -> None:
         """The skill tells that it drives to a goal, and what it wishes."""
-        told = Stepped(1.0, (0.2, 0.1), "driving", number, "drives", distance_m, None, (), None)
-        self.hear(msgspec.msgpack.encode(told))
+        told = Stepped(
+            1.0, Twist2D(0.2, 0.1), NavigationData("driving", number, "drives", distance_m), (), None
+        )
+        self.hear(told)
 
     def told_of(self) -> list[list[int]]:
         """The goals of each ``NavigateTo``."""
@@ -121,7 +121,7 @@ class Bench:
     def lose_worker(self) -> None:
         """It was killed."""
         self.worker.is_ready = False
-        self.bus.publish(WorkerReported(1.0, "restarting", None, 0, None, None, "it was killed by SIGKILL"))
+        self.bus.publish(WorkerReported(stamp_s=1.0, state="restarting", reason="it was killed by SIGKILL"))
 
     async def new_worker(self, on_map: str | None = "flat") -> None:
         """The next one is ready, and has its map."""

@@ -6,7 +6,7 @@ import pytest
 
 from chefbotd.clock import run_virtual
 from chefbotd.features.navigation.orders import Orders
-from chefbotd.worker.skills.navigation_messages import (
+from chefbotd.worker.skills.navigation_requests import (
     GoalAsked,
     KeepGoals,
     NavigateTo,

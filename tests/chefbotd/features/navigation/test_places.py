@@ -6,16 +6,20 @@ from pathlib import Path
 import pytest
 
 from chefbotd.client import CallError, Client
-from chefbotd.clock import run_virtual
-from chefbotd.features.navigation.methods import GoToPlaceParams, NavigationMethods
+from chefbotd.clock import LoopClock, run_virtual
+from chefbotd.entries import entries_of
+from chefbotd.features.maps.models import PlaceData, PlaceList
+from chefbotd.features.navigation.commands import NavigationCommands
+from chefbotd.features.navigation.destinations import Destinations
+from chefbotd.features.navigation.models import GoToPlaceParams, Waypoint
 from chefbotd.maps.contents import save
 from chefbotd.maps.parameters import MapsParameters
 from chefbotd.maps.store import MapStore
-from chefbotd.navigation.section import NavigationSection
 from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.settings import load
 from chefbotd.testing.daemon import running_daemon
 from chefbotd.testing.transport import FakeSerialDevice
+from chefbotd.worker.parameters import NavigationSection
 from tests.chefbotd.maps.test_store import grid
 from tests.fakes.api import serving
 from tests.fakes.robot import FakeNavigation, FakeRobot
@@ -26,12 +30,12 @@ def test_each_is_a_goal_at_its_place() -> None:
     """Queued and waited for as ``navigate_to`` is."""
     robot = FakeRobot()
     section = NavigationSection(home_place="counter", dock_place="charger by the door")
-    methods = NavigationMethods(FakeNavigation(robot), section)
+    commands = NavigationCommands(FakeNavigation(robot, section))  # type: ignore[arg-type]
 
     async def ask() -> None:
-        home = await methods.go_home(None, GoToPlaceParams(queue=True), None)  # type: ignore[arg-type]
+        home = await commands.go_home(None, GoToPlaceParams(queue=True), None)  # type: ignore[arg-type]
         assert (home.goal, home.end) == (1, None)
-        docked = await methods.dock(None, GoToPlaceParams(wait=True), None)  # type: ignore[arg-type]
+        docked = await commands.dock(None, GoToPlaceParams(wait=True), None)  # type: ignore[arg-type]
         assert (docked.goal, docked.end) == (2, "reached")
 
     asyncio.run(ask())
@@ -52,6 +56,35 @@ def test_the_client_waits_for_their_ends() -> None:
             assert [call[1] for call in told] == [[{"place": "home"}], [{"place": "dock"}]]
 
     asyncio.run(ask())
+
+
+def test_a_patrol_reads_the_places_once() -> None:
+    """Three waypoints by name, one by its pose: all are of one reading."""
+    reads = 0
+
+    class OnDisk:
+        async def places(self, of_map: str | None) -> PlaceList:
+            nonlocal reads
+            reads += 1
+            return PlaceList(
+                "flat",
+                tuple(
+                    PlaceData(name=name, x_m=reads, y_m=2.0, heading_rad=0.5) for name in ("kitchen", "door")
+                ),
+            )
+
+    async def ask() -> None:
+        waypoints = [
+            Waypoint(place="kitchen"),
+            Waypoint(x_m=9.0, y_m=0.0),
+            Waypoint(place="door"),
+            Waypoint(place="kitchen"),
+        ]
+        goals = await Destinations(OnDisk(), entries_of(LoopClock())).goals([1, 2, 3, 4], waypoints)
+        assert [(goal.number, goal.x_m) for goal in goals] == [(1, 1.0), (2, 9.0), (3, 1.0), (4, 1.0)]
+
+    asyncio.run(ask())
+    assert reads == 1
 
 
 def test_without_such_a_place_it_is_said_which_there_are(tmp_path: Path) -> None:

@@ -9,16 +9,19 @@ import pytest
 
 from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, ManualClock, run_virtual
+from chefbotd.composition import maps
 from chefbotd.core.events import RangeMeasured, RangeStatus
+from chefbotd.core.events.navigation import PlanResult
 from chefbotd.core.geometry import Pose2D
 from chefbotd.features.worker.service import WorkerService
 from chefbotd.localization.states import State
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.navigation.zones import NO_ZONES
+from chefbotd.settings import load
 from chefbotd.worker.messages import OdometrySeen, RangeSeen, packed
-from chefbotd.worker.parameters import WorkerParameters
+from chefbotd.worker.parameters import NavigationSection, WorkerParameters
 from chefbotd.worker.skills import navigation as navigation_skill
-from chefbotd.worker.skills import navigation_messages as messages
+from chefbotd.worker.skills import navigation_requests as messages
 from chefbotd.worker.skills.localization import LocalizationSkill
 from chefbotd.worker.skills.navigation import NavigationSkill
 from tests.fakes.worker import Nursery, healthy
@@ -67,7 +70,12 @@ def test_the_skill_plans_round_what_a_sensor_heard(monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr(navigation_skill, "read_zones", lambda folder, name: NO_ZONES)
     clock = ManualClock(50.0)
     told = messages.NavigationSkillParameters(
-        folder=Path("/nowhere"), radius_m=0.18, half_length_m=0.18, half_width_m=0.18, max_speed_m_s=0.3
+        folder=Path("/nowhere"),
+        radius_m=0.18,
+        half_length_m=0.18,
+        half_width_m=0.18,
+        navigation=NavigationSection(),
+        silent_speed_m_s=0.06,
     )
     skill = NavigationSkill(told.model_dump_json().encode(), clock)
     finder = Located()
@@ -80,7 +88,7 @@ def test_the_skill_plans_round_what_a_sensor_heard(monkeypatch: pytest.MonkeyPat
 
     def nearest_m() -> float:
         answer = skill.handle(packed(asked))
-        assert isinstance(answer, messages.Planned)
+        assert isinstance(answer, PlanResult)
         assert answer.possible, answer.reason
         return float(np.hypot(np.array(answer.x_m) - there.x_m, np.array(answer.y_m) - there.y_m).min())
 
@@ -93,3 +101,29 @@ def test_the_skill_plans_round_what_a_sensor_heard(monkeypatch: pytest.MonkeyPat
     clock.advance(10.0)
     skill.take_odometry(OdometrySeen(60.0, 0.2, 0.0, 0.0, 0.0, 0.0))
     assert nearest_m() < 0.06
+
+
+@pytest.mark.parametrize(("key", "possible"), [(None, False), ("avoided", True), ("free", True)])
+def test_unknown_space_is_driven_if_the_configuration_says_so(
+    monkeypatch: pytest.MonkeyPatch, key: str | None, possible: bool
+) -> None:
+    """A goal beyond 0.5 m that the map knows nothing of: no way, unless ``navigation.unknown_space`` allows it."""
+    monkeypatch.setattr(navigation_skill, "read_zones", lambda folder, name: NO_ZONES)
+    settings = load(overrides={} if key is None else {"navigation.unknown_space": key})
+    told = maps.navigation_skill_parameters(settings, Path("/nowhere"))
+    skill = NavigationSkill(told.model_dump_json().encode(), ManualClock(50.0))
+    finder = Located()
+    finder.grid.percent[:, 50:60] = -1
+    skill.meet({"localization": finder})
+    skill.take_odometry(OdometrySeen(50.0, 0.2, 0.0, 0.0, 0.0, 0.0))
+    answer = skill.handle(packed(messages.PlanTo(messages.GoalAsked(1, 3.4, 1.0, None, 0.0))))
+    assert isinstance(answer, PlanResult)
+    assert answer.possible is possible
+
+
+def test_the_skill_drives_no_faster_than_the_wheels_can() -> None:
+    """A tenth of the wheels' speed is for corrections; the rest of the section is handed over as it is."""
+    settings = load(overrides={"navigation.max_speed_m_s": 9.0, "navigation.comfort_m": 0.5})
+    told = maps.navigation_skill_parameters(settings, Path("/nowhere")).navigation
+    assert told.max_speed_m_s == pytest.approx(0.9 * settings.drive.max_rim_speed_m_s)
+    assert told.comfort_m == 0.5

@@ -8,10 +8,11 @@ from typing import Any
 import pytest
 
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events.navigation import GoalResult
 from chefbotd.core.geometry import Twist2D
 from chefbotd.features.navigation.goals import MOST_ACTIVE
-from chefbotd.features.navigation.methods import GoalResult, Waypoint
-from chefbotd.worker.skills.navigation_messages import (
+from chefbotd.features.navigation.models import Waypoint
+from chefbotd.worker.skills.navigation_requests import (
     KeepGoals,
     NavigateTo,
     Pause,

@@ -5,8 +5,8 @@ import asyncio
 import pytest
 
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.navigation.section import NavigationSection
-from chefbotd.worker.skills.navigation_messages import (
+from chefbotd.worker.parameters import NavigationSection
+from chefbotd.worker.skills.navigation_requests import (
     KeepGoals,
     NavigateTo,
     Pause,
@@ -82,7 +82,7 @@ def test_a_robot_that_is_disarmed_while_it_has_no_worker_does_not_go_on() -> Non
         bench.lose_worker()
         bench.safety("disarmed", reason="the link was lost")
         found = await asyncio.wait_for(waiting, 0.1)
-        assert (found.end, found.reason) == ("fault", "fault: the robot is disarmed: the link was lost")
+        assert (found.end, found.reason) == ("fault", "fault: the robot is stopped (the link was lost)")
         assert [(each.goal, each.state) for each in bench.told[-2:]] == [(2, "cancelled"), (1, "fault")]
         bench.safety("armed")
         await bench.new_worker()

@@ -6,6 +6,7 @@ from base64 import b64decode
 from pathlib import Path
 
 from chefbotd.clock import run_virtual
+from chefbotd.core.events.navigation import CostmapChanged, ObstaclesSeen
 from chefbotd.core.geometry import Pose2D
 from chefbotd.maps.parameters import MapsParameters
 from chefbotd.sensing.lidar import LidarParameters
@@ -13,15 +14,15 @@ from chefbotd.settings import load
 from chefbotd.testing.daemon import running_daemon
 from chefbotd.testing.transport import FakeSerialDevice
 from chefbotd.worker.messages import Request, Told, packed
-from chefbotd.worker.skills.navigation_messages import REQUEST, SKILL, CostsShown, ObstaclesShown, Show
+from chefbotd.worker.skills.navigation_requests import REQUEST, SKILL, Show
 from tests.fakes.worker import FakeChild, Nursery, healthy
 
-PART = CostsShown(
+PART = CostmapChanged(
     stamp_s=1.5,
     map="flat",
     revision=3,
     resolution_m=0.05,
-    origin=(-1.0, 2.0, 0.25),
+    map_from_grid=Pose2D(-1.0, 2.0, 0.25),
     columns=200,
     rows=90,
     column=80,
@@ -51,7 +52,7 @@ def test_what_nobody_looks_at_is_not_made(tmp_path: Path) -> None:
             async with client.subscribe("costmap") as costs:
                 await asyncio.sleep(0.1)
                 assert asked_of(nursery.last)[-1] == Show(costmap=True, obstacles=False)
-                nursery.last.say(Told(SKILL, packed(PART)))
+                nursery.last.say(Told(SKILL, packed(PART), "CostmapChanged"))
                 data = (await anext(aiter(costs))).data
                 assert (data.map, data.revision, data.row, data.column) == ("flat", 3, 40, 80)
                 assert Pose2D(data.x_m, data.y_m, data.heading_rad) == Pose2D(-1.0, 2.0, 0.25)
@@ -59,8 +60,8 @@ def test_what_nobody_looks_at_is_not_made(tmp_path: Path) -> None:
                 async with client.subscribe("obstacles") as obstacles:
                     await asyncio.sleep(0.1)
                     assert asked_of(nursery.last)[-1] == Show(costmap=True, obstacles=True)
-                    seen = ObstaclesShown(2.0, (1.25, 3.0), (-0.5, 0.75), 12, ((1.0, 2.0, 0.3, -0.1),))
-                    nursery.last.say(Told(SKILL, packed(seen)))
+                    seen = ObstaclesSeen(2.0, (1.25, 3.0), (-0.5, 0.75), 12, ((1.0, 2.0, 0.3, -0.1),))
+                    nursery.last.say(Told(SKILL, packed(seen), "ObstaclesSeen"))
                     told = (await anext(aiter(obstacles))).data
                     assert (told.x_m, told.y_m, told.omitted) == ((1.25, 3.0), (-0.5, 0.75), 12)
                     assert (told.dynamic_obstacles[0].vx_m_s, told.dynamic_obstacles[0].vy_m_s) == (0.3, -0.1)

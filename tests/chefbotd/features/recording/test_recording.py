@@ -156,6 +156,20 @@ def test_a_recording_that_begins_by_itself_has_the_start(tmp_path: Path) -> None
     assert "DaemonStopping" in order
 
 
+def test_a_robot_that_keeps_no_ring_drops_no_event_by_itself(tmp_path: Path) -> None:
+    """280 changes of the gate's state: nobody waits for them to save the ring, so none is counted as lost."""
+
+    async def main() -> None:
+        async with simulated_robot(settings(tmp_path, ring_s=0.0), start_writer=write_inline) as robot:
+            await robot.client.wait_until_armed()
+            for _ in range(140):
+                await robot.client.estop("again")
+                await robot.client.arm()
+            assert (await robot.client.get_stats()).bus_dropped == {}
+
+    run_virtual(main())
+
+
 def test_a_robot_that_keeps_no_ring_pays_for_nothing(tmp_path: Path) -> None:
     """Without a ring nothing that comes in is published until somebody records, nor after the end of the recording."""
 
@@ -164,7 +178,7 @@ def test_a_robot_that_keeps_no_ring_pays_for_nothing(tmp_path: Path) -> None:
         async with simulated_robot(made, start_writer=write_inline) as robot:
             await robot.client.wait_until_armed()
             assert not robot.daemon.entries.recording
-            with pytest.raises(CallError, match="ring_s is 0") as refused:
+            with pytest.raises(CallError, match="switched off in its configuration") as refused:
                 await robot.client.save_ring()
             assert refused.value.kind == "storage_failed"
             with pytest.raises(CallError) as refused:

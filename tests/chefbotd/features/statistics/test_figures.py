@@ -22,7 +22,7 @@ async def _with_the_cable_pulled() -> dict[str, Any]:
         await robot.client.drive_for(0.5, linear_m_s=0.1)
         robot.device.unplug()
         await asyncio.sleep(0.5)
-        return (await robot.client.get_stats()).model_dump()
+        return (await robot.client.get_stats()).members
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.link.lidar.ld19_reader import Ld19Reader
-from chefbotd.link.lidar.turn import Turn
+from chefbotd.link.lidar.turn import LidarTurn
 from tests.budget import examples
 from tests.fakes.lidar import ld19_bytes, ld19_packets, noisy_box, stalled_ld19_packets
 
@@ -18,7 +18,7 @@ BAUD = 230_400
 PACKET_S = 47 * 10 / BAUD
 
 
-def read(chunks: list[bytes]) -> tuple[Ld19Reader, list[Turn]]:
+def read(chunks: list[bytes]) -> tuple[Ld19Reader, list[LidarTurn]]:
     """A reader and the turns that it made of chunks that all came in at 100 s."""
     reader = Ld19Reader(BAUD)
     return reader, [turn for chunk in chunks for turn in reader.read_bytes(chunk, 100.0)]
@@ -33,7 +33,7 @@ def test_a_turn_is_what_lies_between_two_zero_marks() -> None:
         assert 0 <= turn.clockwise_rad[0] < math.radians(0.8)
 
 
-def turn_degrees(turn: Turn) -> list[float]:
+def turn_degrees(turn: LidarTurn) -> list[float]:
     """Even steps of 0.8 degrees from the first beam on."""
     return [math.degrees(turn.clockwise_rad[0]) + 0.8 * index for index in range(450)]
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from chefbotd.link.lidar.rplidar_reader import Phase, RplidarReader
-from chefbotd.link.lidar.turn import Turn
+from chefbotd.link.lidar.turn import LidarTurn
 from chefbotd.sensing.lidar import LidarModel
 from firmware_protocol.lidar.rplidar import EXPRESS_SCAN, Health, Request, motor_request
 from tests.fakes.lidar import FakeRplidar, noisy_box
@@ -17,7 +17,7 @@ class Talk:
 
     def __init__(self, device: FakeRplidar, model: LidarModel = A1, *, express: bool = False, size: int = 64):
         self.device, self.reader = device, RplidarReader(model, 115_200, express=express)
-        self.turns: list[Turn] = []
+        self.turns: list[LidarTurn] = []
         self.now_s, self._size = 10.0, size
         self._unread = b""
         device.sent = self._keep

@@ -11,8 +11,7 @@ import pytest
 from chefbotd.bus import Bus, Inbox
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.core.events import OdometryUpdated
-from chefbotd.core.events.lidars import LidarChanged
-from chefbotd.core.events.scans import ScanMeasured
+from chefbotd.core.events.lidars import LidarChanged, ScanMeasured
 from chefbotd.core.geometry import Pose2D, PoseCovariance, Twist2D
 from chefbotd.link.lidar.session import LidarSession, port_of
 from chefbotd.link.reconnect import PortLink

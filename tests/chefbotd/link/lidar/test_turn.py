@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from chefbotd.core.geometry import Twist2D
-from chefbotd.link.lidar.turn import RepeatFinder, Travel, Turn, scan_of
+from chefbotd.link.lidar.turn import LidarTurn, RepeatFinder, Travel, scan_of
 from chefbotd.sensing.lidar import LidarParameters
 
 
@@ -15,11 +15,11 @@ def lidar(**keywords: object) -> LidarParameters:
     return LidarParameters.model_validate({"model": "ld19", "device": "/dev/ttyUSB0", **keywords})
 
 
-def turn(*beams: tuple[float, float]) -> Turn:
+def turn(*beams: tuple[float, float]) -> LidarTurn:
     """Beams of (degrees clockwise, metres), 10 ms apart, the last at 7 s."""
     degrees, metres = zip(*beams, strict=True)
     stamps = 7.0 - 0.01 * np.arange(len(beams))[::-1]
-    return Turn(np.radians(degrees), np.array(metres), stamps)
+    return LidarTurn(np.radians(degrees), np.array(metres), stamps)
 
 
 BEAMS = turn((10, 1.0), (100, 2.0), (200, 0.01), (300, 13.0))
@@ -60,10 +60,10 @@ def test_the_scan_is_stamped_with_its_last_beam() -> None:
     assert scan.after_s == pytest.approx([-0.03, -0.02, -0.01, 0])
 
 
-def varied(seed: int) -> Turn:
+def varied(seed: int) -> LidarTurn:
     """A turn with noise."""
     ranges = 2 + np.random.default_rng(seed).normal(0, 0.005, 450)
-    return Turn(np.linspace(0, 6.2, 450), np.round(ranges, 3), np.linspace(0, 0.1, 450))
+    return LidarTurn(np.linspace(0, 6.2, 450), np.round(ranges, 3), np.linspace(0, 0.1, 450))
 
 
 def test_a_turn_that_was_there_before_is_found() -> None:
@@ -95,7 +95,7 @@ def test_travel_counts_turning_and_driving_in_either_direction() -> None:
 
 def test_in_an_empty_hall_every_turn_is_alike_and_none_a_repetition() -> None:
     """No reading at all, or three."""
-    empty = Turn(np.linspace(0, 6.2, 450), np.zeros(450), np.zeros(450))
+    empty = LidarTurn(np.linspace(0, 6.2, 450), np.zeros(450), np.zeros(450))
     finder = RepeatFinder()
     assert not any(finder.is_repeated(empty, 0.1 * index) for index in range(5))
 

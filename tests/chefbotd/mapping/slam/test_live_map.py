@@ -83,11 +83,12 @@ def test_changes_put_together_are_the_grid(nodes: Nodes) -> None:
         live = updated(live, first(nodes, count))
         after = grid(live)
         patch = changes(before, after)
-        if patch is not None and patch.whole:
-            copy, wholes = patch.percent.copy(), wholes + 1
-        elif patch is not None:
-            rows, columns = patch.percent.shape
-            copy[patch.row : patch.row + rows, patch.column : patch.column + columns] = patch.percent
+        if patch is not None:
+            row, column, percent = patch
+            rows, columns = percent.shape
+            if percent.shape == after.percent.shape:
+                copy, wholes = percent.copy(), wholes + 1
+            copy[row : row + rows, column : column + columns] = percent
         assert np.array_equal(copy, after.percent)
         before = after
     assert 1 <= wholes < 6, "a new extent is rare"
@@ -101,8 +102,9 @@ def test_the_rectangle_is_the_smallest() -> None:
     after = OccupancyGrid(0.05, Pose2D(-1.0, 2.0), cells)
     patch = changes(before, after)
     assert patch is not None
-    assert (patch.row, patch.column, patch.percent.shape, patch.whole) == (2, 3, (4, 2), False)
+    row, column, percent = patch
+    assert (row, column, percent.shape) == (2, 3, (4, 2))
     assert changes(after, after) is None
     other = changes(replace(before, resolution_m=0.1), after)
     assert other is not None
-    assert other.whole
+    assert other[2].shape == (7, 9)

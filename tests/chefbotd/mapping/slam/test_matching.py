@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from chefbotd.mapping import correlate
 from chefbotd.mapping.correlate import Excluded, Window, search
 from chefbotd.mapping.local_map import CELL_M, SURFEL_M, LocalMap, empty, inserted
 from chefbotd.mapping.poses import Floats, between, transform
@@ -246,3 +247,19 @@ def test_three_equations_are_solved_as_numpy_does() -> None:
     assert solve3(np.column_stack([matrix, right]), found)
     assert np.allclose(found, np.linalg.solve(matrix, right))
     assert not solve3(np.column_stack([np.diag([1.0, -1.0, 1.0]), right]), found)
+
+
+def test_a_search_in_parts_finds_the_same_as_one_at_once() -> None:
+    """In how many parts it goes on changes neither the pose nor the work."""
+    known, points = mapped(corner()), seen_from(np.array([0.15, -0.22, 0.13]), corner())
+    parts = correlate.begun(known, points, np.zeros(3), Window(0.9, 0.5))
+    at_once = correlate.advanced(correlate.begun(known, points, np.zeros(3), Window(0.9, 0.5)), 10**12)
+    steps = 0
+    while not parts.is_done:
+        parts, steps = correlate.advanced(parts, 50_000), steps + 1
+    assert steps > 3
+    assert parts.work == at_once.work
+    assert parts.found is not None
+    assert at_once.found is not None
+    assert parts.found.score == at_once.found.score
+    assert parts.found.pose.tolist() == at_once.found.pose.tolist()

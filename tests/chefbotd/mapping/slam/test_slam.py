@@ -12,8 +12,8 @@ from chefbotd.mapping.parts import apart
 from chefbotd.mapping.poses import transform
 from chefbotd.mapping.saved import restored, saved
 from chefbotd.mapping.slam import step
-from chefbotd.mapping.state import Scan, SlamMode, start
-from tests.chefbotd.mapping.slam.drives import Drive, drive, off_m, walls_off_m
+from chefbotd.mapping.state import Scan, SlamMode, SlamState, start
+from tests.chefbotd.mapping.slam.drives import PARAMS, Drive, drive, off_m, scan_of, walls_off_m
 from tests.chefbotd.mapping.slam.flat import (
     TOUR,
     Floats,
@@ -27,12 +27,13 @@ from tests.chefbotd.mapping.slam.flat import (
 )
 
 WALLS, TRUTH = furnished_flat(), poses_along(TOUR)
+LOST = {"lost", "searching"}
 
 
-def toured(seed: int, finish: bool = True) -> Drive:
-    """The whole tour, with nothing special happening."""
+def toured(seed: int, finish: bool = True, scans: int = len(TRUTH)) -> Drive:
+    """The whole tour, or its first scans, with nothing special happening."""
     lidar = Lidar(WALLS, seed)
-    return drive(odometry(TRUTH, seed), lambda k: lidar.points(TRUTH[k]), finish=finish)
+    return drive(odometry(TRUTH, seed)[:scans], lambda k: lidar.points(TRUTH[k]), finish=finish)
 
 
 @pytest.fixture(scope="module")
@@ -124,7 +125,7 @@ def test_wheels_that_slip_are_told_and_survived() -> None:
     odom[at:, :2] += 0.8 * np.array([math.cos(here[2]), math.sin(here[2])])
     found = drive(odom, lambda k: lidar.points(TRUTH[k]))
     assert "wheel_slip" in found.modes()[at : at + 2]
-    assert "lost" not in found.modes()
+    assert not LOST & set(found.modes())
     assert off_m(found.poses(), TRUTH).max() < 0.03
 
 
@@ -134,7 +135,7 @@ def test_a_lidar_that_pauses_for_two_seconds_is_survived() -> None:
     lidar, odom = Lidar(WALLS, 4), odometry(TRUTH, 4)
     kept = np.array([k for k in range(len(TRUTH)) if k % 100 < 80])
     found = drive(odom[kept], lambda k: lidar.points(TRUTH[kept[k]]))
-    assert "lost" not in found.modes()
+    assert not LOST & set(found.modes())
     assert off_m(found.poses(), TRUTH[kept]).max() < 0.04
 
 
@@ -157,7 +158,7 @@ def test_a_kidnapped_robot_says_that_it_is_lost_and_finds_back() -> None:
     found, truth, at = kidnapped(there, 21)
     modes = found.modes()
     assert set(modes[:at]) == {"mapping"}
-    assert modes.index("lost") < at + 10
+    assert min(k for k, mode in enumerate(modes) if mode in LOST) < at + 10
     assert modes[-1] == "mapping"
     known = np.array([k for k, mode in enumerate(modes) if mode == "mapping"])
     from_map = np.array([report.map_pose for report in found.reports])
@@ -175,7 +176,7 @@ def test_a_map_is_gone_on_with_from_anywhere() -> None:
     lidar = Lidar(WALLS, 32)
     nodes = len(state.nodes)
     found = drive(odometry(there, 32), lambda k: lidar.points(there[k]), state)
-    assert found.reports[0].mode is SlamMode.LOST
+    assert found.reports[0].mode in {SlamMode.LOST, SlamMode.SEARCHING}
     assert found.reports[-1].mode is SlamMode.MAPPING
     truth = np.vstack([TRUTH[:1], there])
     poses = np.vstack([np.zeros((1, 3)), found.poses()[:]])
@@ -274,7 +275,7 @@ def test_no_grid_grows_when_neither_scan_nor_odometry_can_be_believed() -> None:
     there = int(np.argmin(np.hypot(TRUTH[:, 0] - 8.5, TRUTH[:, 1] - 7.2)))
     truth = np.vstack([TRUTH[:at], TRUTH[there : there + 60]])
     found = drive(odom, lambda k: lidar.points(truth[k]), finish=False)
-    assert "lost" in found.modes()[at : at + 6]
+    assert LOST & set(found.modes()[at : at + 6])
     assert max(max(active.grids.likelihood.shape) for active in found.state.active) < 1000
 
 
@@ -284,7 +285,7 @@ def test_scans_of_nothing_are_survived() -> None:
     nothing = np.zeros((0, 2), np.float32)
     blind = {0, 1, 50, 51, 52}
     found = drive(odom, lambda k: nothing if k in blind else lidar.points(TRUTH[k]))
-    assert "lost" not in found.modes()
+    assert not LOST & set(found.modes())
     assert off_m(found.poses(), TRUTH[:120]).max() < 0.1
 
 
@@ -302,3 +303,52 @@ def test_garbage_is_refused(odom: Floats, points: NDArray[np.float32], reason: s
     scan = Scan(points, np.zeros_like(points), np.zeros(2))
     with pytest.raises(ValueError, match=reason):
         step(SlamParameters(), start(), 0.0, odom, scan)
+
+
+@pytest.fixture(scope="module")
+def put_elsewhere() -> SlamState:
+    """Half a tour is mapped; then the robot may be anywhere."""
+    return apart(toured(33, scans=260, finish=False).state)
+
+
+def searching_on(state: SlamState, lookups_a_step: int, scans: int, *, save_at: int = -1) -> Drive:
+    """Some scans from where the tour went on, with so much of a search in each; at one of them all is restored."""
+    params = SlamParameters.model_validate({"loops": {"lookups_a_step": lookups_a_step}})
+    lidar, truth, reports = Lidar(WALLS, 34), TRUTH[20 : 20 + scans], []
+    state = restored(saved(state))
+    for k, pose in enumerate(odometry(truth, 34)):
+        if k == save_at:
+            state = restored(saved(state))
+        state, report = step(params, state, 0.1 * k, pose, scan_of(lidar.points(truth[k])))
+        reports.append(report)
+    return Drive(state, reports)
+
+
+def test_a_lost_robot_searches_a_bounded_part_in_each_step(put_elsewhere: SlamState) -> None:
+    """The search goes on over many scans, says how far it is, and finds the same place as one that does all at once."""
+    found = searching_on(put_elsewhere, 2_000_000, 110)
+    searched = [report.searched for report in found.reports if report.mode is SlamMode.SEARCHING]
+    assert len(searched) > 20
+    assert min(searched) < 0.3
+    assert max(searched) > 0.7
+    assert found.reports[-1].mode is SlamMode.MAPPING
+    at_once = searching_on(put_elsewhere, 10**12, 110)
+    assert SlamMode.SEARCHING not in [report.mode for report in at_once.reports]
+    assert found.reports[-1].map_pose == pytest.approx(at_once.reports[-1].map_pose, abs=0.05)
+
+
+def test_a_search_that_was_saved_goes_on_as_if_nothing_had_happened(put_elsewhere: SlamState) -> None:
+    """Saved in the middle of a submap, and restored, the same steps follow, bit for bit."""
+    one, other = (searching_on(put_elsewhere, 2_000_000, 40, save_at=at) for at in (-1, 17))
+    assert one.reports[16].mode is SlamMode.SEARCHING
+    assert [report.searched for report in one.reports] == [report.searched for report in other.reports]
+    assert np.array_equal(one.state.nodes.map, other.state.nodes.map)
+
+
+def test_a_part_that_never_began_leaves_no_empty_submap() -> None:
+    """The odometry began anew 20 m away, so that the first scans of a map that is gone on with do not fit."""
+    state = apart(toured(35, scans=60, finish=False).state)
+    lidar, pose = Lidar(WALLS, 36), TRUTH[60]
+    for k in range(8):
+        state, _ = step(PARAMS, state, 0.1 * k, np.array([20.0, 0.0, 0.0]), scan_of(lidar.points(pose)))
+    assert all(submap.first <= submap.last for submap in state.submaps)

@@ -17,7 +17,7 @@ import chefbotd.mapping.correlate as c, chefbotd.mapping.refine as r, chefbotd.m
 import chefbotd.mapping.surfaces as s, chefbotd.mapping.occupancy as o
 from tests.chefbotd.mapping.slam.drives import drive, off_m
 from tests.chefbotd.mapping.slam.flat import TOUR, Lidar, furnished_flat, odometry, poses_along
-kernels = [c._search, c._pool, r._polish, l._fill, s._normals, o.trace]
+kernels = [c._advance, c._pool, r._polish, l._fill, s._normals, o.trace]
 before = [len(each.signatures) for each in kernels]
 truth = poses_along(TOUR)[:300]
 lidar = Lidar(furnished_flat(), 1)

@@ -8,8 +8,8 @@ from pathlib import Path
 import pytest
 
 from chefbotd.process.installation import plan, texts
-from chefbotd.process.installation.host import Ended, Host, InstallError
-from chefbotd.process.installation.steps import Step, carry_out
+from chefbotd.process.installation.host import CommandEnded, Host, InstallError
+from chefbotd.process.installation.steps import InstallationStep, carry_out
 from chefbotd.rpc.access import Keyring
 from chefbotd.rpc.roles import Role
 from chefbotd.settings import SettingsError, load, packaged
@@ -33,11 +33,11 @@ class Computer:
         """This computer."""
         return Host(self.root, self.run, self.chown)
 
-    def run(self, command: tuple[str, ...]) -> Ended:
+    def run(self, command: tuple[str, ...]) -> CommandEnded:
         """Keep it, and do what it does to the files."""
         self.ran.append(command)
         if command[0] == self.fails:
-            return Ended(3, "it is broken")
+            return CommandEnded(3, "it is broken")
         if command[0] == "systemd-sysusers":
             etc = self.root / "etc"
             (etc / "passwd").write_text("root:x:0:0::/root:/bin/sh\nchefbotd:x:998:997::/:/bin/false\n")
@@ -48,20 +48,20 @@ class Computer:
             link.symlink_to(plan.UNIT)
         if "disable" in command:
             (self.root / plan.WANTED_BY.removeprefix("/")).unlink()
-        return Ended(0)
+        return CommandEnded(0)
 
     def chown(self, path: Path, user: str, group: str) -> None:
         """Keep it."""
         assert user == group
         self.owners[f"/{path.relative_to(self.root)}"] = user
 
-    def install(self, robot: str = "chefbot", config: Path | None = None) -> list[Step]:
+    def install(self, robot: str = "chefbot", config: Path | None = None) -> list[InstallationStep]:
         """Install, and return the steps."""
         steps = plan.install(self.host, plan.Wanted(PROGRAM, robot, config))
         carry_out(steps, lambda step: None)
         return steps
 
-    def uninstall(self, *, purge: bool = False) -> list[Step]:
+    def uninstall(self, *, purge: bool = False) -> list[InstallationStep]:
         """Remove, and return the steps."""
         steps = plan.uninstall(self.host, purge=purge)
         carry_out(steps, lambda step: None)
@@ -247,9 +247,9 @@ def test_on_the_running_system_udev_and_systemd_are_told_and_the_service_starts(
     (tmp_path / "run/udev/control").touch()
     computer = Computer(tmp_path)
 
-    def run(command: tuple[str, ...]) -> Ended:
+    def run(command: tuple[str, ...]) -> CommandEnded:
         if "is-active" in command:
-            return Ended(0 if computer.active else 3)
+            return CommandEnded(0 if computer.active else 3)
         computer.active = computer.active or "start" in command
         return computer.run(command)
 

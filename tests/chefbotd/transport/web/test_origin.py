@@ -2,8 +2,8 @@
 
 import pytest
 
+from chefbotd.transport.parameters import PageParameters
 from chefbotd.transport.web.origin import is_own_host, is_own_origin
-from chefbotd.transport.web.parameters import PageParameters
 
 
 @pytest.mark.parametrize(

@@ -6,17 +6,16 @@ from pathlib import Path
 
 from chefbotd.clock import ManualClock
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events.mapping import MappingChanged, MapSaved
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.parameters import MappingParameters
 from chefbotd.mapping.saved import Arrays
 from chefbotd.worker.messages import OdometrySeen, ScanSeen, packed
 from chefbotd.worker.skills.mapping import MappingSkill
-from chefbotd.worker.skills.mapping_messages import (
+from chefbotd.worker.skills.mapping_requests import (
     Finish,
-    Finished,
     MappingRequest,
     MappingSkillParameters,
-    MappingStatus,
 )
 from chefbotd.worker.skills.skill import Done, Struct
 from tests.chefbotd.worker.skills.drives import measured
@@ -103,13 +102,13 @@ class Bench:
                 self.told += self.skill.take_odometry(message)
                 self.told += self.skill.step(self.clock.now_s())
 
-    def ask(self, request: MappingRequest) -> MappingStatus:
+    def ask(self, request: MappingRequest) -> MappingChanged:
         """Have something done at once."""
         answer = self.skill.handle(packed(request))
-        assert isinstance(answer, MappingStatus)
+        assert isinstance(answer, MappingChanged)
         return answer
 
-    def finish(self, name: str) -> tuple[Finished, list[Done]]:
+    def finish(self, name: str) -> tuple[MapSaved, list[Done]]:
         """Finish the map; the answer, and how far it said to be."""
         job, progress = self.skill.handle(packed(Finish(name))), []
         assert not isinstance(job, Struct)
@@ -117,7 +116,7 @@ class Bench:
             try:
                 progress.append(next(job))
             except StopIteration as end:
-                answer: Finished = end.value
+                answer: MapSaved = end.value
                 return answer, progress
 
     def of(self, kind: type[Struct]) -> list[Struct]:

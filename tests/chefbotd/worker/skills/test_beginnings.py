@@ -1,13 +1,13 @@
 """What mapping begins with after a kill, a restart, a lost map or with a saved one; the disk is in memory."""
 
 import pytest
+from msgspec.structs import astuple
 
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.worker.skills.mapping_messages import (
+from chefbotd.core.events.mapping import MapChanged, MapPoseUpdated
+from chefbotd.worker.skills.mapping_requests import (
     Discard,
     GetStatus,
-    GridPart,
-    PoseFound,
     Resume,
     Start,
 )
@@ -56,12 +56,12 @@ def test_a_worker_that_was_killed_goes_on_in_the_same_map() -> None:
     second = Bench(first.memory)
     assert second.ask(Resume(paused=False)).state == "mapping"
     second.drive(130, 150)
-    poses = second.of(PoseFound)
+    poses = second.of(MapPoseUpdated)
     assert [pose.state for pose in poses].count("mapping") > 15  # type: ignore[attr-defined]
-    last = poses[-1].map_from_base  # type: ignore[attr-defined]
+    last = astuple(poses[-1].map_from_base)  # type: ignore[attr-defined]
     first.drive(130, 150)
-    assert last == pytest.approx(first.of(PoseFound)[-1].map_from_base, abs=0.05)  # type: ignore[attr-defined]
-    assert second.of(GridPart)[0].whole  # type: ignore[attr-defined]
+    assert last == pytest.approx(astuple(first.of(MapPoseUpdated)[-1].map_from_base), abs=0.05)  # type: ignore[attr-defined]
+    assert second.of(MapChanged)[0].whole  # type: ignore[attr-defined]
 
 
 def test_a_worker_that_was_killed_still_knows_which_map_it_goes_on_with() -> None:
@@ -97,7 +97,7 @@ def test_after_the_daemons_restart_the_map_waits_for_a_word() -> None:
     status = second.ask(Start(unfinished=True))
     assert status.keyframes > 30
     second.drive(100, 105)
-    assert {pose.state for pose in second.of(PoseFound)} == {"lost"}  # type: ignore[attr-defined]
+    assert {pose.state for pose in second.of(MapPoseUpdated)} <= {"lost", "searching"}  # type: ignore[attr-defined]
     assert second.ask(Discard()).state == "idle"
     assert second.ask(Start()).state == "mapping"
 

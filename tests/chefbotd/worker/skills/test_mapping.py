@@ -7,22 +7,21 @@ import zlib
 import msgspec
 import numpy as np
 import pytest
+from msgspec.structs import astuple
 
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events.mapping import MapChanged, MappingChanged, MapPoseUpdated
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.poses import Floats, transform
 from chefbotd.mapping.saved import restored
 from chefbotd.worker.messages import OdometrySeen, ScanSeen, packed
-from chefbotd.worker.skills.mapping_messages import (
+from chefbotd.worker.skills.mapping_requests import (
     Discard,
     Finish,
     GetGrid,
     GetStatus,
-    GridPart,
     MappingRequest,
-    MappingStatus,
     Pause,
-    PoseFound,
     Start,
 )
 from chefbotd.worker.skills.skill import Struct
@@ -42,23 +41,23 @@ def driven() -> Bench:
 
 def test_every_scan_gives_a_pose_near_the_truth(driven: Bench) -> None:
     """Odometry is off by a decimetre or more by then; the map's pose is within 3 cm, in the frame of the first scan."""
-    poses = driven.of(PoseFound)
+    poses = driven.of(MapPoseUpdated)
     assert len(poses) == SCANS
-    found = np.array([pose.map_from_base for pose in poses])  # type: ignore[attr-defined]
+    found = np.array([astuple(pose.map_from_base) for pose in poses])  # type: ignore[attr-defined]
     first, there = TRUTH[0], TRUTH[:SCANS]
     cos, sin = np.cos(first[2]), np.sin(first[2])
     dx, dy = there[:, 0] - first[0], there[:, 1] - first[1]
     off_m = np.hypot(cos * dx + sin * dy - found[:, 0], cos * dy - sin * dx - found[:, 1])
     assert off_m.max() < 0.03
-    odometry = np.array([pose.odometry for pose in poses])  # type: ignore[attr-defined]
+    odometry = np.array([astuple(each.map_from_odom.inverse().compose(each.map_from_base)) for each in poses])  # type: ignore[attr-defined]
     assert np.hypot(cos * dx + sin * dy - odometry[:, 0], cos * dy - sin * dx - odometry[:, 1]).max() > 0.1
 
 
 def test_patches_put_together_are_the_map(driven: Bench) -> None:
     """A client that applies each patch has what get_grid tells; revisions follow each other without a gap."""
     cells, revisions = np.zeros((0, 0), np.int8), []
-    for part in driven.of(GridPart):
-        assert isinstance(part, GridPart)
+    for part in driven.of(MapChanged):
+        assert isinstance(part, MapChanged)
         inside = np.frombuffer(zlib.decompress(part.cells), np.int8).reshape(
             part.part_rows, part.part_columns
         )
@@ -70,16 +69,16 @@ def test_patches_put_together_are_the_map(driven: Bench) -> None:
     assert revisions == list(range(1, len(revisions) + 1))
     assert len(revisions) >= SCANS * 0.1 * 0.5
     whole = driven.skill.handle(packed(GetGrid()))
-    assert isinstance(whole, GridPart)
+    assert isinstance(whole, MapChanged)
     assert np.array_equal(np.frombuffer(zlib.decompress(whole.cells), np.int8), cells.ravel())
 
 
 def test_it_is_told_and_saved_now_and_then(driven: Bench) -> None:
     """Told once a second and saved at once and every ten: 13 s of driving."""
-    assert 10 <= len(driven.of(MappingStatus)) <= 15
+    assert 10 <= len(driven.of(MappingChanged)) <= 15
     assert driven.memory.autosaves == 2
-    last = driven.of(MappingStatus)[-1]
-    assert isinstance(last, MappingStatus)
+    last = driven.of(MappingChanged)[-1]
+    assert isinstance(last, MappingChanged)
     assert (last.state, last.name, last.reason) == ("mapping", None, "")
     assert last.keyframes > 30
 
@@ -121,9 +120,9 @@ def test_one_of_two_lidars_that_falls_silent_is_told_and_the_map_goes_on() -> No
         assert re.sub(r"\d+ s$", "N s", status.reason) == (
             f"no scan of the lidar {silent!r} for N s" if silent else ""
         )
-    poses = [each for each in bench.of(PoseFound) if isinstance(each, PoseFound)]
+    poses = [each for each in bench.of(MapPoseUpdated) if isinstance(each, MapPoseUpdated)]
     assert np.diff([pose.stamp_s for pose in poses]).max() < 0.7
-    last_pose = transform(TRUTH[1], np.array([poses[-1].map_from_base[:2]]))[0]
+    last_pose = transform(TRUTH[1], np.array([astuple(poses[-1].map_from_base)[:2]]))[0]
     assert np.hypot(*(last_pose - TRUTH[119][:2])) < 0.05
 
 
@@ -138,7 +137,7 @@ def test_another_lidars_scans_are_not_mapped() -> None:
         for m in measured(0, 5)
     ]
     bench.drive(0, 5, others)
-    assert not bench.of(PoseFound)
+    assert not bench.of(MapPoseUpdated)
 
 
 def test_a_scan_waits_for_odometry_but_not_for_ever() -> None:
@@ -147,10 +146,10 @@ def test_a_scan_waits_for_odometry_but_not_for_ever() -> None:
     bench.ask(Start())
     messages = list(measured(0, 3))
     bench.drive(0, 0, messages[:5])  # odometry, scan, odometry; odometry, scan
-    assert len(bench.of(PoseFound)) == 1
+    assert len(bench.of(MapPoseUpdated)) == 1
     bench.clock.advance(0.3)
     bench.told += bench.skill.step(bench.clock.now_s())
-    assert len(bench.of(PoseFound)) == 2
+    assert len(bench.of(MapPoseUpdated)) == 2
 
 
 @pytest.mark.parametrize("broken", ["short", "nan_stamp", "nan_ranges", "far"])
@@ -166,7 +165,7 @@ def test_a_broken_scan_is_let_go(broken: str) -> None:
     stamp_s = float("nan") if broken == "nan_stamp" else scan.stamp_s
     messages[7] = ScanSeen(stamp_s, "top", scan.mount, scan.bearing_rad, ranges, scan.after_s)
     bench.drive(0, 0, messages)
-    assert bench.of(PoseFound)[-1].stamp_s == pytest.approx(50.5)  # type: ignore[attr-defined]
+    assert bench.of(MapPoseUpdated)[-1].stamp_s == pytest.approx(50.5)  # type: ignore[attr-defined]
 
 
 def test_a_finished_map_is_saved_with_all_to_go_on_from() -> None:
@@ -197,7 +196,7 @@ def test_a_finish_that_is_given_up_changes_nothing() -> None:
     job.close()
     assert not bench.memory.maps
     bench.drive(40, 45)
-    assert bench.of(PoseFound)[-1].fit > 0.9  # type: ignore[attr-defined]
+    assert bench.of(MapPoseUpdated)[-1].fit > 0.9  # type: ignore[attr-defined]
     bench.memory.full = True
     with pytest.raises(Refused, match="the disk is full"):
         bench.finish("flat")
@@ -276,11 +275,11 @@ def test_a_full_disk_is_said_and_mapping_goes_on() -> None:
     bench.memory.full = True
     bench.ask(Start())
     bench.drive(0, 30)
-    reasons = [status.reason for status in bench.of(MappingStatus)]  # type: ignore[attr-defined]
+    reasons = [status.reason for status in bench.of(MappingChanged)]  # type: ignore[attr-defined]
     assert "cannot save: the disk is full" in reasons
     bench.memory.full = False
     bench.drive(30, 150)
-    assert bench.of(MappingStatus)[-1].reason == ""  # type: ignore[attr-defined]
+    assert bench.of(MappingChanged)[-1].reason == ""  # type: ignore[attr-defined]
     assert bench.memory.kept is not None
 
 
@@ -291,7 +290,7 @@ def test_a_lidar_that_falls_silent_in_mid_mapping_is_said_with_the_seconds() -> 
     bench.drive(0, 5)
     bench.told.clear()
     bench.drive(5, 38, [each for each in measured(5, 38) if isinstance(each, OdometrySeen)])
-    told = [each.reason for each in bench.of(MappingStatus) if each.reason]  # type: ignore[attr-defined]
+    told = [each.reason for each in bench.of(MappingChanged) if each.reason]  # type: ignore[attr-defined]
     assert told == ["no scan of the lidar 'top' for 2 s", "no scan of the lidar 'top' for 3 s"]
     bench.drive(38, 40)
     assert bench.ask(GetStatus()).reason == ""
@@ -352,7 +351,7 @@ def test_a_pause_adds_nothing() -> None:
     bench.drive(0, 20)
     kept = bench.ask(Pause()).keyframes
     bench.drive(20, 40)
-    assert len(bench.of(PoseFound)) == 20
+    assert len(bench.of(MapPoseUpdated)) == 20
     status = bench.ask(Start())
     assert (status.state, status.keyframes) == ("mapping", kept)
 
@@ -392,4 +391,4 @@ def test_the_end_of_the_daemon_saves_what_there_is() -> None:
     bench.skill.close()
     assert bench.memory.kept is not None
     kept = len(restored(bench.memory.kept[1]).nodes)
-    assert kept == bench.of(MappingStatus)[-1].keyframes or kept > 20  # type: ignore[attr-defined]
+    assert kept == bench.of(MappingChanged)[-1].keyframes or kept > 20  # type: ignore[attr-defined]

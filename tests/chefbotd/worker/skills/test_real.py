@@ -13,6 +13,7 @@ import pytest
 import uvloop
 
 from chefbotd.clock import SystemClock
+from chefbotd.core.events.mapping import MapChanged, MappingChanged, MapPoseUpdated, MapSaved
 from chefbotd.mapping.parameters import MappingParameters
 from chefbotd.mapping.saved import restored
 from chefbotd.maps import contents
@@ -22,15 +23,10 @@ from chefbotd.worker.messages import OdometrySeen, ScanSeen
 from chefbotd.worker.parameters import WorkerParameters
 from chefbotd.worker.process import Worker
 from chefbotd.worker.requests import WorkerLost
-from chefbotd.worker.skills.mapping_messages import (
-    FINISHED,
+from chefbotd.worker.skills.mapping_requests import (
     SKILL,
-    STATUS,
-    TOLD,
     Finish,
     MappingSkillParameters,
-    MappingStatus,
-    PoseFound,
     Resume,
     Start,
 )
@@ -55,20 +51,12 @@ class Bench:
         skills = {SKILL: parameters.model_dump_json().encode()}
         bounds = WorkerParameters(restart_delay_s=0.05, max_memory_mb=2000)
         self.worker = Worker(bounds, SystemClock(), skills, lambda status: None)
-        self.worker.add_listener(SKILL, self._take)
-        self.poses: list[PoseFound] = []
-        self.status = MappingStatus("idle")
+        for kind in (MapPoseUpdated, MappingChanged, MapChanged):
+            self.worker.add_listener(SKILL, kind, lambda event: None)
 
-    def _take(self, body: bytes) -> None:
-        told = TOLD.decode(body)
-        if isinstance(told, PoseFound):
-            self.poses.append(told)
-        elif isinstance(told, MappingStatus):
-            self.status = told
-
-    async def ask(self, request: Start | Resume) -> MappingStatus:
+    async def ask(self, request: Start | Resume) -> MappingChanged:
         """Have something done."""
-        return STATUS.decode(await self.worker.request(SKILL, request, deadline_s=60.0))
+        return await self.worker.request(SKILL, request, MappingChanged, deadline_s=60.0)
 
     async def drive(self, first: int, last: int) -> None:
         """A part of the tour."""
@@ -134,8 +122,8 @@ def test_killed_at_any_moment_what_was_saved_is_whole(tmp_path: Path) -> None:
                 status = await bench.ask(Resume(paused=False))
                 assert (status.state, status.keyframes) == ("mapping", kept)
             await bench.drive(at, at + 20)
-            answer = await bench.worker.request(SKILL, Finish("flat"), deadline_s=60.0)
-            assert FINISHED.decode(answer).keyframes >= kept
+            saved = await bench.worker.request(SKILL, Finish("flat"), MapSaved, deadline_s=60.0)
+            assert saved.keyframes >= kept
         assert MapStore(tmp_path).names() == ["flat"]
         assert MapStore(tmp_path).read_autosave() is None
 
@@ -154,7 +142,9 @@ def test_killed_while_it_finishes_the_map_is_there_or_goes_on(tmp_path: Path) ->
                     await bench.ask(Start())
                 await bench.drive(60 * k, 60 * k + 60)
                 before = len(store.describe("flat").versions) if "flat" in store.names() else 0
-                asking = asyncio.create_task(bench.worker.request(SKILL, Finish("flat"), deadline_s=60.0))
+                asking = asyncio.create_task(
+                    bench.worker.request(SKILL, Finish("flat"), MapSaved, deadline_s=60.0)
+                )
                 await asyncio.sleep(0.06 * k)
                 restarts, pid = bench.worker.status.restarts, bench.worker.status.pid
                 assert pid is not None

@@ -1,1 +1,0 @@
-"""Robots on the local network, by name."""

@@ -1,1 +1,0 @@
-"""The commands that install chefbotd as a system service."""

@@ -1,0 +1,195 @@
+"""Summarizes a board's port for people: the kinds of line, their rates, damaged lines, and the protocol variant."""
+
+import math
+from collections import Counter, deque
+from collections.abc import Mapping
+from typing import Any
+
+from chefbotd.doctor.lines import LinesHeard
+from chefbotd.link.health import show
+from firmware_protocol import messages as wire
+from firmware_protocol.codec import VARIANTS, Variant, from_board
+from firmware_protocol.decoder import Decoder
+
+LETTERS: Mapping[type[Any], str] = {
+    wire.BoardTime: "t",
+    wire.EncoderCounts: "e",
+    wire.UltrasonicDistance: "u",
+    wire.DutyEcho: "s",
+    wire.Orientation: "i",
+    wire.RawImu: "i",
+    wire.BatteryLevel: "b",
+    wire.AnalogueLevel: "a",
+    wire.QuadratureEdges: "q",
+    wire.QuadratureStill: "q",
+}
+ORDER = "teusibaq"
+"""As a cycle sends them."""
+
+TEXTS_KEPT, SAMPLE_BYTES = 20, 48
+UNSTEADY_PPM = 3000.0
+MICROS_SPAN = 1 << 32
+LONGEST_STEP_US = 10_000_000
+TEXT_BYTES = frozenset((*range(0x20, 0x7F), *b"\t\r\n"))
+
+
+class _Ear:
+    """Listens with one variant's ears."""
+
+    def __init__(self, variant: Variant) -> None:
+        self.variant = variant
+        self.decoder = Decoder(from_board(variant))
+        self.decoder.reset()  # the first line is usually half a line
+        self.kinds: Counter[str] = Counter()
+        self.first_s: dict[str, float] = {}
+        self.last_s: dict[str, float] = {}
+        self.texts: deque[str] = deque(maxlen=TEXTS_KEPT)
+        self.example = ""
+        self.raw_imu = False
+        self.duty: tuple[float, ...] = ()
+        self.first_counts: tuple[int, ...] = ()
+        self.counts: tuple[int, ...] = ()
+        self.clock: list[tuple[float, float]] = []
+        self._micros: int | None = None
+
+    def feed(self, data: bytes, now_s: float) -> None:
+        for line, message in self.decoder.feed(data):
+            letter = LETTERS.get(type(message))
+            if letter is not None:
+                self.kinds[letter] += 1
+                self.first_s.setdefault(letter, now_s)
+                self.last_s[letter] = now_s
+            self._take(line, message, now_s)
+
+    def _take(self, line: bytes, message: object, now_s: float) -> None:
+        match message:
+            case wire.BoardTime(micros=micros):
+                self._tick(micros, now_s)
+            case wire.EncoderCounts(counts=counts):
+                self.first_counts, self.counts = self.first_counts or counts, counts
+            case wire.DutyEcho(duty=duty):
+                self.duty = duty
+            case wire.RawImu():
+                self.raw_imu = True
+            case wire.Text(text=text) | wire.Banner(text=text):
+                self.texts.append(text)
+            case wire.Malformed():
+                self.example = self.example or show(line)
+
+    def _tick(self, micros: int, now_s: float) -> None:
+        """The board's seconds beside ours; a restart, or a damaged line, begins anew."""
+        if self._micros is None:
+            self._micros, self.clock = micros, [(0.0, now_s)]
+            return
+        step = (micros - self._micros) % MICROS_SPAN
+        self._micros = micros
+        if step > LONGEST_STEP_US:
+            self.clock = [(0.0, now_s)]
+        else:
+            self.clock.append((self.clock[-1][0] + step * 1e-6, now_s))
+
+    def rate_hz(self, letter: str) -> float:
+        """Of what came between the first and the last."""
+        span_s = self.last_s[letter] - self.first_s[letter]
+        return (self.kinds[letter] - 1) / span_s if span_s > 0 else 0.0
+
+
+class LineSurvey:
+    """Fed with bytes and when they were read; ``heard`` sums up. The ``configured`` wire wins where two fit alike."""
+
+    def __init__(self, configured: str, now_s: float) -> None:
+        self._from_s = now_s
+        names = [configured, *(name for name in VARIANTS if name != configured)]
+        self._ears = [_Ear(VARIANTS[name]) for name in names]
+        self._bytes = self._garbled = 0
+        self._sample = b""
+
+    def feed(self, data: bytes, now_s: float) -> None:
+        """Bytes that were read."""
+        self._bytes += len(data)
+        self._garbled += sum(byte not in TEXT_BYTES for byte in data)
+        self._sample = (self._sample + data)[-SAMPLE_BYTES:]
+        for ear in self._ears:
+            ear.feed(data, now_s)
+
+    def heard(self, now_s: float) -> LinesHeard:
+        """Everything so far, with the ears of the variant that understood most."""
+        ear = max(self._ears, key=lambda candidate: candidate.kinds.total())
+        drift = _drift(ear.clock)
+        return LinesHeard(
+            seconds=now_s - self._from_s,
+            bytes=self._bytes,
+            garbled_share=self._garbled / self._bytes if self._bytes else 0.0,
+            sample=show(self._sample),
+            kinds={letter: ear.kinds[letter] for letter in ORDER if letter in ear.kinds},
+            rates_hz={letter: ear.rate_hz(letter) for letter in ear.kinds},
+            damaged={str(reason): n for reason, n in ear.decoder.malformed.items()},
+            example=ear.example,
+            texts=tuple(ear.texts),
+            wire=ear.variant.name,
+            wheels=ear.variant.wheels if ear.kinds else 0,
+            raw_imu=ear.raw_imu,
+            clock_ppm=drift,
+            clock_s=ear.clock[-1][1] - ear.clock[0][1] if ear.clock else 0.0,
+            duty=ear.duty,
+            counted=_between(ear.first_counts, ear.counts),
+        )
+
+
+def _between(first: tuple[int, ...], last: tuple[int, ...]) -> tuple[int, ...]:
+    return tuple([after - before for before, after in zip(first, last, strict=True)])
+
+
+def _drift(clock: list[tuple[float, float]]) -> float | None:
+    """How much faster the board's seconds go, in millionths, by those readings of each third that were least late.
+
+    A computer that is busy reads late, and never early. None where the thirds do not agree: it was too busy to tell.
+    """
+    third = len(clock) // 3
+    if third < 1:
+        return None
+    parts = clock[:third], clock[third:-third], clock[-third:]
+    first, middle, last = (min(part, key=lambda sample: sample[1] - sample[0]) for part in parts)
+    early, late = _apart_ppm(first, middle), _apart_ppm(middle, last)
+    return _apart_ppm(first, last) if abs(late - early) <= UNSTEADY_PPM else None
+
+
+def _apart_ppm(first: tuple[float, float], last: tuple[float, float]) -> float:
+    board_s, host_s = last[0] - first[0], last[1] - first[1]
+    return (board_s / host_s - 1.0) * 1e6 if host_s > 0 else math.inf
+
+
+def line_bytes(shown: str) -> bytes:
+    r"""The bytes of a line as the topic ``raw`` shows it (``\xNN`` beyond ASCII), with its end."""
+    return (
+        shown.encode("ascii", "backslashreplace").decode("unicode_escape").encode("latin-1", "replace")
+        + b"\n"
+    )
+
+
+def echo_delays_s(lines: list[tuple[float, bool, bytes]], wheels: int) -> list[float]:
+    """From each new motor command to its first echo; lines with their times, and whether they went to the board."""
+    delays: list[float] = []
+    waiting: tuple[float, tuple[int, ...]] | None = None
+    last: tuple[int, ...] = ()
+    for stamp_s, outward, line in lines:
+        duty = _duty(line, wheels)
+        if duty is None:
+            continue
+        if outward and duty != last:
+            waiting, last = (stamp_s, duty), duty
+        elif not outward and waiting is not None and duty == waiting[1]:
+            delays.append(stamp_s - waiting[0])
+            waiting = None
+    return delays
+
+
+def _duty(line: bytes, wheels: int) -> tuple[int, ...] | None:
+    """The duties of an ``s`` line, either way round; None where it is none."""
+    kind, *fields = line.split() or [b""]
+    if kind != b"s" or len(fields) != wheels:
+        return None
+    try:
+        return tuple([round(float(field)) for field in fields])
+    except ValueError:
+        return None

@@ -1,0 +1,152 @@
+"""The serial ports of this computer, who has them, and with listening what is behind each."""
+
+import os
+from collections.abc import AsyncIterator, Sequence
+from pathlib import Path
+
+from serial.tools import list_ports
+
+from chefbotd.clock import Clock
+from chefbotd.core.record import Record
+from chefbotd.doctor.lines import LinesHeard
+from chefbotd.doctor.listening.listener import (
+    ANSWER_S,
+    ENOUGH_PACKETS,
+    RPLIDAR_QUESTION,
+    USUAL_BAUDS,
+    Listened,
+    ld_packets,
+    listen,
+    rplidar_link,
+    rplidar_model,
+    survey,
+)
+from chefbotd.doctor.sketches import TITLES, recognise
+from chefbotd.link.cannot_open import BY_ID, UNKNOWN, names_by_device, owner_of, permission_advice
+from chefbotd.link.port import LinkParameters
+from chefbotd.link.reconnect import Opener
+
+FIRST_S, NEXT_S = 2.5, 1.0
+"""A board that the opening has reset is silent for two seconds; an echo that is missing silences it for one."""
+
+CLASSIC = "classic"
+
+
+class SerialPort(Record, frozen=True):
+    """A port as it is plugged in. ``permission`` says what to do where we may not open it, ``held_by`` who has it."""
+
+    device: str
+    by_id: str = ""
+    usb_id: str = ""
+    driver: str = ""
+    product: str = ""
+    permission: str = ""
+    held_by: str = ""
+
+
+def serial_ports(devices: Sequence[str] = (), by_id: Path = BY_ID) -> list[SerialPort]:
+    """These devices (a pseudo-terminal is in no list), or else every serial port of the computer."""
+    names = names_by_device(by_id)
+    usb_by_device = {port.device: port for port in list_ports.comports()}
+    return [
+        _described(device, usb_by_device.get(device), names) for device in devices or sorted(usb_by_device)
+    ]
+
+
+def _described(device: str, usb: object, names: dict[Path, str]) -> SerialPort:
+    vendor, product = getattr(usb, "vid", None), getattr(usb, "pid", None)
+    return SerialPort(
+        device=device,
+        by_id=names.get(Path(device).resolve(), ""),
+        usb_id="" if vendor is None or product is None else f"{vendor:04x}:{product:04x}",
+        driver=_driver(device),
+        product=getattr(usb, "description", None) or "",
+        permission=permission_problem(device) if Path(device).exists() else "there is no such device",
+        held_by=holder(device),
+    )
+
+
+def _driver(device: str, tty: Path = Path("/sys/class/tty")) -> str:
+    try:
+        return (tty / Path(device).resolve().name / "device" / "driver").resolve(strict=True).name
+    except OSError:
+        return ""
+
+
+def permission_problem(device: str) -> str:
+    """What to do where we may not read and write a device that is there; empty where we may."""
+    if not Path(device).exists() or os.access(device, os.R_OK | os.W_OK):
+        return ""
+    return permission_advice(device)
+
+
+def holder(device: str) -> str:
+    """The programs that have a device open or locked, as far as we may see; empty: none."""
+    try:
+        owner = owner_of(device)
+    except OSError:
+        return ""
+    return "" if owner == UNKNOWN else owner
+
+
+class Behind(Record, frozen=True):
+    """What was found behind a port: ``kind`` is board, ld06_ld19, rplidar, text, garbage, silent, or not_looked."""
+
+    device: str
+    kind: str
+    told: str
+    baud: int | None = None
+
+
+async def look_behind(ports: Sequence[SerialPort], opener: Opener, clock: Clock) -> AsyncIterator[Behind]:
+    """Listen at each port that is free and ours to open."""
+    for port in ports:
+        if port.held_by:
+            yield Behind(port.device, "not_looked", f"held by {port.held_by}")
+        elif port.permission:
+            yield Behind(port.device, "not_looked", f"permission denied: {port.permission}")
+        else:
+            try:
+                yield await _listen_at(port.device, opener, clock)
+            except OSError as error:
+                reason = str(error).removeprefix(f"{port.device}: ")
+                yield Behind(port.device, "not_looked", f"cannot be opened: {reason}")
+
+
+async def _listen_at(device: str, opener: Opener, clock: Clock) -> Behind:
+    """At one rate after the other, until something is understood. Where nothing is heard at all, an RPLIDAR is asked."""
+    heard: Listened | None = None
+    for baud in USUAL_BAUDS:
+        link = LinkParameters(device=device, baud=baud)
+        listened = await listen(opener, link, clock, FIRST_S if heard is None else NEXT_S)
+        if (board := _understood(device, listened)) is not None:
+            return board
+        if not listened.pieces and heard is None:
+            return await _ask(device, opener, clock)
+        heard = listened if heard is None else heard
+    lines = LinesHeard(0.0) if heard is None else survey(heard, CLASSIC)
+    if lines.is_garbled:
+        return Behind(device, "garbage", f"bytes that mean nothing at any usual rate: {lines.sample}")
+    return Behind(device, "text", f"text, and no board's: {lines.sample}")
+
+
+def _understood(device: str, listened: Listened) -> Behind | None:
+    if ld_packets(listened) >= ENOUGH_PACKETS:
+        return Behind(device, "ld06_ld19", "a lidar LD06 or LD19", listened.baud)
+    lines = survey(listened, CLASSIC)
+    if not lines.is_board:
+        return None
+    guess = recognise(lines)
+    sketch = "an unknown sketch" if guess.sketch is None else TITLES[guess.sketch]
+    return Behind(device, "board", f"a board with {sketch} ({guess.reason})", listened.baud)
+
+
+async def _ask(device: str, opener: Opener, clock: Clock) -> Behind:
+    """Two bytes that no board takes for a line; nothing was heard of one here for longer than any is silent."""
+    link = rplidar_link(device)
+    answer = await listen(opener, link, clock, ANSWER_S, question=RPLIDAR_QUESTION)
+    if model := rplidar_model(answer):
+        return Behind(device, "rplidar", f"a lidar {model}", link.baud)
+    return Behind(
+        device, "silent", "nothing is heard: is it powered? (a board without power, another device)"
+    )

@@ -1,0 +1,63 @@
+"""A process for each depth camera, the topic ``depth_cameras``, and what the cameras count."""
+
+import random
+from collections.abc import Mapping, Sequence
+
+from chefbotd.bus import Bus
+from chefbotd.clock import Clock
+from chefbotd.core.events.lidars import DepthCameraChanged
+from chefbotd.features.depth_cameras.models import DepthCamerasData
+from chefbotd.features.feature import Feature, Service
+from chefbotd.link.depth.camera import DepthCamera
+from chefbotd.link.depth.process import Spawn, spawn_program
+from chefbotd.metrics import Metrics
+from chefbotd.perception.depth_camera import DepthSourceParameters
+from chefbotd.rpc.topics import Topic
+
+Health = Mapping[str, DepthCameraChanged]
+
+
+def depth_cameras(
+    parameters: Sequence[DepthSourceParameters],
+    bus: Bus,
+    clock: Clock,
+    rng: random.Random,
+    spawn: Spawn = spawn_program,
+    further_topics: Sequence[Topic] = (),
+) -> Feature:
+    """Every depth camera, each with a process of its own; ``further_topics`` are what nobody else brings."""
+    cameras = [DepthCamera(camera, bus, clock, spawn, rng) for camera in parameters]
+    return Feature(
+        "depth_cameras",
+        services=tuple(Service(f"depth camera {camera.parameters.name}", camera.run) for camera in cameras),
+        topics=(topic(), *further_topics),
+        add_metrics=lambda metrics: _add_metrics(metrics, cameras),
+    )
+
+
+def topic() -> Topic:
+    """The topic ``depth_cameras``."""
+    return Topic("depth_cameras", (DepthCameraChanged,), DepthCamerasData, _data, join=_join)
+
+
+def _join(health: Health | None, event: DepthCameraChanged) -> Health:
+    return {**(health or {}), event.camera: event}
+
+
+def _data(health: Health) -> DepthCamerasData:
+    return DepthCamerasData(tuple(health.values()))
+
+
+def _add_metrics(metrics: Metrics, cameras: Sequence[DepthCamera]) -> None:
+    metrics.counters(
+        "depth_scans",
+        "Depth images that were converted to scans.",
+        "camera",
+        lambda: {camera.parameters.name: camera.scans for camera in cameras},
+    )
+    metrics.counters(
+        "depth_camera_starts",
+        "Starts of the depth cameras' processes.",
+        "camera",
+        lambda: {camera.parameters.name: camera.starts for camera in cameras},
+    )

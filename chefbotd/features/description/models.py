@@ -1,0 +1,9 @@
+"""The robot's description: its links and joints."""
+
+from chefbotd.core.record import Record
+
+
+class RobotDescription(Record, frozen=True):
+    """The robot's links and joints as a URDF document; null where one of its own cannot be read."""
+
+    urdf: str | None

@@ -1,0 +1,91 @@
+"""What clients ask of navigation, and the feature that it is."""
+
+from chefbotd.core.events.navigation import GoalResult, PlanResult
+from chefbotd.features.feature import Feature, Service
+from chefbotd.features.navigation.models import (
+    TOPICS,
+    FollowWaypointsParams,
+    GoToPlaceParams,
+    NavigateToParams,
+    Waypoint,
+    shown_topics,
+)
+from chefbotd.features.navigation.service import NavigationService
+from chefbotd.rpc.jobs import Progress
+from chefbotd.rpc.method import Caller, method, methods_of
+from chefbotd.rpc.models import DONE, Done, NoParams
+from chefbotd.rpc.roles import Role
+
+
+class NavigationCommands:
+    """What clients ask of navigation; its section names the robot's own places."""
+
+    def __init__(self, service: NavigationService) -> None:
+        self._service = service
+
+    @method(role=Role.DRIVE, moves=True)
+    async def navigate_to(self, caller: Caller, params: NavigateToParams, progress: Progress) -> GoalResult:
+        """Drive to a pose in the map in use, or to a place."""
+        return await self._begun([params], progress, queue=params.queue, wait=params.wait)
+
+    @method(role=Role.DRIVE, moves=True)
+    async def follow_waypoints(
+        self, caller: Caller, params: FollowWaypointsParams, progress: Progress
+    ) -> GoalResult:
+        """Drive to several goals in order; the answer is the last goal's number, or how it ended."""
+        return await self._begun(params.waypoints, progress, queue=params.queue, wait=params.wait)
+
+    @method(role=Role.DRIVE, moves=True)
+    async def go_home(self, caller: Caller, params: GoToPlaceParams, progress: Progress) -> GoalResult:
+        """Drive to the place navigation.home_place (home) of the map in use."""
+        return await self._to_place(self._service.section.home_place, params, progress)
+
+    @method(role=Role.DRIVE, moves=True)
+    async def dock(self, caller: Caller, params: GoToPlaceParams, progress: Progress) -> GoalResult:
+        """Drive to the place navigation.dock_place (dock) of the map in use."""
+        return await self._to_place(self._service.section.dock_place, params, progress)
+
+    async def _to_place(self, place: str, params: GoToPlaceParams, progress: Progress) -> GoalResult:
+        waypoint = Waypoint(place=place)
+        return await self._begun([waypoint], progress, queue=params.queue, wait=params.wait)
+
+    async def _begun(
+        self, waypoints: list[Waypoint], progress: Progress, *, queue: bool, wait: bool
+    ) -> GoalResult:
+        goals = await self._service.navigate_to(waypoints, queue=queue)
+        return await self._service.wait(goals, progress) if wait else GoalResult(goal=goals[-1])
+
+    @method(role=Role.OBSERVE)
+    async def plan_to(self, caller: Caller, params: Waypoint, progress: Progress) -> PlanResult:
+        """Plan a path without driving: whether there is one, its length, and the time it takes."""
+        return await self._service.plan_to(params)
+
+    @method(role=Role.OBSERVE)
+    def cancel_navigation(self, caller: Caller, params: NoParams) -> Done:
+        """End all goals; the robot comes to rest."""
+        self._service.cancel(f"by {caller.session}")
+        return DONE
+
+    @method(role=Role.OBSERVE)
+    def pause_navigation(self, caller: Caller, params: NoParams) -> Done:
+        """Stop the robot, and keep its goals."""
+        self._service.pause(str(caller.session))
+        return DONE
+
+    @method(role=Role.DRIVE, moves=True)
+    def resume_navigation(self, caller: Caller, params: NoParams) -> Done:
+        """Continue with the goals from the robot's present pose."""
+        self._service.resume()
+        return DONE
+
+
+def navigation(service: NavigationService) -> Feature:
+    """Navigation in the worker, over the service that puts its wishes through the gate."""
+    return Feature(
+        "navigation",
+        services=(Service("navigation", service.run, in_steps=True),),
+        methods=methods_of(NavigationCommands(service)),
+        topics=(*TOPICS, *shown_topics(service.shown.show_costmap, service.shown.show_obstacles)),
+        parts={"navigation": service},
+        waiting=service.waiting,
+    )

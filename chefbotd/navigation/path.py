@@ -1,0 +1,83 @@
+"""What is asked of a planner, and what it answers: goals and paths, and what every path must keep to."""
+
+from dataclasses import dataclass
+from typing import Final, Protocol
+
+import numpy as np
+
+from chefbotd.core.geometry import Pose2D, wrap_angle
+from chefbotd.navigation.costmap import Costmap
+from chefbotd.navigation.grid_frame import Floats, GridFrame
+from chefbotd.navigation.outline import Footprint
+
+SPACING_M: Final = 0.05
+"""The points of a path are so far apart."""
+
+ESCAPE_M: Final = 0.4
+"""A robot that stands too near to an obstacle may leave through cells that are blocked, so far at most."""
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """A pose in the map; without a heading any will do.
+
+    ``tolerance_m`` allows the nearest free pose instead, if it is no farther away.
+    """
+
+    x_m: float
+    y_m: float
+    heading_rad: float | None = None
+    tolerance_m: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Path:
+    """Points (n, 2) in the grid's frame and the headings at them; where it ends, and whether that is what was asked."""
+
+    frame: GridFrame
+    points_m: Floats
+    heading_rad: Floats
+    goal: Goal
+    is_substitute: bool = False
+
+    @property
+    def length_m(self) -> float:
+        """How long it is."""
+        return float(np.hypot(*np.diff(self.points_m, axis=0).T).sum())
+
+    @property
+    def spacing_m(self) -> float:
+        """How far its points are apart."""
+        return max(self.length_m / max(len(self.points_m) - 1, 1), 1e-3)
+
+    def in_map(self) -> Floats:
+        """Its points in the map."""
+        return self.frame.to_map(self.points_m)
+
+
+@dataclass(frozen=True, slots=True)
+class NoPath:
+    """Why there is no path, as a sentence; the free pose nearest to the goal, if there is one that can be reached."""
+
+    reason: str
+    nearest: Pose2D | None = None
+    only_for_now: bool = False
+    """Without what was seen since the map was made there would be a path."""
+
+
+class Planner(Protocol):
+    """Finds the path from a pose of the map to a goal, or says why there is none.
+
+    A path begins at the pose and ends at the goal. No point of it is in a blocked cell, but for the first ``ESCAPE_M``.
+    A planner is a pure function: the same costs, pose and goal give the same path.
+    """
+
+    def __call__(self, outline: Footprint, costs: Costmap, start: Pose2D, goal: Goal, /) -> Path | NoPath:
+        """Start and goal are poses in the map."""
+
+
+def turn_rad(start: Pose2D, path: Path) -> float:
+    """How far the robot turns before it can go: from its heading to the path's first."""
+    here = path.frame.pose_to_grid(start)
+    ahead = path.heading_rad[min(4, len(path.heading_rad) - 1)]
+    return abs(wrap_angle(float(ahead) - here.heading_rad))

@@ -1,1 +1,0 @@
-"""The state of the daemon's parts as plain values: captured in one daemon, restored in another."""

@@ -1,0 +1,76 @@
+"""Where the page and Foxglove's server listen, and how the robot is found on the network."""
+
+import re
+
+from pydantic import Field, field_validator
+
+from chefbotd.core.parameters import Parameters
+from chefbotd.rpc.parameters import is_loopback
+
+LABEL = r"[A-Za-z0-9]([A-Za-z0-9-]{0,61}[A-Za-z0-9])?"
+"""A label of a host's name: RFC 1123, section 2.1."""
+
+
+class PageParameters(Parameters):
+    """The page; who may do what there is what ``[api]`` says.
+
+    ``allowed_hosts`` are the names under which browsers may open it. Its addresses and ``localhost`` need no mention: a
+    foreign name is what an attack by DNS would come with.
+    """
+
+    enabled: bool = False
+    host: str = Field("127.0.0.1", min_length=1, description="address to listen on; loopback by default")
+    port: int = Field(7380, ge=0, le=65535, description="TCP port; 0 lets the system choose")
+    allowed_hosts: tuple[str, ...] = Field((), description='names of the robot, such as "chefbot.local"')
+
+    @field_validator("allowed_hosts")
+    @classmethod
+    def _are_names(cls, hosts: tuple[str, ...]) -> tuple[str, ...]:
+        for host in hosts:
+            if not host or any(character in host for character in "/:*@ "):
+                raise ValueError(
+                    f"expected names without scheme and port, such as chefbot.local, got {host!r}"
+                )
+        return tuple([host.lower() for host in hosts])
+
+
+class FoxgloveParameters(Parameters):
+    """The server for Foxglove, which only shows. Its protocol knows no tokens, so it stays on this computer."""
+
+    enabled: bool = False
+    host: str = Field(
+        "127.0.0.1", min_length=1, description="loopback; from elsewhere: ssh -L 8765:localhost:8765"
+    )
+    port: int = Field(8765, ge=0, le=65535, description="TCP port; 0 lets the system choose")
+
+    @field_validator("host")
+    @classmethod
+    def _stays_here(cls, host: str) -> str:
+        if not is_loopback(host):
+            raise ValueError(
+                f"the protocol of Foxglove knows no tokens, so it is served on this computer only, got {host!r}: "
+                "leave 127.0.0.1, and run ssh -L 8765:localhost:8765 on the other computer"
+            )
+        return host
+
+
+class DiscoveryParameters(Parameters):
+    """``name`` is what the robot is called on the network, with ``.local`` as a host; left out: ``[robot] name``."""
+
+    enabled: bool = False
+    name: str | None = Field(
+        None, description='such as "kitchen-bot": letters, digits and hyphens, at most 63'
+    )
+
+    @field_validator("name")
+    @classmethod
+    def _is_a_label(cls, name: str | None) -> str | None:
+        if name is not None and not re.fullmatch(LABEL, name):
+            raise ValueError(
+                f"expected letters, digits and hyphens, at most 63, such as kitchen-bot, got {name!r}"
+            )
+        return name
+
+    def label(self, robot: str) -> str:
+        """The name on the network; a robot's own name may hold what a host's may not."""
+        return self.name or re.sub(r"[^a-z0-9]+", "-", robot.lower()).strip("-")[:63].strip("-") or "chefbot"

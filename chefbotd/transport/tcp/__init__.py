@@ -1,1 +1,0 @@
-"""The command socket: one JSON object per line over TCP, with TLS if it is configured."""

@@ -1,0 +1,71 @@
+// Coming in: the daemon's greeting, the token if it asks for one, and what the role that comes with it may do.
+
+import { $, text } from "./dom.js";
+import { me } from "./words.js";
+
+const TOKEN_KEY = "chefbotd-token";
+const RANKS = ["observe", "drive", "admin"];
+const MAY = { observe: "watch and stop", drive: "drive" };
+
+export class Login {
+  #token = sessionStorage.getItem(TOKEN_KEY);
+
+  // ``begin`` is called with the capabilities each time the daemon has let this page in.
+  constructor(connection, begin) {
+    Object.assign(this, { connection, begin });
+    connection.addEventListener("hello", ({ detail }) => this.#greeted(detail));
+    // Without a token there is nothing else to do here: the dialog comes back.
+    $("login").addEventListener("close", () => { if (this.#token === null) $("login").showModal(); });
+    $("login-form").addEventListener("submit", () => {
+      this.#token = $("token").value.trim().split(/\s+/).at(-1); // a line of a token file, or the token alone
+      $("token").value = "";
+      text("login-told", "");
+      connection.connect();
+    });
+  }
+
+  async #greeted(hello) {
+    text("robot", hello.robot);
+    document.title = hello.robot;
+    if (hello.auth === "token" && this.#token === null) return this.#askForToken("");
+    const role = await this.#role();
+    if (role === null) return undefined;
+    this.connection.settled();
+    text("connection", "connected");
+    const can = await this.#permitted(new Set(hello.capabilities), role);
+    await this.connection.request("set_client_name", { client: me }).catch(() => {});
+    return this.begin(can);
+  }
+
+  // The role that the daemon gives, with or without a token; null where it lets nobody in.
+  async #role() {
+    try {
+      const { role } = await this.connection.request("authenticate", { token: this.#token ?? "" });
+      if (this.#token !== null) sessionStorage.setItem(TOKEN_KEY, this.#token);
+      return role;
+    } catch (error) {
+      if (error.kind !== "wrong_token") return null;
+      this.#token = null;
+      sessionStorage.removeItem(TOKEN_KEY);
+      this.#askForToken("This token opens nothing here.");
+      return null;
+    }
+  }
+
+  #askForToken(words) {
+    this.connection.disconnect();
+    text("login-told", words);
+    if (!$("login").open) $("login").showModal();
+  }
+
+  // The daemon's capabilities without the methods that this role may not use: those are as good as absent.
+  async #permitted(capabilities, role) {
+    $("role-part").hidden = !MAY[role];
+    text("role", MAY[role] ?? "");
+    if (!MAY[role]) return capabilities;
+    const { methods } = await this.connection.request("describe");
+    const refused = Object.entries(methods).filter(([, { role: needed }]) => RANKS.indexOf(needed) > RANKS.indexOf(role));
+    for (const [name] of refused) capabilities.delete(`method.${name}`);
+    return capabilities;
+  }
+}

@@ -1,0 +1,72 @@
+// What the robot sees: scans and ranges in the view, the list of sensors, and the robot's outline.
+
+import { $, element, text } from "./dom.js";
+import { device, range } from "./words.js";
+import { scanPoints } from "./view.js";
+
+export class Sensors {
+  #lines = new Map();
+
+  constructor(connection, view) {
+    this.view = view;
+    const on = (topic, take) => connection.addEventListener(`topic:${topic}`, ({ detail }) => take(detail.data));
+    on("odometry", (pose) => this.#showPose(pose));
+    on("map_pose", (pose) => view.setPose(pose, true));
+    on("scan", (scan) => {
+      view.scans.set(scan.lidar, scanPoints(scan));
+      $("legend-scan").hidden = false;
+      view.draw();
+    });
+    on("ranges", ({ ranges }) => {
+      view.ranges = ranges;
+      $("legend-range").hidden = ranges.length === 0;
+      for (const each of ranges) this.#lines.set(each.sensor, range(each));
+      this.#show();
+      view.draw();
+    });
+    on("lidars", ({ lidars }) => this.#devices(lidars, "lidar"));
+    on("depth_cameras", ({ cameras }) => this.#devices(cameras, "camera"));
+  }
+
+  begin(can) {
+    $("sensors-part").hidden = !["ranges", "lidars", "depth_cameras"].some((name) => can.has(`topic.${name}`));
+  }
+
+  #showPose(pose) {
+    this.view.setPose(pose, false);
+    const robot = this.view.robot;
+    text("pose", `x ${robot.x_m.toFixed(2)} m, y ${robot.y_m.toFixed(2)} m, heading ${((robot.heading_rad * 180) / Math.PI).toFixed(0)}°, `
+      + `${pose.linear_m_s.toFixed(2)} m/s, ${pose.angular_rad_s.toFixed(2)} rad/s`);
+  }
+
+  #devices(devices, key) {
+    for (const each of devices) this.#lines.set(each[key], device(each));
+    this.#show();
+  }
+
+  #show() {
+    const lines = [...this.#lines].map(([name, words]) => `${name.replaceAll("_", " ")}: ${words}`);
+    const items = $("sensors").children;
+    if (items.length !== lines.length) $("sensors").replaceChildren(...lines.map(() => element("li")));
+    lines.forEach((line, index) => { if (items[index].textContent !== line) items[index].textContent = line; });
+  }
+
+  // The outline and the sensors' places, from the robot's description.
+  describe({ urdf }) {
+    if (!urdf) return;
+    const { view } = this;
+    const robot = new DOMParser().parseFromString(urdf, "text/xml");
+    const numbers = (node, name) => (node?.getAttribute(name) ?? "0 0 0").split(/\s+/).map(Number);
+    const body = robot.querySelector('link[name="base_link"] > visual > geometry');
+    const [cylinder, box] = [body?.querySelector("cylinder"), body?.querySelector("box")];
+    if (cylinder) view.body = { radius: Number(cylinder.getAttribute("radius")) };
+    if (box) view.body = { size: numbers(box, "size").slice(0, 2) };
+    for (const joint of robot.querySelectorAll("joint")) {
+      const origin = joint.querySelector("origin");
+      const [[x, y], [, , yaw]] = [numbers(origin, "xyz"), numbers(origin, "rpy")];
+      const match = joint.getAttribute("name").match(/^(ultrasonic|infrared)(?:_(.+))?_joint$/);
+      if (match) view.mounts.set(match[2] ?? (match[1] === "ultrasonic" ? "front" : "infrared"), { x, y, yaw });
+    }
+    view.draw();
+  }
+}

@@ -1,0 +1,98 @@
+// What the page says: the daemon's names for states and errors in words, in this file only.
+// The daemon's own sentences are for people already; here clients and wheels get the names that people know.
+
+export const me = `page #${Math.random().toString(36).slice(2, 6)}`;
+
+// A wheel's name for people: "front left" for front_left_wheel.
+export const wheelName = (wheel) => wheel.replace(/_wheel$/, "").replaceAll("_", " ");
+
+export const sentence = (words) => (words ? words[0].toUpperCase() + words.slice(1) : "");
+
+// A sentence of the daemon: of pages only "this page" and "another page", and wheels without underscores.
+export function plain(reason) {
+  return (reason ?? "")
+    .replace(/\bpage #([a-z0-9]+)( \([^)]*\))?/g, (_, name) => (`page #${name}` === me ? "this page" : "another page"))
+    .replace(/\b[a-z]+(?:_[a-z]+)*_wheel\b/g, (wheel) => `the ${wheelName(wheel)} wheel`);
+}
+
+const FIELDS = {
+  x_m: "x", y_m: "y", heading_rad: "the heading", name: "the name", place: "the place", token: "the token",
+  kp: "kp", ki: "ki", kd: "kd", reason: "the reason", linear_m_s: "the speed", angular_rad_s: "the turning speed",
+};
+const REFUSED = {
+  not_connected: () => "The robot is not connected, so nothing was done.",
+  forbidden: () => "Your token does not allow this.",
+  unauthenticated: () => "Log in first.",
+  rate_limited: () => "Too many commands at once: this one was not carried out.",
+  too_many_jobs: () => "Too much is going on at once: wait until something has ended.",
+  too_many_clients: () => "Too many clients are connected to this robot.",
+  cancelled: () => "Cancelled.",
+  method_not_found: () => "This robot cannot do that.",
+  unknown_topic: () => "This robot does not have that.",
+  lease_held: ({ data }) => `${sentence(plain(data.holder))} drives.`,
+  stopped: ({ data, message }) => (data.stopped_by ? `Stopped by ${plain(data.stopped_by)}. Let go, then drive again.` : sentence(plain(message))),
+  invalid_params: ({ data }) => (data.fields ?? []).map(field).join(" ") || "This is not accepted.",
+};
+
+function field({ field: name, expected, got }) {
+  const last = name.split(".").at(-1);
+  const what = FIELDS[last] ?? "the value";
+  return `${sentence(what)}: ${expected.replace(/^(Input|Value|String|Number) /, "it ").replace(/^it should/, "this should")}, got ${got}.`;
+}
+
+// A refusal, as it is shown.
+export function refusal(error) {
+  return REFUSED[error.kind]?.(error) ?? sentence(plain(error.message));
+}
+
+// What holds the robot back, by the name that the daemon has for it.
+export function limit(by) {
+  const [what, name] = by.split(":");
+  if (what === "obstacle") return `there is an obstacle (${name.replaceAll("_", " ")})`;
+  if (what === "silent") return `${name.replaceAll("_", " ")} sees nothing at present`;
+  if (by === "dead_man") return "the driver's commands have stopped";
+  if (by === "encoders_stale") return "the wheels are not measured at present";
+  return "the robot's top speed";
+}
+
+export const MODES = {
+  armed: ["good", "Ready to drive"],
+  disarmed: ["bad", "Stopped by a fault"],
+  estopped: ["bad", "Emergency stop"],
+  no_board: ["warn", "Waiting for the board"],
+};
+
+export const GOAL = {
+  planning: "Looking for a way", driving: "Driving", recovering: "Looking for a way out", paused: "Paused",
+  reached: "Arrived", unreachable: "There is no way there", blocked: "The way is blocked", cancelled: "Cancelled",
+  lost: "The robot does not know where it is", fault: "Ended by a fault", idle: "No goal",
+};
+
+export const LOCATED = {
+  unknown: "It is not known where the robot is.",
+  searching: "The robot looks for where it is. Drive a bit.",
+  localized: "The robot knows where it is.",
+  uncertain: "The robot is not sure where it is.",
+  lost: "The robot does not know where it is. Drive a bit, or say where it is.",
+};
+
+export const MAPPING = { mapping: "Making a map", paused: "Making of the map is paused", finishing: "Finishing the map", idle: "" };
+
+const DEVICE = {
+  unknown: "not known yet", healthy: "works", silent: "sends nothing", wrong_baud: "speaks at another speed", wrong_device: "is another device",
+  echo_stuck: "does not confirm commands", motor_stalled: "does not turn", frozen: "repeats itself", device_error: "reports an error",
+  down: "not connected",
+};
+const RANGE = { too_near: "too near", too_far: "nothing near", no_echo: "no echo", ambiguous: "near or far, it cannot tell" };
+const BATTERY = { low: "low", critical: "almost empty" };
+
+export const device = ({ healthy, condition, reason }) => (
+  healthy === false ? [DEVICE[condition] ?? "does not work", plain(reason)].filter(Boolean).join(": ") : "works");
+export const range = ({ status, range_m }) => (range_m === null ? RANGE[status] ?? "no reading" : `${range_m.toFixed(2)} m`);
+export const battery = ({ voltage_v, percentage, status }) => (
+  [`${voltage_v.toFixed(1)} V, ${percentage.toFixed(0)} %`, BATTERY[status]].filter(Boolean).join(", "));
+
+// What a daemon's reason adds to a state: it may begin with the state's own name, or with its verb.
+export function because(state, reason) {
+  return plain((reason ?? "").replace(new RegExp(`^(${state}:? ?)+`), "").replace(/^drives (?=to )/, ""));
+}

@@ -1,0 +1,116 @@
+"""What the skill ``navigation`` is asked, and its steps; it tells the events of ``core.events.navigation``, too.
+
+The daemon's side loads neither numpy nor a compiler.
+"""
+
+from pathlib import Path
+from typing import Final, TypeAlias
+
+import msgspec
+
+from chefbotd.core.events.navigation import GoalResult, NavigationData, PathData
+from chefbotd.core.geometry import Twist2D
+from chefbotd.core.parameters import Parameters
+from chefbotd.core.record import Record
+from chefbotd.worker.messages import Message
+from chefbotd.worker.parameters import NavigationSection
+
+SKILL: Final = "navigation"
+
+
+class NavigationSkillParameters(Parameters):
+    """What the daemon tells the skill when it starts it: its section, no faster than the wheels can go.
+
+    The robot's outline is a circle or a box about its origin.
+
+    ``cameras`` are the depth cameras whose scans count beside those by which localization finds the way;
+    ``silent_speed_m_s`` is what the gate lets a rim go while the board waits for echoes that do not come.
+    """
+
+    folder: Path
+    radius_m: float | None
+    half_length_m: float
+    half_width_m: float
+    navigation: NavigationSection
+    silent_speed_m_s: float
+    cameras: tuple[str, ...] = ()
+
+
+class GoalAsked(Message, frozen=True, tag="goal"):
+    """A goal in the map in use, and the number that it has in the daemon."""
+
+    number: int
+    x_m: float
+    y_m: float
+    heading_rad: float | None
+    tolerance_m: float
+
+
+# Requests
+
+
+class NavigateTo(Message, frozen=True, tag="navigate_to"):
+    """Drive to these, one after the other; goals before them end, unless ``queue``."""
+
+    goals: tuple[GoalAsked, ...]
+    queue: bool
+
+
+class KeepGoals(Message, frozen=True, tag="keep_goals"):
+    """Of all goals only these, by the daemon's numbers, are left; it has told how the others ended."""
+
+    numbers: tuple[int, ...]
+
+
+class Pause(Message, frozen=True, tag="pause"):
+    """Stand until ``Resume``; ``reason`` says why."""
+
+    reason: str
+
+
+class Resume(Message, frozen=True, tag="resume"):
+    """Go on."""
+
+
+class PlanTo(Message, frozen=True, tag="plan_to"):
+    """Tell what would be driven."""
+
+    goal: GoalAsked
+
+
+class Show(Message, frozen=True, tag="show"):
+    """Tell what people look at, from now on or no more; all of the costs, where somebody begins to look."""
+
+    costmap: bool
+    obstacles: bool
+
+
+class CheckMap(Message, frozen=True, tag="check_map"):
+    """Tell whether there is something wrong with the map in use."""
+
+
+NavigationRequest: TypeAlias = NavigateTo | KeepGoals | Pause | Resume | PlanTo | Show | CheckMap
+
+# Answered, and told
+
+
+class MapChecked(Record, frozen=True):
+    """Why nobody drives on the map in use; empty where nothing is wrong with it."""
+
+    problem: str
+
+
+class Stepped(Record, frozen=True):
+    """What navigation does, and the ``twist`` that it wishes the robot to have now (None: none), in one message.
+
+    ``path`` is told when it is another one than before.
+    """
+
+    stamp_s: float
+    twist: Twist2D | None
+    now: NavigationData
+    ended: tuple[GoalResult, ...]
+    path: PathData | None
+
+
+REQUEST: Final = msgspec.msgpack.Decoder(NavigationRequest)

@@ -1,0 +1,163 @@
+"""``chefbotctl serve``: a simulated ChefBot localizes itself, drives to three tables, and comes home."""
+
+import asyncio
+import math
+import tempfile
+import time
+from pathlib import Path
+from typing import Final
+
+import chefbotd.sim.worlds
+from chefbotd.cli.common.context import CommandContext, beside
+from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.cli.drive.control import ignoring_too_old
+from chefbotd.cli.drive.simulated_daemon import simulated_daemon, until_worker_ready
+from chefbotd.cli.maps.draw import MapMark
+from chefbotd.cli.navigate.view import PLACE, NavigationScene, Show, listen
+from chefbotd.client import Client
+from chefbotd.client.errors import GoalNotReached
+from chefbotd.core.geometry import Pose2D, wrap_angle
+from chefbotd.sim.scene import of_solids
+from chefbotd.sim.worlds.flat import FLAT
+from chefbotd.sim_parameters.motor import SimBodyParameters
+from examples import order
+from examples.legs import Best, Leg, Truth, ended_leg
+from examples.serve_report import Found, Served
+
+MAP: Final = Path(chefbotd.sim.worlds.__file__).parent / "flat.yaml"
+LOOK_S, LOOK_RAD_S, FOUND_S = 4.0, 0.5, 40.0
+"""It looks for so long while it stands; then it turns, so that it sees from more sides."""
+
+LEG_S, ORDER_S = 75.0, 165.0
+"""The longest time for one leg, and for the whole order from the loaded map on: three minutes with the start."""
+
+TRUTH_HZ, SENT_AGAIN_S = 25.0, 0.2
+
+
+class Serve:
+    """One run; ``show`` is called with each change."""
+
+    def __init__(self, places: tuple[str, ...], show: Show) -> None:
+        self._places, self._show = places, show
+        self._scene = NavigationScene(doing="starting the simulated robot")
+        body = SimBodyParameters()
+        world = of_solids(FLAT.solids).below(body.height_m)
+        self._truth = Truth(world, body.radius_m)
+        chair = (order.CHAIR.x_m, order.CHAIR.y_m, order.CHAIR.radius_m)
+        self._due_s = math.inf
+        self._best = Best(FLAT.grid(), [chair], body.radius_m)
+
+    async def run(self) -> Served:
+        """Start the robot, and have the order carried out.
+
+        Raises:
+            ProgramError: it could not be begun with, and why. A leg that fails is in the result.
+        """
+        self._show(self._scene)
+        with tempfile.TemporaryDirectory(prefix="chefbotctl-") as folder:
+            environment = order.environment(Path(folder) / "maps")
+            async with simulated_daemon("chefbot_lidar", environment) as (where, _):
+                return await CommandContext(where).with_client(self._with_robot)
+
+    async def _with_robot(self, robot: Client) -> Served:
+        began_s = time.monotonic()
+        await robot.wait_until_armed()
+        await until_worker_ready(robot, self._say)
+        async with beside(self._watch_truth(robot), listen(robot, self._scene, self._show)):
+            await self._load_map(robot)
+            self._due_s = time.monotonic() + ORDER_S
+            start = await self._find(robot)
+            legs: list[Leg] = []
+            for place in self._places:
+                legs.append(await self._leg(robot, place))
+                if legs[-1].end != "reached":
+                    break
+        return Served(start, tuple(legs), time.monotonic() - began_s)
+
+    async def _watch_truth(self, robot: Client) -> None:
+        async with robot.subscribe("sim", max_rate_hz=TRUTH_HZ) as events:
+            async for event in events:
+                data = event.data
+                discs = tuple((disc.x_m, disc.y_m, disc.radius_m) for disc in data.discs)
+                pose = Pose2D(data.x_m, data.y_m, data.heading_rad)
+                self._truth.add_pose(pose, discs, in_contact=data.in_contact)
+                self._scene.discs = discs
+
+    async def _load_map(self, robot: Client) -> None:
+        self._say("loading the map of the flat")
+        await robot.import_map(str(MAP), FLAT.name)
+        for name, pose in order.PLACES.items():
+            await robot.save_place(name, pose.x_m, pose.y_m, pose.heading_rad, of_map=FLAT.name)
+        await robot.load_map(FLAT.name)
+        self._scene.grid = (await robot.get_map(FLAT.name)).grid()
+        self._scene.places = tuple(
+            MapMark(pose.x_m, pose.y_m, label=name, style=PLACE) for name, pose in order.PLACES.items()
+        )
+
+    # where it is
+
+    async def _find(self, robot: Client) -> Found:
+        """Wait until it knows where it is; after a while it turns, so that it sees more.
+
+        Raises:
+            ProgramError: it did not find out.
+        """
+        self._say("finding out where it is")
+        began_s, turns = time.monotonic(), False
+        try:
+            async with asyncio.timeout(FOUND_S):
+                while self._scene.localization != "localized" or self._scene.tracker.pose is None:
+                    await asyncio.sleep(0.1)
+                    if time.monotonic() - began_s > LOOK_S:
+                        turns = True
+                        await robot.drive(0.0, LOOK_RAD_S)
+        except TimeoutError:
+            reason = f"it did not find out where it is within {FOUND_S:g} s: {self._scene.localization}"
+            raise ProgramError(Exit.NOT_DONE, reason) from None
+        took_s = time.monotonic() - began_s
+        if turns:
+            await robot.stop()
+            await robot.release_control()
+            await asyncio.sleep(1.0)
+        return self._start_of(took_s, turned=turns)
+
+    def _start_of(self, took_s: float, *, turned: bool) -> Found:
+        pose, true = self._scene.tracker.pose, self._truth.pose
+        if pose is None or true is None:
+            raise ProgramError(Exit.NOT_DONE, "the pose of the robot is not known")
+        off_m = math.dist((pose.x_m, pose.y_m), (true.x_m, true.y_m))
+        return Found(took_s, off_m, abs(wrap_angle(pose.heading_rad - true.heading_rad)), turned)
+
+    # legs
+
+    async def _leg(self, robot: Client, place: str) -> Leg:
+        """Send it to a place, and wait for the end."""
+        self._say(f"to {place}" if place in order.TABLES else f"home to the {place}")
+        self._truth.begin_leg()
+        start, began_s = self._truth.pose or order.START, time.monotonic()
+        end = await self._end_of(robot, place)
+        seconds = time.monotonic() - began_s
+        await asyncio.sleep(0.3)  # it stands, and the truth of that has arrived
+        return ended_leg(place, start, order.PLACES[place], end, seconds, self._truth, self._best)
+
+    async def _end_of(self, robot: Client, place: str) -> tuple[str, str]:
+        limit_s = max(1.0, min(LEG_S, self._due_s - time.monotonic()))
+        try:
+            async with asyncio.timeout(limit_s):
+                return "reached", await self._sent(robot, place)
+        except GoalNotReached as error:
+            return error.end, error.reason
+        except TimeoutError:
+            await robot.cancel_navigation()
+            return "timed out", f"not there within {limit_s:.0f} s; last: {self._scene.reason}"
+
+    async def _sent(self, robot: Client, place: str) -> str:
+        """On a busy computer a request may be too old before it is read: then it is sent again, until the leg's end."""
+        while True:
+            with ignoring_too_old():
+                return await robot.navigate_to(place=place)
+            await asyncio.sleep(SENT_AGAIN_S)
+
+    def _say(self, doing: str) -> None:
+        self._scene.doing = doing
+        self._show(self._scene)

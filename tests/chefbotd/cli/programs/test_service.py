@@ -1,0 +1,113 @@
+"""chefbotd install-service and uninstall-service, as they are typed."""
+
+import json
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from click.testing import CliRunner
+
+from chefbotd.cli.common.exits import Exit
+from chefbotd.cli.programs import service as commands
+from chefbotd.cli.programs.chefbotd import main
+from chefbotd.process.installation import host
+from chefbotd.process.installation.host import Host
+
+SYSTEM = Path("/")
+
+
+class NotThisComputer(Host):
+    """A host that is never the computer on which the tests run, whoever runs them."""
+
+    def __init__(self, root: Path = SYSTEM) -> None:
+        assert root != SYSTEM, "a test was about to change this computer"
+        super().__init__(root)
+
+
+NEEDED = ("systemd-sysusers", "systemctl", "fakeroot")
+
+
+@pytest.fixture(autouse=True)
+def program(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
+    """An installed program."""
+    path = tmp_path / "bin" / "chefbotd"
+    monkeypatch.setattr(commands, "_program", lambda: path)
+    monkeypatch.setattr(host, "Host", NotThisComputer)
+    return path
+
+
+def test_a_dry_run_says_everything_and_writes_nothing(tmp_path: Path):
+    """The folder stays empty; as JSON each step says whether it would change something."""
+    root = tmp_path / "root"
+    root.mkdir()
+    plain = CliRunner().invoke(main, ["install-service", "--dry-run", "--root", str(root)])
+    assert plain.exit_code == 0
+    asked = CliRunner().invoke(main, ["install-service", "--dry-run", "--root", str(root), "--json"])
+    told = json.loads(asked.output)
+    assert told["dry_run"] is True
+    assert [step["step"] for step in told["steps"]] == plain.output.splitlines()
+    assert all(step["changes"] for step in told["steps"])
+    assert list(root.iterdir()) == []
+
+
+@pytest.mark.parametrize("command", ["install-service", "uninstall-service"])
+def test_without_root_the_command_to_type_is_told(
+    monkeypatch: pytest.MonkeyPatch, program: Path, command: str
+):
+    """With the program's whole path, which sudo would not find, and the options that were typed."""
+    monkeypatch.setattr(os, "geteuid", lambda: 1000)
+    monkeypatch.setattr(sys, "argv", ["chefbotd", command, "--robot", "khan"])
+    monkeypatch.setattr(commands, "_require_reachable", lambda program: None)
+    typed = [command, "--robot", "khan"] if command == "install-service" else [command]
+    refused = CliRunner().invoke(main, typed)
+    assert refused.exit_code == Exit.FAILED
+    assert f"run: sudo {program} {command} --robot khan" in refused.output
+
+
+def test_a_program_in_a_home_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
+    """The unit's ProtectHome= hides it: the message names it and says what to do instead."""
+    monkeypatch.setattr(commands, "HIDDEN_FROM_SERVICES", (str(tmp_path),))
+    monkeypatch.setattr(os, "geteuid", lambda: 0)
+    refused = CliRunner().invoke(main, ["install-service"])
+    assert refused.exit_code == Exit.FAILED
+    assert f"is in {tmp_path}, which the service cannot see" in refused.output
+    assert "docs/service.md" in refused.output
+
+
+def test_a_robot_that_is_not_known_is_told(tmp_path: Path):
+    """With those that there are."""
+    refused = CliRunner().invoke(
+        main, ["install-service", "--dry-run", "--root", str(tmp_path), "--robot", "hal"]
+    )
+    assert refused.exit_code == Exit.BAD_CONFIGURATION
+    assert "khan" in refused.output
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(any(shutil.which(name) is None for name in NEEDED), reason=f"needs {', '.join(NEEDED)}")
+def test_the_real_commands_install_into_a_folder_and_a_second_run_changes_nothing(tmp_path: Path):
+    """With systemd's own programs, in fakeroot: a user of the system, the unit enabled, everything back by --purge."""
+    root = tmp_path / "root"
+    (root / "etc").mkdir(parents=True)
+
+    def chefbotd(*arguments: str) -> list[str]:
+        inner = f"from chefbotd.cli.programs.chefbotd import main; main({[*arguments, '--root', str(root)]})"
+        state = tmp_path / "fakeroot"
+        state.touch()
+        kept = ("fakeroot", "-i", str(state), "-s", str(state), sys.executable, "-c", inner)
+        done = subprocess.run(kept, capture_output=True, text=True, check=False)
+        assert done.returncode == 0, done.stderr
+        return done.stdout.splitlines()
+
+    planned = chefbotd("install-service", "--dry-run")
+    assert chefbotd("install-service") == planned
+    assert any(line.startswith("chefbotd:") for line in (root / "etc/passwd").read_text().splitlines())
+    assert "dialout" in (root / "etc/group").read_text()
+    assert (root / "etc/systemd/system/multi-user.target.wants/chefbotd.service").is_symlink()
+    assert all(line.endswith("unchanged") for line in chefbotd("install-service"))
+    chefbotd("uninstall-service")
+    assert not (root / "etc/systemd/system/chefbotd.service").exists()
+    assert (root / "etc/chefbotd/tokens").exists()

@@ -1,0 +1,90 @@
+"""Refusals and reasons are sentences for people: a page, a screen reader or a voice can say them as they are.
+
+What a program needs is the error's ``kind``, whose meaning names the remedy's method (``describe``, docs/api.md).
+"""
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+import chefbotd
+
+ROOT = Path(chefbotd.__file__).parent
+NOT_ON_THE_PAGE = {
+    *(
+        "cli",
+        "client",
+        "doctor",
+        "process",
+        "replay",
+        "settings",
+        "sim",
+        "sim_parameters",
+        "snapshot",
+        "testing",
+    ),
+    *(
+        "recording/encoder.py",
+        "rpc/jsonrpc.py",
+        "rpc/access.py",
+        "rpc/parameters.py",
+        "transport/web/server.py",
+    ),
+}
+"""What is read on a terminal, in a recording or as HTTP; and what the kinds of errors mean, which is for programs."""
+
+UNSEEN = {"ValueError", "TypeError", "Field", "Meta", "debug", "info", "warning", "error"}
+"""Calls whose texts the page never shows: bad configuration, the descriptions of models, the log."""
+
+FOR_PROGRAMS = re.compile(
+    r"[a-z0-9]_[a-z]|\bsend '?[a-z]+'?\b(?! it)|(?<!\w)\[[a-z]+\]|'[a-z]+' allows|\bchefbotctl\b"
+)
+"""Names of parameters, methods, keys and commands."""
+
+
+def sentences(tree: ast.AST) -> Iterator[tuple[int, str]]:
+    """Every text with a space in it that may be shown, by its line."""
+    unseen: set[int] = set()
+    for node in ast.walk(tree):
+        docstring = isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant)
+        if docstring or (isinstance(node, ast.Call) and _name(node.func) in UNSEEN):
+            unseen.update(id(each) for each in ast.walk(node))
+    for node in ast.walk(tree):
+        is_text = isinstance(node, ast.Constant) and isinstance(node.value, str)
+        if is_text and id(node) not in unseen and " " in node.value.strip():
+            yield node.lineno, node.value
+
+
+def _name(function: ast.expr) -> str:
+    return getattr(function, "id", getattr(function, "attr", ""))
+
+
+def test_no_sentence_names_a_parameter_a_method_or_a_key() -> None:
+    """Refusals, reasons of stops, of goals and of devices: whatever the page can show says what to do in words."""
+    found = [
+        f"{path.relative_to(ROOT)}:{line}: {text}"
+        for path in sorted(ROOT.rglob("*.py"))
+        if not {path.relative_to(ROOT).parts[0], str(path.relative_to(ROOT))} & NOT_ON_THE_PAGE
+        for line, text in sentences(ast.parse(path.read_text()))
+        if FOR_PROGRAMS.search(text)
+    ]
+    assert found == []
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "there is an unfinished map: continue it (unfinished = true), or send discard_mapping",
+        "the robot is disarmed; send 'arm' first",
+        "the board has restarted; 'arm' allows motion again",
+        "nothing is kept in memory: [recording] ring_s is 0",
+        "check the gains ([pid])",
+        "; mend that, then send localize",
+    ],
+)
+def test_what_is_for_programs_is_recognized(text: str) -> None:
+    """The sentences that people were shown once."""
+    assert FOR_PROGRAMS.search(text)

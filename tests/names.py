@@ -1,0 +1,88 @@
+"""Refuses names that say nothing: ``python -m tests.names``, a part of ``make lint``.
+
+A name says what a thing is (``message``, ``poses``), in the field's own terms. The words below say only that there is
+something: each was given to dozens of different things. ``WORDS`` is the one list; it is short on purpose.
+"""
+
+import ast
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+WORDS = frozenset(
+    {"told", "found", "each", "known", "wanted", "there", "way", "anew", "somebody", "taken", "bury", "glow"}
+)
+"""Names of variables, parameters, functions and attributes, with or without leading underscores.
+
+Not of the fields of a record: they are keys of the socket, of files and of recordings.
+"""
+
+CLASSES = frozenset(
+    {
+        "Awareness",
+        "Beginnings",
+        "Contenders",
+        "EdgeBasket",
+        "Hears",
+        "Intake",
+        "Known",
+        "Meets",
+        "Orders",
+        "Piece",
+    }
+    | {"Rung", "Shown", "Taken", "Told", "Whereabouts"}
+)
+"""Names of classes that a reader has to look up."""
+
+FOLDERS = ("chefbotd", "firmware_protocol", "examples")
+_OLD = (
+    "client features/localization features/maps features/navigation link localization mapping maps navigation"
+)
+NOT_YET = tuple(
+    f"chefbotd/{name}/" for name in f"cli/drive cli/maps recording replay rpc worker {_OLD}".split()
+)
+"""Where names from before this rule are left: a folder that has none of them any more leaves this list."""
+
+
+def refused(source: str) -> Iterator[tuple[int, str]]:
+    """The line and the name of each definition that says nothing."""
+    tree = ast.parse(source)
+    fields = {
+        id(row.target) for row in ast.walk(tree) if isinstance(row, ast.AnnAssign) and row.value is None
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.ClassDef):
+            if node.name.strip("_") in CLASSES:
+                yield node.lineno, node.name
+        elif id(node) not in fields and (name := _defined(node)) is not None and name.strip("_") in WORDS:
+            yield node.lineno, name
+
+
+def _defined(node: ast.AST) -> str | None:
+    match node:
+        case ast.Name(ctx=ast.Store()):
+            return node.id
+        case ast.Attribute(ctx=ast.Store()):
+            return node.attr
+        case ast.arg():
+            return node.arg
+        case ast.FunctionDef() | ast.AsyncFunctionDef():
+            return node.name
+    return None
+
+
+def main() -> int:
+    """Print each refused name with its place; 1 if there is any."""
+    count = 0
+    for folder in FOLDERS:
+        for path in sorted(Path(folder).rglob("*.py")):
+            if str(path).startswith(NOT_YET):
+                continue
+            for line, name in sorted(set(refused(path.read_text(encoding="utf-8")))):
+                print(f"{path}:{line}: {name!r} says nothing: name it for what it is (tests/names.py)")  # noqa: T201
+                count += 1
+    return 1 if count else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,107 @@
+"""The page speaks to people: no name of a method, a parameter, a key or a client is shown."""
+
+import re
+from typing import Any
+
+import pytest
+
+from chefbotd.core.events.robot import RangeStatus
+from chefbotd.features.driving.safety_keeper import ENCODERS_STALE, NO_BOARD
+from chefbotd.link.health import Condition
+from chefbotd.link.lidar.health import LidarCondition
+from chefbotd.rpc.jsonrpc import ERRORS
+from chefbotd.safety.gate import DEAD_MAN, Mode
+from chefbotd.safety.scan_guard import OBSTACLE, SILENT
+from tests.scenarios.page.browser import NEEDS_BROWSER, FakeDaemon, sync_api, until
+
+pytestmark = [pytest.mark.slow, pytest.mark.realtime, NEEDS_BROWSER]
+
+FOR_PROGRAMS = re.compile(r"\w_\w|undefined|null|NaN|\[object")
+SAFE = {"mode": "armed", "reason": "armed", "armed": True, "source": None, "control": {}, "limited_by": None}
+GOAL_STATES = (
+    *("planning", "driving", "recovering", "paused"),
+    *("reached", "unreachable", "blocked", "cancelled", "lost", "fault"),
+)
+
+
+def shown(page: Any) -> str:
+    """Every word on the page, also of parts that are hidden at present."""
+    words: str = page.locator("body").evaluate("body => [...body.children].map(e => e.textContent).join(' ')")
+    return words
+
+
+def test_every_refusal_is_a_sentence(page: Any, daemon: FakeDaemon) -> None:
+    """Whatever kind of refusal an action of the page ends with, the alert has a sentence and none of its names."""
+    for kind, error in ERRORS.items():
+        data: dict[str, Any] = {"kind": str(kind)}
+        message = "the lidar is not connected"
+        if kind == "invalid_params":
+            message = "x_m: Input should be less than or equal to 1000, got 5000"
+            expected = "Input should be less than or equal to 1000"
+            data["fields"] = [{"field": "waypoints.0.x_m", "expected": expected, "got": "5000"}]
+        if kind == "lease_held":
+            data |= {"source": "teleop", "holder": "page #a1b2 (10.0.0.7:5)"}
+        if kind == "stopped":
+            data |= {"source": "teleop", "stopped_by": "Ann (10.0.0.7:5)", "stop_hold_s": 1.0}
+        daemon.refusal = {"code": error.code, "message": message, "data": data}
+        page.locator("#alert").evaluate("alert => { alert.textContent = ''; }")
+        page.locator("#stop").click()
+        alert = page.locator("#alert")
+        sync_api.expect(alert).to_have_text(re.compile(r"^[A-Z].*\.?$"))
+        assert not FOR_PROGRAMS.search(alert.inner_text()), kind
+        if kind == "invalid_params":
+            sync_api.expect(alert).to_have_text("X: this should be less than or equal to 1000, got 5000.")
+        if kind == "lease_held":
+            sync_api.expect(alert).to_have_text("Another page drives.")
+        if kind == "out_of_range":
+            sync_api.expect(alert).to_have_text("The lidar is not connected")
+
+
+def test_every_state_is_told_in_words(page: Any, daemon: FakeDaemon) -> None:
+    """Modes, limits, goals, devices, ranges, and the wheel of a fault."""
+    limits = [
+        DEAD_MAN,
+        ENCODERS_STALE,
+        f"{OBSTACLE}front_left",
+        f"{SILENT}lidar_top",
+        "drive.max_linear_m_s",
+    ]
+    for mode in (*Mode, NO_BOARD):
+        daemon.say("safety", **{**SAFE, "mode": str(mode), "armed": False, "reason": "left_wheel is stuck"})
+        sync_api.expect(page.locator("#mode-reason")).to_contain_text("the left wheel is stuck")
+        assert not FOR_PROGRAMS.search(shown(page)), mode
+    for by in limits:
+        daemon.say("safety", **{**SAFE, "limited_by": by})
+        sync_api.expect(page.locator("#mode-reason")).to_contain_text("slower than asked: ")
+        assert not FOR_PROGRAMS.search(shown(page)), by
+    for state in GOAL_STATES:
+        daemon.say("navigation", state=state, goal=1, reason=f"{state}: why {state}", distance_m=1.0)
+        sync_api.expect(page.locator("#goal")).to_contain_text(f": why {state}")
+    for state in ("unknown", "searching", "localized", "uncertain", "lost"):
+        daemon.say("localization", state=state, map="flat", fit=0.5, reason=f"so {state}")
+        sync_api.expect(page.locator("#map-told")).to_contain_text(f"so {state}")
+    for condition in {str(each) for each in (*LidarCondition, *Condition)} - {"healthy"}:
+        lidar = {"lidar": "top", "healthy": False, "condition": condition, "reason": f"why {condition[:4]}"}
+        daemon.say("lidars", lidars=[lidar])
+        sync_api.expect(page.locator("#sensors")).to_contain_text(f"why {condition[:4]}")
+        assert not FOR_PROGRAMS.search(shown(page)), condition
+    for status in RangeStatus:
+        measured = {"range_m": 1.0 if status == "ok" else None, "max_range_m": 4.0, "field_of_view_rad": 0.5}
+        daemon.say("ranges", ranges=[{"sensor": str(status), "status": str(status), **measured}])
+        name = str(status).replace("_", " ")
+        sync_api.expect(page.locator("#sensors")).to_contain_text(f"{name}: ")
+    assert not FOR_PROGRAMS.search(shown(page))
+
+
+def test_a_cancelled_goal_says_once_by_whom(page: Any, daemon: FakeDaemon) -> None:
+    """By this page, by another page, or by a client with a name of its own: no page's id, no address of ours."""
+    assert until(lambda: daemon.was_asked("set_client_name"))
+    me = daemon.last("set_client_name")["client"]
+    goal = page.locator("#goal")
+    for who, words in (
+        (f"{me} (127.0.0.1:50312)", "Cancelled: by this page"),
+        ("page #zzzz (10.0.0.7:50312)", "Cancelled: by another page"),
+        ("Ann's joystick (10.0.0.7:50312)", "Cancelled: by Ann's joystick (10.0.0.7:50312)"),
+    ):
+        daemon.say("navigation", state="cancelled", goal=1, reason=f"cancelled: by {who}", distance_m=None)
+        sync_api.expect(goal).to_have_text(words)

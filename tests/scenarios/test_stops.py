@@ -1,0 +1,113 @@
+"""The whole daemon, and several clients that drive, stop and arm in any order: whom a stop holds moves nothing."""
+
+import asyncio
+import random
+from contextlib import AsyncExitStack
+
+import pytest
+from structlog.testing import capture_logs
+
+from chefbotd.client import CallError, Client
+from chefbotd.clock import run_virtual
+from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+from tests.chefbotd.features.driving.stop_rule import Deed, is_held
+
+TRIES = ("drive", "zero", "navigation")
+ASKED = (*TRIES, "drive", "drive", "stop", "estop", "arm", "arm", "take", "release", "reconnect")
+WAITS_S = {"wait a little": 0.4, "wait long": 1.1}
+
+
+class Clients:
+    """Clients by name, each on the newest of its connections, and what they have done so far."""
+
+    def __init__(self, robot: SimulatedRobot, stack: AsyncExitStack) -> None:
+        self._robot, self._stack = robot, stack
+        self._clients: dict[str, tuple[int, Client, AsyncExitStack]] = {}
+        self._connections = 0
+        self._deeds: list[Deed] = []
+
+    async def do(self, who: str, what: str) -> str:
+        """One step; the kind of its error, or nothing. A drive is carried out just where the rule lets it."""
+        await asyncio.sleep(WAITS_S.get(what, 0.1))
+        if what in WAITS_S:
+            return ""
+        number, client = await self._connected(who)
+        before = await self._robot.client.get_state()
+        now_s, latched = asyncio.get_running_loop().time(), before.safety.mode == "estopped"
+        kind, taken_from = "", None
+        try:
+            taken_from = await self._ask(client, who, what)
+        except CallError as refusal:
+            kind = str(refusal.kind)
+        if what in TRIES:
+            source = "navigation" if what == "navigation" else "teleop"
+            held = latched or is_held(self._deeds, number, source, now_s)
+            self._deeds.append(Deed(now_s, number, "try", source, latched))
+            assert kind or not held, f"{who} moves the robot, though a stop holds it"
+            assert held or kind != "stopped", f"{who} is held by nothing"
+        elif what in ("stop", "estop"):
+            self._deeds.append(Deed(now_s, number, what))
+        elif (what == "arm" and not kind) or taken_from is not None:
+            self._deeds.append(Deed(now_s, number, "ask", "" if what == "arm" else "teleop"))
+        return kind
+
+    async def _connected(self, who: str) -> tuple[int, Client]:
+        if who not in self._clients:
+            host, port = await self._robot.daemon.server.address()
+            own = await self._stack.enter_async_context(AsyncExitStack())
+            client = await own.enter_async_context(Client.connect(host, port, name=who))
+            self._connections += 1
+            self._clients[who] = self._connections, client, own
+        number, client, _ = self._clients[who]
+        return number, client
+
+    async def _ask(self, client: Client, who: str, what: str) -> str | None:
+        if what in TRIES:
+            source = "navigation" if what == "navigation" else "teleop"
+            await client.drive(0.0 if what == "zero" else 0.2, 0.0, source)
+        elif what == "take":
+            return await client.take_control()
+        elif what == "release":
+            await client.release_control()
+        elif what == "reconnect":
+            await self._clients.pop(who)[2].aclose()
+        else:
+            await {"stop": client.stop, "estop": client.estop, "arm": client.arm}[what]()
+        return None
+
+
+async def play(steps: list[tuple[str, str]]) -> tuple[list[str], float]:
+    """Do all this on the simulated robot; the kinds of the errors, and the way that the robot went."""
+    async with simulated_robot() as robot, AsyncExitStack() as stack:
+        await asyncio.sleep(1.0)
+        clients = Clients(robot, stack)
+        kinds = [await clients.do(*step) for step in steps]
+        return kinds, abs(robot.board.truth(0.0).world_from_base.x_m)
+
+
+REPEATED = [("Ann", "drive")] * 20
+RECONNECTED = [step for _ in range(10) for step in (("Ann", "drive"), ("Ann", "reconnect"))]
+
+
+@pytest.mark.parametrize("repeated", [REPEATED, RECONNECTED], ids=["one connection", "a new one each"])
+def test_another_clients_estop_zero_and_arm_let_nobody_drive_on(repeated: list[tuple[str, str]]) -> None:
+    """Ann repeats through Bob's estop, drive of zero and arm: she moves nothing until she has let go for a second."""
+    bob = [("Bob", "estop"), *repeated[:2], ("Bob", "zero"), ("Bob", "arm")]
+    with capture_logs():
+        kinds, went_m = run_virtual(play([*bob, *repeated]))
+        assert went_m < 0.001
+        assert [
+            kind for kind, (_, what) in zip(kinds[len(bob) :], repeated, strict=True) if what == "drive"
+        ] == ["stopped"] * sum(what == "drive" for _, what in repeated)
+        kinds, went_m = run_virtual(play([*bob, *repeated, ("all", "wait long"), ("Ann", "drive")]))
+        assert kinds[-1] == ""
+
+
+@pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 40))])
+def test_random_sequences_of_three_clients_keep_the_rule(seed: int) -> None:
+    """A hundred steps: drives, stops, arms, takeovers, reconnects and waits."""
+    choose = random.Random(seed)
+    steps = [(who, what) for who in ("Ann", "Bob", "Carl") for what in ASKED]
+    steps += [("all", "wait a little")] * 3 + [("all", "wait long")]
+    with capture_logs():
+        run_virtual(play(choose.choices(steps, k=100)))
