@@ -127,12 +127,14 @@ def test_a_flood_ends_the_connection(line: bytes) -> None:
 
 
 def test_a_client_that_reads_nothing_is_counted_when_it_is_cut_off() -> None:
-    """Five seconds after it has stopped reading its answers it is gone, and the log says why."""
+    """Once it has taken none of its answers for five seconds it is gone, and the log says why."""
 
     async def scenario(served: Served, client: LineClient) -> None:
         client.stop_reading()
         client.send_raw(b'{"jsonrpc":"2.0","id":1,"method":"describe"}\n' * 400)
-        for _ in range(60):
+        for _ in range(600):  # the kernel takes what it has room for in its own time
+            if not served.clients:
+                break
             await asyncio.sleep(0.1)
         assert (served.clients, served.refused) == (0, {"timed_out": 1})
 

@@ -11,7 +11,6 @@ import pytest
 import uvloop
 from structlog.testing import capture_logs
 
-from chefbotd.clock import run_virtual
 from tests.budget import sample
 from tests.chefbotd.rpc.test_guarded import TOKENS, tls_guard, trusting
 from tests.fakes.api import Served, line_client, serving
@@ -196,7 +195,7 @@ def test_and_so_through_tls() -> None:
     serve(uvloop.run, scenario, guard=tls_guard())
 
 
-@pytest.mark.parametrize("run", [run_virtual, uvloop.run])
+@pytest.mark.parametrize("run", [asyncio.run, uvloop.run])
 def test_a_drive_behind_answers_that_nobody_reads_is_old_when_they_are_read(run: Callable[..., None]) -> None:
     """800 answers unread for 0.8 s, then read: the drive behind them moves nothing any more."""
 
