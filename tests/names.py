@@ -35,12 +35,8 @@ CLASSES = frozenset(
 """Names of classes that a reader has to look up."""
 
 FOLDERS = ("chefbotd", "firmware_protocol", "examples")
-_OLD = (
-    "client features/localization features/maps features/navigation link localization mapping maps navigation"
-)
-NOT_YET = tuple(
-    f"chefbotd/{name}/" for name in f"cli/drive cli/maps recording replay rpc worker {_OLD}".split()
-)
+_OLD = "features/localization features/maps features/navigation localization mapping maps navigation"
+NOT_YET = tuple(f"chefbotd/{name}/" for name in f"worker {_OLD}".split())
 """Where names from before this rule are left: a folder that has none of them any more leaves this list."""
 
 

@@ -59,15 +59,17 @@ def _with_nan(value: Any, kind: inspect.Type) -> Any:
             return math.nan
         case inspect.StructType() if isinstance(value, Mapping):
             kinds = {field.encode_name: field.type for field in kind.fields}
-            return {name: _with_nan(each, kinds.get(name, inspect.AnyType())) for name, each in value.items()}
+            return {name: _with_nan(item, kinds.get(name, inspect.AnyType())) for name, item in value.items()}
         case inspect.DictType() if isinstance(value, Mapping):
-            return {name: _with_nan(each, kind.value_type) for name, each in value.items()}
+            return {name: _with_nan(item, kind.value_type) for name, item in value.items()}
         case inspect.ListType() | inspect.VarTupleType() if isinstance(value, list):
-            return [_with_nan(each, kind.item_type) for each in value]
+            return [_with_nan(item, kind.item_type) for item in value]
         case inspect.TupleType() if isinstance(value, list) and len(value) == len(kind.item_types):
-            return [_with_nan(each, item) for each, item in zip(value, kind.item_types, strict=True)]
+            return [
+                _with_nan(item, item_kind) for item, item_kind in zip(value, kind.item_types, strict=True)
+            ]
         case inspect.UnionType() if value is not None:
-            (other,) = [each for each in kind.types if not isinstance(each, inspect.NoneType)][:1]
+            (other,) = [member for member in kind.types if not isinstance(member, inspect.NoneType)][:1]
             return _with_nan(value, other)
     return value
 

@@ -37,8 +37,8 @@ async def robots(
                 questions[name].add_done_callback(look)
 
         def look(question: object = None) -> None:
-            known = [each.result() for each in questions.values() if each.done()]
-            if expected and {robot.name for robot in known if robot} >= set(expected):
+            answers = [question.result() for question in questions.values() if question.done()]
+            if expected and {robot.name for robot in answers if robot} >= set(expected):
                 answered.set()
 
         browser = AsyncServiceBrowser(network.zeroconf, SERVICE_TYPE, handlers=[note])

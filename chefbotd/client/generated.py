@@ -20,9 +20,9 @@ if TYPE_CHECKING:
 class GeneratedMethods(Caller):
     """The methods of the socket for which asking is all there is to do."""
 
-    async def authenticate(self, token: str) -> m.Known:
+    async def authenticate(self, token: str) -> m.Authenticated:
         """Authenticate with a token; its role decides which methods the client may call."""
-        return await self._ask("Known", "authenticate", token=token)
+        return await self._ask("Authenticated", "authenticate", token=token)
 
     async def set_client_name(self, client: str) -> None:
         """Set the name under which other clients see this one."""

@@ -109,7 +109,7 @@ class Methods(GeneratedMethods):
 
     async def take_control(self, source: str | None = None) -> str | None:
         """Take exclusive control of a source (default: the robot's). Returns the client that had it before, if any."""
-        result: models.Taken = await self._ask("Taken", "take_control", source=source)
+        result: models.ControlTaken = await self._ask("ControlTaken", "take_control", source=source)
         return result.taken_from
 
     async def release_control(self) -> list[str]:

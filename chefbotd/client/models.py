@@ -42,9 +42,9 @@ from chefbotd.features.tuning.models import Wheels as Wheels
 from chefbotd.recording.status import RecordedFile as RecordedFile
 from chefbotd.rpc.encoding import UnknownData as UnknownData
 from chefbotd.rpc.models import (
-    Description as Description, Done as Done, ErrorDescription as ErrorDescription, Known as Known,
-    MethodDescription as MethodDescription, Pong as Pong, Released as Released, Subscribed as Subscribed,
-    Taken as Taken, TopicDescription as TopicDescription
+    Authenticated as Authenticated, ControlTaken as ControlTaken, Description as Description, Done as Done,
+    ErrorDescription as ErrorDescription, MethodDescription as MethodDescription, Pong as Pong, Released as Released,
+    Subscribed as Subscribed, TopicDescription as TopicDescription
 )
 from chefbotd.rpc.encoding import Sent
 

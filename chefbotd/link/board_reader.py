@@ -66,7 +66,7 @@ EdgesOrStill: TypeAlias = tuple[QuadratureEdges | None, QuadratureStill | None]
 """A burst, the one or the other."""
 
 
-class EdgeBasket:
+class BurstBuffer:
     """Collects bursts in the order in which they came, and dates them by the board's clock."""
 
     def __init__(self, clock: BoardClock) -> None:
@@ -76,7 +76,7 @@ class EdgeBasket:
     def state(self) -> tuple[EdgesOrStill, ...]:
         """What it keeps."""
         return tuple(
-            [(each, None) if isinstance(each, QuadratureEdges) else (None, each) for each in self._bursts]
+            [(burst, None) if isinstance(burst, QuadratureEdges) else (None, burst) for burst in self._bursts]
         )
 
     def restore(self, state: tuple[EdgesOrStill, ...]) -> None:
@@ -133,7 +133,7 @@ class BoardReader:
         self.decoder = Decoder(from_board(variant))
         self.board_clock, self._cycle_clock = BoardClock(), CycleClock()
         self._cycle_has_time = False
-        self._edges = EdgeBasket(self.board_clock) if variant.speaks(wire.QuadratureEdges) else None
+        self._edges = BurstBuffer(self.board_clock) if variant.speaks(wire.QuadratureEdges) else None
         self._log = RateLimitedLog(log)
         self.events: dict[type[Any], Reading] = {
             **readings(self.board_clock),

@@ -35,11 +35,11 @@ def advice(device: str, error: OSError, by_id: Path = BY_ID) -> str:
 def ports_there(by_id: Path = BY_ID) -> str:
     """The serial ports of this computer, by their lasting names where they have any."""
     names = names_by_device(by_id)
-    found = sorted(port.device for port in list_ports.comports())
-    if not found:
+    devices = sorted(port.device for port in list_ports.comports())
+    if not devices:
         return "no serial port was found: is the board plugged in and powered?"
-    told = [f"{names[Path(port)]} ({port})" if Path(port) in names else port for port in found]
-    return f"available serial ports: {', '.join(told)}"
+    ports = [f"{names[Path(port)]} ({port})" if Path(port) in names else port for port in devices]
+    return f"available serial ports: {', '.join(ports)}"
 
 
 def permission_advice(device: str) -> str:

@@ -6,6 +6,8 @@ no other device comes near it. At a wrong baud rate most bytes are not text.
 
 from enum import StrEnum
 
+from msgspec import field
+
 from chefbotd.core.record import MutableState, Record
 from firmware_protocol.decoder import Decoder
 from firmware_protocol.messages import Text
@@ -50,7 +52,7 @@ class HealthWatch(MutableState):
 
     from_s: float
     before: Heard
-    _told: Condition | None = None
+    _reported: Condition | None = field(default=None, name="_told")
 
     def look(
         self, now_s: float, heard: Heard, sample: bytes, complaint: str = "", *, health_after_s: float
@@ -66,9 +68,9 @@ class HealthWatch(MutableState):
         health = _judge(new, waited_s, sample)
         if complaint and health.condition is Condition.HEALTHY:
             health = Health(Condition.ECHO_STUCK, complaint)
-        if health.condition is self._told:
+        if health.condition is self._reported:
             return None
-        self._told = health.condition
+        self._reported = health.condition
         return health
 
 
@@ -78,10 +80,12 @@ def _judge(new: Heard, waited_s: float, sample: bytes) -> Health:
         return Health(Condition.SILENT, reason)
     if new.frames and new.frames >= LEAST_FRAME_SHARE * new.lines:
         return Health(Condition.HEALTHY, "")
-    found = f"{new.bytes} bytes, {new.lines} lines, {new.frames} of them frames; received: {show(sample)}"
+    received = f"{new.bytes} bytes, {new.lines} lines, {new.frames} of them frames; received: {show(sample)}"
     if _garbled_share(sample) > GARBLED_SHARE:
-        return Health(Condition.WRONG_BAUD, f"mostly bytes that are no text: is the baud rate right? {found}")
-    return Health(Condition.WRONG_DEVICE, f"text without frames: is this the board's port? {found}")
+        return Health(
+            Condition.WRONG_BAUD, f"mostly bytes that are no text: is the baud rate right? {received}"
+        )
+    return Health(Condition.WRONG_DEVICE, f"text without frames: is this the board's port? {received}")
 
 
 def _garbled_share(sample: bytes) -> float:

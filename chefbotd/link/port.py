@@ -243,8 +243,8 @@ def _open(parameters: LinkParameters) -> Any:
         from chefbotd.link.cannot_open import advice, owner_of
 
         in_use = error.errno in IN_USE
-        told = f"in use by {owner_of(device)}" if in_use else advice(device, error)
-        raise OSError(f"{device}: {told}") from error
+        reason = f"in use by {owner_of(device)}" if in_use else advice(device, error)
+        raise OSError(f"{device}: {reason}") from error
 
 
 def _open_tty(parameters: LinkParameters) -> "BriefSerial":

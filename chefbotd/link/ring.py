@@ -27,12 +27,12 @@ class LineRing:
         self.heard: deque[Seen] = deque(maxlen=LINES_KEPT)
         self.said: deque[Seen] = deque(maxlen=LINES_KEPT)
 
-    def told(self, now_s: float) -> list[str]:
+    def as_text(self, now_s: float) -> list[str]:
         """Both ways in the order of time: seconds from ``now_s``, ``<`` from the board or ``>`` to it, the line."""
         lines = [(stamp_s, "<", line) for stamp_s, line in self.heard]
         lines += [(stamp_s, ">", line) for stamp_s, line in self.said]
         lines.sort(key=lambda seen: seen[0])
-        return [f"{stamp_s - now_s:.3f} {way} {show(line)}" for stamp_s, way, line in lines]
+        return [f"{stamp_s - now_s:.3f} {sign} {show(line)}" for stamp_s, sign, line in lines]
 
 
 class FaultLog:
@@ -56,4 +56,4 @@ class FaultLog:
 
     def _dump(self, event: SafetyChanged) -> None:
         self.dumps += 1
-        log.warning("lines around a fault", fault=event.fault, lines=self._ring.told(event.stamp_s))
+        log.warning("lines around a fault", fault=event.fault, lines=self._ring.as_text(event.stamp_s))

@@ -163,11 +163,11 @@ class SendWindow:
         """The board says which command is in force: if that is another one than before, it has read up to that."""
         moved, self._echo = duty != self._echo, duty
         if duty == self.newest:
-            known = True
+            confirmed = True
             self._unconfirmed.clear()
         else:
-            known = self._confirm(duty, moved)
-        if known and any(duty):
+            confirmed = self._confirm(duty, moved)
+        if confirmed and any(duty):
             self._echo_follows = True
         if moved:
             self._drop_through(duty)

@@ -148,12 +148,12 @@ class BoardSession(asyncio.Protocol):
         """Stamp, decode and publish."""
         now_s = self._clock.now_s()
         self.monitor.count_bytes(data)
-        told = self._decoder.feed(data)
-        self.lines.heard.extend([(now_s, line) for line, _ in told])
+        messages = self._decoder.feed(data)
+        self.lines.heard.extend([(now_s, line) for line, _ in messages])
         bus, events, listened = self._bus, self._events, self._bus.has_listeners(LineSeen)
         bus.hold()  # what the lines of one read say belongs together: an echo is known before the next command
         try:
-            for line, message in told:
+            for line, message in messages:
                 if listened:
                     bus.publish(LineSeen(now_s, Direction.FROM_BOARD, line))
                 event = events[type(message)](message, now_s)

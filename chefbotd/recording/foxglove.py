@@ -125,9 +125,9 @@ class MapDrawer:
 
     def draw(self, event: Any, log_ns: int, sequence: int, sink: ChunkBuilder) -> None:
         """Draw the map after this event of it; one that cannot be read is not drawn."""
-        found = self._read_map(event) if type(event).__name__ == "MapLoaded" else self._grown(event)
-        if found is not None:
-            self._payload = msgspec.json.encode(grid(log_ns, *found))
+        cells = self._read_map(event) if type(event).__name__ == "MapLoaded" else self._grown(event)
+        if cells is not None:
+            self._payload = msgspec.json.encode(grid(log_ns, *cells))
             self.tell(log_ns, sequence, sink)
 
     def _grown(self, event: Any) -> Cells | None:

@@ -18,11 +18,11 @@ from chefbotd.core.commands import RefusalKind
 from chefbotd.core.events.recording import RecordingData
 from chefbotd.recording.channels import Channels
 from chefbotd.recording.chunk import Chunk, ChunkBuilder, RawChunk, Ring, compressor
+from chefbotd.recording.chunk_encoder import EventChunk
 from chefbotd.recording.disk import RecordingDisk
 from chefbotd.recording.encoder import REPEATED
 from chefbotd.recording.folder import MEGABYTE, RecordingFolder, file_name
 from chefbotd.recording.foxglove import MapDrawer, ReadMap
-from chefbotd.recording.intake import Piece
 from chefbotd.recording.parameters import RecordingParameters
 from chefbotd.recording.status import AUTOMATIC, FAULT, RING, About, RecordedFile, RecordingError
 from chefbotd.storage import explain
@@ -74,19 +74,19 @@ class Recorder:
 
     # what is recorded
 
-    def record(self, piece: Piece, now_s: float) -> None:
-        """Record a piece."""
+    def record(self, chunk: EventChunk, now_s: float) -> None:
+        """Record a chunk."""
         if self._waits_for_room and now_s - self._looked_s >= GO_ON_EVERY_S:
             self._looked_s = now_s
             with contextlib.suppress(RecordingError):
                 self.start(AUTOMATIC, now_s)
-        self._add(piece.raw, now_s)
-        self._holds = piece.holds
+        self._add(chunk.raw, now_s)
+        self._holds = chunk.holds
         drawn = ChunkBuilder()
-        for event, log_ns, sequence in piece.maps:
+        for event, log_ns, sequence in chunk.maps:
             self._maps.draw(event, log_ns, sequence, drawn)
-        if piece.raw.end_ns - self._maps.drawn_ns >= MAP_AGAIN_NS:
-            self._maps.tell(piece.raw.end_ns, REPEATED, drawn)
+        if chunk.raw.end_ns - self._maps.drawn_ns >= MAP_AGAIN_NS:
+            self._maps.tell(chunk.raw.end_ns, REPEATED, drawn)
         if (raw := drawn.cut()) is not None:
             self._add(raw, now_s)
         self._note(now_s)

@@ -17,7 +17,7 @@ from chefbotd.core.events.recording import RecordingData
 from chefbotd.recording.status import RecordingError
 
 if TYPE_CHECKING:
-    from chefbotd.recording.intake import Intake
+    from chefbotd.recording.chunk_encoder import ChunkEncoder
     from chefbotd.recording.recorder import Recorder
 
 T = TypeVar("T")
@@ -28,7 +28,7 @@ NO_ROOM = "the disk was too slow, or did not answer"
 MOST_ASKED = 64
 """Clients that ask again and again while the disk hangs fill no memory."""
 
-MakeRecorder: TypeAlias = Callable[[], tuple["Intake", "Recorder"]]
+MakeRecorder: TypeAlias = Callable[[], tuple["ChunkEncoder", "Recorder"]]
 """Makes what encodes events, and what records them. Their modules are loaded then."""
 
 
@@ -71,22 +71,22 @@ class Writer(Protocol):
 
 
 class _Queue:
-    """What both writers have in common: intake, recorder, and gaps. ``_put`` takes work for the recorder."""
+    """What both writers have in common: encoder, recorder and gaps. ``_put`` takes work for the recorder."""
 
-    _intake: "Intake"
+    _encoder: "ChunkEncoder"
     recorder: "Recorder"
 
     def __init__(self, make: MakeRecorder, most_bytes: int) -> None:
         self._make, self._most_bytes = make, most_bytes
         self.ready: Future[None] = Future()
-        self._given = self._given_bytes = self._taken = self._taken_bytes = 0
+        self._given = self._given_bytes = self._recorded = self._recorded_bytes = 0
         self._gap, self._marked = 0, False
         self._asked = self._carried_out = 0
         self.dropped = 0
 
     def make(self) -> None:
         """Make the recorder."""
-        self._intake, self.recorder = self._make()
+        self._encoder, self.recorder = self._make()
         self.ready.set_result(None)
 
     @property
@@ -97,25 +97,25 @@ class _Queue:
     @property
     def done(self) -> int:
         """Events that the recorder has taken."""
-        return self._taken
+        return self._recorded
 
     @property
     def waiting(self) -> int:
         """Events that the recorder has not taken yet."""
-        return self._given - self._taken
+        return self._given - self._recorded
 
     def put_events(self, events: Sequence[Any], now_s: float) -> None:
         """Encode events, and leave a chunk where one is due: all of it or, where there is no room, none."""
         if self._gap and not self._marked:
-            self._intake.mark_gap(self._gap, NO_ROOM, now_s)
+            self._encoder.mark_gap(self._gap, NO_ROOM, now_s)
             self._marked = True
-        self._intake.encode(events)
-        if self._intake.is_due(now_s):
+        self._encoder.encode(events)
+        if self._encoder.is_due(now_s):
             self._cut(now_s)
 
     def note_dropped(self, count: int) -> None:
         """Count them; the recording says so as soon as it goes on."""
-        self._intake.skip(count)
+        self._encoder.skip(count)
         self.dropped += count
         self._gap += count
 
@@ -140,23 +140,23 @@ class _Queue:
         return future
 
     def _cut(self, now_s: float) -> None:
-        piece = self._intake.cut(now_s)
-        if piece is None:
+        chunk = self._encoder.cut(now_s)
+        if chunk is None:
             return
-        weight, marked, self._marked = piece.weight, self._marked, False
-        if self._given_bytes - self._taken_bytes + weight > self._most_bytes:
-            self.dropped += piece.events
-            self._gap += piece.events
+        weight, marked, self._marked = chunk.weight, self._marked, False
+        if self._given_bytes - self._recorded_bytes + weight > self._most_bytes:
+            self.dropped += chunk.events
+            self._gap += chunk.events
             return
         if marked:
             self._gap = 0
-        self._given += piece.events
+        self._given += chunk.events
         self._given_bytes += weight
 
         def record(recorder: "Recorder") -> None:
-            recorder.record(piece, now_s)
-            self._taken += piece.events
-            self._taken_bytes += weight
+            recorder.record(chunk, now_s)
+            self._recorded += chunk.events
+            self._recorded_bytes += weight
 
         self._put(record)
 

@@ -104,5 +104,5 @@ def _without_files(settings: Settings, listen: tuple[str, int] | None) -> Settin
     robot = settings.robot.model_copy(update={"description": None})
     foxglove = settings.foxglove.model_copy(update={"enabled": False})
     discovery = settings.discovery.model_copy(update={"enabled": False})
-    told = {"api": api, "page": page, "robot": robot, "foxglove": foxglove, "discovery": discovery}
-    return settings.model_copy(update=told)
+    sections = {"api": api, "page": page, "robot": robot, "foxglove": foxglove, "discovery": discovery}
+    return settings.model_copy(update=sections)

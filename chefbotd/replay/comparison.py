@@ -17,7 +17,7 @@ from chefbotd.core.events.inputs import (
 from chefbotd.core.record import Record
 from chefbotd.replay.recorded import NOT_COMPARED, Recorded
 
-Told = tuple[str, bytes]
+EncodedEvent = tuple[str, bytes]
 """The class of an event, and the event as JSON."""
 
 ABSENT = "nothing"
@@ -98,10 +98,10 @@ class Comparison:
         """Whether events of this class are compared."""
         return kind not in self._left_out
 
-    def add(self, entry: Any, recorded: list[Recorded], replayed: list[Told]) -> bool:
+    def add(self, entry: Any, recorded: list[Recorded], replayed: list[EncodedEvent]) -> bool:
         """What followed an entry, then and now; whether it is the same."""
         left_out, rows = self._left_out, self.rows
-        was = [(each.kind, each.payload) for each in recorded if each.kind not in left_out]
+        was = [(event.kind, event.payload) for event in recorded if event.kind not in left_out]
         if was == replayed:
             for kind, _ in was:
                 row = rows.get(kind) or self._row(kind)
@@ -132,7 +132,9 @@ class Comparison:
         return Counter({kind: row.recorded for kind, row in self.rows.items()})
 
 
-def _first_difference(stamp_s: float, after: str, was: list[Told], now: list[Told]) -> Difference:
+def _first_difference(
+    stamp_s: float, after: str, was: list[EncodedEvent], now: list[EncodedEvent]
+) -> Difference:
     for one, other in zip(was, now, strict=False):
         if one == other:
             continue
@@ -161,12 +163,12 @@ def differences(one: Any, other: Any, where: str = "") -> Iterator[tuple[str, An
         yield where, one, other
 
 
-def _of_kind(kind: str, told: list[Told]) -> list[Any]:
-    return [msgspec.json.decode(payload) for name, payload in told if name == kind]
+def _of_kind(kind: str, events: list[EncodedEvent]) -> list[Any]:
+    return [msgspec.json.decode(payload) for name, payload in events if name == kind]
 
 
-def _stamp(told: Any) -> float:
-    stamp = told.get("stamp_s", math.nan)
+def _stamp(event: Any) -> float:
+    stamp = event.get("stamp_s", math.nan)
     return float(stamp)
 
 
@@ -178,8 +180,8 @@ def _text(value: object) -> str:
     return ABSENT if value is None else repr(value)
 
 
-def _short(told: Told) -> str:
-    text = f"{told[0]} {told[1].decode(errors='replace')}"
+def _short(event: EncodedEvent) -> str:
+    text = f"{event[0]} {event[1].decode(errors='replace')}"
     return text if len(text) <= 160 else text[:157] + "..."
 
 

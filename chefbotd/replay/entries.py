@@ -93,9 +93,9 @@ class ReplayEntries(Entries):
         """What was answered, in the step in which it came."""
         while not self.answers.get(asked):
             await _Pause()
-        found = self.answers[asked].popleft()
-        self.publish(AnswerTaken(self.now_s(), asked, found))
-        return found
+        answer = self.answers[asked].popleft()
+        self.publish(AnswerTaken(self.now_s(), asked, answer))
+        return answer
 
 
 class _Pause:

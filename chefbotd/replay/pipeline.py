@@ -44,10 +44,12 @@ class Pipeline:
         self._methods = dict(daemon.rpc.methods)
         self._ports: dict[str, ReplayedPort] = {}
         self._callers: dict[int, ReplayedCaller] = {}
-        services = [each for feature in daemon.features for each in feature.services if each.in_steps]
-        self._services = {each.name: each.run for each in services}
+        services = [
+            service for feature in daemon.features for service in feature.services if service.in_steps
+        ]
+        self._services = {service.name: service.run for service in services}
         self._tasks = Tasks(self._services, entries)
-        self._regular = {health_timer(name): each.judge_health for name, each in entries.links.items()}
+        self._regular = {health_timer(name): link.judge_health for name, link in entries.links.items()}
         self._regular[LEASES_TIMER] = lambda: daemon.leases.expire(entries.now_s())
         self._handlers: dict[type[Any], Callable[[Any], None]] = {
             inputs.DaemonStarted: lambda entry: None,
@@ -140,8 +142,8 @@ class Pipeline:
     def _session(self, link: str) -> Any:
         session = self._entries.links.get(link)
         if session is None:
-            known = ", ".join(self._entries.links)
-            raise UnknownLink(f"the configuration has no link {link!r}; there are {known}")
+            links = ", ".join(self._entries.links)
+            raise UnknownLink(f"the configuration has no link {link!r}; there are {links}")
         return session
 
     def _open(self, link: str) -> None:

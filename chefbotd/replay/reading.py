@@ -35,13 +35,13 @@ class RecordingFiles:
         Raises:
             NotReplayable: there is none.
         """
-        found = self._about.get("configuration", {}).get("json")
-        if not found:
+        configuration = self._about.get("configuration", {}).get("json")
+        if not configuration:
             raise NotReplayable(
                 f"{self._paths[0]}: contains no configuration, so chefbotd did not record it, "
                 "or its beginning is missing"
             )
-        return found
+        return configuration
 
     def require_version(self) -> None:
         """See that this is the version that recorded it.
@@ -85,15 +85,15 @@ def _about(path: Path) -> Mapping[str, Mapping[str, str]]:
 
 def _recording_of(about: Mapping[str, Mapping[str, str]]) -> tuple[str | None, str | None]:
     """What all parts of a recording have in common."""
-    told = about.get("recording", {})
-    return told.get("reason"), told.get("clock_offset_ns")
+    status = about.get("recording", {})
+    return status.get("reason"), status.get("clock_offset_ns")
 
 
 def with_parts(paths: Sequence[Path]) -> tuple[Path, ...]:
     """The files; a first one that stands alone brings those that go on from it, ``NAME_part2.mcap`` and so on."""
     if len(paths) != 1:
         return tuple(paths)
-    found, first = [paths[0]], paths[0]
-    while (following := first.with_name(f"{first.stem}_part{len(found) + 1}{first.suffix}")).is_file():
-        found.append(following)
-    return tuple(found)
+    parts, first = [paths[0]], paths[0]
+    while (following := first.with_name(f"{first.stem}_part{len(parts) + 1}{first.suffix}")).is_file():
+        parts.append(following)
+    return tuple(parts)

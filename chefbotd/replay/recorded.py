@@ -17,8 +17,8 @@ NOT_COMPARED = OF_THE_RECORDER | {"LineSeen"}
 MAX_EVENT_BYTES = 32_000_000
 """A state with a lidar has 70 kB, a scan some 60."""
 
-_ENTRY_NAMES = frozenset(each.__name__ for each in ENTRIES)
-_ANSWER_NAMES = frozenset(each.__name__ for each in ANSWERS)
+_ENTRY_NAMES = frozenset(entry.__name__ for entry in ENTRIES)
+_ANSWER_NAMES = frozenset(answer.__name__ for answer in ANSWERS)
 
 
 class Recorded(Record, frozen=True):
@@ -44,7 +44,7 @@ class EntryGroup:
 
     def answers(self) -> list[Any]:
         """What the outside answered meanwhile."""
-        return [decoded(each) for each in self.followers if each.kind in _ANSWER_NAMES]
+        return [decoded(event) for event in self.followers if event.kind in _ANSWER_NAMES]
 
 
 def decoded(recorded: Recorded) -> Any:
@@ -62,8 +62,8 @@ def decoded(recorded: Recorded) -> Any:
     try:
         return decode(event_class, recorded.payload)
     except (msgspec.DecodeError, RecursionError) as error:
-        told = f"message {recorded.sequence}: not a {recorded.kind} of this version of chefbotd: {error}"
-        raise NotReplayable(told) from error
+        reason = f"message {recorded.sequence}: not a {recorded.kind} of this version of chefbotd: {error}"
+        raise NotReplayable(reason) from error
 
 
 def groups_of(stream: Iterable[Recorded]) -> Iterator[EntryGroup]:
@@ -75,20 +75,20 @@ def groups_of(stream: Iterable[Recorded]) -> Iterator[EntryGroup]:
     group: EntryGroup | None = None
     before = None
     lost = 0
-    for each in stream:
-        if before is not None and each.sequence > before + 1:
-            lost += each.sequence - before - 1
-        before = each.sequence
-        if each.kind == DaemonStopping.__name__:
+    for event in stream:
+        if before is not None and event.sequence > before + 1:
+            lost += event.sequence - before - 1
+        before = event.sequence
+        if event.kind == DaemonStopping.__name__:
             if group is not None:
                 yield group
             return
-        if each.kind in _ENTRY_NAMES:
+        if event.kind in _ENTRY_NAMES:
             if group is not None:
                 yield group
-            group, lost = EntryGroup(decoded(each), lost), 0
+            group, lost = EntryGroup(decoded(event), lost), 0
         elif group is not None:
-            group.followers.append(each)
+            group.followers.append(event)
 
 
 def from_beginning(groups: Iterable[EntryGroup]) -> tuple[list[EntryGroup], Iterator[EntryGroup]]:

@@ -10,7 +10,7 @@ from chefbotd.app import Daemon
 from chefbotd.bus import Inbox
 from chefbotd.core.events.inputs import DaemonStarted, StateRecorded, TimerFired
 from chefbotd.recording.classes import encode
-from chefbotd.replay.comparison import Comparison, Difference, SpeedError, Told, described
+from chefbotd.replay.comparison import Comparison, Difference, EncodedEvent, SpeedError, described
 from chefbotd.replay.entries import ReplayEntries
 from chefbotd.replay.pipeline import Pipeline
 from chefbotd.replay.recorded import NOT_COMPARED, EntryGroup, NotReplayable
@@ -109,24 +109,24 @@ class Replay:
         stamp_s = entry.stamp_s
         if outcome.began_s is None:
             outcome.began_s, outcome.from_start = stamp_s, isinstance(entry, DaemonStarted)
-        is_anew = outcome.entries == 0 and not outcome.from_start
-        is_anew |= isinstance(entry, StateRecorded) and self._is_astray and not entry.left_out
+        begins_again = outcome.entries == 0 and not outcome.from_start
+        begins_again |= isinstance(entry, StateRecorded) and self._is_astray and not entry.left_out
         self._is_astray |= group.lost > 0
         outcome.ended_s = stamp_s
         outcome.entries += 1
         outcome.lost += group.lost
-        replayed: list[Told] = []
+        replayed: list[EncodedEvent] = []
         if self._own_timers:
             self._fire_due(stamp_s)
-            replayed = self._told()
+            replayed = self._replayed_events()
         self._entries.set_time(stamp_s)
-        if is_anew:
-            await self._begin_anew(entry if isinstance(entry, StateRecorded) else None)
+        if begins_again:
+            await self._begin_again(entry if isinstance(entry, StateRecorded) else None)
         if not (self._own_timers and self._is_of_the_other(entry)):
             problem = await self._handle(group)
             if problem and not self._own_timers:
                 outcome.note(f"at {stamp_s:.6f} s: {problem}")
-        replayed += self._told()
+        replayed += self._replayed_events()
         if not outcome.comparison.add(entry, group.followers, replayed):
             outcome.same_since_s = None
         elif outcome.same_since_s is None:
@@ -143,7 +143,7 @@ class Replay:
             what = f"at {group.entry.stamp_s:.6f} s: {described(group.entry)}"
             raise NotReplayable(f"{what} cannot be replayed: {type(error).__name__}: {error}") from error
 
-    async def _begin_anew(self, state: StateRecorded | None) -> None:
+    async def _begin_again(self, state: StateRecorded | None) -> None:
         """From a state: at the beginning, and where one has everything after one that had not, or after a gap."""
         outcome = self.outcome
         problems = await self._pipeline.begin_late(state, keeps_parameters=self._own_timers)
@@ -152,15 +152,15 @@ class Replay:
                 f"the state at {state.stamp_s:.6f} s is none that this version of chefbotd recorded: {problems[0]}; "
                 "--any-version puts back the rest"
             )
-        self._told()
+        self._replayed_events()
         if not outcome.from_state and state is not None:
             outcome.from_state, outcome.left_out = True, (*state.left_out, *problems)
         self._is_astray = state is None or bool(state.left_out)
 
-    def _add_errors(self, group: EntryGroup, replayed: list[Told]) -> None:
-        for each in group.followers:
-            if each.kind == "WheelsDriven":
-                self.outcome.recorded_error.add(msgspec.json.decode(each.payload))
+    def _add_errors(self, group: EntryGroup, replayed: list[EncodedEvent]) -> None:
+        for event in group.followers:
+            if event.kind == "WheelsDriven":
+                self.outcome.recorded_error.add(msgspec.json.decode(event.payload))
         for kind, payload in replayed:
             if kind == "WheelsDriven":
                 self.outcome.replayed_error.add(msgspec.json.decode(payload))
@@ -175,17 +175,17 @@ class Replay:
     def _fire_due(self, now_s: float) -> None:
         """Fire the timers that should have fired a while ago and did not then, in order."""
         timers = self._entries.timers
-        while late := [each for each in timers.values() if each.is_late(now_s, LATE_S)]:
+        while late := [timer for timer in timers.values() if timer.is_late(now_s, LATE_S)]:
             first = min(late, key=lambda timer: timer.due_s)
             self._entries.set_time(first.due_s)
             self._entries.fire(first.name)
 
-    def _told(self) -> list[Told]:
+    def _replayed_events(self) -> list[EncodedEvent]:
         if not len(self._inbox):
             return []
         takes = self.outcome.comparison.takes
-        told = [(type(event).__name__, event) for event in self._inbox.take_all()]
-        return [(kind, encode(event)) for kind, event in told if takes(kind)]
+        events = [(type(event).__name__, event) for event in self._inbox.take_all()]
+        return [(kind, encode(event)) for kind, event in events if takes(kind)]
 
 
 class Pace:

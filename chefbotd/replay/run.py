@@ -100,10 +100,10 @@ def settings_of(configuration: str) -> Settings:
         NotReplayable: this version does not understand it.
     """
     try:
-        told = with_new_names(msgspec.json.decode(configuration, type=dict[str, Any]))
-        return Settings.model_validate_json(msgspec.json.encode(told), strict=True)
+        recorded = with_new_names(msgspec.json.decode(configuration, type=dict[str, Any]))
+        return Settings.model_validate_json(msgspec.json.encode(recorded), strict=True)
     except ValidationError as error:
-        wrong = explain(error, Settings, told, {}, "").replace("\n", "; ")
+        wrong = explain(error, Settings, recorded, {}, "").replace("\n", "; ")
         raise NotReplayable(
             f"the configuration in the recording is not one of this version: {wrong[:500]}; "
             "the version that recorded it replays it ('chefbotctl log info' tells which)"
@@ -126,7 +126,7 @@ def other_settings(recorded: Settings, other: Settings) -> Settings:
     return other.model_copy(
         update={
             "link": recorded.link,
-            "lidar": tuple(_with_device(each, recorded) for each in other.lidar),
+            "lidar": tuple(_with_device(lidar, recorded) for lidar in other.lidar),
             "api": recorded.api,
             "maps": recorded.maps,
             "recording": recorded.recording,
@@ -135,5 +135,7 @@ def other_settings(recorded: Settings, other: Settings) -> Settings:
 
 
 def _with_device(lidar: LidarParameters, recorded: Settings) -> LidarParameters:
-    device = next((each.device for each in recorded.lidar if each.name == lidar.name), lidar.device)
+    device = next(
+        (candidate.device for candidate in recorded.lidar if candidate.name == lidar.name), lidar.device
+    )
     return lidar.model_copy(update={"device": device})

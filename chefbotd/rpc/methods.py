@@ -45,7 +45,7 @@ class ServerMethods:
         self._sources, self._keyring = sources, keyring
 
     @method(role=None, when_crowded=True)
-    def authenticate(self, caller: Caller, params: models.AuthenticateParams) -> models.Known:
+    def authenticate(self, caller: Caller, params: models.AuthenticateParams) -> models.Authenticated:
         """Authenticate with a token; its role decides which methods the client may call."""
         session, keyring = caller.session, self._keyring
         role = session.role if keyring is None else keyring.role_of(params.token.get_secret_value())
@@ -54,7 +54,7 @@ class ServerMethods:
         session.role = role
         session.token_digest = None if keyring is None else digest(params.token.get_secret_value())
         log.info("client_authenticated", client=str(session), role=str(role))
-        return models.Known(client=str(session), role=role)
+        return models.Authenticated(client=str(session), role=role)
 
     @method(role=Role.OBSERVE, when_crowded=True)
     def set_client_name(self, caller: Caller, params: models.SetClientNameParams) -> models.Done:
@@ -113,7 +113,7 @@ class ServerMethods:
                 raise Unserved(ErrorKind.UNKNOWN_TOPIC, f"no topic {name!a}; there are {', '.join(topics)}")
 
     @method(role=Role.DRIVE, moves=False)
-    def take_control(self, caller: Caller, params: models.TakeControlParams) -> models.Taken:
+    def take_control(self, caller: Caller, params: models.TakeControlParams) -> models.ControlTaken:
         """Take control of a source of commands, also from another client, whose motion then stops."""
         source, names = params.source or self._sources.default, self._sources.names
         if source not in names:
@@ -124,7 +124,7 @@ class ServerMethods:
         others = None if before is None or before is caller.session else str(before)
         if others is not None:
             self._sources.acknowledge_stops(caller.session.number, source)
-        return models.Taken(source=source, taken_from=others)
+        return models.ControlTaken(source=source, taken_from=others)
 
     @method(role=Role.DRIVE, moves=False)
     def release_control(self, caller: Caller, params: NoParams) -> models.Released:

@@ -84,14 +84,14 @@ class UnsubscribeParams(Params):
 # Their results, and the notifications
 
 
-class Known(Record, frozen=True):
+class Authenticated(Record, frozen=True):
     """Who this client is to the daemon, and what it may do."""
 
     client: str
     role: Role
 
 
-class Taken(Record, frozen=True):
+class ControlTaken(Record, frozen=True):
     """The source is this client's; ``taken_from`` names who had it, null where nobody else did."""
 
     source: str

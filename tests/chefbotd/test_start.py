@@ -86,7 +86,7 @@ def test_a_daemon_on_a_real_robot_loads_no_simulator_and_nothing_else_that_it_do
         "chefbotd.features.maps",
         "chefbotd.maps.store",
         "chefbotd.recording.encoder",
-        "chefbotd.recording.intake",
+        "chefbotd.recording.chunk_encoder",
         "chefbotd.recording.recorder",
         "mcap",
         "zstandard",

@@ -48,7 +48,7 @@ class JoystickPilot:
         self._robot, self._device, self._say = robot, device, say
         self._scale, self._fallback = scale, source is None
         self._source: str | None = source or OWN_SOURCE
-        self._pad, self._there = INITIAL_PAD, True
+        self._pad, self._pad_connected = INITIAL_PAD, True
 
     async def run(self) -> None:
         """Drive until cancelled. If the robot may be moving, release the source at the end, also after an error.
@@ -86,9 +86,11 @@ class JoystickPilot:
 
     async def _poll(self) -> None:
         reading = self._device.read()
-        if self._there != (reading is not None):
-            self._there = reading is not None
-            self._say(f"{self._device.name} is {'back' if self._there else 'gone: it drives no more'}")
+        if self._pad_connected != (reading is not None):
+            self._pad_connected = reading is not None
+            self._say(
+                f"{self._device.name} is {'back' if self._pad_connected else 'gone: it drives no more'}"
+            )
         self._pad, orders = step(self._scale, self._pad, reading, asyncio.get_running_loop().time())
         for order in orders:
             await self._obey(order)

@@ -51,8 +51,8 @@ class SquareView:
         if not self._console.is_terminal:
             yield self._line_by_leg()
             return
-        told = TextColumn("{task.fields[pose]}")
-        columns = (TextColumn("{task.description}"), BarColumn(20), TimeElapsedColumn(), told)
+        pose_column = TextColumn("{task.fields[pose]}")
+        columns = (TextColumn("{task.description}"), BarColumn(20), TimeElapsedColumn(), pose_column)
         with Bar(*columns, console=self._console, transient=True) as bar:
             task = bar.add_task("starting", total=1.0, pose="")
             yield lambda now: bar.update(

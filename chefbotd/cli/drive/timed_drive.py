@@ -114,7 +114,7 @@ async def drive_for(
         nonlocal answer, limits
         answer = await robot.drive(twist.linear_m_s, twist.angular_rad_s)
         state = await robot.get_state()
-        limits = _told(answer, state)
+        limits = _limit_report(answer, state)
         path.add_pose(pose(_odometry(state)))
 
     try:
@@ -145,10 +145,10 @@ async def turn_for(
     finally:
         await release_source(robot)
     turned = _by_name(state.wheels) if "wheels" in state.topics else {}
-    return DrivenWheels(_by_name(answer), _told(answer, state), turned)
+    return DrivenWheels(_by_name(answer), _limit_report(answer, state), turned)
 
 
-def _told(answer: Limited, state: State) -> LimitReport:
+def _limit_report(answer: Limited, state: State) -> LimitReport:
     return LimitReport(answer.limited_by, state.safety.limited_by)
 
 

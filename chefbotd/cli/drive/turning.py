@@ -32,7 +32,7 @@ class Try(Record, frozen=True):
     stop.
     """
 
-    way: int = 0
+    direction: int = 0
     from_rad: float = 0.0
     began_s: float = 0.0
     asked: tuple[tuple[float, float], ...] = ()
@@ -90,15 +90,15 @@ def step(
             return turn, None
         turn = _learn(turn, remaining_rad)
         attempt = turn.now
-    if attempt.way == 0:
+    if attempt.direction == 0:
         if stands and abs(remaining_rad) <= TOLERANCE_RAD:
             return turn, None
         attempt = Try(1 if remaining_rad > 0 else -1, remaining_rad, now_s)
     to_come_rad = remaining_rad - _pending_rad(attempt, now_s, turn.delay_s)
     sticks = stands and now_s - attempt.began_s > turn.delay_s + STUCK_S
-    if attempt.way * to_come_rad <= 0 or sticks:
+    if attempt.direction * to_come_rad <= 0 or sticks:
         return replace(turn, now=replace(attempt, stopped_s=now_s)), 0.0
-    rate = attempt.way * _rate(turn, abs(to_come_rad))
+    rate = attempt.direction * _rate(turn, abs(to_come_rad))
     asked = (*_within(attempt.asked, now_s - turn.delay_s), (now_s, rate))
     return replace(turn, now=replace(attempt, asked=asked)), rate
 
@@ -127,7 +127,7 @@ def _pending_rad(attempt: Try, now_s: float, delay_s: float) -> float:
 def _learn(turn: TurnInPlace, remaining_rad: float) -> TurnInPlace:
     """The next try after a miss: an overshoot means that the delay was assumed too short, an undershoot too long."""
     attempt = turn.now
-    beyond_rad = -attempt.way * remaining_rad
+    beyond_rad = -attempt.direction * remaining_rad
     turned_rad = abs(attempt.from_rad - remaining_rad)
     if turned_rad < STUCK_SHARE * abs(attempt.from_rad):
         creep_rad_s = min(PUSH * turn.creep_rad_s, RATE_RAD_S)

@@ -67,7 +67,7 @@ class LiveMapView:
 
     def __init__(self, *, quiet: bool) -> None:
         self._console = Printer(quiet=quiet, highlight=False)
-        self._told = ""
+        self._printed = ""
 
     def print(self, *parts: RenderableType, soft_wrap: bool = False) -> None:
         """Print these below one another; with ``soft_wrap``, lines stay as long as they are."""
@@ -86,8 +86,8 @@ class LiveMapView:
 
     def _say_what_is_new(self, scene: MappingScene) -> None:
         doing = scene.doing.partition(" (")[0]
-        if doing != self._told:
-            self._told = doing
+        if doing != self._printed:
+            self._printed = doing
             self.print(f"{scene.doing}, {_standing(scene)}" if scene.state else scene.doing)
 
     def _picture(self, scene: MappingScene) -> Group:

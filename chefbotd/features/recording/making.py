@@ -15,8 +15,8 @@ from chefbotd.core.geometry import Pose2D
 from chefbotd.recording.parameters import RecordingParameters
 
 if TYPE_CHECKING:
+    from chefbotd.recording.chunk_encoder import ChunkEncoder
     from chefbotd.recording.foxglove import Cells
-    from chefbotd.recording.intake import Intake
     from chefbotd.recording.recorder import Recorder
     from chefbotd.recording.writer import MakeRecorder
 
@@ -34,26 +34,26 @@ class Made(Struct, frozen=True):
 def recorder_maker(
     parameters: RecordingParameters, folder: Path, made: Made, started_s: float
 ) -> "MakeRecorder":
-    """What makes intake and recorder; ``started_s`` is the daemon's time now."""
+    """What makes encoder and recorder; ``started_s`` is the daemon's time now."""
     offset_ns = time.time_ns() - round(started_s * 1e9)
 
-    def make() -> "tuple[Intake, Recorder]":
+    def make() -> "tuple[ChunkEncoder, Recorder]":
         from chefbotd.recording.about import about_robot
         from chefbotd.recording.channels import Channels
-        from chefbotd.recording.intake import Intake
+        from chefbotd.recording.chunk_encoder import ChunkEncoder
         from chefbotd.recording.recorder import Recorder
 
         gc.freeze()  # as after the start: no collection looks at all these classes
-        intake = Intake(Channels(), offset_ns, made.first_scanner, parameters.chunk_s, started_s)
+        encoder = ChunkEncoder(Channels(), offset_ns, made.first_scanner, parameters.chunk_s, started_s)
         recorder = Recorder(
             parameters,
             folder,
-            intake.channels,
+            encoder.channels,
             offset_ns,
             about=lambda: about_robot(made.robot, made.session, made.configuration, made.urdf()),
             read_map=read_map,
         )
-        return intake, recorder
+        return encoder, recorder
 
     return make
 

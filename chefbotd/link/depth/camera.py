@@ -31,7 +31,7 @@ class DepthCamera:
     ) -> None:
         self.parameters = parameters
         self._bus, self._entries, self._spawn, self._rng = bus, entries_of(clock), spawn, rng
-        self._told: tuple[bool, str] | None = None
+        self._reported: tuple[bool, str] | None = None
         self.scans = self.starts = 0
 
     async def run(self) -> None:
@@ -91,9 +91,9 @@ class DepthCamera:
 
     def _tell(self, *, healthy: bool, reason: str) -> None:
         """Publish and log a change."""
-        if (healthy, reason) == self._told:
+        if (healthy, reason) == self._reported:
             return
-        self._told, name = (healthy, reason), self.parameters.name
+        self._reported, name = (healthy, reason), self.parameters.name
         self._entries.observe(self._bus, DepthCameraChanged(self._entries.now_s(), name, healthy, reason))
         if healthy:
             log.info("depth camera sends images", camera=name)

@@ -80,8 +80,8 @@ def _in_millimetres(raw: npt.NDArray[Any], parameters: DepthSourceParameters, wh
     """Raises ``NoImagesError`` unless the image has the configured size."""
     if raw.shape != (parameters.height, parameters.width):
         rows, columns = raw.shape
-        wanted = f"{parameters.width} by {parameters.height}"
-        raise NoImagesError(f"{what}: expected {wanted} pixels as configured, got {columns} by {rows}")
+        size = f"{parameters.width} by {parameters.height}"
+        raise NoImagesError(f"{what}: expected {size} pixels as configured, got {columns} by {rows}")
     if parameters.millimetres_per_unit != 1:
         raw = np.rint(raw * parameters.millimetres_per_unit)
     depth_mm: DepthImage = np.minimum(raw, 65_535).astype(np.uint16)
@@ -106,7 +106,7 @@ def openni2_frames(parameters: DepthSourceParameters, now: Now) -> Iterator[Fram
         try:
             frame = stream.read_frame()
         except openni2.OpenNIError as error:
-            raise NoImagesError(f"the camera gives no more images: {_told(error)}") from error
+            raise NoImagesError(f"the camera gives no more images: {_error_text(error)}") from error
         stamp_s = now()
         if stamp_s < due_s:
             continue
@@ -126,7 +126,7 @@ def _open_stream(openni2: Any, parameters: DepthSourceParameters) -> Any:
         stream.set_mirroring_enabled(False)  # a camera may begin with left for right, as a mirror (assumed)
         stream.start()
     except openni2.OpenNIError as error:
-        raise NoImagesError(f"no depth camera can be opened: {_told(error)}") from error
+        raise NoImagesError(f"no depth camera can be opened: {_error_text(error)}") from error
     return stream
 
 
@@ -137,9 +137,9 @@ def _video_mode(openni2: Any, offered: list[Any], parameters: DepthSourceParamet
     fitting = [mode for mode in millimetres if (mode.resolutionX, mode.resolutionY) == size]
     if not fitting:
         sizes = sorted({(mode.resolutionX, mode.resolutionY) for mode in millimetres})
-        told = ", ".join(f"{width} by {height}" for width, height in sizes) or "none"
+        offered_sizes = ", ".join(f"{width} by {height}" for width, height in sizes) or "none"
         raise NoImagesError(
-            f"the camera has no depth images of {size[0]} by {size[1]} pixels as configured; it has: {told}"
+            f"the camera has no depth images of {size[0]} by {size[1]} pixels as configured; it has: {offered_sizes}"
         )
     return min(fitting, key=lambda mode: (mode.fps < parameters.rate_hz, abs(mode.fps - parameters.rate_hz)))
 
@@ -156,16 +156,18 @@ def _load_library(openni2: Any, c_api: Any, folder: Path | None) -> None:
         try:
             openni2.initialize()
         except openni2.InitializationError:
-            if (found := ctypes.util.find_library("OpenNI2")) is None:
+            if (library := ctypes.util.find_library("OpenNI2")) is None:
                 raise
-            c_api.load_dll(found)
-            openni2.loaded_dll_directory = found
+            c_api.load_dll(library)
+            openni2.loaded_dll_directory = library
             openni2.initialize()
     except (openni2.InitializationError, openni2.OpenNIError) as error:
-        raise NoImagesError(f"OpenNI2 cannot be loaded (Debian: libopenni2-0): {_told(error)}") from error
+        raise NoImagesError(
+            f"OpenNI2 cannot be loaded (Debian: libopenni2-0): {_error_text(error)}"
+        ) from error
 
 
-def _told(error: Exception) -> str:
+def _error_text(error: Exception) -> str:
     parts = error.args[0] if error.args and isinstance(error.args[0], tuple) else error.args
     texts = [
         part.decode(errors="replace") if isinstance(part, bytes) else str(part) for part in parts if part

@@ -2,6 +2,8 @@
 
 from enum import StrEnum
 
+from msgspec import field
+
 from chefbotd.core.record import MutableState, Record
 from chefbotd.link.health import show
 from firmware_protocol.lidar import ld19, rplidar
@@ -67,7 +69,7 @@ class LidarHealthWatch(MutableState):
 
     from_s: float
     before: LidarTotals
-    _told: LidarHealth | None = None
+    _reported: LidarHealth | None = field(default=None, name="_told")
 
     def look(self, now_s: float, heard: LidarTotals, sample: bytes, complaint: str) -> LidarHealth | None:
         """The health if it has changed; ``sample`` are the newest bytes, ``complaint`` what the lidar says is wrong."""
@@ -78,9 +80,9 @@ class LidarHealthWatch(MutableState):
         self.from_s, self.before = now_s, heard
         quiet_s = waited_s if not new.bytes else now_s - new.last_s
         health = judge(new, quiet_s, sample, complaint)
-        if self._told is not None and health.condition is self._told.condition:
+        if self._reported is not None and health.condition is self._reported.condition:
             return None
-        self._told = health
+        self._reported = health
         return health
 
 
@@ -91,41 +93,44 @@ def judge(new: LidarTotals, quiet_s: float, sample: bytes, complaint: str) -> Li
             LidarCondition.MOTOR_STALLED, "it answers, but sends no scan: does its motor turn?"
         )
     if quiet_s >= QUIET_S and not new.turns:
-        told = f"nothing received for {quiet_s:.1f} s: does the lidar have power, is this its port, and its baud rate?"
-        return LidarHealth(LidarCondition.SILENT, told)
-    found = f"{new.bytes} bytes, {new.packets} packets; received: {show(sample)}"
+        reason = f"nothing received for {quiet_s:.1f} s: does the lidar have power, is this its port, and its baud rate?"
+        return LidarHealth(LidarCondition.SILENT, reason)
+    received = f"{new.bytes} bytes, {new.packets} packets; received: {show(sample)}"
     if not new.packets:
-        return _judge_foreign(sample, found)
+        return _judge_foreign(sample, received)
     if complaint:
         wrong = LidarCondition.WRONG_DEVICE if "another lidar" in complaint else LidarCondition.DEVICE_ERROR
         return LidarHealth(wrong, complaint)
     if new.turns:
         return LidarHealth(LidarCondition.HEALTHY, "")
     if new.repeated:
-        told = f"the same data again ({new.repeated} times): the lidar has frozen, or its bytes are replayed"
-        return LidarHealth(LidarCondition.FROZEN, told)
+        reason = (
+            f"the same data again ({new.repeated} times): the lidar has frozen, or its bytes are replayed"
+        )
+        return LidarHealth(LidarCondition.FROZEN, reason)
     return LidarHealth(
-        LidarCondition.MOTOR_STALLED, f"packets but no whole turn: does its motor turn? {found}"
+        LidarCondition.MOTOR_STALLED, f"packets but no whole turn: does its motor turn? {received}"
     )
 
 
-def _judge_foreign(sample: bytes, found: str) -> LidarHealth:
+def _judge_foreign(sample: bytes, received: str) -> LidarHealth:
     """Bytes that are no packet of the configured lidar: another lidar's, a board's text, or a wrong baud rate."""
     decoder = ld19.Ld19Decoder()
     if decoder.feed_bytes(sample):
         return LidarHealth(
-            LidarCondition.WRONG_DEVICE, f"these are packets of an LD06 or LD19: is the model right? {found}"
+            LidarCondition.WRONG_DEVICE,
+            f"these are packets of an LD06 or LD19: is the model right? {received}",
         )
     if rplidar.DESCRIPTOR_START in sample:
         return LidarHealth(
-            LidarCondition.WRONG_DEVICE, f"this may be an RPLIDAR: is the model right? {found}"
+            LidarCondition.WRONG_DEVICE, f"this may be an RPLIDAR: is the model right? {received}"
         )
     text = sum(0x20 <= byte <= 0x7E or byte in b"\t\r\n" for byte in sample)
     if text >= TEXT_SHARE * len(sample):
         return LidarHealth(
-            LidarCondition.WRONG_DEVICE, f"this is text: is this the port of the board? {found}"
+            LidarCondition.WRONG_DEVICE, f"this is text: is this the port of the board? {received}"
         )
     return LidarHealth(
         LidarCondition.WRONG_BAUD,
-        f"no packets: is the baud rate right, and is this the lidar's port? {found}",
+        f"no packets: is the baud rate right, and is this the lidar's port? {received}",
     )

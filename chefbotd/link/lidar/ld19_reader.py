@@ -152,7 +152,7 @@ class Ld19Reader:
             self.relation.observe(self._last.device_ms * 1e-3, now_s - self._packet_s)
         if not self.relation.is_known:
             return []
-        turns = [self._turn_of(*each, now_s) for each in ended if each is not None]
+        turns = [self._turn_of(*turn, now_s) for turn in ended if turn is not None]
         return [turn for turn in turns if turn is not None]
 
     def _place(self, packet: Ld19Packet, now_s: float) -> bool:
@@ -211,8 +211,8 @@ class Ld19Reader:
 
     def _turn_of(self, placed: list[_Placed], end_cdeg: int, now_s: float) -> LidarTurn | None:
         """The points of the turn that ends at this angle; None where too much of it is missing."""
-        packets = [each.packet for each in placed]
-        start, span = np.array([(each.start_cdeg, each.packet.span_cdeg) for each in placed], float).T
+        packets = [item.packet for item in placed]
+        start, span = np.array([(item.start_cdeg, item.packet.span_cdeg) for item in placed], float).T
         share = np.arange(POINTS) / (POINTS - 1)
         angle = start[:, None] + span[:, None] * share - (end_cdeg - FULL_TURN_CDEG)
         inside = (angle >= 0) & (angle < FULL_TURN_CDEG)
@@ -221,7 +221,7 @@ class Ld19Reader:
             return None
         speed_cdeg_s = np.array([100.0 * max(packet.speed_deg_s, 1) for packet in packets])
         packet_s = np.minimum(span / speed_cdeg_s, LONGEST_POINT_S * (POINTS - 1))
-        sent_s = np.array([self.relation.host_s(each.device_ms * 1e-3) for each in placed])
+        sent_s = np.array([self.relation.host_s(item.device_ms * 1e-3) for item in placed])
         stamp_s = np.minimum(sent_s[:, None] - packet_s[:, None] * (1 - share), now_s)
         range_m = np.array([packet.distance_mm for packet in packets]) * 1e-3
         beam_s = np.maximum.accumulate(stamp_s[inside])  # the lidar's milliseconds are whole ones

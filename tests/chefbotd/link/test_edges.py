@@ -8,7 +8,7 @@ from chefbotd.bus import Bus
 from chefbotd.clock import ManualClock, run_virtual
 from chefbotd.core.events import AnalogueCounted, EdgeBurst, EdgesSeen, EncodersCounted
 from chefbotd.link.board_clock import BoardClock
-from chefbotd.link.board_reader import MOST_BURSTS, EdgeBasket
+from chefbotd.link.board_reader import MOST_BURSTS, BurstBuffer
 from chefbotd.link.session import BoardSession
 from chefbotd.testing.transport import FakeSerialTransport
 from firmware_protocol.codec import KHAN, KHAN_EDGES, Variant
@@ -100,29 +100,29 @@ def test_edges_that_no_time_follows_are_kept_within_bounds():
     """Twice as many bursts as there is room for: the newest remain."""
     clock = BoardClock()
     clock.observe(0, 0.0, 50.0)
-    basket = EdgeBasket(clock)
+    buffer = BurstBuffer(clock)
     for n in range(2 * MOST_BURSTS):
-        basket.put(QuadratureEdges(0, n, (2,), n))
-    bursts = basket.empty()
+        buffer.put(QuadratureEdges(0, n, (2,), n))
+    bursts = buffer.empty()
     assert [burst.total for burst in bursts] == list(range(MOST_BURSTS, 2 * MOST_BURSTS))
     assert bursts[-1].times_s == pytest.approx((50.0 + (2 * MOST_BURSTS - 1) * 1e-6,))
-    assert basket.empty() == ()
+    assert buffer.empty() == ()
 
 
 def test_edges_before_any_time_cannot_be_dated():
     """A clock that was never read gives no times, so there are no edges."""
-    basket = EdgeBasket(BoardClock())
-    basket.put(QuadratureEdges(0, 1, (2,), 5))
-    assert basket.empty() == ()
+    buffer = BurstBuffer(BoardClock())
+    buffer.put(QuadratureEdges(0, 1, (2,), 5))
+    assert buffer.empty() == ()
 
 
 def test_the_gaps_lead_back_from_the_last_edge():
     """Four edges, the last 7 µs after the clock was read, 20 and 10 µs between the last three: the first has no time."""
     clock = BoardClock()
     clock.observe(100, 0.0, 50.0)
-    basket = EdgeBasket(clock)
-    basket.put(QuadratureEdges(3, 9, (2, 3, 1, 0), 107, (10, 20)))
-    (burst,) = basket.empty()
+    buffer = BurstBuffer(clock)
+    buffer.put(QuadratureEdges(3, 9, (2, 3, 1, 0), 107, (10, 20)))
+    (burst,) = buffer.empty()
     assert (burst.wheel, burst.total, burst.levels) == (3, 9, (2, 3, 1, 0))
     assert burst.times_s == pytest.approx((49.999977, 49.999987, 50.000007), abs=1e-9)
 

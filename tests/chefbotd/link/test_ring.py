@@ -40,7 +40,7 @@ def test_both_ways_are_told_in_the_order_of_time():
     ring = LineRing()
     ring.heard.extend([(9.0, b"e\t1\t2"), (9.9, b"\xff")])
     ring.said.append((9.5, b"s 1 2"))
-    assert ring.told(10.0) == ["-1.000 < e\\t1\\t2", "-0.500 > s 1 2", "-0.100 < \\xff"]
+    assert ring.as_text(10.0) == ["-1.000 < e\\t1\\t2", "-0.500 > s 1 2", "-0.100 < \\xff"]
 
 
 def test_only_the_newest_are_kept():
@@ -49,7 +49,7 @@ def test_only_the_newest_are_kept():
     for number in range(1000):
         ring.heard.append((number, b"%d" % number))
         ring.said.append((number, b"%d" % number))
-    told = ring.told(1000.0)
+    told = ring.as_text(1000.0)
     assert len(told) == 2 * LINES_KEPT
     assert told[0] == "-200.000 < 800"
 

@@ -17,9 +17,9 @@ from chefbotd.core.events.recording import RecordingData
 from chefbotd.core.geometry import Pose2D, PoseCovariance, Twist2D
 from chefbotd.core.scan import LaserScan
 from chefbotd.recording.channels import Channels
+from chefbotd.recording.chunk_encoder import ChunkEncoder
 from chefbotd.recording.disk import RecordingDisk
 from chefbotd.recording.foxglove import Cells, ReadMap
-from chefbotd.recording.intake import Intake
 from chefbotd.recording.parameters import RecordingParameters
 from chefbotd.recording.recorder import Recorder
 from chefbotd.recording.status import About
@@ -30,25 +30,25 @@ ABOUT = About({"chefbotd": {"robot": "kitchen-bot"}}, "<robot name='kitchen-bot'
 
 
 class SyncRecorder(Recorder):
-    """A recorder with its intake before it, in one call."""
+    """A recorder with its encoder before it, in one call."""
 
-    intake: Intake
+    encoder: ChunkEncoder
 
     def record(self, events: Sequence[Any], now_s: float) -> None:  # type: ignore[override]
         """Record events, a chunk at a time."""
-        self.intake.encode(events)
-        if self.intake.is_due(now_s):
+        self.encoder.encode(events)
+        if self.encoder.is_due(now_s):
             self.flush(now_s)
 
     def note_gap(self, count: int, reason: str, now_s: float) -> None:
         """So many events are missing here."""
-        self.intake.skip(count)
-        self.intake.mark_gap(count, reason, now_s)
+        self.encoder.skip(count)
+        self.encoder.mark_gap(count, reason, now_s)
 
     def flush(self, now_s: float) -> None:
         """What is in no chunk yet."""
-        if (piece := self.intake.cut(now_s)) is not None:
-            super().record(piece, now_s)
+        if (chunk := self.encoder.cut(now_s)) is not None:
+            super().record(chunk, now_s)
 
     def start(self, name: str | None, now_s: float, *, from_beginning: bool = False) -> RecordingData:
         """After all that was taken before."""
@@ -79,9 +79,9 @@ def recorder(
     **parameters: Any,
 ) -> SyncRecorder:
     """A recorder that begins at ``START_S``, which is ``WALL_S`` since 1970."""
-    intake, made = parts(folder, disk, read_map, about=about, **parameters)
+    encoder, made = parts(folder, disk, read_map, about=about, **parameters)
     assert isinstance(made, SyncRecorder)
-    made.intake = intake
+    made.encoder = encoder
     return made
 
 
@@ -92,22 +92,22 @@ def parts(
     kind: type[Recorder] = SyncRecorder,
     about: About = ABOUT,
     **parameters: Any,
-) -> tuple[Intake, Recorder]:
-    """An intake, and what takes its pieces."""
+) -> tuple[ChunkEncoder, Recorder]:
+    """An encoder, and what takes its pieces."""
     told = RecordingParameters(**{"min_free_mb": 0.0, **parameters})
     offset_ns = round(WALL_S * 1e9) - round(START_S * 1e9)
-    intake = Intake(Channels(), offset_ns, None, told.chunk_s, START_S)
+    encoder = ChunkEncoder(Channels(), offset_ns, None, told.chunk_s, START_S)
     made = kind(
         told,
         folder,
-        intake.channels,
+        encoder.channels,
         offset_ns,
         about=lambda: about,
         read_map=read_map,
         disk=disk,
         wall_s=lambda: WALL_S,
     )
-    return intake, made
+    return encoder, made
 
 
 def cycle(stamp_s: float) -> list[Any]:

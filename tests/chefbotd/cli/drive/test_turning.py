@@ -88,7 +88,7 @@ def test_nothing_to_turn_is_done() -> None:
 
 def test_the_last_try_may_miss_by_twice_the_tolerance() -> None:
     """0.9 degrees off (the tolerance is 0.46) ends the twelfth try, not the eleventh; 1.0 is a failure."""
-    stopped = Try(way=1, from_rad=0.03, began_s=6.0, stopped_s=7.0)
+    stopped = Try(direction=1, from_rad=0.03, began_s=6.0, stopped_s=7.0)
     last = TurnInPlace(began_s=0.0, whole_rad=1.5, delay_s=0.2, creep_rad_s=0.15, tries=12, now=stopped)
     assert step(last, 8.0, math.radians(0.9), stands=True)[1] is None
     before, rate = step(replace(last, tries=11), 8.0, math.radians(0.9), stands=True)

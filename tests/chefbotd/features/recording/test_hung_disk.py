@@ -9,7 +9,7 @@ from structlog.testing import capture_logs
 
 from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
-from chefbotd.recording.intake import Intake
+from chefbotd.recording.chunk_encoder import ChunkEncoder
 from chefbotd.recording.recorder import Recorder
 from chefbotd.recording.writer import InlineWriter, MakeRecorder, WriterThread
 from chefbotd.testing.daemon import simulated_robot
@@ -26,10 +26,10 @@ def test_a_robot_whose_disk_hangs_drives_on(tmp_path: Path) -> None:
     disk.goes_on.clear()
 
     def hanging(make: MakeRecorder, most_bytes: int) -> WriterThread:
-        def with_this_disk() -> tuple[Intake, Recorder]:
-            intake, made = make()
+        def with_this_disk() -> tuple[ChunkEncoder, Recorder]:
+            encoder, made = make()
             made._disk = disk
-            return intake, made
+            return encoder, made
 
         writer = WriterThread(with_this_disk, 200_000)
         writer.ready.result(20.0)  # no time passes on the virtual clock meanwhile

@@ -11,7 +11,7 @@ from structlog.testing import capture_logs
 from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
 from chefbotd.composition.context import StartWriter
-from chefbotd.recording.intake import Intake
+from chefbotd.recording.chunk_encoder import ChunkEncoder
 from chefbotd.recording.parameters import RecordingParameters, folder_of
 from chefbotd.recording.reader import RecordingReader
 from chefbotd.recording.recorder import Recorder
@@ -295,10 +295,10 @@ def on_disk(disk: FailingDisk) -> StartWriter:
     """Records on this disk."""
 
     def start(make: MakeRecorder, most_bytes: int) -> InlineWriter:
-        def made() -> tuple[Intake, Recorder]:
-            intake, recorder = make()
+        def made() -> tuple[ChunkEncoder, Recorder]:
+            encoder, recorder = make()
             recorder._disk = recorder._folder._disk = disk
-            return intake, recorder
+            return encoder, recorder
 
         return write_inline(made, most_bytes)
 

@@ -23,7 +23,7 @@ EARLY_S = 0.02
 """Events come in ten times a second: a chunk that is nearly due does not wait for those of the next time."""
 
 
-class Piece(Struct, frozen=True):
+class EventChunk(Struct, frozen=True):
     """A chunk on its way. ``holds`` is what still holds at its end, to be told again where a file begins after it.
 
     ``maps`` are events whose map the thread draws.
@@ -40,7 +40,7 @@ class Piece(Struct, frozen=True):
         return self.raw.weight + sum(len(getattr(drawn[0], "cells", b"")) for drawn in self.maps)
 
 
-class Intake:
+class ChunkEncoder:
     """Encodes events until a chunk is due: after ``chunk_s``, or when it is large. ``offset_ns`` as in ``Encoder``.
 
     ``failures`` counts events that cannot be recorded, by their class.
@@ -57,7 +57,7 @@ class Intake:
 
     @property
     def events(self) -> int:
-        """Those that are in no piece yet."""
+        """Those that are in no chunk yet."""
         return self._events
 
     def encode(self, events: Sequence[Any]) -> None:
@@ -84,13 +84,13 @@ class Intake:
         self._encoder.encode_event(EventsDropped(now_s, count, reason))
 
     def is_due(self, now_s: float) -> bool:
-        """Whether a piece is to be cut."""
+        """Whether a chunk is to be cut."""
         return self._builder.size >= CHUNK_BYTES or now_s - self._began_s >= self._chunk_s - EARLY_S
 
-    def cut(self, now_s: float) -> Piece | None:
+    def cut(self, now_s: float) -> EventChunk | None:
         """What was encoded since the last cut; None where that is nothing."""
         self._began_s = now_s
         raw, events, self._events = self._builder.cut(), self._events, 0
         if raw is None:
             return None
-        return Piece(raw, events, self._encoder.holds(), self._encoder.take_maps())
+        return EventChunk(raw, events, self._encoder.holds(), self._encoder.take_maps())
