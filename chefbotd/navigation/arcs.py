@@ -5,12 +5,12 @@ it. A point that is too near already forbids only what brings it nearer, so the 
 """
 
 import math
-from dataclasses import dataclass
 from typing import Final, NamedTuple
 
 import numpy as np
 
 from chefbotd.core.compiled import kernel
+from chefbotd.core.record import Record
 from chefbotd.navigation.costmap import between_cells
 from chefbotd.navigation.distance import Flags, Singles
 from chefbotd.navigation.grid_frame import Floats
@@ -65,8 +65,7 @@ KEEP_FOR_M: Final = 0.35
 """along so much of its way: beyond, it will have turned."""
 
 
-@dataclass(frozen=True, slots=True)
-class Way:
+class Way(Record, frozen=True):
     """An arc: how much is free (metres, or radians on the spot), the least room beside it, the speed that allows.
 
     ``lacking_m`` is how much less room than ``keep_m`` it leaves to what stands along ``keep_for_m``: on average, and
@@ -79,7 +78,7 @@ class Way:
     lacking_m: float = 0.0
 
 
-class _Motion(NamedTuple):
+class _Motion(NamedTuple):  # a kernel takes it, and numba knows no record
     """What a kernel is told of the robot: its outline's pad, how fast it may be and is, and how it brakes.
 
     Nearer than ``map_least_m`` no obstacle of the map may be. The robot stands after ``stops_m``; who walks is expected

@@ -6,12 +6,12 @@ With no more than ``tight_m`` it costs up to ``tight_weight`` on top of that: th
 """
 
 import math
-from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
 
 from chefbotd.core.compiled import kernel
+from chefbotd.core.record import Record, replace
 from chefbotd.mapping.occupancy_grid import UNKNOWN, OccupancyGrid
 from chefbotd.navigation.distance import Singles, distances_m
 from chefbotd.navigation.grid_frame import Floats, GridFrame
@@ -44,8 +44,7 @@ ROUNDING_CELLS: Final = 0.25
     door at an angle, 10 cm wider than the robot, might be closed in a grid of 5 cm."""
 
 
-@dataclass(frozen=True, slots=True)
-class Inflation:
+class Inflation(Record, frozen=True):
     """The parameters, in metres from an obstacle, for one robot."""
 
     blocked_below_m: float
@@ -62,8 +61,7 @@ class Inflation:
         return self.inner_m + max(self.comfort_m, self.tight_m)
 
 
-@dataclass(frozen=True, slots=True)
-class Costmap:
+class Costmap(Record, frozen=True):
     """Arrays (rows, columns): distance to the nearest obstacle, cost (infinite: blocked), a zone's speed limit.
 
     ``surcharges`` is what a cell costs by itself, apart from obstacles: 1, more in slow zones and unknown space,

@@ -7,10 +7,9 @@ cycle.
 """
 
 import math
-from dataclasses import dataclass, replace
 
-from chefbotd.core import record
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
+from chefbotd.core.record import Record, replace
 from chefbotd.navigation.parameters import NavigationParameters
 
 CYCLE_S, WAIT_S = 1.05, 1.0
@@ -38,8 +37,7 @@ SLOWER = 6.0
 """Whatever takes its time takes so many times as long."""
 
 
-@dataclass(frozen=True, slots=True)
-class Crawl:
+class Crawl(Record, frozen=True):
     """Silences of the odometry (when the last one began and ended), and the motions asked for, the newest first.
 
     ``decided_s`` is the time of the reading that the newest one was decided by.
@@ -93,7 +91,7 @@ def slowed(params: NavigationParameters) -> NavigationParameters:
     """The same for such a board: what is asked for is driven for one cycle, whatever it was before."""
     usual, rim_m_s = params.follower, params.silent_speed_m_s
     speed_m_s, turn_rad_s = SPEED_SHARE * rim_m_s, TURN_PER_M * rim_m_s
-    follower = record.replace(
+    follower = replace(
         usual,
         max_speed_m_s=min(speed_m_s, usual.max_speed_m_s),
         max_reverse_m_s=min(speed_m_s, usual.max_reverse_m_s),
@@ -108,6 +106,4 @@ def slowed(params: NavigationParameters) -> NavigationParameters:
         position_m=POSITION_M,
         heading_rad=HEADING_RAD,
     )
-    return record.replace(
-        params, follower=follower, slower=SLOWER, scan_late_s=CYCLE_S, scan_silent_s=2 * CYCLE_S
-    )
+    return replace(params, follower=follower, slower=SLOWER, scan_late_s=CYCLE_S, scan_silent_s=2 * CYCLE_S)

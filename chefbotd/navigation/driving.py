@@ -1,10 +1,10 @@
 """One step along a trip: the surroundings, the allowed speed, and the follower's twist."""
 
 import math
-from dataclasses import replace
 from typing import Final
 
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import replace
 from chefbotd.navigation.awareness import Awareness
 from chefbotd.navigation.follower import follow
 from chefbotd.navigation.input_watch import POSE_SILENT_S

@@ -7,7 +7,6 @@ beside his way is better than standing.
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
 from itertools import product
 from typing import Final
 
@@ -15,6 +14,7 @@ import numpy as np
 
 from chefbotd.core.compiled import kernel
 from chefbotd.core.geometry import Twist2D
+from chefbotd.core.record import Record
 from chefbotd.navigation.arcs import KEEP_M, along_arc, way
 from chefbotd.navigation.distance import Flags
 from chefbotd.navigation.grid_frame import Floats
@@ -96,8 +96,7 @@ def evasion(
     return clear if clear is not None or stay_m >= TOUCH_M else search.best(stay_m, WALL_M)
 
 
-@dataclass(frozen=True, slots=True)
-class _Coming:
+class _Coming(Record, frozen=True):
     """Points of those who walk, in the robot's frame, how they walk, and who waits until the robot stands."""
 
     points_m: Floats
@@ -105,8 +104,7 @@ class _Coming:
     waits: Flags
 
 
-@dataclass(frozen=True, slots=True)
-class _Search:
+class _Search(Record, frozen=True):
     """What the arcs are judged by: who comes, and what stands about the robot."""
 
     outline: Footprint

@@ -7,11 +7,11 @@ and Thrun, 1997). Poses are predicted by the robot's delay, so that it does not 
 """
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D, wrap_angle
+from chefbotd.core.record import replace
 from chefbotd.navigation.arc_choice import arc, clear_arc, free_arc, is_clearer_turned
 from chefbotd.navigation.arcs import FORESIGHT_S, HORIZON_M, Way, stopping_speed, way
 from chefbotd.navigation.grid_frame import Floats

@@ -1,15 +1,14 @@
 """The queue of goals: numbered, cancelled, and ended."""
 
 from collections.abc import Collection
-from dataclasses import dataclass, replace
 
+from chefbotd.core.record import Record, replace
 from chefbotd.navigation.path import Goal
 from chefbotd.navigation.reports import Ended
 from chefbotd.navigation.states import End
 
 
-@dataclass(frozen=True, slots=True)
-class GoalQueue:
+class GoalQueue(Record, frozen=True):
     """Goals with their numbers, the present one first, and how many were ever accepted."""
 
     goals: tuple[tuple[int, Goal], ...] = ()

@@ -1,20 +1,19 @@
 """Converts between the map's frame and the grid's: cell (0, 0) at the origin, columns along x, rows along y."""
 
 import math
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import Record
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 
 Floats: TypeAlias = NDArray[np.float64]
 
 
-@dataclass(frozen=True, slots=True)
-class GridFrame:
+class GridFrame(Record, frozen=True):
     """Where a grid of ``rows`` by ``columns`` lies in the map; a map whose origin is turned is no special case."""
 
     resolution_m: float

@@ -1,9 +1,9 @@
 """Checks that a step has a pose and scans. Without them the robot stands, and after a while the goal ends."""
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
+from chefbotd.core.record import Record
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.reports import PoseStatus, StepInput
 from chefbotd.navigation.states import End
@@ -21,8 +21,7 @@ BRAKING_S = 0.05
 """So long after its delay the wheels have nearly stopped."""
 
 
-@dataclass(frozen=True, slots=True)
-class Missing:
+class Missing(Record, frozen=True):
     """Since when the robot does not know where it is, and for how long scans are missing; None: they are not.
 
     The absence of scans is counted by steps: a computer that stood still proves nothing.
@@ -34,8 +33,7 @@ class Missing:
     """After odometry was silent the robot first stands: it went on as before, whatever it was asked for."""
 
 
-@dataclass(frozen=True, slots=True)
-class Watched:
+class Watched(Record, frozen=True):
     """What is missing now; why the robot stands ("": it can drive), and how the goal ends if that took too long.
 
     ``is_over`` says that something was missing at the last step, and is there again.

@@ -6,7 +6,6 @@ glass: it fades after a stated time; and where the map or the lidar already expl
 """
 
 import math
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -14,6 +13,7 @@ from numpy.typing import NDArray
 
 from chefbotd.core.compiled import kernel
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import Record
 from chefbotd.navigation.distance import Flags, Singles
 from chefbotd.navigation.grid_frame import Floats, GridFrame
 from chefbotd.navigation.movers import WALKER_S
@@ -52,8 +52,7 @@ CONE_EXPLAINED_M: Final = 0.15
 """The same for a cone, whose distance is less certain."""
 
 
-@dataclass(frozen=True, slots=True)
-class LiveObstacles:
+class LiveObstacles(Record, frozen=True):
     """For each cell when it was last seen occupied, (rows, columns): by lidar, and by a cone of sound or light.
 
     ``since_s`` is since when the lidar sees it there, ``passes`` in how many scans since then beams only passed.

@@ -1,9 +1,9 @@
 """Lets a standing robot make way for a person who comes nearer, step by step."""
 
 import math
-from dataclasses import dataclass
 
 from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.core.record import Record
 from chefbotd.navigation.evade import evasion
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.reports import StepInput
@@ -14,8 +14,7 @@ CALM_S = 3.0
 """When nobody was evaded for so long, the next one is another."""
 
 
-@dataclass(frozen=True, slots=True)
-class MakingWay:
+class MakingWay(Record, frozen=True):
     """Whether the robot makes way now, when it last did, and from where (in the grid's frame)."""
 
     is_active: bool = False

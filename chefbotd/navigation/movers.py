@@ -1,12 +1,12 @@
 """Detects and tracks moving objects: points that are not on the map, grouped and followed from scan to scan."""
 
 import math
-from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
+from chefbotd.core.record import Record, replace
 from chefbotd.navigation.grid_frame import Floats
 
 GAP_M = 0.3
@@ -34,8 +34,7 @@ LEARNT = 0.02
 """So much of the usual speed is the present one, at each scan."""
 
 
-@dataclass(frozen=True, slots=True)
-class Mover:
+class Mover(Record, frozen=True):
     """A thing: its middle and velocity in the grid's frame, and where it was lately (time, x, y), the oldest first.
 
     ``from_m`` is where it was first seen, or last stood for long; ``walked_s`` when it walked last; ``radius_m`` is half
@@ -60,8 +59,7 @@ class Mover:
         return self.stamp_s - self.walked_s < WALKER_S
 
 
-@dataclass(frozen=True, slots=True)
-class Followed:
+class Followed(Record, frozen=True):
     """The things of a scan; for each of its points its velocity and how it will move soon (n, 2), and who walks (n)."""
 
     movers: tuple[Mover, ...]

@@ -1,11 +1,11 @@
 """What is asked of a planner, and what it answers: goals and paths, and what every path must keep to."""
 
-from dataclasses import dataclass
 from typing import Final, Protocol
 
 import numpy as np
 
 from chefbotd.core.geometry import Pose2D, wrap_angle
+from chefbotd.core.record import Record
 from chefbotd.navigation.costmap import Costmap
 from chefbotd.navigation.grid_frame import Floats, GridFrame
 from chefbotd.navigation.outline import Footprint
@@ -17,8 +17,7 @@ ESCAPE_M: Final = 0.4
 """A robot that stands too near to an obstacle may leave through cells that are blocked, so far at most."""
 
 
-@dataclass(frozen=True, slots=True)
-class Goal:
+class Goal(Record, frozen=True):
     """A pose in the map; without a heading any will do.
 
     ``tolerance_m`` allows the nearest free pose instead, if it is no farther away.
@@ -30,8 +29,7 @@ class Goal:
     tolerance_m: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Path:
+class Path(Record, frozen=True):
     """Points (n, 2) in the grid's frame and the headings at them; where it ends, and whether that is what was asked."""
 
     frame: GridFrame
@@ -55,8 +53,7 @@ class Path:
         return self.frame.to_map(self.points_m)
 
 
-@dataclass(frozen=True, slots=True)
-class NoPath:
+class NoPath(Record, frozen=True):
     """Why there is no path, as a sentence; the free pose nearest to the goal, if there is one that can be reached."""
 
     reason: str

@@ -7,12 +7,12 @@ and neither is passed by grazing a wall: a tight place beside him is as dear as 
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
 
 from chefbotd.core.compiled import kernel
+from chefbotd.core.record import replace
 from chefbotd.navigation.costmap import Costmap
 from chefbotd.navigation.distance import Singles
 from chefbotd.navigation.grid_frame import Floats

@@ -1,13 +1,13 @@
 """Plans a checked path from the robot's pose to a goal, or gives the reason why there is none."""
 
 import math
-from dataclasses import replace
 from typing import Final
 
 import numpy as np
 from scipy import ndimage
 
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import replace
 from chefbotd.navigation.costmap import Costmap
 from chefbotd.navigation.distance import Flags, Singles
 from chefbotd.navigation.grid_frame import Floats, GridFrame

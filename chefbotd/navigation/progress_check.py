@@ -1,10 +1,10 @@
 """Detects that the robot makes no progress: it is blocked, or stays in one place, for too long."""
 
 import math
-from dataclasses import dataclass, replace
 from typing import Final
 
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import Record, replace
 from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.recovery import STUCK_S, WALKER_S
 from chefbotd.navigation.reports import StepInput
@@ -16,16 +16,14 @@ MOVED_M, MOVED_RAD = 0.04, 0.15
 """A robot that moved, or turned, farther than this has come on."""
 
 
-@dataclass(frozen=True, slots=True)
-class InTheWay:
+class InTheWay(Record, frozen=True):
     """What blocks the robot: where it is, as a part of a sentence, and whether it is somebody who will walk on."""
 
     where: str
     walks: bool
 
 
-@dataclass(frozen=True, slots=True)
-class LastProgress:
+class LastProgress(Record, frozen=True):
     """When and where (in the map) the robot came on last, and since when it has been blocked."""
 
     moved_s: float
@@ -33,8 +31,7 @@ class LastProgress:
     blocked_since_s: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Checked:
+class Checked(Record, frozen=True):
     """How the robot comes on; why it waits from now on, whether it drives again, and why it is stuck ("": it is not)."""
 
     progress: LastProgress

@@ -1,8 +1,9 @@
 """The recovery attempts of a robot that cannot go on, one after another, until it gives up with a reason."""
 
-from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Final
+
+from chefbotd.core.record import Record, replace
 
 STUCK_S: Final = 1.5
 """Something is in the way for so long;"""
@@ -54,8 +55,7 @@ SAID = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Recovery:
+class Recovery(Record, frozen=True):
     """What is being tried since when; since when and where (distance to go) the robot could not go on."""
 
     rung: Rung

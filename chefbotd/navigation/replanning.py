@@ -1,10 +1,10 @@
 """Decides whether a new path replaces the one that is driven: when that one is blocked, or the new one is better."""
 
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import Record
 from chefbotd.navigation.awareness import Awareness
 from chefbotd.navigation.costmap import Costmap
 from chefbotd.navigation.evade import is_in_the_way
@@ -73,8 +73,7 @@ def choice(
     return Choice.KEEP if has_to_wait else Choice.TAKE_NEW
 
 
-@dataclass(frozen=True, slots=True)
-class Waiting:
+class Waiting(Record, frozen=True):
     """Since when, and until when, the robot waits for somebody rather than going round him; why, as a sentence."""
 
     since_s: float

@@ -1,9 +1,9 @@
 """The inputs of navigation for a scan and for a step, and the results of each step."""
 
-from dataclasses import dataclass
 from enum import StrEnum
 
 from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.core.record import Record
 from chefbotd.navigation.distance import Singles
 from chefbotd.navigation.grid_frame import Floats
 from chefbotd.navigation.states import End, State
@@ -17,8 +17,7 @@ class PoseStatus(StrEnum):
     LOST = "lost"
 
 
-@dataclass(frozen=True, slots=True)
-class Seen:
+class Seen(Record, frozen=True):
     """A scan: points (n, 2) in the robot's frame, in the order of their beams, and where it was then.
 
     ``sensor_m`` is where the lidar is on the robot (2,), or for each point where it was seen from (n, 2).
@@ -30,8 +29,7 @@ class Seen:
     points_m: Floats
 
 
-@dataclass(frozen=True, slots=True)
-class StepInput:
+class StepInput(Record, frozen=True):
     """What a step is made with: the time, the time since the last step, where the robot is (``map_from_base``).
 
     ``last`` is the twist that was asked for last. ``pose_age_s`` is for how long no odometry came: since then the pose
@@ -46,8 +44,7 @@ class StepInput:
     pose_age_s: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Progress:
+class Progress(Record, frozen=True):
     """What is told of a goal: ``goal`` is its number, ``reason`` a sentence, distance and time what is left."""
 
     state: State
@@ -57,8 +54,7 @@ class Progress:
     time_s: float | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Ended:
+class Ended(Record, frozen=True):
     """A goal's end."""
 
     goal: int
@@ -66,8 +62,7 @@ class Ended:
     reason: str
 
 
-@dataclass(frozen=True, slots=True)
-class Step:
+class Step(Record, frozen=True):
     """The twist that is wanted (None: nothing is, and no lease is needed), progress, and goals that ended."""
 
     twist: Twist2D | None

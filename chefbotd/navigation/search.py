@@ -8,12 +8,12 @@ A*: Hart, Nilsson and Raphael, 1968. Buckets: Dial, 1969; untidy ones: Yatziv et
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chefbotd.core.compiled import kernel
+from chefbotd.core.record import Record
 from chefbotd.navigation.distance import Singles
 from chefbotd.navigation.grid_frame import Floats
 
@@ -24,8 +24,7 @@ BUCKET_CELLS = 0.5
 PER_CELL = 1 / BUCKET_CELLS
 
 
-@dataclass(frozen=True, slots=True)
-class GridPath:
+class GridPath(Record, frozen=True):
     """Cells (n, 2: row, column) from start to goal, and what they cost: lengths in cells times their costs."""
 
     cells: Integers

@@ -1,10 +1,11 @@
 """The costs as small patches, and the obstacles that are not on the map, for people to look at."""
 
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
+from chefbotd.core.record import Record
 from chefbotd.navigation.awareness import Awareness
 from chefbotd.navigation.distance import Singles
 from chefbotd.navigation.grid_frame import Floats
@@ -68,7 +69,7 @@ class ShownCosts:
         return [(*at, now[at]) for at in chosen]
 
 
-class ShownObstacles(NamedTuple):
+class ShownObstacles(Record, frozen=True):
     """Points (n, 2) in the map, how many more there are, and who moves: (m, 4), x, y and the velocity in the map."""
 
     points_m: Floats

@@ -1,7 +1,6 @@
 """Shared parts of the follower's steps: the robot's limits, their inputs and results, and limited twists."""
 
 import math
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import Final
 
@@ -66,8 +65,7 @@ class Phase(StrEnum):
     DONE = "done"
 
 
-@dataclass(frozen=True, slots=True)
-class FollowState:
+class FollowState(Record, frozen=True):
     """Where on the path the robot is (the index of a point), and what it does.
 
     ``asked_m`` is how far it was asked to drive since it came to ``from_m`` on its approach to the goal; ``held`` is how
@@ -81,8 +79,7 @@ class FollowState:
     asked_m: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Followed:
+class Followed(Record, frozen=True):
     """The next state, the twist to ask for, and whether something is in the way of it.
 
     ``turns_rad`` is the turn on the spot that is blocked; 0: it is driving ahead.
@@ -94,8 +91,7 @@ class Followed:
     turns_rad: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class Track:
+class Track(Record, frozen=True):
     """What is followed, in the grid's frame; ``speed_limit_m_s`` is what zones allow here."""
 
     points_m: Floats

@@ -1,19 +1,18 @@
 """What is about the robot when it chooses its next motion: points in its frame, and how they move."""
 
 import math
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import Record, replace
 from chefbotd.navigation.distance import Flags, Singles
 from chefbotd.navigation.grid_frame import Floats
 
 SWEEP_S = 0.25
 
 
-@dataclass(frozen=True, slots=True)
-class Surroundings:
+class Surroundings(Record, frozen=True):
     """What is about the robot: points (n, 2) in its frame, how each moves (m/s, same frame), how near it may come.
 
     ``fixed_m`` is the map's distance to obstacles, in which the robot is at ``grid_from_base``. ``intent_m_s`` is how

@@ -1,11 +1,11 @@
 """A path that is being driven: found, checked, and compared with a new one."""
 
 import math
-from dataclasses import dataclass, replace
 
 import numpy as np
 
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import Record, replace
 from chefbotd.navigation.costmap import Costmap, between_cells_at
 from chefbotd.navigation.grid_frame import Floats
 from chefbotd.navigation.outline import Footprint
@@ -19,8 +19,7 @@ AHEAD_M = 1.5
 """So much of a path is looked at for how much room it leaves."""
 
 
-@dataclass(frozen=True, slots=True)
-class Trip:
+class Trip(Record, frozen=True):
     """A path and how far it was followed; an interim one leads only near to a goal that something stands on."""
 
     path: Path

@@ -2,7 +2,6 @@
 
 import itertools
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,6 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D, wrap_angle
+from chefbotd.core.record import replace
 from chefbotd.navigation.arcs import stopping_speed, turn, way
 from chefbotd.navigation.follower import backwards, follow
 from chefbotd.navigation.outline import Footprint

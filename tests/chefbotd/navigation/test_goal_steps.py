@@ -1,12 +1,12 @@
 """The pure steps about a goal: the queue, what is missing, whether the robot comes on, the way back."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.core.record import replace
 from chefbotd.navigation.costmap import costmap
 from chefbotd.navigation.goal_queue import GoalQueue, added, first_ended, kept
 from chefbotd.navigation.input_watch import Missing, watched
