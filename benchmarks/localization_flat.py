@@ -6,11 +6,11 @@ The flat's walls, its lidar and odometry, and the robot that drives are those of
 import math
 import time
 from collections.abc import Iterable
-from dataclasses import replace
 
 import numpy as np
 
 from benchmarks.figures import Figure
+from chefbotd.core.record import replace
 from chefbotd.localization.agreement import agreement
 from chefbotd.localization.localizer import set_pose
 from chefbotd.localization.searching import LocalizationMap, localization_map

@@ -23,25 +23,26 @@ SMALL_LINES = 60
 KIND_OF_BASE = {
     "Parameters": "pydantic parameters",
     "Params": "pydantic socket parameters",
-    "Sent": "pydantic results and topic data",
     "BaseModel": "other pydantic models",
     "Struct": "msgspec records and messages",
     "NamedTuple": "NamedTuple",
-    "TypedDict": "TypedDict",
+    "TypedDict": "keyword arguments",
     "Protocol": "Protocol",
     "StrEnum": "enum",
     "IntEnum": "enum",
     "Enum": "enum",
 }
+WIRE_KIND = "values of the wire's package"
+"""Dataclasses and tuples of ``firmware_protocol``, which knows the standard library only."""
+
 VALUES = (
     "pydantic parameters",
     "pydantic socket parameters",
-    "pydantic results and topic data",
     "other pydantic models",
     "msgspec records and messages",
     "dataclass",
     "NamedTuple",
-    "TypedDict",
+    WIRE_KIND,
 )
 EXCEPTIONS = {
     name
@@ -115,6 +116,12 @@ class House:
         )
 
     def _kind(self, module: Module, node: ast.ClassDef) -> str:
+        kind = self._kind_by_bases(module, node)
+        if kind in ("dataclass", "NamedTuple") and module.name.startswith("firmware_protocol."):
+            return WIRE_KIND
+        return KIND_OF_BASE.get(node.name, kind) if kind in VALUES else kind
+
+    def _kind_by_bases(self, module: Module, node: ast.ClassDef) -> str:
         if any(_last_name(decorator) == "dataclass" for decorator in node.decorator_list):
             return "dataclass"
         kinds = [self._kind_of_base(module, node, base) for base in node.bases]
@@ -181,7 +188,7 @@ class House:
         )
         for kind in VALUES:
             yield _row(f"  {kind}", kinds[kind])
-        for kind in ("Protocol", "exception", "enum", "plain"):
+        for kind in ("Protocol", "exception", "enum", "keyword arguments", "plain"):
             yield _row(f"{kind} classes", kinds[kind])
         repeated = self.names_declared_more_than_once()
         yield _row("class names declared more than once", len(repeated), _listed(repeated))

@@ -1,7 +1,8 @@
 """Numba's compiler behind one typed decorator. Import this only in code that runs in the worker process.
 
-Kernels take and fill arrays. They are compiled at the first call and kept in a cache on disk, beside their source or,
-where that may not be written, in the folder that ``NUMBA_CACHE_DIR`` names.
+Kernels take and fill arrays. Arrays that belong together are a ``NamedTuple``: numba knows no records. Kernels are
+compiled at the first call and kept in a cache on disk, beside their source or, where that may not be written, in the
+folder that ``NUMBA_CACHE_DIR`` names.
 """
 
 import ctypes

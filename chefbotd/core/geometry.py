@@ -22,7 +22,8 @@ class Twist2D(Record, frozen=True):
 class WheelVelocities(NamedTuple):
     """How fast each wheel is to turn, in the order of the configured wheels (rad/s, forward positive).
 
-    ``twist`` is how they move the robot as a whole, if none of them slips.
+    ``twist`` is how they move the robot as a whole, if none of them slips. It is a tuple because a recorded state tells
+    it from a ``Twist2D`` by that: of two untagged records msgspec could not say which one was written.
     """
 
     rad_s: tuple[float, ...]
@@ -64,7 +65,7 @@ class Pose2D(Record, frozen=True):
         )
 
 
-class PoseCovariance(NamedTuple):
+class PoseCovariance(Record, frozen=True, array_like=True):
     """How uncertain a pose is: the upper triangle of the symmetric 3x3 matrix over (x, y, heading h), in m, rad.
 
     Six numbers and no array: at the rate of the encoders, arithmetic on small arrays would cost more than all the rest.

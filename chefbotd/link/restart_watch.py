@@ -3,9 +3,7 @@
 Of the published sketches one has no clock and no banner, and one says `Reset Done` and goes on as if nothing were.
 """
 
-from typing import NamedTuple
-
-from chefbotd.core.record import MutableState
+from chefbotd.core.record import MutableState, Record
 
 NEAR_ZERO_COUNTS = 100
 """Counters of a board that has just started are not farther from zero, but for wheels that still roll out."""
@@ -26,7 +24,7 @@ GONE_ON_LINES = 3
 """So many lines after `Reset Done`, and the board has not restarted."""
 
 
-class _Counted(NamedTuple):
+class _Counted(Record, frozen=True, array_like=True):
     stamp_s: float
     counts: tuple[int, ...]
 

@@ -6,11 +6,11 @@ walls, though a lidar sees through glass. A beam that ends where nothing is know
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
 from chefbotd.core.compiled import kernel
+from chefbotd.core.record import Record
 from chefbotd.mapping.local_map import CELL_M, SURFEL_M, LocalMap
 from chefbotd.mapping.poses import Floats
 from chefbotd.mapping.refine import INLIER_M, SURFACE, UNKNOWN, Indices, nearest
@@ -29,7 +29,7 @@ HEAD_ON = 0.35
 """The cosine from which a beam goes through a surface, and not along it."""
 
 
-class Agreement(NamedTuple):
+class Agreement(Record, frozen=True):
     """How many of a scan's beams agree, end too early, go through a wall, and end where nothing is known."""
 
     agree: int

@@ -7,12 +7,12 @@ is missed.
 """
 
 import math
-from dataclasses import dataclass
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from chefbotd.core.record import Record, replace
 from chefbotd.localization.branch_and_bound import bound, divide
 from chefbotd.localization.pyramid import BLOCK, CELL_M, Pyramid
 from chefbotd.mapping.poses import Floats, wrap
@@ -42,15 +42,14 @@ BOUNDS_A_STEP: Final = 30_000
 """How many bounds and scores a step computes: 10 to 20 ms."""
 
 
-class Place(NamedTuple):
+class Place(Record, frozen=True):
     """A pose, and its score from 0 to 1."""
 
     pose: Floats
     score: float
 
 
-@dataclass(frozen=True, slots=True)
-class GlobalSearch:
+class GlobalSearch(Record, frozen=True):
     """A search under way; the arrays in it are used up by the next step.
 
     ``bounds`` are those of all blocks at all turns, computed up to ``bounded``; then ``order`` says in which order
@@ -125,12 +124,12 @@ def searched(search: GlobalSearch, *, bounds_a_step: int = BOUNDS_A_STEP) -> Glo
         end = min(search.bounded + bounds_a_step, len(search.bounds))
         bound(search.pyramid, search.points, search.turns, search.blocks[0], search.blocks[1],
                search.bounded, end, search.bounds)  # fmt: skip
-        return _changed(search, bounded=end)
+        return replace(search, bounded=end)
     order = search.order if len(search.order) else np.argsort(-search.bounds, kind="stable")
     state = np.array([search.best, float(search.divided), float(search.count), 0.0])
     divide(search.pyramid, search.points, search.turns, search.blocks[0], search.blocks[1], search.bounds, order,
             NEARLY, bounds_a_step, search.found, state)  # fmt: skip
-    return _changed(
+    return replace(
         search,
         order=order,
         best=float(state[0]),
@@ -139,11 +138,6 @@ def searched(search: GlobalSearch, *, bounds_a_step: int = BOUNDS_A_STEP) -> Glo
         is_done=state[3] > 0,
         is_complete=state[3] < 2,
     )
-
-
-def _changed(search: GlobalSearch, **changes: object) -> GlobalSearch:
-    values = {name: getattr(search, name) for name in GlobalSearch.__slots__}
-    return GlobalSearch(**{**values, **changes})
 
 
 def places(search: GlobalSearch, *, at_most: int = PLACES_AT_MOST) -> tuple[tuple[Place, ...], bool]:

@@ -5,10 +5,11 @@ well all stay: a chair that was moved costs the right room more than its look-al
 """
 
 import math
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
+from chefbotd.core.record import Record, replace
 from chefbotd.localization.agreement import agreement
 from chefbotd.localization.global_search import Place, is_same
 from chefbotd.localization.tracking import LASER_NOISE_M, Estimate, predicted, sigmas, tracked
@@ -47,7 +48,7 @@ VAGUE_M: Final = 0.3
 """What a scan leaves open by more, as along a bare corridor, is not sure."""
 
 
-class Hypothesis(NamedTuple):
+class Hypothesis(Record, frozen=True):
     """A place where the robot might be: how well its scans fit (smoothed), and how many, from how many places."""
 
     estimate: Estimate
@@ -80,7 +81,7 @@ def hypotheses(
 
 def moved(among: tuple[Hypothesis, ...], motion: Floats, noise: Floats | None) -> tuple[Hypothesis, ...]:
     """All places after a motion."""
-    return tuple(one._replace(estimate=predicted(one.estimate, motion, noise)) for one in among)
+    return tuple(replace(one, estimate=predicted(one.estimate, motion, noise)) for one in among)
 
 
 def confronted(

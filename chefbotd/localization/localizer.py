@@ -5,11 +5,11 @@ the whole map goes on from step to step.
 """
 
 import math
-from dataclasses import dataclass, replace
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
+from chefbotd.core.record import Record, replace
 from chefbotd.localization import searching as search_room
 from chefbotd.localization.agreement import Agreement
 from chefbotd.localization.global_search import is_same
@@ -76,15 +76,14 @@ GIVEN_SIGMA_RAD: Final = 0.2
 """One sigma of a pose that a person gives."""
 
 
-class Odometry(NamedTuple):
+class Odometry(Record, frozen=True):
     """``odom_from_base`` at the scan's stamp; its covariance (3, 3) in ``odom``, if the odometry tells one."""
 
     pose: Floats
     covariance: Floats | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class Localization:
+class Localization(Record, frozen=True):
     """All that the next step needs; ``told`` is ``map_from_odom`` as it was told last, at ``told_s``.
 
     ``misfits`` counts scans in a row that fit badly or worse than usual, ``fits`` those that fit well. Since
@@ -111,7 +110,7 @@ class Localization:
     checked: tuple[Floats, float] | None = None
 
 
-class Report(NamedTuple):
+class Report(Record, frozen=True):
     """What a step found: ``map_from_base`` is None while there is no one pose.
 
     ``map_from_odom`` follows it smoothly; where it could not, ``jumped`` says so. While it searches or is lost,
@@ -382,7 +381,8 @@ def _look(
     else:
         last = search_room.looked(within, last, odometry, scan)
     last = search_room.advanced(within, last, odometry)
-    event, found = search_room.verdict(last, odometry, stamp_s)
+    verdict = search_room.verdict(last, odometry, stamp_s)
+    event, found = verdict.event, verdict.found
     if event is Event.SEARCH_STARTED:
         last = search_room.begun(within, scan, odometry, stamp_s, last.candidates)
     now = replace(now, searching=last)

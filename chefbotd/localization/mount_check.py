@@ -6,9 +6,10 @@ the robot stands, nothing contradicts that. When it drives, its way by the scans
 
 import math
 from collections.abc import Sequence
-from typing import Final, NamedTuple
+from typing import Final
 
 from chefbotd.core.geometry import wrap_angle
+from chefbotd.core.record import Record, replace
 from chefbotd.mapping.poses import Floats, between
 
 WINDOW_M: Final = 0.08
@@ -28,7 +29,7 @@ MIN_SHARE: Final = 0.6
 """Both ways are as long as each other, but for this share: wheels that spin, and a robot that is pushed, are not."""
 
 
-class MountCheck(NamedTuple):
+class MountCheck(Record, frozen=True):
     """Where the present way began, by odometry and in the map, and what the ways before it said.
 
     ``turned_rad`` is known once it is believed: by so much the lidar is turned in its mount, CCW positive.
@@ -46,7 +47,7 @@ def checked(now: MountCheck, odometry: Floats, found: Floats | None) -> MountChe
     if found is None:
         return MountCheck()
     if now.begun is None:
-        return now._replace(begun=(odometry, found))
+        return replace(now, begun=(odometry, found))
     by_wheels, by_scans = between(now.begun[0], odometry), between(now.begun[1], found)
     if abs(by_wheels[2]) > MOST_TURN_RAD:
         return MountCheck((odometry, found))
@@ -56,7 +57,7 @@ def checked(now: MountCheck, odometry: Floats, found: Floats | None) -> MountChe
     if min(length_m, other_m) < MIN_SHARE * max(length_m, other_m):
         return MountCheck((odometry, found))
     off = math.atan2(by_wheels[1], by_wheels[0]) - math.atan2(by_scans[1], by_scans[0])
-    return _said(now, wrap_angle(off))._replace(begun=(odometry, found))
+    return replace(_said(now, wrap_angle(off)), begun=(odometry, found))
 
 
 def mount_problem(check: MountCheck, lidars: Sequence[str]) -> str:

@@ -1,11 +1,11 @@
 """A search of the whole map and its result: places are followed until one is certain, or none is left."""
 
 import math
-from dataclasses import dataclass, replace
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
+from chefbotd.core.record import Record, replace
 from chefbotd.localization import global_search
 from chefbotd.localization.global_search import GlobalSearch
 from chefbotd.localization.hypotheses import (
@@ -34,7 +34,7 @@ SETTLE_S: Final = 3.0
 """If the best place fits badly for so long, nothing was found."""
 
 
-class LocalizationMap(NamedTuple):
+class LocalizationMap(Record, frozen=True):
     """A map made ready: its surfaces, and the levels for a search."""
 
     surfaces: SurfaceMap
@@ -51,8 +51,7 @@ def localization_map(grid: OccupancyGrid) -> LocalizationMap:
     return LocalizationMap(surfaces, pyramid(surfaces))
 
 
-@dataclass(frozen=True, slots=True)
-class Searching:
+class Searching(Record, frozen=True):
     """For which scan the whole map is searched, where the odometry was then (``began_at``), and when.
 
     ``search`` is None once it is done. ``candidates`` are where the robot may be now, the best first; ``is_complete``
@@ -111,7 +110,7 @@ def looked(within: LocalizationMap, searching: Searching, odometry: Floats, scan
     return replace(searching, candidates=left, looked_at=odometry if new_look else searching.looked_at)
 
 
-class Verdict(NamedTuple):
+class Verdict(Record, frozen=True):
     """What a search says: ``found`` (which), ``not_found``, or ``search_started`` if it has to begin again."""
 
     event: Event | None

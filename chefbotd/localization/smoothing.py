@@ -5,7 +5,7 @@ of ``odom``, a hundredth of a radian moves the robot by centimetres.
 """
 
 import math
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
@@ -17,21 +17,19 @@ JUMP_M: Final = 0.3
 JUMP_RAD: Final = 0.35
 
 
-class Corrected(NamedTuple):
-    """``map_from_odom`` as told, and whether it jumped: then whatever was planned with it is void."""
+def corrected(
+    published: Floats, map_from_base: Floats, odom_from_base: Floats, dt_s: float
+) -> tuple[Floats, bool]:
+    """The next ``map_from_odom``, ``dt_s`` after ``published``, and whether it jumped: then plans made with it are void.
 
-    map_from_odom: Floats
-    jumped: bool
-
-
-def corrected(told: Floats, map_from_base: Floats, odom_from_base: Floats, dt_s: float) -> Corrected:
-    """What to tell now, when ``told`` was told ``dt_s`` ago and the robot is at ``map_from_base``."""
-    shown = compose(told, odom_from_base)
+    The robot is at ``map_from_base``.
+    """
+    shown = compose(published, odom_from_base)
     off = between(shown, map_from_base)
-    way_m, turn_rad = math.hypot(off[0], off[1]), abs(float(off[2]))
-    if way_m > JUMP_M or turn_rad > JUMP_RAD:
-        return Corrected(compose(map_from_base, inverse(odom_from_base)), jumped=True)
-    by_way = RATE_M_S * dt_s / way_m if way_m > 0 else 1.0
+    distance_m, turn_rad = math.hypot(off[0], off[1]), abs(float(off[2]))
+    if distance_m > JUMP_M or turn_rad > JUMP_RAD:
+        return compose(map_from_base, inverse(odom_from_base)), True
+    by_distance = RATE_M_S * dt_s / distance_m if distance_m > 0 else 1.0
     by_turn = RATE_RAD_S * dt_s / turn_rad if turn_rad > 0 else 1.0
-    part = np.array([min(by_way, 1.0), min(by_way, 1.0), min(by_turn, 1.0)])
-    return Corrected(compose(compose(shown, part * off), inverse(odom_from_base)), jumped=False)
+    part = np.array([min(by_distance, 1.0), min(by_distance, 1.0), min(by_turn, 1.0)])
+    return compose(compose(shown, part * off), inverse(odom_from_base)), False

@@ -6,12 +6,13 @@ that faces the free ones. The result is a local map as SLAM has it, so its match
 """
 
 import math
-from typing import Final, NamedTuple, TypeAlias
+from typing import Final, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chefbotd.core.compiled import kernel
+from chefbotd.core.record import Record
 from chefbotd.mapping.local_map import BLOCK_M, CELL_M, COARSE_M, SURFEL_M, LocalMap, gather, smear
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.poses import Floats, row_of, transform
@@ -36,14 +37,14 @@ MOST_CELLS: Final = 6_000_000
 """A larger map, such as 150 by 100 m of 5 cm, takes more memory than the worker may have."""
 
 
-class Surfaces(NamedTuple):
+class Surfaces(Record, frozen=True):
     """Points (n, 2) on the map's surfaces, and which way each faces (zeros where it has no direction)."""
 
     points: Singles
     facing: Singles
 
 
-class SurfaceMap(NamedTuple):
+class SurfaceMap(Record, frozen=True):
     """The grids for matching, in ``map``; all surfaces; and the centers of all free cells (n, 2)."""
 
     grids: LocalMap

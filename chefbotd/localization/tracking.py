@@ -6,11 +6,12 @@ against the prediction as in a Kalman filter. Along a bare corridor a scan says 
 """
 
 import math
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
 from chefbotd.core.compiled import kernel
+from chefbotd.core.record import Record, replace
 from chefbotd.localization.agreement import Agreement, agreement
 from chefbotd.mapping.correlate import Window, search
 from chefbotd.mapping.local_map import LocalMap
@@ -65,14 +66,14 @@ CAPTURE = 0.3
 LEAST_WINDOW_M, LEAST_WINDOW_RAD = 0.15, 0.15
 
 
-class Estimate(NamedTuple):
+class Estimate(Record, frozen=True):
     """A pose (x, y, heading) with its covariance (3, 3), in ``map``."""
 
     pose: Floats
     covariance: Floats
 
 
-class Tracked(NamedTuple):
+class Tracked(Record, frozen=True):
     """Where the robot is and how the scan agrees there; ``moved`` tells a pose found away from the prediction.
 
     ``matched`` is whether the scan was used. If it was not, the estimate is the prediction.
@@ -178,7 +179,7 @@ def _around(grids: LocalMap, expected: Estimate, scan: Scan) -> Tracked | None:
     at = Estimate(found.pose, vague)
     told = _polished(grids, at, found.pose, scan)
     sound = told.agreement.fit >= WHEEL_SLIP_FIT and told.agreement.overlap >= 2 * MIN_OVERLAP
-    return told._replace(moved=True) if sound else None
+    return replace(told, moved=True) if sound else None
 
 
 def _polished(grids: LocalMap, expected: Estimate, begin: Floats, scan: Scan) -> Tracked:

@@ -7,13 +7,13 @@ Loop Closure in 2D LIDAR SLAM", ICRA 2016). All kernels count shifts in cells of
 """
 
 import math
-from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chefbotd.core.compiled import kernel
+from chefbotd.core.record import Record, replace
 from chefbotd.mapping.local_map import CELL_M, Bytes, LocalMap
 from chefbotd.mapping.poses import Floats, wrap
 from chefbotd.mapping.surfaces import Singles
@@ -56,7 +56,7 @@ class Excluded(NamedTuple):
 NOTHING_EXCLUDED = Excluded()
 
 
-class Found(NamedTuple):
+class Found(Record, frozen=True):
     """The best pose, and its score from 0 to 1."""
 
     pose: Floats
@@ -75,8 +75,7 @@ class _Search(NamedTuple):
     excluded: Excluded
 
 
-@dataclass(frozen=True, slots=True)
-class WindowSearch:
+class WindowSearch(Record, frozen=True):
     """A search under way; its arrays are used up by the next step.
 
     ``blocks`` are the first shifts (x, y) of the blocks that are searched, ``bounds`` those of all blocks at all turns.

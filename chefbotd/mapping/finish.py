@@ -1,10 +1,10 @@
 """Finishes a map: matches every kept scan against the submaps around it, and solves the graph again."""
 
 from collections.abc import Generator
-from dataclasses import replace
 
 import numpy as np
 
+from chefbotd.core.record import replace
 from chefbotd.mapping.graph import NO_EDGES, Edges, edge
 from chefbotd.mapping.loops import is_sound, loop_covariance
 from chefbotd.mapping.parameters import SlamParameters
@@ -46,7 +46,8 @@ def _members(state: SlamState, submaps: list[Submap]) -> list[list[int]]:
     """For each submap the nodes that are near it and not in it; each node is in a few at most."""
     poses, members = state.nodes.map[:, :2], [list[int]() for _ in submaps]
     away = np.empty((len(submaps), len(poses)))
-    for k, (first, last) in enumerate(submaps):
+    for k, submap in enumerate(submaps):
+        first, last = submap.first, submap.last
         steps = poses[None, first : last + 1] - poses[:, None]
         away[k] = np.hypot(steps[..., 0], steps[..., 1]).min(axis=1)
         away[k, first : last + 1] = np.inf

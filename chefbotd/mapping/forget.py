@@ -5,11 +5,10 @@ step further, with the uncertainty of that step added. So the map keeps its shap
 """
 
 import math
-from dataclasses import replace
-from typing import NamedTuple
 
 import numpy as np
 
+from chefbotd.core.record import Record, replace
 from chefbotd.mapping.graph import Edges, Indices
 from chefbotd.mapping.poses import Floats, between, compose, inverse
 from chefbotd.mapping.state import SlamState, Submap
@@ -20,7 +19,7 @@ LEAST_NODES = 3
 """A submap of fewer is no use for recognising anything; it is dissolved, and its anchor may be forgotten too."""
 
 
-class Forgotten(NamedTuple):
+class Forgotten(Record, frozen=True):
     """The node ``number`` is no more; it was at ``pose`` as seen from the node ``kept``."""
 
     number: int
@@ -141,9 +140,9 @@ def _renumbered(state: SlamState, edges: Edges, gone: Indices) -> SlamState:
         nodes=state.nodes.only(np.flatnonzero(stays)),
         edges=moved,
         submaps=tuple(Submap(int(row[s.first]), int(row[s.last])) for s in state.submaps),
-        active=tuple(a._replace(first=int(row[a.first])) for a in state.active),
+        active=tuple(replace(a, first=int(row[a.first])) for a in state.active),
         candidates=tuple(
-            c._replace(node=int(row[c.node]), anchor=int(row[c.anchor]))
+            replace(c, node=int(row[c.node]), anchor=int(row[c.anchor]))
             for c in state.candidates
             if stays[c.node] and stays[c.anchor]
         ),

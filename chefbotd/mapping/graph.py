@@ -6,7 +6,6 @@ switched off before it can pull; so the scale begins as wide as the worst new lo
 (graduated, as in Yang et al., "Graduated Non-Convexity for Robust Spatial Perception", RA-L 2020).
 """
 
-from dataclasses import dataclass
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -15,6 +14,7 @@ from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 
+from chefbotd.core.record import Record
 from chefbotd.mapping.poses import Floats, inverted, wrap
 
 Indices: TypeAlias = NDArray[np.int64]
@@ -31,8 +31,7 @@ REJECTED_BELOW = 0.25
 """A loop whose weight is smaller is not believed."""
 
 
-@dataclass(frozen=True, slots=True)
-class Edges:
+class Edges(Record, frozen=True):
     """What is known between nodes, a row each: ``second`` lies at ``pose`` as seen from ``first``.
 
     ``spread`` holds the variances of place (m2) and heading (rad2), for telling how far apart two nodes may have

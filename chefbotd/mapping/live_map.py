@@ -1,12 +1,12 @@
 """The occupancy grid of a growing map. Only new scans are traced, as long as no pose has changed."""
 
-from dataclasses import dataclass
 from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import Record
 from chefbotd.mapping.graph import Indices
 from chefbotd.mapping.local_map import Counts
 from chefbotd.mapping.occupancy import Placed, extent_m, percent_of, placed, trace
@@ -23,8 +23,7 @@ MOVED_M, MOVED_RAD = 0.005, 0.002
 Percents: TypeAlias = NDArray[np.int8]
 
 
-@dataclass(frozen=True, slots=True)
-class LiveMap:
+class LiveMap(Record, frozen=True):
     """What was traced: the counts of each cell, and which nodes are in them, at which poses.
 
     ``low_m`` is the outer corner of the first cell, a multiple of the resolution.
@@ -53,8 +52,8 @@ def updated(live: LiveMap, nodes: Nodes) -> LiveMap:
     if not scans:
         return live
     live = _with_room(live, scans)
-    for from_m, points in scans:
-        trace(live.counts, from_m - live.low_m, points - live.low_m, live.resolution_m)
+    for scan in scans:
+        trace(live.counts, scan.from_m - live.low_m, scan.points_m - live.low_m, live.resolution_m)
     poses = np.vstack([live.poses, nodes.map[new]])
     numbers = np.concatenate([live.numbers, nodes.number[new]])
     return LiveMap(live.resolution_m, live.low_m, live.counts, numbers, poses)

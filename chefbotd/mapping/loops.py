@@ -7,10 +7,10 @@ ask for another one (after Olson, "Recognizing places using spectrally clustered
 """
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
+from chefbotd.core.record import replace
 from chefbotd.mapping import correlate
 from chefbotd.mapping.correlate import Excluded, Found, Window, WindowSearch, advanced, for_another
 from chefbotd.mapping.graph import drift_m
@@ -84,7 +84,8 @@ def _targets(params: LoopParameters, state: SlamState) -> list[Target]:
     sigma = drift_m(len(nodes), state.edges, last, lever_m)
     away = np.hypot(nodes.map[:, 0] - here[0], nodes.map[:, 1] - here[1])
     ranked = []
-    for k, (first, end) in enumerate(state.submaps):
+    for k, submap in enumerate(state.submaps):
+        first, end = submap.first, submap.last
         recent = nodes.path_m[last] - nodes.path_m[end] < params.not_within_m
         if recent or nodes.part[first] != state.part:
             continue
@@ -127,7 +128,7 @@ def _lost_targets(state: SlamState) -> tuple[list[Target], int]:
 
 def _path(state: SlamState, submap: int) -> Floats:
     """The places (n, 2) of a submap's nodes, in the frame of its anchor."""
-    first, last = state.submaps[submap]
+    first, last = state.submaps[submap].first, state.submaps[submap].last
     path: Floats = between(state.nodes.map[first], state.nodes.map[first : last + 1])[:, :2]
     return path
 
@@ -137,7 +138,7 @@ def _grids(state: SlamState, submap: int) -> tuple[SlamState, LocalMap]:
     for k, grids in state.built:
         if k == submap:
             return state, grids
-    first, last = state.submaps[submap]
+    first, last = state.submaps[submap].first, state.submaps[submap].last
     grids = rebuilt(state.nodes, first, last, between(state.nodes.map[first], state.nodes.map))
     return replace(state, built=(*state.built[-BUILT_AT_MOST + 1 :], (submap, grids))), grids
 
@@ -159,7 +160,7 @@ def _advanced(
         within = advanced(within, until - within.work)
         if not within.is_done:
             used = within.work - search.work
-            return state, search._replace(work=within.work, search=within, best=best), used, None
+            return state, replace(search, work=within.work, search=within, best=best), used, None
         found = within.found
         if best is None and found is not None:
             candidate = _verified(params, state, search.node, target, within.within.grids, found)
@@ -170,7 +171,7 @@ def _advanced(
             candidate = None
             if found is None:
                 candidate = _verified(params, state, search.node, target, within.within.grids, best)
-        done = search._replace(done=search.done + 1, work=0, search=None, best=None)
+        done = replace(search, done=search.done + 1, work=0, search=None, best=None)
         return state, done, within.work - search.work, candidate
 
 
@@ -191,8 +192,9 @@ def _in_submap(
         points_at_most=POINTS_WHEN_LOST if is_lost else POINTS,
         turn_m=(2 if is_lost else 1) * CELL_M,
     )
-    first, last = state.submaps[target.submap]
-    beams_m = sum(float(np.hypot(*scan.points.T).sum()) for scan in state.nodes.scans[first : last + 1])
+    submap = state.submaps[target.submap]
+    scans = state.nodes.scans[submap.first : submap.last + 1]
+    beams_m = sum(float(np.hypot(*scan.points.T).sum()) for scan in scans)
     search.at[2] += int(beams_m * LOOKUPS_A_METRE)
     return state, search
 

@@ -6,12 +6,12 @@ went on to the wall before and after.
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from chefbotd.core.compiled import kernel
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import Record
 from chefbotd.mapping.local_map import MOST, Counts, clear
 from chefbotd.mapping.occupancy_grid import UNKNOWN, OccupancyGrid
 from chefbotd.mapping.poses import Floats, transform
@@ -44,12 +44,12 @@ def occupancy(nodes: Nodes, resolution_m: float = RESOLUTION_M) -> OccupancyGrid
     origin_m = np.floor(low / resolution_m) * resolution_m
     columns, rows = (math.ceil(size) for size in (high - origin_m) / resolution_m)
     seen = np.zeros((rows, columns, 2), np.uint16)
-    for from_m, points in scans:
-        trace(seen, from_m - origin_m, points - origin_m, resolution_m)
+    for scan in scans:
+        trace(seen, scan.from_m - origin_m, scan.points_m - origin_m, resolution_m)
     return OccupancyGrid(resolution_m, Pose2D(float(origin_m[0]), float(origin_m[1])), percent_of(seen))
 
 
-class Placed(NamedTuple):
+class Placed(Record, frozen=True):
     """A scan in the map: the sensor's place, one or one for each point, and the points, (n, 2) each."""
 
     from_m: Floats
@@ -63,7 +63,7 @@ def placed(pose: Floats, scan: Scan) -> Placed:
 
 def extent_m(scans: Sequence[Placed]) -> tuple[Floats, Floats]:
     """The least and the largest x and y of the scans, of which there is one at least."""
-    everything = [part for scan in scans for part in scan if len(part)]
+    everything = [part for scan in scans for part in (scan.from_m, scan.points_m) if len(part)]
     low: Floats = np.min([part.min(axis=0) for part in everything], axis=0)
     high: Floats = np.max([part.max(axis=0) for part in everything], axis=0)
     return low, high

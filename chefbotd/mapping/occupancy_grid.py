@@ -1,17 +1,15 @@
 """An occupancy grid: how likely each cell of a map is occupied, in percent."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import numpy.typing as npt
 
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import Record
 
 UNKNOWN, FREE, OCCUPIED = -1, 0, 100
 
 
-@dataclass(frozen=True, slots=True)
-class OccupancyGrid:
+class OccupancyGrid(Record, frozen=True):
     """A map of square cells; ``map_from_grid`` is where the outer corner of cell (0, 0) lies in ``map``.
 
     ``percent`` is int8 of shape (rows, columns): -1 for unknown, else 0 (free) to 100 (occupied). Columns run along the

@@ -1,10 +1,10 @@
 """Parts of a map that are not connected: after a kidnapping, or when a saved map is gone on with from anywhere."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 
+from chefbotd.core.record import replace
 from chefbotd.mapping.local_map import empty
 from chefbotd.mapping.poses import Floats, compose
 from chefbotd.mapping.state import Active, SlamMode, SlamState, Submap

@@ -7,12 +7,13 @@ off lose their influence (Geman and McClure's kernel).
 """
 
 import math
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chefbotd.core.compiled import kernel
+from chefbotd.core.record import Record
 from chefbotd.mapping.local_map import SURFEL_M, Counts, LocalMap
 from chefbotd.mapping.poses import Floats, wrap
 from chefbotd.mapping.surfaces import Singles
@@ -44,7 +45,7 @@ PASSES_PER_END, PASSES_FREE = 5, 10
 """A cell that beams pass so often is not occupied, whatever ended there once."""
 
 
-class Fit(NamedTuple):
+class Fit(Record, frozen=True):
     """A pose, and how the scan fits there.
 
     ``information`` (3, 3) over x, y and heading is what the scan alone says. Of the points that lie where the map
@@ -70,7 +71,7 @@ class Fit(NamedTuple):
         return self.known / self.points if self.points else 0.0
 
 
-class Prior(NamedTuple):
+class Prior(Record, frozen=True):
     """Where the pose is expected, and how surely (an information matrix)."""
 
     pose: Floats
@@ -82,7 +83,9 @@ def polish(
 ) -> Fit:
     """The pose near ``start`` at which points, normals and prior fit best; ``sigma_m`` is the laser's noise."""
     pose, stats, information = start.copy(), np.zeros(4), np.zeros((3, 3))
-    _polish(grids, points, facing, pose, prior, sigma_m, information, stats)
+    _polish(
+        grids, points, facing, pose, prior.pose, prior.information, sigma_m, information, stats
+    )  # fmt: skip
     pose[2] = wrap(pose[2:3])[0]
     known, inliers, contradictions = (int(count) for count in stats[:3])
     rms_m = math.sqrt(stats[3] / inliers) if inliers else math.inf
@@ -95,7 +98,8 @@ def _polish(
     points: Singles,
     facing: Singles,
     pose: Floats,
-    prior: Prior,
+    expected: Floats,
+    certainty: Floats,
     sigma_m: float,
     information: Floats,
     stats: Floats,
@@ -109,7 +113,7 @@ def _polish(
         width_m = WIDTHS_M[iteration] if iteration < len(WIDTHS_M) else WIDTH_SIGMAS * sigma_m
         for _ in range(STEPS):
             _sum_up(points, pose, sigma_m, width_m, what, surfaces, system, stats)
-            _add_prior(system, pose, prior)
+            _add_prior(system, pose, expected, certainty)
             if not solve3(system, step):
                 return
             for k in range(3):
@@ -192,14 +196,14 @@ def _add(system: Floats, jx: float, jy: float, jh: float, off_m: float, weight: 
 
 
 @kernel
-def _add_prior(system: Floats, pose: Floats, prior: Prior) -> None:
-    turn = pose[2] - prior.pose[2]
+def _add_prior(system: Floats, pose: Floats, expected: Floats, certainty: Floats) -> None:
+    turn = pose[2] - expected[2]
     turn -= 2 * math.pi * math.floor(turn / (2 * math.pi) + 0.5)
-    off = (pose[0] - prior.pose[0], pose[1] - prior.pose[1], turn)
+    off = (pose[0] - expected[0], pose[1] - expected[1], turn)
     for r in range(3):
         for c in range(3):
-            system[r, c] += prior.information[r, c]
-            system[r, 3] -= prior.information[r, c] * off[c]
+            system[r, c] += certainty[r, c]
+            system[r, 3] -= certainty[r, c] * off[c]
         system[r, r] += 1e-9
 
 

@@ -43,7 +43,7 @@ def saved(state: SlamState) -> Arrays:
         "scan_points": np.concatenate([empty_points, *(scan.points for scan in nodes.scans)]),
         "scan_sensors": np.concatenate([no_places, *(np.atleast_2d(scan.sensor_m) for scan in nodes.scans)]),
         "sensor_sizes": np.array([len(np.atleast_2d(scan.sensor_m)) for scan in nodes.scans], np.int64),
-        "submaps": np.array(state.submaps, np.int64).reshape(-1, 2),
+        "submaps": np.array([[s.first, s.last] for s in state.submaps], np.int64).reshape(-1, 2),
         "active": np.array([[a.first, a.travel_m] for a in state.active]).reshape(-1, 2),
         "candidates": np.array([[c.node, c.anchor, c.drift_m] for c in candidates]).reshape(-1, 3),
         "candidate_poses": np.stack([*(c.pose for c in candidates)]) if candidates else no_poses,

@@ -7,11 +7,10 @@ Where scans cease to fit, nothing is added: what follows is kept apart, and join
 """
 
 import math
-from dataclasses import dataclass, replace
-from typing import NamedTuple
 
 import numpy as np
 
+from chefbotd.core.record import Record, replace
 from chefbotd.mapping.forget import Forgotten, thinned
 from chefbotd.mapping.graph import (
     NO_EDGES,
@@ -49,7 +48,7 @@ FARTHEST_M = 100.0
 """No lidar that we know sees further, and the grids grow with what is inserted."""
 
 
-class Report(NamedTuple):
+class Report(Record, frozen=True):
     """What a step found: where the robot is in the map, how surely, and how well the scan fits (0 to 1).
 
     ``overlap`` is how much of the scan lay on known ground. ``node`` is the number of the last kept scan, and
@@ -71,8 +70,7 @@ class Report(NamedTuple):
     searched: float = 0.0
 
 
-@dataclass(frozen=True, slots=True)
-class _Kept:
+class _Kept(Record, frozen=True):
     state: SlamState
     loops: int = 0
     solved: bool = False
@@ -103,7 +101,7 @@ def step(
         local_pose=found.fit.pose,
         odometry=odometry.copy(),
         path_m=state.path_m + travel_m,
-        active=tuple(a._replace(travel_m=a.travel_m + travel_m) for a in state.active),
+        active=tuple(replace(a, travel_m=a.travel_m + travel_m) for a in state.active),
         mode=mode,
         misfits=0,
         usual_fit=state.usual_fit + USUAL_RATE * (found.fit.share - state.usual_fit),
@@ -187,7 +185,7 @@ def _with_node(
             course = course.joined(_course(params, grown, state.active[0].first, found.covariance))
         edges = edges.joined(course)
     active = tuple(
-        a._replace(grids=inserted(a.grids, state.local_pose, scan.sensor_m, scan.points, scan.facing))
+        replace(a, grids=inserted(a.grids, state.local_pose, scan.sensor_m, scan.points, scan.facing))
         for a in state.active
     )
     return replace(state, nodes=grown, edges=edges, active=active, next_number=state.next_number + 1)

@@ -1,11 +1,10 @@
 """What the SLAM knows: values only, that can be saved and gone on with."""
 
-from dataclasses import dataclass
 from enum import StrEnum
-from typing import NamedTuple
 
 import numpy as np
 
+from chefbotd.core.record import Record
 from chefbotd.mapping.correlate import Found, Window, WindowSearch
 from chefbotd.mapping.graph import NO_EDGES, Edges, Indices
 from chefbotd.mapping.local_map import LocalMap, empty, inserted
@@ -13,7 +12,7 @@ from chefbotd.mapping.poses import Floats
 from chefbotd.mapping.surfaces import Singles
 
 
-class Scan(NamedTuple):
+class Scan(Record, frozen=True):
     """Points (n, 2) in beam order and their normals, in the robot's frame, seen from ``sensor_m`` in it.
 
     ``sensor_m`` is one place (2,), or one for each point (n, 2), in single precision: several lidars' points follow each
@@ -38,8 +37,7 @@ class SlamMode(StrEnum):
     SEARCHING = "searching"
 
 
-@dataclass(frozen=True, slots=True)
-class Nodes:
+class Nodes(Record, frozen=True):
     """The kept scans, a row each.
 
     ``local`` is where the front end put it, in a frame that never jumps; ``map`` is where the graph puts it.
@@ -79,14 +77,14 @@ NO_NODES = Nodes(
 )
 
 
-class Submap(NamedTuple):
+class Submap(Record, frozen=True):
     """Nodes from ``first`` to ``last``, inclusive; ``first`` is the anchor, in whose frame the submap is."""
 
     first: int
     last: int
 
 
-class Active(NamedTuple):
+class Active(Record, frozen=True):
     """A submap that is growing: its first node, the travel since, and its grids in the local frame."""
 
     first: int
@@ -94,7 +92,7 @@ class Active(NamedTuple):
     grids: LocalMap
 
 
-class Candidate(NamedTuple):
+class Candidate(Record, frozen=True):
     """A place that was recognised but is not believed yet: ``node`` lies at ``pose`` in the frame of ``anchor``.
 
     ``correction`` is what the map's frame would have to be moved by at the node.
@@ -108,7 +106,7 @@ class Candidate(NamedTuple):
     drift_m: float
 
 
-class Target(NamedTuple):
+class Target(Record, frozen=True):
     """A submap to search in: where the scan is expected in its frame, how far around, and what drift allows.
 
     ``drift_m`` is infinite for a robot that is lost: it is searched along the submap's whole path.
@@ -120,7 +118,7 @@ class Target(NamedTuple):
     drift_m: float
 
 
-class PlaceSearch(NamedTuple):
+class PlaceSearch(Record, frozen=True):
     """A search of a node's scan in old submaps, under way: so many of the targets are ``done``.
 
     The first ``again`` of them are those where something was found before.
@@ -144,8 +142,7 @@ class PlaceSearch(NamedTuple):
         return min((self.done + 0.5 * part) / max(len(self.targets), 1), 1.0)
 
 
-@dataclass(frozen=True, slots=True)
-class SlamState:
+class SlamState(Record, frozen=True):
     """All that the next step needs.
 
     ``local_pose`` and ``odometry`` are of the last scan. ``active`` are the one or two submaps that grow; the

@@ -1,10 +1,10 @@
 """Estimates the motion since the last scan: odometry, search and refinement against the growing submap."""
 
 import math
-from typing import NamedTuple
 
 import numpy as np
 
+from chefbotd.core.record import Record
 from chefbotd.mapping.correlate import Window, search
 from chefbotd.mapping.local_map import LocalMap
 from chefbotd.mapping.parameters import MatchingParameters
@@ -22,7 +22,7 @@ CAPTURE = 0.3
 """A match that scores less is none."""
 
 
-class Tracked(NamedTuple):
+class Tracked(Record, frozen=True):
     """The pose in the local frame with its covariance, and how the scan fits there.
 
     ``fits`` is whether it may be believed; ``slipped`` whether it lies where the odometry did not expect it.

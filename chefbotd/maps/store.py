@@ -12,10 +12,10 @@ Several processes may use a folder: one at a time changes it. Nothing here is fo
 import json
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass
 from pathlib import Path
 
 from chefbotd.core.commands import RefusalKind
+from chefbotd.core.record import Record
 from chefbotd.maps import disk as disks
 from chefbotd.maps.disk import Content, Disk, MapStoreError, told
 from chefbotd.maps.manifest import Extent, Manifest
@@ -28,8 +28,7 @@ AUTOSAVE = ".autosave"
 CURRENT, RENAMING, UNFINISHED = ".current.json", "renaming.json", "unfinished"
 
 
-@dataclass(frozen=True, slots=True)
-class StoredMap:
+class StoredMap(Record, frozen=True):
     """What is known of a map without reading its cells; ``damage`` says what is wrong, by version.
 
     ``manifest`` is the newest whole version's; None: there is none, or these are somebody else's files (``plain``).

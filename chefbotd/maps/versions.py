@@ -5,10 +5,10 @@ import secrets
 import time
 from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from pathlib import Path
 
 from chefbotd.core.commands import RefusalKind
+from chefbotd.core.record import Record
 from chefbotd.maps.disk import TEMPORARY, Content, Disk, MapStoreError, sha256
 from chefbotd.maps.manifest import (
     MANIFEST,
@@ -23,8 +23,7 @@ from chefbotd.maps.manifest import (
 NAME = re.compile(r"v(\d{6,})")
 
 
-@dataclass(frozen=True, slots=True)
-class Version:
+class Version(Record, frozen=True):
     """A version that is whole: its folder, and what it says of itself."""
 
     folder: Path

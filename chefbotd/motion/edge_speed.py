@@ -12,7 +12,6 @@ import math
 from bisect import bisect_left
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import NamedTuple
 
 from pydantic import Field
 
@@ -39,14 +38,14 @@ class QuadratureParameters(Parameters):
     standstill_s: float = Field(default=5.0, gt=0, le=60)
 
 
-class TimedEdge(NamedTuple):
+class TimedEdge(Record, frozen=True, array_like=True):
     """An edge whose time is known: its count, and its time by the board's clock."""
 
     counts: int
     at_s: float
 
 
-class HeldRate(NamedTuple):
+class HeldRate(Record, frozen=True, array_like=True):
     """A speed, and the time of the last edge that it is computed from."""
 
     rate_counts_s: float
@@ -148,7 +147,7 @@ def _held_rate(params: QuadratureParameters, run: Run) -> HeldRate:
         return HeldRate(run.direction / _gap_s(_far_end(params, marks), marks[-1]), marks[-1].at_s)
     if run.held is None:
         return STANDING
-    return run.held._replace(since_s=marks[-1].at_s) if marks else run.held
+    return replace(run.held, since_s=marks[-1].at_s) if marks else run.held
 
 
 def _far_end(params: QuadratureParameters, marks: Sequence[TimedEdge]) -> TimedEdge:

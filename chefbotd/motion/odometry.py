@@ -89,7 +89,7 @@ def _carry(
     ``F P F^T`` with the motion's Jacobian F = [[1, 0, -moved_y], [0, 1, moved_x], [0, 0, 1]], and ``v r r^T`` more for
     each independent error of variance v, which moves the pose by the response r per unit.
     """
-    xx, xy, xh, yy, yh, hh = before
+    xx, xy, xh, yy, yh, hh = before.xx, before.xy, before.xh, before.yy, before.yh, before.hh
     swung_xh, swung_yh = xh - moved_y_m * hh, yh + moved_x_m * hh
     xx, xy = xx - moved_y_m * (xh + swung_xh), xy - moved_y_m * yh + moved_x_m * swung_xh
     yy, xh, yh = yy + moved_x_m * (yh + swung_yh), swung_xh, swung_yh

@@ -7,11 +7,12 @@ the robot moved in between is undone by odometry, as it is within a turn.
 
 import math
 from collections.abc import Sequence
-from typing import Final, Generic, NamedTuple, TypeVar
+from typing import Final, Generic, TypeVar
 
 import numpy as np
 
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import Record
 from chefbotd.core.scan import Floats, LaserScan
 from chefbotd.perception.laser_scan import OdometryTrack, placed, points_in_base, pose_at, seen_from
 
@@ -58,14 +59,14 @@ class ScanAssembler(Generic[T]):
         return next(heard, present)
 
 
-class MountedScan(NamedTuple):
+class MountedScan(Record, frozen=True):
     """A lidar's turn, and where that lidar is mounted."""
 
     base_from_lidar: Pose2D
     scan: LaserScan
 
 
-class SeenPoints(NamedTuple):
+class SeenPoints(Record, frozen=True):
     """Points (n, 2) in the robot's frame, lidar by lidar in the order of the beams.
 
     ``sensor_m`` is where they were seen from: one place (2,) of one lidar, or one for each point (n, 2).
@@ -85,10 +86,11 @@ def joined_points(
         return SeenPoints(points_in_base(band_m, mount, first.scan, track), np.array([mount.x_m, mount.y_m]))
     now = pose_at(track, np.array([first.scan.stamp_s]))[0]
     points, sensors = [], []
-    for base_from_lidar, scan in turns:
+    for turn in turns:
+        mount, scan = turn.base_from_lidar, turn.scan
         then = pose_at(track, np.array([scan.stamp_s]))[0]
-        seen = placed(then, points_in_base(band_m, base_from_lidar, scan, track))
-        sensor = placed(then, np.array([[base_from_lidar.x_m, base_from_lidar.y_m]]))
+        seen = placed(then, points_in_base(band_m, mount, scan, track))
+        sensor = placed(then, np.array([[mount.x_m, mount.y_m]]))
         points.append(seen_from(now, seen))
         sensors.append(np.repeat(seen_from(now, sensor), len(seen), axis=0))
     return SeenPoints(np.concatenate(points), np.concatenate(sensors))

@@ -9,9 +9,9 @@ before the stop, except for what the stop's own client sent behind it.
 """
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 from chefbotd.clock import BEAT_S, Clock
+from chefbotd.core.record import Record
 
 SHORT_TICK_S = 0.025
 """How often the timer ticks where commands are void sooner than ``LEAST_TIMEOUT_S``: two ticks are the error of an age.
@@ -22,7 +22,7 @@ Elsewhere it ticks with the clock's beat: a wakeup of its own costs about 0.2 ms
 LEAST_TIMEOUT_S = 10 * BEAT_S
 
 
-class Arrival(NamedTuple):
+class Arrival(Record, frozen=True):
     """The earliest time at which bytes can have arrived, and how many stops had been carried out by then."""
 
     stamp_s: float

@@ -4,19 +4,19 @@ Pure: it holds bytes and cuts lines. A pattern tells it which lines may be urgen
 """
 
 import re
-from typing import NamedTuple
 
+from chefbotd.core.record import Record, replace
 from chefbotd.rpc.arrivals import Arrival
 
 
-class Line(NamedTuple):
+class Line(Record, frozen=True):
     """A line without its end, and the arrival of its first byte."""
 
     text: bytearray
     arrival: Arrival
 
 
-class Mark(NamedTuple):
+class Mark(Record, frozen=True):
     """The bytes from this position to the next mark arrived together."""
 
     position: int
@@ -105,7 +105,7 @@ class Backlog:
         if not behind or behind[0].position > self._taken_at:
             behind.insert(0, Mark(self._taken_at, before_it[-1].arrival))
         self._marks = before_it + [
-            mark._replace(arrival=mark.arrival._replace(stops=now)) if mark.arrival.stops == before else mark
+            replace(mark, arrival=replace(mark.arrival, stops=now)) if mark.arrival.stops == before else mark
             for mark in behind
         ]
 

@@ -11,14 +11,14 @@ held, whoever tried first. A source is free when no held client has tried for ``
 of the stop neither ends the hold of the others nor makes it longer.
 """
 
-from typing import NamedTuple
+from chefbotd.core.record import Record, replace
 
 NEVER_S = float("-inf")
 MOST_KNOWING = 64
 """So many clients that know of a stop are remembered, the latest ones; who is forgotten asks again."""
 
 
-class Tries(NamedTuple):
+class Tries(Record, frozen=True, array_like=True):
     """The last try to drive a source and its client, the last one of any other client, and the stop that holds it.
 
     ``stopped_by`` is empty where none does. ``knowing`` are the clients that are not held, and ``held_s`` is when a
@@ -64,7 +64,7 @@ def estop(state: State, by: str, now_s: float, stop_hold_s: float) -> State:
     """Hold what anybody has tried to drive lately."""
     return tuple(
         [
-            tries._replace(stopped_by=by, knowing=(), held_s=tries.stamp_s)
+            replace(tries, stopped_by=by, knowing=(), held_s=tries.stamp_s)
             if now_s - tries.stamp_s < stop_hold_s
             else tries
             for tries in state
@@ -76,7 +76,7 @@ def acknowledge(state: State, client: int, source: str | None = None) -> State:
     """A client that knows of every stop so far asks to drive this source (None: any): it is held no longer."""
     return tuple(
         [
-            tries._replace(knowing=(*tries.knowing, client)[-MOST_KNOWING:])
+            replace(tries, knowing=(*tries.knowing, client)[-MOST_KNOWING:])
             if tries.stopped_by and client not in tries.knowing and source in (None, tries.source)
             else tries
             for tries in state
@@ -96,7 +96,7 @@ def _stopped(tries: Tries, client: int, by: str, now_s: float, stop_hold_s: floa
     if now_s - others_s >= stop_hold_s:
         return tries
     held_s = tries.stamp_s if was_held else max(tries.held_s, others_s)
-    return tries._replace(stopped_by=by, knowing=() if was_held else (client,), held_s=held_s)
+    return replace(tries, stopped_by=by, knowing=() if was_held else (client,), held_s=held_s)
 
 
 def _of(state: State, source: str) -> Tries | None:

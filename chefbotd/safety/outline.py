@@ -1,7 +1,6 @@
 """The robot's outline seen from above, and when a point touches it as the robot moves."""
 
 import math
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import Protocol, TypeAlias
 
@@ -9,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chefbotd.core.geometry import Twist2D
+from chefbotd.core.record import Record
 
 Floats: TypeAlias = NDArray[np.float64]
 
@@ -45,8 +45,7 @@ class Outline(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
-class Disc:
+class Disc(Record, frozen=True):
     """A round robot."""
 
     radius_m: float
@@ -88,8 +87,7 @@ class Disc:
         return np.where(touches, np.minimum(*both), np.inf)
 
 
-@dataclass(frozen=True, slots=True)
-class Box:
+class Box(Record, frozen=True):
     """A robot with four sides; its middle is the origin."""
 
     half_length_m: float

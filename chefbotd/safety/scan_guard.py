@@ -8,12 +8,13 @@ allowed part goes on: turning, or driving straight.
 
 import math
 from collections.abc import Sequence
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
 from chefbotd.core.geometry import Motion, Twist2D, WheelVelocities
+from chefbotd.core.record import Record
 from chefbotd.safety.guard import GuardParameters
 from chefbotd.safety.outline import Outline
 
@@ -37,7 +38,7 @@ CLOSING_M_S = 1e-3
 WHOLE = 1 - 1e-9
 
 
-class View(NamedTuple):
+class View(Record, frozen=True):
     """The recent points of a lidar: ``points_m`` (n, 2) in the robot's frame at its present pose.
 
     The newest was measured at ``stamp_s`` and received at ``arrival_s``; a turn of the lidar takes ``turn_s``.

@@ -17,7 +17,7 @@ from collections.abc import Sequence
 from functools import cached_property
 from itertools import pairwise
 from statistics import median
-from typing import NamedTuple, Self
+from typing import Self
 
 from pydantic import Field, model_validator
 
@@ -181,7 +181,7 @@ class InfraredParameters(Parameters):
         return volts_by_metres.at(self.setback_m) - MARGIN_V
 
 
-class InfraredSample(NamedTuple):
+class InfraredSample(Record, frozen=True, array_like=True):
     """A voltage, and when it was measured."""
 
     volts: float

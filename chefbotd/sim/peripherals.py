@@ -9,8 +9,8 @@ import math
 import re
 from collections import deque
 from collections.abc import Iterator, Sequence
-from typing import NamedTuple
 
+from chefbotd.core.record import Record
 from chefbotd.sim.plant import Wheels
 from chefbotd.sim.robot import Robot
 from chefbotd.sim.sensors import Motion
@@ -138,14 +138,14 @@ LEVELS = (0b00, 0b10, 0b11, 0b01)
 """The lines of an encoder that turns forward: A, worth 2, before B, worth 1."""
 
 
-class Edge(NamedTuple):
+class Edge(Record, frozen=True):
     """The levels after an edge, and its time."""
 
     at_s: float
     levels: int
 
 
-class CycleEdges(NamedTuple):
+class CycleEdges(Record, frozen=True):
     """A wheel's edges, and how many there have been up to the last of them since the board booted, told or not."""
 
     total: int
@@ -211,7 +211,7 @@ FIFO_SAMPLES = 24
 """1024 bytes of FIFO (register map RM-MPU-6000A, section 4.33) at 42 bytes each."""
 
 
-class MotionSample(NamedTuple):
+class MotionSample(Record, frozen=True):
     """A motion, and when it was sampled."""
 
     at_s: float

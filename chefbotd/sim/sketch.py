@@ -195,7 +195,7 @@ class Sketch:
             sample = self._processor.read(self._now_s)
             if sample is None:
                 return
-            felt_s, motion = sample
+            felt_s, motion = sample.at_s, sample.motion
         if self._parameters.raw_imu:
             yield from self._print(RawImu(*self._imu.counts(motion, self._chance)))
             return
@@ -216,7 +216,8 @@ class Sketch:
 
     def _print_edges(self, wheels: list[CycleEdges]) -> Iterator[float]:
         """Every wheel's edges, as many a line as one holds; a line without any where it stood."""
-        for wheel, (total, edges) in enumerate(wheels):
+        for wheel, cycle in enumerate(wheels):
+            total, edges = cycle.total, cycle.edges
             if not edges:
                 yield from self._print(QuadratureStill(wheel, total % UINT16_SPAN))
             before = total - len(edges)

@@ -7,7 +7,6 @@ asked changes nothing.
 import math
 from abc import ABC, abstractmethod
 from enum import StrEnum
-from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -24,7 +23,7 @@ BRIGHT, DIM, GLINT = 200, 40, 120
 """Intensities of a plain surface, a black one and glass (assumed)."""
 
 
-class BeamReturns(NamedTuple):
+class BeamReturns(Record, frozen=True):
     """For each beam what comes back: a range in metres, inf if nothing does, and an intensity."""
 
     range_m: Vector

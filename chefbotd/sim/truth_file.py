@@ -3,11 +3,11 @@
 import mmap
 import struct
 from pathlib import Path
-from typing import NamedTuple
 
 import numpy as np
 
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import Record
 from chefbotd.sim.arrays import Vector
 
 SIZE = 4096
@@ -16,7 +16,7 @@ HEAD = struct.Struct("<ddddQ")
 MOST_DISCS = 128
 
 
-class Truth(NamedTuple):
+class Truth(Record, frozen=True):
     """A time, a pose, and the discs around the robot (D x 3: x, y, radius)."""
 
     stamp_s: float

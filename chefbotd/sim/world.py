@@ -2,11 +2,12 @@
 
 import math
 from collections.abc import Iterable
-from typing import NamedTuple, TypeAlias
+from typing import TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from chefbotd.core.record import Record
 from chefbotd.sim.arrays import Vector
 from chefbotd.sim.crowd import Crowd
 
@@ -17,7 +18,7 @@ NOTHING = -1
 FLIP = np.array([1.0, -1.0])
 
 
-class Hits(NamedTuple):
+class Hits(Record, frozen=True):
     """For each beam its length (inf: it meets nothing), what it meets (``NOTHING``: a disc), and at which angle.
 
     ``square`` is the cosine between the beam and the normal of the face: 1 head-on, 0 grazing.

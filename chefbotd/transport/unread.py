@@ -6,6 +6,7 @@ import socket
 import termios
 from typing import Protocol
 
+from chefbotd.core.record import replace
 from chefbotd.rpc.arrivals import Arrival, Arrivals
 from chefbotd.rpc.drain import DRAIN_BYTES
 
@@ -94,4 +95,4 @@ class HeldBytes:
 
 
 def _after_stop(arrival: Arrival | None, before: int, now: int) -> Arrival | None:
-    return arrival._replace(stops=now) if arrival is not None and arrival.stops == before else arrival
+    return replace(arrival, stops=now) if arrival is not None and arrival.stops == before else arrival

@@ -6,7 +6,6 @@ Only a robot with a lidar loads this: it needs numpy.
 import math
 from collections import deque
 from collections.abc import Collection, Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
@@ -35,8 +34,7 @@ TURNS_KEPT = 2
 """What one turn missed, the one before has seen."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Seen:
+class _Seen(Record, frozen=True):
     """A scan's points in the frame of the trail."""
 
     points_m: Floats

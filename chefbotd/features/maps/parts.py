@@ -1,10 +1,10 @@
 """Sends the cells of ``get_map`` in parts, because a long answer would delay the event loop and the client."""
 
 import base64
-from dataclasses import dataclass
 
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.events.mapping import MapChanged
+from chefbotd.core.record import Record
 from chefbotd.features.maps.models import MapPart
 from chefbotd.maps.disk import MapStoreError
 from chefbotd.maps.manifest import CELLS, Extent, Manifest
@@ -17,8 +17,7 @@ MOST_CLIENTS = 8
 """For so many at once a map that is being made is kept; who comes later replaces who began first."""
 
 
-@dataclass(frozen=True, slots=True)
-class Cells:
+class Cells(Record, frozen=True):
     """Compressed cells; ``saved_at_s`` is None for a map that is being made, whose version is its revision."""
 
     name: str | None

@@ -5,11 +5,12 @@ import itertools
 import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any, NamedTuple, TypeAlias
+from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 
+from chefbotd.core.record import Record
 from chefbotd.perception.depth_camera import DepthSource, DepthSourceParameters
 
 DepthImage: TypeAlias = npt.NDArray[np.uint16]
@@ -20,7 +21,7 @@ MISSING = "OpenNI2's bindings are not installed: pip install 'chefbotd[depth]'"
 NO_PILLOW = "Pillow, which reads images, is not installed: pip install 'chefbotd[depth]'"
 
 
-class Frame(NamedTuple):
+class Frame(Record, frozen=True):
     """A depth image in millimetres, and when it came."""
 
     stamp_s: float

@@ -5,7 +5,6 @@ Source: LDROBOT's LD06 and LD19 development manuals. That a packet's stamp is th
 
 import math
 from collections import Counter
-from typing import NamedTuple
 
 import numpy as np
 
@@ -42,7 +41,7 @@ LONGEST_POINT_S = 0.002
 """Between two points, whatever a packet says of its speed: of 4500 a second it takes 0.2 ms."""
 
 
-class _Placed(NamedTuple):
+class _Placed(Record, frozen=True, array_like=True):
     """A packet with its start angle and its time, both unwrapped."""
 
     start_cdeg: int

@@ -4,12 +4,13 @@ import math
 from collections import deque
 from collections.abc import Sequence
 from itertools import islice
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
 from chefbotd.core.events.mapping import MapPoseUpdated
 from chefbotd.core.geometry import Pose2D, PoseCovariance
+from chefbotd.core.record import Record
 from chefbotd.core.scan import LaserScan
 from chefbotd.mapping.poses import Floats
 from chefbotd.mapping.state import Scan
@@ -29,7 +30,7 @@ BAND_M: Final = (0.01, 90.0)
 """The lidar's own range and its blind sectors were taken out before."""
 
 
-class AlignedScan(NamedTuple):
+class AlignedScan(Record, frozen=True):
     """What a turn shows, in the robot's frame at ``stamp_s``, and where odometry says that it was then."""
 
     stamp_s: float
@@ -90,7 +91,9 @@ class ScanAligner:
 
     def _aligned(self, turns: tuple[ScanSeen, ...]) -> AlignedScan:
         mounted = [MountedScan(Pose2D(*turn.mount), laser_scan(turn)) for turn in turns]
-        track = self._track_from(min(each.stamp_s + each.after_s.min(initial=0.0) for _, each in mounted))
+        track = self._track_from(
+            min(turn.scan.stamp_s + turn.scan.after_s.min(initial=0.0) for turn in mounted)
+        )
         seen = joined_points(BAND_M, mounted, track)
         points, stamp_s = seen.points_m.astype(np.float32), turns[0].stamp_s
         pose = pose_at(track, np.array([stamp_s]))[0]

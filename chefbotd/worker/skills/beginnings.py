@@ -1,10 +1,11 @@
 """The start of mapping: from nothing, from the last autosave, or from a saved map."""
 
-from typing import Final, NamedTuple
+from typing import Final
 
 import numpy as np
 
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.record import Record
 from chefbotd.mapping.parts import apart
 from chefbotd.mapping.saved import Arrays, NotASavedState, restored, saved
 from chefbotd.mapping.state import SlamState, start
@@ -16,7 +17,7 @@ SESSION: Final = "daemon_session"
 UNREADABLE: Final = "there was an unfinished map, and nothing of it can be read"
 
 
-class Beginning(NamedTuple):
+class Beginning(Record, frozen=True):
     """A state of SLAM, and what of it is lost (empty: nothing)."""
 
     state: SlamState

@@ -197,7 +197,7 @@ class MappingSkill:
 
     def _begin(self, beginning: Beginning, name: str | None) -> None:
         self._forget()
-        self._state, self._warning = beginning
+        self._state, self._warning = beginning.state, beginning.warning
         self._name, self._reason = name, ""
 
     def _pause(self) -> MappingChanged:

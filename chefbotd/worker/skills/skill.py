@@ -1,16 +1,17 @@
 """The interface of a skill to the worker."""
 
 from collections.abc import Generator, Iterable, Mapping
-from typing import NamedTuple, Protocol, TypeAlias, runtime_checkable
+from typing import Protocol, TypeAlias, runtime_checkable
 
 import msgspec
 
+from chefbotd.core.record import Record
 from chefbotd.worker.messages import OdometrySeen, RangeSeen, ScanSeen
 
 Struct: TypeAlias = msgspec.Struct
 
 
-class Done(NamedTuple):
+class Done(Record, frozen=True):
     """How far a job is: ``done`` of ``total``, in its own unit."""
 
     done: float

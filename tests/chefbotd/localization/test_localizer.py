@@ -2,11 +2,11 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from chefbotd.core.record import replace
 from chefbotd.localization.localizer import (
     Report,
     localize,

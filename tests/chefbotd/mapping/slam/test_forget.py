@@ -1,11 +1,11 @@
 """Memory is bounded: what is driven again and again is not kept again and again, and the map stays as it was."""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from chefbotd.core.record import replace
 from chefbotd.mapping.forget import thinned
 from chefbotd.mapping.graph import NO_EDGES, edge, optimised
 from chefbotd.mapping.parameters import SlamParameters, SubmapParameters

@@ -1,11 +1,10 @@
 """The grid of a map that grows: the same as one made at once, and its changes put together are the grid."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import replace
 from chefbotd.mapping.live_map import LiveMap, changes, grid_of, nothing, updated
 from chefbotd.mapping.occupancy import occupancy
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
@@ -24,7 +23,7 @@ def nodes() -> Nodes:
 
 def first(nodes: Nodes, count: int) -> Nodes:
     """The nodes that there were earlier."""
-    fields = {name: getattr(nodes, name)[:count] for name in Nodes.__dataclass_fields__}
+    fields = {name: getattr(nodes, name)[:count] for name in Nodes.__struct_fields__}
     return Nodes(**fields)
 
 

@@ -1,10 +1,9 @@
 """Which recognised places are believed: the sure ones at once, the others when enough of them agree."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
+from chefbotd.core.record import replace
 from chefbotd.mapping.loops import believed, is_sound
 from chefbotd.mapping.parameters import LoopParameters
 from chefbotd.mapping.refine import Fit

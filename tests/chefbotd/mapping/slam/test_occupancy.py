@@ -1,10 +1,9 @@
 """Occupancy of a handful of beams, counted by hand."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
+from chefbotd.core.record import replace
 from chefbotd.mapping.occupancy import occupancy
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.state import Nodes, Scan

@@ -1,10 +1,9 @@
 """What is saved is restored, and what is not a saved state is refused with its reason."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
+from chefbotd.core.record import replace
 from chefbotd.mapping.occupancy import occupancy
 from chefbotd.mapping.saved import Arrays, NotASavedState, restored, saved
 from chefbotd.mapping.state import Scan, SlamState, start
