@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 Loop = Callable[[], Coroutine[Any, Any, None]]
 
 
-class Supervisor(Protocol):
+class ServiceRunner(Protocol):
     """Runs services until they are cancelled; ``failures`` counts by the service's name."""
 
     @property
@@ -72,7 +72,7 @@ class Daemon:
         *,
         clock: Clock,
         latch: GateStore,
-        supervisor: Supervisor,
+        supervisor: ServiceRunner,
         opener: Opener = open_port,
         simulated: bool = False,
         rng: random.Random | None = None,

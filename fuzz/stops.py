@@ -9,7 +9,7 @@ from chefbotd.clock import VirtualLoop
 from chefbotd.core.geometry import Twist2D
 from chefbotd.rpc.event import EventPayload
 from chefbotd.rpc.session import Session
-from chefbotd.transport.connection import Connection
+from chefbotd.transport.connection import SocketConnection
 from chefbotd.transport.unread import UnreadSockets
 from tests.fakes.api import new_server
 from tests.fakes.transport import FakeTransport
@@ -51,7 +51,7 @@ async def _say(said: bytes, sizes: list[int], ends: int) -> None:
     """A client's whole life: it may read no answers for a while, and it stays, sends no more, or is gone."""
     session = _SERVER.connections.admit("127.0.0.1", 50000)
     assert isinstance(session, Session)
-    connection, transport = Connection(_SERVER.connections, UnreadSockets(), session), FakeTransport()
+    connection, transport = SocketConnection(_SERVER.connections, UnreadSockets(), session), FakeTransport()
     transport.pause_writing, transport.resume_writing = connection.pause_writing, connection.resume_writing
     connection.connection_made(transport)
     transport.client_reads = ends & 4 == 0

@@ -74,7 +74,7 @@ def _with_nan(value: Any, kind: inspect.Type) -> Any:
     return value
 
 
-class Caller(ABC):
+class MethodCaller(ABC):
     """Calls methods of the socket. Every error is a ``ChefbotError``.
 
     The usual ones are ``CallError`` (refused; ``kind`` says why), ``CallTimeout`` and ``ConnectionLost``.

@@ -9,7 +9,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any, Literal, Unpack, overload
 
-from chefbotd.client.caller import Caller
+from chefbotd.client.caller import MethodCaller
 from chefbotd.client.subscription import SubscribeOptions as Options, Subscription
 
 if TYPE_CHECKING:
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from chefbotd.client.wire import ProgressListener
 
 
-class GeneratedMethods(Caller):
+class GeneratedMethods(MethodCaller):
     """The methods of the socket for which asking is all there is to do."""
 
     async def authenticate(self, token: str) -> m.Authenticated:

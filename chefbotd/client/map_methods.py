@@ -6,7 +6,7 @@ import base64
 import zlib
 from typing import TYPE_CHECKING
 
-from chefbotd.client.caller import Caller, given, parse
+from chefbotd.client.caller import MethodCaller, given, parse
 from chefbotd.client.errors import ProtocolError
 from chefbotd.client.wire import ProgressListener
 from chefbotd.core.record import Record
@@ -45,7 +45,7 @@ class MapImage(Record, frozen=True):
         return OccupancyGrid(self.resolution_m, Pose2D(self.x_m, self.y_m, self.heading_rad), percent)
 
 
-class MapMethods(Caller):
+class MapMethods(MethodCaller):
     """The methods of maps."""
 
     async def get_map(self, name: str | None = None, on_progress: ProgressListener | None = None) -> MapImage:

@@ -87,11 +87,11 @@ class Methods(GeneratedMethods):
 
     async def set_wheel_velocities(
         self, velocity_rad_s: Mapping[str, float], source: str | None = None
-    ) -> models.WheelsDriven:
+    ) -> models.WheelSpeedsSet:
         """Command wheel speeds by wheel name, in rad/s. Other wheels stand. It expires as ``drive`` does."""
         names, velocities = list(velocity_rad_s), list(velocity_rad_s.values())
-        driven: models.WheelsDriven = await self._ask(
-            "WheelsDriven", "set_wheel_velocities", name=names, velocity_rad_s=velocities, source=source
+        driven: models.WheelSpeedsSet = await self._ask(
+            "WheelSpeedsSet", "set_wheel_velocities", name=names, velocity_rad_s=velocities, source=source
         )
         return driven
 

@@ -17,8 +17,8 @@ from chefbotd.features.board.models import (
 from chefbotd.features.depth_cameras.models import DepthCamerasData as DepthCamerasData
 from chefbotd.features.description.models import RobotDescription as RobotDescription
 from chefbotd.features.driving.models import (
-    Driven as Driven, Limited as Limited, SafetyData as SafetyData, Stopped as Stopped, WheelsData as WheelsData,
-    WheelsDriven as WheelsDriven
+    Driven as Driven, Limited as Limited, SafetyData as SafetyData, Stopped as Stopped,
+    WheelSpeedsSet as WheelSpeedsSet, WheelsData as WheelsData
 )
 from chefbotd.features.lidars.models import LidarData as LidarData, LidarsData as LidarsData, ScanData as ScanData
 from chefbotd.features.localization.models import LocalizationData as LocalizationData, PlaceCandidate as PlaceCandidate
@@ -36,7 +36,7 @@ from chefbotd.features.recording.models import (
     RingSaved as RingSaved
 )
 from chefbotd.features.sensors.models import RangeData as RangeData, RangesData as RangesData
-from chefbotd.features.simulation.models import Disc as Disc, SimData as SimData
+from chefbotd.features.simulation.models import SimData as SimData, SimulatedDisc as SimulatedDisc
 from chefbotd.features.statistics.models import StatsData as StatsData
 from chefbotd.features.tuning.models import Wheels as Wheels
 from chefbotd.recording.status import RecordedFile as RecordedFile

@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 from typing import TYPE_CHECKING, Any
 
-from chefbotd.client.caller import Caller, given
+from chefbotd.client.caller import MethodCaller, given
 from chefbotd.client.errors import ChefbotError, not_reached
 
 if TYPE_CHECKING:
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from chefbotd.client.wire import ProgressListener
 
 
-class NavigationMethods(Caller):
+class NavigationMethods(MethodCaller):
     """The methods of navigation."""
 
     async def navigate_to(

@@ -40,7 +40,7 @@ class Heard(Record, frozen=True):
         return Heard(self.bytes - before.bytes, self.lines - before.lines, self.frames - before.frames)
 
 
-class Health(Record, frozen=True):
+class LinkHealth(Record, frozen=True):
     """The condition, and for people what was heard and what it suggests (empty while healthy)."""
 
     condition: Condition
@@ -56,7 +56,7 @@ class HealthWatch(MutableState):
 
     def look(
         self, now_s: float, heard: Heard, sample: bytes, complaint: str = "", *, health_after_s: float
-    ) -> Health | None:
+    ) -> LinkHealth | None:
         """The health if it has changed; ``sample`` are the newest bytes, ``complaint`` what is wrong with the echo.
 
         It is judged as soon as there are lines enough, or after ``health_after_s`` by what there is.
@@ -67,25 +67,25 @@ class HealthWatch(MutableState):
         self.from_s, self.before = now_s, heard
         health = _judge(new, waited_s, sample)
         if complaint and health.condition is Condition.HEALTHY:
-            health = Health(Condition.ECHO_STUCK, complaint)
+            health = LinkHealth(Condition.ECHO_STUCK, complaint)
         if health.condition is self._reported:
             return None
         self._reported = health.condition
         return health
 
 
-def _judge(new: Heard, waited_s: float, sample: bytes) -> Health:
+def _judge(new: Heard, waited_s: float, sample: bytes) -> LinkHealth:
     if not new.bytes:
         reason = f"nothing received for {waited_s:.1f} s: is the board powered, and does its program run?"
-        return Health(Condition.SILENT, reason)
+        return LinkHealth(Condition.SILENT, reason)
     if new.frames and new.frames >= LEAST_FRAME_SHARE * new.lines:
-        return Health(Condition.HEALTHY, "")
+        return LinkHealth(Condition.HEALTHY, "")
     received = f"{new.bytes} bytes, {new.lines} lines, {new.frames} of them frames; received: {show(sample)}"
     if _garbled_share(sample) > GARBLED_SHARE:
-        return Health(
+        return LinkHealth(
             Condition.WRONG_BAUD, f"mostly bytes that are no text: is the baud rate right? {received}"
         )
-    return Health(Condition.WRONG_DEVICE, f"text without frames: is this the board's port? {received}")
+    return LinkHealth(Condition.WRONG_DEVICE, f"text without frames: is this the board's port? {received}")
 
 
 def _garbled_share(sample: bytes) -> float:
@@ -145,7 +145,7 @@ class LinkMonitor:
         """Whether a frame has come in since the port was opened."""
         return self._heard().since(self._before).frames > 0
 
-    def judge(self, now_s: float, complaint: str = "") -> Health | None:
+    def judge(self, now_s: float, complaint: str = "") -> LinkHealth | None:
         """What the port sounds like, if that has changed; ``complaint``: what is wrong with the echo."""
         return self._watch.look(
             now_s, self._heard(), self._sample, complaint, health_after_s=self._judged_after_s

@@ -25,11 +25,11 @@ from chefbotd.settings import Settings
 from chefbotd.transport.listening import CannotListen
 
 if TYPE_CHECKING:
-    from chefbotd.process.service import Load, Service
+    from chefbotd.process.service import DaemonService, Load
 
 log = structlog.get_logger(component="app")
 
-AsService = Callable[[Daemon], Optional["Service"]]
+AsService = Callable[[Daemon], Optional["DaemonService"]]
 LIBRARIES = {"zstd": "zstandard", "lz4": "lz4"}
 """What each compression of recordings needs."""
 
@@ -66,7 +66,7 @@ def _leaves(group: BaseExceptionGroup[BaseException]) -> Iterator[BaseException]
 class _Hangup:
     """What SIGHUP does once the daemon is built; before that there is nothing to reload."""
 
-    service: "Service | None" = None
+    service: "DaemonService | None" = None
 
     def __call__(self) -> None:
         if self.service is not None:
@@ -85,7 +85,7 @@ async def _until_signalled(settings: Settings, load: "Load | None", *, simulated
     hangup = _Hangup()
     signals.handle(end, hangup if load is not None and systemd.is_listening() else None)
 
-    def as_service(daemon: Daemon) -> "Service | None":
+    def as_service(daemon: Daemon) -> "DaemonService | None":
         if systemd.is_listening():
             from chefbotd.process.service import service_of
 

@@ -92,7 +92,7 @@ class DaemonTarget:
         return load_guard(settings.api, os.environ).keyring
 
 
-class Service:
+class DaemonService:
     """``read`` reads the configuration again; ``tell`` brings a message to systemd."""
 
     def __init__(
@@ -156,11 +156,13 @@ class Service:
         self._tell(f"READY=1\nSTATUS={self.status()}")
 
 
-def service_of(daemon: Daemon, settings: Settings, load: Load | None) -> Service | None:
+def service_of(daemon: Daemon, settings: Settings, load: Load | None) -> DaemonService | None:
     """Where systemd listens and the configuration can be read again; elsewhere SIGHUP is a terminal's end.
 
     The configuration is read in a thread: control goes on meanwhile.
     """
     if load is None or not systemd.is_listening():
         return None
-    return Service(daemon, settings, partial(asyncio.to_thread, load), watchdog_s=watchdog_s_of(os.environ))
+    return DaemonService(
+        daemon, settings, partial(asyncio.to_thread, load), watchdog_s=watchdog_s_of(os.environ)
+    )

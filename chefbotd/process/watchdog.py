@@ -20,7 +20,7 @@ JUST_S = 0.001
 """Later than the patience, so that the loop has stood for longer than it."""
 
 
-class Watched(Protocol):
+class WatchedLoop(Protocol):
     """The control loop, read from the thread."""
 
     acted_s: float
@@ -45,7 +45,7 @@ class Watchdog:
         self,
         parameters: WatchdogParameters,
         clock: Clock,
-        control: Watched,
+        control: WatchedLoop,
         stop: Callable[[], bool],
         report: Callable[[Fault], None],
         realtime_priority: int = 0,

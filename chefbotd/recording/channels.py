@@ -19,7 +19,7 @@ class Schema(Struct, frozen=True):
     text: bytes
 
 
-class Channel(Struct, frozen=True):
+class McapChannel(Struct, frozen=True):
     """A channel with its number."""
 
     number: int
@@ -34,7 +34,7 @@ class Channels:
         self._lock = threading.Lock()
         self._by_topic: dict[str, int] = {}
         self._schemas: dict[str, Schema] = {}
-        self._channels: list[Channel] = []
+        self._channels: list[McapChannel] = []
 
     def __len__(self) -> int:
         return len(self._channels)
@@ -51,9 +51,9 @@ class Channels:
                 row = Schema(len(self._schemas) + 1, schema_name, msgspec.json.encode(schema))
                 self._schemas[schema_name] = row
             number = self._by_topic[topic] = len(self._channels) + 1
-            self._channels.append(Channel(number, topic, row))
+            self._channels.append(McapChannel(number, topic, row))
         return number
 
-    def between(self, after: int, up_to: int) -> list[Channel]:
+    def between(self, after: int, up_to: int) -> list[McapChannel]:
         """The channels with numbers above ``after``, up to ``up_to``."""
         return self._channels[after:up_to]

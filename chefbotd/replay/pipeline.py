@@ -16,7 +16,13 @@ from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters
 from chefbotd.replay.entries import ReplayEntries
 from chefbotd.replay.recorded import EntryGroup, NotReplayable, decoded
-from chefbotd.replay.stand_ins import Nobody, ReplayedCaller, ReplayedPort, ReplayedSession, ReplayedWorker
+from chefbotd.replay.stand_ins import (
+    ReplayedCaller,
+    ReplayedPort,
+    ReplayedSession,
+    ReplayedWorker,
+    UnheardProgress,
+)
 from chefbotd.replay.tasks import Tasks
 from chefbotd.rpc.connection_manager import LEASES_TIMER
 from chefbotd.rpc.dispatch import job_name
@@ -108,7 +114,7 @@ class Pipeline:
         if daemon.worker is not None:
             self._follow(daemon.worker.status)
         for task, run in list(daemon.waiting().items()):
-            self._tasks.add_request(task, partial(run, Nobody()))
+            self._tasks.add_request(task, partial(run, UnheardProgress()))
             await self._tasks.step(task, cancelled=False)
         return problems
 

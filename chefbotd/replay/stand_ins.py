@@ -91,7 +91,7 @@ class ReplayedPort(asyncio.Transport):
         """Its end is in the recording."""
 
 
-class Nobody:
+class UnheardProgress:
     """Hears how far a request is."""
 
     def report(self, done: float, total: float, text: str = "") -> None:

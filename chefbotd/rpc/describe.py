@@ -14,8 +14,8 @@ from chefbotd.rpc.models import Params
 from chefbotd.rpc.topics import Topic
 
 NOTIFICATIONS: Mapping[str, type[Record]] = {
-    "hello": models.Hello,
-    "event": models.Event,
+    "hello": models.Greeting,
+    "event": models.TelemetryEvent,
     "dropped": models.Dropped,
     "progress": JobProgress,
 }

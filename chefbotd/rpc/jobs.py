@@ -36,7 +36,7 @@ class JobProgress(Record, frozen=True):
     text: str
 
 
-class Progress:
+class ProgressReporter:
     """Handed to an async handler, which reports with it how far it is."""
 
     def __init__(self, caller: Caller, request: Request) -> None:
@@ -49,7 +49,7 @@ class Progress:
             self._caller.send_progress(jsonrpc.notification("progress", encode(model)))
 
 
-Handler = Callable[[Progress], Coroutine[Any, Any, Any]]
+Handler = Callable[[ProgressReporter], Coroutine[Any, Any, Any]]
 InSteps = Callable[[Callable[[], Coroutine[Any, Any, bytes]]], Coroutine[Any, Any, bytes]]
 
 
@@ -81,7 +81,7 @@ class Jobs:
         if key in own:
             raise Unserved(ErrorKind.INVALID_REQUEST, f"a request with the id {request.id!a} is running")
         task = asyncio.get_running_loop().create_task(
-            in_steps(partial(_result, handler, Progress(caller, request)))
+            in_steps(partial(_result, handler, ProgressReporter(caller, request)))
         )
         self._tasks.setdefault(caller.session, own)[key] = task
 
@@ -114,7 +114,7 @@ class Jobs:
             task.cancel()
 
 
-async def _result(handler: Handler, progress: Progress) -> bytes:
+async def _result(handler: Handler, progress: ProgressReporter) -> bytes:
     return encode(await handler(progress))
 
 

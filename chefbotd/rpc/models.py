@@ -126,7 +126,7 @@ class TopicState(Record, frozen=True):
     data: Annotated[Any, Meta(description="the topic's record", extra_json_schema={"type": "object"})]
 
 
-class Hello(Record, frozen=True, kw_only=True):
+class Greeting(Record, frozen=True, kw_only=True):
     """The greeting; ``session`` changes when the daemon restarts, ``auth`` is what a client must do first."""
 
     protocol: Literal["1.0"] = PROTOCOL
@@ -137,7 +137,7 @@ class Hello(Record, frozen=True, kw_only=True):
     capabilities: tuple[str, ...]
 
 
-class Event(TopicState, frozen=True):
+class TelemetryEvent(TopicState, frozen=True):
     """One telemetry object."""
 
     topic: str

@@ -18,7 +18,7 @@ from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.jobs import Jobs
 from chefbotd.rpc.method import Method
 from chefbotd.rpc.methods import method_table
-from chefbotd.rpc.models import Hello
+from chefbotd.rpc.models import Greeting
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.topics import Topic
 
@@ -161,7 +161,7 @@ class RpcServer:
             topic.demanded(has_subscribers)
 
     def _greeting(self) -> bytes:
-        hello = Hello(
+        hello = Greeting(
             robot=self._robot_name,
             session=self._session,
             link="up" if self._link_is_up() else "down",

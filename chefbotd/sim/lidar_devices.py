@@ -24,8 +24,8 @@ from firmware_protocol.lidar.rplidar import (
     SET_MOTOR_PWM,
     START,
     Capsule,
-    Health,
-    Request,
+    HealthStatus,
+    RequestCode,
     ScanNode,
     descriptor,
     encode_capsule,
@@ -97,7 +97,7 @@ class SimulatedRplidar(SpinningLidar):
         self._turns_motor = mount.wire is LidarWire.RPLIDAR_A1
         self._turn: int | None = None
         self._serial = bytes((seed + index) % 256 for index in range(16))
-        self.health = Health.GOOD
+        self.health = HealthStatus.GOOD
 
     @property
     def sends(self) -> bool:
@@ -130,18 +130,18 @@ class SimulatedRplidar(SpinningLidar):
 
     def _answer(self, request: bytes) -> bytes:
         match request[1]:
-            case Request.STOP:
+            case RequestCode.STOP:
                 self._is_scanning = False
-            case Request.RESET:
-                self._is_scanning, self.health = False, Health.GOOD
+            case RequestCode.RESET:
+                self._is_scanning, self.health = False, HealthStatus.GOOD
                 return BOOT_TEXT % FIRMWARE_MINOR[self._flaws.express]
-            case Request.GET_INFO:
+            case RequestCode.GET_INFO:
                 minor = FIRMWARE_MINOR[self._flaws.express]
                 info = bytes((MODEL[self._mount.wire], minor, FIRMWARE_MAJOR, HARDWARE))
                 return descriptor(INFO) + info + self._serial
-            case Request.GET_HEALTH:
+            case RequestCode.GET_HEALTH:
                 return descriptor(HEALTH) + bytes((self.health, 0, 0))
-            case Request.SCAN if self.health is not Health.ERROR:
+            case RequestCode.SCAN if self.health is not HealthStatus.ERROR:
                 self._is_scanning, self._is_express, self._turn = True, False, None
                 self._send_packets_of(1, NODE_BYTES * 10 / BAUD, POINTS_PER_S)
                 return descriptor(SCAN)
@@ -155,7 +155,7 @@ class SimulatedRplidar(SpinningLidar):
 
     @property
     def _does_express(self) -> bool:
-        return self._flaws.express is ExpressScan.OFFERED and self.health is not Health.ERROR
+        return self._flaws.express is ExpressScan.OFFERED and self.health is not HealthStatus.ERROR
 
     def _packed(self, point_s: Vector, turned: Vector, distance_m: Vector, intensity: Vector) -> list[bytes]:
         if self._is_express:

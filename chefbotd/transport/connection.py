@@ -19,13 +19,13 @@ from chefbotd.rpc.drain import DRAIN_S, StopSearch
 from chefbotd.rpc.event import EventPayload
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure, Request
 from chefbotd.rpc.session import Session
-from chefbotd.transport.framing import Framing, LineFraming
+from chefbotd.transport.framing import ConnectionFraming, LineFraming
 from chefbotd.transport.outbox import Outbox
 from chefbotd.transport.state import NEXT, READING, SERVING, ConnectionEvent, ConnectionState
 from chefbotd.transport.unread import HeldBytes, UnreadSockets, kernel_bytes, unread_bytes
 
 
-class Connection(asyncio.Protocol):
+class SocketConnection(asyncio.Protocol):
     """The server's end of one socket; ``plain`` is that socket, where what it holds is not encrypted.
 
     ``framing`` finds the requests in its bytes; without one, each is a line.
@@ -37,9 +37,9 @@ class Connection(asyncio.Protocol):
         unread: UnreadSockets,
         session: Session,
         plain: socket.socket | None = None,
-        framing: Framing | None = None,
+        framing: ConnectionFraming | None = None,
     ) -> None:
-        self._framing: Framing = framing or LineFraming()
+        self._framing: ConnectionFraming = framing or LineFraming()
         self._manager, self._unread, self.session, self._plain = manager, unread, session, plain
         self._backlog = Backlog(manager.parameters.max_request_bytes, manager.dispatcher.urgent_pattern)
         self._state = ConnectionState.OPEN

@@ -11,7 +11,7 @@ from chefbotd.rpc.event import EventPayload
 from chefbotd.rpc.jsonrpc import Failure
 
 
-class Framing(Protocol):
+class ConnectionFraming(Protocol):
     """One connection's framing, both ways."""
 
     @property

@@ -22,7 +22,7 @@ from chefbotd.rpc.parameters import ApiParameters, is_loopback
 from chefbotd.rpc.server import RpcServer
 from chefbotd.rpc.session import Session
 from chefbotd.transport import listening
-from chefbotd.transport.connection import Connection
+from chefbotd.transport.connection import SocketConnection
 from chefbotd.transport.listening import DescriptorLimit
 from chefbotd.transport.unread import UnreadSockets
 
@@ -114,7 +114,7 @@ class Listener:
         handshake_timeout_s = None if self._tls is None else self._manager.parameters.authenticate_timeout_s
         try:
             await asyncio.get_running_loop().connect_accepted_socket(
-                lambda: Connection(
+                lambda: SocketConnection(
                     self._manager, self._unread, session, accepted if self._tls is None else None
                 ),
                 accepted,

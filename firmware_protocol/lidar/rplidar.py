@@ -23,7 +23,7 @@ CABINS = 16
 POINTS = 2 * CABINS
 
 
-class Request(IntEnum):
+class RequestCode(IntEnum):
     """The commands that take no payload."""
 
     STOP = 0x25
@@ -37,7 +37,7 @@ EXPRESS_SCAN = 0x82
 """Has a payload: its mode, 0 for the legacy one, and four reserved bytes. Since firmware 1.17."""
 
 
-class Health(IntEnum):
+class HealthStatus(IntEnum):
     """What the device says of itself; after ``ERROR`` it does not scan before a reset."""
 
     GOOD = 0
@@ -59,7 +59,7 @@ class DeviceInfo:
 class DeviceHealth:
     """The device's health, and its own number of what is wrong."""
 
-    status: Health
+    status: HealthStatus
     error_code: int
 
 
@@ -111,7 +111,7 @@ class Capsule:
 Answer: TypeAlias = DeviceInfo | DeviceHealth | SampleRate | ScanNode | Capsule
 
 
-def request(command: Request) -> bytes:
+def request(command: RequestCode) -> bytes:
     """The bytes of a request."""
     return bytes((START, command))
 
@@ -143,7 +143,7 @@ def _read_info(raw: bytes) -> DeviceInfo:
 
 def _read_health(raw: bytes) -> DeviceHealth | None:
     status, code = struct.unpack("<BH", raw)
-    return DeviceHealth(Health(status), code) if status in Health.__members__.values() else None
+    return DeviceHealth(HealthStatus(status), code) if status in HealthStatus.__members__.values() else None
 
 
 def _read_sample_rate(raw: bytes) -> SampleRate:

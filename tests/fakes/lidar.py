@@ -6,7 +6,7 @@ import random
 from collections.abc import Callable, Iterator
 
 from firmware_protocol.lidar import ld19, rplidar
-from firmware_protocol.lidar.rplidar import Health
+from firmware_protocol.lidar.rplidar import HealthStatus
 
 PACKET_CDEG = 960
 """37.5 packets are a turn, so that turns begin within packets too."""
@@ -66,7 +66,7 @@ class FakeRplidar:
 
     def __init__(self, room: Room, *, model: int = 0x18, firmware: tuple[int, int] = (1, 17)) -> None:
         self.room, self.model, self.firmware = room, model, firmware
-        self.health = Health.GOOD
+        self.health = HealthStatus.GOOD
         self.scanning: str | None = None
         self.requests: list[int] = []
         self.offers_express = True
@@ -86,17 +86,17 @@ class FakeRplidar:
             data = data[size:]
 
     def _answer(self, command: int) -> None:
-        if command == rplidar.Request.STOP:
+        if command == rplidar.RequestCode.STOP:
             self.scanning = None
-        elif command == rplidar.Request.GET_INFO:
+        elif command == rplidar.RequestCode.GET_INFO:
             minor, major = self.firmware[1], self.firmware[0]
             self.sent(rplidar.descriptor(0x04) + bytes((self.model, minor, major, 5)) + bytes(range(16)))
-        elif command == rplidar.Request.GET_HEALTH:
+        elif command == rplidar.RequestCode.GET_HEALTH:
             self.sent(rplidar.descriptor(0x06) + bytes((self.health, 0x34, 0x12)))
-        elif command == rplidar.Request.RESET:
-            self.health = Health.GOOD
+        elif command == rplidar.RequestCode.RESET:
+            self.health = HealthStatus.GOOD
             self.sent(b"RP LIDAR System.\r\nFirmware Ver 1.17\r\n")
-        elif command == rplidar.Request.SCAN:
+        elif command == rplidar.RequestCode.SCAN:
             self.scanning = "standard"
             self.sent(rplidar.descriptor(0x81))
         elif command == rplidar.EXPRESS_SCAN and self.offers_express:

@@ -26,7 +26,7 @@ from chefbotd.process.build import build
 from chefbotd.rpc.control_leases import ControlLeases, Sources
 from chefbotd.rpc.encoding import Sent
 from chefbotd.rpc.fanout import Fanout
-from chefbotd.rpc.jobs import Progress
+from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, Method, method, methods_of
 from chefbotd.rpc.methods import method_table
 from chefbotd.rpc.models import DONE, Done, NoParams, Params
@@ -80,7 +80,7 @@ class FakeNavigation:
         self._count += len(waypoints)
         return list(range(self._count - len(waypoints) + 1, self._count + 1))
 
-    async def wait(self, goals: list[int], progress: Progress) -> GoalResult:
+    async def wait(self, goals: list[int], progress: ProgressReporter) -> GoalResult:
         """It is there at once."""
         return GoalResult(goal=goals[-1], end="reached", reason="reached (1.00, 2.00)")
 
@@ -261,7 +261,7 @@ class FakeRobot:
             return example(method.result)
 
         @wraps(method.handle)
-        async def remember_in_a_job(caller: Caller, params: Params, progress: Progress) -> Sent:
+        async def remember_in_a_job(caller: Caller, params: Params, progress: ProgressReporter) -> Sent:
             return remember(caller, params)
 
         return replace(method, handle=remember_in_a_job if iscoroutinefunction(method.handle) else remember)

@@ -25,7 +25,7 @@ from chefbotd.core.record import Record, replace
 T = TypeVar("T")
 
 
-class Runner(Protocol):
+class CoroutineRunner(Protocol):
     """Runs a coroutine to its end on an event loop of its own."""
 
     def __call__(self, main: Coroutine[Any, Any, T], /) -> T:
@@ -84,7 +84,7 @@ class CommandContext(Record, frozen=True):
 
     address: Address
     as_json: bool = False
-    run: Runner = run_until_signalled
+    run: CoroutineRunner = run_until_signalled
     credentials: Credentials = NO_CREDENTIALS
 
     def in_json(self) -> Self:

@@ -28,7 +28,7 @@ class Asker(Protocol):
         ...
 
 
-class Nobody:
+class NoAnswers:
     """Nobody is asked."""
 
     async def ask(self, question: str) -> str | None:

@@ -78,11 +78,11 @@ def doctor(
 
 def _diagnosis(settings: "Settings", as_json: bool, *, quiet: bool) -> "Diagnosis":
     from chefbotd.cli.doctor import view
-    from chefbotd.cli.doctor.diagnosis import Diagnosis, Nobody, TerminalAsker
+    from chefbotd.cli.doctor.diagnosis import Diagnosis, NoAnswers, TerminalAsker
     from chefbotd.clock import SystemClock
     from chefbotd.link.port import open_port
 
-    asker = Nobody() if quiet else TerminalAsker()
+    asker = NoAnswers() if quiet else TerminalAsker()
     return Diagnosis(
         settings, asker, (lambda finding: None) if as_json else view.show, open_port, SystemClock()
     )

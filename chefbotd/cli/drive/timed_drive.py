@@ -9,7 +9,7 @@ from collections.abc import Awaitable, Callable, Mapping
 
 from chefbotd.cli.drive.control import release_source
 from chefbotd.client import Client
-from chefbotd.client.models import Driven, Limited, OdometryData, SimData, WheelsData, WheelsDriven
+from chefbotd.client.models import Driven, Limited, OdometryData, SimData, WheelsData, WheelSpeedsSet
 from chefbotd.client.state import State
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D, wrap_angle
 from chefbotd.core.record import Record
@@ -133,7 +133,7 @@ async def turn_for(
 
     Zero is commanded on every exit. Raises the client's errors.
     """
-    answer = WheelsDriven(name=[], velocity_rad_s=[])
+    answer = WheelSpeedsSet(name=[], velocity_rad_s=[])
 
     async def command() -> None:
         nonlocal answer
@@ -152,7 +152,7 @@ def _limit_report(answer: Limited, state: State) -> LimitReport:
     return LimitReport(answer.limited_by, state.safety.limited_by)
 
 
-def _by_name(speeds: WheelsDriven | WheelsData) -> dict[str, float]:
+def _by_name(speeds: WheelSpeedsSet | WheelsData) -> dict[str, float]:
     return dict(zip(speeds.name, speeds.velocity_rad_s, strict=True))
 
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from chefbotd.cli.common.arguments import Address
-from chefbotd.cli.common.context import CommandContext, Runner
+from chefbotd.cli.common.context import CommandContext, CoroutineRunner
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError, extra
 
@@ -37,7 +37,7 @@ def robots(obj: CommandContext, seconds: float) -> None:
         echo("\n".join(_rows(announcements)))
 
 
-def address_of(name: str, run: Runner) -> Address:
+def address_of(name: str, run: CoroutineRunner) -> Address:
     """Where the robot of this name listens.
 
     Raises:
@@ -58,7 +58,7 @@ def address_of(name: str, run: Runner) -> Address:
     return Address(announcement.addresses[0], announcement.port)
 
 
-def _heard(run: Runner, listening: Coroutine[Any, Any, Any]) -> Any:
+def _heard(run: CoroutineRunner, listening: Coroutine[Any, Any, Any]) -> Any:
     try:
         return run(listening)
     except OSError as error:

@@ -8,7 +8,7 @@ from click.core import ParameterSource
 
 from chefbotd import __version__
 from chefbotd.cli.common.arguments import Address, address
-from chefbotd.cli.common.context import CommandContext, Credentials, Runner, run_until_signalled
+from chefbotd.cli.common.context import CommandContext, CoroutineRunner, Credentials, run_until_signalled
 from chefbotd.cli.common.exits import MEANING, exit_table
 from chefbotd.cli.doctor.doctor_command import doctor
 from chefbotd.cli.doctor.ports_command import ports
@@ -75,7 +75,7 @@ def main(
     ctx: click.Context, where: Address, name: str | None, token_file: TextIO | None, ca: str | None
 ) -> None:
     """Watch, drive and configure a robot whose chefbotd is running."""
-    run: Runner = ctx.obj or run_until_signalled
+    run: CoroutineRunner = ctx.obj or run_until_signalled
     if name is not None:
         if ctx.get_parameter_source("where") is ParameterSource.COMMANDLINE:
             raise click.UsageError("--robot and --connect exclude each other: both say where the daemon is")

@@ -96,7 +96,7 @@ def rplidar_model(listened: Listened) -> str:
     return ""
 
 
-RPLIDAR_QUESTION = rplidar.request(rplidar.Request.GET_INFO)
+RPLIDAR_QUESTION = rplidar.request(rplidar.RequestCode.GET_INFO)
 """A5 50: no line of any board's, which ends at CR. It is asked only where nothing was heard (assumed to be harmless)."""
 
 

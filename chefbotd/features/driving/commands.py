@@ -11,7 +11,7 @@ from chefbotd.features.driving.models import (
     SetWheelVelocitiesParams,
     StopParams,
     Stopped,
-    WheelsDriven,
+    WheelSpeedsSet,
     topics,
 )
 from chefbotd.features.driving.quadrature import QuadratureService
@@ -72,7 +72,7 @@ class DriveCommands:
                 raise
 
     @method(role=Role.DRIVE, moves=True)
-    def set_wheel_velocities(self, caller: Caller, params: SetWheelVelocitiesParams) -> WheelsDriven:
+    def set_wheel_velocities(self, caller: Caller, params: SetWheelVelocitiesParams) -> WheelSpeedsSet:
         """Set the speed of each wheel, with the rules of ``drive``; wheels that are not named stand still."""
         now_s, source = self._clock.now_s(), params.source or self._default_source
         self._require_control(source, caller, now_s)
@@ -81,7 +81,7 @@ class DriveCommands:
         allowed = self._preview.of_wheels(velocities)
         self._leases.renew(source, caller.session, now_s)
         speeds = [allowed.command[name] for name in params.name]
-        return WheelsDriven(name=params.name, velocity_rad_s=speeds, limited_by=allowed.limited_by)
+        return WheelSpeedsSet(name=params.name, velocity_rad_s=speeds, limited_by=allowed.limited_by)
 
     @method(role=Role.OBSERVE, urgent=True, when_crowded=True)
     def stop(self, caller: Caller, params: StopParams) -> Stopped:

@@ -102,7 +102,7 @@ class Driven(Limited, frozen=True, kw_only=True):
     angular_rad_s: float
 
 
-class WheelsDriven(Limited, frozen=True, kw_only=True):
+class WheelSpeedsSet(Limited, frozen=True, kw_only=True):
     """The velocities that the named wheels go for, in the order in which they were named."""
 
     name: list[str]

@@ -6,7 +6,7 @@ from typing import Any
 import foxglove
 from foxglove.websocket import ServerListener
 
-from chefbotd.recording.channels import Channel
+from chefbotd.recording.channels import McapChannel
 from chefbotd.transport.parameters import FoxgloveParameters
 
 
@@ -57,7 +57,7 @@ class FoxgloveServer:
         """Whether anybody is subscribed to anything."""
         return self._subscriptions.count > 0
 
-    def send(self, channel: Channel, log_ns: int, payload: bytes) -> None:
+    def send(self, channel: McapChannel, log_ns: int, payload: bytes) -> None:
         """Send a message, and offer its channel where it is new; the library drops what a slow client does not take."""
         known_channel = self._channels.get(channel.number)
         if known_channel is None:

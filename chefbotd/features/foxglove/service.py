@@ -13,7 +13,7 @@ from chefbotd.entries import entries_of
 from chefbotd.features.feature import Feature, Service
 from chefbotd.features.recording.making import read_map
 from chefbotd.logs import RateLimitedLog
-from chefbotd.recording.channels import Channel, Channels
+from chefbotd.recording.channels import Channels, McapChannel
 from chefbotd.recording.encoder import REPEATED, Encoder, MapEvent
 from chefbotd.recording.foxglove import MapDrawer, ReadMap
 from chefbotd.transport.parameters import FoxgloveParameters
@@ -37,7 +37,7 @@ class Server(Protocol):
         """Whether anybody is subscribed to anything."""
         ...
 
-    def send(self, channel: Channel, log_ns: int, payload: bytes) -> None:
+    def send(self, channel: McapChannel, log_ns: int, payload: bytes) -> None:
         """Send a message, and offer its channel where it is new; never waits."""
         ...
 

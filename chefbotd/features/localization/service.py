@@ -29,7 +29,7 @@ from chefbotd.features.localization.models import (
 )
 from chefbotd.features.localization.turning import Turning, TurningState
 from chefbotd.features.worker.service import WorkerService
-from chefbotd.rpc.jobs import Progress
+from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.roles import Role
 from chefbotd.worker.requests import OnProgress
@@ -139,12 +139,16 @@ class LocalizationService:
         self._may_turn, self._waits = state.may_turn, set(state.waits)
 
     @method(role=Role.DRIVE, moves=False)
-    async def set_pose(self, caller: Caller, params: SetPoseParams, progress: Progress) -> LocalizationData:
+    async def set_pose(
+        self, caller: Caller, params: SetPoseParams, progress: ProgressReporter
+    ) -> LocalizationData:
         """Set the robot's approximate pose in the map in use; the next scans confirm it, or it searches."""
         return await self._ask(SetPose(params.x_m, params.y_m, params.heading_rad), SHORT_S)
 
     @method(role=Role.DRIVE, moves=True)
-    async def localize(self, caller: Caller, params: LocalizeParams, progress: Progress) -> LocalizationData:
+    async def localize(
+        self, caller: Caller, params: LocalizeParams, progress: ProgressReporter
+    ) -> LocalizationData:
         """Search the whole map for the robot's pose; the robot does not move, unless ``turn`` allows one turn."""
         if not params.turn:
             return await self._ask(Localize(), SHORT_S)
@@ -158,7 +162,7 @@ class LocalizationService:
         self._turning.begin(is_asked=True)
         return await self._turned(progress)
 
-    async def _turned(self, progress: Progress) -> LocalizationData:
+    async def _turned(self, progress: ProgressReporter) -> LocalizationData:
         """Wait for the end of the turn, which ends with whoever waits for it."""
         end, task = self._turning.begin(is_asked=False), self._entries.task
         self._waits.add(task)

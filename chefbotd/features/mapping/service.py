@@ -21,7 +21,7 @@ from chefbotd.features.mapping.models import (
     mapping_data,
 )
 from chefbotd.features.worker.service import WorkerService
-from chefbotd.rpc.jobs import Progress
+from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.models import NoParams
 from chefbotd.rpc.roles import Role
@@ -88,19 +88,21 @@ class MappingService:
 
     @method(role=Role.DRIVE, moves=False)
     async def start_mapping(
-        self, caller: Caller, params: StartMappingParams, progress: Progress
+        self, caller: Caller, params: StartMappingParams, progress: ProgressReporter
     ) -> MappingData:
         """Begin a map, go on with a saved one by its name, or go on after a pause."""
         return await self._ask(Start(params.name, params.unfinished), LONG_S)
 
     @method(role=Role.DRIVE, moves=False)
-    async def pause_mapping(self, caller: Caller, params: NoParams, progress: Progress) -> MappingData:
+    async def pause_mapping(
+        self, caller: Caller, params: NoParams, progress: ProgressReporter
+    ) -> MappingData:
         """Pause mapping until start_mapping is sent."""
         return await self._ask(Pause(), SHORT_S)
 
     @method(role=Role.DRIVE, moves=False)
     async def finish_mapping(
-        self, caller: Caller, params: FinishMappingParams, progress: Progress
+        self, caller: Caller, params: FinishMappingParams, progress: ProgressReporter
     ) -> MapSaved:
         """Match all scans once more, save the map under a name, and end; reports progress."""
         saved = await self._worker.request(
@@ -112,7 +114,9 @@ class MappingService:
         return saved
 
     @method(role=Role.DRIVE, moves=False)
-    async def discard_mapping(self, caller: Caller, params: NoParams, progress: Progress) -> MappingData:
+    async def discard_mapping(
+        self, caller: Caller, params: NoParams, progress: ProgressReporter
+    ) -> MappingData:
         """End without saving, and forget the map that was never finished; saved maps stay."""
         return await self._ask(Discard(), SHORT_S)
 

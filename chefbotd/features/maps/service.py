@@ -42,7 +42,7 @@ from chefbotd.maps.names import map_name, place_name
 from chefbotd.maps.places import PLACES, Place, parse_places, to_file, with_place, without_place
 from chefbotd.maps.store import MapStore, StoredMap
 from chefbotd.maps.versions import Version
-from chefbotd.rpc.jobs import Progress
+from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.models import DONE, Done, NoParams
 from chefbotd.rpc.roles import Role
@@ -88,7 +88,7 @@ class MapsService:
     # what clients ask: each runs as a job, because the disk may take its time
 
     @method(role=Role.OBSERVE)
-    async def list_maps(self, caller: Caller, params: NoParams, progress: Progress) -> MapList:
+    async def list_maps(self, caller: Caller, params: NoParams, progress: ProgressReporter) -> MapList:
         """List the stored maps, whether each is intact, and which one is in use."""
 
         def read() -> list[Any]:
@@ -100,7 +100,7 @@ class MapsService:
         return MapList(folder=str(self.store.folder), in_use=self.in_use, maps=tuple(maps))
 
     @method(role=Role.DRIVE, moves=False)
-    async def load_map(self, caller: Caller, params: MapName, progress: Progress) -> MapInUse:
+    async def load_map(self, caller: Caller, params: MapName, progress: ProgressReporter) -> MapInUse:
         """Use a map from now on, and after a restart."""
         name = map_name(params.name)
         return await self._entries.outside(lambda: self._loaded(name, progress.report))
@@ -147,7 +147,7 @@ class MapsService:
         self._entries.observe(self._bus, MapLoaded(self._clock.now_s(), folder, name, number, renamed_from))
 
     @method(role=Role.OBSERVE)
-    async def get_map(self, caller: Caller, params: GetMapParams, progress: Progress) -> MapPart:
+    async def get_map(self, caller: Caller, params: GetMapParams, progress: ProgressReporter) -> MapPart:
         """The cells of a map, compressed, in parts."""
         name, part, now_s = params.name, params.part, self._clock.now_s()
         if name is None and self.growing is not None and self._whereabouts.is_mapping:
@@ -159,7 +159,9 @@ class MapsService:
         return found
 
     @method(role=Role.ADMIN, moves=False)
-    async def import_map(self, caller: Caller, params: ImportMapParams, progress: Progress) -> MapInUse:
+    async def import_map(
+        self, caller: Caller, params: ImportMapParams, progress: ProgressReporter
+    ) -> MapInUse:
         """Store the map of map_server's files on the robot's computer."""
         path = self.store.folder / params.yaml
         name = map_name(path.stem if params.name is None else params.name)
@@ -187,7 +189,7 @@ class MapsService:
         return await run_import(order, report)
 
     @method(role=Role.ADMIN, moves=False)
-    async def rename_map(self, caller: Caller, params: RenameMapParams, progress: Progress) -> Done:
+    async def rename_map(self, caller: Caller, params: RenameMapParams, progress: ProgressReporter) -> Done:
         """Give a map another name."""
         name, new_name = params.name, params.new_name
         async with self._order:
@@ -200,7 +202,7 @@ class MapsService:
         return DONE
 
     @method(role=Role.ADMIN, moves=False)
-    async def delete_map(self, caller: Caller, params: MapName, progress: Progress) -> Done:
+    async def delete_map(self, caller: Caller, params: MapName, progress: ProgressReporter) -> Done:
         """Remove a map with all its versions and places."""
         name = params.name
         async with self._order:
@@ -212,7 +214,9 @@ class MapsService:
         return DONE
 
     @method(role=Role.DRIVE, moves=False)
-    async def save_place(self, caller: Caller, params: SavePlaceParams, progress: Progress) -> PlaceData:
+    async def save_place(
+        self, caller: Caller, params: SavePlaceParams, progress: ProgressReporter
+    ) -> PlaceData:
         """Give a pose in a map a name, or move the place of this name; without a pose, the robot's."""
         of_map = self._named(params.map)
         place = self._place(params, of_map)
@@ -227,7 +231,7 @@ class MapsService:
         return Place(x_m=pose.x_m, y_m=pose.y_m, heading_rad=pose.heading_rad)
 
     @method(role=Role.OBSERVE)
-    async def list_places(self, caller: Caller, params: OfMapParams, progress: Progress) -> PlaceList:
+    async def list_places(self, caller: Caller, params: OfMapParams, progress: ProgressReporter) -> PlaceList:
         """The places of a map."""
         return await self.places(params.map)
 
@@ -239,7 +243,7 @@ class MapsService:
         return PlaceList(map=name, places=rows)
 
     @method(role=Role.DRIVE, moves=False)
-    async def delete_place(self, caller: Caller, params: PlaceName, progress: Progress) -> Done:
+    async def delete_place(self, caller: Caller, params: PlaceName, progress: ProgressReporter) -> Done:
         """Remove a place."""
         await self._change_places(self._named(params.map), lambda places: without_place(places, params.name))
         return DONE

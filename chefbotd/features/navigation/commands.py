@@ -11,7 +11,7 @@ from chefbotd.features.navigation.models import (
     shown_topics,
 )
 from chefbotd.features.navigation.service import NavigationService
-from chefbotd.rpc.jobs import Progress
+from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.models import DONE, Done, NoParams
 from chefbotd.rpc.roles import Role
@@ -24,39 +24,43 @@ class NavigationCommands:
         self._service = service
 
     @method(role=Role.DRIVE, moves=True)
-    async def navigate_to(self, caller: Caller, params: NavigateToParams, progress: Progress) -> GoalResult:
+    async def navigate_to(
+        self, caller: Caller, params: NavigateToParams, progress: ProgressReporter
+    ) -> GoalResult:
         """Drive to a pose in the map in use, or to a place."""
         return await self._begun([params], progress, queue=params.queue, wait=params.wait)
 
     @method(role=Role.DRIVE, moves=True)
     async def follow_waypoints(
-        self, caller: Caller, params: FollowWaypointsParams, progress: Progress
+        self, caller: Caller, params: FollowWaypointsParams, progress: ProgressReporter
     ) -> GoalResult:
         """Drive to several goals in order; the answer is the last goal's number, or how it ended."""
         return await self._begun(params.waypoints, progress, queue=params.queue, wait=params.wait)
 
     @method(role=Role.DRIVE, moves=True)
-    async def go_home(self, caller: Caller, params: GoToPlaceParams, progress: Progress) -> GoalResult:
+    async def go_home(
+        self, caller: Caller, params: GoToPlaceParams, progress: ProgressReporter
+    ) -> GoalResult:
         """Drive to the place navigation.home_place (home) of the map in use."""
         return await self._to_place(self._service.section.home_place, params, progress)
 
     @method(role=Role.DRIVE, moves=True)
-    async def dock(self, caller: Caller, params: GoToPlaceParams, progress: Progress) -> GoalResult:
+    async def dock(self, caller: Caller, params: GoToPlaceParams, progress: ProgressReporter) -> GoalResult:
         """Drive to the place navigation.dock_place (dock) of the map in use."""
         return await self._to_place(self._service.section.dock_place, params, progress)
 
-    async def _to_place(self, place: str, params: GoToPlaceParams, progress: Progress) -> GoalResult:
+    async def _to_place(self, place: str, params: GoToPlaceParams, progress: ProgressReporter) -> GoalResult:
         waypoint = Waypoint(place=place)
         return await self._begun([waypoint], progress, queue=params.queue, wait=params.wait)
 
     async def _begun(
-        self, waypoints: list[Waypoint], progress: Progress, *, queue: bool, wait: bool
+        self, waypoints: list[Waypoint], progress: ProgressReporter, *, queue: bool, wait: bool
     ) -> GoalResult:
         goals = await self._service.navigate_to(waypoints, queue=queue)
         return await self._service.wait(goals, progress) if wait else GoalResult(goal=goals[-1])
 
     @method(role=Role.OBSERVE)
-    async def plan_to(self, caller: Caller, params: Waypoint, progress: Progress) -> PlanResult:
+    async def plan_to(self, caller: Caller, params: Waypoint, progress: ProgressReporter) -> PlanResult:
         """Plan a path without driving: whether there is one, its length, and the time it takes."""
         return await self._service.plan_to(params)
 

@@ -9,7 +9,7 @@ from chefbotd.clock import Clock
 from chefbotd.core.events.navigation import NavigationChanged
 from chefbotd.core.record import Record
 from chefbotd.entries import Timer, due_of, entries_of
-from chefbotd.rpc.jobs import Progress
+from chefbotd.rpc.jobs import ProgressReporter
 
 TOLD_EVERY_S: Final = 0.5
 """How often the distance is told while nothing else changes."""
@@ -68,7 +68,7 @@ class Reporting:
             waiting.report(self._told)
 
     @contextmanager
-    def telling(self, goals: Collection[int], progress: Progress) -> Iterator[None]:
+    def telling(self, goals: Collection[int], progress: ProgressReporter) -> Iterator[None]:
         """Report to a request that waits for these goals, while the block runs."""
         waiting = _Waiting(goals, progress)
         self._waiting.append(waiting)
@@ -96,7 +96,7 @@ class Reporting:
 class _Waiting:
     """A request that waits. The way grows where a path is longer than the one before, or with another goal."""
 
-    def __init__(self, goals: Collection[int], progress: Progress) -> None:
+    def __init__(self, goals: Collection[int], progress: ProgressReporter) -> None:
         self._goals, self._progress = goals, progress
         self._goal: int | None = None
         self._way_m = self._left_m = 0.0

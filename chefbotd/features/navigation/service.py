@@ -31,7 +31,7 @@ from chefbotd.features.navigation.orders import Orders, OrdersState
 from chefbotd.features.navigation.reporting import Reporting, ReportingState
 from chefbotd.features.navigation.shown import ShownOnDemand
 from chefbotd.features.worker.service import WorkerService
-from chefbotd.rpc.jobs import Progress
+from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Unserved
 from chefbotd.safety.gate import not_armed, why_not_armed
 from chefbotd.worker.parameters import NavigationSection
@@ -211,7 +211,7 @@ class NavigationService:
             if self._is_taken_over:
                 self._orders.put(messages.Pause(self._why_taken_over()))
 
-    async def wait(self, goals: list[int], progress: Progress) -> GoalResult:
+    async def wait(self, goals: list[int], progress: ProgressReporter) -> GoalResult:
         """Wait for the end of these; that of the first that is not reached, or of the last."""
         ends = [self._goals.end_of(number) for number in goals]
         task = self._entries.task

@@ -11,7 +11,7 @@ from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.recording import RecordingData
 from chefbotd.recording.status import RecordingError
-from chefbotd.rpc.jobs import Progress
+from chefbotd.rpc.jobs import ProgressReporter
 
 if TYPE_CHECKING:
     from chefbotd.recording.recorder import Recorder
@@ -109,7 +109,7 @@ def _failed(problem: str) -> RecordingError:
     return RecordingError(RefusalKind.STORAGE_FAILED, problem)
 
 
-async def waiting(work: Coroutine[Any, Any, T], progress: Progress) -> T:
+async def waiting(work: Coroutine[Any, Any, T], progress: ProgressReporter) -> T:
     """Do it, and say every second that the disk is waited for, so that a client goes on waiting."""
     task = asyncio.ensure_future(work)
     try:

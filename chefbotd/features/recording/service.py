@@ -28,7 +28,7 @@ from chefbotd.features.recording.recorder_thread import DISK_PATIENCE_S, Recorde
 from chefbotd.metrics import Metrics
 from chefbotd.recording.parameters import RecordingParameters
 from chefbotd.recording.status import AUTOMATIC, RecordingError
-from chefbotd.rpc.jobs import Progress
+from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.models import NoParams
 from chefbotd.rpc.roles import Role
@@ -245,7 +245,7 @@ class RecordingService:
 
     @method(role=Role.DRIVE, moves=False)
     async def start_recording(
-        self, caller: Caller, params: StartRecordingParams, progress: Progress
+        self, caller: Caller, params: StartRecordingParams, progress: ProgressReporter
     ) -> RecordingStarted:
         """Record everything into a file on the robot's computer, until stop_recording."""
         return await waiting(self._start(params.name), progress)
@@ -263,7 +263,9 @@ class RecordingService:
         return RecordingStarted(name=str(status.name), file=str(status.file))
 
     @method(role=Role.DRIVE, moves=False)
-    async def stop_recording(self, caller: Caller, params: NoParams, progress: Progress) -> RecordingEnded:
+    async def stop_recording(
+        self, caller: Caller, params: NoParams, progress: ProgressReporter
+    ) -> RecordingEnded:
         """End the recording."""
         return await waiting(self._stop(), progress)
 
@@ -281,13 +283,17 @@ class RecordingService:
         )
 
     @method(role=Role.OBSERVE)
-    async def list_recordings(self, caller: Caller, params: NoParams, progress: Progress) -> RecordingList:
+    async def list_recordings(
+        self, caller: Caller, params: NoParams, progress: ProgressReporter
+    ) -> RecordingList:
         """Every recording in the robot's folder."""
         rows = await waiting(self._ask(lambda recorder, now_s: recorder.list_files()), progress)
         return RecordingList(folder=str(self._folder), files=tuple(rows))
 
     @method(role=Role.DRIVE, moves=False)
-    async def save_ring(self, caller: Caller, params: SaveRingParams, progress: Progress) -> RingSaved:
+    async def save_ring(
+        self, caller: Caller, params: SaveRingParams, progress: ProgressReporter
+    ) -> RingSaved:
         """Write the last minutes from the ring buffer in memory into a file."""
         return await waiting(self._save_ring(params.reason or "asked", fault=False), progress)
 

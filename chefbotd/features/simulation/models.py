@@ -5,7 +5,7 @@ from chefbotd.core.record import Record
 from chefbotd.rpc.topics import Topic
 
 
-class Disc(Record, frozen=True):
+class SimulatedDisc(Record, frozen=True):
     """Somebody who walks about, or a thing that is on no map."""
 
     x_m: float
@@ -22,7 +22,7 @@ class SimData(Record, frozen=True):
     linear_m_s: float
     angular_rad_s: float
     in_contact: bool
-    discs: tuple[Disc, ...] = ()
+    discs: tuple[SimulatedDisc, ...] = ()
 
 
 def _sim(event: TruthSimulated) -> SimData:
@@ -33,7 +33,7 @@ def _sim(event: TruthSimulated) -> SimData:
         linear_m_s=event.twist.linear_m_s,
         angular_rad_s=event.twist.angular_rad_s,
         in_contact=event.in_contact,
-        discs=tuple([Disc(x_m=x, y_m=y, radius_m=radius) for x, y, radius in event.discs]),
+        discs=tuple([SimulatedDisc(x_m=x, y_m=y, radius_m=radius) for x, y, radius in event.discs]),
     )
 
 

@@ -21,8 +21,8 @@ from firmware_protocol.lidar.rplidar import (
     Capsule,
     DeviceHealth,
     DeviceInfo,
-    Health,
-    Request,
+    HealthStatus,
+    RequestCode,
     RplidarDecoder,
     RplidarDecoderState,
     ScanNode,
@@ -48,7 +48,7 @@ UNSTEADY_SHARE = 0.2
 """A motor does not change its rate by so much from turn to turn; a host that reads late takes it for one that does."""
 
 
-class Phase(StrEnum):
+class ScanPhase(StrEnum):
     """How far the conversation has come."""
 
     STOPPING = "stopping"
@@ -59,11 +59,11 @@ class Phase(StrEnum):
 
 
 PATIENCE_S = {
-    Phase.STOPPING: 0.1,
-    Phase.ASKING_INFO: 0.5,
-    Phase.ASKING_HEALTH: 0.5,
-    Phase.RESETTING: 1.0,
-    Phase.SCANNING: 4.0,
+    ScanPhase.STOPPING: 0.1,
+    ScanPhase.ASKING_INFO: 0.5,
+    ScanPhase.ASKING_HEALTH: 0.5,
+    ScanPhase.RESETTING: 1.0,
+    ScanPhase.SCANNING: 4.0,
 }
 """How long nothing may come before the conversation begins anew; a motor takes two seconds to its speed (assumed)."""
 
@@ -143,7 +143,7 @@ class RplidarState(Record, frozen=True, tag="rplidar"):
 
     decoder: RplidarDecoderState
     turns: _TurnBuilder
-    phase: Phase
+    phase: ScanPhase
     heard_s: float
     words: bytes
     has_express: bool
@@ -164,7 +164,7 @@ class RplidarReader:
         self.packets = 0
         self.complaint, self.awaits_scan = "", False
         self.info: DeviceInfo | None = None
-        self.phase = Phase.STOPPING
+        self.phase = ScanPhase.STOPPING
         self._heard_s = 0.0
         self._words = b""
 
@@ -200,12 +200,15 @@ class RplidarReader:
         """Another connection: a scan may be going on from before, so it is stopped first."""
         self.complaint, self.info, self._words = "", None, b""
         self._has_express = self._wants_express
-        self._go(Phase.STOPPING, now_s, request(Request.STOP))
+        self._go(ScanPhase.STOPPING, now_s, request(RequestCode.STOP))
         return self.poll(now_s)
 
     def read_bytes(self, data: bytes, now_s: float) -> list[LidarTurn]:
         """The turns that these bytes complete."""
-        if self.phase in (Phase.STOPPING, Phase.RESETTING):  # the rest of a scan, or what a start prints
+        if self.phase in (
+            ScanPhase.STOPPING,
+            ScanPhase.RESETTING,
+        ):  # the rest of a scan, or what a start prints
             return []
         turns = []
         answers = self._decoder.feed_bytes(data)
@@ -229,46 +232,46 @@ class RplidarReader:
     def end(self) -> bytes:
         """The scan is stopped, and an A2's motor with it."""
         stopped = motor_request(0) if self._model is LidarModel.RPLIDAR_A2 else b""
-        return request(Request.STOP) + stopped
+        return request(RequestCode.STOP) + stopped
 
     def _run_out(self, now_s: float) -> None:
         """The patience with a phase is over: go on after a stop or a reset, and begin anew after a silence."""
-        if self.phase is Phase.STOPPING:
-            self._go(Phase.ASKING_INFO, now_s, request(Request.GET_INFO))
+        if self.phase is ScanPhase.STOPPING:
+            self._go(ScanPhase.ASKING_INFO, now_s, request(RequestCode.GET_INFO))
             return
-        if self.phase is Phase.SCANNING and self.awaits_scan:
+        if self.phase is ScanPhase.SCANNING and self.awaits_scan:
             self._has_express = False  # the device may have promised more than it does
-        self._go(Phase.STOPPING, now_s, request(Request.STOP))
+        self._go(ScanPhase.STOPPING, now_s, request(RequestCode.STOP))
 
-    def _go(self, phase: Phase, now_s: float, words: bytes) -> None:
+    def _go(self, phase: ScanPhase, now_s: float, words: bytes) -> None:
         self.phase, self._heard_s = phase, now_s
-        self.awaits_scan = phase is Phase.SCANNING
+        self.awaits_scan = phase is ScanPhase.SCANNING
         self._words += words
         self._decoder.reset()
         self._turns.begin()
 
     def _take(self, answer: Answer, now_s: float, behind: int) -> LidarTurn | None:
         match answer:
-            case DeviceInfo() if self.phase is Phase.ASKING_INFO:
+            case DeviceInfo() if self.phase is ScanPhase.ASKING_INFO:
                 self.info, self.complaint = answer, self._complaint_about(answer)
-                self._go(Phase.ASKING_HEALTH, now_s, request(Request.GET_HEALTH))
-            case DeviceHealth() if self.phase is Phase.ASKING_HEALTH:
+                self._go(ScanPhase.ASKING_HEALTH, now_s, request(RequestCode.GET_HEALTH))
+            case DeviceHealth() if self.phase is ScanPhase.ASKING_HEALTH:
                 self._take_health(answer, now_s)
-            case ScanNode() if self.phase is Phase.SCANNING:
+            case ScanNode() if self.phase is ScanPhase.SCANNING:
                 return self._turns.take_node(answer, now_s, behind)
-            case Capsule() if self.phase is Phase.SCANNING:
+            case Capsule() if self.phase is ScanPhase.SCANNING:
                 return self._turns.take_capsule(answer, now_s, behind)
         return None
 
     def _take_health(self, health: DeviceHealth, now_s: float) -> None:
-        if health.status is Health.ERROR:
+        if health.status is HealthStatus.ERROR:
             self.complaint = f"the lidar reports that it is defective (error {health.error_code})"
-            self._go(Phase.RESETTING, now_s, request(Request.RESET))
+            self._go(ScanPhase.RESETTING, now_s, request(RequestCode.RESET))
             return
         offered = self.info is not None and self.info.firmware >= EXPRESS_SINCE
         motor = motor_request(MOTOR_PWM) if self._model is LidarModel.RPLIDAR_A2 else b""
-        start = express_request() if self._has_express and offered else request(Request.SCAN)
-        self._go(Phase.SCANNING, now_s, motor + start)
+        start = express_request() if self._has_express and offered else request(RequestCode.SCAN)
+        self._go(ScanPhase.SCANNING, now_s, motor + start)
 
     def _complaint_about(self, info: DeviceInfo) -> str:
         if info.model >> 4 == SERIES[self._model]:

@@ -24,7 +24,7 @@ from chefbotd.rpc.jsonrpc import Failure
 from chefbotd.rpc.parameters import is_loopback
 from chefbotd.rpc.server import RpcServer
 from chefbotd.rpc.session import Session
-from chefbotd.transport.connection import Connection
+from chefbotd.transport.connection import SocketConnection
 from chefbotd.transport.listening import DescriptorLimit, listen
 from chefbotd.transport.parameters import PageParameters
 from chefbotd.transport.unread import UnreadSockets
@@ -82,7 +82,7 @@ SILENT = logging.Logger("aiohttp", logging.CRITICAL + 1)
 log = structlog.get_logger(__name__)
 
 
-class WebSocketConnection(Connection):
+class WebSocketConnection(SocketConnection):
     """A connection on a transport that HTTP began, and that HTTP is told the end of."""
 
     def __init__(

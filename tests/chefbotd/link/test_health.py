@@ -4,20 +4,20 @@ import random
 
 import pytest
 
-from chefbotd.link.health import Condition, Health, HealthWatch, Heard, show
+from chefbotd.link.health import Condition, HealthWatch, Heard, LinkHealth, show
 from tests.scenarios.wires import misread
 
 GPS = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9*47\r\n"
 
 
-def judged(heard: Heard, sample: bytes, *, waited_s: float = 2.0) -> Health | None:
+def judged(heard: Heard, sample: bytes, *, waited_s: float = 2.0) -> LinkHealth | None:
     """What is made of so much heard since the port was opened."""
     return HealthWatch(100.0, Heard()).look(100.0 + waited_s, heard, sample, health_after_s=2.0)
 
 
 def test_frames_are_a_board():
     """Twenty lines that are frames are healthy at once, with nothing to explain."""
-    assert judged(Heard(400, 20, 20), b"u\t12\n", waited_s=0.1) == Health(Condition.HEALTHY, "")
+    assert judged(Heard(400, 20, 20), b"u\t12\n", waited_s=0.1) == LinkHealth(Condition.HEALTHY, "")
 
 
 @pytest.mark.parametrize(("frames", "condition"), [(2, Condition.HEALTHY), (1, Condition.WRONG_DEVICE)])

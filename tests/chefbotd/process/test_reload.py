@@ -11,7 +11,7 @@ import structlog
 from chefbotd.client import CallError, Client
 from chefbotd.clock import run_virtual
 from chefbotd.process import logs
-from chefbotd.process.service import Service
+from chefbotd.process.service import DaemonService
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from tests.missing import URDF_PARSER, hide
@@ -39,7 +39,7 @@ class Robot:
 
     def run(
         self,
-        scenario: Callable[[SimulatedRobot, Service], Awaitable[None]],
+        scenario: Callable[[SimulatedRobot, DaemonService], Awaitable[None]],
         *,
         token: str | None = None,
     ) -> None:
@@ -48,7 +48,7 @@ class Robot:
         async def running() -> None:
             settings = load(self.path)
             async with simulated_robot(settings, token=token) as robot:
-                service = Service(robot.daemon, settings, self._read, self.told.append)
+                service = DaemonService(robot.daemon, settings, self._read, self.told.append)
                 await asyncio.sleep(1.0)
                 await scenario(robot, service)
 
@@ -72,7 +72,7 @@ async def speed_after(client: Client, robot: SimulatedRobot, seconds: float) -> 
 def test_gains_change_while_the_robot_drives_and_those_that_were_tuned_stay(robot: Robot):
     """The file's kp becomes 150; the left wheel's ki, which set_pid made 90, is not the file's business."""
 
-    async def scenario(simulated: SimulatedRobot, service: Service) -> None:
+    async def scenario(simulated: SimulatedRobot, service: DaemonService) -> None:
         client = simulated.client
         await client.call("set_pid", wheel="left_wheel", ki=90.0)
         await client.drive(SPEED_M_S, 0.0)
@@ -100,7 +100,7 @@ def test_limits_change_when_the_robot_stands_and_not_before(robot: Robot):
     What the answer to a command says of the limit changes at the same time.
     """
 
-    async def scenario(simulated: SimulatedRobot, service: Service) -> None:
+    async def scenario(simulated: SimulatedRobot, service: DaemonService) -> None:
         client = simulated.client
         assert await speed_after(client, simulated, 3.0) == pytest.approx(0.3, abs=0.02)
         text = robot.path.read_text()
@@ -122,7 +122,7 @@ def test_limits_change_when_the_robot_stands_and_not_before(robot: Robot):
 def test_what_is_fixed_is_refused_by_its_key_and_the_rest_is_taken_over(robot: Robot):
     """The device and a wheel's radius cannot change; the gain beside them does, and each refusal says restart."""
 
-    async def scenario(simulated: SimulatedRobot, service: Service) -> None:
+    async def scenario(simulated: SimulatedRobot, service: DaemonService) -> None:
         robot.edit('device = "/dev/ttyACM0" ', 'device = "/dev/chefbot" ')
         text = robot.path.read_text()
         robot.path.write_text(text.replace("radius_m = 0.045\n", "radius_m = 0.05\n", 1))
@@ -155,7 +155,7 @@ def test_what_is_fixed_is_refused_by_its_key_and_the_rest_is_taken_over(robot: R
 def test_an_invalid_file_changes_nothing(robot: Robot, old: str, new: str, reason: str):
     """The gain that is right beside the mistake is not taken over either; the log names the mistake."""
 
-    async def scenario(simulated: SimulatedRobot, service: Service) -> None:
+    async def scenario(simulated: SimulatedRobot, service: DaemonService) -> None:
         before = await simulated.client.call("get_pid")
         robot.edit("ks_duty = 21.2 ", "ks_duty = 25.5 ")
         robot.edit(old, new)
@@ -174,7 +174,7 @@ def test_a_description_that_cannot_be_read_here_changes_nothing(
 ):
     """Where the parser of URDF is not installed; the daemon goes on, and the log says what to install."""
 
-    async def scenario(simulated: SimulatedRobot, service: Service) -> None:
+    async def scenario(simulated: SimulatedRobot, service: DaemonService) -> None:
         before = await simulated.client.call("get_pid")
         robot.edit("ks_duty = 21.2 ", "ks_duty = 25.5 ")
         robot.edit('# description = "my.urdf" ', 'description = "my.urdf" ')
@@ -197,7 +197,7 @@ def test_a_file_that_the_reader_stumbles_over_does_not_end_the_daemon(
     def stumble(path: Path) -> Settings:
         raise RecursionError("too deep")
 
-    async def scenario(simulated: SimulatedRobot, service: Service) -> None:
+    async def scenario(simulated: SimulatedRobot, service: DaemonService) -> None:
         monkeypatch.setattr("tests.chefbotd.process.test_reload.load", stumble)
         await speed_after(simulated.client, simulated, 1.0)
         with structlog.testing.capture_logs() as logged:
@@ -212,7 +212,7 @@ def test_a_file_that_the_reader_stumbles_over_does_not_end_the_daemon(
 def test_what_is_valid_with_a_restart_only_changes_nothing(robot: Robot):
     """A duty range of 1023 would allow an output of 900; without a restart the range is 255, and the gains stay."""
 
-    async def scenario(simulated: SimulatedRobot, service: Service) -> None:
+    async def scenario(simulated: SimulatedRobot, service: DaemonService) -> None:
         robot.edit("max_duty = 255 ", "max_duty = 1023 ")
         robot.edit("output_limit_duty = 255.0\n", "output_limit_duty = 900.0\n")
         before = await simulated.client.call("get_pid")
@@ -228,7 +228,7 @@ def test_what_is_valid_with_a_restart_only_changes_nothing(robot: Robot):
 def test_systemd_is_told_before_and_after(robot: Robot):
     """As sd_notify(3) asks of Type=notify-reload: RELOADING with the monotonic time in microseconds, then READY."""
 
-    async def scenario(simulated: SimulatedRobot, service: Service) -> None:
+    async def scenario(simulated: SimulatedRobot, service: DaemonService) -> None:
         service.report_ready("127.0.0.1:7333")
         await service.reload()
 
@@ -246,7 +246,7 @@ def test_systemd_is_told_before_and_after(robot: Robot):
 def test_several_signals_while_one_is_served_are_one_reload(robot: Robot):
     """Three wishes at once read the file once."""
 
-    async def scenario(simulated: SimulatedRobot, service: Service) -> None:
+    async def scenario(simulated: SimulatedRobot, service: DaemonService) -> None:
         running = asyncio.create_task(service.loops[1]())
         for _ in range(3):
             service.want_reload()
@@ -264,7 +264,7 @@ def test_the_tokens_are_read_again_and_who_came_with_an_old_one_has_to_go(robot:
     tokens.write_text(f"admin {OLD}\n")
     robot.edit("[api]\n", f'[api]\ntoken_file = "{tokens}"\n')
 
-    async def scenario(simulated: SimulatedRobot, service: Service) -> None:
+    async def scenario(simulated: SimulatedRobot, service: DaemonService) -> None:
         host, port = await simulated.daemon.server.address()
         tokens.write_text(f"drive {NEW}\n")
         await service.reload()

@@ -19,8 +19,8 @@ from chefbotd.bus import Bus, HandlerFailure, Inbox
 from chefbotd.entries import Entries, EntryTimer
 from chefbotd.logs import RateLimitedLog
 from chefbotd.metrics import Histogram, Metrics
-from chefbotd.replay.stand_ins import Nobody, ReplayedWorker
-from chefbotd.rpc.jobs import Progress
+from chefbotd.replay.stand_ins import ReplayedWorker, UnheardProgress
+from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.worker.channel import Channel
 
 OURS = ("chefbotd", "firmware_protocol", "tests")
@@ -35,8 +35,8 @@ WIRING = (
     Metrics,
     BaseModel,
     ModuleType,
-    Progress,
-    Nobody,
+    ProgressReporter,
+    UnheardProgress,
     Channel,
     ReplayedWorker,
 )

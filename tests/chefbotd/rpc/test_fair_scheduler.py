@@ -9,7 +9,7 @@ import pytest
 from chefbotd.clock import ManualClock, run_virtual
 from chefbotd.rpc.fair_scheduler import SLICE_S, FairScheduler
 from chefbotd.rpc.session import Session
-from chefbotd.transport.connection import Connection
+from chefbotd.transport.connection import SocketConnection
 from chefbotd.transport.unread import UnreadSockets
 from tests.fakes.api import new_server
 from tests.fakes.transport import FakeTransport
@@ -28,12 +28,12 @@ class Crowd:
     def __init__(self) -> None:
         server, self.robot, _ = new_server(requests_per_turn=A_TURN)
         self.transports: list[FakeTransport] = []
-        self.connections: list[Connection] = []
+        self.connections: list[SocketConnection] = []
         for port in range(CLIENTS):
             session = server.connections.admit("127.0.0.1", 50000 + port)
             assert isinstance(session, Session)
             self.transports.append(FakeTransport())
-            self.connections.append(Connection(server.connections, UnreadSockets(), session))
+            self.connections.append(SocketConnection(server.connections, UnreadSockets(), session))
             self.connections[-1].connection_made(self.transports[-1])
             self.transports[-1].written.clear()
 

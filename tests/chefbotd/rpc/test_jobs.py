@@ -12,7 +12,7 @@ from chefbotd.clock import run_virtual
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.record import Record
 from chefbotd.rpc.dispatch import Dispatcher
-from chefbotd.rpc.jobs import MAX_JOBS, Progress
+from chefbotd.rpc.jobs import MAX_JOBS, ProgressReporter
 from chefbotd.rpc.method import Caller, Method, method, methods_of
 from chefbotd.rpc.models import DONE, Done, NoParams, Params
 from chefbotd.rpc.roles import Role
@@ -40,7 +40,7 @@ class Survey:
         self.cancelled = 0
 
     @method(role=Role.OBSERVE)
-    async def survey(self, caller: Caller, params: SurveyParams, progress: Progress) -> Surveyed:
+    async def survey(self, caller: Caller, params: SurveyParams, progress: ProgressReporter) -> Surveyed:
         """Look at each room."""
         try:
             for room in range(1, params.rooms + 1):
@@ -214,7 +214,7 @@ def test_a_stop_does_not_wait_for_a_job() -> None:
 def test_a_method_that_stops_cannot_be_a_job() -> None:
     """A stop goes from the socket to the wire in one call stack; an async handler would break that."""
 
-    async def late_stop(caller: Caller, params: Params, progress: Progress) -> Record:
+    async def late_stop(caller: Caller, params: Params, progress: ProgressReporter) -> Record:
         raise NotImplementedError
 
     row = Method(Role.OBSERVE, Params, Record, late_stop, urgent=True)
@@ -280,7 +280,7 @@ class Go:
         self.begun = 0
 
     @method(role=Role.DRIVE, moves=True)
-    async def go(self, caller: Caller, params: NoParams, progress: Progress) -> Done:
+    async def go(self, caller: Caller, params: NoParams, progress: ProgressReporter) -> Done:
         """Move, sooner or later."""
         self.begun += 1
         await asyncio.sleep(1.0)

@@ -24,8 +24,8 @@ from firmware_protocol.lidar.rplidar import (
     Capsule,
     DeviceHealth,
     DeviceInfo,
-    Health,
-    Request,
+    HealthStatus,
+    RequestCode,
     RplidarDecoder,
     ScanNode,
     express_request,
@@ -82,10 +82,10 @@ class Conversation:
 def test_it_says_what_it_is_and_how_it_is(wire: LidarWire, model: int, chunk: int) -> None:
     """In whatever pieces it is asked, with other bytes before; an old firmware offers no express scan."""
     device = Conversation(wire, express="absent")
-    (info,) = device.say(b"\x00\x17" + request(Request.GET_INFO), chunk)
+    (info,) = device.say(b"\x00\x17" + request(RequestCode.GET_INFO), chunk)
     assert isinstance(info, DeviceInfo)
     assert (info.model, info.firmware) == (model, (1, 15))
-    assert device.say(request(Request.GET_HEALTH), chunk) == [DeviceHealth(Health.GOOD, 0)]
+    assert device.say(request(RequestCode.GET_HEALTH), chunk) == [DeviceHealth(HealthStatus.GOOD, 0)]
     assert device.say(express_request(), chunk) == []
     assert device.wait(0.2) == []
 
@@ -93,7 +93,7 @@ def test_it_says_what_it_is_and_how_it_is(wire: LidarWire, model: int, chunk: in
 def test_angles_grow_clockwise_and_distances_are_those_of_the_walls() -> None:
     """2000 nodes a second, 5.5 turns; each distance is the one from the lidar, 0.3 rad turned, to its wall."""
     device = Conversation()
-    device.say(request(Request.SCAN))
+    device.say(request(RequestCode.SCAN))
     nodes = device.wait(2.0)
     assert len(nodes) == pytest.approx(4000, abs=3)
     assert sum(node.starts_turn for node in nodes) == 11
@@ -127,9 +127,9 @@ def test_from_one_scan_to_the_other_it_goes_on_in_time() -> None:
     device = Conversation()
     for asked, kind, points in (
         (express_request(), Capsule, 125),
-        (request(Request.SCAN), ScanNode, 2000),
+        (request(RequestCode.SCAN), ScanNode, 2000),
     ) * 2:
-        device.say(request(Request.STOP))
+        device.say(request(RequestCode.STOP))
         device.decoder.reset()
         device.say(asked)
         assert len(device.hear(1.0, kind)) == pytest.approx(points, abs=points / 50)
@@ -148,36 +148,36 @@ def test_it_sends_only_what_it_is_asked_for() -> None:
     """Nothing before a scan is asked for, nothing after a stop or a reset; a held motor gives no points."""
     device = Conversation()
     assert device.wait(0.3) == []
-    device.say(request(Request.SCAN))
+    device.say(request(RequestCode.SCAN))
     assert len(device.wait(0.3)) > 590
     device.lidar.stall(device.now_s)
     assert device.wait(0.3) == []
     device.lidar.release(device.now_s)
     assert len(device.wait(0.3)) > 590
-    for ending in (Request.STOP, Request.RESET):
+    for ending in (RequestCode.STOP, RequestCode.RESET):
         device.say(request(ending))
         device.decoder.reset()
         assert device.wait(0.3) == []
-        device.say(request(Request.SCAN))
+        device.say(request(RequestCode.SCAN))
         assert len(device.wait(0.3)) > 590
 
 
 def test_out_of_order_it_scans_after_a_reset_only() -> None:
     """As the maker's manual says of its health."""
     device = Conversation()
-    device.lidar.health = Health.ERROR
-    assert device.say(request(Request.GET_HEALTH)) == [DeviceHealth(Health.ERROR, 0)]
-    device.say(request(Request.SCAN))
+    device.lidar.health = HealthStatus.ERROR
+    assert device.say(request(RequestCode.GET_HEALTH)) == [DeviceHealth(HealthStatus.ERROR, 0)]
+    device.say(request(RequestCode.SCAN))
     assert device.wait(0.1) == []
-    assert device.lidar.receive(request(Request.RESET)).startswith(b"RP LIDAR")
-    device.say(request(Request.SCAN))
+    assert device.lidar.receive(request(RequestCode.RESET)).startswith(b"RP LIDAR")
+    device.say(request(RequestCode.SCAN))
     assert len(device.wait(0.3)) > 590
 
 
 def test_an_a2_turns_when_it_is_told_to() -> None:
     """By its own motor request, 10 turns a second; a damaged one does nothing."""
     device = Conversation(LidarWire.RPLIDAR_A2)
-    device.say(request(Request.SCAN))
+    device.say(request(RequestCode.SCAN))
     device.say(motor_request(660)[:-1] + b"\x00")
     assert device.wait(0.2) == []
     device.say(motor_request(660))
@@ -189,7 +189,7 @@ def test_an_a2_turns_when_it_is_told_to() -> None:
 def test_near_and_far_there_is_no_reading() -> None:
     """The wall at 3.05 m is beyond 3 m of range: distance 0, quality 0."""
     device = Conversation(max_range_m=2.0)
-    device.say(request(Request.SCAN))
+    device.say(request(RequestCode.SCAN))
     nodes = device.wait(0.4)
     none = [node for node in nodes if node.distance_q2 == 0]
     assert 0.4 < len(none) / len(nodes) < 0.95

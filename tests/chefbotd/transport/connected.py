@@ -5,7 +5,7 @@ import socket
 
 from chefbotd.rpc.event import EventPayload
 from chefbotd.rpc.session import Session
-from chefbotd.transport.connection import Connection
+from chefbotd.transport.connection import SocketConnection
 from chefbotd.transport.unread import UnreadSockets
 from tests.fakes.api import new_server
 from tests.fakes.robot import FakeRobot
@@ -20,13 +20,13 @@ ESTOPPED = ("estop", "smoke")
 BEHIND = b"x" * 5000  # more than the buffer takes before it pauses, and less than twice as much
 
 
-def connected(plain: socket.socket | None = None) -> tuple[Connection, FakeTransport, FakeRobot]:
+def connected(plain: socket.socket | None = None) -> tuple[SocketConnection, FakeTransport, FakeRobot]:
     """A greeted connection to a fake robot; one turn is 16 requests, and ``describe`` overfills the buffer."""
     server, robot, _ = new_server(requests_per_turn=16, write_buffer_bytes=4096)
     transport = FakeTransport()
     session = server.connections.admit("127.0.0.1", 50000)
     assert isinstance(session, Session)
-    connection = Connection(server.connections, UnreadSockets(), session, plain)
+    connection = SocketConnection(server.connections, UnreadSockets(), session, plain)
     transport.pause_writing = connection.pause_writing
     transport.resume_writing = connection.resume_writing
     connection.connection_made(transport)

@@ -9,8 +9,8 @@ from firmware_protocol.lidar.rplidar import (
     Capsule,
     DeviceHealth,
     DeviceInfo,
-    Health,
-    Request,
+    HealthStatus,
+    RequestCode,
     RplidarDecoder,
     SampleRate,
     ScanNode,
@@ -41,14 +41,14 @@ CAPSULES = st.builds(
 @pytest.mark.parametrize(
     ("command", "raw"),
     [
-        (Request.STOP, "A5 25"),
-        (Request.RESET, "A5 40"),
-        (Request.SCAN, "A5 20"),
-        (Request.GET_INFO, "A5 50"),
-        (Request.GET_HEALTH, "A5 52"),
+        (RequestCode.STOP, "A5 25"),
+        (RequestCode.RESET, "A5 40"),
+        (RequestCode.SCAN, "A5 20"),
+        (RequestCode.GET_INFO, "A5 50"),
+        (RequestCode.GET_HEALTH, "A5 52"),
     ],
 )
-def test_requests_are_the_manual_s(command: Request, raw: str) -> None:
+def test_requests_are_the_manual_s(command: RequestCode, raw: str) -> None:
     """Two bytes each."""
     assert request(command) == bytes.fromhex(raw)
 
@@ -65,8 +65,8 @@ def test_the_express_request_carries_its_payload_and_checksum() -> None:
             "A5 5A 14 00 00 00 04 18 1D 01 07 " + "0F" * 15 + "A1",
             DeviceInfo(0x18, (1, 29), 7, "0F" * 15 + "A1"),
         ),
-        ("A5 5A 03 00 00 00 06 00 00 00", DeviceHealth(Health.GOOD, 0)),
-        ("A5 5A 03 00 00 00 06 02 34 12", DeviceHealth(Health.ERROR, 0x1234)),
+        ("A5 5A 03 00 00 00 06 00 00 00", DeviceHealth(HealthStatus.GOOD, 0)),
+        ("A5 5A 03 00 00 00 06 02 34 12", DeviceHealth(HealthStatus.ERROR, 0x1234)),
         ("A5 5A 04 00 00 00 15 F8 01 FC 00", SampleRate(504, 252)),
         # A point at 181.5 degrees and 1.25 m, not the first of its turn, quality 15.
         ("A5 5A 05 00 00 40 81 3E C1 5A 88 13", ScanNode(False, 15, 181 * 64 + 32, 5000)),
@@ -164,7 +164,7 @@ def test_a_request_begins_a_new_answer() -> None:
     decoder.feed_bytes(descriptor(SCAN) + scan)
     decoder.reset()
     health = bytes.fromhex("A5 5A 03 00 00 00 06 00 00 00")
-    assert decoder.feed_bytes(scan[:7] + health) == [DeviceHealth(Health.GOOD, 0)]
+    assert decoder.feed_bytes(scan[:7] + health) == [DeviceHealth(HealthStatus.GOOD, 0)]
     assert decoder.refused == {"noise": 7}
 
 
@@ -172,7 +172,7 @@ def test_a_descriptor_of_no_known_kind_is_noise() -> None:
     """Such as a health answer that claims a scan's length."""
     decoder = RplidarDecoder()
     assert decoder.feed_bytes(bytes.fromhex("A5 5A 05 00 00 00 06 A5 5A 03 00 00 00 06 01 00 00")) == [
-        DeviceHealth(Health.WARNING, 0)
+        DeviceHealth(HealthStatus.WARNING, 0)
     ]
 
 

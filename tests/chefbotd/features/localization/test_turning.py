@@ -18,7 +18,7 @@ from chefbotd.features.localization.models import LocalizeParams
 from chefbotd.features.localization.service import LocalizationService
 from chefbotd.features.localization.turning import LOOKS_S, Turning
 from chefbotd.features.worker.service import WorkerService
-from chefbotd.rpc.jobs import Progress
+from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 
@@ -226,7 +226,9 @@ def test_a_stop_while_the_worker_begins_to_search_is_not_undone(
         feed = cast(WorkerService, SimpleNamespace(worker=BusyWorker(meanwhile)))
         service = LocalizationService(daemon.bus, clock, feed, driver)
         with pytest.raises(Refused, match="stopped after this turn was asked for"):
-            await service.localize(cast(Caller, None), LocalizeParams(turn=True), cast(Progress, None))
+            await service.localize(
+                cast(Caller, None), LocalizeParams(turn=True), cast(ProgressReporter, None)
+            )
         await asyncio.sleep(LOOKS_S + 2.0)
         assert bench.turn_rad_s < 0.005
 

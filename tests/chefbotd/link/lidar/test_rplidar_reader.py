@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from chefbotd.link.lidar.rplidar_reader import Phase, RplidarReader
+from chefbotd.link.lidar.rplidar_reader import RplidarReader, ScanPhase
 from chefbotd.link.lidar.turn import LidarTurn
 from chefbotd.sensing.lidar import LidarModel
-from firmware_protocol.lidar.rplidar import EXPRESS_SCAN, Health, Request, motor_request
+from firmware_protocol.lidar.rplidar import EXPRESS_SCAN, HealthStatus, RequestCode, motor_request
 from tests.fakes.lidar import FakeRplidar, noisy_box
 
 A1, A2 = LidarModel.RPLIDAR_A1, LidarModel.RPLIDAR_A2
@@ -42,8 +42,13 @@ class Talk:
 def test_it_stops_asks_and_scans(size: int) -> None:
     """Stop, information, health, scan; then ten turns of 360 beams a second, in any chunks."""
     talk = Talk(FakeRplidar(noisy_box()), size=size).run(1.3)
-    assert talk.device.requests == [Request.STOP, Request.GET_INFO, Request.GET_HEALTH, Request.SCAN]
-    assert talk.reader.phase is Phase.SCANNING
+    assert talk.device.requests == [
+        RequestCode.STOP,
+        RequestCode.GET_INFO,
+        RequestCode.GET_HEALTH,
+        RequestCode.SCAN,
+    ]
+    assert talk.reader.phase is ScanPhase.SCANNING
     assert 9 <= len(talk.turns) <= 11
     assert {len(turn.range_m) for turn in talk.turns} == {360}
     assert not talk.reader.refused
@@ -87,7 +92,7 @@ def test_an_express_scan_is_asked_for_where_it_is_offered() -> None:
         )
         assert abs(turn.range_m - expected).max() < 0.04
     old = Talk(FakeRplidar(noisy_box(), firmware=(1, 16)), express=True).run(0.5)
-    assert old.device.requests[-1] == Request.SCAN
+    assert old.device.requests[-1] == RequestCode.SCAN
 
 
 def test_an_express_scan_that_does_not_come_is_given_up() -> None:
@@ -96,18 +101,23 @@ def test_an_express_scan_that_does_not_come_is_given_up() -> None:
     device.offers_express = False
     talk = Talk(device, express=True).run(6.0)
     assert EXPRESS_SCAN in device.requests
-    assert device.requests[-4:] == [Request.STOP, Request.GET_INFO, Request.GET_HEALTH, Request.SCAN]
+    assert device.requests[-4:] == [
+        RequestCode.STOP,
+        RequestCode.GET_INFO,
+        RequestCode.GET_HEALTH,
+        RequestCode.SCAN,
+    ]
     assert len(talk.turns) > 5
 
 
 def test_a_device_that_is_out_of_order_is_reset() -> None:
     """What it prints at its start is no answer; then it is asked anew, and scans."""
     device = FakeRplidar(noisy_box())
-    device.health = Health.ERROR
+    device.health = HealthStatus.ERROR
     talk = Talk(device).run(0.2)
     assert "defective (error 4660)" in talk.reader.complaint
     talk.run(2.5)
-    assert Request.RESET in device.requests
+    assert RequestCode.RESET in device.requests
     assert device.scanning == "standard"
     assert talk.reader.complaint == ""
     assert len(talk.turns) > 5
@@ -137,7 +147,7 @@ def test_an_a2_s_motor_is_started_and_stopped_by_its_own_request() -> None:
     """F0 with 660, and 0 at the end; the checksum is the XOR of all before: A5 F0 02 94 02 make C1."""
     assert motor_request(660) == bytes.fromhex("A5 F0 02 94 02 C1")
     talk = Talk(FakeRplidar(noisy_box(), model=0x28), A2).run(0.5)
-    assert talk.device.requests[-2:] == [0xF0, Request.SCAN]
+    assert talk.device.requests[-2:] == [0xF0, RequestCode.SCAN]
     assert talk.reader.end() == bytes.fromhex("A5 25 A5 F0 02 00 00 57")
 
 
@@ -187,4 +197,4 @@ def test_a_pause_of_an_express_scan_is_no_reason_to_give_it_up() -> None:
     device.motor_turns = True
     talk.run(1.5)
     assert device.scanning == "express"
-    assert Request.SCAN not in device.requests
+    assert RequestCode.SCAN not in device.requests

@@ -17,7 +17,7 @@ from chefbotd.link.lidar.session import LidarSession, port_of
 from chefbotd.link.reconnect import PortLink
 from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.testing.transport import FakeSerialDevice
-from firmware_protocol.lidar.rplidar import EXPRESS_SCAN, Health, Request
+from firmware_protocol.lidar.rplidar import EXPRESS_SCAN, HealthStatus, RequestCode
 from tests.fakes.lidar import FakeRplidar, ld19_bytes, ld19_packets, noisy_box, stalled_ld19_packets
 
 MOUNT = {"mount_x_m": 0.11, "mount_y_m": -0.07, "mount_yaw_rad": 0.7}
@@ -240,7 +240,7 @@ def test_an_rplidar_is_asked_started_and_stopped() -> None:
 
     rig = run(A1, story)
     assert len(rig.scans) > 10
-    assert device.requests == [Request.GET_INFO, Request.GET_HEALTH, EXPRESS_SCAN, Request.STOP]
+    assert device.requests == [RequestCode.GET_INFO, RequestCode.GET_HEALTH, EXPRESS_SCAN, RequestCode.STOP]
     assert rig.opened[0].dtr is False  # type: ignore[attr-defined]
     assert transports[0].dtr is True
     assert [condition for condition, *_ in rig.told()] == ["unknown", "healthy", "down"]
@@ -276,10 +276,10 @@ def test_an_rplidar_that_is_another_or_out_of_order_is_told() -> None:
 
         def receive(self, data: bytes) -> None:
             super().receive(data)
-            self.health = Health.ERROR
+            self.health = HealthStatus.ERROR
 
     broken = Broken(noisy_box())
-    broken.health = Health.ERROR
+    broken.health = HealthStatus.ERROR
 
     async def another(rig: Rig) -> None:
         connected(broken, rig)
