@@ -33,7 +33,7 @@ class Battery(Record, frozen=True):
 
     @property
     def supply(self) -> Supply:
-        """The battery as the motors see it."""
+        """The voltage and the resistance that the motors see."""
         tenths = 10 * self.charge_share
         number = min(int(tenths), 9)
         below_v, above_v = TENTHS[number]
@@ -41,7 +41,7 @@ class Battery(Record, frozen=True):
         return Supply(rest_v, self.parameters.resistance_ohm, self.parameters.electronics_current_a)
 
     def drained(self, current_a: float, duration_s: float) -> "Battery":
-        """The battery after giving ``current_a`` (negative: taking it) for ``duration_s``."""
+        """The battery after it has supplied ``current_a`` for ``duration_s``; a negative current charges it."""
         used = current_a * duration_s / (3600 * self.parameters.capacity_ah)
         return Battery(self.parameters, min(max(self.charge_share - used, 0.0), 1.0))
 

@@ -30,12 +30,12 @@ class BoardRunner:
         return self._launchpad.sketch.duty
 
     def lose_echoes(self, lost: bool) -> None:
-        """Whether, from now on, nothing is in reach of the ultrasonic sensor, as in a large hall."""
+        """Set whether the ultrasonic sensor has nothing in reach from now on, as in a large hall."""
         self._launchpad.sketch.loses_echoes = lost
 
     @property
     def received_dropped(self) -> int:
-        """Bytes from the host that found the board's receive buffer full."""
+        """How many bytes from the host were lost because the board's receive buffer was full."""
         return self._launchpad.uart.received_dropped
 
     def receive(self, data: bytes) -> None:

@@ -10,7 +10,7 @@ from chefbotd.sim.arrays import Vector
 from chefbotd.sim_parameters.simulation import PersonParameters, ThingParameters
 
 PACE_SPREAD = 0.1
-"""How much people's speeds and pauses differ from what is stated: a standard deviation, as a share (assumed)."""
+"""The standard deviation of people's speeds and pauses, as a share of the configured value (assumed)."""
 
 
 class Person:
@@ -31,7 +31,7 @@ class Person:
 
     @property
     def disc(self) -> tuple[float, float, float]:
-        """Where the person stands now, and the radius."""
+        """The person's present position and radius."""
         return (*self._place(self._walked_m), self._parameters.radius_m)
 
     def step(self, dt_s: float, robot: Pose2D, robot_radius_m: float) -> None:
@@ -92,16 +92,16 @@ class Crowd:
 
     @property
     def discs(self) -> Vector:
-        """Where everybody and everything is now."""
+        """Work out the present place of every person and thing."""
         return self._discs
 
     def put(self, name: str, x_m: float, y_m: float, radius_m: float = 0.25) -> None:
-        """Put a thing there; one of this name that is there already is moved. The robot meets it at its next step."""
+        """Put a thing at this place, or move the one that has this name. The robot can touch it at its next step."""
         self._things[name] = (x_m, y_m, radius_m)
         self._discs = self._gathered()
 
     def take_away(self, name: str) -> None:
-        """Take this thing away. Raises ``KeyError`` if there is none of this name."""
+        """Remove a thing. Raises ``KeyError`` if no thing has this name."""
         del self._things[name]
         self._discs = self._gathered()
 

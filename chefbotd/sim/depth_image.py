@@ -51,7 +51,7 @@ class DepthRenderer:
         return np.where(self._up < 0, to_floor, to_ceiling).astype(np.float32)
 
     def depth_m(self, world_from_base: Pose2D, discs: Vector) -> Depths:
-        """The true depth of each pixel, from this pose of the robot and among these discs (D x 3: x, y, radius)."""
+        """The true depth of each pixel, for this pose of the robot and these discs (D x 3: x, y, radius)."""
         eye = world_from_base.compose(self._camera.base_from_camera)
         depth = self._empty.copy()
         edges = np.vstack((self._edges, _sides(discs)))
@@ -70,7 +70,7 @@ class DepthRenderer:
     def image(
         self, world_from_base: Pose2D, discs: Vector, chance: np.random.Generator
     ) -> npt.NDArray[np.uint16]:
-        """What the camera sends: whole millimetres, 0 for no reading."""
+        """The image that the camera sends, in whole millimetres; 0 is no reading."""
         depth = self.depth_m(world_from_base, discs)
         noise = chance.standard_normal(depth.shape, np.float32) * np.float32(self._camera.depth_noise_per_m)
         depth_mm = (depth + noise * depth * depth) * np.float32(1000)
@@ -105,7 +105,7 @@ class DepthRenderer:
         return (slice(upper, lower), slice(left, right)) if left < right and upper < lower else None
 
     def _draw_face(self, depth: Depths, ends: Vector, bottom_m: float, top_m: float) -> None:
-        """An upright rectangle, nearer than what is there."""
+        """Draw an upright rectangle where it is nearer than what the image has."""
         (ax, ay), (bx, by) = ends.tolist()
         part = self._part(np.array([[x, y, z] for x, y in ((ax, ay), (bx, by)) for z in (bottom_m, top_m)]))
         if part is None:
@@ -121,7 +121,7 @@ class DepthRenderer:
         self._keep_nearest(depth[part], at, drawn)
 
     def _draw_slab(self, depth: Depths, corners: Vector, height_m: float) -> None:
-        """A level polygon, nearer than what is there."""
+        """Draw a level polygon where it is nearer than what the image has."""
         part = self._part(np.column_stack((corners, np.full(len(corners), height_m))))
         if part is None:
             return
@@ -139,7 +139,7 @@ class DepthRenderer:
 
 
 def _not_zero(values: Depths) -> Depths:
-    """A ray that runs along a face meets it far away."""
+    """A ray parallel to a face meets it at this distance, which is out of range."""
     return np.where(values == 0, np.float32(1e-9), values)
 
 

@@ -17,7 +17,7 @@ TRUTH_PERIOD_S = 0.02
 
 
 class EmbeddedBoard:
-    """A board and its robot's lidars, plugged in while the context lasts; ``run`` lets them live.
+    """A board and its robot's lidars, plugged in while the context lasts; ``run`` simulates them.
 
     ``device`` is the board's path, ``pty`` its cable, ``lidar_devices`` has each lidar's path by its name.
     """
@@ -51,7 +51,7 @@ class EmbeddedBoard:
         self._folder.cleanup()
 
     def share_truth(self) -> Path:
-        """Write the truth into a file for other processes from now on; its path (``truth_file.TruthReader``)."""
+        """Keep the truth in a file for other processes, and return its path (read by ``truth_file.TruthReader``)."""
         path = Path(self._folder.name) / "truth"
         self._truth_file = TruthWriter(path)
         return path

@@ -33,7 +33,7 @@ class LidarFault(StrEnum):
 
 
 class LidarLine:
-    """Carries packets to the host, as the ``fault`` in force lets it."""
+    """Carries packets to the host, changed by the ``fault`` in force."""
 
     def __init__(self, seed: int, turn_packets: int = TURN_PACKETS) -> None:
         self._chance = random.Random(seed)
@@ -41,7 +41,7 @@ class LidarLine:
         self.fault: LidarFault | None = None
 
     def carry(self, packets: Sequence[bytes]) -> bytes:
-        """The bytes of the next packets that arrive."""
+        """The bytes that arrive of the next packets."""
         match self.fault:
             case None | LidarFault.STALLED:
                 self._last_turn.extend(packets)
@@ -60,7 +60,7 @@ class LidarLine:
                 return heard_at(b"".join(packets), 0.5)
 
     def carry_answer(self, answer: bytes) -> bytes:
-        """What arrives of an answer: it is no packet, so it neither comes twice nor again."""
+        """The bytes that arrive of an answer. It is no packet, so ``doubled`` and ``frozen`` do not affect it."""
         match self.fault:
             case LidarFault.SILENT:
                 return b""
@@ -85,7 +85,7 @@ class LidarLine:
 
 
 def heard_at(data: bytes, share: float) -> bytes:
-    """The bytes that a receiver reads (8N1, sent without a pause) which listens at a share of the sender's rate."""
+    """The bytes that a receiver reads when it listens at a share of the sender's rate (8N1, sent without a pause)."""
     bits = [bit for byte in data for bit in (0, *(byte >> place & 1 for place in range(8)), 1)]
     heard, at, width = bytearray(), 0, 1 / share
     while at + BITS_A_BYTE * width <= len(bits):
@@ -121,7 +121,7 @@ class LidarRunner:
 
     @property
     def fault(self) -> LidarFault | None:
-        """What is wrong with the lidar."""
+        """The fault in force; None for a healthy lidar."""
         return self._line.fault
 
     @fault.setter
@@ -140,7 +140,7 @@ class LidarRunner:
             self._send(carried)
 
     def turn(self, by_rad: float) -> None:
-        """Turn the lidar in its mount, which the configuration does not know."""
+        """Turn the lidar in its mount; the configuration does not know it."""
         self._lidar.turn(by_rad)
 
     async def run(self) -> None:

@@ -36,7 +36,7 @@ DISTANCE_MAX_MM = 65_535
 
 
 class SimulatedLd19(SpinningLidar):
-    """While something holds its motor, it goes on measuring in one direction (assumed)."""
+    """While its motor is held, it continues to measure in one direction (assumed)."""
 
     points = ld19.POINTS
     transmission_s = ld19.PACKET.size * 10 / ld19.BAUD
@@ -101,11 +101,11 @@ class SimulatedRplidar(SpinningLidar):
 
     @property
     def sends(self) -> bool:
-        """It was asked for a scan, and its motor turns: one that stands gives no points (assumed)."""
+        """Whether a scan was requested and the motor turns; while it stands, there are no points (assumed)."""
         return self._is_scanning and self._turns_motor and not self.is_stalled
 
     def receive(self, data: bytes) -> bytes:
-        """Requests, in whatever pieces; bytes that begin none are passed over."""
+        """Take requests in pieces of any size; bytes that begin no request are skipped."""
         self._unread += data
         answers = b""
         while (size := self._request_size()) is not None:
@@ -115,7 +115,7 @@ class SimulatedRplidar(SpinningLidar):
         return answers
 
     def _request_size(self) -> int | None:
-        """How long the request is that begins here; 0: none does; None: the rest is still to come."""
+        """The length of the request that begins here; 0 if none begins here, None if it is not complete yet."""
         unread = self._unread
         if unread and unread[0] != START:
             return 0

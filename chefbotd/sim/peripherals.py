@@ -24,9 +24,9 @@ Command = SetDuty | ResetBoard
 
 
 class CommandReader:
-    """Reads as the published sketches do: of a line the first ``s`` with its numbers, and each ``r`` before it.
+    """Reads as the published sketches do: each ``r`` of a line up to its first ``s``, and that ``s`` with its numbers.
 
-    Beyond 64 bytes a line begins anew.
+    After 64 bytes without an end, a new line begins.
     """
 
     def __init__(self, wheels: int) -> None:
@@ -74,7 +74,7 @@ BYTE = 256
 
 
 def pwm_share(law: PwmLaw, full_scale: int, value: int) -> float:
-    """The share of the period that the bridge is on for a command's ``value``; its sign is the direction."""
+    """The share of the PWM period for which the bridge is on; its sign is the direction."""
     magnitude = abs(value) % BYTE if law is PwmLaw.LOW_BYTE else abs(value)
     return math.copysign(min(magnitude, full_scale) / full_scale, value)
 
@@ -128,7 +128,7 @@ class Uart:
         self.received_dropped += max(len(data) - room, 0)
 
     def read(self) -> bytes:
-        """Everything received and not yet read."""
+        """Take everything that was received and not read yet."""
         data = bytes(self._received)
         self._received.clear()
         return data
@@ -139,14 +139,14 @@ LEVELS = (0b00, 0b10, 0b11, 0b01)
 
 
 class Edge(Record, frozen=True):
-    """The levels after an edge, and its time."""
+    """The two levels after an edge, and the edge's time."""
 
     at_s: float
     levels: int
 
 
 class CycleEdges(Record, frozen=True):
-    """A wheel's edges, and how many there have been up to the last of them since the board booted, told or not."""
+    """A wheel's edges, and the number of all its edges since the board booted, including lost ones."""
 
     total: int
     edges: list[Edge]
@@ -165,18 +165,18 @@ class EdgeRecorder:
         self._totals = [0] * len(self._counts_per_rad)
 
     def watch(self, from_s: float, to_s: float, before_rad: Wheels, after_rad: Wheels) -> None:
-        """The wheels turned so in this time, each evenly."""
+        """Note that the wheels turned by these angles in this time, each at a constant speed."""
         wheels = zip(before_rad, after_rad, self._counts_per_rad, self._edges, strict=True)
         for before, after, per_rad, edges in wheels:
             edges.extend(_edges(from_s, to_s, before * per_rad, after * per_rad))
 
     def boot(self, at_s: float) -> None:
-        """The board's program begins: it has seen nothing of what was before."""
+        """Begin with the board's program, which knows no earlier edge."""
         self.take_edges(at_s)
         self._totals = [0] * len(self._totals)
 
     def take_edges(self, to_s: float) -> list[CycleEdges]:
-        """Each wheel's edges up to this time, once."""
+        """Take each wheel's edges up to this time out of the buffer."""
         return [self._take(wheel, to_s) for wheel in range(len(self._edges))]
 
     def _take(self, wheel: int, to_s: float) -> CycleEdges:
@@ -188,7 +188,7 @@ class EdgeRecorder:
 
 
 def _edges(from_s: float, to_s: float, before: float, after: float) -> list[Edge]:
-    """Where an angle in counts crosses whole numbers, in the order in which it does."""
+    """The whole numbers that an angle in counts crosses, in the order of crossing."""
     first, last = math.floor(before), math.floor(after)
     if first == last:
         return []

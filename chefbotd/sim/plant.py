@@ -28,7 +28,7 @@ from chefbotd.sim_parameters.motor import GRAVITY_M_S2, MotorParameters, SimBody
 
 
 class Wheel(Record, frozen=True):
-    """A driven wheel; a sign of -1 is a motor or an encoder that was wired backwards."""
+    """A driven wheel. A sign of -1 marks a motor or an encoder that is wired backwards."""
 
     is_left: bool
     radius_m: float
@@ -52,7 +52,7 @@ class Chassis(Record, frozen=True):
             raise ValueError(f"there must be at least one wheel on each side, got {self.wheels}")
 
     def on_side_of(self, wheel: Wheel) -> int:
-        """How many wheels there are on the side of this one, itself included."""
+        """The number of wheels on this wheel's side, itself included."""
         return sum(other.is_left == wheel.is_left for other in self.wheels)
 
 
@@ -78,7 +78,7 @@ class Scrub:
         ]
 
     def torque_n_m(self, moving: Twist2D) -> list[float]:
-        """Per axle, for a robot that moves so."""
+        """The torque of each axle for a robot that moves like this."""
         at_rim_n = 0.0
         for reach_m, all_sideways_n in self._sideways_n:
             sideways_m_s = moving.angular_rad_s * reach_m
@@ -98,7 +98,7 @@ Rows: TypeAlias = tuple[Wheels, ...]
 
 
 class Supply(Record, frozen=True):
-    """What feeds the bridges: a voltage behind a resistance, and what the electronics take of it."""
+    """The supply of the bridges: a voltage behind a resistance, less the current of the electronics."""
 
     open_circuit_v: float
     resistance_ohm: float = 0.0
@@ -227,7 +227,7 @@ class Plant:
         return _stick_or_slide(propagator, free, limit)
 
     def twist(self, wheel_velocity_rad_s: Sequence[float]) -> Twist2D:
-        """How the robot moves over free ground; a side moves with the mean of its rims."""
+        """The robot's motion over free ground. Each side moves with the mean speed of its rims."""
         return Twist2D(
             _dot(self._linear_from_wheels, wheel_velocity_rad_s),
             _dot(self._angular_from_wheels, wheel_velocity_rad_s),
@@ -240,7 +240,7 @@ def _dot(a: Sequence[float], b: Sequence[float]) -> float:
 
 
 def _times(rows: Rows, column: Iterable[float]) -> list[float]:
-    """A matrix by a vector."""
+    """The product of a matrix and a vector."""
     values = tuple(column)
     return [sum(map(mul, row, values)) for row in rows]
 
@@ -250,7 +250,7 @@ def _rows(matrix: Vector) -> Rows:
 
 
 def _stick_or_slide(propagator: _Propagator, free: list[float], limit: list[float]) -> Wheels:
-    """Projected Gauss-Jacobi: a wheel whose friction need not reach its limit to stop it, stands."""
+    """Solve for dry friction by projected Jacobi steps. A wheel stands if friction below its limit can hold it."""
     gain, own_gain = propagator.gain, propagator.own_gain
     torque, moving = [0.0] * len(free), free
     for _ in range(FRICTION_SWEEPS):

@@ -56,7 +56,7 @@ class PtyBoard:
         return self.device
 
     def unplug(self) -> None:
-        """Pull the cable: a host that has the device open sees it hang up, and its names are gone."""
+        """Pull the cable: a host that has the device open sees a hang-up, and the device's names disappear."""
         if self._master is None or self.device is None:
             return
         if self._look_again is not None:
@@ -71,11 +71,11 @@ class PtyBoard:
 
     @property
     def host(self) -> object | None:
-        """Whoever has the device open: the device itself stands for them; None while nobody has."""
+        """The device while any program has it open; None while none has."""
         return self.device if self._master is not None and self._host_is_there() else None
 
     def send(self, data: bytes) -> None:
-        """Towards the host, without waiting; what does not go is lost."""
+        """Send to the host without waiting; bytes that find no room are lost."""
         self.bytes_dropped += len(data) - self._write(data)
 
     def _write(self, data: bytes) -> int:
@@ -91,7 +91,7 @@ class PtyBoard:
         return not self._hangups.poll(0)
 
     def _await_host(self, master: int) -> None:
-        """Look for a host now and then: a reader on a device that nobody has open would spin."""
+        """Look for a host at intervals. A reader on a device that no program has open would never wait."""
         loop = asyncio.get_running_loop()
         if self._host_is_there():
             self._look_again = None
@@ -125,7 +125,7 @@ class PtyBoard:
         fresh.replace(self._link_path)
 
     def _remove_link(self, device: Path) -> None:
-        """Remove the stable name, unless another board has it by now."""
+        """Remove the stable name, unless it points to another board now."""
         link = self._link_path
         if link is not None and link.is_symlink() and link.readlink() == device:
             link.unlink()

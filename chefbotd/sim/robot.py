@@ -19,7 +19,7 @@ from chefbotd.sim.world import World
 from chefbotd.sim_parameters.motor import SimBodyParameters
 
 Watcher = Callable[[float, float, Wheels, Wheels], None]
-"""Told of every step: from and to which time, and the wheels' angles before and after."""
+"""Called at every step with its begin and end, and the wheels' angles before and after it."""
 
 STRAIGHT_RAD = 1e-9
 TRAIL_S = 0.5
@@ -88,7 +88,7 @@ class Robot:
         self.trail.append((self._steps * self._plant.step_s, pose.x_m, pose.y_m, pose.heading_rad))
 
     def drive(self, shares: Sequence[float]) -> None:
-        """Put these PWM shares (-1 to 1) into force; 0 brakes. Raises ``ValueError`` unless there is one per wheel."""
+        """Set the PWM shares (-1 to 1) of the wheels; 0 brakes. Raises ``ValueError`` unless there is one per wheel."""
         self._pulse_width = self._plant.pulse_width(shares)
 
     def release(self) -> None:
@@ -96,11 +96,11 @@ class Robot:
         self._pulse_width = None
 
     def watch(self, watcher: Watcher) -> None:
-        """Tell this watcher of every step from now on."""
+        """Call this watcher at every step from now on."""
         self._watchers.append(watcher)
 
     def advance(self, to_s: float) -> None:
-        """Advance the robot to this time, at which the readings below are taken; never back."""
+        """Advance the robot to this time, for the readings below. An earlier time changes nothing."""
         self._read_s = max(to_s, self._read_s)
         step_s = self._plant.step_s
         while self._steps * step_s < self._read_s:
@@ -123,7 +123,7 @@ class Robot:
 
     @property
     def state(self) -> RobotState:
-        """The robot at the step that ends at or just after the time it was brought to."""
+        """The robot at the first step that ends at its present time or later."""
         return self._now
 
     @property
@@ -133,7 +133,7 @@ class Robot:
 
     @property
     def motion(self) -> Motion:
-        """What its IMU feels."""
+        """The motion that its IMU measures."""
         state = self._now
         sideways = state.twist.linear_m_s * state.twist.angular_rad_s
         return Motion(
@@ -141,7 +141,7 @@ class Robot:
         )
 
     def truth(self, stamp_s: float) -> TruthSimulated:
-        """The true pose and motion, stamped as told."""
+        """The true pose and motion, with this stamp."""
         state = self._now
         discs = tuple([(x, y, radius) for x, y, radius in self._crowd.discs.tolist()])
         return TruthSimulated(stamp_s, state.world_from_base, state.twist, state.in_contact, discs)
@@ -156,7 +156,7 @@ class Robot:
     def _moved(
         self, state: RobotState, wheels: WheelState, battery: Battery, terminal_v: float
     ) -> RobotState:
-        """The robot after its wheels have turned: as far as the walls let it."""
+        """The robot after its wheels have turned, stopped by walls where they are in its way."""
         step_s, before = self._plant.step_s, state.world_from_base
         if wheels is state.wheels and state.twist == STANDING and not len(self._world.discs):
             return RobotState(before, STANDING, wheels, battery, terminal_v, state.free_m)
@@ -207,7 +207,7 @@ def _distance_m(a: Pose2D, b: Pose2D) -> float:
 
 
 def arc(twist: Twist2D, duration_s: float) -> Pose2D:
-    """Where a constant twist leads, exactly: ``before_from_after``."""
+    """The exact displacement by a constant twist, as ``before_from_after``."""
     turned_rad = twist.angular_rad_s * duration_s
     travelled_m = twist.linear_m_s * duration_s
     if abs(turned_rad) < STRAIGHT_RAD:

@@ -21,7 +21,7 @@ BUILDINGS: dict[str, Building] = {building.name: building for building in (FLAT,
 
 
 def scene_of(named: Path | None, closed_doors: Collection[str] = ()) -> Scene:
-    """What is meant by ``[sim] world``: a building by its name, a map by its YAML file's path, or the furnished room.
+    """The scene named by ``[sim] world``: a building, the YAML file of a map, or the furnished room.
 
     Raises:
         OSError: a file cannot be read.
@@ -68,7 +68,7 @@ def _box(left: float, bottom: float, right: float, top: float) -> list[tuple[flo
 
 
 def _map_walls(path: Path) -> Vector:
-    """The walls of the map whose YAML file this is; its image lies beside it."""
+    """The walls of the map in this YAML file and the image beside it."""
     description = parse_description(path.read_text(encoding="utf-8"), str(path))
     grid = parse_image((path.parent / description.image).read_bytes(), description)
     occupied = grid.percent == OCCUPIED

@@ -1,4 +1,4 @@
-"""A building in space: upright faces and level slabs, from which each sensor takes those that it can see."""
+"""A building in three dimensions: upright faces and level slabs. Each sensor takes those that it can see."""
 
 from collections.abc import Iterable
 
@@ -34,7 +34,7 @@ class Scene(Record, frozen=True, eq=False):
     start: Pose2D = ORIGIN
 
     def below(self, height_m: float, crowd: Crowd | None = None) -> World:
-        """The walls that something of this height can bump into, and who walks between them.
+        """The walls that a robot of this height can touch, and the people between them.
 
         Raises:
             ValueError: there are none.
@@ -42,12 +42,12 @@ class Scene(Record, frozen=True, eq=False):
         return World(self.edges[self.bottom_m < height_m], crowd)
 
     def at(self, height_m: float, crowd: Crowd | None = None) -> World:
-        """The walls that a level look at this height meets, glass too; all where it meets none."""
+        """The walls that a level view at this height meets, glass included; all walls if it meets none."""
         edges, _ = self.slice(height_m)
         return World(edges if len(edges) else self.edges, crowd)
 
     def slice(self, height_m: float) -> tuple[Vector, npt.NDArray[np.int8]]:
-        """What a level beam at this height can meet: edges, and the material of each."""
+        """The edges that a level beam at this height can meet, and the material of each."""
         met = (self.bottom_m <= height_m) & (height_m < self.top_m)
         return self.edges[met], self.material[met]
 

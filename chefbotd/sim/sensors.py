@@ -23,7 +23,7 @@ INT16_MAX = 32_767
 
 
 class UltrasonicMount(Record, frozen=True):
-    """Where the sensor sits on the robot, and its cone (full angle)."""
+    """The sensor's mount on the robot, and the full angle of its cone."""
 
     base_from_sensor: Pose2D = field(default_factory=lambda: Pose2D(0.15))
     field_of_view_rad: float = 0.26
@@ -78,7 +78,7 @@ class Imu:
     def orientation(
         self, motion: Motion, at_s: float, chance: np.random.Generator
     ) -> tuple[float, float, float, float]:
-        """The quaternion (x, y, z, w) of a level robot that moves so at ``at_s``."""
+        """The quaternion (x, y, z, w) of a level robot with this motion at ``at_s``."""
         noise = chance.standard_normal()
         drift_rad = self._parameters.heading_drift_rad_s * (at_s - self._booted_s)
         error_rad = (
@@ -116,7 +116,7 @@ FAR_V = np.array([2.75, 2.70, 2.40, 2.00, 1.55, 1.25, 1.03, 0.78, 0.62, 0.51, 0.
 
 
 INFRARED_RAYS = 3
-"""So many lines of sight across its cone."""
+"""The number of rays across its cone."""
 
 INFRARED_NOISE_V = 0.01
 """One sigma; assumed."""

@@ -22,7 +22,7 @@ MAX_WORD_BYTES = 64
 
 
 def say_on_stdout(line: str) -> None:
-    """Print a line at once, for whoever reads it through a pipe."""
+    """Print a line without buffering, so that the reader of a pipe gets it at once."""
     sys.stdout.write(line + "\n")
     sys.stdout.flush()
 

@@ -69,7 +69,7 @@ INT32_LIMIT = 1 << 31
 
 
 class Sketch:
-    """The program on the board, from power-on at time 0; while it ``loses_echoes`` nothing is in the sensor's reach."""
+    """The program on the board, from power-on at time 0. While it ``loses_echoes``, the sensor has nothing in reach."""
 
     def __init__(self, wiring: Wiring, parameters: BoardParameters, uart: Uart, seed: int) -> None:
         self._parameters, self._wiring, self._robot = parameters, wiring, wiring.robot
@@ -106,7 +106,7 @@ class Sketch:
         self._cycle = [reporters[kind] for kind in parameters.lines]
 
     def run(self) -> Iterator[float]:
-        """Never ends; yields when to go on."""
+        """Run for ever; yields the time at which to continue."""
         while True:
             yield from self._boot()
             yield from self._loop_until_reset()
@@ -142,7 +142,7 @@ class Sketch:
                 yield from self._wait(began_s + self._parameters.cycle_s - self._now_s)
 
     def _told_to_reset(self) -> Generator[float, None, bool]:
-        """Read all that waits; what follows a reset is lost with it."""
+        """Read all waiting bytes; those behind a reset are lost."""
         while data := self._uart.read():
             for command in self.commands.feed(data):
                 if isinstance(command, SetDuty):
@@ -168,7 +168,7 @@ class Sketch:
             yield from self._print(EncoderCounts(self._counts()))
 
     def _report_ultrasonic(self) -> Iterator[float]:
-        """The sketch blocks until the echo is back, or until it gives up."""
+        """Wait for the echo, as the sketch does, until it is back or the time-out."""
         if self._wiring.ultrasonic is None:
             return
         distance_m = self._wiring.ultrasonic.distance_m(self._robot.state.world_from_base, self._chance)
@@ -252,7 +252,7 @@ class Sketch:
         return tuple((now - boot + INT32_LIMIT) % UINT32_SPAN - INT32_LIMIT for now, boot in pairs)
 
     def _print(self, message: FromBoard) -> Iterator[float]:
-        """Hand a line to the UART; the sketch goes on when it fits the transmit buffer."""
+        """Pass a line to the UART; the sketch continues when the line fits the transmit buffer."""
         yield from self._send(self._encoder.encode(message))
 
     def _send(self, line: bytes) -> Iterator[float]:

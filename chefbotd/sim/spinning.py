@@ -24,7 +24,7 @@ BRIGHT, DIM, GLINT = 200, 40, 120
 
 
 class BeamReturns(Record, frozen=True):
-    """For each beam what comes back: a range in metres, inf if nothing does, and an intensity."""
+    """The range of each beam in metres (inf: nothing comes back), and its intensity."""
 
     range_m: Vector
     intensity: npt.NDArray[np.int64]
@@ -42,7 +42,7 @@ class Sight:
         self._glass = RayCaster(edges[glass], flaws.max_range_m) if glass.any() else None
 
     def look(self, origins: Vector, bearings_rad: Vector, discs: Vector) -> BeamReturns:
-        """What beams see that leave from ``origins`` (B x 2) at rising or falling bearings of the world frame."""
+        """The echoes of beams from ``origins`` (B x 2), whose bearings in the world frame rise or fall."""
         hits = self._opaque.cast(origins, bearings_rad)
         range_m, intensity = hits.range_m, np.full(len(bearings_rad), BRIGHT)
         if len(self._material):
@@ -94,7 +94,7 @@ class SpinningLidar(ABC):
     points: int
     transmission_s: float
     turn_packets: int
-    """About so many packets are a turn."""
+    """The approximate number of packets in a turn."""
 
     def __init__(self, flaws: LidarFlaws, mount: LidarMount, sight: Sight, seed: int) -> None:
         self._flaws, self._mount, self._sight = flaws, mount, sight
@@ -107,18 +107,18 @@ class SpinningLidar(ABC):
         self.turn_packets = math.ceil(flaws.points_per_s / flaws.turns_per_s / self.points)
 
     def _send_packets_of(self, points: int, transmission_s: float, points_per_s: float) -> None:
-        """Measure and pack otherwise from the next point on."""
+        """Change the points of a packet and the rate of points, from the next point on."""
         at_s = self.measured_s
         self.points, self.transmission_s = points, transmission_s
         self._flaws = self._flaws.model_copy(update={"points_per_s": points_per_s})
         self._packets = math.ceil(at_s * points_per_s / points - 1e-9)
 
     def receive(self, data: bytes) -> bytes:
-        """Bytes from the host, and what it answers at once: most say nothing and send unasked."""
+        """Take bytes from the host and return the immediate answer. Most lidars answer nothing and send unasked."""
         return b""
 
     def stall(self, at_s: float) -> None:
-        """Hold the motor from now on."""
+        """Hold the motor."""
         self._stalled_at_s = min(at_s, self._stalled_at_s)
 
     def release(self, at_s: float) -> None:
@@ -132,7 +132,7 @@ class SpinningLidar(ABC):
         return math.isfinite(self._stalled_at_s)
 
     def turn(self, by_rad: float) -> None:
-        """Somebody has turned it in its mount: its zero mark points elsewhere from now on (CCW positive)."""
+        """Turn it in its mount, so that its zero mark points elsewhere (CCW positive)."""
         mount = self._mount
         turned = mount.base_from_lidar.compose(Pose2D(0.0, 0.0, by_rad))
         self._mount = replace(mount, base_from_lidar=turned)
@@ -143,7 +143,7 @@ class SpinningLidar(ABC):
         return self._packets * self.points / self._flaws.points_per_s
 
     def packets_left(self, to_s: float) -> int:
-        """How many packets have left the lidar by then."""
+        """The number of packets that have left the lidar by this time."""
         points = (to_s - self.transmission_s) * self._flaws.points_per_s + 1
         return max(math.floor(points / self.points + 1e-9), 0)
 
@@ -187,7 +187,7 @@ class SpinningLidar(ABC):
             self._luck.random(points)
 
     def _turned(self, at_s: Vector) -> Vector:
-        """How many turns the motor has made."""
+        """The number of turns of the motor so far."""
         running_s = np.minimum(at_s, self._stalled_at_s) - self._stalled_s
         pace = math.tau / self._flaws.wobble_s
         wobble_s = self._flaws.rate_wobble_share / pace * (1 - np.cos(pace * running_s))
@@ -205,7 +205,7 @@ class SpinningLidar(ABC):
         return self._sight.look(origins, bearings, discs)
 
     def _distances_m(self, seen: BeamReturns) -> Vector:
-        """As it measures them: 0 is no reading."""
+        """Ranges with the lidar's noise and resolution; 0 is no reading."""
         count, flaws = len(seen.range_m), self._flaws
         range_m = seen.range_m + flaws.noise_m * self._noise.standard_normal(count)
         lost = self._luck.random(count) < flaws.lost_share

@@ -35,7 +35,7 @@ class TruthWriter:
         self._count = 0
 
     def write(self, truth: Truth) -> None:
-        """Put this in the place of what is there; of very many discs the first."""
+        """Replace the truth in the file. Of more discs than fit, the first are kept."""
         discs, pose = truth.discs[:MOST_DISCS], truth.world_from_base
         COUNTER.pack_into(self._memory, 0, self._count + 1)
         HEAD.pack_into(
@@ -53,7 +53,7 @@ class TruthWriter:
         COUNTER.pack_into(self._memory, 0, self._count)
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._memory.close()
 
 
@@ -77,5 +77,5 @@ class TruthReader:
         return Truth(stamp_s, Pose2D(x_m, y_m, heading_rad), discs)
 
     def close(self) -> None:
-        """Let go of the file."""
+        """Close the file."""
         self._memory.close()
