@@ -1,4 +1,4 @@
-"""What every part of a daemon may be built with."""
+"""The means with which every part of a daemon is built."""
 
 import random
 from collections.abc import Awaitable, Callable
@@ -22,11 +22,11 @@ DepthSpawn: TypeAlias = Callable[[Any], Awaitable[Any]]
 """``link.depth.process.Spawn``, which is not loaded by a robot without a depth camera."""
 
 StartWriter: TypeAlias = Callable[["MakeRecorder", int], "Writer"]
-"""Starts what writes recordings: ``recording.writer.WriterThread``, or something else in tests."""
+"""Starts the writer of recordings: ``recording.writer.WriterThread``, or a substitute in tests."""
 
 
 class Context(Struct, frozen=True):
-    """One robot's configuration, its bus and its clock, and the ways to the world outside the process.
+    """One robot's configuration, bus and clock, and the functions that start threads and processes.
 
     ``session`` tells this run of the daemon from others. ``spawn_worker`` and ``depth_spawn`` start processes; None
     starts the real ones. Without ``start_writer`` nothing is recorded.

@@ -26,7 +26,7 @@ NAVIGATION = "navigation"
 def map_features(
     context: Context, driving: DriveService, leases: ControlLeases
 ) -> tuple[list[Feature], "Worker | None"]:
-    """Stored maps, where they are configured or made; where there is a lidar, also the worker and what it does."""
+    """The features of stored maps; with a lidar also the worker, mapping, localization and navigation."""
     settings = context.settings
     makes_maps = bool(settings.lidar) and settings.worker.enabled
     if settings.maps is None and not makes_maps:
@@ -95,7 +95,7 @@ def _navigation(
 
 
 def _skills(settings: Settings, folder: Path, versions_kept: int) -> dict[str, bytes]:
-    """What the worker's skills are told when it starts, by their names."""
+    """The start message of each of the worker's skills, by the skill's name."""
     from chefbotd.worker.skills import localization_requests, mapping_requests, navigation_requests
 
     every = tuple(lidar.name for lidar in settings.lidar)
@@ -119,7 +119,7 @@ def _skills(settings: Settings, folder: Path, versions_kept: int) -> dict[str, b
 
 
 def navigation_skill_parameters(settings: Settings, folder: Path) -> "NavigationSkillParameters":
-    """The robot's outline, and how fast it may be: a wheel needs a tenth more than its share, to correct."""
+    """The robot's outline, and its speeds: a wheel keeps a tenth of its speed in reserve for corrections."""
     from chefbotd.safety.outline import Box
     from chefbotd.worker.skills.navigation_requests import NavigationSkillParameters
 

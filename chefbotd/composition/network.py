@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
 
 def page_server(settings: Settings, rpc: RpcServer, guard: Guard, metrics: Metrics) -> "PageServer | None":
-    """The server of the page, which also answers to the name by which the robot is found."""
+    """The server of the page. It also accepts the name by which the robot is discovered."""
     if not settings.page.enabled:
         return None
     from chefbotd.transport.web.server import PageServer

@@ -1,4 +1,4 @@
-"""What sees every event: recording to disk, and Foxglove."""
+"""Builds the features that see every event: recording to disk, and Foxglove."""
 
 import os
 from collections.abc import Callable
@@ -12,7 +12,7 @@ from chefbotd.snapshot import DaemonState
 
 
 def recording(context: Context, state: Callable[[], DaemonState]) -> list[Feature]:
-    """``state`` gives what the daemon remembers. All that records is loaded once the board has been told to stop."""
+    """The feature that records; ``state`` returns the daemon's state. Its modules are loaded after the first stop."""
     settings = context.settings
     if context.start_writer is None or not settings.recording.enabled:
         return []

@@ -1,4 +1,4 @@
-"""What every robot has: the session with its board, the control loop, and the features that are always there."""
+"""Builds what every robot has: the session with its board, the control loop, and the basic features."""
 
 from collections.abc import Callable
 from functools import cache, partial
@@ -76,7 +76,7 @@ def drive_service(context: Context, session: BoardSession, latch: GateStore) -> 
 def robot_features(
     context: Context, service: DriveService, preview: LimitPreview, leases: ControlLeases, metrics: Metrics
 ) -> list[Feature]:
-    """Driving, and what tells of the robot and tunes it."""
+    """The features for driving, description, statistics and tuning."""
     settings, bus, clock = context.settings, context.bus, context.clock
     driven = settings.drive.max_duty
     return [
@@ -108,7 +108,7 @@ def robot_features(
 
 
 def simulation(context: Context) -> list[Feature]:
-    """What only a simulated robot has."""
+    """The feature that only a simulated robot has."""
     if not context.simulated:
         return []
     from chefbotd.features.simulation.models import TOPICS
@@ -117,7 +117,7 @@ def simulation(context: Context) -> list[Feature]:
 
 
 def robot_description(settings: Settings) -> Callable[[], str | None]:
-    """Gives the robot's URDF; one of its own that cannot be read keeps nobody from driving."""
+    """The function that returns the robot's URDF. A URDF file that cannot be read does not stop the robot."""
     path = settings.robot.description
     if path is None:
         return cache(partial(_made_description, settings))

@@ -24,7 +24,7 @@ def lidars(context: Context) -> list[Feature]:
 
 
 def depth_cameras(context: Context) -> list[Feature]:
-    """A process for each depth camera; where no lidar is, they bring the topic of the scans."""
+    """The feature of depth cameras, a process for each. Without a lidar it also brings the topic of scans."""
     settings = context.settings
     if not settings.depth_camera:
         return []
@@ -38,13 +38,13 @@ def depth_cameras(context: Context) -> list[Feature]:
 
 
 def first_scanner(settings: Settings) -> str | None:
-    """The scanner whose scans are drawn as the robot's."""
+    """The scanner whose scans stand for the robot's."""
     scanners = [lidar.name for lidar in settings.lidar] + [camera.name for camera in settings.depth_camera]
     return scanners[0] if scanners else None
 
 
 def robot_outline(settings: Settings) -> "Outline":
-    """What holds the robot's body and wheels."""
+    """The radius of a disc that contains the robot's body and wheels."""
     from chefbotd.features.driving.scan_watch import outline_of
 
     return outline_of(settings.chassis, settings.body_size_m, settings.sim.body.wheelbase_m)

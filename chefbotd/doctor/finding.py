@@ -7,7 +7,7 @@ from chefbotd.core.record import Record
 
 
 class Verdict(StrEnum):
-    """How a thing is."""
+    """The verdict of a check."""
 
     OK = "ok"
     WARNING = "warning"
@@ -16,7 +16,7 @@ class Verdict(StrEnum):
 
 
 class Finding(Record, frozen=True):
-    """One thing that was looked at.
+    """The result of one check.
 
     ``check`` is a stable name for scripts, ``measured`` and ``advice`` are sentences for people. A check that was
     skipped says in ``measured`` why, and in ``advice`` how it can be done.
@@ -49,7 +49,7 @@ def skipped(check: str, measured: str, advice: str = "") -> Finding:
 
 
 def worst(findings: Iterable[Finding]) -> Verdict:
-    """The worst verdict; ``OK`` where nothing was found or all was skipped."""
+    """The worst verdict; ``OK`` without findings, or if all checks were skipped."""
     verdicts = {finding.verdict for finding in findings}
     for bad in (Verdict.PROBLEM, Verdict.WARNING):
         if bad in verdicts:

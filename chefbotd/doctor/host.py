@@ -9,10 +9,10 @@ SERVICE_PROGRAM = "chefbotd"
 
 
 class PortFound(Record, frozen=True):
-    """What is known of a device file before it is opened.
+    """The state of a device file before it is opened.
 
-    ``held_by`` names who has it (empty: nobody that we can see), ``others`` says which ports there are, ``permission``
-    what to do where we may not open it (empty: we may).
+    ``held_by`` names the program that has it open (empty: none is visible), ``others`` lists the other ports, and
+    ``permission`` says what to do if we may not open it (empty: we may).
     """
 
     device: str
@@ -37,7 +37,7 @@ def check_device(port: PortFound) -> Finding:
 
 
 def check_permission(port: PortFound) -> Finding:
-    """Whether we may open it."""
+    """Whether this user may open it."""
     if not port.exists:
         return skipped("permission", "there is no device")
     if port.permission:
@@ -46,7 +46,7 @@ def check_permission(port: PortFound) -> Finding:
 
 
 def check_holder(port: PortFound, *, daemon_answers: bool) -> Finding:
-    """Who has it; a daemon that answers is the one that should."""
+    """Whether another program has it open; a daemon that answers may."""
     if not port.exists:
         return skipped("holder", "there is no device")
     if not port.held_by:
@@ -102,7 +102,7 @@ def check_governor(governors: Sequence[str]) -> Finding:
 
 
 def check_priority(realtime: int | None, nice: int, locked_kb: int) -> Finding:
-    """What the computer gives a daemon's control loop before other programs; ``realtime`` None: no daemon runs here."""
+    """The priority and memory that the computer gives the control loop; ``realtime`` None: no daemon runs."""
     if realtime is None:
         return skipped("priority", "no daemon runs on this computer")
     memory = "its memory is locked" if locked_kb else "its memory may be swapped out"
@@ -130,7 +130,7 @@ def check_time_sync(synchronized: bool | None) -> Finding:
 
 
 def check_service(unit: Mapping[str, str] | None) -> Finding:
-    """The systemd unit, by the properties that ``systemctl show`` tells; None where there is no systemd."""
+    """The systemd unit, by the properties of ``systemctl show``; None without systemd."""
     if unit is None:
         return skipped("service", "systemd does not run here")
     if unit.get("LoadState") != "loaded":
@@ -151,14 +151,14 @@ def check_service(unit: Mapping[str, str] | None) -> Finding:
 
 
 def check_socket(where: str, answer: str, refusal: str) -> Finding:
-    """Whether a daemon answers at an address; ``answer`` is what it said of itself, ``refusal`` why it does not."""
+    """Whether a daemon answers at an address; ``answer`` describes it, ``refusal`` says why none answers."""
     if answer:
         return ok("socket", f"a daemon answers at {where}: {answer}")
     return skipped("socket", f"no daemon answers at {where}{refusal}: the doctor opens the port itself")
 
 
 def check_configuration(origin: str, *, wanted_robot: str, robot: str) -> Finding:
-    """Which configuration is compared with; ``robot`` is what the daemon calls itself (empty: there is none)."""
+    """Which configuration is used; ``robot`` is the running daemon's name (empty: no daemon runs)."""
     if robot and robot != wanted_robot:
         return problem(
             "configuration",

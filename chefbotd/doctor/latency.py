@@ -9,7 +9,7 @@ LEAST_SAMPLES = 10
 
 
 def percentile(values: Sequence[float], share: float) -> float:
-    """The value below which this share of them lies (nearest rank)."""
+    """The value that this share of the values does not exceed (nearest rank)."""
     ordered = sorted(values)
     return ordered[min(int(share * len(ordered)), len(ordered) - 1)]
 

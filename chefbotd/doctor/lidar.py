@@ -1,7 +1,7 @@
 """Checks of a lidar's link, and of its mount, by what moved in its scans.
 
-Three things tell: something that was placed ahead of the robot; a drive forward, in which the walls ahead come nearer;
-and a turn to the left, in which the room turns to the right.
+Three tests show the mount: something is placed ahead of the robot; the robot drives forward, and the walls ahead come
+nearer; it turns to the left, and the room turns to the right.
 """
 
 import math
@@ -18,11 +18,11 @@ Array = NDArray[np.float64]
 STEP_RAD = math.radians(5)
 MOST_POINTS = 180
 FAR_M = 0.3
-"""A point without a neighbour costs as much as one with a neighbour so far: much of a room hides behind the rest."""
+"""The cost of a point without a neighbour, as a distance: parts of a room are hidden in one of the scans."""
 
 WRONG_RAD = math.radians(20)
 BETTER_SHARE = 0.75
-"""Another direction must leave at most so much of the distance between scans to be believed."""
+"""Another direction is believed if it leaves at most this share of the distance between the scans."""
 
 LEAST_MOVED_M, LEAST_TURNED_RAD = 0.1, 0.3
 APPEARED_M = 0.25
@@ -38,7 +38,7 @@ class ScanTaken(Record, frozen=True):
     range_m: tuple[float, ...]
 
     def points(self, offset_rad: float = 0.0, *, mirrored: bool = False) -> Array:
-        """Where the beams ended in the base's frame, were the mount so much farther to the left, or upside down."""
+        """The ends of the beams in the base frame, if the mount were turned left by this angle, or upside down."""
         bearing, distance = np.array(self.bearing_rad), np.array(self.range_m)
         seen = distance > 0
         bearing, distance = bearing[seen], distance[seen]
@@ -49,7 +49,7 @@ class ScanTaken(Record, frozen=True):
 
 
 class ScanFit(Record, frozen=True):
-    """How far apart two scans are on the average, for the configured mount and for the best one."""
+    """The mean distance between two scans, for the configured mount and for the best one."""
 
     configured_m: float
     best_m: float

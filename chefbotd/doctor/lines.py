@@ -6,16 +6,16 @@ from chefbotd.core.record import Record
 from chefbotd.doctor.finding import Finding, ok, problem, skipped, warning
 
 GARBLED_SHARE = 0.1
-"""At a wrong baud rate most bytes are not text."""
+"""The share of bytes that are not text above which the baud rate is wrong."""
 
 DAMAGED_SHARE, MUCH_DAMAGED_SHARE = 0.01, 0.1
-"""Of all lines; a cable in order damages none in hours."""
+"""A share of all lines. A good cable damages none in hours."""
 
 DRIFT_PPM = 2000.0
 """A ceramic resonator is good for 5000, a crystal for 100 (assumed); the daemon follows what there is."""
 
 LEAST_CLOCK_S = 2.0
-"""A shorter span tells the jitter of the reads rather than the drift."""
+"""A shorter span shows the jitter of the reads rather than the drift."""
 
 AT_REST_RAD = 0.05
 
@@ -64,7 +64,7 @@ class LinesHeard(Record, frozen=True):
 
     @property
     def is_board(self) -> bool:
-        """Whether a board talks: of a device of another kind hardly a line means anything."""
+        """Whether a board sends: hardly a line of another device has a meaning."""
         lines = self.frames + sum(self.damaged.values())
         return self.frames > 0 and self.frames >= MUCH_DAMAGED_SHARE * lines
 
@@ -75,12 +75,12 @@ class LinesHeard(Record, frozen=True):
 
     @property
     def cycle_hz(self) -> float | None:
-        """How often the board's loop goes round, by its encoder lines."""
+        """The rate of the board's cycle, by its encoder lines."""
         return self.rates_hz.get("e") or self.rates_hz.get("t")
 
 
 def check_heard(heard: LinesHeard) -> Finding:
-    """Whether a board is heard at all, and how often each kind of line comes."""
+    """Whether a board sends lines, and how often each kind comes."""
     if not heard.bytes:
         return problem(
             "lines",
@@ -155,7 +155,7 @@ def check_clock(heard: LinesHeard) -> Finding:
 
 
 def check_left_on(duty: tuple[float, ...]) -> list[Finding]:
-    """Motors that were on when a port was opened on which no daemon runs: whoever drove them has died."""
+    """Whether motors were on when the port was opened; without a daemon, the program that drove them has died."""
     if not any(duty):
         return []
     duties = " ".join(f"{value:g}" for value in duty)

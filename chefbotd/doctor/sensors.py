@@ -10,7 +10,7 @@ Vector = tuple[float, float, float]
 Quaternion = tuple[float, float, float, float]
 
 AHEAD_M = 0.5
-"""How far ahead of the robot something is placed, for its range sensors and lidars to see."""
+"""How far ahead of the robot something is placed for its range sensors and lidars."""
 
 AHEAD_BAND_M = (0.2, 0.8)
 NOTICED_M = 0.1
@@ -22,14 +22,14 @@ GRAVITY_BAND_M_S2 = (8.5, 11.2)
 
 
 class Beams(Record, frozen=True):
-    """What a range sensor told while it was listened to: how often each status, and the median distance."""
+    """The readings of a range sensor: how often each status came, and the median distance."""
 
     statuses: Mapping[str, int]
     range_m: float | None = None
 
 
 class Attitude(Record, frozen=True):
-    """What the IMU tells at rest: its orientation (x, y, z, w), or the acceleration; and its heading."""
+    """The IMU's readings at rest: its orientation (x, y, z, w) or acceleration, and its heading."""
 
     orientation: Quaternion | None = None
     acceleration_m_s2: Vector | None = None
@@ -90,7 +90,7 @@ def _metres(range_m: float | None) -> str:
 
 
 def check_imu(attitudes: Sequence[Attitude], *, configured: bool, sends_imu: bool) -> Finding:
-    """Whether the IMU talks, and its z axis points up where it measures gravity."""
+    """Whether the IMU sends, and whether gravity shows that its z axis points up."""
     if not configured:
         return skipped("imu", "no [imu] is configured")
     if not attitudes:
@@ -170,7 +170,7 @@ def check_battery(
     low_v: float,
     critical_v: float,
 ) -> Finding:
-    """Whether there is charge enough to drive."""
+    """Whether the battery has enough charge to drive."""
     if voltage_v is None:
         if sends_battery:
             return problem("battery", "no voltage could be read", "see the finding on damaged lines")

@@ -34,7 +34,7 @@ class Guess(Record, frozen=True):
 
 
 class Expected(Record, frozen=True):
-    """What the configuration takes for granted of the board."""
+    """What the configuration assumes of the board."""
 
     wire: str
     wheels: int
@@ -51,7 +51,7 @@ def recognise(heard: LinesHeard) -> Guess:
 
 
 def check_sketch(heard: LinesHeard) -> Finding:
-    """Which sketch this seems to be, and what is to be known of it."""
+    """Which sketch this seems to be, and its properties."""
     if not heard.is_board:
         return skipped("sketch", "nothing was received from a board")
     guess = recognise(heard)

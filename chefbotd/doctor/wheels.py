@@ -8,13 +8,13 @@ from chefbotd.core.record import Record
 from chefbotd.doctor.finding import Finding, ok, problem, skipped, warning
 
 MOVED_RAD = 0.3
-"""A wheel that turned less did not turn, as far as a hand's push is concerned."""
+"""A wheel that turned less than this in a push by hand did not turn."""
 
 TURNED_RAD = 0.05
 TURNING_RAD_S = 0.25
 OUTRUN = 3.0
 FRICTION_SHARE = 0.1
-"""Of the full duty, which goes into the gearbox's friction (as the published robot's, see [safety.wheels])."""
+"""The share of the full duty that the gearbox's friction takes (that of the published robot)."""
 
 LOADED_SHARE = 0.9
 """``max_rim_speed_m_s`` is what a wheel reaches under load; free it is faster by a tenth (0.34 of 0.377 m/s)."""
@@ -37,7 +37,7 @@ class WheelSetting(Record, frozen=True):
 
 
 class WheelSample(Record, frozen=True):
-    """All wheels at an instant, by their names."""
+    """The angles of all wheels at one time, by name."""
 
     stamp_s: float
     position_rad: Speeds
@@ -46,7 +46,7 @@ class WheelSample(Record, frozen=True):
 
 
 class WheelRun(Record, frozen=True):
-    """One wheel was asked to turn forward: what all wheels did.
+    """The motion of all wheels while one wheel was asked to turn forward.
 
     ``fault`` and ``reason`` are what ended it (empty: nothing), ``held_by`` what slowed it, ``refused`` why
     the daemon took no command. ``seen`` is what somebody
@@ -251,7 +251,7 @@ def _steady(run: WheelRun) -> Iterator[tuple[int, float]]:
 
 
 def _fastest(sample: WheelSample) -> float:
-    """Of the wheels the one that turns, which is another than was asked where plugs are exchanged."""
+    """The wheel that turned most. It is not the one that was asked if plugs are exchanged."""
     return max(sample.velocity_rad_s.values(), key=abs)
 
 
@@ -287,7 +287,7 @@ def check_scale(
 
 
 def check_faults(runs: Sequence[WheelRun]) -> list[Finding]:
-    """What the daemon stopped a wheel for."""
+    """Why the daemon stopped the wheel."""
     stopped = [f"{run.wheel}: {run.reason}" for run in runs if run.fault]
     if not stopped:
         return []

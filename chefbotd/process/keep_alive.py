@@ -1,8 +1,8 @@
 """Notifies systemd while the daemon makes progress (``WatchdogSec=``), and updates its status line.
 
-The word for the watchdog is kept back while the control loop has stopped, or while bytes of the board wait that
-nobody reads; systemd then ends the daemon and starts it again. A pulled cable or a silent board is no such case: what
-is not there cannot be read, and a restart would not bring it back.
+The watchdog message is not sent while the control loop has stopped, or while bytes from the board wait unread. systemd
+then ends the daemon and starts it again. A pulled cable or a silent board is no reason for a restart, which would not
+bring them back.
 """
 
 import asyncio
@@ -15,10 +15,10 @@ import structlog
 log = structlog.get_logger(component="systemd")
 
 PERIOD_S = 1.0
-"""Between two words, where the watchdog asks for none or is patient."""
+"""The longest time between two messages to systemd."""
 
 WORDS_PER_WATCHDOG = 4
-"""One that is late must not end the daemon: sd_watchdog_enabled(3) suggests at least two."""
+"""Messages within ``WatchdogSec=``, so that one late message ends nothing (sd_watchdog_enabled(3): at least two)."""
 
 
 class Control(Protocol):
@@ -58,13 +58,13 @@ class KeepAlive:
         self._said, self._complaint = "", ""
 
     async def run(self) -> None:
-        """Tell systemd until cancelled."""
+        """Notify systemd until cancelled."""
         while True:
             await asyncio.sleep(self._period_s)
             self.beat()
 
     def beat(self) -> None:
-        """One look, and what there is to tell of it."""
+        """Look once, and return the messages for systemd."""
         stuck, status = self._stuck(), self._status()
         if stuck != self._complaint:
             self._complaint = stuck
@@ -78,7 +78,7 @@ class KeepAlive:
             self._tell("\n".join(words))
 
     def _stuck(self) -> str:
-        """What has made no progress since the last look, in words; empty: everything has."""
+        """The part that made no progress since the last look, for people; empty if all did."""
         acted_s, bytes_in, unread = self._control.acted_s, self._reader.bytes_in, self._reader.unread_bytes()
         stands = acted_s == self._acted_s
         unheard = self._had_unread and unread > 0 and bytes_in == self._bytes_in

@@ -21,7 +21,7 @@ MAX_BYTES = 65536
 
 
 def path_of(parameters: LatchParameters, robot: str, *, simulated: bool) -> Path | None:
-    """A file of its own for each robot by its name, and for its simulation, whose ``arm`` must not arm the real one."""
+    """The path for a robot's name. A simulated robot has another one: its ``arm`` must not arm the real robot."""
     if parameters.folder is None:
         return None
     kind = "simulated" if simulated else "robot"
@@ -38,7 +38,7 @@ class LatchFile:
         self._complained = False
 
     def recall(self) -> GateState:
-        """The state to begin in: as the daemon before this one left it, or disarmed where that cannot be told."""
+        """The state to begin in: that of the last daemon, or disarmed if the file cannot be read."""
         state = GateState() if self._path is None else _read(self._path)
         if state.mode is not Mode.ARMED:
             log.warning(
@@ -50,7 +50,7 @@ class LatchFile:
         return state
 
     def keep(self, state: GateState) -> None:
-        """Leave word of this state, if it is not what was written last."""
+        """Write this state, unless the file has it already."""
         self._state = state
         text = latch.write(state)
         if self._path is None or text == self._written:
@@ -67,7 +67,7 @@ class LatchFile:
             )
 
     def end(self) -> None:
-        """The daemon ends in order: what is armed leaves no word, all else stays for the next one."""
+        """The daemon ends in order: remove the file of an armed robot; any other state stays."""
         if self._path is None or self._state is None or self._state.mode is not Mode.ARMED:
             return
         try:
@@ -82,7 +82,7 @@ class LatchFile:
 
 
 def _content(path: Path) -> bytes:
-    """A regular file's bytes; anything else could keep the start waiting for ever, as a FIFO does (open(2))."""
+    """The bytes of a regular file. Reading anything else, such as a FIFO, could wait for ever (open(2))."""
     with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
             raise ValueError("expected a regular file")

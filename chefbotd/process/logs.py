@@ -20,7 +20,7 @@ LAST_WORDS_S = 0.5
 
 
 class LogWriter:
-    """A stream to write to that never blocks and never fails; what finds no room is counted and told later.
+    """A stream whose writes never block and never fail. Lines that find no room are counted and reported later.
 
     The thread writes to the descriptor itself: at the interpreter's end nobody must wait for a stream's lock.
     """
@@ -34,17 +34,17 @@ class LogWriter:
         atexit.register(self.close)
 
     def write(self, text: str) -> None:
-        """Take a line to be written as soon as the stream takes it."""
+        """Queue a line for the thread."""
         try:
             self._texts.put_nowait(text)
         except queue.Full:
             self._lost += 1
 
     def flush(self) -> None:
-        """Nothing to do: there is no buffer but the queue."""
+        """Do nothing: the queue is the only buffer."""
 
     def close(self) -> None:
-        """Let what waits be written, for ``LAST_WORDS_S`` at most."""
+        """Wait until the queued lines are written, for ``LAST_WORDS_S`` at most."""
         atexit.unregister(self.close)
         try:
             self._texts.put_nowait(None)
@@ -70,7 +70,7 @@ class LogWriter:
 
 STDERR = 2
 METHODS = ("debug", "info", "warning", "error", "critical", "exception", "log")
-"""Those of a logger that heed the level."""
+"""The methods of a logger to which the level applies."""
 
 
 def configure(level: Level) -> LogWriter:
@@ -100,7 +100,7 @@ def _logger_class(level: Level) -> type[FilteringBoundLogger]:
 
 
 def set_level(level: Level) -> None:
-    """Log from this level on; also through loggers that have been in use before. ``configure`` comes first."""
+    """Set the lowest level that is logged, for existing loggers too. Call ``configure`` first."""
     filtering = structlog.make_filtering_bound_logger(getattr(logging, level.upper()))
     used = structlog.get_config()["wrapper_class"]
     for name in METHODS:
@@ -117,11 +117,11 @@ class _Forwarder(logging.Handler):
 
 
 LINES_SHOWN = 12
-"""Of a list of lines, on a terminal; whoever needs them all sends the log to a file."""
+"""How many lines of a list a terminal shows; a log file has all of them."""
 
 
 def _shorten_lists(_logger: object, _method: str, event: EventDict) -> EventDict:
-    """For a terminal: the newest of a list of lines below the message, each on its own, and how many there are more."""
+    """Show the newest of a list of lines below the message, one per line, and the number of the others."""
     lines = event.get("lines")
     if not isinstance(lines, list):
         return event

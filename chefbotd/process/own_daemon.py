@@ -1,8 +1,8 @@
 """Runs a daemon in this process for the duration of a block, for a program that needs the robot without a service.
 
-It has all that a service has for stopping: the dead-man, the watchdog's thread, the stop on every way out; and, as
-nobody starts it again, a guard that stops the motors should it be killed. It keeps no latch and no maps, records
-nothing, announces nothing, starts no worker, serves no page, and listens on a free port of the loopback interface alone.
+It stops the motors in every way that a service does: the dead-man, the watchdog's thread, a stop at every end, and the
+stop guard if it is killed. It keeps no latch and no maps, records nothing, announces nothing, starts no worker, serves
+no page, and listens on a free port of the loopback interface only.
 """
 
 import asyncio
@@ -24,7 +24,7 @@ from chefbotd.transport.parameters import PageParameters
 
 
 def alone(settings: Settings) -> Settings:
-    """The same robot, without what a service of the same name may use: latch, maps, worker, page, socket, recordings."""
+    """The same robot without what its service may be using: latch, maps, worker, page, socket, recordings."""
     worker = settings.worker.model_copy(update={"enabled": False})
     private = {
         "api": ApiParameters(port=0),
@@ -43,7 +43,7 @@ def alone(settings: Settings) -> Settings:
 async def own_daemon(settings: Settings, *, name: str, opener: Opener = open_port) -> AsyncIterator[Client]:
     """Run it, and yield a client called ``name`` that is connected to it. At the end the motors are told to stop.
 
-    It runs on the calling loop: what blocks that for ``[watchdog] timeout_s`` while a wheel turns disarms the robot.
+    It runs on the caller's loop. Blocking the loop for ``[watchdog] timeout_s`` stops the robot, and may disarm it.
     """
     clock = SystemClock()
     daemon = build(alone(settings), clock=clock, opener=opener)

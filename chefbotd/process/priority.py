@@ -22,7 +22,7 @@ MCL_CURRENT, MCL_FUTURE, MCL_ONFAULT = 1, 2, 4  # mman.h of Linux
 
 
 class Priority(Record, frozen=True):
-    """What the loop has: a real-time priority (0: none), its nice value, and whether its memory stays in memory."""
+    """What the loop was given: a real-time priority (0: none), its nice value, and whether its memory is locked."""
 
     realtime: int = 0
     nice: int = 0
@@ -35,7 +35,7 @@ class Priority(Record, frozen=True):
 
 
 def raise_priority(realtime: int, *, lock_memory: bool) -> Priority:
-    """Ask for it for this thread, which runs the loop, and return what was given. 0 asks for no real-time priority."""
+    """Ask for priority for this thread, which runs the loop, and return what was given. 0 asks for none."""
     given = realtime if realtime and set_realtime(realtime) else 0
     if not given:
         _be_nice()
@@ -44,13 +44,13 @@ def raise_priority(realtime: int, *, lock_memory: bool) -> Priority:
 
 
 def log_priority(priority: Priority, realtime: int) -> None:
-    """Say what was given; a warning where ``realtime`` was asked for and is not allowed."""
+    """Log what was given; a warning if ``realtime`` was asked for and is not allowed."""
     write = log.info if priority.realtime or not realtime else log.warning
     write("the control loop's priority", has=str(priority), memory_locked=priority.memory_locked)
 
 
 def set_realtime(priority: int) -> bool:
-    """Have this thread run before all ordinary ones; what it starts does not. Returns whether that is allowed."""
+    """Give this thread, but not what it starts, a real-time priority. Returns whether that is allowed."""
     try:
         os.sched_setscheduler(0, os.SCHED_FIFO | os.SCHED_RESET_ON_FORK, os.sched_param(priority))
     except OSError:
@@ -59,7 +59,7 @@ def set_realtime(priority: int) -> bool:
 
 
 def _be_nice() -> None:
-    """Before others, where that is allowed; what this thread starts is not (a service's unit may have said so)."""
+    """Lower this thread's nice value, where that is allowed. What it starts is not below 0 (sched(7))."""
     try:
         if os.getpriority(os.PRIO_PROCESS, 0) > NICE:
             os.setpriority(os.PRIO_PROCESS, 0, NICE)
@@ -69,7 +69,7 @@ def _be_nice() -> None:
 
 
 def _lock_memory() -> bool:
-    """Only without a limit: under one, memory that is asked for later would be refused, and the daemon would end."""
+    """Lock memory, but only without a limit: under one, later allocations would fail and end the daemon."""
     limit, _ = resource.getrlimit(resource.RLIMIT_MEMLOCK)
     if limit != resource.RLIM_INFINITY and os.geteuid() != 0:
         return False

@@ -53,7 +53,7 @@ class ReloadTarget(Protocol):
 
 
 class ReloadOutcome(Struct, frozen=True):
-    """What became of a changed configuration: keys that are in force, that wait for the robot to stand, and refusals."""
+    """The result of a reload: the keys in force, those that wait until the robot stands, and refusals."""
 
     changed: tuple[str, ...] = ()
     waiting: tuple[str, ...] = ()
@@ -91,7 +91,7 @@ class Reloader:
         return _outcome(keys, self._exchange(before, merged), has_tokens=self._open_to(keyring))
 
     def _exchange(self, before: Settings, after: Settings) -> bool:
-        """Hand over gains, limits and the log's level where they differ; whether the limits hold at once."""
+        """Apply gains, limits and the log's level where they differ; returns whether the limits hold at once."""
         self._retune(before, after)
         at_once = before.limits == after.limits or self._target.relimit(after.limits)
         if after.log.level != before.log.level:
@@ -105,7 +105,7 @@ class Reloader:
         return keyring is not None
 
     def _retune(self, before: Settings, after: Settings) -> None:
-        """Gains that the file has changed; those that were changed by ``set_pid`` and not in the file stay."""
+        """The gains that the file has changed. Gains that only ``set_pid`` has changed stay."""
         was, running, new = before.gains(), self._target.gains(), after.gains()
         gains = {name: _merged(was[name], running[name], new[name]) for name in new}
         if gains != running:
@@ -113,7 +113,7 @@ class Reloader:
 
 
 def _merged(was: PidParameters, running: PidParameters, new: PidParameters) -> PidParameters:
-    """The running gains with what the file says otherwise now; the file's own where these do not go together."""
+    """The running gains with the file's changes; the file's gains if the two do not fit together."""
     said, old = new.model_dump(), was.model_dump()
     changed = {name: value for name, value in said.items() if value != old[name]}
     try:
@@ -123,7 +123,7 @@ def _merged(was: PidParameters, running: PidParameters, new: PidParameters) -> P
 
 
 def _outcome(keys: Sequence[str], at_once: bool, *, has_tokens: bool) -> ReloadOutcome:
-    """What became of the keys that differ; ``at_once``: the limits did not have to wait for the robot to stand."""
+    """Sort the keys that differ. ``at_once``: the limits did not have to wait until the robot stands."""
     mine = [key for key in keys if key.partition(".")[0] in CHANGEABLE]
     waiting = () if at_once else tuple(key for key in mine if key.startswith("limits"))
     changed = tuple(key for key in mine if key not in waiting)
@@ -160,4 +160,4 @@ def _by_name(entries: Any) -> dict[str, object]:
 
 
 CANNOT_RELOAD = (SettingsError, AccessError, OSError)
-"""What keeps everything as it is."""
+"""A change of nothing."""

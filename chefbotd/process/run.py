@@ -64,7 +64,7 @@ def _leaves(group: BaseExceptionGroup[BaseException]) -> Iterator[BaseException]
 
 
 class _Hangup:
-    """What SIGHUP does once the daemon is built; before that there is nothing to reload."""
+    """What SIGHUP does once the daemon is built; before, it does nothing."""
 
     service: "DaemonService | None" = None
 
@@ -187,7 +187,7 @@ def _start_writer(settings: Settings) -> StartWriter | None:
 
 
 def freeze_gc() -> None:
-    """Let the garbage collector pass over what has been built: it lives as long as the process does.
+    """Exclude what has been built from garbage collection, as it lives as long as the process.
 
     A full collection would stop the control loop for as long as it takes to look at every module, class and service.
     """

@@ -23,7 +23,7 @@ from chefbotd.settings.model import Level
 
 
 class StatusLine:
-    """Keeps the last word about safety; the rest is asked when the line is made."""
+    """Keeps the latest state of safety for the status line; the rest is read when the line is made."""
 
     def __init__(
         self, bus: Bus, device: str, link_is_up: Callable[[], bool], clients: Callable[[], int]
@@ -59,7 +59,7 @@ Read = Callable[[], Awaitable[Settings]]
 
 
 class DaemonTarget:
-    """The running daemon, as what a reload changes."""
+    """The parts of the running daemon that a reload changes."""
 
     def __init__(self, daemon: Daemon) -> None:
         self._daemon = daemon
@@ -67,13 +67,13 @@ class DaemonTarget:
         self.exchange_tokens = daemon.rpc.exchange_tokens
 
     def retune(self, gains: Mapping[str, PidParameters]) -> None:
-        """Without a bump."""
+        """Change the gains without a jump in the duty."""
         recorded = {name: own.model_dump(mode="json") for name, own in gains.items()}
         with self._daemon.entries.entry(GainsExchanged, recorded):
             self._daemon.driving.wheels.retune(gains)
 
     def relimit(self, limits: MotionLimits) -> bool:
-        """As soon as the robot stands; what is told of a command changes at the same time."""
+        """Change the limits as soon as the robot stands, and with them the answers to commands."""
 
         def tell() -> None:
             log.info("the limits have changed")
@@ -82,11 +82,11 @@ class DaemonTarget:
             return self._daemon.driving.wheels.relimit(limits, tell)
 
     def set_level(self, level: Level) -> None:
-        """For every part of the process, but for the worker's."""
+        """Set the level of the whole process, but not of the worker."""
         logs.set_level(level)
 
     def load_keyring(self, settings: Settings) -> Keyring | None:
-        """From where the daemon had them at its start; what systemd passes is as it was then."""
+        """Read the tokens from where the daemon had them at its start. What systemd passed does not change."""
         if not self._daemon.rpc.asks_for_tokens:
             return None
         return load_guard(settings.api, os.environ).keyring
@@ -115,11 +115,11 @@ class DaemonService:
 
     @property
     def loops(self) -> tuple[Loop, ...]:
-        """What runs beside the daemon."""
+        """Run beside the daemon until cancelled."""
         return (self._keep_alive.run, self._reload_when_wanted)
 
     def want_reload(self) -> None:
-        """Read the configuration again, soon; several wishes meanwhile are one."""
+        """Read the configuration again soon. Several requests before then count as one."""
         self._reload_requested.set()
 
     def report_ready(self, where: str) -> None:
@@ -134,7 +134,7 @@ class DaemonService:
             await self.reload()
 
     async def reload(self) -> None:
-        """Take over what may change, and say what became of it."""
+        """Apply what may change, and log the result."""
         self._tell(f"RELOADING=1\nMONOTONIC_USEC={time.clock_gettime_ns(time.CLOCK_MONOTONIC) // 1000}")
         try:
             outcome = self._reloader.apply(await self._read())
@@ -157,7 +157,7 @@ class DaemonService:
 
 
 def service_of(daemon: Daemon, settings: Settings, load: Load | None) -> DaemonService | None:
-    """Where systemd listens and the configuration can be read again; elsewhere SIGHUP is a terminal's end.
+    """Whether SIGHUP means reload: only under systemd; elsewhere it means that the terminal closed.
 
     The configuration is read in a thread: control goes on meanwhile.
     """

@@ -7,7 +7,7 @@ import threading
 from collections.abc import Callable
 
 BEYOND_US = frozenset({signal.SIGKILL, signal.SIGSTOP})
-"""No process can do anything about these."""
+"""Signals that no process can catch or ignore."""
 
 HARMLESS = frozenset(
     {
@@ -19,26 +19,26 @@ HARMLESS = frozenset(
         signal.SIGXFSZ,
     }
 )
-"""The kernel ignores the first four unless told otherwise, Python the last two: the write that failed tells of those."""
+"""Signals that end nothing: the kernel ignores the first four, Python the last two."""
 
 SUSPENDING = frozenset({signal.SIGTSTP, signal.SIGTTIN, signal.SIGTTOU})
-"""A daemon that Ctrl-Z put to sleep could not stop its motors: these are ignored. (SIGSTOP cannot be.)"""
+"""Signals that would suspend the process; they are ignored, because a suspended daemon cannot stop its motors."""
 
 CRASHES = frozenset({signal.SIGSEGV, signal.SIGBUS, signal.SIGFPE, signal.SIGILL, signal.SIGTRAP})
-"""What the kernel says to code that cannot go on. A handler would return to that code, for ever, with the motors on.
+"""Signals of code that has crashed. A handler would return to that code for ever, with the motors on.
 
-So they are blocked: one that somebody *sent* is waited for, one that a crash raises ends the process all the same, and
-starting it again stops the motors.
+They are blocked instead. One that another process *sent* is waited for. One that a crash raises still ends the process,
+and the next start stops the motors.
 """
 
 ENDING = frozenset(signal.valid_signals()) - BEYOND_US - HARMLESS - SUSPENDING - CRASHES
-"""Everything else that would end the process without a word, the real-time signals too."""
+"""All other signals that would end the process at once, the real-time signals included."""
 
 End = Callable[[str], object]
 
 
 def hold_crashes() -> None:
-    """Block ``CRASHES``; to be called before any thread is started, for a thread inherits what is blocked."""
+    """Block ``CRASHES``. Call it before any thread starts, because threads inherit what is blocked."""
     signal.pthread_sigmask(signal.SIG_BLOCK, CRASHES)
 
 
@@ -60,7 +60,7 @@ def handle(end: End, reload: Callable[[], object] | None = None) -> None:
 
 
 def name_of(number: int) -> str:
-    """As signal(7) has it: the real-time signals count from the first."""
+    """The name of a signal, as in signal(7)."""
     first = int(signal.SIGRTMIN)
     return f"SIGRTMIN+{number - first}" if number > first else signal.Signals(number).name
 

@@ -26,7 +26,7 @@ RETRY_S = 0.001
 def spawn_with(
     truth: Path, sim: SimulationParameters
 ) -> Callable[[DepthSourceParameters], Awaitable[DepthChild]]:
-    """Starts such a process for a camera, whatever its configured source is."""
+    """Starts this process for a camera, whatever its configured source is."""
 
     async def spawn(parameters: DepthSourceParameters) -> DepthChild:
         program = ("-m", "chefbotd.process.simulated_depth", str(truth), sim.model_dump_json())
@@ -36,7 +36,7 @@ def spawn_with(
 
 
 def images(truth: Path, sim: SimulationParameters, parameters: DepthSourceParameters) -> Iterator[Frame]:
-    """What the camera sees, at its rate, for ever."""
+    """Send what the camera sees, at its rate, for ever."""
     scene = scene_of(sim.world.map_path, sim.world.closed_doors)
     renderer, reader = DepthRenderer(parameters, scene), TruthReader(truth)
     chance, clock = np.random.default_rng(sim.seed), SystemClock()

@@ -39,7 +39,7 @@ def simulation_of(settings: Settings) -> Simulation:
 
 
 def checked_simulation(settings: Settings) -> Simulation:
-    """The same, which then can be built.
+    """What to simulate for this robot; everything it needs is there.
 
     Raises:
         CannotSimulateError: it cannot, and why.
@@ -56,7 +56,7 @@ def checked_simulation(settings: Settings) -> Simulation:
 
 
 def _chassis(chassis: ChassisParameters, counts_per_turn: float) -> Chassis:
-    """Built as calibration found the real one: effective radii and track."""
+    """The simulated chassis, with the effective radii and track of the configuration."""
     radii_m = Kinematics(chassis).radii_m
     wheels = [
         Wheel(wheel.side is Side.LEFT, radius_m, wheel.motor_sign, wheel.encoder_sign)
@@ -66,7 +66,7 @@ def _chassis(chassis: ChassisParameters, counts_per_turn: float) -> Chassis:
 
 
 def _lidar(real: LidarParameters, height_m: float) -> LidarMount:
-    """Which one the real one is, and where; an LD06 has the LD19's wire."""
+    """The model and mount of the real one; an LD06 has the LD19's protocol."""
     if real.mount_z_m is not None:
         height_m = real.mount_z_m
     wire = LidarWire.LD19 if real.model.is_ldrobot else LidarWire(real.model)
@@ -74,5 +74,5 @@ def _lidar(real: LidarParameters, height_m: float) -> LidarMount:
 
 
 def _infrared(real: InfraredParameters) -> InfraredMount:
-    """A sensor where the real one is; its noise and its rays are the simulator's own."""
+    """A sensor in the real one's mount; its noise and its rays are the simulator's."""
     return InfraredMount(real.channel, real.base_from_sensor, real.field_of_view_rad, real.reference_v)

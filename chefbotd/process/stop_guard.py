@@ -40,14 +40,14 @@ async def stop_guard(settings: Settings) -> AsyncIterator[None]:
 
 
 class _Guard:
-    """The second process, and another one in its place should it end."""
+    """Keeps the second process running: starts another one if it ends."""
 
     def __init__(self, link: LinkParameters, stop: bytes) -> None:
         self._link, self._stop = link, stop
         self._starting = self._start()
 
     async def keep(self) -> None:
-        """See to it that there is one, for as long as the system has room for it."""
+        """Start another one whenever it ends."""
         while (process := await asyncio.shield(self._starting)) is not None:
             code = await process.wait()
             log.warning("the stop guard has ended, and is started again", code=code)
@@ -55,7 +55,7 @@ class _Guard:
             self._starting = self._start()
 
     async def say_goodbye(self) -> None:
-        """Have the one that there is end, without a stop."""
+        """Let the running one end without a stop."""
         if (process := await self._starting) is not None:
             with contextlib.suppress(OSError, TimeoutError):
                 async with asyncio.timeout(ENDING_S):
@@ -66,7 +66,7 @@ class _Guard:
 
 
 async def _started(link: LinkParameters, stop: bytes) -> Process | None:
-    """In a session of its own: Ctrl-C is for the program itself. None where the system has no room for it."""
+    """Start it in its own session, so that Ctrl-C does not reach it. None if the system cannot start it."""
     lines = (str(int(link.dtr)), str(int(link.rts)))
     try:
         return await asyncio.create_subprocess_exec(

@@ -16,11 +16,11 @@ Loop = Callable[[], Coroutine[Any, Any, None]]
 
 MOST_FAILURES = 5
 WITHIN_S = 60.0
-"""More failures than this within this time are no accident: the process ends, and whoever started it may try again."""
+"""With more failures than this within ``WITHIN_S`` the process ends; whoever started it may try again."""
 
 
 class ServiceLost(Exception):
-    """A service that the robot cannot do without has ended, or one has failed too often."""
+    """A critical service has ended, or a service has failed too often."""
 
 
 class Supervisor:
@@ -41,7 +41,7 @@ class Supervisor:
             self._record_failure(name, await _end_of(name, loop), on_failure)
 
     async def run_critical(self, name: str, loop: Loop) -> None:
-        """Run a service that the robot cannot do without: its error is passed on.
+        """Run a critical service; its error is passed on.
 
         Raises:
             ServiceLost: it ended without one, or somebody cancelled it.
@@ -65,7 +65,7 @@ class Supervisor:
 
 
 async def _end_of(name: str, loop: Loop) -> Exception | None:
-    """Run in a task of its own, so that its being cancelled is told from ours: its error, or None if it had none."""
+    """Run it in its own task, so that its cancellation is not taken for ours; returns its error or None."""
     task = asyncio.create_task(loop(), name=name)
     try:
         await asyncio.wait({task})

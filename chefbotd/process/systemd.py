@@ -27,7 +27,7 @@ def notify(state: str) -> bool:
 
 
 def is_listening() -> bool:
-    """Whether the daemon was started as a service that is to say something."""
+    """Whether the daemon was started as a service of ``Type=notify``."""
     return bool(os.environ.get("NOTIFY_SOCKET"))
 
 

@@ -1,8 +1,8 @@
 """The watchdog: a thread that stops the motors when the event loop stands still.
 
-Python code that does not come back to the loop holds up everything, the dead-man too, while the board keeps the last
-duty for ever. The thread needs nothing of the loop. What it cannot see past is code that keeps the interpreter's lock,
-and what it does not outlive is the process: only firmware with a dead-man of its own covers those.
+Python code that does not return to the loop blocks everything, the dead-man too, while the board keeps the last duty
+for ever. The thread does not need the loop. It is blocked by code that keeps the interpreter's lock, and it ends with
+the process; only firmware with its own dead-man covers these two cases.
 """
 
 import threading
@@ -17,7 +17,7 @@ from chefbotd.safety.watchdog import WatchdogParameters
 
 LOOKS_PER_PATIENCE = 8
 JUST_S = 0.001
-"""Later than the patience, so that the loop has stood for longer than it."""
+"""How much later than the time-out the thread looks, so that the time-out has passed."""
 
 
 class WatchedLoop(Protocol):
@@ -70,7 +70,7 @@ class Watchdog:
         self._thread.join()
 
     def _wait_s(self) -> float:
-        """Until the next look: on a robot at rest, until the loop can have stood for the patience at the earliest."""
+        """The time until the next look: for a robot at rest, until the time-out can have passed at the earliest."""
         period_s = self._patience_s / LOOKS_PER_PATIENCE
         if self._control.is_driving:
             return period_s

@@ -1,4 +1,4 @@
-"""A board that sends what a test tells it to, and remembers what it received."""
+"""A board that sends what a test asks for, and keeps what it received."""
 
 import asyncio
 from collections.abc import Iterable

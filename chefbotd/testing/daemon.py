@@ -38,7 +38,7 @@ from chefbotd.worker.spawn import Spawn
 
 
 class SimulatedDepthChild:
-    """What a camera's process would write, from where the robot truly is."""
+    """The bytes that a camera's process would write, from the robot's true pose."""
 
     def __init__(
         self, parameters: DepthSourceParameters, scene: Scene, board: BoardRunner, seed: int
@@ -48,14 +48,14 @@ class SimulatedDepthChild:
         self._chance = np.random.default_rng(seed)
 
     async def read(self) -> bytes:
-        """A scan, when it is due."""
+        """The next scan, once it is due."""
         await asyncio.sleep(self._period_s)
         now_s = asyncio.get_running_loop().time()
         pose, discs = self._board.truth(now_s).world_from_base, self._board.crowd.discs
         return self._writer.messages(Frame(now_s, self._renderer.image(pose, discs, self._chance)))
 
     async def end(self) -> str:
-        """Nothing is left behind."""
+        """Release nothing: there is no process."""
         return "ended"
 
 
@@ -149,7 +149,7 @@ async def simulated_robot(
     start_writer: StartWriter | None = None,
     features: Sequence[FeatureBuilder] = (),
 ) -> AsyncIterator[SimulatedRobot]:
-    """The daemon on the simulated robot, both on the running loop's clock and with nothing but memory between.
+    """The daemon on the simulated robot, both on the running loop's clock, connected through memory.
 
     ``token`` and ``tls`` are those of ``Client.connect``, where the settings guard the socket. ``spawn_worker`` and
     ``features`` are as for ``running_daemon``.

@@ -7,9 +7,9 @@ from chefbotd.link.port import LinkParameters
 
 
 class FakeSerialTransport(asyncio.Transport):
-    """What ``FakeSerialDevice.open`` connects to the protocol; it behaves like the serial one at its edges.
+    """The transport between ``FakeSerialDevice`` and a protocol. It behaves like the serial transport.
 
-    Writes after the link is lost are swallowed, as there. A stalled reader fills the write buffer instead.
+    Writes after the link is lost are ignored. While the board does not read, the write buffer fills.
     """
 
     def __init__(self, protocol: asyncio.Protocol, written: Callable[[bytes], None]) -> None:
@@ -64,7 +64,7 @@ class FakeSerialTransport(asyncio.Transport):
             self._protocol.pause_writing()
 
     def unread_bytes(self) -> int:
-        """What a test says."""
+        """Not known to a device in memory: a test sets it."""
         return self.unread
 
     def set_dtr(self, state: bool) -> None:
@@ -72,17 +72,17 @@ class FakeSerialTransport(asyncio.Transport):
         self.dtr = state
 
     def overtake(self, words: bytes) -> None:
-        """Write instead of all that is unsent."""
+        """Replace all unsent bytes by these."""
         self._unsent.clear()
         self.write(words)
 
     def close_saying(self, words: bytes) -> None:
-        """The same, and close; what a stalled board has not read it may still read."""
+        """Replace all unsent bytes by these, and close. A stalled board may still read them."""
         self.overtake(words)
         self.abort()
 
     def write_from_thread(self, words: bytes) -> bool:
-        """Nothing here is past the loop."""
+        """Return nothing: every byte goes through the loop."""
         return False
 
     def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None:

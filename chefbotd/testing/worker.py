@@ -15,7 +15,7 @@ ALIVE_S = 0.5
 
 
 async def no_worker(theirs: socket.socket, parameters: WorkerParameters) -> Child:
-    """What a test that needs no worker starts.
+    """Stand in for the worker in a test that needs none.
 
     Raises:
         OSError: always.
@@ -24,7 +24,7 @@ async def no_worker(theirs: socket.socket, parameters: WorkerParameters) -> Chil
 
 
 async def worker_in_process(theirs: socket.socket, parameters: WorkerParameters) -> Child:
-    """A worker whose work takes no time of a virtual clock."""
+    """A worker whose work takes no virtual time."""
     return _InProcess(theirs.dup())
 
 

@@ -24,7 +24,7 @@ LETTERS: Mapping[type[Any], str] = {
     wire.QuadratureStill: "q",
 }
 ORDER = "teusibaq"
-"""As a cycle sends them."""
+"""In the order of a cycle."""
 
 TEXTS_KEPT, SAMPLE_BYTES = 20, 48
 UNSTEADY_PPM = 3000.0
@@ -34,7 +34,7 @@ TEXT_BYTES = frozenset((*range(0x20, 0x7F), *b"\t\r\n"))
 
 
 class _Ear:
-    """Listens with one variant's ears."""
+    """Decodes what is received as one variant of the protocol."""
 
     def __init__(self, variant: Variant) -> None:
         self.variant = variant
@@ -89,13 +89,13 @@ class _Ear:
             self.clock.append((self.clock[-1][0] + step * 1e-6, now_s))
 
     def rate_hz(self, letter: str) -> float:
-        """Of what came between the first and the last."""
+        """The time between the first and the last reading."""
         span_s = self.last_s[letter] - self.first_s[letter]
         return (self.kinds[letter] - 1) / span_s if span_s > 0 else 0.0
 
 
 class LineSurvey:
-    """Fed with bytes and when they were read; ``heard`` sums up. The ``configured`` wire wins where two fit alike."""
+    """Decodes bytes as every variant; ``heard`` sums up. If two fit equally well, the ``configured`` one wins."""
 
     def __init__(self, configured: str, now_s: float) -> None:
         self._from_s = now_s
@@ -113,7 +113,7 @@ class LineSurvey:
             ear.feed(data, now_s)
 
     def heard(self, now_s: float) -> LinesHeard:
-        """Everything so far, with the ears of the variant that understood most."""
+        """Everything so far, decoded as the variant that fits best."""
         ear = max(self._ears, key=lambda candidate: candidate.kinds.total())
         drift = _drift(ear.clock)
         return LinesHeard(
@@ -141,9 +141,9 @@ def _between(first: tuple[int, ...], last: tuple[int, ...]) -> tuple[int, ...]:
 
 
 def _drift(clock: list[tuple[float, float]]) -> float | None:
-    """How much faster the board's seconds go, in millionths, by those readings of each third that were least late.
+    """How much faster the board's clock runs, in parts per million, by the least delayed readings of each third.
 
-    A computer that is busy reads late, and never early. None where the thirds do not agree: it was too busy to tell.
+    A busy computer reads late and never early. None if the thirds do not agree: the computer was too busy.
     """
     third = len(clock) // 3
     if third < 1:
@@ -168,7 +168,7 @@ def line_bytes(shown: str) -> bytes:
 
 
 def echo_delays_s(lines: list[tuple[float, bool, bytes]], wheels: int) -> list[float]:
-    """From each new motor command to its first echo; lines with their times, and whether they went to the board."""
+    """The delays from each new motor command to its first echo. Lines have a time and a direction (to the board)."""
     delays: list[float] = []
     waiting: tuple[float, tuple[int, ...]] | None = None
     last: tuple[int, ...] = ()
@@ -185,7 +185,7 @@ def echo_delays_s(lines: list[tuple[float, bool, bytes]], wheels: int) -> list[f
 
 
 def _duty(line: bytes, wheels: int) -> tuple[int, ...] | None:
-    """The duties of an ``s`` line, either way round; None where it is none."""
+    """The duties of an ``s`` line in either direction; None if the line is another one."""
     kind, *fields = line.split() or [b""]
     if kind != b"s" or len(fields) != wheels:
         return None

@@ -14,7 +14,7 @@ USUAL_BAUDS = (115_200, 230_400, 57_600, 9_600, 38_400, 19_200, 256_000)
 """The boards' and the RPLIDAR's first, then the LD06's and LD19's, then what sketches are often set to."""
 
 ANSWER_S = 0.5
-"""An RPLIDAR answers at once."""
+"""The wait for an RPLIDAR's answer, which comes at once."""
 
 ENOUGH_PACKETS = 5
 
@@ -34,7 +34,7 @@ class Listened(Record, frozen=True):
 
 
 class _Listener(asyncio.Protocol):
-    """Keeps what comes in."""
+    """Keeps the received bytes."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
@@ -71,7 +71,7 @@ async def listen(
 
 
 def survey(listened: Listened, configured_wire: str) -> LinesHeard:
-    """What was read, taken for a board's lines."""
+    """What was read, decoded as a board's lines."""
     if not listened.pieces:
         return LinesHeard(seconds=listened.seconds)
     lines = LineSurvey(configured_wire, listened.pieces[-1][0] - listened.seconds)
@@ -88,7 +88,7 @@ def ld_packets(listened: Listened) -> int:
 
 
 def rplidar_model(listened: Listened) -> str:
-    """Which RPLIDAR has answered what it is; empty where none has."""
+    """The model of the RPLIDAR that answered; empty if none did."""
     for answer in rplidar.RplidarDecoder().feed_bytes(listened.data):
         if isinstance(answer, rplidar.DeviceInfo):
             major, minor = answer.firmware

@@ -90,7 +90,7 @@ def holder(device: str) -> str:
 
 
 class Behind(Record, frozen=True):
-    """What was found behind a port: ``kind`` is board, ld06_ld19, rplidar, text, garbage, silent, or not_looked."""
+    """The device behind a port: ``kind`` is board, ld06_ld19, rplidar, text, garbage, silent, or not_looked."""
 
     device: str
     kind: str
@@ -99,7 +99,7 @@ class Behind(Record, frozen=True):
 
 
 async def look_behind(ports: Sequence[SerialPort], opener: Opener, clock: Clock) -> AsyncIterator[Behind]:
-    """Listen at each port that is free and ours to open."""
+    """Listen at each port that is free and that this user may open."""
     for port in ports:
         if port.held_by:
             yield Behind(port.device, "not_looked", f"held by {port.held_by}")
@@ -114,7 +114,7 @@ async def look_behind(ports: Sequence[SerialPort], opener: Opener, clock: Clock)
 
 
 async def _listen_at(device: str, opener: Opener, clock: Clock) -> Behind:
-    """At one rate after the other, until something is understood. Where nothing is heard at all, an RPLIDAR is asked."""
+    """Listen at one rate after the other until lines are decoded. If no byte comes, ask whether it is an RPLIDAR."""
     heard: Listened | None = None
     for baud in USUAL_BAUDS:
         link = LinkParameters(device=device, baud=baud)
@@ -142,7 +142,7 @@ def _understood(device: str, listened: Listened) -> Behind | None:
 
 
 async def _ask(device: str, opener: Opener, clock: Clock) -> Behind:
-    """Two bytes that no board takes for a line; nothing was heard of one here for longer than any is silent."""
+    """The question to an RPLIDAR: two bytes that are no line to a board, and no board is silent for so long."""
     link = rplidar_link(device)
     answer = await listen(opener, link, clock, ANSWER_S, question=RPLIDAR_QUESTION)
     if model := rplidar_model(answer):

@@ -1,4 +1,4 @@
-"""The computer on which chefbotd is installed, or a folder that will be its root."""
+"""The computer on which chefbotd is installed, or a folder that will become a computer's root."""
 
 import os
 import subprocess
@@ -16,7 +16,7 @@ class InstallError(Exception):
 
 
 class CommandEnded(Struct, frozen=True):
-    """A command that was run: its exit code, and what it printed."""
+    """The result of a command: its exit code and its output."""
 
     code: int
     output: str = ""
@@ -55,39 +55,39 @@ class Host:
 
     @property
     def is_running(self) -> bool:
-        """Whether this is the system that runs now."""
+        """Whether this is the running system."""
         return self.root == Path("/")
 
     def path(self, name: str) -> Path:
-        """A path of the system, here."""
+        """A path of the system, below ``root``."""
         return self.root / name.removeprefix("/")
 
     def ask(self, *command: str) -> bool:
-        """Whether a command says yes, by its exit code."""
+        """Run a command, and tell whether its exit code is 0."""
         return self._run(command).code == 0
 
     def run(self, *command: str) -> None:
         """Run a command that must not fail.
 
         Raises:
-            InstallError: it did; with what it said.
+            InstallError: it failed; the text contains its output.
         """
         ended = self._run(command)
         if ended.code:
             raise InstallError(f"'{' '.join(command)}' failed with {ended.code}: {ended.output}")
 
     def give(self, path: Path, user: str, group: str) -> None:
-        """Make a path somebody's own."""
+        """Give a path to a user and a group."""
         self._chown(path, user, group)
 
     def owner(self, path: Path) -> str:
-        """The name of a path's owner by this system's own list, its number where it has none there."""
+        """The name of a path's owner in this system's list of users, or the number if the list lacks it."""
         number = str(path.stat().st_uid)
         names = [fields[0] for fields in self._fields("/etc/passwd") if fields[2] == number]
         return names[0] if names else "root" if number == "0" else number
 
     def has_user(self, name: str) -> bool:
-        """Whether there is such a user."""
+        """Whether a user of this name exists."""
         return any(fields[0] == name for fields in self._fields("/etc/passwd"))
 
     def is_in_group(self, user: str, group: str) -> bool:
@@ -103,7 +103,7 @@ class Host:
         return [fields for fields in (line.split(":") for line in lines) if len(fields) >= 4]
 
     def _give(self, path: Path, user: str, group: str) -> None:
-        """By the numbers that the names have in this system, which need not be the running one's."""
+        """Change the owner, by the numbers that these names have in this system (not in the running one)."""
         os.chown(path, self._number("/etc/passwd", user), self._number("/etc/group", group))
 
     def _number(self, file: str, name: str) -> int:

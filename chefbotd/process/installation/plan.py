@@ -54,7 +54,7 @@ def install(host: Host, request: Wanted) -> list[InstallationStep]:
 
 
 def _named(host: Host, rule: InstallationStep) -> Iterator[InstallationStep]:
-    """Have udev obey a new rule, for boards that are plugged in as well; in a container there is none to tell."""
+    """Reload udev's rules, and apply them to boards that are plugged in. In a container this does nothing."""
     if rule.act is None or not host.is_running:
         return
     if not host.path(UDEV).exists():
@@ -77,7 +77,7 @@ def _root_option(host: Host) -> tuple[str, ...]:
 
 
 def _configuration(host: Host, request: Wanted) -> Iterator[InstallationStep]:
-    """What is there stays, for people edit it; else the robot's own, or the file that was named."""
+    """Keep a configuration that exists, because people edit it. Otherwise install the robot's, or the named file."""
     path, source = host.path(texts.CONFIGURATION), request.config
     if source is None:
         text = texts.configuration(
@@ -107,7 +107,7 @@ def _description(host: Host, source: Path) -> Iterator[InstallationStep]:
 
 
 def _tokens(host: Host) -> InstallationStep:
-    """Made once: whoever has a copy keeps it."""
+    """Create the tokens once; existing ones stay valid."""
     path = host.path(texts.TOKENS)
     if not path.exists():
         doing = f"write {texts.TOKENS} ({TOKEN_MODE:04o}, root), a token for each role"
@@ -138,7 +138,7 @@ def _started(host: Host, unit: InstallationStep) -> Iterator[InstallationStep]:
 
 
 def uninstall(host: Host, *, purge: bool) -> list[InstallationStep]:
-    """Every step back; ``purge`` takes configuration, tokens, maps and the user too."""
+    """Every step that removes the service; ``purge`` also removes configuration, tokens, maps and the user."""
     return [*_stopped(host), *_removed(host), *(_purged(host) if purge else _kept(host))]
 
 

@@ -21,10 +21,10 @@ class InstallationStep(Struct, frozen=True):
 
 
 def carry_out(steps: Iterable[InstallationStep], tell: Callable[[InstallationStep], None]) -> None:
-    """Tell and do each step in turn.
+    """Report and do each step in turn.
 
     Raises:
-        InstallError: one has failed; those after it are not done.
+        InstallError: a step failed; the later ones are not done.
     """
     for step in steps:
         tell(step)
@@ -37,7 +37,7 @@ def carry_out(steps: Iterable[InstallationStep], tell: Callable[[InstallationSte
 
 
 def folder(host: Host, name: str, mode: int, owner: str = "root") -> InstallationStep:
-    """A folder with this mode and owner; what is in it stays."""
+    """Create a folder with this mode and owner, or set both; its content stays."""
     path = host.path(name)
     right = path.is_dir() and stat.S_IMODE(path.stat().st_mode) == mode and _has_owner(host, path, owner)
     if right:
@@ -53,7 +53,7 @@ def folder(host: Host, name: str, mode: int, owner: str = "root") -> Installatio
 
 
 def file(host: Host, name: str, text: str) -> InstallationStep:
-    """A file of root's with just this text, whatever it had before."""
+    """Write a file with this text, owned by root."""
     path = host.path(name)
     if _reads(path) == text and stat.S_IMODE(path.stat().st_mode) == FILE_MODE:
         return InstallationStep(f"{name}: unchanged")
@@ -62,7 +62,7 @@ def file(host: Host, name: str, text: str) -> InstallationStep:
 
 
 def write(host: Host, path: Path, text: str, mode: int) -> None:
-    """Write a file as a whole, so that nobody ever sees a part of it, or a secret before its mode is set."""
+    """Replace a file atomically: nobody sees a part of it, or a secret before its mode is set."""
     path.parent.mkdir(parents=True, exist_ok=True)
     new = path.with_name(f".{path.name}.new")
     new.unlink(missing_ok=True)
@@ -74,7 +74,7 @@ def write(host: Host, path: Path, text: str, mode: int) -> None:
 
 
 def remove(host: Host, name: str) -> InstallationStep:
-    """A file or a folder with all that is in it, gone."""
+    """Remove a file, or a folder with its content."""
     path = host.path(name)
     if not path.exists() and not path.is_symlink():
         return InstallationStep(f"{name}: not there")
@@ -84,7 +84,7 @@ def remove(host: Host, name: str) -> InstallationStep:
 
 
 def command(host: Host, doing: str, *words: str) -> InstallationStep:
-    """A command that must not fail."""
+    """Run a command that must not fail."""
     return InstallationStep(f"{doing}: {' '.join(words)}", lambda: host.run(*words))
 
 
@@ -96,5 +96,5 @@ def _reads(path: Path) -> str | None:
 
 
 def _has_owner(host: Host, path: Path, owner: str) -> bool:
-    """A folder that is not the running system belongs to whoever makes it; the owner is set where that is possible."""
+    """Set the owner. Outside the running system, a user who may not do this keeps the file."""
     return not host.is_running or host.owner(path) == owner

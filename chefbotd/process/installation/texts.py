@@ -18,13 +18,13 @@ m {USER} {SERIAL_GROUP}
 
 
 def unit(packaged: str, program: Path) -> str:
-    """The unit that comes with chefbotd, starting this program."""
+    """The systemd unit that comes with chefbotd, for this program."""
     start = f"ExecStart={_quoted(program)} run --config {CONFIGURATION}"
     return re.sub(r"^ExecStart=.*$", lambda _: start, packaged, count=1, flags=re.MULTILINE)
 
 
 def configuration(packaged: str, *, with_page: bool) -> str:
-    """A packaged robot's configuration as a service has it: the board by its lasting name, tokens, and the page."""
+    """A packaged robot's configuration for a service: the board by its stable name, tokens, and the page."""
     text = re.sub(r'^device = "[^"]*"', f'device = "{DEVICE}"', packaged, count=1, flags=re.MULTILINE)
     key = f'token_credential = "{CREDENTIAL}"  # {TOKENS}, by way of the unit'
     text = text.replace("[api]\n", f"[api]\n{key}\n", 1)
@@ -36,12 +36,12 @@ def configuration(packaged: str, *, with_page: bool) -> str:
 
 
 def tokens() -> str:
-    """A token for each role, which nobody can guess."""
+    """A random token for each role."""
     lines = [f"{role} {secrets.token_hex(32)}\n" for role in ("admin", "drive", "observe")]
     return f"# ROLE TOKEN: whoever shows the token has the role. docs/api.md, 'Who may do what'.\n{''.join(lines)}"
 
 
 def _quoted(program: Path) -> str:
-    """As systemd.service(5) reads a path."""
+    """A path, quoted as systemd.service(5) asks."""
     text = str(program).replace("\\", "\\\\").replace('"', '\\"').replace("%", "%%").replace("$", "$$")
     return f'"{text}"' if " " in text else text
