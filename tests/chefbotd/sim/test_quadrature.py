@@ -30,7 +30,8 @@ def test_a_turn_forward_has_its_edges_in_time_and_order() -> None:
     """3.5 edges of 8 in 7 ms from half an edge: at 1, 3, 5 and 7 ms, A before B."""
     watched = recorder()
     watched.watch(1.0, 1.007, (0.5 / 8 * math.tau,), (4 / 8 * math.tau,))
-    ((total, edges),) = watched.take_edges(2.0)
+    (wheel,) = watched.take_edges(2.0)
+    total, edges = wheel.total, wheel.edges
     assert (total, [edge.levels for edge in edges]) == (4, [0b10, 0b11, 0b01, 0b00])
     assert [edge.at_s for edge in edges] == pytest.approx([1.001, 1.003, 1.005, 1.007])
 
@@ -39,7 +40,8 @@ def test_the_way_back_has_the_levels_of_the_way_there() -> None:
     """From 1.5 edges back to -0.5: over 1 to level 00, over 0 to 01."""
     watched = recorder()
     watched.watch(0.0, 0.002, (1.5 / 8 * math.tau,), (-0.5 / 8 * math.tau,))
-    ((total, edges),) = watched.take_edges(1.0)
+    (wheel,) = watched.take_edges(1.0)
+    total, edges = wheel.total, wheel.edges
     assert (total, [edge.levels for edge in edges]) == (2, [0b00, 0b01])
     assert [edge.at_s for edge in edges] == pytest.approx([0.0005, 0.0015])
 
@@ -50,7 +52,7 @@ def test_edges_are_taken_once_and_only_up_to_a_time() -> None:
     watched.watch(0.0, 0.004, (0.0, 1.0), (math.tau * 2 / 8, 1.0))
     assert watched.take_edges(0.003) == [CycleEdges(1, [Edge(pytest.approx(0.002), 0b10)]), CycleEdges(0, [])]
     assert watched.take_edges(0.003) == [CycleEdges(1, []), CycleEdges(0, [])]
-    assert [(total, len(edges)) for total, edges in watched.take_edges(0.004)] == [(2, 1), (0, 0)]
+    assert [(wheel.total, len(wheel.edges)) for wheel in watched.take_edges(0.004)] == [(2, 1), (0, 0)]
 
 
 def test_edges_that_find_no_room_are_dropped_and_counted() -> None:
@@ -63,7 +65,7 @@ def test_edges_that_find_no_room_are_dropped_and_counted() -> None:
     assert (after.total, [edge.levels for edge in after.edges]) == (6, [0b11])
     watched.boot(2.0)
     watched.watch(2.0, 2.001, (6 / 8 * math.tau,), (7 / 8 * math.tau,))
-    assert [total for total, _ in watched.take_edges(3.0)] == [1]
+    assert [wheel.total for wheel in watched.take_edges(3.0)] == [1]
 
 
 @settings(max_examples=examples(50))
@@ -75,11 +77,12 @@ def test_decoded_again_they_are_the_way_that_the_wheel_went(turns: list[float]) 
     for step, turn in enumerate(turns):
         watched.watch(step, step + 1, (angle,), (angle + turn,))
         angle += turn
-    ((total, edges),) = watched.take_edges(len(turns))
+    (wheel,) = watched.take_edges(len(turns))
+    total, edges = wheel.total, wheel.edges
     parameters = QuadratureParameters()
     state = quadrature.decode(parameters, quadrature.START, EdgeBurst(0, 0, (0,), (-1.0,)))
     if edges:
-        times_s, levels = zip(*edges, strict=True)
+        times_s, levels = tuple(edge.at_s for edge in edges), tuple(edge.levels for edge in edges)
         state = quadrature.decode(parameters, state, EdgeBurst(0, total, levels, times_s))
     assert (state.counts, state.illegal) == (math.floor(angle * (16 / math.tau)), 0)
 
@@ -88,7 +91,8 @@ def test_an_encoder_that_is_wired_backwards_counts_backwards() -> None:
     """Half a turn forward of such a wheel is four edges with B before A: what a turn backward is of another."""
     watched = EdgeRecorder([-8 / math.tau], buffer_edges=100)
     watched.watch(0.0, 1.0, (math.tau / 16,), (9 / 16 * math.tau,))
-    ((_, edges),) = watched.take_edges(1.0)
+    (wheel,) = watched.take_edges(1.0)
+    edges = wheel.edges
     assert [edge.levels for edge in edges] == [0b11, 0b10, 0b00, 0b01]
 
 
