@@ -18,7 +18,7 @@ from scipy import ndimage
 from benchmarks.figures import Figure, Outcome, percentile
 from benchmarks.roominess import ROOM_M, least_with_room_m
 from chefbotd.core.geometry import Pose2D, wrap_angle
-from chefbotd.navigation.distance import Flags, Singles, distances_m
+from chefbotd.navigation.grid import Flags, Singles, distances_m
 from chefbotd.navigation.path import Goal
 from chefbotd.navigation.search import search
 from chefbotd.navigation.smooth import straightened

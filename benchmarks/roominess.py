@@ -11,7 +11,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from chefbotd.navigation.distance import Singles
+from chefbotd.navigation.grid import Singles
 from chefbotd.navigation.search import search
 from chefbotd.navigation.smooth import straightened
 from tests.chefbotd.navigation.drives import Clearance, Person

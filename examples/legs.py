@@ -10,7 +10,7 @@ from chefbotd.cli.navigate.view import Disc
 from chefbotd.core.geometry import Pose2D, wrap_angle
 from chefbotd.core.record import Record
 from chefbotd.mapping.occupancy_grid import FREE, OccupancyGrid
-from chefbotd.navigation.distance import distances_m
+from chefbotd.navigation.grid import distances_m
 from chefbotd.navigation.search import search
 from chefbotd.navigation.smooth import straightened
 from chefbotd.navigation.steering import FollowerLimits

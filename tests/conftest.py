@@ -48,8 +48,8 @@ def _compile() -> None:
     from chefbotd.localization import warm as localization
     from chefbotd.mapping import warm as mapping
     from chefbotd.navigation import warm as navigation
+    from chefbotd.navigation.interface import NavigationParameters
     from chefbotd.navigation.outline import Footprint
-    from chefbotd.navigation.parameters import NavigationParameters
 
     mapping.warm()
     localization.warm()

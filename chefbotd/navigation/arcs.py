@@ -12,18 +12,17 @@ import numpy as np
 from chefbotd.core.compiled import kernel
 from chefbotd.core.record import Record
 from chefbotd.navigation.costmap import between_cells
-from chefbotd.navigation.distance import Flags, Singles
-from chefbotd.navigation.grid_frame import Floats
+from chefbotd.navigation.grid import Flags, Floats, Singles
 from chefbotd.navigation.outline import Footprint, clearance_m
 from chefbotd.navigation.surroundings import Surroundings
 
 STEP_M, STEP_RAD = 0.025, 0.05
 PASSING_S = 0.2
 COMING_M = 0.003
-"""What is nearer than it may be must not come nearer than this."""
+"""A point that is too near already may come nearer by this, which is noise."""
 
 REACTION_M = 0.05
-"""What is so near limits the speed at once; what is farther, only so far as the robot can slow down until then."""
+"""An obstacle so near limits the speed at once; a farther one only as much as braking until then requires."""
 
 
 MARGIN_M: Final = 0.015
@@ -44,32 +43,32 @@ FULL_SPEED_ROOM_M: Final = 0.20
 """With so much room it goes as fast as it may."""
 
 MOVING_MARGIN_M: Final = 0.08
-"""More than that from who walks, or stands for a moment: where he will be is a guess, and he needs room to go on."""
+"""On top of that from a person who walks, or stands for a moment: where he will be is a guess."""
 
 FORESIGHT_S: Final = 2.5
-"""For so long somebody is expected to walk on as now."""
+"""A person is expected to walk on as now for so long."""
 
 EARLY_S: Final = 0.3
-"""Somebody may be where he is expected so much earlier, or the robot later:"""
+"""A person may arrive so much earlier than expected,"""
 
 LATE_S: Final = 0.5
-"""in front of somebody it goes only with so much time to spare."""
+"""and the robot so much later: it passes in front of him only with that much time to spare."""
 
 STAYS_S: Final = 1.5
-"""Where the robot will stop, nobody may come by for so long."""
+"""Where the robot will stop, no person may pass for so long."""
 
 KEEP_M: Final = 0.13
-"""So much the robot keeps from what stands, where there is room,"""
+"""The robot keeps this distance from standing obstacles where there is room,"""
 
 KEEP_FOR_M: Final = 0.35
-"""along so much of its way: beyond, it will have turned."""
+"""along so much of its path: beyond that it will have turned."""
 
 
-class Way(Record, frozen=True):
+class Arc(Record, frozen=True):
     """An arc: how much is free (metres, or radians on the spot), the least room beside it, the speed that allows.
 
-    ``lacking_m`` is how much less room than ``keep_m`` it leaves to what stands along ``keep_for_m``: on average, and
-    half of that at the worst place on top.
+    ``lacking_m`` is by how much it comes nearer than ``KEEP_M`` to standing obstacles along ``KEEP_FOR_M``: the average,
+    and half of the worst on top.
     """
 
     free: float
@@ -79,10 +78,10 @@ class Way(Record, frozen=True):
 
 
 class _Motion(NamedTuple):  # a kernel takes it, and numba knows no record
-    """What a kernel is told of the robot: its outline's pad, how fast it may be and is, and how it brakes.
+    """The robot's motion, for a kernel: the pad of its outline, its speed and the most allowed, and how it brakes.
 
-    Nearer than ``map_least_m`` no obstacle of the map may be. The robot stands after ``stops_m``; who walks is expected
-    to walk on for ``foresight_s``.
+    No obstacle of the map may come nearer than ``map_least_m``. The robot stands after ``stops_m``. A walking person is
+    expected to walk on for ``foresight_s``.
     """
 
     pad_m: float
@@ -94,7 +93,7 @@ class _Motion(NamedTuple):  # a kernel takes it, and numba knows no record
     foresight_s: float
 
 
-def way(
+def check_arc(
     outline: Footprint,
     near: Surroundings,
     curvature_per_m: float,
@@ -103,21 +102,21 @@ def way(
     deceleration_m_s2: float,
     *,
     foresight_s: float = FORESIGHT_S,
-) -> Way:
+) -> Arc:
     """Forward along an arc (CCW positive), or backward with a negative horizon."""
     motion = _motion(outline, near, max_speed_m_s, deceleration_m_s2, foresight_s)
-    return Way(*_way(*_arrays(outline, near), motion, curvature_per_m, horizon_m, 0.0))
+    return Arc(*_check(*_arrays(outline, near), motion, curvature_per_m, horizon_m, 0.0))
 
 
-def turn(outline: Footprint, near: Surroundings, angle_rad: float) -> Way:
+def check_turn(outline: Footprint, near: Surroundings, angle_rad: float) -> Arc:
     """Turning on the spot by an angle (CCW positive)."""
     motion = _motion(outline, near, 1.0, 1.0, FORESIGHT_S)
-    return Way(*_way(*_arrays(outline, near), motion, 0.0, 0.0, angle_rad))
+    return Arc(*_check(*_arrays(outline, near), motion, 0.0, 0.0, angle_rad))
 
 
-def met_by_turn(outline: Footprint, near: Surroundings, angle_rad: float) -> int:
+def nearest_in_turn(outline: Footprint, near: Surroundings, angle_rad: float) -> int:
     """The point that a turn on the spot brings too near first; if there is none, the one that is nearest now."""
-    return int(_met(outline.hull, outline.pad_m, near.points_m, near.margin_m, angle_rad))
+    return int(_nearest_in_turn(outline.hull, outline.pad_m, near.points_m, near.margin_m, angle_rad))
 
 
 def _arrays(
@@ -133,11 +132,7 @@ def _arrays(
 
 
 def _motion(
-    outline: Footprint,
-    near: Surroundings,
-    max_speed_m_s: float,
-    deceleration_m_s2: float,
-    foresight_s: float,
+    outline: Footprint, near: Surroundings, max_speed_m_s: float, deceleration_m_s2: float, foresight_s: float
 ) -> _Motion:
     return _Motion(
         outline.pad_m,
@@ -151,7 +146,7 @@ def _motion(
 
 
 @kernel
-def _way(
+def _check(
     hull: Floats,
     points: Floats,
     velocity: Floats,
@@ -189,11 +184,11 @@ def _way(
             until_s = min(time_s, foresight_s) + STAYS_S
         times = soon_s, min(time_s, foresight_s), from_s, until_s
         nearest, standing = _nearest(hull, pad_m, points, velocity, walks, least, x, y, heading, times)
-        there_m = math.inf
+        map_m = math.inf
         if not on_the_spot:
             grid_x, grid_y = here[0] + cos_0 * x - sin_0 * y, here[1] + sin_0 * x + cos_0 * y
-            there_m = between_cells(fixed_m, cell_m, grid_x, grid_y)
-        if nearest == -math.inf or there_m < map_least_m:
+            map_m = between_cells(fixed_m, cell_m, grid_x, grid_y)
+        if nearest == -math.inf or map_m < map_least_m:
             free = abs(total) * (k - 1) / count
             break
         room_m = min(room_m, nearest)
@@ -236,7 +231,7 @@ def _least_allowed(hull: Floats, pad_m: float, points: Floats, margin: Floats) -
 
 
 @kernel
-def _met(hull: Floats, pad_m: float, points: Floats, margin: Floats, angle_rad: float) -> int:
+def _nearest_in_turn(hull: Floats, pad_m: float, points: Floats, margin: Floats, angle_rad: float) -> int:
     """The index of the first point that a turn on the spot brings too near, or of the one that is nearest now."""
     least = _least_allowed(hull, pad_m, points, margin)
     count = math.ceil(abs(angle_rad) / STEP_RAD)

@@ -13,8 +13,7 @@ import numpy as np
 from chefbotd.core.compiled import kernel
 from chefbotd.core.record import Record, replace
 from chefbotd.mapping.occupancy_grid import UNKNOWN, OccupancyGrid
-from chefbotd.navigation.distance import Singles, distances_m
-from chefbotd.navigation.grid_frame import Floats, GridFrame
+from chefbotd.navigation.grid import Floats, GridFrame, Singles, distances_m
 from chefbotd.navigation.outline import Footprint
 from chefbotd.navigation.search import BLOCKED
 from chefbotd.navigation.states import UnknownSpace
@@ -30,14 +29,14 @@ COMFORT_M: Final = 0.30
 """Room beside the outline from which on more room is worth nothing."""
 
 WALL_WEIGHT: Final = 4.0
-"""A cell just as wide as the robot costs so much more than a free one."""
+"""A cell with no room beside the robot costs so much more than a free one."""
 
 TIGHT_M: Final = 0.12
 TIGHT_WEIGHT: Final = 3.0
-"""With less room than ``tight_m`` beside the outline a way round is worth more than the gap."""
+"""With less room than ``TIGHT_M`` beside the outline a cell costs up to so much more: a detour is often cheaper."""
 
 UNMAPPED_MARGIN_M: Final = 0.04
-"""What is not on the map is planned round with so much room at least: more than what stops the robot there."""
+"""Paths keep at least so far from obstacles that are not on the map: farther than what stops the robot."""
 
 ROUNDING_CELLS: Final = 0.25
 """So much nearer than the inner radius is still free, since a wall is anywhere in its cell: without it a
@@ -125,10 +124,8 @@ def with_obstacles(ground: Costmap, points_m: Floats) -> Costmap:
 
 
 def _numbers(inflation: Inflation, blocked_below_m: float) -> Floats:
-    told = inflation
-    return np.array(
-        [blocked_below_m, told.inner_m, told.comfort_m, told.weight, told.tight_m, told.tight_weight]
-    )
+    its = inflation
+    return np.array([blocked_below_m, its.inner_m, its.comfort_m, its.weight, its.tight_m, its.tight_weight])
 
 
 @kernel
@@ -191,7 +188,7 @@ def between_cells(values: Singles, resolution_m: float, x_m: float, y_m: float) 
 @kernel
 def between_cells_at(values: Singles, resolution_m: float, points_m: Floats) -> Floats:
     """The same at each of the points (n, 2)."""
-    found = np.empty(points_m.shape[0])
+    result = np.empty(points_m.shape[0])
     for i in range(points_m.shape[0]):
-        found[i] = between_cells(values, resolution_m, points_m[i, 0], points_m[i, 1])
-    return found
+        result[i] = between_cells(values, resolution_m, points_m[i, 0], points_m[i, 1])
+    return result

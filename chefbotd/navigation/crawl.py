@@ -10,7 +10,7 @@ import math
 
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.core.record import Record, replace
-from chefbotd.navigation.parameters import NavigationParameters
+from chefbotd.navigation.interface import NavigationParameters
 
 CYCLE_S, WAIT_S = 1.05, 1.0
 """A cycle of the board, and for how long of it it waits for the echo; then what it read when it began is in force."""

@@ -1,8 +1,8 @@
-"""Plans how a standing robot lets a person pass who walks towards it.
+"""Plans how a standing robot evades a person who walks towards it.
 
-Staying where it is and some short arcs, forwards and backwards, are compared by how near he would come if he walked on
-as now, or as before he stopped for the robot. Who walks faster than the robot is not fled from: then only a place
-beside his way is better than standing.
+Staying and some short arcs, forwards and backwards, are compared by how near the person would come if he walked on as
+now, or as before he stopped for the robot. The robot does not flee from a person who is faster: then only a place beside
+his path is better than standing.
 """
 
 import math
@@ -13,12 +13,13 @@ from typing import Final
 import numpy as np
 
 from chefbotd.core.compiled import kernel
-from chefbotd.core.geometry import Twist2D
+from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.core.record import Record
-from chefbotd.navigation.arcs import KEEP_M, along_arc, way
-from chefbotd.navigation.distance import Flags
-from chefbotd.navigation.grid_frame import Floats
+from chefbotd.navigation.arcs import KEEP_M, along_arc, check_arc
+from chefbotd.navigation.grid import Flags, Floats
+from chefbotd.navigation.interface import NavigationParameters, StepInput
 from chefbotd.navigation.outline import Footprint, clearance_m
+from chefbotd.navigation.steering import slewed
 from chefbotd.navigation.surroundings import Surroundings, standing_only
 
 CURVATURES = (0.0, -1.5, 1.5, -4.0, 4.0)
@@ -26,16 +27,16 @@ LENGTHS_M = (0.2, 0.35, 0.5, 0.65)
 STEP_S = 0.1
 
 HERE_M, NOISE_M = 0.001, 0.01
-"""So short an arc shows the room that there is now; where that is less than it likes, only noise may take from it."""
+"""An arc so short shows the present room; where that is less than ``KEEP_M``, only noise may take from it."""
 
 
 GRAZED_M = 0.1
-"""A touch no deeper than this is made less deep where it cannot be avoided. Who walks right over the robot is not
-fled from."""
+"""A touch that cannot be avoided is made less deep if it is no deeper than this. The robot does not flee from a person
+who walks right over it."""
 
 
 ROOM_M: Final = 0.12
-"""Who is about to come nearer than this is evaded;"""
+"""The robot evades a person who will come nearer than this;"""
 
 ENOUGH_M: Final = 0.20
 """more room than this is worth nothing."""
@@ -44,31 +45,31 @@ GAIN_M: Final = 0.03
 """It moves only if that leaves so much more room than standing."""
 
 PRICE: Final = 0.04
-"""Each metre of moving has to be worth so many of room."""
+"""Each metre of moving must gain so many of room."""
 
 TOUCH_M: Final = 0.03
-"""Who would come nearer than this is evaded along a way that is nearer to what stands than the robot likes, too."""
+"""To evade a person who would come nearer than this, the robot may come nearer to standing obstacles than ``KEEP_M``:"""
 
 WALL_M: Final = 0.06
-"""Such a way keeps so far from what stands."""
+"""it keeps at least so far from them."""
 
 FORESIGHT_S: Final = 2.5
-"""Somebody is expected to walk on as now for so long."""
+"""A person is expected to walk on as now for so long."""
 
 PASSED_S: Final = 4.0
-"""Nobody may come to the place that the robot goes to within this time."""
+"""No person may come to the place that the robot goes to within this time."""
 
 SPEED_M_S: Final = 0.25
 BRAKING_M_S2: Final = 0.5
-"""So fast the robot is taken to begin and end its motions."""
+"""The robot is expected to accelerate and brake so fast."""
 
 MOST_M: Final = 0.8
-"""No farther than this from where it stood, before somebody who is faster: he would catch up with it anyhow."""
+"""From a person who is faster it goes no farther than this from where it stood: he would catch up with it anyhow."""
 
 MOST_IF_SLOWER_M: Final = 3.0
 
 
-def evasion(
+def evading_twist(
     outline: Footprint,
     near: Surroundings,
     last: Twist2D,
@@ -77,11 +78,10 @@ def evasion(
     is_stuck: bool,
     only_touch: bool = False,
 ) -> Twist2D | None:
-    """What to do now, ``away_m`` from where it stood.
+    """The twist that evades, ``away_m`` from where the robot stood; None: stay.
 
-    With ``only_touch`` nobody is evaded who would not touch the robot. Who stopped for it is made way for only if the
-    robot itself cannot go on (``is_stuck``).
-    None: stay, since nobody comes too near, or since no place that can be reached is better.
+    It stays if nobody comes too near, or if no place that it can reach is better. With ``only_touch`` it evades only a
+    person who would touch it. It evades a person who stopped for it only if it cannot go on itself (``is_stuck``).
     """
     coming = _coming(near, is_stuck=is_stuck)
     if coming is None or away_m > _most_m(coming):
@@ -91,13 +91,13 @@ def evasion(
     stay_m = search.least_m(0.0, 0.0, FORESIGHT_S)
     if stay_m >= (TOUCH_M if only_touch else ROOM_M):
         return None
-    here_m = way(outline, standing, 0.0, HERE_M, SPEED_M_S, 1.0).room_m
+    here_m = check_arc(outline, standing, 0.0, HERE_M, SPEED_M_S, 1.0).room_m
     clear = search.best(stay_m, min(KEEP_M, here_m - NOISE_M))
     return clear if clear is not None or stay_m >= TOUCH_M else search.best(stay_m, WALL_M)
 
 
 class _Coming(Record, frozen=True):
-    """Points of those who walk, in the robot's frame, how they walk, and who waits until the robot stands."""
+    """Points of walking people in the robot's frame, their velocities, and who waits until the robot stands."""
 
     points_m: Floats
     velocity_m_s: Floats
@@ -136,7 +136,7 @@ class _Search(Record, frozen=True):
 
 
 def _coming(near: Surroundings, *, is_stuck: bool) -> _Coming | None:
-    """Those to be made way for; None when there is nobody."""
+    """The people to be evaded; None when there is nobody."""
     intent = near.velocity_m_s if near.intent_m_s is None else near.intent_m_s
     walks: Flags = np.asarray(near.velocity_m_s.any(axis=1))
     moving: Flags = np.asarray(intent.any(axis=1)) if is_stuck else walks
@@ -146,27 +146,23 @@ def _coming(near: Surroundings, *, is_stuck: bool) -> _Coming | None:
 
 
 def _most_m(coming: _Coming) -> float:
-    """So far it goes away at most."""
+    """It goes so far at most."""
     fastest_m_s = math.sqrt(float((coming.velocity_m_s**2).sum(axis=1).max()))
     return MOST_M if fastest_m_s > SPEED_M_S else MOST_IF_SLOWER_M
 
 
-def _arcs(
-    outline: Footprint,
-    standing: Surroundings,
-    wall_m: float,
-) -> Iterator[tuple[float, float]]:
+def _arcs(outline: Footprint, standing: Surroundings, wall_m: float) -> Iterator[tuple[float, float]]:
     """Curvature and length (negative: backwards) of each arc that is free, and stays so far from what stands."""
     for direction, curvature in product((-1.0, 1.0), CURVATURES):
         for length_m in LENGTHS_M:
-            arc = way(outline, standing, curvature, direction * length_m, SPEED_M_S, 1.0)
+            arc = check_arc(outline, standing, curvature, direction * length_m, SPEED_M_S, 1.0)
             if arc.free < length_m - 1e-6 or arc.room_m < wall_m:
                 break
             yield curvature, direction * length_m
 
 
 def is_in_the_way(outline: Footprint, near: Surroundings, for_s: float) -> bool:
-    """Whether somebody who walks would come too near to a robot that stood here for so long."""
+    """Whether a walking person would come too near to a robot that stood here for so long."""
     walks = near.velocity_m_s.any(axis=1)
     points, velocity = near.points_m[walks], near.velocity_m_s[walks]
     numbers = np.array([outline.pad_m, 0.0, 0.0, SPEED_M_S, for_s, 0.0, BRAKING_M_S2])
@@ -178,25 +174,65 @@ def is_in_the_way(outline: Footprint, near: Surroundings, for_s: float) -> bool:
 def _least_m(hull: Floats, points: Floats, velocity: Floats, waits: Flags, numbers: Floats) -> float:
     """How near the points come while the robot goes along an arc (backwards with a negative length), and stands then.
 
-    It goes as it does at first, and changes that as fast as it can. Who waits goes on when the robot stands.
+    It begins with its present speed, and changes that as fast as it can. A person who waits goes on when it stands.
     """
     pad_m, curvature, length_m, speed, foresight_s, going, braking = numbers
-    least, there_s, s = math.inf, 0.0, 0.0
+    least, arrives_s, s = math.inf, 0.0, 0.0
     if length_m != 0.0 and waits.any():
-        there_s = speed / braking + abs(length_m) / speed
-    for k in range(int((foresight_s + there_s) / STEP_S) + 1):
+        arrives_s = speed / braking + abs(length_m) / speed
+    for k in range(int((foresight_s + arrives_s) / STEP_S) + 1):
         time_s = k * STEP_S
         if k > 0:
             left_m = length_m - s
-            wanted = math.copysign(min(speed, math.sqrt(2 * braking * abs(left_m))), left_m)
-            wanted = wanted if length_m != 0.0 and abs(left_m) > 0.005 else 0.0
-            going += min(max(wanted - going, -braking * STEP_S), braking * STEP_S)
+            target = math.copysign(min(speed, math.sqrt(2 * braking * abs(left_m))), left_m)
+            target = target if length_m != 0.0 and abs(left_m) > 0.005 else 0.0
+            going += min(max(target - going, -braking * STEP_S), braking * STEP_S)
             s += going * STEP_S
         x, y, heading = along_arc(s, curvature)
         cos, sin = math.cos(heading), math.sin(heading)
         for i in range(points.shape[0]):
-            walked_s = max(time_s - there_s, 0.0) if waits[i] else time_s
+            walked_s = max(time_s - arrives_s, 0.0) if waits[i] else time_s
             dx = points[i, 0] + velocity[i, 0] * walked_s - x
             dy = points[i, 1] + velocity[i, 1] * walked_s - y
             least = min(least, clearance_m(hull, pad_m, cos * dx + sin * dy, cos * dy - sin * dx))
     return least
+
+
+CALM_S = 3.0
+"""After so long without an evasion the next one is counted from its own start."""
+
+
+class Evasion(Record, frozen=True):
+    """Whether the robot evades now, when it last did, and from where (in the grid's frame)."""
+
+    is_active: bool = False
+    last_s: float = -math.inf
+    grid_from_start: Pose2D | None = None
+
+
+def evade(
+    params: NavigationParameters,
+    evasion: Evasion,
+    now: StepInput,
+    near: Surroundings,
+    twist: Twist2D | None,
+    *,
+    is_blocked: bool,
+) -> tuple[Evasion, Twist2D | None]:
+    """Evade who comes nearer while the robot stands, or brakes because it ``is_blocked``; else drive ``twist``.
+
+    None is standing.
+    """
+    here, start = near.grid_from_base, evasion.grid_from_start
+    goes = twist is not None and twist.linear_m_s > 0.0 and not is_blocked
+    if goes and not evasion.is_active:
+        return evasion, twist
+    moves = goes or (not evasion.is_active and now.last.linear_m_s > 0.01)
+    if start is None or now.now_s - evasion.last_s > CALM_S:
+        start = here
+    away_m = math.hypot(here.x_m - start.x_m, here.y_m - start.y_m)
+    is_stuck = evasion.is_active or twist is None or abs(twist.angular_rad_s) < 0.05
+    evading = evading_twist(params.outline, near, now.last, away_m, is_stuck=is_stuck, only_touch=moves)
+    if evading is None:
+        return Evasion(False, evasion.last_s, start), twist
+    return Evasion(True, now.now_s, start), slewed(params.follower, now.last, evading, now.dt_s)

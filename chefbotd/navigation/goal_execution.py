@@ -6,21 +6,29 @@ Poses are ``map_from_base``.
 import math
 
 from chefbotd.core.geometry import Pose2D, Twist2D
-from chefbotd.navigation.awareness import Awareness
-from chefbotd.navigation.driving import can_begin, follow_trip
-from chefbotd.navigation.input_watch import LOST_S, Missing, watched
-from chefbotd.navigation.making_way import MakingWay, make_way
-from chefbotd.navigation.parameters import NavigationParameters
+from chefbotd.navigation.driving import LOST_S, Missing, can_begin, checked_inputs, follow_trip
+from chefbotd.navigation.evade import Evasion, evade
+from chefbotd.navigation.interface import NavigationParameters, PoseStatus, StepInput
 from chefbotd.navigation.path import Goal, NoPath, Planner
-from chefbotd.navigation.progress_check import InTheWay, LastProgress, checked
-from chefbotd.navigation.recovery import AGAIN_S, CLOSED_S, SAID, Recovery, Rung, after, is_over, stuck
-from chefbotd.navigation.replanning import REPLAN_S, Choice, Waiting, choice, is_due, waiting
-from chefbotd.navigation.reports import PoseStatus, StepInput
+from chefbotd.navigation.recovery import (
+    AGAIN_S,
+    CLOSED_S,
+    SENTENCES,
+    Action,
+    InTheWay,
+    LastProgress,
+    Recovery,
+    after,
+    back_out,
+    checked_progress,
+    is_over,
+    stuck,
+)
 from chefbotd.navigation.states import End, Event, State, next_state
 from chefbotd.navigation.steering import Followed, Phase
 from chefbotd.navigation.surroundings import Surroundings
-from chefbotd.navigation.trail import back_out
-from chefbotd.navigation.trips import Trip, find
+from chefbotd.navigation.trips import REPLAN_S, Choice, Trip, Waiting, choice, find, is_due, waiting
+from chefbotd.navigation.world_model import WorldModel
 
 
 class GoalExecution:
@@ -38,7 +46,7 @@ class GoalExecution:
         self._missing = Missing()
         self._unsure_since_s: float | None = None
         self._last_progress = LastProgress(-math.inf, Pose2D())
-        self._making_way = MakingWay()
+        self._evasion = Evasion()
         self._is_blocked = False
         self._waiting: Waiting | None = None
         self._recovery: Recovery | None = None
@@ -61,79 +69,78 @@ class GoalExecution:
         self.ended = (end, reason)
 
     def forget_path(self) -> None:
-        """Plan anew, since there is another map."""
+        """Plan again, since there is another map."""
         self.trip, self._recovery = None, None
         if self.state in (State.DRIVING, State.RECOVERING):
             self.state = State.PLANNING
 
-    def prepare(self, known: Awareness, now: StepInput) -> bool:
+    def prepare(self, world: WorldModel, now: StepInput) -> bool:
         """Whether the robot can drive in this step: pose and scans are there, and it is not planned first."""
-        if not self._has_input(known, now):
+        if not self._has_input(world, now):
             return False
         if self.state is State.PLANNING:
-            self._plan(known, now)
+            self._plan(world, now)
             return False
         return True
 
-    def drive(self, known: Awareness, now: StepInput, near: Surroundings) -> Twist2D | None:
+    def drive(self, world: WorldModel, now: StepInput, near: Surroundings) -> Twist2D | None:
         """The twist to drive, or to recover, with; None is standing."""
         self._is_blocked = False
         if self.state is State.RECOVERING and self._recovery is not None:
-            return self._recover(known, self._recovery, now, near)
-        return self._drive(known, now, near)
+            return self._recover(world, self._recovery, now, near)
+        return self._drive(world, now, near)
 
-    def make_way(self, now: StepInput, near: Surroundings, wanted: Twist2D | None) -> Twist2D | None:
-        """What is wanted, or, while the robot stands, a way out of somebody's way."""
-        self._making_way, twist = make_way(
-            self._params, self._making_way, now, near, wanted, is_blocked=self._is_blocked
-        )
+    def evade(self, now: StepInput, near: Surroundings, twist: Twist2D | None) -> Twist2D | None:
+        """The same twist or, while the robot stands, one that evades a person."""
+        blocked = self._is_blocked
+        self._evasion, twist = evade(self._params, self._evasion, now, near, twist, is_blocked=blocked)
         return twist
 
     def _change(self, event: Event) -> None:
         self.state = next_state(self.state, event)
 
-    def _has_input(self, known: Awareness, now: StepInput) -> bool:
+    def _has_input(self, world: WorldModel, now: StepInput) -> bool:
         """Whether pose and scans are there to plan and drive by."""
-        found = watched(self._params, self._missing, now, known.scan_stamp_s)
-        self._missing = found.missing
-        if found.stands:
-            self.reason = found.stands
-        elif found.is_over and self.state is State.DRIVING:
+        inputs = checked_inputs(self._params, self._missing, now, world.scan_stamp_s)
+        self._missing = inputs.missing
+        if inputs.stands:
+            self.reason = inputs.stands
+        elif inputs.is_over and self.state is State.DRIVING:
             self.reason = self._drives()
-        if found.end is not None:
-            self.end(found.end, found.reason)
-        return not found.stands
+        if inputs.end is not None:
+            self.end(inputs.end, inputs.reason)
+        return not inputs.stands
 
     # Planning
 
-    def _find(self, known: Awareness, now: StepInput, *, with_closed: bool = True) -> Trip | NoPath:
+    def _find(self, world: WorldModel, now: StepInput, *, with_closed: bool = True) -> Trip | NoPath:
         self._planned_s = now.now_s
-        here = known.frame.pose_to_grid(now.pose)
-        costs = known.costs_to_plan(now.now_s, here, with_closed=with_closed)
+        here = world.frame.pose_to_grid(now.pose)
+        costs = world.costs_to_plan(now.now_s, here, with_closed=with_closed)
         params = self._params
-        return find(self._planner, params.outline, costs, known.ground, now.pose, self._goal)
+        return find(self._planner, params.outline, costs, world.ground, now.pose, self._goal)
 
-    def _plan(self, known: Awareness, now: StepInput) -> None:
+    def _plan(self, world: WorldModel, now: StepInput) -> None:
         if self._unsure_since_s is not None and now.now_s - self._planned_s < REPLAN_S:
             return
-        found = self._find(known, now)
-        if isinstance(found, Trip):
-            self._set_out(found, now)
-        elif found.only_for_now:
-            self._become_stuck(known, now, found.reason)
+        trip = self._find(world, now)
+        if isinstance(trip, Trip):
+            self._set_out(trip, now)
+        elif trip.only_for_now:
+            self._become_stuck(world, now, trip.reason)
         elif now.status is PoseStatus.UNCERTAIN:
-            self._doubt(found, now)
+            self._doubt(trip, now)
         else:
-            self.end(End.UNREACHABLE, f"unreachable: {found.reason}")
+            self.end(End.UNREACHABLE, f"unreachable: {trip.reason}")
 
-    def _doubt(self, found: NoPath, now: StepInput) -> None:
-        """From where the robot may not be at all there is no way: look again when the pose is sure."""
+    def _doubt(self, no_path: NoPath, now: StepInput) -> None:
+        """There is no path from a pose that may be wrong: plan again when the pose is sure."""
         if self._unsure_since_s is None:
             self._unsure_since_s = now.now_s
-        self.reason = f"waits, because it is not sure of its pose: {found.reason}"
+        self.reason = f"waits, because it is not sure of its pose: {no_path.reason}"
         if now.now_s - self._unsure_since_s >= LOST_S:
-            told = f"for {LOST_S:.0f} s the pose of the robot was uncertain"
-            self.end(End.LOST, f"lost: {told}: {found.reason}")
+            why = f"for {LOST_S:.0f} s the pose of the robot was uncertain"
+            self.end(End.LOST, f"lost: {why}: {no_path.reason}")
 
     def _set_out(self, trip: Trip, now: StepInput) -> None:
         self._change(Event.PATH_FOUND)
@@ -144,134 +151,134 @@ class GoalExecution:
     def _drives(self) -> str:
         return f"drives to ({self._goal.x_m:.2f}, {self._goal.y_m:.2f})"
 
-    def _replan(self, known: Awareness, trip: Trip, now: StepInput, near: Surroundings) -> None:
+    def _replan(self, world: WorldModel, trip: Trip, now: StepInput, near: Surroundings) -> None:
         """Take a better path, or one round what blocks the present one."""
         if not is_due(self._params, trip, self._planned_s, now.now_s):
             return
-        found = self._find(known, now)
-        chosen = choice(self._params, known.planned_costs, trip, found, now, near)
-        if isinstance(found, Trip) and chosen is Choice.TAKE_NEW:
+        other = self._find(world, now)
+        chosen = choice(self._params, world.planned_costs, trip, other, now, near)
+        if isinstance(other, Trip) and chosen is Choice.TAKE_NEW:
             since_s = now.now_s if self._waiting is None else self._waiting.since_s
-            self._wait(waiting(self._params, known, trip, found, since_s, now.now_s), now)
+            self._wait(waiting(self._params, world, trip, other, since_s, now.now_s), now)
             if self._waiting is None:
-                self._set_out(found, now)
+                self._set_out(other, now)
             return
         self._wait(None, now)
-        if isinstance(found, NoPath) and chosen is Choice.STUCK:
-            self._become_stuck(known, now, found.reason)
+        if isinstance(other, NoPath) and chosen is Choice.STUCK:
+            self._become_stuck(world, now, other.reason)
 
-    def _wait(self, told: Waiting | None, now: StepInput) -> None:
-        """Wait for somebody on the path, or no longer: waiting is no lack of progress."""
-        if told is not None:
-            self.reason = told.reason
+    def _wait(self, wait: Waiting | None, now: StepInput) -> None:
+        """Wait for a person on the path, or no longer: waiting is no lack of progress."""
+        if wait is not None:
+            self.reason = wait.reason
         elif self._waiting is not None:
             self.reason = self._drives()
-        if told is not None or self._waiting is not None:
+        if wait is not None or self._waiting is not None:
             self._last_progress = LastProgress(now.now_s, now.pose)
-        self._waiting = told
+        self._waiting = wait
 
     # Driving
 
-    def _drive(self, known: Awareness, now: StepInput, near: Surroundings) -> Twist2D | None:
+    def _drive(self, world: WorldModel, now: StepInput, near: Surroundings) -> Twist2D | None:
         if self.trip is not None:
-            self._replan(known, self.trip, now, near)
+            self._replan(world, self.trip, now, near)
         trip = self.trip
         if self.state is not State.DRIVING or trip is None:
             return None
-        done = follow_trip(self._params, known, trip, now, near)
+        done = follow_trip(self._params, world, trip, now, near)
         self._is_blocked = done.is_blocked
         if done.state.phase is Phase.DONE and self._has_to_rest:
             return None
         self.trip = trip = Trip(trip.path, done.state, trip.is_interim)
         if done.state.phase is Phase.DONE:
-            self._arrive(known, trip, now)
+            self._arrive(world, trip, now)
             return None
-        known.remember_drive(near.grid_from_base, done.twist)
-        self._judge(known, done, now, near)
+        world.remember_drive(near.grid_from_base, done.twist)
+        self._judge(world, done, now, near)
         return done.twist if self.state is State.DRIVING else None
 
-    def _arrive(self, known: Awareness, trip: Trip, now: StepInput) -> None:
+    def _arrive(self, world: WorldModel, trip: Trip, now: StepInput) -> None:
         if trip.is_interim:
-            taken = f"something stands at the goal ({self._goal.x_m:.2f}, {self._goal.y_m:.2f})"
-            self._become_stuck(known, now, taken)
+            why = f"something stands at the goal ({self._goal.x_m:.2f}, {self._goal.y_m:.2f})"
+            self._become_stuck(world, now, why)
             return
-        told = f"reached ({now.pose.x_m:.2f}, {now.pose.y_m:.2f})"
+        where = f"reached ({now.pose.x_m:.2f}, {now.pose.y_m:.2f})"
         if trip.path.is_substitute:
-            told += ", the nearest free place within the tolerance"
-        self.end(End.REACHED, told)
+            where += ", the nearest free place within the tolerance"
+        self.end(End.REACHED, where)
 
-    def _judge(self, known: Awareness, done: Followed, now: StepInput, near: Surroundings) -> None:
+    def _judge(self, world: WorldModel, done: Followed, now: StepInput, near: Surroundings) -> None:
         """Whether it has been blocked, or has not come on, for too long."""
         in_the_way = None
         if done.is_blocked:
-            where = known.nearest_ahead(near, done.turns_rad)
-            in_the_way = InTheWay(where, known.meets_walker(near.grid_from_base))
-        found = checked(self._params, self._last_progress, now, in_the_way)
-        self._last_progress = found.progress
+            where = world.nearest_ahead(near, done.turns_rad)
+            in_the_way = InTheWay(where, world.meets_walker(near.grid_from_base))
+        check = checked_progress(self._params, self._last_progress, now, in_the_way)
+        self._last_progress = check.progress
         if self._waiting is not None:
             return
-        if found.waits or found.drives_again:
-            self.reason = found.waits or self._drives()
-        if found.stuck:
-            beside = "" if done.is_blocked else known.beside(near)
-            self._become_stuck(known, now, found.stuck + beside)
+        if check.waits or check.drives_again:
+            self.reason = check.waits or self._drives()
+        if check.stuck:
+            beside = "" if done.is_blocked else world.beside(near)
+            self._become_stuck(world, now, check.stuck + beside)
 
     # Recovering
 
-    def _become_stuck(self, known: Awareness, now: StepInput, why: str) -> None:
+    def _become_stuck(self, world: WorldModel, now: StepInput, why: str) -> None:
         self._why_stuck = why
         left_m = math.hypot(self._goal.x_m - now.pose.x_m, self._goal.y_m - now.pose.y_m)
         if self.trip is not None:
             left_m = self.trip.left.length_m
-        found = stuck(self._recovery, now.now_s, left_m)
-        if found is None:
+        recovery = stuck(self._recovery, now.now_s, left_m)
+        if recovery is None:
             self._give_up(now)
         else:
             self._change(Event.STUCK)
-            self._try(known, found, now)
+            self._try(world, recovery, now)
 
     def _give_up(self, now: StepInput) -> None:
         began_s = now.now_s if self._recovery is None else self._recovery.began_s
         self.end(End.BLOCKED, f"blocked for {now.now_s - began_s:.0f} s: {self._why_stuck}")
 
-    def _try(self, known: Awareness, recovery: Recovery, now: StepInput) -> None:
+    def _try(self, world: WorldModel, recovery: Recovery, now: StepInput) -> None:
         self._recovery, self._backed_from = recovery, now.pose
-        self.reason = f"{self._why_stuck}: {SAID[recovery.rung]}"
-        if recovery.rung is Rung.OTHER_WAY and self.trip is not None:
+        self.reason = f"{self._why_stuck}: {SENTENCES[recovery.action]}"
+        if recovery.action is Action.OTHER_WAY and self.trip is not None:
             ahead = self.trip.left.points_m
-            until_s = recovery.rung_began_s + CLOSED_S
-            known.close(ahead[min(len(ahead) - 1, 8)], until_s)
+            until_s = recovery.action_began_s + CLOSED_S
+            world.close(ahead[min(len(ahead) - 1, 8)], until_s)
 
     def _recover(
-        self, known: Awareness, recovery: Recovery, now: StepInput, near: Surroundings
+        self, world: WorldModel, recovery: Recovery, now: StepInput, near: Surroundings
     ) -> Twist2D | None:
-        waits = recovery.rung in (Rung.WAIT, Rung.ASK)
+        waits = recovery.action in (Action.WAIT, Action.ASK)
         is_done = is_over(recovery, now.now_s, self._params.slower)
-        if recovery.rung is Rung.BACK_OUT and not is_done:
-            backing = back_out(self._params, known.trail, self._backed_from, now, near)
+        if recovery.action is Action.BACK_OUT and not is_done:
+            backing = back_out(self._params, world.trail, self._backed_from, now, near)
             if backing is not None:
                 return backing
             is_done = True
         is_time = is_done if not waits else now.now_s - self._planned_s >= AGAIN_S
-        if is_time and self._try_again(known, now, near, with_closed=not waits):
+        if is_time and self._try_again(world, now, near, with_closed=not waits):
             return None
         if is_done:
             following = after(recovery, now.now_s)
             if following is None:
                 self._give_up(now)
             else:
-                self._try(known, following, now)
+                self._try(world, following, now)
         return None
 
-    def _try_again(self, known: Awareness, now: StepInput, near: Surroundings, *, with_closed: bool) -> bool:
+    def _try_again(self, world: WorldModel, now: StepInput, near: Surroundings, *, with_closed: bool) -> bool:
         """Whether there is an end to recovering: a path that can be begun with, or none at all."""
-        found = self._find(known, now, with_closed=with_closed)
-        if isinstance(found, NoPath):
-            if found.only_for_now or now.status is PoseStatus.UNCERTAIN:
+        trip = self._find(world, now, with_closed=with_closed)
+        if isinstance(trip, NoPath):
+            if trip.only_for_now or now.status is PoseStatus.UNCERTAIN:
                 return False
-            self.end(End.UNREACHABLE, f"unreachable: {found.reason}")
+            self.end(End.UNREACHABLE, f"unreachable: {trip.reason}")
             return True
-        if not with_closed and not can_begin(self._params, known, found, now, near):
+        if not with_closed and not can_begin(self._params, world, trip, now, near):
             return False
-        self._set_out(found, now)
+        self._set_out(trip, now)
         return True

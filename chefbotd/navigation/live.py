@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 from chefbotd.core.compiled import kernel
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import Record
-from chefbotd.navigation.distance import Flags, Singles
-from chefbotd.navigation.grid_frame import Floats, GridFrame
+from chefbotd.navigation.grid import Flags, Floats, GridFrame, Singles
 from chefbotd.navigation.movers import WALKER_S
 
 Counts = NDArray[np.uint8]
@@ -202,38 +201,35 @@ def _hear(
 
 
 def obstacles_seen(
-    live: LiveObstacles,
-    fixed_m: Singles,
-    now_s: float,
-    walked_s: Floats | None = None,
+    live: LiveObstacles, fixed_m: Singles, now_s: float, walked_s: Floats | None = None
 ) -> Floats:
-    """Where something is now that the map does not explain: points (n, 2) in the grid's frame, one for each cell.
+    """Obstacles that the map does not explain: points (n, 2) in the grid's frame, one for each cell.
 
-    ``walked_s`` is when somebody walked over each cell: what the lidar saw last there was he, and he is left out. What
-    it has seen there for longer than anybody stands is a chair that he stands at.
+    ``walked_s`` is when a person last walked over each cell. If the lidar saw nothing there since, that was the person,
+    and is excluded. What it has seen there for longer than a person stands is a chair beside him.
     """
-    there = is_there(live, now_s) & (fixed_m > EXPLAINED_M)
+    occupied = is_occupied(live, now_s) & (fixed_m > EXPLAINED_M)
     if walked_s is not None:
         stood = live.scan_s - live.since_s > WALKER_S
-        there &= (live.scan_s > walked_s) | (live.range_s > now_s - RANGE_KEPT_S) | stood
-    return live.at_m[there]
+        occupied &= (live.scan_s > walked_s) | (live.range_s > now_s - RANGE_KEPT_S) | stood
+    return live.at_m[occupied]
 
 
-def is_there(live: LiveObstacles, now_s: float) -> Flags:
+def is_occupied(live: LiveObstacles, now_s: float) -> Flags:
     """Which cells are occupied as far as is remembered."""
-    found: Flags = np.empty(live.scan_s.shape, np.bool_)
+    occupied: Flags = np.empty(live.scan_s.shape, np.bool_)
     kept = np.array([KEPT_SHARE, BRIEF_KEPT_S, SCAN_KEPT_S, RANGE_KEPT_S])
-    _is_there(live.scan_s, live.since_s, live.range_s, kept, now_s, found)
-    return found
+    _is_occupied(live.scan_s, live.since_s, live.range_s, kept, now_s, occupied)
+    return occupied
 
 
 @kernel
-def _is_there(
-    scan_s: Floats, since_s: Floats, range_s: Floats, kept: Floats, now_s: float, found: Flags
+def _is_occupied(
+    scan_s: Floats, since_s: Floats, range_s: Floats, kept: Floats, now_s: float, occupied: Flags
 ) -> None:
     share, brief_s, longest_s, heard_s = kept[0], kept[1], kept[2], kept[3]
-    for row in range(found.shape[0]):
-        for column in range(found.shape[1]):
+    for row in range(occupied.shape[0]):
+        for column in range(occupied.shape[1]):
             seen_s = scan_s[row, column]
             kept_s = min(max(share * (seen_s - since_s[row, column]), brief_s), longest_s)
-            found[row, column] = now_s - seen_s < kept_s or range_s[row, column] > now_s - heard_s
+            occupied[row, column] = now_s - seen_s < kept_s or range_s[row, column] > now_s - heard_s

@@ -7,59 +7,77 @@ the rate of the control.
 import math
 from collections.abc import Collection
 
-import numpy as np
-
-from chefbotd.core.geometry import STANDING, Pose2D, Twist2D, wrap_angle
+from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
+from chefbotd.core.record import Record, replace
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
-from chefbotd.navigation.arcs import CREEP_M_S, FULL_SPEED_ROOM_M
-from chefbotd.navigation.awareness import Awareness
 from chefbotd.navigation.costmap import Costmap
 from chefbotd.navigation.crawl import CYCLE_S, Crawl, slowed, watched
-from chefbotd.navigation.driving import surroundings
+from chefbotd.navigation.driving import POSE_SILENT_S, surroundings
 from chefbotd.navigation.goal_execution import GoalExecution
-from chefbotd.navigation.goal_queue import GoalQueue, added, first_ended, kept
-from chefbotd.navigation.input_watch import POSE_SILENT_S
-from chefbotd.navigation.parameters import NavigationParameters
+from chefbotd.navigation.interface import (
+    Ended,
+    NavigationParameters,
+    PoseStatus,
+    Progress,
+    Seen,
+    Step,
+    StepInput,
+)
 from chefbotd.navigation.path import Goal, NoPath, Path, Planner
 from chefbotd.navigation.planner import plan
-from chefbotd.navigation.reports import Ended, PoseStatus, Progress, Seen, Step, StepInput
 from chefbotd.navigation.states import End, Event, State, next_state
-from chefbotd.navigation.steering import FollowerLimits, slewed
-from chefbotd.navigation.trips import Trip
+from chefbotd.navigation.steering import slewed
+from chefbotd.navigation.trips import Trip, duration_s
+from chefbotd.navigation.world_model import WorldModel
 from chefbotd.navigation.zones import NO_ZONES, Zones
-
-
-def seconds(params: FollowerLimits, path: Path, grid_from_base: Pose2D, costs: Costmap | None) -> float:
-    """From where the robot is, in the grid's frame, to standing at the end with the goal's heading."""
-    if len(path.points_m) < 2:
-        return 0.0
-    lengths = np.hypot(*np.diff(path.points_m, axis=0).T)
-    speed = np.full(len(lengths), params.max_speed_m_s)
-    if costs is not None:
-        columns, rows = np.floor(path.points_m[1:] / path.frame.resolution_m).astype(np.int64).T
-        room = np.maximum(costs.distance_m[rows, columns] - costs.inflation.inner_m, 0.0)
-        share = np.minimum(room / FULL_SPEED_ROOM_M, 1.0)
-        creep = CREEP_M_S
-        speed = np.minimum(creep + (speed - creep) * share, costs.speed_limit_m_s[rows, columns])
-    first = float(path.heading_rad[min(4, len(path.heading_rad) - 1)])
-    turned = abs(wrap_angle(first - grid_from_base.heading_rad))
-    if path.goal.heading_rad is not None:
-        end = path.frame.pose_to_grid(Pose2D(path.goal.x_m, path.goal.y_m, path.goal.heading_rad))
-        turned += abs(wrap_angle(end.heading_rad - float(path.heading_rad[-1])))
-    started = params.max_speed_m_s / (2 * params.acceleration_m_s2) * 2
-    return float((lengths / speed).sum()) + turned / params.max_turn_rad_s + math.copysign(started, 1.0)
 
 
 class NoMapError(RuntimeError):
     """There is no map to navigate on."""
 
 
+class GoalQueue(Record, frozen=True):
+    """Goals with their numbers, the present one first, and how many were ever accepted."""
+
+    goals: tuple[tuple[int, Goal], ...] = ()
+    count: int = 0
+
+    @property
+    def number(self) -> int | None:
+        """The present goal's."""
+        return self.goals[0][0] if self.goals else None
+
+
+def added(queue: GoalQueue, goals: tuple[Goal, ...]) -> tuple[GoalQueue, tuple[int, ...]]:
+    """The queue with goals behind those that are there, and their numbers."""
+    numbers = tuple(range(queue.count + 1, queue.count + len(goals) + 1))
+    behind = tuple(zip(numbers, goals, strict=True))
+    return GoalQueue((*queue.goals, *behind), queue.count + len(goals)), numbers
+
+
+def kept(queue: GoalQueue, numbers: Collection[int], reason: str) -> tuple[GoalQueue, tuple[Ended, ...]]:
+    """The queue with no goals but these, and the ends of the others, which are cancelled."""
+    ended = tuple(Ended(number, End.CANCELLED, reason) for number, _ in queue.goals if number not in numbers)
+    left = tuple((number, goal) for number, goal in queue.goals if number in numbers)
+    return replace(queue, goals=left), ended
+
+
+def first_ended(queue: GoalQueue, end: End, reason: str) -> tuple[GoalQueue, tuple[Ended, ...]]:
+    """The queue without its first goal; what was to follow one that was not reached makes no sense any more."""
+    (number, _), *following = queue.goals
+    first, left = Ended(number, end, reason), replace(queue, goals=tuple(following))
+    if end is End.REACHED:
+        return left, (first,)
+    left, others = kept(left, (), f"cancelled: goal {number} before it ended {end}")
+    return left, (first, *others)
+
+
 class Navigator:
-    """Holds what is known, the goals, and the execution of the first of them; ``planner`` finds its paths."""
+    """Holds the world model (None without a map), the goals, and the execution of the first; ``planner`` finds paths."""
 
     def __init__(self, params: NavigationParameters, planner: Planner = plan) -> None:
         self._params, self._planner = params, planner
-        self._known: Awareness | None = None
+        self.world: WorldModel | None = None
         self._execution: GoalExecution | None = None
         self._queue = GoalQueue()
         self._ended: tuple[Ended, ...] = ()
@@ -92,39 +110,34 @@ class Navigator:
         return None if self._trip is None else self._trip.path
 
     @property
-    def known(self) -> Awareness | None:
-        """What is known of the surroundings; None without a map."""
-        return self._known
-
-    @property
     def costs(self) -> Costmap | None:
         """The costs that the last plan was made with."""
-        return None if self._known is None else self._known.planned_costs
+        return None if self.world is None else self.world.planned_costs
 
-    # What it is told
+    # Inputs
 
     def use_map(self, grid: OccupancyGrid, zones: Zones = NO_ZONES) -> None:
-        """Navigate on this map from now on; what was seen before is forgotten, and a path planned anew."""
-        self._known = Awareness(self._params, grid, zones)
+        """Navigate on this map from now on; what was seen before is forgotten, and a path is planned again."""
+        self.world = WorldModel(self._params, grid, zones)
         if self._execution is not None:
             self._execution.forget_path()
 
     def take_scan(self, seen: Seen) -> None:
         """A scan; without a map nothing is remembered of it."""
-        if self._known is not None:
-            self._known.take_scan(seen)
+        if self.world is not None:
+            self.world.take_scan(seen)
 
     def take_low_scan(self, seen: Seen) -> None:
         """What a depth camera sees; without a map nothing is remembered of it."""
-        if self._known is not None:
-            self._known.take_low_scan(seen)
+        if self.world is not None:
+            self.world.take_low_scan(seen)
 
     def take_range(
         self, stamp_s: float, map_from_base: Pose2D, base_from_sensor: Pose2D, range_m: float, view_rad: float
     ) -> None:
         """An echo of an ultrasonic or infrared sensor with a field of view."""
-        if self._known is not None:
-            self._known.take_range(stamp_s, map_from_base, base_from_sensor, range_m, view_rad)
+        if self.world is not None:
+            self.world.take_range(stamp_s, map_from_base, base_from_sensor, range_m, view_rad)
 
     def navigate_to(self, goals: tuple[Goal, ...], *, queue: bool = False) -> tuple[int, ...]:
         """Accept goals, to be reached one after the other; those before are cancelled unless ``queue``. Their numbers.
@@ -132,7 +145,7 @@ class Navigator:
         Raises:
             NoMapError: no map was given.
         """
-        if self._known is None:
+        if self.world is None:
             raise NoMapError("there is no map to navigate on: load or make one first")
         if not queue:
             self.cancel("a new goal replaced it")
@@ -147,12 +160,12 @@ class Navigator:
 
     def keep(self, numbers: Collection[int], reason: str = "as asked") -> None:
         """Cancel all goals but these."""
-        told, before = f"cancelled: {reason}", self._queue.number
-        self._queue, ended = kept(self._queue, numbers, told)
+        sentence, before = f"cancelled: {reason}", self._queue.number
+        self._queue, ended = kept(self._queue, numbers, sentence)
         self._ended += ended
         if self._execution is not None and self._queue.number != before:
-            self._execution.end(End.CANCELLED, told)
-            self._become_idle(told)
+            self._execution.end(End.CANCELLED, sentence)
+            self._become_idle(sentence)
             self._execute_next()
 
     def fail(self, reason: str) -> None:
@@ -171,7 +184,7 @@ class Navigator:
         if self._execution is not None and self.state is State.PAUSED:
             self._execute(next_state(State.PAUSED, Event.RESUMED), self._execution.reason)
 
-    # What it is asked
+    # Outputs
 
     def plan_to(self, start: Pose2D, goal: Goal, now_s: float) -> Path | NoPath:
         """What would be driven, with what is known now.
@@ -179,22 +192,18 @@ class Navigator:
         Raises:
             NoMapError: no map was given.
         """
-        if self._known is None:
+        if self.world is None:
             raise NoMapError("there is no map to plan on: load or make one first")
-        here = self._known.frame.pose_to_grid(start)
-        costs = self._known.costs(now_s, here, with_closed=False)
+        here = self.world.frame.pose_to_grid(start)
+        costs = self.world.costs(now_s, here, with_closed=False)
         return self._planner(self._params.outline, costs, start, goal)
 
     def time_s(self, path: Path, start: Pose2D) -> float:
         """How long a path will take, if nothing gets in the way."""
-        return seconds(self._params.follower, path, path.frame.pose_to_grid(start), self.costs)
+        return duration_s(self._params.follower, path, path.frame.pose_to_grid(start), self.costs)
 
     def step(
-        self,
-        now_s: float,
-        pose: Pose2D,
-        status: PoseStatus = PoseStatus.LOCALIZED,
-        pose_age_s: float = 0.0,
+        self, now_s: float, pose: Pose2D, status: PoseStatus = PoseStatus.LOCALIZED, pose_age_s: float = 0.0
     ) -> Step:
         """What to do now; ``pose`` is where the robot is, ``now_s`` is not before that of the last step.
 
@@ -211,11 +220,11 @@ class Navigator:
             self._crawl = self._crawl.then(read_s, STANDING)
         twist = None
         execution = self._execution
-        if self._known is not None and execution is not None and execution.state is not State.PAUSED:
+        if self.world is not None and execution is not None and execution.state is not State.PAUSED:
             standing = slewed(self._params.follower, self._last, STANDING, dt_s)
             now = StepInput(now_s, dt_s, pose, status, self._last, pose_age_s)
-            wanted = self._act(self._known, execution, now)
-            twist = standing if wanted is None else wanted
+            chosen = self._act(self.world, execution, now)
+            twist = standing if chosen is None else chosen
         self._last = STANDING if twist is None else twist
         ended, self._ended = self._ended, ()
         return Step(None if self._execution is None else twist, self._progress(pose), ended)
@@ -223,10 +232,10 @@ class Navigator:
     def _crawled(self, now_s: float, read_s: float, pose: Pose2D, status: PoseStatus) -> Step:
         """What was asked for goes on until there is another reading; then it is decided what is asked for next."""
         crawl, execution = self._crawl, self._execution
-        if self._known is not None and execution is not None and crawl.is_due(read_s, now_s):
+        if self.world is not None and execution is not None and crawl.is_due(read_s, now_s):
             last = crawl.asked[0]
             now = StepInput(now_s, CYCLE_S, crawl.predicted(pose), status, last)
-            twist = self._act(self._known, execution, now)
+            twist = self._act(self.world, execution, now)
             self._last = STANDING if twist is None else twist
             self._crawl = crawl.then(read_s, self._last)
         ended, self._ended = self._ended, ()
@@ -242,21 +251,21 @@ class Navigator:
 
     # From goal to goal
 
-    def _act(self, known: Awareness, execution: GoalExecution, now: StepInput) -> Twist2D | None:
+    def _act(self, world: WorldModel, execution: GoalExecution, now: StepInput) -> Twist2D | None:
         """The twist for the present goal; None is standing."""
         crawls = self._crawl.is_on
         execution.use(
             self._slow_params if crawls else self._params, has_to_rest=crawls and not self._crawl.rests
         )
-        if not execution.prepare(known, now):
+        if not execution.prepare(world, now):
             self._settle(execution)
             return None
-        near = surroundings(self._slow_params if crawls else self._params, known, now)
-        wanted = execution.drive(known, now, near)
+        near = surroundings(self._slow_params if crawls else self._params, world, now)
+        twist = execution.drive(world, now, near)
         self._settle(execution)
-        if self._execution is None or crawls:  # who obeys so late makes way for nobody
-            return None if self._execution is None else wanted
-        return self._execution.make_way(now, near, wanted)
+        if self._execution is None or crawls:  # a board that obeys so late evades nobody
+            return None if self._execution is None else twist
+        return self._execution.evade(now, near, twist)
 
     def _settle(self, execution: GoalExecution) -> None:
         """Go on with the next goal if this one has ended."""
@@ -283,5 +292,5 @@ class Navigator:
 
     def _open_all(self) -> None:
         """What was taken for closed on the way to one goal may be open on the way to another."""
-        if self._known is not None:
-            self._known.open_all()
+        if self.world is not None:
+            self.world.open_all()

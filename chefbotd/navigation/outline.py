@@ -8,7 +8,7 @@ import numpy as np
 from msgspec import Struct
 
 from chefbotd.core.compiled import kernel
-from chefbotd.navigation.grid_frame import Floats
+from chefbotd.navigation.grid import Floats
 
 Corner: TypeAlias = tuple[float, float]
 

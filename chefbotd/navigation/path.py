@@ -7,7 +7,7 @@ import numpy as np
 from chefbotd.core.geometry import Pose2D, wrap_angle
 from chefbotd.core.record import Record
 from chefbotd.navigation.costmap import Costmap
-from chefbotd.navigation.grid_frame import Floats, GridFrame
+from chefbotd.navigation.grid import Floats, GridFrame
 from chefbotd.navigation.outline import Footprint
 
 SPACING_M: Final = 0.05

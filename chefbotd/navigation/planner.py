@@ -9,18 +9,17 @@ from scipy import ndimage
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import replace
 from chefbotd.navigation.costmap import Costmap
-from chefbotd.navigation.distance import Flags, Singles
-from chefbotd.navigation.grid_frame import Floats, GridFrame
+from chefbotd.navigation.grid import Flags, Floats, GridFrame, Singles
 from chefbotd.navigation.outline import Footprint, clearance_m
 from chefbotd.navigation.path import ESCAPE_M, SPACING_M, Goal, NoPath, Path
 from chefbotd.navigation.search import BLOCKED, search
 from chefbotd.navigation.smooth import first_touch, headings, resampled, rounded, straightened, touches
 
 WIDE_M: Final = 0.18
-"""Beside the outline: where there is less room, smoothing keeps to the middle."""
+"""With less room than this beside the outline, smoothing keeps to the middle."""
 
 ATTEMPTS: Final = 8
-"""Where an outline that is no circle does not fit along a path, this place is closed and another way looked for."""
+"""If an outline that is no circle does not fit along a path, that place is closed and another path is searched."""
 
 
 def plan(outline: Footprint, costs: Costmap, start: Pose2D, goal: Goal) -> Path | NoPath:
@@ -31,42 +30,42 @@ def plan(outline: Footprint, costs: Costmap, start: Pose2D, goal: Goal) -> Path 
     here = costs.frame.pose_to_grid(start)
     if costs.frame.cell(here.x_m, here.y_m) is None:
         return NoPath(f"the robot is outside of the map, at ({start.x_m:.2f}, {start.y_m:.2f})")
-    there = _in_grid(costs.frame, goal)
-    problem = _problem(outline, costs, there)
+    end = _in_grid(costs.frame, goal)
+    problem = _problem(outline, costs, end)
     if problem is None:
-        found = _between(outline, costs, here, there, goal)
-        if found is not None:
-            return found
-        told = f"there is no way to ({goal.x_m:.2f}, {goal.y_m:.2f}) that is wide enough for the robot"
+        path = _between(outline, costs, here, end, goal)
+        if path is not None:
+            return path
+        why = f"there is no way to ({goal.x_m:.2f}, {goal.y_m:.2f}) that is wide enough for the robot"
     else:
-        told = f"the goal ({goal.x_m:.2f}, {goal.y_m:.2f}) {problem}"
-    nearest = nearest_free(outline, costs, here, there, goal.tolerance_m)
+        why = f"the goal ({goal.x_m:.2f}, {goal.y_m:.2f}) {problem}"
+    nearest = nearest_free(outline, costs, here, end, goal.tolerance_m)
     if nearest is None and not _reached(costs, here).any():
         at = f"({start.x_m:.2f}, {start.y_m:.2f})"
         return NoPath(
-            f"{told}: the robot itself is in an obstacle or a keep-out zone, at {at}, and cannot leave it"
+            f"{why}: the robot itself is in an obstacle or a keep-out zone, at {at}, and cannot leave it"
         )
     if nearest is None:
-        return NoPath(f"{told}, and there is no free place near it that can be reached")
-    away_m = math.hypot(nearest.x_m - there.x_m, nearest.y_m - there.y_m)
+        return NoPath(f"{why}, and there is no free place near it that can be reached")
+    away_m = math.hypot(nearest.x_m - end.x_m, nearest.y_m - end.y_m)
     offered = costs.frame.pose_to_map(nearest)
     if away_m <= goal.tolerance_m:
         heading_rad = None if goal.heading_rad is None else offered.heading_rad
         other = Goal(offered.x_m, offered.y_m, heading_rad, goal.tolerance_m)
-        found = _between(outline, costs, here, nearest, other, is_substitute=True)
-        if found is not None:
-            return found
+        path = _between(outline, costs, here, nearest, other, is_substitute=True)
+        if path is not None:
+            return path
     near = f"the nearest place that can be reached is ({offered.x_m:.2f}, {offered.y_m:.2f})"
-    return NoPath(f"{told}; {near}, {away_m:.2f} m from it", offered)
+    return NoPath(f"{why}; {near}, {away_m:.2f} m from it", offered)
 
 
 def _in_grid(frame: GridFrame, goal: Goal) -> Pose2D:
     return frame.pose_to_grid(Pose2D(goal.x_m, goal.y_m, goal.heading_rad or 0.0))
 
 
-def _problem(outline: Footprint, costs: Costmap, there: Pose2D) -> str | None:
+def _problem(outline: Footprint, costs: Costmap, pose: Pose2D) -> str | None:
     """Why the robot cannot be at a pose of the grid's frame; None when it can."""
-    cell = costs.frame.cell(there.x_m, there.y_m)
+    cell = costs.frame.cell(pose.x_m, pose.y_m)
     if cell is None:
         return "is outside of the map"
     if costs.distance_m[cell] == 0:
@@ -76,8 +75,8 @@ def _problem(outline: Footprint, costs: Costmap, there: Pose2D) -> str | None:
     needed_m, has_m = outline.inner_radius_m, costs.distance_m[cell]
     if math.isinf(costs.costs[cell]):
         return f"is {has_m:.2f} m from an obstacle, and the robot needs {needed_m:.2f} m"
-    if _touches(outline, costs, there):
-        at = _touched(outline, costs, there)
+    if _touches(outline, costs, pose):
+        at = _touched(outline, costs, pose)
         return f"has a heading with which the robot would touch the obstacle at {at}"
     return None
 
@@ -105,24 +104,20 @@ def _touches(outline: Footprint, costs: Costmap, pose: Pose2D) -> bool:
 
 
 def nearest_free(
-    outline: Footprint,
-    costs: Costmap,
-    here: Pose2D,
-    there: Pose2D,
-    tolerance_m: float = 0.0,
+    outline: Footprint, costs: Costmap, here: Pose2D, end: Pose2D, tolerance_m: float = 0.0
 ) -> Pose2D | None:
-    """The pose nearest to ``there``, with its heading, that the robot can be at and get to; in the grid's frame.
+    """The pose nearest to ``end``, with its heading, that is free and can be reached; in the grid's frame.
 
-    Where guards would stop a robot that drives towards a wall it is not got to: a pose with more room may be farther, up
-    to twice as much as the other lacks, but not beyond ``tolerance_m`` where one within has less.
+    Guards stop a robot that drives towards a wall. So a pose with more room is better, up to twice as much farther away
+    as the other lacks, but no pose beyond ``tolerance_m`` is better than one within.
     """
     rows, columns = np.nonzero(_reached(costs, here))
-    cell_m, told = costs.frame.resolution_m, costs.inflation
-    away = np.hypot((columns + 0.5) * cell_m - there.x_m, (rows + 0.5) * cell_m - there.y_m)
-    lacking_m = np.maximum(told.inner_m + told.tight_m - costs.distance_m[rows, columns], 0.0)
+    cell_m, inflation = costs.frame.resolution_m, costs.inflation
+    away = np.hypot((columns + 0.5) * cell_m - end.x_m, (rows + 0.5) * cell_m - end.y_m)
+    lacking_m = np.maximum(inflation.inner_m + inflation.tight_m - costs.distance_m[rows, columns], 0.0)
     for k in np.lexsort((away + 2 * lacking_m, away > tolerance_m))[:5000]:
         x_m, y_m = costs.frame.center(int(rows[k]), int(columns[k]))
-        pose = Pose2D(x_m, y_m, there.heading_rad)
+        pose = Pose2D(x_m, y_m, end.heading_rad)
         if not _touches(outline, costs, pose):
             return pose
     return None
@@ -139,16 +134,10 @@ def _reached(costs: Costmap, here: Pose2D) -> Flags:
 
 
 def _between(
-    outline: Footprint,
-    costs: Costmap,
-    here: Pose2D,
-    there: Pose2D,
-    goal: Goal,
-    *,
-    is_substitute: bool = False,
+    outline: Footprint, costs: Costmap, here: Pose2D, end: Pose2D, goal: Goal, *, is_substitute: bool = False
 ) -> Path | None:
     for _ in range(ATTEMPTS):
-        points = _points(outline, costs, here, there)
+        points = _points(outline, costs, here, end)
         if points is None:
             break
         heading_rad = headings(points)
@@ -179,20 +168,20 @@ def _closed(costs: Costmap, point: Floats) -> Costmap:
     return replace(costs, costs=blocked)
 
 
-def _points(outline: Footprint, costs: Costmap, here: Pose2D, there: Pose2D) -> Floats | None:
+def _points(outline: Footprint, costs: Costmap, here: Pose2D, end: Pose2D) -> Floats | None:
     """A smoothed path between two poses of the grid's frame, which begins and ends exactly at them."""
     frame = costs.frame
-    begin, end = frame.cell(here.x_m, here.y_m), frame.cell(there.x_m, there.y_m)
-    if begin is None or end is None:
+    first, last = frame.cell(here.x_m, here.y_m), frame.cell(end.x_m, end.y_m)
+    if first is None or last is None:
         return None
-    passable = _with_escape(costs, begin)
-    found = search(passable, begin, end)
-    if found is None:
+    passable = _with_escape(costs, first)
+    cheapest = search(passable, first, last)
+    if cheapest is None:
         return None
-    corners = straightened(found.cells, passable, frame.resolution_m)
+    corners = straightened(cheapest.cells, passable, frame.resolution_m)
     if len(corners) == 1:
         corners = np.repeat(corners, 2, axis=0)
-    corners[0], corners[-1] = (here.x_m, here.y_m), (there.x_m, there.y_m)
+    corners[0], corners[-1] = (here.x_m, here.y_m), (end.x_m, end.y_m)
     points = resampled(corners, SPACING_M)
     wide_m = outline.inner_radius_m + WIDE_M
     smoothed = rounded(points, passable, costs.distance_m, costs.standing_m, frame.resolution_m, wide_m)
@@ -206,10 +195,7 @@ def _with_escape(costs: Costmap, begin: tuple[int, int]) -> Singles:
     opened = costs.costs.copy()
     reach = math.ceil(ESCAPE_M / costs.frame.resolution_m)
     row, column = begin
-    box = (
-        slice(max(row - reach, 0), row + reach + 1),
-        slice(max(column - reach, 0), column + reach + 1),
-    )
+    box = (slice(max(row - reach, 0), row + reach + 1), slice(max(column - reach, 0), column + reach + 1))
     lacking = 1.0 - np.minimum(costs.distance_m[box] / costs.inflation.inner_m, 1.0)
     closed = np.isinf(opened[box]) & (costs.distance_m[box] > 0)
     opened[box] = np.where(closed, 10.0 + 20.0 * lacking, opened[box])

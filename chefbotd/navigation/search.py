@@ -14,8 +14,7 @@ from numpy.typing import NDArray
 
 from chefbotd.core.compiled import kernel
 from chefbotd.core.record import Record
-from chefbotd.navigation.distance import Singles
-from chefbotd.navigation.grid_frame import Floats
+from chefbotd.navigation.grid import Floats, Singles
 
 Integers = NDArray[np.int64]
 BLOCKED = np.float32(np.inf)

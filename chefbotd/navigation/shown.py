@@ -6,9 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chefbotd.core.record import Record
-from chefbotd.navigation.awareness import Awareness
-from chefbotd.navigation.distance import Singles
-from chefbotd.navigation.grid_frame import Floats
+from chefbotd.navigation.grid import Floats, Singles
+from chefbotd.navigation.world_model import WorldModel
 
 Cells: TypeAlias = NDArray[np.int8]
 
@@ -42,7 +41,7 @@ class ShownCosts:
 
     def __init__(self) -> None:
         self.revision = 0
-        self._of: Awareness | None = None
+        self._of: WorldModel | None = None
         self._shown: dict[tuple[int, int], Cells] = {}
         self._again = 0
 
@@ -50,12 +49,12 @@ class ShownCosts:
         """Somebody looks who has seen nothing yet."""
         self._of = None
 
-    def changes(self, known: Awareness, now_s: float) -> list[tuple[int, int, Cells]]:
+    def changes(self, world: WorldModel, now_s: float) -> list[tuple[int, int, Cells]]:
         """The patches (row, column, cells) that are different now; where few are, some more that are not, in turn."""
-        if known is not self._of:
-            self._of, self._shown, self._again = known, {}, 0
+        if world is not self._of:
+            self._of, self._shown, self._again = world, {}, 0
             self.revision += 1
-        cells = cells_of(known.costs(now_s).costs)
+        cells = cells_of(world.costs(now_s).costs)
         corners = [(r, c) for r in range(0, cells.shape[0], SIDE) for c in range(0, cells.shape[1], SIDE)]
         now = {(r, c): cells[r : r + SIDE, c : c + SIDE] for r, c in corners}
         shown = self._shown
@@ -77,10 +76,10 @@ class ShownObstacles(Record, frozen=True):
     movers: Floats
 
 
-def shown_obstacles(known: Awareness, now_s: float) -> ShownObstacles:
+def shown_obstacles(world: WorldModel, now_s: float) -> ShownObstacles:
     """What is seen now that the map does not explain; of too many points evenly spread ones."""
-    points = known.frame.to_map(known.obstacles(now_s))
-    movers = known.movers_in_map(now_s)
+    points = world.frame.to_map(world.obstacles(now_s))
+    movers = world.movers_in_map(now_s)
     if len(points) <= MOST_POINTS:
         return ShownObstacles(points, 0, movers)
     chosen = np.linspace(0, len(points) - 1, MOST_POINTS).astype(np.int64)

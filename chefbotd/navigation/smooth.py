@@ -6,8 +6,7 @@ import numpy as np
 
 from chefbotd.core.compiled import kernel
 from chefbotd.navigation.costmap import between_cells
-from chefbotd.navigation.distance import Flags, Singles
-from chefbotd.navigation.grid_frame import Floats
+from chefbotd.navigation.grid import Flags, Floats, Singles
 from chefbotd.navigation.outline import clearance_m
 from chefbotd.navigation.search import Integers, costs_of
 
@@ -104,18 +103,18 @@ def _relax(
                     to_y += push * (up - down) / cell_m
             if costs[int(to_y / cell_m), int(to_x / cell_m)] == math.inf:
                 continue
-            there_m = between_cells(distance_m, cell_m, to_x, to_y)
+            to_m = between_cells(distance_m, cell_m, to_x, to_y)
             stood_m = between_cells(standing_m, cell_m, x, y)
             stands_m = between_cells(standing_m, cell_m, to_x, to_y)
-            if there_m >= min(here_m, wide_m) - 1e-6 and stands_m >= min(stood_m, wide_m) - 1e-6:
+            if to_m >= min(here_m, wide_m) - 1e-6 and stands_m >= min(stood_m, wide_m) - 1e-6:
                 points[i, 0], points[i, 1] = to_x, to_y
 
 
 def headings(points: Floats) -> Floats:
-    """Which way each point is passed, radians."""
+    """The heading at each point, radians."""
     ahead = np.diff(points, axis=0)
-    found = np.arctan2(ahead[:, 1], ahead[:, 0])
-    return np.append(found, found[-1])
+    heading_rad = np.arctan2(ahead[:, 1], ahead[:, 0])
+    return np.append(heading_rad, heading_rad[-1])
 
 
 def first_touch(

@@ -6,16 +6,16 @@ from typing import Final
 
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.core.record import Record
-from chefbotd.navigation.arcs import stopping_speed, turn
-from chefbotd.navigation.grid_frame import Floats
+from chefbotd.navigation.arcs import check_turn, stopping_speed
+from chefbotd.navigation.grid import Floats
 from chefbotd.navigation.outline import Footprint
 from chefbotd.navigation.surroundings import Surroundings
 
 TURN_BRAKING = 0.85
-"""A turn is slowed down by this share of what the robot can."""
+"""A turn is braked with this share of the turn acceleration."""
 
 BRAKING = 1.5
-"""Speed falls by this share of the deceleration that is planned with."""
+"""Braking uses this share of the deceleration that is planned with."""
 
 
 LOOKAHEAD_S: Final = 1.0
@@ -34,11 +34,11 @@ APPROACH_M: Final = 0.25
 
 
 class FollowerLimits(Record, frozen=True):
-    """The robot's limits while it follows a path, and when it is there; a board that obeys late has others.
+    """The robot's limits while it follows a path, and its tolerances at the goal; a board that obeys late has others.
 
-    ``delay_s`` is from a pose to the motion that it leads to. Slower than the least speeds wheels may not turn at all.
-    Curves are driven so fast that the robot turns no faster than ``curve_turn_rad_s``. It is there within ``position_m``
-    and ``heading_rad``: 0.03 m and 3 degrees are promised.
+    ``delay_s`` is the time from a pose to the motion that it leads to. Below the least speeds wheels may not turn.
+    In curves the robot turns no faster than ``curve_turn_rad_s``. ``position_m`` and ``heading_rad`` are tighter than
+    the 0.03 m and 3 degrees that are promised.
     """
 
     max_speed_m_s: float = 0.30
@@ -56,7 +56,7 @@ class FollowerLimits(Record, frozen=True):
 
 
 class Phase(StrEnum):
-    """What the robot does on its way."""
+    """What the robot does along its path."""
 
     TURNING = "turning"
     TRACKING = "tracking"
@@ -68,8 +68,8 @@ class Phase(StrEnum):
 class FollowState(Record, frozen=True):
     """Where on the path the robot is (the index of a point), and what it does.
 
-    ``asked_m`` is how far it was asked to drive since it came to ``from_m`` on its approach to the goal; ``held`` is how
-    often it stayed there all the same.
+    On the approach to the goal: ``asked_m`` is how far it was commanded to drive since it came to ``from_m``;
+    ``held`` is how often it did not move all the same.
     """
 
     index: int = 0
@@ -80,9 +80,9 @@ class FollowState(Record, frozen=True):
 
 
 class Followed(Record, frozen=True):
-    """The next state, the twist to ask for, and whether something is in the way of it.
+    """The next state, the twist to command, and whether an obstacle blocks the motion.
 
-    ``turns_rad`` is the turn on the spot that is blocked; 0: it is driving ahead.
+    ``turns_rad`` is the turn on the spot that is blocked; 0: driving ahead is.
     """
 
     state: FollowState
@@ -92,51 +92,64 @@ class Followed(Record, frozen=True):
 
 
 class Track(Record, frozen=True):
-    """What is followed, in the grid's frame; ``speed_limit_m_s`` is what zones allow here."""
+    """The path to follow, in the grid's frame; ``speed_limit_m_s`` is what is allowed here."""
 
     points_m: Floats
     end_heading_rad: float | None
     speed_limit_m_s: float = math.inf
 
 
+class Control(Record, frozen=True):
+    """What a step of the follower is made with: the robot, what is around it, and the twist that was commanded last.
+
+    The robot is (or will be, see ``predicted``) at ``near.grid_from_base``.
+    """
+
+    limits: FollowerLimits
+    outline: Footprint
+    near: Surroundings
+    last: Twist2D
+    dt_s: float
+
+    @property
+    def standing(self) -> Twist2D:
+        """As near to standing as the deceleration allows."""
+        return slewed(self.limits, self.last, STANDING, self.dt_s)
+
+    def in_base(self, point: Floats) -> Pose2D:
+        """A point (x, y) of the grid's frame in the robot's frame."""
+        return self.near.grid_from_base.inverse().compose(Pose2D(float(point[0]), float(point[1])))
+
+
 def predicted(params: FollowerLimits, pose: Pose2D, twist: Twist2D) -> Pose2D:
-    """Where the robot will be when what is asked for now takes effect."""
+    """Where the robot will be when a command that is given now takes effect."""
     turned = twist.angular_rad_s * params.delay_s
     moved = twist.linear_m_s * params.delay_s
     return pose.compose(Pose2D(moved * math.cos(turned / 2), moved * math.sin(turned / 2), turned))
 
 
-def turn_by(
-    params: FollowerLimits,
-    outline: Footprint,
-    state: FollowState,
-    error_rad: float,
-    near: Surroundings,
-    last: Twist2D,
-    dt_s: float,
-) -> Followed:
-    """Turn on the spot where the outline has room for it, the other way round where only that has."""
+def turn_by(control: Control, state: FollowState, error_rad: float) -> Followed:
+    """Turn on the spot if the outline has room for it; in the other direction if only that has room."""
+    limits, last = control.limits, control.last
     if abs(last.linear_m_s) > 0.02:  # first stand
-        return Followed(state, slewed(params, last, STANDING, dt_s))
-    ways = [error_rad, error_rad - math.copysign(math.tau, error_rad)]
-    for angle_rad in ways:
-        free_rad = turn(outline, near, angle_rad).free
+        return Followed(state, control.standing)
+    for angle_rad in (error_rad, error_rad - math.copysign(math.tau, error_rad)):
+        free_rad = check_turn(control.outline, control.near, angle_rad).free
         if free_rad >= abs(angle_rad) - 1e-6:
-            speed = stopping_speed(
-                abs(angle_rad), params.turn_acceleration_rad_s2 * TURN_BRAKING, params.delay_s
-            )
-            speed = min(max(speed, params.least_turn_rad_s), params.max_turn_rad_s)
+            braking_rad_s2 = limits.turn_acceleration_rad_s2 * TURN_BRAKING
+            speed = stopping_speed(abs(angle_rad), braking_rad_s2, limits.delay_s)
+            speed = min(max(speed, limits.least_turn_rad_s), limits.max_turn_rad_s)
             wish = Twist2D(0.0, math.copysign(speed, angle_rad))
-            return Followed(state, slewed(params, last, wish, dt_s))
-    return Followed(state, slewed(params, last, STANDING, dt_s), is_blocked=True, turns_rad=error_rad)
+            return Followed(state, slewed(limits, last, wish, control.dt_s))
+    return Followed(state, control.standing, is_blocked=True, turns_rad=error_rad)
 
 
-def on_arc(params: FollowerLimits, last: Twist2D, speed_m_s: float, curvature: float, dt_s: float) -> Twist2D:
+def on_arc(control: Control, speed_m_s: float, curvature: float) -> Twist2D:
     """A twist on an arc; ``curvature`` times the speed is the turning, also in reverse."""
-    linear = slewed(params, last, Twist2D(speed_m_s, 0.0), dt_s).linear_m_s
-    most = params.max_turn_rad_s
-    wish = Twist2D(linear, min(max(linear * curvature, -most), most))
-    return slewed(params, last, wish, dt_s)
+    limits, last, dt_s = control.limits, control.last, control.dt_s
+    linear = slewed(limits, last, Twist2D(speed_m_s, 0.0), dt_s).linear_m_s
+    most = limits.max_turn_rad_s
+    return slewed(limits, last, Twist2D(linear, min(max(linear * curvature, -most), most)), dt_s)
 
 
 def slewed(params: FollowerLimits, last: Twist2D, wish: Twist2D, dt_s: float) -> Twist2D:

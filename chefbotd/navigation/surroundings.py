@@ -6,8 +6,7 @@ import numpy as np
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import Record, replace
-from chefbotd.navigation.distance import Flags, Singles
-from chefbotd.navigation.grid_frame import Floats
+from chefbotd.navigation.grid import Flags, Floats, Singles
 
 SWEEP_S = 0.25
 

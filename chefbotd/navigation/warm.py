@@ -7,12 +7,11 @@ import numpy as np
 from chefbotd.core.compiled import release_libraries
 from chefbotd.core.geometry import ORIGIN, STANDING, Pose2D
 from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
-from chefbotd.navigation.awareness import Awareness
-from chefbotd.navigation.evade import evasion
+from chefbotd.navigation.evade import evading_twist
+from chefbotd.navigation.interface import NavigationParameters, Seen
 from chefbotd.navigation.navigator import Navigator
-from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.path import Goal
-from chefbotd.navigation.reports import Seen
+from chefbotd.navigation.world_model import WorldModel
 from chefbotd.navigation.zones import NO_ZONES
 
 CELLS, CELL_M, STEPS, WALKED = 80, 0.05, 60, 20
@@ -41,12 +40,12 @@ def warm(params: NavigationParameters) -> None:
 
 def _meet_somebody(params: NavigationParameters) -> None:
     """Plan about, and make way for, somebody who walks towards the robot."""
-    known = Awareness(params, OccupancyGrid(CELL_M, ORIGIN, np.zeros((CELLS, CELLS), np.int8)), NO_ZONES)
+    world = WorldModel(params, OccupancyGrid(CELL_M, ORIGIN, np.zeros((CELLS, CELLS), np.int8)), NO_ZONES)
     pose, person = Pose2D(1.0, 2.0, 0.0), np.array([[0.0, -0.2], [-0.2, 0.0], [0.0, 0.2]])
     for k in range(WALKED):
         points = person + np.array([2.5 - 0.05 * k, 0.0])
-        known.take_scan(Seen(0.1 * k, pose, np.zeros(2), points))
-    known.costs(0.1 * WALKED, pose)
-    near = known.surroundings(pose, 0.1 * WALKED)
-    known.beside(near)
-    evasion(params.outline, near, STANDING, 0.0, is_stuck=True)
+        world.take_scan(Seen(0.1 * k, pose, np.zeros(2), points))
+    world.costs(0.1 * WALKED, pose)
+    near = world.surroundings(pose, 0.1 * WALKED)
+    world.beside(near)
+    evading_twist(params.outline, near, STANDING, 0.0, is_stuck=True)

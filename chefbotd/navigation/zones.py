@@ -15,8 +15,7 @@ import yaml
 from pydantic import Field, ValidationError
 
 from chefbotd.core.parameters import Parameters
-from chefbotd.navigation.distance import Flags
-from chefbotd.navigation.grid_frame import Floats, GridFrame
+from chefbotd.navigation.grid import Flags, Floats, GridFrame
 
 Corners = Annotated[tuple[tuple[float, float], ...], Field(min_length=3, max_length=1000)]
 
@@ -56,8 +55,10 @@ def parse_zones(text: str, name: str) -> Zones:
     except yaml.YAMLError as error:
         raise ValueError(f"{name}: not valid YAML: {' '.join(str(error).split())}") from error
     except ValidationError as error:
-        told = [f"{'.'.join(map(str, e['loc']))}: {e['msg']} (got {e['input']!r})" for e in error.errors()]
-        raise ValueError(f"{name}: {'; '.join(told)}") from error
+        problems = [
+            f"{'.'.join(map(str, e['loc']))}: {e['msg']} (got {e['input']!r})" for e in error.errors()
+        ]
+        raise ValueError(f"{name}: {'; '.join(problems)}") from error
 
 
 def keep_out_cells(zones: Zones, frame: GridFrame) -> Flags:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from benchmarks.roominess import least_with_room_m
-from chefbotd.navigation.distance import distances_m
+from chefbotd.navigation.grid import distances_m
 from tests.chefbotd.mapping.slam.flat import wall
 from tests.chefbotd.navigation.drives import Clearance
 from tests.chefbotd.navigation.grids import rasterised, segment_distance_m

@@ -33,10 +33,7 @@ class Waypoint(Params):
     heading_rad: float | None = Field(None, ge=-math.tau, le=math.tau, description="CCW positive")
     place: str | None = Field(None, min_length=1, max_length=100)
     tolerance_m: float = Field(
-        0.0,
-        ge=0,
-        le=10,
-        description="if the goal is occupied, how far from it the nearest free pose may be",
+        0.0, ge=0, le=10, description="if the goal is occupied, how far from it the nearest free pose may be"
     )
 
     @model_validator(mode="after")

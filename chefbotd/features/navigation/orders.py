@@ -4,13 +4,7 @@ import asyncio
 
 from chefbotd.core.record import Record
 from chefbotd.entries import set_event
-from chefbotd.worker.skills.navigation_requests import (
-    KeepGoals,
-    NavigateTo,
-    NavigationRequest,
-    Pause,
-    Resume,
-)
+from chefbotd.worker.skills.navigation_requests import KeepGoals, NavigateTo, NavigationRequest, Pause, Resume
 
 MADE_VOID: dict[type[NavigationRequest], tuple[type[NavigationRequest], ...]] = {
     NavigateTo: (NavigateTo, KeepGoals, Pause, Resume),

@@ -13,11 +13,10 @@ from chefbotd.localization.states import State as Knows
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.poses import Floats, compose
 from chefbotd.maps.store import MapStore
+from chefbotd.navigation.interface import NavigationParameters, PoseStatus, Seen, Step
 from chefbotd.navigation.navigator import Navigator
 from chefbotd.navigation.outline import Footprint
-from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.path import Goal, NoPath, Path
-from chefbotd.navigation.reports import PoseStatus, Seen, Step
 from chefbotd.navigation.steering import FollowerLimits
 from chefbotd.navigation.warm import warm
 from chefbotd.navigation.zones import NO_ZONES, Zones, parse_zones
@@ -189,9 +188,9 @@ class NavigationSkill:
         if told.twist is not None or told.ended or told.path is not None or self._has_changed(told):
             self._told = told
             yield told
-        known = self._navigator.known
-        if self._map is not None and known is not None:
-            yield from self._shown.due(now_s, self._map[0], known)
+        world = self._navigator.world
+        if self._map is not None and world is not None:
+            yield from self._shown.due(now_s, self._map[0], world)
 
     def _pose(self, now_s: float) -> tuple[Pose2D | None, PoseStatus]:
         """Where the robot is in the map, by the newest odometry."""

@@ -5,8 +5,8 @@ from typing import Final
 
 from chefbotd.core.events.navigation import CostmapChanged, ObstaclesSeen
 from chefbotd.core.grid_patch import patch_of
-from chefbotd.navigation.awareness import Awareness
 from chefbotd.navigation.shown import ShownCosts, shown_obstacles
+from chefbotd.navigation.world_model import WorldModel
 from chefbotd.worker.skills.navigation_requests import Show
 
 COSTS_EVERY_S: Final = 0.5
@@ -27,12 +27,12 @@ class Shown:
             self._costs.show_all()
         self._asked = asked
 
-    def due(self, now_s: float, name: str, known: Awareness) -> Iterator[CostmapChanged | ObstaclesSeen]:
+    def due(self, now_s: float, name: str, world: WorldModel) -> Iterator[CostmapChanged | ObstaclesSeen]:
         """What is to be told now of the map of this name."""
         if self._asked.costmap and now_s >= self._costs_at_s:
             self._costs_at_s = now_s + COSTS_EVERY_S
-            frame = known.frame
-            for row, column, cells in self._costs.changes(known, now_s):
+            frame = world.frame
+            for row, column, cells in self._costs.changes(world, now_s):
                 yield patch_of(
                     CostmapChanged,
                     cells,
@@ -48,11 +48,11 @@ class Shown:
                 )
         if self._asked.obstacles and now_s >= self._obstacles_at_s:
             self._obstacles_at_s = now_s + OBSTACLES_EVERY_S
-            yield _obstacles_seen(now_s, known)
+            yield _obstacles_seen(now_s, world)
 
 
-def _obstacles_seen(now_s: float, known: Awareness) -> ObstaclesSeen:
-    seen = shown_obstacles(known, now_s)
+def _obstacles_seen(now_s: float, world: WorldModel) -> ObstaclesSeen:
+    seen = shown_obstacles(world, now_s)
     points = seen.points_m.round(3)
     movers = tuple((x, y, vx, vy) for x, y, vx, vy in seen.movers.round(3).tolist())
     return ObstaclesSeen(

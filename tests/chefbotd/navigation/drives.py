@@ -7,12 +7,11 @@ import numpy as np
 
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
+from chefbotd.navigation.interface import Ended, NavigationParameters, PoseStatus, Seen, Step
 from chefbotd.navigation.navigator import Navigator
 from chefbotd.navigation.outline import Footprint, clearance_m
-from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.path import Planner
 from chefbotd.navigation.planner import plan
-from chefbotd.navigation.reports import Ended, PoseStatus, Seen, Step
 from tests.chefbotd.mapping.slam.flat import BEAMS, Floats, cast
 
 STEP_S, CONTROL_EVERY, SCAN_EVERY = 0.02, 2, 5

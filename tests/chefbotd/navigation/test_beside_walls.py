@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from chefbotd.core.geometry import Pose2D
+from chefbotd.navigation.interface import NavigationParameters
 from chefbotd.navigation.outline import Footprint
-from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.path import Goal, NoPath
 from chefbotd.navigation.states import End
 from chefbotd.safety.outline import Box

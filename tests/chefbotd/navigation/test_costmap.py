@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.navigation.costmap import between_cells, costmap, with_obstacles
-from chefbotd.navigation.distance import distances_m
+from chefbotd.navigation.grid import distances_m
 from chefbotd.navigation.outline import Footprint, clearance_m
 from chefbotd.navigation.states import UnknownSpace
 from chefbotd.navigation.zones import Zones, parse_zones

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
-from chefbotd.navigation.distance import Singles
-from chefbotd.navigation.evade import evasion
+from chefbotd.navigation.evade import evading_twist
+from chefbotd.navigation.grid import Singles
 from chefbotd.navigation.outline import Footprint
 from chefbotd.navigation.surroundings import Surroundings
 
@@ -39,7 +39,7 @@ def evaded(
         points, np.zeros_like(points) if waits else intent, np.full(len(points), 0.015), NO_MAP, 0.05, Pose2D(5, 5),
         intent,
     )  # fmt: skip
-    return evasion(ROUND, near, STANDING, away_m, is_stuck=is_stuck)
+    return evading_twist(ROUND, near, STANDING, away_m, is_stuck=is_stuck)
 
 
 @pytest.mark.parametrize(("x_m", "y_m"), [(1.6, 0.1), (1.55, -0.2), (-1.6, 0.2)])
@@ -69,7 +69,7 @@ def test_who_passes_by_or_walks_away_is_no_reason_to_move() -> None:
     assert evaded(0.9, 0.3, -0.5) is None
     passing, along = FRONT + np.array([1.0, 0.6]), np.tile([-0.5, 0.0], (len(FRONT), 1))
     beside = Surroundings(passing, along, np.full(len(FRONT), 0.1), NO_MAP, 0.05, Pose2D(5, 5))
-    assert evasion(ROUND, beside, STANDING, 0.0, is_stuck=True) is None
+    assert evading_twist(ROUND, beside, STANDING, 0.0, is_stuck=True) is None
 
 
 def test_who_waits_for_a_robot_that_cannot_go_on_is_let_by() -> None:
@@ -101,7 +101,7 @@ def made_way(x_m: float, y_m: float, speed_m_s: float, wall_rad: float, wall_m: 
             Pose2D(5, 5), velocity @ turned,
         )  # fmt: skip
         away_m = math.hypot(pose.x_m, pose.y_m)
-        last = evasion(ROUND, near, last, away_m, is_stuck=True) or STANDING
+        last = evading_twist(ROUND, near, last, away_m, is_stuck=True) or STANDING
         heading = 0.05 * last.angular_rad_s
         moved = 0.05 * last.linear_m_s
         pose = pose.compose(Pose2D(moved * math.cos(heading / 2), moved * math.sin(heading / 2), heading))
@@ -131,6 +131,6 @@ def test_it_goes_near_a_wall_rather_than_being_touched() -> None:
     velocity = np.zeros_like(points)
     velocity[: len(FRONT)] = [-0.15, 0.0]
     near = Surroundings(points, velocity, np.full(len(points), 0.015), NO_MAP, 0.05, Pose2D(5, 5), velocity)
-    twist = evasion(ROUND, near, STANDING, 0.1, is_stuck=True)
+    twist = evading_twist(ROUND, near, STANDING, 0.1, is_stuck=True)
     assert twist is not None
     assert twist.linear_m_s < 0.0

@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D, wrap_angle
 from chefbotd.core.record import replace
-from chefbotd.navigation.arcs import stopping_speed, turn, way
+from chefbotd.navigation.arcs import check_arc, check_turn, stopping_speed
 from chefbotd.navigation.follower import backwards, follow
 from chefbotd.navigation.outline import Footprint
 from chefbotd.navigation.smooth import resampled
-from chefbotd.navigation.steering import FollowerLimits, FollowState, Phase, Track, predicted, slewed
+from chefbotd.navigation.steering import Control, FollowerLimits, FollowState, Phase, Track, predicted, slewed
 from chefbotd.navigation.surroundings import Surroundings
 from tests.budget import examples
 
@@ -33,7 +33,7 @@ def about(points: list[tuple[float, float]], pose: Pose2D = MIDDLE, margin_m: fl
 
 def straight(near: Surroundings, horizon_m: float = 1.0, outline: Footprint = ROUND) -> float:
     """How far it is free straight on."""
-    return way(outline, near, 0.0, horizon_m, 0.3, 0.5).free
+    return check_arc(outline, near, 0.0, horizon_m, 0.3, 0.5).free
 
 
 def test_straight_on_it_is_free_up_to_the_margin() -> None:
@@ -47,18 +47,18 @@ def test_an_arc_is_checked_along_itself() -> None:
     """With 1 m of radius to the left, (1, 1) is met after a quarter circle less a chord of 0.2 m."""
     near = about([(1.0, 1.0)])
     assert straight(near, 2.0) == 2.0
-    met = way(ROUND, near, 1.0, 2.0, 0.3, 0.5).free
+    met = check_arc(ROUND, near, 1.0, 2.0, 0.3, 0.5).free
     assert met == pytest.approx(math.pi / 2 - 2 * math.asin(0.1), abs=0.03)
-    assert way(ROUND, near, -1.0, 2.0, 0.3, 0.5).free == 2.0
+    assert check_arc(ROUND, near, -1.0, 2.0, 0.3, 0.5).free == 2.0
 
 
 def test_a_polygon_turns_with_its_corners() -> None:
     """A post at the left, 0.25 m from the origin: the front, at 0.316 m, reaches it; turning right it does not."""
     post = about([(0.0, 0.25)], margin_m=0.0)
-    left = turn(OBLONG, post, math.pi / 2).free
+    left = check_turn(OBLONG, post, math.pi / 2).free
     assert left == pytest.approx(math.pi / 2 - math.asin(0.1 / 0.25), abs=0.06)
-    assert turn(OBLONG, post, -1.0).free == 1.0
-    assert turn(ROUND, post, math.pi).free == pytest.approx(math.pi)
+    assert check_turn(OBLONG, post, -1.0).free == 1.0
+    assert check_turn(ROUND, post, math.pi).free == pytest.approx(math.pi)
 
 
 def test_who_is_too_near_already_may_leave() -> None:
@@ -66,7 +66,7 @@ def test_who_is_too_near_already_may_leave() -> None:
     near = about([(0.185, 0.0)])
     assert straight(near) == 0.0
     assert straight(near, -0.5) == 0.5
-    assert turn(ROUND, near, 2.0).free == 2.0
+    assert check_turn(ROUND, near, 2.0).free == 2.0
 
 
 def test_a_wall_that_no_lidar_sees_stops_by_the_map() -> None:
@@ -102,7 +102,7 @@ def test_it_goes_in_front_of_somebody_only_with_time_to_spare(
     near = Surroundings(
         np.array([[0.5, -ahead_m]]), np.array([[0.0, 1.0]]), np.array([0.1]), NO_MAP, 0.05, MIDDLE, speed_m_s=speed_m_s
     )  # fmt: skip
-    assert (way(ROUND, near, 0.0, 1.0, 0.3, 0.5, foresight_s=6.0).free == 1.0) is is_free
+    assert (check_arc(ROUND, near, 0.0, 1.0, 0.3, 0.5, foresight_s=6.0).free == 1.0) is is_free
 
 
 def test_it_stops_at_no_goal_where_somebody_comes_by() -> None:
@@ -110,14 +110,14 @@ def test_it_stops_at_no_goal_where_somebody_comes_by() -> None:
     near = Surroundings(
         np.array([[0.4, -1.5]]), np.array([[0.0, 0.6]]), np.array([0.1]), NO_MAP, 0.05, MIDDLE, speed_m_s=0.3
     )
-    assert way(ROUND, replace(near, stops_m=0.4), 0.0, 1.0, 0.3, 0.5, foresight_s=6.0).free < 0.4
+    assert check_arc(ROUND, replace(near, stops_m=0.4), 0.0, 1.0, 0.3, 0.5, foresight_s=6.0).free < 0.4
 
 
 def test_the_speed_falls_with_the_room() -> None:
     """Half of the full room beside, 0.1 m: half way between creeping and full speed, 0.08 and 0.3 m/s."""
     near = about([(0.1 * k, 0.18 + 0.1) for k in range(20)])
-    assert way(ROUND, near, 0.0, 1.0, 0.3, 0.5).speed_m_s == pytest.approx(0.19, abs=0.025)
-    assert way(ROUND, about([]), 0.0, 1.0, 0.3, 0.5).speed_m_s == 0.3
+    assert check_arc(ROUND, near, 0.0, 1.0, 0.3, 0.5).speed_m_s == pytest.approx(0.19, abs=0.025)
+    assert check_arc(ROUND, about([]), 0.0, 1.0, 0.3, 0.5).speed_m_s == 0.3
 
 
 def test_the_stopping_speed_counts_the_delay_and_the_braking() -> None:
@@ -135,12 +135,14 @@ def test_changes_of_speed_keep_to_the_limits() -> None:
 def test_what_is_in_the_way_is_passed_or_waited_for() -> None:
     """A post on the path is passed on an arc; a wall across it is stopped at."""
     track = Track(resampled(np.array([[5.0, 5.0], [8.0, 5.0]]), 0.05), None)
-    passed = follow(PARAMS, ROUND, FollowState(), track, about([(0.5, -0.05)]), Twist2D(0.2, 0.0), 0.05)
+    passed = follow(
+        Control(PARAMS, ROUND, about([(0.5, -0.05)]), Twist2D(0.2, 0.0), 0.05), FollowState(), track
+    )
     assert passed.twist.linear_m_s > 0
     assert passed.twist.angular_rad_s > 0
     assert not passed.is_blocked
     wall = about([(0.22, y) for y in np.linspace(-2, 2, 81)])
-    assert follow(PARAMS, ROUND, FollowState(), track, wall, STANDING, 0.05).is_blocked
+    assert follow(Control(PARAMS, ROUND, wall, STANDING, 0.05), FollowState(), track).is_blocked
 
 
 def driven(
@@ -151,7 +153,7 @@ def driven(
     state, pose, twist, last, queue, said = FollowState(), start, STANDING, STANDING, [STANDING] * 2, []
     for _ in range(2400):
         here = predicted(PARAMS, pose, last)
-        done = follow(PARAMS, ROUND, state, track, about([], here), last, 0.05)
+        done = follow(Control(PARAMS, ROUND, about([], here), last, 0.05), state, track)
         state, last = done.state, done.twist
         said.append(last)
         queue.append(last)
@@ -174,7 +176,7 @@ def beside(
     last, least_m = STANDING, np.inf
     for _ in range(round(seconds / 0.05)):
         here = predicted(PARAMS, pose, last)
-        done = follow(PARAMS, ROUND, state, track, _seen(walls, here), last, 0.05)
+        done = follow(Control(PARAMS, ROUND, _seen(walls, here), last, 0.05), state, track)
         state, last = done.state, done.twist
         pose, least_m = _moved(pose, last), min(least_m, _room_m(walls, pose))
     return least_m, pose
@@ -226,7 +228,8 @@ def test_it_backs_out_beside_a_wall_without_coming_nearer_than_it_likes() -> Non
     pose, last, least_m = Pose2D(5.0, 5.02, 0.0), STANDING, np.inf
     trail = np.stack([np.arange(5.0, 4.0, -0.05), 5.02 + np.arange(20) * 0.01], axis=1)
     for _ in range(90):
-        done = backwards(PARAMS, ROUND, trail, _seen(wall, predicted(PARAMS, pose, last)), last, 0.05)
+        near = _seen(wall, predicted(PARAMS, pose, last))
+        done = backwards(Control(PARAMS, ROUND, near, last, 0.05), trail)
         last, pose = done.twist, _moved(pose, done.twist)
         least_m = min(least_m, _room_m(wall, pose))
     assert least_m >= 0.10

@@ -8,18 +8,16 @@ import pytest
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.core.record import replace
 from chefbotd.navigation.costmap import costmap
-from chefbotd.navigation.goal_queue import GoalQueue, added, first_ended, kept
-from chefbotd.navigation.input_watch import Missing, watched
+from chefbotd.navigation.driving import Missing, checked_inputs
+from chefbotd.navigation.interface import PoseStatus, StepInput
+from chefbotd.navigation.navigator import GoalQueue, added, first_ended, kept
 from chefbotd.navigation.path import Goal, Path
-from chefbotd.navigation.progress_check import InTheWay, LastProgress, checked
-from chefbotd.navigation.replanning import Choice, choice
-from chefbotd.navigation.reports import PoseStatus, StepInput
+from chefbotd.navigation.recovery import InTheWay, LastProgress, Trail, checked_progress, extended
 from chefbotd.navigation.smooth import headings, resampled
 from chefbotd.navigation.states import End
 from chefbotd.navigation.steering import FollowState
 from chefbotd.navigation.surroundings import Surroundings
-from chefbotd.navigation.trail import Trail, extended
-from chefbotd.navigation.trips import Trip
+from chefbotd.navigation.trips import Choice, Trip, choice
 from tests.chefbotd.mapping.slam.flat import box
 from tests.chefbotd.navigation.drives import ROUND
 from tests.chefbotd.navigation.grids import rasterised
@@ -58,30 +56,30 @@ def test_only_a_goal_that_was_reached_leaves_the_next_one() -> None:
 
 def test_a_lost_pose_ends_the_goal_after_twenty_seconds_by_the_clock() -> None:
     """Lost at 5 s: it stands at 24.9 s, and ends at 25 s; found in between, it goes on."""
-    lost = watched(ROUND, Missing(), at(5.0, status=PoseStatus.LOST), 5.0).missing
-    waiting = watched(ROUND, lost, at(24.9, status=PoseStatus.LOST), 24.9)
+    lost = checked_inputs(ROUND, Missing(), at(5.0, status=PoseStatus.LOST), 5.0).missing
+    waiting = checked_inputs(ROUND, lost, at(24.9, status=PoseStatus.LOST), 24.9)
     assert waiting.stands == "waits, because its pose is not known"
     assert waiting.end is None
-    assert watched(ROUND, lost, at(25.0, status=PoseStatus.LOST), 25.0).end is End.LOST
-    found = watched(ROUND, lost, at(24.9, status=PoseStatus.UNCERTAIN), 24.8)
+    assert checked_inputs(ROUND, lost, at(25.0, status=PoseStatus.LOST), 25.0).end is End.LOST
+    found = checked_inputs(ROUND, lost, at(24.9, status=PoseStatus.UNCERTAIN), 24.8)
     assert (found.stands, found.is_over, found.missing) == ("", True, Missing())
 
 
 def test_missing_scans_are_counted_by_steps_and_not_by_the_clock() -> None:
     """A minute that the computer slept through counts as the one step of 0.04 s that it was."""
-    missing = watched(ROUND, Missing(), at(8.0), 7.3).missing
-    after_sleep = watched(ROUND, missing, at(68.0), 7.3)
+    missing = checked_inputs(ROUND, Missing(), at(8.0), 7.3).missing
+    after_sleep = checked_inputs(ROUND, missing, at(68.0), 7.3)
     assert after_sleep.stands == "waits, because no scan arrives"
     assert after_sleep.end is None
     assert after_sleep.missing.without_scan_s == pytest.approx(0.08)
-    assert watched(ROUND, Missing(without_scan_s=9.97), at(68.0), 7.3).end is End.FAULT
+    assert checked_inputs(ROUND, Missing(without_scan_s=9.97), at(68.0), 7.3).end is End.FAULT
 
 
 def test_after_odometry_was_silent_the_robot_first_stands() -> None:
     """From 0.4 s of silence on, and for 0.2 s after it: it went on as before, and has to brake."""
 
     def stands(last: Missing, now_s: float, age_s: float) -> tuple[Missing, bool]:
-        done = watched(ROUND, last, replace(at(now_s), pose_age_s=age_s), now_s)
+        done = checked_inputs(ROUND, last, replace(at(now_s), pose_age_s=age_s), now_s)
         assert done.end is None
         return done.missing, bool(done.stands)
 
@@ -101,23 +99,23 @@ def test_after_odometry_was_silent_the_robot_first_stands() -> None:
 def test_who_walks_is_waited_for_longer_than_a_thing(walks: bool, patience_s: float) -> None:
     """Blocked since 3 s: stuck after 1.5 s by a thing, and after 6 s by somebody who walks."""
     in_the_way, here = InTheWay(" at (1.20, 0.40)", walks), Pose2D(1.0, 0.3, 0.4)
-    first = checked(ROUND, LastProgress(2.9, here), at(3.0, here), in_the_way)
+    first = checked_progress(ROUND, LastProgress(2.9, here), at(3.0, here), in_the_way)
     assert first.waits == "waits, because something is in the way at (1.20, 0.40)"
-    patient = checked(ROUND, first.progress, at(2.9 + patience_s, here), in_the_way)
+    patient = checked_progress(ROUND, first.progress, at(2.9 + patience_s, here), in_the_way)
     assert (patient.waits, patient.stuck) == ("", "")
-    stuck = checked(ROUND, first.progress, at(3.0 + patience_s, here), in_the_way)
+    stuck = checked_progress(ROUND, first.progress, at(3.0 + patience_s, here), in_the_way)
     assert stuck.stuck == "something is in the way at (1.20, 0.40)"
-    free = checked(ROUND, first.progress, at(3.4, here), None)
+    free = checked_progress(ROUND, first.progress, at(3.4, here), None)
     assert (free.drives_again, free.progress.blocked_since_s) == (True, None)
 
 
 def test_a_robot_that_only_shivers_does_not_come_on() -> None:
     """Within 0.04 m and 0.15 rad for over 6 s is stuck, also over the half circle; a turn by 0.16 rad is progress."""
     here = LastProgress(1.0, Pose2D(2.0, 1.0, 3.1))
-    shivers = checked(ROUND, here, at(7.1, Pose2D(2.03, 1.02, 3.2 - math.tau)), None)
+    shivers = checked_progress(ROUND, here, at(7.1, Pose2D(2.03, 1.02, 3.2 - math.tau)), None)
     assert shivers.stuck == "the robot makes no progress"
     turned = Pose2D(2.0, 1.0, 3.1 + 0.16 - math.tau)
-    assert checked(ROUND, here, at(7.1, turned), None).progress == LastProgress(7.1, turned)
+    assert checked_progress(ROUND, here, at(7.1, turned), None).progress == LastProgress(7.1, turned)
 
 
 def test_the_trail_holds_the_last_two_metres_forward() -> None:

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from chefbotd.core.geometry import Pose2D
-from chefbotd.navigation.grid_frame import GridFrame
+from chefbotd.navigation.grid import GridFrame
 from chefbotd.navigation.live import nothing_seen, obstacles_seen, see_range, see_scan
 from tests.chefbotd.navigation.grids import drawn
 

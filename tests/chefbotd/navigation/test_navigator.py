@@ -7,11 +7,10 @@ import numpy as np
 import pytest
 
 from chefbotd.core.geometry import Pose2D, wrap_angle
+from chefbotd.navigation.interface import Ended, NavigationParameters, PoseStatus
 from chefbotd.navigation.navigator import Navigator, NoMapError
 from chefbotd.navigation.outline import Footprint
-from chefbotd.navigation.parameters import NavigationParameters
 from chefbotd.navigation.path import Goal, NoPath, Path
-from chefbotd.navigation.reports import Ended, PoseStatus
 from chefbotd.navigation.states import End, State
 from tests.budget import sample
 from tests.chefbotd.mapping.slam.flat import Floats, box, furnished_flat, wall

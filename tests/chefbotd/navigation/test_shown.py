@@ -6,10 +6,8 @@ import numpy as np
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
-from chefbotd.navigation.awareness import Awareness
+from chefbotd.navigation.interface import NavigationParameters, Seen
 from chefbotd.navigation.outline import Footprint
-from chefbotd.navigation.parameters import NavigationParameters
-from chefbotd.navigation.reports import Seen
 from chefbotd.navigation.shown import (
     IN_TURN,
     MOST_PATCHES,
@@ -18,17 +16,18 @@ from chefbotd.navigation.shown import (
     cells_of,
     shown_obstacles,
 )
+from chefbotd.navigation.world_model import WorldModel
 from chefbotd.navigation.zones import NO_ZONES
 
 PARAMS = NavigationParameters(outline=Footprint(radius_m=0.2))
 ORIGIN = Pose2D(-3.0, 1.0, math.radians(30))
 
 
-def known(rows: int, columns: int) -> Awareness:
+def known(rows: int, columns: int) -> WorldModel:
     """An empty hall with a wall along its lowest row, its map turned by 30 degrees."""
     percent = np.full((rows, columns), FREE, np.int8)
     percent[0] = OCCUPIED
-    return Awareness(PARAMS, OccupancyGrid(0.05, ORIGIN, percent), NO_ZONES)
+    return WorldModel(PARAMS, OccupancyGrid(0.05, ORIGIN, percent), NO_ZONES)
 
 
 def test_a_cell_says_what_it_costs() -> None:

@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from chefbotd.navigation.recovery import ORDER, Recovery, Rung, after, is_over, stuck
+from chefbotd.navigation.recovery import ORDER, Action, Recovery, after, is_over, stuck
 from chefbotd.navigation.states import NEXT, Event, State, next_state
 
 ALLOWED = {
@@ -36,27 +36,27 @@ def test_what_is_tried_comes_in_order_and_has_an_end() -> None:
     """Looks, backs out, tries another way, waits, asks, and gives up."""
     tried, recovery = [], stuck(None, 3.0, 5.0)
     while recovery is not None:
-        tried.append(recovery.rung)
+        tried.append(recovery.action)
         recovery = after(recovery, 4.0)
-    assert tuple(tried) == ORDER == (Rung.LOOK, Rung.BACK_OUT, Rung.OTHER_WAY, Rung.WAIT, Rung.ASK)
+    assert tuple(tried) == ORDER == (Action.LOOK, Action.BACK_OUT, Action.OTHER_WAY, Action.WAIT, Action.ASK)
 
 
 def test_who_is_stuck_again_at_once_tries_the_next_thing() -> None:
     """0.5 m nearer is the same trouble, 0.7 m nearer another one."""
-    last = Recovery(Rung.BACK_OUT, 10.0, 8.0, left_m=4.0)
-    assert stuck(last, 20.0, 3.5) == Recovery(Rung.OTHER_WAY, 20.0, 8.0, 4.0)
-    assert stuck(last, 20.0, 3.3) == Recovery(Rung.LOOK, 20.0, 20.0, 3.3)
+    last = Recovery(Action.BACK_OUT, 10.0, 8.0, left_m=4.0)
+    assert stuck(last, 20.0, 3.5) == Recovery(Action.OTHER_WAY, 20.0, 8.0, 4.0)
+    assert stuck(last, 20.0, 3.3) == Recovery(Action.LOOK, 20.0, 20.0, 3.3)
 
 
 def test_where_people_go_to_and_fro_it_is_patient_for_a_minute() -> None:
     """Everything was tried within 12 s: it waits again; after 61 s it is the end."""
-    asked = Recovery(Rung.ASK, 10.0, 8.0, 4.0)
-    assert stuck(asked, 20.0, 3.9) == Recovery(Rung.WAIT, 20.0, 8.0, 4.0)
+    asked = Recovery(Action.ASK, 10.0, 8.0, 4.0)
+    assert stuck(asked, 20.0, 3.9) == Recovery(Action.WAIT, 20.0, 8.0, 4.0)
     assert stuck(asked, 69.0, 3.9) is None
 
 
-@pytest.mark.parametrize(("rung", "lasts_s"), [(Rung.LOOK, 1.0), (Rung.WAIT, 12.0), (Rung.ASK, 12.0)])
-def test_each_has_its_time(rung: Rung, lasts_s: float) -> None:
+@pytest.mark.parametrize(("rung", "lasts_s"), [(Action.LOOK, 1.0), (Action.WAIT, 12.0), (Action.ASK, 12.0)])
+def test_each_has_its_time(rung: Action, lasts_s: float) -> None:
     """Over when it has had it, and not before."""
     recovery = Recovery(rung, 100.0, 90.0, 4.0)
     assert not is_over(recovery, 100.0 + lasts_s - 0.01)

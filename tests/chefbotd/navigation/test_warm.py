@@ -2,12 +2,12 @@
 
 import numpy as np
 
-from chefbotd.navigation.arcs import _way
+from chefbotd.navigation.arcs import _check
 from chefbotd.navigation.costmap import _stamp
 from chefbotd.navigation.evade import _least_m
 from chefbotd.navigation.live import _see
+from chefbotd.navigation.movers import _stamp_people
 from chefbotd.navigation.path import Goal
-from chefbotd.navigation.people import _stamp_people
 from chefbotd.navigation.search import _search
 from chefbotd.navigation.smooth import _pull, _relax
 from chefbotd.navigation.warm import warm
@@ -18,7 +18,7 @@ from tests.chefbotd.navigation.test_navigator import hall
 
 def test_after_warming_nothing_is_compiled_in_a_drive() -> None:
     """No kernel gets another signature when a goal is driven to."""
-    kernels = (_way, _stamp, _see, _search, _pull, _relax, _stamp_people, _least_m)
+    kernels = (_check, _stamp, _see, _search, _pull, _relax, _stamp_people, _least_m)
     warm(ROUND)
     before = [len(kernel.signatures) for kernel in kernels]
     assert all(before)

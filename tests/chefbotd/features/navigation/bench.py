@@ -17,11 +17,7 @@ from chefbotd.features.maps.models import PlaceData, PlaceList
 from chefbotd.features.navigation.models import Waypoint
 from chefbotd.features.navigation.service import NavigationService
 from chefbotd.worker.parameters import NavigationSection
-from chefbotd.worker.skills.navigation_requests import (
-    NavigateTo,
-    NavigationRequest,
-    Stepped,
-)
+from chefbotd.worker.skills.navigation_requests import NavigateTo, NavigationRequest, Stepped
 
 HERE, THERE = Waypoint(x_m=1.2, y_m=3.4, heading_rad=0.3), Waypoint(x_m=-0.5, y_m=2.0, tolerance_m=0.2)
 

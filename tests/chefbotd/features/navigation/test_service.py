@@ -12,12 +12,7 @@ from chefbotd.core.events.navigation import GoalResult
 from chefbotd.core.geometry import Twist2D
 from chefbotd.features.navigation.goals import MOST_ACTIVE
 from chefbotd.features.navigation.models import Waypoint
-from chefbotd.worker.skills.navigation_requests import (
-    KeepGoals,
-    NavigateTo,
-    Pause,
-    Resume,
-)
+from chefbotd.worker.skills.navigation_requests import KeepGoals, NavigateTo, Pause, Resume
 from tests.chefbotd.features.navigation.bench import HERE, THERE, Bench, benched
 
 

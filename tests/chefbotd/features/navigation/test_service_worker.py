@@ -6,12 +6,7 @@ import pytest
 
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.worker.parameters import NavigationSection
-from chefbotd.worker.skills.navigation_requests import (
-    KeepGoals,
-    NavigateTo,
-    Pause,
-    Resume,
-)
+from chefbotd.worker.skills.navigation_requests import KeepGoals, NavigateTo, Pause, Resume
 from tests.chefbotd.features.navigation.bench import HERE, THERE, Bench, benched
 
 

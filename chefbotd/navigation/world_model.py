@@ -1,4 +1,4 @@
-"""The robot's knowledge on a map: the map with its zones, new obstacles, moving ones, and its own trail."""
+"""The world model: the map with its zones, obstacles that are not on it, moving ones, and the robot's own trail."""
 
 import math
 from typing import Final
@@ -9,48 +9,51 @@ from numpy.typing import NDArray
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.surfaces import places
-from chefbotd.navigation.arcs import FORESIGHT_S, MARGIN_M, MOVING_MARGIN_M, UNMAPPED_MARGIN_M, met_by_turn
+from chefbotd.navigation.arcs import (
+    FORESIGHT_S,
+    MARGIN_M,
+    MOVING_MARGIN_M,
+    UNMAPPED_MARGIN_M,
+    nearest_in_turn,
+)
 from chefbotd.navigation.costmap import Costmap, between_cells_at, costmap, with_obstacles
-from chefbotd.navigation.grid_frame import Floats, GridFrame
+from chefbotd.navigation.grid import Floats, GridFrame
+from chefbotd.navigation.interface import NavigationParameters, Seen
 from chefbotd.navigation.live import (
     EXPLAINED_M,
     RANGE_KEPT_S,
     LiveObstacles,
-    is_there,
+    is_occupied,
     nothing_seen,
     obstacles_seen,
     part_of,
     see_range,
     see_scan,
 )
-from chefbotd.navigation.movers import SLOWEST_M_S, Mover, displaced, followed
+from chefbotd.navigation.movers import SLOWEST_M_S, Mover, displaced, track, with_people
 from chefbotd.navigation.outline import clearance_m
-from chefbotd.navigation.parameters import NavigationParameters
-from chefbotd.navigation.people import with_people
-from chefbotd.navigation.recovery import CLOSED_RADIUS_M, SOMEBODY_S
-from chefbotd.navigation.reports import Seen
+from chefbotd.navigation.recovery import CLOSED_RADIUS_M, LEAVES_S, Trail, extended
 from chefbotd.navigation.surroundings import Surroundings
-from chefbotd.navigation.trail import Trail, extended
 from chefbotd.navigation.zones import Zones
 
 NEAR_M: Final = 1.6
-"""Points farther away than this are not looked at for the next motion."""
+"""Points farther away than this do not matter for the next motion."""
 
 BRIDGED_S = 0.5
 """For so long after a scan things are expected to go on as they moved in it."""
 
-SOMEBODY_M = 0.45
-"""So near to a place somebody is at it."""
+AT_PLACE_M = 0.45
+"""A person so near to a place is at it."""
 
 BESIDE_M = 0.3
-"""What is so near to the outline may be what a guard stops the robot for."""
+"""A guard may stop the robot for an obstacle so near to its outline."""
 
 JUMP_M = 0.06
-"""A pose that is so much farther from the last one than the robot goes was put right."""
+"""A pose so much farther from the last one than the robot can have gone is a correction."""
 
 
-class Awareness:
-    """Takes what sensors see; gives the costs to plan with, and the points to drive by."""
+class WorldModel:
+    """Takes the readings of sensors; gives the costs to plan with, and the points to drive by."""
 
     def __init__(self, params: NavigationParameters, grid: OccupancyGrid, zones: Zones) -> None:
         self._params = params
@@ -94,7 +97,7 @@ class Awareness:
         self._is_unmapped = away_m > EXPLAINED_M
         self._velocity_m_s, self._is_walker = np.zeros_like(points), np.zeros(len(points), np.bool_)
         self._intent_m_s = np.zeros_like(points)
-        done = followed(self._movers, seen.stamp_s, points[self._is_unmapped])
+        done = track(self._movers, seen.stamp_s, points[self._is_unmapped])
         self._movers = done.movers
         self._velocity_m_s[self._is_unmapped] = done.velocity_m_s
         self._intent_m_s[self._is_unmapped] = done.intent_m_s
@@ -139,15 +142,15 @@ class Awareness:
         self._closed = []
 
     def costs(self, now_s: float, here: Pose2D | None = None, *, with_closed: bool = True) -> Costmap:
-        """The costs with all that is seen now; who walks costs only a robot that sets out from ``here`` (grid's frame).
+        """The costs with all that is seen now; with people who walk only for a robot that sets out from ``here``.
 
-        They are the very ``ground`` where there is nothing but the map.
+        They are ``ground`` itself if nothing but the map is there.
         """
         seen = self._seen(now_s, self._walked_s)
         stood = with_obstacles(self.ground, self._with_closed(seen, now_s) if with_closed else seen)
         if here is None:
             return stood
-        walkers = [each for each in self._movers if each.is_walker and each.stamp_s == self.scan_stamp_s]
+        walkers = [mover for mover in self._movers if mover.is_walker and mover.stamp_s == self.scan_stamp_s]
         speed_m_s = self._params.follower.max_speed_m_s
         return with_people(stood, walkers, here.x_m, here.y_m, speed_m_s)
 
@@ -161,23 +164,22 @@ class Awareness:
         self.trail = extended(self.trail, here, twist)
 
     def meets_walker(self, here: Pose2D) -> bool:
-        """Whether the nearest thing in front of a pose of the grid's frame is somebody who will walk on."""
+        """Whether the nearest thing in front of a pose of the grid's frame is a person who will walk on."""
         points = placed(here.inverse(), self._points_m)
         apart_m = np.where(points[:, 0] > 0, np.hypot(points[:, 0], points[:, 1]), math.inf)
         return bool(len(points) and self._is_walker[int(np.argmin(apart_m))])
 
     def may_leave(self, place: Floats, now_s: float) -> bool:
-        """Whether somebody may be at a place of the grid's frame: he walked there, and has not stood for long."""
+        """Whether a person who may leave is at a place of the grid: he walked there, and has not stood for long."""
         cell = self.frame.cell(float(place[0]), float(place[1]))
         if cell is None:
             return False
-        reach = math.ceil(SOMEBODY_M / self.frame.resolution_m)
+        reach = math.ceil(AT_PLACE_M / self.frame.resolution_m)
         box = tuple(slice(max(at - reach, 0), at + reach + 1) for at in cell)
         seen = part_of(self._live, (box[0], box[1]))
-        stood_s = np.where(is_there(seen, now_s), seen.scan_s - seen.since_s, 0.0)
+        stood_s = np.where(is_occupied(seen, now_s), seen.scan_s - seen.since_s, 0.0)
         walked_s = float(self._walked_s[box].max())
-        lately_s = SOMEBODY_S
-        return now_s - walked_s < lately_s and float(stood_s.max()) < lately_s
+        return now_s - walked_s < LEAVES_S and float(stood_s.max()) < LEAVES_S
 
     def obstacles(self, now_s: float) -> Floats:
         """Where something is now that the map does not explain: points (n, 2) of the grid's frame."""
@@ -190,7 +192,7 @@ class Awareness:
         return np.vstack([obstacles_seen(layer, fixed_m, now_s, walked_s) for layer in layers])
 
     def movers_in_map(self, now_s: float) -> Floats:
-        """Who moves: (n, 4), where in the map and how fast, along its axes; nobody who was not seen lately."""
+        """What moves: (n, 4), position and velocity in the map; only what was seen lately."""
         moving = [
             (mover.x_m, mover.y_m, mover.vx_m_s, mover.vy_m_s)
             for mover in self._movers
@@ -208,7 +210,7 @@ class Awareness:
         return np.vstack([points_m, *(place + disc for _, place in self._closed)])
 
     def surroundings(self, here: Pose2D, now_s: float, speed_m_s: float = 0.0) -> Surroundings:
-        """What is about a pose of the grid's frame: the last scan, who moved going on so, and what was seen before."""
+        """What is around a pose of the grid's frame: the last scan, its movers moved on, and what was seen before."""
         bridged_s = np.full(len(self._points_m), min(max(now_s - self.scan_stamp_s, 0.0), BRIDGED_S))
         bridged_s[self._is_walker] += self._params.follower.delay_s
         remembered = self._remembered(here, now_s)
@@ -236,7 +238,7 @@ class Awareness:
         )
 
     def _remembered(self, here: Pose2D, now_s: float) -> Floats:
-        """Points that the last scan does not show: of a sonar, of a depth camera, or what a lidar is now blind for."""
+        """Points that the last scan does not show: of a sonar or a depth camera, or hidden from the lidar now."""
         frame, stamp_s = self.frame, self.scan_stamp_s
         reach = math.ceil(NEAR_M / frame.resolution_m)
         row, column = int(here.y_m / frame.resolution_m), int(here.x_m / frame.resolution_m)
@@ -245,35 +247,35 @@ class Awareness:
         seen = part_of(self._live, box)
         unmapped = self.ground.fixed_m[box] > EXPLAINED_M
         hidden = (seen.scan_s < stamp_s) | (seen.range_s > now_s - RANGE_KEPT_S)
-        kept = is_there(seen, now_s) & hidden & unmapped
+        kept = is_occupied(seen, now_s) & hidden & unmapped
         if self._low is None:
             return seen.at_m[kept]
         low = part_of(self._low, box)
-        return np.vstack([seen.at_m[kept], low.at_m[is_there(low, now_s) & unmapped]])
+        return np.vstack([seen.at_m[kept], low.at_m[is_occupied(low, now_s) & unmapped]])
 
     def nearest_ahead(self, near: Surroundings, turns_rad: float = 0.0) -> str:
-        """Where in the map the nearest thing is, or what a turn on the spot meets first, as a part of a sentence."""
+        """Where in the map the nearest point is, or the first that a turn on the spot meets, as a part of a sentence."""
         if not len(near.points_m):
             return ""
         k = int(np.argmin(np.hypot(near.points_m[:, 0] - 0.1, near.points_m[:, 1])))
         if turns_rad:
-            k = met_by_turn(self._params.outline, near, turns_rad)
+            k = nearest_in_turn(self._params.outline, near, turns_rad)
         return self._where(near, k)
 
     def beside(self, near: Surroundings) -> str:
-        """Where in the map something is that is so near that a guard may stop the robot, as a part of a sentence."""
+        """Where in the map a point is that a guard may stop the robot for, as a part of a sentence."""
         outline = self._params.outline
         if not len(near.points_m):
             return ""
-        k = met_by_turn(outline, near, 0.0)
+        k = nearest_in_turn(outline, near, 0.0)
         x_m, y_m = near.points_m[k]
         apart_m = clearance_m(outline.hull, outline.pad_m, float(x_m), float(y_m))
         return f" beside something{self._where(near, k)}" if apart_m < BESIDE_M else ""
 
     def _where(self, near: Surroundings, k: int) -> str:
-        there = near.grid_from_base.compose(Pose2D(float(near.points_m[k, 0]), float(near.points_m[k, 1])))
-        found = self.frame.pose_to_map(there)
-        return f" at ({found.x_m:.2f}, {found.y_m:.2f})"
+        point = near.grid_from_base.compose(Pose2D(float(near.points_m[k, 0]), float(near.points_m[k, 1])))
+        place = self.frame.pose_to_map(point)
+        return f" at ({place.x_m:.2f}, {place.y_m:.2f})"
 
 
 def placed(pose: Pose2D, points_m: Floats) -> Floats:

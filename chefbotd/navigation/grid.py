@@ -1,4 +1,7 @@
-"""Converts between the map's frame and the grid's: cell (0, 0) at the origin, columns along x, rows along y."""
+"""The grid's frame in the map, and the exact distance of each cell from the nearest obstacle.
+
+Cell (0, 0) is at the grid's origin, columns run along x, rows along y.
+"""
 
 import math
 from typing import TypeAlias
@@ -6,6 +9,7 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
+from chefbotd.core.compiled import kernel
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import Record
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
@@ -58,3 +62,58 @@ class GridFrame(Record, frozen=True):
     def center(self, row: int, column: int) -> tuple[float, float]:
         """The middle of a cell, (x, y) in the grid's frame."""
         return (column + 0.5) * self.resolution_m, (row + 0.5) * self.resolution_m
+
+
+Flags = NDArray[np.bool_]
+Singles = NDArray[np.float32]
+
+
+def distances_m(obstacles: Flags, resolution_m: float) -> Singles:
+    """From each cell's middle to that of the nearest obstacle's cell; infinite where there is none.
+
+    Method: Felzenszwalb and Huttenlocher, "Distance Transforms of Sampled Functions", Theory of Computing 8, 2012.
+    """
+    distance_m = np.empty(obstacles.shape, np.float32)
+    _transform(obstacles, resolution_m, distance_m)
+    return distance_m
+
+
+@kernel
+def _transform(obstacles: Flags, resolution_m: float, distance_m: Singles) -> None:
+    rows, columns = obstacles.shape
+    far = rows + columns
+    above = np.empty((rows, columns), np.int64)
+    for column in range(columns):
+        gap = far
+        for row in range(rows):
+            gap = 0 if obstacles[row, column] else gap + 1
+            above[row, column] = gap
+        for row in range(rows - 2, -1, -1):
+            above[row, column] = min(above[row, column], above[row + 1, column] + 1)
+    vertex, begin, squared = np.empty(columns, np.int64), np.empty(columns + 1), np.empty(columns)
+    for row in range(rows):
+        for column in range(columns):
+            squared[column] = float(above[row, column]) ** 2
+        _lower_envelope(squared, vertex, begin)
+        k = 0
+        for column in range(columns):
+            while begin[k + 1] < column:
+                k += 1
+            value = (column - vertex[k]) ** 2 + squared[vertex[k]]
+            distance_m[row, column] = math.sqrt(value) * resolution_m if value < far * far else math.inf
+
+
+@kernel
+def _lower_envelope(squared: Floats, vertex: NDArray[np.int64], begin: Floats) -> None:
+    """Which parabola is the lowest, and from where on."""
+    k = 0
+    vertex[0], begin[0], begin[1] = 0, -math.inf, math.inf
+    for q in range(1, squared.shape[0]):
+        while True:
+            v = vertex[k]
+            crossing = ((squared[q] + q * q) - (squared[v] + v * v)) / (2.0 * (q - v))
+            if crossing > begin[k]:
+                break
+            k -= 1
+        k += 1
+        vertex[k], begin[k], begin[k + 1] = q, crossing, math.inf
