@@ -41,8 +41,8 @@ def map_features(
         return [maps(stored)], None
     from chefbotd.features.worker.service import WorkerService, worker
 
-    skills, mounts = _skills(settings, folder, kept), settings.range_mounts()
-    feed = WorkerService(context.bus, context.clock, settings.worker, skills, context.spawn_worker, mounts)
+    skills = _skills(settings, folder, kept)
+    feed = WorkerService(context.bus, context.clock, settings.worker, skills, context.spawn_worker)
     features = [maps(stored), worker(feed)]
     features += _mapping_and_localization(context, feed, stored, driving, leases)
     if NAVIGATION in settings.safety.sources:
@@ -134,4 +134,7 @@ def navigation_skill_parameters(settings: Settings, folder: Path) -> "Navigation
         navigation=settings.navigation.model_copy(update={"max_speed_m_s": speed_m_s}),
         silent_speed_m_s=settings.safety.encoders.silent_speed_m_s,
         cameras=tuple(camera.name for camera in settings.depth_camera),
+        range_mounts={
+            name: (mount.x_m, mount.y_m, mount.heading_rad) for name, mount in settings.range_mounts().items()
+        },
     )

@@ -1,13 +1,16 @@
-"""A scan as a value, from a lidar's turn or a depth image. Only a daemon with such a sensor loads this."""
+"""A scan as a value, from a lidar's turn or a depth image. Loads no numpy: only who makes or reads a scan does."""
 
-from typing import TypeAlias
-
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 from chefbotd.core.record import Record
 
-Floats: TypeAlias = NDArray[np.float64]
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    Floats: TypeAlias = NDArray[np.float64]
+else:
+    Floats = Any
 
 
 class LaserScan(Record, frozen=True):

@@ -11,9 +11,8 @@ from typing import Final, Generic, TypeVar
 
 import numpy as np
 
-from chefbotd.core.geometry import Pose2D
-from chefbotd.core.record import Record
-from chefbotd.core.scan import Floats, LaserScan
+from chefbotd.core.events.lidars import ScanMeasured
+from chefbotd.core.scan import Floats
 from chefbotd.perception.laser_scan import OdometryTrack, placed, points_in_base, pose_at, seen_from
 
 SILENT_S: Final = 0.5
@@ -59,31 +58,17 @@ class ScanAssembler(Generic[T]):
         return next(heard, present)
 
 
-class MountedScan(Record, frozen=True):
-    """A lidar's turn, and where that lidar is mounted."""
-
-    base_from_lidar: Pose2D
-    scan: LaserScan
-
-
-class SeenPoints(Record, frozen=True):
-    """Points (n, 2) in the robot's frame, lidar by lidar in the order of the beams.
-
-    ``sensor_m`` is where they were seen from: one place (2,) of one lidar, or one for each point (n, 2).
-    """
-
-    points_m: Floats
-    sensor_m: Floats
-
-
 def joined_points(
-    band_m: tuple[float, float], turns: Sequence[MountedScan], track: OdometryTrack
-) -> SeenPoints:
-    """What the turns show of the room in the robot's frame at the time of the first one, of which there must be one."""
-    first = turns[0]
+    band_m: tuple[float, float], turns: Sequence[ScanMeasured], track: OdometryTrack
+) -> tuple[Floats, Floats]:
+    """What the turns show, in the robot's frame at the time of the first one; there must be one turn at least.
+
+    The points (n, 2) are lidar by lidar in the order of the beams. With them comes where they were seen from: one place
+    (2,) of one lidar, or one for each point (n, 2).
+    """
+    first, mount = turns[0], turns[0].base_from_lidar
     if len(turns) == 1:
-        mount = first.base_from_lidar
-        return SeenPoints(points_in_base(band_m, mount, first.scan, track), np.array([mount.x_m, mount.y_m]))
+        return points_in_base(band_m, mount, first.scan, track), np.array([mount.x_m, mount.y_m])
     now = pose_at(track, np.array([first.scan.stamp_s]))[0]
     points, sensors = [], []
     for turn in turns:
@@ -93,4 +78,4 @@ def joined_points(
         sensor = placed(then, np.array([[mount.x_m, mount.y_m]]))
         points.append(seen_from(now, seen))
         sensors.append(np.repeat(seen_from(now, sensor), len(seen), axis=0))
-    return SeenPoints(np.concatenate(points), np.concatenate(sensors))
+    return np.concatenate(points), np.concatenate(sensors)

@@ -15,10 +15,8 @@ from chefbotd.worker.messages import (
     MOST_BYTES,
     FrameReader,
     FromWorker,
+    Measured,
     NotAMessage,
-    OdometrySeen,
-    RangeSeen,
-    ScanSeen,
     ToWorker,
     decoded,
     framed,
@@ -31,8 +29,6 @@ KERNEL_BYTES: Final = 1 << 15
 """What the kernel may hold of unread messages: a few scans. What lies there can no longer give way."""
 
 CLOSED: Final = "it closed its socket"
-
-GIVES_WAY: Final = (ScanSeen, OdometrySeen, RangeSeen)
 
 
 class Channel:
@@ -62,7 +58,7 @@ class Channel:
         """Queue a message; where there is no room the oldest that may give way do."""
         if self._closed:
             return
-        frame, gives_way = framed(message), isinstance(message, GIVES_WAY)
+        frame, gives_way = framed(message), isinstance(message, Measured)
         self._queue.append((frame, gives_way))
         self._count(frame, gives_way, 1)
         if self._spare_bytes > self._most_bytes:

@@ -1,16 +1,18 @@
 """The messages between daemon and worker: tagged MessagePack values, each after its length.
 
-The process code knows these only. What a skill is asked is a struct of its own, and what it tells and answers are the
-records of ``core``, all packed into ``body``: another skill needs no change here. Arrays are the bytes of little-endian
-32-bit floats.
+The process code knows these only. What a skill is asked is a struct of its own. What is measured, and what a skill tells
+and answers, are the records of ``core``. All of these are packed into ``body``: another skill needs no change here.
+Arrays are the bytes of little-endian 32-bit floats.
 """
 
-from collections.abc import Iterator
-from typing import Final, TypeAlias
+from collections.abc import Iterator, Mapping
+from typing import Any, Final, TypeAlias
 
 import msgspec
 
 from chefbotd.core.commands import RefusalKind
+from chefbotd.core.events.lidars import ScanMeasured
+from chefbotd.core.events.robot import OdometryUpdated, RangeMeasured
 
 MOST_BYTES: Final = 1 << 25
 """No message is longer: a map of 100 by 100 m is 4 million cells, and compressed to a fraction of that."""
@@ -31,36 +33,14 @@ class Configure(Message, frozen=True, tag="configure"):
     skills: dict[str, bytes]
 
 
-class ScanSeen(Message, frozen=True, tag="scan"):
-    """A turn of a lidar, as in ``core.scan.LaserScan``; ``mount`` is ``base_from_lidar`` (x, y, heading)."""
+class Measured(Message, frozen=True, tag="measured"):
+    """An event of the class named ``kind``.
 
-    stamp_s: float
-    lidar: str
-    mount: tuple[float, float, float]
-    bearing_rad: bytes
-    range_m: bytes
-    after_s: bytes
+    Odometry is sent in a frame that never jumps (``steady``): a reset of the odometry is taken out of it.
+    """
 
-
-class OdometrySeen(Message, frozen=True, tag="odometry"):
-    """Where odometry says the robot is, in a frame that never jumps: a reset of the odometry is taken out again."""
-
-    stamp_s: float
-    x_m: float
-    y_m: float
-    heading_rad: float
-    linear_m_s: float
-    angular_rad_s: float
-
-
-class RangeSeen(Message, frozen=True, tag="range"):
-    """An echo of an ultrasonic or infrared sensor; ``mount`` is ``base_from_sensor`` (x, y, heading)."""
-
-    stamp_s: float
-    sensor: str
-    mount: tuple[float, float, float]
-    range_m: float
-    field_of_view_rad: float
+    kind: str
+    body: bytes
 
 
 class Request(Message, frozen=True, tag="request"):
@@ -136,10 +116,30 @@ class Told(Message, frozen=True, tag="told"):
     kind: str = ""
 
 
-ToWorker: TypeAlias = Configure | ScanSeen | OdometrySeen | RangeSeen | Request | Cancel
+ToWorker: TypeAlias = Configure | Measured | Request | Cancel
 FromWorker: TypeAlias = Warming | Ready | Unavailable | Alive | Answer | Progress | Failed | Told
 
-ENCODER: Final = msgspec.msgpack.Encoder()
+Measurement: TypeAlias = ScanMeasured | OdometryUpdated | RangeMeasured
+
+ARRAY: Final = 1
+"""The code of an array among MessagePack's extension types."""
+
+
+def _array_to_extension(array: Any) -> msgspec.msgpack.Ext:
+    return msgspec.msgpack.Ext(ARRAY, array.astype("<f4").tobytes())
+
+
+def _extension_to_array(code: int, data: memoryview) -> Any:
+    import numpy as np  # the daemon's side decodes no array
+
+    return np.frombuffer(data, "<f4").astype(np.float64)
+
+
+ENCODER: Final = msgspec.msgpack.Encoder(enc_hook=_array_to_extension)
+MEASUREMENTS: Final[Mapping[str, "msgspec.msgpack.Decoder[Measurement]"]] = {
+    kind.__name__: msgspec.msgpack.Decoder(kind, ext_hook=_extension_to_array)
+    for kind in (ScanMeasured, OdometryUpdated, RangeMeasured)
+}
 TO_WORKER: Final = msgspec.msgpack.Decoder(ToWorker)
 FROM_WORKER: Final = msgspec.msgpack.Decoder(FromWorker)
 
@@ -151,6 +151,16 @@ class NotAMessage(ValueError):
 def packed(value: msgspec.Struct | None) -> bytes:
     """A struct as MessagePack, for a ``body``; None: an answer that says no more than that it was done."""
     return ENCODER.encode(value)
+
+
+def measured(event: Measurement) -> Measured:
+    """The message with this event."""
+    return Measured(type(event).__name__, ENCODER.encode(event))
+
+
+def event_in(message: Measured) -> Measurement:
+    """The event that was measured."""
+    return MEASUREMENTS[message.kind].decode(message.body)
 
 
 def framed(message: ToWorker | FromWorker) -> bytes:

@@ -20,7 +20,7 @@ from chefbotd.core.record import Record, replace
 from chefbotd.entries import entries_of
 from chefbotd.worker import messages
 from chefbotd.worker.channel import CLOSED, Channel
-from chefbotd.worker.messages import FromWorker, OdometrySeen, RangeSeen, ScanSeen, packed
+from chefbotd.worker.messages import FromWorker, Measurement, measured, packed
 from chefbotd.worker.parameters import WorkerParameters
 from chefbotd.worker.requests import OnProgress, RequestCancelled, Requests, WorkerLost
 from chefbotd.worker.spawn import Child, Spawn, spawn
@@ -117,10 +117,10 @@ class Worker:
         """Call ``handler`` each time a worker has become ready: what the one before it knew has to be told again."""
         self._on_ready.append(handler)
 
-    def send(self, message: ScanSeen | OdometrySeen | RangeSeen) -> None:
+    def send(self, event: Measurement) -> None:
         """Send what was measured, if the worker is there; never waits."""
         if self._channel is not None and self.is_ready:
-            self._channel.send(message)
+            self._channel.send(measured(event))
 
     def tell(self, skill: str, body: msgspec.Struct) -> None:
         """Have a skill do something whose answer nobody needs, if the worker is there; never waits."""

@@ -8,13 +8,12 @@ from typing import TYPE_CHECKING, Final
 import msgspec
 
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events.lidars import ScanMeasured
+from chefbotd.core.events.robot import OdometryUpdated, RangeMeasured
 from chefbotd.core.record import Record
 from chefbotd.worker import messages
-from chefbotd.worker.messages import FromWorker, ToWorker, packed
+from chefbotd.worker.messages import FromWorker, Measurement, ToWorker, packed
 from chefbotd.worker.skills.skill import Hears, Job, Meets, Skill
-
-if TYPE_CHECKING:  # it would load asyncio, 7 MB
-    from chefbotd.clock import Clock
 
 if TYPE_CHECKING:  # it would load asyncio, 7 MB
     from chefbotd.clock import Clock
@@ -84,21 +83,26 @@ class Runner:
     def take_message(self, message: ToWorker) -> Iterator[FromWorker]:
         """Do what the daemon asks; yields what is to be sent, as it comes."""
         match message:
-            case messages.ScanSeen():
-                for name, skill in self._skills.items():
-                    yield from self._telling(name, "a scan", skill.take_scan(message))
-            case messages.OdometrySeen():
-                for name, skill in self._skills.items():
-                    yield from self._telling(name, "odometry", skill.take_odometry(message))
-            case messages.RangeSeen():
-                for name, hearing in self._hearing.items():
-                    yield from self._telling(name, "a range", hearing.take_range(message))
+            case messages.Measured():
+                yield from self._take_measurement(messages.event_in(message))
             case messages.Request():
                 yield from self._begin(message)
             case messages.Cancel():
                 yield from self._cancel(message.id)
             case messages.Configure():
                 yield from self._load(message)
+
+    def _take_measurement(self, event: Measurement) -> Iterator[FromWorker]:
+        match event:
+            case ScanMeasured():
+                for name, skill in self._skills.items():
+                    yield from self._telling(name, "a scan", skill.take_scan(event))
+            case OdometryUpdated():
+                for name, skill in self._skills.items():
+                    yield from self._telling(name, "odometry", skill.take_odometry(event))
+            case RangeMeasured():
+                for name, hearing in self._hearing.items():
+                    yield from self._telling(name, "a range", hearing.take_range(event))
 
     def take_turn(self) -> Iterator[FromWorker]:
         """Bring each job a step further, and let the skills do what has its own time."""

@@ -11,11 +11,12 @@ import pytest
 from chefbotd.bus import Bus
 from chefbotd.clock import ManualClock
 from chefbotd.core.events import RangeStatus
-from chefbotd.core.geometry import Twist2D
+from chefbotd.core.events.robot import OdometryUpdated
+from chefbotd.core.geometry import CERTAIN, STANDING, Pose2D, Twist2D
 from chefbotd.features.driving.obstacle_guard import ObstacleGuard
 from chefbotd.safety.guard import GuardParameters
 from chefbotd.worker import runner
-from chefbotd.worker.messages import Answer, Configure, Failed, OdometrySeen, Ready, Request, Told, packed
+from chefbotd.worker.messages import Answer, Configure, Failed, Ready, Request, Told, measured, packed
 
 DOCS = Path(__file__).parents[2] / "docs"
 pytestmark = pytest.mark.skipif(
@@ -82,8 +83,8 @@ def test_the_skill_of_the_page_runs_in_a_worker(monkeypatch: pytest.MonkeyPatch)
     assert refused.message == "there is no odometry yet"
     told: list[Told] = []
     for stamp_s, x_m, y_m in ((0.0, 0.0, 0.0), (0.1, 0.3, 0.4), (0.2, 2.3, 0.4), (0.3, 2.3, 0.5)):
-        seen = OdometrySeen(stamp_s, x_m, y_m, 0.0, 0.0, 0.0)
-        told += [each for each in worker.take_message(seen) if isinstance(each, Told)]
+        odometry = OdometryUpdated(stamp_s, stamp_s, Pose2D(x_m, y_m), STANDING, CERTAIN)
+        told += [each for each in worker.take_message(measured(odometry)) if isinstance(each, Told)]
     driven = [msgspec.msgpack.decode(each.body, type=page.DistanceDriven) for each in told]
     assert [(each.stamp_s, each.distance_m) for each in driven] == [
         (0.1, pytest.approx(0.5)),

@@ -1,14 +1,12 @@
 """What is heard of lidars and depth cameras. Loads no numpy: only who makes or reads a scan does."""
 
-from typing import TYPE_CHECKING, Annotated, ClassVar
+from typing import Annotated, ClassVar
 
 from msgspec import Meta
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import Level, LogLine, Record
-
-if TYPE_CHECKING:
-    from chefbotd.core.scan import LaserScan
+from chefbotd.core.scan import LaserScan
 
 
 class ScanMeasured(Record, frozen=True):
@@ -20,7 +18,7 @@ class ScanMeasured(Record, frozen=True):
     stamp_s: float
     lidar: str
     base_from_lidar: Pose2D
-    scan: "LaserScan"
+    scan: LaserScan
 
 
 class LidarChanged(Record, frozen=True):

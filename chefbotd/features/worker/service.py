@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 
-import numpy as np
 from msgspec.structs import asdict
 
 from chefbotd.bus import Bus
@@ -17,7 +16,6 @@ from chefbotd.entries import entries_of
 from chefbotd.features.feature import Feature, Service
 from chefbotd.features.worker.models import TOPICS
 from chefbotd.metrics import Metrics
-from chefbotd.worker.messages import OdometrySeen, RangeSeen, ScanSeen
 from chefbotd.worker.parameters import WorkerParameters
 from chefbotd.worker.process import Worker, WorkerStatus
 from chefbotd.worker.spawn import Spawn, spawn
@@ -31,10 +29,7 @@ class WorkerServiceState(Record, frozen=True):
 
 
 class WorkerService:
-    """Owns the worker. Its skills know odometry in the frame ``steady``: a reset of the odometry is no motion there.
-
-    ``mounts`` are the ultrasonic and infrared sensors: ``base_from_sensor`` by name.
-    """
+    """Owns the worker. Its skills know odometry in the frame ``steady``: a reset of the odometry is no motion there."""
 
     def __init__(
         self,
@@ -43,16 +38,14 @@ class WorkerService:
         parameters: WorkerParameters,
         skills: Mapping[str, bytes],
         start: Spawn | None = None,
-        mounts: Mapping[str, Pose2D] | None = None,
     ) -> None:
-        self._bus, self._entries, self._mounts = bus, entries_of(clock), dict(mounts or {})
+        self._bus, self._entries = bus, entries_of(clock)
         self.worker = Worker(parameters, clock, skills, self._report, start or spawn)
         self._steady_from_odom = ORIGIN
         bus.add_handler(self._send_odometry, OdometryUpdated)
         bus.add_handler(self._take_reset, OdometryReset)
-        bus.add_handler(self._send_scan, ScanMeasured)
-        if self._mounts:
-            bus.add_handler(self._send_range, RangeMeasured)
+        bus.add_handler(self.worker.send, ScanMeasured)
+        bus.add_handler(self._send_range, RangeMeasured)
 
     def state(self) -> WorkerServiceState:
         """What it remembers."""
@@ -82,32 +75,13 @@ class WorkerService:
         self._steady_from_odom = self._steady_from_odom.compose(event.before).compose(event.after.inverse())
 
     def _send_odometry(self, event: OdometryUpdated) -> None:
-        pose, twist = self._steady_from_odom.compose(event.odom_from_base), event.twist
-        self.worker.send(
-            OdometrySeen(
-                event.stamp_s, pose.x_m, pose.y_m, pose.heading_rad, twist.linear_m_s, twist.angular_rad_s
-            )
-        )
+        steady_from_base = self._steady_from_odom.compose(event.odom_from_base)
+        self.worker.send(replace(event, odom_from_base=steady_from_base))
 
     def _send_range(self, event: RangeMeasured) -> None:
         """Only an echo says where something is."""
-        mount = self._mounts.get(event.sensor)
-        if mount is None or event.status is not RangeStatus.OK or event.range_m is None:
-            return
-        placed = (mount.x_m, mount.y_m, mount.heading_rad)
-        self.worker.send(
-            RangeSeen(event.stamp_s, event.sensor, placed, event.range_m, event.field_of_view_rad)
-        )
-
-    def _send_scan(self, event: ScanMeasured) -> None:
-        if not self.worker.is_ready:
-            return
-        scan, mount = event.scan, event.base_from_lidar
-        arrays = (scan.bearing_rad, scan.range_m, scan.after_s)
-        data = [array.astype(np.float32).tobytes() for array in arrays]
-        self.worker.send(
-            ScanSeen(scan.stamp_s, event.lidar, (mount.x_m, mount.y_m, mount.heading_rad), *data)
-        )
+        if event.status is RangeStatus.OK:
+            self.worker.send(event)
 
 
 def worker(service: WorkerService) -> Feature:

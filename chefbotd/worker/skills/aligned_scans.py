@@ -8,16 +8,16 @@ from typing import Final
 
 import numpy as np
 
+from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.mapping import MapPoseUpdated
+from chefbotd.core.events.robot import OdometryUpdated
 from chefbotd.core.geometry import Pose2D, PoseCovariance
 from chefbotd.core.record import Record
-from chefbotd.core.scan import LaserScan
 from chefbotd.mapping.poses import Floats
 from chefbotd.mapping.state import Scan
 from chefbotd.mapping.surfaces import normals
 from chefbotd.perception.laser_scan import OdometryTrack, pose_at
-from chefbotd.perception.scan_assembler import MountedScan, ScanAssembler, joined_points
-from chefbotd.worker.messages import OdometrySeen, ScanSeen
+from chefbotd.perception.scan_assembler import ScanAssembler, joined_points
 
 KEPT_S: Final = 2.0
 """Odometry is remembered for so long; a turn takes a tenth of a second."""
@@ -39,29 +39,30 @@ class AlignedScan(Record, frozen=True):
 
 
 class ScanAligner:
-    """Scans and odometry in, aligned scans out, in the order of their stamps; ``refused`` counts what is no scan.
+    """Scans and odometry in, aligned scans out, in the order of their stamps.
 
-    The turns of all ``lidars`` that belong together make one scan; those of others are passed over.
+    The turns of all ``lidars`` that belong together make one scan. A turn of another lidar, or of a time that is not
+    finite, is passed over.
     """
 
     def __init__(self, lidars: Sequence[str]) -> None:
-        self.refused = 0
-        self._assembler: ScanAssembler[ScanSeen] = ScanAssembler(lidars)
-        self._track: deque[OdometrySeen] = deque()
-        self._waiting: deque[tuple[ScanSeen, ...]] = deque()
+        self._assembler: ScanAssembler[ScanMeasured] = ScanAssembler(lidars)
+        self._track: deque[OdometryUpdated] = deque()
+        self._waiting: deque[tuple[ScanMeasured, ...]] = deque()
 
-    def add_odometry(self, odometry: OdometrySeen) -> None:
+    def add_odometry(self, odometry: OdometryUpdated) -> None:
         """Remember where odometry says the robot is; what is not newer than the last, or not finite, is passed over."""
         track = self._track
-        values = (odometry.stamp_s, odometry.x_m, odometry.y_m, odometry.heading_rad)
-        if not all(map(math.isfinite, values)) or (track and odometry.stamp_s <= track[-1].stamp_s):
+        if not all(map(math.isfinite, _row(odometry))) or (track and odometry.stamp_s <= track[-1].stamp_s):
             return
         track.append(odometry)
         while track[0].stamp_s < odometry.stamp_s - KEPT_S:
             track.popleft()
 
-    def add_scan(self, scan: ScanSeen) -> None:
+    def add_scan(self, scan: ScanMeasured) -> None:
         """Keep a scan until it can be aligned; of too many that wait the oldest gives way."""
+        if not math.isfinite(scan.stamp_s):
+            return
         turns = self._assembler.add_turn(scan.lidar, scan.stamp_s, scan)
         if turns:
             self._waiting.append(turns)
@@ -83,44 +84,29 @@ class ScanAligner:
             self._waiting.popleft()
             if self._track[0].stamp_s > scan.stamp_s:
                 continue  # where the robot was then was forgotten, or never known
-            try:
-                return self._aligned(turns)
-            except ValueError:
-                self.refused += 1
+            return self._aligned(turns)
         return None
 
-    def _aligned(self, turns: tuple[ScanSeen, ...]) -> AlignedScan:
-        mounted = [MountedScan(Pose2D(*turn.mount), laser_scan(turn)) for turn in turns]
-        track = self._track_from(
-            min(turn.scan.stamp_s + turn.scan.after_s.min(initial=0.0) for turn in mounted)
-        )
-        seen = joined_points(BAND_M, mounted, track)
-        points, stamp_s = seen.points_m.astype(np.float32), turns[0].stamp_s
+    def _aligned(self, turns: tuple[ScanMeasured, ...]) -> AlignedScan:
+        track = self._track_from(min(turn.stamp_s + turn.scan.after_s.min(initial=0.0) for turn in turns))
+        points_m, sensor_m = joined_points(BAND_M, turns, track)
+        points, stamp_s = points_m.astype(np.float32), turns[0].stamp_s
         pose = pose_at(track, np.array([stamp_s]))[0]
-        sensor_m = seen.sensor_m if seen.sensor_m.ndim == 1 else seen.sensor_m.astype(np.float32)
+        sensor_m = sensor_m if sensor_m.ndim == 1 else sensor_m.astype(np.float32)
         return AlignedScan(stamp_s, pose, Scan(points, normals(points, sensor_m), sensor_m))
 
     def _track_from(self, begin_s: float) -> OdometryTrack:
         """Where the robot was, from the last that was known by then on."""
-        known = len(self._track)
-        first = next((k for k in range(known - 1, 0, -1) if self._track[k].stamp_s <= begin_s), 0)
-        rows = np.array([(o.stamp_s, o.x_m, o.y_m, o.heading_rad) for o in islice(self._track, first, None)])
+        newest = len(self._track) - 1
+        first = next((k for k in range(newest, 0, -1) if self._track[k].stamp_s <= begin_s), 0)
+        rows = np.array([_row(odometry) for odometry in islice(self._track, first, None)])
         return OdometryTrack(rows[:, 0], rows[:, 1:])
 
 
-def laser_scan(scan: ScanSeen) -> LaserScan:
-    """The message as a scan.
-
-    Raises:
-        ValueError: its arrays do not fit together.
-    """
-    if not math.isfinite(scan.stamp_s):
-        raise ValueError(f"a scan's time is finite, got {scan.stamp_s}")
-    arrays = [
-        np.frombuffer(data, "<f4").astype(np.float64)
-        for data in (scan.bearing_rad, scan.range_m, scan.after_s)
-    ]
-    return LaserScan(scan.stamp_s, *arrays)
+def _row(odometry: OdometryUpdated) -> tuple[float, float, float, float]:
+    """Its time, x, y and heading."""
+    pose = odometry.odom_from_base
+    return odometry.stamp_s, pose.x_m, pose.y_m, pose.heading_rad
 
 
 def pose_updated(

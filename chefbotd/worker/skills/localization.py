@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.mapping import Alternative, LocalizationChanged
+from chefbotd.core.events.robot import OdometryUpdated
 from chefbotd.core.record import replace
 from chefbotd.localization.localizer import (
     Localization,
@@ -29,7 +31,6 @@ from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.poses import Floats, compose
 from chefbotd.maps.contents import read_grid
 from chefbotd.maps.store import MapStore
-from chefbotd.worker.messages import OdometrySeen, ScanSeen
 from chefbotd.worker.skills import localization_requests as requests
 from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner, pose_of, pose_updated
 from chefbotd.worker.skills.localization_requests import POSE_FILE, LocalizationSkillParameters
@@ -99,7 +100,7 @@ class LocalizationSkill:
 
     # what is measured
 
-    def take_scan(self, scan: ScanSeen) -> Iterable[Struct]:
+    def take_scan(self, scan: ScanMeasured) -> Iterable[Struct]:
         """A turn of a lidar by which the robot finds its way."""
         if scan.lidar in self._parameters.lidars:
             self._silence.scan_s[scan.lidar] = self._clock.now_s()
@@ -107,7 +108,7 @@ class LocalizationSkill:
                 self._aligner.add_scan(scan)
         return self._follow_what_is_aligned()
 
-    def take_odometry(self, odometry: OdometrySeen) -> Iterable[Struct]:
+    def take_odometry(self, odometry: OdometryUpdated) -> Iterable[Struct]:
         """Where the robot is by odometry."""
         self._silence.odometry_s = self._clock.now_s()
         self._aligner.add_odometry(odometry)

@@ -9,7 +9,9 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Final
 
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.mapping import MappingChanged, MapPoseUpdated, MapSaved
+from chefbotd.core.events.robot import OdometryUpdated
 from chefbotd.localization.mount_check import MountCheck, checked, mount_problem
 from chefbotd.mapping.finish import refining
 from chefbotd.mapping.occupancy import occupancy
@@ -18,7 +20,6 @@ from chefbotd.mapping.slam import step
 from chefbotd.mapping.state import SlamMode, SlamState, start
 from chefbotd.mapping.warm import warm
 from chefbotd.maps.names import map_name
-from chefbotd.worker.messages import OdometrySeen, ScanSeen
 from chefbotd.worker.skills import mapping_requests as requests
 from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner, pose_updated
 from chefbotd.worker.skills.beginnings import Beginning, Beginnings
@@ -76,7 +77,7 @@ class MappingSkill:
 
     # what is measured
 
-    def take_scan(self, scan: ScanSeen) -> Iterable[Struct]:
+    def take_scan(self, scan: ScanMeasured) -> Iterable[Struct]:
         """A turn of a lidar of which the map is made."""
         if scan.lidar in self._parameters.lidars:
             self._silence.scan_s[scan.lidar] = self._clock.now_s()
@@ -84,7 +85,7 @@ class MappingSkill:
                 self._aligner.add_scan(scan)
         return self._map_what_is_aligned()
 
-    def take_odometry(self, odometry: OdometrySeen) -> Iterable[Struct]:
+    def take_odometry(self, odometry: OdometryUpdated) -> Iterable[Struct]:
         """Where the robot is by odometry: also while no map is made, so that the first scan finds it."""
         self._silence.odometry_s = self._clock.now_s()
         self._aligner.add_odometry(odometry)

@@ -7,11 +7,13 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.navigation import GoalResult, NavigationData, PathData, PlanResult
+from chefbotd.core.events.robot import OdometryUpdated, RangeMeasured
 from chefbotd.core.geometry import Pose2D
 from chefbotd.localization.states import State as Knows
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
-from chefbotd.mapping.poses import Floats, compose
+from chefbotd.mapping.poses import Floats, compose, row_of
 from chefbotd.maps.store import MapStore
 from chefbotd.navigation.interface import NavigationParameters, PoseStatus, Seen, Step
 from chefbotd.navigation.navigator import Navigator
@@ -20,7 +22,6 @@ from chefbotd.navigation.path import Goal, NoPath, Path
 from chefbotd.navigation.steering import FollowerLimits
 from chefbotd.navigation.warm import warm
 from chefbotd.navigation.zones import NO_ZONES, Zones, parse_zones
-from chefbotd.worker.messages import OdometrySeen, RangeSeen, ScanSeen
 from chefbotd.worker.skills import navigation_requests as requests
 from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner
 from chefbotd.worker.skills.localization import LocalizationSkill
@@ -75,10 +76,11 @@ class NavigationSkill:
         self._used: tuple[str, int] | None = None  # and localization's
         self._grid: OccupancyGrid | None = None
         self._problem = ""
-        self._odometry: OdometrySeen | None = None
+        self._odometry: OdometryUpdated | None = None
         self._map_from_odom: Floats | None = None  # by which the robot is placed
         self._scan_s = self._held_until_s = float("-inf")
         self._cameras = {name: ScanAligner((name,)) for name in told.cameras}
+        self._range_mounts = {name: Pose2D(*mount) for name, mount in told.range_mounts.items()}
         self._numbers: dict[int, int] = {}  # the navigator's number of each goal -> the daemon's
         self._told: Stepped | None = None
         self._path: Path | None = None
@@ -93,26 +95,29 @@ class NavigationSkill:
         finder = others.get("localization")
         self._finder = finder if isinstance(finder, LocalizationSkill) else None
 
-    def take_scan(self, scan: ScanSeen) -> Iterable[Struct]:
+    def take_scan(self, scan: ScanMeasured) -> Iterable[Struct]:
         """A depth camera's image, flattened; a lidar's turn is aligned by localization first."""
         camera = self._cameras.get(scan.lidar)
         if camera is not None:
             camera.add_scan(scan)
         return ()
 
-    def take_odometry(self, odometry: OdometrySeen) -> Iterable[Struct]:
+    def take_odometry(self, odometry: OdometryUpdated) -> Iterable[Struct]:
         """Where the robot is by odometry; the newest counts."""
         self._odometry = odometry
         for camera in self._cameras.values():
             camera.add_odometry(odometry)
         return ()
 
-    def take_range(self, measured: RangeSeen) -> Iterable[Struct]:
+    def take_range(self, measured: RangeMeasured) -> Iterable[Struct]:
         """An echo, where it is known where the robot was; the newest odometry is at most a reading older."""
+        mount = self._range_mounts.get(measured.sensor)
+        if mount is None or measured.range_m is None:
+            return ()
         pose, status = self._pose(self._clock.now_s())
         if pose is not None and status is not PoseStatus.LOST:
-            sensor, view_rad = Pose2D(*measured.mount), measured.field_of_view_rad
-            self._navigator.take_range(measured.stamp_s, pose, sensor, measured.range_m, view_rad)
+            view_rad = measured.field_of_view_rad
+            self._navigator.take_range(measured.stamp_s, pose, mount, measured.range_m, view_rad)
         return ()
 
     def close(self) -> None:
@@ -289,12 +294,12 @@ def read_zones(folder: FilePath, name: str) -> Zones:
     return NO_ZONES if content is None else parse_zones(content.decode("utf-8"), ZONES)
 
 
-def expected(odometry: OdometrySeen, at_s: float) -> Floats:
+def expected(odometry: OdometryUpdated, at_s: float) -> Floats:
     """Where odometry would say that the robot is, if it moves on as it did: a board that is silent obeys nothing."""
     after_s = min(max(at_s - odometry.stamp_s, 0.0), MOST_AGE_S)
-    turned, moved = odometry.angular_rad_s * after_s, odometry.linear_m_s * after_s
+    turned, moved = odometry.twist.angular_rad_s * after_s, odometry.twist.linear_m_s * after_s
     on = np.array([moved * np.cos(turned / 2), moved * np.sin(turned / 2), turned])
-    return compose(np.array([odometry.x_m, odometry.y_m, odometry.heading_rad]), on)
+    return compose(row_of(odometry.odom_from_base), on)
 
 
 def _outline(told: NavigationSkillParameters) -> Footprint:

@@ -24,6 +24,7 @@ class NavigationSkillParameters(Parameters):
     The robot's outline is a circle or a box about its origin.
 
     ``cameras`` are the depth cameras whose scans count beside those by which localization finds the way;
+    ``range_mounts`` are the ultrasonic and infrared sensors: ``base_from_sensor`` (x, y, heading) by name.
     ``silent_speed_m_s`` is what the gate lets a rim go while the board waits for echoes that do not come.
     """
 
@@ -34,6 +35,7 @@ class NavigationSkillParameters(Parameters):
     navigation: NavigationSection
     silent_speed_m_s: float
     cameras: tuple[str, ...] = ()
+    range_mounts: dict[str, tuple[float, float, float]] = {}
 
 
 class GoalAsked(Message, frozen=True, tag="goal"):

@@ -5,8 +5,9 @@ from typing import Protocol, TypeAlias, runtime_checkable
 
 import msgspec
 
+from chefbotd.core.events.lidars import ScanMeasured
+from chefbotd.core.events.robot import OdometryUpdated, RangeMeasured
 from chefbotd.core.record import Record
-from chefbotd.worker.messages import OdometrySeen, RangeSeen, ScanSeen
 
 Struct: TypeAlias = msgspec.Struct
 
@@ -36,11 +37,11 @@ class Skill(Protocol):
         """Compile, or load from the cache, what will be needed."""
         ...
 
-    def take_scan(self, scan: ScanSeen) -> Iterable[Struct]:
+    def take_scan(self, scan: ScanMeasured) -> Iterable[Struct]:
         """A lidar's turn, in the order of their stamps for each lidar."""
         ...
 
-    def take_odometry(self, odometry: OdometrySeen) -> Iterable[Struct]:
+    def take_odometry(self, odometry: OdometryUpdated) -> Iterable[Struct]:
         """Where odometry says the robot is; usually a little later than a scan of the same time."""
         ...
 
@@ -65,7 +66,7 @@ class Skill(Protocol):
 class Hears(Protocol):
     """A skill that wants what ultrasonic and infrared sensors measure."""
 
-    def take_range(self, measured: RangeSeen) -> Iterable[Struct]:
+    def take_range(self, measured: RangeMeasured) -> Iterable[Struct]:
         """An echo; what gave none is not told."""
         ...
 

@@ -5,10 +5,11 @@ import math
 import numpy as np
 import pytest
 
+from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.scan import LaserScan
 from chefbotd.perception.laser_scan import OdometryTrack
-from chefbotd.perception.scan_assembler import MountedScan, ScanAssembler, joined_points
+from chefbotd.perception.scan_assembler import ScanAssembler, joined_points
 
 STILL = OdometryTrack(np.array([0.0]), np.zeros((1, 3)))
 
@@ -75,21 +76,23 @@ def test_points_of_both_are_where_the_robot_stands_at_the_first_ones_time() -> N
     The rear lidar, 0.1 m behind the middle, looks back and saw a post 1 m behind itself: at x -1.1 of the robot then.
     The robot now is 0.2 m further and looks left, so the post is 1.3 m to its left; it was seen from 0.3 m to its left.
     """
-    rear = MountedScan(Pose2D(-0.1, 0.0, math.pi), one_beam(9.96, 0.0, 1.0))
-    front = MountedScan(Pose2D(0.15, 0.05, 0.0), one_beam(10.0, 0.0, 2.0))
+    rear = one_beam(9.96, Pose2D(-0.1, 0.0, math.pi), 0.0, 1.0)
+    front = one_beam(10.0, Pose2D(0.15, 0.05, 0.0), 0.0, 2.0)
     track = OdometryTrack(np.array([9.96, 10.0]), np.array([[0.0, 0.0, 0.0], [0.2, 0.0, math.pi / 2]]))
-    seen = joined_points((0.05, 30.0), [front, rear], track)
-    assert np.allclose(seen.points_m, [[2.15, 0.05], [0.0, 1.3]])
-    assert np.allclose(seen.sensor_m, [[0.15, 0.05], [0.0, 0.3]])
+    points_m, sensor_m = joined_points((0.05, 30.0), [front, rear], track)
+    assert np.allclose(points_m, [[2.15, 0.05], [0.0, 1.3]])
+    assert np.allclose(sensor_m, [[0.15, 0.05], [0.0, 0.3]])
 
 
 def test_one_lidar_alone_has_one_place() -> None:
     """As without the others: the mount's place for all points."""
-    seen = joined_points((0.05, 30.0), [MountedScan(Pose2D(0.1, -0.2, 0.3), one_beam(5.0, -0.3, 1.0))], STILL)
-    assert np.allclose(seen.points_m, [[1.1, -0.2]])
-    assert seen.sensor_m.tolist() == [0.1, -0.2]
+    turn = one_beam(5.0, Pose2D(0.1, -0.2, 0.3), -0.3, 1.0)
+    points_m, sensor_m = joined_points((0.05, 30.0), [turn], STILL)
+    assert np.allclose(points_m, [[1.1, -0.2]])
+    assert sensor_m.tolist() == [0.1, -0.2]
 
 
-def one_beam(stamp_s: float, bearing_rad: float, range_m: float) -> LaserScan:
+def one_beam(stamp_s: float, mount: Pose2D, bearing_rad: float, range_m: float) -> ScanMeasured:
     """A turn with a single reading."""
-    return LaserScan(stamp_s, np.array([bearing_rad]), np.array([range_m]), np.zeros(1))
+    scan = LaserScan(stamp_s, np.array([bearing_rad]), np.array([range_m]), np.zeros(1))
+    return ScanMeasured(stamp_s, "lidar", mount, scan)

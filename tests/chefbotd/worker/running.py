@@ -4,12 +4,17 @@ import asyncio
 import contextlib
 from collections.abc import AsyncIterator, Callable
 
-from chefbotd.worker.messages import Answer, Cancel, Failed, Message, Progress, Request, ScanSeen, ToWorker
+import numpy as np
+
+from chefbotd.core.events.lidars import ScanMeasured
+from chefbotd.core.geometry import Pose2D
+from chefbotd.core.scan import LaserScan
+from chefbotd.worker.messages import Answer, Cancel, Failed, Message, Progress, Request, ToWorker
 from chefbotd.worker.parameters import WorkerParameters
 from chefbotd.worker.process import Worker
 from tests.fakes.worker import FakeChild, Nursery, healthy
 
-SCAN = ScanSeen(1.0, "top", (0.1, 0.0, 0.3), bytes(1200), bytes(1200), bytes(1200))
+SCAN = ScanMeasured(1.0, "top", Pose2D(0.1, 0.0, 0.3), LaserScan(1.0, *np.zeros((3, 300))))
 
 
 class Count(Message, frozen=True, tag="count"):

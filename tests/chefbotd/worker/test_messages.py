@@ -2,11 +2,16 @@
 
 import contextlib
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from chefbotd.core.commands import RefusalKind
+from chefbotd.core.events.lidars import ScanMeasured
+from chefbotd.core.events.robot import OdometryUpdated, RangeMeasured, RangeStatus
+from chefbotd.core.geometry import CERTAIN, Pose2D, Twist2D
+from chefbotd.core.scan import LaserScan
 from chefbotd.worker.messages import (
     FROM_WORKER,
     MOST_BYTES,
@@ -17,23 +22,23 @@ from chefbotd.worker.messages import (
     Configure,
     Failed,
     FrameReader,
+    Measured,
     NotAMessage,
-    OdometrySeen,
     Progress,
     Ready,
     Request,
-    ScanSeen,
     Told,
     Unavailable,
     Warming,
     decoded,
+    event_in,
     framed,
+    measured,
 )
 
 TO = [
     Configure({"mapping": b"{}"}),
-    ScanSeen(12.5, "top", (0.1, -0.02, 3.1), b"\x00" * 40, b"\x01" * 40, b"\x02" * 40),
-    OdometrySeen(12.51, 1.0, -2.0, 0.3, 0.2, -0.1),
+    Measured("ScanMeasured", b"\x80"),
     Request(7, "mapping", 30.0, b"\x90"),
     Cancel(7),
 ]
@@ -57,6 +62,29 @@ def test_every_message_comes_out_as_it_went_in() -> None:
     assert [TO_WORKER.decode(frame) for frame in reader.feed(sent)] == TO
     sent = b"".join(map(framed, FROM))
     assert [decoded(FROM_WORKER, frame) for frame in reader.feed(sent)] == FROM
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        OdometryUpdated(12.51, 12.52, Pose2D(1.0, -2.0, 0.3), Twist2D(0.2, -0.1), CERTAIN),
+        RangeMeasured(12.5, 12.6, "front", RangeStatus.OK, 0.65, 0.02, 4.0, 0.26),
+    ],
+)
+def test_what_is_measured_comes_out_as_it_went_in(event: OdometryUpdated | RangeMeasured) -> None:
+    """The event itself, with every field."""
+    assert event_in(measured(event)) == event
+
+
+def test_a_turn_comes_out_in_single_precision() -> None:
+    """0.1 becomes the nearest number of 32 bits, 1.5 has one; a reading that is none stays none."""
+    scan = LaserScan(12.5, np.array([0.1, 1.5]), np.array([0.0, np.inf]), np.array([-0.1, 0.0]))
+    event = event_in(measured(ScanMeasured(12.5, "top", Pose2D(0.1, -0.02, 3.1), scan)))
+    assert isinstance(event, ScanMeasured)
+    assert (event.stamp_s, event.lidar, event.base_from_lidar) == (12.5, "top", Pose2D(0.1, -0.02, 3.1))
+    assert event.scan.bearing_rad.tolist() == [float(np.float32(0.1)), 1.5]
+    assert event.scan.range_m.tolist() == [0.0, np.inf]
+    assert event.scan.after_s.tolist() == [float(np.float32(-0.1)), 0.0]
 
 
 @given(st.lists(st.integers(1, 60), max_size=40))

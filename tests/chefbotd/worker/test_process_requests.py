@@ -7,7 +7,11 @@ import pytest
 
 from chefbotd.clock import run_virtual
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.worker.messages import Answer, Cancel, Failed, OdometrySeen, Request, ScanSeen, ToWorker
+from chefbotd.core.events.lidars import ScanMeasured
+from chefbotd.core.events.robot import OdometryUpdated
+from chefbotd.core.geometry import CERTAIN, ORIGIN, STANDING
+from chefbotd.core.record import replace
+from chefbotd.worker.messages import Answer, Cancel, Failed, Measured, Request, ToWorker, event_in
 from chefbotd.worker.parameters import WorkerParameters
 from chefbotd.worker.requests import WorkerLost
 from tests.chefbotd.worker.running import SCAN, Count, counting, running
@@ -158,13 +162,14 @@ def test_a_worker_that_does_not_read_holds_up_nothing() -> None:
             child = nursery.last
             child.stop_reading()
             for k in range(500):
-                worker.send(ScanSeen(float(k), *(getattr(SCAN, name) for name in SCAN.__struct_fields__[1:])))
-                worker.send(OdometrySeen(float(k), 0.0, 0.0, 0.0, 0.0, 0.0))
+                worker.send(replace(SCAN, stamp_s=float(k)))
+                worker.send(OdometryUpdated(float(k), float(k), ORIGIN, STANDING, CERTAIN))
             asked = asyncio.create_task(worker.request("counting", Count(3), str, deadline_s=60.0))
             await asyncio.sleep(0.1)
             child.read_on()
             await asyncio.sleep(0.1)
-            scans = [scan.stamp_s for scan in child.received_of(ScanSeen)]
+            events = [event_in(message) for message in child.received_of(Measured)]
+            scans = [event.stamp_s for event in events if isinstance(event, ScanMeasured)]
             assert 0 < len(scans) < 60
             assert scans == sorted(scans)
             assert scans[-1] == 499.0, "the newest is there"

@@ -2,10 +2,15 @@
 
 from collections.abc import Iterable, Iterator
 
+import numpy as np
 import pytest
 
 from chefbotd.clock import ManualClock
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events.lidars import ScanMeasured
+from chefbotd.core.events.robot import OdometryUpdated, RangeMeasured, RangeStatus
+from chefbotd.core.geometry import CERTAIN, ORIGIN, STANDING, Pose2D
+from chefbotd.core.scan import LaserScan
 from chefbotd.worker import runner as runner_module
 from chefbotd.worker.messages import (
     Answer,
@@ -14,22 +19,20 @@ from chefbotd.worker.messages import (
     Failed,
     FromWorker,
     Message,
-    OdometrySeen,
     Progress,
-    RangeSeen,
     Ready,
     Request,
-    ScanSeen,
     Told,
     Unavailable,
     Warming,
+    measured,
     packed,
 )
 from chefbotd.worker.runner import CannotLoad, Runner
 from chefbotd.worker.skills.skill import Done, Job, Struct
 
-SCAN = ScanSeen(1.0, "top", (0.0, 0.0, 0.0), b"", b"", b"")
-ODOMETRY = OdometrySeen(1.0, 0.5, 0.0, 0.0, 0.0, 0.0)
+SCAN = measured(ScanMeasured(1.0, "top", ORIGIN, LaserScan(1.0, *np.zeros((3, 0)))))
+ODOMETRY = measured(OdometryUpdated(1.0, 1.0, Pose2D(0.5), STANDING, CERTAIN))
 
 
 class Counted(Message, frozen=True, tag="counted"):
@@ -50,12 +53,12 @@ class Counting:
     def warm(self) -> None:
         self.is_warm = True
 
-    def take_scan(self, scan: ScanSeen) -> Iterable[Struct]:
+    def take_scan(self, scan: ScanMeasured) -> Iterable[Struct]:
         self.scans += 1
         self._clock.advance(0.002)
         yield Counted("scans", self.scans)
 
-    def take_odometry(self, odometry: OdometrySeen) -> Iterable[Struct]:
+    def take_odometry(self, odometry: OdometryUpdated) -> Iterable[Struct]:
         return ()
 
     def handle(self, body: bytes) -> Struct | Job:
@@ -142,7 +145,7 @@ def test_measurements_reach_the_skill_and_what_it_tells_is_sent(runner: Runner) 
 class Listening(Counting):
     """One that wants echoes too."""
 
-    def take_range(self, measured: RangeSeen) -> Iterable[Struct]:
+    def take_range(self, measured: RangeMeasured) -> Iterable[Struct]:
         self.ranges = [*getattr(self, "ranges", []), measured.range_m]
         return ()
 
@@ -152,7 +155,7 @@ def test_an_echo_reaches_the_skills_that_want_echoes_and_no_other(
 ) -> None:
     """Of a counting skill and a listening one the second hears it."""
     listening = Listening(clock)
-    echo = RangeSeen(1.0, "front", (0.1, 0.02, 0.4), 0.65, 0.26)
+    echo = measured(RangeMeasured(1.0, 1.0, "front", RangeStatus.OK, 0.65, 0.02, 4.0, 0.26))
     assert list(runner.take_message(echo)) == []
     monkeypatch.setattr(runner_module, "loaded", lambda name, parameters, clock: listening)
     list(runner.take_message(Configure({"listening": b"{}"})))

@@ -18,10 +18,9 @@ from chefbotd.client import Client
 from chefbotd.client.errors import CallError
 from chefbotd.clock import Clock, run_virtual
 from chefbotd.core.events import OdometryReset, OdometryUpdated
-from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.mapping import MapPoseUpdated
 from chefbotd.core.geometry import CERTAIN, ORIGIN, STANDING, Pose2D
-from chefbotd.core.scan import LaserScan
+from chefbotd.core.record import replace
 from chefbotd.features.feature import Feature
 from chefbotd.maps.parameters import MapsParameters
 from chefbotd.maps.store import MapStore
@@ -30,7 +29,6 @@ from chefbotd.settings import Settings, load
 from chefbotd.testing.daemon import running_daemon
 from chefbotd.testing.transport import FakeSerialDevice
 from chefbotd.testing.worker import worker_in_process
-from chefbotd.worker.messages import ScanSeen
 from chefbotd.worker.parameters import WorkerParameters
 from chefbotd.worker.spawn import Child, Spawn
 from tests.chefbotd.worker.skills.drives import measured
@@ -68,13 +66,10 @@ class Scene:
         begin_s = asyncio.get_running_loop().time() - 0.1 * first + 0.05
         for message in measured(first, last, begin_s=begin_s):
             await asyncio.sleep(max(message.stamp_s - asyncio.get_running_loop().time(), 0.0))
-            if isinstance(message, ScanSeen):
-                data = (message.bearing_rad, message.range_m, message.after_s)
-                scan = LaserScan(message.stamp_s, *(np.frombuffer(d, "<f4").astype(float) for d in data))
-                self.bus.publish(ScanMeasured(message.stamp_s, "top", Pose2D(*message.mount), scan))
-                continue
-            pose = odom.inverse().compose(Pose2D(message.x_m, message.y_m, message.heading_rad))
-            self.bus.publish(OdometryUpdated(message.stamp_s, message.stamp_s, pose, STANDING, CERTAIN))
+            if isinstance(message, OdometryUpdated):
+                pose = odom.inverse().compose(message.odom_from_base)
+                message = replace(message, odom_from_base=pose, twist=STANDING)
+            self.bus.publish(message)
         await asyncio.sleep(0.2)
 
     async def data(self, topic: str) -> Any:

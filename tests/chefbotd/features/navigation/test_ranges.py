@@ -10,15 +10,16 @@ import pytest
 from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, ManualClock, run_virtual
 from chefbotd.composition import maps
-from chefbotd.core.events import RangeMeasured, RangeStatus
+from chefbotd.core.events import OdometryUpdated, RangeMeasured, RangeStatus
 from chefbotd.core.events.navigation import PlanResult
-from chefbotd.core.geometry import Pose2D
+from chefbotd.core.geometry import CERTAIN, STANDING, Pose2D
+from chefbotd.core.record import replace
 from chefbotd.features.worker.service import WorkerService
 from chefbotd.localization.states import State
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.navigation.zones import NO_ZONES
 from chefbotd.settings import load
-from chefbotd.worker.messages import OdometrySeen, RangeSeen, packed
+from chefbotd.worker.messages import Measured, event_in, packed
 from chefbotd.worker.parameters import NavigationSection, WorkerParameters
 from chefbotd.worker.skills import navigation as navigation_skill
 from chefbotd.worker.skills import navigation_requests as messages
@@ -27,6 +28,7 @@ from chefbotd.worker.skills.navigation import NavigationSkill
 from tests.fakes.worker import Nursery, healthy
 
 MOUNT = Pose2D(0.1, -0.04, 0.3)
+STANDS = OdometryUpdated(50.0, 50.0, Pose2D(0.2), STANDING, CERTAIN)
 
 
 def echo(range_m: float | None, status: RangeStatus = RangeStatus.OK, sensor: str = "front") -> RangeMeasured:
@@ -35,19 +37,17 @@ def echo(range_m: float | None, status: RangeStatus = RangeStatus.OK, sensor: st
 
 
 def test_only_an_echo_is_sent_to_the_worker() -> None:
-    """With the mount that is configured; what gave no echo, and a sensor without a mount, say nothing."""
+    """What gave no echo says nothing."""
 
     async def scenario() -> None:
         bus, nursery = Bus(), Nursery(healthy)
-        service = WorkerService(bus, LoopClock(), WorkerParameters(), {}, nursery.spawn, {"front": MOUNT})
+        service = WorkerService(bus, LoopClock(), WorkerParameters(), {}, nursery.spawn)
         running = asyncio.create_task(service.run())
         await asyncio.sleep(1.0)
-        for each in (
-            echo(0.8), echo(None, RangeStatus.NO_ECHO), echo(None, RangeStatus.TOO_FAR), echo(0.5, sensor="rear"),
-        ):  # fmt: skip
-            bus.publish(each)
+        for status in (RangeStatus.NO_ECHO, RangeStatus.OK, RangeStatus.TOO_FAR):
+            bus.publish(echo(0.8 if status is RangeStatus.OK else None, status))
         await asyncio.sleep(0.1)
-        assert nursery.last.received_of(RangeSeen) == [RangeSeen(2.0, "front", (0.1, -0.04, 0.3), 0.8, 0.26)]
+        assert [event_in(message) for message in nursery.last.received_of(Measured)] == [echo(0.8)]
         running.cancel()
         await asyncio.wait({running})
 
@@ -76,11 +76,12 @@ def test_the_skill_plans_round_what_a_sensor_heard(monkeypatch: pytest.MonkeyPat
         half_width_m=0.18,
         navigation=NavigationSection(),
         silent_speed_m_s=0.06,
+        range_mounts={"front": (MOUNT.x_m, MOUNT.y_m, MOUNT.heading_rad)},
     )
     skill = NavigationSkill(told.model_dump_json().encode(), clock)
     finder = Located()
     skill.meet({"localization": finder})
-    skill.take_odometry(OdometrySeen(50.0, 0.2, 0.0, 0.0, 0.0, 0.0))
+    skill.take_odometry(STANDS)
     pose = Pose2D(1.0, 0.8, 0.2).compose(Pose2D(0.2, 0.0))
     there = pose.compose(MOUNT).compose(Pose2D(0.9, 0.0))
     beyond = pose.compose(MOUNT).compose(Pose2D(2.0, 0.0))
@@ -93,13 +94,15 @@ def test_the_skill_plans_round_what_a_sensor_heard(monkeypatch: pytest.MonkeyPat
         return float(np.hypot(np.array(answer.x_m) - there.x_m, np.array(answer.y_m) - there.y_m).min())
 
     assert nearest_m() < 0.06
-    assert list(skill.take_range(RangeSeen(50.0, "front", (0.1, -0.04, 0.3), 0.9, 0.26))) == []
+    assert list(skill.take_range(replace(echo(0.9, sensor="rear"), stamp_s=50.0))) == []
+    assert nearest_m() < 0.06, "nobody knows where that sensor is"
+    assert list(skill.take_range(replace(echo(0.9), stamp_s=50.0))) == []
     assert nearest_m() > 0.2
     finder.report.state = State.LOST  # type: ignore[union-attr,misc]
-    skill.take_range(RangeSeen(60.0, "front", (0.1, -0.04, 0.3), 0.9, 0.26))
+    skill.take_range(replace(echo(0.9), stamp_s=60.0))
     finder.report.state = State.LOCALIZED  # type: ignore[union-attr,misc]
     clock.advance(10.0)
-    skill.take_odometry(OdometrySeen(60.0, 0.2, 0.0, 0.0, 0.0, 0.0))
+    skill.take_odometry(replace(STANDS, stamp_s=60.0))
     assert nearest_m() < 0.06
 
 
@@ -115,7 +118,7 @@ def test_unknown_space_is_driven_if_the_configuration_says_so(
     finder = Located()
     finder.grid.percent[:, 50:60] = -1
     skill.meet({"localization": finder})
-    skill.take_odometry(OdometrySeen(50.0, 0.2, 0.0, 0.0, 0.0, 0.0))
+    skill.take_odometry(STANDS)
     answer = skill.handle(packed(messages.PlanTo(messages.GoalAsked(1, 3.4, 1.0, None, 0.0))))
     assert isinstance(answer, PlanResult)
     assert answer.possible is possible

@@ -5,22 +5,33 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from chefbotd.worker.messages import OdometrySeen, ScanSeen
+from chefbotd.core.events.lidars import ScanMeasured
+from chefbotd.core.events.robot import OdometryUpdated
+from chefbotd.core.geometry import CERTAIN, Pose2D, Twist2D
+from chefbotd.core.scan import LaserScan
 from tests.chefbotd.mapping.slam.flat import TOUR, Floats, cast, furnished_flat, odometry, poses_along
 
 BEAMS, PERIOD_S = 240, 0.1
-MOUNT = (0.07, -0.02, 0.4)
+MOUNT = Pose2D(0.07, -0.02, 0.4)
 """Beside the robot's middle, and turned."""
 
 TRUTH = poses_along(TOUR)
 
 
-def floats(values: Floats) -> bytes:
-    """As they go over the wire."""
-    return values.astype("<f4").tobytes()
+def turn(
+    stamp_s: float, lidar: str, base_from_lidar: Pose2D, bearings: Floats, ranges: Floats
+) -> ScanMeasured:
+    """A turn that took no time, in the single precision in which it goes over the wire."""
+    arrays = [values.astype("<f4").astype(float) for values in (bearings, ranges, np.zeros(len(bearings)))]
+    return ScanMeasured(stamp_s, lidar, base_from_lidar, LaserScan(stamp_s, *arrays))
 
 
-FRONT_AND_REAR = (("front", (0.16, 0.03, 0.2)), ("rear", (-0.17, -0.02, 2.9)))
+def moving(stamp_s: float, pose: Floats, speed_m_s: float = 0.1) -> OdometryUpdated:
+    """Odometry of a robot that drives straight ahead."""
+    return OdometryUpdated(stamp_s, stamp_s, Pose2D(*map(float, pose)), Twist2D(speed_m_s), CERTAIN)
+
+
+FRONT_AND_REAR = (("front", Pose2D(0.16, 0.03, 0.2)), ("rear", Pose2D(-0.17, -0.02, 2.9)))
 """Two lidars, each blind behind itself."""
 
 REAR_LATE_S = 0.0595
@@ -29,7 +40,7 @@ REAR_LATE_S = 0.0595
 
 def measured_by_two(
     first: int, last: int, seed: int = 1, begin_s: float = 50.0
-) -> Iterator[ScanSeen | OdometrySeen]:
+) -> Iterator[ScanMeasured | OdometryUpdated]:
     """The tour seen by two lidars that look 110 degrees to either side; the rear one's turns end half a step before."""
     walls, chance = furnished_flat(), np.random.default_rng(seed)
     bearings = np.linspace(-1.92, 1.92, BEAMS // 2)
@@ -43,33 +54,33 @@ def measured_by_two(
             strict=True,
         )
         front, rear = [
-            ScanSeen(at_s, name, mount, floats(bearings), floats(seen), floats(np.zeros(len(bearings))))
+            turn(at_s, name, mount, bearings, seen)
             for (name, mount), pose, at_s in turns
             for seen in [_ranges(walls, chance, pose, mount, bearings)]
         ]
         yield rear
-        yield OdometrySeen(stamp_s - 0.02, *map(float, driven[k]), 0.1, 0.0)
+        yield moving(stamp_s - 0.02, driven[k])
         yield front
-        yield OdometrySeen(stamp_s + 0.001, *map(float, driven[k]), 0.1, 0.0)
+        yield moving(stamp_s + 0.001, driven[k])
 
 
 def _ranges(
     walls: Floats,
     chance: np.random.Generator,
     pose: Floats,
-    mount: tuple[float, float, float],
+    mount: Pose2D,
     bearings: Floats,
 ) -> Floats:
     x, y, heading = pose
-    at_x = x + mount[0] * math.cos(heading) - mount[1] * math.sin(heading)
-    at_y = y + mount[0] * math.sin(heading) + mount[1] * math.cos(heading)
-    ranges = cast(walls, np.array([at_x, at_y, heading + mount[2]]), np.zeros((0, 3)), bearings)
+    at_x = x + mount.x_m * math.cos(heading) - mount.y_m * math.sin(heading)
+    at_y = y + mount.x_m * math.sin(heading) + mount.y_m * math.cos(heading)
+    ranges = cast(walls, np.array([at_x, at_y, heading + mount.heading_rad]), np.zeros((0, 3)), bearings)
     return np.where(ranges < 12.0, ranges + chance.normal(0, 0.01, len(bearings)), 0.0)
 
 
 def measured(
     first: int, last: int, seed: int = 1, begin_s: float = 50.0
-) -> Iterator[ScanSeen | OdometrySeen]:
+) -> Iterator[ScanMeasured | OdometryUpdated]:
     """Scans ``first`` to ``last`` of the tour, each between odometry of its time, as it comes in life."""
     bearings = -math.pi + math.tau / BEAMS * np.arange(BEAMS)
     walls, chance = furnished_flat(), np.random.default_rng(seed)
@@ -77,6 +88,6 @@ def measured(
     for k in range(first, last):
         ranges = _ranges(walls, chance, TRUTH[k], MOUNT, bearings)
         stamp_s = begin_s + PERIOD_S * k
-        yield OdometrySeen(stamp_s - 0.02, *map(float, driven[k]), 0.1, 0.0)
-        yield ScanSeen(stamp_s, "top", MOUNT, floats(bearings), floats(ranges), floats(np.zeros(BEAMS)))
-        yield OdometrySeen(stamp_s + 0.001, *map(float, driven[k]), 0.1, 0.0)
+        yield moving(stamp_s - 0.02, driven[k])
+        yield turn(stamp_s, "top", MOUNT, bearings, ranges)
+        yield moving(stamp_s + 0.001, driven[k])

@@ -6,11 +6,13 @@ from pathlib import Path
 
 from chefbotd.clock import ManualClock
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.mapping import MappingChanged, MapSaved
+from chefbotd.core.events.robot import OdometryUpdated
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.parameters import MappingParameters
 from chefbotd.mapping.saved import Arrays
-from chefbotd.worker.messages import OdometrySeen, ScanSeen, packed
+from chefbotd.worker.messages import packed
 from chefbotd.worker.skills.mapping import MappingSkill
 from chefbotd.worker.skills.mapping_requests import (
     Finish,
@@ -91,12 +93,14 @@ class Bench:
         self.skill = MappingSkill(parameters.model_dump_json().encode(), self.clock, self.memory)
         self.told: list[Struct] = []
 
-    def drive(self, first: int, last: int, messages: Iterable[ScanSeen | OdometrySeen] | None = None) -> None:
+    def drive(
+        self, first: int, last: int, messages: Iterable[ScanMeasured | OdometryUpdated] | None = None
+    ) -> None:
         """Give it a part of the tour, in its own time."""
         for message in messages or measured(first, last):
             late_s = message.stamp_s - self.clock.now_s()
             self.clock.advance(late_s if late_s > 0 else 0.0)
-            if isinstance(message, ScanSeen):
+            if isinstance(message, ScanMeasured):
                 self.told += self.skill.take_scan(message)
             else:
                 self.told += self.skill.take_odometry(message)

@@ -12,11 +12,12 @@ from msgspec.structs import replace
 
 from chefbotd.clock import ManualClock
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.mapping import LocalizationChanged, MapPoseUpdated
 from chefbotd.core.geometry import Pose2D
 from chefbotd.localization.saved import SavedPose
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
-from chefbotd.worker.messages import ScanSeen, packed
+from chefbotd.worker.messages import packed
 from chefbotd.worker.parameters import LocalizationSection
 from chefbotd.worker.skills.localization import LocalizationSkill
 from chefbotd.worker.skills.localization_requests import (
@@ -99,14 +100,15 @@ class Bench:
     def drive(self, first: int, last: int, turned_rad: float = 0.0, *, with_scans: bool = True) -> None:
         """A part of the tour, ten scans a second; the lidar is turned in its mount, and the configuration is not."""
         for message in measured(first, last):
-            if isinstance(message, ScanSeen) and not with_scans:
+            if isinstance(message, ScanMeasured) and not with_scans:
                 continue
-            if isinstance(message, ScanSeen):
-                x_m, y_m, yaw_rad = message.mount
-                message = replace(message, mount=(x_m, y_m, yaw_rad - turned_rad))
+            if isinstance(message, ScanMeasured):
+                mount = message.base_from_lidar
+                turned = replace(mount, heading_rad=mount.heading_rad - turned_rad)
+                message = replace(message, base_from_lidar=turned)
             if message.stamp_s > self.clock.now_s():
                 self.clock.advance(message.stamp_s - self.clock.now_s())
-            take = self.skill.take_scan if isinstance(message, ScanSeen) else self.skill.take_odometry
+            take = self.skill.take_scan if isinstance(message, ScanMeasured) else self.skill.take_odometry
             self._hear(take(message))  # type: ignore[operator]
             self._hear(self.skill.step(self.clock.now_s()))
 
@@ -115,7 +117,7 @@ class Bench:
         for message in measured_by_two(first, last):
             if message.stamp_s > self.clock.now_s():
                 self.clock.advance(message.stamp_s - self.clock.now_s())
-            if not isinstance(message, ScanSeen):
+            if not isinstance(message, ScanMeasured):
                 self._hear(self.skill.take_odometry(message))
             elif message.lidar != silent:
                 self._hear(self.skill.take_scan(message))
@@ -187,16 +189,15 @@ def test_a_robot_that_stands_keeps_its_pose_once() -> None:
     for k in range(50):
         bench.clock.advance(0.1)
         for message in standing:
-            moved = type(message)(50.0 + 0.1 * k + 0.001 * standing.index(message), *_rest(message))
-            take = bench.skill.take_scan if isinstance(message, ScanSeen) else bench.skill.take_odometry
+            stamp_s = 50.0 + 0.1 * k + 0.001 * standing.index(message)
+            moved = replace(message, stamp_s=stamp_s)
+            if isinstance(moved, ScanMeasured):
+                moved = replace(moved, scan=replace(moved.scan, stamp_s=stamp_s))
+            take = bench.skill.take_scan if isinstance(message, ScanMeasured) else bench.skill.take_odometry
             bench._hear(take(moved))  # type: ignore[operator]
         bench._hear(bench.skill.step(bench.clock.now_s()))
     assert bench.told[-1].state == "localized"
     assert bench.memory.writes == 1
-
-
-def _rest(message: Struct) -> list[object]:
-    return [getattr(message, name) for name in message.__struct_fields__[1:]]
 
 
 def test_the_same_map_told_again_is_said_to_be_in_use_anew_and_the_pose_stays() -> None:

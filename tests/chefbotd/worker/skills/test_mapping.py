@@ -4,17 +4,19 @@ import math
 import re
 import zlib
 
-import msgspec
 import numpy as np
 import pytest
 from msgspec.structs import astuple
 
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.mapping import MapChanged, MappingChanged, MapPoseUpdated
+from chefbotd.core.events.robot import OdometryUpdated
+from chefbotd.core.record import replace
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.poses import Floats, transform
 from chefbotd.mapping.saved import restored
-from chefbotd.worker.messages import OdometrySeen, ScanSeen, packed
+from chefbotd.worker.messages import packed
 from chefbotd.worker.skills.mapping_requests import (
     Discard,
     Finish,
@@ -26,7 +28,7 @@ from chefbotd.worker.skills.mapping_requests import (
 )
 from chefbotd.worker.skills.skill import Struct
 from tests.chefbotd.mapping.slam.flat import furnished_flat, to_walls_m
-from tests.chefbotd.worker.skills.drives import TRUTH, measured, measured_by_two
+from tests.chefbotd.worker.skills.drives import MOUNT, TRUTH, measured, measured_by_two, turn
 from tests.chefbotd.worker.skills.mapping_bench import SCANS, Bench
 
 
@@ -112,7 +114,7 @@ def test_one_of_two_lidars_that_falls_silent_is_told_and_the_map_goes_on() -> No
     bench.ask(Start())
     for silent, first, last in (("", 0, 30), ("front", 30, 70), ("rear", 70, 110), ("", 110, 120)):
         seen = [
-            m for m in measured_by_two(first, last) if not (isinstance(m, ScanSeen) and m.lidar == silent)
+            m for m in measured_by_two(first, last) if not (isinstance(m, ScanMeasured) and m.lidar == silent)
         ]
         bench.drive(0, 0, seen)
         status = bench.ask(GetStatus())
@@ -130,12 +132,7 @@ def test_another_lidars_scans_are_not_mapped() -> None:
     """The map is of those that are named."""
     bench = Bench()
     bench.ask(Start())
-    others = [
-        ScanSeen(m.stamp_s, "low", m.mount, m.bearing_rad, m.range_m, m.after_s)
-        if isinstance(m, ScanSeen)
-        else m
-        for m in measured(0, 5)
-    ]
+    others = [replace(m, lidar="low") if isinstance(m, ScanMeasured) else m for m in measured(0, 5)]
     bench.drive(0, 5, others)
     assert not bench.of(MapPoseUpdated)
 
@@ -152,18 +149,18 @@ def test_a_scan_waits_for_odometry_but_not_for_ever() -> None:
     assert len(bench.of(MapPoseUpdated)) == 2
 
 
-@pytest.mark.parametrize("broken", ["short", "nan_stamp", "nan_ranges", "far"])
+@pytest.mark.parametrize("broken", ["nan_stamp", "nan_ranges", "far"])
 def test_a_broken_scan_is_let_go(broken: str) -> None:
-    """Arrays that do not fit, a time that is none, readings that are none: the map goes on with the next scan."""
+    """A time that is none, readings that are none: the map goes on with the next scan."""
     bench = Bench()
     bench.ask(Start())
     messages = list(measured(0, 6))
     scan = messages[7]
-    assert isinstance(scan, ScanSeen)
+    assert isinstance(scan, ScanMeasured)
     nonsense = {"nan_ranges": np.nan, "far": 1e30}.get(broken, 1.0)
-    ranges = np.full(len(scan.range_m) // 4 - (broken == "short"), nonsense, "<f4").tobytes()
+    ranges = np.full(len(scan.scan.range_m), nonsense)
     stamp_s = float("nan") if broken == "nan_stamp" else scan.stamp_s
-    messages[7] = ScanSeen(stamp_s, "top", scan.mount, scan.bearing_rad, ranges, scan.after_s)
+    messages[7] = turn(stamp_s, "top", scan.base_from_lidar, scan.scan.bearing_rad, ranges)
     bench.drive(0, 0, messages)
     assert bench.of(MapPoseUpdated)[-1].stamp_s == pytest.approx(50.5)  # type: ignore[attr-defined]
 
@@ -289,7 +286,7 @@ def test_a_lidar_that_falls_silent_in_mid_mapping_is_said_with_the_seconds() -> 
     bench.ask(Start())
     bench.drive(0, 5)
     bench.told.clear()
-    bench.drive(5, 38, [each for each in measured(5, 38) if isinstance(each, OdometrySeen)])
+    bench.drive(5, 38, [each for each in measured(5, 38) if isinstance(each, OdometryUpdated)])
     told = [each.reason for each in bench.of(MappingChanged) if each.reason]  # type: ignore[attr-defined]
     assert told == ["no scan of the lidar 'top' for 2 s", "no scan of the lidar 'top' for 3 s"]
     bench.drive(38, 40)
@@ -301,8 +298,8 @@ def test_a_lidar_that_is_turned_in_its_mount_is_said_while_the_map_is_made() -> 
     bench = Bench()
     bench.ask(Start())
     turned = [
-        msgspec.structs.replace(each, mount=(each.mount[0], each.mount[1], each.mount[2] - math.pi))
-        if isinstance(each, ScanSeen)
+        replace(each, base_from_lidar=replace(MOUNT, heading_rad=MOUNT.heading_rad - math.pi))
+        if isinstance(each, ScanMeasured)
         else each
         for each in measured(0, 40)
     ]
@@ -319,7 +316,7 @@ def test_odometry_that_falls_silent_in_mid_mapping_is_said() -> None:
     bench.ask(Start())
     bench.drive(0, 5)
     begun_s = bench.clock.now_s()
-    for scan in (each for each in measured(5, 32) if isinstance(each, ScanSeen)):
+    for scan in (each for each in measured(5, 32) if isinstance(each, ScanMeasured)):
         bench.clock.advance(scan.stamp_s - bench.clock.now_s())
         list(bench.skill.take_scan(scan))
         list(bench.skill.step(bench.clock.now_s()))

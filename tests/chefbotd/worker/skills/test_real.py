@@ -13,13 +13,14 @@ import pytest
 import uvloop
 
 from chefbotd.clock import SystemClock
+from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.mapping import MapChanged, MappingChanged, MapPoseUpdated, MapSaved
+from chefbotd.core.events.robot import OdometryUpdated
 from chefbotd.mapping.parameters import MappingParameters
 from chefbotd.mapping.saved import restored
 from chefbotd.maps import contents
 from chefbotd.maps.manifest import GRAPH
 from chefbotd.maps.store import MapStore
-from chefbotd.worker.messages import OdometrySeen, ScanSeen
 from chefbotd.worker.parameters import WorkerParameters
 from chefbotd.worker.process import Worker
 from chefbotd.worker.requests import WorkerLost
@@ -63,9 +64,9 @@ class Bench:
         now_s = SystemClock().now_s()
         for message in measured(first, last, begin_s=now_s - 0.1 * first - 60.0):
             self.worker.send(message)
-            if isinstance(message, OdometrySeen):
+            if isinstance(message, OdometryUpdated):
                 await asyncio.sleep(0.004)
-            assert isinstance(message, ScanSeen | OdometrySeen)
+            assert isinstance(message, ScanMeasured | OdometryUpdated)
         await asyncio.sleep(0.1)
 
 
