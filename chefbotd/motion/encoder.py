@@ -35,6 +35,13 @@ class EncoderParameters(Parameters):
     max_acceleration_rad_s2: float | None = Field(default=None, gt=0, le=1e5)
 
 
+LOST_LINES_S = 0.3
+"""A longer gap is the board's own pause, after which the next reading may be as long in coming."""
+
+GAP_CYCLES = 2
+"""A gap of lost lines allows no more than so many cycles: the longer it is, the more damaged counts look possible."""
+
+
 class Sample(Record, frozen=True):
     """All wheels' counts at one board time."""
 
@@ -204,13 +211,16 @@ def _surprises(
     """Whether a wheel is farther from its expected position than its acceleration allows.
 
     The velocity is the window's mean, so half of the window old: it may have changed by ``a (span + elapsed) / 2``.
+    To wait for the next reading costs a cycle, so after lost lines it is asked for all the sooner.
     """
     if params.max_acceleration_rad_s2 is None:
         return False
-    elapsed_s = board_s - state.window[-1].board_s
-    span_s = board_s - state.window[0].board_s
+    elapsed_s = judged_s = board_s - state.window[-1].board_s
+    window_s = state.window[-1].board_s - state.window[0].board_s
+    if window_s and elapsed_s < LOST_LINES_S:
+        judged_s = min(elapsed_s, GAP_CYCLES * window_s / (len(state.window) - 1))
     radians_per_count = math.tau / params.counts_per_turn
-    tolerance_rad = params.max_acceleration_rad_s2 * elapsed_s * span_s / 2
+    tolerance_rad = params.max_acceleration_rad_s2 * judged_s * (window_s + judged_s) / 2
     tolerance = tolerance_rad / radians_per_count + params.tolerance_counts
     for sign, delta, velocity_rad_s in zip(signs, deltas, state.velocity_rad_s, strict=True):
         if not -tolerance <= sign * delta - velocity_rad_s * elapsed_s / radians_per_count <= tolerance:

@@ -16,7 +16,8 @@ an encoder that dithers by a count clears no wheel, however often the direction 
 is subtracted from that in the right one, so a larger dither under a steady push clears no wheel either.
 
 Reversed is the mirror of stalled: travel against the pushes, less travel with them, summed over pushes. A wheel that
-still rolls on from the push before is excused for ``coast_s``, until it stands or turns round.
+still rolls on from the push before is excused for ``coast_s``, until it stands or turns round. A single reading may be
+wrong, and the next one then goes back as far: none is more than a part of what reverses a wheel.
 """
 
 import math
@@ -51,6 +52,9 @@ class WheelWatchParameters(Parameters):
 
 FULL_WEIGHT_SHARE = 0.5
 """Of the duty range: from here on driving weighs more than its time, at full duty four times as much."""
+
+LEAP_SHARE, LEAP_S = 1 / 3, 0.25
+"""A reading adds no more than this share of what is too much, or its time's share of this duration if that is more."""
 
 PLAY_COUNTS = 3
 """One more than a position lies apart that dithers by a count to either side."""
@@ -160,7 +164,8 @@ def _charge(
     """Add the time that the wheel was driven for and the way that it went wrong; a pause reduces both."""
     if not -params.driven_duty_share < effort < params.driven_duty_share:
         weight = (effort / FULL_WEIGHT_SHARE) ** 2
-        against_rad = push.against_rad - ahead_rad
+        most_rad = params.reversed_rad * max(LEAP_SHARE, dt_s / LEAP_S)
+        against_rad = push.against_rad + min(-ahead_rad, most_rad)
         pushed_s = push.pushed_s + (weight if weight > 1.0 else 1.0) * dt_s
         return pushed_s, against_rad if against_rad > 0 else 0.0
     share = dt_s / params.decay_s

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 
-from chefbotd.motion.encoder import EncoderParameters, Reading
+from chefbotd.motion.encoder import GAP_CYCLES, LOST_LINES_S, EncoderParameters, Reading
 
 Sample = tuple[float, tuple[int, ...]]
 
@@ -89,8 +89,12 @@ class Decoder:
         )
         if most_rad_s2 is None:
             return False
-        elapsed_s, span_s = board_s - self._good[-1][0], board_s - self._good[0][0]
-        tolerance = most_rad_s2 * elapsed_s * span_s / 2 * counts_per_rad + self._params.tolerance_counts
+        elapsed_s, window_s = board_s - self._good[-1][0], self._good[-1][0] - self._good[0][0]
+        judged_s = elapsed_s
+        if len(self._good) > 1 and elapsed_s < LOST_LINES_S:
+            judged_s = min(elapsed_s, GAP_CYCLES * window_s / (len(self._good) - 1))
+        allowed_rad = most_rad_s2 * judged_s * (window_s + judged_s) / 2
+        tolerance = allowed_rad * counts_per_rad + self._params.tolerance_counts
         expected = [velocity * elapsed_s * counts_per_rad for velocity in self._velocity()]
         wheels = zip(self._signs, moved, expected, strict=True)
         return any(abs(sign * counted - way) > tolerance for sign, counted, way in wheels)

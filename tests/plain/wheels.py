@@ -1,7 +1,8 @@
 """What is held against a wheel, a bound a line: stalled or reversed (``push``), and too fast (``add``)."""
 
+from chefbotd.safety import wheels
 from chefbotd.safety.overspeed import LEAP_SHARE, Excess, OverspeedParameters
-from chefbotd.safety.wheels import FULL_WEIGHT_SHARE, Push, WheelWatchParameters
+from chefbotd.safety.wheels import FULL_WEIGHT_SHARE, LEAP_S, Push, WheelWatchParameters
 
 
 def push(
@@ -20,7 +21,8 @@ def push(
     driven = abs(effort) >= params.driven_duty_share
     if driven:
         pushed_s = before.pushed_s + max(1.0, (effort / FULL_WEIGHT_SHARE) ** 2) * dt_s
-        against = max(0.0, before.against_rad - (0.0 if rolls_on else ahead))
+        most = params.reversed_rad * max(wheels.LEAP_SHARE, dt_s / LEAP_S)
+        against = max(0.0, before.against_rad + min(0.0 if rolls_on else -ahead, most))
     else:
         pushed_s = max(0.0, before.pushed_s - dt_s / params.decay_s * params.stalled_s)
         against = max(0.0, before.against_rad - dt_s / params.decay_s * params.reversed_rad)

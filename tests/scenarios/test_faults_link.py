@@ -59,16 +59,19 @@ async def odometry_error_m(robot: SimulatedRobot) -> float:
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("seed", [7, 25, 34])
 @pytest.mark.parametrize("fault", ["flip", "drop", "double"])
-def test_one_byte_in_a_hundred_from_the_board_damaged_moves_nothing_wrongly(fault: str):
-    """36 s of circles with 1 % of what the board says damaged: no false restart or disarm, odometry within 1 cm.
+def test_one_byte_in_a_hundred_from_the_board_damaged_moves_nothing_wrongly(fault: str, seed: int):
+    """36 s of circles with 1 % of what the board says damaged: no false restart or disarm, odometry within 2.5 cm.
 
-    How far it ends off depends on which lines are hit: with lost bytes 1.5 to 20 mm over eight other seeds.
+    How far off it is depends on which lines are hit. Over the seeds 0 to 39 none disarmed, and odometry was off by at
+    most (in mm, flipped, lost and doubled bytes) 30, 41 and 34 on the way, where a lost line makes it late, and 13, 15
+    and 3 at the end; the medians at the end were 1, 3 and 0. The bounds are half as much again and more.
     """
 
     async def scenario(robot: SimulatedRobot) -> None:
         write = robot.device.on_write
-        damage(robot, {f"{fault}_share": 0.01}, seed=7)
+        damage(robot, {f"{fault}_share": 0.01}, seed=seed)
         robot.device.on_write = write
         worst_m = 0.0
         for linear_m_s, angular_rad_s in ((0.1, 0.7), (-0.1, -0.7), (0.1, -0.7), (-0.1, 0.7)):
@@ -77,8 +80,8 @@ def test_one_byte_in_a_hundred_from_the_board_damaged_moves_nothing_wrongly(faul
                 worst_m = max(worst_m, await odometry_error_m(robot))
         await robot.client.stop()
         await asyncio.sleep(1.0)
-        assert worst_m < 0.02
-        assert await odometry_error_m(robot) < 0.01
+        assert worst_m < 0.065
+        assert await odometry_error_m(robot) < 0.025
         stats = await robot.client.call("get_stats")
         assert sum(stats["refused"].values()) > 100
         assert stats["board_restarts"] == 0

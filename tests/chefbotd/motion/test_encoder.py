@@ -226,6 +226,21 @@ def test_a_small_change_of_course_is_no_surprise() -> None:
     assert (within.refused, beyond.refused) == (False, True)
 
 
+@pytest.mark.parametrize(
+    ("elapsed_s", "allowed_counts"),
+    [(0.04, 30), (0.06, 30), (0.29, 30), (0.31, 755)],
+    ids=["one line lost", "two", "many", "a pause of the board"],
+)
+def test_lost_lines_excuse_no_more_than_one_of_them(elapsed_s: float, allowed_counts: int) -> None:
+    """Two cycles: 12.5 * 0.04 * (0.08 + 0.04) / 2 = 0.03 turns; a pause of 0.31 s: 12.5 * 0.31 * 0.39 / 2 = 0.7556."""
+    params = parameters(max_acceleration_rad_s2=12.5 * math.tau, max_speed_rad_s=50 * math.tau)
+    state, _ = feed(params, *[(count, count) for count in range(0, 121, 20)])
+    expected = 120 + round(1000 * elapsed_s)
+    for off, refused in ((allowed_counts - 1, False), (allowed_counts + 1, True)):
+        _, reading = encoder.decode(params, FORWARD, state, (expected, expected - off), 0.12 + elapsed_s)
+        assert reading.unconfirmed == refused
+
+
 def test_a_board_reset_does_not_move_the_robot() -> None:
     """After ``rebase`` the counters may start at zero again: positions go on from where they were."""
     state, _ = feed(parameters(), (400, 400), (500, 450))

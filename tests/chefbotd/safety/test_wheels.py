@@ -82,6 +82,20 @@ def test_a_wheel_that_turns_against_its_motor_is_reversed(direction: int):
     assert "wired backwards" in fault.reason
 
 
+@pytest.mark.parametrize("leap_rad", [-3.0, 3.0])
+def test_a_reading_that_the_next_one_takes_back_reverses_no_wheel(leap_rad: float):
+    """3 rad off to either side, then back: a third of a radian against the wheel, which 0.4 rad with it take off."""
+    ahead = both(0.5, 0.2)
+    wrong = both(0.5, 0.2 + leap_rad) + both(0.5, 0.2 - leap_rad)
+    assert watched(*(ahead * 4 + wrong) * 20) == (None, None)
+
+
+def test_a_reading_after_a_gap_weighs_as_much_as_its_time():
+    """A reversed wheel that is heard every quarter of a second, and goes 1.2 rad meanwhile: found at once."""
+    assert watched(*both(0.5, -1.2, 3), cycle_s=0.25)[0] == 0.25
+    assert watched(*both(0.5, -1.2, 3), cycle_s=0.125)[0] == 0.25
+
+
 def test_a_wheel_that_still_rolls_when_its_motor_turns_round_is_no_fault():
     """After a reversal the wheel coasts 0.9 rad before it follows: less than a reversed one goes."""
     onward, coasting, back = (
