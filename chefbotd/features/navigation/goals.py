@@ -1,11 +1,19 @@
-"""The accepted goals: those that have not ended, in order, and the ends of the others."""
+"""The accepted goals, in order, and the ends of the others; the pose of a goal that is the name of a place."""
 
 import asyncio
-from collections.abc import Iterable
+import json
+from collections.abc import Iterable, Sequence
+from typing import Protocol
+
+import msgspec
 
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.navigation import GoalResult
 from chefbotd.core.record import Record
+from chefbotd.entries import Entries
+from chefbotd.features.maps.models import PlaceList
+from chefbotd.features.navigation.models import Waypoint
+from chefbotd.rpc.encoding import encode
 from chefbotd.worker.skills.navigation_requests import GoalAsked
 
 MOST_ACTIVE, MOST_ENDED = 200, 400
@@ -48,11 +56,11 @@ class Goals:
     def require_room(self, more: int) -> None:
         """Raises ``Refused`` where so many more would be too many."""
         if len(self.active) + more > MOST_ACTIVE:
-            told = f"at most {MOST_ACTIVE} goals may wait at a time: {len(self.active)} wait, got {more} more"
-            raise Refused(RefusalKind.OUT_OF_RANGE, told)
+            why = f"at most {MOST_ACTIVE} goals may wait at a time: {len(self.active)} wait, got {more} more"
+            raise Refused(RefusalKind.OUT_OF_RANGE, why)
 
     def add(self, goals: Iterable[GoalAsked]) -> None:
-        """Goals that are to be told to the worker."""
+        """Goals that the worker is to drive to."""
         for goal in goals:
             self.active[goal.number] = goal
             self._ends[goal.number] = asyncio.get_running_loop().create_future()
@@ -78,3 +86,52 @@ class Goals:
     def end_of(self, number: int) -> "asyncio.Future[GoalResult]":
         """What will have the goal's end."""
         return self._ends[number]
+
+
+class Places(Protocol):
+    """Has the named places of maps."""
+
+    async def places(self, of_map: str | None) -> PlaceList:
+        """Those of a map; without one, of the map in use."""
+        ...
+
+
+class Destinations:
+    """Looks places up as they are now: a place that is moved or deleted later changes no goal."""
+
+    def __init__(self, places: Places, entries: Entries) -> None:
+        self._places, self._entries = places, entries
+
+    async def goals(self, numbers: Sequence[int], waypoints: Sequence[Waypoint]) -> list[GoalAsked]:
+        """The goals of these numbers; raises ``Refused`` where there is no such place. The places are read once."""
+        places = None
+        if any(waypoint.place is not None for waypoint in waypoints):
+            places = await self._read_places()
+        return [_goal(number, waypoint, places) for number, waypoint in zip(numbers, waypoints, strict=True)]
+
+    async def _read_places(self) -> PlaceList:
+        """Those of the map in use; where the disk has no answer, why not."""
+
+        async def ask() -> str:
+            try:
+                return encode(await self._places.places(None)).decode()
+            except Refused as problem:
+                return json.dumps({"kind": problem.kind, "message": str(problem)})
+
+        answer = await self._entries.answer("places", ask)
+        refused = json.loads(answer)
+        if "kind" in refused:
+            raise Refused(RefusalKind(refused["kind"]), refused["message"])
+        return msgspec.json.decode(answer, type=PlaceList)
+
+
+def _goal(number: int, waypoint: Waypoint, places: PlaceList | None) -> GoalAsked:
+    x_m, y_m, heading_rad = waypoint.x_m, waypoint.y_m, waypoint.heading_rad
+    if waypoint.place is not None and places is not None:
+        place = next((place for place in places.places if place.name == waypoint.place), None)
+        if place is None:
+            names = ", ".join(place.name for place in places.places) or "none"
+            why = f"the map {places.map!a} has no place {waypoint.place!a}; there are: {names}"
+            raise Refused(RefusalKind.UNKNOWN_PLACE, why)
+        x_m, y_m, heading_rad = place.x_m, place.y_m, place.heading_rad
+    return GoalAsked(number, x_m or 0.0, y_m or 0.0, heading_rad, waypoint.tolerance_m)

@@ -11,41 +11,41 @@ from chefbotd.core.record import Record
 from chefbotd.entries import Timer, due_of, entries_of
 from chefbotd.rpc.jobs import ProgressReporter
 
-TOLD_EVERY_S: Final = 0.5
-"""How often the distance is told while nothing else changes."""
+REPORT_EVERY_S: Final = 0.5
+"""How often the distance is reported while nothing else changes."""
 
 REPEAT_S: Final = 2.0
-"""How often a request that waits is told that its goal has not ended: a client gives up what is silent for 5 s."""
+"""How often a waiting request gets progress: a client gives up a request that is silent for 5 s."""
 
 
 TIMER: Final = "navigation progress"
 
 
 class ReportingState(Record, frozen=True):
-    """What was told last, and when the requests that wait are told again."""
+    """What was reported last, and when the waiting requests get progress again."""
 
     told: NavigationChanged | None
     due_s: float | None
 
 
 class Reporting:
-    """Tells what is new at once, and how far it still is now and then; an end stays until the next goal."""
+    """Reports changes at once, and the distance now and then; an end stays until the next goal."""
 
     def __init__(self, bus: Bus, clock: Clock) -> None:
         self._bus, self._clock = bus, entries_of(clock)
-        self._told: NavigationChanged | None = None
+        self._reported: NavigationChanged | None = None
         self._waiting: list[_Waiting] = []
         self._timer: Timer | None = None
 
     def state(self) -> ReportingState:
         """What it remembers."""
-        return ReportingState(self._told, due_of(self._timer))
+        return ReportingState(self._reported, due_of(self._timer))
 
     def restore(self, state: ReportingState) -> None:
         """Go on from there."""
-        self._told, self._timer = state.told, self._clock.resume(state.due_s, self._repeat, TIMER)
+        self._reported, self._timer = state.told, self._clock.resume(state.due_s, self._repeat, TIMER)
 
-    def tell(
+    def report(
         self,
         state: str,
         goal: int | None,
@@ -53,19 +53,19 @@ class Reporting:
         distance_m: float | None = None,
         time_s: float | None = None,
     ) -> None:
-        """What it does now."""
-        last, now_s = self._told, self._clock.now_s()
+        """Report what navigation does now."""
+        last, now_s = self._reported, self._clock.now_s()
         if state == "idle" and last is not None:
             return
         is_same = last is not None and (last.state, last.goal, last.reason) == (state, goal, reason)
-        if last is not None and is_same and now_s - last.stamp_s < TOLD_EVERY_S:
+        if last is not None and is_same and now_s - last.stamp_s < REPORT_EVERY_S:
             return
-        self._told = NavigationChanged(
+        self._reported = NavigationChanged(
             state=state, goal=goal, reason=reason, distance_m=distance_m, time_s=time_s, stamp_s=now_s
         )
-        self._bus.publish(self._told)
+        self._bus.publish(self._reported)
         for waiting in self._waiting:
-            waiting.report(self._told)
+            waiting.report(self._reported)
 
     @contextmanager
     def telling(self, goals: Collection[int], progress: ProgressReporter) -> Iterator[None]:
@@ -86,29 +86,29 @@ class Reporting:
             self._timer = self._clock.call_later(REPEAT_S, self._repeat, TIMER)
 
     def _repeat(self) -> None:
-        """Also where nothing happens: the goal is paused, or there is no worker."""
+        """Also while nothing happens: the goal is paused, or there is no worker."""
         for waiting in self._waiting:
-            if self._told is not None:
-                waiting.report(self._told)
+            if self._reported is not None:
+                waiting.report(self._reported)
         self._repeat_later()
 
 
 class _Waiting:
-    """A request that waits. The way grows where a path is longer than the one before, or with another goal."""
+    """A request that waits. Its path grows when a new one is longer, and begins again with another goal."""
 
     def __init__(self, goals: Collection[int], progress: ProgressReporter) -> None:
         self._goals, self._progress = goals, progress
         self._goal: int | None = None
-        self._way_m = self._left_m = 0.0
+        self._path_m = self._left_m = 0.0
 
     def report(self, now: NavigationChanged) -> None:
-        """Metres that are done, of the present goal's way; a request whose turn has not come has none."""
+        """Metres done of the present goal's path; none while the request's goals have not begun."""
         if now.goal not in self._goals:
             self._progress.report(0.0, 0.0, f"waits for goal {now.goal}: {now.reason}")
             return
         if now.goal != self._goal:
-            self._goal, self._way_m, self._left_m = now.goal, 0.0, 0.0
+            self._goal, self._path_m, self._left_m = now.goal, 0.0, 0.0
         if now.distance_m is not None:
             self._left_m = now.distance_m
-            self._way_m = max(self._way_m, now.distance_m)
-        self._progress.report(self._way_m - self._left_m, self._way_m, now.reason)
+            self._path_m = max(self._path_m, now.distance_m)
+        self._progress.report(self._path_m - self._left_m, self._path_m, now.reason)

@@ -24,12 +24,10 @@ from chefbotd.core.record import Record
 from chefbotd.entries import Timer, due_of, entries_of
 from chefbotd.features.driving.inner_driver import InnerDriver
 from chefbotd.features.feature import Waiting
-from chefbotd.features.navigation.destinations import Destinations, Places
-from chefbotd.features.navigation.goals import Goals, GoalsState
+from chefbotd.features.navigation.goals import Destinations, Goals, GoalsState, Places
 from chefbotd.features.navigation.models import Waypoint
-from chefbotd.features.navigation.orders import Orders, OrdersState
 from chefbotd.features.navigation.reporting import Reporting, ReportingState
-from chefbotd.features.navigation.shown import ShownOnDemand
+from chefbotd.features.navigation.requests import RequestQueue, RequestQueueState, ShownOnDemand
 from chefbotd.features.worker.service import WorkerService
 from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Unserved
@@ -64,7 +62,7 @@ class NavigationState(Record, frozen=True):
 
     goals: GoalsState
     waits: dict[str, tuple[int, ...]]
-    orders: OrdersState
+    orders: RequestQueueState
     reporting: ReportingState
     drives: bool
     shown: messages.Show
@@ -97,7 +95,7 @@ class NavigationService:
         self._waits: dict[
             str, tuple[int, ...]
         ] = {}  # requests by their tasks, and the goals that each waits for
-        self._orders, self._goals = Orders(), Goals()
+        self._requests, self._goals = RequestQueue(), Goals()
         self._reporting = Reporting(bus, clock)
         self.shown = ShownOnDemand(bus, feed.worker)
         self._stops = driver.stops  # that the goals know of
@@ -119,7 +117,7 @@ class NavigationService:
         return NavigationState(
             self._goals.state(),
             self._waits,
-            self._orders.state(),
+            self._requests.state(),
             self._reporting.state(),
             self._driver.state(),
             self.shown.state(),
@@ -138,7 +136,7 @@ class NavigationService:
         """Go on from there; the requests that wait are to begin again."""
         self._goals.restore(state.goals)
         self._waits = dict(state.waits)
-        self._orders.restore(state.orders)
+        self._requests.restore(state.orders)
         self._reporting.restore(state.reporting)
         self._driver.restore(state.drives)
         self.shown.restore(state.shown)
@@ -150,7 +148,7 @@ class NavigationService:
     async def run(self) -> None:
         """Tell the skill what was ordered, one thing after the other."""
         while True:
-            order = await self._entries.at_rest(self._orders.next())
+            order = await self._entries.at_rest(self._requests.next())
             try:
                 await self._ask(order)
             except Refused as problem:
@@ -176,7 +174,7 @@ class NavigationService:
         self._require_armed()
         self._end_if_stopped()
         stops = self._stops
-        await self._orders.all_told()  # or a cancel that waits for a busy worker would end these goals
+        await self._requests.all_sent()  # or a cancel that waits for a busy worker would end these goals
         numbers = [self._goals.next_number() for _ in waypoints]
         goals = await self._destinations.goals(numbers, waypoints)
         self._goals.require_room(len(goals))
@@ -209,7 +207,7 @@ class NavigationService:
         if not queue or not before:
             self._paused = ""
             if self._is_taken_over:
-                self._orders.put(messages.Pause(self._why_taken_over()))
+                self._requests.put(messages.Pause(self._why_taken_over()))
 
     async def wait(self, goals: list[int], progress: ProgressReporter) -> GoalResult:
         """Wait for the end of these; that of the first that is not reached, or of the last."""
@@ -251,7 +249,7 @@ class NavigationService:
         self._driver.let_go()
         if self._goals.active:
             self._paused = f"paused by {by}"
-            self._orders.put(messages.Pause(self._paused))
+            self._requests.put(messages.Pause(self._paused))
 
     def resume(self) -> None:
         """Go on, as soon as nobody else drives."""
@@ -259,7 +257,7 @@ class NavigationService:
         self._paused = ""
         self._driver.begin()
         if not self._is_taken_over:
-            self._orders.put(messages.Resume())
+            self._requests.put(messages.Resume())
 
     def _end_if_stopped(self) -> None:
         """A stop ends the goals also while nothing is wished: the robot waits, plans, is paused, or has no worker."""
@@ -269,20 +267,20 @@ class NavigationService:
 
     # what the worker tells
 
-    def _take_stepped(self, told: messages.Stepped) -> None:
+    def _take_stepped(self, stepped: messages.Stepped) -> None:
         self._end_if_stopped()
-        for ended in reversed(told.ended):  # the one that has ended the others is told last, and stays
+        for ended in reversed(stepped.ended):  # the one that has ended the others is reported last, and stays
             self._end(ended)
-        if told.path is not None:
-            self._bus.publish(PathChanged(*astuple(told.path), stamp_s=told.stamp_s))
-        now = told.now
+        if stepped.path is not None:
+            self._bus.publish(PathChanged(*astuple(stepped.path), stamp_s=stepped.stamp_s))
+        now = stepped.now
         is_active = now.goal in self._goals.active
         if is_active or now.goal is None:
-            self._reporting.tell(now.state, now.goal, now.reason, now.distance_m, now.time_s)
-        if told.twist is None or self._paused or not is_active:
+            self._reporting.report(now.state, now.goal, now.reason, now.distance_m, now.time_s)
+        if stepped.twist is None or self._paused or not is_active:
             self._driver.let_go()
         else:
-            self._drive(told.twist, told.stamp_s)
+            self._drive(stepped.twist, stepped.stamp_s)
 
     def _drive(self, twist: Twist2D, wished_s: float) -> None:
         try:
@@ -315,9 +313,9 @@ class NavigationService:
             why = self._why_taken_over()
             if not self.section.resume_after_takeover:
                 self._paused = self._paused or why
-            self._orders.put(messages.Pause(why))
+            self._requests.put(messages.Pause(why))
         else:
-            self._orders.put(messages.Pause(self._paused) if self._paused else messages.Resume())
+            self._requests.put(messages.Pause(self._paused) if self._paused else messages.Resume())
 
     def _why_taken_over(self) -> str:
         source = None if self._safety is None else self._safety.source
@@ -333,8 +331,8 @@ class NavigationService:
             return
         self._workers_lost += 1
         if self._workers_lost >= MOST_WORKERS:
-            told = f"{self._workers_lost} workers ended on the way to it, the last: {event.reason}"
-            self._end_goals("fault", told)
+            why = f"{self._workers_lost} workers ended on the way to it, the last: {event.reason}"
+            self._end_goals("fault", why)
             return
         if not self._must_tell_goals:
             self._must_tell_goals = True
@@ -342,7 +340,7 @@ class NavigationService:
         if self._away_timer is None:
             self._away_timer = self._entries.call_later(WORKER_AWAY_S, self._give_up, TIMER)
         why = f"waits until its worker is back: {event.reason}"
-        self._reporting.tell("paused", next(iter(self._goals.active)), why)
+        self._reporting.report("paused", next(iter(self._goals.active)), why)
 
     def _give_up(self) -> None:
         """Nobody could be told of the goals for too long."""
@@ -371,9 +369,9 @@ class NavigationService:
             why = f"the goals are on the map {self._map!a}, which is no longer in use"
             self._end_goals("fault", f"{why}: {event.reason}" if event.reason else why)
             return
-        self._orders.put(messages.NavigateTo(tuple(self._goals.active.values()), queue=False))
+        self._requests.put(messages.NavigateTo(tuple(self._goals.active.values()), queue=False))
         if self._paused or self._is_taken_over:
-            self._orders.put(messages.Pause(self._paused or self._why_taken_over()))
+            self._requests.put(messages.Pause(self._paused or self._why_taken_over()))
 
     # how goals end
 
@@ -398,10 +396,10 @@ class NavigationService:
             self._wait_no_more()
             self._paused = ""
         if self._worker.is_ready:
-            self._orders.put(messages.KeepGoals(left))
+            self._requests.put(messages.KeepGoals(left))
 
     def _end(self, ended: GoalResult) -> None:
         if self._goals.end(ended):
             self._workers_lost = 0
             log.info("goal ended", goal=ended.goal, end=ended.end, reason=ended.reason)
-            self._reporting.tell(ended.end or "", ended.goal, ended.reason)
+            self._reporting.report(ended.end or "", ended.goal, ended.reason)

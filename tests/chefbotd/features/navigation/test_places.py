@@ -10,7 +10,7 @@ from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.entries import entries_of
 from chefbotd.features.maps.models import PlaceData, PlaceList
 from chefbotd.features.navigation.commands import NavigationCommands
-from chefbotd.features.navigation.destinations import Destinations
+from chefbotd.features.navigation.goals import Destinations
 from chefbotd.features.navigation.models import GoToPlaceParams, Waypoint
 from chefbotd.maps.contents import save
 from chefbotd.maps.parameters import MapsParameters

@@ -5,7 +5,7 @@ import asyncio
 import pytest
 
 from chefbotd.clock import run_virtual
-from chefbotd.features.navigation.orders import Orders
+from chefbotd.features.navigation.requests import RequestQueue
 from chefbotd.worker.skills.navigation_requests import (
     GoalAsked,
     KeepGoals,
@@ -20,8 +20,8 @@ OTHERS = NavigateTo((GoalAsked(8, 3.0, 2.0, None, 0.0),), queue=False)
 
 
 async def waiting(*orders: NavigationRequest) -> list[NavigationRequest]:
-    """What is told in the end of orders that all came while nobody told any."""
-    found = Orders()
+    """What is sent in the end, of requests that all came while none was sent."""
+    found = RequestQueue()
     for order in orders:
         found.put(order)
     return [await found.next() for _ in range(len(found))]
@@ -46,7 +46,7 @@ def test_an_order_makes_void_what_it_overrules(
 
 def test_however_much_is_ordered_while_the_worker_hangs_three_wait_at_most() -> None:
     """Ten thousand times pause, resume, cancel and goals, as a client could send them: one of a kind is left."""
-    orders = Orders()
+    orders = RequestQueue()
     for k in range(10_000):
         orders.put((Pause(str(k)), Resume(), KeepGoals((k,)), GOALS)[k % 4])
         assert len(orders) <= 3
@@ -56,15 +56,15 @@ def test_whoever_waits_until_all_is_told_waits_for_the_one_that_is_being_told_to
     """A goal that overtook a cancel would be ended by it."""
 
     async def scenario() -> None:
-        orders = Orders()
-        await asyncio.wait_for(orders.all_told(), 0.1)
+        orders = RequestQueue()
+        await asyncio.wait_for(orders.all_sent(), 0.1)
         orders.put(KeepGoals(()))
         assert await orders.next() == KeepGoals(())
-        all_told = asyncio.create_task(orders.all_told())
+        all_sent = asyncio.create_task(orders.all_sent())
         await asyncio.sleep(1.0)
-        assert not all_told.done()
+        assert not all_sent.done()
         next_one = asyncio.create_task(orders.next())
-        await asyncio.wait_for(all_told, 0.1)
+        await asyncio.wait_for(all_sent, 0.1)
         orders.put(Pause("by a key"))
         assert await next_one == Pause("by a key")
 
