@@ -6,7 +6,7 @@ import socket
 import sys
 import time
 from collections.abc import AsyncIterator, Mapping
-from contextlib import asynccontextmanager
+from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -143,6 +143,14 @@ class Program:
             code = await self.process.wait()
         await asyncio.sleep(2 * PERIOD_S)
         return code
+
+    async def logged(self, entry: str) -> bool:
+        """Whether the log has this entry, which a thread of the daemon writes; waits for it."""
+        with suppress(TimeoutError):
+            async with asyncio.timeout(PATIENCE_S):
+                while entry not in self.log.read_text() and self.process.returncode is None:
+                    await asyncio.sleep(PERIOD_S)
+        return entry in self.log.read_text()
 
     @asynccontextmanager
     async def client(self) -> AsyncIterator[Client]:

@@ -223,8 +223,8 @@ async def _measured(ending: Ending, robot_name: str, folder: Path) -> Result:
         wrong = (*(await acting), *_wrong(ending, program, zero_s), *await _misled(ending.expected, client))
         commanding.cancel()
         await asyncio.gather(commanding, return_exceptions=True)
-        log = program.log.read_text()
-    wrong += tuple(f"log has no {entry!r}" for entry in ending.expected.log if entry not in log)
+        missing = [entry for entry in ending.expected.log if not await program.logged(entry)]
+    wrong += tuple(f"log has no {entry!r}" for entry in missing)
     moved = motion(zero_s, rest_s, speed_m_s, stops=ending.expected.zero_within_s is not None)
     return Result(robot_name, ending.name, *moved, 0, clients_lost, wrong)
 
