@@ -20,7 +20,7 @@ STOPS, APART_S = 20, 0.1
 """The sketch may wait a second for an echo before it reads."""
 
 PATIENCE_S = 10.0
-"""How long a device that is gone is waited for, and one that is in use.
+"""How long a device that is gone, or in use, is waited for in all.
 
 One that the kernel finds again is back within two seconds.
 Whoever plugs a cable in again later stands beside the robot; until then this would be a program that nobody expects.
@@ -69,7 +69,7 @@ def stop_motors(
         port.port, port.dtr, port.rts = device, dtr, rts
         with contextlib.suppress(OSError, termios.error), port:  # a device that goes away raises either
             for _ in range(STOPS):
-                if not _is_left_to_us(port.fileno(), daemon):
+                if not _is_left_to_us(port.fileno(), daemon, until_s):
                     return True
                 port.write(stop)
                 time.sleep(APART_S)
@@ -78,21 +78,18 @@ def stop_motors(
     return False
 
 
-def _is_left_to_us(descriptor: int, daemon: int) -> bool:
-    """Whether no other program has the port; one that keeps it has put a stop on the wire first.
+def _is_left_to_us(descriptor: int, daemon: int, until_s: float) -> bool:
+    """Whether no other program drives; one that has the port's lock has put a stop on the wire first.
 
-    The pipe ends before the daemon does: it holds the port's lock until the kernel has taken all of it apart, which a
-    busy computer puts off, and a child that it was just starting holds it, too. So a port in use is waited for; a daemon
-    that is not gone even then does no more.
+    The pipe ends before the daemon does: it, and a child that it was just starting, hold the lock until the kernel has
+    taken all of it apart, which a busy computer puts off. Until then it is this program's parent, and no other program
+    can have the lock. From then on a port in use is waited for, until that time in all.
     """
-    until_s = time.monotonic() + PATIENCE_S
-    while True:
-        is_dying = os.getppid() == daemon  # asked before the look: it may end in between
-        if _is_free(descriptor):
-            return True
+    while os.getppid() != daemon and not _is_free(descriptor):
         if time.monotonic() >= until_s:
-            return is_dying
+            return False
         time.sleep(APART_S)
+    return True
 
 
 def _is_free(descriptor: int) -> bool:

@@ -368,6 +368,23 @@ def test_the_integral_acts_in_full_when_the_setpoint_is_steady():
         assert [grown[n] for n in range(since, until)] == pytest.approx([expected] * (until - since)), since
 
 
+def test_the_integral_of_a_wheel_that_creeps_stays_slow():
+    """Both rims 0.1 m/s too slow: 100 * 0.1 m/s * 20 ms = 0.2 duty a step at 0.026 m/s, a fifth of it at 0.024."""
+    integral_only = PidParameters(kp=0.0, ki=100.0, output_limit=1023.0)
+    controller = drive(integral_only, integral_settle_s=0.3, response_delay_s=0.02)
+    slow_m_s, fast_m_s = 0.024, 0.026
+    target = Twist2D((slow_m_s + fast_m_s) / 2, (fast_m_s - slow_m_s) / TRACK_M)
+    state = controller.at_rest
+    measured_rad_s = ((slow_m_s - 0.1) / RADIUS_M, (fast_m_s - 0.1) / RADIUS_M)
+    for number in range(1, 101):
+        before = state
+        state = controller.regulate(state, target, number * 0.02, measured_rad_s, 0.02, measured_over_s=0.08)
+    grown = [
+        after.integral_duty - pid.integral_duty for after, pid in zip(state.pids, before.pids, strict=True)
+    ]
+    assert grown == pytest.approx([0.04, 0.2])
+
+
 def test_effort_is_what_is_pushed_beyond_scrubbing():
     """On the spot at 0.3 m/s of the rims: 40 + 300 + 100 of 1000; less 1.3 times the 100 that scrubbing takes: 0.31."""
     gains = PidParameters(kp=0.0, ki=0.0, ks=40.0, kv=1000.0, output_limit=1000.0)

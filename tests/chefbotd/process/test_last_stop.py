@@ -75,6 +75,7 @@ class PortInUse:
     """A real pseudo-terminal whose lock another program holds, until so many looks of 0.1 s have been in vain."""
 
     board: int
+    device: int
     path: str
     holder: int
     looks_left: float
@@ -89,11 +90,12 @@ class PortInUse:
 
     @property
     def written(self) -> bytes:
-        """What has reached the board."""
-        try:
-            return os.read(self.board, 4096)
-        except BlockingIOError:
-            return b""
+        """What has reached the board before a mark, which is sent now: the kernel delivers in order, but later."""
+        os.write(self.device, b"!")
+        arrived = b""
+        while not arrived.endswith(b"!"):
+            arrived += os.read(self.board, 4096)
+        return arrived[:-1]
 
 
 @pytest.fixture
@@ -101,11 +103,10 @@ def port_in_use(monkeypatch: pytest.MonkeyPatch) -> Iterator[PortInUse]:
     """Held for ever, unless the test says how long."""
     board, device = os.openpty()
     tty.setraw(device)
-    os.set_blocking(board, False)
     path = os.ttyname(device)
     holder = os.open(path, os.O_RDWR | os.O_NOCTTY)
     fcntl.flock(holder, fcntl.LOCK_EX)
-    port = PortInUse(board, path, holder, math.inf)
+    port = PortInUse(board, device, path, holder, math.inf)
     monkeypatch.setattr(last_stop.time, "sleep", port.sleep)
     monkeypatch.setattr(last_stop.time, "monotonic", lambda: port.slept_s)
     yield port
@@ -124,15 +125,27 @@ def test_the_lock_of_the_daemon_that_dies_is_waited_for(port_in_use: PortInUse, 
 
 
 def test_a_daemon_that_cannot_end_is_stopped_all_the_same(port_in_use: PortInUse):
-    """It holds the lock for longer than ten seconds, and it is still this program's parent: nobody else drives."""
+    """It holds the lock for ever, and is still this program's parent, so nobody else drives: no stop is late."""
     assert last_stop.stop_motors(port_in_use.path, 115200, True, True, b"s 0 0\r", None, os.getppid())
     assert port_in_use.written == b"s 0 0\r" * last_stop.STOPS
+    assert port_in_use.slept_s == pytest.approx(last_stop.STOPS * last_stop.APART_S)
 
 
 def test_a_port_that_another_program_keeps_is_left_to_it(port_in_use: PortInUse):
     """The daemon is gone, and the lock is still held ten seconds later: not a byte is written, and that is no fault."""
     assert last_stop.stop_motors(port_in_use.path, 115200, True, True, b"s 0 0\r")
     assert port_in_use.written == b""
+    assert port_in_use.slept_s == pytest.approx(10.0, abs=0.2)
+
+
+def test_a_port_that_is_taken_between_two_stops_is_waited_for_ten_seconds_in_all(
+    port_in_use: PortInUse, monkeypatch: pytest.MonkeyPatch
+):
+    """In use for 6 s before the first stop and for ever after the second: it is left to who has it, 10 s in all."""
+    looks = iter([False] * 60 + [True] * 2)
+    monkeypatch.setattr(last_stop, "_is_free", lambda _: next(looks, False))
+    assert last_stop.stop_motors(port_in_use.path, 115200, True, True, b"s 0 0\r")
+    assert port_in_use.written == b"s 0 0\r" * 2
     assert port_in_use.slept_s == pytest.approx(10.0, abs=0.2)
 
 
