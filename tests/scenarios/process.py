@@ -148,7 +148,7 @@ class Program:
         """Whether the log has this entry, which a thread of the daemon writes; waits for it."""
         with suppress(TimeoutError):
             async with asyncio.timeout(PATIENCE_S):
-                while entry not in self.log.read_text() and self.process.returncode is None:
+                while entry not in self.log.read_text() and self.process.returncode is None:  # noqa: ASYNC110
                     await asyncio.sleep(PERIOD_S)
         return entry in self.log.read_text()
 
