@@ -11,6 +11,7 @@ from chefbotd.core.events.navigation import (
 )
 from chefbotd.core.events.recording import RecordingData as RecordingData
 from chefbotd.core.events.robot import BatteryData as BatteryData, ImuData as ImuData, WorkerData as WorkerData
+from chefbotd.core.record import LogLine as LogLine
 from chefbotd.features.board.models import (
     LinkData as LinkData, RawData as RawData, ResetData as ResetData, TextData as TextData
 )
@@ -22,6 +23,7 @@ from chefbotd.features.driving.models import (
 )
 from chefbotd.features.lidars.models import LidarData as LidarData, LidarsData as LidarsData, ScanData as ScanData
 from chefbotd.features.localization.models import LocalizationData as LocalizationData, PlaceCandidate as PlaceCandidate
+from chefbotd.features.log.models import LogData as LogData, StampedLine as StampedLine
 from chefbotd.features.mapping.models import MapData as MapData, MapPoseData as MapPoseData
 from chefbotd.features.maps.models import (
     GridPartData as GridPartData, MapInUse as MapInUse, MapList as MapList, MapPart as MapPart,
@@ -54,6 +56,6 @@ DATA_BY_TOPIC: Mapping[str, type[Sent]] = {
     "path": PathData, "costmap": CostmapData, "obstacles": ObstaclesData, "depth_cameras": DepthCamerasData,
     "wheels": WheelsData, "safety": SafetyData, "odometry": OdometryData, "imu": ImuData, "ranges": RangesData,
     "battery": BatteryData, "stats": StatsData, "sim": SimData, "link": LinkData, "reset": ResetData, "text": TextData,
-    "raw": RawData
+    "raw": RawData, "log": LogData
 }
 """What a client reads each topic as."""

@@ -5,6 +5,7 @@ from typing import Any, TypeAlias
 
 from msgspec import Struct
 
+from chefbotd.features.log.models import log_topic
 from chefbotd.metrics import Metrics
 from chefbotd.rpc.method import Method
 from chefbotd.rpc.topics import Topic
@@ -54,7 +55,7 @@ class Feature(Struct, frozen=True):
 
 
 def methods_and_topics(features: Iterable[Feature]) -> tuple[dict[str, Method], dict[str, Topic]]:
-    """The methods and the topics of all features by name.
+    """The methods and the topics of all features by name, with the log of what their events say.
 
     Raises:
         ValueError: two features have a method or a topic of the same name.
@@ -64,6 +65,7 @@ def methods_and_topics(features: Iterable[Feature]) -> tuple[dict[str, Method], 
     for feature in features:
         _add(methods, {method.name: method for method in feature.methods}, f"{feature.name}: method")
         _add(topics, {topic.name: topic for topic in feature.topics}, f"{feature.name}: topic")
+    _add(topics, {"log": log_topic(topics.values())}, "log: topic")
     return methods, topics
 
 

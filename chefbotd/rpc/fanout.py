@@ -35,13 +35,16 @@ class Feed:
         self._json: bytes | None = None
         self._faulty = False
 
-    def take_event(self, event: Any) -> None:
-        """Remember an event; nothing is converted."""
-        join = self.topic.join
-        self.state = event if join is None else join(self.state, event)
+    def take_event(self, event: Any) -> bool:
+        """Remember an event; nothing is converted. Whether there is a new state."""
+        join, before = self.topic.join, self.state
+        self.state = event if join is None else join(before, event)
+        if join is not None and self.state is before:
+            return False
         self.seq += 1
         self.stamp_s = event.stamp_s
         self._json = None
+        return True
 
     def json(self) -> bytes | None:
         """The state as JSON, encoded once; None when there is none or (logged once) it cannot be sent."""
@@ -176,8 +179,7 @@ class Fanout:
     def publish(self, event: object) -> None:
         """Hand an event of one of the topics to every client for which it is due."""
         for feed in self._by_event[type(event)]:
-            feed.take_event(event)
-            if feed.groups:
+            if feed.take_event(event) and feed.groups:
                 now_s = self._clock.now_s()
                 for group in feed.groups.values():
                     group.offer(now_s)

@@ -1,7 +1,8 @@
 """A topic: its events, the model of its data, and the conversion between them.
 
 A topic's state is its latest event, except where the topic says how an event joins what came before (``ranges``
-holds the latest beam of every sensor). States are cheap. Data is made from them only for someone who asked.
+holds the latest beam of every sensor); an event that leaves the same object is not sent. States are cheap. Data is made
+from them only for someone who asked.
 """
 
 from collections.abc import Callable

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from chefbotd.clock import LoopClock, ManualClock, run_virtual
-from chefbotd.core.events import Direction, LineSeen, TextReceived
+from chefbotd.core.events import Direction, LineSeen, SafetyChanged, TextReceived
 from chefbotd.features.board.models import TextData
 from chefbotd.rpc.event import EventPayload
 from chefbotd.rpc.fanout import Fanout
@@ -62,14 +62,24 @@ class CountingTopic:
 
 
 def text_fanout(clock: Any = None) -> Fanout:
-    """A fan-out of every topic; the tests use ``text`` because it is short."""
-    return Fanout(topics_of(simulated=False), clock or LoopClock(), ignore)
+    """A fan-out of every topic with events of its own; the tests use ``text`` because it is short."""
+    topics = {name: topic for name, topic in topics_of(simulated=False).items() if name != "log"}
+    return Fanout(topics, clock or LoopClock(), ignore)
 
 
 def publish_texts(fanout: Fanout, *texts: str, stamp_s: float = 0.0) -> None:
     """Publish texts at once."""
     for text in texts:
         fanout.publish(TextReceived(stamp_s, text))
+
+
+def test_an_event_that_leaves_the_state_as_it_is_is_not_sent() -> None:
+    """The robot is armed, slower for an obstacle, armed: of two equal events the log of lines sends one."""
+    reader, fanout = Reader(), Fanout(topics_of(simulated=False), ManualClock(100.0), ignore)
+    fanout.subscribe(reader, ["log"], "ordered", 0.0)
+    for stamp_s, limited_by in ((1.0, None), (2.0, None), (3.0, "obstacle:front"), (4.0, None), (5.0, None)):
+        fanout.publish(SafetyChanged(stamp_s, "armed", "started", None, limited_by=limited_by))
+    assert [(payload.seq, payload.stamp_s) for payload in reader.payloads] == [(1, 1.0), (2, 3.0), (3, 4.0)]
 
 
 def test_a_payload_has_the_topic_its_times_and_the_encoded_data() -> None:

@@ -49,7 +49,7 @@ def test_state_has_the_latest_of_each_topic_with_its_age() -> None:
     state = desk.ask("get_state")["result"]
     assert (state["stamp_s"], state["link"]["state"], state["safety"]["armed"]) == (100.0, "up", True)
     assert state["topics"]["text"] == {"seq": 1, "stamp_s": 99.5, "age_s": 0.5, "data": {"text": "hi"}}
-    assert set(state["topics"]) == {"link", "safety", "text"}
+    assert set(state["topics"]) == {"link", "log", "safety", "text"}
 
 
 def test_stats_are_asked_of_the_robot() -> None:

@@ -39,7 +39,7 @@ def test_no_topic_has_lost_its_name() -> None:
     """Programs subscribe to these; the truth only where it is simulated, the rest only where there are lidars."""
     contract = (
         "odometry wheels imu ranges battery link safety reset text raw stats worker localization mapping map map_pose "
-        "navigation path costmap obstacles recording"
+        "navigation path costmap obstacles recording log"
     )
     everywhere = set(topics_of(simulated=False))
     assert everywhere >= set(contract.split())
@@ -201,3 +201,15 @@ def test_sim() -> None:
         "in_contact": True,
         "discs": [{"x_m": 4.0, "y_m": 5.0, "radius_m": 0.25}],
     }
+
+
+def test_the_log_has_the_newest_fifty_lines_and_what_a_source_repeats_once() -> None:
+    """A link that opens, 60 texts of the board, and the same text again: the texts 10 to 59, oldest first."""
+    opened = events.LinkOpened(0.5, "/dev/ttyACM0")
+    texts = [events.TextReceived(float(number), f"text {number}") for number in range(60)]
+    lines = data_of("log", opened, *texts, events.TextReceived(99.0, "text 59"))["lines"]
+    assert [(line["stamp_s"], line["text"]) for line in lines] == [
+        (float(number), f"text {number}") for number in range(10, 60)
+    ]
+    (first,) = data_of("log", opened, opened)["lines"]
+    assert first == {"level": "info", "source": "link", "text": "open: /dev/ttyACM0", "stamp_s": 0.5}

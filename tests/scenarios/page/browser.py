@@ -170,7 +170,7 @@ class FakeDaemon:
         "scan",
         "localization",
         "costmap",
-        *("mapping", "recording", "battery", "link", "lidars", "ranges", "reset"),
+        *("mapping", "recording", "battery", "link", "lidars", "ranges", "reset", "log"),
     )
     RESULTS: ClassVar[dict[str, Any]] = {
         "list_places": {
@@ -227,10 +227,10 @@ class FakeDaemon:
     def _send(self, method: str, params: dict[str, Any]) -> None:
         self._socket.send(json.dumps({"jsonrpc": "2.0", "method": method, "params": params}))
 
-    def say(self, topic: str, **data: Any) -> None:
+    def say(self, topic: str, *, stamp_s: float = 1.0, age_s: float = 0.0, **data: Any) -> None:
         """Send an event, of which there are none before the page has asked for them."""
         assert until(lambda: self.was_asked("subscribe"))
-        self._send("event", {"topic": topic, "seq": 1, "stamp_s": 1.0, "age_s": 0.0, "data": data})
+        self._send("event", {"topic": topic, "seq": 1, "stamp_s": stamp_s, "age_s": age_s, "data": data})
 
     def was_asked(self, method: str) -> bool:
         """Whether a request of a method has come; playwright hands messages over only while it is called."""

@@ -152,20 +152,53 @@ def test_a_history_is_bounded_and_has_a_gap_where_nothing_was_known(page: Any, d
     assert (line.count("M"), line.count("L")) == (2, 297)
 
 
-def test_lately_is_bounded_and_says_each_thing_once(page: Any, daemon: FakeDaemon) -> None:
-    """A mode that stays is one line however often it is told; of a hundred changes the newest 50 lines are kept."""
-    ready = {"mode": "armed", "reason": "armed", "armed": True, "source": None, "control": {}}
-    stopped = {**ready, "mode": "estopped", "armed": False}
+def line(stamp_s: float, source: str, text: str, level: str = "info") -> dict[str, Any]:
+    """A line of the daemon's log."""
+    return {"level": level, "source": source, "text": text, "stamp_s": stamp_s}
+
+
+def test_lately_is_the_daemons_log_also_of_before_in_words(page: Any, daemon: FakeDaemon) -> None:
+    """A line of an hour ago stands below the page's first one, with its own time; none is said twice."""
+    lines = [
+        line(100.0, "link", "open: /dev/ttyACM0"),
+        line(3700.0, "safety", "estopped: by Ann"),
+        line(3700.5, "safety", "armed: started (limited by obstacle:front)"),
+    ]
+    for _ in range(2):
+        daemon.say("log", lines=lines, stamp_s=3700.5, age_s=30.0)
+    daemon.say(
+        "log", lines=[*lines, line(3702.0, "lidar", "sends nothing", "warning")], stamp_s=3702.0, age_s=0.0
+    )
+    shown = page.locator("#lately li")
+    sync_api.expect(shown).to_have_count(5)
+    for number, words in enumerate(
+        (
+            "Lidar: sends nothing",
+            "Connected.",
+            "Slower than asked: there is an obstacle (front).",
+            "Emergency stop: by Ann",
+            "The board's link: open: /dev/ttyACM0",
+        )
+    ):
+        sync_api.expect(shown.nth(number)).to_contain_text(words)
+    ages_s = page.evaluate(
+        "[...document.querySelectorAll('#lately time')].map((each) => (Date.now() - Date.parse(each.dateTime)) / 1000)"
+    )
+    assert ages_s[4] - ages_s[2] == pytest.approx(3600.5, abs=0.002)
+    assert 3630.5 < ages_s[4] < 3730.0
+
+
+def test_lately_is_bounded_and_says_what_it_says_itself_once(page: Any, daemon: FakeDaemon) -> None:
+    """Of a hundred lines the newest 50 are kept; a recording that goes on is one line however often it is told."""
     for _ in range(3):
-        daemon.say("safety", **{**stopped, "reason": "by Ann"})
+        daemon.say("recording", **{**RECORDER, "state": "recording"}, reason="")
     lines = page.locator("#lately li")
-    sync_api.expect(lines.first).to_contain_text("Emergency stop: by Ann")
-    sync_api.expect(page.locator("#lately").get_by_text("by Ann")).to_have_count(1)
-    for number in range(50):
-        daemon.say("safety", **{**stopped, "reason": f"reason {number}"})
-        daemon.say("safety", **ready)
+    sync_api.expect(page.locator("#lately").get_by_text("Recording.")).to_have_count(1)
+    said = [line(float(number), "daemon", f"reason {number}") for number in range(100)]
+    daemon.say("log", lines=said[:50], stamp_s=49.0, age_s=50.0)
+    daemon.say("log", lines=said[50:], stamp_s=99.0, age_s=0.0)
     sync_api.expect(lines).to_have_count(50)
-    sync_api.expect(lines.nth(1)).to_contain_text("reason 49")
+    sync_api.expect(lines.nth(0)).to_contain_text("reason 99")
 
 
 @pytest.mark.parametrize(("width", "height"), [(390, 844), (820, 1180), (1200, 800), (1920, 1080)])

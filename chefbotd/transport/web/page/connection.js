@@ -3,6 +3,7 @@
 const PING_MS = 500;
 const STALLED_MS = 1500;
 const GIVEN_UP_MS = 6000;
+export const SHOWN_HZ = 10; // how often what moves is shown
 
 export class Refused extends Error {
   constructor(error) {
@@ -19,6 +20,7 @@ export class Connection extends EventTarget {
   #heard = 0;
   #pinged = 0;
   #retryMs = 250;
+  #rates = new Map();
   #timer = null;
 
   constructor(url) {
@@ -61,6 +63,21 @@ export class Connection extends EventTarget {
     const id = ++this.#id;
     this.#socket.send(JSON.stringify({ jsonrpc: "2.0", id, method, params }));
     return new Promise((resolve, reject) => this.#waiting.set(id, { resolve, reject }));
+  }
+
+  // Call ``take`` with the data of each event of a topic that ``begin`` subscribes to, at this rate at the most.
+  on(topic, take, rate_hz = 0) {
+    this.#rates.set(topic, Math.max(rate_hz, this.#rates.get(topic) ?? 0));
+    this.addEventListener(`topic:${topic}`, ({ detail }) => take(detail.data, detail));
+  }
+
+  // Subscribe to what there is of the topics that the page shows.
+  begin(can) {
+    const topics = [...this.#rates.keys()].filter((topic) => can.has(`topic.${topic}`));
+    const rates = new Set(topics.map((topic) => this.#rates.get(topic)));
+    return Promise.all([...rates].map((rate) => this.request("subscribe", {
+      topics: topics.filter((topic) => this.#rates.get(topic) === rate), ...(rate ? { max_rate_hz: rate } : {}),
+    })));
   }
 
   // Sent without waiting for an answer.

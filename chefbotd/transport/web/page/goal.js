@@ -13,10 +13,9 @@ export class Goal {
   #can = new Set();
 
   constructor(connection, ask, view) {
-    const on = (topic, take) => connection.addEventListener(`topic:${topic}`, ({ detail }) => take(detail.data));
-    on("navigation", (navigation) => { this.#last = navigation; this.#show(); });
-    on("localization", ({ map }) => { this.#map = map; this.#show(); });
-    on("path", ({ x_m, y_m }) => {
+    connection.on("navigation", (navigation) => { this.#last = navigation; this.#show(); });
+    connection.on("localization", ({ map }) => { this.#map = map; this.#show(); });
+    connection.on("path", ({ x_m, y_m }) => {
       view.path = x_m.map((x, index) => [x, y_m[index]]);
       $("legend-path").hidden = x_m.length === 0;
       view.draw();

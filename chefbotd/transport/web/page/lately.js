@@ -1,50 +1,72 @@
-// What has happened since the page was opened, the newest first: a bounded log, in words.
+// What has happened lately, the newest first, in words: the daemon's log, also from before the page was opened, and the
+// page's own lines.
 
 import { $, element } from "./dom.js";
-import { because, device, GOAL, LOCATED, MAPPING, MODES, plain, sentence } from "./words.js";
-import { GOING } from "./goal.js";
+import { because, GOAL, limit, LOCATED, MAPPING, MODES, plain, sentence } from "./words.js";
 
 const MOST_LINES = 50;
+const SOURCES = { link: "The board's link" };
+const STATES = {
+  safety: (state, reason) => {
+    const [, before, by] = reason.match(/^(.*?) ?\(limited by (.*)\)/) ?? [null, reason, null];
+    return by ? `Slower than asked: ${limit(by)}.` : said(MODES[state]?.[1] ?? state, state === "armed" ? "" : before);
+  },
+  navigation: (state, reason) => (state === "idle" ? "" : said(GOAL[state] ?? state, because(state, reason))),
+  localization: (state) => LOCATED[state] ?? state,
+  mapping: (state) => (MAPPING[state] ? `${MAPPING[state]}.` : ""),
+  worker: (state, reason) => (["starting", "warming"].includes(state) ? "" : `Maps and navigation: ${[state, plain(reason)].filter(Boolean).join(": ")}`),
+  control: (_, name) => (name ? `${sentence(plain(name))} drives.` : "Nobody drives."),
+};
 
 export class Lately {
   #last = new Map();
+  #session = null;
+  #shown_s = -Infinity;
 
   constructor(connection) {
-    const on = (topic, take) => connection.addEventListener(`topic:${topic}`, ({ detail }) => take(detail.data));
-    on("safety", ({ mode, reason }) => this.add("safety", said(MODES[mode]?.[1] ?? mode, mode === "armed" ? "" : reason)));
-    on("link", ({ state, reason }) => this.add("link", state === "up" ? "The board is connected." : said("The board is not connected", reason)));
-    on("navigation", ({ state, reason, goal }) => {
-      if (state === "idle" || (GOING.includes(state) && state !== "paused")) this.#last.delete("navigation");
-      else this.add("navigation", said(GOAL[state] ?? state, because(state, reason)), goal);
+    connection.on("log", ({ lines }, { age_s, stamp_s }) => {
+      const now_ms = Date.now();
+      for (const line of lines.filter((each) => each.stamp_s > this.#shown_s)) {
+        this.#show(inWords(line), now_ms - 1000 * (age_s + stamp_s - line.stamp_s), line.level);
+      }
+      this.#shown_s = lines.at(-1).stamp_s;
     });
-    on("localization", ({ state, map }) => { if (map) this.add("localization", LOCATED[state] ?? state); });
-    on("mapping", ({ state }) => this.add("mapping", MAPPING[state] ? `${MAPPING[state]}.` : ""));
-    on("lidars", ({ lidars }) => lidars.forEach((each) => this.#device(each.lidar, each)));
-    on("depth_cameras", ({ cameras }) => cameras.forEach((each) => this.#device(each.camera, each)));
-    on("recording", ({ state, reason, saved }) => {
+    connection.on("recording", ({ state, reason, saved }) => {
       if (saved) this.add("saved", `Saved what had just happened: ${saved}`);
       this.add("recording", { recording: "Recording.", failed: said("Recording has ended", reason) }[state] ?? "");
     });
-    on("reset", ({ reason }) => this.add("reset", sentence(plain(reason))));
     connection.addEventListener("closed", () => this.add("connection", "The connection was lost."));
-    connection.addEventListener("hello", () => this.add("connection", "Connected."));
+    connection.addEventListener("hello", ({ detail: { session } }) => {
+      if (session !== this.#session) this.#shown_s = -Infinity;
+      this.#session = session;
+      this.add("connection", "Connected.");
+    });
   }
 
-  // A line, unless it is what was last said about the same; ``which`` tells two that read alike apart.
+  // A line of the page, unless it is what was last said about the same; ``which`` tells two that read alike apart.
   add(about, words, which = null) {
     const key = `${words} ${which}`;
     if (this.#last.get(about) === key) return;
     this.#last.set(about, key);
-    if (!words) return;
-    const line = element("li");
-    line.append(element("time", new Date().toLocaleTimeString([], { hour12: false })), ` ${words}`);
-    $("lately").prepend(line);
-    if ($("lately").children.length > MOST_LINES) $("lately").lastChild.remove();
+    this.#show(words, Date.now());
   }
 
-  #device(name, state) {
-    if (state.healthy !== null) this.add(name, `${sentence(name.replaceAll("_", " "))}: ${device(state)}.`);
+  // In the order of time: the log may tell of what was before the page's own first lines.
+  #show(words, at_ms, level = "info") {
+    if (!words) return;
+    const line = element("li", "", { className: level });
+    const at = new Date(at_ms);
+    line.append(element("time", at.toLocaleTimeString([], { hour12: false }), { dateTime: at.toISOString(), title: at.toLocaleString() }), ` ${words}`);
+    const older = [...$("lately").children].find((other) => other.firstChild.dateTime <= line.firstChild.dateTime);
+    $("lately").insertBefore(line, older ?? null);
+    if ($("lately").children.length > MOST_LINES) $("lately").lastChild.remove();
   }
+}
+
+function inWords({ source, text }) {
+  const [state, ...reason] = text.split(": ");
+  if (source in STATES) return STATES[source](state, reason.join(": "));
+  return `${SOURCES[source] ?? sentence(source.replaceAll("_", " "))}: ${plain(text)}`;
 }
 
 function said(words, reason) {

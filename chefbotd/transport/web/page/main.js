@@ -18,11 +18,6 @@ import { View } from "./view.js";
 import { Wheels } from "./wheels.js";
 import { battery, limit, plain, refusal, sentence } from "./words.js";
 
-const RATE_HZ = 10;
-const FAST = ["odometry", "wheels", "ranges", "scan", "map_pose"];
-const SLOW = ["safety", "battery", "link", "lidars", "depth_cameras", "worker", "localization", "mapping", "reset", "map", "navigation", "path", "recording"];
-const COUNTED = ["stats"];
-
 const connection = new Connection(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/socket`);
 const lately = new Lately(connection);
 const view = new View($("view"));
@@ -58,17 +53,13 @@ new Login(connection, (can) => {
   $("driving").hidden = !driver.allowed;
   $("goal-part").hidden = !can.has("method.navigate_to");
   offerGestures(can);
-  for (const [topics, rate] of [[FAST, { max_rate_hz: RATE_HZ }], [SLOW, {}], [COUNTED, { max_rate_hz: 1 }]]) {
-    const there = topics.filter((name) => can.has(`topic.${name}`));
-    connection.request("subscribe", { topics: there, ...rate }).catch((error) => say(refusal(error)));
-  }
+  connection.begin(can).catch((error) => say(refusal(error)));
   for (const part of parts) part.begin(can);
   if (can.has("method.get_description")) connection.request("get_description").then((answer) => sensors.describe(answer), () => {});
 });
 
 // How it is
 
-const on = (topic, take) => connection.addEventListener(`topic:${topic}`, ({ detail }) => take(detail.data));
 const voltage = new History("battery-history", { name: "Battery", unit: "V", digits: 1, span_s: 10, most: 720, least_range: 0.5 });
 const delay = new History("latency-history", { name: "Delay", unit: "ms", digits: 0, span_s: 1, most: 300, least_range: 10 });
 
@@ -83,17 +74,17 @@ connection.addEventListener("latency", ({ detail }) => {
   text("latency", `${detail.toFixed(0)} ms`);
   delay.add(detail);
 });
-on("link", ({ state, healthy, reason }) => {
+connection.on("link", ({ state, healthy, reason }) => {
   const up = healthy === false ? `has a problem: ${plain(reason)}` : "connected";
   text("link", state === "up" ? up : `not connected ${plain(reason)}`);
 });
-on("stats", (stats) => text("clients", String(stats.clients)));
-on("localization", ({ map }) => places.show(map));
-on("battery", (state) => {
+connection.on("stats", (stats) => text("clients", String(stats.clients)));
+connection.on("localization", ({ map }) => places.show(map));
+connection.on("battery", (state) => {
   text("battery", battery(state));
   voltage.add(state.voltage_v);
 });
-on("reset", ({ reason }) => say(sentence(plain(reason))));
+connection.on("reset", ({ reason }) => say(sentence(plain(reason))));
 
 // Driving
 

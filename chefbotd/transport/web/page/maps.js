@@ -21,10 +21,9 @@ export class Maps {
 
   constructor(connection, view, say) {
     Object.assign(this, { connection, view, say, can: new Set() });
-    const on = (topic, take) => connection.addEventListener(`topic:${topic}`, ({ detail }) => take(detail.data));
-    on("map", (part) => { this.#queue = this.#queue.then(() => this.#take(part)).catch((error) => say(String(error))); });
-    on("mapping", (mapping) => this.#show(mapping));
-    on("localization", (found) => this.#located(found));
+    connection.on("map", (part) => { this.#queue = this.#queue.then(() => this.#take(part)).catch((error) => say(String(error))); });
+    connection.on("mapping", (mapping) => this.#show(mapping));
+    connection.on("localization", (found) => this.#located(found));
     connection.addEventListener("closed", () => { this.#shown = null; });
     for (const id of ["map-start", "guide-start"]) $(id).addEventListener("click", () => this.#ask("start_mapping"));
     $("guide-continue").addEventListener("click", () => this.#ask("start_mapping", { unfinished: true }));

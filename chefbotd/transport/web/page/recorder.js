@@ -7,7 +7,7 @@ export class Recorder {
   #can = new Set();
 
   constructor(connection, ask) {
-    connection.addEventListener("topic:recording", ({ detail }) => this.#show(detail.data));
+    connection.on("recording", (recording) => this.#show(recording));
     $("recorder-start").addEventListener("click", () => ask("start_recording"));
     $("recorder-stop").addEventListener("click", async () => {
       const ended = await ask("stop_recording");

@@ -16,7 +16,7 @@ export class Route {
 
   constructor(connection, ask, say, view) {
     Object.assign(this, { ask, say, view });
-    connection.addEventListener("topic:navigation", ({ detail }) => this.#take(detail.data));
+    connection.on("navigation", (navigation) => this.#take(navigation));
     connection.addEventListener("closed", () => { this.#newest = 0; this.#ended(); });
     $("route-go").addEventListener("click", () => this.#drive());
     $("route-clear").addEventListener("click", () => { this.#goals = []; this.#cancel(); });

@@ -16,7 +16,7 @@ export class SafetyCard {
     Object.assign(this, { driver, mayArm: true });
     connection.addEventListener("closed", () => { this.#state = UNKNOWN; this.#show(LOST); });
     connection.addEventListener("stalled", ({ detail }) => this.#show(detail ? STALLED : this.#state));
-    connection.addEventListener("topic:safety", ({ detail }) => this.#take(detail.data));
+    connection.on("safety", (safety) => this.#take(safety));
     const estop = () => ask("estop", { reason: `by ${me}` });
     const stop = () => ask("stop");
     driver.addEventListener("estop", estop);

@@ -1,5 +1,6 @@
 // What the robot sees: scans and ranges in the view, the list of sensors, and the robot's outline.
 
+import { SHOWN_HZ } from "./connection.js";
 import { $, element, text } from "./dom.js";
 import { device, range } from "./words.js";
 import { scanPoints } from "./view.js";
@@ -9,23 +10,22 @@ export class Sensors {
 
   constructor(connection, view) {
     this.view = view;
-    const on = (topic, take) => connection.addEventListener(`topic:${topic}`, ({ detail }) => take(detail.data));
-    on("odometry", (pose) => this.#showPose(pose));
-    on("map_pose", (pose) => view.setPose(pose, true));
-    on("scan", (scan) => {
+    connection.on("odometry", (pose) => this.#showPose(pose), SHOWN_HZ);
+    connection.on("map_pose", (pose) => view.setPose(pose, true), SHOWN_HZ);
+    connection.on("scan", (scan) => {
       view.scans.set(scan.lidar, scanPoints(scan));
       $("legend-scan").hidden = false;
       view.draw();
-    });
-    on("ranges", ({ ranges }) => {
+    }, SHOWN_HZ);
+    connection.on("ranges", ({ ranges }) => {
       view.ranges = ranges;
       $("legend-range").hidden = ranges.length === 0;
       for (const each of ranges) this.#lines.set(each.sensor, range(each));
       this.#show();
       view.draw();
-    });
-    on("lidars", ({ lidars }) => this.#devices(lidars, "lidar"));
-    on("depth_cameras", ({ cameras }) => this.#devices(cameras, "camera"));
+    }, SHOWN_HZ);
+    connection.on("lidars", ({ lidars }) => this.#devices(lidars, "lidar"));
+    connection.on("depth_cameras", ({ cameras }) => this.#devices(cameras, "camera"));
   }
 
   begin(can) {

@@ -1,6 +1,7 @@
 // The wheels: their speeds against their targets, plotted and in a table, and their gains, set and taken back.
 
 import { $, element } from "./dom.js";
+import { SHOWN_HZ } from "./connection.js";
 import { Plot } from "./plot.js";
 import { wheelName } from "./words.js";
 
@@ -13,7 +14,7 @@ export class Wheels {
 
   constructor(connection, ask) {
     this.ask = ask;
-    connection.addEventListener("topic:wheels", ({ detail }) => this.#show(detail.data, detail.stamp_s));
+    connection.on("wheels", (wheels, { stamp_s }) => this.#show(wheels, stamp_s), SHOWN_HZ);
     $("gains").addEventListener("submit", (event) => {
       event.preventDefault();
       this.#change("set_pid", { wheel: $("gain-wheel").value, [$("gain").value]: $("gain-value").valueAsNumber });

@@ -51,6 +51,7 @@ export function limit(by) {
   if (what === "obstacle") return `there is an obstacle (${name.replaceAll("_", " ")})`;
   if (what === "silent") return `${name.replaceAll("_", " ")} sees nothing at present`;
   if (by === "dead_man") return "the driver's commands have stopped";
+  if (by === "no_echo") return "nothing is in reach of the sensor that its board waits for";
   if (by === "encoders_stale") return "the wheels are not measured at present";
   return "the robot's top speed";
 }

@@ -1,0 +1,1 @@
+"""The log's last lines on the socket."""
