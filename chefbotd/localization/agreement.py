@@ -46,14 +46,14 @@ class Agreement(Record, frozen=True):
     @property
     def contradiction(self) -> float:
         """Which share of the beams that say something goes through a wall."""
-        told = self.agree + self.early + self.through
-        return self.through / told if told else 0.0
+        informative = self.agree + self.early + self.through
+        return self.through / informative if informative else 0.0
 
     @property
     def overlap(self) -> float:
         """Which share of the beams says something."""
-        told = self.agree + self.early + self.through
-        return told / (told + self.unknown) if told else 0.0
+        informative = self.agree + self.early + self.through
+        return informative / (informative + self.unknown) if informative else 0.0
 
 
 def agreement(grids: LocalMap, pose: Floats, scan: Scan) -> Agreement:

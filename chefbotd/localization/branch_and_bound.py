@@ -72,7 +72,7 @@ def divide(
     order: NDArray[np.int64],
     nearly: float,
     budget: int,
-    found: Floats,
+    poses: Floats,
     state: Floats,
 ) -> None:
     """Divide blocks in their order until none is left that counts, or the budget is used up.
@@ -97,33 +97,33 @@ def divide(
         if best_leaf[2] <= nearly * state[0]:
             continue
         state[0] = max(state[0], best_leaf[2])
-        if int(state[2]) == found.shape[0] and not _emptied(found, state, nearly):
+        if int(state[2]) == poses.shape[0] and not _emptied(poses, state, nearly):
             state[3] = 2.0
             return
-        _keep(within, best_leaf, turns[turn], found, state)
+        _keep(within, best_leaf, turns[turn], poses, state)
     state[3] = max(state[3], 1.0)
 
 
 @kernel
-def _keep(within: Pyramid, leaf: Floats, turn_rad: float, found: Floats, state: Floats) -> None:
+def _keep(within: Pyramid, leaf: Floats, turn_rad: float, poses: Floats, state: Floats) -> None:
     """Add the pose in the middle of a cell (x, y, score) to those that are found."""
     row = int(state[2])
-    found[row, 0] = within.origin_m[0] + (leaf[0] + 0.5) * CELL_M
-    found[row, 1] = within.origin_m[1] + (leaf[1] + 0.5) * CELL_M
-    found[row, 2], found[row, 3] = turn_rad, leaf[2]
+    poses[row, 0] = within.origin_m[0] + (leaf[0] + 0.5) * CELL_M
+    poses[row, 1] = within.origin_m[1] + (leaf[1] + 0.5) * CELL_M
+    poses[row, 2], poses[row, 3] = turn_rad, leaf[2]
     state[2] += 1
 
 
 @kernel
-def _emptied(found: Floats, state: Floats, nearly: float) -> bool:
+def _emptied(poses: Floats, state: Floats, nearly: float) -> bool:
     """Drop what no longer counts; whether that made room."""
     kept = 0
     for row in range(int(state[2])):
-        if found[row, 3] >= nearly * state[0]:
-            found[kept, :] = found[row, :]
+        if poses[row, 3] >= nearly * state[0]:
+            poses[kept, :] = poses[row, :]
             kept += 1
     state[2] = kept
-    return bool(kept < found.shape[0])
+    return bool(kept < poses.shape[0])
 
 
 @kernel

@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from chefbotd.core.record import Record, replace
 from chefbotd.localization.branch_and_bound import bound, divide
 from chefbotd.localization.pyramid import BLOCK, CELL_M, Pyramid
+from chefbotd.mapping.correlate import ScoredPose
 from chefbotd.mapping.poses import Floats, wrap
 from chefbotd.mapping.surfaces import Singles
 
@@ -40,13 +41,6 @@ APART_RAD: Final = 0.35
 
 BOUNDS_A_STEP: Final = 30_000
 """How many bounds and scores a step computes: 10 to 20 ms."""
-
-
-class Place(Record, frozen=True):
-    """A pose, and its score from 0 to 1."""
-
-    pose: Floats
-    score: float
 
 
 class GlobalSearch(Record, frozen=True):
@@ -140,18 +134,18 @@ def searched(search: GlobalSearch, *, bounds_a_step: int = BOUNDS_A_STEP) -> Glo
     )
 
 
-def places(search: GlobalSearch, *, at_most: int = PLACES_AT_MOST) -> tuple[tuple[Place, ...], bool]:
+def places(search: GlobalSearch, *, at_most: int = PLACES_AT_MOST) -> tuple[tuple[ScoredPose, ...], bool]:
     """The places found, the best first, and whether these are all."""
     rows = search.found[: search.count]
     rows = rows[np.argsort(-rows[:, 3], kind="stable")]
     rows = rows[rows[:, 3] >= NEARLY * search.best]
-    kept: list[Place] = []
+    kept: list[ScoredPose] = []
     for x, y, heading, score in rows:
         if any(is_same(np.array([x, y, heading]), other.pose) for other in kept):
             continue
         if len(kept) == at_most:
             return tuple(kept), False
-        kept.append(Place(np.array([x, y, wrap(np.array([heading]))[0]]), float(score)))
+        kept.append(ScoredPose(np.array([x, y, wrap(np.array([heading]))[0]]), float(score)))
     return tuple(kept), search.is_complete
 
 

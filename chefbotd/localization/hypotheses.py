@@ -11,8 +11,9 @@ import numpy as np
 
 from chefbotd.core.record import Record, replace
 from chefbotd.localization.agreement import agreement
-from chefbotd.localization.global_search import Place, is_same
+from chefbotd.localization.global_search import is_same
 from chefbotd.localization.tracking import LASER_NOISE_M, Estimate, predicted, sigmas, tracked
+from chefbotd.mapping.correlate import ScoredPose
 from chefbotd.mapping.local_map import LocalMap
 from chefbotd.mapping.poses import Floats
 from chefbotd.mapping.refine import Prior, polish
@@ -64,19 +65,19 @@ FIT_SHARE = 0.3
 
 def hypotheses(
     grids: LocalMap,
-    places: tuple[Place, ...],
+    places: tuple[ScoredPose, ...],
     scan: Scan,
 ) -> tuple[Hypothesis, ...]:
     """The places that the scan they were found for fits, once it is polished."""
     vague = np.diag([PLACE_M**2, PLACE_M**2, PLACE_RAD**2])
-    found = []
+    matching = []
     for place in places:
         prior = Prior(place.pose, np.linalg.inv(vague))
         fit = polish(grids, scan.points, scan.facing, place.pose, prior, LASER_NOISE_M)
-        told = agreement(grids, fit.pose, scan)
-        if told.fit >= REFUTED_FIT:
-            found.append(Hypothesis(Estimate(fit.pose, vague), told.fit, told.overlap))
-    return tuple(sorted(found, key=lambda one: -one.fit))
+        scan_agreement = agreement(grids, fit.pose, scan)
+        if scan_agreement.fit >= REFUTED_FIT:
+            matching.append(Hypothesis(Estimate(fit.pose, vague), scan_agreement.fit, scan_agreement.overlap))
+    return tuple(sorted(matching, key=lambda one: -one.fit))
 
 
 def moved(among: tuple[Hypothesis, ...], motion: Floats, noise: Floats | None) -> tuple[Hypothesis, ...]:
@@ -94,10 +95,10 @@ def confronted(
     """What is left after a scan, the best first; ``is_look`` says that the robot has moved since the last look."""
     seen = []
     for one in among:
-        found = tracked(grids, one.estimate, scan, may_search=False)
-        fit = (1 - FIT_SHARE) * one.fit + FIT_SHARE * found.agreement.fit
+        track = tracked(grids, one.estimate, scan, may_search=False)
+        fit = (1 - FIT_SHARE) * one.fit + FIT_SHARE * track.agreement.fit
         seen.append(
-            Hypothesis(found.estimate, fit, found.agreement.overlap, one.scans + 1, one.looks + int(is_look))
+            Hypothesis(track.estimate, fit, track.agreement.overlap, one.scans + 1, one.looks + int(is_look))
         )
     best = max((one.fit for one in seen), default=0.0)
     least = max(REFUTED_FIT, best - REFUTED_BY)

@@ -84,7 +84,7 @@ class Odometry(Record, frozen=True):
 
 
 class Localization(Record, frozen=True):
-    """All that the next step needs; ``told`` is ``map_from_odom`` as it was told last, at ``told_s``.
+    """All that the next step needs; ``published`` is the last ``map_from_odom``, of the time ``published_s``.
 
     ``misfits`` counts scans in a row that fit badly or worse than usual, ``fits`` those that fit well. Since
     ``no_evidence_since_s`` scans have seen nothing that the map knows. A pose that was given, or
@@ -103,8 +103,8 @@ class Localization(Record, frozen=True):
     misfit_since_s: float | None = None
     no_evidence_since_s: float | None = None
     fits: int = 0
-    told: Floats | None = None
-    told_s: float = 0.0
+    published: Floats | None = None
+    published_s: float = 0.0
     is_unchecked: bool = False
     doubted_since_s: float | None = None
     checked: tuple[Floats, float] | None = None
@@ -148,7 +148,9 @@ def localize(now: Localization) -> Localization:
 
 
 def _forgotten(now: Localization) -> Localization:
-    return Localization(state=now.state, odometry=now.odometry, told=now.told, told_s=now.told_s)
+    return Localization(
+        state=now.state, odometry=now.odometry, published=now.published, published_s=now.published_s
+    )
 
 
 def _on(now: Localization, event: Event) -> Localization:
@@ -178,7 +180,7 @@ def step(
             now, event = _look(within, now, odometry.pose, stamp_s, scan, auto_search=auto_search)
     if now.state is State.LOCALIZED and now.estimate is not None and not _is_sure(now.estimate):
         now, event = _on(now, Event.MISFITS), Event.MISFITS
-    now, jumped = _told(now, stamp_s)
+    now, jumped = _published(now, stamp_s)
     return now, _report(now, stamp_s, event, jumped)
 
 
@@ -228,43 +230,43 @@ def _follow(
     """Match the scan about the estimate, and count whether scans fit."""
     around = now.misfits % LOOK_AROUND_EVERY == 0
     grids = within.surfaces.grids
-    found = tracked(grids, expected, scan, now.usual_fit, may_search=around)
-    told = found.agreement
-    now = replace(now, estimate=found.estimate, fit=told.fit, overlap=told.overlap)
-    if told.overlap < MIN_OVERLAP:
+    track = tracked(grids, expected, scan, now.usual_fit, may_search=around)
+    agreement = track.agreement
+    now = replace(now, estimate=track.estimate, fit=agreement.fit, overlap=agreement.overlap)
+    if agreement.overlap < MIN_OVERLAP:
         return _without_evidence(now, stamp_s)
     now = replace(now, no_evidence_since_s=None)
-    if not found.matched or told.fit < WEAK_FIT:
-        patience_s = WEAK_AFTER_S if found.matched else LOST_AFTER_S
+    if not track.matched or agreement.fit < WEAK_FIT:
+        patience_s = WEAK_AFTER_S if track.matched else LOST_AFTER_S
         return _misfit(now, stamp_s, patience_s)
-    suspicious = told.fit < now.usual_fit - SUSPICIOUS_DROP
+    suspicious = agreement.fit < now.usual_fit - SUSPICIOUS_DROP
     now = replace(
         now,
-        usual_fit=(1 - USUAL_SHARE) * now.usual_fit + USUAL_SHARE * told.fit,
-        fits=now.fits + 1 if told.fit >= CONFIRMED_FIT else 0,
+        usual_fit=(1 - USUAL_SHARE) * now.usual_fit + USUAL_SHARE * agreement.fit,
+        fits=now.fits + 1 if agreement.fit >= CONFIRMED_FIT else 0,
         misfits=now.misfits + 1 if suspicious else 0,
         misfit_since_s=None,
     )
     if now.state is State.LOCALIZED and not now.is_unchecked:
-        return _doubted(now, told, odometry, stamp_s)
-    confirmed = now.fits >= CONFIRMED_SCANS and _is_sure(found.estimate) and not now.is_unchecked
+        return _doubted(now, agreement, odometry, stamp_s)
+    confirmed = now.fits >= CONFIRMED_SCANS and _is_sure(track.estimate) and not now.is_unchecked
     if now.state is State.UNCERTAIN and confirmed:
         return _on(now, Event.FITS), Event.FITS
     return now, None
 
 
 def _doubted(
-    now: Localization, told: Agreement, odometry: Floats, stamp_s: float
+    now: Localization, agreement: Agreement, odometry: Floats, stamp_s: float
 ) -> tuple[Localization, Event | None]:
     """Have the whole map searched when scans contradict a pose for a while; where much does not fit, it is uncertain."""
-    fits_badly = told.fit < DOUBTED_FIT
-    if not fits_badly and told.contradiction <= DOUBTED_THROUGH:
+    fits_badly = agreement.fit < DOUBTED_FIT
+    if not fits_badly and agreement.contradiction <= DOUBTED_THROUGH:
         return replace(now, doubted_since_s=None), None
     if now.checked is not None:
         before, fit = now.checked
         motion = between(before, odometry)
         is_near = math.hypot(motion[0], motion[1]) < DOUBTED_AGAIN_M
-        if is_near and told.fit >= fit - SUSPICIOUS_DROP:
+        if is_near and agreement.fit >= fit - SUSPICIOUS_DROP:
             return now, None
     since_s = stamp_s if now.doubted_since_s is None else now.doubted_since_s
     now = replace(now, doubted_since_s=since_s)
@@ -291,8 +293,8 @@ def _checked(
     if estimate is None or now.overlap < MIN_OVERLAP:
         return now, None
     if last is None or _is_due_again(last, odometry):
-        known = () if last is None else last.candidates
-        last = search_room.begun(within, scan, odometry, stamp_s, known)
+        candidates = () if last is None else last.candidates
+        last = search_room.begun(within, scan, odometry, stamp_s, candidates)
     else:
         last = search_room.looked(within, last, odometry, scan)
     was_searched = last.search is None
@@ -381,34 +383,34 @@ def _look(
     else:
         last = search_room.looked(within, last, odometry, scan)
     last = search_room.advanced(within, last, odometry)
-    verdict = search_room.verdict(last, odometry, stamp_s)
-    event, found = verdict.event, verdict.found
+    result = search_room.result(last, odometry, stamp_s)
+    event, place = result.event, result.place
     if event is Event.SEARCH_STARTED:
         last = search_room.begun(within, scan, odometry, stamp_s, last.candidates)
     now = replace(now, searching=last)
-    if found is not None:
+    if place is not None:
         now = replace(
             _forgotten(now),
-            estimate=found.estimate,
-            usual_fit=found.fit,
-            checked=(odometry, found.fit),
-            fit=found.fit,
-            overlap=found.overlap,
+            estimate=place.estimate,
+            usual_fit=place.fit,
+            checked=(odometry, place.fit),
+            fit=place.fit,
+            overlap=place.overlap,
         )
     return (now, None) if event is None else (_on(now, event), event)
 
 
-def _told(now: Localization, stamp_s: float) -> tuple[Localization, bool]:
-    """``map_from_odom`` as it is told now: it follows the estimate, and stays as it was where there is none."""
+def _published(now: Localization, stamp_s: float) -> tuple[Localization, bool]:
+    """The ``map_from_odom`` to publish: it follows the estimate, and stays as it was where there is none."""
     if now.estimate is None or now.odometry is None:
         return now, False
     odometry, pose = now.odometry.pose, now.estimate.pose
-    if now.told is None:
-        told, jumped = compose(pose, inverse(odometry)), True
+    if now.published is None:
+        published, jumped = compose(pose, inverse(odometry)), True
     else:
-        dt_s = max(stamp_s - now.told_s, 0.0)
-        told, jumped = corrected(now.told, pose, odometry, dt_s)
-    return replace(now, told=told, told_s=stamp_s), jumped
+        dt_s = max(stamp_s - now.published_s, 0.0)
+        published, jumped = corrected(now.published, pose, odometry, dt_s)
+    return replace(now, published=published, published_s=stamp_s), jumped
 
 
 def _report(now: Localization, stamp_s: float, event: Event | None, jumped: bool) -> Report:
@@ -420,7 +422,7 @@ def _report(now: Localization, stamp_s: float, event: Event | None, jumped: bool
         state=now.state,
         event=event,
         map_from_base=now.estimate if has_pose else None,
-        map_from_odom=now.told,
+        map_from_odom=now.published,
         jumped=jumped,
         fit=now.fit if has_pose else max((one.fit for one in candidates), default=0.0),
         overlap=now.overlap if has_pose else max((one.overlap for one in candidates), default=0.0),

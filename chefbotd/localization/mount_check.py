@@ -40,24 +40,24 @@ class MountCheck(Record, frozen=True):
     turned_rad: float | None = None
 
 
-def checked(now: MountCheck, odometry: Floats, found: Floats | None) -> MountCheck:
+def checked(now: MountCheck, odometry: Floats, map_from_base: Floats | None) -> MountCheck:
     """Take a scan's poses into account: by odometry, and as found in the map (None: scans do not fit just now)."""
     if now.turned_rad is not None:
         return now
-    if found is None:
+    if map_from_base is None:
         return MountCheck()
     if now.begun is None:
-        return replace(now, begun=(odometry, found))
-    by_wheels, by_scans = between(now.begun[0], odometry), between(now.begun[1], found)
+        return replace(now, begun=(odometry, map_from_base))
+    by_wheels, by_scans = between(now.begun[0], odometry), between(now.begun[1], map_from_base)
     if abs(by_wheels[2]) > MOST_TURN_RAD:
-        return MountCheck((odometry, found))
+        return MountCheck((odometry, map_from_base))
     length_m, other_m = math.hypot(*by_wheels[:2]), math.hypot(*by_scans[:2])
     if length_m < WINDOW_M:
         return now
     if min(length_m, other_m) < MIN_SHARE * max(length_m, other_m):
-        return MountCheck((odometry, found))
+        return MountCheck((odometry, map_from_base))
     off = math.atan2(by_wheels[1], by_wheels[0]) - math.atan2(by_scans[1], by_scans[0])
-    return replace(_said(now, wrap_angle(off)), begun=(odometry, found))
+    return replace(_said(now, wrap_angle(off)), begun=(odometry, map_from_base))
 
 
 def mount_problem(check: MountCheck, lidars: Sequence[str]) -> str:
@@ -74,8 +74,8 @@ def mount_problem(check: MountCheck, lidars: Sequence[str]) -> str:
 
 def _named(lidars: Sequence[str]) -> str:
     """With several the first is meant: the others' points are matched with its own."""
-    told = f"lidar {lidars[0]!r}"
-    return told if len(lidars) == 1 else f"{told} (with {', '.join(map(repr, lidars[1:]))})"
+    subject = f"lidar {lidars[0]!r}"
+    return subject if len(lidars) == 1 else f"{subject} (with {', '.join(map(repr, lidars[1:]))})"
 
 
 def _said(now: MountCheck, off_rad: float) -> MountCheck:
@@ -85,5 +85,5 @@ def _said(now: MountCheck, off_rad: float) -> MountCheck:
     said = (*now.said_rad, off_rad) if same else (off_rad,)
     if len(said) < WINDOWS:
         return MountCheck(None, said)
-    middle = sum(wrap_angle(each - said[0]) for each in said) / len(said)
+    middle = sum(wrap_angle(one_rad - said[0]) for one_rad in said) / len(said)
     return MountCheck(None, said, wrap_angle(said[0] + middle))

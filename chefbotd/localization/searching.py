@@ -92,8 +92,8 @@ def advanced(within: LocalizationMap, searching: Searching, odometry: Floats) ->
     if not search.is_done:
         return replace(searching, search=search)
     places, is_complete = global_search.places(search)
-    found = hypotheses(within.surfaces.grids, places, searching.scan)
-    now = moved(found, between(searching.began_at, odometry), None)
+    matching = hypotheses(within.surfaces.grids, places, searching.scan)
+    now = moved(matching, between(searching.began_at, odometry), None)
     candidates = merged(searching.candidates, now)
     return replace(searching, search=None, candidates=candidates, is_complete=is_complete)
 
@@ -110,27 +110,27 @@ def looked(within: LocalizationMap, searching: Searching, odometry: Floats, scan
     return replace(searching, candidates=left, looked_at=odometry if new_look else searching.looked_at)
 
 
-class Verdict(Record, frozen=True):
-    """What a search says: ``found`` (which), ``not_found``, or ``search_started`` if it has to begin again."""
+class SearchResult(Record, frozen=True):
+    """What a search says: ``found`` (at which place), ``not_found``, or ``search_started`` if it has to begin again."""
 
     event: Event | None
-    found: Hypothesis | None = None
+    place: Hypothesis | None = None
 
 
-def verdict(searching: Searching, odometry: Floats, stamp_s: float) -> Verdict:
+def result(searching: Searching, odometry: Floats, stamp_s: float) -> SearchResult:
     """What can be said by now; candidates of an earlier search count while the next one is under way."""
     candidates = searching.candidates
     best = sure(candidates, is_complete=searching.is_complete)
     if best is not None:
-        return Verdict(Event.FOUND, best)
+        return SearchResult(Event.FOUND, best)
     if searching.search is not None:
-        return Verdict(None)
+        return SearchResult(None)
     badly = not candidates or candidates[0].fit < MOVING_FIT
     if badly and (not candidates or stamp_s - searching.began_s >= SETTLE_S):
-        return Verdict(Event.NOT_FOUND)
+        return SearchResult(Event.NOT_FOUND)
     if (badly or not searching.is_complete) and has_moved_on(searching, odometry):
-        return Verdict(Event.SEARCH_STARTED)
-    return Verdict(None)
+        return SearchResult(Event.SEARCH_STARTED)
+    return SearchResult(None)
 
 
 def is_due(last: Searching, odometry: Floats, stamp_s: float) -> bool:

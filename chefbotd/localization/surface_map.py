@@ -61,8 +61,8 @@ def surface_map(
         ValueError: the grid has no place where something occupied meets something free, or is too large.
     """
     if grid.percent.size > most_cells:
-        told = f"has {grid.percent.size} cells, at most {most_cells} are possible: make it anew with larger cells"
-        raise ValueError(told)
+        problem = f"has {grid.percent.size} cells, at most {most_cells} are possible: make it again with larger cells"
+        raise ValueError(problem)
     occupied = grid.percent >= OCCUPIED_PERCENT
     free = (grid.percent >= 0) & (grid.percent <= FREE_PERCENT)
     surfaces = _placed(grid, *_borders(grid.resolution_m, occupied, free, depth_cells))

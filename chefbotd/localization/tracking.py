@@ -127,24 +127,24 @@ def tracked(
     may_search: bool = True,
 ) -> Tracked:
     """The scan matched against the map about the prediction; ``may_search`` allows a look further around."""
-    found = _near(grids, expected, scan)
+    track = _near(grids, expected, scan)
     at_least = max(usual_fit - SUSPICIOUS_DROP, LEAST_FIT)
-    if may_search and found.agreement.fit < at_least and found.agreement.overlap >= MIN_OVERLAP:
+    if may_search and track.agreement.fit < at_least and track.agreement.overlap >= MIN_OVERLAP:
         for elsewhere in (_in_window(grids, expected, scan), _around(grids, expected, scan)):
-            if elsewhere is not None and elsewhere.agreement.fit >= found.agreement.fit + BETTER_FIT:
-                found = elsewhere
+            if elsewhere is not None and elsewhere.agreement.fit >= track.agreement.fit + BETTER_FIT:
+                track = elsewhere
                 break
-    if found.agreement.fit < LEAST_FIT or found.agreement.overlap < MIN_OVERLAP:
-        return Tracked(expected, found.agreement, matched=False)
-    return found
+    if track.agreement.fit < LEAST_FIT or track.agreement.overlap < MIN_OVERLAP:
+        return Tracked(expected, track.agreement, matched=False)
+    return track
 
 
 def _near(grids: LocalMap, expected: Estimate, scan: Scan) -> Tracked:
     sigma_m, sigma_rad = sigmas(expected.covariance)
     if sigma_m > POLISH_WITHIN_M or sigma_rad > POLISH_WITHIN_RAD:
-        found = _in_window(grids, expected, scan)
-        if found is not None:
-            return found
+        track = _in_window(grids, expected, scan)
+        if track is not None:
+            return track
     return _polished(grids, expected, expected.pose, scan)
 
 
@@ -165,21 +165,21 @@ def _in_window(grids: LocalMap, expected: Estimate, scan: Scan) -> Tracked | Non
         PENALTY * 9 / half_m**2,
         PENALTY * 9 / half_rad**2,
     )
-    found = search(grids, scan.points, expected.pose, window, above=CAPTURE)
-    return None if found is None else _polished(grids, expected, found.pose, scan)
+    match = search(grids, scan.points, expected.pose, window, above=CAPTURE)
+    return None if match is None else _polished(grids, expected, match.pose, scan)
 
 
 def _around(grids: LocalMap, expected: Estimate, scan: Scan) -> Tracked | None:
     """Search a metre around, whatever the odometry says: the wheels slipped, or somebody pushed the robot."""
     window = Window(WHEEL_SLIP_WINDOW_M, WHEEL_SLIP_WINDOW_RAD)
-    found = search(grids, scan.points, expected.pose, window, above=CAPTURE)
-    if found is None:
+    match = search(grids, scan.points, expected.pose, window, above=CAPTURE)
+    if match is None:
         return None
     vague = np.diag([WHEEL_SLIP_WINDOW_M**2, WHEEL_SLIP_WINDOW_M**2, WHEEL_SLIP_WINDOW_RAD**2])
-    at = Estimate(found.pose, vague)
-    told = _polished(grids, at, found.pose, scan)
-    sound = told.agreement.fit >= WHEEL_SLIP_FIT and told.agreement.overlap >= 2 * MIN_OVERLAP
-    return replace(told, moved=True) if sound else None
+    at = Estimate(match.pose, vague)
+    track = _polished(grids, at, match.pose, scan)
+    sound = track.agreement.fit >= WHEEL_SLIP_FIT and track.agreement.overlap >= 2 * MIN_OVERLAP
+    return replace(track, moved=True) if sound else None
 
 
 def _polished(grids: LocalMap, expected: Estimate, begin: Floats, scan: Scan) -> Tracked:
@@ -215,7 +215,7 @@ def _fuse(
     A wall whose direction is not known exactly seems to tell something along itself, too: that share ``pretended`` of
     what all surfaces tell counts in no direction. ``noise`` are the variances of the map's own errors.
     """
-    told, spread = np.empty((3, 3)), np.empty((3, 3))
+    scan_information, spread = np.empty((3, 3)), np.empty((3, 3))
     xx, xy, yy = measured[0, 0], measured[0, 1], measured[1, 1]
     middle, half = (xx + yy) / 2, math.hypot((xx - yy) / 2, xy)
     turn = 0.5 * math.atan2(2 * xy, xx - yy)
@@ -227,19 +227,19 @@ def _fuse(
     scale[1, 1] = along * sin * sin + across * cos * cos
     scale[0, 1] = scale[1, 0] = (along - across) * cos * sin
     _product(scale, measured, spread)
-    _product(spread, scale, told)
+    _product(spread, scale, scan_information)
     for k in range(3):
-        told[k, k] += 1e-6
-    _invert(told, spread)
+        scan_information[k, k] += 1e-6
+    _invert(scan_information, spread)
     for k in range(3):
         spread[k, k] += noise[k]
-    _invert(spread, told)
-    _invert(prior + told, covariance)
+    _invert(spread, scan_information)
+    _invert(prior + scan_information, covariance)
     for r in range(3):
         shift[r] = 0.0
         for c in range(3):
             for k in range(3):
-                shift[r] += covariance[r, c] * told[c, k] * off[k]
+                shift[r] += covariance[r, c] * scan_information[c, k] * off[k]
 
 
 @kernel

@@ -56,7 +56,7 @@ class Excluded(NamedTuple):
 NOTHING_EXCLUDED = Excluded()
 
 
-class Found(Record, frozen=True):
+class ScoredPose(Record, frozen=True):
     """The best pose, and its score from 0 to 1."""
 
     pose: Floats
@@ -99,11 +99,13 @@ class WindowSearch(Record, frozen=True):
         return int(self.at[2])
 
     @property
-    def found(self) -> Found | None:
+    def best_pose(self) -> ScoredPose | None:
         """The best pose so far; None if none scores enough."""
         if self.best[3] <= self.above:
             return None
-        return Found(np.array([self.best[0], self.best[1], wrap(self.best[2:3])[0]]), float(self.best[3]))
+        return ScoredPose(
+            np.array([self.best[0], self.best[1], wrap(self.best[2:3])[0]]), float(self.best[3])
+        )
 
 
 def search(
@@ -115,7 +117,7 @@ def search(
     above: float = -1e9,
     excluded: Excluded = NOTHING_EXCLUDED,
     points_at_most: int = 90,
-) -> Found | None:
+) -> ScoredPose | None:
     """The best pose in the window that scores more than ``above``; None if there is none.
 
     At most so many of ``points`` (n, 2) are taken, evenly spread over the scan.
@@ -123,7 +125,7 @@ def search(
     if len(points) == 0:
         return None
     whole = begun(grids, points, guess, window, above=above, points_at_most=points_at_most)
-    return advanced(replace(whole, within=whole.within._replace(excluded=excluded)), WITHOUT_LIMIT).found
+    return advanced(replace(whole, within=whole.within._replace(excluded=excluded)), WITHOUT_LIMIT).best_pose
 
 
 def begun(
@@ -227,8 +229,8 @@ def _advance(
     until: int,
 ) -> bool:
     """Bound all blocks, then divide them from the most promising on, until so much work is done; whether all is."""
-    size, count, each = 1 << within.shift, blocks.shape[0], points.shape[0]
-    cells = np.empty((each, 2), np.int64)
+    size, count, beams = 1 << within.shift, blocks.shape[0], points.shape[0]
+    cells = np.empty((beams, 2), np.int64)
     placed = -1
     while at[0] < bounds.shape[0]:
         if at[2] >= until:
@@ -241,10 +243,10 @@ def _advance(
         x, y = blocks[b, 0], blocks[b, 1]
         bounds[k] = _mean(within.top, cells, x, y, within.shift) - _penalty(within, turns[a], x, y, size)
         at[0] += 1
-        at[2] += each
+        at[2] += beams
         if at[0] == bounds.shape[0]:
             order[:] = np.argsort(-bounds)
-            at[2] += each * bounds.shape[0]  # sorting costs about as much as bounding
+            at[2] += beams * bounds.shape[0]  # sorting costs about as much as bounding
     while at[1] < bounds.shape[0]:
         k = order[at[1]]
         if bounds[k] <= best[3]:
@@ -253,7 +255,7 @@ def _advance(
             return False
         a, b = k // count, k % count
         _place(within, points, turns[a], cells)
-        at[2] += each * (PLACING + _descend(within, cells, turns[a], blocks[b, 0], blocks[b, 1], best))
+        at[2] += beams * (PLACING + _descend(within, cells, turns[a], blocks[b, 0], blocks[b, 1], best))
         at[1] += 1
     return True
 

@@ -32,14 +32,14 @@ def refined(params: SlamParameters, state: SlamState) -> SlamState:
 
 def refining(params: SlamParameters, state: SlamState) -> Generator[tuple[int, int], None, SlamState]:
     """The same in steps: yields how many submaps are done, and of how many, and returns the state."""
-    found = NO_EDGES
+    loops = NO_EDGES
     submaps = [*state.submaps, *(Submap(a.first, len(state.nodes) - 1) for a in state.active)]
     for k, (submap, members) in enumerate(zip(submaps, _members(state, submaps), strict=True)):
         yield k, len(submaps)
         if members:
-            found = found.joined(_matched(params, state, submap, members))
+            loops = loops.joined(_matched(params, state, submap, members))
     yield len(submaps), len(submaps)
-    return solved(replace(state, edges=_without(state.edges, found).joined(found)))
+    return solved(replace(state, edges=_without(state.edges, loops).joined(loops)))
 
 
 def _members(state: SlamState, submaps: list[Submap]) -> list[list[int]]:
@@ -61,15 +61,15 @@ def _members(state: SlamState, submaps: list[Submap]) -> list[list[int]]:
 
 def _matched(params: SlamParameters, state: SlamState, submap: Submap, members: list[int]) -> Edges:
     """The loops from a submap's anchor to these nodes, where they fit."""
-    poses, found = between(state.nodes.map[submap.first], state.nodes.map), NO_EDGES
+    poses, loops = between(state.nodes.map[submap.first], state.nodes.map), NO_EDGES
     grids = rebuilt(state.nodes, submap.first, submap.last, poses)
     for node in members:
         scan, expected = state.nodes.scans[node], poses[node]
         prior = Prior(expected, EXPECTED)
         fit = polish(grids, scan.points, scan.facing, expected, prior, params.matching.laser_noise_m)
         if is_sound(params.loops, fit, expected):
-            found = found.joined(edge(submap.first, node, fit.pose, loop_covariance(fit), loop=True))
-    return found
+            loops = loops.joined(edge(submap.first, node, fit.pose, loop_covariance(fit), loop=True))
+    return loops
 
 
 def _without(edges: Edges, newer: Edges) -> Edges:

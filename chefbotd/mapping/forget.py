@@ -37,14 +37,14 @@ def thinned(state: SlamState, most_per_place: int) -> tuple[SlamState, tuple[For
         return state, ()
     successors = _successors(len(state.nodes), gone)
     numbers, poses = state.nodes.number, state.nodes.map
-    told = tuple(
+    forgotten = tuple(
         Forgotten(int(numbers[k]), int(numbers[successors[k]]), between(poses[successors[k]], poses[k]))
         for k in gone
     )
     edges = state.edges
     for node in gone:
         edges = _handed_on(edges, poses, int(node))
-    return _renumbered(state, edges, gone), told
+    return _renumbered(state, edges, gone), forgotten
 
 
 def _is_superfluous(state: SlamState, most_per_place: int) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
@@ -72,8 +72,8 @@ def _successors(count: int, gone: Indices) -> Indices:
     stays = np.ones(count, np.bool_)
     stays[gone] = False
     kept = np.flatnonzero(stays)
-    found: Indices = kept[np.searchsorted(kept, np.arange(count))]
-    return found
+    successors: Indices = kept[np.searchsorted(kept, np.arange(count))]
+    return successors
 
 
 def _handed_on(edges: Edges, poses: Floats, node: int) -> Edges:

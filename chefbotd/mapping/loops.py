@@ -12,7 +12,7 @@ import numpy as np
 
 from chefbotd.core.record import replace
 from chefbotd.mapping import correlate
-from chefbotd.mapping.correlate import Excluded, Found, Window, WindowSearch, advanced, for_another
+from chefbotd.mapping.correlate import Excluded, ScoredPose, Window, WindowSearch, advanced, for_another
 from chefbotd.mapping.graph import drift_m
 from chefbotd.mapping.local_map import CELL_M, LocalMap
 from chefbotd.mapping.parameters import LoopParameters, SlamParameters
@@ -65,15 +65,15 @@ def searched(
 
     The state has the grids that were built for it.
     """
-    left, found, again = params.loops.lookups_a_step, list[Candidate](), search.again
+    left, candidates, again = params.loops.lookups_a_step, list[Candidate](), search.again
     while left > 0 and search.done < len(search.targets):
         state, search, used, candidate = _advanced(params, state, search, left)
-        found += [] if candidate is None else [candidate]
+        candidates += [] if candidate is None else [candidate]
         left -= used
     if search.done < len(search.targets):
-        return replace(state, searching=search), tuple(found)
+        return replace(state, searching=search), tuple(candidates)
     tried = state.tried + len(search.targets) - again
-    return replace(state, tried=tried, searching=None), tuple(found)
+    return replace(state, tried=tried, searching=None), tuple(candidates)
 
 
 def _targets(params: LoopParameters, state: SlamState) -> list[Target]:
@@ -109,13 +109,15 @@ def _lost_targets(state: SlamState) -> tuple[list[Target], int]:
 
     How many are to be searched again comes with them.
     """
-    known = [k for k, submap in enumerate(state.submaps) if state.nodes.part[submap.first] == 0]
-    if not known:
+    joined_submaps = [k for k, submap in enumerate(state.submaps) if state.nodes.part[submap.first] == 0]
+    if not joined_submaps:
         return [], 0
-    by_anchor = {state.submaps[k].first: k for k in known}
+    by_anchor = {state.submaps[k].first: k for k in joined_submaps}
     again = dict.fromkeys(by_anchor[c.anchor] for c in state.candidates if c.anchor in by_anchor)
     more = MORE_WHEN_FOUND if again else AT_ONCE_WHEN_LOST
-    turn = [known[(state.tried + k) % len(known)] for k in range(min(more, len(known)))]
+    turn = [
+        joined_submaps[(state.tried + k) % len(joined_submaps)] for k in range(min(more, len(joined_submaps)))
+    ]
     targets = []
     for k in [*again, *(k for k in turn if k not in again)]:
         path = _path(state, k)
@@ -161,15 +163,15 @@ def _advanced(
         if not within.is_done:
             used = within.work - search.work
             return state, replace(search, work=within.work, search=within, best=best), used, None
-        found = within.found
-        if best is None and found is not None:
-            candidate = _verified(params, state, search.node, target, within.within.grids, found)
+        match = within.best_pose
+        if best is None and match is not None:
+            candidate = _verified(params, state, search.node, target, within.within.grids, match)
             if candidate is not None and target.drift_m > params.loops.sure_within_m:
-                best, within = found, for_another(within, *_rival(params.loops, found))
+                best, within = match, for_another(within, *_rival(params.loops, match))
                 continue
         elif best is not None:
             candidate = None
-            if found is None:
+            if match is None:
                 candidate = _verified(params, state, search.node, target, within.within.grids, best)
         done = replace(search, done=search.done + 1, work=0, search=None, best=None)
         return state, done, within.work - search.work, candidate
@@ -200,13 +202,13 @@ def _in_submap(
 
 
 def _verified(
-    params: SlamParameters, state: SlamState, node: int, target: Target, grids: LocalMap, found: Found
+    params: SlamParameters, state: SlamState, node: int, target: Target, grids: LocalMap, match: ScoredPose
 ) -> Candidate | None:
     """The match, if the scan fits there and tells where it is."""
-    scan, start = state.nodes.scans[node], Prior(found.pose, FREE)
-    fit = polish(grids, scan.points, scan.facing, found.pose, start, params.matching.laser_noise_m)
+    scan, start = state.nodes.scans[node], Prior(match.pose, FREE)
+    fit = polish(grids, scan.points, scan.facing, match.pose, start, params.matching.laser_noise_m)
     covariance = loop_covariance(fit)
-    if not is_sound(params.loops, fit, found.pose) or covariance[0, 0] + covariance[1, 1] > VAGUE_M**2:
+    if not is_sound(params.loops, fit, match.pose) or covariance[0, 0] + covariance[1, 1] > VAGUE_M**2:
         return None
     anchor = state.submaps[target.submap].first
     seen_at = compose(state.nodes.map[anchor], fit.pose)
@@ -214,10 +216,10 @@ def _verified(
     return Candidate(node, anchor, fit.pose, covariance, correction, target.drift_m)
 
 
-def _rival(params: LoopParameters, found: Found) -> tuple[float, Excluded]:
+def _rival(params: LoopParameters, match: ScoredPose) -> tuple[float, Excluded]:
     """What another place must score to make a match ambiguous, and what is not another place."""
-    x, y, heading = found.pose
-    return params.rival_score * found.score, Excluded(float(x), float(y), float(heading), RIVAL_M, RIVAL_RAD)
+    x, y, heading = match.pose
+    return params.rival_score * match.score, Excluded(float(x), float(y), float(heading), RIVAL_M, RIVAL_RAD)
 
 
 def loop_covariance(fit: Fit) -> Floats:
@@ -235,13 +237,13 @@ def is_sound(params: LoopParameters, fit: Fit, start: Floats) -> bool:
 
 
 def believed(
-    params: LoopParameters, state: SlamState, found: tuple[Candidate, ...]
+    params: LoopParameters, state: SlamState, new: tuple[Candidate, ...]
 ) -> tuple[tuple[Candidate, ...], tuple[Candidate, ...]]:
     """Which candidates, old and new, may close their loops now, and which still wait for others that agree."""
     oldest_m = state.path_m - params.remembered_m
     waiting = [c for c in state.candidates if state.nodes.path_m[c.node] >= oldest_m]
     accepted: dict[int, Candidate] = {}
-    for candidate in found:
+    for candidate in new:
         agreeing = [c for c in waiting if _agree(params, state, c, candidate)]
         together = [*agreeing, candidate]
         if candidate.drift_m <= params.sure_within_m:

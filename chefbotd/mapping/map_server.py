@@ -78,16 +78,16 @@ def parse_description(text: str, name: str) -> MapDescription:
         raise MapFileError(f"{name}: not valid YAML: {' '.join(str(error).split())}") from error
     if not isinstance(values, dict):
         raise MapFileError(f"{name}: a map's YAML is keys and values, got {type(values).__name__}")
-    known = {key: value for key, value in values.items() if key in MapDescription.model_fields}
+    fields = {key: value for key, value in values.items() if key in MapDescription.model_fields}
     try:
-        return MapDescription.model_validate(known)
+        return MapDescription.model_validate(fields)
     except ValidationError as error:
         raise MapFileError(f"{name}: {_explain(error)}") from error
 
 
 def _explain(error: ValidationError) -> str:
-    told = [(".".join(map(str, problem["loc"])), problem) for problem in error.errors()]
-    return "; ".join(f"{key + ': ' if key else ''}{p['msg']} (got {p['input']!r})" for key, p in told)
+    problems = [(".".join(map(str, problem["loc"])), problem) for problem in error.errors()]
+    return "; ".join(f"{key + ': ' if key else ''}{p['msg']} (got {p['input']!r})" for key, p in problems)
 
 
 def parse_image(data: bytes, description: MapDescription) -> OccupancyGrid:

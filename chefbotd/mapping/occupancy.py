@@ -74,9 +74,9 @@ def percent_of(seen: Counts) -> np.ndarray[tuple[int, ...], np.dtype[np.int8]]:
     ends, passes = seen[..., 0].astype(np.float64), seen[..., 1].astype(np.float64)
     stray = ends < STRAY_SHARE * _most_about(ends)
     ends = END_WEIGHT * np.where(stray, 0, ends)
-    known = (seen.sum(axis=2, dtype=np.int64) >= LEAST_OBSERVATIONS) & ~(stray & (passes == 0))
-    share = np.divide(ends, ends + passes, out=np.zeros_like(passes), where=known)
-    return np.where(known, np.rint(100 * share), UNKNOWN).astype(np.int8)
+    is_known = (seen.sum(axis=2, dtype=np.int64) >= LEAST_OBSERVATIONS) & ~(stray & (passes == 0))
+    share = np.divide(ends, ends + passes, out=np.zeros_like(passes), where=is_known)
+    return np.where(is_known, np.rint(100 * share), UNKNOWN).astype(np.int8)
 
 
 def _most_about(ends: Floats) -> Floats:

@@ -87,9 +87,9 @@ def polish(
         grids, points, facing, pose, prior.pose, prior.information, sigma_m, information, stats
     )  # fmt: skip
     pose[2] = wrap(pose[2:3])[0]
-    known, inliers, contradictions = (int(count) for count in stats[:3])
+    known_points, inliers, contradictions = (int(count) for count in stats[:3])
     rms_m = math.sqrt(stats[3] / inliers) if inliers else math.inf
-    return Fit(pose, information, len(points), known, inliers, contradictions, rms_m)
+    return Fit(pose, information, len(points), known_points, inliers, contradictions, rms_m)
 
 
 @kernel
@@ -256,7 +256,7 @@ def _describe(cell: Singles, x: float, y: float, surface: Floats) -> None:
 
 
 @kernel
-def solve3(system: Floats, found: Floats) -> bool:
+def solve3(system: Floats, solution: Floats) -> bool:
     """Solve three equations with a symmetric positive definite matrix (Cholesky); False if it is none."""
     lower = np.zeros((3, 3))
     for r in range(3):
@@ -273,11 +273,11 @@ def solve3(system: Floats, found: Floats) -> bool:
     for r in range(3):
         rest = system[r, 3]
         for k in range(r):
-            rest -= lower[r, k] * found[k]
-        found[r] = rest / lower[r, r]
+            rest -= lower[r, k] * solution[k]
+        solution[r] = rest / lower[r, r]
     for r in range(2, -1, -1):
-        rest = found[r]
+        rest = solution[r]
         for k in range(r + 1, 3):
-            rest -= lower[k, r] * found[k]
-        found[r] = rest / lower[r, r]
+            rest -= lower[k, r] * solution[k]
+        solution[r] = rest / lower[r, r]
     return True

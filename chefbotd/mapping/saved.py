@@ -108,7 +108,7 @@ def restored(arrays: Mapping[str, NDArray[Any]]) -> SlamState:
 def _restored(arrays: Mapping[str, NDArray[Any]]) -> SlamState:
     nodes = _nodes(arrays)
     misfits, part, tried, unsolved, next_number = (int(count) for count in arrays["counts"])
-    path_m, tried_at_m = (float(way) for way in arrays["path_m"])
+    path_m, tried_at_m = (float(length_m) for length_m in arrays["path_m"])
     return SlamState(
         nodes=nodes,
         edges=Edges(*(arrays[f"edge_{name}"] for name in EDGE_FIELDS)),

@@ -91,28 +91,28 @@ def step(
         first = _with_node(params.submaps, state, stamp_s, scan, None)
         return first, _report(first, None, _Kept(first), kept=True)
     moved = between(state.odometry, odometry)
-    found = tracked(params.matching, state.active[0].grids, state.local_pose, moved, scan, state.usual_fit)
-    if not found.fits or (state.misfits and found.fit.overlap < params.matching.min_overlap):
-        return _misfit(params, state, stamp_s, odometry, scan, found)
-    travel_m = _travel_m(between(state.local_pose, found.fit.pose))
-    mode = SlamMode.WHEEL_SLIP if found.slipped else SlamMode.LOST if state.part else SlamMode.MAPPING
+    track = tracked(params.matching, state.active[0].grids, state.local_pose, moved, scan, state.usual_fit)
+    if not track.fits or (state.misfits and track.fit.overlap < params.matching.min_overlap):
+        return _misfit(params, state, stamp_s, odometry, scan, track)
+    travel_m = _travel_m(between(state.local_pose, track.fit.pose))
+    mode = SlamMode.WHEEL_SLIP if track.slipped else SlamMode.LOST if state.part else SlamMode.MAPPING
     state = replace(
         state,
-        local_pose=found.fit.pose,
+        local_pose=track.fit.pose,
         odometry=odometry.copy(),
         path_m=state.path_m + travel_m,
         active=tuple(replace(a, travel_m=a.travel_m + travel_m) for a in state.active),
         mode=mode,
         misfits=0,
-        usual_fit=state.usual_fit + USUAL_RATE * (found.fit.share - state.usual_fit),
+        usual_fit=state.usual_fit + USUAL_RATE * (track.fit.share - state.usual_fit),
     )
     kept = _is_keyframe(params.submaps, state)
     forgotten: tuple[Forgotten, ...] = ()
     if kept:
-        state = _with_node(params.submaps, state, stamp_s, scan, found)
+        state = _with_node(params.submaps, state, stamp_s, scan, track)
         state, forgotten = _rolled(params.submaps, state)
     result = replace(_looked_around(params, state, kept=kept), forgotten=forgotten)
-    return result.state, _report(result.state, found, result, kept=kept)
+    return result.state, _report(result.state, track, result, kept=kept)
 
 
 def _check(odometry: Floats, scan: Scan) -> None:
@@ -142,7 +142,7 @@ def _is_keyframe(params: SubmapParameters, state: SlamState) -> bool:
 
 
 def _misfit(
-    params: SlamParameters, state: SlamState, stamp_s: float, odometry: Floats, scan: Scan, found: Tracked
+    params: SlamParameters, state: SlamState, stamp_s: float, odometry: Floats, scan: Scan, track: Tracked
 ) -> tuple[SlamState, Report]:
     """The scan contradicts the map: go by odometry and add nothing; after some of these, begin a part of its own."""
     moved = between(state.odometry, odometry)
@@ -156,15 +156,15 @@ def _misfit(
         mode=mode,
     )
     if state.misfits < params.matching.lost_after_scans:
-        return state, _report(state, found, _Kept(state), kept=False)
+        return state, _report(state, track, _Kept(state), kept=False)
     state = apart(state)
     state = _with_node(params.submaps, state, stamp_s, scan, None)
     result = _looked_around(params, state)
-    return result.state, _report(result.state, found, result, kept=True)
+    return result.state, _report(result.state, track, result, kept=True)
 
 
 def _with_node(
-    params: SubmapParameters, state: SlamState, stamp_s: float, scan: Scan, found: Tracked | None
+    params: SubmapParameters, state: SlamState, stamp_s: float, scan: Scan, track: Tracked | None
 ) -> SlamState:
     """Keep the scan: a node, edges to the node before and to the submap's anchor, and its place in the grids."""
     nodes, node = state.nodes, len(state.nodes)
@@ -179,10 +179,10 @@ def _with_node(
         (*nodes.scans, scan),
     )
     edges = state.edges
-    if found is not None:
-        course = _course(params, grown, node - 1, found.covariance)
+    if track is not None:
+        course = _course(params, grown, node - 1, track.covariance)
         if state.active[0].first < node - 1:
-            course = course.joined(_course(params, grown, state.active[0].first, found.covariance))
+            course = course.joined(_course(params, grown, state.active[0].first, track.covariance))
         edges = edges.joined(course)
     active = tuple(
         replace(a, grids=inserted(a.grids, state.local_pose, scan.sensor_m, scan.points, scan.facing))
@@ -221,10 +221,10 @@ def _looked_around(params: SlamParameters, state: SlamState, *, kept: bool = Tru
         state = begun(params.loops, state)
     if state.searching is None:
         return _Kept(state)
-    state, found = searched(params, state, state.searching)
-    if not found:
+    state, candidates = searched(params, state, state.searching)
+    if not candidates:
         return _Kept(state)
-    accepted, waiting = believed(params.loops, state, found)
+    accepted, waiting = believed(params.loops, state, candidates)
     state = replace(state, candidates=waiting)
     if not accepted:
         return _Kept(state)
@@ -258,16 +258,16 @@ def solved(state: SlamState, scale: float = SCALE) -> SlamState:
     return replace(state, nodes=nodes, edges=edges, candidates=(), unsolved=0, built=(), searching=None)
 
 
-def _report(state: SlamState, found: Tracked | None, result: _Kept, *, kept: bool) -> Report:
+def _report(state: SlamState, track: Tracked | None, result: _Kept, *, kept: bool) -> Report:
     from_node = between(state.nodes.local[-1], state.local_pose)
     map_pose = compose(state.nodes.map[-1], from_node)
     turn_rad = float(map_pose[2] - state.local_pose[2])
     return Report(
         mode=SlamMode.SEARCHING if state.mode is SlamMode.LOST and state.searching else state.mode,
         map_pose=map_pose,
-        covariance=turned(found.covariance, turn_rad) if found else np.zeros((3, 3)),
-        fit=found.fit.share if found else 1.0,
-        overlap=found.fit.overlap if found else 0.0,
+        covariance=turned(track.covariance, turn_rad) if track else np.zeros((3, 3)),
+        fit=track.fit.share if track else 1.0,
+        overlap=track.fit.overlap if track else 0.0,
         node=int(state.nodes.number[-1]),
         node_from_base=from_node,
         kept=kept,

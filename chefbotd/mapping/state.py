@@ -5,7 +5,7 @@ from enum import StrEnum
 import numpy as np
 
 from chefbotd.core.record import Record
-from chefbotd.mapping.correlate import Found, Window, WindowSearch
+from chefbotd.mapping.correlate import ScoredPose, Window, WindowSearch
 from chefbotd.mapping.graph import NO_EDGES, Edges, Indices
 from chefbotd.mapping.local_map import LocalMap, empty, inserted
 from chefbotd.mapping.poses import Floats
@@ -133,7 +133,7 @@ class PlaceSearch(Record, frozen=True):
     done: int = 0
     work: int = 0
     search: WindowSearch | None = None
-    best: Found | None = None
+    best: ScoredPose | None = None
 
     @property
     def share_done(self) -> float:

@@ -36,11 +36,11 @@ def normals(points: Singles, sensor_m: Floats | Singles) -> Singles:
     ``points`` (n, 2) are in the order of their beams, in the same frame as ``sensor_m``: one place (2,), or one for each
     point (n, 2). What was seen from different places is no line.
     """
-    found = np.zeros_like(points)
+    facing = np.zeros_like(points)
     seen_from_there: Floats = points.astype(np.float64) - sensor_m
     for begin, end in _runs(sensor_m, len(points)):
-        _normals(seen_from_there[begin:end], found[begin:end])
-    return found
+        _normals(seen_from_there[begin:end], facing[begin:end])
+    return facing
 
 
 def places(sensor_m: Floats | Singles) -> Floats:
@@ -67,7 +67,7 @@ def joined(ax: float, ay: float, bx: float, by: float) -> bool:
 
 
 @kernel
-def _normals(points: Floats, found: Singles) -> None:
+def _normals(points: Floats, facing: Singles) -> None:
     sums = np.empty(6)
     for i in range(points.shape[0]):
         sums[:] = 0.0
@@ -82,20 +82,20 @@ def _normals(points: Floats, found: Singles) -> None:
         along_rad = 0.5 * math.atan2(2 * xy, xx - yy)
         nx, ny = -math.sin(along_rad), math.cos(along_rad)
         side = -1.0 if nx * points[i, 0] + ny * points[i, 1] > 0 else 1.0
-        found[i, 0], found[i, 1] = side * nx, side * ny
+        facing[i, 0], facing[i, 1] = side * nx, side * ny
 
 
 @kernel
 def _gathered(points: Floats, i: int, step: int, sums: Floats) -> bool:
     """Add the neighbours on one side to ``sums`` (n, x, y, xx, xy, yy about point i); whether there are any."""
-    k, taken = i + step, 0
-    while 0 <= k < points.shape[0] and taken < MOST:
+    k, count = i + step, 0
+    while 0 <= k < points.shape[0] and count < MOST:
         dx, dy = points[k, 0] - points[i, 0], points[k, 1] - points[i, 1]
-        if taken > 0 and dx * dx + dy * dy > REACH_M * REACH_M:
+        if count > 0 and dx * dx + dy * dy > REACH_M * REACH_M:
             break
         if not joined(points[k - step, 0], points[k - step, 1], points[k, 0], points[k, 1]):
             break
         sums[0], sums[1], sums[2] = sums[0] + 1, sums[1] + dx, sums[2] + dy
         sums[3], sums[4], sums[5] = sums[3] + dx * dx, sums[4] + dx * dy, sums[5] + dy * dy
-        taken, k = taken + 1, k + step
-    return taken > 0
+        count, k = count + 1, k + step
+    return count > 0

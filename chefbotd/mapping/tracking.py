@@ -57,8 +57,8 @@ def tracked(
         PENALTY / sigma_m**2,
         PENALTY / sigma_rad**2,
     )
-    found = search(grids, scan.points, guess, window)
-    begin = guess if found is None else found.pose
+    match = search(grids, scan.points, guess, window)
+    begin = guess if match is None else match.pose
     fit = polish(grids, scan.points, scan.facing, begin, Prior(guess, information), params.laser_noise_m)
     covariance = inverted(fit.information + information)
     if fit.overlap < params.min_overlap:
@@ -89,12 +89,12 @@ def odometry_sigmas(params: MatchingParameters, moved: Floats) -> tuple[float, f
 
 def _jumped(params: MatchingParameters, grids: LocalMap, last: Floats, scan: Scan) -> Tracked:
     """The odometry is not to be believed: look where the robot was."""
-    found = _slipped(params, grids, (last,), scan)
-    if found is not None:
-        return found
-    there = Prior(last, np.eye(3))
-    fit = polish(grids, scan.points, scan.facing, last, there, params.laser_noise_m)
-    return Tracked(fit, inverted(fit.information + there.information), fits=False)
+    track = _slipped(params, grids, (last,), scan)
+    if track is not None:
+        return track
+    prior = Prior(last, np.eye(3))
+    fit = polish(grids, scan.points, scan.facing, last, prior, params.laser_noise_m)
+    return Tracked(fit, inverted(fit.information + prior.information), fits=False)
 
 
 def _slipped(
@@ -102,15 +102,15 @@ def _slipped(
 ) -> Tracked | None:
     """Look further around, without the odometry: where the robot was, too, since wheels that slip get nowhere."""
     window = Window(params.wheel_slip_window_m, params.wheel_slip_window_rad)
-    score, found = CAPTURE, None
+    score, match = CAPTURE, None
     for guess in guesses:
         better = search(grids, scan.points, guess, window, above=score)
         if better is not None:
-            score, found = better.score, better
-    if found is None:
+            score, match = better.score, better
+    if match is None:
         return None
-    prior = Prior(found.pose, np.diag([1.0, 1.0, 1.0]))
-    fit = polish(grids, scan.points, scan.facing, found.pose, prior, params.laser_noise_m)
+    prior = Prior(match.pose, np.diag([1.0, 1.0, 1.0]))
+    fit = polish(grids, scan.points, scan.facing, match.pose, prior, params.laser_noise_m)
     if fit.share < params.wheel_slip_share or fit.overlap < 2 * params.min_overlap:
         return None
     return Tracked(fit, inverted(fit.information + prior.information), fits=True, slipped=True)

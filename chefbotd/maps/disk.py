@@ -20,7 +20,7 @@ class MapStoreError(Refused):
 
 
 @contextmanager
-def told(doing: str, path: Path) -> Iterator[None]:
+def refusing_os_errors(doing: str, path: Path) -> Iterator[None]:
     """Turn a failure of the file system in this block into a ``MapStoreError``: what could not be done, and where."""
     try:
         yield

@@ -76,8 +76,8 @@ def _progress(step: int) -> None:
     _say(done=step, total=len(STEPS) - 1, text=STEPS[step])
 
 
-def _say(**told: Any) -> None:
-    sys.stdout.write(json.dumps(told) + "\n")
+def _say(**message: Any) -> None:
+    sys.stdout.write(json.dumps(message) + "\n")
     sys.stdout.flush()
 
 

@@ -17,7 +17,7 @@ from pathlib import Path
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.record import Record
 from chefbotd.maps import disk as disks
-from chefbotd.maps.disk import Content, Disk, MapStoreError, told
+from chefbotd.maps.disk import Content, Disk, MapStoreError, refusing_os_errors
 from chefbotd.maps.manifest import Extent, Manifest
 from chefbotd.maps.names import map_name
 from chefbotd.maps.published import edited, keep_edited, publish, unpublish
@@ -52,7 +52,7 @@ class MapStore:
 
     def names(self) -> list[str]:
         """Every map, in alphabetical order, those of which no version is whole and those of others too."""
-        with told("list the maps", self.folder):
+        with refusing_os_errors("list the maps", self.folder):
             if not self.folder.is_dir():
                 return []
             own = {path.name[: -len(SUFFIX)] for path in self.folder.glob(f"*{SUFFIX}") if versions(path)}
@@ -62,7 +62,7 @@ class MapStore:
     def describe(self, name: str, *, thorough: bool = False) -> StoredMap:
         """What is known of a map; ``thorough`` reads every byte, so that damage which changes no size is found too."""
         own = self._own(name)
-        with told(f"inspect the map {name!r}", own):
+        with refusing_os_errors(f"inspect the map {name!r}", own):
             if numbers := tuple(number for number, _ in versions(own)):
                 newest, damage = latest(own, thorough=thorough)
                 return StoredMap(name, None if newest is None else newest.manifest, numbers, damage)
@@ -73,7 +73,7 @@ class MapStore:
     def read(self, name: str) -> tuple[Version, dict[int, str]]:
         """The newest version of a map that is whole, and what is wrong with newer ones."""
         own = self._own(name)
-        with told(f"read the map {name!r}", own):
+        with refusing_os_errors(f"read the map {name!r}", own):
             if not versions(own):
                 raise self._unknown(name)
             return require(own, name)
@@ -84,7 +84,7 @@ class MapStore:
             version, _ = self.read(name)
             if file not in version.manifest.files:
                 raise MapStoreError(RefusalKind.MAP_UNREADABLE, f"the map {name!r} has no {file}")
-            with told(f"read the map {name!r}", version.folder):
+            with refusing_os_errors(f"read the map {name!r}", version.folder):
                 try:
                     return version.manifest, (version.folder / file).read_bytes()
                 except FileNotFoundError:
@@ -93,7 +93,7 @@ class MapStore:
 
     def needs_import(self, name: str) -> bool:
         """Whether NAME.yaml and NAME.pgm are somebody else's: put there, or changed after they were saved."""
-        with told(f"inspect the map {name!r}", self.folder):
+        with refusing_os_errors(f"inspect the map {name!r}", self.folder):
             return edited(self.folder, self._own(name), map_name(name))
 
     # writing
@@ -121,7 +121,7 @@ class MapStore:
 
     def look_at_autosave(self) -> tuple[Version | None, dict[int, str]]:
         """The latest autosave that is whole, if there is one, and what is wrong with newer ones, by their numbers."""
-        with told("read the unfinished map", self._autosaved):
+        with refusing_os_errors("read the unfinished map", self._autosaved):
             return latest(self._autosaved, thorough=True)
 
     def discard_autosave(self) -> None:
@@ -176,7 +176,7 @@ class MapStore:
 
     def read_beside(self, name: str, file: str) -> bytes | None:
         """A file that belongs to all versions of a map; None where there is none."""
-        with told(f"read the {Path(file).stem} of the map {name!r}", self._own(name)):
+        with refusing_os_errors(f"read the {Path(file).stem} of the map {name!r}", self._own(name)):
             if map_name(name) not in self.names():
                 raise self._unknown(name)
             return self._content_beside(name, file)
@@ -229,7 +229,7 @@ class MapStore:
     @contextmanager
     def _changing(self, doing: str) -> Iterator[None]:
         """Alone, and after what a process that was killed has left is finished or removed."""
-        with told(doing, self.folder):
+        with refusing_os_errors(doing, self.folder):
             self._disk.make_folder(self.folder)
             with disks.locked(self.folder):
                 self._repair()

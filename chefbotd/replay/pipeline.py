@@ -206,10 +206,10 @@ class Pipeline:
 
     def _say(self, entry: inputs.WorkerSaid) -> None:
         if self._daemon.worker is not None:
-            from chefbotd.worker.messages import FROM_WORKER, Told
+            from chefbotd.worker.messages import FROM_WORKER, SkillEvent
 
             message = FROM_WORKER.decode(entry.message)
-            if isinstance(message, Told) and not message.kind:
+            if isinstance(message, SkillEvent) and not message.kind:
                 raise NotReplayable(
                     "what the worker said was recorded by a version whose messages this one does not read; "
                     "the version that recorded it replays it ('chefbotctl log info' tells which)"

@@ -108,7 +108,7 @@ class Failed(Message, frozen=True, tag="failed"):
     message: str
 
 
-class Told(Message, frozen=True, tag="told"):
+class SkillEvent(Message, frozen=True, tag="told"):
     """Something that a skill says without having been asked: a record of the class named ``kind``."""
 
     skill: str
@@ -117,7 +117,7 @@ class Told(Message, frozen=True, tag="told"):
 
 
 ToWorker: TypeAlias = Configure | Measured | Request | Cancel
-FromWorker: TypeAlias = Warming | Ready | Unavailable | Alive | Answer | Progress | Failed | Told
+FromWorker: TypeAlias = Warming | Ready | Unavailable | Alive | Answer | Progress | Failed | SkillEvent
 
 Measurement: TypeAlias = ScanMeasured | OdometryUpdated | RangeMeasured
 

@@ -51,7 +51,7 @@ NOBODY: Final = 0
 
 A = TypeVar("A")
 S = TypeVar("S", bound=msgspec.Struct)
-OfSkill = messages.Told | messages.Answer | messages.Failed | messages.Progress
+OfSkill = messages.SkillEvent | messages.Answer | messages.Failed | messages.Progress
 
 
 class WorkerStatus(Record, frozen=True):
@@ -281,7 +281,7 @@ class Worker:
         match message:
             case messages.Alive():
                 self._vitals = replace(self._vitals, busy_s=message.busy_s, doing=message.doing)
-            case messages.Told() | messages.Answer() | messages.Failed() | messages.Progress():
+            case messages.SkillEvent() | messages.Answer() | messages.Failed() | messages.Progress():
                 with self._clock.entry(partial(_said, message)):
                     self.take_of_skill(message)
             case messages.Warming():
@@ -300,12 +300,12 @@ class Worker:
 
     def take_of_skill(self, message: OfSkill) -> None:
         """What a skill tells or answers: hand it on to whom it concerns."""
-        if isinstance(message, messages.Told):
+        if isinstance(message, messages.SkillEvent):
             self._hand_on(message)
         else:
             self._requests.take_message(message)
 
-    def _hand_on(self, message: messages.Told) -> None:
+    def _hand_on(self, message: messages.SkillEvent) -> None:
         listener = self._listeners.get((message.skill, message.kind))
         if listener is None:
             self._end(f"its skill {message.skill!r} tells what nobody knows: {message.kind!r}")

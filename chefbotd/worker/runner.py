@@ -13,7 +13,7 @@ from chefbotd.core.events.robot import OdometryUpdated, RangeMeasured
 from chefbotd.core.record import Record
 from chefbotd.worker import messages
 from chefbotd.worker.messages import FromWorker, Measurement, ToWorker, packed
-from chefbotd.worker.skills.skill import Hears, Job, Meets, Skill
+from chefbotd.worker.skills.skill import DependentSkill, Job, RangeSkill, Skill
 
 if TYPE_CHECKING:  # it would load asyncio, 7 MB
     from chefbotd.clock import Clock
@@ -71,7 +71,7 @@ class Runner:
         self._clock, self._renew = clock, renew
         self._skills: dict[str, Skill] = {}
         self._jobs: list[_Running] = []
-        self._hearing: dict[str, Hears] = {}
+        self._range_skills: dict[str, RangeSkill] = {}
         self._step_at_s = float("-inf")
         self.doing: tuple[str, float] | None = None
 
@@ -101,8 +101,8 @@ class Runner:
                 for name, skill in self._skills.items():
                     yield from self._telling(name, "odometry", skill.take_odometry(event))
             case RangeMeasured():
-                for name, hearing in self._hearing.items():
-                    yield from self._telling(name, "a range", hearing.take_range(event))
+                for name, range_skill in self._range_skills.items():
+                    yield from self._telling(name, "a range", range_skill.take_range(event))
 
     def take_turn(self) -> Iterator[FromWorker]:
         """Bring each job a step further, and let the skills do what has its own time."""
@@ -134,10 +134,12 @@ class Runner:
                 return
             finally:
                 self.doing = None
-        self._hearing = {name: skill for name, skill in self._skills.items() if isinstance(skill, Hears)}
+        self._range_skills = {
+            name: skill for name, skill in self._skills.items() if isinstance(skill, RangeSkill)
+        }
         for skill in self._skills.values():
-            if isinstance(skill, Meets):
-                skill.meet(self._skills)
+            if isinstance(skill, DependentSkill):
+                skill.connect(self._skills)
         if self._renew is not None and _has_compiled():
             self._renew(message)
         yield messages.Ready()
@@ -192,7 +194,7 @@ class Runner:
         self._begin_work(f"{name}: {what}")
         try:
             for message in messages_of_skill:
-                yield messages.Told(name, packed(message), type(message).__name__)
+                yield messages.SkillEvent(name, packed(message), type(message).__name__)
         finally:
             self.doing = None
 

@@ -16,7 +16,7 @@ from chefbotd.core.geometry import CERTAIN, STANDING, Pose2D, Twist2D
 from chefbotd.features.driving.obstacle_guard import ObstacleGuard
 from chefbotd.safety.guard import GuardParameters
 from chefbotd.worker import runner
-from chefbotd.worker.messages import Answer, Configure, Failed, Ready, Request, Told, measured, packed
+from chefbotd.worker.messages import Answer, Configure, Failed, Ready, Request, SkillEvent, measured, packed
 
 DOCS = Path(__file__).parents[2] / "docs"
 pytestmark = pytest.mark.skipif(
@@ -81,10 +81,10 @@ def test_the_skill_of_the_page_runs_in_a_worker(monkeypatch: pytest.MonkeyPatch)
     (refused,) = worker.take_message(Request(1, "distance", 5.0, packed(page.StartOver())))
     assert isinstance(refused, Failed)
     assert refused.message == "there is no odometry yet"
-    told: list[Told] = []
+    told: list[SkillEvent] = []
     for stamp_s, x_m, y_m in ((0.0, 0.0, 0.0), (0.1, 0.3, 0.4), (0.2, 2.3, 0.4), (0.3, 2.3, 0.5)):
         odometry = OdometryUpdated(stamp_s, stamp_s, Pose2D(x_m, y_m), STANDING, CERTAIN)
-        told += [each for each in worker.take_message(measured(odometry)) if isinstance(each, Told)]
+        told += [each for each in worker.take_message(measured(odometry)) if isinstance(each, SkillEvent)]
     driven = [msgspec.msgpack.decode(each.body, type=page.DistanceDriven) for each in told]
     assert [(each.stamp_s, each.distance_m) for each in driven] == [
         (0.1, pytest.approx(0.5)),

@@ -98,7 +98,7 @@ class LocalizationService:
         self._has_told.set()
         self._reports: list[OnProgress] = []
         self._problem = ""  # why the map cannot be used
-        self._told: LocalizationChanged | None = None
+        self._latest: LocalizationChanged | None = None
         self._jumps_before = 0  # by the workers before this one
         self._entries, self._turning = entries_of(clock), Turning(bus, clock, driver, self._report)
         self._may_turn = turns_at_start  # it has neither turned nor found itself yet
@@ -121,7 +121,7 @@ class LocalizationService:
             self._has_to_tell.is_set(),
             self._has_told.is_set(),
             self._problem,
-            self._told,
+            self._latest,
             self._jumps_before,
             self._turning.state(),
             self._may_turn,
@@ -134,7 +134,7 @@ class LocalizationService:
         self._is_mapping, self._was_unloaded = state.is_mapping, state.was_unloaded
         set_event(self._has_to_tell, state.has_to_tell)
         set_event(self._has_told, state.has_told)
-        self._problem, self._told, self._jumps_before = state.problem, state.told, state.jumps_before
+        self._problem, self._latest, self._jumps_before = state.problem, state.told, state.jumps_before
         self._turning.restore(state.turning)
         self._may_turn, self._waits = state.may_turn, set(state.waits)
 
@@ -175,7 +175,7 @@ class LocalizationService:
         finally:
             self._waits.discard(task)
             self._reports.remove(progress.report)
-        return replace(localization_data(self._told), reason=why)
+        return replace(localization_data(self._latest), reason=why)
 
     def waiting(self) -> Waiting:
         """The requests that wait for the end of a turn, by their tasks."""
@@ -254,7 +254,7 @@ class LocalizationService:
 
     def _take_worker(self, event: WorkerReported) -> None:
         """Nobody finds the way while there is no worker: what was known is old."""
-        if event.state in AWAY and self._told is not None and self._told.state != "unknown":
+        if event.state in AWAY and self._latest is not None and self._latest.state != "unknown":
             why = f"the worker is {event.state}" + (f": {event.reason}" if event.reason else "")
             self._publish_unknown(event.stamp_s, why)
 
@@ -273,7 +273,7 @@ class LocalizationService:
 
     @property
     def _jumps(self) -> int:
-        return 0 if self._told is None else self._told.jumps
+        return 0 if self._latest is None else self._latest.jumps
 
     def _publish_unknown(self, stamp_s: float, reason: str) -> None:
         jumps = self._jumps - self._jumps_before
@@ -281,7 +281,7 @@ class LocalizationService:
 
     def _publish(self, event: LocalizationChanged) -> LocalizationChanged:
         """Tell how it stands if that has changed, or was told a while ago; ``jumps`` are those of this worker."""
-        last, now = self._told, replace(event, jumps=self._jumps_before + event.jumps)
+        last, now = self._latest, replace(event, jumps=self._jumps_before + event.jumps)
         if last is not None:
             same = (last.state, last.map, last.jumps, last.reason) == (
                 now.state,
@@ -292,7 +292,7 @@ class LocalizationService:
             same = same and len(last.alternatives) == len(now.alternatives)
             if same and now.stamp_s - last.stamp_s < TOLD_EVERY_S:
                 return now
-        self._told = now
+        self._latest = now
         self._bus.publish(now)
         self._turn_or_not(now)
         return now

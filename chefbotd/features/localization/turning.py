@@ -116,8 +116,8 @@ class Turning:
         if safety is not None and safety.mode != ARMED:
             raise not_armed(safety.mode, safety.reason)
         if self._has_goal:
-            told = "the robot has a goal and cannot turn now; cancel the goal first"
-            raise Refused(RefusalKind.STOPPED, told)
+            reason = "the robot has a goal and cannot turn now; cancel the goal first"
+            raise Refused(RefusalKind.STOPPED, reason)
         if safety is not None and self._driver.gives_way_to(safety.source):
             raise Refused(RefusalKind.STOPPED, f"{safety.source} drives; the robot does not turn meanwhile")
         return self._driver

@@ -35,22 +35,22 @@ async def run_import(order: Order, report: Report) -> int:
         limit=MOST_LINE_BYTES,
     )
     assert process.stdout is not None  # noqa: S101 - it is a pipe
-    told: dict[str, Any] = {}
+    message: dict[str, Any] = {}
     try:
         with repeated(report, "starts the program that imports it") as tell:
             async for line in process.stdout:
-                told = json.loads(line)
-                if "text" in told:
-                    tell(told["done"], told["total"], told["text"])
+                message = json.loads(line)
+                if "text" in message:
+                    tell(message["done"], message["total"], message["text"])
             code = await process.wait()
     finally:
         if process.returncode is None:
             process.kill()
             await process.wait()
-    if "version" in told:
-        return int(told["version"])
-    if "error" in told:
-        raise MapStoreError(RefusalKind(told["error"]), told["message"])
+    if "version" in message:
+        return int(message["version"])
+    if "error" in message:
+        raise MapStoreError(RefusalKind(message["error"]), message["message"])
     raise MapStoreError(
         RefusalKind.MAP_UNREADABLE, f"{order.yaml}: the program that reads it failed with exit code {code}"
     )

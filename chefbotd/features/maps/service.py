@@ -34,7 +34,7 @@ from chefbotd.features.maps.models import (
     RenameMapParams,
     SavePlaceParams,
 )
-from chefbotd.features.maps.whereabouts import Whereabouts
+from chefbotd.features.maps.robot_pose import RobotPose
 from chefbotd.maps.disk import MapStoreError
 from chefbotd.maps.importing import Order
 from chefbotd.maps.manifest import Manifest
@@ -62,7 +62,7 @@ class MapsService:
     def __init__(self, bus: Bus, clock: Clock, store: MapStore, versions_kept: int) -> None:
         self._bus, self._clock, self.store, self._kept = bus, clock, store, versions_kept
         self._entries = entries_of(clock)
-        self._whereabouts = Whereabouts(bus)
+        self._robot_pose = RobotPose(bus)
         self.growing: Callable[[], Awaitable[MapChanged]] | None = None
         self.made_ready: Callable[[Report], Awaitable[str]] | None = None
         self._threads = ThreadPoolExecutor(MOST_THREADS, "maps")
@@ -150,13 +150,13 @@ class MapsService:
     async def get_map(self, caller: Caller, params: GetMapParams, progress: ProgressReporter) -> MapPart:
         """The cells of a map, compressed, in parts."""
         name, part, now_s = params.name, params.part, self._clock.now_s()
-        if name is None and self.growing is not None and self._whereabouts.is_mapping:
+        if name is None and self.growing is not None and self._robot_pose.is_mapping:
             if part == 0:
-                self._cells.keep(caller.session.number, self._whereabouts.mapped, await self.growing())
+                self._cells.keep(caller.session.number, self._robot_pose.mapped, await self.growing())
             return self._cells.growing_part(caller.session.number, part, now_s)
         name = self._named(name)
-        found: MapPart = await self._in_thread(self._cells.part, self.store, name, part, now_s)
-        return found
+        cells: MapPart = await self._in_thread(self._cells.part, self.store, name, part, now_s)
+        return cells
 
     @method(role=Role.ADMIN, moves=False)
     async def import_map(
@@ -166,8 +166,8 @@ class MapsService:
         path = self.store.folder / params.yaml
         name = map_name(path.stem if params.name is None else params.name)
         async with self._order:
-            known = await self._in_thread(self.store.names)
-            if name in known and not params.replace:
+            names = await self._in_thread(self.store.names)
+            if name in names and not params.replace:
                 raise MapStoreError(
                     RefusalKind.MAP_EXISTS,
                     f"there is a map {name!r} already; replace makes this its next version",
@@ -227,7 +227,7 @@ class MapsService:
     def _place(self, params: SavePlaceParams, of_map: str) -> Place:
         if params.x_m is not None and params.y_m is not None:
             return Place(x_m=params.x_m, y_m=params.y_m, heading_rad=wrap_angle(params.heading_rad or 0.0))
-        pose = self._whereabouts.pose_in(of_map, self.in_use, self._clock.now_s())
+        pose = self._robot_pose.pose_in(of_map, self.in_use, self._clock.now_s())
         return Place(x_m=pose.x_m, y_m=pose.y_m, heading_rad=pose.heading_rad)
 
     @method(role=Role.OBSERVE)
@@ -239,7 +239,7 @@ class MapsService:
         """The places of a map."""
         name = self._named(of_map)
         places = parse_places(await self._in_thread(self.store.read_beside, name, PLACES), name)
-        rows = tuple(PlaceData(name=each, **place.model_dump()) for each, place in places.items())
+        rows = tuple(PlaceData(name=place_name, **place.model_dump()) for place_name, place in places.items())
         return PlaceList(map=name, places=rows)
 
     @method(role=Role.DRIVE, moves=False)
@@ -261,7 +261,7 @@ class MapsService:
 
     def _require_not_mapped(self, name: str) -> None:
         """What is being added to a map belongs to its name."""
-        if self._whereabouts.is_mapping and self._whereabouts.mapped == map_name(name):
+        if self._robot_pose.is_mapping and self._robot_pose.mapped == map_name(name):
             raise MapStoreError(
                 RefusalKind.ALREADY_MAPPING,
                 f"the map {name!r} is being extended: finish or discard that first",

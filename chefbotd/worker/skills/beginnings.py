@@ -17,49 +17,49 @@ SESSION: Final = "daemon_session"
 UNREADABLE: Final = "there was an unfinished map, and nothing of it can be read"
 
 
-class Beginning(Record, frozen=True):
+class StartState(Record, frozen=True):
     """A state of SLAM, and what of it is lost (empty: nothing)."""
 
     state: SlamState
     warning: str = ""
 
 
-class Beginnings:
+class StartStates:
     """Reads them from ``files``; ``session`` is the daemon's run."""
 
     def __init__(self, files: MapFiles, session: str) -> None:
         self._files, self._session = files, session
 
-    def asked_for(self, name: str | None, *, unfinished: bool) -> Beginning:
+    def asked_for(self, name: str | None, *, unfinished: bool) -> StartState:
         """The unfinished map, the saved map of this name, or an empty one.
 
         Raises:
             Refused: there is no such map, it cannot be read, or an unfinished one would be lost.
         """
-        found = self._files.read_autosave()
-        if found is not None and not unfinished:
+        arrays = self._files.read_autosave()
+        if arrays is not None and not unfinished:
             raise Refused(
                 RefusalKind.ALREADY_MAPPING,
                 "there is an unfinished map: go on with it, or discard it",
             )
-        warning = self.warning(is_found=found is not None)
-        if unfinished and found is None:
+        warning = self.warning(is_found=arrays is not None)
+        if unfinished and arrays is None:
             if warning:
                 raise Refused(RefusalKind.MAP_UNREADABLE, warning)
             raise Refused(RefusalKind.NOT_MAPPING, "there is no unfinished map")
         if name is not None and not unfinished:
-            found = self._files.read_slam(name)
-            if found is None:
+            arrays = self._files.read_slam(name)
+            if arrays is None:
                 raise Refused(
                     RefusalKind.MAP_UNREADABLE,
                     f"the map {name!r} cannot be extended: it was not made by mapping, or its graph is missing",
                 )
-        return Beginning(start() if found is None else self._continued(found), warning)
+        return StartState(start() if arrays is None else self._continued(arrays), warning)
 
-    def unfinished(self) -> Beginning | None:
+    def unfinished(self) -> StartState | None:
         """The unfinished map, if there is one; raises ``Refused`` where it makes no sense."""
-        found = self._files.read_autosave()
-        return None if found is None else Beginning(self._continued(found), self.warning(is_found=True))
+        arrays = self._files.read_autosave()
+        return None if arrays is None else StartState(self._continued(arrays), self.warning(is_found=True))
 
     def warning(self, *, is_found: bool) -> str:
         """What is lost of an unfinished map; ``is_found``: an older state of it is whole."""

@@ -91,8 +91,8 @@ class LocalizationSkill:
     @property
     def problem(self) -> str:
         """Why no pose may be believed, however well the scans fit; empty: there is no such reason."""
-        told = mount_problem(self._mount, self._parameters.lidars)
-        return f"{told}; mend that, then have the robot find itself" if told else ""
+        problem = mount_problem(self._mount, self._parameters.lidars)
+        return f"{problem}; mend that, then have the robot find itself" if problem else ""
 
     def warm(self) -> None:
         """Load, or compile, all that localization needs."""
@@ -133,9 +133,8 @@ class LocalizationSkill:
         )
         self.report, self.seen = report, aligned
         self._jumps += report.jumped
-        there = report.map_from_base if report.state in HAS_POSE else None
-        found = None if there is None else there.pose
-        self._mount = checked(self._mount, aligned.odometry, found)
+        estimate = report.map_from_base if report.state in HAS_POSE else None
+        self._mount = checked(self._mount, aligned.odometry, None if estimate is None else estimate.pose)
         return self._located(report)
 
     # what has its own time
@@ -144,7 +143,9 @@ class LocalizationSkill:
         """Go on with a search between two scans; keep the pose now and then."""
         yield from self._follow_what_is_aligned()
         changed = self._silence.has_changed(now_s, is_awaited=self._within is not None)
-        if changed and (self._silence.leaves_nothing or not self._silence.told):  # else the next scan says it
+        if changed and (
+            self._silence.leaves_nothing or not self._silence.problem
+        ):  # else the next scan says it
             yield self._standing()
         if self._within is None:
             return
@@ -244,7 +245,7 @@ class LocalizationSkill:
 
     def _located(self, report: Report) -> Iterator[Struct]:
         """How it stands with a scan, and the pose, where there is one, which follows the estimate smoothly."""
-        odometry, there = self._now.odometry, report.map_from_base
+        odometry, estimate = self._now.odometry, report.map_from_base
         alternatives = tuple(Alternative(pose_of(one.estimate.pose), one.fit) for one in report.alternatives)
         yield replace(
             self._standing(),
@@ -254,10 +255,10 @@ class LocalizationSkill:
             alternatives=alternatives,
             searched=report.searched,
         )
-        if odometry is None or there is None or self.problem or report.map_from_odom is None:
+        if odometry is None or estimate is None or self.problem or report.map_from_odom is None:
             return
         pose, state = compose(report.map_from_odom, odometry.pose), self._state_told(report.state)
-        yield pose_updated(report.stamp_s, pose, odometry.pose, there.covariance, report.fit, state)
+        yield pose_updated(report.stamp_s, pose, odometry.pose, estimate.covariance, report.fit, state)
 
     def _state_told(self, state: State) -> str:
         """Without scans nobody is sure of a pose, and with a lidar that is turned nobody has one."""
@@ -266,7 +267,7 @@ class LocalizationSkill:
         return str(State.UNCERTAIN if self._silence.leaves_nothing and state is State.LOCALIZED else state)
 
     def _reason_told(self) -> str:
-        return "; ".join(filter(None, (self.problem, self._silence.told, self._reason)))
+        return "; ".join(filter(None, (self.problem, self._silence.problem, self._reason)))
 
     def _standing(self) -> LocalizationChanged:
         """How it stands between two scans; ``jumps`` are those since the worker started."""

@@ -22,7 +22,7 @@ from chefbotd.mapping.warm import warm
 from chefbotd.maps.names import map_name
 from chefbotd.worker.skills import mapping_requests as requests
 from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner, pose_updated
-from chefbotd.worker.skills.beginnings import Beginning, Beginnings
+from chefbotd.worker.skills.beginnings import StartState, StartStates
 from chefbotd.worker.skills.map_files import MapFiles, StoredMaps
 from chefbotd.worker.skills.map_updates import MapUpdates, way_m
 from chefbotd.worker.skills.mapping_requests import MappingSkillParameters
@@ -53,7 +53,7 @@ class MappingSkill:
         self._parameters = MappingSkillParameters.model_validate_json(parameters)
         self._clock = clock
         self._files = files or StoredMaps(self._parameters.folder, self._parameters.versions_kept)
-        self._beginnings = Beginnings(self._files, self._parameters.session)
+        self._start_states = StartStates(self._files, self._parameters.session)
         self._aligner = ScanAligner(self._parameters.lidars)
         self._mode, self._reason, self._warning = Mode.IDLE, "", ""
         self._silence = Silence(self._parameters.lidars)
@@ -139,7 +139,7 @@ class MappingSkill:
     def _autosaved(self, now_s: float) -> Iterator[Struct]:
         try:
             self._files.autosave(
-                self._updates.grid or occupancy(self._state.nodes), self._beginnings.to_keep(self._state)
+                self._updates.grid or occupancy(self._state.nodes), self._start_states.to_keep(self._state)
             )
             self._saved_number, self._reason = self._state.next_number, ""
         except Refused as problem:
@@ -178,16 +178,16 @@ class MappingSkill:
             self._mode = Mode.MAPPING
             return self._status()
         if self._mode is not Mode.IDLE:
-            told = (
+            reason = (
                 "the map is being finished" if self._mode is Mode.FINISHING else "a map is being made already"
             )
-            raise Refused(RefusalKind.ALREADY_MAPPING, told)
-        self._begin(self._beginnings.asked_for(request.name, unfinished=request.unfinished), request.name)
+            raise Refused(RefusalKind.ALREADY_MAPPING, reason)
+        self._begin(self._start_states.asked_for(request.name, unfinished=request.unfinished), request.name)
         self._mode = Mode.PAUSED if request.paused else Mode.MAPPING
         return self._status()
 
     def _resume(self, request: requests.Resume) -> MappingChanged:
-        beginning = self._beginnings.unfinished()
+        beginning = self._start_states.unfinished()
         if beginning is None:
             self._reason = "the worker ended, and nothing was kept of the map that was being made"
             return self._status()
@@ -196,7 +196,7 @@ class MappingSkill:
         self._saved_number = self._state.next_number
         return self._status()
 
-    def _begin(self, beginning: Beginning, name: str | None) -> None:
+    def _begin(self, beginning: StartState, name: str | None) -> None:
         self._forget()
         self._state, self._warning = beginning.state, beginning.warning
         self._name, self._reason = name, ""
@@ -254,8 +254,8 @@ class MappingSkill:
 
     def _require_map(self) -> None:
         if self._mode in (Mode.IDLE, Mode.FINISHING):
-            told = "the map is being finished" if self._mode is Mode.FINISHING else "no map is being made"
-            raise Refused(RefusalKind.NOT_MAPPING, told)
+            reason = "the map is being finished" if self._mode is Mode.FINISHING else "no map is being made"
+            raise Refused(RefusalKind.NOT_MAPPING, reason)
 
     def _whole_grid(self) -> Struct:
         part = self._updates.whole(self._clock.now_s())
@@ -269,7 +269,7 @@ class MappingSkill:
         state, is_idle = self._state, self._mode is Mode.IDLE
         unfinished, warning = is_idle and self._files.has_autosave(), self._warning
         if is_idle:
-            warning = self._beginnings.warning(is_found=unfinished)
+            warning = self._start_states.warning(is_found=unfinished)
         return MappingChanged(
             stamp_s=self._clock.now_s(),
             state=str(self._mode),
@@ -279,13 +279,13 @@ class MappingSkill:
             path_m=way_m(state),
             scans=self._scans,
             unfinished=unfinished,
-            reason="; ".join(filter(None, (self._silence.told, self._mount_problem(), self._reason))),
+            reason="; ".join(filter(None, (self._silence.problem, self._mount_problem(), self._reason))),
             warning=warning,
         )
 
     def _mount_problem(self) -> str:
-        told = mount_problem(self._mount, self._parameters.lidars)
-        return f"{told}; mend that, and begin the map anew" if told else ""
+        problem = mount_problem(self._mount, self._parameters.lidars)
+        return f"{problem}; mend that, and begin the map again" if problem else ""
 
 
 def _with_progress(work: Generator[tuple[int, int], None, SlamState]) -> Generator[Done, None, SlamState]:

@@ -31,7 +31,7 @@ from chefbotd.worker.skills.navigation_requests import (
     NavigationSkillParameters,
     Stepped,
 )
-from chefbotd.worker.skills.navigation_shown import Shown
+from chefbotd.worker.skills.navigation_shown import LayerPublisher
 
 if TYPE_CHECKING:
     from chefbotd.clock import Clock
@@ -61,15 +61,15 @@ class NavigationSkill:
     """One navigator, on the map that localization uses."""
 
     def __init__(self, parameters: bytes, clock: "Clock") -> None:
-        told = NavigationSkillParameters.model_validate_json(parameters)
+        settings = NavigationSkillParameters.model_validate_json(parameters)
         self._params = NavigationParameters(
-            outline=_outline(told),
-            follower=_follower(told),
-            silent_speed_m_s=told.silent_speed_m_s,
-            unknown_space=told.navigation.unknown_space,
-            comfort_m=told.navigation.comfort_m,
+            outline=_outline(settings),
+            follower=_follower(settings),
+            silent_speed_m_s=settings.silent_speed_m_s,
+            unknown_space=settings.navigation.unknown_space,
+            comfort_m=settings.navigation.comfort_m,
         )
-        self._folder, self._clock = told.folder, clock
+        self._folder, self._clock = settings.folder, clock
         self._navigator = Navigator(self._params)
         self._finder: LocalizationSkill | None = None
         self._map: tuple[str, int] | None = None  # the one that is navigated on,
@@ -79,18 +79,18 @@ class NavigationSkill:
         self._odometry: OdometryUpdated | None = None
         self._map_from_odom: Floats | None = None  # by which the robot is placed
         self._scan_s = self._held_until_s = float("-inf")
-        self._cameras = {name: ScanAligner((name,)) for name in told.cameras}
-        self._range_mounts = {name: Pose2D(*mount) for name, mount in told.range_mounts.items()}
+        self._cameras = {name: ScanAligner((name,)) for name in settings.cameras}
+        self._range_mounts = {name: Pose2D(*mount) for name, mount in settings.range_mounts.items()}
         self._numbers: dict[int, int] = {}  # the navigator's number of each goal -> the daemon's
-        self._told: Stepped | None = None
+        self._last: Stepped | None = None
         self._path: Path | None = None
-        self._shown = Shown()
+        self._layers = LayerPublisher()
 
     def warm(self) -> None:
         """Load, or compile, all that navigation needs."""
         warm(self._params)
 
-    def meet(self, others: Mapping[str, Skill]) -> None:
+    def connect(self, others: Mapping[str, Skill]) -> None:
         """Know the skill that finds the way."""
         finder = others.get("localization")
         self._finder = finder if isinstance(finder, LocalizationSkill) else None
@@ -145,15 +145,15 @@ class NavigationSkill:
             case requests.PlanTo() as request:
                 return self._planned(request.goal)
             case requests.Show() as request:
-                self._shown.ask(request)
+                self._layers.ask(request)
             case requests.CheckMap():
                 return MapChecked(self._problem)
         return None
 
     def _require_map(self) -> None:
         if self._map is None:
-            told = self._problem or "no finished map is in use: load one, or finish the one in progress"
-            raise Refused(RefusalKind.NO_MAP_LOADED, told)
+            reason = self._problem or "no finished map is in use: load one, or finish the one in progress"
+            raise Refused(RefusalKind.NO_MAP_LOADED, reason)
 
     def _require_sound_pose(self) -> None:
         if self._finder is not None and self._finder.problem:
@@ -166,14 +166,14 @@ class NavigationSkill:
         pose, status = self._pose(now_s)
         if pose is None or status is PoseStatus.LOST:
             raise Refused(RefusalKind.POSE_UNKNOWN, "where the robot is in the map is not known yet")
-        found = self._navigator.plan_to(pose, _goal(goal), now_s)
-        if isinstance(found, NoPath):
-            near = found.nearest
+        path = self._navigator.plan_to(pose, _goal(goal), now_s)
+        if isinstance(path, NoPath):
+            near = path.nearest
             nearest = (None, None, None) if near is None else (near.x_m, near.y_m, near.heading_rad)
-            return PlanResult(False, found.reason, None, None, (), (), *nearest)
-        told = "the nearest free place within the tolerance" if found.is_substitute else ""
-        time_s = self._navigator.time_s(found, pose)
-        return PlanResult(True, told, found.length_m, time_s, *_points(found))
+            return PlanResult(False, path.reason, None, None, (), (), *nearest)
+        reason = "the nearest free place within the tolerance" if path.is_substitute else ""
+        time_s = self._navigator.time_s(path, pose)
+        return PlanResult(True, reason, path.length_m, time_s, *_points(path))
 
     # what has its own time
 
@@ -189,54 +189,59 @@ class NavigationSkill:
         self._take_images(now_s, self._finder)
         age_s = 0.0 if self._odometry is None else now_s - self._odometry.stamp_s
         done = self._navigator.step(now_s, pose or Pose2D(), status, age_s)
-        told = self._stepped(now_s, done)
-        if told.twist is not None or told.ended or told.path is not None or self._has_changed(told):
-            self._told = told
-            yield told
+        stepped = self._stepped(now_s, done)
+        if (
+            stepped.twist is not None
+            or stepped.ended
+            or stepped.path is not None
+            or self._has_changed(stepped)
+        ):
+            self._last = stepped
+            yield stepped
         world = self._navigator.world
         if self._map is not None and world is not None:
-            yield from self._shown.due(now_s, self._map[0], world)
+            yield from self._layers.due(now_s, self._map[0], world)
 
     def _pose(self, now_s: float) -> tuple[Pose2D | None, PoseStatus]:
         """Where the robot is in the map, by the newest odometry."""
-        known = None if self._finder is None else self._finder.report
+        report = None if self._finder is None else self._finder.report
         odometry = self._odometry
-        if known is None or known.map_from_odom is None or odometry is None:
+        if report is None or report.map_from_odom is None or odometry is None:
             return None, PoseStatus.LOST
         if now_s - odometry.stamp_s > SILENT_S:
             self._held_until_s = now_s + HELD_S
         if now_s >= self._held_until_s or self._map_from_odom is None or self._navigator.crawls:
-            self._map_from_odom = known.map_from_odom
+            self._map_from_odom = report.map_from_odom
         pose = _pose2d(compose(self._map_from_odom, expected(odometry, now_s)))
         if now_s - odometry.stamp_s > MOST_AGE_S:
             return pose, PoseStatus.LOST
-        return pose, STATUS.get(known.state, PoseStatus.LOST)
+        return pose, STATUS.get(report.state, PoseStatus.LOST)
 
     def _take_seen(self, finder: LocalizationSkill) -> None:
         """The newest scan; what was seen while the robot was lost cannot be placed."""
-        seen, known = finder.seen, finder.report
-        if seen is None or seen.stamp_s <= self._scan_s or known is None or self._map_from_odom is None:
+        seen, report = finder.seen, finder.report
+        if seen is None or seen.stamp_s <= self._scan_s or report is None or self._map_from_odom is None:
             return
         self._scan_s = seen.stamp_s
-        if known.state in STATUS:
+        if report.state in STATUS:
             self._navigator.take_scan(self._placed(self._map_from_odom, seen))
 
     def _take_images(self, now_s: float, finder: LocalizationSkill) -> None:
         """What depth cameras saw; nothing of it is used to find the way."""
-        known = finder.report
+        report = finder.report
         for camera in self._cameras.values():
             while (image := camera.next_aligned(now_s)) is not None:
-                if known is None or self._map_from_odom is None or known.state not in STATUS:
+                if report is None or self._map_from_odom is None or report.state not in STATUS:
                     continue  # where that was is not known
                 self._navigator.take_low_scan(self._placed(self._map_from_odom, image))
 
     def _placed(self, map_from_odom: Floats, seen: AlignedScan) -> Seen:
         """What was seen, where the robot was then; without odometry of that time where it was expected."""
-        odometry, there = self._odometry, seen.odometry
+        odometry, odom_from_base = self._odometry, seen.odometry
         if odometry is not None and odometry.stamp_s < seen.stamp_s:
-            there = expected(odometry, seen.stamp_s)
+            odom_from_base = expected(odometry, seen.stamp_s)
         points = np.asarray(seen.scan.points, np.float64)
-        return Seen(seen.stamp_s, _pose2d(compose(map_from_odom, there)), seen.scan.sensor_m, points)
+        return Seen(seen.stamp_s, _pose2d(compose(map_from_odom, odom_from_base)), seen.scan.sensor_m, points)
 
     def _stepped(self, now_s: float, done: Step) -> Stepped:
         progress = done.progress
@@ -246,13 +251,13 @@ class NavigationSkill:
         state = str(progress.state)
         now = NavigationData(state, number, progress.reason, progress.distance_m, progress.time_s)
         ended = tuple(
-            GoalResult(self._numbers.pop(each.goal, 0), str(each.end), each.reason) for each in done.ended
+            GoalResult(self._numbers.pop(goal.goal, 0), str(goal.end), goal.reason) for goal in done.ended
         )
         path = PathData() if planned is None else PathData(*_points(planned))
         return Stepped(now_s, done.twist, now, ended, path if is_new else None)
 
-    def _has_changed(self, told: Stepped) -> bool:
-        last, now = None if self._told is None else self._told.now, told.now
+    def _has_changed(self, stepped: Stepped) -> bool:
+        last, now = None if self._last is None else self._last.now, stepped.now
         return last is None or (last.state, last.goal, last.reason) != (now.state, now.goal, now.reason)
 
     # the map
@@ -302,15 +307,17 @@ def expected(odometry: OdometryUpdated, at_s: float) -> Floats:
     return compose(row_of(odometry.odom_from_base), on)
 
 
-def _outline(told: NavigationSkillParameters) -> Footprint:
-    if told.radius_m is not None:
-        return Footprint(radius_m=told.radius_m)
-    x, y = told.half_length_m, told.half_width_m
+def _outline(parameters: NavigationSkillParameters) -> Footprint:
+    if parameters.radius_m is not None:
+        return Footprint(radius_m=parameters.radius_m)
+    x, y = parameters.half_length_m, parameters.half_width_m
     return Footprint(corners_m=((x, y), (-x, y), (-x, -y), (x, -y)))
 
 
-def _follower(told: NavigationSkillParameters) -> FollowerLimits:
-    return FollowerLimits(max_speed_m_s=min(FollowerLimits().max_speed_m_s, told.navigation.max_speed_m_s))
+def _follower(parameters: NavigationSkillParameters) -> FollowerLimits:
+    return FollowerLimits(
+        max_speed_m_s=min(FollowerLimits().max_speed_m_s, parameters.navigation.max_speed_m_s)
+    )
 
 
 def _goal(asked: GoalAsked) -> Goal:

@@ -13,7 +13,7 @@ COSTS_EVERY_S: Final = 0.5
 OBSTACLES_EVERY_S: Final = 0.25
 
 
-class Shown:
+class LayerPublisher:
     """Who looks at what, and when that is due again."""
 
     def __init__(self) -> None:

@@ -18,12 +18,12 @@ def require_on_map(grid: OccupancyGrid, x_m: float, y_m: float) -> None:
     if 0.0 <= at.x_m <= long_m and 0.0 <= at.y_m <= high_m:
         return
     corners = [grid.map_from_grid.compose(Pose2D(x, y)) for x in (0.0, long_m) for y in (0.0, high_m)]
-    xs_m, ys_m = [each.x_m for each in corners], [each.y_m for each in corners]
-    told = (
+    xs_m, ys_m = [corner.x_m for corner in corners], [corner.y_m for corner in corners]
+    reason = (
         f"({x_m:.2f}, {y_m:.2f}) is not on the map, "
         f"which reaches from ({min(xs_m):.2f}, {min(ys_m):.2f}) to ({max(xs_m):.2f}, {max(ys_m):.2f})"
     )
-    raise Refused(RefusalKind.OUT_OF_RANGE, told)
+    raise Refused(RefusalKind.OUT_OF_RANGE, reason)
 
 
 LARGEST_BYTES = 10_000

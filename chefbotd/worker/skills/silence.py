@@ -11,9 +11,9 @@ EXCUSED_S: Final = 1.0
 
 
 class Silence:
-    """What is missing, in words (``told``; empty: nothing). ``scan_s`` and ``odometry_s`` are when the last one came.
+    """What is missing, in words (``problem``; empty: nothing). ``scan_s`` and ``odometry_s`` are when the last one came.
 
-    Each lidar is told by itself. ``leaves_nothing``: not one of them is left, or no odometry.
+    Each lidar is named by itself. ``leaves_nothing``: not one of them is left, or no odometry.
     """
 
     def __init__(self, lidars: Sequence[str]) -> None:
@@ -21,19 +21,19 @@ class Silence:
         self.odometry_s = float("-inf")
         self._awaited_s: float | None = None
         self._looked_s = float("-inf")
-        self.told = ""
+        self.problem = ""
         self.leaves_nothing = False
 
     def has_changed(self, now_s: float, *, is_awaited: bool) -> bool:
-        """Look again: whether ``told`` is another one now, which it is once a second while something is missing."""
+        """Look again: whether ``problem`` is another one now, which it is once a second while something is missing."""
         if not is_awaited:
             self._awaited_s = None
         elif self._awaited_s is None or now_s - self._looked_s > EXCUSED_S:
             self._awaited_s = now_s
-        self._looked_s, before = now_s, self.told
+        self._looked_s, before = now_s, self.problem
         self.leaves_nothing = False
-        self.told = "" if self._awaited_s is None else self._missing(now_s, self._awaited_s)
-        return self.told != before
+        self.problem = "" if self._awaited_s is None else self._missing(now_s, self._awaited_s)
+        return self.problem != before
 
     def _missing(self, now_s: float, since_s: float) -> str:
         heard_s = max(self.scan_s.values(), default=since_s)

@@ -63,18 +63,18 @@ class Skill(Protocol):
 
 
 @runtime_checkable
-class Hears(Protocol):
-    """A skill that wants what ultrasonic and infrared sensors measure."""
+class RangeSkill(Protocol):
+    """A skill that uses what ultrasonic and infrared sensors measure."""
 
     def take_range(self, measured: RangeMeasured) -> Iterable[Struct]:
-        """An echo; what gave none is not told."""
+        """An echo; a reading without one is not sent."""
         ...
 
 
 @runtime_checkable
-class Meets(Protocol):
+class DependentSkill(Protocol):
     """A skill that builds on others of the same worker."""
 
-    def meet(self, others: Mapping[str, Skill]) -> None:
-        """Know them, by their names; called once, when all are loaded."""
+    def connect(self, others: Mapping[str, Skill]) -> None:
+        """The skills by name; called once, when all are loaded."""
         ...

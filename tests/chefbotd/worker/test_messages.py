@@ -27,7 +27,7 @@ from chefbotd.worker.messages import (
     Progress,
     Ready,
     Request,
-    Told,
+    SkillEvent,
     Unavailable,
     Warming,
     decoded,
@@ -51,7 +51,7 @@ FROM = [
     Progress(7, 3.0, 10.0, "matching"),
     Failed(7, RefusalKind.NOT_MAPPING, "no map is being made"),
     Failed(8, None, "it was cancelled"),
-    Told("mapping", b"\x91\x01"),
+    SkillEvent("mapping", b"\x91\x01"),
 ]
 
 
@@ -124,4 +124,4 @@ def test_no_bytes_raise_anything_else(body: bytes) -> None:
 def test_a_message_that_is_too_long_is_not_sent() -> None:
     """The sender hears of it, with both sizes, instead of the receiver."""
     with pytest.raises(ValueError, match=str(MOST_BYTES)):
-        framed(Told("mapping", bytes(MOST_BYTES)))
+        framed(SkillEvent("mapping", bytes(MOST_BYTES)))

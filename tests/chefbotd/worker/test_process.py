@@ -7,7 +7,16 @@ import pytest
 
 from chefbotd.clock import run_virtual
 from chefbotd.core.geometry import Pose2D
-from chefbotd.worker.messages import Alive, Configure, Ready, Told, ToWorker, Unavailable, Warming, packed
+from chefbotd.worker.messages import (
+    Alive,
+    Configure,
+    Ready,
+    SkillEvent,
+    ToWorker,
+    Unavailable,
+    Warming,
+    packed,
+)
 from chefbotd.worker.requests import WorkerLost
 from chefbotd.worker.watch import WorkerState
 from tests.chefbotd.worker.running import SCAN, Count, running
@@ -199,19 +208,25 @@ def test_a_flood_ends_it() -> None:
 @pytest.mark.parametrize(
     ("told", "reason"),
     [
-        (Told("other", packed(Pose2D()), "Pose2D"), "its skill 'other' tells what nobody knows: 'Pose2D'"),
-        (Told("counting", packed(Pose2D()), "Twist2D"), "'counting' tells what nobody knows: 'Twist2D'"),
-        (Told("counting", b"\x01", "Pose2D"), "counting sent what is no message"),
+        (
+            SkillEvent("other", packed(Pose2D()), "Pose2D"),
+            "its skill 'other' tells what nobody knows: 'Pose2D'",
+        ),
+        (
+            SkillEvent("counting", packed(Pose2D()), "Twist2D"),
+            "'counting' tells what nobody knows: 'Twist2D'",
+        ),
+        (SkillEvent("counting", b"\x01", "Pose2D"), "counting sent what is no message"),
     ],
 )
-def test_what_a_skill_tells_reaches_its_listener(told: Told, reason: str) -> None:
+def test_what_a_skill_tells_reaches_its_listener(told: SkillEvent, reason: str) -> None:
     """A record goes to who listens to its class and skill; another skill's, or no such record, ends the worker."""
 
     async def scene() -> None:
         async with running() as (worker, nursery):
             heard: list[Pose2D] = []
             worker.add_listener("counting", Pose2D, heard.append)
-            nursery.last.say(Told("counting", packed(Pose2D(1.0, 2.0, 0.5)), "Pose2D"))
+            nursery.last.say(SkillEvent("counting", packed(Pose2D(1.0, 2.0, 0.5)), "Pose2D"))
             await asyncio.sleep(0.01)
             assert heard == [Pose2D(1.0, 2.0, 0.5)]
             nursery.last.say(told)

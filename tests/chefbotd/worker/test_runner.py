@@ -22,7 +22,7 @@ from chefbotd.worker.messages import (
     Progress,
     Ready,
     Request,
-    Told,
+    SkillEvent,
     Unavailable,
     Warming,
     measured,
@@ -138,8 +138,8 @@ def test_what_has_compiled_begins_anew_before_it_is_ready(
 def test_measurements_reach_the_skill_and_what_it_tells_is_sent(runner: Runner) -> None:
     """A scan's consequences leave in the order in which the skill tells them."""
     assert list(runner.take_message(ODOMETRY)) == []
-    assert list(runner.take_message(SCAN)) == [Told("counting", packed(Counted("scans", 1)), "Counted")]
-    assert list(runner.take_message(SCAN)) == [Told("counting", packed(Counted("scans", 2)), "Counted")]
+    assert list(runner.take_message(SCAN)) == [SkillEvent("counting", packed(Counted("scans", 1)), "Counted")]
+    assert list(runner.take_message(SCAN)) == [SkillEvent("counting", packed(Counted("scans", 2)), "Counted")]
 
 
 class Listening(Counting):
@@ -184,7 +184,7 @@ def test_a_job_goes_on_between_scans(runner: Runner) -> None:
         assert runner.wait_s == 0.0
         sent += runner.take_turn()
         sent += runner.take_message(SCAN)
-    assert [m for m in sent if not isinstance(m, Told)] == [
+    assert [m for m in sent if not isinstance(m, SkillEvent)] == [
         *(Progress(5, k, 3, "counting") for k in range(3)),
         Answer(5, packed(Counted("job", 3))),
     ]

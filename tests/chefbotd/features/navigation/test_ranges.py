@@ -80,7 +80,7 @@ def test_the_skill_plans_round_what_a_sensor_heard(monkeypatch: pytest.MonkeyPat
     )
     skill = NavigationSkill(told.model_dump_json().encode(), clock)
     finder = Located()
-    skill.meet({"localization": finder})
+    skill.connect({"localization": finder})
     skill.take_odometry(STANDS)
     pose = Pose2D(1.0, 0.8, 0.2).compose(Pose2D(0.2, 0.0))
     there = pose.compose(MOUNT).compose(Pose2D(0.9, 0.0))
@@ -117,7 +117,7 @@ def test_unknown_space_is_driven_if_the_configuration_says_so(
     skill = NavigationSkill(told.model_dump_json().encode(), ManualClock(50.0))
     finder = Located()
     finder.grid.percent[:, 50:60] = -1
-    skill.meet({"localization": finder})
+    skill.connect({"localization": finder})
     skill.take_odometry(STANDS)
     answer = skill.handle(packed(messages.PlanTo(messages.GoalAsked(1, 3.4, 1.0, None, 0.0))))
     assert isinstance(answer, PlanResult)

@@ -13,7 +13,7 @@ from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.settings import load
 from chefbotd.testing.daemon import running_daemon
 from chefbotd.testing.transport import FakeSerialDevice
-from chefbotd.worker.messages import Request, Told, packed
+from chefbotd.worker.messages import Request, SkillEvent, packed
 from chefbotd.worker.skills.navigation_requests import REQUEST, SKILL, Show
 from tests.fakes.worker import FakeChild, Nursery, healthy
 
@@ -52,7 +52,7 @@ def test_what_nobody_looks_at_is_not_made(tmp_path: Path) -> None:
             async with client.subscribe("costmap") as costs:
                 await asyncio.sleep(0.1)
                 assert asked_of(nursery.last)[-1] == Show(costmap=True, obstacles=False)
-                nursery.last.say(Told(SKILL, packed(PART), "CostmapChanged"))
+                nursery.last.say(SkillEvent(SKILL, packed(PART), "CostmapChanged"))
                 data = (await anext(aiter(costs))).data
                 assert (data.map, data.revision, data.row, data.column) == ("flat", 3, 40, 80)
                 assert Pose2D(data.x_m, data.y_m, data.heading_rad) == Pose2D(-1.0, 2.0, 0.25)
@@ -61,7 +61,7 @@ def test_what_nobody_looks_at_is_not_made(tmp_path: Path) -> None:
                     await asyncio.sleep(0.1)
                     assert asked_of(nursery.last)[-1] == Show(costmap=True, obstacles=True)
                     seen = ObstaclesSeen(2.0, (1.25, 3.0), (-0.5, 0.75), 12, ((1.0, 2.0, 0.3, -0.1),))
-                    nursery.last.say(Told(SKILL, packed(seen), "ObstaclesSeen"))
+                    nursery.last.say(SkillEvent(SKILL, packed(seen), "ObstaclesSeen"))
                     told = (await anext(aiter(obstacles))).data
                     assert (told.x_m, told.y_m, told.omitted) == ((1.25, 3.0), (-0.5, 0.75), 12)
                     assert (told.dynamic_obstacles[0].vx_m_s, told.dynamic_obstacles[0].vy_m_s) == (0.3, -0.1)

@@ -259,7 +259,7 @@ def test_a_search_in_parts_finds_the_same_as_one_at_once() -> None:
         parts, steps = correlate.advanced(parts, 50_000), steps + 1
     assert steps > 3
     assert parts.work == at_once.work
-    assert parts.found is not None
-    assert at_once.found is not None
-    assert parts.found.score == at_once.found.score
-    assert parts.found.pose.tolist() == at_once.found.pose.tolist()
+    assert parts.best_pose is not None
+    assert at_once.best_pose is not None
+    assert parts.best_pose.score == at_once.best_pose.score
+    assert parts.best_pose.pose.tolist() == at_once.best_pose.pose.tolist()

@@ -14,8 +14,8 @@ SURE: Final = ("mapping", "localized")
 MOST_AGE_S: Final = 2.0
 
 
-class Whereabouts:
-    """Keeps what was told last."""
+class RobotPose:
+    """Keeps the last pose, and whether a map is being made."""
 
     def __init__(self, bus: Bus) -> None:
         self._pose: MapPoseUpdated | None = None
