@@ -30,15 +30,15 @@ def kernel(function: Callable[P, R]) -> Callable[P, R]:
 
 
 def has_compiled() -> bool:
-    """Whether this process had to compile a kernel that the cache did not have: 150 MB stay with it."""
+    """Whether this process compiled a kernel that was not in the cache, which keeps 150 MB in memory."""
     return any(kernel_function.stats.cache_misses for kernel_function in _kernels)
 
 
 def release_libraries() -> int:
-    """Give back the memory of what was read from libraries (the compiler's above all); how many bytes that was.
+    """Release the memory of library code (mostly the compiler's), and return the number of bytes.
 
-    To be called once everything is compiled or loaded. These pages, 60 MB with a compiler, were never written: what is
-    needed again is read again from the file. Where there is no /proc, nothing happens.
+    Call it once everything is compiled or loaded. The released pages, 60 MB with a compiler, were never written to, so
+    the kernel reads them from the file when they are needed. Without /proc nothing happens.
     """
     if not MAPPINGS.exists():
         return 0
@@ -52,9 +52,9 @@ def release_libraries() -> int:
 
 
 def _unwritten(smaps: str) -> Iterator[tuple[int, int, int]]:
-    """Begin, end and resident bytes of each private mapping of a library that nobody may write, or has written.
+    """Begin, end and resident bytes of each private, read-only and unmodified mapping of a library.
 
-    ``smaps`` is that of proc(5). A page that the loader wrote counts as anonymous: it cannot be read again.
+    ``smaps`` is the text of proc(5)'s file. A page that the loader modified counts as anonymous and stays.
     """
     begin, end, resident, is_library = 0, 0, 0, False
     for line in smaps.splitlines():

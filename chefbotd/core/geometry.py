@@ -20,7 +20,7 @@ class Twist2D(Record, frozen=True):
 
 
 class WheelVelocities(NamedTuple):
-    """How fast each wheel is to turn, in the order of the configured wheels (rad/s, forward positive).
+    """The commanded speed of each wheel, in the order of the configured wheels (rad/s, forward positive).
 
     ``twist`` is how they move the robot as a whole, if none of them slips. It is a tuple because a recorded state tells
     it from a ``Twist2D`` by that: of two untagged records msgspec could not say which one was written.
@@ -30,17 +30,17 @@ class WheelVelocities(NamedTuple):
     twist: Twist2D
 
     def slowed(self, share: float) -> "WheelVelocities":
-        """All wheels at this share of their speeds: the same way, more slowly."""
+        """All wheels at this share of their speeds: the same arc, more slowly."""
         twist = Twist2D(self.twist.linear_m_s * share, self.twist.angular_rad_s * share)
         return WheelVelocities(tuple([velocity * share for velocity in self.rad_s]), twist)
 
 
 Motion: TypeAlias = Twist2D | WheelVelocities
-"""What may be asked of the robot: a motion as a whole, or of each wheel its own."""
+"""A commanded motion: a twist of the robot, or a speed of each wheel."""
 
 
 class Pose2D(Record, frozen=True):
-    """Where one frame lies in another: ``odom_from_base`` maps points of ``base_footprint`` into ``odom``."""
+    """The pose of one frame in another: ``odom_from_base`` maps points of ``base_footprint`` into ``odom``."""
 
     x_m: float = 0.0
     y_m: float = 0.0
@@ -66,7 +66,7 @@ class Pose2D(Record, frozen=True):
 
 
 class PoseCovariance(Record, frozen=True, array_like=True):
-    """How uncertain a pose is: the upper triangle of the symmetric 3x3 matrix over (x, y, heading h), in m, rad.
+    """The covariance of a pose: the upper triangle of the symmetric 3x3 matrix over (x, y, heading h), in m, rad.
 
     Six numbers and no array: at the rate of the encoders, arithmetic on small arrays would cost more than all the rest.
     """

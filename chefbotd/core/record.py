@@ -42,10 +42,10 @@ class MutableState(Struct, eq=False):
     """The base class of a part that is nothing but its state: it offers itself, and takes over another's fields."""
 
     def state(self) -> Self:
-        """What it remembers."""
+        """Return the state of this part."""
         return self
 
     def restore(self, state: Self) -> None:
-        """Go on from there."""
+        """Restore this state."""
         for name in self.__struct_fields__:
             setattr(self, name, getattr(state, name))

@@ -148,13 +148,13 @@ class BoardReader:
         }
 
     def state(self) -> BoardReaderState:
-        """What it remembers."""
+        """Return the state of this part."""
         edges = () if self._edges is None else self._edges.state()
         clocks = self.board_clock, self._cycle_clock
         return BoardReaderState(self.decoder.state(), *clocks, self._cycle_has_time, edges)
 
     def restore(self, state: BoardReaderState) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self.decoder.restore(state.decoder)
         self.board_clock.restore(state.board_clock)
         self._cycle_clock, self._cycle_has_time = state.cycle_clock, state.cycle_has_time

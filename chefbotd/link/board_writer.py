@@ -70,11 +70,11 @@ class BoardWriter:
         self.queries, self.had_drained = 0, False
 
     def state(self) -> WriterState:
-        """What it remembers."""
+        """Return the state of this part."""
         return WriterState(self.lines_out, self.queries, self.had_drained)
 
     def restore(self, state: WriterState) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self.lines_out, self.queries, self.had_drained = state.lines_out, state.queries, state.had_drained
 
     def begin(self, port: Port) -> None:

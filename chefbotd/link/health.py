@@ -127,11 +127,11 @@ class LinkMonitor:
         self._watch = HealthWatch(now_s, self._before)
 
     def state(self) -> LinkMonitorState:
-        """What it remembers."""
+        """Return the state of this part."""
         return LinkMonitorState(self.bytes_in, self._sample, self._before, self._watch)
 
     def restore(self, state: LinkMonitorState) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self.bytes_in, self._sample, self._before = state.bytes_in, state.sample, state.opened
         self._watch = state.watch
 

@@ -55,11 +55,11 @@ class Restarts:
         self.count = 0
 
     def state(self) -> RestartsState:
-        """What it remembers."""
+        """Return the state of this part."""
         return RestartsState(self._watch, self._reset, due_of(self._timer), self.count)
 
     def restore(self, state: RestartsState) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self._watch, self._reset, self.count = state.watch, state.reset, state.count
         self._timer = self._clock.resume(state.due_s, self._look, TIMER)
 

@@ -83,7 +83,7 @@ class SendWindow:
         self._cycles, self._cycle_s, self._written_s = 0, float("-inf"), float("-inf")
 
     def state(self) -> WindowState:
-        """What it remembers."""
+        """Return the state of this part."""
         return WindowState(
             self.newest,
             self._written_s,
@@ -96,7 +96,7 @@ class SendWindow:
         )
 
     def restore(self, state: WindowState) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self.newest, self._written_s = state.newest, state.written_s
         self._unread, self._unconfirmed = deque(state.unread), deque(state.unconfirmed)
         self._unread_bytes = sum(line.size for line in state.unread)

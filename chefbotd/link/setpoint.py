@@ -59,13 +59,13 @@ class SetpointWriter:
         self.replaced = 0
 
     def state(self) -> SetpointState:
-        """What it remembers."""
+        """Return the state of this part."""
         return SetpointState(
             self._pending, self._written, self._paid_s, due_of(self._timer), self._withdrawn, self.replaced
         )
 
     def restore(self, state: SetpointState) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self._pending, self._written, self._paid_s = state.pending, state.written, state.paid_s
         self._withdrawn, self.replaced = state.withdrawn, state.replaced
         self._timer = None

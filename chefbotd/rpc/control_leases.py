@@ -60,7 +60,7 @@ class ControlLeases:
         self._own.append(session)
 
     def state(self) -> LeasesState:
-        """What it remembers."""
+        """Return the state of this part."""
         own = {id(session): -index for index, session in enumerate(self._own, 1)}
         leases = {
             source: (own.get(id(lease.holder), lease.holder.number), lease.stamp_s)

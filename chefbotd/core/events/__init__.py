@@ -5,8 +5,8 @@ time, mapped to the host's clock, or the time of reading where the board does no
 in every measurement, is when its bytes were read, never before ``stamp_s``: by it the guards tell whether a sensor is
 silent. ``board_s`` is the board's own time, unwrapped, in seconds; only differences of it mean anything.
 
-A class says the rest of what others need to know of it: ``retained``, its last event still holds for newcomers;
-``log_line()``, what the log says of it; ``recorded_as``, its channel in a recording where that is not its name.
+Attributes of the class say how others treat its events. ``retained``: new subscribers get the last one.
+``log_line()``: the line in the log. ``recorded_as``: the channel in a recording, if it is not the class's name.
 """
 
 from chefbotd.core.events.board import *

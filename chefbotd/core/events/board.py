@@ -15,19 +15,19 @@ class LinkOpened(Record, frozen=True):
     device: str
 
     def log_line(self) -> LogLine:
-        """What the log says of it."""
+        """The line in the log."""
         return LogLine(Level.INFO, "link", f"open: {self.device}")
 
 
 class LinkNotOpened(Record, frozen=True):
-    """The device cannot be opened; ``reason`` tells people why and what to do. Told again when the reason changes."""
+    """The device cannot be opened; ``reason`` says why and what to do. Published again when the reason changes."""
 
     stamp_s: float
     device: str
     reason: str
 
     def log_line(self) -> LogLine:
-        """What the log says of it."""
+        """The line in the log."""
         return LogLine(Level.WARNING, "link", f"cannot be opened: {self.reason}")
 
 
@@ -39,12 +39,12 @@ class LinkClosed(Record, frozen=True):
     reason: str
 
     def log_line(self) -> LogLine:
-        """What the log says of it."""
+        """The line in the log."""
         return LogLine(Level.WARNING, "link", f"closed: {self.reason}")
 
 
 class LinkHealthChanged(Record, frozen=True):
-    """What the open device sounds like: ``condition`` is its stable name, ``reason`` for people (empty: healthy)."""
+    """The condition of the open device: ``condition`` is a stable name, ``reason`` is for people (empty: healthy)."""
 
     stamp_s: float
     device: str
@@ -53,51 +53,51 @@ class LinkHealthChanged(Record, frozen=True):
     reason: str
 
     def log_line(self) -> LogLine:
-        """What the log says of it."""
+        """The line in the log."""
         if self.healthy:
             return LogLine(Level.INFO, "link", f"{self.device} is healthy")
         return LogLine(Level.WARNING, "link", f"{self.condition}: {self.reason}")
 
 
 class BoardRestarted(Record, frozen=True):
-    """The board's counters and time began anew; ``cause`` says how it was noticed."""
+    """The board has restarted, with its counters and its time; ``cause`` says how this was noticed."""
 
     stamp_s: float
     cause: str
 
     def log_line(self) -> LogLine:
-        """What the log says of it."""
+        """The line in the log."""
         return LogLine(Level.WARNING, "board", f"has restarted: {self.cause}")
 
 
 class BoardResetProgressed(Record, frozen=True):
-    """How far a restart that was asked for has come; ``stage`` is its stable name, ``reason`` for people."""
+    """The progress of a requested restart; ``stage`` is a stable name, ``reason`` is for people."""
 
     stamp_s: float
     stage: str
     reason: str
 
     def log_line(self) -> LogLine:
-        """What the log says of it."""
+        """The line in the log."""
         return LogLine(Level.INFO, "board", f"reset {self.stage}: {self.reason}")
 
 
 class DutyWritten(Record, frozen=True):
-    """A motor command went to the port; whether the board reads it is told by ``DutyEchoed``."""
+    """A motor command was written to the port. ``DutyEchoed`` shows whether the board has read it."""
 
     stamp_s: float
     duty: tuple[int, ...]
 
 
 class Direction(StrEnum):
-    """Which way a line went."""
+    """The direction of a line."""
 
     FROM_BOARD = "in"
     TO_BOARD = "out"
 
 
 class LineSeen(Record, frozen=True):
-    """A line as it stood on the wire, without its end."""
+    """A line as it was on the wire, without its end."""
 
     stamp_s: float
     direction: Direction
@@ -114,20 +114,20 @@ class LineRefused(Record, frozen=True):
 
 
 class TextReceived(Record, frozen=True):
-    """A line of text from the board: its banner, or whatever else it prints."""
+    """A line of text from the board, such as its banner."""
 
     stamp_s: float
     text: str
 
     def log_line(self) -> LogLine:
-        """What the log says of it."""
+        """The line in the log."""
         return LogLine(Level.INFO, "board", self.text)
 
 
 class EncodersCounted(Record, frozen=True):
     """Accumulated encoder counts per wheel, as on the wire.
 
-    ``rate_counts_s`` is how fast each counts, where the edges' own timing says so; None where only the counts are known.
+    ``rate_counts_s`` is the speed of each counter by the times of its edges; None where only the counts are known.
     """
 
     stamp_s: float
@@ -140,9 +140,8 @@ class EncodersCounted(Record, frozen=True):
 class EdgeBurst(Record, frozen=True):
     """Edges of a wheel's quadrature encoder, in their order: ``levels`` after each, A worth 2 and B worth 1.
 
-    There are none where the wheel stood. ``times_s`` are the board times of the last edges, one or more; those before
-    them have none. ``total`` is how many edges the board has seen up to the last of these, modulo 2^16: what it counted
-    and never told is missing here.
+    A wheel that stood has none. ``times_s`` are the board times of the last edges, at least one; earlier edges have no
+    time. ``total`` is the number of edges up to the last of these, modulo 2^16; it includes edges that the board lost.
     """
 
     wheel: int
@@ -152,7 +151,7 @@ class EdgeBurst(Record, frozen=True):
 
 
 class EdgesSeen(Record, frozen=True):
-    """The edges of a cycle that ended at ``board_s``: each wheel's bursts in their order, at least one of each."""
+    """The edges of a cycle that ended at ``board_s``: the bursts of each wheel in order, at least one per wheel."""
 
     stamp_s: float
     arrival_s: float
@@ -178,7 +177,7 @@ class AnalogueCounted(Record, frozen=True):
 
 
 class DutyEchoed(Record, frozen=True):
-    """The motor command that the board says is in force."""
+    """The motor command in force, as the board reports it."""
 
     stamp_s: float
     arrival_s: float

@@ -1,8 +1,8 @@
 """Events for everything that enters the process, in order. They are published only while a recording runs.
 
-A robot does what follows from its configuration and from these. Each record of an *entry* says what was handled, and at
-which time: until the next entry the robot sees no other time. What follows an entry on the bus is its consequence.
-Records that are no entries say what the outside answered meanwhile.
+Everything that a robot does follows from its configuration and these events. Each *entry* says what was handled, and at
+which time; the robot sees this time until the next entry. The events that follow an entry on the bus are its
+consequences. Events that are not entries are answers from outside.
 """
 
 from typing import Any, ClassVar, TypeAlias
@@ -13,7 +13,7 @@ BOARD_LINK = "board"
 
 
 class DaemonStarted(Record, frozen=True):
-    """An entry: nothing has happened before it. The mode of the gate is what the daemon before this one left.
+    """An entry, the first one. The mode of the gate is the one that the last daemon left.
 
     ``session`` is eight hexadecimal digits that no other start of a daemon has.
     """
@@ -26,7 +26,7 @@ class DaemonStarted(Record, frozen=True):
 
 
 class StateRecorded(Record, frozen=True):
-    """An entry: what the parts of the daemon remember, so that a replay can begin here.
+    """An entry: the states of the daemon's parts, so that a replay can begin here.
 
     ``parts`` has the state of each part by its name, as MessagePack in base64; in an earlier version it was something
     else. ``open_links`` are the links whose port is open. ``left_out`` says what was under way, and so is missing.
@@ -39,7 +39,7 @@ class StateRecorded(Record, frozen=True):
 
 
 class DaemonStopping(Record, frozen=True):
-    """The end: what is published after it belongs to no entry."""
+    """The end. Events published after it belong to no entry."""
 
     stamp_s: float
 
@@ -52,7 +52,7 @@ class PortOpened(Record, frozen=True):
 
 
 class PortLost(Record, frozen=True):
-    """An entry: the port of a link is gone. ``reason`` is None where it was closed here."""
+    """An entry: the port of a link is gone. ``reason`` is None if the daemon closed it."""
 
     stamp_s: float
     link: str
@@ -68,7 +68,7 @@ class PortNotOpened(Record, frozen=True):
 
 
 class PortDrained(Record, frozen=True):
-    """An entry: the port takes bytes again."""
+    """An entry: the port accepts bytes again."""
 
     stamp_s: float
     link: str
@@ -85,7 +85,7 @@ class LinkBytesRead(Record, frozen=True):
 
 
 class LinkBytesWritten(Record, frozen=True):
-    """Bytes went to a link: what the robot did."""
+    """Bytes were written to a link."""
 
     recorded_as: ClassVar[str] = "/links/{link}/written"
 
@@ -95,7 +95,7 @@ class LinkBytesWritten(Record, frozen=True):
 
 
 class TimerFired(Record, frozen=True):
-    """An entry: the time of a timer has come."""
+    """An entry: a timer is due."""
 
     stamp_s: float
     timer: str
@@ -121,14 +121,14 @@ class RequestHandled(Record, frozen=True):
 
 
 class ClientLeft(Record, frozen=True):
-    """An entry: a client is gone, and with it what it has control of."""
+    """An entry: a client is gone, and its control leases with it."""
 
     stamp_s: float
     client: int
 
 
 class TaskStepped(Record, frozen=True):
-    """An entry: a service, or a request that takes its time, goes on to where it waits next."""
+    """An entry: a service or a long request continues until it waits again."""
 
     stamp_s: float
     task: str
@@ -142,7 +142,7 @@ class ServiceFailed(Record, frozen=True):
     reason: str
 
     def log_line(self) -> LogLine:
-        """What the log says of it."""
+        """The line in the log."""
         return LogLine(Level.ERROR, "daemon", self.reason)
 
 
@@ -161,7 +161,7 @@ class LimitsExchanged(Record, frozen=True):
 
 
 class EventObserved(Record, frozen=True):
-    """An entry: the event that follows came from outside: from the disk, from another process, from the computer."""
+    """An entry: the next event came from outside (the disk, another process, the computer)."""
 
     stamp_s: float
 
@@ -174,13 +174,13 @@ class WorkerSaid(Record, frozen=True):
 
 
 class WorkerGone(Record, frozen=True):
-    """An entry: the worker has ended; nothing more comes from this one."""
+    """An entry: this worker has ended."""
 
     stamp_s: float
 
 
 class DrainAnswered(Record, frozen=True):
-    """No entry: the port of the board was asked the ``query``-th time whether all is sent; it said otherwise before."""
+    """No entry: the board's port answered the ``query``-th question that all bytes are sent; before, it denied it."""
 
     stamp_s: float
     query: int
@@ -188,13 +188,13 @@ class DrainAnswered(Record, frozen=True):
 
 
 class SetpointWithdrawn(Record, frozen=True):
-    """No entry: a thread had stopped the motors past the loop, and has withdrawn the command that waited."""
+    """No entry: a thread has stopped the motors without the loop, and has dropped the pending command."""
 
     stamp_s: float
 
 
 class FaultTaken(Record, frozen=True):
-    """No entry: a fault that a thread had reported was taken note of."""
+    """No entry: a fault that a thread had reported was handled."""
 
     stamp_s: float
     kind: str
@@ -202,7 +202,7 @@ class FaultTaken(Record, frozen=True):
 
 
 class AnswerTaken(Record, frozen=True):
-    """No entry: what a task waited for came from the disk, as JSON."""
+    """No entry: a task's result from the disk, as JSON."""
 
     stamp_s: float
     asked: str

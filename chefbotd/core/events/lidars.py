@@ -1,4 +1,4 @@
-"""What is heard of lidars and depth cameras. Loads no numpy: only who makes or reads a scan does."""
+"""Events of lidars and depth cameras. Loads no numpy; only code that makes or reads a scan does."""
 
 from typing import Annotated, ClassVar
 
@@ -22,7 +22,7 @@ class ScanMeasured(Record, frozen=True):
 
 
 class LidarChanged(Record, frozen=True):
-    """A lidar's port was opened, lost or cannot be opened, or what comes in on it sounds different.
+    """A lidar's port was opened, was lost or cannot be opened, or its condition has changed.
 
     ``condition`` is its stable name (``down``, ``unknown``, ``healthy``, ``silent``, ...), ``reason`` for people (empty:
     healthy). ``healthy`` is None until it can be told.
@@ -39,14 +39,14 @@ class LidarChanged(Record, frozen=True):
     reason: str
 
     def log_line(self) -> LogLine:
-        """What the log says of it."""
+        """The line in the log."""
         return LogLine(
             Level.INFO if self.healthy else Level.WARNING, self.lidar, self.reason or self.condition
         )
 
 
 class DepthCameraChanged(Record, frozen=True):
-    """One depth camera sends images, or none any more."""
+    """A depth camera has begun to send images, or has stopped."""
 
     retained: ClassVar[bool] = True
 
@@ -56,7 +56,7 @@ class DepthCameraChanged(Record, frozen=True):
     reason: Annotated[str, Meta(description="why it does not")]
 
     def log_line(self) -> LogLine:
-        """What the log says of it."""
+        """The line in the log."""
         return LogLine(
             Level.INFO if self.healthy else Level.WARNING, self.camera, self.reason or "sends images"
         )

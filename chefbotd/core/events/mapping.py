@@ -10,11 +10,11 @@ from chefbotd.core.record import Level, LogLine, Record, state_line
 
 
 class MapPoseUpdated(Record, frozen=True):
-    """Where the robot was in the map at ``stamp_s``, how surely, and how well the scan fitted (0 to 1).
+    """The robot's pose in the map at ``stamp_s``, its covariance, and how well the scan fitted (0 to 1).
 
-    ``map_from_odom`` holds until the next one: with it, odometry says where the robot is in the map now. ``state`` is
-    mapping, wheel_slip (the odometry was wrong just now), uncertain (scans do not fit; odometry carries it), lost, or
-    searching (lost, and looking for a known place): ``searched`` is the share of that search that is done.
+    ``map_from_odom`` holds until the next event: with it, odometry gives the present pose in the map. ``state`` is
+    mapping, wheel_slip (the odometry was wrong just now), uncertain (scans do not fit, the pose follows odometry), lost,
+    or searching (lost, and looking for a known place); ``searched`` is the finished share of that search.
     """
 
     stamp_s: float
@@ -27,9 +27,9 @@ class MapPoseUpdated(Record, frozen=True):
 
 
 class MapChanged(GridPatch, frozen=True):
-    """Cells of the map that is being made, or all of them (``whole``): then what was known before is forgotten.
+    """Changed cells of the map that is being made, or all of them (``whole``), which replace earlier ones.
 
-    They are percentages, -1 for unknown. Between two revisions one after the other nothing is missing.
+    Cells are percentages, -1 for unknown. Revisions count up by one; a gap means that a change is missing.
     """
 
     whole: bool
@@ -57,12 +57,12 @@ class MappingChanged(MappingData, frozen=True, kw_only=True):
     stamp_s: float
 
     def log_line(self) -> LogLine:
-        """What the log says of it."""
+        """The line in the log."""
         return state_line("mapping", self.state, self.reason)
 
 
 class MapSaved(Record, frozen=True):
-    """The map was saved: what ``finish_mapping`` answers."""
+    """The map was saved. ``finish_mapping`` answers with this."""
 
     name: str
     version: int
@@ -72,7 +72,7 @@ class MapSaved(Record, frozen=True):
 
 
 class MapLoaded(Record, frozen=True):
-    """From now on this version of this map of the store in ``folder`` is the one in use.
+    """The map in use is now this version of this map, in the store in ``folder``.
 
     ``renamed_from`` is the name that the same map had until now; None: it is another map, or another version.
     """
@@ -86,7 +86,7 @@ class MapLoaded(Record, frozen=True):
     renamed_from: str | None = None
 
     def log_line(self) -> LogLine:
-        """What the log says of it."""
+        """The line in the log."""
         return LogLine(Level.INFO, "maps", f"{self.name}, version {self.version}, is in use")
 
 
@@ -98,17 +98,17 @@ class MapUnloaded(Record, frozen=True):
 
 
 class Alternative(Record, frozen=True):
-    """A place where the robot may be, and how well the scan fits there (0 to 1)."""
+    """A possible place of the robot, and how well the scan fits there (0 to 1)."""
 
     map_from_base: Pose2D
     fit: float
 
 
 class LocalizationChanged(Record, frozen=True):
-    """How localization stands: ``state`` is unknown, searching, localized, uncertain or lost; ``map`` is the one in use.
+    """The state of localization: unknown, searching, localized, uncertain or lost; ``map`` is the map in use.
 
-    While it searches, ``alternatives`` are all places where the robot may be, and ``searched`` is the share of the
-    search that is done. ``jumps`` counts how often the published pose jumped: what was planned before is void then.
+    While it searches, ``alternatives`` are all possible places, and ``searched`` is the finished share of the search.
+    ``jumps`` counts the jumps of the published pose; plans made before a jump are void.
     """
 
     retained: ClassVar[bool] = True
@@ -123,5 +123,5 @@ class LocalizationChanged(Record, frozen=True):
     reason: str
 
     def log_line(self) -> LogLine:
-        """What the log says of it."""
+        """The line in the log."""
         return state_line("localization", self.state, self.reason)

@@ -9,7 +9,7 @@ from chefbotd.core.record import LogLine, Record, state_line
 
 
 class NavigationData(Record, frozen=True):
-    """What navigation does; ``reason`` is a sentence."""
+    """The state of navigation; ``reason`` is a sentence."""
 
     state: Annotated[
         str,
@@ -25,31 +25,31 @@ class NavigationData(Record, frozen=True):
 
 
 class NavigationChanged(NavigationData, frozen=True, kw_only=True):
-    """Navigation does something else, or is nearer to its goal."""
+    """Navigation's state or its progress has changed."""
 
     retained: ClassVar[bool] = True
 
     stamp_s: float
 
     def log_line(self) -> LogLine:
-        """What the log says of it."""
+        """The line in the log."""
         return state_line("navigation", self.state, self.reason)
 
 
 class CostmapChanged(GridPatch, frozen=True):
-    """A part of what it costs to drive through the cells of a map; made only while somebody looks.
+    """A part of the costs of driving through the cells of a map; published only while a client subscribes.
 
-    0 is free, 100 blocked, in between 20 times what a cell costs beyond 1. With another ``revision`` than before,
-    whatever was known is void.
+    0 is free, 100 is blocked; between them, 20 times what a cell costs beyond 1. Another ``revision`` than before makes
+    all earlier parts void.
     """
 
     map: str
 
 
 class ObstaclesSeen(Record, frozen=True):
-    """What is seen now and is not on the map: points in it, how many more there are, and what moves.
+    """Obstacles that are not on the map: points, how many more there are, and those that move.
 
-    Of each of ``dynamic_obstacles``: x, y, and its velocity along the map's axes. Made only while somebody looks.
+    Each of ``dynamic_obstacles`` is x, y, and its velocity along the map's axes. Published while a client subscribes.
     """
 
     stamp_s: float
@@ -60,20 +60,20 @@ class ObstaclesSeen(Record, frozen=True):
 
 
 class PathData(Record, frozen=True):
-    """The path that the robot follows, in the map; without points there is none."""
+    """The robot's path in the map; without points it has none."""
 
     x_m: tuple[float, ...] = ()
     y_m: tuple[float, ...] = ()
 
 
 class PathChanged(PathData, frozen=True, kw_only=True):
-    """The path that is followed from now on."""
+    """A new path is followed."""
 
     stamp_s: float
 
 
 class GoalResult(Record, frozen=True):
-    """The goal's number; and, after waiting, how it ended, with a sentence."""
+    """The goal's number. If the request waited, also how the goal ended, with a sentence."""
 
     goal: int
     end: Annotated[
@@ -84,7 +84,7 @@ class GoalResult(Record, frozen=True):
 
 
 class PlanResult(Record, frozen=True):
-    """What would be driven. Where nothing can be, ``reason`` says why, and there may be a free pose near the goal."""
+    """The path that would be driven. Without one, ``reason`` says why, and there may be a free pose near the goal."""
 
     possible: bool
     reason: str = ""

@@ -26,18 +26,18 @@ class RecordingData(Record, frozen=True):
 
 
 class RecordingChanged(RecordingData, frozen=True, kw_only=True):
-    """Told once a second."""
+    """The recorder's progress, once a second."""
 
     stamp_s: float
 
 
 class EventsDropped(Record, frozen=True):
-    """A gap in the recording: so many events found no room just before; ``reason`` is for people."""
+    """A gap in the recording: this many events were dropped just before; ``reason`` is for people."""
 
     stamp_s: float
     count: int
     reason: str
 
     def log_line(self) -> LogLine:
-        """What the log says of it."""
+        """The line in the log."""
         return LogLine(Level.ERROR, "recording", f"{self.count} events are missing: {self.reason}")

@@ -11,11 +11,10 @@ from chefbotd.core.record import Level, LogLine, Record, state_line
 
 
 class WheelsMeasured(Record, frozen=True):
-    """Where the wheels are and how fast they turn, in the order of the configured wheels.
+    """The angles and speeds of the wheels, in the order of the configured wheels.
 
-    ``travel_rad`` is how far each has turned since the previous event of this class: nothing is lost between two of
-    them, and a refused reading adds nothing. ``excluded`` are the indices of wheels that are not to be believed, because
-    they disagree with the others of their side.
+    ``travel_rad`` is each wheel's turn since the previous event of this class. No travel is lost between two events, and
+    a refused reading adds none. ``excluded`` are the indices of wheels that disagree with the others of their side.
     """
 
     stamp_s: float
@@ -52,7 +51,7 @@ class OdometryUpdated(Record, frozen=True):
 
 
 class OdometryReset(Record, frozen=True):
-    """Somebody declared where the robot is: what was ``before`` in ``odom`` is ``after`` from now on. Nothing moved."""
+    """A client declared the robot's pose: the pose ``before`` in ``odom`` is now ``after``. Nothing moved."""
 
     stamp_s: float
     before: Pose2D
@@ -60,7 +59,7 @@ class OdometryReset(Record, frozen=True):
 
 
 class RangeStatus(StrEnum):
-    """What a range reading says; only ``OK`` carries a distance. ``AMBIGUOUS``: near or far, it cannot be told."""
+    """The meaning of a range reading; only ``OK`` has a distance. ``AMBIGUOUS``: it may be near or far."""
 
     OK = "ok"
     TOO_NEAR = "too_near"
@@ -142,7 +141,7 @@ class SafetyChanged(Record, frozen=True):
     latch: int = 0
 
     def log_line(self) -> LogLine:
-        """What the log says of it."""
+        """The line in the log."""
         text = f"{self.mode}: {self.reason}" if self.reason else self.mode
         if self.limited_by:
             text += f" (limited by {self.limited_by})"
@@ -152,7 +151,7 @@ class SafetyChanged(Record, frozen=True):
 
 
 class ControlChanged(Record, frozen=True):
-    """Who drives: for each source of commands that someone has control of, the client's name."""
+    """The control leases: the client's name for each source of commands that a client controls."""
 
     retained: ClassVar[bool] = True
 
@@ -160,15 +159,15 @@ class ControlChanged(Record, frozen=True):
     holders: dict[str, str]
 
     def log_line(self) -> LogLine:
-        """What the log says of it."""
+        """The line in the log."""
         drivers = ", ".join(f"{source}: {name}" for source, name in self.holders.items())
         return LogLine(Level.INFO, "control", drivers or "nobody has control")
 
 
 class TruthSimulated(Record, frozen=True):
-    """Where the simulated robot really is (``world_from_base``), how it moves, and whether it touches a wall.
+    """The simulated robot's true pose (``world_from_base``) and twist, and whether it touches a wall.
 
-    ``discs`` is who and what stands about: x, y and radius in metres.
+    ``discs`` are the people and things around it: x, y and radius in metres.
     """
 
     stamp_s: float
@@ -186,7 +185,7 @@ class StatsSampled(Record, frozen=True):
 
 
 class WorkerData(Record, frozen=True):
-    """The worker process; ``reason`` says what it is doing, or why it is not ready."""
+    """The state of the worker process; ``reason`` says what it is doing, or why it is not ready."""
 
     state: Annotated[
         str, Meta(description="stopped, starting, warming, ready, restarting or unavailable")
@@ -199,12 +198,12 @@ class WorkerData(Record, frozen=True):
 
 
 class WorkerReported(WorkerData, frozen=True, kw_only=True):
-    """Told with each change, and once a second."""
+    """The state of the worker, with each change and once a second."""
 
     retained: ClassVar[bool] = True
 
     stamp_s: float
 
     def log_line(self) -> LogLine:
-        """What the log says of it."""
+        """The line in the log."""
         return state_line("worker", self.state, self.reason)

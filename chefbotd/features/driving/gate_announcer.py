@@ -28,7 +28,7 @@ class GateAnnouncer:
         return self._announced, self.faults
 
     def restore(self, state: tuple[SafetyChanged | None, dict[str, int]]) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self._announced, self.faults = state[0], Counter(state[1])
 
     def announce(self, event: SafetyChanged, state: GateState) -> None:

@@ -73,7 +73,7 @@ class InnerDriver:
         return self._has_lease
 
     def restore(self, state: bool) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self._has_lease = state
 
     def drive(self, twist: Twist2D, wished_s: float) -> None:

@@ -48,12 +48,12 @@ class MotorWatch:
         self.start_anew()
 
     def state(self) -> MotorWatchState:
-        """What it remembers."""
+        """Return the state of this part."""
         judged = self._wheels, self._overspeed, self._unresponsive, self._echo
         return MotorWatchState(*judged, self._ran_s, self._blind_until_s)
 
     def restore(self, state: MotorWatchState) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self._wheels, self._overspeed = state.wheels, state.overspeed
         self._unresponsive, self._echo = state.unresponsive, state.echo
         self._ran_s, self._blind_until_s = state.ran_s, state.blind_until_s

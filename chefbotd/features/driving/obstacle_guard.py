@@ -27,7 +27,7 @@ class Scans(Protocol):
         ...
 
     def restore(self, state: Any) -> None:
-        """Go on from there."""
+        """Restore this state."""
         ...
 
 
@@ -54,7 +54,7 @@ class ObstacleGuard:
         return self._beams
 
     def restore(self, state: guard.Beams) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self._beams = state
 
     def limit(self, asked_motion: Motion, now_s: float, late_s: float = 0.0) -> tuple[Motion, str | None]:

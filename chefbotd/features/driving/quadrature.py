@@ -42,11 +42,11 @@ class QuadratureService:
         self._log = RateLimitedLog(log)
 
     def state(self) -> EdgesState:
-        """What it remembers."""
+        """Return the state of this part."""
         return EdgesState(self._states, self._since_s)
 
     def restore(self, state: EdgesState) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self._states, self._since_s = state.wheels, state.since_s
 
     @property

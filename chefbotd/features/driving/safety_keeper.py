@@ -130,7 +130,7 @@ class SafetyKeeper:
         )
 
     def restore(self, state: KeeperState) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self._gate, self._decision, self._latched = state.gate, state.decision, state.latched
         self._held.restore(state.held)
         self.motors.restore(state.motors)

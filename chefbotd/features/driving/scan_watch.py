@@ -123,12 +123,12 @@ class ScanWatch:
         bus.add_handler(self._on_scan, ScanMeasured, on_error=on_error)
 
     def state(self) -> ScanWatchState:
-        """What it remembers."""
+        """Return the state of this part."""
         seen = {name: list(turns) for name, turns in self._seen.items()}
         return ScanWatchState(seen, list(self._trail), self._pose)
 
     def restore(self, state: ScanWatchState) -> None:
-        """Go on from there."""
+        """Restore this state."""
         for name, turns in self._seen.items():
             turns.clear()
             turns.extend(state.seen.get(name, ()))

@@ -103,7 +103,7 @@ class DriveService:
         self._pauses_s: tuple[float, ...] = ()
 
     def state(self) -> DriveServiceState:
-        """What it remembers."""
+        """Return the state of this part."""
         return DriveServiceState(
             self.wheels.drive_state,
             self.keeper.state(),
@@ -119,7 +119,7 @@ class DriveService:
         )
 
     def restore(self, state: DriveServiceState) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self.wheels.drive_state = state.wheels
         self.keeper.restore(state.keeper)
         self.reader.restore(state.reader)

@@ -14,11 +14,11 @@ class StopHold:
         self._tries: hold.State = ()
 
     def state(self) -> hold.State:
-        """What it remembers."""
+        """Return the state of this part."""
         return self._tries
 
     def restore(self, state: hold.State) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self._tries = state
 
     def note_try(self, source: str, client: int, now_s: float, *, estopped: bool) -> None:

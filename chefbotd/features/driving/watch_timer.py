@@ -51,13 +51,13 @@ class WatchTimer:
         self._runs = self.resting = False
 
     def state(self) -> WatchTimerState:
-        """What it remembers."""
+        """Return the state of this part."""
         return WatchTimerState(
             due_of(self._timer), self._began_s, self.still_since_s, self._runs, self.resting
         )
 
     def restore(self, state: WatchTimerState) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self._timer = self._entries.resume(state.due_s, self._look, DRIVE_WATCH)
         self._began_s, self.still_since_s = state.began_s, state.still_since_s
         self._runs, self.resting = state.runs, state.resting

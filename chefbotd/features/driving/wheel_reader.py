@@ -48,11 +48,11 @@ class WheelReader:
         self.refused = 0
 
     def state(self) -> WheelReaderState:
-        """What it remembers."""
+        """Return the state of this part."""
         return WheelReaderState(self._encoders, self._compared, self._board_s, self.refused)
 
     def restore(self, state: WheelReaderState) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self._encoders, self._compared = state.encoders, state.compared
         self._board_s, self.refused = state.board_s, state.refused
 

@@ -112,7 +112,7 @@ class LocalizationService:
         bus.add_handler(self._take_worker, WorkerReported)
 
     def state(self) -> LocalizationState:
-        """What it remembers."""
+        """Return the state of this part."""
         return LocalizationState(
             self._map,
             self._renamed_from,

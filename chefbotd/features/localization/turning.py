@@ -77,7 +77,7 @@ class Turning:
         bus.add_handler(self._take_navigation, NavigationChanged)
 
     def state(self) -> TurningState:
-        """What it remembers."""
+        """Return the state of this part."""
         end = self._end
         return TurningState(
             self._driver is not None and self._driver.state(),
@@ -93,7 +93,7 @@ class Turning:
         )
 
     def restore(self, state: TurningState) -> None:
-        """Go on from there."""
+        """Restore this state."""
         if self._driver is not None:
             self._driver.restore(state.drives)
         self._safety, self._has_goal = state.safety, state.has_goal

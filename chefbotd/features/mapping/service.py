@@ -73,11 +73,11 @@ class MappingService:
         self._worker.add_on_ready(self._has_to_resume.set)
 
     def state(self) -> MappingState:
-        """What it remembers."""
+        """Return the state of this part."""
         return MappingState(self._status, self._has_to_resume.is_set())
 
     def restore(self, state: MappingState) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self._status = state.status
         set_event(self._has_to_resume, state.has_to_resume)
 

@@ -36,12 +36,12 @@ class Goals:
         self._last_number = 0
 
     def state(self) -> GoalsState:
-        """What it remembers."""
+        """Return the state of this part."""
         ended = [end.result() for end in self._ends.values() if end.done()]
         return GoalsState(list(self.active.values()), ended, self._last_number)
 
     def restore(self, state: GoalsState) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self.active, self._ends, self._last_number = {}, {}, state.last_number
         for ended in state.ended:
             self._ends[ended.goal] = asyncio.get_running_loop().create_future()

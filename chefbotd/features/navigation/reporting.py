@@ -38,11 +38,11 @@ class Reporting:
         self._timer: Timer | None = None
 
     def state(self) -> ReportingState:
-        """What it remembers."""
+        """Return the state of this part."""
         return ReportingState(self._reported, due_of(self._timer))
 
     def restore(self, state: ReportingState) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self._reported, self._timer = state.told, self._clock.resume(state.due_s, self._repeat, TIMER)
 
     def report(

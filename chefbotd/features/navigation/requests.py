@@ -49,11 +49,11 @@ class RequestQueue:
         return len(self._waiting)
 
     def state(self) -> RequestQueueState:
-        """What it remembers."""
+        """Return the state of this part."""
         return RequestQueueState(self._waiting, self._arrived.is_set(), self._sent.is_set())
 
     def restore(self, state: RequestQueueState) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self._waiting = state.waiting
         set_event(self._arrived, state.arrived)
         set_event(self._sent, state.told)
@@ -98,7 +98,7 @@ class ShownOnDemand:
         return self._shows
 
     def restore(self, state: Show) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self._shows = state
 
     def show_costmap(self, is_shown: bool) -> None:

@@ -113,7 +113,7 @@ class NavigationService:
         bus.add_handler(self._take_map, MapLoaded)
 
     def state(self) -> NavigationState:
-        """What it remembers."""
+        """Return the state of this part."""
         return NavigationState(
             self._goals.state(),
             self._waits,

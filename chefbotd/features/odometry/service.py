@@ -31,7 +31,7 @@ class OdometryService:
         return self._state
 
     def restore(self, state: OdometryState) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self._state = state
 
     @method(role=Role.DRIVE, moves=False)

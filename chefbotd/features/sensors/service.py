@@ -66,12 +66,12 @@ class SensorService:
         bus.add_handler(self._on_reading, *self._interpret, on_error=self._failure.report)
 
     def state(self) -> SensorState:
-        """What it remembers."""
+        """Return the state of this part."""
         seen = {channel: state for channel, (_, state) in self._infrared.items()}
         return SensorState(self._battery_state, self.battery, seen)
 
     def restore(self, state: SensorState) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self._battery_state, self.battery = state.battery, state.measured
         self._infrared = {
             channel: (sensor, state.infrared.get(channel, infrared.START))

@@ -56,11 +56,11 @@ class TuningService:
         self._before: deque[Mapping[str, PidParameters]] = deque(maxlen=depth)
 
     def state(self) -> TuningState:
-        """What it remembers."""
+        """Return the state of this part."""
         return TuningState(dict(self._wheels.gains()), [dict(gains) for gains in self._before])
 
     def restore(self, state: TuningState) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self._wheels.set_gains(state.gains)
         self._before.clear()
         self._before.extend(state.before)

@@ -48,11 +48,11 @@ class WorkerService:
         bus.add_handler(self._send_range, RangeMeasured)
 
     def state(self) -> WorkerServiceState:
-        """What it remembers."""
+        """Return the state of this part."""
         return WorkerServiceState(self.worker.state(), self._steady_from_odom)
 
     def restore(self, state: WorkerServiceState) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self.worker.restore(state.worker)
         self._steady_from_odom = state.steady_from_odom
 

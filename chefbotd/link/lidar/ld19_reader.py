@@ -87,7 +87,7 @@ class Ld19Reader:
         self._end_cdeg: int | None = None  # of the present turn; None: it was not heard from its beginning
 
     def state(self) -> Ld19State:
-        """What it remembers."""
+        """Return the state of this part."""
         return Ld19State(
             self._decoder.state(),
             dict(self._passed_over),
@@ -101,7 +101,7 @@ class Ld19Reader:
         )
 
     def restore(self, state: Ld19State) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self._decoder.restore(state.decoder)
         self._passed_over, self.relation = Counter(state.passed_over), state.relation
         self._last, self._last_read_s = state.last, state.last_read_s

@@ -169,7 +169,7 @@ class RplidarReader:
         self._words = b""
 
     def state(self) -> RplidarState:
-        """What it remembers."""
+        """Return the state of this part."""
         return RplidarState(
             self._decoder.state(),
             self._turns,
@@ -184,7 +184,7 @@ class RplidarReader:
         )
 
     def restore(self, state: RplidarState) -> None:
-        """Go on from there."""
+        """Restore this state."""
         self._decoder.restore(state.decoder)
         self._turns = state.turns
         self.phase, self._heard_s, self._words = state.phase, state.heard_s, state.words

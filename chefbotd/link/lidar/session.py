@@ -107,7 +107,7 @@ class LidarSession(asyncio.Protocol):
         self.turn_s: float | None = None
 
     def state(self) -> LidarSessionState:
-        """What it remembers."""
+        """Return the state of this part."""
         return LidarSessionState(
             self.reader.state(),
             self._repeats,
