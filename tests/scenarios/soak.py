@@ -38,8 +38,11 @@ def soak(minutes: float, seed: int, robot_name: str = "chefbot") -> Report:
 
     try:
         run_virtual(scenario())
-    except* AssertionError as broken:
-        raise broken.exceptions[0] from None
+    except BaseExceptionGroup as broken:
+        failed = broken.subgroup(AssertionError)
+        if failed is None:
+            raise
+        raise failed.exceptions[0] from None
     return report
 
 
