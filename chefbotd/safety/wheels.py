@@ -164,8 +164,9 @@ def _charge(
     """Add the time that the wheel was driven for and the way that it went wrong; a pause reduces both."""
     if not -params.driven_duty_share < effort < params.driven_duty_share:
         weight = (effort / FULL_WEIGHT_SHARE) ** 2
-        most_rad = params.reversed_rad * max(LEAP_SHARE, dt_s / LEAP_S)
-        against_rad = push.against_rad + min(-ahead_rad, most_rad)
+        if ahead_rad < 0:
+            ahead_rad = max(ahead_rad, -params.reversed_rad * max(LEAP_SHARE, dt_s / LEAP_S))
+        against_rad = push.against_rad - ahead_rad
         pushed_s = push.pushed_s + (weight if weight > 1.0 else 1.0) * dt_s
         return pushed_s, against_rad if against_rad > 0 else 0.0
     share = dt_s / params.decay_s
