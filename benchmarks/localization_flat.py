@@ -12,9 +12,9 @@ import numpy as np
 from benchmarks.figures import Figure
 from chefbotd.core.record import replace
 from chefbotd.localization.agreement import agreement
-from chefbotd.localization.localizer import set_pose
 from chefbotd.localization.searching import LocalizationMap, localization_map
-from chefbotd.localization.states import State
+from chefbotd.localization.state import set_pose
+from chefbotd.localization.states import PoseState
 from chefbotd.mapping.finish import refined
 from chefbotd.mapping.occupancy import occupancy
 from chefbotd.mapping.parameters import SlamParameters
@@ -72,10 +72,10 @@ def _tracking(within: LocalizationMap, drives: int) -> tuple[list[Figure], list[
             if seed < 0:  # compiles, and warms caches
                 continue
             seconds.append(time.process_time() - began_s)
-            if report.state is State.LOCALIZED:
+            if report.state is PoseState.LOCALIZED:
                 errors.append(off(report, pose))
                 fits.append(report.fit)
-            without += report.state is not State.LOCALIZED
+            without += report.state is not PoseState.LOCALIZED
     metres, degrees = np.array(errors).T
     return (
         [
@@ -131,7 +131,7 @@ def _starts(within: LocalizationMap, starts: int) -> Iterable[Figure]:
             turn = TURN_RAD * k
             way = np.array([CIRCLE_M * math.sin(turn), CIRCLE_M * (1 - math.cos(turn)), turn])
             report = robot.take(way, lidar.points(compose(begin, way)))
-            if report.state is not State.LOCALIZED:
+            if report.state is not PoseState.LOCALIZED:
                 continue
             if not _is_right(robot, compose(begin, way)):
                 wrong += 1
@@ -159,9 +159,9 @@ def _kidnappings(within: LocalizationMap, count: int) -> Iterable[Figure]:
         first_s, again_s = math.inf, math.inf
         for k in range(1, 101):
             report = robot.take(still, lidar.points(after))
-            if report.state is not State.LOCALIZED or _is_right(robot, after):
+            if report.state is not PoseState.LOCALIZED or _is_right(robot, after):
                 first_s = min(first_s, 0.1 * k)
-            if report.state is State.LOCALIZED and _is_right(robot, after):
+            if report.state is PoseState.LOCALIZED and _is_right(robot, after):
                 again_s = min(again_s, 0.1 * k)
         noticed_s.append(first_s)
         back_s.append(again_s)
@@ -181,11 +181,11 @@ def _wrong_poses(within: LocalizationMap, count: int) -> Iterable[Figure]:
             robot.now = set_pose(robot.now, (*lies, somewhere(chance))[seed % 4])
             if not is_set:
                 found = (np.zeros(3), 0.95)
-                robot.now = replace(robot.now, state=State.LOCALIZED, is_unchecked=False, checked=found)
+                robot.now = replace(robot.now, state=PoseState.LOCALIZED, is_unchecked=False, checked=found)
             scans = 0
             for _ in range(round(LOOKING_S / 0.1)):
                 report = robot.take(np.zeros(3), lidar.points(truth))
-                scans += report.state is State.LOCALIZED and off(report, truth)[0] > BELIEVED_M
+                scans += report.state is PoseState.LOCALIZED and off(report, truth)[0] > BELIEVED_M
             longest_s, believed = max(longest_s, 0.1 * scans), believed + (scans > 10)
         yield Figure(f"flat, wrong poses, {what}: localized at for over 1 s, of {count}", believed, "", 0)
         yield Figure(f"flat, wrong poses, {what}: localized at, longest", longest_s, "s", 1.0)
@@ -198,13 +198,13 @@ def _look_alikes() -> Iterable[Figure]:
     pose = np.array([6.6, 1.9, 2.0])
     for _ in range(TWIN_LOOKS):
         robot.take(np.zeros(3), lidar.points(pose))
-    sure = sum(report.state is State.LOCALIZED for report in robot.reports)
+    sure = sum(report.state is PoseState.LOCALIZED for report in robot.reports)
     yield Figure(f"twin rooms, sure of one, of {TWIN_LOOKS} scans", sure, "", 0)
     yield Figure("twin rooms, places named (2 are right)", len(robot.reports[-1].alternatives), "", 2)
     robot, lidar = Robot(localization_map(mirrored(drawn(WALLS)))), Lidar(WALLS, 1)
     for told, pose in zip(odometry(TRUTH, 1), TRUTH, strict=True):
         robot.take(told, lidar.points(pose))
-    sure = sum(report.state is State.LOCALIZED for report in robot.reports)
+    sure = sum(report.state is PoseState.LOCALIZED for report in robot.reports)
     yield Figure(f"flat, mirrored map, sure of a place, of {len(TRUTH)} scans", sure, "", 0)
 
 

@@ -10,15 +10,10 @@ import numpy as np
 from benchmarks.carmen import Recording
 from benchmarks.figures import Figure
 from benchmarks.slam import points_of
-from chefbotd.localization.localizer import (
-    Localization,
-    Odometry,
-    Report,
-    advanced,
-    step,
-)
+from chefbotd.localization.localizer import LocalizationReport, advanced, step
 from chefbotd.localization.searching import localization_map
-from chefbotd.localization.states import State
+from chefbotd.localization.state import Localization, Odometry
+from chefbotd.localization.states import PoseState
 from chefbotd.mapping.finish import refined
 from chefbotd.mapping.occupancy import occupancy
 from chefbotd.mapping.parameters import SlamParameters
@@ -47,7 +42,7 @@ class Localized:
     laid on each other as a whole, so that what one of them is bent counts, too.
     """
 
-    reports: list[Report]
+    reports: list[LocalizationReport]
     off_m: Floats
     off_deg: Floats
     rigid_m: Floats
@@ -57,7 +52,8 @@ class Localized:
     def found_at(self) -> int:
         """The number of the first scan with a pose; that of all scans if there is none."""
         return next(
-            (k for k, report in enumerate(self.reports) if report.state is State.LOCALIZED), len(self.reports)
+            (k for k, report in enumerate(self.reports) if report.state is PoseState.LOCALIZED),
+            len(self.reports),
         )
 
     @property
@@ -73,7 +69,7 @@ def localized(recording: Recording, scans: int) -> Localized:
     _, all_poses = _slam(points, odometry)
     half, half_poses = _slam(points[::2], odometry[::2])
     within = localization_map(occupancy(half.nodes))
-    now, reports, seconds, poses = Localization(), list[Report](), list[float](), list[Floats]()
+    now, reports, seconds, poses = Localization(), list[LocalizationReport](), list[float](), list[Floats]()
     for k in range(1, len(points), 2):
         began_s = time.process_time()
         scan = _scan(points[k])

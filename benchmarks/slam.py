@@ -19,7 +19,7 @@ from chefbotd.core.scan import LaserScan
 from chefbotd.mapping.finish import refined
 from chefbotd.mapping.parameters import SlamParameters
 from chefbotd.mapping.poses import Floats, between
-from chefbotd.mapping.slam import Report, step
+from chefbotd.mapping.slam import SlamReport, step
 from chefbotd.mapping.state import Scan, SlamState, start
 from chefbotd.mapping.surfaces import Singles, normals
 from chefbotd.mapping.tracking import tracked
@@ -46,7 +46,7 @@ class Run:
     """The last state, the reports, and processor seconds: of matching each scan, of each step, of the last touch."""
 
     state: SlamState
-    reports: list[Report]
+    reports: list[SlamReport]
     front_end_s: list[float]
     step_s: list[float]
     finish_s: float
@@ -96,7 +96,7 @@ def _mapped(recording: Recording, scans: int) -> Run:
 
 
 def _run(points: list[Singles], odometry_poses: Floats) -> Run:
-    state, reports, matching, seconds = start(), list[Report](), list[float](), list[float]()
+    state, reports, matching, seconds = start(), list[SlamReport](), list[float](), list[float]()
     last = odometry_poses[0]
     for k, (seen, pose) in enumerate(zip(points, odometry_poses, strict=True)):
         if k:

@@ -13,8 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chefbotd.core.record import Record, replace
-from chefbotd.localization.branch_and_bound import bound, divide
-from chefbotd.localization.pyramid import BLOCK, CELL_M, Pyramid
+from chefbotd.localization.branch_and_bound import BLOCK, CELL_M, Pyramid, bound, divide
 from chefbotd.mapping.correlate import ScoredPose
 from chefbotd.mapping.poses import Floats, wrap
 from chefbotd.mapping.surfaces import Singles

@@ -7,6 +7,7 @@ import numpy as np
 
 from chefbotd.core.record import Record, replace
 from chefbotd.localization import global_search
+from chefbotd.localization.branch_and_bound import Pyramid, pyramid
 from chefbotd.localization.global_search import GlobalSearch
 from chefbotd.localization.hypotheses import (
     MOVING_FIT,
@@ -18,8 +19,7 @@ from chefbotd.localization.hypotheses import (
     moved,
     sure,
 )
-from chefbotd.localization.pyramid import Pyramid, pyramid
-from chefbotd.localization.states import Event
+from chefbotd.localization.states import PoseEvent
 from chefbotd.localization.surface_map import SurfaceMap, surface_map
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.poses import Floats, between
@@ -113,7 +113,7 @@ def looked(within: LocalizationMap, searching: Searching, odometry: Floats, scan
 class SearchResult(Record, frozen=True):
     """What a search says: ``found`` (at which place), ``not_found``, or ``search_started`` if it has to begin again."""
 
-    event: Event | None
+    event: PoseEvent | None
     place: Hypothesis | None = None
 
 
@@ -122,14 +122,14 @@ def result(searching: Searching, odometry: Floats, stamp_s: float) -> SearchResu
     candidates = searching.candidates
     best = sure(candidates, is_complete=searching.is_complete)
     if best is not None:
-        return SearchResult(Event.FOUND, best)
+        return SearchResult(PoseEvent.FOUND, best)
     if searching.search is not None:
         return SearchResult(None)
     badly = not candidates or candidates[0].fit < MOVING_FIT
     if badly and (not candidates or stamp_s - searching.began_s >= SETTLE_S):
-        return SearchResult(Event.NOT_FOUND)
+        return SearchResult(PoseEvent.NOT_FOUND)
     if (badly or not searching.is_complete) and has_moved_on(searching, odometry):
-        return SearchResult(Event.SEARCH_STARTED)
+        return SearchResult(PoseEvent.SEARCH_STARTED)
     return SearchResult(None)
 
 

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from enum import StrEnum
 
 
-class State(StrEnum):
+class PoseState(StrEnum):
     """``unknown``: nothing looked at yet. ``searching``: looking everywhere, or telling look-alike places apart.
 
     ``localized``: the scans fit. ``uncertain``: they do not fit just now, or a pose was given and is not confirmed yet.
@@ -18,7 +18,7 @@ class State(StrEnum):
     LOST = "lost"
 
 
-class Event(StrEnum):
+class PoseEvent(StrEnum):
     """What happens to localization.
 
     ``pose_given``: by a person, or kept from before a restart. ``found``: a search leaves one place only.
@@ -34,43 +34,43 @@ class Event(StrEnum):
     GIVEN_UP = "given_up"
 
 
-NEXT: Mapping[tuple[State, Event], State] = {
-    (State.UNKNOWN, Event.POSE_GIVEN): State.UNCERTAIN,
-    (State.UNKNOWN, Event.SEARCH_STARTED): State.SEARCHING,
-    (State.UNKNOWN, Event.FOUND): State.UNKNOWN,
-    (State.UNKNOWN, Event.NOT_FOUND): State.UNKNOWN,
-    (State.UNKNOWN, Event.FITS): State.UNKNOWN,
-    (State.UNKNOWN, Event.MISFITS): State.UNKNOWN,
-    (State.UNKNOWN, Event.GIVEN_UP): State.UNKNOWN,
-    (State.SEARCHING, Event.POSE_GIVEN): State.UNCERTAIN,
-    (State.SEARCHING, Event.SEARCH_STARTED): State.SEARCHING,
-    (State.SEARCHING, Event.FOUND): State.LOCALIZED,
-    (State.SEARCHING, Event.NOT_FOUND): State.LOST,
-    (State.SEARCHING, Event.FITS): State.SEARCHING,
-    (State.SEARCHING, Event.MISFITS): State.SEARCHING,
-    (State.SEARCHING, Event.GIVEN_UP): State.SEARCHING,
-    (State.LOCALIZED, Event.POSE_GIVEN): State.UNCERTAIN,
-    (State.LOCALIZED, Event.SEARCH_STARTED): State.SEARCHING,
-    (State.LOCALIZED, Event.FOUND): State.LOCALIZED,
-    (State.LOCALIZED, Event.NOT_FOUND): State.LOCALIZED,
-    (State.LOCALIZED, Event.FITS): State.LOCALIZED,
-    (State.LOCALIZED, Event.MISFITS): State.UNCERTAIN,
-    (State.LOCALIZED, Event.GIVEN_UP): State.LOST,
-    (State.UNCERTAIN, Event.POSE_GIVEN): State.UNCERTAIN,
-    (State.UNCERTAIN, Event.SEARCH_STARTED): State.SEARCHING,
-    (State.UNCERTAIN, Event.FOUND): State.UNCERTAIN,
-    (State.UNCERTAIN, Event.NOT_FOUND): State.UNCERTAIN,
-    (State.UNCERTAIN, Event.FITS): State.LOCALIZED,
-    (State.UNCERTAIN, Event.MISFITS): State.UNCERTAIN,
-    (State.UNCERTAIN, Event.GIVEN_UP): State.LOST,
-    (State.LOST, Event.POSE_GIVEN): State.UNCERTAIN,
-    (State.LOST, Event.SEARCH_STARTED): State.SEARCHING,
-    (State.LOST, Event.FOUND): State.LOST,
-    (State.LOST, Event.NOT_FOUND): State.LOST,
-    (State.LOST, Event.FITS): State.LOST,
-    (State.LOST, Event.MISFITS): State.LOST,
-    (State.LOST, Event.GIVEN_UP): State.LOST,
+NEXT: Mapping[tuple[PoseState, PoseEvent], PoseState] = {
+    (PoseState.UNKNOWN, PoseEvent.POSE_GIVEN): PoseState.UNCERTAIN,
+    (PoseState.UNKNOWN, PoseEvent.SEARCH_STARTED): PoseState.SEARCHING,
+    (PoseState.UNKNOWN, PoseEvent.FOUND): PoseState.UNKNOWN,
+    (PoseState.UNKNOWN, PoseEvent.NOT_FOUND): PoseState.UNKNOWN,
+    (PoseState.UNKNOWN, PoseEvent.FITS): PoseState.UNKNOWN,
+    (PoseState.UNKNOWN, PoseEvent.MISFITS): PoseState.UNKNOWN,
+    (PoseState.UNKNOWN, PoseEvent.GIVEN_UP): PoseState.UNKNOWN,
+    (PoseState.SEARCHING, PoseEvent.POSE_GIVEN): PoseState.UNCERTAIN,
+    (PoseState.SEARCHING, PoseEvent.SEARCH_STARTED): PoseState.SEARCHING,
+    (PoseState.SEARCHING, PoseEvent.FOUND): PoseState.LOCALIZED,
+    (PoseState.SEARCHING, PoseEvent.NOT_FOUND): PoseState.LOST,
+    (PoseState.SEARCHING, PoseEvent.FITS): PoseState.SEARCHING,
+    (PoseState.SEARCHING, PoseEvent.MISFITS): PoseState.SEARCHING,
+    (PoseState.SEARCHING, PoseEvent.GIVEN_UP): PoseState.SEARCHING,
+    (PoseState.LOCALIZED, PoseEvent.POSE_GIVEN): PoseState.UNCERTAIN,
+    (PoseState.LOCALIZED, PoseEvent.SEARCH_STARTED): PoseState.SEARCHING,
+    (PoseState.LOCALIZED, PoseEvent.FOUND): PoseState.LOCALIZED,
+    (PoseState.LOCALIZED, PoseEvent.NOT_FOUND): PoseState.LOCALIZED,
+    (PoseState.LOCALIZED, PoseEvent.FITS): PoseState.LOCALIZED,
+    (PoseState.LOCALIZED, PoseEvent.MISFITS): PoseState.UNCERTAIN,
+    (PoseState.LOCALIZED, PoseEvent.GIVEN_UP): PoseState.LOST,
+    (PoseState.UNCERTAIN, PoseEvent.POSE_GIVEN): PoseState.UNCERTAIN,
+    (PoseState.UNCERTAIN, PoseEvent.SEARCH_STARTED): PoseState.SEARCHING,
+    (PoseState.UNCERTAIN, PoseEvent.FOUND): PoseState.UNCERTAIN,
+    (PoseState.UNCERTAIN, PoseEvent.NOT_FOUND): PoseState.UNCERTAIN,
+    (PoseState.UNCERTAIN, PoseEvent.FITS): PoseState.LOCALIZED,
+    (PoseState.UNCERTAIN, PoseEvent.MISFITS): PoseState.UNCERTAIN,
+    (PoseState.UNCERTAIN, PoseEvent.GIVEN_UP): PoseState.LOST,
+    (PoseState.LOST, PoseEvent.POSE_GIVEN): PoseState.UNCERTAIN,
+    (PoseState.LOST, PoseEvent.SEARCH_STARTED): PoseState.SEARCHING,
+    (PoseState.LOST, PoseEvent.FOUND): PoseState.LOST,
+    (PoseState.LOST, PoseEvent.NOT_FOUND): PoseState.LOST,
+    (PoseState.LOST, PoseEvent.FITS): PoseState.LOST,
+    (PoseState.LOST, PoseEvent.MISFITS): PoseState.LOST,
+    (PoseState.LOST, PoseEvent.GIVEN_UP): PoseState.LOST,
 }
 
-HAS_POSE = frozenset({State.LOCALIZED, State.UNCERTAIN})
+HAS_POSE = frozenset({PoseState.LOCALIZED, PoseState.UNCERTAIN})
 """The states in which there is one pose that is tracked."""

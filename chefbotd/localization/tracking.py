@@ -73,7 +73,7 @@ class Estimate(Record, frozen=True):
     covariance: Floats
 
 
-class Tracked(Record, frozen=True):
+class TrackedPose(Record, frozen=True):
     """Where the robot is and how the scan agrees there; ``moved`` tells a pose found away from the prediction.
 
     ``matched`` is whether the scan was used. If it was not, the estimate is the prediction.
@@ -125,7 +125,7 @@ def tracked(
     usual_fit: float = 1.0,
     *,
     may_search: bool = True,
-) -> Tracked:
+) -> TrackedPose:
     """The scan matched against the map about the prediction; ``may_search`` allows a look further around."""
     track = _near(grids, expected, scan)
     at_least = max(usual_fit - SUSPICIOUS_DROP, LEAST_FIT)
@@ -135,11 +135,11 @@ def tracked(
                 track = elsewhere
                 break
     if track.agreement.fit < LEAST_FIT or track.agreement.overlap < MIN_OVERLAP:
-        return Tracked(expected, track.agreement, matched=False)
+        return TrackedPose(expected, track.agreement, matched=False)
     return track
 
 
-def _near(grids: LocalMap, expected: Estimate, scan: Scan) -> Tracked:
+def _near(grids: LocalMap, expected: Estimate, scan: Scan) -> TrackedPose:
     sigma_m, sigma_rad = sigmas(expected.covariance)
     if sigma_m > POLISH_WITHIN_M or sigma_rad > POLISH_WITHIN_RAD:
         track = _in_window(grids, expected, scan)
@@ -155,7 +155,7 @@ def sigmas(covariance: Floats) -> tuple[float, float]:
     return math.sqrt(max(largest, 0.0)), math.sqrt(max(float(covariance[2, 2]), 0.0))
 
 
-def _in_window(grids: LocalMap, expected: Estimate, scan: Scan) -> Tracked | None:
+def _in_window(grids: LocalMap, expected: Estimate, scan: Scan) -> TrackedPose | None:
     """Search three sigmas of the prediction."""
     sigma_m, sigma_rad = sigmas(expected.covariance)
     half_m, half_rad = max(3 * sigma_m, LEAST_WINDOW_M), max(3 * sigma_rad, LEAST_WINDOW_RAD)
@@ -169,7 +169,7 @@ def _in_window(grids: LocalMap, expected: Estimate, scan: Scan) -> Tracked | Non
     return None if match is None else _polished(grids, expected, match.pose, scan)
 
 
-def _around(grids: LocalMap, expected: Estimate, scan: Scan) -> Tracked | None:
+def _around(grids: LocalMap, expected: Estimate, scan: Scan) -> TrackedPose | None:
     """Search a metre around, whatever the odometry says: the wheels slipped, or somebody pushed the robot."""
     window = Window(WHEEL_SLIP_WINDOW_M, WHEEL_SLIP_WINDOW_RAD)
     match = search(grids, scan.points, expected.pose, window, above=CAPTURE)
@@ -182,11 +182,11 @@ def _around(grids: LocalMap, expected: Estimate, scan: Scan) -> Tracked | None:
     return replace(track, moved=True) if sound else None
 
 
-def _polished(grids: LocalMap, expected: Estimate, begin: Floats, scan: Scan) -> Tracked:
+def _polished(grids: LocalMap, expected: Estimate, begin: Floats, scan: Scan) -> TrackedPose:
     information = inverted(expected.covariance + 1e-8 * np.eye(3))
     fit = polish(grids, scan.points, scan.facing, begin, Prior(expected.pose, information), LASER_NOISE_M)
     estimate = fused(expected, fit, information)
-    return Tracked(estimate, agreement(grids, estimate.pose, scan), matched=True)
+    return TrackedPose(estimate, agreement(grids, estimate.pose, scan), matched=True)
 
 
 def fused(expected: Estimate, fit: Fit, information: Floats) -> Estimate:

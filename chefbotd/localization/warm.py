@@ -4,9 +4,10 @@ import numpy as np
 
 from chefbotd.core.compiled import release_libraries
 from chefbotd.core.geometry import Pose2D
-from chefbotd.localization.localizer import Localization, Odometry, advanced, localize, set_pose, step
+from chefbotd.localization.localizer import advanced, step
 from chefbotd.localization.searching import localization_map
-from chefbotd.localization.states import State
+from chefbotd.localization.state import Localization, Odometry, localize, set_pose
+from chefbotd.localization.states import PoseState
 from chefbotd.mapping.correlate import Window, search
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.state import Scan
@@ -30,6 +31,6 @@ def warm() -> None:
         now, _ = step(within, now, 0.1 * k, odometry, scan)
         now = advanced(within, now)
     search(within.surfaces.grids, points, np.zeros(3), Window(1.0, 0.1))
-    tracking = Localization(state=State.UNCERTAIN)
+    tracking = Localization(state=PoseState.UNCERTAIN)
     step(within, set_pose(tracking, np.zeros(3)), 0.0, odometry, scan)
     release_libraries()

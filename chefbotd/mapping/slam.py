@@ -25,10 +25,9 @@ from chefbotd.mapping.graph import (
 from chefbotd.mapping.local_map import empty, inserted
 from chefbotd.mapping.loops import begun, believed, is_due, searched
 from chefbotd.mapping.parameters import SlamParameters, SubmapParameters
-from chefbotd.mapping.parts import apart, joined
 from chefbotd.mapping.poses import Floats, between, compose, turned
-from chefbotd.mapping.state import Active, Candidate, Nodes, Scan, SlamMode, SlamState, Submap
-from chefbotd.mapping.tracking import Tracked, tracked
+from chefbotd.mapping.state import Active, Candidate, Nodes, Scan, SlamMode, SlamState, Submap, apart, joined
+from chefbotd.mapping.tracking import ScanMatch, tracked
 
 TURN_M_PER_RAD = 0.5
 """What a turn counts for as travel."""
@@ -48,7 +47,7 @@ FARTHEST_M = 100.0
 """No lidar that we know sees further, and the grids grow with what is inserted."""
 
 
-class Report(Record, frozen=True):
+class SlamReport(Record, frozen=True):
     """What a step found: where the robot is in the map, how surely, and how well the scan fits (0 to 1).
 
     ``overlap`` is how much of the scan lay on known ground. ``node`` is the number of the last kept scan, and
@@ -79,7 +78,7 @@ class _Kept(Record, frozen=True):
 
 def step(
     params: SlamParameters, state: SlamState, stamp_s: float, odometry: Floats, scan: Scan
-) -> tuple[SlamState, Report]:
+) -> tuple[SlamState, SlamReport]:
     """Take in a scan; ``odometry`` is the pose of the robot in any frame that does not jump. Uses up ``state``.
 
     Raises:
@@ -142,8 +141,8 @@ def _is_keyframe(params: SubmapParameters, state: SlamState) -> bool:
 
 
 def _misfit(
-    params: SlamParameters, state: SlamState, stamp_s: float, odometry: Floats, scan: Scan, track: Tracked
-) -> tuple[SlamState, Report]:
+    params: SlamParameters, state: SlamState, stamp_s: float, odometry: Floats, scan: Scan, track: ScanMatch
+) -> tuple[SlamState, SlamReport]:
     """The scan contradicts the map: go by odometry and add nothing; after some of these, begin a part of its own."""
     moved = between(state.odometry, odometry)
     mode = SlamMode.LOST if state.part else SlamMode.UNCERTAIN
@@ -164,7 +163,7 @@ def _misfit(
 
 
 def _with_node(
-    params: SubmapParameters, state: SlamState, stamp_s: float, scan: Scan, track: Tracked | None
+    params: SubmapParameters, state: SlamState, stamp_s: float, scan: Scan, track: ScanMatch | None
 ) -> SlamState:
     """Keep the scan: a node, edges to the node before and to the submap's anchor, and its place in the grids."""
     nodes, node = state.nodes, len(state.nodes)
@@ -258,11 +257,11 @@ def solved(state: SlamState, scale: float = SCALE) -> SlamState:
     return replace(state, nodes=nodes, edges=edges, candidates=(), unsolved=0, built=(), searching=None)
 
 
-def _report(state: SlamState, track: Tracked | None, result: _Kept, *, kept: bool) -> Report:
+def _report(state: SlamState, track: ScanMatch | None, result: _Kept, *, kept: bool) -> SlamReport:
     from_node = between(state.nodes.local[-1], state.local_pose)
     map_pose = compose(state.nodes.map[-1], from_node)
     turn_rad = float(map_pose[2] - state.local_pose[2])
-    return Report(
+    return SlamReport(
         mode=SlamMode.SEARCHING if state.mode is SlamMode.LOST and state.searching else state.mode,
         map_pose=map_pose,
         covariance=turned(track.covariance, turn_rad) if track else np.zeros((3, 3)),

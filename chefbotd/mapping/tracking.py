@@ -22,7 +22,7 @@ CAPTURE = 0.3
 """A match that scores less is none."""
 
 
-class Tracked(Record, frozen=True):
+class ScanMatch(Record, frozen=True):
     """The pose in the local frame with its covariance, and how the scan fits there.
 
     ``fits`` is whether it may be believed; ``slipped`` whether it lies where the odometry did not expect it.
@@ -41,7 +41,7 @@ def tracked(
     moved: Floats,
     scan: Scan,
     usual_fit: float = 1.0,
-) -> Tracked:
+) -> ScanMatch:
     """The robot's pose: it was at ``last`` in the map's frame, and has moved by ``moved`` says the odometry.
 
     A fit that is clearly worse than the usual one has the scan searched further around: the wheels may have slipped.
@@ -62,13 +62,13 @@ def tracked(
     fit = polish(grids, scan.points, scan.facing, begin, Prior(guess, information), params.laser_noise_m)
     covariance = inverted(fit.information + information)
     if fit.overlap < params.min_overlap:
-        return Tracked(fit, covariance, fits=fit.contradictions <= fit.inliers)
+        return ScanMatch(fit, covariance, fits=fit.contradictions <= fit.inliers)
     if fit.share < max(usual_fit - params.suspicious_drop, params.fits_share):
         elsewhere = _slipped(params, grids, (last, guess), scan)
         if elsewhere is not None and elsewhere.fit.share >= fit.share + params.better_share:
             return elsewhere
     fits = fit.share >= params.fits_share
-    return Tracked(fit, covariance, fits, slipped=fits and _is_off(fit.pose, guess, sigma_m, sigma_rad))
+    return ScanMatch(fit, covariance, fits, slipped=fits and _is_off(fit.pose, guess, sigma_m, sigma_rad))
 
 
 def _is_off(pose: Floats, guess: Floats, sigma_m: float, sigma_rad: float) -> bool:
@@ -87,19 +87,19 @@ def odometry_sigmas(params: MatchingParameters, moved: Floats) -> tuple[float, f
     )
 
 
-def _jumped(params: MatchingParameters, grids: LocalMap, last: Floats, scan: Scan) -> Tracked:
+def _jumped(params: MatchingParameters, grids: LocalMap, last: Floats, scan: Scan) -> ScanMatch:
     """The odometry is not to be believed: look where the robot was."""
     track = _slipped(params, grids, (last,), scan)
     if track is not None:
         return track
     prior = Prior(last, np.eye(3))
     fit = polish(grids, scan.points, scan.facing, last, prior, params.laser_noise_m)
-    return Tracked(fit, inverted(fit.information + prior.information), fits=False)
+    return ScanMatch(fit, inverted(fit.information + prior.information), fits=False)
 
 
 def _slipped(
     params: MatchingParameters, grids: LocalMap, guesses: tuple[Floats, ...], scan: Scan
-) -> Tracked | None:
+) -> ScanMatch | None:
     """Look further around, without the odometry: where the robot was, too, since wheels that slip get nowhere."""
     window = Window(params.wheel_slip_window_m, params.wheel_slip_window_rad)
     score, match = CAPTURE, None
@@ -113,4 +113,4 @@ def _slipped(
     fit = polish(grids, scan.points, scan.facing, match.pose, prior, params.laser_noise_m)
     if fit.share < params.wheel_slip_share or fit.overlap < 2 * params.min_overlap:
         return None
-    return Tracked(fit, inverted(fit.information + prior.information), fits=True, slipped=True)
+    return ScanMatch(fit, inverted(fit.information + prior.information), fits=True, slipped=True)

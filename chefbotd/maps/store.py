@@ -20,8 +20,20 @@ from chefbotd.maps import disk as disks
 from chefbotd.maps.disk import Content, Disk, MapStoreError, refusing_os_errors
 from chefbotd.maps.manifest import Extent, Manifest
 from chefbotd.maps.names import map_name
-from chefbotd.maps.published import edited, keep_edited, publish, unpublish
-from chefbotd.maps.versions import Version, add, clean, discard, latest, prune, require, versions
+from chefbotd.maps.versions import (
+    Version,
+    add,
+    clean,
+    discard,
+    edited,
+    keep_edited,
+    latest,
+    prune,
+    publish,
+    require,
+    unpublish,
+    versions,
+)
 
 SUFFIX = ".map"
 AUTOSAVE = ".autosave"

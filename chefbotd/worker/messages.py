@@ -43,7 +43,7 @@ class Measured(Message, frozen=True, tag="measured"):
     body: bytes
 
 
-class Request(Message, frozen=True, tag="request"):
+class SkillRequest(Message, frozen=True, tag="request"):
     """Something for a skill to do. It must answer, or report progress, within ``deadline_s``."""
 
     id: int
@@ -91,7 +91,7 @@ class Answer(Message, frozen=True, tag="answer"):
     body: bytes
 
 
-class Progress(Message, frozen=True, tag="progress"):
+class RequestProgress(Message, frozen=True, tag="progress"):
     """How far a request is, in its own unit."""
 
     id: int
@@ -116,8 +116,8 @@ class SkillEvent(Message, frozen=True, tag="told"):
     kind: str = ""
 
 
-ToWorker: TypeAlias = Configure | Measured | Request | Cancel
-FromWorker: TypeAlias = Warming | Ready | Unavailable | Alive | Answer | Progress | Failed | SkillEvent
+ToWorker: TypeAlias = Configure | Measured | SkillRequest | Cancel
+FromWorker: TypeAlias = Warming | Ready | Unavailable | Alive | Answer | RequestProgress | Failed | SkillEvent
 
 Measurement: TypeAlias = ScanMeasured | OdometryUpdated | RangeMeasured
 

@@ -51,7 +51,7 @@ NOBODY: Final = 0
 
 A = TypeVar("A")
 S = TypeVar("S", bound=msgspec.Struct)
-OfSkill = messages.SkillEvent | messages.Answer | messages.Failed | messages.Progress
+OfSkill = messages.SkillEvent | messages.Answer | messages.Failed | messages.RequestProgress
 
 
 class WorkerStatus(Record, frozen=True):
@@ -125,7 +125,9 @@ class Worker:
     def tell(self, skill: str, body: msgspec.Struct) -> None:
         """Have a skill do something whose answer nobody needs, if the worker is there; never waits."""
         if self._channel is not None and self.is_ready:
-            self._channel.send(messages.Request(NOBODY, skill, self._parameters.step_timeout_s, packed(body)))
+            self._channel.send(
+                messages.SkillRequest(NOBODY, skill, self._parameters.step_timeout_s, packed(body))
+            )
 
     async def request(
         self,
@@ -149,7 +151,7 @@ class Worker:
         if self._channel is None or not self.is_ready:
             raise WorkerLost(f"the worker is {self.status.state}{_because(self.status.reason)}")
         number, future = self._requests.open(deadline_s, on_progress)
-        self._channel.send(messages.Request(number, skill, deadline_s, packed(body)))
+        self._channel.send(messages.SkillRequest(number, skill, deadline_s, packed(body)))
         try:
             return msgspec.msgpack.decode(await asyncio.shield(future), type=answer)
         except asyncio.CancelledError:
@@ -281,7 +283,7 @@ class Worker:
         match message:
             case messages.Alive():
                 self._vitals = replace(self._vitals, busy_s=message.busy_s, doing=message.doing)
-            case messages.SkillEvent() | messages.Answer() | messages.Failed() | messages.Progress():
+            case messages.SkillEvent() | messages.Answer() | messages.Failed() | messages.RequestProgress():
                 with self._clock.entry(partial(_said, message)):
                     self.take_of_skill(message)
             case messages.Warming():

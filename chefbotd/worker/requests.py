@@ -7,7 +7,7 @@ from msgspec import Struct
 
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.worker.messages import Answer, Failed, Progress
+from chefbotd.worker.messages import Answer, Failed, RequestProgress
 
 OnProgress = Callable[[float, float, str], None]
 
@@ -50,12 +50,12 @@ class Requests:
         """Nobody waits for this one any more."""
         self._pending.pop(number, None)
 
-    def take_message(self, message: Answer | Failed | Progress) -> None:
+    def take_message(self, message: Answer | Failed | RequestProgress) -> None:
         """Give an answer to whoever waits for it; a report of progress also allows more time."""
         pending = self._pending.get(message.id)
         if pending is None:
             return
-        if isinstance(message, Progress):
+        if isinstance(message, RequestProgress):
             pending.due_s = self._clock.now_s() + pending.deadline_s
             if pending.on_progress is not None:
                 pending.on_progress(message.done, message.total, message.text)

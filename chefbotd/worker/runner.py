@@ -57,7 +57,7 @@ STEP_S: Final = 0.05
 
 
 class _Running(Record, frozen=True):
-    request: messages.Request
+    request: messages.SkillRequest
     job: Job
 
 
@@ -85,7 +85,7 @@ class Runner:
         match message:
             case messages.Measured():
                 yield from self._take_measurement(messages.event_in(message))
-            case messages.Request():
+            case messages.SkillRequest():
                 yield from self._begin(message)
             case messages.Cancel():
                 yield from self._cancel(message.id)
@@ -144,7 +144,7 @@ class Runner:
             self._renew(message)
         yield messages.Ready()
 
-    def _begin(self, request: messages.Request) -> Iterator[FromWorker]:
+    def _begin(self, request: messages.SkillRequest) -> Iterator[FromWorker]:
         skill = self._skills.get(request.skill)
         if skill is None:
             reason = f"the worker has no skill {request.skill!r}"
@@ -175,7 +175,7 @@ class Runner:
             self._jobs.remove(running)
             yield messages.Failed(request.id, refusal.kind, str(refusal))
         else:
-            yield messages.Progress(request.id, done.done, done.total, done.text)
+            yield messages.RequestProgress(request.id, done.done, done.total, done.text)
         finally:
             self.doing = None
 

@@ -16,7 +16,16 @@ from chefbotd.core.geometry import CERTAIN, STANDING, Pose2D, Twist2D
 from chefbotd.features.driving.obstacle_guard import ObstacleGuard
 from chefbotd.safety.guard import GuardParameters
 from chefbotd.worker import runner
-from chefbotd.worker.messages import Answer, Configure, Failed, Ready, Request, SkillEvent, measured, packed
+from chefbotd.worker.messages import (
+    Answer,
+    Configure,
+    Failed,
+    Ready,
+    SkillEvent,
+    SkillRequest,
+    measured,
+    packed,
+)
 
 DOCS = Path(__file__).parents[2] / "docs"
 pytestmark = pytest.mark.skipif(
@@ -78,7 +87,7 @@ def test_the_skill_of_the_page_runs_in_a_worker(monkeypatch: pytest.MonkeyPatch)
     worker = runner.Runner(ManualClock(0.0))
     *_, ready = worker.take_message(Configure({"distance": b"{}"}))
     assert ready == Ready()
-    (refused,) = worker.take_message(Request(1, "distance", 5.0, packed(page.StartOver())))
+    (refused,) = worker.take_message(SkillRequest(1, "distance", 5.0, packed(page.StartOver())))
     assert isinstance(refused, Failed)
     assert refused.message == "there is no odometry yet"
     told: list[SkillEvent] = []
@@ -91,7 +100,7 @@ def test_the_skill_of_the_page_runs_in_a_worker(monkeypatch: pytest.MonkeyPatch)
         (0.3, pytest.approx(0.6)),
     ]
     assert {each.kind for each in told} == {"DistanceDriven"}
-    (answer,) = worker.take_message(Request(2, "distance", 5.0, packed(page.StartOver())))
+    (answer,) = worker.take_message(SkillRequest(2, "distance", 5.0, packed(page.StartOver())))
     assert answer == Answer(2, packed(page.DistanceDriven(0.3, 0.0)))
 
 

@@ -31,8 +31,8 @@ from chefbotd.worker.skills.mapping_requests import (
     Finish,
     GetGrid,
     GetStatus,
-    Pause,
-    Resume,
+    PauseMapping,
+    ResumeMapping,
     Start,
 )
 
@@ -98,7 +98,7 @@ class MappingService:
         self, caller: Caller, params: NoParams, progress: ProgressReporter
     ) -> MappingData:
         """Pause mapping until start_mapping is sent."""
-        return await self._ask(Pause(), SHORT_S)
+        return await self._ask(PauseMapping(), SHORT_S)
 
     @method(role=Role.DRIVE, moves=False)
     async def finish_mapping(
@@ -151,7 +151,7 @@ class MappingService:
         status = self._status
         begun = status.keyframes > 0 or status.name is not None
         paused = status.state == "paused"
-        request = Resume(paused, status.name) if begun else Start(paused=paused)
+        request = ResumeMapping(paused, status.name) if begun else Start(paused=paused)
         try:
             await self._ask(request, LONG_S)
             log.info("mapping continues after a restart of the worker", state=self._status.state)
@@ -161,7 +161,7 @@ class MappingService:
                 self._publish(MappingChanged(stamp_s=self._clock.now_s(), reason=str(problem)))
 
     async def _ask(
-        self, request: Start | Resume | Pause | Discard | GetStatus, deadline_s: float
+        self, request: Start | ResumeMapping | PauseMapping | Discard | GetStatus, deadline_s: float
     ) -> MappingData:
         status = await self._worker.request(SKILL, request, MappingChanged, deadline_s=deadline_s)
         self._publish(status)

@@ -1,4 +1,4 @@
-"""Sends the worker every scan, range and odometry, the last in a frame that never jumps."""
+"""Sends the worker every scan, range and odometry, the last in a frame that never jumps; the topic ``worker``."""
 
 from collections.abc import Mapping
 
@@ -9,16 +9,18 @@ from chefbotd.clock import Clock
 from chefbotd.core.events import OdometryReset, OdometryUpdated, RangeMeasured, RangeStatus
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.mapping import MapPoseUpdated
-from chefbotd.core.events.robot import WorkerReported
+from chefbotd.core.events.robot import WorkerData, WorkerReported
 from chefbotd.core.geometry import ORIGIN, Pose2D
 from chefbotd.core.record import Record, replace
 from chefbotd.entries import entries_of
 from chefbotd.features.feature import Feature, Service
-from chefbotd.features.worker.models import TOPICS
 from chefbotd.metrics import Metrics
+from chefbotd.rpc.topics import Topic, same_names
 from chefbotd.worker.parameters import WorkerParameters
 from chefbotd.worker.process import Worker, WorkerStatus
 from chefbotd.worker.spawn import Spawn, spawn
+
+TOPICS = (Topic("worker", (WorkerReported,), WorkerData, same_names(WorkerData), always_known=True),)
 
 
 class WorkerServiceState(Record, frozen=True):

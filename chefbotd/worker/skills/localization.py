@@ -11,20 +11,12 @@ from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.mapping import Alternative, LocalizationChanged
 from chefbotd.core.events.robot import OdometryUpdated
 from chefbotd.core.record import replace
-from chefbotd.localization.localizer import (
-    Localization,
-    Odometry,
-    Report,
-    advanced,
-    localize,
-    set_pose,
-    step,
-)
+from chefbotd.localization.branch_and_bound import pyramid
+from chefbotd.localization.localizer import LocalizationReport, advanced, step
 from chefbotd.localization.mount_check import MountCheck, checked, mount_problem
-from chefbotd.localization.pyramid import pyramid
-from chefbotd.localization.saved import SavedPose
 from chefbotd.localization.searching import LocalizationMap
-from chefbotd.localization.states import HAS_POSE, State
+from chefbotd.localization.state import Localization, Odometry, localize, set_pose
+from chefbotd.localization.states import HAS_POSE, PoseState
 from chefbotd.localization.surface_map import surface_map
 from chefbotd.localization.warm import warm
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
@@ -32,11 +24,10 @@ from chefbotd.mapping.poses import Floats, compose
 from chefbotd.maps.contents import read_grid
 from chefbotd.maps.store import MapStore
 from chefbotd.worker.skills import localization_requests as requests
-from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner, pose_of, pose_updated
+from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner, Silence, pose_of, pose_updated
 from chefbotd.worker.skills.localization_requests import POSE_FILE, LocalizationSkillParameters
-from chefbotd.worker.skills.pose_file import PoseFile, PoseOnDisk, require_on_map
-from chefbotd.worker.skills.silence import Silence
-from chefbotd.worker.skills.skill import Done, Job, Struct
+from chefbotd.worker.skills.pose_file import PoseFile, PoseOnDisk, SavedPose, require_on_map
+from chefbotd.worker.skills.skill import Job, JobProgress, Struct
 
 if TYPE_CHECKING:  # it would load asyncio, 7 MB
     from chefbotd.clock import Clock
@@ -77,7 +68,7 @@ class LocalizationSkill:
         self._kept: Floats | None = None
         self._keep_at_s = float("-inf")
         self.grid: OccupancyGrid | None = None
-        self.report: Report | None = None
+        self.report: LocalizationReport | None = None
         self.seen: AlignedScan | None = None
 
     @property
@@ -157,7 +148,12 @@ class LocalizationSkill:
     def _keep(self) -> None:
         """Keep the pose, if there is one that may be believed, and another than was kept last."""
         estimate = self._now.estimate
-        if self._map is None or self._now.state is not State.LOCALIZED or estimate is None or self.problem:
+        if (
+            self._map is None
+            or self._now.state is not PoseState.LOCALIZED
+            or estimate is None
+            or self.problem
+        ):
             return
         pose = estimate.pose
         if self._kept is not None:
@@ -202,11 +198,11 @@ class LocalizationSkill:
             self._map, self._kept = (name, version), None
             return self._standing()
         try:
-            yield Done(0.0, 3.0, "reading the map")
+            yield JobProgress(0.0, 3.0, "reading the map")
             grid = self._read_map(name)
-            yield Done(1.0, 3.0, "finding its walls")
+            yield JobProgress(1.0, 3.0, "finding its walls")
             surfaces = surface_map(grid)
-            yield Done(2.0, 3.0, "preparing the search")
+            yield JobProgress(2.0, 3.0, "preparing the search")
             within = LocalizationMap(surfaces, pyramid(surfaces))
         except (ValueError, Refused) as problem:
             self._keep()
@@ -243,7 +239,7 @@ class LocalizationSkill:
 
     # what is told
 
-    def _located(self, report: Report) -> Iterator[Struct]:
+    def _located(self, report: LocalizationReport) -> Iterator[Struct]:
         """How it stands with a scan, and the pose, where there is one, which follows the estimate smoothly."""
         odometry, estimate = self._now.odometry, report.map_from_base
         alternatives = tuple(Alternative(pose_of(one.estimate.pose), one.fit) for one in report.alternatives)
@@ -260,11 +256,13 @@ class LocalizationSkill:
         pose, state = compose(report.map_from_odom, odometry.pose), self._state_told(report.state)
         yield pose_updated(report.stamp_s, pose, odometry.pose, estimate.covariance, report.fit, state)
 
-    def _state_told(self, state: State) -> str:
+    def _state_told(self, state: PoseState) -> str:
         """Without scans nobody is sure of a pose, and with a lidar that is turned nobody has one."""
         if self.problem:
-            return str(State.LOST)
-        return str(State.UNCERTAIN if self._silence.leaves_nothing and state is State.LOCALIZED else state)
+            return str(PoseState.LOST)
+        return str(
+            PoseState.UNCERTAIN if self._silence.leaves_nothing and state is PoseState.LOCALIZED else state
+        )
 
     def _reason_told(self) -> str:
         return "; ".join(filter(None, (self.problem, self._silence.problem, self._reason)))

@@ -1,10 +1,15 @@
-"""The map files that the skill ``mapping`` reads and writes."""
+"""The map files that the skill ``mapping`` reads and writes, and the states that it starts from."""
 
 from pathlib import Path
-from typing import Protocol
+from typing import Final, Protocol
 
+import numpy as np
+
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.record import Record
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
-from chefbotd.mapping.saved import Arrays
+from chefbotd.mapping.saved import Arrays, NotASavedState, restored, saved
+from chefbotd.mapping.state import SlamState, apart, start
 from chefbotd.maps import contents
 from chefbotd.maps.manifest import GRAPH
 from chefbotd.maps.store import MapStore
@@ -77,3 +82,76 @@ class StoredMaps:
     def discard_autosave(self) -> None:
         """Forget it."""
         self._store.discard_autosave()
+
+
+SESSION: Final = "daemon_session"
+"""Under this key an autosave says in which run of the daemon it was made: only there odometry has gone on."""
+
+UNREADABLE: Final = "there was an unfinished map, and nothing of it can be read"
+
+
+class StartState(Record, frozen=True):
+    """A state of SLAM, and what of it is lost (empty: nothing)."""
+
+    state: SlamState
+    warning: str = ""
+
+
+class StartStates:
+    """Reads them from ``files``; ``session`` is the daemon's run."""
+
+    def __init__(self, files: MapFiles, session: str) -> None:
+        self._files, self._session = files, session
+
+    def asked_for(self, name: str | None, *, unfinished: bool) -> StartState:
+        """The unfinished map, the saved map of this name, or an empty one.
+
+        Raises:
+            Refused: there is no such map, it cannot be read, or an unfinished one would be lost.
+        """
+        arrays = self._files.read_autosave()
+        if arrays is not None and not unfinished:
+            raise Refused(
+                RefusalKind.ALREADY_MAPPING,
+                "there is an unfinished map: go on with it, or discard it",
+            )
+        warning = self.warning(is_found=arrays is not None)
+        if unfinished and arrays is None:
+            if warning:
+                raise Refused(RefusalKind.MAP_UNREADABLE, warning)
+            raise Refused(RefusalKind.NOT_MAPPING, "there is no unfinished map")
+        if name is not None and not unfinished:
+            arrays = self._files.read_slam(name)
+            if arrays is None:
+                raise Refused(
+                    RefusalKind.MAP_UNREADABLE,
+                    f"the map {name!r} cannot be extended: it was not made by mapping, or its graph is missing",
+                )
+        return StartState(start() if arrays is None else self._continued(arrays), warning)
+
+    def unfinished(self) -> StartState | None:
+        """The unfinished map, if there is one; raises ``Refused`` where it makes no sense."""
+        arrays = self._files.read_autosave()
+        return None if arrays is None else StartState(self._continued(arrays), self.warning(is_found=True))
+
+    def warning(self, *, is_found: bool) -> str:
+        """What is lost of an unfinished map; ``is_found``: an older state of it is whole."""
+        damage = self._files.autosave_damage()
+        if not damage:
+            return ""
+        if is_found:
+            return f"the newest state of it is damaged ({damage}): an older one is used"
+        return f"{UNREADABLE} ({damage})"
+
+    def to_keep(self, state: SlamState) -> Arrays:
+        """An unfinished map as it is saved."""
+        return saved(state) | {SESSION: np.array(self._session)}
+
+    def _continued(self, arrays: Arrays) -> SlamState:
+        """A saved state; where odometry has not gone on since, the robot may be anywhere in it."""
+        same_run = SESSION in arrays and str(arrays[SESSION]) == self._session
+        try:
+            state = restored(arrays)
+        except NotASavedState as problem:
+            raise Refused(RefusalKind.MAP_UNREADABLE, f"this map cannot be extended: {problem}") from problem
+        return state if same_run or not len(state.nodes) else apart(state)

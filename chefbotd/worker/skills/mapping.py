@@ -14,6 +14,7 @@ from chefbotd.core.events.mapping import MappingChanged, MapPoseUpdated, MapSave
 from chefbotd.core.events.robot import OdometryUpdated
 from chefbotd.localization.mount_check import MountCheck, checked, mount_problem
 from chefbotd.mapping.finish import refining
+from chefbotd.mapping.live_map import MapUpdates, way_m
 from chefbotd.mapping.occupancy import occupancy
 from chefbotd.mapping.saved import saved
 from chefbotd.mapping.slam import step
@@ -21,13 +22,10 @@ from chefbotd.mapping.state import SlamMode, SlamState, start
 from chefbotd.mapping.warm import warm
 from chefbotd.maps.names import map_name
 from chefbotd.worker.skills import mapping_requests as requests
-from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner, pose_updated
-from chefbotd.worker.skills.beginnings import StartState, StartStates
-from chefbotd.worker.skills.map_files import MapFiles, StoredMaps
-from chefbotd.worker.skills.map_updates import MapUpdates, way_m
+from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner, Silence, pose_updated
+from chefbotd.worker.skills.map_files import MapFiles, StartState, StartStates, StoredMaps
 from chefbotd.worker.skills.mapping_requests import MappingSkillParameters
-from chefbotd.worker.skills.silence import Silence
-from chefbotd.worker.skills.skill import Done, Job, Struct
+from chefbotd.worker.skills.skill import Job, JobProgress, Struct
 
 if TYPE_CHECKING:  # it would load asyncio, 7 MB
     from chefbotd.clock import Clock
@@ -37,7 +35,7 @@ BUSY_SHARE: Final = 0.05
 """Telling and saving each take no more of the time than this; a large map is told and saved less often."""
 
 
-class Mode(StrEnum):
+class MappingMode(StrEnum):
     """What the skill does."""
 
     IDLE = "idle"
@@ -55,7 +53,7 @@ class MappingSkill:
         self._files = files or StoredMaps(self._parameters.folder, self._parameters.versions_kept)
         self._start_states = StartStates(self._files, self._parameters.session)
         self._aligner = ScanAligner(self._parameters.lidars)
-        self._mode, self._reason, self._warning = Mode.IDLE, "", ""
+        self._mode, self._reason, self._warning = MappingMode.IDLE, "", ""
         self._silence = Silence(self._parameters.lidars)
         self._name: str | None = None
         self._updates = MapUpdates(self._parameters.mapping.resolution_m)
@@ -81,7 +79,7 @@ class MappingSkill:
         """A turn of a lidar of which the map is made."""
         if scan.lidar in self._parameters.lidars:
             self._silence.scan_s[scan.lidar] = self._clock.now_s()
-            if self._mode is Mode.MAPPING:
+            if self._mode is MappingMode.MAPPING:
                 self._aligner.add_scan(scan)
         return self._map_what_is_aligned()
 
@@ -92,7 +90,7 @@ class MappingSkill:
         return self._map_what_is_aligned()
 
     def _map_what_is_aligned(self) -> Iterator[Struct]:
-        while self._mode is Mode.MAPPING:
+        while self._mode is MappingMode.MAPPING:
             aligned = self._aligner.next_aligned(self._clock.now_s())
             if aligned is None:
                 return
@@ -119,9 +117,9 @@ class MappingSkill:
     def step(self, now_s: float) -> Iterable[Struct]:
         """Map scans that odometry keeps waiting; tell what changed; save now and then."""
         yield from self._map_what_is_aligned()
-        if self._silence.has_changed(now_s, is_awaited=self._mode is Mode.MAPPING):
+        if self._silence.has_changed(now_s, is_awaited=self._mode is MappingMode.MAPPING):
             yield self._status()
-        if self._mode is not Mode.MAPPING:
+        if self._mode is not MappingMode.MAPPING:
             return
         if now_s >= self._tell_at_s and self._updates.number != self._state.next_number:
             yield from self._tell_changes(now_s)
@@ -150,7 +148,7 @@ class MappingSkill:
 
     def close(self) -> None:
         """The daemon ends: keep what it has of a map that is not finished."""
-        if self._mode is not Mode.IDLE and self._saved_number != self._state.next_number:
+        if self._mode is not MappingMode.IDLE and self._saved_number != self._state.next_number:
             list(self._autosaved(self._clock.now_s()))
 
     # what is asked
@@ -160,9 +158,9 @@ class MappingSkill:
         match requests.REQUEST.decode(body):
             case requests.Start() as request:
                 return self._start(request)
-            case requests.Resume() as request:
+            case requests.ResumeMapping() as request:
                 return self._resume(request)
-            case requests.Pause():
+            case requests.PauseMapping():
                 return self._pause()
             case requests.Finish() as request:
                 return self._finish(request.name)
@@ -174,25 +172,27 @@ class MappingSkill:
                 return self._whole_grid()
 
     def _start(self, request: requests.Start) -> MappingChanged:
-        if self._mode is Mode.PAUSED and request.name in (None, self._name) and not request.unfinished:
-            self._mode = Mode.MAPPING
+        if self._mode is MappingMode.PAUSED and request.name in (None, self._name) and not request.unfinished:
+            self._mode = MappingMode.MAPPING
             return self._status()
-        if self._mode is not Mode.IDLE:
+        if self._mode is not MappingMode.IDLE:
             reason = (
-                "the map is being finished" if self._mode is Mode.FINISHING else "a map is being made already"
+                "the map is being finished"
+                if self._mode is MappingMode.FINISHING
+                else "a map is being made already"
             )
             raise Refused(RefusalKind.ALREADY_MAPPING, reason)
         self._begin(self._start_states.asked_for(request.name, unfinished=request.unfinished), request.name)
-        self._mode = Mode.PAUSED if request.paused else Mode.MAPPING
+        self._mode = MappingMode.PAUSED if request.paused else MappingMode.MAPPING
         return self._status()
 
-    def _resume(self, request: requests.Resume) -> MappingChanged:
+    def _resume(self, request: requests.ResumeMapping) -> MappingChanged:
         beginning = self._start_states.unfinished()
         if beginning is None:
             self._reason = "the worker ended, and nothing was kept of the map that was being made"
             return self._status()
         self._begin(beginning, request.name)
-        self._mode = Mode.PAUSED if request.paused else Mode.MAPPING
+        self._mode = MappingMode.PAUSED if request.paused else MappingMode.MAPPING
         self._saved_number = self._state.next_number
         return self._status()
 
@@ -204,14 +204,14 @@ class MappingSkill:
     def _pause(self) -> MappingChanged:
         self._require_map()
         self._aligner.clear()
-        self._mode = Mode.PAUSED
+        self._mode = MappingMode.PAUSED
         return self._status()
 
     def _discard(self) -> MappingChanged:
-        if self._mode is Mode.FINISHING:
+        if self._mode is MappingMode.FINISHING:
             raise Refused(RefusalKind.ALREADY_MAPPING, "the map is being finished: cancel that first")
         self._files.discard_autosave()
-        self._mode, self._name, self._reason, self._warning = Mode.IDLE, None, "", ""
+        self._mode, self._name, self._reason, self._warning = MappingMode.IDLE, None, "", ""
         self._forget()
         return self._status()
 
@@ -228,23 +228,23 @@ class MappingSkill:
         )  # from now on it is being finished: nothing else is done to the map before the job's first step
         return job
 
-    def _finishing(self, name: str, before: Mode) -> Generator[Done, None, Struct]:
+    def _finishing(self, name: str, before: MappingMode) -> Generator[JobProgress, None, Struct]:
         """Match all scans once more, in a copy, and save it; whatever ends this early leaves the map as it was."""
-        self._mode = Mode.FINISHING
+        self._mode = MappingMode.FINISHING
         self._aligner.clear()
         try:
-            yield Done(0.0, 1.0, "")
+            yield JobProgress(0.0, 1.0, "")
             work = refining(self._parameters.mapping.slam, self._state)
             state = yield from _with_progress(work)
-            yield Done(0.9, 1.0, "drawing the map")
+            yield JobProgress(0.9, 1.0, "drawing the map")
             grid = occupancy(state.nodes, self._parameters.mapping.resolution_m)
-            yield Done(0.95, 1.0, "saving the map")
+            yield JobProgress(0.95, 1.0, "saving the map")
             version = self._files.save(name, grid, saved(state))
         except BaseException:
             self._mode = before
             raise
         status = self._status()
-        self._mode, self._name, self._reason, self._warning = Mode.IDLE, None, "", ""
+        self._mode, self._name, self._reason, self._warning = MappingMode.IDLE, None, "", ""
         self._forget()
         try:
             self._files.discard_autosave()
@@ -253,8 +253,10 @@ class MappingSkill:
         return MapSaved(name, version, status.keyframes, status.loops, status.path_m)
 
     def _require_map(self) -> None:
-        if self._mode in (Mode.IDLE, Mode.FINISHING):
-            reason = "the map is being finished" if self._mode is Mode.FINISHING else "no map is being made"
+        if self._mode in (MappingMode.IDLE, MappingMode.FINISHING):
+            reason = (
+                "the map is being finished" if self._mode is MappingMode.FINISHING else "no map is being made"
+            )
             raise Refused(RefusalKind.NOT_MAPPING, reason)
 
     def _whole_grid(self) -> Struct:
@@ -266,7 +268,7 @@ class MappingSkill:
     # what is told
 
     def _status(self) -> MappingChanged:
-        state, is_idle = self._state, self._mode is Mode.IDLE
+        state, is_idle = self._state, self._mode is MappingMode.IDLE
         unfinished, warning = is_idle and self._files.has_autosave(), self._warning
         if is_idle:
             warning = self._start_states.warning(is_found=unfinished)
@@ -288,11 +290,13 @@ class MappingSkill:
         return f"{problem}; mend that, and begin the map again" if problem else ""
 
 
-def _with_progress(work: Generator[tuple[int, int], None, SlamState]) -> Generator[Done, None, SlamState]:
+def _with_progress(
+    work: Generator[tuple[int, int], None, SlamState],
+) -> Generator[JobProgress, None, SlamState]:
     while True:
         try:
             done, total = next(work)
         except StopIteration as end:
             state: SlamState = end.value
             return state
-        yield Done(0.9 * done / max(total, 1), 1.0, "matching all scans with each other")
+        yield JobProgress(0.9 * done / max(total, 1), 1.0, "matching all scans with each other")

@@ -42,14 +42,14 @@ class Start(Message, frozen=True, tag="start"):
     paused: bool = False
 
 
-class Resume(Message, frozen=True, tag="resume"):
+class ResumeMapping(Message, frozen=True, tag="resume"):
     """A new worker is to go on with what the one before it saved on its own; ``name`` as in ``MappingChanged``."""
 
     paused: bool
     name: str | None = None
 
 
-class Pause(Message, frozen=True, tag="pause"):
+class PauseMapping(Message, frozen=True, tag="pause"):
     """Take in no scans until told to start again."""
 
 
@@ -71,6 +71,6 @@ class GetStatus(Message, frozen=True, tag="get_status"):
     """How the map stands, and whether one was never finished."""
 
 
-MappingRequest: TypeAlias = Start | Resume | Pause | Finish | Discard | GetGrid | GetStatus
+MappingRequest: TypeAlias = Start | ResumeMapping | PauseMapping | Finish | Discard | GetGrid | GetStatus
 
 REQUEST: Final = msgspec.msgpack.Decoder(MappingRequest)

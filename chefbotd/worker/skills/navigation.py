@@ -11,7 +11,7 @@ from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.navigation import GoalResult, NavigationData, PathData, PlanResult
 from chefbotd.core.events.robot import OdometryUpdated, RangeMeasured
 from chefbotd.core.geometry import Pose2D
-from chefbotd.localization.states import State as Knows
+from chefbotd.localization.states import PoseState
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.poses import Floats, compose, row_of
 from chefbotd.maps.store import MapStore
@@ -54,7 +54,7 @@ A scan is matched from where odometry left off, and does not find all of the way
 
 HELD_S: Final = 0.3
 
-STATUS: Final = {Knows.LOCALIZED: PoseStatus.LOCALIZED, Knows.UNCERTAIN: PoseStatus.UNCERTAIN}
+STATUS: Final = {PoseState.LOCALIZED: PoseStatus.LOCALIZED, PoseState.UNCERTAIN: PoseStatus.UNCERTAIN}
 
 
 class NavigationSkill:

@@ -7,14 +7,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from chefbotd.core.geometry import Pose2D
-from chefbotd.localization.localizer import (
-    Localization,
-    Odometry,
-    Report,
-    advanced,
-    step,
-)
+from chefbotd.localization.localizer import LocalizationReport, advanced, step
 from chefbotd.localization.searching import LocalizationMap
+from chefbotd.localization.state import Localization, Odometry
 from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from chefbotd.mapping.poses import between
 from chefbotd.mapping.state import Scan
@@ -79,9 +74,11 @@ class Robot:
     auto_search: bool = True
     now: Localization = field(default_factory=Localization)
     stamp_s: float = 0.0
-    reports: list[Report] = field(default_factory=list)
+    reports: list[LocalizationReport] = field(default_factory=list)
 
-    def take(self, odometry: Floats, points: Singles | None, covariance: Floats | None = None) -> Report:
+    def take(
+        self, odometry: Floats, points: Singles | None, covariance: Floats | None = None
+    ) -> LocalizationReport:
         """A turn of the lidar, or only odometry; between two turns there is time for some of a search."""
         self.stamp_s += PERIOD_S
         scan = None if points is None else scan_of(points)
@@ -91,19 +88,19 @@ class Robot:
         self.reports.append(report)
         return report
 
-    def drive(self, odometry: Floats, seen: Callable[[int], Singles | None]) -> Iterator[Report]:
+    def drive(self, odometry: Floats, seen: Callable[[int], Singles | None]) -> Iterator[LocalizationReport]:
         """A turn at each pose of the odometry."""
         for k, pose in enumerate(odometry):
             yield self.take(pose, seen(k))
 
-    def look(self, odometry: Floats, seen: Callable[[], Singles], turns: int) -> Report:
+    def look(self, odometry: Floats, seen: Callable[[], Singles], turns: int) -> LocalizationReport:
         """Stand still and look."""
         for _ in range(turns):
             report = self.take(odometry, seen())
         return report
 
 
-def off(report: Report, truth: Floats) -> tuple[float, float]:
+def off(report: LocalizationReport, truth: Floats) -> tuple[float, float]:
     """How far the pose is from the truth, in metres and degrees; infinite if there is none."""
     if report.map_from_base is None:
         return math.inf, math.inf

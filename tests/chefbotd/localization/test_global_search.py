@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from chefbotd.localization.branch_and_bound import CELL_M, Pyramid, pyramid
 from chefbotd.localization.global_search import (
     BOUNDS_A_STEP,
     GlobalSearch,
@@ -13,7 +14,6 @@ from chefbotd.localization.global_search import (
     searched,
     thinned,
 )
-from chefbotd.localization.pyramid import CELL_M, Pyramid, pyramid
 from chefbotd.localization.surface_map import surface_map
 from chefbotd.mapping.poses import Floats, transform
 from chefbotd.mapping.surfaces import Singles

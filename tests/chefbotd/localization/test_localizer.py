@@ -7,13 +7,10 @@ import numpy as np
 import pytest
 
 from chefbotd.core.record import replace
-from chefbotd.localization.localizer import (
-    Report,
-    localize,
-    set_pose,
-)
+from chefbotd.localization.localizer import LocalizationReport
 from chefbotd.localization.searching import LocalizationMap, localization_map
-from chefbotd.localization.states import Event, State
+from chefbotd.localization.state import localize, set_pose
+from chefbotd.localization.states import PoseEvent, PoseState
 from chefbotd.mapping.poses import Floats, compose
 from tests.budget import sample
 from tests.chefbotd.localization.buildings import Robot, drawn, mirrored, off, twin_rooms
@@ -55,7 +52,7 @@ def somewhere(chance: np.random.Generator) -> Floats:
             return pose
 
 
-def places_of(report: Report) -> list[tuple[float, float]]:
+def places_of(report: LocalizationReport) -> list[tuple[float, float]]:
     """Where it might be, to a decimetre."""
     poses = [one.estimate.pose for one in report.alternatives]
     return sorted((round(float(pose[0]), 1), round(float(pose[1]), 1)) for pose in poses)
@@ -73,8 +70,8 @@ def test_it_finds_itself_and_tracks_along_the_tour(flat: LocalizationMap) -> Non
         )
     ]
     states = [report.state for report in robot.reports]
-    assert states[:4] == [State.SEARCHING] * 4
-    assert set(states[6:]) == {State.LOCALIZED}
+    assert states[:4] == [PoseState.SEARCHING] * 4
+    assert set(states[6:]) == {PoseState.LOCALIZED}
     metres, degrees = np.array(errors[6:]).T
     assert np.median(metres) < 0.02
     assert np.percentile(metres, 95) < 0.05
@@ -106,11 +103,11 @@ def test_it_finds_itself_from_any_start(flat: LocalizationMap, seed: int) -> Non
     for k in range(30):
         turned = np.array([0.0, 0.0, 0.06 * k])
         report = robot.take(turned, lidar.points(compose(start, turned)))
-        if report.state is State.LOCALIZED:
+        if report.state is PoseState.LOCALIZED:
             metres, degrees = off(report, compose(start, turned))
             assert metres < SURE_M
             assert degrees < SURE_DEG
-    assert report.state is State.LOCALIZED
+    assert report.state is PoseState.LOCALIZED
 
 
 @pytest.mark.parametrize("seed", sample(range(4)))
@@ -121,15 +118,15 @@ def test_a_kidnapping_is_noticed_and_undone(flat: LocalizationMap, seed: int) ->
     while math.dist(before[:2], after[:2]) < 1.5:
         after = somewhere(chance)
     robot, still = placed(Robot(flat), before), np.zeros(3)
-    assert robot.look(still, lambda: lidar.points(before), 10).state is State.LOCALIZED
+    assert robot.look(still, lambda: lidar.points(before), 10).state is PoseState.LOCALIZED
     assert (
-        robot.look(still, lambda: lidar.points(after), 30).state is not State.LOCALIZED
+        robot.look(still, lambda: lidar.points(after), 30).state is not PoseState.LOCALIZED
         or off(robot.reports[-1], after)[0] < SURE_M
     )
     events = [report.event for report in robot.reports if report.event]
-    assert events[:4] == [Event.FITS, Event.MISFITS, Event.GIVEN_UP, Event.SEARCH_STARTED]
+    assert events[:4] == [PoseEvent.FITS, PoseEvent.MISFITS, PoseEvent.GIVEN_UP, PoseEvent.SEARCH_STARTED]
     report = robot.look(still, lambda: lidar.points(after), 70)
-    assert report.state is State.LOCALIZED
+    assert report.state is PoseState.LOCALIZED
     assert off(report, after)[0] < 0.05
 
 
@@ -145,9 +142,9 @@ def test_people_and_a_moved_chair_do_no_harm(flat: LocalizationMap) -> None:
     for report, pose in zip(
         robot.drive(odometry(way, 3), lambda k: lidar.points(way[k], next(people))), way, strict=True
     ):
-        if report.state is State.LOCALIZED:
+        if report.state is PoseState.LOCALIZED:
             worst = max(worst, off(report, pose)[0])
-    lost = [k for k, report in enumerate(robot.reports) if k > 3 and report.state is not State.LOCALIZED]
+    lost = [k for k, report in enumerate(robot.reports) if k > 3 and report.state is not PoseState.LOCALIZED]
     assert not lost
     assert worst < 0.06
 
@@ -168,8 +165,8 @@ def test_glass_does_no_harm(flat: LocalizationMap) -> None:
             robot.drive(odometry(way, 5), lambda k: lidar.points(way[k])), way, strict=True
         )
     ]
-    assert {report.state for report in robot.reports[3:]} <= {State.LOCALIZED, State.UNCERTAIN}
-    assert sum(report.state is State.UNCERTAIN for report in robot.reports[3:]) < 20
+    assert {report.state for report in robot.reports[3:]} <= {PoseState.LOCALIZED, PoseState.UNCERTAIN}
+    assert sum(report.state is PoseState.UNCERTAIN for report in robot.reports[3:]) < 20
     assert min(report.fit for report in robot.reports[3:]) < 0.9
     assert max(errors) < 0.06
 
@@ -186,7 +183,7 @@ def test_a_lidar_that_pauses_is_bridged(flat: LocalizationMap) -> None:
         strict=True,
     ):
         off_m.append(off(report, pose)[0])
-    assert robot.reports[-1].state is State.LOCALIZED
+    assert robot.reports[-1].state is PoseState.LOCALIZED
     spread = [
         math.sqrt(report.map_from_base.covariance[0, 0]) for report in robot.reports if report.map_from_base
     ]
@@ -206,7 +203,7 @@ def test_wheels_that_slip_are_seen_through(flat: LocalizationMap) -> None:
         spun = compose(spun, np.array([0.1, 0.0, 0.0]))
         robot.take(spun, lidar.points(way[-1]))
     report = robot.look(spun, lambda: lidar.points(way[-1]), 10)
-    assert report.state is State.LOCALIZED
+    assert report.state is PoseState.LOCALIZED
     assert off(report, way[-1])[0] < 0.04
 
 
@@ -219,7 +216,7 @@ def test_scans_and_odometry_may_be_apart_by_a_tenth_of_a_second(flat: Localizati
         off(report, pose)
         for report, pose in zip(robot.drive(late, lambda k: lidar.points(way[k])), way, strict=True)
     ]
-    assert {report.state for report in robot.reports[3:]} == {State.LOCALIZED}
+    assert {report.state for report in robot.reports[3:]} == {PoseState.LOCALIZED}
     metres, degrees = np.array(errors[3:]).T
     assert np.percentile(metres, 95) < 0.05
     assert np.percentile(degrees, 95) < 1.5
@@ -232,8 +229,8 @@ def test_a_mirrored_map_is_never_believed() -> None:
     robot = Robot(localization_map(mirrored(drawn(WALLS))))
     for _ in robot.drive(odometry(way, 1), lambda k: lidar.points(way[k])):
         pass
-    assert State.LOCALIZED not in {report.state for report in robot.reports}
-    assert Event.NOT_FOUND in {report.event for report in robot.reports}
+    assert PoseState.LOCALIZED not in {report.state for report in robot.reports}
+    assert PoseEvent.NOT_FOUND in {report.event for report in robot.reports}
 
 
 def test_twin_rooms_are_both_named_until_motion_tells_them_apart() -> None:
@@ -248,13 +245,13 @@ def test_twin_rooms_are_both_named_until_motion_tells_them_apart() -> None:
     told = odometry(way, 2)
     for k in range(40):
         report = robot.take(told[k], lidar.points(way[k]))
-    assert report.state is State.SEARCHING
+    assert report.state is PoseState.SEARCHING
     assert places_of(report) == [(2.6, 1.9), (6.6, 1.9)]
     for k in range(40, len(way)):
         report = robot.take(told[k], lidar.points(way[k]))
-        if report.state is State.LOCALIZED:
+        if report.state is PoseState.LOCALIZED:
             assert off(report, way[k])[0] < SURE_M
-    assert report.state is State.LOCALIZED
+    assert report.state is PoseState.LOCALIZED
 
 
 def test_a_symmetric_corridor_is_two_places() -> None:
@@ -263,7 +260,7 @@ def test_a_symmetric_corridor_is_two_places() -> None:
     lidar, robot = Lidar(walls, 3), Robot(localization_map(drawn(walls)))
     pose = np.array([2.9, 0.7, 0.4])
     report = robot.look(np.zeros(3), lambda: lidar.points(pose), 40)
-    assert report.state is State.SEARCHING
+    assert report.state is PoseState.SEARCHING
     assert places_of(report) == [(2.9, 0.7), (5.1, 0.9)]
     turns = [math.remainder(one.estimate.pose[2] - 0.4, math.tau) for one in report.alternatives]
     assert sorted(abs(turn) for turn in turns) == pytest.approx([0, math.pi], abs=0.05)
@@ -290,14 +287,14 @@ def test_a_given_pose_is_uncertain_until_scans_confirm_it(flat: LocalizationMap)
     lidar, pose, still = Lidar(WALLS, 2), np.array([2.0, 2.4, 0.3]), np.zeros(3)
     robot = Robot(flat)
     robot.now = set_pose(robot.now, pose + np.array([0.3, -0.27, math.radians(15)]))
-    assert robot.now.state is State.UNCERTAIN
+    assert robot.now.state is PoseState.UNCERTAIN
     report = robot.look(still, lambda: lidar.points(pose), 3)
-    assert report.state is State.LOCALIZED
+    assert report.state is PoseState.LOCALIZED
     assert off(report, pose)[0] < 0.05
     robot.now = set_pose(robot.now, np.array([8.5, 6.0, 0.3]))
     report = robot.look(still, lambda: lidar.points(pose), 40)
-    assert Event.GIVEN_UP in [report.event for report in robot.reports]
-    assert report.state is State.LOCALIZED
+    assert PoseEvent.GIVEN_UP in [report.event for report in robot.reports]
+    assert report.state is PoseState.LOCALIZED
     assert off(report, pose)[0] < 0.05
 
 
@@ -307,9 +304,9 @@ def test_a_given_pose_from_which_nothing_of_the_map_is_seen_is_given_up(flat: Lo
     robot = Robot(flat)
     robot.now = set_pose(robot.now, np.array([100.0, 100.0, 0.3]))
     report = robot.look(np.zeros(3), lambda: lidar.points(pose), 95)
-    assert report.state is State.UNCERTAIN
+    assert report.state is PoseState.UNCERTAIN
     report = robot.look(np.zeros(3), lambda: lidar.points(pose), 40)
-    assert report.state is State.LOCALIZED
+    assert report.state is PoseState.LOCALIZED
     assert off(report, pose)[0] < 0.05
 
 
@@ -317,9 +314,9 @@ def test_no_search_where_it_is_not_wanted(flat: LocalizationMap) -> None:
     """With searching by itself switched off it says that it is unknown, until ``localize`` is asked for."""
     lidar, pose, still = Lidar(WALLS, 2), np.array([2.0, 2.4, 0.3]), np.zeros(3)
     robot = Robot(flat, auto_search=False)
-    assert robot.look(still, lambda: lidar.points(pose), 20).state is State.UNKNOWN
+    assert robot.look(still, lambda: lidar.points(pose), 20).state is PoseState.UNKNOWN
     robot.now = localize(robot.now)
-    assert robot.look(still, lambda: lidar.points(pose), 20).state is State.LOCALIZED
+    assert robot.look(still, lambda: lidar.points(pose), 20).state is PoseState.LOCALIZED
 
 
 def test_a_pose_that_is_none_is_refused(flat: LocalizationMap) -> None:
@@ -367,7 +364,7 @@ def test_a_wrong_pose_that_was_given_is_not_believed(flat: LocalizationMap, seed
     robot, still = placed(Robot(flat), compose(truth, motion)), np.zeros(3)
     for _ in range(40):
         report = robot.take(still, lidar.points(truth))
-        if report.state is State.LOCALIZED:
+        if report.state is PoseState.LOCALIZED:
             assert off(report, truth)[0] < 0.3
 
 
@@ -378,7 +375,7 @@ def test_a_pose_that_was_given_in_a_bare_tunnel_stays_uncertain() -> None:
     lidar, robot = Lidar(walls, 3), placed(Robot(within), np.array([-6.5, 0.8, 0.0]))
     for _ in range(20):
         robot.take(np.zeros(3), lidar.points(np.array([-9.0, 0.8, 0.0])))
-    assert State.LOCALIZED not in {report.state for report in robot.reports}
+    assert PoseState.LOCALIZED not in {report.state for report in robot.reports}
 
 
 @pytest.mark.parametrize("seed", sample((4, 13, 29, 45, 57, 61, 0, 1, 2, 3), fast=3))
@@ -393,11 +390,13 @@ def test_a_pose_that_was_believed_is_doubted_by_what_contradicts_it(flat: Locali
         TRUTH[chance.integers(len(TRUTH))],
     )
     robot = placed(Robot(flat), lies[seed % 4])
-    robot.now = replace(robot.now, state=State.LOCALIZED, is_unchecked=False, checked=(np.zeros(3), 0.95))
+    robot.now = replace(robot.now, state=PoseState.LOCALIZED, is_unchecked=False, checked=(np.zeros(3), 0.95))
     for _ in range(40):
         robot.take(np.zeros(3), lidar.points(truth))
     wrong = [
-        report for report in robot.reports if report.state is State.LOCALIZED and off(report, truth)[0] > 0.3
+        report
+        for report in robot.reports
+        if report.state is PoseState.LOCALIZED and off(report, truth)[0] > 0.3
     ]
     assert len(wrong) <= 10
 
@@ -417,4 +416,4 @@ def test_people_and_moved_furniture_are_no_reason_to_give_up_a_pose(flat: Locali
             report = robot.take(told[k], lidar.points(pose, np.stack([x, y, np.full(count, 0.2)], axis=1)))
             assert off(report, pose)[0] < 0.3
         states = [report.state for report in robot.reports]
-        assert states.count(State.LOCALIZED) > 0.9 * len(states)
+        assert states.count(PoseState.LOCALIZED) > 0.9 * len(states)

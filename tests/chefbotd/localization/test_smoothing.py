@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from chefbotd.localization.smoothing import corrected
+from chefbotd.localization.localizer import corrected
 from chefbotd.mapping.poses import between, compose
 
 FAR_AWAY = np.array([40.0, -25.0, 2.1])

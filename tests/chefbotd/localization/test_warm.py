@@ -10,13 +10,13 @@ import numpy as np
 from chefbotd.localization.warm import warm
 warm()
 import chefbotd.localization.agreement as a, chefbotd.localization.branch_and_bound as b
-import chefbotd.localization.pyramid as p, chefbotd.localization.surface_map as s, chefbotd.localization.tracking as t
+import chefbotd.localization.surface_map as s, chefbotd.localization.tracking as t
 import chefbotd.mapping.correlate as c, chefbotd.mapping.refine as r, chefbotd.mapping.surfaces as n
 from tests.chefbotd.localization.buildings import Robot, drawn
 from chefbotd.localization.searching import localization_map
 from tests.chefbotd.mapping.slam.flat import TOUR, Lidar, furnished_flat, odometry, poses_along
 kernels = [
-    a._agreement, b.bound, b.divide, p._smeared, s._lines, s._fill, t._fuse, c._advance, c._pool, r._polish, n._normals
+    a._agreement, b.bound, b.divide, b._smeared, s._lines, s._fill, t._fuse, c._advance, c._pool, r._polish, n._normals
 ]
 before = [len(each.signatures) for each in kernels]
 truth, walls = poses_along(TOUR)[:80], furnished_flat()

@@ -9,7 +9,7 @@ import numpy as np
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.scan import LaserScan
-from chefbotd.worker.messages import Answer, Cancel, Failed, Message, Progress, Request, ToWorker
+from chefbotd.worker.messages import Answer, Cancel, Failed, Message, RequestProgress, SkillRequest, ToWorker
 from chefbotd.worker.parameters import WorkerParameters
 from chefbotd.worker.process import Worker
 from tests.fakes.worker import FakeChild, Nursery, healthy
@@ -52,12 +52,12 @@ def counting(child: FakeChild) -> None:
         elif done == 10:
             child.say(Answer(number, b"\xa4done"))
         else:
-            child.say(Progress(number, done, 10, "counting"))
+            child.say(RequestProgress(number, done, 10, "counting"))
             loop.call_later(0.1, advance, number, done + 1)
 
     def answer(message: ToWorker) -> None:
         become_ready(message)
-        if isinstance(message, Request):
+        if isinstance(message, SkillRequest):
             advance(message.id, 0)
         elif isinstance(message, Cancel):
             cancelled.add(message.id)

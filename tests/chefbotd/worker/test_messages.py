@@ -24,10 +24,10 @@ from chefbotd.worker.messages import (
     FrameReader,
     Measured,
     NotAMessage,
-    Progress,
     Ready,
-    Request,
+    RequestProgress,
     SkillEvent,
+    SkillRequest,
     Unavailable,
     Warming,
     decoded,
@@ -39,7 +39,7 @@ from chefbotd.worker.messages import (
 TO = [
     Configure({"mapping": b"{}"}),
     Measured("ScanMeasured", b"\x80"),
-    Request(7, "mapping", 30.0, b"\x90"),
+    SkillRequest(7, "mapping", 30.0, b"\x90"),
     Cancel(7),
 ]
 FROM = [
@@ -48,7 +48,7 @@ FROM = [
     Unavailable("no numba"),
     Alive("mapping: a scan", 0.01),
     Answer(7, b"\x90"),
-    Progress(7, 3.0, 10.0, "matching"),
+    RequestProgress(7, 3.0, 10.0, "matching"),
     Failed(7, RefusalKind.NOT_MAPPING, "no map is being made"),
     Failed(8, None, "it was cancelled"),
     SkillEvent("mapping", b"\x91\x01"),

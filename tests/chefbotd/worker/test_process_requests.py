@@ -11,7 +11,7 @@ from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import OdometryUpdated
 from chefbotd.core.geometry import CERTAIN, ORIGIN, STANDING
 from chefbotd.core.record import replace
-from chefbotd.worker.messages import Answer, Cancel, Failed, Measured, Request, ToWorker, event_in
+from chefbotd.worker.messages import Answer, Cancel, Failed, Measured, SkillRequest, ToWorker, event_in
 from chefbotd.worker.parameters import WorkerParameters
 from chefbotd.worker.requests import WorkerLost
 from tests.chefbotd.worker.running import SCAN, Count, counting, running
@@ -110,7 +110,7 @@ def test_a_refusal_comes_with_its_kind() -> None:
 
         def answer(message: ToWorker) -> None:
             become_ready(message)
-            if isinstance(message, Request):
+            if isinstance(message, SkillRequest):
                 child.say(Failed(message.id, RefusalKind.NOT_MAPPING, "no map is being made"))
 
         child.answer = answer
@@ -174,7 +174,7 @@ def test_a_worker_that_does_not_read_holds_up_nothing() -> None:
             assert scans == sorted(scans)
             assert scans[-1] == 499.0, "the newest is there"
             assert worker.dropped >= 1000 - 2 * 60
-            assert len(child.received_of(Request)) == 1
+            assert len(child.received_of(SkillRequest)) == 1
             asked.cancel()
             child.say(Failed(1, None, "it was cancelled"))
             await asyncio.wait({asked})

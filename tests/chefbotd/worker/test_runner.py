@@ -19,17 +19,17 @@ from chefbotd.worker.messages import (
     Failed,
     FromWorker,
     Message,
-    Progress,
     Ready,
-    Request,
+    RequestProgress,
     SkillEvent,
+    SkillRequest,
     Unavailable,
     Warming,
     measured,
     packed,
 )
 from chefbotd.worker.runner import CannotLoad, Runner
-from chefbotd.worker.skills.skill import Done, Job, Struct
+from chefbotd.worker.skills.skill import Job, JobProgress, Struct
 
 SCAN = measured(ScanMeasured(1.0, "top", ORIGIN, LaserScan(1.0, *np.zeros((3, 0)))))
 ODOMETRY = measured(OdometryUpdated(1.0, 1.0, Pose2D(0.5), STANDING, CERTAIN))
@@ -69,7 +69,7 @@ class Counting:
     def _job(self) -> Job:
         try:
             for k in range(3):
-                yield Done(k, 3, "counting")
+                yield JobProgress(k, 3, "counting")
         except GeneratorExit:
             self.undone = True
             raise
@@ -165,27 +165,27 @@ def test_an_echo_reaches_the_skills_that_want_echoes_and_no_other(
 
 def test_a_request_is_answered_or_refused(runner: Runner) -> None:
     """At once where it takes no time; an unknown skill is refused too."""
-    assert list(runner.take_message(Request(1, "counting", 5.0, b""))) == [
+    assert list(runner.take_message(SkillRequest(1, "counting", 5.0, b""))) == [
         Answer(1, packed(Counted("scans", 0)))
     ]
-    assert list(runner.take_message(Request(2, "counting", 5.0, b"no"))) == [
+    assert list(runner.take_message(SkillRequest(2, "counting", 5.0, b"no"))) == [
         Failed(2, RefusalKind.NOT_MAPPING, "not now")
     ]
-    (failed,) = runner.take_message(Request(3, "cooking", 5.0, b""))
+    (failed,) = runner.take_message(SkillRequest(3, "cooking", 5.0, b""))
     assert isinstance(failed, Failed)
     assert "'cooking'" in failed.message
 
 
 def test_a_job_goes_on_between_scans(runner: Runner) -> None:
     """Each turn is one step of it; scans are taken in between; its end is the answer."""
-    assert list(runner.take_message(Request(5, "counting", 5.0, b"job"))) == []
+    assert list(runner.take_message(SkillRequest(5, "counting", 5.0, b"job"))) == []
     sent: list[FromWorker] = []
     for _ in range(4):
         assert runner.wait_s == 0.0
         sent += runner.take_turn()
         sent += runner.take_message(SCAN)
     assert [m for m in sent if not isinstance(m, SkillEvent)] == [
-        *(Progress(5, k, 3, "counting") for k in range(3)),
+        *(RequestProgress(5, k, 3, "counting") for k in range(3)),
         Answer(5, packed(Counted("job", 3))),
     ]
     assert runner.wait_s > 0.0
@@ -193,7 +193,7 @@ def test_a_job_goes_on_between_scans(runner: Runner) -> None:
 
 def test_a_job_can_be_given_up(runner: Runner, skill: Counting) -> None:
     """It is closed at a step, so that it can put things as they were, and is answered; another id concerns nobody."""
-    list(runner.take_message(Request(5, "counting", 5.0, b"job")))
+    list(runner.take_message(SkillRequest(5, "counting", 5.0, b"job")))
     list(runner.take_turn())
     assert list(runner.take_message(Cancel(4))) == []
     assert list(runner.take_message(Cancel(5))) == [Failed(5, None, "it was cancelled")]
@@ -225,7 +225,7 @@ def test_skills_have_their_own_time(runner: Runner, skill: Counting, clock: Manu
 
 def test_the_end_reaches_skills_and_jobs(runner: Runner, skill: Counting) -> None:
     """Jobs are given up and skills may save."""
-    list(runner.take_message(Request(5, "counting", 5.0, b"job")))
+    list(runner.take_message(SkillRequest(5, "counting", 5.0, b"job")))
     list(runner.take_turn())
     runner.close()
     assert skill.undone

@@ -15,7 +15,7 @@ from chefbotd.core.events.navigation import PlanResult
 from chefbotd.core.geometry import CERTAIN, STANDING, Pose2D
 from chefbotd.core.record import replace
 from chefbotd.features.worker.service import WorkerService
-from chefbotd.localization.states import State
+from chefbotd.localization.states import PoseState
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.navigation.zones import NO_ZONES
 from chefbotd.settings import load
@@ -60,7 +60,7 @@ class Located(LocalizationSkill):
     def __init__(self) -> None:
         self.grid = OccupancyGrid(0.05, Pose2D(), np.zeros((80, 80), np.int8))
         self._map, self.seen = ("room", 1), None
-        self.report = SimpleNamespace(map_from_odom=np.array([1.0, 0.8, 0.2]), state=State.LOCALIZED)  # type: ignore[assignment]
+        self.report = SimpleNamespace(map_from_odom=np.array([1.0, 0.8, 0.2]), state=PoseState.LOCALIZED)  # type: ignore[assignment]
 
     problem = ""  # nothing is wrong with the lidar's mount
 
@@ -98,9 +98,9 @@ def test_the_skill_plans_round_what_a_sensor_heard(monkeypatch: pytest.MonkeyPat
     assert nearest_m() < 0.06, "nobody knows where that sensor is"
     assert list(skill.take_range(replace(echo(0.9), stamp_s=50.0))) == []
     assert nearest_m() > 0.2
-    finder.report.state = State.LOST  # type: ignore[union-attr,misc]
+    finder.report.state = PoseState.LOST  # type: ignore[union-attr,misc]
     skill.take_range(replace(echo(0.9), stamp_s=60.0))
-    finder.report.state = State.LOCALIZED  # type: ignore[union-attr,misc]
+    finder.report.state = PoseState.LOCALIZED  # type: ignore[union-attr,misc]
     clock.advance(10.0)
     skill.take_odometry(replace(STANDS, stamp_s=60.0))
     assert nearest_m() < 0.06

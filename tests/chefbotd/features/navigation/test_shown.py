@@ -13,7 +13,7 @@ from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.settings import load
 from chefbotd.testing.daemon import running_daemon
 from chefbotd.testing.transport import FakeSerialDevice
-from chefbotd.worker.messages import Request, SkillEvent, packed
+from chefbotd.worker.messages import SkillEvent, SkillRequest, packed
 from chefbotd.worker.skills.navigation_requests import REQUEST, SKILL, Show
 from tests.fakes.worker import FakeChild, Nursery, healthy
 
@@ -35,7 +35,7 @@ PART = CostmapChanged(
 
 def asked_of(child: FakeChild) -> list[Show]:
     """What a worker was asked to show."""
-    requests = [each for each in child.received_of(Request) if each.skill == SKILL]
+    requests = [each for each in child.received_of(SkillRequest) if each.skill == SKILL]
     return [body for body in (REQUEST.decode(each.body) for each in requests) if isinstance(body, Show)]
 
 

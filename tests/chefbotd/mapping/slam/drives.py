@@ -10,7 +10,7 @@ from chefbotd.mapping.finish import refined
 from chefbotd.mapping.occupancy import occupancy
 from chefbotd.mapping.parameters import SlamParameters
 from chefbotd.mapping.poses import compose, transform
-from chefbotd.mapping.slam import Report, step
+from chefbotd.mapping.slam import SlamReport, step
 from chefbotd.mapping.state import Scan, SlamState, start
 from chefbotd.mapping.surfaces import normals
 from tests.chefbotd.mapping.slam.flat import Floats, to_walls_m
@@ -30,7 +30,7 @@ class Drive:
     """What came of a drive: the last state and all reports."""
 
     state: SlamState
-    reports: list[Report]
+    reports: list[SlamReport]
 
     def poses(self) -> Floats:
         """Where the graph, as it is in the end, puts each scan."""

@@ -8,11 +8,10 @@ from numpy.typing import NDArray
 
 from chefbotd.mapping.occupancy import occupancy
 from chefbotd.mapping.parameters import SlamParameters
-from chefbotd.mapping.parts import apart
 from chefbotd.mapping.poses import transform
 from chefbotd.mapping.saved import restored, saved
 from chefbotd.mapping.slam import step
-from chefbotd.mapping.state import Scan, SlamMode, SlamState, start
+from chefbotd.mapping.state import Scan, SlamMode, SlamState, apart, start
 from tests.chefbotd.mapping.slam.drives import PARAMS, Drive, drive, off_m, scan_of, walls_off_m
 from tests.chefbotd.mapping.slam.flat import (
     TOUR,

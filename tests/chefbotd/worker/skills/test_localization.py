@@ -15,7 +15,6 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.mapping import LocalizationChanged, MapPoseUpdated
 from chefbotd.core.geometry import Pose2D
-from chefbotd.localization.saved import SavedPose
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.worker.messages import packed
 from chefbotd.worker.parameters import LocalizationSection
@@ -28,7 +27,7 @@ from chefbotd.worker.skills.localization_requests import (
     UseMap,
     UseNone,
 )
-from chefbotd.worker.skills.pose_file import PoseOnDisk
+from chefbotd.worker.skills.pose_file import PoseOnDisk, SavedPose
 from chefbotd.worker.skills.skill import Job, Struct
 from tests.chefbotd.localization.buildings import drawn
 from tests.chefbotd.mapping.slam.flat import furnished_flat

@@ -23,7 +23,7 @@ from chefbotd.worker.skills.mapping_requests import (
     GetGrid,
     GetStatus,
     MappingRequest,
-    Pause,
+    PauseMapping,
     Start,
 )
 from chefbotd.worker.skills.skill import Struct
@@ -178,7 +178,7 @@ def test_a_finished_map_is_saved_with_all_to_go_on_from() -> None:
     assert bench.memory.kept is None
     assert len(restored(bench.memory.maps["flat"][0][1]).nodes) == saved.keyframes
     with pytest.raises(Refused) as refused:
-        bench.ask(Pause())
+        bench.ask(PauseMapping())
     assert refused.value.kind is RefusalKind.NOT_MAPPING
 
 
@@ -201,7 +201,7 @@ def test_a_finish_that_is_given_up_changes_nothing() -> None:
     assert bench.finish("flat")[0].version == 1
 
 
-@pytest.mark.parametrize("other", [Finish("other"), Discard(), Pause(), Start()])
+@pytest.mark.parametrize("other", [Finish("other"), Discard(), PauseMapping(), Start()])
 def test_nothing_else_is_done_to_a_map_that_is_being_finished(other: MappingRequest) -> None:
     """Also where it is asked at the same instant, before the first step: the map is saved as it was."""
     bench = Bench()
@@ -322,7 +322,7 @@ def test_odometry_that_falls_silent_in_mid_mapping_is_said() -> None:
         list(bench.skill.step(bench.clock.now_s()))
     assert 2.6 < bench.clock.now_s() - begun_s < 2.8
     assert bench.ask(GetStatus()).reason == "no odometry for 2 s"
-    bench.ask(Pause())
+    bench.ask(PauseMapping())
     list(bench.skill.step(bench.clock.now_s()))
     assert bench.ask(GetStatus()).reason == ""
 
@@ -346,7 +346,7 @@ def test_a_pause_adds_nothing() -> None:
     bench = Bench()
     bench.ask(Start())
     bench.drive(0, 20)
-    kept = bench.ask(Pause()).keyframes
+    kept = bench.ask(PauseMapping()).keyframes
     bench.drive(20, 40)
     assert len(bench.of(MapPoseUpdated)) == 20
     status = bench.ask(Start())
@@ -356,7 +356,7 @@ def test_a_pause_adds_nothing() -> None:
 @pytest.mark.parametrize(
     ("request_", "kind"),
     [
-        (Pause(), RefusalKind.NOT_MAPPING),
+        (PauseMapping(), RefusalKind.NOT_MAPPING),
         (Finish("flat"), RefusalKind.NOT_MAPPING),
         (GetGrid(), RefusalKind.NOT_MAPPING),
         (Start(unfinished=True), RefusalKind.NOT_MAPPING),

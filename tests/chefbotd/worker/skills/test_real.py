@@ -28,7 +28,7 @@ from chefbotd.worker.skills.mapping_requests import (
     SKILL,
     Finish,
     MappingSkillParameters,
-    Resume,
+    ResumeMapping,
     Start,
 )
 from tests.chefbotd.worker.skills.drives import measured
@@ -55,7 +55,7 @@ class Bench:
         for kind in (MapPoseUpdated, MappingChanged, MapChanged):
             self.worker.add_listener(SKILL, kind, lambda event: None)
 
-    async def ask(self, request: Start | Resume) -> MappingChanged:
+    async def ask(self, request: Start | ResumeMapping) -> MappingChanged:
         """Have something done."""
         return await self.worker.request(SKILL, request, MappingChanged, deadline_s=60.0)
 
@@ -120,7 +120,7 @@ def test_killed_at_any_moment_what_was_saved_is_whole(tmp_path: Path) -> None:
                 nodes = restored(contents.read_arrays(found.folder / GRAPH)).nodes
                 assert len(nodes) >= kept
                 kept = len(nodes)
-                status = await bench.ask(Resume(paused=False))
+                status = await bench.ask(ResumeMapping(paused=False))
                 assert (status.state, status.keyframes) == ("mapping", kept)
             await bench.drive(at, at + 20)
             saved = await bench.worker.request(SKILL, Finish("flat"), MapSaved, deadline_s=60.0)
@@ -161,7 +161,7 @@ def test_killed_while_it_finishes_the_map_is_there_or_goes_on(tmp_path: Path) ->
                 else:
                     assert store.read_autosave() is not None
                 if store.read_autosave() is not None:
-                    assert (await bench.ask(Resume(paused=False))).state == "mapping"
+                    assert (await bench.ask(ResumeMapping(paused=False))).state == "mapping"
 
     run(scene)
 

@@ -8,7 +8,7 @@ from chefbotd.core.events.mapping import MapChanged, MapPoseUpdated
 from chefbotd.worker.skills.mapping_requests import (
     Discard,
     GetStatus,
-    Resume,
+    ResumeMapping,
     Start,
 )
 from tests.chefbotd.worker.skills.mapping_bench import Bench, Memory
@@ -54,7 +54,7 @@ def test_a_worker_that_was_killed_goes_on_in_the_same_map() -> None:
     kept = first.memory.autosaves
     assert kept == 2
     second = Bench(first.memory)
-    assert second.ask(Resume(paused=False)).state == "mapping"
+    assert second.ask(ResumeMapping(paused=False)).state == "mapping"
     second.drive(130, 150)
     poses = second.of(MapPoseUpdated)
     assert [pose.state for pose in poses].count("mapping") > 15  # type: ignore[attr-defined]
@@ -73,14 +73,14 @@ def test_a_worker_that_was_killed_still_knows_which_map_it_goes_on_with() -> Non
     first.ask(Start(name="flat"))
     first.told += first.skill.step(first.clock.now_s())
     second = Bench(first.memory)
-    assert second.ask(Resume(paused=True, name="flat")).name == "flat"
+    assert second.ask(ResumeMapping(paused=True, name="flat")).name == "flat"
     assert second.ask(GetStatus()).state == "paused"
     assert second.ask(Start(name="flat")).state == "mapping"
 
 
 def test_nothing_kept_is_said() -> None:
     """A worker that is to go on, and finds nothing, is idle and says so."""
-    status = Bench().ask(Resume(paused=True))
+    status = Bench().ask(ResumeMapping(paused=True))
     assert (status.state, "nothing was kept" in status.reason) == ("idle", True)
 
 

@@ -1,0 +1,125 @@
+"""What localization knows: a value that each step replaces, and how it changes with a person's word or a motion."""
+
+from typing import Final
+
+import numpy as np
+
+from chefbotd.core.record import Record, replace
+from chefbotd.localization.hypotheses import moved
+from chefbotd.localization.searching import Searching
+from chefbotd.localization.states import NEXT, PoseEvent, PoseState
+from chefbotd.localization.tracking import (
+    Estimate,
+    motion_covariance,
+    predicted,
+    sigmas,
+)
+from chefbotd.mapping.poses import Floats, between
+
+MAX_SIGMA_M: Final = 0.5
+MAX_SIGMA_RAD: Final = 0.5
+"""An estimate that is less sure than this is uncertain, whatever fits."""
+
+GIVEN_SIGMA_M: Final = 0.3
+GIVEN_SIGMA_RAD: Final = 0.2
+"""One sigma of a pose that a person gives."""
+
+
+class Odometry(Record, frozen=True):
+    """``odom_from_base`` at the scan's stamp; its covariance (3, 3) in ``odom``, if the odometry tells one."""
+
+    pose: Floats
+    covariance: Floats | None = None
+
+
+class Localization(Record, frozen=True):
+    """All that the next step needs; ``published`` is the last ``map_from_odom``, of the time ``published_s``.
+
+    ``misfits`` counts scans in a row that fit badly or worse than usual, ``fits`` those that fit well. Since
+    ``no_evidence_since_s`` scans have seen nothing that the map knows. A pose that was given, or
+    whose scans have contradicted the map since ``doubted_since_s``, ``is_unchecked`` until the whole map has been
+    searched for a place that fits better. ``checked`` is where the odometry was at the end of it, and the fit.
+    """
+
+    state: PoseState = PoseState.UNKNOWN
+    estimate: Estimate | None = None
+    odometry: Odometry | None = None
+    searching: Searching | None = None
+    usual_fit: float = 1.0
+    fit: float = 0.0
+    overlap: float = 0.0
+    misfits: int = 0
+    misfit_since_s: float | None = None
+    no_evidence_since_s: float | None = None
+    fits: int = 0
+    published: Floats | None = None
+    published_s: float = 0.0
+    is_unchecked: bool = False
+    doubted_since_s: float | None = None
+    checked: tuple[Floats, float] | None = None
+
+
+def set_pose(now: Localization, pose: Floats, covariance: Floats | None = None) -> Localization:
+    """The robot is about here, says a person or what was kept before a restart; the next scans confirm it or not.
+
+    Raises:
+        ValueError: the pose is not three finite numbers.
+    """
+    if pose.shape != (3,) or not np.isfinite(pose).all():
+        raise ValueError(f"a pose is x, y and heading, got {pose.tolist()}")
+    vague = np.diag([GIVEN_SIGMA_M**2, GIVEN_SIGMA_M**2, GIVEN_SIGMA_RAD**2])
+    estimate = Estimate(pose.astype(np.float64), vague if covariance is None else covariance)
+    return on_event(replace(forgotten(now), estimate=estimate, is_unchecked=True), PoseEvent.POSE_GIVEN)
+
+
+def localize(now: Localization) -> Localization:
+    """Search everywhere, whatever is known."""
+    return on_event(forgotten(now), PoseEvent.SEARCH_STARTED)
+
+
+def forgotten(now: Localization) -> Localization:
+    """Without what is believed about the pose; what was published stays."""
+    return Localization(
+        state=now.state, odometry=now.odometry, published=now.published, published_s=now.published_s
+    )
+
+
+def on_event(now: Localization, event: PoseEvent) -> Localization:
+    """In the state that follows on the event."""
+    return replace(now, state=NEXT[now.state, event])
+
+
+def given_up(now: Localization) -> Localization:
+    """Without its pose, which is wrong."""
+    return replace(on_event(now, PoseEvent.GIVEN_UP), estimate=None, searching=None, is_unchecked=False)
+
+
+def is_sure(estimate: Estimate) -> bool:
+    """Whether the estimate is known to half a metre and half a radian."""
+    sigma_m, sigma_rad = sigmas(estimate.covariance)
+    return sigma_m <= MAX_SIGMA_M and sigma_rad <= MAX_SIGMA_RAD
+
+
+def carried(now: Localization, odometry: Odometry) -> Localization:
+    """The estimate and all candidates after the motion since the last step."""
+    if now.odometry is None:
+        return replace(now, odometry=odometry)
+    motion = between(now.odometry.pose, odometry.pose)
+    noise = _noise(now.odometry, odometry)
+    now = replace(now, odometry=odometry)
+    if not motion.any():
+        return now
+    if now.estimate is not None:
+        now = replace(now, estimate=predicted(now.estimate, motion, noise))
+    if now.searching is not None and now.searching.candidates:
+        candidates = moved(now.searching.candidates, motion, noise)
+        now = replace(now, searching=replace(now.searching, candidates=candidates))
+    return now
+
+
+def _noise(before: Odometry, on_event: Odometry) -> Floats | None:
+    """The covariance of the motion, if the odometry tells one that makes sense: it began anew if it has shrunk."""
+    if before.covariance is None or on_event.covariance is None:
+        return None
+    noise = motion_covariance(before.pose, before.covariance, on_event.pose, on_event.covariance)
+    return noise if np.linalg.eigvalsh(noise)[0] > -1e-9 else None
