@@ -11,18 +11,17 @@ from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.composition.context import Context, DepthSpawn, FeatureBuilder, StartWriter
 from chefbotd.composition.maps import map_features
-from chefbotd.composition.network import discovery, page_server
-from chefbotd.composition.recording import foxglove, recording
+from chefbotd.composition.network import discovery, foxglove, page_server, recording
 from chefbotd.composition.robot import board_session, drive_service, robot_features, simulation
 from chefbotd.composition.scanners import depth_cameras, lidars
 from chefbotd.core.events.inputs import BOARD_LINK, DaemonStarted, DaemonStopping, ServiceFailed
 from chefbotd.entries import entries_of
 from chefbotd.features.board.service import board
 from chefbotd.features.feature import Feature, Service, Waiting, methods_and_topics
+from chefbotd.link.board_writer import FaultLog
 from chefbotd.link.entry_session import EntrySession
 from chefbotd.link.port import open_port
 from chefbotd.link.reconnect import Opener, PortLink
-from chefbotd.link.ring import FaultLog
 from chefbotd.metrics import Metrics
 from chefbotd.motion.limit_preview import LimitPreview
 from chefbotd.rpc.access import Guard, load_guard

@@ -7,7 +7,7 @@ from structlog.testing import capture_logs
 
 from chefbotd.clock import VirtualLoop
 from chefbotd.core.geometry import Twist2D
-from chefbotd.rpc.event import EventPayload
+from chefbotd.rpc.encoding import EventPayload
 from chefbotd.rpc.session import Session
 from chefbotd.transport.connection import SocketConnection
 from chefbotd.transport.unread import UnreadSockets

@@ -34,9 +34,8 @@ from chefbotd.client.handshake import (
     Hello,
     open_connection,
 )
-from chefbotd.client.map_methods import MapMethods
+from chefbotd.client.map_methods import MapMethods, NavigationMethods
 from chefbotd.client.methods import Methods
-from chefbotd.client.navigation_methods import NavigationMethods
 from chefbotd.client.subscription import SubscribeOptions, Subscription, SubscriptionRequest
 from chefbotd.client.wire import ProgressListener
 

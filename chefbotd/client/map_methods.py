@@ -16,6 +16,17 @@ if TYPE_CHECKING:
     from chefbotd.mapping.occupancy_grid import OccupancyGrid
 
 
+import asyncio
+import contextlib
+from typing import TYPE_CHECKING, Any
+
+from chefbotd.client.errors import ChefbotError, not_reached
+
+if TYPE_CHECKING:
+    from chefbotd.client import models
+    from chefbotd.client.wire import ProgressListener
+
+
 class MapImage(Record, frozen=True):
     """A map's cells: a signed byte each, row by row, the lowest row first; -1 unknown, 0 free, 100 occupied.
 
@@ -114,3 +125,64 @@ def _image(parts: list[models.MapPart]) -> MapImage:
         first.heading_rad,
         cells,
     )
+
+
+class NavigationMethods(MethodCaller):
+    """The methods of navigation."""
+
+    async def navigate_to(
+        self,
+        x_m: float | None = None,
+        y_m: float | None = None,
+        heading_rad: float | None = None,
+        *,
+        place: str | None = None,
+        tolerance_m: float | None = None,
+        queue: bool | None = None,
+        on_progress: ProgressListener | None = None,
+    ) -> str:
+        """Drive to a place, or to a pose in the map in use, and wait for the end; the sentence about it.
+
+        With ``queue`` it comes after the goals that there are; otherwise they are cancelled. Where this is cancelled,
+        so is the goal, with those that were queued behind it; the robot stands, unless a goal comes before.
+        ``on_progress`` is told the metres that are done, all of them, and what the robot does.
+
+        Raises:
+            GoalNotReached: the goal ended otherwise; its subclass and ``reason`` say how.
+            CallError: it was refused, as where there is no such place.
+        """
+        goal = given(
+            x_m=x_m, y_m=y_m, heading_rad=heading_rad, place=place, tolerance_m=tolerance_m, queue=queue
+        )
+        return await self._until_reached("navigate_to", goal, on_progress)
+
+    async def follow_waypoints(
+        self, places: list[str], *, queue: bool | None = None, on_progress: ProgressListener | None = None
+    ) -> str:
+        """Drive to places one after the other, and wait for the end; queued and raises as ``navigate_to``."""
+        waypoints = given(waypoints=[{"place": place} for place in places], queue=queue)
+        return await self._until_reached("follow_waypoints", waypoints, on_progress)
+
+    async def go_home(self, *, on_progress: ProgressListener | None = None) -> str:
+        """Drive to the place that is the robot's home, and wait for the end; raises as ``navigate_to`` does."""
+        return await self._until_reached("go_home", {}, on_progress)
+
+    async def dock(self, *, on_progress: ProgressListener | None = None) -> str:
+        """Drive to the place where the robot is charged, and wait for the end; raises as ``navigate_to`` does."""
+        return await self._until_reached("dock", {}, on_progress)
+
+    async def _until_reached(
+        self, method: str, params: dict[str, Any], on_progress: ProgressListener | None
+    ) -> str:
+        """Cancelled, it has the request cancelled, and its goals with it; others keep theirs."""
+        try:
+            result: models.GoalResult = await self._ask(
+                "GoalResult", method, on_progress=on_progress, wait=True, **params
+            )
+        except asyncio.CancelledError:
+            with contextlib.suppress(ChefbotError):
+                await self.call("ping")  # when this is answered, the daemon has read that
+            raise
+        if result.end != "reached":
+            raise not_reached(result.goal, result.end or "unknown", result.reason)
+        return result.reason

@@ -11,6 +11,14 @@ from chefbotd.transport.tcp import TcpServer
 
 if TYPE_CHECKING:
     from chefbotd.transport.web.server import PageServer
+import os
+from collections.abc import Callable
+from functools import partial
+
+from chefbotd.composition.context import Context
+from chefbotd.composition.robot import robot_description
+from chefbotd.composition.scanners import first_scanner
+from chefbotd.snapshot import DaemonState
 
 
 def page_server(settings: Settings, rpc: RpcServer, guard: Guard, metrics: Metrics) -> "PageServer | None":
@@ -35,3 +43,38 @@ def discovery(settings: Settings, server: TcpServer, page: "PageServer | None") 
     where = None if page is None else page.address
     encrypted = settings.api.tls_certificate is not None
     return [discovery(settings.discovery, settings.robot.name, server.address, where, encrypted=encrypted)]
+
+
+def recording(context: Context, state: Callable[[], DaemonState]) -> list[Feature]:
+    """The feature that records; ``state`` returns the daemon's state. Its modules are loaded after the first stop."""
+    settings = context.settings
+    if context.start_writer is None or not settings.recording.enabled:
+        return []
+    from chefbotd.features.recording.recorder_thread import Made, recorder_maker
+    from chefbotd.features.recording.service import RecordingService, recording
+    from chefbotd.recording.parameters import folder_of
+
+    parameters = settings.recording
+    folder = folder_of(parameters, os.environ, simulated=context.simulated)
+    made = Made(
+        settings.robot.name,
+        context.session,
+        lambda: settings.model_dump_json(by_alias=True),
+        lambda: robot_description(settings)(),
+        first_scanner(settings),
+    )
+    make = recorder_maker(parameters, folder, made, context.clock.now_s())
+    start_writer = partial(context.start_writer, make, round(parameters.queue_mb * 1e6))
+    service = RecordingService(context.bus, context.clock, parameters, folder, start_writer, state)
+    return [recording(service)]
+
+
+def foxglove(context: Context) -> list[Feature]:
+    """A server for Foxglove."""
+    settings = context.settings
+    if not settings.foxglove.enabled:
+        return []
+    from chefbotd.features.foxglove.service import foxglove
+
+    scanner = first_scanner(settings)
+    return [foxglove(context.bus, context.clock, settings.foxglove, settings.robot.name, scanner)]

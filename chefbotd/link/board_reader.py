@@ -21,8 +21,7 @@ from chefbotd.core.events import (
     UltrasonicEchoed,
 )
 from chefbotd.core.record import Record
-from chefbotd.link.board_clock import BoardClock, StampVerdict
-from chefbotd.link.cycle_clock import CycleClock
+from chefbotd.link.board_clock import BoardClock, CycleClock, StampVerdict
 from chefbotd.link.health import show
 from chefbotd.link.restarts import Restarts
 from chefbotd.link.send_window import SendWindow

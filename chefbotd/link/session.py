@@ -21,10 +21,9 @@ from chefbotd.core.events.inputs import SetpointWithdrawn
 from chefbotd.core.record import Record
 from chefbotd.entries import entries_of
 from chefbotd.link.board_reader import BoardReader, BoardReaderState
-from chefbotd.link.board_writer import FIRST_STOPS, BoardWriter, Port, WriterState
+from chefbotd.link.board_writer import FIRST_STOPS, BoardWriter, LineRing, Port, WriterState
 from chefbotd.link.health import Condition, LinkMonitor, LinkMonitorState
 from chefbotd.link.restarts import Restarts, RestartsState
-from chefbotd.link.ring import LineRing
 from chefbotd.link.send_window import SendWindow, WindowState
 from chefbotd.link.setpoint import SetpointState, SetpointWriter
 from firmware_protocol import messages as wire

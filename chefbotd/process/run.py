@@ -14,15 +14,14 @@ import uvloop
 from chefbotd.app import Daemon, Loop
 from chefbotd.clock import SystemClock
 from chefbotd.composition.context import StartWriter
-from chefbotd.process import signals, systemd
+from chefbotd.process import keep_alive, signals
 from chefbotd.process.build import build
-from chefbotd.process.priority import log_priority, raise_priority
 from chefbotd.process.stop_guard import stop_guard
-from chefbotd.process.watchdog import Watchdog
+from chefbotd.process.watchdog import Watchdog, log_priority, raise_priority
 from chefbotd.rpc.access import AccessError
 from chefbotd.safety.latch import LatchParameters
 from chefbotd.settings import Settings
-from chefbotd.transport.listening import CannotListen
+from chefbotd.transport.tcp import CannotListen
 
 if TYPE_CHECKING:
     from chefbotd.process.service import DaemonService, Load
@@ -83,10 +82,10 @@ async def _until_signalled(settings: Settings, load: "Load | None", *, simulated
         task.cancel()
 
     hangup = _Hangup()
-    signals.handle(end, hangup if load is not None and systemd.is_listening() else None)
+    signals.handle(end, hangup if load is not None and keep_alive.is_listening() else None)
 
     def as_service(daemon: Daemon) -> "DaemonService | None":
-        if systemd.is_listening():
+        if keep_alive.is_listening():
             from chefbotd.process.service import service_of
 
             hangup.service = service_of(daemon, settings, load)
@@ -98,7 +97,7 @@ async def _until_signalled(settings: Settings, load: "Load | None", *, simulated
         if not received:
             raise
     finally:
-        systemd.notify("STOPPING=1")
+        keep_alive.notify("STOPPING=1")
     log.info("stopped", signal=received[0])
 
 
@@ -112,7 +111,7 @@ async def _serve(daemon: Daemon, settings: Settings, as_service: AsService, *mor
         freeze_gc()
         log_priority(priority, control.realtime_priority)
         if service is None:
-            systemd.notify(f"READY=1\nSTATUS=listening on {host}:{port}")
+            keep_alive.notify(f"READY=1\nSTATUS=listening on {host}:{port}")
         else:
             service.status.priority = str(priority)
             service.report_ready(f"{host}:{port}")
@@ -131,7 +130,7 @@ async def _serve(daemon: Daemon, settings: Settings, as_service: AsService, *mor
 
 async def _serve_real(settings: Settings, as_service: AsService) -> None:
     """On the robot's port; its latch is kept where systemd offers room, unless the configuration says where."""
-    folder = settings.latch.folder or systemd.runtime_folder()
+    folder = settings.latch.folder or keep_alive.runtime_folder()
     settings = settings.model_copy(update={"latch": LatchParameters(folder=folder)})
     daemon = build(settings, clock=SystemClock(), start_writer=_start_writer(settings))
     if folder is None:

@@ -14,7 +14,7 @@ from chefbotd.core.events import SafetyChanged
 from chefbotd.core.events.inputs import GainsExchanged, LimitsExchanged
 from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters
-from chefbotd.process import logs, systemd
+from chefbotd.process import keep_alive, logs
 from chefbotd.process.keep_alive import KeepAlive, watchdog_s_of
 from chefbotd.process.reload import CANNOT_RELOAD, Reloader
 from chefbotd.rpc.access import Keyring, load_guard
@@ -100,7 +100,7 @@ class DaemonService:
         daemon: Daemon,
         settings: Settings,
         read: Read,
-        tell: Callable[[str], object] = systemd.notify,
+        tell: Callable[[str], object] = keep_alive.notify,
         watchdog_s: float | None = None,
     ) -> None:
         device = settings.link.device
@@ -161,7 +161,7 @@ def service_of(daemon: Daemon, settings: Settings, load: Load | None) -> DaemonS
 
     The configuration is read in a thread: control goes on meanwhile.
     """
-    if load is None or not systemd.is_listening():
+    if load is None or not keep_alive.is_listening():
         return None
     return DaemonService(
         daemon, settings, partial(asyncio.to_thread, load), watchdog_s=watchdog_s_of(os.environ)

@@ -5,9 +5,8 @@ from chefbotd.motion.kinematics import ChassisParameters, Kinematics, Side
 from chefbotd.sensing.infrared import InfraredParameters
 from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.settings import Settings
-from chefbotd.sim.battery import Divider
 from chefbotd.sim.plant import Chassis, Wheel
-from chefbotd.sim.sensors import InfraredMount, UltrasonicMount
+from chefbotd.sim.sensors import Divider, InfraredMount, UltrasonicMount
 from chefbotd.sim.simulation import Simulation, build_launchpad, build_lidars
 from chefbotd.sim.spinning import LidarMount, LidarWire
 

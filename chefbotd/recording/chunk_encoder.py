@@ -11,9 +11,8 @@ from typing import Any
 import structlog
 from msgspec import Struct
 
-from chefbotd.core.events.recording import EventsDropped
-from chefbotd.recording.channels import Channels
-from chefbotd.recording.chunk import ChunkBuilder, RawChunk
+from chefbotd.core.events.robot import EventsDropped
+from chefbotd.recording.chunk import Channels, ChunkBuilder, RawChunk
 from chefbotd.recording.encoder import Encoder, MapEvent
 
 log = structlog.get_logger(component="recording")

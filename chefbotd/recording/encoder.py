@@ -10,7 +10,7 @@ from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import LogLine
 from chefbotd.recording import foxglove as fg
 from chefbotd.recording import foxglove_messages as fm
-from chefbotd.recording.channels import Channels
+from chefbotd.recording.chunk import Channels
 from chefbotd.recording.classes import encode_scan
 
 POSE: Mapping[str, Any] = {

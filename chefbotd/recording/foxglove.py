@@ -11,8 +11,7 @@ from chefbotd.core.geometry import Pose2D
 from chefbotd.core.grid_patch import GridAssembler
 from chefbotd.core.record import Level
 from chefbotd.recording import foxglove_messages as fm
-from chefbotd.recording.channels import Channels
-from chefbotd.recording.chunk import ChunkBuilder
+from chefbotd.recording.chunk import Channels, ChunkBuilder
 from chefbotd.recording.foxglove_messages import (
     Base64,
     FrameTransform,

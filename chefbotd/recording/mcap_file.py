@@ -25,9 +25,8 @@ from mcap.records import (
     SummaryOffset,
 )
 
-from chefbotd.recording.channels import Channels
-from chefbotd.recording.chunk import MAGIC, Chunk
-from chefbotd.recording.disk import OpenFile, RecordingDisk
+from chefbotd.recording.chunk import MAGIC, Channels, Chunk
+from chefbotd.recording.folder import OpenFile, RecordingDisk
 
 PROFILE = ""
 JSON, JSON_SCHEMA = "json", "jsonschema"

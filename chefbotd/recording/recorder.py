@@ -15,13 +15,11 @@ from typing import TYPE_CHECKING, Any
 from msgspec.structs import replace
 
 from chefbotd.core.commands import RefusalKind
-from chefbotd.core.events.recording import RecordingData
-from chefbotd.recording.channels import Channels
-from chefbotd.recording.chunk import Chunk, ChunkBuilder, RawChunk, Ring, compressor
+from chefbotd.core.events.robot import RecordingData
+from chefbotd.recording.chunk import Channels, Chunk, ChunkBuilder, RawChunk, Ring, compressor
 from chefbotd.recording.chunk_encoder import EventChunk
-from chefbotd.recording.disk import RecordingDisk
 from chefbotd.recording.encoder import REPEATED
-from chefbotd.recording.folder import MEGABYTE, RecordingFolder, file_name
+from chefbotd.recording.folder import MEGABYTE, RecordingDisk, RecordingFolder, file_name
 from chefbotd.recording.foxglove import MapDrawer, ReadMap
 from chefbotd.recording.parameters import RecordingParameters
 from chefbotd.recording.status import AUTOMATIC, FAULT, RING, About, RecordedFile, RecordingError

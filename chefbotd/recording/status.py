@@ -1,10 +1,13 @@
 """The recorder's state and its reports. Loads none of the libraries that write files."""
 
-from collections.abc import Mapping
+import platform
+from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Annotated
 
 from msgspec import Meta, Struct
 
+from chefbotd import __version__
 from chefbotd.core.commands import Refused
 from chefbotd.core.record import Record
 
@@ -39,3 +42,44 @@ class RecordedFile(Record, frozen=True):
     changed_at_s: Annotated[float, Meta(description="seconds since 1970, UTC")]
     complete: bool
     recording: bool
+
+
+PACKAGES = (
+    "chefbotd",
+    "mcap",
+    "msgspec",
+    "numba",
+    "numpy",
+    "pydantic",
+    "pyserial",
+    "scipy",
+    "uvloop",
+    "zstandard",
+)
+
+
+def about_robot(name: str, session: str, configuration: Callable[[], str], urdf: str | None) -> About:
+    """``configuration`` gives the configuration as JSON. It has paths of tokens and keys, and never what is in them."""
+    computer = {
+        "chefbotd": __version__,
+        "python": platform.python_version(),
+        "system": f"{platform.system()} {platform.release()}",
+        "machine": platform.machine(),
+        "robot": name,
+        "session": session,
+    }
+    metadata = {"chefbotd": computer, "packages": _versions(), "configuration": {"json": configuration()}}
+    return About(metadata, urdf)
+
+
+@cache
+def _versions() -> dict[str, str]:
+    from importlib import metadata  # large, and not needed before the first file
+
+    versions = {}
+    for name in PACKAGES:
+        try:
+            versions[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            continue
+    return versions

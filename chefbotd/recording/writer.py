@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeAlias, TypeVar
 import structlog
 
 from chefbotd.core.commands import RefusalKind
-from chefbotd.core.events.recording import RecordingData
+from chefbotd.core.events.robot import RecordingData
 from chefbotd.recording.status import RecordingError
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from chefbotd.app import Daemon, Loop
 from chefbotd.core.events.inputs import DaemonStarted
 from chefbotd.link.port import LinkParameters
 from chefbotd.replay.entries import ReplayEntries
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import Role
 from chefbotd.safety.faults import FaultKind
 from chefbotd.safety.gate import GateState, Mode
 from chefbotd.settings import Settings

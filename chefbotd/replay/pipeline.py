@@ -14,7 +14,7 @@ from chefbotd.core.events.robot import WorkerReported
 from chefbotd.link.entry_session import health_timer
 from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters
-from chefbotd.replay.entries import ReplayEntries
+from chefbotd.replay.entries import ReplayEntries, Tasks
 from chefbotd.replay.recorded import EntryGroup, NotReplayable, decoded
 from chefbotd.replay.stand_ins import (
     ReplayedCaller,
@@ -23,11 +23,9 @@ from chefbotd.replay.stand_ins import (
     ReplayedWorker,
     UnheardProgress,
 )
-from chefbotd.replay.tasks import Tasks
 from chefbotd.rpc.connection_manager import LEASES_TIMER
 from chefbotd.rpc.dispatch import job_name
-from chefbotd.rpc.parameters import ApiParameters
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import ApiParameters, Role
 from chefbotd.safety.faults import Fault, FaultKind
 
 if TYPE_CHECKING:

@@ -15,8 +15,7 @@ from typing import Self
 
 from msgspec import Struct
 
-from chefbotd.rpc.parameters import ApiParameters
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import ApiParameters, Role
 
 MIN_TOKEN_CHARACTERS = 16
 MAX_FILE_BYTES = 65_536

@@ -87,3 +87,13 @@ def _schema_of_parameters(kind: type[Any]) -> dict[str, Any]:
     if issubclass(kind, BaseModel):
         return kind.model_json_schema(mode="serialization", by_alias=False)
     raise NotImplementedError(f"{kind.__name__} has no schema")
+
+
+class EventPayload(Record, frozen=True):
+    """A topic's value; ``data`` is its JSON, ``age_s`` how old it is when it is handed out."""
+
+    topic: str
+    seq: int
+    stamp_s: float
+    age_s: float
+    data: bytes

@@ -14,8 +14,7 @@ import structlog
 from msgspec import Raw, Struct
 
 from chefbotd.clock import Clock
-from chefbotd.rpc.encoding import encode
-from chefbotd.rpc.event import EventPayload
+from chefbotd.rpc.encoding import EventPayload, encode
 from chefbotd.rpc.method import Receiver
 from chefbotd.rpc.models import TopicState
 from chefbotd.rpc.topics import Topic

@@ -14,7 +14,7 @@ from chefbotd.rpc.encoding import encode
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure, Request
 from chefbotd.rpc.method import Caller, Unserved, method
 from chefbotd.rpc.models import Done, Params
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import Role
 from chefbotd.rpc.session import Session
 
 MAX_JOBS: Final = 8

@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.record import Record
-from chefbotd.rpc.event import EventPayload
+from chefbotd.rpc.encoding import EventPayload
 
 MAX_DEPTH = 8
 MAX_INTEGER_DIGITS = 19  # those of 2^63 - 1

@@ -11,10 +11,10 @@ from chefbotd.core.record import Record
 from chefbotd.rpc.encoding import Sent, UnknownData
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 from chefbotd.rpc.models import Params
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import Role
 
 if TYPE_CHECKING:
-    from chefbotd.rpc.event import EventPayload
+    from chefbotd.rpc.encoding import EventPayload
     from chefbotd.rpc.session import Session
 
 F = TypeVar("F", bound=Callable[..., Any])

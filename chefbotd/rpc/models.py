@@ -9,7 +9,7 @@ from msgspec import Meta
 from pydantic import BaseModel, ConfigDict, Field, SecretStr
 
 from chefbotd.core.record import Record
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import Role
 
 PROTOCOL: Final = "1.0"
 SOURCE: Final[Any] = Field(

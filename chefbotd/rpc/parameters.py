@@ -1,12 +1,29 @@
 """The parameters of the socket: its address, access, and the limits of a client."""
 
 import ipaddress
+from enum import StrEnum
 from pathlib import Path
 
 from pydantic import Field, ValidationInfo, field_validator
 
 from chefbotd.core.parameters import Parameters
-from chefbotd.rpc.roles import Role
+
+
+class Role(StrEnum):
+    """``observe`` looks, and stops the robot; ``drive`` moves it; ``admin`` changes how it works."""
+
+    rank: int
+
+    OBSERVE = "observe"
+    DRIVE = "drive"
+    ADMIN = "admin"
+
+    def __init__(self, _: str) -> None:
+        self.rank = len(type(self).__members__)
+
+    def allows(self, needed: "Role") -> bool:
+        """Whether whoever has this role may do what needs another."""
+        return self.rank >= needed.rank
 
 
 class ApiParameters(Parameters):

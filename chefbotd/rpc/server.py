@@ -11,13 +11,12 @@ from chefbotd.rpc.access import Keyring
 from chefbotd.rpc.arrivals import LEAST_TIMEOUT_S, SHORT_TICK_S, Arrivals
 from chefbotd.rpc.connection_manager import ConnectionManager
 from chefbotd.rpc.control_leases import ControlLeases, Sources
-from chefbotd.rpc.describe import prepare
 from chefbotd.rpc.dispatch import Dispatcher
 from chefbotd.rpc.encoding import encode
 from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.jobs import Jobs
 from chefbotd.rpc.method import Method
-from chefbotd.rpc.methods import method_table
+from chefbotd.rpc.methods import method_table, prepare
 from chefbotd.rpc.models import Greeting
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.topics import Topic

@@ -5,8 +5,7 @@ from collections.abc import Callable
 from chefbotd.core.record import Record
 from chefbotd.rpc.arrivals import Arrival
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
-from chefbotd.rpc.parameters import ApiParameters
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import ApiParameters, Role
 
 
 class TokenBucket:

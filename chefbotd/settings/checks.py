@@ -10,7 +10,7 @@ from chefbotd.motion.ramp import braking_distance
 from chefbotd.rpc.parameters import is_loopback
 from chefbotd.safety.guard import from_mounts
 from chefbotd.settings.model import Settings
-from chefbotd.settings.mounts import joint_names
+from chefbotd.settings.urdf import joint_names
 
 EVENTS = "chefbotd/core/events"
 """Where a user finds the names of events."""

@@ -17,8 +17,17 @@ from pydantic import ValidationError
 
 import chefbotd
 from chefbotd.settings.checks import check
-from chefbotd.settings.errors import MissingExtraError, SettingsError, explain
-from chefbotd.settings.layers import Keys, UnknownKey, from_environment, place, read, variable
+from chefbotd.settings.errors import (
+    Keys,
+    MissingExtraError,
+    SettingsError,
+    UnknownKey,
+    explain,
+    from_environment,
+    place,
+    read,
+    variable,
+)
 from chefbotd.settings.model import Settings
 
 DEFAULT_ROBOT = "chefbot"

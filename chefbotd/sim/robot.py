@@ -11,10 +11,9 @@ from collections.abc import Callable, Sequence
 from chefbotd.core.events import TruthSimulated
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.core.record import Record
-from chefbotd.sim.battery import Battery
 from chefbotd.sim.crowd import Crowd
 from chefbotd.sim.plant import Plant, Wheels, WheelState
-from chefbotd.sim.sensors import Motion
+from chefbotd.sim.sensors import Battery, Motion
 from chefbotd.sim.world import World
 from chefbotd.sim_parameters.motor import SimBodyParameters
 

@@ -6,14 +6,13 @@ from msgspec import field
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import Record
-from chefbotd.sim.battery import Battery, Divider
+from chefbotd.sim.board import Launchpad
 from chefbotd.sim.crowd import Crowd
-from chefbotd.sim.launchpad import Launchpad
 from chefbotd.sim.lidar_devices import SimulatedLd19, SimulatedRplidar
 from chefbotd.sim.plant import PUBLISHED, Chassis, Plant
 from chefbotd.sim.robot import Robot
 from chefbotd.sim.rooms import scene_of
-from chefbotd.sim.sensors import Infrared, InfraredMount, Ultrasonic, UltrasonicMount
+from chefbotd.sim.sensors import Battery, Divider, Infrared, InfraredMount, Ultrasonic, UltrasonicMount
 from chefbotd.sim.sketch import Wiring
 from chefbotd.sim.spinning import LidarMount, LidarWire, Sight, SpinningLidar
 from chefbotd.sim_parameters.simulation import SimulationParameters, WorldParameters

@@ -17,7 +17,6 @@ from itertools import pairwise
 import numpy as np
 
 from chefbotd.core.record import Record
-from chefbotd.sim.battery import Divider, adc_counts
 from chefbotd.sim.peripherals import (
     CommandReader,
     CycleEdges,
@@ -29,7 +28,7 @@ from chefbotd.sim.peripherals import (
 )
 from chefbotd.sim.plant import Chassis
 from chefbotd.sim.robot import Robot
-from chefbotd.sim.sensors import Imu, Infrared, Ultrasonic
+from chefbotd.sim.sensors import Divider, Imu, Infrared, Ultrasonic, adc_counts
 from chefbotd.sim_parameters.simulation import SimImuParameters
 from chefbotd.sim_parameters.sketches import UINT32_SPAN, BoardParameters
 from firmware_protocol.codec import MOST_EDGES_A_LINE, MOST_TIMES_A_LINE, Variant, from_board

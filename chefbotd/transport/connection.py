@@ -16,7 +16,7 @@ from chefbotd.rpc.arrivals import Arrival
 from chefbotd.rpc.backlog import Backlog
 from chefbotd.rpc.connection_manager import ConnectionManager
 from chefbotd.rpc.drain import DRAIN_S, StopSearch
-from chefbotd.rpc.event import EventPayload
+from chefbotd.rpc.encoding import EventPayload
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure, Request
 from chefbotd.rpc.session import Session
 from chefbotd.transport.framing import ConnectionFraming, LineFraming

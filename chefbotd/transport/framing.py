@@ -7,7 +7,7 @@ from functools import lru_cache
 from typing import Protocol
 
 from chefbotd.rpc import jsonrpc
-from chefbotd.rpc.event import EventPayload
+from chefbotd.rpc.encoding import EventPayload
 from chefbotd.rpc.jsonrpc import Failure
 
 

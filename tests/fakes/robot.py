@@ -30,7 +30,7 @@ from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, Method, method, methods_of
 from chefbotd.rpc.methods import method_table
 from chefbotd.rpc.models import DONE, Done, NoParams, Params
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import Role
 from chefbotd.rpc.topics import Topic
 from chefbotd.settings import load, packaged
 from chefbotd.testing.recording import write_inline

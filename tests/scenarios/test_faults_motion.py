@@ -8,7 +8,7 @@ import pytest
 from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
 from chefbotd.core.events import BatteryCounted, EncodersCounted
-from chefbotd.process.supervisor import ServiceLost
+from chefbotd.process.build import ServiceLost
 from chefbotd.settings import load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from tests.budget import sample

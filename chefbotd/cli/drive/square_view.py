@@ -19,9 +19,16 @@ from chefbotd.cli.common.console import Printer
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import echo, writing
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.common.latency import Latencies, percentile
 from chefbotd.cli.drive.course import deviation, square
-from chefbotd.cli.drive.course_driver import CourseDriver, CourseProgress, CourseResult, Report, problems
+from chefbotd.cli.drive.course_driver import (
+    CourseDriver,
+    CourseProgress,
+    CourseResult,
+    Latencies,
+    Report,
+    percentile,
+    problems,
+)
 from chefbotd.cli.drive.simulated_daemon import simulated_daemon
 from chefbotd.client import Client
 from chefbotd.core.geometry import Pose2D

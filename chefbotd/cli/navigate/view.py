@@ -13,7 +13,7 @@ from rich.text import Text
 from chefbotd.cli.common.console import Printer
 from chefbotd.cli.common.echo import writing
 from chefbotd.cli.maps.draw import MapMark, draw_map
-from chefbotd.cli.maps.live import MapTracker
+from chefbotd.cli.maps.live_view import MapTracker
 from chefbotd.client import Client
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 

@@ -10,10 +10,8 @@ from chefbotd import __version__
 from chefbotd.cli.common.arguments import Address, address
 from chefbotd.cli.common.context import CommandContext, CoroutineRunner, Credentials, run_until_signalled
 from chefbotd.cli.common.exits import MEANING, exit_table
-from chefbotd.cli.doctor.doctor_command import doctor
-from chefbotd.cli.doctor.ports_command import ports
+from chefbotd.cli.doctor.doctor_command import doctor, ports
 from chefbotd.cli.drive import commands as driving
-from chefbotd.cli.drive import stop_arm_reset
 from chefbotd.cli.drive.commands import wheels
 from chefbotd.cli.look import commands as looking
 from chefbotd.cli.look.robots import address_of, robots
@@ -21,8 +19,7 @@ from chefbotd.cli.look.scan import scan
 from chefbotd.cli.maps.commands import map_group
 from chefbotd.cli.maps.places import places
 from chefbotd.cli.navigate import commands as navigating
-from chefbotd.cli.programs.examples import example
-from chefbotd.cli.programs.program import Program, completion, wants_json
+from chefbotd.cli.programs.program import Program, completion, example, wants_json
 from chefbotd.cli.record.commands import log_group, record
 from chefbotd.cli.tune.commands import pid
 
@@ -126,9 +123,9 @@ COMMANDS: tuple[click.Command, ...] = (
     driving.joystick,
     wheels,
     driving.square,
-    stop_arm_reset.stop,
-    stop_arm_reset.estop,
-    stop_arm_reset.arm,
+    driving.stop,
+    driving.estop,
+    driving.arm,
     pid,
     map_group,
     places,
@@ -136,8 +133,8 @@ COMMANDS: tuple[click.Command, ...] = (
     example("serve", "serve"),
     record,
     log_group,
-    stop_arm_reset.reset_odometry,
-    stop_arm_reset.reset_board,
+    driving.reset_odometry,
+    driving.reset_board,
     completion,
 )
 

@@ -57,7 +57,7 @@ def install_service(
         )
     from chefbotd.cli.programs.load import bad_configuration
     from chefbotd.process.installation import plan
-    from chefbotd.process.installation.host import Host
+    from chefbotd.process.installation.steps import Host
     from chefbotd.settings import SettingsError
 
     program = _program()
@@ -83,7 +83,7 @@ def uninstall_service(ctx: click.Context, purge: bool, dry_run: bool, root: Path
     Configuration, tokens and maps stay, unless --purge is given.
     """
     from chefbotd.process.installation import plan
-    from chefbotd.process.installation.host import Host
+    from chefbotd.process.installation.steps import Host
 
     _require_root(_program(), root, dry_run=dry_run)
     _carry_out(ctx, plan.uninstall(Host(root), purge=purge), dry_run=dry_run)
@@ -91,8 +91,7 @@ def uninstall_service(ctx: click.Context, purge: bool, dry_run: bool, root: Path
 
 def _carry_out(ctx: click.Context, steps: "Iterable[InstallationStep]", *, dry_run: bool) -> None:
     """Tell each step and do it; the list is the same in a dry run."""
-    from chefbotd.process.installation.host import InstallError
-    from chefbotd.process.installation.steps import InstallationStep, carry_out
+    from chefbotd.process.installation.steps import InstallationStep, InstallError, carry_out
 
     rows: list[dict[str, Any]] = []
     as_json = wants_json(ctx)

@@ -5,13 +5,13 @@ from collections.abc import Callable
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.features.board.models import TOPICS
 from chefbotd.features.feature import Feature, Service
+from chefbotd.link.board_writer import FaultLog
 from chefbotd.link.reconnect import PortLink
-from chefbotd.link.ring import FaultLog
 from chefbotd.link.session import BoardSession
 from chefbotd.metrics import Metrics
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.models import DONE, Done, NoParams
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import Role
 
 
 class BoardService:

@@ -6,7 +6,7 @@ from chefbotd.features.description.models import RobotDescription
 from chefbotd.features.feature import Feature
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.models import NoParams
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import Role
 
 
 class DescriptionService:

@@ -22,7 +22,7 @@ from chefbotd.motion.limit_preview import LimitPreview
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.method import Caller, Method, Unserved, method, methods_of
 from chefbotd.rpc.models import DONE, Done
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import Role
 
 
 class DriveCommands:

@@ -10,8 +10,7 @@ from chefbotd.clock import Clock
 from chefbotd.core.geometry import Motion, Twist2D
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.method import Unserved
-from chefbotd.rpc.parameters import ApiParameters
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import ApiParameters, Role
 from chefbotd.rpc.session import Session
 
 MOST_AGE_S: Final = 0.3

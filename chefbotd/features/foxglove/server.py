@@ -6,7 +6,7 @@ from typing import Any
 import foxglove
 from foxglove.websocket import ServerListener
 
-from chefbotd.recording.channels import McapChannel
+from chefbotd.recording.chunk import McapChannel
 from chefbotd.transport.parameters import FoxgloveParameters
 
 

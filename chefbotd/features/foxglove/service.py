@@ -11,9 +11,9 @@ from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.entries import entries_of
 from chefbotd.features.feature import Feature, Service
-from chefbotd.features.recording.making import read_map
+from chefbotd.features.recording.recorder_thread import read_map
 from chefbotd.logs import RateLimitedLog
-from chefbotd.recording.channels import Channels, McapChannel
+from chefbotd.recording.chunk import Channels, McapChannel
 from chefbotd.recording.encoder import REPEATED, Encoder, MapEvent
 from chefbotd.recording.foxglove import MapDrawer, ReadMap
 from chefbotd.transport.parameters import FoxgloveParameters

@@ -31,7 +31,7 @@ from chefbotd.features.localization.turning import Turning, TurningState
 from chefbotd.features.worker.service import WorkerService
 from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, method, methods_of
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import Role
 from chefbotd.worker.requests import OnProgress
 from chefbotd.worker.skills import navigation_requests as navigation
 from chefbotd.worker.skills.localization_requests import (

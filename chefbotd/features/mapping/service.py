@@ -24,7 +24,7 @@ from chefbotd.features.worker.service import WorkerService
 from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.models import NoParams
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import Role
 from chefbotd.worker.skills.mapping_requests import (
     SKILL,
     Discard,

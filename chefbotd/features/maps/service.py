@@ -45,7 +45,7 @@ from chefbotd.maps.versions import Version
 from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.models import DONE, Done, NoParams
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import Role
 
 log = structlog.get_logger(component="maps")
 

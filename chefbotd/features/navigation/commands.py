@@ -14,7 +14,7 @@ from chefbotd.features.navigation.service import NavigationService
 from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.models import DONE, Done, NoParams
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import Role
 
 
 class NavigationCommands:

@@ -11,7 +11,7 @@ from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.motion.odometry import OdometryParameters, OdometryState
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.models import DONE, Done
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import Role
 
 
 class OdometryService:

@@ -2,7 +2,7 @@
 
 from pydantic import Field
 
-from chefbotd.core.events.recording import RecordingChanged, RecordingData
+from chefbotd.core.events.robot import RecordingChanged, RecordingData
 from chefbotd.core.record import Record
 from chefbotd.recording.status import RecordedFile
 from chefbotd.rpc.models import Params

@@ -12,7 +12,7 @@ from msgspec.structs import asdict, replace
 from chefbotd.bus import Bus, Inbox
 from chefbotd.clock import BEAT_S, Clock, next_beat
 from chefbotd.core.events import LinkNotOpened, LinkOpened, SafetyChanged
-from chefbotd.core.events.recording import RecordingChanged
+from chefbotd.core.events.robot import RecordingChanged
 from chefbotd.entries import entries_of
 from chefbotd.features.feature import Feature, Service
 from chefbotd.features.recording.models import (
@@ -31,7 +31,7 @@ from chefbotd.recording.status import AUTOMATIC, RecordingError
 from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.models import NoParams
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import Role
 from chefbotd.snapshot import DaemonState
 
 if TYPE_CHECKING:

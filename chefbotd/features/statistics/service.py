@@ -11,7 +11,7 @@ from chefbotd.features.statistics.models import StatsData, stats_data, stats_mod
 from chefbotd.metrics import Histogram, Metrics
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.models import NoParams
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import Role
 
 PROBE_BEATS, PROBES_PER_SAMPLE = 2, 10
 """The loop's lag is probed ten times a second, and a sample is taken once a second."""

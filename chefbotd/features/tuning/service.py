@@ -14,7 +14,7 @@ from chefbotd.motion.kinematics import ALL_WHEELS
 from chefbotd.motion.pid import PidParameters
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.models import NoParams
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import Role
 
 HISTORY_DEPTH = 100
 """So many changes can be taken back: a key held down on a tuning screen makes some ten a second."""

@@ -11,8 +11,7 @@ from chefbotd.clock import Clock
 from chefbotd.core.events.lidars import DepthCameraChanged, ScanMeasured
 from chefbotd.core.scan import Floats, LaserScan
 from chefbotd.entries import entries_of
-from chefbotd.link.depth.process import DepthChild, Spawn
-from chefbotd.link.depth.wire import BEARINGS, BadMessage, MessageReader
+from chefbotd.link.depth.process import BEARINGS, BadMessage, DepthChild, MessageReader, Spawn
 from chefbotd.perception.depth_camera import DepthSourceParameters
 
 log = structlog.get_logger(component="depth camera")

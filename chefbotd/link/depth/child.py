@@ -8,8 +8,8 @@ from collections.abc import Iterable
 import numpy as np
 
 from chefbotd.clock import SystemClock
+from chefbotd.link.depth.process import BEARINGS, SCAN, encode
 from chefbotd.link.depth.sources import Frame, NoImagesError, frames
-from chefbotd.link.depth.wire import BEARINGS, SCAN, encode
 from chefbotd.perception.depth_camera import DepthCameraParameters, DepthSourceParameters
 from chefbotd.perception.depth_scan import DepthToScan
 

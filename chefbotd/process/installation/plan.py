@@ -9,8 +9,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from chefbotd.process.installation import texts
-from chefbotd.process.installation.host import Host
-from chefbotd.process.installation.steps import InstallationStep, command, file, folder, remove, write
+from chefbotd.process.installation.steps import Host, InstallationStep, command, file, folder, remove, write
 from chefbotd.settings import load, packaged
 
 SERVICE = "chefbotd.service"

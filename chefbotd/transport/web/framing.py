@@ -12,7 +12,7 @@ from websockets.frames import Close, CloseCode, Frame, Opcode
 from websockets.protocol import Protocol, Side, State
 
 from chefbotd.rpc import jsonrpc
-from chefbotd.rpc.event import EventPayload
+from chefbotd.rpc.encoding import EventPayload
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 
 MASK_AND_HEADER_BYTES = 6

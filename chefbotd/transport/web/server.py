@@ -25,8 +25,8 @@ from chefbotd.rpc.parameters import is_loopback
 from chefbotd.rpc.server import RpcServer
 from chefbotd.rpc.session import Session
 from chefbotd.transport.connection import SocketConnection
-from chefbotd.transport.listening import DescriptorLimit, listen
 from chefbotd.transport.parameters import PageParameters
+from chefbotd.transport.tcp import DescriptorLimit, listen
 from chefbotd.transport.unread import UnreadSockets
 from chefbotd.transport.web.framing import WebSocketFraming
 from chefbotd.transport.web.origin import is_own_host, is_own_origin

@@ -11,8 +11,8 @@ from chefbotd.client.models import RecordingData
 from chefbotd.clock import run_virtual
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.motion.pid import PidParameters
-from chefbotd.rpc.describe import describe
 from chefbotd.rpc.encoding import plain
+from chefbotd.rpc.methods import describe
 from tests.fakes.robot import methods_of_socket, topics_of
 
 T = TypeVar("T")

@@ -19,7 +19,7 @@ from chefbotd.entries import Entries
 from chefbotd.features.feature import Feature, methods_and_topics
 from chefbotd.rpc.method import Method, method
 from chefbotd.rpc.models import NoParams
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import Role
 from chefbotd.rpc.topics import Topic
 from chefbotd.settings import load
 from chefbotd.snapshot import DaemonState, encoded

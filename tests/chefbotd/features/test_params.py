@@ -9,8 +9,8 @@ from chefbotd.features.driving.models import DriveParams
 from chefbotd.features.odometry.models import ResetOdometryParams
 from chefbotd.features.tuning.models import SetPidParams
 from chefbotd.motion.pid import PidParameters
+from chefbotd.rpc.dispatch import explain
 from chefbotd.rpc.models import SubscribeParams
-from chefbotd.rpc.validation import explain
 
 
 @pytest.mark.parametrize("value", [True, "0.5", None, float("nan"), float("inf"), [0.5]])

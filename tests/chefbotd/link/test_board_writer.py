@@ -7,8 +7,7 @@ import pytest
 from chefbotd.bus import Bus
 from chefbotd.clock import ManualClock
 from chefbotd.core.events import LineSeen
-from chefbotd.link.board_writer import BoardWriter
-from chefbotd.link.ring import LineRing
+from chefbotd.link.board_writer import BoardWriter, LineRing
 from firmware_protocol import messages as wire
 from firmware_protocol.codec import CLASSIC, FOUR_WHEELS, Variant, to_board
 from firmware_protocol.decoder import Decoder

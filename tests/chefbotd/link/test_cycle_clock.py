@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import pytest
 
-from chefbotd.link.cycle_clock import CycleClock
+from chefbotd.link.board_clock import CycleClock
 
 CYCLE_S = 1 / 290
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from chefbotd.link.reset import BACK_S, PLAY_COUNTS, STANDS_S, STOP_S, ResetRequest, ResetStage
+from chefbotd.link.restarts import BACK_S, PLAY_COUNTS, STANDS_S, STOP_S, ResetRequest, ResetStage
 
 COUNTS = (812, -355)
 

@@ -8,7 +8,7 @@ import structlog
 from chefbotd.bus import Bus
 from chefbotd.clock import run_virtual
 from chefbotd.core.events import SafetyChanged
-from chefbotd.link.ring import LINES_KEPT, FaultLog, LineRing
+from chefbotd.link.board_writer import LINES_KEPT, FaultLog, LineRing
 
 
 def changed(stamp_s: float, mode: str, fault: str | None) -> SafetyChanged:

@@ -8,12 +8,12 @@ import sys
 
 import pytest
 
-from chefbotd.process import priority
-from chefbotd.process.priority import Priority, raise_priority
+from chefbotd.process import watchdog
+from chefbotd.process.watchdog import Priority, raise_priority
 
 PROGRAM = """
 import json, os, subprocess, sys, threading
-from chefbotd.process.priority import raise_priority, set_realtime
+from chefbotd.process.watchdog import raise_priority, set_realtime
 
 def mine():
     return os.sched_getscheduler(0), os.sched_getparam(0).sched_priority, os.getpriority(os.PRIO_PROCESS, 0)
@@ -93,7 +93,7 @@ def test_what_the_computer_allows_is_taken(
     monkeypatch: pytest.MonkeyPatch, allowed: set[str], given: Priority
 ) -> None:
     """Real time, else a nice value, else nothing: no refusal ends the daemon."""
-    monkeypatch.setattr(priority.os, "geteuid", lambda: 0)
+    monkeypatch.setattr(watchdog.os, "geteuid", lambda: 0)
     Kernel(monkeypatch, frozenset(allowed))
     assert raise_priority(10, lock_memory=True) == given
 
@@ -110,10 +110,10 @@ def test_a_nice_value_that_the_unit_has_set_is_kept_from_what_the_loop_starts(
 def test_memory_is_not_locked_under_a_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """With 8 MB allowed, the next request for memory would be refused: nothing is locked."""
     kernel = Kernel(monkeypatch, frozenset({"fifo", "lock"}))
-    monkeypatch.setattr(priority.os, "geteuid", lambda: 1000)
-    monkeypatch.setattr(priority.resource, "getrlimit", lambda which: (8 << 20, 8 << 20))
+    monkeypatch.setattr(watchdog.os, "geteuid", lambda: 1000)
+    monkeypatch.setattr(watchdog.resource, "getrlimit", lambda which: (8 << 20, 8 << 20))
     assert not raise_priority(10, lock_memory=True).memory_locked
     assert ("lock", 7) not in kernel.asked
-    monkeypatch.setattr(priority.resource, "getrlimit", lambda which: (priority.resource.RLIM_INFINITY,) * 2)
+    monkeypatch.setattr(watchdog.resource, "getrlimit", lambda which: (watchdog.resource.RLIM_INFINITY,) * 2)
     assert raise_priority(10, lock_memory=True).memory_locked
     assert ("lock", 7) in kernel.asked

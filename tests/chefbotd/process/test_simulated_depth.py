@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from chefbotd.clock import SystemClock
-from chefbotd.link.depth.wire import SCAN, DepthMessage, MessageReader
+from chefbotd.link.depth.process import SCAN, DepthMessage, MessageReader
 from chefbotd.perception.depth_camera import DepthSourceParameters
 from chefbotd.process.simulated_depth import spawn_with
 from chefbotd.process.simulated_robot import simulation_of

@@ -6,7 +6,7 @@ from collections.abc import Awaitable, Callable
 import pytest
 
 from chefbotd.clock import LoopClock, run_virtual
-from chefbotd.process.supervisor import MOST_FAILURES, ServiceLost, Supervisor
+from chefbotd.process.build import MOST_FAILURES, ServiceLost, Supervisor
 from chefbotd.safety.faults import Fault, FaultKind
 
 

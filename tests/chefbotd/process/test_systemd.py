@@ -6,13 +6,13 @@ from pathlib import Path
 import pytest
 import structlog
 
-from chefbotd.process import systemd
+from chefbotd.process import keep_alive
 
 
 def test_without_systemd_nothing_is_said(monkeypatch: pytest.MonkeyPatch):
     """No NOTIFY_SOCKET: nobody listens, and that is no error."""
     monkeypatch.delenv("NOTIFY_SOCKET", raising=False)
-    assert systemd.notify("READY=1") is False
+    assert keep_alive.notify("READY=1") is False
 
 
 @pytest.mark.parametrize("abstract", [False, True])
@@ -22,7 +22,7 @@ def test_the_state_arrives_as_one_datagram(monkeypatch: pytest.MonkeyPatch, tmp_
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as listener:
         listener.bind("\0" + name[1:] if abstract else name)
         monkeypatch.setenv("NOTIFY_SOCKET", name)
-        assert systemd.notify("READY=1\nSTATUS=listening") is True
+        assert keep_alive.notify("READY=1\nSTATUS=listening") is True
         assert listener.recv(100) == b"READY=1\nSTATUS=listening"
 
 
@@ -30,7 +30,7 @@ def test_a_socket_that_is_not_there_is_no_disaster(monkeypatch: pytest.MonkeyPat
     """The daemon runs on, and says in its log what it could not tell."""
     monkeypatch.setenv("NOTIFY_SOCKET", str(tmp_path / "absent"))
     with structlog.testing.capture_logs() as logged:
-        assert systemd.notify("READY=1") is False
+        assert keep_alive.notify("READY=1") is False
     assert logged[0]["event"] == "systemd cannot be notified"
 
 
@@ -41,8 +41,8 @@ def test_a_socket_that_is_not_there_is_no_disaster(monkeypatch: pytest.MonkeyPat
 def test_the_runtime_folder_is_the_first_one(
     monkeypatch: pytest.MonkeyPatch, told: str | None, folder: str | None
 ):
-    """As systemd.exec(5) has it, several are separated by colons; without the variable there is none."""
+    """As keep_alive.exec(5) has it, several are separated by colons; without the variable there is none."""
     monkeypatch.delenv("RUNTIME_DIRECTORY", raising=False)
     if told is not None:
         monkeypatch.setenv("RUNTIME_DIRECTORY", told)
-    assert systemd.runtime_folder() == (None if folder is None else Path(folder))
+    assert keep_alive.runtime_folder() == (None if folder is None else Path(folder))

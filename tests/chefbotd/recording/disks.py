@@ -4,7 +4,7 @@ import errno
 import threading
 from pathlib import Path
 
-from chefbotd.recording.disk import OpenFile, RecordingDisk
+from chefbotd.recording.folder import OpenFile, RecordingDisk
 
 
 class FailingFile:

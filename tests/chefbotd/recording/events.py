@@ -13,12 +13,12 @@ import numpy as np
 
 from chefbotd.core.events import OdometryUpdated, SafetyChanged, WheelsDriven
 from chefbotd.core.events.lidars import ScanMeasured
-from chefbotd.core.events.recording import RecordingData
+from chefbotd.core.events.robot import RecordingData
 from chefbotd.core.geometry import Pose2D, PoseCovariance, Twist2D
 from chefbotd.core.scan import LaserScan
-from chefbotd.recording.channels import Channels
+from chefbotd.recording.chunk import Channels
 from chefbotd.recording.chunk_encoder import ChunkEncoder
-from chefbotd.recording.disk import RecordingDisk
+from chefbotd.recording.folder import RecordingDisk
 from chefbotd.recording.foxglove import Cells, ReadMap
 from chefbotd.recording.parameters import RecordingParameters
 from chefbotd.recording.recorder import Recorder

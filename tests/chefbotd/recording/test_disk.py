@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from chefbotd.core.commands import RefusalKind
-from chefbotd.recording.disk import RecordingDisk
+from chefbotd.recording.folder import RecordingDisk
 from chefbotd.recording.reader import RecordingReader
 from chefbotd.recording.recorder import Recorder
 from chefbotd.recording.status import AUTOMATIC, RecordingError

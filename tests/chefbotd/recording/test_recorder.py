@@ -15,7 +15,7 @@ from mcap.reader import make_reader
 
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.events import LineSeen
-from chefbotd.core.events.recording import EventsDropped
+from chefbotd.core.events.robot import EventsDropped
 from chefbotd.core.geometry import Pose2D
 from chefbotd.recording.classes import class_of, event_names
 from chefbotd.recording.encoder import schema_of

@@ -94,7 +94,7 @@ def named(name: str) -> dict[str, Any]:
     return {"type": name, "$": "object", "of": name, "is": {}, "__class__": name, "args": "true"}
 
 
-DISK = "chefbotd.recording.disk:Disk"
+DISK = "chefbotd.recording.folder:Disk"
 MORE = "more in it than"
 FORGERIES: dict[str, tuple[str, Sequence[str | int], Any, str]] = {
     "another class of ours": (LOOP, ["wheels"], named(DISK), "pids"),

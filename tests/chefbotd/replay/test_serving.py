@@ -11,7 +11,7 @@ from chefbotd.replay.build import replayed_daemon
 from chefbotd.replay.entries import ReplayEntries
 from chefbotd.replay.recorded import groups_of
 from chefbotd.replay.replay import Pace, Replay
-from chefbotd.replay.serving import Serving
+from chefbotd.replay.run import Serving
 from chefbotd.settings import load
 from chefbotd.testing.daemon import SimulatedRobot
 from tests.chefbotd.replay.recordings import recorded, recorded_of

@@ -7,11 +7,10 @@ from chefbotd.clock import ManualClock
 from chefbotd.rpc import jsonrpc
 from chefbotd.rpc.arrivals import Arrivals
 from chefbotd.rpc.dispatch import Dispatcher
-from chefbotd.rpc.event import EventPayload
+from chefbotd.rpc.encoding import EventPayload
 from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.jsonrpc import Failure
-from chefbotd.rpc.parameters import ApiParameters
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import ApiParameters, Role
 from chefbotd.rpc.session import Session
 from chefbotd.rpc.topics import Topic
 from tests.fakes.robot import FakeRobot, table_of, topics_of

@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.rpc.access import AccessError, Guard, Keyring, load_guard
-from chefbotd.rpc.parameters import ApiParameters
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import ApiParameters, Role
 from tests.budget import examples
 
 ANN, BOB = "a" * 32, "b" * 32

@@ -6,8 +6,7 @@ from chefbotd.core.events import ControlChanged
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.jsonrpc import ErrorKind
 from chefbotd.rpc.method import Unserved
-from chefbotd.rpc.parameters import ApiParameters
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import ApiParameters, Role
 from chefbotd.rpc.session import Session
 
 

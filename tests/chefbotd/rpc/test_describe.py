@@ -9,7 +9,7 @@ import pytest
 from pydantic import BaseModel
 
 from chefbotd.clock import BEAT_S, run_virtual
-from chefbotd.rpc import describe
+from chefbotd.rpc import methods
 from chefbotd.rpc.server import DESCRIBED_AFTER_S
 from tests.fakes.api import line_client, new_server, serving
 from tests.fakes.robot import topics_of
@@ -19,7 +19,7 @@ from tests.fakes.robot import topics_of
 def built(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[type[Any]]]:
     """Every model whose schema is built during the test, in a process that has built none before."""
     models: list[type[Any]] = []
-    of_params, of_record = BaseModel.model_json_schema.__func__, describe.schema
+    of_params, of_record = BaseModel.model_json_schema.__func__, methods.schema
 
     def count_params(model: type[BaseModel], **options: Any) -> dict[str, Any]:
         models.append(model)
@@ -30,10 +30,10 @@ def built(monkeypatch: pytest.MonkeyPatch) -> Iterator[list[type[Any]]]:
         return of_record(model)
 
     monkeypatch.setattr(BaseModel, "model_json_schema", classmethod(count_params))
-    monkeypatch.setattr(describe, "schema", count_record)
-    describe._built_schema.cache_clear()
+    monkeypatch.setattr(methods, "schema", count_record)
+    methods._built_schema.cache_clear()
     yield models
-    describe._built_schema.cache_clear()
+    methods._built_schema.cache_clear()
 
 
 def test_a_new_server_builds_no_schema(built: list[type[Any]]) -> None:
@@ -50,7 +50,7 @@ def test_a_running_server_builds_one_schema_at_a_time(built: list[type[Any]]) ->
             await asyncio.sleep(DESCRIBED_AFTER_S)
             at_once = [len(built)]
             parts = (
-                2 * len(served.server.methods) + len(topics_of(simulated=True)) + len(describe.NOTIFICATIONS)
+                2 * len(served.server.methods) + len(topics_of(simulated=True)) + len(methods.NOTIFICATIONS)
             )
             for _ in range(parts):
                 await asyncio.sleep(BEAT_S)

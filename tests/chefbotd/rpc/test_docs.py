@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from chefbotd.rpc import jsonrpc
-from chefbotd.rpc.describe import NOTIFICATIONS
 from chefbotd.rpc.jsonrpc import ERRORS, Request
+from chefbotd.rpc.methods import NOTIFICATIONS
 from chefbotd.rpc.parameters import ApiParameters
 from tests.chefbotd.client.api_page import members
 from tests.fakes.robot import methods_of_socket, topics_of

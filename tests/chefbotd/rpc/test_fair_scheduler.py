@@ -7,7 +7,7 @@ from collections.abc import Awaitable, Callable
 import pytest
 
 from chefbotd.clock import ManualClock, run_virtual
-from chefbotd.rpc.fair_scheduler import SLICE_S, FairScheduler
+from chefbotd.rpc.connection_manager import SLICE_S, FairScheduler
 from chefbotd.rpc.session import Session
 from chefbotd.transport.connection import SocketConnection
 from chefbotd.transport.unread import UnreadSockets

@@ -20,7 +20,7 @@ from chefbotd.clock import run_virtual
 from chefbotd.core.geometry import Twist2D
 from chefbotd.rpc.access import Guard, Keyring
 from chefbotd.rpc.method import Method
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import Role
 from tests.fakes.api import line_client, serving
 from tests.fakes.example import example
 from tests.fakes.robot import methods_of_socket

@@ -15,7 +15,7 @@ from chefbotd.rpc.dispatch import Dispatcher
 from chefbotd.rpc.jobs import MAX_JOBS, ProgressReporter
 from chefbotd.rpc.method import Caller, Method, method, methods_of
 from chefbotd.rpc.models import DONE, Done, NoParams, Params
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import Role
 from tests.fakes.api import LineClient, Served, line_client, serving
 
 

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from chefbotd.core.commands import RefusalKind
 from chefbotd.rpc import jsonrpc
-from chefbotd.rpc.event import EventPayload
+from chefbotd.rpc.encoding import EventPayload
 from chefbotd.rpc.jsonrpc import ERRORS, ErrorKind, Failure, Request
 from tests.budget import examples
 

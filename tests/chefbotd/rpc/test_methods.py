@@ -11,7 +11,7 @@ from structlog.testing import capture_logs
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import TextReceived
 from chefbotd.core.geometry import Pose2D, Twist2D
-from chefbotd.rpc.event import EventPayload
+from chefbotd.rpc.encoding import EventPayload
 from chefbotd.rpc.jsonrpc import ERRORS
 from tests.budget import examples
 from tests.chefbotd.rpc.desk import Desk

@@ -7,11 +7,11 @@ import pytest
 from chefbotd.core.events import LinkOpened, SafetyChanged, TextReceived
 from chefbotd.core.geometry import Twist2D
 from chefbotd.rpc import models
-from chefbotd.rpc.describe import NOTIFICATIONS
 from chefbotd.rpc.dispatch import Dispatcher
 from chefbotd.rpc.jsonrpc import ERRORS
 from chefbotd.rpc.method import Caller, Method
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.methods import NOTIFICATIONS
+from chefbotd.rpc.parameters import Role
 from tests.chefbotd.rpc.desk import Desk
 from tests.fakes.robot import FakeRobot
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import Role
 
 
 @pytest.mark.parametrize(

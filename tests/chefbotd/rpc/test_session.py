@@ -3,8 +3,7 @@
 import pytest
 
 from chefbotd.rpc.jsonrpc import ErrorKind
-from chefbotd.rpc.parameters import ApiParameters
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import ApiParameters, Role
 from chefbotd.rpc.session import Session
 
 LIMITS = ApiParameters(

@@ -2,7 +2,7 @@
 
 import pytest
 
-from chefbotd.sim.battery import Battery, Divider, adc_counts
+from chefbotd.sim.sensors import Battery, Divider, adc_counts
 from chefbotd.sim_parameters.motor import SimBatteryParameters
 
 

@@ -5,8 +5,7 @@ import asyncio
 import pytest
 
 from chefbotd.clock import Clock, LoopClock, ManualClock, run_virtual
-from chefbotd.sim.board import BoardRunner
-from chefbotd.sim.launchpad import Launchpad
+from chefbotd.sim.board import BoardRunner, Launchpad
 from chefbotd.sim.simulation import Simulation, build_launchpad
 
 

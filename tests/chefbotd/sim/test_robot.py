@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.core.geometry import Pose2D, Twist2D
-from chefbotd.sim.battery import Battery
 from chefbotd.sim.plant import Plant
 from chefbotd.sim.robot import Robot, arc
 from chefbotd.sim.rooms import scene_of
+from chefbotd.sim.sensors import Battery
 from chefbotd.sim.world import World
 from chefbotd.sim_parameters.motor import MotorParameters, SimBatteryParameters, SimBodyParameters
 from tests.budget import examples

@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from chefbotd.core.record import replace
-from chefbotd.sim.launchpad import Launchpad
+from chefbotd.sim.board import Launchpad
 from chefbotd.sim.plant import PUBLISHED
 from chefbotd.sim.simulation import FirstLineCut, Simulation, build_launchpad
 from chefbotd.sim_parameters.simulation import SimulationParameters

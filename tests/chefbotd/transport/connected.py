@@ -3,7 +3,7 @@
 import json
 import socket
 
-from chefbotd.rpc.event import EventPayload
+from chefbotd.rpc.encoding import EventPayload
 from chefbotd.rpc.session import Session
 from chefbotd.transport.connection import SocketConnection
 from chefbotd.transport.unread import UnreadSockets

@@ -3,7 +3,7 @@
 import pytest
 
 from chefbotd.clock import run_virtual
-from chefbotd.transport.listening import CannotListen
+from chefbotd.transport.tcp import CannotListen
 from tests.fakes.api import new_server, tcp_server
 
 

@@ -4,7 +4,7 @@ import math
 
 import pytest
 
-from chefbotd.cli.common.latency import Latencies, Ping, percentile
+from chefbotd.cli.drive.course_driver import Latencies, Ping, percentile
 
 
 def test_percentiles_are_nearest_rank() -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from msgspec import convert
 
-from chefbotd.cli.maps.live import MapTracker, ReceivedMap
+from chefbotd.cli.maps.live_view import MapTracker, ReceivedMap
 from chefbotd.client.errors import ProtocolError
 from chefbotd.client.models import MapData, MapPoseData, OdometryData
 from chefbotd.core.geometry import Pose2D

@@ -13,8 +13,8 @@ from click.testing import CliRunner
 from chefbotd.cli.common.exits import Exit
 from chefbotd.cli.programs import service as commands
 from chefbotd.cli.programs.chefbotd import main
-from chefbotd.process.installation import host
-from chefbotd.process.installation.host import Host
+from chefbotd.process.installation import steps
+from chefbotd.process.installation.steps import Host
 
 SYSTEM = Path("/")
 
@@ -35,7 +35,7 @@ def program(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> Path:
     """An installed program."""
     path = tmp_path / "bin" / "chefbotd"
     monkeypatch.setattr(commands, "_program", lambda: path)
-    monkeypatch.setattr(host, "Host", NotThisComputer)
+    monkeypatch.setattr(steps, "Host", NotThisComputer)
     return path
 
 

@@ -15,7 +15,7 @@ from chefbotd.cli.common.exits import Exit
 from chefbotd.cli.programs.chefbotctl import main
 from chefbotd.core.events import BatteryLevelStatus, BatteryMeasured
 from chefbotd.core.events.lidars import ScanMeasured
-from chefbotd.core.events.recording import EventsDropped
+from chefbotd.core.events.robot import EventsDropped
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.scan import LaserScan
 from chefbotd.recording.status import About

@@ -12,7 +12,7 @@ from mcap.writer import Writer
 from chefbotd import __version__
 from chefbotd.cli.common.exits import Exit
 from chefbotd.cli.programs.chefbotd import main
-from chefbotd.replay import reading
+from chefbotd.replay import recorded
 from chefbotd.settings import load, packaged
 from chefbotd.testing.daemon import SimulatedRobot
 from tests.chefbotd.replay.recordings import recorded_file
@@ -159,7 +159,7 @@ def test_what_another_version_recorded_is_replayed_only_when_asked_for(
 ) -> None:
     """Another version may do other things with the same input; both versions are named."""
     recorded_by = __version__
-    monkeypatch.setattr(reading, "__version__", "99.1")
+    monkeypatch.setattr(recorded, "__version__", "99.1")
     result = replay(whole, tmp_path)
     assert result.exit_code == Exit.FAILED
     assert f"recorded by chefbotd {recorded_by}, and this is 99.1" in result.output

@@ -12,8 +12,7 @@ from chefbotd import __version__
 from chefbotd.client.discovery import find, robots
 from chefbotd.clock import ManualClock, run_virtual
 from chefbotd.features.discovery.announcement import Announcement, read
-from chefbotd.features.discovery.multicast import Multicast
-from chefbotd.features.discovery.service import DiscoveryService, NameTaken
+from chefbotd.features.discovery.service import DiscoveryService, Multicast, NameTaken
 from chefbotd.process.build import build
 from chefbotd.settings import load
 from chefbotd.transport.parameters import DiscoveryParameters

@@ -38,8 +38,7 @@ from chefbotd.rpc.control_leases import ControlLeases, Sources
 from chefbotd.rpc.method import Unserved
 from chefbotd.rpc.methods import ServerMethods
 from chefbotd.rpc.models import NoParams, TakeControlParams
-from chefbotd.rpc.parameters import ApiParameters
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import ApiParameters, Role
 from chefbotd.rpc.session import Session
 from chefbotd.safety.gate import Mode, SafetyParameters
 from chefbotd.safety.watchdog import ControlParameters, WatchdogParameters

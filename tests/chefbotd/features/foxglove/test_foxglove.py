@@ -13,7 +13,7 @@ from websockets.asyncio.client import ClientConnection, connect
 
 from chefbotd.bus import Bus
 from chefbotd.clock import SystemClock
-from chefbotd.core.events.recording import EventsDropped
+from chefbotd.core.events.robot import EventsDropped
 from chefbotd.features.foxglove.server import FoxgloveServer
 from chefbotd.features.foxglove.service import EXCLUDED, FoxgloveService
 from chefbotd.recording.classes import class_of, event_names

@@ -15,8 +15,7 @@ from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, SystemClock, run_virtual
 from chefbotd.core.events.lidars import DepthCameraChanged, ScanMeasured
 from chefbotd.link.depth.camera import DepthCamera
-from chefbotd.link.depth.process import CameraProcess, DepthChild, spawn_program
-from chefbotd.link.depth.wire import BEARINGS, SCAN, encode
+from chefbotd.link.depth.process import BEARINGS, SCAN, CameraProcess, DepthChild, encode, spawn_program
 from chefbotd.perception.depth_camera import DepthSourceParameters
 
 BEARS = encode(BEARINGS, 0.0, np.array([-0.5, 0.25]))

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from chefbotd.link.depth.wire import BEARINGS, SCAN, MessageReader
+from chefbotd.link.depth.process import BEARINGS, SCAN, MessageReader
 from chefbotd.perception.depth_camera import DepthSourceParameters
 
 SOURCE = Path(__file__).parents[3] / "fakes" / "openni2.c"

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from chefbotd.link.depth.wire import BEARINGS, SCAN, BadMessage, MessageReader, encode
+from chefbotd.link.depth.process import BEARINGS, SCAN, BadMessage, MessageReader, encode
 
 SENT = encode(BEARINGS, 0.0, np.array([-0.5, 0.0, 0.5])) + encode(SCAN, 17.25, np.array([1.5, 0.0, 2.25]))
 

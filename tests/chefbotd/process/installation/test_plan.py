@@ -8,10 +8,9 @@ from pathlib import Path
 import pytest
 
 from chefbotd.process.installation import plan, texts
-from chefbotd.process.installation.host import CommandEnded, Host, InstallError
-from chefbotd.process.installation.steps import InstallationStep, carry_out
+from chefbotd.process.installation.steps import CommandEnded, Host, InstallationStep, InstallError, carry_out
 from chefbotd.rpc.access import Keyring
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import Role
 from chefbotd.settings import SettingsError, load, packaged
 
 PROGRAM = Path("/opt/chefbotd/bin/chefbotd")

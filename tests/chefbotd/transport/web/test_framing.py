@@ -5,7 +5,7 @@ import json
 import pytest
 from websockets.frames import Frame, Opcode
 
-from chefbotd.rpc.event import EventPayload
+from chefbotd.rpc.encoding import EventPayload
 from chefbotd.rpc.jsonrpc import ErrorKind
 from chefbotd.transport.web.framing import WebSocketFraming
 from tests.fakes.web import frame

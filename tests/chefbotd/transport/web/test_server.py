@@ -14,7 +14,7 @@ from websockets.frames import Opcode
 from chefbotd.clock import run_virtual
 from chefbotd.core.events import TextReceived
 from chefbotd.rpc.access import Guard, Keyring
-from chefbotd.rpc.roles import Role
+from chefbotd.rpc.parameters import Role
 from tests.fakes.api import Served
 from tests.fakes.web import HANDSHAKE, frame, frame_client, get, serving_page
 
