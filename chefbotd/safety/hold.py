@@ -1,9 +1,9 @@
 """The sources of commands that a stop holds, and for whom.
 
 A driver who repeats its command without knowing of a stop would undo the stop 50 ms later. So a stop holds every
-source that another client has lately tried to drive; an emergency stop also holds what its own client has tried, and
-what anybody tries while it is latched. A try is a command that names the source, whether it was carried out or not,
-and whatever motion it asked for.
+source that another client has lately tried to drive. An emergency stop or a fault also holds what its own client has
+tried, and what anybody tries while it is latched. A try is a command that names the source, whether it was carried out
+or not, and whatever motion it asked for.
 
 From a held source nobody drives but the clients that know of the stop: the one that sent it, unless it was held
 itself, and those that asked to drive after it. The others may be the same driver on a new connection, so they are all
@@ -39,16 +39,16 @@ State = tuple[Tries, ...]
 
 
 def note_try(
-    state: State, source: str, client: int, now_s: float, stop_hold_s: float, estopped_by: str = ""
+    state: State, source: str, client: int, now_s: float, stop_hold_s: float, latched_by: str = ""
 ) -> State:
-    """A client tries to drive a source. ``estopped_by`` is not empty while an emergency stop is latched."""
+    """A client tries to drive a source. ``latched_by`` is not empty while an emergency stop or a fault is latched."""
     before = _of(state, source) or Tries(source, client, NEVER_S)
     others_s = before.others_s if before.client == client else before.stamp_s
     stopped_by, knowing, held_s = before.stopped_by, before.knowing, before.held_s
     if now_s - held_s >= stop_hold_s:
         stopped_by, knowing = "", ()
-    if estopped_by:
-        stopped_by, knowing = estopped_by, ()
+    if latched_by:
+        stopped_by, knowing = latched_by, ()
     if stopped_by and client not in knowing:
         held_s = now_s
     after = Tries(source, client, now_s, others_s, stopped_by, knowing, held_s)
@@ -60,8 +60,8 @@ def stop(state: State, client: int, by: str, now_s: float, stop_hold_s: float) -
     return tuple([_stopped(tries, client, by, now_s, stop_hold_s) for tries in state])
 
 
-def estop(state: State, by: str, now_s: float, stop_hold_s: float) -> State:
-    """Hold what anybody has tried to drive lately."""
+def latch(state: State, by: str, now_s: float, stop_hold_s: float) -> State:
+    """An emergency stop or a fault: hold what anybody has tried to drive lately."""
     return tuple(
         [
             replace(tries, stopped_by=by, knowing=(), held_s=tries.stamp_s)

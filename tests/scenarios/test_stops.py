@@ -9,6 +9,7 @@ from structlog.testing import capture_logs
 
 from chefbotd.client import CallError, Client
 from chefbotd.clock import run_virtual
+from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from tests.chefbotd.features.driving.stop_rule import Deed, is_held
 
@@ -31,9 +32,14 @@ class Clients:
         await asyncio.sleep(WAITS_S.get(what, 0.1))
         if what in WAITS_S:
             return ""
-        number, client = await self._connected(who)
         before = await self._robot.client.get_state()
-        now_s, latched = asyncio.get_running_loop().time(), before.safety.mode == "estopped"
+        now_s, latched = asyncio.get_running_loop().time(), before.safety.mode != "armed"
+        if what == "fault":
+            self._robot.daemon.driving.fail(Fault(FaultKind.WHEEL_STALLED, "for a test"))
+            if not latched:
+                self._deeds.append(Deed(now_s, -1, "fault"))
+            return ""
+        number, client = await self._connected(who)
         kind, taken_from = "", None
         try:
             taken_from = await self._ask(client, who, what)
@@ -41,7 +47,7 @@ class Clients:
             kind = str(refusal.kind)
         if what in TRIES:
             source = "navigation" if what == "navigation" else "teleop"
-            held = latched or is_held(self._deeds, number, source, now_s)
+            held = latched or is_held(tuple(self._deeds), number, source, now_s)
             self._deeds.append(Deed(now_s, number, "try", source, latched))
             assert kind or not held, f"{who} moves the robot, though a stop holds it"
             assert held or kind != "stopped", f"{who} is held by nothing"
@@ -89,10 +95,13 @@ REPEATED = [("Ann", "drive")] * 20
 RECONNECTED = [step for _ in range(10) for step in (("Ann", "drive"), ("Ann", "reconnect"))]
 
 
+@pytest.mark.parametrize("latch", [("Bob", "estop"), ("robot", "fault")], ids=["estop", "fault"])
 @pytest.mark.parametrize("repeated", [REPEATED, RECONNECTED], ids=["one connection", "a new one each"])
-def test_another_clients_estop_zero_and_arm_let_nobody_drive_on(repeated: list[tuple[str, str]]) -> None:
-    """Ann repeats through Bob's estop, drive of zero and arm: she moves nothing until she has let go for a second."""
-    bob = [("Bob", "estop"), *repeated[:2], ("Bob", "zero"), ("Bob", "arm")]
+def test_an_estop_or_a_fault_and_another_clients_arm_let_nobody_drive_on(
+    repeated: list[tuple[str, str]], latch: tuple[str, str]
+) -> None:
+    """Ann repeats through it and Bob's drive of zero and arm: she moves nothing until she has let go for a second."""
+    bob = [latch, *repeated[:2], ("Bob", "zero"), ("Bob", "arm")]
     with capture_logs():
         kinds, went_m = run_virtual(play([*bob, *repeated]))
         assert went_m < 0.001
@@ -105,9 +114,9 @@ def test_another_clients_estop_zero_and_arm_let_nobody_drive_on(repeated: list[t
 
 @pytest.mark.parametrize("seed", [0, *(pytest.param(seed, marks=pytest.mark.slow) for seed in range(1, 40))])
 def test_random_sequences_of_three_clients_keep_the_rule(seed: int) -> None:
-    """A hundred steps: drives, stops, arms, takeovers, reconnects and waits."""
+    """A hundred steps: drives, stops, faults, arms, takeovers, reconnects and waits."""
     choose = random.Random(seed)
     steps = [(who, what) for who in ("Ann", "Bob", "Carl") for what in ASKED]
-    steps += [("all", "wait a little")] * 3 + [("all", "wait long")]
+    steps += [("all", "wait a little")] * 3 + [("all", "wait long"), ("robot", "fault")]
     with capture_logs():
         run_virtual(play(choose.choices(steps, k=100)))

@@ -27,11 +27,11 @@ from chefbotd.entries import entries_of
 from chefbotd.features.driving.gate_announcer import GateAnnouncer
 from chefbotd.features.driving.motor_watch import MotorWatch, MotorWatchState
 from chefbotd.features.driving.obstacle_guard import ObstacleGuard, Scans
-from chefbotd.features.driving.stop_hold import StopHold
+from chefbotd.features.driving.stop_hold import EMERGENCY_STOP, FAULT, StopHold
 from chefbotd.features.driving.wheel_reader import WheelsRead
 from chefbotd.safety import battery_monitor, encoder_timeout, gate, hold
 from chefbotd.safety.encoder_timeout import EncoderTimeoutState
-from chefbotd.safety.faults import Fault, FaultKind
+from chefbotd.safety.faults import RECOVERABLE, Fault, FaultKind
 from chefbotd.safety.gate import HALT, Command, Decision, GateState, Mode, Rearm, SafetyParameters, Trigger
 from chefbotd.safety.guard import Beams
 from chefbotd.safety.latch import GateStore
@@ -179,7 +179,7 @@ class SafetyKeeper:
     def note_try(self, source: str, client: int, now_s: float) -> None:
         """A client tries to drive, whether or not its command is taken into account."""
         if source in self._parameters.sources:
-            self._held.note_try(source, client, now_s, estopped=self._gate.mode is Mode.ESTOPPED)
+            self._held.note_try(source, client, now_s, self._latched_by())
 
     def stop(self, by: str = "", client: int = 0) -> None:
         """Forget every command; hold what other clients drive than this one of the name ``by``, if there is a name."""
@@ -197,7 +197,7 @@ class SafetyKeeper:
 
     def estop(self, reason: str) -> None:
         """Latch, until ``arm``; who drives is held beyond that."""
-        self._held.estop(self._clock.now_s())
+        self._held.latch(EMERGENCY_STOP, self._clock.now_s())
         self._gate = gate.change_mode(self._gate, Trigger.ESTOP, reason)
         self._latched += 1
 
@@ -230,11 +230,20 @@ class SafetyKeeper:
     # What happens to the robot
 
     def fail(self, fault: Fault) -> None:
-        """A fault has happened: it latches."""
+        """A fault has happened: it latches, and who drives is held beyond that."""
         before = self._gate
         self._gate = gate.change_mode(before, Trigger.FAULT, fault.reason, fault.kind)
         if self._gate is not before:
             self._latched += 1
+            if latched_by := self._latched_by():
+                self._held.latch(latched_by, self._clock.now_s())
+
+    def _latched_by(self) -> str:
+        """What holds whoever drives until ``arm`` and beyond; nothing does where a fault is over by itself."""
+        if self._gate.mode is Mode.ESTOPPED:
+            return EMERGENCY_STOP
+        recovers = self._parameters.rearm is Rearm.AUTO and self._gate.fault in RECOVERABLE
+        return "" if self.armed or recovers else FAULT
 
     def report_from_thread(self, fault: Fault) -> None:
         """Let a fault latch before the next decision or command; may be called from any thread."""

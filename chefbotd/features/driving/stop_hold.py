@@ -4,6 +4,7 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.safety import hold
 
 EMERGENCY_STOP = "an emergency stop"
+FAULT = "a fault"
 
 
 class StopHold:
@@ -21,18 +22,17 @@ class StopHold:
         """Restore this state."""
         self._tries = state
 
-    def note_try(self, source: str, client: int, now_s: float, *, estopped: bool) -> None:
-        """A client tries to drive; ``estopped``: while an emergency stop is latched."""
-        by = EMERGENCY_STOP if estopped else ""
-        self._tries = hold.note_try(self._tries, source, client, now_s, self._stop_hold_s, by)
+    def note_try(self, source: str, client: int, now_s: float, latched_by: str) -> None:
+        """A client tries to drive; ``latched_by``: what is latched meanwhile, if anything is."""
+        self._tries = hold.note_try(self._tries, source, client, now_s, self._stop_hold_s, latched_by)
 
     def stop(self, client: int, by: str, now_s: float) -> None:
         """A client of this name stops the robot."""
         self._tries = hold.stop(self._tries, client, by, now_s, self._stop_hold_s)
 
-    def estop(self, now_s: float) -> None:
-        """An emergency stop, whoever sends it."""
-        self._tries = hold.estop(self._tries, EMERGENCY_STOP, now_s, self._stop_hold_s)
+    def latch(self, by: str, now_s: float) -> None:
+        """An emergency stop, whoever sends it, or a fault."""
+        self._tries = hold.latch(self._tries, by, now_s, self._stop_hold_s)
 
     def acknowledge(self, client: int, source: str | None = None) -> None:
         """A client knows of every stop so far, and asks to drive this source (None: any)."""

@@ -98,6 +98,11 @@ class Rig:
             self.bus.publish(EncodersCounted(*[self.clock.now_s()] * 3, counts))
             await asyncio.sleep(0)
 
+    def arm(self) -> None:
+        """As a client does that then drives: it knows of what it clears."""
+        self.service.arm()
+        self.service.acknowledge_stops(0)
+
     async def drive_for(self, seconds: float) -> None:
         """Command and frames together, both every 10 ms."""
         for _ in range(round(seconds / 0.01)):

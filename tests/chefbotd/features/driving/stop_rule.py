@@ -1,6 +1,7 @@
 """The rule of what a stop holds, as a question to all that has happened so far; docs/safety.md has it in words."""
 
 from dataclasses import dataclass
+from functools import lru_cache
 from itertools import pairwise
 
 PAUSE_S = 1.0
@@ -10,7 +11,7 @@ PAUSE_S = 1.0
 class Deed:
     """What a connection did: ``try``, ``stop``, ``estop``, or ``ask`` (``source`` empty: for every source).
 
-    ``latched``: an emergency stop was in force.
+    ``fault``: nobody did it. ``latched``: an emergency stop or a fault was in force.
     """
 
     at_s: float
@@ -20,7 +21,11 @@ class Deed:
     latched: bool = False
 
 
-def is_held(deeds: list[Deed], client: int, source: str, now_s: float) -> bool:
+Deeds = tuple[Deed, ...]
+
+
+@lru_cache(1 << 16)
+def is_held(deeds: Deeds, client: int, source: str, now_s: float) -> bool:
     """Whether this client may not drive this source now, because of a stop."""
     return any(
         not _knows(deeds, i, client, source) and _held_until_s(deeds, i, source, now_s) is not None
@@ -28,7 +33,8 @@ def is_held(deeds: list[Deed], client: int, source: str, now_s: float) -> bool:
     )
 
 
-def _held_until_s(deeds: list[Deed], i: int, source: str, now_s: float) -> float | None:
+@lru_cache(1 << 16)
+def _held_until_s(deeds: Deeds, i: int, source: str, now_s: float) -> float | None:
     """The last try of those whom the stop ``i`` holds; None where it holds nobody, or they have paused since."""
     began_s = _begins(deeds[: i + 1], source)
     if began_s is None:
@@ -42,13 +48,13 @@ def _held_until_s(deeds: list[Deed], i: int, source: str, now_s: float) -> float
     return None if paused else moments_s[-1]
 
 
-def _begins(deeds: list[Deed], source: str) -> float | None:
+def _begins(deeds: Deeds, source: str) -> float | None:
     """Since when those whom the last deed, a stop, holds have not tried; None where it holds nobody."""
-    *before, stop = deeds
+    before, stop = deeds[:-1], deeds[-1]
     tries = [each for each in before if (each.what, each.source) == ("try", source)]
     if stop.what == "try" and stop.latched and stop.source == source:
         return stop.at_s
-    if stop.what not in ("stop", "estop"):
+    if stop.what not in ("stop", "estop", "fault"):
         return None
     free = stop.client if stop.what == "stop" else None
     lately = [each for each in tries if stop.at_s - each.at_s < PAUSE_S and each.client != free]
@@ -61,7 +67,8 @@ def _begins(deeds: list[Deed], source: str) -> float | None:
     return max([own_s, *(each_s for each_s in still_s if each_s is not None)])
 
 
-def _knows(deeds: list[Deed], i: int, client: int, source: str) -> bool:
+@lru_cache(1 << 16)
+def _knows(deeds: Deeds, i: int, client: int, source: str) -> bool:
     """Whether a client has sent the stop ``i`` while it was free, or has asked to drive after it."""
     if i >= len(deeds):
         return False

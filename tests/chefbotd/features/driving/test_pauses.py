@@ -163,11 +163,11 @@ def test_the_third_pause_within_a_minute_disarms_and_arming_counts_anew():
             for _ in range(2):
                 await pause(rig)
                 assert rig.service.keeper.armed
-                rig.service.arm()
+                rig.arm()
             await pause(rig)
             assert told(rig) == ("disarmed", "loop_blocked")
             assert "3 times within 60 s" in rig.service.keeper.gate.reason
-            rig.service.arm()
+            rig.arm()
 
     on_rig(scenario)
 

@@ -65,7 +65,7 @@ def test_nothing_moves_before_the_first_reading_of_a_link():
             rig.bus.publish(LinkClosed(rig.clock.now_s(), "fake", "unplugged"))
             await asyncio.sleep(0)
             await rig.open_link()
-            rig.service.arm()
+            rig.arm()
 
     on_rig(scenario)
 

@@ -27,7 +27,7 @@ def test_a_control_step_that_fails_disarms_and_the_loop_lives_on():
         steps = rig.service.steps
         await rig.frames(0.1)
         assert rig.service.steps == steps + 10
-        rig.service.arm()
+        rig.arm()
         await rig.drive_for(0.3)
         assert rig.duty == FULL_DUTY
 
@@ -97,7 +97,7 @@ def test_arming_what_is_armed_blinds_no_detector():
     async def keep_arming(rig: Rig) -> None:
         for _ in range(40):
             await rig.drive_for(0.1)
-            rig.service.arm()
+            rig.arm()
 
     async def scenario(rig: Rig) -> None:
         with pytest.raises(Refused, match="left_wheel is driven and does not turn"):

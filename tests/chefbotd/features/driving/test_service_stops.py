@@ -27,8 +27,7 @@ def test_an_estop_is_zero_at_once_latches_and_does_not_jump_on_release():
             rig.service.command("teleop", AHEAD)
         assert refusal.value.kind is RefusalKind.ESTOPPED
         await rig.frames(0.2)
-        rig.service.arm()
-        rig.service.acknowledge_stops(0)
+        rig.arm()
         await rig.frames(0.1)
         assert rig.duty == (0, 0)
         rig.service.command("teleop", AHEAD)
@@ -61,7 +60,7 @@ def test_a_lost_link_and_a_restarted_board_disarm_until_arm(fault: object):
         with pytest.raises(Refused) as refusal:
             rig.service.command("teleop", AHEAD)
         assert refusal.value.kind is RefusalKind.DISARMED
-        rig.service.arm()
+        rig.arm()
         rig.service.command("teleop", AHEAD)
 
     on_rig(scenario)
@@ -161,7 +160,7 @@ def test_after_a_daemon_that_ended_badly_nothing_moves_before_arm(tmp_path: Path
             rig.service.command("teleop", AHEAD)
         assert refusal.value.kind is RefusalKind.DISARMED
         assert {rig.safety.take_event().fault for _ in range(len(rig.safety))} == {FaultKind.UNCLEAN_SHUTDOWN}
-        rig.service.arm()
+        rig.arm()
         await rig.drive_for(0.3)
         assert rig.duty > (0, 0)
 
@@ -175,7 +174,7 @@ def test_without_a_link_there_is_nothing_to_arm():
         rig.bus.publish(LinkClosed(0.0, "fake", "unplugged"))
         await asyncio.sleep(0)
         with pytest.raises(Refused) as refusal:
-            rig.service.arm()
+            rig.arm()
         assert refusal.value.kind is RefusalKind.LINK_DOWN
 
     on_rig(scenario)

@@ -40,12 +40,14 @@ from chefbotd.rpc.methods import ServerMethods
 from chefbotd.rpc.models import NoParams, TakeControlParams
 from chefbotd.rpc.parameters import ApiParameters, Role
 from chefbotd.rpc.session import Session
-from chefbotd.safety.gate import Mode, SafetyParameters
+from chefbotd.safety.faults import Fault, FaultKind
+from chefbotd.safety.gate import SafetyParameters
 from chefbotd.safety.watchdog import ControlParameters, WatchdogParameters
 from tests.chefbotd.features.driving.rig import CHASSIS, GAINS, LIMITS
 from tests.chefbotd.features.driving.stop_rule import Deed, is_held
 
 DEED_S = 0.1
+FAULT = Fault(FaultKind.WHEEL_STALLED, "left_wheel is driven and does not turn")
 GAPS_S = {"wait a little": 0.4, "wait long": 1.1}
 DEEDS = ("drive", "stop", "estop", "arm", "take", "release", "reconnect")
 MORE_DEEDS = (*DEEDS, "drive", "drive", "drive", "zero", "wheels", "navigation", "arm")
@@ -113,8 +115,14 @@ class Robot:
         self.clock.advance(GAPS_S.get(what, DEED_S))
         if what in GAPS_S:
             return
-        caller, now_s = self._caller(who), self.clock.now_s()
-        number, latched = caller.session.number, self.service.keeper.gate.mode is Mode.ESTOPPED
+        now_s, latched = self.clock.now_s(), not self.service.keeper.armed
+        if what == "fault":
+            self.service.fail(FAULT)
+            if not latched:
+                self.deeds.append(Deed(now_s, -1, "fault"))
+            return
+        caller = self._caller(who)
+        number = caller.session.number
         result = problem = None
         try:
             result = self._own(what) if who == "own" else self._call(caller, what)
@@ -122,7 +130,7 @@ class Robot:
             problem = refusal
         if what in TRIES:
             source = "navigation" if what == "navigation" else "teleop"
-            held = latched or is_held(self.deeds, number, source, now_s)
+            held = latched or is_held(tuple(self.deeds), number, source, now_s)
             self.deeds.append(Deed(now_s, number, "try", source, latched))
             assert not (held and problem is None), "it moved, though a stop holds it"
             stopped = isinstance(problem, Refused) and problem.kind is RefusalKind.STOPPED
@@ -193,7 +201,7 @@ def check(sequences: Iterable[tuple[Step, ...]]) -> None:
 
 def every(clients: str, between: int) -> Iterator[tuple[Step, ...]]:
     """Ann drives, then so many steps of all that these clients can do, or a wait; then each of them drives."""
-    steps = [*product(clients, DEEDS), *(("all", gap) for gap in GAPS_S)]
+    steps = [*product(clients, DEEDS), ("robot", "fault"), *(("all", gap) for gap in GAPS_S)]
     for chosen in product(steps, repeat=between):
         for last in clients:
             yield (("a", "drive"), *chosen, (last, "drive"))
@@ -202,7 +210,7 @@ def every(clients: str, between: int) -> Iterator[tuple[Step, ...]]:
 def some(number: int) -> Iterator[tuple[Step, ...]]:
     """Random sequences of three clients and navigation."""
     choose = random.Random(20)
-    steps = [*product("abc", MORE_DEEDS), ("own", "navigation"), ("own", "goal")]
+    steps = [*product("abc", MORE_DEEDS), ("own", "navigation"), ("own", "goal"), ("robot", "fault")]
     steps += [("all", "wait a little")] * 2 + [("all", "wait long")]
     for _ in range(number):
         yield tuple(choose.choices(steps, k=25))
@@ -218,7 +226,7 @@ def some(number: int) -> Iterator[tuple[Step, ...]]:
     ids=["two clients", "two clients, longer", "three clients"],
 )
 def test_whoever_a_stop_holds_moves_nothing(sequences: Iterator[tuple[Step, ...]]) -> None:
-    """Every sequence of drives, stops, arms, takeovers, reconnects and waits."""
+    """Every sequence of drives, stops, faults, arms, takeovers, reconnects and waits."""
     check(sequences)
 
 
@@ -230,8 +238,9 @@ def test_long_sequences_of_everything_keep_the_rule(number: int) -> None:
     check(some(number))
 
 
-def test_what_was_asked_before_another_clients_estop_and_arm_moves_nothing() -> None:
-    """Bob's estop, drive of zero and arm, while Ann repeats: she is held, on one connection or on many."""
-    bob = (("b", "estop"), ("a", "drive"), ("b", "zero"), ("b", "arm"))
+@pytest.mark.parametrize("latch", [("b", "estop"), ("robot", "fault")])
+def test_what_was_asked_before_an_estop_or_a_fault_and_another_clients_arm_moves_nothing(latch: Step) -> None:
+    """Then Bob's drive of zero and arm, while Ann repeats: she is held, on one connection or on many."""
+    bob = (latch, ("a", "drive"), ("b", "zero"), ("b", "arm"))
     held: tuple[Step, ...] = (("a", "drive"), ("a", "reconnect")) * 9
     check([(*bob, *held), (("a", "drive"), *bob, *held), (("a", "drive"), ("a", "reconnect"), *bob, *held)])
