@@ -135,6 +135,7 @@ class Daemon:
             ),
             command_timeout_s=settings.safety.command_timeout_s,
             link_is_up=lambda: self.session.is_open,
+            resumed_s=lambda: self.driving.resumed_s,
             keyring=guard.keyring,
         )
 

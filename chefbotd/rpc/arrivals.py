@@ -6,8 +6,11 @@ bound that age: between two ticks the event loop has polled every transport.
 
 The bytes of two clients cannot be put in order either. So whatever is unread when a stop is carried out counts as sent
 before the stop, except for what the stop's own client sent behind it.
+
+What waited while the robot drove and nobody watched it was asked for by somebody who could not see what it did.
 """
 
+import math
 from collections.abc import Callable
 
 from chefbotd.clock import BEAT_S, Clock
@@ -36,11 +39,12 @@ MarkUnread = Callable[[Arrival, object], None]
 class Arrivals:
     """One for all clients. ``stops`` counts the stops carried out, ``stopped_by`` names who sent the last one.
 
-    ``clock`` must go on while the computer sleeps.
+    ``clock`` must go on while the computer sleeps. ``resumed_s`` tells when the robot was last watched again after a
+    pause in which it drove.
     """
 
-    def __init__(self, clock: Clock) -> None:
-        self._clock = clock
+    def __init__(self, clock: Clock, resumed_s: Callable[[], float] = lambda: -math.inf) -> None:
+        self._clock, self._resumed_s = clock, resumed_s
         self.stops, self.stopped_by = 0, ""
         self._tick_s: float | None = None
         self._previous_tick_s: float | None = None
@@ -67,6 +71,10 @@ class Arrivals:
     def is_before_a_stop(self, arrival: Arrival) -> bool:
         """Whether a command may have been sent before a stop that has been carried out."""
         return arrival.stops < self.stops
+
+    def is_before_a_pause_ended(self, arrival: Arrival) -> bool:
+        """Whether a command may have been sent before or in a pause in which the robot drove unwatched."""
+        return arrival.stamp_s < self._resumed_s()
 
     def record_stop(self, client: object, name: str) -> None:
         """Count a stop by ``client``; what is unread from any other client counts as sent before it."""

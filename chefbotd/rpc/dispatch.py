@@ -225,7 +225,7 @@ class Dispatcher:
         return Failure(ErrorKind.INTERNAL, f"a fault in the daemon during {request.method}", request.id)
 
     def _require_fresh(self, session: Session, method: str, arrival: Arrival) -> None:
-        """Old intent moves nothing: raises ``Unserved`` for a command that waited too long, or came before a stop."""
+        """Old intent moves nothing: raises ``Unserved`` for what waited long, or came before a stop or in a pause."""
         age_s = self._arrivals.age_s(arrival)
         if self._arrivals.is_before_a_stop(arrival):
             kind, message = ErrorKind.OVERTAKEN, self._overtaken()
@@ -234,6 +234,12 @@ class Dispatcher:
             message = (
                 f"the command waited for up to {age_s:.2f} s, longer than the {self._command_timeout_s:g} s for which "
                 "a command moves the robot; give it again if it is still wanted"
+            )
+        elif self._arrivals.is_before_a_pause_ended(arrival):
+            kind = ErrorKind.TOO_OLD
+            message = (
+                "the daemon stood still while the robot drove, and the command may have come before that was over; "
+                "give it again if it is still wanted"
             )
         else:
             return

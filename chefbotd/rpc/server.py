@@ -1,6 +1,7 @@
 """Everything behind a transport: methods, topics, leases and clients, and the way from the bus to the clients."""
 
 import asyncio
+import math
 from collections.abc import Callable, Mapping
 
 from chefbotd.bus import Bus, HandlerFailure
@@ -47,12 +48,16 @@ class RpcServer:
         sources: Sources,
         command_timeout_s: float,
         link_is_up: Callable[[], bool],
+        resumed_s: Callable[[], float] = lambda: -math.inf,
         keyring: Keyring | None = None,
     ) -> None:
         self._bus, self._clock, self._keyring = bus, clock, keyring
         self._robot_name, self._session, self._link_is_up = robot_name, session, link_is_up
         self._fanout = Fanout(topics, clock, self._tap)
-        self.arrivals, self._ticks_with_beat = Arrivals(clock), command_timeout_s >= LEAST_TIMEOUT_S
+        self.arrivals, self._ticks_with_beat = (
+            Arrivals(clock, resumed_s),
+            command_timeout_s >= LEAST_TIMEOUT_S,
+        )
         jobs = Jobs()
         self._methods = method_table(
             methods, self._fanout, clock, leases, sources, keyring=keyring, jobs=jobs

@@ -1,6 +1,7 @@
 """The whole daemon, and several clients that drive, stop and arm in any order: whom a stop holds moves nothing."""
 
 import asyncio
+import json
 import random
 from contextlib import AsyncExitStack
 
@@ -8,10 +9,12 @@ import pytest
 from structlog.testing import capture_logs
 
 from chefbotd.client import CallError, Client
-from chefbotd.clock import run_virtual
+from chefbotd.clock import VirtualLoop, run_virtual
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from tests.chefbotd.features.driving.stop_rule import Deed, is_held
+from tests.scenarios.instruments import is_moving
+from tests.scenarios.robots import OBEYED_S
 
 TRIES = ("drive", "zero", "navigation")
 ASKED = (*TRIES, "drive", "drive", "stop", "estop", "arm", "arm", "take", "release", "reconnect")
@@ -120,3 +123,48 @@ def test_random_sequences_of_three_clients_keep_the_rule(seed: int) -> None:
     steps += [("all", "wait a little")] * 3 + [("all", "wait long"), ("robot", "fault")]
     with capture_logs():
         run_virtual(play(choose.choices(steps, k=100)))
+
+
+DRIVE = b'{"jsonrpc":"2.0","id":9,"method":"drive","params":{"linear_m_s":0.2,"angular_rad_s":0.0}}\n'
+
+
+@pytest.mark.parametrize("paused_s", [0.26, 0.49])
+def test_a_drive_that_waited_in_the_socket_through_a_pause_moves_nothing(paused_s: float) -> None:
+    """Sent while a loop that drove stood still: refused, and no duty follows. Who repeats at 20 Hz drives on at once."""
+
+    async def scenario() -> None:
+        async with simulated_robot() as robot:
+            loop = asyncio.get_running_loop()
+            assert isinstance(loop, VirtualLoop)
+            reader, writer = await asyncio.open_connection(*await robot.daemon.server.address())
+            await reader.readline()
+            await asyncio.sleep(1.0)
+
+            async def drive(times: int) -> list[str]:
+                kinds = []
+                for _ in range(times):
+                    writer.write(DRIVE)
+                    answer = json.loads(await reader.readline())
+                    kinds.append(answer["error"]["data"]["kind"] if "error" in answer else "ok")
+                    await asyncio.sleep(0.05)
+                return kinds
+
+            assert set(await drive(20)) == {"ok"}
+            assert all(robot.board.duty)
+            writer.write(DRIVE)  # into the kernel, at once
+            loop.stand_still(paused_s)
+            assert json.loads(await reader.readline())["error"]["data"]["kind"] == "too_old"
+            await asyncio.sleep(OBEYED_S)
+            assert robot.board.duty == (0, 0)
+            await asyncio.sleep(1.0)
+            assert not is_moving(robot)
+            assert set(await drive(20)) == {"ok"}
+            loop.stand_still(paused_s)
+            kinds = await drive(20)
+            assert set(kinds[:4]) == {"too_old", "ok"}
+            assert set(kinds[4:]) == {"ok"}
+            assert all(robot.board.duty)
+            writer.close()
+
+    with capture_logs():
+        run_virtual(scenario())

@@ -101,6 +101,7 @@ class DriveService:
         self.acted_s = float("-inf")
         self.pauses = 0
         self._pauses_s: tuple[float, ...] = ()
+        self._resumed_s = float("-inf")
 
     def state(self) -> DriveServiceState:
         """Return the state of this part."""
@@ -197,6 +198,13 @@ class DriveService:
     def is_driving(self) -> bool:
         """Whether the last duty was not zero; may be read from any thread."""
         return any(self.wheels.drive_state.duty)
+
+    @property
+    def resumed_s(self) -> float:
+        """When the loop last ran again after it had stood still while it drove, be it that it has not noticed yet."""
+        now_s = self._clock.now_s()
+        stands = self.is_driving and now_s - self.acted_s > self._watchdog.timeout_s
+        return now_s if stands else self._resumed_s
 
     # The loop
 
@@ -303,7 +311,7 @@ class DriveService:
         self.keeper.stop()
         if not self.is_driving:
             return
-        self.pauses += 1
+        self.pauses, self._resumed_s = self.pauses + 1, now_s
         self._pauses_s, fault = judge_pause(self._watchdog, self._pauses_s, now_s, stood_s)
         log.warning(
             "the control loop stood still while it drove",

@@ -1,6 +1,7 @@
 """How old a command may be, and which stops came after it."""
 
 import asyncio
+import math
 
 import pytest
 
@@ -62,3 +63,16 @@ def test_each_transport_marks_its_unread_bytes_before_a_stop() -> None:
     assert (arrivals.stops, arrivals.stopped_by) == (2, "Ann")
     assert arrivals.is_before_a_stop(before)
     assert not arrivals.is_before_a_stop(arrivals.earliest())
+
+
+def test_what_may_have_come_before_a_pause_ended_is_told() -> None:
+    """Ticks at 8 and 8.0625, a pause until 8.4375: what is read before the second tick after it may be from before."""
+    clock, resumed_s = ManualClock(8.0), -math.inf
+    arrivals = Arrivals(clock, lambda: resumed_s)
+    before = []
+    for until_next_s in (0.0625, 0.375, 0.0625, 0.0625):
+        arrivals.tick()
+        clock.advance(until_next_s)
+        resumed_s = clock.now_s() if until_next_s > 0.25 else resumed_s
+        before.append(arrivals.is_before_a_pause_ended(arrivals.earliest()))
+    assert before == [False, True, True, False]
