@@ -76,7 +76,7 @@ class GeneratedMethods(MethodCaller):
 
     async def start_mapping(self, name: str | None = None, *, unfinished: bool = False,
         on_progress: ProgressListener | None = None) -> m.MappingData:
-        """Begin a map, go on with a saved one by its name, or go on after a pause."""
+        """Begin a map, continue a saved one by its name, or continue after a pause."""
         return await self._ask("MappingData", "start_mapping", name=name, unfinished=unfinished,
             on_progress=on_progress)
 

@@ -13,14 +13,14 @@ from chefbotd.snapshot import Stateful
 
 Run: TypeAlias = Callable[[], Coroutine[Any, Any, None]]
 Waiting: TypeAlias = Mapping[str, Callable[[Any], Coroutine[Any, Any, Any]]]
-"""Made with what a request tells its progress to."""
+"""Makes a method's handler for a request, from the function that takes its progress."""
 
 
 class Service(Struct, frozen=True):
     """A loop that runs as long as the daemon does.
 
-    The daemon ends when a ``critical`` one fails. Any other is started again, with the motors stopped. One that is
-    ``in_steps`` is run again by a replay: what it does between two waits is one entry.
+    If a ``critical`` service fails, the daemon ends. Any other one is restarted, with the motors stopped. A replay runs
+    a service that is ``in_steps``: each of its steps from one wait to the next is an entry.
     """
 
     name: str
@@ -41,8 +41,8 @@ def _no_metrics(metrics: Metrics) -> None:
 class Feature(Struct, frozen=True):
     """One capability of the robot. ``add_metrics`` adds its figures to the registry.
 
-    ``parts`` remember something from one entry to the next: a recording has their state, by their names.
-    ``waiting`` are the requests that wait in them, by the names of their tasks: what each of them goes on with.
+    ``parts`` have a state that lasts from one entry to the next; a recording contains these states by name.
+    ``waiting`` returns the waiting requests by the names of their tasks, with the function that continues each.
     """
 
     name: str

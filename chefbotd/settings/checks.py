@@ -1,4 +1,4 @@
-"""What the parts of a configuration ask of each other: sections that are right each, and wrong together."""
+"""Checks between the sections of a configuration: each may be valid alone and not fit the others."""
 
 import math
 import os
@@ -13,11 +13,11 @@ from chefbotd.settings.model import Settings
 from chefbotd.settings.urdf import joint_names
 
 EVENTS = "chefbotd/core/events"
-"""Where a user finds the names of events."""
+"""The page that lists the names of events."""
 
 
 def check(settings: Settings) -> Iterator[str]:
-    """Everything that does not go together, each with the values."""
+    """A message for everything that does not fit together, with the values."""
     yield from _wheels(settings)
     yield from _lines(settings)
     yield from _load(settings)
@@ -43,7 +43,7 @@ def _wheels(settings: Settings) -> Iterator[str]:
 
 
 def _lines(settings: Settings) -> Iterator[str]:
-    """A section for what the board never tells would be a sensor that is for ever silent, and nobody knows."""
+    """Refuse a section for a sensor that the board never reports: it would be silent for ever."""
     needs = {
         "[ultrasonic]": (settings.ultrasonic is not None, Needs.ULTRASONIC),
         "[[infrared]] " + " ".join(sensor.name for sensor in settings.infrared): (
@@ -109,7 +109,7 @@ def _names(settings: Settings) -> Iterator[str]:
 
 
 def _lidars(settings: Settings) -> Iterator[str]:
-    """Names and devices are each one's own; no lidar is on the board's device, by whatever name."""
+    """Names and devices must be unique; no lidar may use the board's device, under any name."""
     cameras = [camera.name for camera in settings.depth_camera]
     names = [*settings.range_mounts(), *(lidar.name for lidar in settings.lidar), *cameras]
     if repeated := sorted({name for name in names if names.count(name) > 1}):
@@ -123,7 +123,7 @@ def _lidars(settings: Settings) -> Iterator[str]:
 
 
 def _device(name: str) -> str:
-    """A device by its own name: those in /dev/serial/by-id are symlinks."""
+    """The device's real path: names in /dev/serial/by-id are symbolic links."""
     return name if "://" in name else os.path.realpath(name)
 
 
@@ -147,7 +147,7 @@ def _guard(settings: Settings) -> Iterator[str]:
 
 
 def _turning(settings: Settings) -> Iterator[str]:
-    """The guard by lidars must not count on more braking than the limits allow, straight or turning."""
+    """The lidar guard must not assume more braking than the limits allow, straight or turning."""
     guard, axis, linear = settings.safety.guard, settings.limits.angular.axis, settings.limits.linear.axis
     if not guard.enabled or not any(lidar.guards for lidar in settings.lidar):
         return
@@ -167,7 +167,7 @@ def _turning(settings: Settings) -> Iterator[str]:
 
 
 def _nearest(settings: Settings) -> Iterator[str]:
-    """The guard must have stopped the robot before what it stops for is too near to be seen."""
+    """The guard must stop the robot before the obstacle is too near to be seen."""
     guard = settings.safety.guard
     for lidar in settings.lidar if guard.enabled else ():
         nearest_m, within_m = lidar.band_m[0], _within_outline_m(settings, lidar.mount_x_m, lidar.mount_y_m)
@@ -198,11 +198,11 @@ BRAKING_SLACK_M = 0.01
 
 
 def _braking(settings: Settings) -> Iterator[str]:
-    """The guard must not count on more braking than the limits allow, for any sensor that driving brings nearer.
+    """The guard must not assume more braking than the limits allow, for any sensor that looks where the robot drives.
 
-    It counts on ``c^2 / 2a`` from a closing speed ``c``. Driven at ``v``, a slanting beam shortens by ``p v``; braking
-    takes it ``p`` times the braking distance, in which a jerk limit has its share, at slow speeds most. Turning is left
-    out: nothing that the guard takes for a wall stays in the beam over so much of a turn.
+    It assumes a distance of ``c^2 / 2a`` from a closing speed ``c``. At speed ``v`` a slanting beam shortens by ``p v``,
+    and braking takes ``p`` times the braking distance. A jerk limit makes that longer, most of all at low speed. Turning
+    is not checked: no obstacle stays in the beam for that much of a turn.
     """
     guard, axis, linear = settings.safety.guard, settings.limits.linear.axis, settings.limits.linear
     if not guard.enabled:

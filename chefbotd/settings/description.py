@@ -1,4 +1,4 @@
-"""Reads the robot's description (URDF), and holds it against the configuration, joint by joint.
+"""Reads the robot's description (URDF), and compares it with the configuration, joint by joint.
 
 Read are the positions of its joints in the root link's frame: a wheel is a joint of its configured name; its radius is
 that of its link's cylinder, its place that of the joint. Compared are the numbers that can be measured on the robot:
@@ -26,7 +26,7 @@ Matrix = npt.NDArray[np.float64]
 
 
 NOT_UNDERSTOOD = (ElementTree.ParseError, ParseError, AssertionError, ValueError, TypeError, AttributeError)
-"""What the library raises for bad input: some of it, such as an element without its attribute, by stumbling over it."""
+"""The errors that the library raises for bad input; some are accidental, as for a missing attribute."""
 
 
 class DescriptionError(Exception):
@@ -34,7 +34,7 @@ class DescriptionError(Exception):
 
 
 class UrdfDescription:
-    """A robot's joints as its URDF has them; places and directions are those in the root link's frame."""
+    """The joints of a URDF, with positions and directions in the root link's frame."""
 
     def __init__(self, path: Path) -> None:
         """Raises ``DescriptionError`` when there is no URDF at this path."""
@@ -59,7 +59,7 @@ class UrdfDescription:
         return by_link
 
     def joints(self) -> dict[str, str]:
-        """Every joint with what it is (``continuous``, ``fixed``, ...)."""
+        """Every joint with its type (``continuous``, ``fixed``, ...)."""
         return {joint.name: str(joint.type) for joint in self._model.joints}
 
     def place(self, joint: str) -> tuple[float, float, float]:
@@ -72,7 +72,7 @@ class UrdfDescription:
         return [joint.name for joint in self._model.joints if joint.type == "continuous"]
 
     def joint_type(self, joint: str) -> str | None:
-        """What a joint is (``continuous``, ``fixed``, ...); None where there is none of that name."""
+        """A joint's type (``continuous``, ``fixed``, ...); None if no joint has this name."""
         joint_element = self._model.joint_map.get(joint)
         return None if joint_element is None else str(joint_element.type)
 
@@ -109,7 +109,7 @@ def _first_line(error: Exception) -> str:
 
 
 def _problem_of_tree(model: Any, root: str) -> str | None:
-    """What keeps the joints from being one tree of links; the library would go round in a circle of them for ever."""
+    """What is wrong with the tree of links. The library would follow a circle of links for ever."""
     for kind, names in (
         ("links", [link.name for link in model.links]),
         ("joints", [j.name for j in model.joints]),
@@ -159,20 +159,20 @@ def _about(axis: int, angle_rad: float) -> Matrix:
 
 
 ALLOWED_M = 0.0005
-"""Descriptions are written by hand, in millimetres."""
+"""The tolerance of lengths: descriptions are written by hand, in millimetres."""
 
 ALLOWED_RAD = 0.005
-"""A quarter of a degree: angles are written by hand as well."""
+"""The tolerance of angles, a quarter of a degree: they are written by hand as well."""
 
 ALLOWED_SHARE = 0.01
-"""Of the moments of inertia, for a flat disc whose numbers were rounded."""
+"""The tolerance of moments of inertia, as a share, for a flat disc with rounded numbers."""
 
 LEFTWARDS = (0.0, 1.0, 0.0)
 """A wheel that turns positively about this axis rolls forward, as positive speeds do, whatever its wiring is."""
 
 
 def differences(description: UrdfDescription, settings: Settings) -> list[str]:
-    """What the two do not agree on: a line each, with the joint, the value found and the one expected."""
+    """The differences of the two, a line each, with the joint, its value and the expected one."""
     return [
         *_bodies(description),
         *_wheels(description, settings.chassis),
@@ -181,7 +181,7 @@ def differences(description: UrdfDescription, settings: Settings) -> list[str]:
 
 
 def _bodies(description: UrdfDescription) -> Iterator[str]:
-    """Of the three principal moments none is larger than the two others together: they share the same mass."""
+    """Check that no principal moment of inertia is larger than the sum of the other two."""
     for link, (mass_kg, inertia_kg_m2) in description.inertias().items():
         if not mass_kg > 0:
             yield f"{link}: the mass is {mass_kg:g} kg, expected more than 0"
@@ -241,7 +241,7 @@ def _mount(described: Pose2D, mount: Mount) -> Iterator[str]:
 
 
 def _apart(described: float, expected: float, allowed: float = ALLOWED_M) -> bool:
-    """Whether they differ; what is no number does."""
+    """Whether two numbers differ; NaN always does."""
     return not abs(described - expected) <= allowed
 
 

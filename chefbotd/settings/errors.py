@@ -16,7 +16,7 @@ ENVIRONMENT_PREFIX = "CHEFBOTD_"
 
 
 class UnknownKey(Exception):
-    """A key that leads nowhere; its text is ready to be shown."""
+    """A key that does not exist; its text is ready to be shown."""
 
 
 def from_environment(environment: Mapping[str, str]) -> dict[Keys, str]:
@@ -34,7 +34,7 @@ def variable(keys: Keys) -> str:
 
 
 def read(text: str) -> object:
-    """What a variable's text means: ``7`` a number, ``true`` a condition, ``[1, 2]`` a list, ``/dev/x`` a string."""
+    """The value of a variable's text: ``7`` is a number, ``true`` a boolean, ``[1, 2]`` a list, ``/dev/x`` a string."""
     try:
         document = tomllib.loads(f"value = {text}")
     except tomllib.TOMLDecodeError:
@@ -44,7 +44,7 @@ def read(text: str) -> object:
 
 
 def place(values: dict[str, Any], keys: Keys, value: object) -> Keys:
-    """Put a value where its keys lead, making sections on the way.
+    """Set the value at these keys; missing sections are made.
 
     A list's entry goes by its ``name``, in any case, or by its number, from 0; with the latter the keys are returned.
 
@@ -95,7 +95,7 @@ class SettingsError(Exception):
 
 
 class MissingExtraError(SettingsError):
-    """A configuration that may be right, and cannot be checked without a package of an extra; the text says which."""
+    """A configuration that cannot be checked without a package of an extra; the text names it."""
 
 
 def explain(
@@ -105,7 +105,7 @@ def explain(
     origins: Mapping[Keys, str],
     file: str,
 ) -> str:
-    """One line per refused value: where it is from, its key, what was wrong, and the value."""
+    """One line per refused value: its source, its key, what was wrong, and the value."""
     lines = []
     for problem in error.errors():
         loc = tuple(map(str, problem["loc"]))
@@ -179,11 +179,11 @@ _RENAMED = {
 RENAMED: Mapping[Keys, str] = {
     (*section.split("."), old): new for section, names in _RENAMED.items() for old, new in names.items()
 }
-"""Keys of earlier versions, and their names today; one of a list goes without its number."""
+"""Keys of earlier versions, and their present names; list entries are without their number."""
 
 
 def with_new_names(values: dict[str, Any]) -> dict[str, Any]:
-    """The same configuration, as one of an earlier version is written today: in a recording nobody can change it."""
+    """A configuration of an earlier version with today's keys; one in a recording cannot be edited."""
     for (*sections, old), new in RENAMED.items():
         for section in _sections(values, sections):
             if old in section:
@@ -204,7 +204,7 @@ def _sections(values: Any, names: Sequence[str]) -> Iterator[dict[str, Any]]:
 
 
 def dotted(values: object, loc: Keys) -> str:
-    """A key as it is spelt everywhere: an entry of a list goes by its name, or by its number if it has none."""
+    """A key with dots. An entry of a list has its name in it, or its number if it has no name."""
     words, inner = [], values
     for key in loc:
         if isinstance(inner, list) and key.isdigit() and int(key) < len(inner):
@@ -227,7 +227,7 @@ def _expectation(kind: str, message: str) -> str:
 
 
 def _near_miss(model: type[BaseModel], kind: str, loc: Keys) -> str:
-    """The key that was meant: the new name of a renamed one, or one that a mistyped key comes near."""
+    """The key that was probably meant: the new name of a renamed key, or a similar one."""
     if kind != "extra_forbidden":
         return ""
     if renamed := RENAMED.get(tuple([key for key in loc if not key.isdigit()])):
@@ -242,7 +242,7 @@ def _near_miss(model: type[BaseModel], kind: str, loc: Keys) -> str:
 
 
 def _model_at(model: type[BaseModel], loc: Keys) -> type[BaseModel] | None:
-    """The section that these keys lead to; numbers and names within it lead to its entries, which are alike."""
+    """The section at these keys; numbers and names below it lead to its entries, which have the same model."""
     inner: type[BaseModel] | None = model
     for key in loc:
         if inner is not None and key in inner.model_fields:

@@ -26,8 +26,8 @@ Gains = Mapping[str, PidParameters]
 def save(path: Path, gains: Gains) -> None:
     """Write every wheel's gains (by its name) into the configuration at ``path``, in one step or not at all.
 
-    What replaces the file was loaded as a configuration before, and differs from it in the gains only; owner and mode
-    are the old file's. The environment has no part in what is written: where it sets gains, it goes on doing so.
+    The new file is loaded as a configuration first, and differs from the old one in the gains only. It keeps the owner
+    and the mode. Gains that the environment sets are not written; the environment continues to set them.
 
     Raises:
         SettingsError: the file is no configuration, or is that of a robot with other wheels.
@@ -46,11 +46,11 @@ def save(path: Path, gains: Gains) -> None:
 
 
 def with_gains(text: str, gains: Gains) -> str:
-    """The configuration with these gains, given in the order of the wheels; what needs no change is as it was.
+    """The configuration with these gains, in the order of the wheels; everything else is unchanged.
 
-    ``[pid]`` stays as it is while any wheel has its gains, or while it is not used as every wheel has a section. Else it
-    gets those that most wheels have, the first of them on a tie. A wheel's section goes when the wheel has come to what
-    ``[pid]`` says; one that said so before is meant, and stays.
+    ``[pid]`` stays as it is if any wheel has its gains, or if every wheel has its own section. Otherwise it gets the
+    gains of most wheels; on a tie, of the first. A wheel's section is removed when the wheel's gains become those of
+    ``[pid]``. A section that was equal before is deliberate, and stays.
     """
     said = tomllib.loads(text)
     sections: dict[str, Any] = said.get("wheel_pid", {})
@@ -69,7 +69,7 @@ def with_gains(text: str, gains: Gains) -> str:
 
 
 def _read(section: object) -> PidParameters | None:
-    """A section's gains; None if it is not there or not complete, as where the environment adds to it."""
+    """A section's gains; None if the section is missing, or incomplete because the environment adds to it."""
     try:
         return PidParameters.model_validate(section, strict=True)
     except ValidationError:
@@ -86,7 +86,7 @@ def _most_common(gains: Gains) -> PidParameters:
 
 
 def _changes(said: Mapping[str, object], gains: PidParameters) -> dict[str, object]:
-    """What a section must say otherwise, by its own name for each gain: a default is not added, None is not said."""
+    """The changes of a section by key. A default is not added; None removes a key."""
     changes = {}
     for name, field in PidParameters.model_fields.items():
         key = name if name in said else field.alias or name
@@ -96,7 +96,7 @@ def _changes(said: Mapping[str, object], gains: PidParameters) -> dict[str, obje
 
 
 def _edited(path: Path, before: str, gains: Gains) -> str:
-    """The text with these gains, read back: of all the ways to write TOML, some may not be edited well."""
+    """Check the text by reading it back, because some forms of TOML may not be edited correctly."""
     try:
         after = with_gains(before, gains)
         is_right = _tell_apart(after, gains) == (gains, _tell_apart(before, gains)[1])
@@ -110,7 +110,7 @@ def _edited(path: Path, before: str, gains: Gains) -> str:
 
 
 def _tell_apart(text: str, wheels: Iterable[str]) -> tuple[dict[str, PidParameters | None], dict[str, Any]]:
-    """The gains that a file has for these wheels, and all else that it says."""
+    """The gains of these wheels in a file, and everything else in it."""
     said = tomllib.loads(text)
     own, usual = said.pop("wheel_pid", {}), said.pop("pid", None)
     return {wheel: _read(own.get(wheel, usual)) for wheel in wheels}, said
@@ -130,7 +130,7 @@ def _replace(path: Path, text: str) -> None:
 
 
 def _temporary(path: Path) -> IO[bytes]:
-    """A new file beside the old one: only within a folder is replacing one step."""
+    """A new file beside the old one, because replacing is atomic only within a folder."""
     try:
         return tempfile.NamedTemporaryFile(
             "wb", dir=path.parent, prefix=f".{path.stem}.", suffix=".toml", delete=False
@@ -142,7 +142,7 @@ def _temporary(path: Path) -> IO[bytes]:
 
 
 def _load_as(path: Path, temporary: Path) -> None:
-    """Load what is to be ``path``, and name it so if it is refused."""
+    """Load the new content of ``path``, and name ``path`` if it is refused."""
     try:
         load(temporary)
     except SettingsError as error:
@@ -150,7 +150,7 @@ def _load_as(path: Path, temporary: Path) -> None:
 
 
 def _fill(fresh: IO[bytes], text: str, like: os.stat_result) -> None:
-    """Write it through to the disk, with owner and mode of the file that it replaces."""
+    """Write the file and flush it to the disk, with owner and mode of the file that it replaces."""
     fresh.write(text.encode())
     fresh.flush()
     os.fchown(fresh.fileno(), like.st_uid, like.st_gid)

@@ -32,7 +32,7 @@ from chefbotd.settings.model import Settings
 
 DEFAULT_ROBOT = "chefbot"
 MAX_BYTES = 1 << 20
-"""Of a configuration: a hundred times the longest that comes with chefbotd."""
+"""The longest configuration that is read: a hundred times the longest one of chefbotd."""
 
 URDF_PACKAGES = ("urdf_parser_py", "lxml")
 NO_URDF_PARSER = (
@@ -42,10 +42,10 @@ NO_URDF_PARSER = (
 
 
 def packaged(robot: str = DEFAULT_ROBOT) -> Path:
-    """The configuration that comes with chefbotd for this robot.
+    """The path of this robot's configuration in chefbotd.
 
     Raises:
-        SettingsError: there is none; the message names those there are.
+        SettingsError: chefbotd has none; the message lists the robots that it has.
     """
     folder = _packaged_folder()
     path = folder / f"{robot}.toml"
@@ -56,7 +56,7 @@ def packaged(robot: str = DEFAULT_ROBOT) -> Path:
 
 
 def _packaged_folder() -> Path:
-    """Inside the installed package, or in the source tree that the package is imported from."""
+    """The folder of configurations: in the installed package, or in the source tree."""
     package = Path(chefbotd.__file__).parent
     installed = package / "config"
     return installed if installed.is_dir() else package.parent / "config"
@@ -65,8 +65,8 @@ def _packaged_folder() -> Path:
 def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = None) -> Settings:
     """Read a configuration (None: the packaged ChefBot's), and a description of one's own with it.
 
-    The environment goes before the file, and ``overrides``, whose keys are dotted (``link.device``), before both. What
-    is returned is valid for every program: none refuses it later for what a configuration says of a real robot.
+    The environment overrides the file. ``overrides``, with dotted keys (``link.device``), override both. The result is
+    valid for every program that drives a real robot.
 
     Raises:
         SettingsError: the file cannot be read or parsed, a value is refused, or the description is another robot's.
@@ -93,7 +93,7 @@ def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = N
 def _place_overrides(
     values: dict[str, Any], overrides: Mapping[str, object]
 ) -> tuple[dict[Keys, str], dict[Keys, str]]:
-    """Put what goes before the file into its values: the environment's texts by key, and where each key is from."""
+    """Put overrides into the file's values; returns the environment's texts by key, and the source of each key."""
     dotted_keys = {tuple(key.split(".")): value for key, value in overrides.items()}
     environment = {
         keys: text for keys, text in from_environment(os.environ).items() if keys not in dotted_keys
@@ -127,7 +127,7 @@ def _from_file(path: Path) -> dict[str, Any]:
 
 
 def _content(path: Path) -> bytes:
-    """A file's bytes: only a regular file's, as a FIFO would be waited for for ever (open(2)), and not too many."""
+    """The bytes of a regular file that is not too long. Reading a FIFO could wait for ever (open(2))."""
     with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
             raise SettingsError(
@@ -147,7 +147,7 @@ def _name_world(values: dict[str, Any]) -> None:
 
 
 def _validate(values: dict[str, Any], texts: Mapping[Keys, str]) -> Settings:
-    """Strictly: a number in quotes is no number, but a whole one may stand for any. As JSON, which knows no tuples.
+    """Validate strictly: a number in quotes is refused, an integer is accepted as a float, a list as a tuple.
 
     A variable that reads as a number where text belongs, such as a robot called 7, is taken as text.
     """
@@ -166,19 +166,19 @@ def _validate(values: dict[str, Any], texts: Mapping[Keys, str]) -> Settings:
 
 
 def _as_json(value: object) -> object:
-    """TOML's dates as what no key takes: text would be taken by some."""
+    """Turn TOML's dates into a value that every key refuses; some keys would accept them as text."""
     return str(value) if isinstance(value, Path) else {"date": str(value)}
 
 
 def _locate(values: dict[str, Any], folder: Path, section: str, key: str) -> None:
-    """A path that is relative begins at the configuration's folder."""
+    """Relative paths begin at the configuration's folder."""
     inner = values.get(section)
     if isinstance(inner, dict) and isinstance(named := inner.get(key), str):
         inner[key] = str(folder / named)
 
 
 def _check_description(settings: Settings) -> None:
-    """A description of one's own is held against the configuration; the one that is made of it needs no check."""
+    """Compare the user's description with the configuration; a generated one needs no check."""
     path = settings.robot.description
     if path is None:
         return

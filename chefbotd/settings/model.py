@@ -61,8 +61,8 @@ Level = Literal["debug", "info", "warning", "error"]
 class RobotParameters(Parameters):
     """Which robot this is; ``wire`` names the variant of the board's lines (``firmware_protocol.codec.VARIANTS``).
 
-    ``description`` is a URDF of one's own, a path from the configuration's folder; without it the URDF is made from the
-    configuration (``chefbotd.settings.urdf``).
+    ``description`` is the path of the user's own URDF, from the configuration's folder. Without it the URDF is made from
+    the configuration (``chefbotd.settings.urdf``).
     """
 
     name: str = Field(default="chefbot", min_length=1)
@@ -78,7 +78,7 @@ class RobotParameters(Parameters):
 
 
 class LogParameters(Parameters):
-    """What is worth a line in the log."""
+    """The lowest level that is logged."""
 
     level: Level = "info"
 
@@ -133,7 +133,7 @@ class Settings(Parameters):
         return gains
 
     def range_mounts(self) -> dict[str, Pose2D]:
-        """Where each range sensor sits, by its name: ``base_from_sensor``."""
+        """The mount of each range sensor, by its name: ``base_from_sensor``."""
         sensors = (*((self.ultrasonic,) if self.ultrasonic else ()), *self.infrared)
         return {sensor.name: sensor.base_from_sensor for sensor in sensors}
 

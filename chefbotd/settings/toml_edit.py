@@ -1,7 +1,7 @@
 """Edits a TOML file and keeps everything else, comments included, byte for byte.
 
-A comment block directly above a section's header belongs to that section. What is taken away leaves its comments where
-it stood, and a blank line wherever the next section would seem to own them.
+A comment block directly above a section's header belongs to that section. When something is removed, its comments
+stay, with a blank line below them where they would seem to belong to the next section.
 """
 
 import re
@@ -17,7 +17,7 @@ Part: TypeAlias = tomlkit.TOMLDocument | Table | InlineTable
 Body: TypeAlias = list[tuple[Key | None, Item]]
 
 GAP = "\0\n"
-"""A line where something was taken away, until the text is put together; TOML itself has no such character."""
+"""A line that marks where something was removed, until the text is put together. No TOML has this character."""
 
 
 class Editor:
@@ -35,7 +35,7 @@ class Editor:
         self._new: dict[str, Any] = {}
 
     def change(self, path: Path, changes: Changes) -> None:
-        """Set keys of a section, or take those away that become None; a new section comes to the end of the file."""
+        """Set keys of a section, or remove them if the value is None. A new section is put at the end of the file."""
         if not changes or self._change_inline(path, changes):
             return
         parts = self._parts(path)
@@ -52,21 +52,21 @@ class Editor:
                 _append(part, key, value)
 
     def drop(self, path: Path) -> None:
-        """Take a section away."""
+        """Remove a section."""
         *above, name = path
         if not self._change_inline(tuple(above), {name: None}):
             for part in self._parts(tuple(above)):
                 _take(part, name)
 
     def text(self) -> str:
-        """The file as it is now, with the line ends that it had."""
+        """The edited text, with the line ends of the original."""
         text = _close_gaps(tomlkit.dumps(self._document))
         if self._new:
             text += ("" if text.endswith("\n\n") else "\n") + tomlkit.dumps(self._new)
         return (text if self._is_ended else text.removesuffix("\n")).replace("\n", self._line_end)
 
     def _parts(self, path: Path) -> list[Part]:
-        """The tables that say something of a section, in the file's order: of dotted keys there may be several."""
+        """The tables with keys of a section, in the file's order. With dotted keys there may be several."""
         parts: list[Part] = [self._document]
         for name in path:
             items = [item for part in parts for _, item in _named(part, name)]
@@ -74,7 +74,7 @@ class Editor:
         return parts
 
     def _change_inline(self, path: Path, changes: Changes) -> bool:
-        """Write the inline table anew that is this section, or has it inside; whether there is one."""
+        """Rewrite the inline table that is or contains this section; returns whether one does."""
         for depth, name in enumerate(path):
             for above in self._parts(path[:depth]):
                 for _, table in _named(above, name):
@@ -89,7 +89,7 @@ def _body(part: Part) -> Body:
 
 
 def _named(part: Part, name: str) -> list[tuple[int, Item]]:
-    """What a table has by this name, and where: not by tomlkit's look-up, which melts scattered parts into one."""
+    """A table's value of this name and its place. tomlkit's own look-up joins scattered parts into one."""
     return [(at, item) for at, (key, item) in enumerate(_body(part)) if key is not None and key.key == name]
 
 
@@ -119,7 +119,7 @@ def _set(values: dict[str, Any], changes: Changes) -> None:
 
 
 def _append(part: Part, key: str, value: object) -> None:
-    """Add a key below the others: not below the comments that follow a blank line, or belong to the next section."""
+    """Add a key below the others, but above comments that follow a blank line or belong to the next section."""
     body = _body(part)
     end = _end_of_keys(body)
     cut = next((at for at in range(end, len(body)) if _is_blank(body[at][1])), end)
@@ -138,7 +138,7 @@ def _is_blank(item: Item) -> bool:
 
 
 def _take(part: Part, name: str) -> None:
-    """Take a key or a section away, and leave its comments.
+    """Remove a key or a section, and leave its comments.
 
     They are put in as whitespace, which tomlkit writes as it is: a comment would make a header for a table that has
     only sections.
@@ -153,7 +153,7 @@ def _take(part: Part, name: str) -> None:
 
 
 def _leavings(item: Item) -> str:
-    """The comments of what goes, a gap, and what stands below its last key as it is."""
+    """The comments of the removed part, a gap, and the lines below its last key."""
     body = item.value.body if isinstance(item, Table) else []
     end = _end_of_keys(body)
     comments = "".join(_comments([item, *(inner for _, inner in body[:end])]))
@@ -168,7 +168,7 @@ def _comments(items: Sequence[Item]) -> Iterator[str]:
 
 
 def _close_gaps(text: str) -> str:
-    """Blank lines where things were taken away: none twice, none at the end, and one that keeps comments apart."""
+    """Set blank lines where something was removed: never two, none at the end, and one between comments."""
     text = re.sub(rf"\n+({GAP}\n*)+\Z", "\n", text)
     text = re.sub(rf"(\A|(?<=\n\n))({GAP}\n*)+", "", text)
     text = re.sub(rf"({GAP})+(?=([ \t]*#.*\n)*[ \t]*\[)", "\n", text)

@@ -14,7 +14,7 @@ from chefbotd.settings.model import BodyParameters, Settings
 
 
 class Mount(Record, frozen=True):
-    """A sensor as the configuration has it in ``section``, and its height above the floor.
+    """A sensor of the configuration's ``section``, and its height above the floor.
 
     ``placed`` is False where only its heading is configured, by the key ``heading_key``. What is mounted
     ``upside_down`` is rolled half a turn about its x axis.
@@ -30,7 +30,7 @@ class Mount(Record, frozen=True):
 
 
 def mounts(settings: Settings) -> list[Mount]:
-    """The sensors whose place is configured.
+    """The sensors with a configured mount.
 
     Their joints are ``ultrasonic_joint``, ``imu_joint``, ``infrared_joint`` and ``lidar_joint``, or, of several infrared
     sensors or lidars, ``infrared_NAME_joint`` and ``lidar_NAME_joint``.
@@ -66,7 +66,7 @@ Element = ElementTree.Element
 SubElement = ElementTree.SubElement
 
 ROUNDING = 1e-12
-"""What is left of a difference of equal numbers."""
+"""The rounding error in the difference of two equal numbers."""
 
 NOTE = """
 Made by chefbotd from the robot's configuration. The daemon makes it anew at every start and serves that, so changes
@@ -138,7 +138,7 @@ def _add_wheel(robot: Element, wheel: WheelParameters, xyz: Vector, body: BodyPa
 
 
 def _cylinder_inertia(radius_m: float, length_m: float) -> tuple[float, float]:
-    """Of one kilogramme: across the cylinder's axis, and about it, in kg m2."""
+    """The moments of inertia of a cylinder of one kilogram, across its axis and about it, in kg m2."""
     return (3 * radius_m**2 + length_m**2) / 12, radius_m**2 / 2
 
 

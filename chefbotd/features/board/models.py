@@ -25,7 +25,7 @@ class LinkData(Record, frozen=True):
 
 
 class RawData(Record, frozen=True):
-    """A line as it stood on the wire; bytes beyond ASCII are escaped in hexadecimal."""
+    """A line as it was on the wire; bytes beyond ASCII are escaped in hexadecimal."""
 
     direction: Direction
     line: str
@@ -50,7 +50,7 @@ LinkEvent = events.LinkOpened | events.LinkHealthChanged | events.LinkNotOpened 
 
 
 def link_data(event: LinkEvent | None) -> LinkData:
-    """The link's state; None: nothing has been heard of it, so it is down."""
+    """The link's state; without an event so far (None) it is down."""
     match event:
         case events.LinkOpened():
             return LinkData(state="up", device=event.device, reason="", healthy=None, condition="unknown")

@@ -1,4 +1,4 @@
-"""The board: the link to it, its restart, and the log of what went over the link around a fault."""
+"""The board: its link, its restart, and the log of lines around a fault."""
 
 from collections.abc import Callable
 
@@ -31,7 +31,7 @@ class BoardService:
 
 
 def board(session: BoardSession, link: PortLink, fault_log: FaultLog, brake: Callable[[], None]) -> Feature:
-    """The board, over what talks to it; ``brake`` stops the motors and forgets every command."""
+    """The feature for a session with the board; ``brake`` stops the motors and forgets every command."""
     return Feature(
         "board",
         services=(Service("fault log", fault_log.run), Service("link", link.run, critical=True)),

@@ -1,4 +1,4 @@
-"""A process for each depth camera, the topic ``depth_cameras``, and what the cameras count."""
+"""A process for each depth camera, the topic ``depth_cameras``, and the cameras' metrics."""
 
 import random
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ def depth_cameras(
     spawn: Spawn = spawn_program,
     further_topics: Sequence[Topic] = (),
 ) -> Feature:
-    """Every depth camera, each with a process of its own; ``further_topics`` are what nobody else brings."""
+    """The feature for depth cameras, each with its own process; ``further_topics`` are added to its topics."""
     cameras = [DepthCamera(camera, bus, clock, spawn, rng) for camera in parameters]
     return Feature(
         "depth_cameras",

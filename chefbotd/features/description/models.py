@@ -4,6 +4,6 @@ from chefbotd.core.record import Record
 
 
 class RobotDescription(Record, frozen=True):
-    """The robot's links and joints as a URDF document; null where one of its own cannot be read."""
+    """The robot's links and joints as a URDF document; null if its URDF file cannot be read."""
 
     urdf: str | None

@@ -10,14 +10,14 @@ from chefbotd.rpc.parameters import Role
 
 
 class DescriptionService:
-    """``urdf`` gives the URDF document as it stands, None where it cannot be read."""
+    """``urdf`` returns the URDF document, or None if it cannot be read."""
 
     def __init__(self, urdf: Callable[[], str | None]) -> None:
         self._urdf = urdf
 
     @method(role=Role.OBSERVE)
     def get_description(self, caller: Caller, params: NoParams) -> RobotDescription:
-        """The robot's own description: its links and joints."""
+        """The robot's description: its links and joints."""
         return RobotDescription(urdf=self._urdf())
 
 

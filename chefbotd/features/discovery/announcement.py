@@ -8,7 +8,7 @@ SERVICE_TYPE = "_chefbotd._tcp.local."
 
 
 class Announcement(Record, frozen=True):
-    """A robot by its name on the network; a port is None where only its own computer reaches it."""
+    """A robot on the network, by its name. A port is None if only the robot's own computer can reach it."""
 
     name: str
     addresses: tuple[str, ...]
@@ -25,11 +25,11 @@ class Announcement(Record, frozen=True):
 
     @property
     def host(self) -> str:
-        """The host's name, which the addresses belong to."""
+        """The host's name, to which the addresses belong."""
         return f"{self.name}.local."
 
     def properties(self) -> dict[str, str]:
-        """The TXT record: what is not known has no key."""
+        """The TXT record; unknown values have no key."""
         properties = {"robot": self.robot, "version": self.version, "tls": "1" if self.encrypted else "0"}
         return properties if self.page_port is None else {**properties, "page": str(self.page_port)}
 
@@ -37,7 +37,7 @@ class Announcement(Record, frozen=True):
 def read(
     instance: str, addresses: tuple[str, ...], port: int | None, properties: Mapping[bytes, bytes | None]
 ) -> Announcement:
-    """What somebody on the network announces, who may announce anything: what cannot be read is left out."""
+    """Read an announcement, which may contain anything; values that cannot be read are left out."""
     texts = {
         key.decode(errors="replace"): (value or b"").decode(errors="replace")
         for key, value in properties.items()

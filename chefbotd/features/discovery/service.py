@@ -27,10 +27,10 @@ class Multicast:
         self._zeroconf: AsyncZeroconf | None = None
 
     async def announce(self, announcement: Announcement) -> None:
-        """Claim the name, and answer for it.
+        """Claim the name, and answer queries for it.
 
         Raises:
-            NameTaken: another one has it.
+            NameTaken: another robot has it.
             OSError: there is no network.
         """
         if self._zeroconf is None:
@@ -58,10 +58,10 @@ class Multicast:
 
 
 def own_addresses() -> tuple[str, ...]:
-    """This computer's IPv4 addresses but for loopback.
+    """This computer's IPv4 addresses, without loopback.
 
     Raises:
-        OSError: it has none: no network yet.
+        OSError: it has none, because there is no network yet.
     """
     ips = [ip.ip for adapter in ifaddr.get_adapters() for ip in adapter.ips if ip.is_IPv4]
     addresses = tuple([str(ip) for ip in ips if not str(ip).startswith("127.")])
@@ -73,30 +73,30 @@ def own_addresses() -> tuple[str, ...]:
 log = structlog.get_logger(component="discovery")
 
 AGAIN_S = 60.0
-"""After a name clash, or a network that is not there yet."""
+"""The wait after a name conflict, or without a network."""
 
 Listening = Callable[[], Awaitable[tuple[str, int]]]
 """Waits until a server listens: its address."""
 
 
 class NameTaken(Exception):
-    """Another one on the network has this name."""
+    """Another robot on the network has this name."""
 
 
 class Network(Protocol):
-    """Multicast DNS, or a test's."""
+    """Multicast DNS, or a test's substitute."""
 
     async def announce(self, announcement: Announcement) -> None:
-        """Say it, after nobody else has claimed the name; raises ``NameTaken`` or ``OSError``."""
+        """Announce the robot if no other one has its name; raises ``NameTaken`` or ``OSError``."""
         ...
 
     async def withdraw(self) -> None:
-        """Take back what was said, and say nothing more; harmless where nothing was."""
+        """Withdraw the announcement, if there was one."""
         ...
 
 
 class DiscoveryService:
-    """``label`` is the name on the network, ``robot`` the robot's own; ``page`` is None where none is served."""
+    """``label`` is the name on the network, ``robot`` the robot's name; ``page`` is None if no page is served."""
 
     def __init__(
         self,
@@ -112,7 +112,7 @@ class DiscoveryService:
         self._server, self._page, self._network = server, page, network
 
     async def run(self) -> None:
-        """Announce the robot until cancelled; one that only its own computer reaches is not announced."""
+        """Announce the robot until cancelled, unless only its own computer can reach it."""
         server = await self._server()
         page = None if self._page is None else await self._page()
         reachable = [host for host, _ in (server, page or server) if not is_loopback(host)]
@@ -137,7 +137,7 @@ class DiscoveryService:
             await self._network.withdraw()
 
     async def _announce(self, announcement: Announcement) -> None:
-        """Until it is said; then wait for the end."""
+        """Try until it is announced, then wait for the end."""
         while True:
             try:
                 await self._network.announce(announcement)
@@ -156,13 +156,13 @@ class DiscoveryService:
 
 
 def _port(address: tuple[str, int]) -> int | None:
-    """The port, if others reach it."""
+    """The port, if other computers can reach it."""
     host, port = address
     return None if is_loopback(host) else port
 
 
 def _is_any(host: str) -> bool:
-    """Whether this stands for every address of the computer."""
+    """Whether this host means every address of the computer."""
     try:
         return ipaddress.ip_address(host).is_unspecified
     except ValueError:
@@ -172,7 +172,7 @@ def _is_any(host: str) -> bool:
 def discovery(
     parameters: DiscoveryParameters, robot: str, server: Listening, page: Listening | None, *, encrypted: bool
 ) -> Feature:
-    """The robot is found by its name on the local network."""
+    """The feature that announces the robot on the local network."""
     from chefbotd.features.discovery.service import Multicast  # an optional library
 
     service = DiscoveryService(parameters.label(robot), robot, server, page, Multicast(), encrypted=encrypted)

@@ -1,1 +1,1 @@
-"""Foxglove: the content of a recording, live."""
+"""Serves Foxglove the channels of a recording, live."""

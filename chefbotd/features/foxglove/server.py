@@ -18,22 +18,22 @@ class _Subscriptions(ServerListener):
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """The number of subscriptions."""
         return len(self._held)
 
     def on_subscribe(self, client: Any, channel: Any) -> None:
-        """Somebody looks at a channel."""
+        """A client has subscribed to a channel."""
         with self._lock:
             self._held.add((client.id, channel.id))
 
     def on_unsubscribe(self, client: Any, channel: Any) -> None:
-        """Somebody does no more, or is gone."""
+        """A client has unsubscribed or is gone."""
         with self._lock:
             self._held.discard((client.id, channel.id))
 
 
 class FoxgloveServer:
-    """Listens from its construction on; raises ``OSError`` where it cannot."""
+    """Listens as soon as it is made; raises ``OSError`` if it cannot."""
 
     def __init__(self, parameters: FoxgloveParameters, name: str) -> None:
         self._context, self._subscriptions = foxglove.Context(), _Subscriptions()
@@ -58,7 +58,7 @@ class FoxgloveServer:
         return self._subscriptions.count > 0
 
     def send(self, channel: McapChannel, log_ns: int, payload: bytes) -> None:
-        """Send a message, and offer its channel where it is new; the library drops what a slow client does not take."""
+        """Send a message, and offer its channel if it is new. The library drops messages for a slow client."""
         known_channel = self._channels.get(channel.number)
         if known_channel is None:
             schema = foxglove.Schema(
@@ -70,5 +70,5 @@ class FoxgloveServer:
         known_channel.log(payload, log_time=log_ns)
 
     def stop(self) -> None:
-        """End it."""
+        """Stop serving."""
         self._server.stop()

@@ -22,13 +22,13 @@ log = structlog.get_logger(component="foxglove")
 
 INBOX_EVENTS = 4096
 AGAIN_S = 5.0
-"""The map and what else still holds."""
+"""The channels whose last message still holds, such as the map."""
 
 EXCLUDED = frozenset({"LineSeen", "StateRecorded"})
 
 
 class Server(Protocol):
-    """What Foxglove connects to."""
+    """The server to which Foxglove connects."""
 
     port: int
 
@@ -38,11 +38,11 @@ class Server(Protocol):
         ...
 
     def send(self, channel: McapChannel, log_ns: int, payload: bytes) -> None:
-        """Send a message, and offer its channel where it is new; never waits."""
+        """Send a message, and offer its channel if it is new; never waits."""
         ...
 
     def stop(self) -> None:
-        """End it."""
+        """Stop serving."""
         ...
 
 
@@ -58,7 +58,7 @@ class _Live:
 
 
 class FoxgloveService:
-    """Serves Foxglove. While nobody is subscribed, an event costs a look at its class."""
+    """Serves Foxglove. Without a subscriber, an event costs one look-up of its class."""
 
     def __init__(
         self,
@@ -129,7 +129,7 @@ class FoxgloveService:
 
 
 def _draw(maps: MapDrawer, events: tuple[MapEvent, ...], now_ns: int, sink: Any) -> None:
-    """In a thread: a large map takes its time."""
+    """Encode in a thread, because a large map takes a while."""
     for event, log_ns, sequence in events:
         maps.draw(event, log_ns, sequence, sink)
     if not events:
@@ -140,7 +140,7 @@ def _draw(maps: MapDrawer, events: tuple[MapEvent, ...], now_ns: int, sink: Any)
 def foxglove(
     bus: Bus, clock: Clock, parameters: FoxgloveParameters, robot: str, first_scanner: str | None
 ) -> Feature:
-    """What happens, live in Foxglove."""
+    """The feature that serves Foxglove."""
     from chefbotd.features.foxglove.server import FoxgloveServer  # an optional library
 
     service = FoxgloveService(bus, clock, lambda: FoxgloveServer(parameters, robot), first_scanner, read_map)

@@ -1,4 +1,4 @@
-"""A link for each lidar, the topics ``scan`` and ``lidars``, and what the links count."""
+"""A link for each lidar, the topics ``scan`` and ``lidars``, and the links' metrics."""
 
 import random
 from collections.abc import Callable, Mapping, Sequence
@@ -18,7 +18,7 @@ from chefbotd.rpc.topics import Topic
 from chefbotd.sensing.lidar import LidarParameters
 
 EVEN_RAD = 0.002
-"""Beams that are nowhere farther from even spacing than this are told by start and step: a tenth of a degree."""
+"""Bearings that differ from even spacing by at most this (a tenth of a degree) are sent as start and step."""
 
 Health = Mapping[str, LidarChanged]
 
@@ -50,7 +50,7 @@ def lidars(
 
 
 def topics(parameters: Sequence[LidarParameters]) -> tuple[Topic, ...]:
-    """What is told of these lidars."""
+    """The topics of these lidars."""
     models = {lidar.name: str(lidar.model) for lidar in parameters}
 
     def data(health: Health) -> LidarsData:
@@ -82,7 +82,7 @@ def _lidar_data(models: Mapping[str, str], event: LidarChanged) -> LidarData:
 
 
 def scan_data(event: ScanMeasured) -> ScanData:
-    """A scan in whole millimetres; bearings as start and step where they are even."""
+    """A scan in whole millimetres, with bearings as start and step if they are even."""
     scan, mount = event.scan, event.base_from_lidar
     bearing_rad, count = scan.bearing_rad, len(scan.bearing_rad)
     start_rad = float(bearing_rad[0]) if count else 0.0

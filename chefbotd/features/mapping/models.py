@@ -13,7 +13,7 @@ from chefbotd.rpc.topics import Topic, same_names
 
 
 class StartMappingParams(Params):
-    """Which map: a new one, or with a name the saved one that is gone on with."""
+    """The map to make: a new one or, with a name, a saved one to continue."""
 
     name: str | None = Field(None, min_length=1, max_length=64)
     unfinished: bool = Field(False, description="continue the unfinished map")
@@ -26,7 +26,7 @@ class StartMappingParams(Params):
 
 
 class FinishMappingParams(Params):
-    """What the map is to be called; a map of that name gets a new version."""
+    """The map's name; an existing map of this name gets a new version."""
 
     name: str = Field(min_length=1, max_length=64)
 
@@ -63,7 +63,7 @@ class MapPoseData(Record, frozen=True):
 
 
 def map_data(event: MapChanged) -> MapData:
-    """What the topic ``map`` tells of an event."""
+    """The data of the topic ``map`` for an event."""
     return MapData(**grid_part(event), whole=event.whole)
 
 
@@ -81,7 +81,7 @@ def _map_pose(event: MapPoseUpdated) -> MapPoseData:
 
 
 def mapping_data(event: MappingChanged | None) -> MappingData:
-    """What the topic ``mapping`` tells of an event."""
+    """The data of the topic ``mapping`` for an event."""
     data = same_names(MappingData)(event)
     return data if data.warning else replace(data, warning=None)
 

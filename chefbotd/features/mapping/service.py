@@ -39,21 +39,21 @@ from chefbotd.worker.skills.mapping_requests import (
 log = structlog.get_logger(component="mapping")
 
 SHORT_S: Final = 20.0
-"""For what is a moment's work in the worker, though it may be at something else."""
+"""The time-out of short work in the worker, which may be busy with something else."""
 
 LONG_S: Final = 120.0
-"""For what reads a large map, or between two steps of what matches all of it."""
+"""The time-out of reading a large map, and between two steps of matching it."""
 
 
 class MappingState(Record, frozen=True):
-    """What the skill said last, and whether a new worker has to be told to go on."""
+    """The skill's last report, and whether a new worker has to continue the map."""
 
     status: MappingChanged
     has_to_resume: bool
 
 
 class MappingService:
-    """Whether a map is being made is remembered here, so that a worker that was killed is told to go on."""
+    """It remembers whether a map is being made, so that a new worker continues it."""
 
     def __init__(
         self,
@@ -90,7 +90,7 @@ class MappingService:
     async def start_mapping(
         self, caller: Caller, params: StartMappingParams, progress: ProgressReporter
     ) -> MappingData:
-        """Begin a map, go on with a saved one by its name, or go on after a pause."""
+        """Begin a map, continue a saved one by its name, or continue after a pause."""
         return await self._ask(Start(params.name, params.unfinished), LONG_S)
 
     @method(role=Role.DRIVE, moves=False)
@@ -121,7 +121,7 @@ class MappingService:
         return await self._ask(Discard(), SHORT_S)
 
     async def _use(self, name: str) -> None:
-        """The map is saved; that it cannot be used right away is told in the log only."""
+        """Use the saved map. If it cannot be used now, only the log says so."""
         try:
             if self._use_saved is not None:
                 await self._use_saved(name)
@@ -133,7 +133,7 @@ class MappingService:
         return await self._worker.request(SKILL, GetGrid(), MapChanged, deadline_s=SHORT_S)
 
     async def run(self) -> None:
-        """Each time that a worker is ready, have it go on with the map, or ask whether one was never finished."""
+        """Each time a worker is ready, let it continue the map, or ask for an unfinished one."""
         while True:
             await self._clock.at_rest(self._has_to_resume.wait())
             self._has_to_resume.clear()
@@ -143,7 +143,7 @@ class MappingService:
                 await self._learn_status()
 
     async def _learn_status(self) -> None:
-        """Ask the skill how it stands; a worker that is not there any more tells nothing."""
+        """Ask the skill for its state; a worker that has died does not answer."""
         with contextlib.suppress(Refused):
             await self._ask(GetStatus(), SHORT_S)
 

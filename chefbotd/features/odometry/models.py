@@ -14,7 +14,7 @@ FARTHEST_M: Final = 1e6  # a slip of the finger, beyond; within, a double tells 
 
 
 class ResetOdometryParams(Params):
-    """Where the robot now stands in ``odom``."""
+    """The robot's present pose in ``odom``."""
 
     x_m: float = Field(0.0, ge=-FARTHEST_M, le=FARTHEST_M)
     y_m: float = Field(0.0, ge=-FARTHEST_M, le=FARTHEST_M)

@@ -41,7 +41,7 @@ class OdometryService:
         return DONE
 
     def set_pose(self, odom_from_base: Pose2D) -> None:
-        """Declare where the robot is; the covariance starts again from zero."""
+        """Declare the robot's pose; the covariance starts again from zero."""
         now_s, before = self._clock.now_s(), self._state.odom_from_base
         self._state = dead_reckoning.set_pose(self._state, odom_from_base)
         self._bus.publish(OdometryReset(now_s, before, self._state.odom_from_base))
@@ -67,7 +67,7 @@ class OdometryService:
 
 
 def odometry(service: OdometryService) -> Feature:
-    """Dead reckoning, over the service that does it."""
+    """The feature for dead reckoning."""
     return Feature(
         "odometry",
         services=(Service("odometry", service.run),),
