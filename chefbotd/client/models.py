@@ -9,8 +9,9 @@ from chefbotd.core.events.mapping import MapSaved as MapSaved, MappingData as Ma
 from chefbotd.core.events.navigation import (
     GoalResult as GoalResult, NavigationData as NavigationData, PathData as PathData, PlanResult as PlanResult
 )
-from chefbotd.core.events.robot import RecordingData as RecordingData
-from chefbotd.core.events.robot import BatteryData as BatteryData, ImuData as ImuData, WorkerData as WorkerData
+from chefbotd.core.events.robot import (
+    BatteryData as BatteryData, ImuData as ImuData, RecordingData as RecordingData, WorkerData as WorkerData
+)
 from chefbotd.core.record import LogLine as LogLine
 from chefbotd.features.board.models import (
     LinkData as LinkData, RawData as RawData, ResetData as ResetData, TextData as TextData

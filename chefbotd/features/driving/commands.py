@@ -1,4 +1,4 @@
-"""What clients ask of the drive service, and the feature that it is."""
+"""The methods that move and stop the robot, and the feature for driving."""
 
 from chefbotd.clock import Clock
 from chefbotd.core.geometry import Twist2D
@@ -26,7 +26,7 @@ from chefbotd.rpc.parameters import Role
 
 
 class DriveCommands:
-    """What clients ask of the drive service, with what the limits allow of it.
+    """The methods that move and stop the robot; their answers say what the limits allow.
 
     ``sources`` are the configured ones; a velocity command that names none is one of ``default_source``.
     """

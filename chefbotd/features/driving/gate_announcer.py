@@ -15,7 +15,7 @@ log = structlog.get_logger(component="safety")
 
 
 class GateAnnouncer:
-    """``latch`` remembers the mode beyond the end of the process; ``faults`` counts those that latched, by kind."""
+    """``latch`` keeps the mode beyond the end of the process; ``faults`` counts latched faults by kind."""
 
     def __init__(self, bus: Bus, latch: GateStore) -> None:
         self._bus, self._latch = bus, latch
@@ -24,7 +24,7 @@ class GateAnnouncer:
         self._limited_log = RateLimitedLog(log)
 
     def state(self) -> tuple[SafetyChanged | None, dict[str, int]]:
-        """What was announced last, and how often each fault was."""
+        """The last announcement, and the count of each fault."""
         return self._announced, self.faults
 
     def restore(self, state: tuple[SafetyChanged | None, dict[str, int]]) -> None:
@@ -32,7 +32,7 @@ class GateAnnouncer:
         self._announced, self.faults = state[0], Counter(state[1])
 
     def announce(self, event: SafetyChanged, state: GateState) -> None:
-        """Publish a change, leave word of ``state`` for the next daemon, and log what people should know."""
+        """Publish a change, keep ``state`` for the next daemon, and log the change."""
         before, self._announced = self._announced, event
         is_new_fault = event.fault is not None and (before is None or before.fault != event.fault)
         if is_new_fault:

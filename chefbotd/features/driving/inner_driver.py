@@ -14,11 +14,11 @@ from chefbotd.rpc.parameters import ApiParameters, Role
 from chefbotd.rpc.session import Session
 
 MOST_AGE_S: Final = 0.3
-"""A wish that is older than this is not driven: a worker that was held up must not drive by what it saw before."""
+"""Older requests are not driven: a delayed worker must not drive by what it saw before."""
 
 
 class Gate(Protocol):
-    """What takes the commands; ``features.driving.service.DriveService`` does."""
+    """The receiver of commands (``features.driving.service.DriveService``)."""
 
     @property
     def stops(self) -> int:
@@ -48,7 +48,7 @@ class Gate(Protocol):
 
 
 class InnerDriver:
-    """Drives as one source; it is told as ``source``'s holder under the source's own name.
+    """Drives as one source. The topic ``safety`` names it, under the source's name, as the source's driver.
 
     ``higher`` are the sources that take over from it.
     """
@@ -68,7 +68,7 @@ class InnerDriver:
         leases.add_own(self._session)
 
     def state(self) -> bool:
-        """Whether it has driven since it let go; its lease stands with the others."""
+        """Whether it drives; the control leases are a part of their own."""
         return self._has_lease
 
     def restore(self, state: bool) -> None:
@@ -76,9 +76,9 @@ class InnerDriver:
         self._has_lease = state
 
     def drive(self, twist: Twist2D, wished_s: float) -> None:
-        """Move so until the next wish, or until the dead-man ends it; ``wished_s`` is when it was wished.
+        """Move like this until the next request, or until the dead-man ends it; ``wished_s`` is the request's time.
 
-        A wish that is too old moves nothing.
+        A request that is too old moves nothing.
 
         Raises:
             Unserved: a client has the source.
@@ -98,7 +98,7 @@ class InnerDriver:
 
     @property
     def stops(self) -> int:
-        """How many stops there have been, whoever drove then: what was asked for before the last one is void."""
+        """The number of stops so far. Requests from before the last one are void."""
         return self._gate.stops
 
     @property
@@ -107,22 +107,22 @@ class InnerDriver:
         return self._gate.stopped_by
 
     def gives_way_to(self, source: str | None) -> bool:
-        """Whether this source is a higher one: while it is in force, nothing of this driver is followed."""
+        """Whether this source is a higher one; while a higher one is in force, this driver is not followed."""
         return source in self._higher
 
     def begin(self) -> None:
-        """A new goal was asked for: a stop from before does not hold it."""
+        """A new goal was requested: earlier stops do not hold it."""
         self._gate.acknowledge_stops(self._session.number, self.source)
 
     def let_go(self) -> None:
-        """Nothing is wished any more: the robot comes to rest, or a lower source goes on."""
+        """Release the source: the robot comes to rest, or a lower source drives."""
         if self._has_lease:
             self._has_lease = False
             self._leases.release(self._session, self._clock.now_s())
 
 
 class _Inner(Session):
-    """Nobody's connection."""
+    """The number of no connection."""
 
     def __init__(self, source: str, now_s: float) -> None:
         super().__init__(ApiParameters(), "", 0, Role.DRIVE, now_s)

@@ -28,7 +28,7 @@ class DriveParams(Params):
 
 
 class SetWheelVelocitiesParams(Params):
-    """Wheels by name, and how fast each of them is to turn (forward positive); the others stand."""
+    """The speed of each named wheel (forward positive); other wheels stand."""
 
     name: list[WheelName] = Field(min_length=1, max_length=MOST_WHEELS)
     velocity_rad_s: list[float] = Field(min_length=1, max_length=MOST_WHEELS)
@@ -48,7 +48,7 @@ class SetWheelVelocitiesParams(Params):
 
 
 class StopParams(Params):
-    """Nothing; whatever comes all the same is passed over."""
+    """No parameters; any that are sent are ignored."""
 
     model_config = ConfigDict(extra="ignore")
 
@@ -59,7 +59,7 @@ class StopParams(Params):
 
 
 class ArmParams(Params):
-    """What is to be cleared."""
+    """The latched stop or fault to clear."""
 
     latch: int | None = Field(
         None, ge=0, description="the latch number from the topic safety; null: the newest"
@@ -67,7 +67,7 @@ class ArmParams(Params):
 
 
 class EstopParams(StopParams):
-    """Why, for the people who will ask; a reason that is no text, or empty, is none."""
+    """The reason, for people; an empty one, or one that is not text, counts as none."""
 
     reason: Annotated[str, Field(description=f"truncated to {MAX_REASON_CHARACTERS} characters")] = NO_REASON
 
@@ -79,13 +79,13 @@ class EstopParams(StopParams):
 
 
 class Stopped(Done, frozen=True, kw_only=True):
-    """Who was driving: the client's name by its source, the one that stopped the robot among them."""
+    """Who was driving: the clients' names by source, including the client that stopped the robot."""
 
     drivers: dict[str, str]
 
 
 class Limited(Done, frozen=True):
-    """It is carried out as far as the configured limits allow; ``limited_by`` is the key of the tightest."""
+    """The command is carried out as far as the limits allow; ``limited_by`` is the key of the tightest limit."""
 
     limited_by: Annotated[
         str | None,
@@ -96,14 +96,14 @@ class Limited(Done, frozen=True):
 
 
 class Driven(Limited, frozen=True, kw_only=True):
-    """The velocity that the robot goes for."""
+    """The velocity that the robot will reach."""
 
     linear_m_s: float
     angular_rad_s: float
 
 
 class WheelSpeedsSet(Limited, frozen=True, kw_only=True):
-    """The velocities that the named wheels go for, in the order in which they were named."""
+    """The velocities that the named wheels will reach, in the order of the request."""
 
     name: list[str]
     velocity_rad_s: list[float]
@@ -124,7 +124,7 @@ class WheelsData(Record, frozen=True):
 
 
 class SafetyData(Record, frozen=True):
-    """The gate: its mode and why, which source's command is in force, whether the robot may move, and who drives."""
+    """The gate: its mode and reason, the source in force, whether the robot may move, and who drives."""
 
     mode: str
     reason: str
@@ -157,7 +157,7 @@ def _wheels(names: tuple[str, ...], event: events.WheelsDriven) -> WheelsData:
 
 
 class SafetyState(Record, frozen=True):
-    """What the gate last said (None: nothing yet), and who drives."""
+    """The gate's last event (None: none so far), and who drives."""
 
     gate: events.SafetyChanged | None = None
     holders: Mapping[str, str] = {}
@@ -173,7 +173,7 @@ def _join_safety(
 
 
 def safety_data(state: SafetyState | None) -> SafetyData:
-    """The gate's state and who drives; as long as the gate has not spoken nothing may move."""
+    """The gate's state and who drives. Before the gate's first event nothing may move."""
     event, control = (state.gate, dict(state.holders)) if state is not None else (None, {})
     if event is None:
         reason = "the safety state is not known yet"

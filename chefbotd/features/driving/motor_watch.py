@@ -12,18 +12,18 @@ from chefbotd.safety.faults import Fault
 from chefbotd.safety.gate import SafetyParameters
 
 ECHO_AGE_S = 1.5
-"""An echo older than this says nothing of now: the sketch's cycle lasts a second at most."""
+"""An older echo does not show the present duty; the sketch's cycle lasts a second at most."""
 
 
 PAUSE_S = 0.25
-"""A control loop that has not run for so long was held up, or the whole program was frozen."""
+"""A control loop that has not run for this long was blocked, or the whole program was frozen."""
 
 LATE_READINGS_S = 1.0
-"""For so long after a pause readings may be older than the commands that they are held against."""
+"""After a pause, readings may be older than the commands for this long."""
 
 
 class MotorWatchState(Record, frozen=True):
-    """What each detector remembers, when the control loop ran last, and until when readings may be old."""
+    """The detectors' states, when the control loop last ran, and until when readings may be old."""
 
     wheels: wheels.WheelWatchState
     overspeed: tuple[overspeed.Excess, ...]
@@ -34,7 +34,7 @@ class MotorWatchState(Record, frozen=True):
 
 
 class MotorWatch:
-    """Holds what the detectors remember from one reading to the next."""
+    """Runs the detectors, and keeps their states."""
 
     def __init__(
         self, parameters: SafetyParameters, chassis: ChassisParameters, counts_per_turn: float
@@ -59,9 +59,9 @@ class MotorWatch:
         self._ran_s, self._blind_until_s = state.ran_s, state.blind_until_s
 
     def loop_runs(self, now_s: float) -> bool:
-        """The control loop runs; tells whether it had paused.
+        """The control loop runs; returns whether it had paused.
 
-        After a pause, what waited on the line says nothing of the commands of now.
+        After a pause, the readings that waited on the line do not show the present commands.
         """
         paused, self._ran_s = now_s - self._ran_s > PAUSE_S, now_s
         if paused:
@@ -76,7 +76,7 @@ class MotorWatch:
         return motion if fastest_m_s <= rim_m_s else motion.slowed(rim_m_s / fastest_m_s)
 
     def start_anew(self) -> None:
-        """The robot is armed: nothing is held against it."""
+        """The robot is armed: forget all suspicion."""
         self._wheels = wheels.at_rest(len(self._names))
         self._forget_motion()
 
@@ -85,7 +85,7 @@ class MotorWatch:
         self._unresponsive = unresponsive.DRIVEN
 
     def connected(self) -> None:
-        """Whether the board's echo can be believed has to be seen."""
+        """A board was connected: its echo must be confirmed again."""
         self._echo = echo.UNKNOWN
         self._forget_motion()
 
@@ -100,7 +100,7 @@ class MotorWatch:
         self._echo = echo.note_command(self._echo, now_s, duty)
 
     def note_echo(self, event: DutyEchoed) -> Fault | None:
-        """What the board says is in force; an echo that may have waited on the line says nothing of now."""
+        """Take an echo. One that may have waited on the line is not judged."""
         if event.arrival_s < self._blind_until_s:
             return None
         self._echo, fault = echo.note_echo(self._parameters.echo, self._echo, event.arrival_s, event.duty)
@@ -111,7 +111,7 @@ class MotorWatch:
     ) -> Iterator[Fault]:
         """A good reading, after a while with this effort (see ``chefbotd.safety.wheels``) and setpoint of each rim.
 
-        Nobody knows what the wheels did in a pause without readings: it counts as ``max_age_s`` at most.
+        What the wheels did in a pause without readings is unknown; the pause counts as ``max_age_s`` at most.
         """
         longest_s = self._parameters.encoders.max_age_s
         self._wheels, fault = wheels.watch(
@@ -130,7 +130,7 @@ class MotorWatch:
     def _watch_motion(
         self, now_s: float, setpoint_m_s: tuple[float, ...], seen: WheelsRead
     ) -> Iterator[Fault]:
-        """Whether the robot is too fast, or moves although it was told to stand; unless it cannot be told."""
+        """Whether the robot is too fast, or moves although it must stand; None if neither can be decided."""
         if now_s < self._blind_until_s:
             self._overspeed = overspeed.at_rest(len(self._names))
             self._unresponsive = unresponsive.commanded(
@@ -164,7 +164,7 @@ class MotorWatch:
             yield fault
 
     def _asked_m_s(self, setpoint_m_s: tuple[float, ...]) -> tuple[float, ...]:
-        """Wheels of a robot with more than two may be dragged along by the others, as fast as these go."""
+        """With more than two wheels, the others may drag a wheel along at their speed."""
         if not self._dragged:
             return setpoint_m_s
         return (max(map(abs, setpoint_m_s)),) * len(setpoint_m_s)

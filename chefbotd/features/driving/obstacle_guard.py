@@ -13,7 +13,7 @@ OBSTACLE = "obstacle:"
 
 
 class Scans(Protocol):
-    """What lidars see, as a source of the obstacle guard."""
+    """A guard by scans, which the obstacle guard asks."""
 
     def limit(self, motion: Motion, now_s: float, late_s: float = 0.0) -> tuple[Motion, str | None]:
         """The motion that may be driven, and what it was limited for (None: it is ``wanted``).
@@ -23,7 +23,7 @@ class Scans(Protocol):
         ...
 
     def state(self) -> Any:
-        """What was seen."""
+        """Its state."""
         ...
 
     def restore(self, state: Any) -> None:
@@ -34,7 +34,7 @@ class Scans(Protocol):
 class ObstacleGuard:
     """``mounts`` are the range sensors that guard: ``base_from_sensor`` by name.
 
-    ``scans`` makes what guards by lidars; it is handed ``on_error``, which takes what a reading's handler raises.
+    ``scans`` makes the guard by lidars. It gets ``on_error``, which takes the errors of handlers.
     """
 
     def __init__(
@@ -50,7 +50,7 @@ class ObstacleGuard:
         bus.add_handler(self._on_range, RangeMeasured, on_error=on_error)
 
     def state(self) -> guard.Beams:
-        """What the range sensors have seen; ``scans`` is a part of its own."""
+        """The readings of the range sensors; the guard by scans is a part of its own."""
         return self._beams
 
     def restore(self, state: guard.Beams) -> None:
@@ -75,7 +75,7 @@ class ObstacleGuard:
     def _agreed(
         self, scans: Scans, parameters: GuardParameters, motion: Motion, now_s: float, late_s: float
     ) -> Motion:
-        """A part of a motion may bring a beam closer than the whole: what the scans do not allow then is not driven."""
+        """Limit a motion that was limited already: a part of it may bring a beam closer than the whole would."""
         again, sensor = guard.limit(parameters, self._beams, motion, now_s)
         if sensor is None:
             return motion

@@ -15,11 +15,11 @@ from chefbotd.motion.quadrature import QuadratureState
 log = structlog.get_logger(component="quadrature")
 
 SLACK_S = 0.001
-"""A board may see an edge while it reads its clock for the cycle's end."""
+"""The tolerance of a cycle's end: a board may see an edge while it reads its clock."""
 
 
 class EdgesState(Record, frozen=True):
-    """What each wheel's edges have shown, and when the last cycle ended."""
+    """The decoder's state of each wheel, and the end of the last cycle."""
 
     wheels: list[QuadratureState]
     since_s: float | None
@@ -28,8 +28,8 @@ class EdgesState(Record, frozen=True):
 class QuadratureService:
     """Counts every wheel's edges; a cycle becomes an ``EncodersCounted`` with the rates that the edges' times give.
 
-    A cycle that lacks a wheel, or edges of it, is no reading: counts that fell short would be a slower motion than there
-    is. The next complete one goes on from there.
+    A cycle that lacks a wheel or some of its edges gives no reading, as the motion would look too slow. The next
+    complete cycle includes it.
     """
 
     def __init__(self, bus: Bus, parameters: QuadratureParameters, wheel_names: tuple[str, ...]) -> None:
@@ -51,17 +51,17 @@ class QuadratureService:
 
     @property
     def illegal_transitions(self) -> int:
-        """Changes of both levels at once: an edge was missed."""
+        """How often both levels changed at once, because an edge was missed."""
         return sum(state.illegal for state in self._states)
 
     @property
     def repeated_levels(self) -> int:
-        """Edges after which the levels were as before."""
+        """How often an edge left the levels unchanged."""
         return sum(state.repeated for state in self._states)
 
     @property
     def lost_edges(self) -> int:
-        """Edges that the board saw and that never came, by its own count."""
+        """The edges that the board counted and that were not received."""
         return sum(state.lost for state in self._states)
 
     async def run(self) -> None:
@@ -95,7 +95,7 @@ class QuadratureService:
         )
 
     def _lies_within(self, until_s: float, burst: EdgeBurst) -> bool:
-        """Whether its times are of the cycle that it is told in: damaged ones would be another speed."""
+        """Whether the edges' times lie in their cycle; damaged times would show another speed."""
         if not burst.times_s:
             return True
         since_s = -math.inf if self._since_s is None else self._since_s

@@ -41,19 +41,19 @@ log = structlog.get_logger(component="safety")
 ENCODERS_STALE = "encoders_stale"
 NO_ECHO = "no_echo"
 NO_BOARD = "no_board"
-"""The mode that is told while the gate is armed and no board has been connected yet: nothing can move."""
+"""The published mode while the gate is armed and no board was connected yet, so that nothing can move."""
 
 JUST_S = 0.001
-"""So much older than it may be is a reading that is just too old."""
+"""The margin by which a reading that is just too old exceeds its limit."""
 
 WAITING = "waiting for the board"
 
 LATCHES_PER_SESSION = 2**20
-"""The number of a latch is the session's times this, and a count: with 32 bits of session exact in a float, too."""
+"""A latch's number is the session times this, plus a count. With 32 bits of session it is exact as a float."""
 
 
 class KeeperState(Record, frozen=True):
-    """The gate, what each detector remembers, and what was announced.
+    """The gate's and the detectors' states, and the last announcement.
 
     ``reported`` is a fault that a thread has reported and that has not latched yet.
     """
@@ -76,8 +76,8 @@ class KeeperState(Record, frozen=True):
 class SafetyKeeper:
     """``mounts`` are the range sensors that guard: ``base_from_sensor`` by name.
 
-    ``scans`` makes what guards by lidars. ``latch`` remembers the mode beyond the end of the process; what latches is
-    numbered within the ``session``. ``motors`` says whether board and wheels do as they are told.
+    ``scans`` makes the guard by lidars. ``latch`` keeps the mode beyond the end of the process; latches are numbered
+    within the ``session``. ``motors`` judges whether board and wheels follow commands.
     """
 
     def __init__(
@@ -112,7 +112,7 @@ class SafetyKeeper:
         bus.add_handler(self._on_echo, DutyEchoed, on_error=self._keep_error)
 
     def state(self) -> KeeperState:
-        """What it remembers; what lidars have seen is a part of its own."""
+        """The state of this part; the guard by scans is a part of its own."""
         return KeeperState(
             self._gate,
             self._decision,
@@ -182,7 +182,7 @@ class SafetyKeeper:
             self._held.note_try(source, client, now_s, self._latched_by())
 
     def stop(self, by: str = "", client: int = 0) -> None:
-        """Forget every command; hold what other clients drive than this one of the name ``by``, if there is a name."""
+        """Forget every command. With a name ``by``, also hold the sources that other clients drive."""
         self._gate = gate.stop(self._gate)
         if by:
             self._held.stop(client, by, self._clock.now_s())
@@ -196,13 +196,13 @@ class SafetyKeeper:
         self._gate = gate.release(self._gate, source)
 
     def estop(self, reason: str) -> None:
-        """Latch, until ``arm``; who drives is held beyond that."""
+        """Latch an emergency stop until ``arm``. Sources that are driven now are held longer."""
         self._held.latch(EMERGENCY_STOP, self._clock.now_s())
         self._gate = gate.change_mode(self._gate, Trigger.ESTOP, reason)
         self._latched += 1
 
     def arm(self, latch: int | None = None) -> None:
-        """Allow motion again; every detector starts anew. What is armed already stays as it is, its detectors too.
+        """Allow motion again, and reset every detector. If the gate is armed already, nothing changes.
 
         ``latch`` is the number of the e-stop or fault that is to be cleared; None: whatever has latched.
 
@@ -230,7 +230,7 @@ class SafetyKeeper:
     # What happens to the robot
 
     def fail(self, fault: Fault) -> None:
-        """A fault has happened: it latches, and who drives is held beyond that."""
+        """A fault has happened: it latches. Sources that are driven now are held longer."""
         before = self._gate
         self._gate = gate.change_mode(before, Trigger.FAULT, fault.reason, fault.kind)
         if self._gate is not before:
@@ -250,7 +250,7 @@ class SafetyKeeper:
         self._reported = fault
 
     def on_link(self, event: LinkOpened | LinkClosed | BoardRestarted) -> None:
-        """The board is back, gone, or another: a fault that is left by arming, or by itself where configured."""
+        """The board is back, gone, or another one: a fault that ends with ``arm`` or, if configured, by itself."""
         if isinstance(event, LinkOpened):
             self._link_open = True
             self._silence = EncoderTimeoutState()
@@ -272,9 +272,9 @@ class SafetyKeeper:
             self.fail(fault)
 
     def loop_runs(self, now_s: float) -> None:
-        """The control loop runs: to be called whenever it does, before a reading is judged.
+        """Note that the control loop runs. Call it at every run, before a reading is judged.
 
-        After a pause the encoders have not been silent for its time: the robot brakes until they are heard again.
+        A pause of the loop is no silence of the encoders: the robot brakes until they are heard again.
         """
         if self.motors.loop_runs(now_s):
             stale_s = now_s - self._parameters.encoders.max_age_s - JUST_S
@@ -289,7 +289,7 @@ class SafetyKeeper:
     # What it comes to
 
     def decide(self, now_s: float, *, driven: bool) -> Decision:
-        """What to do now; ``driven`` tells whether a duty is in force. Raises what a reading's handler has raised."""
+        """Decide what to do now; ``driven``: a duty is in force. Raises the error of a reading's handler."""
         if self._reported is not None:
             self._take_report()
         if self._reading_error is not None:
@@ -302,7 +302,7 @@ class SafetyKeeper:
         return decision
 
     def announce(self, now_s: float) -> None:
-        """Tell the gate's state if it has changed."""
+        """Publish the gate's state if it has changed."""
         state, decision = self._gate, self._decision
         is_settled = (
             self._link_open or state.mode is not Mode.ARMED
@@ -334,7 +334,7 @@ class SafetyKeeper:
         return Decision(motion, decision.source, halted=False, limited_by=limited_by)
 
     def _crawling(self, decision: Decision, now_s: float) -> Decision:
-        """The board waits for echoes that do not come: no fast motion, and room to stop as late as it obeys."""
+        """Limit the motion for a board that waits for echoes: slow, with room for its late obedience."""
         crawl_m_s = self._parameters.encoders.silent_speed_m_s
         motion = self.motors.slowed(decision.motion, crawl_m_s)
         limited_by = None if motion == decision.motion else NO_ECHO
@@ -345,7 +345,7 @@ class SafetyKeeper:
         return Decision(motion, decision.source, halted=False, limited_by=limited_by)
 
     def _on_range(self, event: RangeMeasured) -> None:
-        """Only an ultrasonic sensor says that no echo came; until it says something else the board waits for it."""
+        """Note a range reading: after "no echo" from the ultrasonic sensor the board waits in each cycle."""
         is_missing = event.status is RangeStatus.NO_ECHO
         if is_missing or event.sensor == self._without_echo:
             self._without_echo = event.sensor if is_missing else ""
@@ -375,7 +375,7 @@ class SafetyKeeper:
             self._on_fault()
 
     def _keep_error(self, error: Exception) -> None:
-        """Let the next decision raise it: the control loop then brakes and disarms."""
+        """Keep an error for the next decision, which raises it; the control loop then brakes and disarms."""
         self._reading_error = error
         self._on_fault()
 

@@ -1,4 +1,4 @@
-"""Scans on their way to the obstacle guard: points where they are now, whatever the robot has driven since.
+"""Keeps scans for the obstacle guard, as points relative to the robot's present pose.
 
 Only a robot with a lidar loads this: it needs numpy.
 """
@@ -25,13 +25,13 @@ from chefbotd.safety.outline import Box, Disc, Floats, Outline
 from chefbotd.safety.scan_guard import NOT_SEEN, View
 
 TRAIL = 200
-"""Poses of the last seconds: more than a turn and its way here take."""
+"""The number of kept poses: several seconds, more than a turn of the lidar and its transmission take."""
 
 NEAR_MARGIN_M, NEAR_CELL_M = 0.02, 0.02
-"""So far beyond the nearest reading is still too near to be sure of; near points are kept to the cell of this size."""
+"""Points up to this far beyond the nearest reading may become invisible; they are kept in cells of this size."""
 
 TURNS_KEPT = 2
-"""What one turn missed, the one before has seen."""
+"""The number of turns that are kept: a point that one turn misses is in the one before."""
 
 
 class _Seen(Record, frozen=True):
@@ -44,15 +44,15 @@ class _Seen(Record, frozen=True):
 
 
 WHEEL_WIDTH_M = 0.025
-"""Assumed: half of it stands out on either side of the track."""
+"""The width of a wheel (assumed); half of it is outside the track on either side."""
 
 
 def outline_of(
     chassis: ChassisParameters, body_m: tuple[float, float | None] | None, wheelbase_m: float
 ) -> Outline:
-    """What holds body and wheels; ``body_m`` is the body's length and width, or its diameter and None.
+    """The outline of body and wheels; ``body_m`` is the body's length and width, or its diameter and None.
 
-    Without a body it is the box about the wheels.
+    Without a body it is the box around the wheels.
     """
     sides = [wheel.side for wheel in chassis.wheels]
     axles_m = wheelbase_m if max(sides.count(side) for side in sides) > 1 else 0.0
@@ -67,7 +67,7 @@ def outline_of(
 
 
 class GuardSensor(Protocol):
-    """A lidar or a depth camera, as far as the guard needs to know it."""
+    """The properties of a lidar or depth camera that the guard needs."""
 
     @property
     def name(self) -> str:
@@ -76,7 +76,7 @@ class GuardSensor(Protocol):
 
     @property
     def guards(self) -> bool:
-        """Whether the guard is to look at it."""
+        """Whether the guard uses it."""
         ...
 
     @property
@@ -94,10 +94,10 @@ class ScanWatchState(Record, frozen=True):
 
 
 class ScanWatch:
-    """Keeps the last turns of each lidar that guards, and where the wheels have taken the robot since.
+    """Keeps the last turns of each guarding lidar, and the robot's trail since.
 
-    The trail is its own: a pose that somebody sets anew is no motion. A depth camera (``blind_near``: its name) sees
-    nothing that is nearer than its band: what it saw there before is kept until the robot is away from it.
+    It has its own trail, in which a pose that a client sets is no motion. A depth camera (in ``blind_near``) does not
+    see very near points. Those that it saw before are kept until the robot has moved away from them.
     """
 
     def __init__(
@@ -142,7 +142,7 @@ class ScanWatch:
         return scan_guard.limit(guard.later(self._parameters, late_s), self._outline, views, motion, now_s)
 
     def _on_wheels(self, event: WheelsMeasured) -> None:
-        """Straight from pose to pose: between two readings a robot turns by a degree or two."""
+        """Interpolate the trail linearly: between two readings a robot turns by only a degree or two."""
         left_m, right_m = self._kinematics.side_travel_m(event.travel_rad, event.excluded)
         turned_rad = (right_m - left_m) / self._kinematics.track_width_m
         way_m, half_rad = (left_m + right_m) / 2, turned_rad / 2
@@ -168,7 +168,7 @@ class ScanWatch:
         self._seen[event.lidar].append(_Seen(points_m, event.stamp_s, self._clock.now_s(), turn_s))
 
     def _with_near(self, name: str, points_m: Floats, sensor: Pose2D) -> Floats:
-        """These points, and of those before them what is now too near to the sensor to be seen."""
+        """These points, and the earlier points that are too near to the sensor to be seen now."""
         seen = self._seen[name]
         if not seen:
             return points_m
@@ -178,7 +178,7 @@ class ScanWatch:
         return np.concatenate((points_m, kept))
 
     def _view(self, name: str) -> View:
-        """The lidar's last turns from where the robot is now."""
+        """The lidar's last turns, relative to the robot's present pose."""
         seen = self._seen[name]
         if not seen:
             return View(name, NOT_SEEN, -math.inf, -math.inf, 0.0)

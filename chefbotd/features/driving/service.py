@@ -1,7 +1,7 @@
 """The control loop: encoder counts in, motor duties out, with the gate between every command and the wire.
 
-Commands come in by direct call, so that a stop goes from the socket to the wire in one call stack. What the wheels do
-goes out as events.
+Commands come in by direct call, so that a stop goes from the socket to the wire in one call stack. The motion of the
+wheels is published as events.
 """
 
 from collections.abc import Callable
@@ -35,13 +35,13 @@ from chefbotd.safety.gate import Command, Decision
 from chefbotd.safety.watchdog import ControlParameters, WatchdogParameters, judge_pause
 
 STEP_BOUNDS_S = (0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)
-"""From a fast computer's step to a cycle of the fastest board (10 ms), and beyond."""
+"""The histogram's bounds, from a fast computer's step to more than the fastest board's cycle (10 ms)."""
 
 log = structlog.get_logger(component="drive")
 
 
 class DriveServiceState(Record, frozen=True):
-    """What the control loop remembers; gains and limits are parts of their own."""
+    """The state of the control loop; gains and limits are parts of their own."""
 
     wheels: DriveState
     keeper: KeeperState
@@ -59,9 +59,9 @@ class DriveServiceState(Record, frozen=True):
 class DriveService:
     """Asks ``wheels`` what to do; ``keeper`` has the last word, ``send_duty`` puts a duty on the wire at once.
 
-    ``reader`` says what the wheels did; ``wheel_names`` and ``duty_ceiling`` are the ``WheelController``'s.
-    A loop that stood still for ``watchdog.timeout_s`` forgets what was asked before, whether or not a watchdog looked
-    meanwhile. If it drove, it brakes: until the next command, or after a long pause or too many until it is armed.
+    ``reader`` measures the wheels; ``wheel_names`` and ``duty_ceiling`` are for the ``WheelController``. After a pause
+    of ``watchdog.timeout_s`` the loop forgets earlier commands, whether or not a watchdog has looked. If the robot
+    drove, it brakes until the next command; after a long pause, or too many pauses, until it is armed.
     """
 
     def __init__(
@@ -132,7 +132,7 @@ class DriveService:
     # Commands
 
     def command(self, source: str, motion: Motion, client: int = 0) -> None:
-        """Move so from now until the command is too old, a higher source speaks, or a stop.
+        """Move like this until the command is too old, a higher source drives, or a stop comes.
 
         ``client`` is the number of the connection that asks for it; 0: a driver inside the daemon.
 
@@ -145,11 +145,11 @@ class DriveService:
         self._obey(now_s)
 
     def note_try(self, source: str, client: int) -> None:
-        """A client tries to drive what another one has; a stop holds it as well."""
+        """A client tries to drive a source that another one controls; a stop holds it, too."""
         self.keeper.note_try(source, client, self._clock.now_s())
 
     def release(self, source: str) -> None:
-        """Forget one source's command: a lower one goes on at once, or the robot comes to rest."""
+        """Forget one source's command: a lower source drives at once, or the robot comes to rest."""
         self.keeper.release(source)
         self._obey(self._clock.now_s())
 
@@ -190,7 +190,7 @@ class DriveService:
         self._obey(self._clock.now_s())
 
     def fail(self, fault: Fault) -> None:
-        """Another part has failed: zero on the wire now, and until ``arm``."""
+        """Stop because another part has failed: zero on the wire now, and until ``arm``."""
         self.keeper.fail(fault)
         self._obey(self._clock.now_s())
 
@@ -209,7 +209,7 @@ class DriveService:
     # The loop
 
     async def run(self) -> None:
-        """Watch for silent encoders until cancelled; whatever ends it, the last thing sent is a stop.
+        """Watch for silent encoders until cancelled. However it ends, the last message sent is a stop.
 
         Encoder frames and changes of the link are handled in the call that publishes them.
         """
@@ -223,7 +223,7 @@ class DriveService:
             self._halt()
 
     def detach(self) -> None:
-        """Handle nothing more of what the board and its link do. A link that the daemon closes itself is no fault."""
+        """Stop handling events of the board and its link. A link that the daemon closes itself is no fault."""
         for remove in self._remove_handlers:
             remove()
 
@@ -237,7 +237,7 @@ class DriveService:
             self._on_handler_error(error)
 
     def _on_encoders(self, event: EncodersCounted) -> None:
-        """One control step: decode, ask the keeper, regulate, put it on the wire, tell the others."""
+        """One control step: decode, ask the keeper, regulate, write the duty, publish."""
         began_s, now_s = perf_counter(), self._clock.now_s()
         self._note_run(now_s)
         seen = self.reader.read(event, self.wheels.drive_state.setpoint_m_s)
@@ -292,7 +292,7 @@ class DriveService:
         self.keeper.announce(now_s)
 
     def _is_asked(self) -> bool:
-        """Whether a duty is in force, a setpoint is not zero, or a source commands, be it to stand."""
+        """Whether a duty is in force, a setpoint is not zero, or any source has a command, even zero."""
         return self.keeper.is_commanded or not self.wheels.rests
 
     def _decide(self, now_s: float) -> Decision:
@@ -301,9 +301,9 @@ class DriveService:
         return self.keeper.decide(now_s, driven=self.is_driving)
 
     def _note_run(self, now_s: float) -> None:
-        """The loop runs. If it stood still, what was asked before is void, whoever wakes first after it.
+        """Note that the loop runs. If it had stood still, earlier commands are void, whatever runs first after it.
 
-        If a duty was in force meanwhile, it is zero now: nobody watched what it did.
+        A duty that was in force meanwhile is set to zero, because it was not monitored.
         """
         stood_s, self.acted_s = now_s - self.acted_s, now_s
         if stood_s <= self._watchdog.timeout_s:
@@ -325,7 +325,7 @@ class DriveService:
     # Faults
 
     def _obey(self, now_s: float) -> None:
-        """Act on a call from outside, which hears of an error as well."""
+        """Act on a call from outside, and pass an error to the caller."""
         try:
             self._act(now_s)
         except Exception as error:

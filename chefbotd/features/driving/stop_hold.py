@@ -1,4 +1,4 @@
-"""Holds sources after a stop, and tells their drivers; the rules are in ``chefbotd.safety.hold``."""
+"""Holds sources after a stop, and refuses their drivers; the rules are in ``chefbotd.safety.hold``."""
 
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.safety import hold
@@ -8,7 +8,7 @@ FAULT = "a fault"
 
 
 class StopHold:
-    """Remembers who has tried to drive what, and who knows of the stops since. Clients are told apart by a number."""
+    """Keeps which client has tried to drive which source, and who knows of the stops since. Clients have numbers."""
 
     def __init__(self, stop_hold_s: float) -> None:
         self._stop_hold_s = stop_hold_s
@@ -39,7 +39,7 @@ class StopHold:
         self._tries = hold.acknowledge(self._tries, client, source)
 
     def require_free(self, source: str, client: int) -> None:
-        """Raises ``Refused`` where a stop holds this client, whose try was just noted."""
+        """Raise ``Refused`` if a stop holds this client, whose attempt was just noted."""
         stopped_by, stop_hold_s = hold.holder_of(self._tries, source, client), self._stop_hold_s
         if stopped_by:
             raise Refused(

@@ -1,8 +1,8 @@
 """The timer that runs the control loop without encoder frames: every few milliseconds, more rarely at rest.
 
-The timer is set anew by each encoder frame. A robot is at rest once its readings have shown no motion for a while in
-which no wheel had a duty and nobody asked for anything. Then time alone changes nothing: silent encoders are told only
-of a robot that is driven, and every command acts in the call that brings it.
+Each encoder frame restarts the timer. A robot is at rest once its readings have shown no motion for a while, without a
+duty or a command. Then time alone changes nothing: silent encoders matter only while the robot is driven, and every
+command acts in the call that brings it.
 """
 
 import math
@@ -12,18 +12,18 @@ from chefbotd.core.record import Record
 from chefbotd.entries import Entries, Timer, due_of
 
 REST_AFTER_S = 1.0
-"""Every frame of this time was answered with a stop: none of them can be the one that was lost."""
+"""The time without motion until the robot is at rest. Every frame in it was answered with a stop."""
 
 JUST = 1e-6
 LOOKS_PER_PATIENCE = 2
-"""A loop at rest, too, acts more often than the watchdog's patience lasts."""
+"""How often a loop at rest acts within the watchdog's time-out."""
 
 DRIVE_WATCH = "drive watch"
-"""What the timer is called in a recording."""
+"""The timer's name in a recording."""
 
 
 class WatchTimerState(Record, frozen=True):
-    """When the next look is due, when it was begun to be waited for, and whether the robot rests."""
+    """The time of the next look, the begin of the wait for it, and whether the robot is at rest."""
 
     due_s: float | None
     began_s: float
@@ -35,8 +35,8 @@ class WatchTimerState(Record, frozen=True):
 class WatchTimer:
     """Calls ``look`` when nothing was received for ``period_s``, and again until something is.
 
-    At rest it does so a few times in ``patience_s``, the shortest pause of the loop that would be held against it.
-    ``still_since_s`` is since when nothing has moved and nobody has asked for anything (None: something does).
+    At rest it does so a few times in ``patience_s``, the watchdog's time-out. ``still_since_s`` is when motion and
+    commands ended (None: they have not).
     """
 
     def __init__(
@@ -63,19 +63,19 @@ class WatchTimer:
         self._runs, self.resting = state.runs, state.resting
 
     def start(self, now_s: float) -> None:
-        """Look from now on."""
+        """Start the timer."""
         self._runs = True
         self.restart(now_s)
 
     def stop(self) -> None:
-        """Look no more."""
+        """Stop the timer."""
         self._runs = False
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
 
     def restart(self, now_s: float) -> None:
-        """Something was heard, or the loop was looked at: wait for a whole period from now on."""
+        """Wait for a whole period from now, after a reading or a look."""
         if self._runs:
             if self._timer is not None:
                 self._timer.cancel()
@@ -84,21 +84,21 @@ class WatchTimer:
             self._timer = self._entries.call_later(delay_s, self._look, DRIVE_WATCH)
 
     def note_stillness(self, now_s: float) -> None:
-        """A good reading without motion, of a robot of which nobody asks anything."""
+        """Note a good reading without motion, duty or command."""
         if self.still_since_s is None:
             self.still_since_s = now_s
         elif not self.resting and now_s - self.still_since_s >= REST_AFTER_S:
             self.resting = True
 
     def note_activity(self, now_s: float) -> None:
-        """Anything else: the next look comes when it would have come without the rest."""
+        """Note any activity: the next look comes when it would have come without the rest."""
         self.still_since_s = None
         if self.resting:
             self.resting = False
             self.look_soon()
 
     def look_soon(self) -> None:
-        """A fault, say, waits to be told: look when a robot that is not at rest would be looked at."""
+        """Look as soon as for a robot that is not at rest, for example because a fault is due."""
         if self._timer is None:
             return
         gone_s = self._entries.now_s() - self._began_s

@@ -23,8 +23,7 @@ class WheelController:
     """Steps the drive; ``drive_state`` has the setpoints and duties that are in force.
 
     ``wheel_names`` has the drive's order.
-    ``duty_ceiling`` is the hardest that each wheel may be pushed while commands that are faster are held back on the
-    way to the board.
+    ``duty_ceiling`` is the highest duty of each wheel while faster commands are held back on the way to the board.
     """
 
     def __init__(
@@ -39,21 +38,21 @@ class WheelController:
         self._on_limits: Callable[[MotionLimits], None] = lambda limits: None
 
     def state(self) -> LimitsState:
-        """The limits; gains and ``drive_state`` stand elsewhere."""
+        """The state of the limits; gains and ``drive_state`` are in other parts."""
         return LimitsState(self._drive.limits, None if self._waiting is None else self._waiting[0])
 
     def restore(self, state: LimitsState) -> None:
-        """Go on with them; nobody waits for those that are to come."""
+        """Restore the limits; no request waits for pending ones."""
         self._drive.relimit(state.limits)
         self._on_limits(state.limits)
         self._waiting = None if state.waiting is None else (state.waiting, lambda: None)
 
     def call_on_limits(self, handler: Callable[[MotionLimits], None]) -> None:
-        """Call ``handler`` with the limits each time that they have been exchanged."""
+        """Call ``handler`` with the new limits after each change."""
         self._on_limits = handler
 
     def regulate(self, decision: Decision, now_s: float, seen: WheelsRead) -> None:
-        """Step with a measurement."""
+        """Make a control step with a measurement."""
         before = self.drive_state
         if decision.halted:
             self.drive_state = self._drive.halt(before)
@@ -71,7 +70,7 @@ class WheelController:
         self.drive_state = under(self._duty_ceiling(now_s), before, after)
 
     def retarget(self, decision: Decision, now_s: float) -> None:
-        """Step without one."""
+        """Make a control step without a measurement."""
         before = self.drive_state
         if decision.halted:
             self.drive_state = self._drive.halt(before)
@@ -81,27 +80,27 @@ class WheelController:
         self.drive_state = under(self._duty_ceiling(now_s), before, after)
 
     def halt(self) -> None:
-        """No duty, and nothing asked of any wheel."""
+        """Set duty and setpoint of every wheel to zero."""
         self.drive_state = self._drive.halt(self.drive_state)
 
     @property
     def rests(self) -> bool:
-        """Whether no duty is in force, and nothing is asked of any wheel."""
+        """Whether duty and setpoint of every wheel are zero."""
         state = self.drive_state
         return not any(state.duty) and not any(state.setpoint_m_s) and state.limiter == AT_REST
 
     @property
     def effort(self) -> tuple[float, ...]:
-        """How hard each wheel is pushed by now, as ``Drive.effort`` has it."""
+        """The present effort of each wheel (see ``Drive.effort``)."""
         return self._drive.effort(self.drive_state)
 
     @property
     def targets_rad_s(self) -> tuple[float, ...]:
-        """The speed that each wheel is asked for."""
+        """The commanded speed of each wheel."""
         return self._drive.targets_rad_s(self.drive_state)
 
     def wheel_velocities(self, velocity_rad_s: Mapping[str, float]) -> WheelVelocities:
-        """A speed for each named wheel as a motion to command; raises ``Refused`` for a name that no wheel has."""
+        """The motion with these speeds of the named wheels; raises ``Refused`` if no wheel has a name."""
         return self._drive.wheel_velocities(velocity_rad_s)
 
     def gains(self) -> dict[str, PidParameters]:
@@ -115,13 +114,13 @@ class WheelController:
         )
 
     def set_gains(self, gains: Mapping[str, PidParameters]) -> None:
-        """These have been the gains."""
+        """Restore these gains."""
         self._drive.gains = tuple([gains[name] for name in self._wheel_names])
 
     def relimit(self, limits: MotionLimits, then: Callable[[], None] = lambda: None) -> bool:
-        """Exchange the limits as soon as the robot is at rest, and call ``then``; whether it was at once.
+        """Change the limits as soon as the robot is at rest, and call ``then``; returns whether it was at once.
 
-        Of several changes that wait, the last one is made.
+        Of several pending changes, the last one is made.
         """
         self._waiting = limits, then
         self.make_change()

@@ -24,7 +24,7 @@ class WheelsRead(Record, frozen=True):
 
 
 class WheelReaderState(Record, frozen=True):
-    """What the frames so far have shown."""
+    """The state of decoding and comparing."""
 
     encoders: EncodersState
     compared: SameSideState
@@ -33,7 +33,7 @@ class WheelReaderState(Record, frozen=True):
 
 
 class WheelReader:
-    """Holds what decoding and comparing remember from one frame to the next."""
+    """Keeps the state of decoding and comparing from frame to frame."""
 
     def __init__(
         self, chassis: ChassisParameters, encoders: EncoderParameters, same_side: SameSideParameters
@@ -57,7 +57,7 @@ class WheelReader:
         self._board_s, self.refused = state.board_s, state.refused
 
     def read(self, event: EncodersCounted, setpoint_m_s: Sequence[float]) -> WheelsRead:
-        """The next frame, after a while in which the wheels' rims were asked for these speeds."""
+        """Read the next frame; ``setpoint_m_s`` are the commanded speeds of the rims since the last one."""
         self._encoders, reading = encoder.decode(
             self._parameters, self._signs, self._encoders, event.counts, event.board_s, event.rate_counts_s
         )
@@ -74,11 +74,11 @@ class WheelReader:
         return WheelsRead(reading, dt_s, self._compared)
 
     def effort(self, seen: WheelsRead, effort: tuple[float, ...]) -> tuple[float, ...]:
-        """How hard each wheel was pushed (see ``Drive.effort``), for whoever judges what came of it."""
+        """The effort of each wheel since the last frame (see ``Drive.effort``)."""
         return self._same_side.credit(seen.same_side, effort)
 
     def rebase(self) -> None:
-        """The board has restarted, and its counters and its time with it."""
+        """Start again after a restart of the board, with new counters and time."""
         self._encoders = encoder.rebase(self._encoders)
         self._board_s = None
 

@@ -10,13 +10,13 @@ from chefbotd.rpc.topics import Topic, same_names
 
 
 class StartRecordingParams(Params):
-    """How the file's name begins."""
+    """The beginning of the file's name."""
 
     name: str | None = Field(None, min_length=1, max_length=64, description="'recording' if none is given")
 
 
 class SaveRingParams(Params):
-    """Why: a part of the file's name."""
+    """The reason, as a part of the file's name."""
 
     reason: str | None = Field(None, min_length=1, max_length=64, description="'asked' if none is given")
 
@@ -29,7 +29,7 @@ class RecordingStarted(Record, frozen=True):
 
 
 class RecordingEnded(Record, frozen=True):
-    """The last file of the recording, and what is in all of them; ``dropped`` counts what is missing."""
+    """The last file of the recording, and the sums of all its files; ``dropped`` counts the missing events."""
 
     name: str
     file: str
@@ -40,7 +40,7 @@ class RecordingEnded(Record, frozen=True):
 
 
 class RingSaved(Record, frozen=True):
-    """The file of the last minutes."""
+    """The file with the last minutes."""
 
     file: str
     seconds: float

@@ -1,4 +1,4 @@
-"""The thread that records, as the service sees it: started once, asked in turn, watched for a disk that hangs."""
+"""The service's side of the recording thread: starts it, passes it work in turn, and notices a disk that hangs."""
 
 import asyncio
 from collections.abc import Callable, Coroutine
@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 
 
 class Made(Struct, frozen=True):
-    """What a recording says of the robot. ``first_scanner`` is whose scans are on ``/scan``."""
+    """What a recording says about the robot. ``first_scanner`` names the scanner of the channel ``/scan``."""
 
     robot: str
     session: str
@@ -47,7 +47,7 @@ class Made(Struct, frozen=True):
 def recorder_maker(
     parameters: RecordingParameters, folder: Path, made: Made, started_s: float
 ) -> "MakeRecorder":
-    """What makes encoder and recorder; ``started_s`` is the daemon's time now."""
+    """Makes encoder and recorder; ``started_s`` is the daemon's present time."""
     offset_ns = time.time_ns() - round(started_s * 1e9)
 
     def make() -> "tuple[ChunkEncoder, Recorder]":
@@ -72,7 +72,7 @@ def recorder_maker(
 
 
 def read_map(event: MapLoaded) -> "Cells | None":
-    """The cells of the map that is in use from now on; None where they cannot be read."""
+    """Set the map in use by its cells; None if they cannot be read."""
     from chefbotd.maps.manifest import CELLS
     from chefbotd.maps.store import MapStore
 
@@ -91,10 +91,10 @@ T = TypeVar("T")
 log = structlog.get_logger(component="recording")
 
 DISK_PATIENCE_S = 15.0
-"""A card may stand still for seconds while it clears its blocks."""
+"""How long a disk may take: a memory card may stop for seconds while it erases blocks."""
 
 HANGS_AFTER_S = 3.0
-"""The thread has got nowhere for so long: a computer that is busy holds it up for a second, too."""
+"""The disk hangs after this time without progress; a busy computer delays the thread by a second, too."""
 
 
 class RecorderThread:
@@ -114,16 +114,16 @@ class RecorderThread:
 
     @property
     def dropped(self) -> int:
-        """Events that found no room."""
+        """The number of events that found no room."""
         return 0 if self.writer is None else self.writer.dropped
 
     @property
     def waiting(self) -> int:
-        """Events that were left with the thread and are not written."""
+        """The number of events that the thread has and has not written."""
         return 0 if self.writer is None else self.writer.waiting
 
     async def ready(self) -> "Writer":
-        """Start the thread where there is none; returns the writer as soon as it has loaded what it needs."""
+        """Start the thread if none runs; returns the writer once it has loaded its modules."""
         if self.writer is None:
             try:
                 self._starting = self._starting or self._start_writer()
@@ -136,7 +136,7 @@ class RecorderThread:
     def look(self, elapsed_s: float) -> None:
         """Notice a thread that waits for the disk; ``elapsed_s`` is the time since the last look.
 
-        A chunk that was left with the thread a moment ago proves nothing.
+        A chunk that the thread got a moment ago proves nothing.
         """
         if self.writer is None:
             return
@@ -152,9 +152,9 @@ class RecorderThread:
         *,
         before: Callable[[], object] | None = None,
     ) -> T:
-        """Have the recorder do something at the present time, after what ``before`` leaves with it.
+        """Let the recorder do something at the present time, after the events that ``before`` passes to it.
 
-        Without ``before`` the work comes first. Raises ``RecordingError`` where the disk does not answer in time.
+        Without ``before`` the work comes first. Raises ``RecordingError`` if the disk does not answer in time.
         """
         try:
             async with asyncio.timeout(patience_s):
@@ -179,7 +179,7 @@ def _failed(problem: str) -> RecordingError:
 
 
 async def waiting(work: Coroutine[Any, Any, T], progress: ProgressReporter) -> T:
-    """Do it, and say every second that the disk is waited for, so that a client goes on waiting."""
+    """Do it, and report every second that the disk is slow, so that a client continues to wait."""
     task = asyncio.ensure_future(work)
     try:
         seconds = 0

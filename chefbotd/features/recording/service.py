@@ -1,4 +1,4 @@
-"""Takes every event off the bus and leaves it with the writer; a fault has the ring written."""
+"""Passes every event of the bus to the writer, and has the ring written after a fault."""
 
 import asyncio
 from collections.abc import Callable
@@ -43,17 +43,17 @@ T = TypeVar("T")
 log = structlog.get_logger(component="recording")
 
 AT_ONCE = 128
-"""So many events are encoded without a pause: what comes in meanwhile waits for as long as a control step takes."""
+"""The number of events encoded without a pause; other work waits for as long as a control step takes."""
 
 INBOX_EVENTS = 8192
 
 BOARD_WITHIN_S = 2.0
-"""The ring is loaded then at the latest, also where a port does not say whether it can be opened."""
+"""The latest time at which the ring is loaded, even if the port has not said whether it can be opened."""
 
 COLLECT_BEATS, TELL_BEATS = 2, 20
 
 STATE_EVERY_S = 20.0
-"""It takes 0.14 ms, measured with a lidar; what the ring has before its first state cannot be replayed."""
+"""The interval of recorded states. One takes 0.14 ms with a lidar; a replay cannot begin before the first one."""
 
 LAST_WORDS_S = 1.0
 """How long the daemon's end waits for the end of the file."""
@@ -61,14 +61,14 @@ LAST_WORDS_S = 1.0
 DISK_HANGS = "the disk does not answer: events will be lost when the buffer is full"
 FAULTS_APART_S = 10.0
 REPEATED_ELSEWHERE = frozenset({"LineSeen"})
-"""The bytes of the links have every line."""
+"""Events that are not recorded, because the recorded bytes of the links contain every line."""
 
 
 class RecordingService:
     """Records everything that is on the bus. ``dropped`` counts the events that found no room.
 
-    What records is loaded where it is asked for and, for the ring, once the board has been told to stop; until then
-    events wait on the bus.
+    The recording modules are loaded when a recording is requested and, for the ring, after the board's first stop. Until
+    then events wait on the bus.
     """
 
     def __init__(
@@ -96,7 +96,7 @@ class RecordingService:
 
     @property
     def waiting(self) -> int:
-        """Events on their way to the disk."""
+        """The number of events on their way to the disk."""
         return self.thread.waiting + (0 if self._inbox is None else len(self._inbox))
 
     async def run(self) -> None:
@@ -123,7 +123,7 @@ class RecordingService:
             log.warning("automatic recording cannot start", error=str(problem))
 
     async def _load_ring(self) -> None:
-        """Not before the board has been told to stop, or cannot be: the daemon's start does not wait for it."""
+        """Wait until the board was told to stop, or cannot be; the daemon's start does not wait for the recorder."""
         if self.thread.writer is None:
             board = self._bus.subscribe(LinkOpened, LinkNotOpened)
             with suppress(TimeoutError):
@@ -144,7 +144,7 @@ class RecordingService:
             log.warning("the recording was not closed properly", error=str(problem))
 
     def _listen(self) -> None:
-        """Take everything off the bus, and have what comes into the process published there."""
+        """Take every event of the bus, and let entries be published there."""
         if self._inbox is None:
             excluded = REPEATED_ELSEWHERE | self._parameters.exclude
             self._inbox, self._lost = self._bus.subscribe_all(INBOX_EVENTS, excluded), 0
@@ -152,14 +152,14 @@ class RecordingService:
             self._listening.set()
 
     def _record_state(self) -> None:
-        """So that a replay can begin here."""
+        """Record the daemon's state, so that a replay can begin here."""
         if self._entries.recording and self._inbox is not None:
             recorded = self._state().record()
             self._state_s, self._state_lacks = recorded.stamp_s, bool(recorded.left_out)
             self._bus.publish(recorded)
 
     def _look_at_state(self) -> None:
-        """Record it now and then; while something is under way that it cannot have in it, somewhat later."""
+        """Record the state at intervals; a little later while something is under way that it cannot contain."""
         since_s = self._clock.now_s() - self._state_s
         every_s = min(STATE_EVERY_S, self._parameters.ring_s / 4 or STATE_EVERY_S)
         is_due = since_s >= every_s or self._state_lacks
@@ -167,7 +167,7 @@ class RecordingService:
             self._record_state()
 
     def _listen_no_more(self) -> None:
-        """Without a ring nothing is taken, and nothing paid, while nothing is recorded."""
+        """Stop taking events where there is no ring, so that they cost nothing."""
         if self._inbox is not None and (self.thread.writer is None or not self._keeps_ring):
             self._end_inputs()
             self._inbox.close()
@@ -183,7 +183,7 @@ class RecordingService:
                 await next_beat(self._clock, COLLECT_BEATS)
 
     def _hand_over(self, most: int = INBOX_EVENTS) -> bool:
-        """Leave so many events with the writer; whether some remain."""
+        """Pass this many events to the writer; returns whether some remain."""
         inbox, writer = self._inbox, self.thread.writer
         if inbox is None or writer is None:
             return False
@@ -223,7 +223,7 @@ class RecordingService:
         return RecordingChanged(stamp_s=self._clock.now_s(), **asdict(status))
 
     async def _watch_faults(self, changes: Inbox[SafetyChanged]) -> None:
-        """Of faults within ``FAULTS_APART_S`` only the first is written."""
+        """Write the ring for a fault; of several faults within ``FAULTS_APART_S`` only for the first."""
         before, saved_s = None, float("-inf")
         async for event in changes:
             fault, before = before, event.fault
@@ -303,16 +303,16 @@ class RecordingService:
         return RingSaved(file=str(status.saved), seconds=status.ring_s)
 
     async def _ask(self, work: "Callable[[Recorder, float], T]", patience_s: float = DISK_PATIENCE_S) -> T:
-        """Have the recorder do something, after all that has happened so far."""
+        """Let the recorder do something after all events so far."""
         return await self.thread.ask(work, patience_s, before=self._hand_over)
 
 
 def _nothing() -> None:
-    """Nothing to end."""
+    """Do nothing."""
 
 
 def recording(service: RecordingService) -> Feature:
-    """Files and the ring, over the service that keeps them."""
+    """The feature for recordings and the ring."""
     return Feature(
         "recording",
         services=(Service("recording", service.run),),

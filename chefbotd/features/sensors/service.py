@@ -36,7 +36,7 @@ class SensorState(Record, frozen=True):
 
 
 class SensorService:
-    """Interprets the raw readings of the sensors that the robot has; what else its board sends is left alone."""
+    """Interprets the raw readings of the configured sensors; others are ignored."""
 
     def __init__(
         self,
@@ -88,7 +88,7 @@ class SensorService:
             self._bus.publish(measured)
 
     def _infrared_range(self, event: AnalogueCounted) -> RangeMeasured | None:
-        """None for an analogue input that no sensor is configured on."""
+        """The reading of an analogue input; None if no sensor is configured on it."""
         if event.channel not in self._infrared:
             return None
         sensor, state = self._infrared[event.channel]
@@ -97,7 +97,7 @@ class SensorService:
         return measured
 
     def _forget(self, event: BoardRestarted | LinkClosed) -> None:
-        """Nobody knows what came in front of the sensors meanwhile."""
+        """Forget the readings: something may have moved in front of the sensors meanwhile."""
         self._infrared = {
             channel: (sensor, infrared.START) for channel, (sensor, _) in self._infrared.items()
         }
@@ -108,7 +108,7 @@ class SensorService:
 
 
 def sensors(service: SensorService) -> Feature:
-    """Their readings in SI units, over the service that interprets them."""
+    """The feature for sensor readings in SI units."""
 
     def add_metrics(metrics: Metrics) -> None:
         metrics.optional_gauge(

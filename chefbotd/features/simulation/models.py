@@ -6,7 +6,7 @@ from chefbotd.rpc.topics import Topic
 
 
 class SimulatedDisc(Record, frozen=True):
-    """Somebody who walks about, or a thing that is on no map."""
+    """A person who walks around, or a thing that is on no map."""
 
     x_m: float
     y_m: float

@@ -15,12 +15,12 @@ from chefbotd.rpc.topics import Topic
 class StatsData(UnknownData):
     """Counters since the daemon started, and the worst of the last second.
 
-    Each figure of the daemon's registry is an attribute; ``describe`` says which there are.
+    Each metric of the daemon's registry is an attribute; ``describe`` lists them.
     """
 
 
 def stats_model(metrics: Metrics) -> type[StatsData]:
-    """``StatsData`` with the schema of what is in the registry by the time that somebody asks for the schema."""
+    """``StatsData`` whose schema has the metrics that are registered when the schema is requested."""
 
     class RegisteredStatsData(StatsData):
         __doc__ = StatsData.__doc__

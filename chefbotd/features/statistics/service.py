@@ -21,7 +21,7 @@ LAG_BOUNDS_S = (0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1, 0.25, 1.0)
 
 
 class StatsService:
-    """Samples the figures of the registry; ``lag_s`` is the loop's worst lag of the last second, ``lags`` has all."""
+    """Samples the registry's metrics. ``lag_s`` is the loop's longest lag in the last second; ``lags`` has all lags."""
 
     def __init__(self, bus: Bus, clock: Clock, metrics: Metrics) -> None:
         self._bus, self._clock, self._metrics = bus, clock, metrics
@@ -29,7 +29,7 @@ class StatsService:
         self.lag_s, self.lags = 0.0, Histogram(LAG_BOUNDS_S)
 
     def sample(self) -> StatsSampled:
-        """The figures now."""
+        """The present values."""
         return StatsSampled(self._clock.now_s(), self._metrics.collect())
 
     @method(role=Role.OBSERVE)
@@ -55,7 +55,7 @@ class StatsService:
 
 
 def statistics(service: StatsService, metrics: Metrics, clock: Clock) -> Feature:
-    """The registry's figures, over the service that samples them; the uptime counts from this call."""
+    """The feature for the registry's metrics; the uptime counts from this call."""
     started_s, model = clock.now_s(), stats_model(metrics)
 
     def add_metrics(metrics: Metrics) -> None:

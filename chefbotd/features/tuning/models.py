@@ -17,7 +17,7 @@ class Wheels(Record, frozen=True):
 
 
 def _optional(field: FieldInfo) -> tuple[Any, Any]:
-    """The gain's own type and range; its absence, not a value, means no change."""
+    """The gain's type and range; a missing key, not a value, means no change."""
     annotation = Annotated[field.annotation, *field.metadata] if field.metadata else field.annotation
     return annotation, Field(None, description=field.description, json_schema_extra=_without_default)
 
@@ -27,7 +27,7 @@ def _without_default(schema: dict[str, Any]) -> None:
 
 
 class WheelParams(Params):
-    """A wheel, and something to change; ``SetPidParams`` adds the gains."""
+    """A wheel and its changes; ``SetPidParams`` adds the gains."""
 
     wheel: str = Field(min_length=1, max_length=64, description='a wheel\'s name, or "all"')
 
@@ -38,7 +38,7 @@ class WheelParams(Params):
         return self
 
     def changes(self) -> dict[str, object]:
-        """The gains that were named, and nothing else."""
+        """Only the gains that the request named."""
         return self.model_dump(exclude_unset=True, exclude={"wheel"})
 
 

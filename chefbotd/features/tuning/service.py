@@ -17,11 +17,11 @@ from chefbotd.rpc.models import NoParams
 from chefbotd.rpc.parameters import Role
 
 HISTORY_DEPTH = 100
-"""So many changes can be taken back: a key held down on a tuning screen makes some ten a second."""
+"""The number of changes that can be undone. A key held down on a tuning screen makes about ten a second."""
 
 
 class Tunable(Protocol):
-    """The control loop, as far as its gains go."""
+    """The gains of the control loop."""
 
     def gains(self) -> Mapping[str, PidParameters]:
         """The gains by wheel name."""
@@ -32,21 +32,21 @@ class Tunable(Protocol):
         ...
 
     def set_gains(self, gains: Mapping[str, PidParameters]) -> None:
-        """These have been the gains."""
+        """Restore these gains."""
         ...
 
 
 class TuningState(Record, frozen=True):
-    """The gains by wheel name, and what they were before each change."""
+    """The gains by wheel name, and the gains before each change."""
 
     gains: dict[str, PidParameters]
     before: list[dict[str, PidParameters]]
 
 
 class TuningService:
-    """The gains of a running loop and what they were: one history for all clients.
+    """The gains of a running loop, with one history of changes for all clients.
 
-    No output goes past ``max_duty``, and none is kept so low that a wheel would not be watched, below ``watched_duty``.
+    Output limits must not exceed ``max_duty``, nor be below ``watched_duty``, where a wheel would not be monitored.
     """
 
     def __init__(
@@ -81,7 +81,7 @@ class TuningService:
         return Wheels(wheels=dict(self.undo()))
 
     def change(self, wheel: str, changes: Mapping[str, object]) -> Mapping[str, PidParameters]:
-        """Change gains of one wheel, or of ``all``; what every wheel now has. What changes nothing is not remembered.
+        """Change gains of one wheel, or of ``all``; returns the gains of every wheel. Equal values make no history.
 
         Raises:
             Refused: no such wheel, or a value out of range; nothing changes.
@@ -103,7 +103,7 @@ class TuningService:
         return after
 
     def undo(self) -> Mapping[str, PidParameters]:
-        """Take the latest change back, as free of bumps as it was made; what every wheel now has.
+        """Undo the latest change without a jump in the duty; returns the gains of every wheel.
 
         Raises:
             Refused: no change is left to take back.
@@ -114,7 +114,7 @@ class TuningService:
         return self._wheels.gains()
 
     def _expected_of_limits(self, gains: Mapping[str, PidParameters]) -> str | None:
-        """What is asked of the output limits, if one is not so."""
+        """The rule for output limits that these gains break; None if they break none."""
         limits = [own.output_limit for own in gains.values()]
         if max(limits) > self._max_duty:
             return f"at most {self._max_duty}, the duty's range"
@@ -134,5 +134,5 @@ def _changed(old: PidParameters, changes: Mapping[str, object]) -> PidParameters
 
 
 def tuning(service: TuningService) -> Feature:
-    """Gains changed while the robot runs."""
+    """The feature that changes gains while the robot runs."""
     return Feature("tuning", methods=methods_of(service), parts={"gains": service})

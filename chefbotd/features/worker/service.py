@@ -24,14 +24,14 @@ TOPICS = (Topic("worker", (WorkerReported,), WorkerData, same_names(WorkerData),
 
 
 class WorkerServiceState(Record, frozen=True):
-    """The worker, and where ``odom`` lies in the frame that its skills know."""
+    """The worker, and the pose of ``odom`` in the frame of its skills."""
 
     worker: tuple[WorkerStatus, int]
     steady_from_odom: Pose2D
 
 
 class WorkerService:
-    """Owns the worker. Its skills know odometry in the frame ``steady``: a reset of the odometry is no motion there."""
+    """Owns the worker. Its skills get odometry in the frame ``steady``, in which a reset is no motion."""
 
     def __init__(
         self,
@@ -59,7 +59,7 @@ class WorkerService:
         self._steady_from_odom = state.steady_from_odom
 
     def in_odom(self, event: MapPoseUpdated) -> MapPoseUpdated:
-        """A pose of the worker, with ``odom`` as it is here."""
+        """A pose from the worker, relative to the present ``odom``."""
         return replace(event, map_from_odom=event.map_from_odom.compose(self._steady_from_odom))
 
     async def run(self) -> None:
@@ -73,7 +73,7 @@ class WorkerService:
         )
 
     def _take_reset(self, event: OdometryReset) -> None:
-        """The robot is where it was: what was ``before`` in ``odom`` is ``after`` from now on."""
+        """Note that the pose ``before`` in ``odom`` is now ``after``, without motion."""
         self._steady_from_odom = self._steady_from_odom.compose(event.before).compose(event.after.inverse())
 
     def _send_odometry(self, event: OdometryUpdated) -> None:
@@ -81,13 +81,13 @@ class WorkerService:
         self.worker.send(replace(event, odom_from_base=steady_from_base))
 
     def _send_range(self, event: RangeMeasured) -> None:
-        """Only an echo says where something is."""
+        """Send only echoes: other readings do not say where something is."""
         if event.status is RangeStatus.OK:
             self.worker.send(event)
 
 
 def worker(service: WorkerService) -> Feature:
-    """The process, what it is fed with, and the topic that says how it stands."""
+    """The feature for the worker's process, its input and the topic ``worker``."""
     process = service.worker
 
     def add_metrics(metrics: Metrics) -> None:
