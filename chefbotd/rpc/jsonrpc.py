@@ -98,7 +98,8 @@ ERRORS: Mapping[str, ErrorClass] = {
     ),
     ErrorKind.TOO_OLD: ErrorClass(
         -32028,
-        "the command waited longer than a command remains in force; send it again if it is still wanted",
+        "the command waited longer than a command remains in force, or through a pause of the daemon in which the "
+        "robot drove; send it again if it is still wanted",
     ),
     ErrorKind.TOO_MANY_JOBS: ErrorClass(-32030, "too many requests of this client are running"),
     ErrorKind.NO_SUCH_JOB: ErrorClass(-32031, "no such request of this client is running"),
