@@ -3,7 +3,8 @@
 While the transport accepts bytes they go straight to it. When it says that the client is behind, telemetry waits here.
 Under the policy ``latest`` an event replaces the older one of its topic, and beyond ``outbox_bytes`` the oldest event is
 dropped. Drops are counted, and the client is told as soon as there is room again. Answers always go to the transport:
-for a client that is behind only stops are served, and only their answers are dropped beyond twice the buffer.
+for a client that is behind only stops are served, and only their answers are dropped beyond twice the buffer, whatever
+was written before them.
 """
 
 import asyncio
@@ -42,20 +43,22 @@ class Outbox:
         self._order = itertools.count(1)
         self._dropped: Counter[str] = Counter()
         self._watch: asyncio.TimerHandle | None = None
-        self._unread_bytes = 0
+        self._unread_bytes = self._late_bytes = 0
         self.timeout_s = parameters.write_timeout_s
         self.blocked = self.closing = False
         transport.set_write_buffer_limits(parameters.write_buffer_bytes, parameters.write_buffer_bytes // 4)
 
     def reply(self, line: bytes, *, keep: bool = False) -> None:
-        """Write an answer at once, if need be beyond the buffer's limit, within another of the same size.
+        """Write an answer at once. For a client that is behind there is room for as much as two buffers more.
 
         One that is to ``keep`` is written beyond that too: a client has only so many jobs that are answered late.
         """
-        room = 2 * self._parameters.write_buffer_bytes
-        behind = self.blocked and self._transport.get_write_buffer_size() > room
-        if self.closing or (behind and not keep):
+        if self.closing:
             return
+        if self.blocked and not keep:
+            if self._late_bytes > 2 * self._parameters.write_buffer_bytes:
+                return
+            self._late_bytes += len(line)
         self._unread_bytes += len(line)
         self._transport.write(line)
 
@@ -81,7 +84,7 @@ class Outbox:
 
     def pause(self) -> None:
         """The client is behind: from now on it has to make progress."""
-        self.blocked = True
+        self.blocked, self._late_bytes = True, 0
         self._expect_progress(self._parameters.write_timeout_s)
 
     def shorten_timeout(self) -> None:

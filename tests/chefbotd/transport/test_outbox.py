@@ -208,15 +208,31 @@ def test_a_closing_client_that_catches_up_is_left_to_the_transport() -> None:
 
 
 def test_an_answer_to_keep_is_written_where_others_have_no_room() -> None:
-    """Of a client that has not read two buffers; a stop's answer is left out, a job's is not."""
+    """Of a client that was sent two buffers while it was behind; a stop's answer is left out, a job's is not."""
 
     async def scenario() -> None:
         box, transport, _ = outbox()
         fall_behind(box, transport)
         box.reply(FILL)
+        box.reply(FILL)
         transport.written.clear()
         box.reply(b"stopped")
         box.reply(b"surveyed", keep=True)
         assert transport.written == [b"surveyed"]
+
+    run_virtual(scenario())
+
+
+def test_a_stop_behind_a_long_answer_is_answered() -> None:
+    """Ten buffers of one answer are unread: there is room for the stop's all the same, and again after they are read."""
+
+    async def scenario() -> None:
+        box, transport, _ = outbox()
+        for _ in range(2):
+            transport.client_reads = False
+            box.reply(b"x" * 40_960)
+            box.reply(b"stopped")
+            assert transport.written[-1] == b"stopped"
+            transport.client_takes(50_000)
 
     run_virtual(scenario())

@@ -41,12 +41,10 @@ def serve(
 
 
 async def until(happens: Callable[[], bool]) -> None:
-    """Wait for it, two seconds at most."""
-    for _ in range(400):
-        if happens():
-            return
-        await asyncio.sleep(0.005)
-    raise TimeoutError
+    """Wait for it, a minute at most."""
+    async with asyncio.timeout(60.0):
+        while not happens():  # noqa: ASYNC110 - what is waited for has no event
+            await asyncio.sleep(0.005)
 
 
 @BOTH_LOOPS
