@@ -13,7 +13,7 @@ from typing import Final
 import numpy as np
 
 from chefbotd.core.compiled import kernel
-from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.core.record import Record
 from chefbotd.navigation.arcs import KEEP_M, along_arc, check_arc
 from chefbotd.navigation.grid import Flags, Floats
@@ -67,6 +67,9 @@ MOST_M: Final = 0.8
 """From a person who is faster it goes no farther than this from where it stood: he would catch up with it anyhow."""
 
 MOST_IF_SLOWER_M: Final = 3.0
+
+STANDS_S: Final = 1.0
+"""A moving robot that a person would touch within this time brakes, unless he would then come nearer."""
 
 
 def evading_twist(
@@ -163,11 +166,13 @@ def _arcs(outline: Footprint, standing: Surroundings, wall_m: float) -> Iterator
 
 def is_in_the_way(outline: Footprint, near: Surroundings, for_s: float) -> bool:
     """Whether a walking person would come too near to a robot that stood here for so long."""
-    walks = near.velocity_m_s.any(axis=1)
-    points, velocity = near.points_m[walks], near.velocity_m_s[walks]
-    numbers = np.array([outline.pad_m, 0.0, 0.0, SPEED_M_S, for_s, 0.0, BRAKING_M_S2])
-    least_m = _least_m(outline.hull, points, velocity, np.zeros(len(points), np.bool_), numbers)
-    return float(least_m) < ROOM_M
+    return _Search(outline, STANDING, _walking(near), near).least_m(0.0, 0.0, for_s) < ROOM_M
+
+
+def _walking(near: Surroundings) -> _Coming:
+    """The people who walk now, each with his present velocity."""
+    walks: Flags = np.asarray(near.velocity_m_s.any(axis=1))
+    return _Coming(near.points_m[walks], near.velocity_m_s[walks], np.zeros(int(walks.sum()), np.bool_))
 
 
 @kernel
@@ -221,18 +226,33 @@ def evade(
 ) -> tuple[Evasion, Twist2D | None]:
     """Evade who comes nearer while the robot stands, or brakes because it ``is_blocked``; else drive ``twist``.
 
-    None is standing.
+    None is standing, which is best where a person would touch the moving robot at once.
     """
     here, start = near.grid_from_base, evasion.grid_from_start
     goes = twist is not None and twist.linear_m_s > 0.0 and not is_blocked
     if goes and not evasion.is_active:
-        return evasion, twist
+        return evasion, _safest(params.outline, near, now.last, twist)
     moves = goes or (not evasion.is_active and now.last.linear_m_s > 0.01)
     if start is None or now.now_s - evasion.last_s > CALM_S:
         start = here
     away_m = math.hypot(here.x_m - start.x_m, here.y_m - start.y_m)
     is_stuck = evasion.is_active or twist is None or abs(twist.angular_rad_s) < 0.05
     evading = evading_twist(params.outline, near, now.last, away_m, is_stuck=is_stuck, only_touch=moves)
-    if evading is None:
-        return Evasion(False, evasion.last_s, start), twist
-    return Evasion(True, now.now_s, start), slewed(params.follower, now.last, evading, now.dt_s)
+    evasion = Evasion(evading is not None, evasion.last_s if evading is None else now.now_s, start)
+    if evading is not None:
+        twist = slewed(params.follower, now.last, evading, now.dt_s)
+    return evasion, _safest(params.outline, near, now.last, twist)
+
+
+def _safest(outline: Footprint, near: Surroundings, last: Twist2D, twist: Twist2D | None) -> Twist2D | None:
+    """The twist; None, to brake, if a person would soon touch a robot that drives so, and comes no nearer then."""
+    if twist is None or abs(twist.linear_m_s) < 1e-3 or not near.velocity_m_s.any():
+        return twist
+    search, speed_m_s = (
+        _Search(outline, last, _walking(near), near),
+        math.copysign(SPEED_M_S, twist.linear_m_s),
+    )
+    length_m = speed_m_s * (STANDS_S + SPEED_M_S / BRAKING_M_S2)  # so that it does not brake within that time
+    driving_m = search.least_m(twist.angular_rad_s / twist.linear_m_s, length_m, STANDS_S)
+    stands = driving_m < TOUCH_M and search.least_m(0.0, 0.0, STANDS_S) >= driving_m
+    return None if stands else twist
