@@ -19,6 +19,8 @@ from chefbotd.sim.embedded import EmbeddedBoard
 from chefbotd.testing.worker import no_worker
 from tests.chefbotd.replay.recordings import BusRecorder, replayed
 
+PATIENCE_S = 60.0
+
 pytestmark = [pytest.mark.slow, pytest.mark.realtime]
 
 
@@ -32,12 +34,20 @@ async def drive(client: Client, linear_m_s: float, angular_rad_s: float, seconds
 
 
 async def arm(client: Client) -> None:
-    """Until it is done: on a busy computer the request may be too old when it is read."""
-    for _ in range(20):
-        with contextlib.suppress(CallError):
-            await client.arm()
-            return
-        await asyncio.sleep(0.1)
+    """Until it is done: on a busy computer the request may be too old when it is read, or the link be down."""
+    async with asyncio.timeout(PATIENCE_S):
+        while True:
+            with contextlib.suppress(CallError):
+                await client.arm()
+                return
+            await asyncio.sleep(0.1)
+
+
+async def faulted(client: Client, fault: str) -> None:
+    """Wait for a fault to be told."""
+    async with asyncio.timeout(PATIENCE_S):
+        while (await client.get_state()).safety.fault != fault:  # noqa: ASYNC110 - it is another program
+            await asyncio.sleep(0.05)
 
 
 async def recorded_live(settings: Settings) -> tuple[list[Any], Settings]:
@@ -63,10 +73,12 @@ async def recorded_live(settings: Settings) -> tuple[list[Any], Settings]:
             await client.set_pid("right_wheel", kp=17.3)
             await drive(client, -0.1, 0.3, 0.4)
             await client.reset_board()
+            await faulted(client, "board_restarted")
             await asyncio.sleep(3.0)
             await arm(client)
             await drive(client, 0.1, 0.0, 0.3)
             board.pty.unplug()
+            await faulted(client, "link_lost")
             await asyncio.sleep(0.7)
             board.pty.plug()
             await asyncio.sleep(2.5)

@@ -52,13 +52,28 @@ async def answer(client: socket.socket, request_id: int) -> str:
     """``ok``, or the kind of the error, of the answer to one request."""
     client.setblocking(False)
     seen = b""
-    async with asyncio.timeout(10.0):
+    async with asyncio.timeout(60.0):
         while True:
             seen += await asyncio.get_running_loop().sock_recv(client, 1 << 20)
             for line in seen.split(b"\n")[:-1]:
                 message = json.loads(line)
                 if message.get("id") == request_id:
                     return str(message["error"]["data"]["kind"]) if "error" in message else "ok"
+
+
+async def until(happens: Callable[[], bool]) -> None:
+    """Wait for it."""
+    async with asyncio.timeout(60.0):
+        while not happens():  # noqa: ASYNC110 - what is waited for has no event
+            await asyncio.sleep(0.01)
+
+
+async def accepted(client: socket.socket, command: bytes) -> None:
+    """Send it until it is carried out: on a busy computer it may be too old when it is read."""
+    client.sendall(command)
+    while (kind := await answer(client, 9)) != "ok":
+        assert kind == "too_old"
+        client.sendall(command)
 
 
 def names(served: Served) -> list[object]:
@@ -84,8 +99,7 @@ def test_an_estop_voids_the_arm_that_others_sent_before_it(run: Callable[..., No
             assert "arm" not in calls[calls.index("estop") :]
             assert told.count("overtaken") + calls.count("arm") == 20
             assert served.void_commands == {"overtaken": told.count("overtaken")}
-            stopper.sendall(ARM)
-            assert await answer(stopper, 9) == "ok"
+            await accepted(stopper, ARM)
 
     serve(run, scenario)
 
@@ -110,8 +124,7 @@ def test_what_waits_in_the_kernel_when_a_stop_is_carried_out_was_sent_before_it(
             time.sleep(0.1)  # noqa: ASYNC251 - the loop stands still
             assert (await answer(stopper, 2), await answer(mover, 9)) == ("ok", "overtaken")
             assert [name for name in names(served) if name != "release"] == [json.loads(stop)["method"]]
-            mover.sendall(command)
-            assert await answer(mover, 9) == "ok"
+            await accepted(mover, command)
 
     serve(run, scenario)
 
@@ -153,10 +166,10 @@ def test_what_came_while_the_loop_stood_still_is_not_carried_out(
                 client.sendall(command)
             time.sleep(0.7)  # noqa: ASYNC251 - the loop stands still
             assert await answer(client, 9) == "too_old"
+            await until(lambda: served.void_commands == {"too_old": 5})
+            assert served.robot.calls == []
             await asyncio.sleep(0.1)
-            assert (served.robot.calls, served.void_commands) == ([], {"too_old": 5})
-            client.sendall(command)
-            await asyncio.sleep(0.2)
+            await accepted(client, command)
             assert len(served.robot.calls) == 1
 
     serve(run, scenario)

@@ -112,7 +112,7 @@ def mode_is(page: Any, words: "str | re.Pattern[str]") -> None:
     sync_api.expect(page.locator("#mode-word")).to_have_text(words, timeout=PATIENCE_MS)
 
 
-def until(happens: Callable[[], bool], within_s: float = 8.0) -> bool:
+def until(happens: Callable[[], bool], within_s: float = 60.0) -> bool:
     """Whether something happens in time."""
     end_s = time.monotonic() + within_s
     while time.monotonic() < end_s:
