@@ -19,6 +19,7 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.inputs import DaemonStarted
 from chefbotd.replay.build import replayed_daemon
 from chefbotd.replay.entries import ReplayEntries
+from chefbotd.replay.pipeline import NOT_HANDLED
 from chefbotd.replay.recorded import EntryGroup, NotReplayable, RecordingFiles, from_beginning, groups_of
 from chefbotd.replay.replay import Pace, Replay, ReplayOutcome
 from chefbotd.rpc.method import Method
@@ -26,21 +27,7 @@ from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.settings import Settings
 from chefbotd.settings.errors import explain, with_new_names
 
-LOOKING = frozenset(
-    {
-        "authenticate",
-        "set_client_name",
-        "describe",
-        "ping",
-        "get_state",
-        "subscribe",
-        "unsubscribe",
-        "cancel",
-        "get_stats",
-        "get_pid",
-        "get_urdf",
-    }
-)
+LOOKING = NOT_HANDLED | {"set_client_name", "get_pid", "get_description"}
 WHY = "this is a replay: it cannot be driven, stopped or changed"
 
 

@@ -26,7 +26,7 @@ async def arc(robot: SimulatedRobot) -> None:
 
 
 def test_a_client_sees_the_recorded_drive_and_cannot_change_it() -> None:
-    """Odometry comes at the recorded speed; neither drive nor estop nor gains are taken, and every event is the same."""
+    """Odometry comes at the recorded speed; the description is there; neither drive nor estop nor gains are taken."""
     settings = load(overrides={"page.enabled": False})
     events = recorded(arc, settings)
 
@@ -52,6 +52,7 @@ def test_a_client_sees_the_recorded_drive_and_cannot_change_it() -> None:
                 ):
                     with pytest.raises(CallError, match=r"this is a replay|needs the role"):
                         await client.call(name, **params)
+                assert "<robot" in (await client.call("get_description"))["urdf"]
                 outcome = await running
                 assert loop.time() - began_s == pytest.approx(outcome.seconds, abs=0.1)
         assert seen[-1].x_m > seen[0].x_m
