@@ -54,6 +54,7 @@ class DriveServiceState(Record, frozen=True):
     acted_s: float
     pauses: int
     pauses_s: tuple[float, ...]
+    resumed_s: float = 0.0
 
 
 class DriveService:
@@ -101,7 +102,7 @@ class DriveService:
         self.acted_s = float("-inf")
         self.pauses = 0
         self._pauses_s: tuple[float, ...] = ()
-        self._resumed_s = float("-inf")
+        self._resumed_s = 0.0
 
     def state(self) -> DriveServiceState:
         """Return the state of this part."""
@@ -117,6 +118,7 @@ class DriveService:
             self.acted_s,
             self.pauses,
             self._pauses_s,
+            self._resumed_s,
         )
 
     def restore(self, state: DriveServiceState) -> None:
@@ -127,7 +129,7 @@ class DriveService:
         self._watch_timer.restore(state.watch_timer)
         self.stops, self.stopped_by = state.stops, state.stopped_by
         self.steps, self.internal_errors, self.acted_s = state.steps, state.internal_errors, state.acted_s
-        self.pauses, self._pauses_s = state.pauses, state.pauses_s
+        self.pauses, self._pauses_s, self._resumed_s = state.pauses, state.pauses_s, state.resumed_s
 
     # Commands
 
