@@ -16,25 +16,25 @@ CYCLE_S, WAIT_S = 1.05, 1.0
 """A cycle of the board, and for how long of it it waits for the echo; then what it read when it began is in force."""
 
 SETTLED_S = 0.1
-"""So old is a reading when it is decided by: until then scans of its time have come."""
+"""The robot decides by a reading of this age: by then the scans of its time have arrived."""
 
 AGAIN_S = 0.5
 """A silence that begins so soon after another one belongs to a board that is silent in every cycle."""
 
 ENDED_S = 1.0
-"""Where odometry has come for so long without a silence, the board obeys at once again."""
+"""After so long without a silence the board obeys at once again."""
 
 SPEED_SHARE, TURN_PER_M, CURVE_TURN_PER_M = 2 / 3, 10 / 3, 2.0
-"""What the gate lets a rim go (m/s) is used for driving in this share, and for turning in so many radians a metre."""
+"""Of the speed of a rim that the gate allows, this share is used for driving, and so many rad/s per m/s for turning."""
 
 LEAST_SPEED_M_S, LEAST_TURN_RAD_S = 0.02, 0.08
-"""Wheels that are asked for less for one cycle may not break loose."""
+"""Wheels that are commanded to turn more slowly for one cycle may not begin to turn."""
 
 POSITION_M, HEADING_RAD = 0.025, 0.045
-"""It is there when it is so near: half of what one cycle of the least motion changes, and still what is promised."""
+"""The goal's tolerances: half of what one cycle of the least motion changes, and still what is promised."""
 
 SLOWER = 6.0
-"""Whatever takes its time takes so many times as long."""
+"""Time limits are so many times as long."""
 
 
 class Crawl(Record, frozen=True):

@@ -20,32 +20,32 @@ from chefbotd.navigation.movers import WALKER_S
 Counts = NDArray[np.uint8]
 
 PASSES = 3
-"""A cell beside one where a beam ended is cleared when beams only passed it in so many scans, one after the other."""
+"""A cell beside the end of a beam is cleared when beams only passed it in so many scans in a row."""
 
 AVERAGED = 0.3
-"""Where in a cell something is, is averaged: each beam counts so much."""
+"""The place of an obstacle within its cell is averaged with this share for each beam."""
 
 NEVER_S = -math.inf
-"""When a cell was seen occupied that never was."""
+"""The time at which a free cell was seen occupied."""
 
 
 SCAN_KEPT_S: Final = 60.0
-"""What the lidar saw, and no beam has passed since, is forgotten after this;"""
+"""What the lidar saw, and no beam has passed since, is remembered so long at most;"""
 
 BRIEF_KEPT_S: Final = 4.0
-"""what it saw for a moment only, after this: somebody who went by is elsewhere by now."""
+"""what it saw for a moment only, so long: a person who went by is elsewhere by then."""
 
 KEPT_SHARE: Final = 4.0
-"""In between, what was seen for a second is remembered for so many."""
+"""In between, an obstacle is remembered so many times as long as it was seen."""
 
 RANGE_KEPT_S: Final = 3.0
 """The same for ultrasonic and infrared sensors."""
 
 RANGE_AT_MOST_M: Final = 1.5
-"""Beyond, their cones are too wide to say where an obstacle is."""
+"""Farther away, their cones are too wide to place an obstacle."""
 
 EXPLAINED_M: Final = 0.12
-"""What is seen so near to an obstacle of the map is that obstacle."""
+"""A point so near to an obstacle of the map belongs to it."""
 
 CONE_EXPLAINED_M: Final = 0.15
 """The same for a cone, whose distance is less certain."""
@@ -56,7 +56,7 @@ class LiveObstacles(Record, frozen=True):
 
     ``since_s`` is since when the lidar sees it there, ``passes`` in how many scans since then beams only passed.
     ``at_m`` (rows, columns, 2) is where in the cell it is, so that a gap does not lose two cells to rounding.
-    What sees fills these arrays: copies of a whole map cost more than the seeing.
+    These arrays are filled in place: to copy those of a whole map takes longer than to mark a scan.
     """
 
     scan_s: Floats
@@ -133,7 +133,7 @@ def _see(
 
 @kernel
 def _just_seen(scan_s: Floats, row: int, column: int, stamp_s: float) -> bool:
-    """Whether a beam of this scan ended here or beside it: so it may be the edge of what stands there."""
+    """Whether a beam of this scan ended here or beside: then the cell may be the edge of an obstacle."""
     rows, columns = scan_s.shape
     for r in range(max(row - 1, 0), min(row + 2, rows)):
         for c in range(max(column - 1, 0), min(column + 2, columns)):
@@ -151,7 +151,7 @@ def see_range(
     range_m: float,
     field_of_view_rad: float,
 ) -> LiveObstacles:
-    """Mark the arc at ``range_m`` across a sensor's cone, unless something known explains the echo.
+    """Mark the arc at ``range_m`` across a sensor's cone, unless the map or the lidar explains the echo.
 
     It uses up ``live``, whose grids it fills. ``fixed_m`` is each cell's distance to the nearest obstacle of the map.
     """
@@ -171,7 +171,7 @@ def see_range(
 def _explained(
     scan_s: Floats, fixed_m: Singles, cell_m: float, ends_m: Floats, near_m: float, since_s: float
 ) -> bool:
-    """Whether the map, or a lidar since then, has something near one of these places."""
+    """Whether the map has an obstacle near one of these places, or a lidar has seen one since then."""
     rows, columns = scan_s.shape
     reach = math.ceil(near_m / cell_m)
     for i in range(ends_m.shape[0]):
@@ -216,7 +216,7 @@ def obstacles_seen(
 
 
 def is_occupied(live: LiveObstacles, now_s: float) -> Flags:
-    """Which cells are occupied as far as is remembered."""
+    """Which cells are occupied, by what is remembered."""
     occupied: Flags = np.empty(live.scan_s.shape, np.bool_)
     kept = np.array([KEPT_SHARE, BRIEF_KEPT_S, SCAN_KEPT_S, RANGE_KEPT_S])
     _is_occupied(live.scan_s, live.since_s, live.range_s, kept, now_s, occupied)

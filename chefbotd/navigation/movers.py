@@ -20,35 +20,35 @@ from chefbotd.navigation.costmap import Costmap
 from chefbotd.navigation.grid import Floats, Singles
 
 GAP_M = 0.3
-"""Points no farther apart than this, one after the other, are one thing."""
+"""Points that follow each other no farther apart than this are one thing."""
 
 WIDEST_M = 1.2
-"""What is wider is a wall or a table: its middle moves with what is seen of it, and says nothing."""
+"""A wider thing is a wall or a table: its middle moves with the part of it that is seen."""
 
 FASTEST_M_S = 2.0
 SLOWEST_M_S = 0.18
 """Slower than this is noise."""
 
 OVER_S, AFTER_S = 0.5, 0.35
-"""A velocity is measured over so long, and believed after so long: beams that come and go shift a thing's middle."""
+"""A velocity is measured over the first time, and used after the second: beams that come and go shift the middle."""
 
 FORGOTTEN_S, WALKER_FORGOTTEN_S = 0.6, 1.5
-"""Who was not seen for so long is somebody else; a board that is silent for a second makes nobody a stranger."""
+"""What was not seen for so long is a new thing; a walker is kept longer, since a board may be silent for a second."""
 
 WALKED_M, WALKER_S = 0.5, 10.0
-"""What went so far from where it was first seen walks, and for so long after its last step it will walk on: somebody
-who lets the robot pass. What is seen of a chair shifts by less while the robot drives past."""
+"""A thing that went so far from where it was first seen is a walker, and for so long after its last step it is expected
+to walk on. What is seen of a chair shifts by less while the robot drives past."""
 
 
 LEARNT = 0.02
-"""So much of the usual speed is the present one, at each scan."""
+"""The share of the present speed in the usual one, at each scan."""
 
 
 class Mover(Record, frozen=True):
-    """A thing: its middle and velocity in the grid's frame, and where it was lately (time, x, y), the oldest first.
+    """A thing: its middle and velocity in the grid's frame, and its last positions (time, x, y), the oldest first.
 
-    ``from_m`` is where it was first seen, or last stood for long; ``walked_s`` when it walked last; ``radius_m`` is half
-    of what is seen of it.
+    ``from_m`` is where it was first seen, or last stood for long; ``walked_s`` is when it last walked; ``radius_m`` is
+    half of its visible width.
     """
 
     x_m: float
@@ -61,16 +61,16 @@ class Mover(Record, frozen=True):
     walked_s: float = -math.inf
     radius_m: float = 0.0
     walks_m_s: tuple[float, float] = (0.0, 0.0)
-    """Where it walked last, as fast as it usually does: who comes up to the robot is slowed down by it."""
+    """Its last direction with its usual speed: a person who comes up to the robot slows down."""
 
     @property
     def is_walker(self) -> bool:
-        """Whether it walks, or stands only for a while."""
+        """Whether it walks, or stands only for a moment."""
         return self.stamp_s - self.walked_s < WALKER_S
 
 
 class TrackedScan(Record, frozen=True):
-    """The things of a scan; for each of its points its velocity and how it will move soon (n, 2), and who walks (n)."""
+    """The things of a scan; for each point its velocity and its expected one (n, 2), and whether it is a walker (n)."""
 
     movers: tuple[Mover, ...]
     velocity_m_s: Floats
@@ -101,7 +101,7 @@ def track(movers: tuple[Mover, ...], stamp_s: float, points_m: Floats) -> Tracke
 
 
 def displaced(movers: tuple[Mover, ...]) -> tuple[Mover, ...]:
-    """The same after the robot's pose has jumped: how they moved is known from before, and not measured across it."""
+    """The same after a jump of the robot's pose: velocities are kept, and not measured across the jump."""
     return tuple(replace(mover, was=()) for mover in movers)
 
 
@@ -118,7 +118,7 @@ def _things(points_m: Floats) -> list[slice]:
 
 
 def _matched(left: list[Mover], stamp_s: float, x_m: float, y_m: float, radius_m: float) -> Mover:
-    """The thing that was here, or near; it is taken out of ``left``."""
+    """The thing with its new position; the old one is removed from ``left``."""
     nearest, best = None, 0.35
     for mover in left:
         dt_s = stamp_s - mover.stamp_s
@@ -144,7 +144,7 @@ def _matched(left: list[Mover], stamp_s: float, x_m: float, y_m: float, radius_m
 
 
 def _walking(mover: Mover) -> Mover:
-    """The same, with when it walked last; what stood for long begins again."""
+    """The same, with the time of its last step; a thing that stood for long begins again."""
     is_going = math.hypot(mover.vx_m_s, mover.vy_m_s) > SLOWEST_M_S
     is_far = math.dist((mover.x_m, mover.y_m), mover.from_m) > WALKED_M
     if is_going and (is_far or mover.is_walker):
@@ -162,16 +162,16 @@ LEAST_RADIUS_M, MOST_RADIUS_M = 0.12, 0.4
 
 
 WEIGHT: Final = 3.0
-"""A cell that somebody will be on when the robot comes costs so much more: to cross him is worth a wait of 10 s."""
+"""A cell costs so much more where a person will be when the robot comes: crossing his path is worth a wait of 10 s."""
 
 ROOM_M: Final = 0.3
-"""Beside him a cell costs less, and with so much room no more than any other."""
+"""Beside him a cell costs less, and at this distance nothing more."""
 
 FORESIGHT_S: Final = 5.0
-"""For so long somebody is expected to walk on as now,"""
+"""A person is expected to walk on as now for so long,"""
 
 SLACK_M: Final = 0.15
-"""and the robot to be so much farther, or less far, than it goes at full speed."""
+"""and the robot to be no farther than this from where it is at full speed."""
 
 
 def with_people(costs: Costmap, people: Sequence[Mover], x_m: float, y_m: float, speed_m_s: float) -> Costmap:
@@ -188,7 +188,7 @@ def with_people(costs: Costmap, people: Sequence[Mover], x_m: float, y_m: float,
 
 
 def _row(mover: Mover) -> tuple[float, float, float, float, float]:
-    """Where he is, how he walks, and his radius."""
+    """His position, velocity and radius."""
     vx, vy = mover.vx_m_s, mover.vy_m_s
     if math.hypot(vx, vy) <= SLOWEST_M_S:
         vx = vy = 0.0

@@ -1,4 +1,4 @@
-"""What is asked of a planner, and what it answers: goals and paths, and what every path must keep to."""
+"""The interface of a planner: goals and paths, and the rules for every path."""
 
 from typing import Final, Protocol
 
@@ -14,7 +14,7 @@ SPACING_M: Final = 0.05
 """The points of a path are so far apart."""
 
 ESCAPE_M: Final = 0.4
-"""A robot that stands too near to an obstacle may leave through cells that are blocked, so far at most."""
+"""A robot that stands too near to an obstacle may leave through blocked cells for at most this distance."""
 
 
 class Goal(Record, frozen=True):
@@ -30,7 +30,7 @@ class Goal(Record, frozen=True):
 
 
 class Path(Record, frozen=True):
-    """Points (n, 2) in the grid's frame and the headings at them; where it ends, and whether that is what was asked."""
+    """Points (n, 2) in the grid's frame and the headings at them; its goal, and whether that is a substitute."""
 
     frame: GridFrame
     points_m: Floats
@@ -54,7 +54,7 @@ class Path(Record, frozen=True):
 
 
 class NoPath(Record, frozen=True):
-    """Why there is no path, as a sentence; the free pose nearest to the goal, if there is one that can be reached."""
+    """Why there is no path, as a sentence; the nearest free pose that can be reached, if there is one."""
 
     reason: str
     nearest: Pose2D | None = None

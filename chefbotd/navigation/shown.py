@@ -13,16 +13,16 @@ Cells: TypeAlias = NDArray[np.int8]
 
 BLOCKED_CELL, MOST_CELL = 100, 99
 STEPS_A_COST: Final = 20
-"""A cell is so many times what it costs beyond 1, the cost of a free one."""
+"""The value of a cell for each 1 that it costs more than a free one."""
 
 SIDE: Final = 80
 """A patch has at most so many rows and columns: 6400 bytes before they are compressed."""
 
 MOST_PATCHES: Final = 8
-"""So many are shown at a time; what has changed besides waits for the next time."""
+"""At most so many are sent at a time; other changes wait for the next time."""
 
 IN_TURN: Final = 4
-"""So many come again for whoever looks later: a flat with cells of 2 cm, 35 patches, within five seconds."""
+"""So many unchanged ones are sent again for new viewers: a flat of 35 patches (2 cm cells) within five seconds."""
 
 MOST_POINTS: Final = 1000
 
@@ -34,9 +34,9 @@ def cells_of(costs: Singles) -> Cells:
 
 
 class ShownCosts:
-    """What was shown last: only what is different now is shown again, and all of it once in a while.
+    """The patches that were sent last: changed ones are sent again at once, the others in turn.
 
-    ``revision`` is another one for each map: with a new one, whatever was shown before is void.
+    ``revision`` changes with each map: then all patches that were sent before are void.
     """
 
     def __init__(self) -> None:
@@ -46,11 +46,11 @@ class ShownCosts:
         self._again = 0
 
     def show_all(self) -> None:
-        """Somebody looks who has seen nothing yet."""
+        """Send all patches again, to a new viewer."""
         self._of = None
 
     def changes(self, world: WorldModel, now_s: float) -> list[tuple[int, int, Cells]]:
-        """The patches (row, column, cells) that are different now; where few are, some more that are not, in turn."""
+        """The patches (row, column, cells) that have changed; if they are few, some others in turn."""
         if world is not self._of:
             self._of, self._shown, self._again = world, {}, 0
             self.revision += 1
@@ -69,7 +69,7 @@ class ShownCosts:
 
 
 class ShownObstacles(Record, frozen=True):
-    """Points (n, 2) in the map, how many more there are, and who moves: (m, 4), x, y and the velocity in the map."""
+    """Points (n, 2) in the map, how many were omitted, and movers (m, 4): x, y and the velocity in the map."""
 
     points_m: Floats
     omitted: int
@@ -77,7 +77,7 @@ class ShownObstacles(Record, frozen=True):
 
 
 def shown_obstacles(world: WorldModel, now_s: float) -> ShownObstacles:
-    """What is seen now that the map does not explain; of too many points evenly spread ones."""
+    """Obstacles that are not on the map; of too many points an even selection."""
     points = world.frame.to_map(world.obstacles(now_s))
     movers = world.movers_in_map(now_s)
     if len(points) <= MOST_POINTS:

@@ -1,4 +1,4 @@
-"""What is about the robot when it chooses its next motion: points in its frame, and how they move."""
+"""The robot's surroundings when it chooses its next motion: points in its frame, and how they move."""
 
 import math
 
@@ -12,12 +12,12 @@ SWEEP_S = 0.25
 
 
 class Surroundings(Record, frozen=True):
-    """What is about the robot: points (n, 2) in its frame, how each moves (m/s, same frame), how near it may come.
+    """Points (n, 2) in the robot's frame, their velocities (same frame), and the least distance that each may have.
 
-    ``fixed_m`` is the map's distance to obstacles, in which the robot is at ``grid_from_base``. ``intent_m_s`` is how
-    each point is expected to move soon: as fast as before, also who waits for the robot. ``speed_m_s`` is how fast the
-    robot goes, and ``stops_m`` after how much of an arc it will stand. ``is_walker`` says which points are somebody who
-    walks; None: all that move. What is seen of a chair may seem to move a little while the robot drives past.
+    ``fixed_m`` is the map's distance to obstacles, in which the robot is at ``grid_from_base``. ``intent_m_s`` is the
+    expected velocity of each point: that of a person who waits for the robot is what it was before. ``speed_m_s`` is the
+    robot's speed, and ``stops_m`` after what length of an arc it will stand. ``is_walker`` says which points belong to a
+    person; None: all that move. A chair may seem to move a little while the robot drives past.
     """
 
     points_m: Floats
@@ -33,7 +33,7 @@ class Surroundings(Record, frozen=True):
 
 
 def standing_only(near: Surroundings) -> Surroundings:
-    """The same without who moves."""
+    """The same without what moves."""
     still = ~near.velocity_m_s.any(axis=1)
     return replace(
         near,
@@ -45,7 +45,7 @@ def standing_only(near: Surroundings) -> Surroundings:
 
 
 def turned(near: Surroundings, angle_rad: float) -> Surroundings:
-    """What a robot will have about it that turns on the spot by an angle (CCW positive)."""
+    """The surroundings of the robot after a turn on the spot by an angle (CCW positive)."""
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     turn_back = np.array([[cos, -sin], [sin, cos]])
     points_m, velocity_m_s = near.points_m @ turn_back, near.velocity_m_s @ turn_back
@@ -54,7 +54,7 @@ def turned(near: Surroundings, angle_rad: float) -> Surroundings:
 
 
 def swept(near: Surroundings, foresight_s: float) -> Surroundings:
-    """The same with everybody who moves at each place where he will be: who lets him pass must stand clear of all."""
+    """The same with what moves at every place of its path: a robot that lets it pass must stand clear of all of them."""
     moving = np.hypot(near.velocity_m_s[:, 0], near.velocity_m_s[:, 1]) > 0
     points, margin = near.points_m[moving], near.margin_m[moving]
     velocity = near.velocity_m_s[moving]
