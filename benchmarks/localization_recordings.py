@@ -11,7 +11,7 @@ from benchmarks.carmen import Recording
 from benchmarks.figures import Figure
 from benchmarks.slam import points_of
 from chefbotd.localization.localizer import LocalizationReport, advanced, step
-from chefbotd.localization.searching import localization_map
+from chefbotd.localization.searching import LocalizationMap, localization_map
 from chefbotd.localization.state import Localization, Odometry
 from chefbotd.localization.states import PoseState
 from chefbotd.mapping.finish import refined
@@ -39,7 +39,8 @@ class Localized:
     """The reports of all scans that were not mapped, their errors (NaN where there is no pose), and seconds of each.
 
     ``off_m`` and ``off_deg`` are against SLAM over all, from the last mapped scan on. For ``rigid_m`` the two maps are
-    laid on each other as a whole, so that what one of them is bent counts, too.
+    laid on each other as a whole, so that what one of them is bent counts, too. ``within`` is the map; the scans
+    ``points`` were taken at ``truth`` on it.
     """
 
     reports: list[LocalizationReport]
@@ -47,6 +48,9 @@ class Localized:
     off_deg: Floats
     rigid_m: Floats
     step_s: list[float]
+    within: LocalizationMap
+    truth: Floats
+    points: list[Singles]
 
     @property
     def found_at(self) -> int:
@@ -81,10 +85,12 @@ def localized(recording: Recording, scans: int) -> Localized:
         there = report.map_from_base
         poses.append(np.full(3, np.nan) if there is None else there.pose)
     mapped = half_poses[: len(poses)]
-    error = between(compose(mapped, between(all_poses[::2][: len(poses)], all_poses[1::2])), np.array(poses))
+    truth = compose(mapped, between(all_poses[::2][: len(poses)], all_poses[1::2]))
+    error = between(truth, np.array(poses))
     rigid = between(all_poses[1::2], compose(_laid_on(half_poses, all_poses[::2]), np.array(poses)))
     off_m, rigid_m = (np.hypot(each[:, 0], each[:, 1]) for each in (error, rigid))
-    return Localized(reports, off_m, np.degrees(np.abs(error[:, 2])), rigid_m, seconds)
+    off_deg = np.degrees(np.abs(error[:, 2]))
+    return Localized(reports, off_m, off_deg, rigid_m, seconds, within, truth, points[1::2])
 
 
 def _scan(points: Singles) -> Scan:

@@ -29,7 +29,7 @@ LOST_AFTER_SCANS: Final = 5
 """A pose is given up when its scans misfit for so long, and are so many."""
 
 NO_EVIDENCE_AFTER_S: Final = 10.0
-"""An uncertain pose from which nothing is seen that the map knows is given up after so long."""
+"""A pose from which nothing is seen that the map knows is uncertain after so long; an uncertain one is given up."""
 
 CONFIRMED_FIT: Final = 0.65
 CONFIRMED_SCANS: Final = 3
@@ -54,9 +54,12 @@ DOUBTED_AGAIN_M: Final = 2.0
 def doubted(
     now: Localization, agreement: Agreement, odometry: Floats, stamp_s: float
 ) -> tuple[Localization, PoseEvent | None]:
-    """Have the whole map searched when scans contradict a pose for a while; where much does not fit, it is uncertain."""
+    """Have the whole map searched when scans contradict a pose, or fit worse than usual, for a while.
+
+    Where much does not fit, the pose is uncertain meanwhile.
+    """
     fits_badly = agreement.fit < DOUBTED_FIT
-    if not fits_badly and agreement.contradiction <= DOUBTED_THROUGH:
+    if not fits_badly and not now.misfits and agreement.contradiction <= DOUBTED_THROUGH:
         return replace(now, doubted_since_s=None), None
     if now.checked is not None:
         before, fit = now.checked
@@ -129,12 +132,18 @@ def _is_at(one: Hypothesis, estimate: Estimate) -> bool:
 
 
 def without_evidence(now: Localization, stamp_s: float) -> tuple[Localization, PoseEvent | None]:
-    """An uncertain pose in space that the map does not know is carried by odometry for a while, and then given up."""
+    """A pose in space that the map does not know is carried by odometry for a while.
+
+    After that it is uncertain, and after as long again it is given up.
+    """
     since_s = stamp_s if now.no_evidence_since_s is None else now.no_evidence_since_s
     now = replace(now, no_evidence_since_s=since_s)
-    if now.state is PoseState.UNCERTAIN and stamp_s - since_s >= NO_EVIDENCE_AFTER_S:
+    if stamp_s - since_s < NO_EVIDENCE_AFTER_S:
+        return now, None
+    if now.state is PoseState.UNCERTAIN:
         return given_up(now), PoseEvent.GIVEN_UP
-    return now, None
+    now = replace(now, no_evidence_since_s=stamp_s)
+    return on_event(now, PoseEvent.MISFITS), PoseEvent.MISFITS
 
 
 def misfit(now: Localization, stamp_s: float, patience_s: float) -> tuple[Localization, PoseEvent | None]:

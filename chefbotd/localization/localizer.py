@@ -148,6 +148,8 @@ def _follow(
     if not track.matched or agreement.fit < WEAK_FIT:
         patience_s = WEAK_AFTER_S if track.matched else LOST_AFTER_S
         return misfit(now, stamp_s, patience_s)
+    if track.moved and not now.is_unchecked:  # it was looked for nearby only: it may be somewhere else
+        now = replace(now, is_unchecked=True, checked=None, searching=None, fits=0)
     suspicious = agreement.fit < now.usual_fit - SUSPICIOUS_DROP
     now = replace(
         now,

@@ -61,6 +61,23 @@ def twin_rooms() -> Floats:
     return np.vstack([*rooms, *doors, *corridor])
 
 
+def corridor_of_mirrored_rooms() -> Floats:
+    """A corridor of 14 by 1.8 m with a cupboard, and a room at either end, the one the other's mirror image."""
+    return np.vstack(
+        [
+            wall((0, 0), (14, 0)),
+            wall((0, 0), (0, 4), (3, 4), (3, 1.8), (1.9, 1.8)),
+            wall((14, 0), (14, 4), (11, 4), (11, 1.8), (12.1, 1.8)),
+            wall((0, 1.8), (1.0, 1.8)),
+            wall((14, 1.8), (13.0, 1.8)),
+            wall((3, 1.8), (11, 1.8)),
+            box(0.4, 3.2, 1.0, 0.5),
+            box(12.6, 3.2, 1.0, 0.5),
+            box(5.6, 0.0, 0.8, 0.35),
+        ]
+    )
+
+
 def scan_of(points: Singles) -> Scan:
     """A scan seen from the robot's center."""
     return Scan(points, normals(points, CENTER), CENTER)
