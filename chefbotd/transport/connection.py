@@ -15,14 +15,20 @@ from chefbotd.rpc import jsonrpc
 from chefbotd.rpc.arrivals import Arrival
 from chefbotd.rpc.backlog import Backlog
 from chefbotd.rpc.connection_manager import ConnectionManager
-from chefbotd.rpc.drain import DRAIN_S, StopSearch
 from chefbotd.rpc.encoding import EventPayload
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure, Request
 from chefbotd.rpc.session import Session
 from chefbotd.transport.framing import ConnectionFraming, LineFraming
 from chefbotd.transport.outbox import Outbox
 from chefbotd.transport.state import NEXT, READING, SERVING, ConnectionEvent, ConnectionState
-from chefbotd.transport.unread import HeldBytes, UnreadSockets, kernel_bytes, unread_bytes
+from chefbotd.transport.unread import (
+    DRAIN_S,
+    HeldBytes,
+    StopSearch,
+    UnreadSockets,
+    kernel_bytes,
+    unread_bytes,
+)
 
 
 class SocketConnection(asyncio.Protocol):

@@ -29,7 +29,7 @@ from chefbotd.doctor.host import (
     check_time_sync,
 )
 from chefbotd.doctor.lines import LinesHeard, check_left_on
-from chefbotd.doctor.listening.listener import USUAL_BAUDS, listen, survey
+from chefbotd.doctor.listening.ports import USUAL_BAUDS, listen, survey
 from chefbotd.process.own_daemon import own_daemon
 from chefbotd.rpc.parameters import is_loopback
 

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 import pytest
 
 from chefbotd.clock import LoopClock, run_virtual
-from chefbotd.doctor.listening.listener import (
+from chefbotd.doctor.listening.ports import (
     RPLIDAR_QUESTION,
     ld_packets,
     listen,

@@ -1,7 +1,7 @@
 """Enough, and not without end."""
 
-from chefbotd.rpc.drain import DRAIN_BYTES, DRAIN_LINES, DrainLimit
 from chefbotd.rpc.parameters import ApiParameters
+from chefbotd.transport.unread import DRAIN_BYTES, DRAIN_LINES, DrainLimit
 
 
 def test_the_same_is_done_once_until_more_has_come() -> None:
