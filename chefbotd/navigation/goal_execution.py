@@ -24,7 +24,7 @@ from chefbotd.navigation.recovery import (
     is_over,
     stuck,
 )
-from chefbotd.navigation.states import End, Event, State, next_state
+from chefbotd.navigation.states import End, GoalEvent, GoalState, next_state
 from chefbotd.navigation.steering import Followed, Phase
 from chefbotd.navigation.surroundings import Surroundings
 from chefbotd.navigation.trips import REPLAN_S, Choice, Trip, Waiting, choice, find, is_due, waiting
@@ -35,7 +35,7 @@ class GoalExecution:
     """Holds what the pure steps take and return for one goal; ``reason`` says what is done, ``ended`` how it ended."""
 
     def __init__(
-        self, params: NavigationParameters, planner: Planner, goal: Goal, state: State, reason: str
+        self, params: NavigationParameters, planner: Planner, goal: Goal, state: GoalState, reason: str
     ) -> None:
         self._params, self._planner, self._goal = params, planner, goal
         self.state, self.reason = state, reason
@@ -59,26 +59,26 @@ class GoalExecution:
 
     def pause(self, reason: str) -> None:
         """Stand; what follows is a new execution."""
-        if self.state is not State.PAUSED:
-            self._change(Event.PAUSED)
+        if self.state is not GoalState.PAUSED:
+            self._change(GoalEvent.PAUSED)
         self.reason = reason
 
     def end(self, end: End, reason: str) -> None:
         """The goal has ended so."""
-        self._change(Event.GOAL_ENDED)
+        self._change(GoalEvent.GOAL_ENDED)
         self.ended = (end, reason)
 
     def forget_path(self) -> None:
         """Plan again, since there is another map."""
         self.trip, self._recovery = None, None
-        if self.state in (State.DRIVING, State.RECOVERING):
-            self.state = State.PLANNING
+        if self.state in (GoalState.DRIVING, GoalState.RECOVERING):
+            self.state = GoalState.PLANNING
 
     def prepare(self, world: WorldModel, now: StepInput) -> bool:
         """Whether the robot can drive in this step: pose and scans are there, and it is not planned first."""
         if not self._has_input(world, now):
             return False
-        if self.state is State.PLANNING:
+        if self.state is GoalState.PLANNING:
             self._plan(world, now)
             return False
         return True
@@ -86,7 +86,7 @@ class GoalExecution:
     def drive(self, world: WorldModel, now: StepInput, near: Surroundings) -> Twist2D | None:
         """The twist to drive, or to recover, with; None is standing."""
         self._is_blocked = False
-        if self.state is State.RECOVERING and self._recovery is not None:
+        if self.state is GoalState.RECOVERING and self._recovery is not None:
             return self._recover(world, self._recovery, now, near)
         return self._drive(world, now, near)
 
@@ -96,7 +96,7 @@ class GoalExecution:
         self._evasion, twist = evade(self._params, self._evasion, now, near, twist, is_blocked=blocked)
         return twist
 
-    def _change(self, event: Event) -> None:
+    def _change(self, event: GoalEvent) -> None:
         self.state = next_state(self.state, event)
 
     def _has_input(self, world: WorldModel, now: StepInput) -> bool:
@@ -105,7 +105,7 @@ class GoalExecution:
         self._missing = inputs.missing
         if inputs.stands:
             self.reason = inputs.stands
-        elif inputs.is_over and self.state is State.DRIVING:
+        elif inputs.is_over and self.state is GoalState.DRIVING:
             self.reason = self._drives()
         if inputs.end is not None:
             self.end(inputs.end, inputs.reason)
@@ -143,7 +143,7 @@ class GoalExecution:
             self.end(End.LOST, f"lost: {why}: {no_path.reason}")
 
     def _set_out(self, trip: Trip, now: StepInput) -> None:
-        self._change(Event.PATH_FOUND)
+        self._change(GoalEvent.PATH_FOUND)
         self._unsure_since_s = None
         self.trip, self._last_progress = trip, LastProgress(now.now_s, now.pose)
         self.reason = self._drives()
@@ -183,7 +183,7 @@ class GoalExecution:
         if self.trip is not None:
             self._replan(world, self.trip, now, near)
         trip = self.trip
-        if self.state is not State.DRIVING or trip is None:
+        if self.state is not GoalState.DRIVING or trip is None:
             return None
         done = follow_trip(self._params, world, trip, now, near)
         self._is_blocked = done.is_blocked
@@ -195,7 +195,7 @@ class GoalExecution:
             return None
         world.remember_drive(near.grid_from_base, done.twist)
         self._judge(world, done, now, near)
-        return done.twist if self.state is State.DRIVING else None
+        return done.twist if self.state is GoalState.DRIVING else None
 
     def _arrive(self, world: WorldModel, trip: Trip, now: StepInput) -> None:
         if trip.is_interim:
@@ -234,7 +234,7 @@ class GoalExecution:
         if recovery is None:
             self._give_up(now)
         else:
-            self._change(Event.STUCK)
+            self._change(GoalEvent.STUCK)
             self._try(world, recovery, now)
 
     def _give_up(self, now: StepInput) -> None:

@@ -7,7 +7,7 @@ from chefbotd.core.record import Record
 from chefbotd.navigation.costmap import COMFORT_M
 from chefbotd.navigation.grid import Floats, Singles
 from chefbotd.navigation.outline import Footprint
-from chefbotd.navigation.states import End, State, UnknownSpace
+from chefbotd.navigation.states import End, GoalState, UnknownSpace
 from chefbotd.navigation.steering import FollowerLimits
 
 
@@ -67,7 +67,7 @@ class StepInput(Record, frozen=True):
 class Progress(Record, frozen=True):
     """The state of a goal: ``goal`` is its number, ``reason`` a sentence, distance and time what is left."""
 
-    state: State
+    state: GoalState
     goal: int | None = None
     reason: str = ""
     distance_m: float | None = None

@@ -25,7 +25,7 @@ from chefbotd.navigation.interface import (
 )
 from chefbotd.navigation.path import Goal, NoPath, Path, Planner
 from chefbotd.navigation.planner import plan
-from chefbotd.navigation.states import End, Event, State, next_state
+from chefbotd.navigation.states import End, GoalEvent, GoalState, next_state
 from chefbotd.navigation.steering import slewed
 from chefbotd.navigation.trips import Trip, duration_s
 from chefbotd.navigation.world_model import WorldModel
@@ -86,9 +86,9 @@ class Navigator:
         self._idle_reason = ""
 
     @property
-    def state(self) -> State:
+    def state(self) -> GoalState:
         """What it does now."""
-        return State.IDLE if self._execution is None else self._execution.state
+        return GoalState.IDLE if self._execution is None else self._execution.state
 
     @property
     def crawls(self) -> bool:
@@ -181,8 +181,8 @@ class Navigator:
 
     def resume(self) -> None:
         """Go on, from wherever the robot is now."""
-        if self._execution is not None and self.state is State.PAUSED:
-            self._execute(next_state(State.PAUSED, Event.RESUMED), self._execution.reason)
+        if self._execution is not None and self.state is GoalState.PAUSED:
+            self._execute(next_state(GoalState.PAUSED, GoalEvent.RESUMED), self._execution.reason)
 
     # Outputs
 
@@ -214,13 +214,13 @@ class Navigator:
         read_s = now_s - pose_age_s
         if self._params.silent_speed_m_s > 0:
             self._crawl = watched(self._crawl, read_s, now_s, POSE_SILENT_S, self._last)
-        if self._crawl.is_on and self.state in (State.PLANNING, State.DRIVING, State.RECOVERING):
+        if self._crawl.is_on and self.state in (GoalState.PLANNING, GoalState.DRIVING, GoalState.RECOVERING):
             return self._crawled(now_s, read_s, pose, status)
         if self._crawl.is_on and self._crawl.is_due(read_s, now_s):
             self._crawl = self._crawl.then(read_s, STANDING)
         twist = None
         execution = self._execution
-        if self.world is not None and execution is not None and execution.state is not State.PAUSED:
+        if self.world is not None and execution is not None and execution.state is not GoalState.PAUSED:
             standing = slewed(self._params.follower, self._last, STANDING, dt_s)
             now = StepInput(now_s, dt_s, pose, status, self._last, pose_age_s)
             chosen = self._act(self.world, execution, now)
@@ -284,9 +284,9 @@ class Navigator:
     def _execute_next(self) -> None:
         """Begin with the first goal, if there is one."""
         if self._queue.goals:
-            self._execute(next_state(State.IDLE, Event.GOAL_ACCEPTED), "plans")
+            self._execute(next_state(GoalState.IDLE, GoalEvent.GOAL_ACCEPTED), "plans")
 
-    def _execute(self, state: State, reason: str) -> None:
+    def _execute(self, state: GoalState, reason: str) -> None:
         self._execution = GoalExecution(self._params, self._planner, self._queue.goals[0][1], state, reason)
         self._open_all()
 

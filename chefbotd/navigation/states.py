@@ -11,7 +11,7 @@ class UnknownSpace(StrEnum):
     FREE = "free"
 
 
-class State(StrEnum):
+class GoalState(StrEnum):
     """What navigation does."""
 
     IDLE = "idle"
@@ -21,7 +21,7 @@ class State(StrEnum):
     PAUSED = "paused"
 
 
-class Event(StrEnum):
+class GoalEvent(StrEnum):
     """What changes it."""
 
     GOAL_ACCEPTED = "goal_accepted"
@@ -44,24 +44,24 @@ class End(StrEnum):
 
 
 NEXT = {
-    (State.IDLE, Event.GOAL_ACCEPTED): State.PLANNING,
-    (State.PLANNING, Event.PATH_FOUND): State.DRIVING,
-    (State.PLANNING, Event.STUCK): State.RECOVERING,
-    (State.PLANNING, Event.PAUSED): State.PAUSED,
-    (State.PLANNING, Event.GOAL_ENDED): State.IDLE,
-    (State.DRIVING, Event.PATH_FOUND): State.DRIVING,
-    (State.DRIVING, Event.STUCK): State.RECOVERING,
-    (State.DRIVING, Event.PAUSED): State.PAUSED,
-    (State.DRIVING, Event.GOAL_ENDED): State.IDLE,
-    (State.RECOVERING, Event.PATH_FOUND): State.DRIVING,
-    (State.RECOVERING, Event.PAUSED): State.PAUSED,
-    (State.RECOVERING, Event.GOAL_ENDED): State.IDLE,
-    (State.PAUSED, Event.RESUMED): State.PLANNING,
-    (State.PAUSED, Event.GOAL_ENDED): State.IDLE,
+    (GoalState.IDLE, GoalEvent.GOAL_ACCEPTED): GoalState.PLANNING,
+    (GoalState.PLANNING, GoalEvent.PATH_FOUND): GoalState.DRIVING,
+    (GoalState.PLANNING, GoalEvent.STUCK): GoalState.RECOVERING,
+    (GoalState.PLANNING, GoalEvent.PAUSED): GoalState.PAUSED,
+    (GoalState.PLANNING, GoalEvent.GOAL_ENDED): GoalState.IDLE,
+    (GoalState.DRIVING, GoalEvent.PATH_FOUND): GoalState.DRIVING,
+    (GoalState.DRIVING, GoalEvent.STUCK): GoalState.RECOVERING,
+    (GoalState.DRIVING, GoalEvent.PAUSED): GoalState.PAUSED,
+    (GoalState.DRIVING, GoalEvent.GOAL_ENDED): GoalState.IDLE,
+    (GoalState.RECOVERING, GoalEvent.PATH_FOUND): GoalState.DRIVING,
+    (GoalState.RECOVERING, GoalEvent.PAUSED): GoalState.PAUSED,
+    (GoalState.RECOVERING, GoalEvent.GOAL_ENDED): GoalState.IDLE,
+    (GoalState.PAUSED, GoalEvent.RESUMED): GoalState.PLANNING,
+    (GoalState.PAUSED, GoalEvent.GOAL_ENDED): GoalState.IDLE,
 }
 
 
-def next_state(state: State, event: Event) -> State:
+def next_state(state: GoalState, event: GoalEvent) -> GoalState:
     """The state after an event.
 
     Raises:

@@ -52,7 +52,7 @@ WORDS_PER_WATCHDOG = 4
 """Messages within ``WatchdogSec=``, so that one late message ends nothing (sd_watchdog_enabled(3): at least two)."""
 
 
-class Control(Protocol):
+class ControlLoop(Protocol):
     """The control loop."""
 
     acted_s: float
@@ -76,7 +76,7 @@ class KeepAlive:
 
     def __init__(
         self,
-        control: Control,
+        control: ControlLoop,
         reader: Reader,
         tell: Callable[[str], object],
         status: Callable[[], str],

@@ -27,7 +27,7 @@ from chefbotd.worker.skills import localization_requests as requests
 from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner, Silence, pose_of, pose_updated
 from chefbotd.worker.skills.localization_requests import POSE_FILE, LocalizationSkillParameters
 from chefbotd.worker.skills.pose_file import PoseFile, PoseOnDisk, SavedPose, require_on_map
-from chefbotd.worker.skills.skill import Job, JobProgress, Struct
+from chefbotd.worker.skills.skill import Job, JobStep, Struct
 
 if TYPE_CHECKING:  # it would load asyncio, 7 MB
     from chefbotd.clock import Clock
@@ -198,11 +198,11 @@ class LocalizationSkill:
             self._map, self._kept = (name, version), None
             return self._standing()
         try:
-            yield JobProgress(0.0, 3.0, "reading the map")
+            yield JobStep(0.0, 3.0, "reading the map")
             grid = self._read_map(name)
-            yield JobProgress(1.0, 3.0, "finding its walls")
+            yield JobStep(1.0, 3.0, "finding its walls")
             surfaces = surface_map(grid)
-            yield JobProgress(2.0, 3.0, "preparing the search")
+            yield JobStep(2.0, 3.0, "preparing the search")
             within = LocalizationMap(surfaces, pyramid(surfaces))
         except (ValueError, Refused) as problem:
             self._keep()

@@ -25,7 +25,7 @@ from chefbotd.worker.skills import mapping_requests as requests
 from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner, Silence, pose_updated
 from chefbotd.worker.skills.map_files import MapFiles, StartState, StartStates, StoredMaps
 from chefbotd.worker.skills.mapping_requests import MappingSkillParameters
-from chefbotd.worker.skills.skill import Job, JobProgress, Struct
+from chefbotd.worker.skills.skill import Job, JobStep, Struct
 
 if TYPE_CHECKING:  # it would load asyncio, 7 MB
     from chefbotd.clock import Clock
@@ -228,17 +228,17 @@ class MappingSkill:
         )  # from now on it is being finished: nothing else is done to the map before the job's first step
         return job
 
-    def _finishing(self, name: str, before: MappingMode) -> Generator[JobProgress, None, Struct]:
+    def _finishing(self, name: str, before: MappingMode) -> Generator[JobStep, None, Struct]:
         """Match all scans once more, in a copy, and save it; whatever ends this early leaves the map as it was."""
         self._mode = MappingMode.FINISHING
         self._aligner.clear()
         try:
-            yield JobProgress(0.0, 1.0, "")
+            yield JobStep(0.0, 1.0, "")
             work = refining(self._parameters.mapping.slam, self._state)
             state = yield from _with_progress(work)
-            yield JobProgress(0.9, 1.0, "drawing the map")
+            yield JobStep(0.9, 1.0, "drawing the map")
             grid = occupancy(state.nodes, self._parameters.mapping.resolution_m)
-            yield JobProgress(0.95, 1.0, "saving the map")
+            yield JobStep(0.95, 1.0, "saving the map")
             version = self._files.save(name, grid, saved(state))
         except BaseException:
             self._mode = before
@@ -292,11 +292,11 @@ class MappingSkill:
 
 def _with_progress(
     work: Generator[tuple[int, int], None, SlamState],
-) -> Generator[JobProgress, None, SlamState]:
+) -> Generator[JobStep, None, SlamState]:
     while True:
         try:
             done, total = next(work)
         except StopIteration as end:
             state: SlamState = end.value
             return state
-        yield JobProgress(0.9 * done / max(total, 1), 1.0, "matching all scans with each other")
+        yield JobStep(0.9 * done / max(total, 1), 1.0, "matching all scans with each other")

@@ -12,7 +12,7 @@ from chefbotd.core.record import Record
 Struct: TypeAlias = msgspec.Struct
 
 
-class JobProgress(Record, frozen=True):
+class JobStep(Record, frozen=True):
     """How far a job is: ``done`` of ``total``, in its own unit."""
 
     done: float
@@ -20,7 +20,7 @@ class JobProgress(Record, frozen=True):
     text: str
 
 
-Job: TypeAlias = Generator[JobProgress, None, Struct]
+Job: TypeAlias = Generator[JobStep, None, Struct]
 """A request that takes its time, in steps well under a second, between which scans are taken and a cancel is heard.
 
 It returns the answer. Where it is given up it is closed at a step, and must then leave the skill as it was.

@@ -11,7 +11,7 @@ from chefbotd.navigation.interface import Ended, NavigationParameters, PoseStatu
 from chefbotd.navigation.navigator import Navigator, NoMapError
 from chefbotd.navigation.outline import Footprint
 from chefbotd.navigation.path import Goal, NoPath, Path
-from chefbotd.navigation.states import End, State
+from chefbotd.navigation.states import End, GoalState
 from tests.budget import sample
 from tests.chefbotd.mapping.slam.flat import Floats, box, furnished_flat, wall
 from tests.chefbotd.navigation.buildings import office
@@ -264,7 +264,7 @@ def test_a_cancelled_goal_ends_and_the_robot_stands() -> None:
     assert [end.end for end in drive.ended] == [End.CANCELLED, End.CANCELLED]
     assert "a new goal replaced it" in drive.ended[0].reason
     assert drive.last.twist is None
-    assert drive.navigator.state is State.IDLE
+    assert drive.navigator.state is GoalState.IDLE
     assert drive.twist.linear_m_s == 0.0
 
 
@@ -282,7 +282,7 @@ def test_goals_that_are_not_kept_are_cancelled_and_the_others_are_driven_to() ->
     drive.run(1.0)
     assert [each.goal for each in drive.ended] == [3, 1]
     assert drive.last.progress.goal == 2
-    assert drive.navigator.state is State.DRIVING
+    assert drive.navigator.state is GoalState.DRIVING
 
 
 @pytest.mark.slow
@@ -294,7 +294,7 @@ def test_a_pause_gives_the_wheels_away_and_the_goal_goes_on_after_it() -> None:
     drive.navigator.pause("paused by a key")
     drive.run(1.0)
     assert drive.last.twist is None
-    assert (drive.last.progress.state, drive.last.progress.reason) == (State.PAUSED, "paused by a key")
+    assert (drive.last.progress.state, drive.last.progress.reason) == (GoalState.PAUSED, "paused by a key")
     drive.pose = Pose2D(1.0, 2.4, -2.0)
     drive.navigator.resume()
     drive.run(60.0)
@@ -357,7 +357,7 @@ def test_plan_to_drives_nothing() -> None:
     path = drive.navigator.plan_to(drive.pose, Goal(6.0, 1.5), 0.0)
     assert isinstance(path, Path)
     assert path.length_m == pytest.approx(5.2, abs=0.1)
-    assert drive.navigator.state is State.IDLE
+    assert drive.navigator.state is GoalState.IDLE
 
 
 def test_without_a_map_no_goal_is_accepted() -> None:
@@ -392,7 +392,7 @@ def test_an_uncertain_pose_is_no_reason_to_call_a_goal_unreachable() -> None:
     )
     drive.pose, drive.status = here, PoseStatus.LOCALIZED
     drive.run(3.0)
-    assert drive.navigator.state is State.DRIVING
+    assert drive.navigator.state is GoalState.DRIVING
 
 
 def test_a_pose_that_stays_uncertain_where_there_is_no_way_ends_the_goal_as_lost() -> None:

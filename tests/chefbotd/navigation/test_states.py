@@ -5,7 +5,7 @@ import itertools
 import pytest
 
 from chefbotd.navigation.recovery import ORDER, Action, Recovery, after, is_over, stuck
-from chefbotd.navigation.states import NEXT, Event, State, next_state
+from chefbotd.navigation.states import NEXT, GoalEvent, GoalState, next_state
 
 ALLOWED = {
     "idle": {"goal_accepted": "planning"},
@@ -16,8 +16,8 @@ ALLOWED = {
 }
 
 
-@pytest.mark.parametrize(("state", "event"), list(itertools.product(State, Event)))
-def test_each_pair_of_state_and_event_leads_on_or_is_refused(state: State, event: Event) -> None:
+@pytest.mark.parametrize(("state", "event"), list(itertools.product(GoalState, GoalEvent)))
+def test_each_pair_of_state_and_event_leads_on_or_is_refused(state: GoalState, event: GoalEvent) -> None:
     """What leads on leads to the state of the table above; all else is a bug, and raises."""
     expected = ALLOWED[state].get(event)
     if expected is None:
@@ -29,7 +29,9 @@ def test_each_pair_of_state_and_event_leads_on_or_is_refused(state: State, event
 
 def test_every_state_is_left_by_an_end_but_idle() -> None:
     """A goal can end whatever the robot does."""
-    assert {state for state, event in NEXT if event is Event.GOAL_ENDED} == set(State) - {State.IDLE}
+    assert {state for state, event in NEXT if event is GoalEvent.GOAL_ENDED} == set(GoalState) - {
+        GoalState.IDLE
+    }
 
 
 def test_what_is_tried_comes_in_order_and_has_an_end() -> None:

@@ -29,7 +29,7 @@ from chefbotd.worker.messages import (
     packed,
 )
 from chefbotd.worker.runner import CannotLoad, Runner
-from chefbotd.worker.skills.skill import Job, JobProgress, Struct
+from chefbotd.worker.skills.skill import Job, JobStep, Struct
 
 SCAN = measured(ScanMeasured(1.0, "top", ORIGIN, LaserScan(1.0, *np.zeros((3, 0)))))
 ODOMETRY = measured(OdometryUpdated(1.0, 1.0, Pose2D(0.5), STANDING, CERTAIN))
@@ -69,7 +69,7 @@ class Counting:
     def _job(self) -> Job:
         try:
             for k in range(3):
-                yield JobProgress(k, 3, "counting")
+                yield JobStep(k, 3, "counting")
         except GeneratorExit:
             self.undone = True
             raise

@@ -19,7 +19,7 @@ from chefbotd.worker.skills.mapping_requests import (
     MappingRequest,
     MappingSkillParameters,
 )
-from chefbotd.worker.skills.skill import JobProgress, Struct
+from chefbotd.worker.skills.skill import JobStep, Struct
 from tests.chefbotd.worker.skills.drives import measured
 
 SCANS = 130
@@ -112,7 +112,7 @@ class Bench:
         assert isinstance(answer, MappingChanged)
         return answer
 
-    def finish(self, name: str) -> tuple[MapSaved, list[JobProgress]]:
+    def finish(self, name: str) -> tuple[MapSaved, list[JobStep]]:
         """Finish the map; the answer, and how far it said to be."""
         job, progress = self.skill.handle(packed(Finish(name))), []
         assert not isinstance(job, Struct)
