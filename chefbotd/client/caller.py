@@ -106,4 +106,4 @@ def given(**params: Any) -> dict[str, Any]:
 
 
 def ignore_progress(_done: float, _total: float, _text: str) -> None:
-    """Take a report of progress. Each one allows the answer more time, also where nobody wants to hear it."""
+    """Ignore a report of progress. Each report gives the answer more time."""

@@ -254,7 +254,7 @@ class Client(Methods, MapMethods, NavigationMethods, Topics):
 def _call_on_loop(
     loop: asyncio.AbstractEventLoop, method: "weakref.WeakMethod[Any]", topics: tuple[str, ...]
 ) -> None:
-    """From whatever thread the last reference went in."""
+    """May run in any thread: the garbage collector chooses it."""
     bound = method()
     if bound is not None and not loop.is_closed():
         with contextlib.suppress(RuntimeError):  # closed in this very moment

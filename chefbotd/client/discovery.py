@@ -54,7 +54,7 @@ async def robots(
 async def find(
     name: str, seconds: float = ANSWER_S, interfaces: Interfaces = InterfaceChoice.All
 ) -> Announcement | None:
-    """The robot of this name, None where nobody answers to it in time."""
+    """The robot of this name; None if it does not answer in time."""
     async with _network(interfaces) as network:
         return await _ask(network, f"{name}.{SERVICE_TYPE}", seconds)
 

@@ -9,7 +9,7 @@ class ChefbotError(Exception):
 
 
 class CannotConnect(ChefbotError, ConnectionError):
-    """Nobody listens there, or it is not whom we trust; ``__cause__`` is the system's own error."""
+    """No program listens there, or its certificate is not trusted; ``__cause__`` is the system's error."""
 
 
 class ConnectionLost(ChefbotError, ConnectionError):
@@ -17,7 +17,7 @@ class ConnectionLost(ChefbotError, ConnectionError):
 
 
 class NoGreeting(ConnectionLost):
-    """Whoever listens there said nothing that we understand: no daemon, or one that speaks TLS where we do not."""
+    """The other end sent no greeting: it is no daemon, or it expects TLS."""
 
 
 class CallTimeout(ChefbotError, TimeoutError):

@@ -122,7 +122,7 @@ class ClockRelation(MutableState):
         self._count += 1
 
     def host_s(self, board_s: float) -> float:
-        """Host time at a board time; the board's own before there is anything to go by."""
+        """Host time at a board time; before the first reading the board time itself."""
         if not self._count:
             return board_s
         return self._mean_host + self._rate * (board_s - self._mean_board)
@@ -139,7 +139,7 @@ class ClockRelation(MutableState):
 
 
 class BoardClock(MutableState):
-    """Follows the `t` lines of one board. ``board_s`` runs on from where it was, also over restarts.
+    """Follows the `t` lines of one board. ``board_s`` goes on over restarts.
 
     ``stamp_s`` is the host time of the last good reading, by the relation of the clocks: it never goes back, and never
     lies after the line was read. ``late_s`` is how much later that was; 0 while the clock is in doubt.

@@ -37,7 +37,7 @@ Reading = Callable[[Any, float], Record | None]
 
 
 def readings(clock: BoardClock) -> Mapping[type[Any], Reading]:
-    """How each frame of a sensor becomes its measurement: made as long before it was read as the clock's last line."""
+    """Converts a sensor's frames to measurements, with the delay of the clock's last line."""
     return {
         wire.UltrasonicDistance: lambda frame, s: UltrasonicEchoed(s - clock.late_s, s, frame.distance_cm),
         wire.Orientation: lambda frame, s: OrientationReported(
@@ -62,7 +62,7 @@ MOST_BURSTS = 256
 
 
 EdgesOrStill: TypeAlias = tuple[QuadratureEdges | None, QuadratureStill | None]
-"""A burst, the one or the other."""
+"""Either kind of burst."""
 
 
 class BurstBuffer:
@@ -88,7 +88,7 @@ class BurstBuffer:
         self._bursts.append(burst)
 
     def forget(self) -> None:
-        """The board restarted: what it told before belongs to another run of its clock."""
+        """Forget the bursts: the board has restarted, and so has its clock."""
         self._bursts.clear()
 
     def empty(self) -> tuple[EdgeBurst, ...]:

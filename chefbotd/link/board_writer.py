@@ -1,4 +1,4 @@
-"""The lines that go to the board, and above all the stop: at the beginning, before whatever is unsent, at the end."""
+"""Writes lines to the board. A stop is written first, before any unsent line, and last."""
 
 import asyncio
 import threading
@@ -42,7 +42,7 @@ class LineRing:
 
 
 class FaultLog:
-    """Writes the ring to the log when a fault latches; a user's stop is none."""
+    """Writes the ring to the log when a fault latches; a user's stop is no fault."""
 
     def __init__(self, bus: Bus, ring: LineRing) -> None:
         self._ring = ring
@@ -142,7 +142,7 @@ class BoardWriter:
             self._port = None
 
     def has_drained(self) -> bool:
-        """Whether there is a port to speak to, and nothing is unsent there."""
+        """Whether the port is open and has sent everything."""
         drained = self._port is not None and not self._port.get_write_buffer_size()
         self.queries += 1
         if drained is not self.had_drained:

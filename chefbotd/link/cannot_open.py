@@ -101,7 +101,7 @@ def _open_files(process: Path, real: str) -> Iterator[Path]:
 
 
 def _is_same(real: str, descriptor: Path) -> bool:
-    """Whether it is our file of this name: a sandboxed service may have pseudo-terminals of its own, numbered alike."""
+    """Whether this is the same file for us: a sandboxed service may have other pseudo-terminals of the same names."""
     try:
         ours, theirs = Path(real).stat(), descriptor.stat()
     except OSError:

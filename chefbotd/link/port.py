@@ -200,7 +200,7 @@ class SerialPortTransport(serial_asyncio.SerialTransport):  # type: ignore[misc]
             log.debug("the device disappeared before all output was written")
 
     def _sent(self, words: bytes, within_s: float) -> bool:
-        """Whether the device takes the words, and has nothing unsent, in time."""
+        """Whether the device accepts the lines and everything is sent in time."""
         give_up_s = time.monotonic() + within_s
         while True:
             with contextlib.suppress(BlockingIOError):

@@ -16,12 +16,12 @@ Opener = Callable[[LinkParameters, asyncio.BaseProtocol], Awaitable[asyncio.Tran
 """Opens a port for a protocol, or raises ``OSError``: ``port.open_port``, or a test's own."""
 
 REMIND_EVERY_S = 60.0
-"""A device that stays away is mentioned in the log this often, however often it is tried."""
+"""How often the log mentions a device that stays away."""
 
 LISTEN_EVERY_S = 0.25
 
 OPENING_S = 2.0
-"""How long the end waits for a port that is being opened, so that the board behind it is told to stop."""
+"""How long the shutdown waits for a port that is being opened, to stop the board behind it."""
 
 
 def waits_s(parameters: LinkParameters, rng: random.Random) -> Iterator[float]:
@@ -96,7 +96,7 @@ class PortLink:
                 await self._session.wait_closed()
 
     async def _watch(self) -> None:
-        """Until the link is lost: hear whether it is the right device that talks."""
+        """Judge until the link is lost whether the right device is connected."""
         closed = asyncio.ensure_future(self._session.wait_closed())
         try:
             while not (await asyncio.wait([closed], timeout=LISTEN_EVERY_S))[0]:

@@ -9,7 +9,7 @@ NEAR_ZERO_COUNTS = 100
 """Counters of a board that has just started are not farther from zero, but for wheels that still roll out."""
 
 ROLL_OUT_S = 0.3
-"""So long wheels may go on as they turned once the board counts anew: nothing brakes until its sketch runs."""
+"""How long wheels may keep turning after the board's counters restart: nothing brakes until its sketch runs."""
 
 FAR_COUNTS = 500
 """Counters that were not farther from zero than this may have come there by driving; believing them costs 3 cm."""
@@ -21,7 +21,7 @@ SILENCE_S = 0.1
 """A sketch that starts prints nothing for longer than between two of its lines; the published ones wait a second."""
 
 GONE_ON_LINES = 3
-"""So many lines after `Reset Done`, and the board has not restarted."""
+"""After this many lines behind `Reset Done`, the board has not restarted."""
 
 
 class _Counted(Record, frozen=True, array_like=True):
@@ -43,7 +43,7 @@ class RestartWatch(MutableState):
         self._said_s, self._lines_since, self.has_gone_on = now_s, 0, False
 
     def restarted(self) -> None:
-        """A restart was noticed, by whatever: what was counted before is of another run."""
+        """A restart was detected: earlier counts belong to another run."""
         self._before, self._rates, self._said_s, self.has_gone_on = None, (), None, False
 
     def observe(self, now_s: float, counts: tuple[int, ...], *, has_clock: bool) -> str | None:

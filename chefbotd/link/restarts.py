@@ -23,10 +23,10 @@ STOP_S = 1.5
 """How long the robot's stop is waited for: the sketch may wait a second for an ultrasonic echo before it obeys."""
 
 STANDS_S = 0.1
-"""Wheels that have kept their counts for so long stand. Slower than 2 mm/s they lose less than a millimetre."""
+"""Wheels whose counts stay the same for this long stand. Slower than 2 mm/s they lose less than a millimetre."""
 
 PLAY_COUNTS = 3
-"""An encoder at rest may dither by so many."""
+"""An encoder at rest may dither by this many counts."""
 
 BACK_S = 5.0
 """How long the board may take to be back; the published sketches take a second and their start."""
@@ -158,7 +158,7 @@ class Restarts:
         return self._reset.stage is not None
 
     def begin(self) -> None:
-        """A restart is asked for, and the stop before it was sent. One that is under way already goes on."""
+        """Begin a restart, after its stop was sent; a restart that is under way goes on."""
         if self._reset.stage is None:
             self._reset.begin(self._clock.now_s())
             self._tell(ResetStage.STOPPING)
@@ -203,7 +203,7 @@ class Restarts:
         self._end(ResetStage.RESTARTED)
 
     def _look(self) -> None:
-        """Ask as soon as the robot stands and the port takes it; give the board up when it is not back in time."""
+        """Ask as soon as the robot stands and the port accepts it; give up if the board is not back in time."""
         self._cancel_timer()
         now_s = self._clock.now_s()
         if self._reset.is_overdue(now_s):

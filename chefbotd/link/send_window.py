@@ -16,7 +16,7 @@ Duty = tuple[int, ...]
 
 STUCK_CYCLES = 3
 STUCK_S = 0.2
-"""An echo that shows nothing of a command for so many cycles and so long is lost or stuck."""
+"""An echo that does not show a command for this many cycles and this long is lost or stuck."""
 
 LINE_LOST_S = 1.0
 """Meanwhile the last command is repeated so often, as it may have been lost on the wire."""
@@ -27,7 +27,7 @@ MOST_UNCONFIRMED = 64
 
 
 def slows(duty: Duty, before: Duty) -> bool:
-    """Whether no wheel is pushed harder by this than before, nor the other way."""
+    """Whether no wheel gets a larger duty than before, or one of the other sign."""
     for new, old in zip(duty, before, strict=True):  # noqa: SIM110 (a generator takes three times as long)
         if not (0 <= new <= old or old <= new <= 0):
             return False
@@ -41,7 +41,7 @@ class _Line(Struct, gc=False):
 
 
 class WindowState(Record, frozen=True):
-    """What was written, what of it the board has not read or confirmed, and what its echo says."""
+    """The written commands that the board has not read or confirmed, and the board's echo."""
 
     newest: Duty
     written_s: float
@@ -75,7 +75,7 @@ class SendWindow:
         self.restarted()
 
     def restarted(self) -> None:
-        """The board began anew: its buffer is empty, and its motors stand."""
+        """The board restarted: its buffer is empty, and its motors stand."""
         self._unread: deque[_Line] = deque()
         self._unread_bytes = 0
         self._unconfirmed: deque[tuple[Duty, int, float]] = deque()
@@ -173,7 +173,7 @@ class SendWindow:
             self._drop_through(duty)
 
     def _confirm(self, duty: tuple[float, ...], moved: bool) -> bool:
-        """An echo that is not of the newest command: drop what it confirms; whether it is one that was waited for."""
+        """Handle an echo of an older command: drop what it confirms. Returns whether it was expected."""
         for count, (waiting, _, _) in enumerate(self._unconfirmed, 1):
             if waiting == duty:
                 for _ in range(count):

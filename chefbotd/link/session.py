@@ -183,7 +183,7 @@ class BoardSession(asyncio.Protocol):
             )
 
     def report_not_opened(self, reason: str) -> None:
-        """The port cannot be opened: whoever looks is told why."""
+        """Publish why the port cannot be opened."""
         self._bus.publish(LinkNotOpened(self._clock.now_s(), self._device, reason))
 
     def expect_connection(self) -> None:
@@ -202,7 +202,7 @@ class BoardSession(asyncio.Protocol):
             self.setpoints.offer(self._still if self.restarts.holds_motion else duty)
 
     def duty_ceiling(self, now_s: float) -> tuple[int, ...] | None:
-        """How hard each wheel may be pushed while the board takes nothing that is faster; None: no such limit."""
+        """The largest duty of each wheel while the board accepts no larger one; None: no such limit."""
         if not self.is_open:
             return None
         return self._still if self.restarts.holds_motion else self.setpoints.ceiling(now_s)

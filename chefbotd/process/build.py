@@ -29,7 +29,7 @@ Loop = Callable[[], Coroutine[Any, Any, None]]
 
 MOST_FAILURES = 5
 WITHIN_S = 60.0
-"""With more failures than this within ``WITHIN_S`` the process ends; whoever started it may try again."""
+"""With more failures than this within ``WITHIN_S`` the process ends; systemd may restart it."""
 
 
 class ServiceLost(Exception):

@@ -26,7 +26,7 @@ RETRY_S = 0.001
 def spawn_with(
     truth: Path, sim: SimulationParameters
 ) -> Callable[[DepthSourceParameters], Awaitable[DepthChild]]:
-    """Starts this process for a camera, whatever its configured source is."""
+    """Starts this process for a camera, independent of the configured source."""
 
     async def spawn(parameters: DepthSourceParameters) -> DepthChild:
         program = ("-m", "chefbotd.process.simulated_depth", str(truth), sim.model_dump_json())

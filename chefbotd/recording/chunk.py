@@ -141,7 +141,7 @@ class ChunkBuilder:
         records += payload
 
     def cut(self) -> "RawChunk | None":
-        """All messages so far, and begin anew; None where there are none."""
+        """Return all messages so far and start empty; None where there are none."""
         if not self._index:
             return None
         raw = RawChunk(self._records, self._index, self._start_ns, self._end_ns)

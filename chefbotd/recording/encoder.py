@@ -67,13 +67,13 @@ LINK = "{link}"
 """Stands in a channel's name for the event's link."""
 
 REPEATED = 0
-"""The sequence number of what is told again: nothing happened then."""
+"""The sequence number of repeated messages: no event happened then."""
 
 DRAWN_NS = 45_000_000
 """Transforms and poses are drawn at most about 20 times a second; the events have them all."""
 
 MapEvent = tuple[Any, int, int]
-"""An event of which the map is to be drawn, when, and its number."""
+"""An event whose map is to be drawn, its time, and its number."""
 
 
 class Sink(Protocol):
@@ -125,7 +125,7 @@ class Encoder:
         self.sequence = 0
 
     def encode_event(self, event: Any) -> None:
-        """Write an event; raises whatever it is that it cannot be written for."""
+        """Write an event; raises any error of its encoding."""
         self.sequence += 1
         plan = self._plans.get(type(event))
         if plan is None:
@@ -153,7 +153,7 @@ class Encoder:
         return tuple((channel, payload) for (channel, _), payload in self._retained.items())
 
     def take_maps(self) -> tuple[MapEvent, ...]:
-        """The events since the last time of which a map is to be drawn."""
+        """The events since the last call whose map is to be drawn."""
         maps, self._maps = tuple(self._maps), []
         return maps
 

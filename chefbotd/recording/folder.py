@@ -187,7 +187,7 @@ class RecordingFolder:
             total -= size
 
     def refusal(self, doing: str, error: OSError) -> RecordingError:
-        """What the disk refused, as an error for whoever asked."""
+        """The disk's error, as a ``RecordingError``."""
         return RecordingError(RefusalKind.STORAGE_FAILED, f"{doing}: {explain(error)}")
 
 

@@ -87,7 +87,7 @@ class RecordingReader:
                 ) from error
 
     def read_about(self) -> None:
-        """Read what is told at the beginning: ``metadata`` and ``attachments``."""
+        """Read the ``metadata`` and the ``attachments`` at the beginning of the file."""
         for _ in self.messages():
             return
 

@@ -310,7 +310,7 @@ class Recorder:
             raise RecordingError(RefusalKind.STORAGE_FAILED, problem)
 
     def _look_at_disk(self) -> str | None:
-        """What to say of a disk that is too full, if old files cannot make room; None: it has."""
+        """The problem with a full disk; None if there is room, also after removing old files."""
         free_bytes = self._folder.make_room(self._current)
         self.status = replace(self.status, free_bytes=free_bytes)
         return self._folder.why_too_full(free_bytes)

@@ -24,7 +24,7 @@ AUTOMATIC, FAULT = "auto", "fault"
 """How the names of files begin that nobody asked for; the oldest of them give way to newer ones."""
 
 RING = "ring"
-"""How those begin that have the last minutes because somebody asked for them."""
+"""The prefix of files with the last minutes that a client asked for."""
 
 
 class About(Struct, frozen=True):

@@ -1,4 +1,4 @@
-"""The thread that records: whatever the disk does, the thread that controls the robot only leaves chunks there.
+"""The recording thread: it waits for the disk, and the control thread only queues chunks for it.
 
 What waits is bounded in bytes. Chunks that find no room are given up; their events are counted, and the recording says
 where they are missing.

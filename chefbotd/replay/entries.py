@@ -120,7 +120,7 @@ class _Running(Struct):
 
 
 class Tasks:
-    """``services`` begin anew when they are stepped after their end; a request does not."""
+    """``services`` restart when they are stepped after their end; a request does not."""
 
     def __init__(self, services: Mapping[str, Run], entries: Entries) -> None:
         self._services, self._entries = services, entries

@@ -121,7 +121,7 @@ class Pipeline:
         self._tasks.close()
 
     def is_regular(self, timer: str) -> bool:
-        """Whether a timer comes round by itself, whatever the robot does."""
+        """Whether a timer fires periodically, independent of what the robot does."""
         return timer in self._regular
 
     # what is known before

@@ -1,4 +1,4 @@
-"""Reads the tokens and the certificate of the socket from files that nobody else can read.
+"""Reads the socket's tokens and certificate, from files that only this user can read.
 
 A token file has a line per token, ``ROLE TOKEN``; lines that are empty or begin with ``#`` are passed over. Tokens are
 kept as digests: neither the memory after start-up nor a log nor an error message holds one.
@@ -45,7 +45,7 @@ class Keyring:
         return cls(tokens)
 
     def exchange(self, other: "Keyring") -> None:
-        """From now on the other's tokens open the socket, and no others."""
+        """Replace the tokens with those of another keyring."""
         self._roles = other._roles
 
     def role_of(self, token: str) -> Role | None:
@@ -53,7 +53,7 @@ class Keyring:
         return self.role_of_digest(digest(token))
 
     def role_of_digest(self, offered: bytes) -> Role | None:
-        """The same for a token of which only the digest was kept."""
+        """The role of a token by its digest."""
         match = None
         for digest, role in self._roles:
             if hmac.compare_digest(digest, offered):
@@ -76,7 +76,7 @@ def _entry(words: list[str], where: str) -> tuple[Role, str]:
 
 
 class Guard(Struct, frozen=True):
-    """What stands before the socket: the tokens (None: nobody is asked), and TLS."""
+    """The socket's protection: its tokens (None: no client needs one), and TLS."""
 
     keyring: Keyring | None = None
     tls: ssl.SSLContext | None = None

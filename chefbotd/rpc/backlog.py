@@ -40,7 +40,7 @@ class Backlog:
 
     @property
     def unfinished(self) -> bool:
-        """Whether a line has begun and not ended, and it is the only one."""
+        """Whether all that waits is one unfinished line."""
         return bool(self._bytes) and self._bytes.find(b"\n") < 0
 
     @property
@@ -64,11 +64,11 @@ class Backlog:
             self._bytes += b"\n"
 
     def first_line(self) -> bytearray:
-        """The next line, which stays; empty when it is not complete."""
+        """The next line, without removing it; empty when it is incomplete."""
         return self._bytes[: max(0, self._bytes.find(b"\n"))]
 
     def take_line(self) -> Line | None:
-        """The next line; None when it is not complete."""
+        """Remove and return the next line; None when it is incomplete."""
         end = self._bytes.find(b"\n")
         if end < 0:
             return None

@@ -93,7 +93,7 @@ LEASES_TIMER = "leases"
 """What the regular look at the leases is called in a recording."""
 
 IDLE_S = 5.0
-"""A client that has sent nothing for so long may be disconnected to make room for a new one."""
+"""A client that has sent nothing for this long may be disconnected to make room for a new one."""
 
 
 class Headroom(Enum):
@@ -207,7 +207,7 @@ class ConnectionManager:
         return not self._fanout.is_subscribed(connection) and not self._control.has(session)
 
     def _make_stop_place(self) -> bool:
-        """Whether there is a place for a client that may only stop, after disconnecting the oldest one if need be."""
+        """Whether there is a place for a client that may only stop. May disconnect the oldest one for it."""
         occupants = [s for s in self._sessions if s.stops_only and not self._is_closing(s)]
         return len(occupants) < self.parameters.reserved_stop_connections or any(
             self._make_room(session) for session in occupants
@@ -264,7 +264,7 @@ class ConnectionManager:
                 connection.end(late)
 
     def check_tokens(self, role_of_digest: Callable[[bytes], Role | None]) -> None:
-        """The tokens were exchanged: whoever has shown one gets the role that it gives now, or is disconnected."""
+        """Apply exchanged tokens: each client gets its token's present role, or is disconnected."""
         for connection in self._connections():
             session = connection.session
             if session.token_digest is None:

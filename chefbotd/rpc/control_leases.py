@@ -70,7 +70,7 @@ class ControlLeases:
         return LeasesState(list(clients.values()), leases)
 
     def restore(self, state: LeasesState) -> None:
-        """Go on from there; raises ``KeyError`` for a number that nobody has."""
+        """Restore this state; raises ``KeyError`` for a number without a client."""
         sessions = {client.number: Session.restored(client) for client in state.clients}
         sessions |= {-index: session for index, session in enumerate(self._own, 1)}
         self._leases = {
@@ -84,7 +84,7 @@ class ControlLeases:
 
     @property
     def any_held(self) -> bool:
-        """Whether there is a lease that time can end."""
+        """Whether a lease can expire."""
         return bool(self._leases)
 
     def has(self, session: Session) -> bool:
@@ -92,7 +92,7 @@ class ControlLeases:
         return any(lease.holder is session for lease in self._leases.values())
 
     def require(self, source: str, session: Session, now_s: float) -> None:
-        """A client tries to drive a configured source; raises ``Unserved`` when it is another client's."""
+        """Let a client drive a source; raises ``Unserved`` when another client has control of it."""
         holder = self.holder(source, now_s)
         if holder is not None and holder is not session:
             raise Unserved(
@@ -108,7 +108,7 @@ class ControlLeases:
         return [lease.holder for lease in self._leases.values()]
 
     def drivers(self, now_s: float) -> dict[str, str]:
-        """Who drives, by source; who has let go does not."""
+        """The client that drives each source; a client that let go drives none."""
         return {
             s: str(lease.holder) for s, lease in self._leases.items() if not self._has_let_go(lease, now_s)
         }
@@ -126,7 +126,7 @@ class ControlLeases:
             self._tell(now_s)
 
     def take_source(self, source: str, session: Session, now_s: float) -> Session | None:
-        """Give a source to a client, whoever has it; who had it until now."""
+        """Give a source to a client. Returns the client that had it."""
         before = self.holder(source, now_s)
         if before is not None and before is not session:
             self._withdraw(source)

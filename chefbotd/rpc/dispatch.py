@@ -97,7 +97,7 @@ class Dispatcher:
         self.urgent_pattern = re.compile(rb'"(?:%b)"|\\u' % b"|".join(urgent))
 
     def serve(self, caller: Caller, line: bytes | bytearray, arrival: Arrival | None = None) -> None:
-        """Carry out one line, and answer it unless it is a notification; without an arrival it has come just now.
+        """Carry out one line, and answer it unless it is a notification. Without an ``arrival`` it came just now.
 
         What moves the robot is not carried out when it came before a stop, or too long ago.
         """
@@ -249,7 +249,7 @@ class Dispatcher:
         return f"a stop by {self._arrivals.stopped_by} came before the command; give it again if it is still wanted"
 
     def _void(self, session: Session, method: str, kind: ErrorKind, message: str) -> Unserved:
-        """Count and log a command that is not carried out; what its client is told."""
+        """Count and log a command that is not carried out. Returns the error for its client."""
         self.void[kind] += 1
         self._limited_log.warning(
             "command_void", client=str(session), method=method, kind=str(kind), reason=message

@@ -11,7 +11,7 @@ from chefbotd.core.record import Record
 
 
 class UnknownData:
-    """The data of a topic that this version has no record of: its members as attributes, as they came."""
+    """The data of a topic that this version does not know: its members, unchanged, as attributes."""
 
     __slots__ = ("members",)
 

@@ -76,7 +76,7 @@ class Member(Struct):
 
 
 class Group:
-    """Everyone who takes a topic at one rate under one policy."""
+    """The receivers of a topic at one rate and with one policy."""
 
     def __init__(self, feed: Feed, policy: str, interval_s: float, clock: Clock) -> None:
         self._feed, self._clock = feed, clock
@@ -110,7 +110,7 @@ class Group:
             receiver.send_event(payload, self._latest)
 
     def offer(self, now_s: float) -> None:
-        """There is a new value: send it if it is due, else when it will be."""
+        """Send a new value, now or when it is due."""
         if self._interval_s == 0.0 or now_s >= self._due_s:
             self._send(now_s)
         elif self._timer is None:
@@ -176,7 +176,7 @@ class Fanout:
         return {name: feed.topic for name, feed in self._feeds.items()}
 
     def publish(self, event: object) -> None:
-        """Hand an event of one of the topics to every client for which it is due."""
+        """Send an event to every client for which it is due."""
         for feed in self._by_event[type(event)]:
             if feed.take_event(event) and feed.groups:
                 now_s = self._clock.now_s()

@@ -101,7 +101,7 @@ class Jobs:
 
     @method(role=Role.OBSERVE)
     def cancel(self, caller: Caller, params: CancelParams) -> Done:
-        """Cancel a request of this client that is still running; it is answered with ``cancelled`` when it has ended."""
+        """Cancel a running request of this client. When it has ended, its answer is ``cancelled``."""
         task = self._tasks.get(caller.session, {}).get(params.id)
         if task is None:
             raise Unserved(ErrorKind.NO_SUCH_JOB, f"no request with the id {params.id!a} is running")

@@ -163,7 +163,7 @@ class _Unacceptable(ValueError):
 
 
 def parse(line: bytes | bytearray) -> Request | Failure:
-    """A line without its end, as a request; never raises, whatever the bytes."""
+    """Parse a line without its end as a request; never raises."""
     try:
         message = _decode(line)
     except _Unacceptable as problem:

@@ -17,7 +17,7 @@ _COMMA_AT_THE_END = re.compile(r",\s*\}\s*\Z")
 
 
 def read_leniently(line: bytes | bytearray) -> Request | None:
-    """The request in a line that strictness has refused, whatever else is wrong; None when there is none to be seen.
+    """The request in a line that the strict parser refused; None if it cannot be read.
 
     What cannot be an id is answered as null. Never raises, whatever the bytes.
     """
@@ -35,7 +35,7 @@ def read_leniently(line: bytes | bytearray) -> Request | None:
 
 
 def _decode(text: str) -> object:
-    """What the text says, or at least its outermost object; None when it is none."""
+    """The JSON value of the text, or at least its outermost object; None if there is none."""
     try:
         return _DECODER.decode(text)
     except (ValueError, RecursionError):

@@ -135,7 +135,7 @@ def method(
 
 
 def methods_of(handlers: object) -> tuple[Method, ...]:
-    """The methods that an object has, in the order in which its class defines them."""
+    """The methods of an object, in the order of its class."""
     rows: Iterable[tuple[str, Method]] = (
         (name, function._method)
         for name, function in vars(type(handlers)).items()

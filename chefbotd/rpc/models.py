@@ -92,7 +92,7 @@ class Authenticated(Record, frozen=True):
 
 
 class ControlTaken(Record, frozen=True):
-    """The source is this client's; ``taken_from`` names who had it, null where nobody else did."""
+    """The client now has control of the source; ``taken_from`` names the client that had it, or is null."""
 
     source: str
     taken_from: str | None

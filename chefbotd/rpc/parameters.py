@@ -22,7 +22,7 @@ class Role(StrEnum):
         self.rank = len(type(self).__members__)
 
     def allows(self, needed: "Role") -> bool:
-        """Whether whoever has this role may do what needs another."""
+        """Whether a client with this role may call a method that needs ``needed``."""
         return self.rank >= needed.rank
 
 

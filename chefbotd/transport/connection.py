@@ -239,7 +239,7 @@ class SocketConnection(asyncio.Protocol):
         self._serve_waiting()
 
     def connection_lost(self, exc: Exception | None) -> None:
-        """Asyncio: the socket is gone, for whatever reason; what had arrived is searched for stops."""
+        """Asyncio: the socket is gone. Search the received bytes for stops."""
         self._outbox.lost()
         if self._drain_timer is not None:
             self._drain_timer.cancel()

@@ -85,7 +85,7 @@ class StopSearch:
         return line is not None
 
     def _check_first_line(self) -> None:
-        """Do not drain what begins with another protocol, whatever the connection ends for."""
+        """Do not search a connection that began with another protocol."""
         foreign = self._dispatcher.is_foreign(self._backlog.first_line())
         self.limit.exceeded |= foreign or self._backlog.too_long
         self.first_line_served = bool(self._backlog) and not self._backlog.unfinished

@@ -90,7 +90,7 @@ def _in_millimetres(raw: npt.NDArray[Any], parameters: DepthSourceParameters, wh
 
 
 def openni2_frames(parameters: DepthSourceParameters, now: Now) -> Iterator[Frame]:
-    """A camera's images as they come, at most at the configured rate. May hang in the camera's library for ever.
+    """A camera's images, at the configured rate at most. The camera's library may block for ever.
 
     Raises:
         NoImagesError: the bindings, the library or the camera is not there.

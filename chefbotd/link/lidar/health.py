@@ -9,13 +9,13 @@ from chefbotd.link.health import show
 from firmware_protocol.lidar import ld19, rplidar
 
 JUDGED_AFTER_S = 2.0
-"""A lidar that has just been powered takes about so long to its first turn (assumed)."""
+"""Time from power-on to a lidar's first turn (assumed)."""
 
 SOON_S = 0.5
 """Whole turns are heard in less."""
 
 QUIET_S = 1.0
-"""A lidar that pauses for so long is silent, whatever it said before."""
+"""A lidar that sends nothing for this long is silent."""
 
 TEXT_SHARE = 0.9
 

@@ -182,7 +182,7 @@ class Ld19Reader:
         return True
 
     def _is_restart(self, packet: Ld19Packet, now_s: float) -> bool:
-        """Whether a packet whose time went back is one of so many that the lidar must have started again."""
+        """Whether the lidar has restarted, judged by packets in a row whose time went back."""
         before, self._odd = self._odd, packet
         follows = before and 0 < (packet.stamp_ms - before.stamp_ms) % TIME_SPAN_MS <= LONGEST_GAP_MS
         self._odd_in_a_row = self._odd_in_a_row + 1 if follows else 1

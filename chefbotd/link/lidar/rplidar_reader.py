@@ -45,7 +45,7 @@ LEAST_NODES = 30
 
 STEADY_TURNS, STEADY_AFTER = 5, 3
 UNSTEADY_SHARE = 0.2
-"""A motor does not change its rate by so much from turn to turn; a host that reads late takes it for one that does."""
+"""A motor's rate changes by less than this from turn to turn; a larger change means that the host read late."""
 
 
 class ScanPhase(StrEnum):
@@ -65,7 +65,7 @@ PATIENCE_S = {
     ScanPhase.RESETTING: 1.0,
     ScanPhase.SCANNING: 4.0,
 }
-"""How long nothing may come before the conversation begins anew; a motor takes two seconds to its speed (assumed)."""
+"""Longest silence before the conversation starts again; a motor reaches its speed in two seconds (assumed)."""
 
 
 class _TurnBuilder(MutableState):
@@ -193,11 +193,11 @@ class RplidarReader:
 
     @property
     def refused(self) -> Counter[str]:
-        """Bytes that were passed over, and turns of which too much is missing (``incomplete``)."""
+        """Skipped bytes, and dropped incomplete turns (``incomplete``)."""
         return self._decoder.refused + self._turns.passed_over
 
     def begin(self, now_s: float) -> bytes:
-        """Another connection: a scan may be going on from before, so it is stopped first."""
+        """Begin a connection: stop a scan that may still run."""
         self.complaint, self.info, self._words = "", None, b""
         self._has_express = self._wants_express
         self._go(ScanPhase.STOPPING, now_s, request(RequestCode.STOP))
@@ -235,7 +235,7 @@ class RplidarReader:
         return request(RequestCode.STOP) + stopped
 
     def _run_out(self, now_s: float) -> None:
-        """The patience with a phase is over: go on after a stop or a reset, and begin anew after a silence."""
+        """A phase has timed out: go on after a stop or a reset, start again after a silence."""
         if self.phase is ScanPhase.STOPPING:
             self._go(ScanPhase.ASKING_INFO, now_s, request(RequestCode.GET_INFO))
             return

@@ -88,7 +88,7 @@ class LidarSessionState(Record, frozen=True):
 
 
 class LidarSession(asyncio.Protocol):
-    """An asyncio protocol that lives across reconnections and keeps its counters; scans go to the bus as they end."""
+    """An asyncio protocol that survives reconnections and keeps its counters. It publishes each scan when it ends."""
 
     def __init__(self, bus: Bus, clock: Clock, lidar: LidarParameters) -> None:
         self._bus, self._clock, self.lidar = bus, entries_of(clock), lidar
@@ -170,7 +170,7 @@ class LidarSession(asyncio.Protocol):
         self._say(self.reader.poll(now_s))
 
     def _take_turn(self, turn: LidarTurn) -> None:
-        """A turn that was there before the robot moved is no measurement: it is not published."""
+        """Publish a turn, unless it repeats an older one: then it is no measurement."""
         if self._repeats.is_repeated(turn, self._travel.travelled_m):
             self.repeated += 1
             return
@@ -210,7 +210,7 @@ class LidarSession(asyncio.Protocol):
             )
 
     def report_not_opened(self, reason: str) -> None:
-        """The port cannot be opened: whoever looks is told why."""
+        """Publish why the port cannot be opened."""
         self._tell(DOWN, reason, healthy=False)
 
     def expect_connection(self) -> None:
@@ -222,7 +222,7 @@ class LidarSession(asyncio.Protocol):
         await self._closed.wait()
 
     def close(self) -> None:
-        """Stop the scan and the motor where the lidar can be told to, and give the port up."""
+        """Stop the scan and the motor of a lidar that takes commands, then close the port."""
         transport, words = self._transport, self.reader.end()
         if transport is None:
             return

@@ -22,7 +22,7 @@ REACH_M = 0.3
 LONGEST_STEP_S = 0.2
 
 LEAST_COVERED = 0.75
-"""A turn of which more is missing is no turn."""
+"""A turn with less coverage is dropped."""
 
 
 class LidarTurn(Record, frozen=True):

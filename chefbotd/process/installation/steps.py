@@ -121,7 +121,7 @@ FILE_MODE = 0o644
 
 
 class InstallationStep(Struct, frozen=True):
-    """``told`` is what is done, in words; ``act`` does it (None: it is done already, or not wanted)."""
+    """``told`` describes the step; ``act`` does it (None: it is done already, or not needed)."""
 
     told: str
     act: Callable[[], None] | None = None

@@ -39,7 +39,7 @@ class WebSocketFraming:
         return self._held_bytes > 0 and not self.ended and self.failure is None
 
     def lines(self, data: bytes) -> bytes:
-        """The messages that these bytes complete, each as a line; parts of one come as they arrive."""
+        """The messages that these bytes complete, each as a line."""
         if not data or self.ended or self.failure is not None:
             return b""
         self._held_bytes += len(data)

@@ -77,13 +77,13 @@ HEADERS = {
 }
 
 SILENT = logging.Logger("aiohttp", logging.CRITICAL + 1)
-"""Anybody can send what is no HTTP, as often as they like: aiohttp would log a traceback each time."""
+"""Any client can send bytes that are not HTTP; aiohttp would log a traceback each time."""
 
 log = structlog.get_logger(__name__)
 
 
 class WebSocketConnection(SocketConnection):
-    """A connection on a transport that HTTP began, and that HTTP is told the end of."""
+    """A connection on an upgraded HTTP transport; HTTP is notified of its end."""
 
     def __init__(
         self,
@@ -235,7 +235,7 @@ class PageServer:
         return web.Response(body=file.body, headers={**HEADERS, "Content-Type": file.content_type})
 
     def _figures(self, request: web.BaseRequest) -> web.Response:
-        """The figures; where tokens are configured, for whoever shows one as ``Authorization: Bearer``."""
+        """The figures. Where tokens are configured, ``Authorization: Bearer`` is required."""
         scheme, _, token = request.headers.get("Authorization", "").partition(" ")
         keyring = self._guard.keyring
         if keyring is not None and (scheme.lower() != "bearer" or keyring.role_of(token) is None):
