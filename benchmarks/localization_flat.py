@@ -13,8 +13,7 @@ from benchmarks.figures import Figure
 from chefbotd.core.record import replace
 from chefbotd.localization.agreement import agreement
 from chefbotd.localization.searching import LocalizationMap, localization_map
-from chefbotd.localization.state import set_pose
-from chefbotd.localization.states import PoseState
+from chefbotd.localization.state import PoseState, set_pose
 from chefbotd.mapping.finish import refined
 from chefbotd.mapping.occupancy import occupancy
 from chefbotd.mapping.parameters import SlamParameters

@@ -12,8 +12,7 @@ from benchmarks.figures import Figure
 from chefbotd.core.record import Record
 from chefbotd.localization.agreement import agreement
 from chefbotd.localization.searching import LocalizationMap, localization_map
-from chefbotd.localization.state import set_pose
-from chefbotd.localization.states import PoseState
+from chefbotd.localization.state import PoseState, set_pose
 from chefbotd.mapping.poses import Floats, compose
 from chefbotd.mapping.surfaces import Singles
 from chefbotd.sim.scene import of_solids

@@ -12,8 +12,7 @@ from benchmarks.figures import Figure
 from benchmarks.slam import points_of
 from chefbotd.localization.localizer import LocalizationReport, advanced, step
 from chefbotd.localization.searching import LocalizationMap, localization_map
-from chefbotd.localization.state import Localization, Odometry
-from chefbotd.localization.states import PoseState
+from chefbotd.localization.state import Localization, Odometry, PoseState
 from chefbotd.mapping.finish import refined
 from chefbotd.mapping.occupancy import occupancy
 from chefbotd.mapping.parameters import SlamParameters

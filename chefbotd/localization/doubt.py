@@ -12,8 +12,7 @@ from chefbotd.localization.agreement import Agreement
 from chefbotd.localization.global_search import is_same
 from chefbotd.localization.hypotheses import REFUTED_BY, Hypothesis, merged
 from chefbotd.localization.searching import LocalizationMap, Searching
-from chefbotd.localization.state import Localization, given_up, is_sure, on_event
-from chefbotd.localization.states import PoseEvent, PoseState
+from chefbotd.localization.state import Localization, PoseEvent, PoseState, given_up, is_sure, on_event
 from chefbotd.localization.tracking import (
     MIN_OVERLAP,
     SUSPICIOUS_DROP,

@@ -24,10 +24,19 @@ from chefbotd.localization.doubt import (
     misfit,
     without_evidence,
 )
-from chefbotd.localization.hypotheses import Hypothesis, likely
-from chefbotd.localization.searching import LocalizationMap
-from chefbotd.localization.state import Localization, Odometry, carried, forgotten, is_sure, on_event
-from chefbotd.localization.states import HAS_POSE, PoseEvent, PoseState
+from chefbotd.localization.hypotheses import MOVING_FIT, Hypothesis, likely, sure
+from chefbotd.localization.searching import LocalizationMap, Searching
+from chefbotd.localization.state import (
+    HAS_POSE,
+    Localization,
+    Odometry,
+    PoseEvent,
+    PoseState,
+    carried,
+    forgotten,
+    is_sure,
+    on_event,
+)
 from chefbotd.localization.tracking import (
     MIN_OVERLAP,
     SUSPICIOUS_DROP,
@@ -60,6 +69,9 @@ def corrected(
     part = np.array([min(by_distance, 1.0), min(by_distance, 1.0), min(by_turn, 1.0)])
     return compose(compose(shown, part * off), inverse(odom_from_base)), False
 
+
+SETTLE_S: Final = 3.0
+"""If the best place fits badly for so long, nothing was found."""
 
 USUAL_SHARE = 0.05
 """What a scan counts in the usual fit."""
@@ -188,8 +200,7 @@ def _look(
     else:
         last = search_room.looked(within, last, odometry, scan)
     last = search_room.advanced(within, last, odometry)
-    result = search_room.result(last, odometry, stamp_s)
-    event, place = result.event, result.place
+    event, place = _result(last, odometry, stamp_s)
     if event is PoseEvent.SEARCH_STARTED:
         last = search_room.begun(within, scan, odometry, stamp_s, last.candidates)
     now = replace(now, searching=last)
@@ -203,6 +214,27 @@ def _look(
             overlap=place.overlap,
         )
     return (now, None) if event is None else (on_event(now, event), event)
+
+
+def _result(
+    searching: Searching, odometry: Floats, stamp_s: float
+) -> tuple[PoseEvent | None, Hypothesis | None]:
+    """What a search says by now: ``found`` (at which place), ``not_found``, or ``search_started`` if it begins again.
+
+    Candidates of an earlier search count while the next one is under way.
+    """
+    candidates = searching.candidates
+    best = sure(candidates, is_complete=searching.is_complete)
+    if best is not None:
+        return PoseEvent.FOUND, best
+    if searching.search is not None:
+        return None, None
+    badly = not candidates or candidates[0].fit < MOVING_FIT
+    if badly and (not candidates or stamp_s - searching.began_s >= SETTLE_S):
+        return PoseEvent.NOT_FOUND, None
+    if (badly or not searching.is_complete) and search_room.has_moved_on(searching, odometry):
+        return PoseEvent.SEARCH_STARTED, None
+    return None, None
 
 
 def _published(now: Localization, stamp_s: float) -> tuple[Localization, bool]:

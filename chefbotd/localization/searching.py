@@ -10,16 +10,13 @@ from chefbotd.localization import global_search
 from chefbotd.localization.branch_and_bound import Pyramid, pyramid
 from chefbotd.localization.global_search import GlobalSearch
 from chefbotd.localization.hypotheses import (
-    MOVING_FIT,
     Hypothesis,
     confronted,
     hypotheses,
     is_look,
     merged,
     moved,
-    sure,
 )
-from chefbotd.localization.states import PoseEvent
 from chefbotd.localization.surface_map import SurfaceMap, surface_map
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.poses import Floats, between
@@ -29,9 +26,6 @@ AGAIN_AFTER_S: Final = 2.0
 AGAIN_AFTER_M: Final = 0.3
 AGAIN_AFTER_RAD: Final = 0.6
 """A search that did not leave exactly one place begins again after so long, or after such a motion."""
-
-SETTLE_S: Final = 3.0
-"""If the best place fits badly for so long, nothing was found."""
 
 
 class LocalizationMap(Record, frozen=True):
@@ -108,29 +102,6 @@ def looked(within: LocalizationMap, searching: Searching, odometry: Floats, scan
         is_look=new_look,
     )
     return replace(searching, candidates=left, looked_at=odometry if new_look else searching.looked_at)
-
-
-class SearchResult(Record, frozen=True):
-    """What a search says: ``found`` (at which place), ``not_found``, or ``search_started`` if it has to begin again."""
-
-    event: PoseEvent | None
-    place: Hypothesis | None = None
-
-
-def result(searching: Searching, odometry: Floats, stamp_s: float) -> SearchResult:
-    """What can be said by now; candidates of an earlier search count while the next one is under way."""
-    candidates = searching.candidates
-    best = sure(candidates, is_complete=searching.is_complete)
-    if best is not None:
-        return SearchResult(PoseEvent.FOUND, best)
-    if searching.search is not None:
-        return SearchResult(None)
-    badly = not candidates or candidates[0].fit < MOVING_FIT
-    if badly and (not candidates or stamp_s - searching.began_s >= SETTLE_S):
-        return SearchResult(PoseEvent.NOT_FOUND)
-    if (badly or not searching.is_complete) and has_moved_on(searching, odometry):
-        return SearchResult(PoseEvent.SEARCH_STARTED)
-    return SearchResult(None)
 
 
 def is_due(last: Searching, odometry: Floats, stamp_s: float) -> bool:

@@ -6,8 +6,7 @@ from chefbotd.core.compiled import release_libraries
 from chefbotd.core.geometry import Pose2D
 from chefbotd.localization.localizer import advanced, step
 from chefbotd.localization.searching import localization_map
-from chefbotd.localization.state import Localization, Odometry, localize, set_pose
-from chefbotd.localization.states import PoseState
+from chefbotd.localization.state import Localization, Odometry, PoseState, localize, set_pose
 from chefbotd.mapping.correlate import Window, search
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.state import Scan

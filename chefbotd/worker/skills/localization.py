@@ -15,8 +15,7 @@ from chefbotd.localization.branch_and_bound import pyramid
 from chefbotd.localization.localizer import LocalizationReport, advanced, step
 from chefbotd.localization.mount_check import MountCheck, checked, mount_problem
 from chefbotd.localization.searching import LocalizationMap
-from chefbotd.localization.state import Localization, Odometry, localize, set_pose
-from chefbotd.localization.states import HAS_POSE, PoseState
+from chefbotd.localization.state import HAS_POSE, Localization, Odometry, PoseState, localize, set_pose
 from chefbotd.localization.surface_map import surface_map
 from chefbotd.localization.warm import warm
 from chefbotd.mapping.occupancy_grid import OccupancyGrid

@@ -11,7 +11,7 @@ from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.navigation import GoalResult, NavigationData, PathData, PlanResult
 from chefbotd.core.events.robot import OdometryUpdated, RangeMeasured
 from chefbotd.core.geometry import Pose2D
-from chefbotd.localization.states import PoseState
+from chefbotd.localization.state import PoseState
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.poses import Floats, compose, row_of
 from chefbotd.maps.store import MapStore

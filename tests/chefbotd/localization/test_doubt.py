@@ -6,8 +6,7 @@ import pytest
 from chefbotd.core.record import replace
 from chefbotd.localization.localizer import LocalizationReport
 from chefbotd.localization.searching import LocalizationMap, localization_map
-from chefbotd.localization.state import set_pose
-from chefbotd.localization.states import PoseState
+from chefbotd.localization.state import PoseState, set_pose
 from chefbotd.localization.tracking import Estimate
 from tests.chefbotd.localization.buildings import Robot, corridor_of_mirrored_rooms, drawn, off
 from tests.chefbotd.mapping.slam.flat import Floats, Lidar

@@ -9,8 +9,7 @@ import pytest
 from chefbotd.core.record import replace
 from chefbotd.localization.localizer import LocalizationReport
 from chefbotd.localization.searching import LocalizationMap, localization_map
-from chefbotd.localization.state import localize, set_pose
-from chefbotd.localization.states import PoseEvent, PoseState
+from chefbotd.localization.state import PoseEvent, PoseState, localize, set_pose
 from chefbotd.mapping.poses import Floats, compose
 from tests.budget import sample
 from tests.chefbotd.localization.buildings import Robot, drawn, mirrored, off, twin_rooms

@@ -15,7 +15,7 @@ from chefbotd.core.events.navigation import PlanResult
 from chefbotd.core.geometry import CERTAIN, STANDING, Pose2D
 from chefbotd.core.record import replace
 from chefbotd.features.worker.service import WorkerService
-from chefbotd.localization.states import PoseState
+from chefbotd.localization.state import PoseState
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.navigation.zones import NO_ZONES
 from chefbotd.settings import load

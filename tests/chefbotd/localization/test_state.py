@@ -2,7 +2,7 @@
 
 import pytest
 
-from chefbotd.localization.states import HAS_POSE, NEXT, PoseEvent, PoseState
+from chefbotd.localization.state import HAS_POSE, NEXT, PoseEvent, PoseState
 
 STAYS = None
 EXPECTED = {
