@@ -1,9 +1,10 @@
-"""The events that a subscription yields."""
+"""The events that a subscription yields, and the latest one of each topic in a state."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Generic, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
+from chefbotd.client.errors import NotReported
 from chefbotd.core.record import Record
 
 if TYPE_CHECKING:
@@ -35,3 +36,17 @@ class Event(Record, Generic[D], frozen=True):
     age_s: float
     data: D
     gap: Gap | None = None
+
+
+class Latest(Generic[D]):
+    """The latest data of one topic of a state. Raises ``NotReported`` where there is none yet."""
+
+    def __init__(self, topic: str, model: type[D]) -> None:
+        self._topic, self._model = topic, model
+
+    def __get__(self, state: Any, owner: type[Any]) -> D:
+        event = state.topics.get(self._topic)
+        if event is None or not isinstance(event.data, self._model):
+            link = "" if state.link.state == "up" else f"; the link is down: {state.link.reason}"
+            raise NotReported(f"the robot has not reported {self._topic} yet{link}")
+        return event.data

@@ -49,6 +49,7 @@ from chefbotd.rpc.models import (
     ErrorDescription as ErrorDescription, MethodDescription as MethodDescription, Pong as Pong, Released as Released,
     Subscribed as Subscribed, TopicDescription as TopicDescription
 )
+from chefbotd.client.event import Latest
 from chefbotd.rpc.encoding import Sent
 
 DATA_BY_TOPIC: Mapping[str, type[Sent]] = {
@@ -60,3 +61,34 @@ DATA_BY_TOPIC: Mapping[str, type[Sent]] = {
     "raw": RawData, "log": LogData
 }
 """What a client reads each topic as."""
+
+
+class TopicsOfState:
+    """The latest data of each topic that a state may have."""
+
+    __slots__ = ()
+
+    recording = Latest("recording", RecordingData)
+    scan = Latest("scan", ScanData)
+    lidars = Latest("lidars", LidarsData)
+    worker = Latest("worker", WorkerData)
+    mapping = Latest("mapping", MappingData)
+    map = Latest("map", MapData)
+    map_pose = Latest("map_pose", MapPoseData)
+    localization = Latest("localization", LocalizationData)
+    navigation = Latest("navigation", NavigationData)
+    path = Latest("path", PathData)
+    costmap = Latest("costmap", CostmapData)
+    obstacles = Latest("obstacles", ObstaclesData)
+    depth_cameras = Latest("depth_cameras", DepthCamerasData)
+    wheels = Latest("wheels", WheelsData)
+    odometry = Latest("odometry", OdometryData)
+    imu = Latest("imu", ImuData)
+    ranges = Latest("ranges", RangesData)
+    battery = Latest("battery", BatteryData)
+    stats = Latest("stats", StatsData)
+    sim = Latest("sim", SimData)
+    reset = Latest("reset", ResetData)
+    text = Latest("text", TextData)
+    raw = Latest("raw", RawData)
+    log = Latest("log", LogData)

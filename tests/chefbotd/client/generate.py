@@ -29,6 +29,7 @@ from tests.fakes.robot import methods_of_socket, topics_of
 SENT = (Record, UnknownData)
 PACKAGE = Path(chefbotd.client.__file__).parent
 WIDTH = 120
+IN_EACH_STATE = {"link", "safety"}
 WITHOUT_METHOD = {"subscribe", "unsubscribe", "cancel"}
 """Of these a client makes use by itself."""
 
@@ -204,17 +205,31 @@ def _models_module(exported: Mapping[str, type[Any]], data: Mapping[str, str]) -
         for module, names in sorted(by_module.items())
     )
     table = _filled("    " + ", ".join(f'"{topic}": {model}' for topic, model in data.items()), 4)
+    latest = "\n".join(
+        f'    {topic} = Latest("{topic}", {model})'
+        for topic, model in data.items()
+        if topic not in IN_EACH_STATE
+    )
     return f'''{MARK}"""Every model that a client reads: the results of the methods, and the data of the topics."""
 
 from collections.abc import Mapping
 
 {imports}
+from chefbotd.client.event import Latest
 from chefbotd.rpc.encoding import Sent
 
 DATA_BY_TOPIC: Mapping[str, type[Sent]] = {{
 {table}
 }}
 """What a client reads each topic as."""
+
+
+class TopicsOfState:
+    """The latest data of each topic that a state may have."""
+
+    __slots__ = ()
+
+{latest}
 '''
 
 

@@ -8,10 +8,11 @@ from typing import Any, assert_type
 import pytest
 from msgspec.structs import replace
 
-from chefbotd.client import Client, SyncClient, models
+from chefbotd.client import Client, NotReported, SyncClient, models
 from chefbotd.client.blocking import SyncSubscription
 from chefbotd.client.generated import GeneratedMethods
-from chefbotd.client.models import Driven, MapList, OdometryData, PathData
+from chefbotd.client.models import BatteryData, Driven, MapList, OdometryData, PathData
+from chefbotd.client.state import parse_state
 from chefbotd.client.subscription import Subscription
 from chefbotd.core.record import Record
 from chefbotd.rpc.encoding import plain
@@ -155,6 +156,25 @@ By example:
 
 ## Limits
 """
+
+
+def test_a_state_has_the_data_of_each_topic_by_its_name_and_type() -> None:
+    """Of a robot whose battery was read once, and nothing else: the other topics say that they were not reported."""
+    battery = {"voltage_v": 12.5, "percentage": 81.0, "status": "ok"}
+    link = {
+        "state": "down",
+        "device": "/dev/ttyACM0",
+        "reason": "unplugged",
+        "condition": "down",
+        "healthy": None,
+    }
+    safety = plain(TOPICS["safety"].data(None))
+    event = {"seq": 1, "stamp_s": 9.0, "age_s": 1.0, "data": battery}
+    state = parse_state({"stamp_s": 10.0, "link": link, "safety": safety, "topics": {"battery": event}})
+    assert assert_type(state.battery, BatteryData).percentage == 81.0
+    for topic in TOPICS.keys() - {"battery", "link", "safety"}:
+        with pytest.raises(NotReported, match=f"not reported {topic} yet; the link is down: unplugged"):
+            getattr(state, topic)
 
 
 def test_both_clients_infer_the_same_types() -> None:
