@@ -192,7 +192,7 @@ def carried(now: Localization, odometry: Odometry) -> Localization:
 
 
 def _noise(before: Odometry, on_event: Odometry) -> Floats | None:
-    """The covariance of the motion, if the odometry tells one that makes sense: it began anew if it has shrunk."""
+    """The covariance of the motion; None without one, or where it has shrunk: then the odometry began again."""
     if before.covariance is None or on_event.covariance is None:
         return None
     noise = motion_covariance(before.pose, before.covariance, on_event.pose, on_event.covariance)

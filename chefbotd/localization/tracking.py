@@ -170,7 +170,7 @@ def _in_window(grids: LocalMap, expected: Estimate, scan: Scan) -> TrackedPose |
 
 
 def _around(grids: LocalMap, expected: Estimate, scan: Scan) -> TrackedPose | None:
-    """Search a metre around, whatever the odometry says: the wheels slipped, or somebody pushed the robot."""
+    """Search a metre around, whatever the odometry says: the wheels slipped, or the robot was pushed."""
     window = Window(WHEEL_SLIP_WINDOW_M, WHEEL_SLIP_WINDOW_RAD)
     match = search(grids, scan.points, expected.pose, window, above=CAPTURE)
     if match is None:

@@ -23,7 +23,7 @@ MARGIN_M = 2.0
 """Room around what was seen, so that the grid does not grow with every scan."""
 
 MOVED_M, MOVED_RAD = 0.005, 0.002
-"""A scan that the graph has moved by more is traced anew, and so are all others."""
+"""If the graph has moved a scan by more, all scans are traced again."""
 
 Percents: TypeAlias = NDArray[np.int8]
 

@@ -4,7 +4,7 @@ Four grids share an origin. ``likelihood`` (5 cm) says how likely a beam ends in
 laser and the pose leave open; ``coarse`` (20 cm) bounds it from above for every shift within its cell (Olson,
 "Real-Time Correlative Scan Matching", ICRA 2009). ``surfels`` (10 cm) hold the mean of the points in a cell and
 of their normals, so that no precision is lost to the grid; the two sides of a thin wall are kept apart. ``seen``
-counts the beams that ended in a cell and those that passed it: where somebody walked through, the passes soon
+counts the beams that ended in a cell and those that passed it: where a person walked through, the passes soon
 outnumber the ends.
 """
 

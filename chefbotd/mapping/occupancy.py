@@ -1,6 +1,6 @@
 """Makes an occupancy grid from scans at the graph's poses: per cell, the share of beams that ended there.
 
-A beam clears what it passes. So somebody who walked through leaves no smear: where one beam ended at a leg, many
+A beam clears what it passes. So a person who walked through leaves no smear: where one beam ended at a leg, many
 went on to the wall before and after.
 """
 

@@ -1,4 +1,4 @@
-"""What the SLAM is told: by reasoning from lasers and wheels, and not from any one building."""
+"""The parameters of SLAM. They were derived from what lasers and wheels do, not fitted to one building."""
 
 from pydantic import Field
 
@@ -87,13 +87,13 @@ class SlamParameters(Parameters):
 
 
 class MappingParameters(Parameters):
-    """The ``[mapping]`` section: which lidars' scans make the map, and how often it is told and saved."""
+    """The ``[mapping]`` section: which lidars' scans make the map, and how often it is published and saved."""
 
     lidars: tuple[str, ...] | None = Field(default=None, min_length=1)
     """Their names, the leading one first; all that are configured, if none is named."""
     resolution_m: float = Field(default=0.05, gt=0, le=1)
     publish_period_s: float = Field(default=1.0, gt=0, le=60)
-    """How often changes of the map are told, at most."""
+    """How often changes of the map are published, at most."""
     autosave_period_s: float = Field(default=10.0, gt=0, le=3600)
     """How often a map that is being made is saved, at most; a large one less often."""
     slam: SlamParameters = section()

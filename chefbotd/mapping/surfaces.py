@@ -31,7 +31,7 @@ FLAT = 0.1
 
 
 def normals(points: Singles, sensor_m: Floats | Singles) -> Singles:
-    """Unit normals (n, 2) that face the sensor; zeros where no line can be told.
+    """Unit normals (n, 2) that face the sensor; zeros where there is no line.
 
     ``points`` (n, 2) are in the order of their beams, in the same frame as ``sensor_m``: one place (2,), or one for each
     point (n, 2). What was seen from different places is no line.

@@ -33,7 +33,7 @@ def parse_places(data: bytes | None, map_name: str) -> dict[str, Place]:
     """The places by name, in the order in which they were saved; of a file that is not there, none.
 
     Raises:
-        MapStoreError: it is no such file. It is left as it is, for somebody to look at.
+        MapStoreError: it is no such file. It is left as it is, for a person to look at.
     """
     if data is None:
         return {}

@@ -43,7 +43,7 @@ CURRENT, RENAMING, UNFINISHED = ".current.json", "renaming.json", "unfinished"
 class StoredMap(Record, frozen=True):
     """What is known of a map without reading its cells; ``damage`` says what is wrong, by version.
 
-    ``manifest`` is the newest whole version's; None: there is none, or these are somebody else's files (``plain``).
+    ``manifest`` is the newest whole version's; None: there is none, or these are files of others (``plain``).
     """
 
     name: str
@@ -104,7 +104,7 @@ class MapStore:
                         raise
 
     def needs_import(self, name: str) -> bool:
-        """Whether NAME.yaml and NAME.pgm are somebody else's: put there, or changed after they were saved."""
+        """Whether NAME.yaml and NAME.pgm are files of others: put there, or changed after they were saved."""
         with refusing_os_errors(f"inspect the map {name!r}", self.folder):
             return edited(self.folder, self._own(name), map_name(name))
 
@@ -202,7 +202,7 @@ class MapStore:
     # the map in use
 
     def current(self) -> str | None:
-        """The map that was in use last, for the next start of the daemon; None too where that cannot be told."""
+        """The map that was in use last, for the next start of the daemon; None too where that is unknown."""
         try:
             name = json.loads((self.folder / CURRENT).read_bytes())["name"]
             return map_name(name) if isinstance(name, str) else None
@@ -254,7 +254,7 @@ class MapStore:
         self._disk.sync_folder(own)
 
     def _publish(self, name: str) -> None:
-        """Put the two files there; what somebody else has changed in them is kept first."""
+        """Put the two files there; what others have changed in them is kept first."""
         own = self._own(name)
         version, _ = latest(own)
         if version is not None:

@@ -194,7 +194,7 @@ def unpublish(disk: Disk, folder: Path, name: str) -> None:
 
 
 def keep_edited(disk: Disk, folder: Path, name: str, version: Version) -> None:
-    """Copy the two files, which somebody has changed, beside the version that replaces them."""
+    """Copy the two files, which were changed by hand, beside the version that replaces them."""
     kept = version.folder.parent / f"replaced-by-{version.folder.name}"
     disk.make_folder(kept)
     for suffix in (".yaml", ".pgm"):
@@ -206,7 +206,7 @@ def keep_edited(disk: Disk, folder: Path, name: str, version: Version) -> None:
 
 
 def edited(folder: Path, own: Path, name: str) -> bool:
-    """Whether somebody else has changed the two files, or put them there, since a version was published.
+    """Whether the two files were changed or put there by others since a version was published.
 
     What a publication that was cut off has left is no change. A file that is missing is none either.
     """

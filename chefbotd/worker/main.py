@@ -26,7 +26,7 @@ OUT_OF_MEMORY_SCORE: Final = "800"
 def main(arguments: list[str]) -> int:
     """Work until the daemon closes the socket; arguments: its descriptor, the daemon's pid, the niceness.
 
-    A fourth one is the configuration, for a process that begins anew.
+    A fourth one is the configuration, for a process that begins again.
     """
     descriptor, daemon, niceness = (int(text) for text in arguments[:3])
     tie_to_daemon(daemon)
@@ -64,7 +64,7 @@ def tie_to_daemon(daemon: int) -> None:
 def _begin_anew(line: "_Line", arguments: list[str], configure: Configure) -> NoReturn:
     """Become the same process with nothing in its memory: 150 MB stay with one that has compiled.
 
-    Before it is told that the skills are ready, the daemon sends nothing but the configuration.
+    Until the skills are ready, the daemon sends nothing but the configuration.
     """
     message = base64.b64encode(packed(configure)).decode("ascii")
     program = [sys.executable, "-P", "-m", "chefbotd.worker", *arguments, "0", message]  # it is nice already

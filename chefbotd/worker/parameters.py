@@ -50,7 +50,7 @@ class LocalizationSection(Parameters):
 
 
 class NavigationSection(Parameters):
-    """How fast the robot drives by itself, and what it does when somebody has driven meanwhile."""
+    """How fast the robot drives by itself, and what it does after a person has driven meanwhile."""
 
     max_speed_m_s: float = Field(default=0.30, gt=0, le=10)
     """No faster than this; 0.30 m/s is the fastest that navigation was tried with."""

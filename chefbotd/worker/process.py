@@ -114,7 +114,7 @@ class Worker:
         self._listeners[skill, kind.__name__] = lambda body: listener(decoder.decode(body))
 
     def add_on_ready(self, handler: Callable[[], None]) -> None:
-        """Call ``handler`` each time a worker has become ready: what the one before it knew has to be told again."""
+        """Call ``handler`` each time a worker has become ready: it knows nothing of what the one before it was sent."""
         self._on_ready.append(handler)
 
     def send(self, event: Measurement) -> None:

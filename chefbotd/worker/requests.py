@@ -84,7 +84,7 @@ class Requests:
             pending.due_s += by_s
 
     def fail_all(self) -> None:
-        """The worker is gone: whoever waits for an answer is told."""
+        """The worker is gone: each request that waits for an answer fails."""
         pending, self._pending = self._pending, {}
         for request in pending.values():
             if not request.future.done():

@@ -32,11 +32,11 @@ class Child(Protocol):
         ...
 
     def rss_mb(self) -> float | None:
-        """Its resident memory, None where that cannot be told."""
+        """Its resident memory, None where that is unknown."""
         ...
 
     def cpu_s(self) -> float | None:
-        """The processor time that it has used, None where that cannot be told."""
+        """The processor time that it has used, None where that is unknown."""
         ...
 
     def kill(self) -> None:

@@ -62,7 +62,7 @@ ever, less."""
 class Vitals(Record, frozen=True):
     """What is known of a living worker; all times are the daemon's.
 
-    ``busy_s`` is how long it had been at its present work when it last told, ``allowed_s`` how long it may be.
+    ``busy_s`` is how long it had been at its present work by its last message, ``allowed_s`` how long it may be.
     ``messages`` counts those since the last check. ``cpu_s`` is the processor time that it has used (None: nobody
     knows), and ``worked_s`` when that last grew.
     """

@@ -54,11 +54,11 @@ LONG_S: Final = 60.0
 AWAY: Final = ("restarting", "unavailable", "stopped")
 
 TOLD_EVERY_S: Final = 1.0
-"""How often the state is told while nothing of it changes."""
+"""How often the state is published while nothing of it changes."""
 
 
 class LocalizationState(Record, frozen=True):
-    """The map in use, what the skill was and has to be told of it, and what was told of the pose last.
+    """The map in use, what of it the skill knows and has to know, and what was last published of the pose.
 
     ``waits`` are the requests that wait for the end of a turn, by their tasks.
     """
@@ -234,7 +234,7 @@ class LocalizationService:
     # what happens
 
     def _take_map(self, event: MapLoaded) -> None:
-        """Of a map that is renamed twice before the worker was told, it knows the first name."""
+        """The worker knows the first name of a map that was renamed twice since its last request."""
         before, self._map = self._map, event
         is_told = self._renamed_from is None or before is None or before.name != event.renamed_from
         if event.renamed_from is None or is_told:
@@ -280,7 +280,7 @@ class LocalizationService:
         self._publish(LocalizationChanged(stamp_s, "unknown", None, 0.0, (), 0.0, jumps, reason))
 
     def _publish(self, event: LocalizationChanged) -> LocalizationChanged:
-        """Tell how it stands if that has changed, or was told a while ago; ``jumps`` are those of this worker."""
+        """Publish the state if it has changed, or was published a while ago; ``jumps`` are those of this worker."""
         last, now = self._latest, replace(event, jumps=self._jumps_before + event.jumps)
         if last is not None:
             same = (last.state, last.map, last.jumps, last.reason) == (

@@ -61,7 +61,7 @@ class Turning:
     """One turn at a time; ``driver`` puts it through the gate. Without one this robot does not drive by itself."""
 
     def __init__(self, bus: Bus, clock: Clock, driver: InnerDriver | None, report: Report) -> None:
-        """``report`` is told how far it has turned."""
+        """``report`` is called with how far it has turned."""
         self._driver, self._report, self._entries = driver, report, entries_of(clock)
         self._safety: SafetyChanged | None = None
         self._has_goal = False

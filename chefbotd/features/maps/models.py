@@ -74,7 +74,7 @@ class SavePlaceParams(PlaceName):
 
 
 class MapSummary(Record, frozen=True):
-    """A stored map. ``condition`` is ``foreign`` for files that somebody put there: they are read when it is loaded.
+    """A stored map. ``condition`` is ``foreign`` for files that others put there: they are read when it is loaded.
 
     Of a ``damaged`` one no version is whole. ``problem`` says what is wrong, also with newer versions of a whole one.
     """

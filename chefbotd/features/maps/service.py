@@ -71,7 +71,7 @@ class MapsService:
         self.in_use: str | None = None
 
     async def run(self) -> None:
-        """Use the map that was in use before; then there is nothing to do until somebody asks."""
+        """Use the map that was in use before; then there is nothing to do until a client asks."""
         try:
             await self._load_last()
         except MapStoreError as problem:
@@ -106,7 +106,7 @@ class MapsService:
         return await self._entries.outside(lambda: self._loaded(name, progress.report))
 
     async def _loaded(self, name: str, report: Report) -> MapInUse:
-        """Wait until the way can be found on it; what somebody has edited is imported first."""
+        """Wait until localization can use it; files that were edited by hand are imported first."""
         with repeated(report, "waiting for the disk") as tell:
             async with self._order:
                 ignored = await self._import_edited(name, tell)
@@ -116,7 +116,7 @@ class MapsService:
         return replace(used, warning=warning)
 
     async def _import_edited(self, name: str, report: Report) -> str | None:
-        """Take in what somebody put there or has edited; why not, if it is no map and a saved version is whole."""
+        """Import files that were put there or edited; why not, if they are no map and a saved version is whole."""
         if not await self._in_thread(self.store.needs_import, name):
             return None
         try:
@@ -290,7 +290,7 @@ class MapsService:
 
 
 def _summary(stored: StoredMap, in_use: str | None) -> MapSummary:
-    """A map as it is told."""
+    """A map as it is sent."""
     damage = (stored.damage or {}).items()
     row = MapSummary(
         name=stored.name,

@@ -74,7 +74,7 @@ class LocalizationSkill:
     def used(self) -> tuple[str, int] | None:
         """The map in use, and its version: another object each time that it was asked for.
 
-        ``grid`` has its cells, ``report`` and ``seen`` what the last scan told.
+        ``grid`` has its cells; ``report`` and ``seen`` are of the last scan.
         """
         return self._map
 
@@ -192,7 +192,7 @@ class LocalizationSkill:
         return self._standing()
 
     def _using(self, name: str, version: int, renamed_from: str | None) -> Job:
-        """Make a map ready, in steps; one that is ready is only told to be in use anew, and the pose stays."""
+        """Make a map ready, in steps; one that is ready stays as it is, with its pose."""
         if self._map in ((name, version), (renamed_from, version)):
             self._map, self._kept = (name, version), None
             return self._standing()
@@ -236,7 +236,7 @@ class LocalizationSkill:
                 "no finished map is in use: load one, or finish the one in progress",
             )
 
-    # what is told
+    # what is published
 
     def _located(self, report: LocalizationReport) -> Iterator[Struct]:
         """How it stands with a scan, and the pose, where there is one, which follows the estimate smoothly."""

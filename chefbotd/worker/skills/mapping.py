@@ -32,7 +32,7 @@ if TYPE_CHECKING:  # it would load asyncio, 7 MB
 
 
 BUSY_SHARE: Final = 0.05
-"""Telling and saving each take no more of the time than this; a large map is told and saved less often."""
+"""Publishing and saving each take no more of the time than this: a large map is published and saved less often."""
 
 
 class MappingMode(StrEnum):
@@ -265,7 +265,7 @@ class MappingSkill:
             raise Refused(RefusalKind.NOT_MAPPING, "no map is being made, or it is still empty")
         return part
 
-    # what is told
+    # what is published
 
     def _status(self) -> MappingChanged:
         state, is_idle = self._state, self._mode is MappingMode.IDLE

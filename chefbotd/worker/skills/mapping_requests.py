@@ -34,7 +34,7 @@ class MappingSkillParameters(Parameters):
 class Start(Message, frozen=True, tag="start"):
     """Begin a map; with a ``name``: go on with that one; ``unfinished``: with the one that was never finished.
 
-    ``paused``: take in no scans until told to start again.
+    ``paused``: use no scans until the next ``Start``.
     """
 
     name: str | None = None
@@ -50,7 +50,7 @@ class ResumeMapping(Message, frozen=True, tag="resume"):
 
 
 class PauseMapping(Message, frozen=True, tag="pause"):
-    """Take in no scans until told to start again."""
+    """Use no scans until the next ``Start``."""
 
 
 class Finish(Message, frozen=True, tag="finish"):

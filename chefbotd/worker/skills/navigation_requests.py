@@ -59,7 +59,7 @@ class NavigateTo(Message, frozen=True, tag="navigate_to"):
 
 
 class KeepGoals(Message, frozen=True, tag="keep_goals"):
-    """Of all goals only these, by the daemon's numbers, are left; it has told how the others ended."""
+    """Keep only these goals, by the daemon's numbers; the daemon has published how the others ended."""
 
     numbers: tuple[int, ...]
 
@@ -81,7 +81,7 @@ class PlanTo(Message, frozen=True, tag="plan_to"):
 
 
 class Show(Message, frozen=True, tag="show"):
-    """Tell what people look at, from now on or no more; all of the costs, where somebody begins to look."""
+    """Send costs or obstacles from now on, or no more; first all of the costs, where a client begins to look."""
 
     costmap: bool
     obstacles: bool
@@ -93,7 +93,7 @@ class CheckMap(Message, frozen=True, tag="check_map"):
 
 NavigationRequest: TypeAlias = NavigateTo | KeepGoals | Pause | Resume | PlanTo | Show | CheckMap
 
-# Answered, and told
+# Answers and events
 
 
 class MapChecked(Record, frozen=True):
@@ -105,7 +105,7 @@ class MapChecked(Record, frozen=True):
 class Stepped(Record, frozen=True):
     """What navigation does, and the ``twist`` that it wishes the robot to have now (None: none), in one message.
 
-    ``path`` is told when it is another one than before.
+    ``path`` is sent when it has changed.
     """
 
     stamp_s: float

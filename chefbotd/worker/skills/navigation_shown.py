@@ -1,4 +1,4 @@
-"""The costs and obstacles of the skill ``navigation``, sent a few times a second while somebody subscribes."""
+"""The costs and obstacles of the skill ``navigation``, sent a few times a second while a client subscribes."""
 
 from collections.abc import Iterator
 from typing import Final
@@ -28,7 +28,7 @@ class LayerPublisher:
         self._asked = asked
 
     def due(self, now_s: float, name: str, world: WorldModel) -> Iterator[CostmapChanged | ObstaclesSeen]:
-        """What is to be told now of the map of this name."""
+        """What is to be published now of the map of this name."""
         if self._asked.costmap and now_s >= self._costs_at_s:
             self._costs_at_s = now_s + COSTS_EVERY_S
             frame = world.frame

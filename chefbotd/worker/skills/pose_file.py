@@ -49,7 +49,7 @@ class SavedPose(Parameters):
         return self
 
     def loosened(self) -> tuple[float, ...]:
-        """The covariance after a time in which somebody may have moved the robot a bit."""
+        """The covariance after a time in which the robot may have been moved a bit."""
         added = {0: MOVED_M**2, 4: MOVED_M**2, 8: MOVED_RAD**2}
         return tuple(value + added.get(k, 0.0) for k, value in enumerate(self.covariance))
 

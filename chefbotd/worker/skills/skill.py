@@ -28,7 +28,7 @@ It returns the answer. Where it is given up it is closed at a step, and must the
 
 
 class Skill(Protocol):
-    """One thread calls all of these, one at a time; what they return or yield is told to the daemon.
+    """One thread calls all of these, one at a time; what they return or yield is sent to the daemon.
 
     They may take long. What raises anything but ``Refused`` (of ``core.commands``) ends the worker, which is restarted.
     """
