@@ -6,6 +6,7 @@
 
 import gc
 import os
+import signal
 from collections.abc import Generator, Iterator
 from functools import cache
 from importlib.util import find_spec
@@ -18,6 +19,10 @@ from hypothesis import HealthCheck, settings
 
 from tests.budget import FAST_EXAMPLES, IS_FULL, TIER, is_left
 from tests.groups import COMPILED, NEED_NAVIGATION, group_of
+
+# A shell starts a job in the background with SIGINT ignored, and the programs that are tested would inherit that.
+if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
+    signal.signal(signal.SIGINT, signal.default_int_handler)
 
 # How fast examples are made and run says how busy the machine is, and nothing of the code.
 PATIENT = settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])

@@ -22,6 +22,9 @@ Shades = npt.NDArray[np.uint8]
 LIKELY_OCCUPIED = 65
 """From this percentage a cell is a wall, as in map_server."""
 
+ROUNDING = 1e-9
+"""A size divided by its own scale may come out a little too large."""
+
 ARROWS = "→↗↑↖←↙↓↘"
 UPPER, LOWER, FULL, FOG = "▀", "▄", "█", "░"
 WALL, SEEN, UNSEEN = 2, 1, 0
@@ -95,7 +98,7 @@ def _known_part(percent: Percents) -> tuple[int, int, Percents]:
 def _shrunk(percent: Percents, scale: float, columns: int, rows: int) -> Shades:
     """The kind of each half of a character, the top row first; an odd number of rows has an unseen one above it."""
     edges = [
-        np.floor(np.arange(min(most, math.ceil(size / scale))) * scale).astype(np.int64)
+        np.floor(np.arange(min(most, math.ceil(size / scale - ROUNDING))) * scale).astype(np.int64)
         for size, most in zip(percent.shape, (rows, columns), strict=True)
     ]
     most = np.maximum.reduceat(np.maximum.reduceat(percent, edges[0], axis=0), edges[1], axis=1)

@@ -88,7 +88,7 @@ NO_STATE = {
     "_Waiting._goal": "nobody hears of the progress",
     "_Waiting._goals": "nobody hears of the progress",
     "_Waiting._left_m": "nobody hears of the progress",
-    "_Waiting._way_m": "nobody hears of the progress",
+    "_Waiting._path_m": "nobody hears of the progress",
 }
 """Attributes from which nothing follows that a replay computes, and why."""
 

@@ -3,7 +3,7 @@
 import math
 
 import numpy as np
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 
 from chefbotd.cli.maps.draw import FOG, FULL, LOWER, UPPER, MapMark, draw_map
@@ -73,6 +73,7 @@ def test_in_colour_each_half_has_its_own() -> None:
     assert [str(span.style) for span in text.spans] == ["black on grey85", "grey85 on grey30"]
 
 
+@example(17, 17, 7, 4, 0)  # 17 / (17 / 7) is a little more than 7
 @given(st.integers(1, 70), st.integers(1, 70), st.integers(1, 40), st.integers(1, 20), st.integers(0, 99))
 def test_every_map_fits_every_terminal(height: int, width: int, columns: int, rows: int, seed: int) -> None:
     """All lines are equally long, and no more of them than there is room for, with a mark in every corner."""
