@@ -8,6 +8,7 @@ it.
 
 import math
 from collections.abc import Sequence
+from itertools import pairwise
 from operator import add, mul
 
 from pydantic import Field
@@ -218,7 +219,8 @@ def _surprises(
     elapsed_s = judged_s = board_s - state.window[-1].board_s
     window_s = state.window[-1].board_s - state.window[0].board_s
     if window_s and elapsed_s < LOST_LINES_S:
-        judged_s = min(elapsed_s, GAP_CYCLES * window_s / (len(state.window) - 1))
+        cycle_s = min([later.board_s - earlier.board_s for earlier, later in pairwise(state.window)])
+        judged_s = min(elapsed_s, GAP_CYCLES * cycle_s)
     radians_per_count = math.tau / params.counts_per_turn
     tolerance_rad = params.max_acceleration_rad_s2 * judged_s * (window_s + judged_s) / 2
     tolerance = tolerance_rad / radians_per_count + params.tolerance_counts

@@ -92,7 +92,10 @@ class Decoder:
         elapsed_s, window_s = board_s - self._good[-1][0], self._good[-1][0] - self._good[0][0]
         judged_s = elapsed_s
         if len(self._good) > 1 and elapsed_s < LOST_LINES_S:
-            judged_s = min(elapsed_s, GAP_CYCLES * window_s / (len(self._good) - 1))
+            cycles_s = [
+                later[0] - earlier[0] for earlier, later in zip(self._good, self._good[1:], strict=False)
+            ]
+            judged_s = min(elapsed_s, GAP_CYCLES * min(cycles_s))
         allowed_rad = most_rad_s2 * judged_s * (window_s + judged_s) / 2
         tolerance = allowed_rad * counts_per_rad + self._params.tolerance_counts
         expected = [velocity * elapsed_s * counts_per_rad for velocity in self._velocity()]

@@ -241,6 +241,16 @@ def test_lost_lines_excuse_no_more_than_one_of_them(elapsed_s: float, allowed_co
         assert reading.unconfirmed == refused
 
 
+def test_earlier_gaps_excuse_no_more() -> None:
+    """Cycles of 20, 80 and 20 ms: a later gap counts as two of 20 ms, 12.5 * 0.04 * (0.12 + 0.04) / 2 = 0.04 turns."""
+    params, state = parameters(max_acceleration_rad_s2=12.5 * math.tau), encoder.START
+    for board_s in (0.0, 0.02, 0.1, 0.12):
+        state, _ = encoder.decode(params, FORWARD, state, (7, 7), board_s)
+    for off, refused in ((39, False), (41, True)):
+        _, reading = encoder.decode(params, FORWARD, state, (7, 7 - off), 0.2)
+        assert reading.unconfirmed == refused
+
+
 def test_a_board_reset_does_not_move_the_robot() -> None:
     """After ``rebase`` the counters may start at zero again: positions go on from where they were."""
     state, _ = feed(parameters(), (400, 400), (500, 450))
