@@ -230,11 +230,11 @@ class Navigator:
         return Step(None if self._execution is None else twist, self._progress(pose), ended)
 
     def _crawled(self, now_s: float, read_s: float, pose: Pose2D, status: PoseStatus) -> Step:
-        """What was asked for goes on until there is another reading; then it is decided what is asked for next."""
+        """The last command continues until there is another reading; the next one is decided by that."""
         crawl, execution = self._crawl, self._execution
         if self.world is not None and execution is not None and crawl.is_due(read_s, now_s):
-            last = crawl.asked[0]
-            now = StepInput(now_s, CYCLE_S, crawl.predicted(pose), status, last)
+            dt_s = min(read_s - crawl.decided_s, CYCLE_S)
+            now = StepInput(now_s, dt_s, crawl.predicted(pose), status, crawl.asked[0])
             twist = self._act(self.world, execution, now)
             self._last = STANDING if twist is None else twist
             self._crawl = crawl.then(read_s, self._last)

@@ -2,13 +2,18 @@
 
 import math
 
+import numpy as np
 import pytest
 
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.core.record import replace
 from chefbotd.navigation.crawl import Crawl, moved, slowed, watched
+from chefbotd.navigation.interface import Seen
 from chefbotd.navigation.navigator import Navigator
+from chefbotd.navigation.path import Goal
+from tests.chefbotd.mapping.slam.flat import box
 from tests.chefbotd.navigation.drives import ROUND
+from tests.chefbotd.navigation.grids import rasterised
 
 SILENT_S = 0.4
 AHEAD = Twist2D(0.04, 0.0)
@@ -80,3 +85,22 @@ def test_where_the_gate_lets_nothing_move_it_does_not_crawl(rim_m_s: float, craw
         now_s = 0.05 * k
         navigator.step(now_s, Pose2D(), pose_age_s=now_s % 1.05)
     assert navigator.crawls is crawls
+
+
+def test_seconds_without_a_scan_are_seconds_while_it_crawls() -> None:
+    """A board that is silent for 0.45 of each 0.5 s: the last scan is of 4 s, and the goal ends 2.1 s and 10 s later."""
+    navigator, pose, ended_s = Navigator(ROUND), Pose2D(2.0, 2.0, 0.1), 0.0
+    navigator.use_map(rasterised(box(0, 0, 6.0, 4.0), 6.0, 4.0))
+    for k in range(400):
+        now_s = 0.05 * k
+        if now_s <= 4.0:
+            navigator.take_scan(Seen(now_s, pose, np.zeros(2), np.array([[3.0, -0.5], [3.0, 0.5]])))
+        if k == 20:
+            navigator.navigate_to((Goal(4.5, 2.2, 0.0),))
+        step = navigator.step(now_s, pose, pose_age_s=now_s % 0.5)
+        if step.ended:
+            ended_s = now_s
+            assert step.ended[0].reason == "fault: no scan arrived for 10 s"
+            break
+    assert navigator.crawls
+    assert 15.5 < ended_s < 16.7  # to a cycle
