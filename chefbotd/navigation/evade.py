@@ -69,7 +69,10 @@ MOST_M: Final = 0.8
 MOST_IF_SLOWER_M: Final = 3.0
 
 STANDS_S: Final = 1.0
-"""A moving robot that a person would touch within this time brakes, unless he would then come nearer."""
+"""A moving robot that a person would touch within this time brakes, unless he would then come nearer,"""
+
+FAST_M_S: Final = 0.4
+"""if he is faster than this: anybody slower can be evaded to the end."""
 
 
 def evading_twist(
@@ -169,9 +172,9 @@ def is_in_the_way(outline: Footprint, near: Surroundings, for_s: float) -> bool:
     return _Search(outline, STANDING, _walking(near), near).least_m(0.0, 0.0, for_s) < ROOM_M
 
 
-def _walking(near: Surroundings) -> _Coming:
-    """The people who walk now, each with his present velocity."""
-    walks: Flags = np.asarray(near.velocity_m_s.any(axis=1))
+def _walking(near: Surroundings, above_m_s: float = 0.0) -> _Coming:
+    """The people who walk now, faster than this, each with his present velocity."""
+    walks: Flags = np.asarray(np.hypot(near.velocity_m_s[:, 0], near.velocity_m_s[:, 1]) > above_m_s)
     return _Coming(near.points_m[walks], near.velocity_m_s[walks], np.zeros(int(walks.sum()), np.bool_))
 
 
@@ -246,12 +249,10 @@ def evade(
 
 def _safest(outline: Footprint, near: Surroundings, last: Twist2D, twist: Twist2D | None) -> Twist2D | None:
     """The twist; None, to brake, if a person would soon touch a robot that drives so, and comes no nearer then."""
-    if twist is None or abs(twist.linear_m_s) < 1e-3 or not near.velocity_m_s.any():
+    people = _walking(near, FAST_M_S)
+    if twist is None or abs(twist.linear_m_s) < 1e-3 or not len(people.points_m):
         return twist
-    search, speed_m_s = (
-        _Search(outline, last, _walking(near), near),
-        math.copysign(SPEED_M_S, twist.linear_m_s),
-    )
+    search, speed_m_s = _Search(outline, last, people, near), math.copysign(SPEED_M_S, twist.linear_m_s)
     length_m = speed_m_s * (STANDS_S + SPEED_M_S / BRAKING_M_S2)  # so that it does not brake within that time
     driving_m = search.least_m(twist.angular_rad_s / twist.linear_m_s, length_m, STANDS_S)
     stands = driving_m < TOUCH_M and search.least_m(0.0, 0.0, STANDS_S) >= driving_m

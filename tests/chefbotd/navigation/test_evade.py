@@ -79,15 +79,21 @@ def test_who_waits_for_a_robot_that_cannot_go_on_is_let_by() -> None:
     assert evaded(0.62, 0.05, 0.5, waits=True, is_stuck=False) is None
 
 
-@pytest.mark.parametrize(("x_m", "brakes"), [(0.5, True), (-0.2, False), (-0.6, False)])
-def test_a_robot_brakes_before_a_touch_unless_standing_is_worse(x_m: float, brakes: bool) -> None:
+@pytest.mark.parametrize(
+    ("x_m", "speed_m_s", "brakes"),
+    [(0.5, 0.9, True), (0.5, 0.35, False), (-0.2, 0.9, False), (-0.6, 0.9, False)],
+)
+def test_a_robot_brakes_before_a_touch_unless_standing_is_worse(
+    x_m: float, speed_m_s: float, brakes: bool
+) -> None:
     """Somebody crosses at 0.9 m/s, and is on the robot's line after 0.83 s; their radii are 0.18 and 0.22 m together.
 
     By then it has driven 0.22 m, or braked in 0.09 m. He crosses 0.5 m ahead: 0.28 m from a robot that drives on, 0.41 m
-    from one that brakes. 0.2 m behind: 0.42 m and 0.29 m, so it drives on. 0.6 m behind there is room for both.
+    from one that brakes. 0.2 m behind: 0.42 m and 0.29 m, so it drives on. 0.6 m behind there is room for both. Somebody
+    at 0.35 m/s is evaded to the end.
     """
-    front = FRONT @ np.array([[0.0, 1.0], [-1.0, 0.0]]) + [x_m, 0.75]
-    walks = np.tile([0.0, -0.9], (len(front), 1))
+    front = FRONT @ np.array([[0.0, 1.0], [-1.0, 0.0]]) + [x_m, 0.83 * speed_m_s]
+    walks = np.tile([0.0, -speed_m_s], (len(front), 1))
     near = Surroundings(front, walks, np.full(len(front), 0.1), NO_MAP, 0.05, Pose2D(5, 5))
     drives = Twist2D(0.3, 0.1)
     now = StepInput(0.0, 0.05, Pose2D(5, 5), PoseStatus.LOCALIZED, drives)
