@@ -27,7 +27,7 @@ LEAST_SHARE = 0.2
 STICTION = 1.3
 """A wheel that stands takes up to this many times the friction of one that turns to break loose."""
 
-UNSETTLED_SHARE = 0.2
+UNSETTLED_SHARE = 0.1
 """Of the integral gain, while the wheels may still be on their way to a setpoint that has changed, or creep."""
 
 CREEPING_M_S = 0.025

@@ -11,9 +11,9 @@ from chefbotd.settings import Settings
 from chefbotd.testing.daemon import simulated_robot
 from tests.scenarios.robots import SKETCHED, settings_of
 
-STEADY_S, DRIVEN_S = 2.5, 5.0
+STEADY_S, DRIVEN_S = {"chefbot": 1.5, "khan": 2.5}, 5.0
 OFF = 0.02
-"""The most that the mean from ``STEADY_S`` on may be off."""
+"""The most that the mean from ``STEADY_S`` on may be off. Measured: 0.01."""
 
 OVERSHOOT = {"chefbot": 0.14, "khan": 0.16}
 """Of a start from rest on the motors of the configuration, as before the integral was made faster: static friction."""
@@ -51,8 +51,8 @@ def settings_for(robot: str, plant: str) -> Settings:
 
 @pytest.mark.parametrize(("robot", "plant", "speed_m_s"), cases())
 def test_a_steady_command_is_followed_at_its_speed(robot: str, plant: str, speed_m_s: float) -> None:
-    """From 2.5 s after a start from rest the mean of the true speed, and of odometry's, is within 2 %."""
-    settings = settings_for(robot, plant)
+    """From 1.5 s (KHAN 2.5 s) after a start from rest the mean of the true speed, and of odometry's, is within 2 %."""
+    settings, steady_s = settings_for(robot, plant), STEADY_S[robot.partition("/")[0]]
 
     async def run() -> None:
         async with simulated_robot(settings) as simulated:
@@ -68,11 +68,11 @@ def test_a_steady_command_is_followed_at_its_speed(robot: str, plant: str, speed
                     truth = simulated.board.truth(loop.time())
                     places[loop.time() - began_s] = truth.world_from_base.x_m
                     peak_m_s = max(peak_m_s, math.copysign(1.0, speed_m_s) * truth.twist.linear_m_s)
-            steady = [(at_s, x_m) for at_s, x_m in places.items() if at_s >= STEADY_S]
+            steady = [(at_s, x_m) for at_s, x_m in places.items() if at_s >= steady_s]
             (from_s, from_m), (to_s, to_m) = steady[0], steady[-1]
             assert (to_m - from_m) / (to_s - from_s) == pytest.approx(speed_m_s, rel=OFF)
             steps = [driven.take_event() for _ in range(len(driven))]
-            steps = [step for step in steps if step.stamp_s >= began_s + STEADY_S]
+            steps = [step for step in steps if step.stamp_s >= began_s + steady_s]
             turned_rad = sum(steps[-1].position_rad) - sum(steps[0].position_rad)
             rolled_m = turned_rad / len(settings.chassis.wheels) * settings.chassis.wheels[0].radius_m
             over_s = steps[-1].stamp_s - steps[0].stamp_s

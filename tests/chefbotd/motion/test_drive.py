@@ -352,7 +352,7 @@ def test_wheels_that_are_dragged_sideways_get_more(linear_m_s: float, angular_ra
 
 
 def test_the_integral_acts_in_full_when_the_setpoint_is_steady():
-    """0.1 m/s too slow: 100 * 0.1 m/s * 20 ms = 0.2 duty a step; a fifth until 0.3 s after a start, and a change."""
+    """0.1 m/s too slow: 100 * 0.1 m/s * 20 ms = 0.2 duty a step; a tenth until 0.3 s after a start, and a change."""
     integral_only = PidParameters(kp=0.0, ki=100.0, output_limit=1023.0)
     controller = drive(integral_only, integral_settle_s=0.3, response_delay_s=0.02)
     state, grown = controller.at_rest, {}
@@ -364,12 +364,12 @@ def test_the_integral_acts_in_full_when_the_setpoint_is_steady():
             state, target, number * 0.02, (rim_rad_s, rim_rad_s), 0.02, measured_over_s=0.08
         )
         grown[number] = state.pids[0].integral_duty - before
-    for since, until, expected in ((20, 25, 0.04), (35, 75, 0.2), (90, 95, 0.04), (105, 150, 0.2)):
+    for since, until, expected in ((20, 25, 0.02), (35, 75, 0.2), (90, 95, 0.02), (105, 150, 0.2)):
         assert [grown[n] for n in range(since, until)] == pytest.approx([expected] * (until - since)), since
 
 
 def test_the_integral_of_a_wheel_that_creeps_stays_slow():
-    """Both rims 0.1 m/s too slow: 100 * 0.1 m/s * 20 ms = 0.2 duty a step at 0.026 m/s, a fifth of it at 0.024."""
+    """Both rims 0.1 m/s too slow: 100 * 0.1 m/s * 20 ms = 0.2 duty a step at 0.026 m/s, a tenth of it at 0.024."""
     integral_only = PidParameters(kp=0.0, ki=100.0, output_limit=1023.0)
     controller = drive(integral_only, integral_settle_s=0.3, response_delay_s=0.02)
     slow_m_s, fast_m_s = 0.024, 0.026
@@ -382,7 +382,7 @@ def test_the_integral_of_a_wheel_that_creeps_stays_slow():
     grown = [
         after.integral_duty - pid.integral_duty for after, pid in zip(state.pids, before.pids, strict=True)
     ]
-    assert grown == pytest.approx([0.04, 0.2])
+    assert grown == pytest.approx([0.02, 0.2])
 
 
 def test_effort_is_what_is_pushed_beyond_scrubbing():

@@ -11,7 +11,7 @@ from chefbotd.settings import load, packaged
 from chefbotd.settings.gains_file import save, with_gains
 
 PID = """kp = 200
-ki = 1000.0
+ki = 2000.0
 ks = 21.2
 kv = 598
 ka = 15
@@ -106,7 +106,7 @@ def test_what_goes_leaves_its_comments(config: Path) -> None:
         + "# below\n\n# of what follows\n[limits]"
     )
     config.write_text(
-        config.read_text().replace("[limits]", apart).replace("ki = 1000.0", "ki = 7  # found by hand")
+        config.read_text().replace("[limits]", apart).replace("ki = 2000.0", "ki = 7  # found by hand")
     )
     save(config, both())
     assert (

@@ -16,7 +16,7 @@ def test_the_packaged_chefbot_has_the_published_numbers():
     assert [wheel.radius_m for wheel in settings.chassis.wheels] == [0.045, 0.045]
     assert settings.chassis.track_width_m == 0.3
     assert settings.encoders.counts_per_turn == 4200
-    assert (settings.pid.kp, settings.pid.ki, settings.pid.output_limit) == (200, 1000, 255)
+    assert (settings.pid.kp, settings.pid.ki, settings.pid.output_limit) == (200, 2000, 255)
     assert settings.drive.max_duty == 255
     assert settings.safety.command_timeout_s == 0.5
     assert {name: s.priority for name, s in settings.safety.sources.items()} == {
