@@ -82,7 +82,7 @@ def test_gains_change_while_the_robot_drives_and_those_that_were_tuned_stay(robo
         gains = (await client.call("get_pid"))["wheels"]
         assert {name: each["ki"] for name, each in gains.items()} == {
             "left_wheel": 90.0,
-            "right_wheel": 1000.0,
+            "right_wheel": 2000.0,
         }
         assert {name: each["kp"] for name, each in gains.items()} == {
             "left_wheel": 150.0,
