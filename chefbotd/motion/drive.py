@@ -14,6 +14,7 @@ from chefbotd.core.geometry import Motion, WheelVelocities
 from chefbotd.core.record import replace
 from chefbotd.motion import pid, reference
 from chefbotd.motion.drive_state import DriveParameters, DriveState
+from chefbotd.motion.encoder import LOST_LINES_S
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters
@@ -28,7 +29,10 @@ STICTION = 1.3
 """A wheel that stands takes up to this many times the friction of one that turns to break loose."""
 
 UNSETTLED_SHARE = 0.1
-"""Of the integral gain, while the wheels may still be on their way to a setpoint that has changed, or creep."""
+"""Of the integral gain, while the wheels may still be on their way to a setpoint that has changed, or creep.
+
+So too with a board that is silent for a second in each cycle: the error is one of a second ago.
+"""
 
 CREEPING_M_S = 0.025
 """Below this setpoint friction holds a wheel and lets it go by turns: a fast integral would make it jump.
@@ -105,6 +109,7 @@ class Drive:
         state = self._setpoints.step(state, target, now_s, apart)
         if not any(state.setpoint_m_s) and is_rest(target):
             return self.halt(state)
+        is_silent = dt_s > LOST_LINES_S
         dt_s = min(dt_s, self._parameters.max_step_s)
         speeds_m_s = self._kinematics.rims_at_m_s(velocity_rad_s)
         integral_share = creeping_share = 1.0
@@ -112,7 +117,7 @@ class Drive:
         if measured_over_s > 0:
             asked_m_s = reference.mean_m_s(history, measured_over_s, delay_s)
             speeds_m_s = reference.caught_up(speeds_m_s, asked_m_s, state.setpoint_m_s)
-            if reference.is_steady(asked_m_s, state.setpoint_m_s):
+            if not is_silent and reference.is_steady(asked_m_s, state.setpoint_m_s):
                 steady_s = state.steady_s + dt_s
             if self._parameters.integral_settle_s > 0:
                 creeping_share = UNSETTLED_SHARE

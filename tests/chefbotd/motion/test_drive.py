@@ -385,6 +385,24 @@ def test_the_integral_of_a_wheel_that_creeps_stays_slow():
     assert grown == pytest.approx([0.02, 0.2])
 
 
+@pytest.mark.parametrize(("cycle_s", "expected"), [(0.1, 1.0), (1.1, 0.1)])
+def test_the_integral_stays_slow_with_a_board_that_is_silent_for_a_second_in_each_cycle(
+    cycle_s: float, expected: float
+):
+    """A rim 0.1 m/s too slow: 100 * 0.1 m/s * 0.1 s, the longest step, is 1 duty at 10 Hz, and a tenth of it then."""
+    integral_only = PidParameters(kp=0.0, ki=100.0, output_limit=1023.0)
+    controller = drive(integral_only, integral_settle_s=0.3, response_delay_s=0.02)
+    state, rim_rad_s = controller.at_rest, 0.1 / RADIUS_M
+    for number in range(1, 31):
+        before = state
+        measured_rad_s = (rim_rad_s, rim_rad_s)
+        state = controller.regulate(
+            state, Twist2D(0.2, 0.0), number * cycle_s, measured_rad_s, cycle_s, measured_over_s=cycle_s
+        )
+    assert state.setpoint_m_s == pytest.approx((0.2, 0.2))
+    assert state.pids[0].integral_duty - before.pids[0].integral_duty == pytest.approx(expected)
+
+
 def test_effort_is_what_is_pushed_beyond_scrubbing():
     """On the spot at 0.3 m/s of the rims: 40 + 300 + 100 of 1000; less 1.3 times the 100 that scrubbing takes: 0.31."""
     gains = PidParameters(kp=0.0, ki=0.0, ks=40.0, kv=1000.0, output_limit=1000.0)
