@@ -126,8 +126,9 @@ class RecordingService:
         """Wait until the board was told to stop, or cannot be; the daemon's start does not wait for the recorder."""
         if self.thread.writer is None:
             board = self._bus.subscribe(LinkOpened, LinkNotOpened)
-            with suppress(TimeoutError):
-                await asyncio.wait_for(board.get(), BOARD_WITHIN_S)
+            with suppress(TimeoutError):  # wait_for of Python 3.11 loses a cancellation that comes with the event
+                async with asyncio.timeout(BOARD_WITHIN_S):
+                    await board.get()
             board.close()
         try:
             await self.thread.ready()
