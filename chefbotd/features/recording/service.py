@@ -126,7 +126,9 @@ class RecordingService:
         """Wait until the board was told to stop, or cannot be; the daemon's start does not wait for the recorder."""
         if self.thread.writer is None:
             board = self._bus.subscribe(LinkOpened, LinkNotOpened)
-            with suppress(TimeoutError):  # wait_for of Python 3.11 loses a cancellation that comes with the event
+            with suppress(
+                TimeoutError
+            ):  # wait_for of Python 3.11 loses a cancellation that comes with the event
                 async with asyncio.timeout(BOARD_WITHIN_S):
                     await board.get()
             board.close()
