@@ -44,7 +44,8 @@ async def robots(
         browser = AsyncServiceBrowser(network.zeroconf, SERVICE_TYPE, handlers=[note])
         try:
             with suppress(TimeoutError):
-                await asyncio.wait_for(answered.wait(), seconds)
+                async with asyncio.timeout(seconds):
+                    await answered.wait()
         finally:
             await browser.async_cancel()
         answers = await asyncio.gather(*[questions[name] for name in sorted(questions)])

@@ -66,7 +66,8 @@ async def _scans(robot: Client, lidar: str | None) -> AsyncGenerator["Event[Scan
         async with robot.subscribe("scan", policy="ordered") as events:
             while True:
                 try:
-                    event = await asyncio.wait_for(_next_of(events, lidar), FIRST_WITHIN_S)
+                    async with asyncio.timeout(FIRST_WITHIN_S):
+                        event = await _next_of(events, lidar)
                 except TimeoutError:
                     raise ProgramError(Exit.FAILED, await _why_none(robot, lidar)) from None
                 lidar = event.data.lidar
