@@ -1,0 +1,175 @@
+"""A step of the calibration: motions that tell something, and a fit to all that was measured.
+
+A procedure is a generator. It yields what the robot does next, and is sent what was measured meanwhile; so it can choose
+a motion by what it saw. The fit gets everything that was measured at once. It therefore works on a recorded drive too.
+"""
+
+from collections.abc import Callable, Generator, Mapping
+from enum import StrEnum
+from typing import TypeAlias
+
+from chefbotd.core.events import (
+    BatteryMeasured,
+    ImuMeasured,
+    RangeMeasured,
+    TruthSimulated,
+    WheelsDriven,
+    WheelsMeasured,
+)
+from chefbotd.core.events.lidars import ScanMeasured
+from chefbotd.core.geometry import Motion
+from chefbotd.core.record import Record
+from chefbotd.motion.drive_state import DriveParameters
+from chefbotd.motion.encoder import EncoderParameters
+from chefbotd.motion.kinematics import ChassisParameters
+from chefbotd.motion.limits import MotionLimits
+from chefbotd.motion.pid import PidParameters
+from chefbotd.sensing.battery import BatteryParameters
+from chefbotd.sensing.imu import ImuParameters
+from chefbotd.sensing.infrared import InfraredParameters
+from chefbotd.sensing.lidar import LidarParameters
+from chefbotd.sensing.ultrasonic import UltrasonicParameters
+
+
+class Robot(Record, frozen=True):
+    """The robot as it is configured: what a calibration starts from.
+
+    ``outline_radius_m`` is that of the circle around the body, centred at the middle of the axle.
+    """
+
+    chassis: ChassisParameters
+    encoders: EncoderParameters
+    drive: DriveParameters
+    gains: Mapping[str, PidParameters]
+    limits: MotionLimits
+    battery: BatteryParameters
+    outline_radius_m: float
+    imu: ImuParameters | None = None
+    ultrasonic: UltrasonicParameters | None = None
+    infrared: tuple[InfraredParameters, ...] = ()
+    lidars: tuple[LidarParameters, ...] = ()
+
+
+class Measurements(Record, frozen=True):
+    """What was measured, each kind in the order of its times.
+
+    ``driven`` and ``wheels`` have an element for each control step, ``driven`` with the duty commanded after it.
+    ``answers`` are what a person typed, by the question's key. ``truth`` is what a simulator or a motion capture system says.
+    """
+
+    wheels: tuple[WheelsMeasured, ...] = ()
+    driven: tuple[WheelsDriven, ...] = ()
+    imu: tuple[ImuMeasured, ...] = ()
+    scans: tuple[ScanMeasured, ...] = ()
+    ranges: tuple[RangeMeasured, ...] = ()
+    battery: tuple[BatteryMeasured, ...] = ()
+    truth: tuple[TruthSimulated, ...] = ()
+    answers: Mapping[str, float] = {}
+
+
+class Move(Record, frozen=True):
+    """Drive like this for so long, then stand until the wheels are at rest. Without a motion the robot stands.
+
+    ``settled`` False goes straight on to the next action. ``done`` is the share of the step that is then behind it, and
+    ``text`` says what the robot does.
+    """
+
+    motion: Motion | None
+    duration_s: float
+    text: str
+    done: float = 0.0
+    settled: bool = True
+
+
+class Ask(Record, frozen=True):
+    """Ask a person for a number, in ``unit``, between the bounds; the robot stands meanwhile."""
+
+    key: str
+    text: str
+    unit: str
+    lowest: float
+    highest: float
+    done: float = 0.0
+
+
+Action: TypeAlias = Move | Ask
+Procedure: TypeAlias = Generator[Action, Measurements, None]
+"""Is sent what was measured during the action that it has yielded; an ``Ask`` is answered in ``answers``."""
+
+
+class Status(StrEnum):
+    """The outcome of a step: ``not_enough`` names what is missing, ``refused`` why no result can be believed."""
+
+    PASSED = "passed"
+    NOT_ENOUGH = "not_enough"
+    REFUSED = "refused"
+
+
+class Estimate(Record, frozen=True):
+    """A parameter before and after, and the standard deviation of the new value.
+
+    ``key`` is its path in the configuration. The wheels, lidars and infrared sensors of a list are named:
+    ``chassis.wheels.left_wheel.motor_sign``.
+    """
+
+    key: str
+    unit: str
+    before: float
+    after: float
+    sigma: float
+
+
+class Residual(Record, frozen=True):
+    """What the model leaves unexplained (root mean square), before and after; ``count`` measurements say so."""
+
+    name: str
+    unit: str
+    before: float
+    after: float
+    count: int
+
+
+class Series(Record, frozen=True):
+    """One line (or with ``points`` one cloud) of a plot."""
+
+    name: str
+    x: tuple[float, ...]
+    y: tuple[float, ...]
+    points: bool = False
+
+
+class Plot(Record, frozen=True):
+    """A diagram with its axes' labels; ``equal`` axes have one scale."""
+
+    title: str
+    x_label: str
+    y_label: str
+    series: tuple[Series, ...]
+    equal: bool = False
+
+
+class StepResult(Record, frozen=True):
+    """What came of a step; ``reason`` is for people, and empty where the step passed without a remark."""
+
+    step: str
+    status: Status
+    reason: str = ""
+    estimates: tuple[Estimate, ...] = ()
+    residuals: tuple[Residual, ...] = ()
+    plots: tuple[Plot, ...] = ()
+
+
+class Step(Record, frozen=True):
+    """One step. ``preparation`` says what a person does first; the robot needs ``space_m`` of free floor around it.
+
+    ``missing(robot)`` says what this robot lacks for the step (empty: nothing). ``fit(robot, measurements)`` never
+    raises for bad measurements: its result says ``not_enough`` or ``refused``.
+    """
+
+    name: str
+    purpose: str
+    preparation: str
+    space_m: float
+    missing: Callable[[Robot], str]
+    procedure: Callable[[Robot], Procedure]
+    fit: Callable[[Robot, Measurements], StepResult]
