@@ -54,7 +54,8 @@ class Measurements(Record, frozen=True):
     """What was measured, each kind in the order of its times.
 
     ``driven`` and ``wheels`` have an element for each control step, ``driven`` with the duty commanded after it.
-    ``answers`` are what a person typed, by the question's key. ``truth`` is what a simulator or a motion capture system says.
+    ``answers`` are what a person typed, by the question's key.
+    ``truth`` is what a simulator or a motion capture system says.
     """
 
     wheels: tuple[WheelsMeasured, ...] = ()
