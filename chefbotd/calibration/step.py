@@ -5,7 +5,6 @@ a motion by what it saw. The fit gets everything that was measured at once. It t
 """
 
 from collections.abc import Callable, Generator, Mapping
-from enum import StrEnum
 from typing import TypeAlias
 
 from chefbotd.core.events import (
@@ -16,6 +15,7 @@ from chefbotd.core.events import (
     WheelsDriven,
     WheelsMeasured,
 )
+from chefbotd.core.events.calibration import Ask, Estimate, Plot, Residual, Series, Status, StepResult
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.geometry import Motion
 from chefbotd.core.record import Record
@@ -30,10 +30,28 @@ from chefbotd.sensing.infrared import InfraredParameters
 from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.sensing.ultrasonic import UltrasonicParameters
 
+__all__ = [
+    "Action",
+    "Ask",
+    "Estimate",
+    "Measurements",
+    "Move",
+    "Plot",
+    "Procedure",
+    "Residual",
+    "Robot",
+    "Series",
+    "Status",
+    "Step",
+    "StepResult",
+]
+
 
 class Robot(Record, frozen=True):
-    """The robot as it is configured: what a calibration starts from.
+    """The robot as it is configured, with the results of other steps so far: what a step starts from.
 
+    Of the step's own parameters, it has those in force while the measurements were made. A scan's mount is the one in
+    ``lidars``; the scan's own ``base_from_lidar`` does not have the results of other steps.
     ``outline_radius_m`` is that of the circle around the body, centred at the middle of the axle.
     """
 
@@ -82,82 +100,9 @@ class Move(Record, frozen=True):
     settled: bool = True
 
 
-class Ask(Record, frozen=True):
-    """Ask a person for a number, in ``unit``, between the bounds; the robot stands meanwhile."""
-
-    key: str
-    text: str
-    unit: str
-    lowest: float
-    highest: float
-    done: float = 0.0
-
-
 Action: TypeAlias = Move | Ask
 Procedure: TypeAlias = Generator[Action, Measurements, None]
 """Is sent what was measured during the action that it has yielded; an ``Ask`` is answered in ``answers``."""
-
-
-class Status(StrEnum):
-    """The outcome of a step: ``not_enough`` names what is missing, ``refused`` why no result can be believed."""
-
-    PASSED = "passed"
-    NOT_ENOUGH = "not_enough"
-    REFUSED = "refused"
-
-
-class Estimate(Record, frozen=True):
-    """A parameter before and after, and the standard deviation of the new value.
-
-    ``key`` is its path in the configuration. The wheels, lidars and infrared sensors of a list are named:
-    ``chassis.wheels.left_wheel.motor_sign``.
-    """
-
-    key: str
-    unit: str
-    before: float
-    after: float
-    sigma: float
-
-
-class Residual(Record, frozen=True):
-    """What the model leaves unexplained (root mean square), before and after; ``count`` measurements say so."""
-
-    name: str
-    unit: str
-    before: float
-    after: float
-    count: int
-
-
-class Series(Record, frozen=True):
-    """One line (or with ``points`` one cloud) of a plot."""
-
-    name: str
-    x: tuple[float, ...]
-    y: tuple[float, ...]
-    points: bool = False
-
-
-class Plot(Record, frozen=True):
-    """A diagram with its axes' labels; ``equal`` axes have one scale."""
-
-    title: str
-    x_label: str
-    y_label: str
-    series: tuple[Series, ...]
-    equal: bool = False
-
-
-class StepResult(Record, frozen=True):
-    """What came of a step; ``reason`` is for people, and empty where the step passed without a remark."""
-
-    step: str
-    status: Status
-    reason: str = ""
-    estimates: tuple[Estimate, ...] = ()
-    residuals: tuple[Residual, ...] = ()
-    plots: tuple[Plot, ...] = ()
 
 
 class Step(Record, frozen=True):

@@ -3,13 +3,10 @@
 ``[pid]`` has the gains of all wheels but those that have a ``[wheel_pid.NAME]`` of their own.
 """
 
-import os
-import stat
-import tempfile
 import tomllib
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 from pydantic import ValidationError
 from tomlkit.exceptions import TOMLKitError
@@ -17,8 +14,8 @@ from tomlkit.exceptions import TOMLKitError
 from chefbotd.motion.pid import PidParameters
 from chefbotd.settings.errors import SettingsError
 from chefbotd.settings.loader import load
+from chefbotd.settings.replace_file import read_writable, replace_file
 from chefbotd.settings.toml_edit import Editor
-from chefbotd.storage import sync_folder
 
 Gains = Mapping[str, PidParameters]
 
@@ -38,11 +35,10 @@ def save(path: Path, gains: Gains) -> None:
     if wheels != gains.keys():
         theirs, ours = ", ".join(sorted(gains)), ", ".join(sorted(wheels))
         raise SettingsError(f"{path}: is for the wheels {ours}; the gains are for {theirs}")
-    with path.open("r+b") as file:  # as a file that may not be written to must not be replaced either
-        before = file.read().decode("utf-8-sig")
+    before = read_writable(path)
     after = _edited(path, before, {wheel: gains[wheel] for wheel in wheels})
     if after != before:
-        _replace(path, after)
+        replace_file(path, after)
 
 
 def with_gains(text: str, gains: Gains) -> str:
@@ -114,45 +110,3 @@ def _tell_apart(text: str, wheels: Iterable[str]) -> tuple[dict[str, PidParamete
     said = tomllib.loads(text)
     own, usual = said.pop("wheel_pid", {}), said.pop("pid", None)
     return {wheel: _read(own.get(wheel, usual)) for wheel in wheels}, said
-
-
-def _replace(path: Path, text: str) -> None:
-    with _temporary(path) as fresh:
-        temporary = Path(fresh.name)
-        try:
-            _fill(fresh, text, path.stat())
-            _load_as(path, temporary)
-            temporary.replace(path)
-        except BaseException:
-            temporary.unlink()
-            raise
-    sync_folder(path.parent)  # without this a power cut might bring the old file back
-
-
-def _temporary(path: Path) -> IO[bytes]:
-    """A new file beside the old one, because replacing is atomic only within a folder."""
-    try:
-        return tempfile.NamedTemporaryFile(
-            "wb", dir=path.parent, prefix=f".{path.stem}.", suffix=".toml", delete=False
-        )
-    except OSError as error:
-        raise OSError(
-            error.errno, f"cannot create a file in its folder: {error.strerror}", str(path)
-        ) from error
-
-
-def _load_as(path: Path, temporary: Path) -> None:
-    """Load the new content of ``path``, and name ``path`` if it is refused."""
-    try:
-        load(temporary)
-    except SettingsError as error:
-        raise SettingsError(str(error).replace(str(temporary), str(path))) from error
-
-
-def _fill(fresh: IO[bytes], text: str, like: os.stat_result) -> None:
-    """Write the file and flush it to the disk, with owner and mode of the file that it replaces."""
-    fresh.write(text.encode())
-    fresh.flush()
-    os.fchown(fresh.fileno(), like.st_uid, like.st_gid)
-    os.fchmod(fresh.fileno(), stat.S_IMODE(like.st_mode))
-    os.fsync(fresh.fileno())

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeAlias
 
 import tomlkit
-from tomlkit.items import Comment, InlineTable, Item, Key, Null, Table, Whitespace
+from tomlkit.items import AoT, Comment, InlineTable, Item, Key, Null, Table, Whitespace
 
 Path: TypeAlias = tuple[str, ...]
 Changes: TypeAlias = Mapping[str, object]
@@ -66,11 +66,17 @@ class Editor:
         return (text if self._is_ended else text.removesuffix("\n")).replace("\n", self._line_end)
 
     def _parts(self, path: Path) -> list[Part]:
-        """The tables with keys of a section, in the file's order. With dotted keys there may be several."""
+        """The tables with keys of a section, in the file's order. With dotted keys there may be several.
+
+        The element of an array of tables is found by its ``name``; the only one of an array may have none.
+        """
         parts: list[Part] = [self._document]
+        elements: list[Part] = []
         for name in path:
             items = [item for part in parts for _, item in _named(part, name)]
             parts = [item for item in items if isinstance(item, Table | InlineTable)]
+            parts += _of_name(elements, name)
+            elements = [table for item in items if isinstance(item, AoT) for table in item.body]
         return parts
 
     def _change_inline(self, path: Path, changes: Changes) -> bool:
@@ -91,6 +97,12 @@ def _body(part: Part) -> Body:
 def _named(part: Part, name: str) -> list[tuple[int, Item]]:
     """A table's value of this name and its place. tomlkit's own look-up joins scattered parts into one."""
     return [(at, item) for at, (key, item) in enumerate(_body(part)) if key is not None and key.key == name]
+
+
+def _of_name(elements: Sequence[Part], name: str) -> list[Part]:
+    """The element of this name."""
+    named = [element for element in elements if element.get("name") == name]
+    return named or [element for element in elements if len(elements) == 1 and "name" not in element]
 
 
 def _rewritten(table: InlineTable, path: Path, changes: Changes) -> InlineTable:

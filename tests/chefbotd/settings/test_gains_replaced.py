@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import tomlkit
 
-from chefbotd.settings import SettingsError, gains_file, load, packaged
+from chefbotd.settings import SettingsError, load, packaged, replace_file
 from chefbotd.settings.gains_file import save
 
 NOBODY = 65534
@@ -77,7 +77,7 @@ def test_a_file_that_would_not_load(config: Path, monkeypatch: pytest.MonkeyPatc
             raise SettingsError("it is refused")
         return load(path)
 
-    monkeypatch.setattr(gains_file, "load", only_the_old)
+    monkeypatch.setattr(replace_file, "load", only_the_old)
     with pytest.raises(SettingsError, match="it is refused"):
         save(config, TUNED)
     assert config.read_bytes() == before
