@@ -129,7 +129,7 @@ class Daemon:
             robot_name=settings.robot.name,
             session=self._session,
             sources=Sources(
-                tuple(settings.safety.sources),
+                settings.safety.offered,
                 settings.safety.default_source,
                 self.driving.acknowledge_stops,
             ),

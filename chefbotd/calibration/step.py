@@ -17,7 +17,7 @@ from chefbotd.core.events import (
 )
 from chefbotd.core.events.calibration import Ask, Estimate, Plot, Residual, Series, Status, StepResult
 from chefbotd.core.events.lidars import ScanMeasured
-from chefbotd.core.geometry import Motion
+from chefbotd.core.geometry import Motion, WheelDuties
 from chefbotd.core.record import Record
 from chefbotd.motion.drive_state import DriveParameters
 from chefbotd.motion.encoder import EncoderParameters
@@ -93,7 +93,7 @@ class Move(Record, frozen=True):
     ``text`` says what the robot does.
     """
 
-    motion: Motion | None
+    motion: Motion | WheelDuties | None
     duration_s: float
     text: str
     done: float = 0.0

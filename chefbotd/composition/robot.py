@@ -87,7 +87,7 @@ def robot_features(
             leases,
             clock,
             wheel_names=context.wheel_names,
-            sources=tuple(settings.safety.sources),
+            sources=settings.safety.offered,
             default_source=settings.safety.default_source,
             arm_role=settings.api.arm_role,
         ),

@@ -24,15 +24,31 @@ class WheelVelocities(NamedTuple):
 
     ``twist`` is how they move the robot as a whole, if none of them slips. It is a tuple because a recorded state tells
     it from a ``Twist2D`` by that: of two untagged records msgspec could not say which one was written.
+    With a ``duty`` of each wheel no controller acts: the motors get these duties (forward positive), and the speeds
+    are the highest that the wheels may reach with them.
     """
 
     rad_s: tuple[float, ...]
     twist: Twist2D
+    duty: tuple[int, ...] | None = None
 
     def slowed(self, share: float) -> "WheelVelocities":
-        """All wheels at this share of their speeds: the same arc, more slowly."""
+        """All wheels at this share of their speeds: the same arc, more slowly. Of duties, all or nothing."""
+        if self.duty is not None:
+            if share >= 1.0:
+                return self
+            return WheelVelocities((0.0,) * len(self.rad_s), Twist2D(), (0,) * len(self.rad_s))
         twist = Twist2D(self.twist.linear_m_s * share, self.twist.angular_rad_s * share)
         return WheelVelocities(tuple([velocity * share for velocity in self.rad_s]), twist)
+
+
+class WheelDuties(Record, frozen=True):
+    """The duty of each motor, in the order of the configured wheels (forward positive): a motion without a controller.
+
+    Only the robot's own calibration drives so.
+    """
+
+    duty: tuple[int, ...]
 
 
 Motion: TypeAlias = Twist2D | WheelVelocities

@@ -6,6 +6,7 @@ from statistics import median
 
 from chefbotd.core.record import Record
 from chefbotd.doctor.finding import Finding, ok, problem, skipped, warning
+from chefbotd.motion.drive_state import LOADED_SHARE
 
 MOVED_RAD = 0.3
 """A wheel that turned less than this in a push by hand did not turn."""
@@ -15,9 +16,6 @@ TURNING_RAD_S = 0.25
 OUTRUN = 3.0
 FRICTION_SHARE = 0.1
 """The share of the full duty that the gearbox's friction takes (that of the published robot)."""
-
-LOADED_SHARE = 0.9
-"""``max_rim_speed_m_s`` is what a wheel reaches under load; free it is faster by a tenth (0.34 of 0.377 m/s)."""
 
 SCALE_RATIO = 1.7
 KNOWN_SCALES = (255, 1023)

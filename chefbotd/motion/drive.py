@@ -7,13 +7,13 @@ for the next frame.
 
 import math
 from collections.abc import Mapping, Sequence
-from operator import truediv
+from operator import mul, truediv
 
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.core.geometry import Motion, WheelVelocities
+from chefbotd.core.geometry import Motion, WheelDuties, WheelVelocities
 from chefbotd.core.record import replace
-from chefbotd.motion import pid, reference
-from chefbotd.motion.drive_state import DriveParameters, DriveState
+from chefbotd.motion import pid, reference, rims
+from chefbotd.motion.drive_state import LOADED_SHARE, DriveParameters, DriveState
 from chefbotd.motion.encoder import LOST_LINES_S
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.motion.limits import MotionLimits
@@ -143,6 +143,37 @@ class Drive:
         stepped = tuple([step[0] for step in steps])
         driven = state.setpoint_m_s, state.acceleration_m_s2, state.loose, history, steady_s
         return DriveState(stepped, self._duty(outputs), state.limiter, state.stepped_s, share, *driven)
+
+    def force(self, state: DriveState, motion: WheelVelocities, now_s: float) -> DriveState:
+        """Drive by the motion's duties, without a controller; no duty at all brakes.
+
+        The setpoints are the highest speeds that the wheels may reach with them. Whatever is driven after that begins
+        from zero.
+        """
+        duty = motion.duty or ()
+        if not any(duty):
+            return self.halt(state)
+        signed = tuple(map(mul, duty, self._motor_signs))
+        setpoint_m_s = self._kinematics.rims_at_m_s(motion.rad_s)
+        return replace(self.at_rest, duty=signed, stepped_s=now_s, setpoint_m_s=setpoint_m_s)
+
+    def wheel_duties(self, duties: WheelDuties) -> WheelVelocities:
+        """Duties as a motion that can be commanded: all reduced in proportion to what the limits of speed allow.
+
+        A wheel is taken to turn as fast as a free motor of that duty, in proportion to the highest speed. Raises
+        ``ValueError`` unless there is a duty for each wheel.
+        """
+        if len(duties.duty) != len(self._names):
+            raise ValueError(f"expected a duty for each of {', '.join(self._names)}, got {duties.duty}")
+        parameters, kinematics = self._parameters, self._kinematics
+        per_duty_m_s = parameters.max_rim_speed_m_s / LOADED_SHARE / parameters.max_duty
+        rims_m_s = [duty * per_duty_m_s for duty in duties.duty]
+        twist = kinematics.twist(tuple(map(truediv, rims_m_s, kinematics.radii_m)))
+        share = rims.share_of(self.limits, parameters.max_rim_speed_m_s, rims_m_s, twist)
+        duty = tuple([int(value * share) for value in duties.duty])
+        speeds = zip(duty, kinematics.radii_m, strict=True)
+        rad_s = tuple([value * per_duty_m_s / radius_m for value, radius_m in speeds])
+        return WheelVelocities(rad_s, kinematics.twist(rad_s), duty)
 
     def retune(self, state: DriveState, gains: tuple[PidParameters, ...]) -> DriveState:
         """Exchange the gains without a bump in the duty; returns the state to go on with."""

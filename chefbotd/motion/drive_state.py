@@ -8,6 +8,9 @@ from chefbotd.motion import reference
 from chefbotd.motion.limits import AT_REST, LimiterState
 from chefbotd.motion.pid import PidState
 
+LOADED_SHARE = 0.9
+"""``max_rim_speed_m_s`` is what a wheel reaches under load; free it is faster by a tenth (0.34 of 0.377 m/s)."""
+
 
 class DriveParameters(Parameters):
     """Limits and delays of the wheels' controller.

@@ -13,12 +13,12 @@ second of the two has passed. What feeds either time is commands, never a heartb
 
 from collections.abc import Mapping
 from enum import StrEnum
-from typing import Annotated, Self
+from typing import Annotated, Self, TypeGuard
 
 from pydantic import Field, model_validator
 
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.core.geometry import STANDING, Motion
+from chefbotd.core.geometry import STANDING, Motion, WheelVelocities
 from chefbotd.core.parameters import Parameters, section
 from chefbotd.core.record import Record, replace
 from chefbotd.safety.battery_monitor import BatteryMonitorParameters
@@ -38,12 +38,16 @@ class SourceParameters(Parameters):
     timeout_s: float = Field(gt=0, le=10)
 
 
+CALIBRATION = "calibration"
+"""The source of the robot's own calibration, which no client can drive as, and the only one that may drive by duties."""
+
 PUBLISHED_SOURCES = {
     "safety": SourceParameters(priority=10, timeout_s=0.2),
     "teleop": SourceParameters(priority=7, timeout_s=1.0),
+    CALIBRATION: SourceParameters(priority=6, timeout_s=0.5),
     "navigation": SourceParameters(priority=5, timeout_s=1.0),
 }
-"""The velocity arbitration of the published ChefBot."""
+"""The velocity arbitration of the published ChefBot, and between people and navigation the calibration."""
 
 
 class Rearm(StrEnum):
@@ -78,6 +82,11 @@ class SafetyParameters(Parameters):
         """For how long a held source must be silent: a driver may repeat its command as rarely as the dead-man lets."""
         return max(self.stop_hold_s, self.command_timeout_s)
 
+    @property
+    def offered(self) -> tuple[str, ...]:
+        """The sources that clients may drive as."""
+        return tuple(name for name in self.sources if name != CALIBRATION)
+
     def above(self, source: str) -> tuple[str, ...]:
         """The sources that take over from this one."""
         own = self.sources[source].priority
@@ -85,8 +94,8 @@ class SafetyParameters(Parameters):
 
     @model_validator(mode="after")
     def _has_its_default(self) -> Self:
-        if self.default_source not in self.sources:
-            names = ", ".join(self.sources)
+        if self.default_source not in self.offered:
+            names = ", ".join(self.offered)
             raise ValueError(f"default_source must be one of {names}, got {self.default_source!r}")
         return self
 
@@ -177,15 +186,23 @@ def not_armed(mode: str, reason: str) -> Refused:
     return Refused(kind, why_not_armed(mode, reason) + remedy)
 
 
+def is_by_duty(motion: Motion) -> TypeGuard[WheelVelocities]:
+    """Whether this motion drives the motors by duties, without a controller."""
+    return isinstance(motion, WheelVelocities) and motion.duty is not None
+
+
 def accept(parameters: SafetyParameters, state: GateState, command: Command) -> GateState:
     """Take a command into account.
 
     Raises:
         Refused: its source is not configured, or the robot is not armed; nothing changes.
+        ValueError: it has duties, and its source is not the calibration.
     """
     if command.source not in parameters.sources:
-        names = ", ".join(sorted(parameters.sources))
+        names = ", ".join(sorted(parameters.offered))
         raise Refused(RefusalKind.UNKNOWN_SOURCE, f"no source named {command.source!r}; there are {names}")
+    if is_by_duty(command.motion) and command.source != CALIBRATION:
+        raise ValueError(f"only the source {CALIBRATION!r} may drive by duties, got {command.source!r}")
     if state.mode is not Mode.ARMED:
         raise not_armed(state.mode, state.reason)
     return replace(state, commands=(*release(state, command.source).commands, command))

@@ -36,8 +36,9 @@ def pairs() -> list[tuple[str, str, str]]:
     """Each robot's sources but the lowest, each with the one below it."""
     found = []
     for robot in ("chefbot", "khan"):
-        sources = load(packaged(robot)).safety.sources
-        order = sorted(sources, key=lambda name: -sources[name].priority)
+        safety = load(packaged(robot)).safety
+        sources = safety.sources
+        order = sorted(safety.offered, key=lambda name: -sources[name].priority)
         found += [(robot, higher, lower) for higher, lower in pairwise(order)]
     return found
 

@@ -7,7 +7,7 @@ from collections.abc import Collection
 from typing import Final, Protocol
 
 from chefbotd.clock import Clock
-from chefbotd.core.geometry import Motion, Twist2D
+from chefbotd.core.geometry import Motion, WheelDuties
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.method import Unserved
 from chefbotd.rpc.parameters import ApiParameters, Role
@@ -30,7 +30,7 @@ class Gate(Protocol):
         """Whose was the last of them."""
         ...
 
-    def command(self, source: str, motion: Motion, client: int = 0) -> None:
+    def command(self, source: str, motion: Motion | WheelDuties, client: int = 0) -> None:
         """Take a client's command; raises ``Refused``."""
         ...
 
@@ -75,7 +75,7 @@ class InnerDriver:
         """Restore this state."""
         self._has_lease = state
 
-    def drive(self, twist: Twist2D, wished_s: float) -> None:
+    def drive(self, motion: Motion | WheelDuties, wished_s: float) -> None:
         """Move like this until the next request, or until the dead-man ends it; ``wished_s`` is the request's time.
 
         A request that is too old moves nothing.
@@ -92,7 +92,7 @@ class InnerDriver:
         except Unserved:
             self._gate.note_try(self.source, self._session.number)
             raise
-        self._gate.command(self.source, twist, self._session.number)
+        self._gate.command(self.source, motion, self._session.number)
         self._leases.renew(self.source, self._session, now_s)
         self._has_lease = True
 

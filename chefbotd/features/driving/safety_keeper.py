@@ -32,11 +32,24 @@ from chefbotd.features.driving.wheel_reader import WheelsRead
 from chefbotd.safety import battery_monitor, encoder_timeout, gate, hold
 from chefbotd.safety.encoder_timeout import EncoderTimeoutState
 from chefbotd.safety.faults import RECOVERABLE, Fault, FaultKind
-from chefbotd.safety.gate import HALT, Command, Decision, GateState, Mode, Rearm, SafetyParameters, Trigger
+from chefbotd.safety.gate import (
+    CALIBRATION,
+    HALT,
+    Command,
+    Decision,
+    GateState,
+    Mode,
+    Rearm,
+    SafetyParameters,
+    Trigger,
+)
 from chefbotd.safety.guard import Beams
 from chefbotd.safety.latch import GateStore
 
 log = structlog.get_logger(component="safety")
+
+OWN = 0
+"""The number of a driver inside the daemon: that of no connection."""
 
 ENCODERS_STALE = "encoders_stale"
 NO_ECHO = "no_echo"
@@ -170,6 +183,10 @@ class SafetyKeeper:
         """
         self._take_report()
         self.note_try(command.source, client, command.stamp_s)
+        if command.source == CALIBRATION and client != OWN:
+            raise Refused(
+                RefusalKind.UNKNOWN_SOURCE, f"only the robot's own calibration drives as {CALIBRATION!r}"
+            )
         accepted = gate.accept(self._parameters, self._gate, command)
         self._held.require_free(command.source, client)
         if not self._link_open:
@@ -178,7 +195,7 @@ class SafetyKeeper:
 
     def note_try(self, source: str, client: int, now_s: float) -> None:
         """A client tries to drive, whether or not its command is taken into account."""
-        if source in self._parameters.sources:
+        if source in self._parameters.sources and (source != CALIBRATION or client == OWN):
             self._held.note_try(source, client, now_s, self._latched_by())
 
     def stop(self, by: str = "", client: int = 0) -> None:

@@ -19,7 +19,7 @@ from chefbotd.core.events import (
     WheelsDriven,
     WheelsMeasured,
 )
-from chefbotd.core.geometry import Motion
+from chefbotd.core.geometry import Motion, WheelDuties
 from chefbotd.core.record import Record
 from chefbotd.entries import entries_of
 from chefbotd.features.driving.motor_watch import PAUSE_S
@@ -133,16 +133,19 @@ class DriveService:
 
     # Commands
 
-    def command(self, source: str, motion: Motion, client: int = 0) -> None:
+    def command(self, source: str, motion: Motion | WheelDuties, client: int = 0) -> None:
         """Move like this until the command is too old, a higher source drives, or a stop comes.
 
-        ``client`` is the number of the connection that asks for it; 0: a driver inside the daemon.
+        ``client`` is the number of the connection that asks for it; 0: a driver inside the daemon. Only the source
+        ``calibration`` may drive by duties.
 
         Raises:
             Refused: the link is down, the robot is not armed, a stop holds the client, or there is no such source.
         """
         now_s = self._clock.now_s()
         self._note_run(now_s)
+        if isinstance(motion, WheelDuties):
+            motion = self.wheels.wheel_duties(motion)
         self.keeper.accept(Command(source, motion, now_s), client)
         self._obey(now_s)
 

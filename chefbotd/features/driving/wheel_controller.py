@@ -2,14 +2,14 @@
 
 from collections.abc import Callable, Mapping
 
-from chefbotd.core.geometry import WheelVelocities
+from chefbotd.core.geometry import WheelDuties, WheelVelocities
 from chefbotd.core.record import Record
 from chefbotd.features.driving.wheel_reader import WheelsRead
 from chefbotd.motion.drive import Drive
 from chefbotd.motion.limits import AT_REST, MotionLimits
 from chefbotd.motion.pid import PidParameters
 from chefbotd.motion.setpoints import under
-from chefbotd.safety.gate import Decision
+from chefbotd.safety.gate import CALIBRATION, Decision, is_by_duty
 
 
 class LimitsState(Record, frozen=True):
@@ -57,6 +57,9 @@ class WheelController:
         if decision.halted:
             self.drive_state = self._drive.halt(before)
             return
+        if decision.source == CALIBRATION and is_by_duty(decision.motion):
+            self._force(decision.motion, now_s)
+            return
         after = self._drive.regulate(
             before,
             decision.motion,
@@ -75,9 +78,17 @@ class WheelController:
         if decision.halted:
             self.drive_state = self._drive.halt(before)
             return
+        if decision.source == CALIBRATION and is_by_duty(decision.motion):
+            self._force(decision.motion, now_s)
+            return
         apart = decision.limited_by is not None
         after = self._drive.retarget(before, decision.motion, now_s, apart=apart)
         self.drive_state = under(self._duty_ceiling(now_s), before, after)
+
+    def _force(self, motion: WheelVelocities, now_s: float) -> None:
+        """Drive by duties."""
+        before = self.drive_state
+        self.drive_state = under(self._duty_ceiling(now_s), before, self._drive.force(before, motion, now_s))
 
     def halt(self) -> None:
         """Set duty and setpoint of every wheel to zero."""
@@ -102,6 +113,10 @@ class WheelController:
     def wheel_velocities(self, velocity_rad_s: Mapping[str, float]) -> WheelVelocities:
         """The motion with these speeds of the named wheels; raises ``Refused`` if no wheel has a name."""
         return self._drive.wheel_velocities(velocity_rad_s)
+
+    def wheel_duties(self, duties: WheelDuties) -> WheelVelocities:
+        """The motion that drives by as much of these duties as the limits allow; ``ValueError`` unless one per wheel."""
+        return self._drive.wheel_duties(duties)
 
     def gains(self) -> dict[str, PidParameters]:
         """The present gains by wheel name."""

@@ -49,6 +49,7 @@ DEFAULTS: list[tuple[Parameters, dict[str, object]]] = [
             "sources": {
                 "safety": SourceParameters(priority=10, timeout_s=0.2),
                 "teleop": SourceParameters(priority=7, timeout_s=1.0),
+                "calibration": SourceParameters(priority=6, timeout_s=0.5),
                 "navigation": SourceParameters(priority=5, timeout_s=1.0),
             },
         },

@@ -8,9 +8,10 @@ from hypothesis import strategies as st
 from pydantic import ValidationError
 
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.core.geometry import STANDING, Twist2D
+from chefbotd.core.geometry import STANDING, Twist2D, WheelVelocities
 from chefbotd.safety.faults import RECOVERABLE, FaultKind
 from chefbotd.safety.gate import (
+    CALIBRATION,
     COME_TO_REST,
     DEAD_MAN,
     HALT,
@@ -40,6 +41,25 @@ EXPECTED_NEXT = {
     Mode.DISARMED: {"arm": "armed", "estop": "estopped", "fault": "disarmed", "recovery": "armed"},
     Mode.ESTOPPED: {"arm": "armed", "estop": "estopped", "fault": "estopped", "recovery": "estopped"},
 }
+
+
+def test_only_the_calibration_drives_by_duties():
+    """Any other source with a duty is an error of the program; no client may name the calibration."""
+    by_duty = WheelVelocities((1.0, 1.0), SLOW, duty=(50, 50))
+    accepted = accept(PARAMETERS, GateState(), Command(CALIBRATION, by_duty, 0.0))
+    assert decide(PARAMETERS, accepted, 0.1).motion == by_duty
+    with pytest.raises(ValueError, match="only the source 'calibration' may drive by duties, got 'teleop'"):
+        accept(PARAMETERS, GateState(), Command("teleop", by_duty, 0.0))
+    assert CALIBRATION not in PARAMETERS.offered
+    with pytest.raises(ValidationError, match="default_source must be one of safety, teleop, navigation"):
+        SafetyParameters(default_source=CALIBRATION)
+
+
+def test_of_duties_a_guard_leaves_all_or_nothing():
+    """Half a duty would be another measurement."""
+    by_duty = WheelVelocities((1.0, 1.0), SLOW, duty=(50, 50))
+    assert by_duty.slowed(1.0) == by_duty
+    assert by_duty.slowed(0.9) == WheelVelocities((0.0, 0.0), STANDING, duty=(0, 0))
 
 
 def given_commands(*commands: Command) -> GateState:
@@ -246,7 +266,7 @@ def test_a_source_that_is_out_sooner_than_the_dead_man_stops_the_robot_and_says_
 def test_each_of_khans_sources_keeps_the_lower_ones_out_for_half_a_second():
     """Joystick 10, marker 8, move_base 2, external 1: each moves it for 0.25 s, and holds it for 0.5 s."""
     parameters = load(packaged("khan")).safety
-    order = sorted(parameters.sources, key=lambda name: -parameters.sources[name].priority)
+    order = sorted(parameters.offered, key=lambda name: -parameters.sources[name].priority)
     assert order == ["joystick", "marker", "move_base", "external"]
     for higher, lower in pairwise(order):
         state = GateState(commands=(Command(higher, FAST, 0.0),))

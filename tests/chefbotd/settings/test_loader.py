@@ -19,7 +19,7 @@ def test_the_packaged_chefbot_has_the_published_numbers():
     assert (settings.pid.kp, settings.pid.ki, settings.pid.output_limit) == (200, 2000, 255)
     assert settings.drive.max_duty == 255
     assert settings.safety.command_timeout_s == 0.5
-    assert {name: s.priority for name, s in settings.safety.sources.items()} == {
+    assert {name: settings.safety.sources[name].priority for name in settings.safety.offered} == {
         "safety": 10,
         "teleop": 7,
         "navigation": 5,
@@ -143,7 +143,10 @@ def test_the_packaged_khan_has_the_published_numbers():
     assert (linear.max_forward_m_s, linear.acceleration_m_s2) == (1.0, 3.0)
     assert (angular.max_left_rad_s, angular.acceleration_rad_s2) == (2.0, 6.0)
     assert (settings.chassis.track_width_m, settings.safety.command_timeout_s) == (0.189, 0.25)
-    sources = {name: (s.priority, s.timeout_s) for name, s in settings.safety.sources.items()}
+    safety = settings.safety
+    sources = {
+        name: (safety.sources[name].priority, safety.sources[name].timeout_s) for name in safety.offered
+    }
     assert sources == {"joystick": (10, 0.5), "marker": (8, 0.5), "move_base": (2, 0.5), "external": (1, 0.5)}
     assert (settings.ultrasonic, settings.imu, list(settings.range_mounts())) == (None, None, ["front"])
 
