@@ -1,14 +1,16 @@
 """The simulated robot that a configuration describes."""
 
+from chefbotd.core.geometry import Pose2D
 from chefbotd.link.wires import BITS_A_BYTE, variant_of
-from chefbotd.motion.kinematics import ChassisParameters, Kinematics, Side
+from chefbotd.motion.kinematics import Kinematics, Side
 from chefbotd.sensing.infrared import InfraredParameters
 from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.settings import Settings
-from chefbotd.sim.plant import Chassis, Wheel
+from chefbotd.sim.chassis import Chassis, Wheel
 from chefbotd.sim.sensors import Divider, InfraredMount, UltrasonicMount
 from chefbotd.sim.simulation import Simulation, build_launchpad, build_lidars
 from chefbotd.sim.spinning import LidarMount, LidarWire
+from chefbotd.sim_parameters.true import TrueImu, TrueLidar, TrueParameters, TrueWheel, resolved
 
 
 class CannotSimulateError(Exception):
@@ -21,19 +23,21 @@ def simulation_of(settings: Settings) -> Simulation:
     Raises:
         ValueError: it cannot be simulated.
     """
-    ultrasonic = settings.ultrasonic
+    ultrasonic, true = settings.ultrasonic, true_of(settings)
     return Simulation(
-        settings.sim,
+        settings.sim.model_copy(update={"true": true}),
         variant_of(settings.robot.wire),
-        _chassis(settings.chassis, settings.encoders.counts_per_turn),
+        _chassis(settings, true),
         settings.link.baud / BITS_A_BYTE,
-        Divider(settings.battery.reference_v, settings.battery.divider_ratio),
+        Divider(settings.battery.reference_v, _given(true.divider_ratio)),
         None
         if ultrasonic is None
         else UltrasonicMount(ultrasonic.base_from_sensor, ultrasonic.field_of_view_rad),
         tuple(map(_infrared, settings.infrared)),
         has_imu=settings.imu is not None,
-        lidars=tuple([_lidar(lidar, settings.sim.lidar.height_m) for lidar in settings.lidar]),
+        lidars=tuple(
+            [_lidar(lidar, true.lidars[lidar.name], settings.sim.lidar.height_m) for lidar in settings.lidar]
+        ),
     )
 
 
@@ -54,22 +58,68 @@ def checked_simulation(settings: Settings) -> Simulation:
     return simulation
 
 
-def _chassis(chassis: ChassisParameters, counts_per_turn: float) -> Chassis:
-    """The simulated chassis, with the effective radii and track of the configuration."""
-    radii_m = Kinematics(chassis).radii_m
-    wheels = [
-        Wheel(wheel.side is Side.LEFT, radius_m, wheel.motor_sign, wheel.encoder_sign)
-        for wheel, radius_m in zip(chassis.wheels, radii_m, strict=True)
-    ]
-    return Chassis(tuple(wheels), chassis.effective_track_m, counts_per_turn)
+def true_of(settings: Settings) -> TrueParameters:
+    """The simulated robot as it is, every value given: what a calibration of it should find.
+
+    Raises:
+        ValueError: ``[sim.true]`` names a wheel or a lidar that the robot does not have.
+    """
+    radii_m = Kinematics(settings.chassis).radii_m
+    names = [wheel.name for wheel in settings.chassis.wheels]
+    lidars, given = {lidar.name: lidar for lidar in settings.lidar}, settings.sim.true
+    for section, named, existing in (("wheels", given.wheels, names), ("lidars", given.lidars, lidars)):
+        if unknown := sorted(named.keys() - set(existing)):
+            raise ValueError(
+                f"sim.true.{section} names {', '.join(unknown)}, the robot has {', '.join(existing) or 'none'}"
+            )
+    configured = TrueParameters(
+        track_width_m=settings.chassis.effective_track_m,
+        wheels={name: TrueWheel(radius_m=radius_m) for name, radius_m in zip(names, radii_m, strict=True)},
+        imu=TrueImu(mount_heading_rad=settings.imu.mount_heading_rad if settings.imu else 0.0),
+        lidars={name: _as_configured(lidar) for name, lidar in lidars.items()},
+        divider_ratio=settings.battery.divider_ratio,
+    )
+    return resolved(given, configured, settings.sim.seed)
 
 
-def _lidar(real: LidarParameters, height_m: float) -> LidarMount:
-    """The model and mount of the real one; an LD06 has the LD19's protocol."""
+def _as_configured(lidar: LidarParameters) -> TrueLidar:
+    return TrueLidar(mount_x_m=lidar.mount_x_m, mount_y_m=lidar.mount_y_m, mount_yaw_rad=lidar.mount_yaw_rad)
+
+
+def _given(value: float | None) -> float:
+    """A value of a robot that has every value given."""
+    if value is None:
+        raise TypeError("a value of the simulated robot is not given")
+    return value
+
+
+def _chassis(settings: Settings, true: TrueParameters) -> Chassis:
+    """The simulated chassis: wiring as configured, sizes and flaws as they are."""
+    wheels = []
+    for wheel in settings.chassis.wheels:
+        own = true.wheels[wheel.name]
+        wheels.append(
+            Wheel(
+                wheel.side is Side.LEFT,
+                _given(own.radius_m),
+                wheel.motor_sign,
+                wheel.encoder_sign,
+                own.forward,
+                own.reverse,
+                own.backlash_rad,
+            )
+        )
+    return Chassis(tuple(wheels), _given(true.track_width_m), settings.encoders.counts_per_turn)
+
+
+def _lidar(real: LidarParameters, true: TrueLidar, height_m: float) -> LidarMount:
+    """The model of the real one, where it is; an LD06 has the LD19's protocol."""
     if real.mount_z_m is not None:
         height_m = real.mount_z_m
     wire = LidarWire.LD19 if real.model.is_ldrobot else LidarWire(real.model)
-    return LidarMount(real.name, real.base_from_lidar, real.upside_down, height_m, wire)
+    place = Pose2D(_given(true.mount_x_m), _given(true.mount_y_m), _given(true.mount_yaw_rad))
+    errors = true.range_offset_m, true.range_scale
+    return LidarMount(real.name, place, real.upside_down, height_m, wire, *errors)
 
 
 def _infrared(real: InfraredParameters) -> InfraredMount:

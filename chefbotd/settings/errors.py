@@ -181,6 +181,14 @@ RENAMED: Mapping[Keys, str] = {
 }
 """Keys of earlier versions, and their present names; list entries are without their number."""
 
+MOVED: Mapping[Keys, str] = {
+    ("sim", "body", "left_radius_multiplier"): "sim.true.wheels.NAME.radius_m",
+    ("sim", "body", "right_radius_multiplier"): "sim.true.wheels.NAME.radius_m",
+    ("sim", "body", "left_slip"): "sim.true.left_slip",
+    ("sim", "body", "right_slip"): "sim.true.right_slip",
+}
+"""Keys of the simulator that an earlier version had in another section. A replay needs none of them."""
+
 
 def with_new_names(values: dict[str, Any]) -> dict[str, Any]:
     """A configuration of an earlier version with today's keys; one in a recording cannot be edited."""
@@ -189,6 +197,9 @@ def with_new_names(values: dict[str, Any]) -> dict[str, Any]:
             if old in section:
                 value = section.pop(old)
                 section[new] = [value] if new == "lidars" and isinstance(value, str) else value
+    for *sections, old in MOVED:
+        for section in _sections(values, sections):
+            section.pop(old, None)
     return values
 
 
@@ -230,7 +241,8 @@ def _near_miss(model: type[BaseModel], kind: str, loc: Keys) -> str:
     """The key that was probably meant: the new name of a renamed key, or a similar one."""
     if kind != "extra_forbidden":
         return ""
-    if renamed := RENAMED.get(tuple([key for key in loc if not key.isdigit()])):
+    keys = tuple([key for key in loc if not key.isdigit()])
+    if renamed := RENAMED.get(keys) or MOVED.get(keys):
         return f", it is now called {renamed}"
     section, names = _model_at(model, loc[:-1]), []
     if section is not None:

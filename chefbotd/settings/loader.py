@@ -74,9 +74,9 @@ def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = N
     """
     path = path or packaged()
     values = _from_file(path)
-    _name_world(values)
+    _name_tables(values)
     texts, origins = _place_overrides(values, overrides or {})
-    _name_world(values)
+    _name_tables(values)
     _locate(values, path.parent, "robot", "description")
     _locate(values, path.parent, "maps", "folder")
     _locate(values, path.parent, "recording", "folder")
@@ -139,11 +139,12 @@ def _content(path: Path) -> bytes:
     return content
 
 
-def _name_world(values: dict[str, Any]) -> None:
-    """``[sim] world`` may be a name or a path alone."""
+def _name_tables(values: dict[str, Any]) -> None:
+    """``[sim] world`` may be a name or a path alone, ``[sim] true`` what is drawn."""
     sim = values.get("sim")
-    if isinstance(sim, dict) and isinstance(named := sim.get("world"), str):
-        sim["world"] = {"map_path": named}
+    for key, meant in (("world", "map_path"), ("true", "drawn")):
+        if isinstance(sim, dict) and isinstance(named := sim.get(key), str):
+            sim[key] = {meant: named}
 
 
 def _validate(values: dict[str, Any], texts: Mapping[Keys, str]) -> Settings:

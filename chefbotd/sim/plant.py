@@ -11,9 +11,8 @@ that stops each wheel. Wheels come in the order of the chassis, however many the
 A step is written with plain numbers: with two or four wheels, numpy's calls cost more than the sums.
 """
 
-import math
-from collections import Counter
 from collections.abc import Iterable, Sequence
+from itertools import product
 from math import copysign
 from operator import mul
 from typing import TypeAlias
@@ -22,71 +21,9 @@ import numpy as np
 
 from chefbotd.core.geometry import Twist2D
 from chefbotd.core.record import Record
-from chefbotd.motion.kinematics import places_x_m
 from chefbotd.sim.arrays import Vector
+from chefbotd.sim.chassis import PUBLISHED, Chassis, Scrub
 from chefbotd.sim_parameters.motor import GRAVITY_M_S2, MotorParameters, SimBodyParameters
-
-
-class Wheel(Record, frozen=True):
-    """A driven wheel. A sign of -1 marks a motor or an encoder that is wired backwards."""
-
-    is_left: bool
-    radius_m: float
-    motor_sign: int = 1
-    encoder_sign: int = 1
-
-
-class Chassis(Record, frozen=True):
-    """The wheels in the order of the wire, how far the sides are apart, and the counts of a wheel's turn.
-
-    Raises:
-        ValueError: a side has no wheel.
-    """
-
-    wheels: tuple[Wheel, ...]
-    track_width_m: float
-    counts_per_turn: float
-
-    def __post_init__(self) -> None:
-        if {wheel.is_left for wheel in self.wheels} != {True, False}:
-            raise ValueError(f"there must be at least one wheel on each side, got {self.wheels}")
-
-    def on_side_of(self, wheel: Wheel) -> int:
-        """The number of wheels on this wheel's side, itself included."""
-        return sum(other.is_left == wheel.is_left for other in self.wheels)
-
-
-PUBLISHED = Chassis((Wheel(True, 0.045), Wheel(False, 0.045)), track_width_m=0.3, counts_per_turn=4200.0)
-"""ChefBot's."""
-
-
-class Scrub:
-    """The torque that each axle loses so that the robot may turn.
-
-    A wheel resists with ``grip_n`` at its distance from the middle, in the share of its way over the ground that is
-    sideways. All wheels together overcome that, each with the same force at the rim, at a lever of half a track.
-    """
-
-    def __init__(self, chassis: Chassis, wheelbase_m: float, radii_m: Sequence[float], grip_n: float) -> None:
-        sides = [wheel.is_left for wheel in chassis.wheels]
-        reaches_m = Counter(map(abs, places_x_m(sides, wheelbase_m)))
-        self._radii_m = tuple(radii_m)
-        self._sideways_n = [
-            (reach_m, grip_n * 2 * reach_m / chassis.track_width_m * wheels / reaches_m.total())
-            for reach_m, wheels in reaches_m.items()
-            if reach_m and grip_n
-        ]
-
-    def torque_n_m(self, moving: Twist2D) -> list[float]:
-        """The torque of each axle for a robot that moves like this."""
-        at_rim_n = 0.0
-        for reach_m, all_sideways_n in self._sideways_n:
-            sideways_m_s = moving.angular_rad_s * reach_m
-            over_ground_m_s = math.hypot(moving.linear_m_s, sideways_m_s)
-            if over_ground_m_s:
-                at_rim_n += all_sideways_n * abs(sideways_m_s) / over_ground_m_s
-        return [at_rim_n * radius_m for radius_m in self._radii_m]
-
 
 FRICTION_SWEEPS = 8
 
@@ -110,6 +47,17 @@ class WheelState(Record, frozen=True):
 
     angle_rad: Wheels
     velocity_rad_s: Wheels
+
+
+class MotorCurve(Record, frozen=True):
+    """A motor in one direction: steady speed is ``gain_rad_s * (share - dead_zone_share)`` of a PWM share.
+
+    It is approached with the time constant, while all wheels turn alike (straight ahead).
+    """
+
+    dead_zone_share: float
+    gain_rad_s: float
+    time_constant_s: float
 
 
 class _Propagator:
@@ -136,23 +84,34 @@ class Plant:
         if not step_s > 0:
             raise ValueError(f"step_s must be positive, got {step_s}")
         self.step_s = step_s
-        self._dead_zone_share = motor.dead_zone_share
-        twist_from_wheels = _twist_from_wheels(body, chassis)
+        self._set_flaws(motor, chassis)
+        twist_from_wheels = _twist_from_wheels(chassis)
         self._linear_from_wheels, self._angular_from_wheels = _rows(twist_from_wheels)
         inertia = _inertia(motor, body, twist_from_wheels)
         self._resistance_ohm, self._back_emf_v_s = motor.resistance_ohm, motor.back_emf_constant_v_s
         self._stall_n_m_per_v = motor.torque_constant_n_m_a / motor.resistance_ohm
         magnetic = self._stall_n_m_per_v * self._back_emf_v_s
-        self._driven = _Propagator(inertia, motor.viscous_friction_n_m_s + magnetic, step_s)
-        self._coasting = _Propagator(inertia, motor.viscous_friction_n_m_s, step_s)
+        viscous = motor.viscous_friction_n_m_s
+        self._damping_n_m_s, self._straight_kg_m2 = viscous + magnetic, inertia.sum(axis=1).tolist()
+        self._driven = _by_direction(inertia, viscous + magnetic, step_s, chassis)
+        self._coasting = _by_direction(inertia, viscous, step_s, chassis)
         wheels = len(chassis.wheels)
-        radii_m, load_n = _radii_m(body, chassis), body.mass_kg * GRAVITY_M_S2 / wheels
+        radii_m, load_n = [wheel.radius_m for wheel in chassis.wheels], body.mass_kg * GRAVITY_M_S2 / wheels
         self._static_to_kinetic = motor.static_to_kinetic_friction
         rolling_n = body.rolling_resistance * load_n
         self._kinetic_n_m = [motor.dry_friction_n_m + rolling_n * radius_m for radius_m in radii_m]
         self._spinning_n_m = [body.grip * load_n * radius_m for radius_m in radii_m]
         self._scrub = Scrub(chassis, body.wheelbase_m, radii_m, body.grip * load_n)
         self._open: Wheels = (0.0,) * wheels
+
+    def _set_flaws(self, motor: MotorParameters, chassis: Chassis) -> None:
+        """Each wheel's dead zone, and the factors on its drive and its friction, by direction (reverse, forward)."""
+        flaws = self._motors = [(wheel.reverse, wheel.forward) for wheel in chassis.wheels]
+        self._dead_zones = [
+            tuple([motor.dead_zone_share * flaw.dead_zone for flaw in pair]) for pair in flaws
+        ]
+        self._gains = [tuple([flaw.gain for flaw in pair]) for pair in flaws]
+        self._frictions = [tuple([flaw.gain * flaw.dead_zone for flaw in pair]) for pair in flaws]
 
     @property
     def standing(self) -> WheelState:
@@ -169,9 +128,23 @@ class Plant:
         """
         if len(shares) != len(self._open):
             raise ValueError(f"{len(shares)} PWM shares for {len(self._open)} wheels")
-        dead = self._dead_zone_share
+        dead_zones = [zones[asked > 0] for zones, asked in zip(self._dead_zones, shares, strict=True)]
         return tuple(
-            [copysign(min(max((abs(asked) - dead) / (1 - dead), 0.0), 1.0), asked) for asked in shares]
+            [
+                copysign(min(max((abs(asked) - dead) / (1 - dead), 0.0), 1.0), asked)
+                for asked, dead in zip(shares, dead_zones, strict=True)
+            ]
+        )
+
+    def curve(self, wheel: int, terminal_v: float, *, forward: bool) -> MotorCurve:
+        """How this wheel answers to duty at this voltage; what turning costs by skidding is left out."""
+        motor = self._motors[wheel][forward]
+        dead, stall_n_m = self._dead_zones[wheel][forward], self._stall_n_m_per_v * terminal_v
+        friction = motor.dead_zone * self._kinetic_n_m[wheel] / stall_n_m
+        return MotorCurve(
+            dead + (1 - dead) * friction,
+            motor.gain * stall_n_m / self._damping_n_m_s / (1 - dead),
+            motor.time_constant * self._straight_kg_m2[wheel] / self._damping_n_m_s,
         )
 
     def load(self, state: WheelState, pulse_width: Wheels | None, supply: Supply) -> tuple[float, float]:
@@ -203,20 +176,27 @@ class Plant:
         velocity = state.velocity_rad_s
         if not any(velocity) and (pulse_width is None or not any(pulse_width)):
             return state
+        forward = tuple(map(_is_forward, velocity, pulse_width or velocity))
         if pulse_width is None:
-            propagator, free = self._coasting, _times(self._coasting.decay, velocity)
+            propagator = self._coasting[forward]
+            free = _times(propagator.decay, velocity)
         else:
-            propagator, n_m = self._driven, self._stall_n_m_per_v * terminal_v
-            driven = _times(propagator.gain, [n_m * share for share in pulse_width])
+            propagator, n_m = self._driven[forward], self._stall_n_m_per_v * terminal_v
+            wheels = zip(self._gains, forward, pulse_width, strict=True)
+            driven = _times(propagator.gain, [n_m * gain[ahead] * share for gain, ahead, share in wheels])
             free = [a + b for a, b in zip(_times(propagator.decay, velocity), driven, strict=True)]
-        after = self._rub(propagator, velocity, free, skid)
+        frictions = zip(self._kinetic_n_m, self._frictions, forward, strict=True)
+        dry_n_m = [n_m * factor[ahead] for n_m, factor, ahead in frictions]
+        after = self._rub(propagator, velocity, free, dry_n_m, skid)
         half_s = 0.5 * self.step_s
         turned = zip(state.angle_rad, velocity, after, strict=True)
         return WheelState(tuple([angle + half_s * (old + new) for angle, old, new in turned]), after)
 
-    def _rub(self, propagator: _Propagator, velocity: Wheels, free: list[float], skid: float) -> Wheels:
+    def _rub(
+        self, propagator: _Propagator, velocity: Wheels, free: list[float], dry_n_m: list[float], skid: float
+    ) -> Wheels:
         """Velocities after dry friction, given those without it."""
-        resistances = (self._kinetic_n_m, self._spinning_n_m, self._scrub.torque_n_m(self.twist(velocity)))
+        resistances = (dry_n_m, self._spinning_n_m, self._scrub.torque_n_m(self.twist(velocity)))
         kinetic = [dry + skid * spinning + scrub for dry, spinning, scrub in zip(*resistances, strict=True)]
         slowed = _times(propagator.gain, map(copysign, kinetic, velocity))
         after = tuple([a - b for a, b in zip(free, slowed, strict=True)])
@@ -232,6 +212,11 @@ class Plant:
             _dot(self._linear_from_wheels, wheel_velocity_rad_s),
             _dot(self._angular_from_wheels, wheel_velocity_rad_s),
         )
+
+
+def _is_forward(velocity_rad_s: float, share: float) -> bool:
+    """Which way a wheel turns, or is about to."""
+    return velocity_rad_s > 0 or (velocity_rad_s == 0 and share >= 0)
 
 
 def _dot(a: Sequence[float], b: Sequence[float]) -> float:
@@ -264,18 +249,33 @@ def _stick_or_slide(propagator: _Propagator, free: list[float], limit: list[floa
     return tuple([0.0 if abs(rubs) < most else speed for rubs, speed, most in rubbed])
 
 
-def _radii_m(body: SimBodyParameters, chassis: Chassis) -> list[float]:
-    """The wheels' real radii."""
-    left, right = body.left_radius_multiplier, body.right_radius_multiplier
-    return [wheel.radius_m * (left if wheel.is_left else right) for wheel in chassis.wheels]
+def _by_direction(
+    inertia: Vector, damping_n_m_s: float, step_s: float, chassis: Chassis
+) -> dict[tuple[bool, ...], _Propagator]:
+    """The solution for each combination of directions (whether a wheel turns forward).
+
+    A factor on a wheel's time constant is one on the inertia that it feels.
+    """
+    shared: dict[tuple[float, ...], _Propagator] = {}
+    solutions = {}
+    for directions in product((False, True), repeat=len(chassis.wheels)):
+        motors = [
+            wheel.forward if ahead else wheel.reverse
+            for wheel, ahead in zip(chassis.wheels, directions, strict=True)
+        ]
+        factors = tuple([motor.time_constant for motor in motors])
+        if factors not in shared:
+            scale = np.sqrt(factors)
+            shared[factors] = _Propagator(inertia * np.outer(scale, scale), damping_n_m_s, step_s)
+        solutions[directions] = shared[factors]
+    return solutions
 
 
-def _twist_from_wheels(body: SimBodyParameters, chassis: Chassis) -> Vector:
+def _twist_from_wheels(chassis: Chassis) -> Vector:
     """The 2 x N matrix from wheel speeds to (forward m/s, CCW rad/s)."""
     columns = []
-    for wheel, radius_m in zip(chassis.wheels, _radii_m(body, chassis), strict=True):
-        grips = 1 - (body.left_slip if wheel.is_left else body.right_slip)
-        rim_m, sign = radius_m * grips / chassis.on_side_of(wheel), -1 if wheel.is_left else 1
+    for wheel in chassis.wheels:
+        rim_m, sign = wheel.radius_m / chassis.on_side_of(wheel), -1 if wheel.is_left else 1
         columns.append((rim_m / 2, sign * rim_m / chassis.track_width_m))
     return np.array(columns).T
 

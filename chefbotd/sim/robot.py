@@ -12,6 +12,7 @@ from chefbotd.core.events import TruthSimulated
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.core.record import Record
 from chefbotd.sim.crowd import Crowd
+from chefbotd.sim.ground import Backlash, Slip
 from chefbotd.sim.plant import Plant, Wheels, WheelState
 from chefbotd.sim.sensors import Battery, Motion
 from chefbotd.sim.world import World
@@ -29,7 +30,7 @@ class RobotState(Record, frozen=True):
     """Everything about the robot at one step.
 
     ``free_m`` is how far it can certainly move before it touches a wall; ``skid`` is the share of its motion that a
-    wall takes away.
+    wall takes away; ``turned_rad`` is how far it has turned since power-on, without wrapping.
     """
 
     world_from_base: Pose2D
@@ -41,6 +42,7 @@ class RobotState(Record, frozen=True):
     forward_m_s2: float = 0.0
     skid: float = 0.0
     touches_disc: bool = False
+    turned_rad: float = 0.0
 
     @property
     def in_contact(self) -> bool:
@@ -51,7 +53,8 @@ class RobotState(Record, frozen=True):
 class Robot:
     """A disc on wheels between walls, and among people.
 
-    ``trail`` has the last poses (time, x, y, heading), a step apart, the newest last.
+    ``slip`` says how the wheels grip, and may be changed. ``trail`` has the last poses (time, x, y, heading), a step
+    apart, the newest last.
     """
 
     def __init__(
@@ -61,6 +64,8 @@ class Robot:
         world: World,
         battery: Battery,
         start: Pose2D,
+        backlash: Backlash,
+        slip: Slip,
         crowd: Crowd | None = None,
     ) -> None:
         """Raises ``ValueError`` when the start pose is closer to a wall than the robot's radius."""
@@ -70,6 +75,7 @@ class Robot:
                 f"start pose {start} is {clearance_m:.3f} m from a wall, robot radius {body.radius_m} m"
             )
         self._plant, self._body, self._world = plant, body, world
+        self._backlash, self.slip = backlash, slip
         self._crowd = crowd or Crowd((), (), seed=0)
         self._pulse_width: Wheels | None = None
         idle_v, _ = plant.load(plant.standing, None, battery.supply)
@@ -136,7 +142,11 @@ class Robot:
         state = self._now
         sideways = state.twist.linear_m_s * state.twist.angular_rad_s
         return Motion(
-            state.world_from_base.heading_rad, state.twist.angular_rad_s, state.forward_m_s2, sideways
+            state.world_from_base.heading_rad,
+            state.twist.angular_rad_s,
+            state.forward_m_s2,
+            sideways,
+            state.turned_rad,
         )
 
     def truth(self, stamp_s: float) -> TruthSimulated:
@@ -158,9 +168,14 @@ class Robot:
         """The robot after its wheels have turned, stopped by walls where they are in its way."""
         step_s, before = self._plant.step_s, state.world_from_base
         if wheels is state.wheels and state.twist == STANDING and not len(self._world.discs):
-            return RobotState(before, STANDING, wheels, battery, terminal_v, state.free_m)
-        rolled = zip(wheels.angle_rad, state.wheels.angle_rad, strict=True)
-        twist = self._plant.twist([(after - earlier) / step_s for after, earlier in rolled])
+            turned_rad = state.turned_rad
+            return RobotState(
+                before, STANDING, wheels, battery, terminal_v, state.free_m, turned_rad=turned_rad
+            )
+        played_rad = self._backlash.turned_rad(state.wheels.angle_rad, wheels.angle_rad)
+        rolled_rad = self.slip.gripped(played_rad)
+        twist = self._plant.twist([angle / step_s for angle in rolled_rad])
+        twist = self.slip.disturbed(twist, step_s)
         target = before.compose(arc(twist, step_s))
         pose, free_m = self._let_through(state, target)
         touches_disc = False
@@ -172,7 +187,10 @@ class Robot:
             forward_m = before.inverse().compose(pose).x_m
             twist = Twist2D(forward_m / step_s, twist.angular_rad_s)
         forward_m_s2 = (twist.linear_m_s - state.twist.linear_m_s) / step_s
-        return RobotState(pose, twist, wheels, battery, terminal_v, free_m, forward_m_s2, skid, touches_disc)
+        turned_rad = state.turned_rad + twist.angular_rad_s * step_s
+        return RobotState(
+            pose, twist, wheels, battery, terminal_v, free_m, forward_m_s2, skid, touches_disc, turned_rad
+        )
 
     def _let_through(self, state: RobotState, target: Pose2D) -> tuple[Pose2D, float]:
         """Where the walls let the robot go (``wanted`` itself if there), and how far it may go from there.

@@ -16,6 +16,7 @@ from chefbotd.sim.plant import Supply
 from chefbotd.sim.world import World
 from chefbotd.sim_parameters.motor import GRAVITY_M_S2, SimBatteryParameters
 from chefbotd.sim_parameters.simulation import SimImuParameters, SimUltrasonicParameters
+from chefbotd.sim_parameters.true import TrueImu
 
 # Rest voltage of a 12 V lead-acid battery at 25 degrees C by state of charge, as battery makers publish it.
 # Tenths of the charge, from empty to full.
@@ -94,8 +95,11 @@ class Fan:
 class Ultrasonic:
     """The nearest hit in the sensor's cone is the echo."""
 
-    def __init__(self, parameters: SimUltrasonicParameters, mount: UltrasonicMount, world: World) -> None:
-        self._parameters = parameters
+    def __init__(
+        self, parameters: SimUltrasonicParameters, mount: UltrasonicMount, world: World, offset_m: float = 0.0
+    ) -> None:
+        """``offset_m`` is how much too far it reads."""
+        self._parameters, self._offset_m = parameters, offset_m
         self._fan = Fan(world, mount.base_from_sensor, mount.field_of_view_rad, parameters.rays)
 
     def distance_m(self, world_from_base: Pose2D, chance: np.random.Generator) -> float | None:
@@ -104,48 +108,100 @@ class Ultrasonic:
         distance_m = self._fan.nearest_m(world_from_base) + float(noise) * self._parameters.noise_m
         if distance_m > self._parameters.max_range_m or luck < self._parameters.lost_echo_share:
             return None
-        return max(distance_m, self._parameters.min_range_m)
+        return max(distance_m + self._offset_m, self._parameters.min_range_m)
 
 
 class Motion(Record, frozen=True):
-    """The motion that an IMU measures: heading (world frame), angular rate, and acceleration in the base frame."""
+    """The motion that an IMU measures: heading (world frame), angular rate, and acceleration in the base frame.
+
+    ``turned_rad`` is the turn since power-on, not wrapped.
+    """
 
     heading_rad: float
     angular_rad_s: float
     forward_m_s2: float
     leftward_m_s2: float
+    turned_rad: float = 0.0
 
 
 class Imu:
     """Heading relative to where the robot pointed when the board booted, drifting from there."""
 
-    def __init__(self, parameters: SimImuParameters, booted_s: float, boot_heading_rad: float) -> None:
-        self._parameters, self._booted_s, self._boot_heading_rad = parameters, booted_s, boot_heading_rad
+    def __init__(
+        self,
+        parameters: SimImuParameters,
+        booted_s: float,
+        booted: Motion,
+        true: TrueImu | None = None,
+    ) -> None:
+        """``booted`` is the motion at ``booted_s``; ``true`` None: an IMU without errors of mount and scale."""
+        self._parameters, self._booted_s, self._booted = parameters, booted_s, booted
+        self._true = TrueImu() if true is None else true
+        self._base_from_sensor = _rotation(self._true)
 
     def orientation(
         self, motion: Motion, at_s: float, chance: np.random.Generator
     ) -> tuple[float, float, float, float]:
-        """The quaternion (x, y, z, w) of a level robot with this motion at ``at_s``."""
-        noise = chance.standard_normal()
+        """The quaternion (x, y, z, w) of a level robot with this motion at ``at_s``.
+
+        Its heading is 0 at boot, wherever the IMU's x axis points.
+        """
+        noise, true = chance.standard_normal(), self._true
         drift_rad = self._parameters.heading_drift_rad_s * (at_s - self._booted_s)
         error_rad = (
             self._parameters.heading_bias_rad + drift_rad + self._parameters.heading_noise_rad * float(noise)
         )
-        half = wrap_angle(motion.heading_rad - self._boot_heading_rad + error_rad) / 2
-        return 0.0, 0.0, math.sin(half), math.cos(half)
+        error_rad += (true.gyro_scale - 1) * (motion.turned_rad - self._booted.turned_rad)
+        half = wrap_angle(motion.heading_rad - self._booted.heading_rad + error_rad) / 2
+        z, w = math.sin(half), math.cos(half)
+        if not (true.mount_pitch_rad or true.mount_roll_rad):
+            return 0.0, 0.0, z, w
+        return _tilted(z, w, true.mount_pitch_rad / 2, true.mount_roll_rad / 2)
 
     def counts(
         self, motion: Motion, chance: np.random.Generator
     ) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
         """Raw int16 readings, acceleration (gravity included) and angular rate, each x y z."""
-        felt = np.array([motion.forward_m_s2, motion.leftward_m_s2, GRAVITY_M_S2])
+        felt = np.array([motion.forward_m_s2, motion.leftward_m_s2, GRAVITY_M_S2]) @ self._base_from_sensor
+        felt += self._true.acceleration_bias_m_s2
         felt += self._parameters.acceleration_noise_m_s2 * chance.standard_normal(3)
-        rate = np.array([0.0, 0.0, motion.angular_rad_s]) + self._parameters.gyro_bias_rad_s
+        rate = np.array([0.0, 0.0, motion.angular_rad_s * self._true.gyro_scale]) @ self._base_from_sensor
+        rate += self._parameters.gyro_bias_rad_s
         rate += self._parameters.gyro_noise_rad_s * chance.standard_normal(3)
         return (
             _int16(felt / GRAVITY_M_S2 * COUNTS_PER_G),
             _int16(np.degrees(rate) * COUNTS_PER_DEG_S),
         )
+
+
+def _tilted(z: float, w: float, half_pitch: float, half_roll: float) -> tuple[float, float, float, float]:
+    """A turn about z by the half angle with sine ``z`` and cosine ``w``, then one about y, then one about x."""
+    cos_p, sin_p, cos_r, sin_r = (
+        math.cos(half_pitch),
+        math.sin(half_pitch),
+        math.cos(half_roll),
+        math.sin(half_roll),
+    )
+    return (
+        w * cos_p * sin_r - z * sin_p * cos_r,
+        w * sin_p * cos_r + z * cos_p * sin_r,
+        z * cos_p * cos_r - w * sin_p * sin_r,
+        w * cos_p * cos_r + z * sin_p * sin_r,
+    )
+
+
+def _rotation(true: TrueImu) -> Vector:
+    """The matrix of the IMU's axes in the base frame: a turn about z, then y, then x."""
+    heading_rad = true.mount_heading_rad or 0.0
+    cos_h, cos_p, cos_r = map(math.cos, (heading_rad, true.mount_pitch_rad, true.mount_roll_rad))
+    sin_h, sin_p, sin_r = map(math.sin, (heading_rad, true.mount_pitch_rad, true.mount_roll_rad))
+    return np.array(
+        [
+            [cos_h * cos_p, cos_h * sin_p * sin_r - sin_h * cos_r, cos_h * sin_p * cos_r + sin_h * sin_r],
+            [sin_h * cos_p, sin_h * sin_p * sin_r + cos_h * cos_r, sin_h * sin_p * cos_r - cos_h * sin_r],
+            [-sin_p, cos_p * sin_r, cos_p * cos_r],
+        ]
+    )
 
 
 def _int16(values: Vector) -> tuple[int, int, int]:
@@ -188,14 +244,16 @@ class Infrared:
         *,
         rays: int = INFRARED_RAYS,
         noise_v: float = INFRARED_NOISE_V,
+        offset_m: float = 0.0,
     ) -> None:
-        self._reference_v, self._noise_v = mount.reference_v, noise_v
+        """``offset_m`` is how much too far it reads."""
+        self._reference_v, self._noise_v, self._offset_m = mount.reference_v, noise_v, offset_m
         self._fan = Fan(world, mount.base_from_sensor, mount.field_of_view_rad, rays)
         self.channel = mount.channel
 
     def adc_counts(self, world_from_base: Pose2D, chance: np.random.Generator) -> int:
         """The 12-bit reading of the nearest object in its cone."""
-        volts = voltage(self._fan.nearest_m(world_from_base))
+        volts = voltage(max(self._fan.nearest_m(world_from_base) + self._offset_m, 0.0))
         volts += float(chance.standard_normal()) * self._noise_v
         return min(max(round(volts / self._reference_v * ADC_MAX), 0), ADC_MAX)
 

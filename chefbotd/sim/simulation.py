@@ -7,9 +7,11 @@ from msgspec import field
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import Record
 from chefbotd.sim.board import Launchpad
+from chefbotd.sim.chassis import PUBLISHED, Chassis
 from chefbotd.sim.crowd import Crowd
+from chefbotd.sim.ground import Backlash, Slip
 from chefbotd.sim.lidar_devices import SimulatedLd19, SimulatedRplidar
-from chefbotd.sim.plant import PUBLISHED, Chassis, Plant
+from chefbotd.sim.plant import Plant
 from chefbotd.sim.robot import Robot
 from chefbotd.sim.rooms import scene_of
 from chefbotd.sim.sensors import Battery, Divider, Infrared, InfraredMount, Ultrasonic, UltrasonicMount
@@ -76,7 +78,7 @@ def build_launchpad(simulation: Simulation, seed: int | None = None) -> Launchpa
     """
     parameters = simulation.parameters
     seed = parameters.seed if seed is None else seed
-    body = parameters.body
+    body, true = parameters.body, parameters.true
     scene = scene_of(parameters.world.map_path, parameters.world.closed_doors)
     crowd = Crowd(parameters.people, parameters.things, seed)
     world, seen = scene.below(body.height_m, crowd), scene.at(RANGE_SENSORS_M, crowd)
@@ -86,17 +88,20 @@ def build_launchpad(simulation: Simulation, seed: int | None = None) -> Launchpa
         world,
         Battery.fresh(parameters.battery),
         start_pose(parameters.world, scene.start),
+        Backlash(simulation.chassis),
+        Slip(true, simulation.chassis, seed),
         crowd,
     )
     mount = simulation.ultrasonic
     wiring = Wiring(
         robot,
         simulation.chassis,
-        None if mount is None else Ultrasonic(parameters.ultrasonic, mount, seen),
+        None if mount is None else Ultrasonic(parameters.ultrasonic, mount, seen, true.ultrasonic_offset_m),
         parameters.imu if simulation.has_imu else None,
         simulation.divider,
         simulation.variant,
-        tuple(Infrared(sensor, seen) for sensor in simulation.infrared),
+        tuple(Infrared(sensor, seen, offset_m=true.infrared_offset_m) for sensor in simulation.infrared),
+        true.imu,
     )
     return Launchpad(wiring, parameters.board, seed, simulation.line_rate_bytes_s)
 

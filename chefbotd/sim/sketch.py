@@ -17,6 +17,7 @@ from itertools import pairwise
 import numpy as np
 
 from chefbotd.core.record import Record
+from chefbotd.sim.chassis import Chassis
 from chefbotd.sim.peripherals import (
     CommandReader,
     CycleEdges,
@@ -26,11 +27,11 @@ from chefbotd.sim.peripherals import (
     Uart,
     pwm_share,
 )
-from chefbotd.sim.plant import Chassis
 from chefbotd.sim.robot import Robot
 from chefbotd.sim.sensors import Divider, Imu, Infrared, Ultrasonic, adc_counts
 from chefbotd.sim_parameters.simulation import SimImuParameters
 from chefbotd.sim_parameters.sketches import UINT32_SPAN, BoardParameters
+from chefbotd.sim_parameters.true import TrueImu
 from firmware_protocol.codec import MOST_EDGES_A_LINE, MOST_TIMES_A_LINE, Variant, from_board
 from firmware_protocol.messages import (
     AnalogueLevel,
@@ -59,6 +60,7 @@ class Wiring(Record, frozen=True):
     divider: Divider
     variant: Variant
     infrared: tuple[Infrared, ...] = ()
+    true_imu: TrueImu | None = None
 
 
 SOUND_M_S = 343.0
@@ -122,7 +124,7 @@ class Sketch:
         self._drive(self._asked)
         self._counts_at_boot = self._counted()
         if self._wiring.imu is not None:
-            self._imu = Imu(self._wiring.imu, self._now_s, self._robot.motion.heading_rad)
+            self._imu = Imu(self._wiring.imu, self._now_s, self._robot.motion, self._wiring.true_imu)
         if self._processor is not None:
             self._processor.start(self._now_s)
         if self._edges is not None:

@@ -75,7 +75,8 @@ class LidarWire(StrEnum):
 class LidarMount(Record, frozen=True):
     """Where a lidar sits: its name, its axis seen from the base, and the height at which it looks; which one it is.
 
-    The heading is where its zero mark points, seen from above, also if it hangs upside down.
+    The heading is where its zero mark points, seen from above, also if it hangs upside down. It reads ``range_scale``
+    times the range, and ``range_offset_m`` more.
     """
 
     name: str = "lidar"
@@ -83,6 +84,8 @@ class LidarMount(Record, frozen=True):
     upside_down: bool = False
     height_m: float = 0.2
     wire: LidarWire = LidarWire.LD19
+    range_offset_m: float = 0.0
+    range_scale: float = 1.0
 
 
 class SpinningLidar(ABC):
@@ -207,7 +210,8 @@ class SpinningLidar(ABC):
     def _distances_m(self, seen: BeamReturns) -> Vector:
         """Ranges with the lidar's noise and resolution; 0 is no reading."""
         count, flaws = len(seen.range_m), self._flaws
-        range_m = seen.range_m + flaws.noise_m * self._noise.standard_normal(count)
+        range_m = seen.range_m * self._mount.range_scale + self._mount.range_offset_m
+        range_m += flaws.noise_m * self._noise.standard_normal(count)
         lost = self._luck.random(count) < flaws.lost_share
         lost |= (range_m < flaws.min_range_m) | (range_m > flaws.max_range_m)
         measured: Vector = np.where(lost, 0.0, range_m)

@@ -79,9 +79,8 @@ class SimBodyParameters(Parameters):
     """The robot's size and weight, and how its wheels meet the ground; a mass of 0 is a robot whose wheels hang free.
 
     A robot whose wheels are spread over a ``wheelbase_m`` turns by dragging them sideways (skid steer), against their
-    grip: the tighter it turns, the harder. The multipliers make a side's real wheels differ from what the configuration
-    takes them for; a side's slip is the share of its rim travel that does not become motion over the ground.
-    What hangs higher than ``height_m`` (assumed), such as a table's top, is passed under.
+    grip: the tighter it turns, the harder. What hangs higher than ``height_m`` (assumed), such as a
+    table's top, is passed under.
     """
 
     wheelbase_m: float = Field(0.0, ge=0, le=5)
@@ -91,10 +90,6 @@ class SimBodyParameters(Parameters):
     yaw_inertia_kg_m2: float = Field(0.1, ge=0, le=100)
     rolling_resistance: float = Field(0.03, ge=0, le=1)
     grip: float = Field(0.6, ge=0, le=2)
-    left_radius_multiplier: float = Field(1.0, gt=0.5, lt=2)
-    right_radius_multiplier: float = Field(1.0, gt=0.5, lt=2)
-    left_slip: float = Field(0.0, ge=0, lt=1)
-    right_slip: float = Field(0.0, ge=0, lt=1)
 
 
 class SimBatteryParameters(Parameters):

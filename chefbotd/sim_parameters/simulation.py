@@ -10,6 +10,7 @@ from pydantic import Field, model_validator
 from chefbotd.core.parameters import Parameters, section
 from chefbotd.sim_parameters.motor import MotorParameters, SimBatteryParameters, SimBodyParameters
 from chefbotd.sim_parameters.sketches import BoardParameters
+from chefbotd.sim_parameters.true import TrueParameters
 
 
 class PersonParameters(Parameters):
@@ -122,12 +123,14 @@ class SimulationParameters(Parameters):
     """Parameters of a robot that only a simulation needs; the defaults are the published robot in a furnished room.
 
     In a configuration ``world`` may be its ``map_path`` alone: ``world = "flat"``.
+    ``true`` is where the robot differs from the rest of the configuration.
     """
 
     seed: int = Field(1, ge=0)
     step_s: float = Field(0.005, gt=0, le=0.02)
     motor: MotorParameters = section()
     body: SimBodyParameters = section()
+    true: TrueParameters = section()
     world: WorldParameters = section()
     ultrasonic: SimUltrasonicParameters = section()
     imu: SimImuParameters = section()

@@ -280,7 +280,7 @@ def test_an_error_in_the_control_loop_stops_the_robot_and_the_loop_lives_on(robo
     "world",
     sample(
         [
-            {"sim__body__left_slip": 0.15, "sim__body__right_slip": 0.05},
+            {"sim__true__left_slip": 0.15, "sim__true__right_slip": 0.05},
             {},
             {"sim__board__cycle_s": 0.05},
             {"sim__battery__resistance_ohm": 0.15},

@@ -5,9 +5,9 @@ import tomllib
 import pytest
 
 from chefbotd.core.geometry import Pose2D
-from chefbotd.process.simulated_robot import CannotSimulateError, checked_simulation, simulation_of
+from chefbotd.process.simulated_robot import CannotSimulateError, checked_simulation, simulation_of, true_of
 from chefbotd.settings import load, packaged
-from chefbotd.sim.plant import Wheel
+from chefbotd.sim.chassis import Wheel
 from chefbotd.sim.simulation import build_launchpad
 from chefbotd.sim.spinning import LidarMount
 from firmware_protocol.codec import KHAN
@@ -137,3 +137,42 @@ def test_every_lidar_is_simulated_by_its_own_wire() -> None:
     lidars = [{"name": model, "model": model, "device": f"/dev/{model}"} for model in models]
     simulated = simulation_of(load(overrides={"lidar": lidars})).lidars
     assert [str(mount.wire) for mount in simulated] == ["ld19", "rplidar_a1", "rplidar_a2"]
+
+
+def test_the_true_robot_is_apart_from_the_configuration() -> None:
+    """A wheel of 46 mm, a track of 0.31 m, a lidar 6 cm ahead and a divider of 4.9, whatever the configuration says."""
+    true = {
+        "track_width_m": 0.31,
+        "wheels": {"left_wheel": {"radius_m": 0.046, "reverse": {"gain": 0.9}, "backlash_rad": 0.01}},
+        "lidars": {"lidar": {"mount_x_m": 0.06, "range_offset_m": 0.02}},
+        "divider_ratio": 4.9,
+    }
+    overrides = {"sim.true": true, "chassis.left_radius_multiplier": 1.1, "chassis.track_multiplier": 1.1}
+    simulated = simulation_of(load(packaged("chefbot_lidar"), overrides=overrides))
+    left, right = simulated.chassis.wheels
+    assert (left.radius_m, right.radius_m, simulated.chassis.track_width_m) == (0.046, 0.045, 0.31)
+    assert (left.reverse.gain, left.forward.gain, left.backlash_rad) == (0.9, 1.0, 0.01)
+    (lidar,) = simulated.lidars
+    assert (lidar.base_from_lidar.x_m, lidar.range_offset_m, simulated.divider.ratio) == (0.06, 0.02, 4.9)
+
+
+def test_a_drawn_robot_is_named_alone_and_known_afterwards() -> None:
+    """``true = "imperfect"`` draws a robot; what it is can be asked, and given again as it is."""
+    settings = load(packaged("chefbot_lidar"), overrides={"sim.true": "imperfect", "sim.seed": 5})
+    drawn = true_of(settings)
+    assert drawn.wheels["left_wheel"].radius_m != 0.045
+    again = load(packaged("chefbot_lidar"), overrides={"sim.true": drawn.model_dump(mode="json")})
+    assert simulation_of(again).chassis == simulation_of(settings).chassis
+
+
+@pytest.mark.parametrize(
+    ("true", "told"),
+    [
+        ({"wheels": {"left": {}}}, "sim.true.wheels names left, the robot has left_wheel, right_wheel"),
+        ({"lidars": {"top": {}}}, "sim.true.lidars names top, the robot has none"),
+    ],
+)
+def test_a_wheel_or_lidar_that_the_robot_has_not_is_refused(true: dict[str, object], told: str) -> None:
+    """A name that is mistyped would otherwise change nothing."""
+    with pytest.raises(CannotSimulateError, match=told):
+        checked_simulation(load(overrides={"sim.true": true}))

@@ -7,7 +7,7 @@ import pytest
 from pydantic import ValidationError
 
 from chefbotd.settings import Settings, SettingsError, load
-from chefbotd.settings.errors import RENAMED, explain
+from chefbotd.settings.errors import MOVED, RENAMED, explain, with_new_names
 from tests.chefbotd.settings.robot_file import spoil
 
 
@@ -112,6 +112,17 @@ def test_a_renamed_key_is_refused_with_its_new_name(old: tuple[str, ...], new: s
         told.append(explain(refused.value, Settings, values, {}, ""))
     assert f"{old[-1]}: unknown key, it is now called {new} (got 12)" in told[0]
     assert "unknown key" not in told[1]
+
+
+@pytest.mark.parametrize("key", [keys[-1] for keys in MOVED])
+def test_a_key_that_moved_is_refused_with_its_new_place(chefbot: Path, key: str):
+    """What a wheel's size and slip are was a matter of ``[sim.body]``; a recording with it can still be replayed."""
+    values: dict[str, Any] = {"sim": {"body": {key: 1.0}}}
+    with pytest.raises(ValidationError) as refused:
+        Settings.model_validate(values)
+    told = explain(refused.value, Settings, values, {}, "")
+    assert f"sim.body.{key}: unknown key, it is now called sim.true." in told
+    assert with_new_names(values) == {"sim": {"body": {}}}
 
 
 def test_a_near_miss_in_a_list_and_in_a_named_section(chefbot: Path):

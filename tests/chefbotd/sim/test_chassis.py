@@ -3,7 +3,7 @@
 import pytest
 
 from chefbotd.core.geometry import Twist2D
-from chefbotd.sim.plant import Chassis, Scrub, Wheel
+from chefbotd.sim.chassis import Chassis, Scrub, Wheel
 
 
 def chassis(order: str) -> Chassis:

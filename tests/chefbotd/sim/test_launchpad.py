@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 
 from chefbotd.core.record import replace
 from chefbotd.sim.board import Launchpad
-from chefbotd.sim.plant import PUBLISHED
+from chefbotd.sim.chassis import PUBLISHED
 from chefbotd.sim.simulation import Simulation, build_launchpad
 from chefbotd.sim_parameters.simulation import SimulationParameters
 from chefbotd.sim_parameters.sketches import BoardParameters, SketchName

@@ -7,8 +7,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.core.record import replace
-from chefbotd.sim.plant import PUBLISHED, Chassis, Plant, Supply, Wheel, WheelState
+from chefbotd.sim.chassis import PUBLISHED, Chassis, Wheel
+from chefbotd.sim.plant import Plant, Supply, WheelState
 from chefbotd.sim_parameters.motor import MotorParameters, SimBodyParameters
+from chefbotd.sim_parameters.true import TrueMotor
 from tests.budget import examples
 
 HANGING = SimBodyParameters(mass_kg=0)
@@ -132,12 +134,63 @@ def test_twist_follows_the_rims() -> None:
     assert (twist.linear_m_s, twist.angular_rad_s) == pytest.approx((0.09, 0.3))
 
 
-def test_radii_and_slip_differ_by_side() -> None:
-    """A right wheel 2 % larger that slips 50 % moves its side by half of 1.02 radii."""
-    body = SimBodyParameters(mass_kg=0, right_radius_multiplier=1.02, right_slip=0.5)
-    twist = Plant(MotorParameters(), body, 0.005).twist([0.0, 2.0])
-    rim_m_s = 2.0 * 0.045 * 1.02 * 0.5
-    assert (twist.linear_m_s, twist.angular_rad_s) == pytest.approx((rim_m_s / 2, rim_m_s / 0.3))
+def flawed(**factors: float) -> Chassis:
+    """The default chassis, the left motor of which is flawed in its forward direction."""
+    left, right = PUBLISHED.wheels
+    return replace(PUBLISHED, wheels=(replace(left, forward=TrueMotor(**factors)), right))
+
+
+def test_a_gain_is_one_of_the_speed_for_a_duty_in_one_direction() -> None:
+    """With a gain of 0.9 a hanging wheel settles at nine tenths of 8.37758 rad/s forward, and at all of it backwards."""
+    plant = Plant(MotorParameters(), HANGING, 0.005, flawed(gain=0.9))
+    assert spin(plant, plant.standing, (1.0, 1.0), 2.0).velocity_rad_s == pytest.approx(
+        [0.9 * 8.37758, 8.37758], abs=1e-4
+    )
+    assert spin(plant, plant.standing, (-1.0, -1.0), 2.0).velocity_rad_s == pytest.approx(
+        [-8.37758] * 2, abs=1e-4
+    )
+
+
+def test_a_dead_zone_grows_with_its_factor() -> None:
+    """Twice the dead zone: pulses of 0.04, and 2 * 1.3 * 0.08472 N m of friction before it starts, a share of 0.1597."""
+    plant = Plant(MotorParameters(), HANGING, 0.005, flawed(dead_zone=2.0))
+    start = 0.04 + 0.96 * 2 * 1.3 * 0.08472 / TORQUE_N_M_A * RESISTANCE_OHM / 12
+    assert start == pytest.approx(0.15980, abs=1e-5)
+    assert spin(plant, plant.standing, (0.1597, 0.0), 0.5).velocity_rad_s[0] == 0.0
+    assert spin(plant, plant.standing, (0.1600, 0.0), 0.5).velocity_rad_s[0] > 0
+
+
+def test_a_motors_curve_is_what_it_does() -> None:
+    """Straight ahead, duties of 0.3 and 0.6 end at the curve's speeds, 1 - 1/e of the way after a time constant."""
+    plant = Plant(MotorParameters(), SimBodyParameters(), 0.005)
+    curve = plant.curve(0, 12.0, forward=True)
+    for share in (0.3, 0.6):
+        reached = spin(plant, plant.standing, (share, share), 3.0).velocity_rad_s[0]
+        assert reached == pytest.approx(curve.gain_rad_s * (share - curve.dead_zone_share), rel=1e-6)
+    rising = spin(plant, spinning(1.0, 1.0), (0.6, 0.6), curve.time_constant_s).velocity_rad_s[0]
+    assert rising == pytest.approx(reached - (reached - 1.0) * math.exp(-1), rel=0.01)
+
+
+def test_a_flawed_motors_curve_has_its_factors() -> None:
+    """Without friction the dead zone is that of the pulses; the other direction is the healthy motor's."""
+    healthy = Plant(frictionless_motor(), HANGING, 0.005).curve(0, 12.0, forward=True)
+    flaws = flawed(gain=0.9, dead_zone=2.0, time_constant=1.3)
+    flawed_one = Plant(frictionless_motor(), HANGING, 0.005, flaws).curve(0, 12.0, forward=True)
+    assert flawed_one.gain_rad_s == pytest.approx(0.9 * healthy.gain_rad_s * 0.98 / 0.96)
+    assert flawed_one.dead_zone_share == pytest.approx(2 * healthy.dead_zone_share)
+    assert flawed_one.time_constant_s == pytest.approx(1.3 * healthy.time_constant_s)
+    assert Plant(frictionless_motor(), HANGING, 0.005, flaws).curve(0, 12.0, forward=False) == healthy
+
+
+def test_a_time_constant_is_one_of_the_approach_to_a_speed() -> None:
+    """With 0.1 s by choice of the inertia and a factor of 1.3, speed is 1 - 1/e of its final value after 0.13 s."""
+    friction_n_m_s = TORQUE_N_M_A * 0.3 / 8.37758
+    damping = friction_n_m_s + TORQUE_N_M_A * BACK_EMF_V_S / RESISTANCE_OHM
+    motor = frictionless_motor().model_copy(update={"rotor_inertia_kg_m2": 0.1 * damping})
+    plant = Plant(motor, HANGING, 0.005, flawed(time_constant=1.3))
+    state = spin(plant, plant.standing, FULL, 0.13)
+    reached = [1 - math.exp(-1), 1 - math.exp(-1.3)]
+    assert state.velocity_rad_s == pytest.approx([8.37758 * share for share in reached], rel=1e-5)
 
 
 def test_four_wheels_average_per_side() -> None:

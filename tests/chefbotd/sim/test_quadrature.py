@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from chefbotd.core.events import EdgeBurst
 from chefbotd.motion import quadrature
 from chefbotd.motion.edge_speed import QuadratureParameters
+from chefbotd.sim.chassis import PUBLISHED, Chassis
 from chefbotd.sim.peripherals import CycleEdges, Edge, EdgeRecorder
-from chefbotd.sim.plant import PUBLISHED, Chassis
 from chefbotd.sim.sensors import InfraredMount
 from chefbotd.sim.simulation import Simulation, build_launchpad
 from chefbotd.sim_parameters.simulation import SimulationParameters

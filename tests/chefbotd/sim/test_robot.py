@@ -8,12 +8,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.sim.chassis import PUBLISHED
+from chefbotd.sim.ground import Backlash, Slip
 from chefbotd.sim.plant import Plant
 from chefbotd.sim.robot import Robot, arc
 from chefbotd.sim.rooms import scene_of
 from chefbotd.sim.sensors import Battery
 from chefbotd.sim.world import World
 from chefbotd.sim_parameters.motor import MotorParameters, SimBatteryParameters, SimBodyParameters
+from chefbotd.sim_parameters.true import TrueParameters
 from tests.budget import examples
 
 FAR_WALL = World([(50.0, -50.0, 50.0, 50.0)])
@@ -24,7 +27,8 @@ def robot_in(world: World, start: Pose2D | None = None) -> Robot:
     """The default robot in this world."""
     body = SimBodyParameters()
     plant = Plant(MotorParameters(), body, 0.005)
-    return Robot(plant, body, world, Battery.fresh(SimBatteryParameters()), start or Pose2D())
+    battery, slip = Battery.fresh(SimBatteryParameters()), Slip(TrueParameters(), PUBLISHED, seed=1)
+    return Robot(plant, body, world, battery, start or Pose2D(), Backlash(PUBLISHED), slip)
 
 
 def test_an_arc_is_exact() -> None:

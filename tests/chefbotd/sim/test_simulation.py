@@ -10,7 +10,7 @@ from pydantic import ValidationError
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import replace
-from chefbotd.sim.plant import PUBLISHED
+from chefbotd.sim.chassis import PUBLISHED
 from chefbotd.sim.simulation import Simulation, build_launchpad
 from chefbotd.sim_parameters.simulation import SimulationParameters
 from firmware_protocol.codec import CLASSIC, KHAN, Variant

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from chefbotd.core.record import replace
 from chefbotd.sim.board import Launchpad
-from chefbotd.sim.plant import PUBLISHED
+from chefbotd.sim.chassis import PUBLISHED
 from chefbotd.sim.simulation import FirstLineCut, Simulation, build_launchpad
 from chefbotd.sim_parameters.simulation import SimulationParameters
 from chefbotd.sim_parameters.sketches import PUBLISHED_SKETCHES, BoardParameters

@@ -5,7 +5,7 @@ import math
 import pytest
 from pydantic import ValidationError
 
-from chefbotd.sim.plant import PUBLISHED
+from chefbotd.sim.chassis import PUBLISHED
 from chefbotd.sim_parameters.motor import MotorParameters
 
 

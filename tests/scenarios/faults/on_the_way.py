@@ -151,7 +151,7 @@ async def driver_leaves(drive: Drive) -> AsyncIterator[None]:
 
 
 KEEP_OUT = "keep_out:\n  - {name: stairs, corners_m: [[1.8, 3.1], [2.9, 3.1], [2.9, 3.6], [1.8, 3.6]]}\n"
-SLIPPERY = {"sim.body.left_slip": 0.15, "sim.body.right_slip": 0.3}
+SLIPPERY = {"sim.true.left_slip": 0.15, "sim.true.right_slip": 0.3}
 
 WAY_FAULTS = (
     *(
