@@ -17,8 +17,9 @@ from chefbotd.motion.drive_state import LOADED_SHARE, DriveParameters, DriveStat
 from chefbotd.motion.encoder import LOST_LINES_S
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.motion.limits import MotionLimits
+from chefbotd.motion.motor_model import Directed, WheelMotor, accelerations_m_s2, directed
 from chefbotd.motion.pid import PidParameters
-from chefbotd.motion.reference import Asked
+from chefbotd.motion.reference import Asked, midway
 from chefbotd.motion.same_side import loop_speeds, substituted
 from chefbotd.motion.setpoints import Setpoints, is_rest
 
@@ -39,6 +40,12 @@ CREEPING_M_S = 0.025
 
 The wheel on the inside of a tight circle creeps for as long as the circle lasts.
 """
+
+MOST_SUPPLY_SHARE = 1.5
+"""A voltage farther from the models' than this factor is an error of its measurement, and makes up for nothing."""
+
+SUPPLY_FILTER_SHARE = 0.1
+"""Of the difference that a reading of the battery shows; the rest follows with the next ones."""
 
 LAGGING_M_S = 0.02
 """A saturated wheel counts as lagging when its rim is slower than its setpoint by more than this."""
@@ -62,17 +69,53 @@ class Drive:
         self._names = tuple(wheel.name for wheel in chassis.wheels)
         self._motor_signs = tuple(wheel.motor_sign for wheel in chassis.wheels)
         self._still = (0.0,) * len(gains)
+        self._motors = self._models()
         self.gains = gains
         self.at_rest = DriveState(
             (pid.RESET,) * len(gains),
             (0,) * len(gains),
             setpoint_m_s=self._still,
             acceleration_m_s2=self._still,
+            held_m_s=self._still,
         )
 
     def halt(self, state: DriveState) -> DriveState:
         """Brake now: zero duty, integrators and limiter at zero, so that the next motion begins without a jump."""
-        return replace(self.at_rest, stepped_s=state.stepped_s)
+        return replace(
+            self.at_rest,
+            stepped_s=state.stepped_s,
+            cycle_s=state.cycle_s,
+            supply_share=state.supply_share,
+        )
+
+    @property
+    def gains(self) -> tuple[PidParameters, ...]:
+        """The gains of each wheel."""
+        return self._gains
+
+    @gains.setter
+    def gains(self, gains: tuple[PidParameters, ...]) -> None:
+        self._gains, self._directed = gains, self._directed_by(gains)
+
+    def _models(self) -> tuple[WheelMotor, ...]:
+        """The motors in the order of the wheels; none where they are not known. Raises ``ValueError`` for some."""
+        motors = self._parameters.motors
+        if not motors:
+            return ()
+        if motors.keys() != set(self._names):
+            raise ValueError(
+                f"drive.motors must name every wheel ({', '.join(self._names)}), got {', '.join(motors)}"
+            )
+        return tuple([motors[name] for name in self._names])
+
+    def _directed_by(self, gains: tuple[PidParameters, ...]) -> tuple[Directed, ...]:
+        wheels = zip(gains, self._motors, self._kinematics.radii_m, strict=True) if self._motors else ()
+        return tuple([directed(*wheel) for wheel in wheels])
+
+    def _towards(self, state: DriveState) -> tuple[PidParameters, ...]:
+        """The gains of each wheel in the direction in which it turns."""
+        wheels = zip(self._directed, state.setpoint_m_s, state.held_m_s, strict=True)
+        return tuple([pair.towards(setpoint or held) for pair, setpoint, held in wheels])
 
     def retarget(self, state: DriveState, target: Motion, now_s: float, *, apart: bool = False) -> DriveState:
         """The command changed, or time passed without an encoder frame: step what needs no measurement.
@@ -82,9 +125,45 @@ class Drive:
         state = self._setpoints.step(state, target, now_s, apart)
         if is_rest(target) and not any(state.setpoint_m_s):
             return self.halt(state)
-        wheels = zip(self.gains, state.pids, state.setpoint_m_s, state.acceleration_m_s2, strict=True)
-        scrub_duty = self._scrub_duty(state)
-        return replace(state, duty=self._duty([pid.preview(*wheel, scrub_duty) for wheel in wheels]))
+        gains = self._gains
+        if self._motors:
+            gains = self._towards(state)
+            state = self._invert(state, gains, state.held_m_s, state.cycle_s)
+        wheels = zip(gains, state.pids, state.setpoint_m_s, state.acceleration_m_s2, strict=True)
+        scrub_duty, follows = self._scrub_duty(state), not self._motors
+        outputs = [pid.preview(*wheel, scrub_duty, feedback_follows=follows) for wheel in wheels]
+        return replace(state, duty=self._duty(self._supplied(state, outputs)))
+
+    def _invert(
+        self, state: DriveState, gains: tuple[PidParameters, ...], held_m_s: tuple[float, ...], cycle_s: float
+    ) -> DriveState:
+        """The state with the accelerations that take each motor's model to its setpoint within the board's cycle."""
+        accelerations = self._still
+        if cycle_s >= pid.SHORTEST_S:
+            accelerations = accelerations_m_s2(gains, held_m_s, state.setpoint_m_s, cycle_s)
+        return replace(state, acceleration_m_s2=accelerations, held_m_s=held_m_s, cycle_s=cycle_s)
+
+    @property
+    def makes_up_for_voltage(self) -> bool:
+        """Whether the duty depends on the battery's voltage."""
+        return bool(self._motors) and self._parameters.motor_voltage_v is not None
+
+    def compensate(self, state: DriveState, voltage_v: float) -> DriveState:
+        """The battery has this voltage: the duty is to make up for it, within bounds and not at once."""
+        nominal_v = self._parameters.motor_voltage_v
+        if nominal_v is None or not voltage_v > 0:
+            return state
+        share = nominal_v / voltage_v
+        if not 1 / MOST_SUPPLY_SHARE <= share <= MOST_SUPPLY_SHARE:
+            return state
+        return replace(
+            state, supply_share=state.supply_share + SUPPLY_FILTER_SHARE * (share - state.supply_share)
+        )
+
+    def _supplied(self, state: DriveState, outputs: Sequence[float]) -> Sequence[float]:
+        """The duties that do with the present voltage what these do with the models'."""
+        share = state.supply_share
+        return outputs if share == 1.0 else [output * share for output in outputs]
 
     def regulate(
         self,
@@ -104,11 +183,17 @@ class Drive:
         speeds). ``substitutes`` are wheels whose reading is not believed, each with the one that it is driven like.
         """
         delay_s = self._parameters.response_delay_s
-        asked = Asked(dt_s, state.setpoint_m_s)
+        reached_m_s = state.setpoint_m_s
+        cycle_s = dt_s if dt_s >= pid.SHORTEST_S else state.cycle_s
+        asked = Asked(dt_s, midway(state.held_m_s, reached_m_s) if self._motors else reached_m_s)
         history = reference.remember(state.asked, asked, measured_over_s + delay_s)
         state = self._setpoints.step(state, target, now_s, apart)
         if not any(state.setpoint_m_s) and is_rest(target):
-            return self.halt(state)
+            return self.halt(replace(state, cycle_s=cycle_s))
+        gains, unsettled_share = self._gains, UNSETTLED_SHARE
+        if self._motors:
+            gains, unsettled_share = self._towards(state), 0.0
+            state = self._invert(state, gains, reached_m_s, cycle_s)
         is_silent = dt_s > LOST_LINES_S
         dt_s = min(dt_s, self._parameters.max_step_s)
         speeds_m_s = self._kinematics.rims_at_m_s(velocity_rad_s)
@@ -122,12 +207,12 @@ class Drive:
             if self._parameters.integral_settle_s > 0:
                 creeping_share = UNSETTLED_SHARE
             if steady_s < self._parameters.integral_settle_s:
-                integral_share = UNSETTLED_SHARE
+                integral_share = unsettled_share
         pids = state.pids
         if substitutes:
             pids = substituted(substitutes, pids)
             speeds_m_s = loop_speeds(substitutes, speeds_m_s, state.setpoint_m_s)
-        wheels = zip(self.gains, pids, state.setpoint_m_s, state.acceleration_m_s2, speeds_m_s, strict=True)
+        wheels = zip(gains, pids, state.setpoint_m_s, state.acceleration_m_s2, speeds_m_s, strict=True)
         scrub_duty = self._scrub_duty(state)
         steps = [
             pid.step(
@@ -138,11 +223,14 @@ class Drive:
             )
             for wheel in wheels
         ]
-        outputs = tuple([step[1] for step in steps])
+        outputs = self._supplied(state, [step[1] for step in steps])
         share = self._share_left(state, outputs, speeds_m_s, dt_s)
         stepped = tuple([step[0] for step in steps])
         driven = state.setpoint_m_s, state.acceleration_m_s2, state.loose, history, steady_s
-        return DriveState(stepped, self._duty(outputs), state.limiter, state.stepped_s, share, *driven)
+        supplied = state.held_m_s, cycle_s, state.supply_share
+        return DriveState(
+            stepped, self._duty(outputs), state.limiter, state.stepped_s, share, *driven, *supplied
+        )
 
     def force(self, state: DriveState, motion: WheelVelocities, now_s: float) -> DriveState:
         """Drive by the motion's duties, without a controller; no duty at all brakes.
@@ -155,7 +243,7 @@ class Drive:
             return self.halt(state)
         signed = tuple(map(mul, duty, self._motor_signs))
         setpoint_m_s = self._kinematics.rims_at_m_s(motion.rad_s)
-        return replace(self.at_rest, duty=signed, stepped_s=now_s, setpoint_m_s=setpoint_m_s)
+        return replace(self.halt(state), duty=signed, stepped_s=now_s, setpoint_m_s=setpoint_m_s)
 
     def wheel_duties(self, duties: WheelDuties) -> WheelVelocities:
         """Duties as a motion that can be commanded: all reduced in proportion to what the limits of speed allow.
@@ -177,10 +265,12 @@ class Drive:
 
     def retune(self, state: DriveState, gains: tuple[PidParameters, ...]) -> DriveState:
         """Exchange the gains without a bump in the duty; returns the state to go on with."""
-        wheels = zip(self.gains, gains, state.pids, state.setpoint_m_s, state.acceleration_m_s2, strict=True)
+        before = self._towards(state) if self._motors else self._gains
+        self.gains = gains
+        after = self._towards(state) if self._motors else gains
+        wheels = zip(before, after, state.pids, state.setpoint_m_s, state.acceleration_m_s2, strict=True)
         scrub_duty = self._scrub_duty(state)
         pids = tuple(pid.retune(*wheel, scrub_duty) for wheel in wheels)
-        self.gains = gains
         return replace(state, pids=pids)
 
     def relimit(self, limits: MotionLimits) -> None:
@@ -232,7 +322,7 @@ class Drive:
         """Slow the whole twist while any wheel cannot keep up with its part of it."""
         change = self._parameters.saturation_recovery_per_s
         for gains, output, setpoint, speed in zip(
-            self.gains, outputs, state.setpoint_m_s, speeds_m_s, strict=True
+            self._gains, outputs, state.setpoint_m_s, speeds_m_s, strict=True
         ):
             saturated = not -gains.output_limit < output < gains.output_limit
             if saturated and abs(setpoint) - abs(speed) > LAGGING_M_S:

@@ -1,11 +1,14 @@
 """Parameters and state of the wheels' controller."""
 
+from collections.abc import Mapping
+
 from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
 from chefbotd.core.record import Record
 from chefbotd.motion import reference
 from chefbotd.motion.limits import AT_REST, LimiterState
+from chefbotd.motion.motor_model import WheelMotor
 from chefbotd.motion.pid import PidState
 
 LOADED_SHARE = 0.9
@@ -30,6 +33,11 @@ class DriveParameters(Parameters):
     beyond its friction. In a curve it takes the share of that by which the wheel moves sideways over the ground,
     ``scrub_reach_m`` (half the wheelbase) from the middle.
 
+    ``motors`` are the models of the wheels' motors by name, as calibration finds them: of every wheel, or of none. With
+    them the feedforward is theirs, in place of ``ks``, ``kv`` and ``ka`` of the gains, and the integral acts at a steady
+    setpoint only. The duty is multiplied by ``motor_voltage_v``, the battery's voltage at which the models hold, over
+    the present one (None: it is not).
+
     ``max_step_s`` is the longest time that one step accounts for. A wheel that lags behind while its duty saturates
     slows the twist by ``saturation_slowdown_per_s`` (share of the twist per second), so that the others do not bend
     the path. ``saturation_recovery_per_s`` gives it back.
@@ -41,6 +49,8 @@ class DriveParameters(Parameters):
     scrub_duty: float = Field(default=0.0, ge=0, le=32_767)
     scrub_reach_m: float = Field(default=0.1, gt=0, le=5)
     integral_settle_s: float = Field(default=0.0, ge=0, le=5)
+    motors: Mapping[str, WheelMotor] = {}
+    motor_voltage_v: float | None = Field(default=None, gt=0, le=100)
     max_step_s: float = Field(default=0.1, gt=0, le=1)
     saturation_slowdown_per_s: float = Field(default=2.0, ge=0, le=100)
     saturation_recovery_per_s: float = Field(default=0.5, gt=0, le=100)
@@ -50,6 +60,8 @@ class DriveState(Record, frozen=True):
     """Everything that one step hands to the next; ``stepped_s`` is None until the first.
 
     ``steady_s``: for how long the setpoints have been steady in what was measured.
+    ``held_m_s`` are the setpoints that the motors' models have reached when the present duty comes into force, which is
+    held for ``cycle_s``; ``supply_share`` is the factor that makes up for the battery's voltage.
     ``loose``: the wheels of a side are not set to the same speed, so ``limiter`` alone does not describe the motion.
     """
 
@@ -63,3 +75,6 @@ class DriveState(Record, frozen=True):
     loose: bool = False
     asked: reference.History = ()
     steady_s: float = 0.0
+    held_m_s: tuple[float, ...] = ()
+    cycle_s: float = 0.0
+    supply_share: float = 1.0

@@ -129,13 +129,16 @@ def preview(
     setpoint_m_s: float,
     acceleration_m_s2: float,
     scrub_duty: float = 0.0,
+    *,
+    feedback_follows: bool = True,
 ) -> float:
     """The duty, within the output limit, for a setpoint that changed between encoder frames.
 
-    Feedforward and proportional part follow the setpoint at once; integral and derivative wait for the
-    encoder.
+    The feedforward follows the setpoint at once, and so does the proportional part unless ``feedback_follows`` is
+    False; integral and derivative wait for the encoder.
     """
-    other_duty = _without_integral(params, state, setpoint_m_s, acceleration_m_s2, scrub_duty)
+    compared_m_s = setpoint_m_s if feedback_follows else state.setpoint_m_s
+    other_duty = _without_integral(params, state, setpoint_m_s, acceleration_m_s2, scrub_duty, compared_m_s)
     return _clamp(other_duty + state.integral_duty, params.output_limit)
 
 
@@ -162,7 +165,7 @@ def retune(
     passing_duty = 0.0 if is_same_filter else state.derivative_duty
     derivative_duty = state.derivative_duty - passing_duty
     bare = PidState(0.0, state.measured_m_s, derivative_duty, setpoint_m_s)
-    missing = kept - _without_integral(new, bare, setpoint_m_s, acceleration_m_s2, scrub_duty)
+    missing = kept - _without_integral(new, bare, setpoint_m_s, acceleration_m_s2, scrub_duty, setpoint_m_s)
     integral_duty = _clamp(missing - passing_duty, most)
     fading_duty = missing - integral_duty if setpoint_m_s else 0.0
     return replace(bare, integral_duty=integral_duty, fading_duty=fading_duty)
@@ -186,15 +189,20 @@ def _fading(state: PidState, setpoint_m_s: float) -> float:
 
 
 def _without_integral(
-    params: PidParameters, state: PidState, setpoint_m_s: float, acceleration_m_s2: float, scrub_duty: float
+    params: PidParameters,
+    state: PidState,
+    setpoint_m_s: float,
+    acceleration_m_s2: float,
+    scrub_duty: float,
+    compared_m_s: float,
 ) -> float:
-    """Feedforward, proportional and derivative part, and what fades; not clamped."""
+    """Feedforward, proportional part (of the setpoint ``compared_m_s``) and derivative, and what fades; not clamped."""
     other_duty = feedforward(params, setpoint_m_s, acceleration_m_s2, scrub_duty) + _fading(
         state, setpoint_m_s
     )
     if state.measured_m_s is None:
         return other_duty
-    error_m_s = setpoint_m_s - state.measured_m_s
+    error_m_s = compared_m_s - state.measured_m_s
     if -params.deadband <= error_m_s <= params.deadband:
         error_m_s = 0.0
     return other_duty + params.kp * error_m_s + state.derivative_duty

@@ -35,6 +35,11 @@ def remember(history: History, newest: Asked, over_s: float) -> History:
     return (*history[first:], newest)
 
 
+def midway(before_m_s: tuple[float, ...], after_m_s: tuple[float, ...]) -> tuple[float, ...]:
+    """Each rim's mean speed on the way from one speed to another."""
+    return tuple([(before + after) / 2 for before, after in zip(before_m_s, after_m_s, strict=True)])
+
+
 def mean_m_s(history: History, over_s: float, delay_s: float) -> tuple[float, ...]:
     """Each rim's setpoint on the mean over ``over_s`` (> 0), which ended ``delay_s`` ago."""
     way_m = [0.0] * len(history[-1].setpoint_m_s)

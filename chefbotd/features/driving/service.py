@@ -12,6 +12,7 @@ import structlog
 from chefbotd.bus import Bus, HandlerFailure
 from chefbotd.clock import Clock
 from chefbotd.core.events import (
+    BatteryMeasured,
     BoardRestarted,
     EncodersCounted,
     LinkClosed,
@@ -91,12 +92,14 @@ class DriveService:
         self._still = (0,) * len(wheel_names)
         self.stops, self.stopped_by = 0, ""
         on_error = self._on_handler_error
-        self._remove_handlers = (
+        self._remove_handlers: tuple[Callable[[], None], ...] = (
             bus.add_handler(self._on_encoders, EncodersCounted, on_error=on_error),
             bus.add_handler(self._on_link, LinkOpened, on_error=on_error),
             bus.add_handler(self._on_link, LinkClosed, on_error=on_error),
             bus.add_handler(self._on_link, BoardRestarted, on_error=on_error),
         )
+        if drive.makes_up_for_voltage:
+            self._remove_handlers += (bus.add_handler(self._on_battery, BatteryMeasured, on_error=on_error),)
         self.steps, self.step_times = 0, Histogram(STEP_BOUNDS_S)
         self.internal_errors = 0
         self.acted_s = float("-inf")
@@ -271,6 +274,9 @@ class DriveService:
         self.keeper.announce(now_s)
         self._publish(event, seen)
         self.step_times.observe(perf_counter() - began_s)
+
+    def _on_battery(self, event: BatteryMeasured) -> None:
+        self.wheels.note_voltage(event.voltage_v)
 
     def _publish(self, event: EncodersCounted, seen: WheelsRead) -> None:
         stamp_s, reading, excluded = event.stamp_s, seen.reading, seen.same_side.excluded

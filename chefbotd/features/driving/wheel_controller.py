@@ -118,6 +118,10 @@ class WheelController:
         """The motion that drives by as much of these duties as the limits allow; ``ValueError`` unless one per wheel."""
         return self._drive.wheel_duties(duties)
 
+    def note_voltage(self, voltage_v: float) -> None:
+        """The battery has this voltage: where the motors' models tell theirs, the duty makes up for it."""
+        self.drive_state = self._drive.compensate(self.drive_state, voltage_v)
+
     def gains(self) -> dict[str, PidParameters]:
         """The present gains by wheel name."""
         return dict(zip(self._wheel_names, self._drive.gains, strict=True))

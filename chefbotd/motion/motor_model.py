@@ -1,0 +1,69 @@
+"""A motor's model by direction, and the feedforward that inverts it from one command of the board's cycle to the next.
+
+Beyond a dead zone (dry friction and the bridge) the steady speed is in proportion to the duty, and it is approached
+with one time constant. A duty that is held for a cycle ``T`` takes the speed from ``v`` to ``r`` if it is that of the
+steady speed ``v + (r - v) / (1 - exp(-T / lag))`` (the inverse of the sampled plant: Astrom and Wittenmark,
+"Computer-Controlled Systems", 3rd ed., ch. 2 and 5). As a duty per acceleration ``(r - v) / T`` that is ``lag`` times
+``1 - x / 2 + x^2 / 12 - ...`` with ``x = T / lag``; the next term, ``x^4 / 720``, is below 1 % of it up to 2 of ``x``.
+"""
+
+from collections.abc import Sequence
+
+from pydantic import Field
+
+from chefbotd.core.parameters import Parameters
+from chefbotd.core.record import Record
+from chefbotd.motion.pid import PidParameters
+
+
+class MotorModel(Parameters):
+    """A motor in one direction: its wheel turns at ``gain_rad_s_per_duty`` of what the duty exceeds the dead zone by."""
+
+    dead_zone_duty: float = Field(ge=0, le=32_767)
+    gain_rad_s_per_duty: float = Field(gt=0, le=100)
+    time_constant_s: float = Field(gt=0, le=2)
+
+
+class WheelMotor(Parameters):
+    """A wheel's motor in both directions."""
+
+    forward: MotorModel
+    reverse: MotorModel
+
+
+LONGEST_LAGS = 2.0
+"""A cycle counts as no longer than this many time constants in the series."""
+
+
+class Directed(Record, frozen=True):
+    """A wheel's gains in each direction, with the model's feedforward."""
+
+    forward: PidParameters
+    reverse: PidParameters
+
+    def towards(self, speed_m_s: float) -> PidParameters:
+        """The gains for a wheel that turns so."""
+        return self.reverse if speed_m_s < 0 else self.forward
+
+
+def directed(gains: PidParameters, motor: WheelMotor, radius_m: float) -> Directed:
+    """The gains with each direction's feedforward, for a wheel of this radius: ``ka`` over ``kv`` is the lag."""
+    return Directed(_with_model(gains, motor.forward, radius_m), _with_model(gains, motor.reverse, radius_m))
+
+
+def _with_model(gains: PidParameters, model: MotorModel, radius_m: float) -> PidParameters:
+    kv = 1 / (model.gain_rad_s_per_duty * radius_m)
+    return gains.model_copy(update={"ks": model.dead_zone_duty, "kv": kv, "ka": kv * model.time_constant_s})
+
+
+def accelerations_m_s2(
+    gains: Sequence[PidParameters], held_m_s: Sequence[float], setpoint_m_s: Sequence[float], cycle_s: float
+) -> tuple[float, ...]:
+    """What the feedforward takes for each wheel's acceleration, from what is held now to the setpoint in a cycle."""
+    found = []
+    for wheel, held, setpoint in zip(gains, held_m_s, setpoint_m_s, strict=True):
+        lags = cycle_s * wheel.kv / wheel.ka
+        if lags > LONGEST_LAGS:
+            lags = LONGEST_LAGS
+        found.append((setpoint - held) / cycle_s * (1 - lags / 2 + lags * lags / 12))
+    return tuple(found)
