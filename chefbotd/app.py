@@ -5,10 +5,12 @@ import os
 import random
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from functools import partial
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
+from chefbotd.composition.calibration import calibration
 from chefbotd.composition.context import Context, DepthSpawn, FeatureBuilder, StartWriter
 from chefbotd.composition.maps import map_features
 from chefbotd.composition.network import discovery, foxglove, page_server, recording
@@ -34,6 +36,7 @@ from chefbotd.snapshot import DaemonState, Stateful
 from chefbotd.transport.tcp import TcpServer
 
 if TYPE_CHECKING:
+    from chefbotd.features.calibration.fit_process import Fitter
     from chefbotd.worker.spawn import Spawn
 
 Loop = Callable[[], Coroutine[Any, Any, None]]
@@ -63,6 +66,7 @@ class Daemon:
     ``features`` makes further ones, beside those that every robot has. ``spawn_worker`` starts the worker of a robot
     with a lidar, ``depth_spawn`` the process of a depth camera: None starts the real one. ``start_writer`` starts the
     thread that records; without it nothing is recorded. ``session`` tells this start from any other: None makes one.
+    Calibration writes to ``config_file``, and computes by ``fit``; None: in a process of its own.
     """
 
     def __init__(
@@ -80,13 +84,17 @@ class Daemon:
         depth_spawn: DepthSpawn | None = None,
         start_writer: StartWriter | None = None,
         session: str | None = None,
+        config_file: Path | None = None,
+        fit: "Fitter | None" = None,
     ) -> None:
         self.bus = Bus()
         self.entries = clock = entries_of(clock)
         self.entries.bus = self.bus
         rng, self._session = rng or random.Random(), session or os.urandom(4).hex()
         ways_out = opener, spawn_worker, depth_spawn, start_writer
-        context = Context(settings, self.bus, clock, rng, self._session, simulated, *ways_out)
+        context = Context(
+            settings, self.bus, clock, rng, self._session, simulated, *ways_out, config_file, fit
+        )
         self.session = board_session(context)
         link = PortLink(settings.link, EntrySession(BOARD_LINK, self.session, clock), opener, clock, rng)
         self._latch, self._supervisor = latch, supervisor
@@ -115,7 +123,8 @@ class Daemon:
         on_maps, self.worker = map_features(context, self.driving, self.leases)
         cameras = depth_cameras(context)
         own = robot_features(context, self.driving, self.limit_preview, self.leases, self.metrics)
-        return [*recorders, *others, *scanners, *on_maps, *cameras, *own, *simulation(context)]
+        calibrated = calibration(context, self.driving, self.leases)
+        return [*recorders, *others, *scanners, *on_maps, *cameras, *own, *calibrated, *simulation(context)]
 
     def _rpc_server(self, settings: Settings, guard: Guard) -> RpcServer:
         methods, topics = methods_and_topics(self.features)

@@ -141,6 +141,23 @@ class GeneratedMethods(MethodCaller):
         """The present values of the daemon's counters."""
         return await self._ask("StatsData", "get_stats")
 
+    async def get_calibration(self) -> m.CalibrationReport:
+        """Return every step that can be calibrated, and the newest result of each."""
+        return await self._ask("CalibrationReport", "get_calibration")
+
+    async def calibrate(self, step: str, space_m: float | None = None,
+        on_progress: ProgressListener | None = None) -> m.StepResult:
+        """Carry out a step of the calibration; the robot moves. Nothing is written before ``apply_calibration``."""
+        return await self._ask("StepResult", "calibrate", step=step, space_m=space_m, on_progress=on_progress)
+
+    async def answer_calibration(self, key: str, value: float) -> None:
+        """Answer the question that the calibration asks."""
+        await self._ask(None, "answer_calibration", key=key, value=value)
+
+    async def apply_calibration(self, steps: list[str] | None = None) -> m.CalibrationApplied:
+        """Write results into the daemon's configuration, which keeps its comments; the old file is kept beside it."""
+        return await self._ask("CalibrationApplied", "apply_calibration", steps=steps)
+
     async def reset_board(self) -> None:
         """Restart the board; its counters start at zero."""
         await self._ask(None, "reset_board")
@@ -192,6 +209,9 @@ class Topics(ABC):
     def subscribe(self, topics: Literal["battery"], **options: Unpack[Options]) -> Subscription[m.BatteryData]: ...
     @overload
     def subscribe(self, topics: Literal["stats"], **options: Unpack[Options]) -> Subscription[m.StatsData]: ...
+    @overload
+    def subscribe(self, topics: Literal["calibration"],
+        **options: Unpack[Options]) -> Subscription[m.CalibrationData]: ...
     @overload
     def subscribe(self, topics: Literal["sim"], **options: Unpack[Options]) -> Subscription[m.SimData]: ...
     @overload

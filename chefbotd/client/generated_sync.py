@@ -59,4 +59,8 @@ class SyncMethods(InBackground):
     arm = blocking(Client.arm)
     reset_odometry = blocking(Client.reset_odometry)
     get_stats = blocking(Client.get_stats)
+    get_calibration = blocking(Client.get_calibration)
+    calibrate = blocking(Client.calibrate)
+    answer_calibration = blocking(Client.answer_calibration)
+    apply_calibration = blocking(Client.apply_calibration)
     reset_board = blocking(Client.reset_board)

@@ -4,6 +4,10 @@
 
 from collections.abc import Mapping
 
+from chefbotd.core.events.calibration import (
+    Ask as Ask, CalibrationData as CalibrationData, Estimate as Estimate, Plot as Plot, Residual as Residual,
+    Series as Series, StepResult as StepResult
+)
 from chefbotd.core.events.lidars import DepthCameraChanged as DepthCameraChanged
 from chefbotd.core.events.mapping import MapSaved as MapSaved, MappingData as MappingData
 from chefbotd.core.events.navigation import (
@@ -15,6 +19,9 @@ from chefbotd.core.events.robot import (
 from chefbotd.core.record import LogLine as LogLine
 from chefbotd.features.board.models import (
     LinkData as LinkData, RawData as RawData, ResetData as ResetData, TextData as TextData
+)
+from chefbotd.features.calibration.models import (
+    CalibrationApplied as CalibrationApplied, CalibrationReport as CalibrationReport, CalibrationStep as CalibrationStep
 )
 from chefbotd.features.depth_cameras.models import DepthCamerasData as DepthCamerasData
 from chefbotd.features.description.models import RobotDescription as RobotDescription
@@ -57,8 +64,8 @@ DATA_BY_TOPIC: Mapping[str, type[Sent]] = {
     "map": MapData, "map_pose": MapPoseData, "localization": LocalizationData, "navigation": NavigationData,
     "path": PathData, "costmap": CostmapData, "obstacles": ObstaclesData, "depth_cameras": DepthCamerasData,
     "wheels": WheelsData, "safety": SafetyData, "odometry": OdometryData, "imu": ImuData, "ranges": RangesData,
-    "battery": BatteryData, "stats": StatsData, "sim": SimData, "link": LinkData, "reset": ResetData, "text": TextData,
-    "raw": RawData, "log": LogData
+    "battery": BatteryData, "stats": StatsData, "calibration": CalibrationData, "sim": SimData, "link": LinkData,
+    "reset": ResetData, "text": TextData, "raw": RawData, "log": LogData
 }
 """What a client reads each topic as."""
 
@@ -87,6 +94,7 @@ class TopicsOfState:
     ranges = Latest("ranges", RangesData)
     battery = Latest("battery", BatteryData)
     stats = Latest("stats", StatsData)
+    calibration = Latest("calibration", CalibrationData)
     sim = Latest("sim", SimData)
     reset = Latest("reset", ResetData)
     text = Latest("text", TextData)

@@ -2,6 +2,7 @@
 
 import random
 from collections.abc import Awaitable, Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeAlias
 
 from msgspec import Struct
@@ -13,6 +14,7 @@ from chefbotd.link.reconnect import Opener
 from chefbotd.settings import Settings
 
 if TYPE_CHECKING:
+    from chefbotd.features.calibration.fit_process import Fitter
     from chefbotd.recording.writer import MakeRecorder, Writer
     from chefbotd.worker.spawn import Spawn
 
@@ -29,7 +31,8 @@ class Context(Struct, frozen=True):
     """One robot's configuration, bus and clock, and the functions that start threads and processes.
 
     ``session`` tells this run of the daemon from others. ``spawn_worker`` and ``depth_spawn`` start processes; None
-    starts the real ones. Without ``start_writer`` nothing is recorded.
+    starts the real ones. Without ``start_writer`` nothing is recorded. Calibration writes to ``config_file`` (None: the
+    robot runs with the packaged one, which is not written to), and computes by ``fit`` (None: in a process of its own).
     """
 
     settings: Settings
@@ -42,6 +45,8 @@ class Context(Struct, frozen=True):
     spawn_worker: "Spawn | None"
     depth_spawn: DepthSpawn | None
     start_writer: StartWriter | None
+    config_file: Path | None = None
+    fit: "Fitter | None" = None
 
     @property
     def wheel_names(self) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 import random
 from collections.abc import Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from chefbotd.app import Daemon
@@ -13,6 +14,7 @@ from chefbotd.process.latch_file import LatchFile, path_of
 from chefbotd.settings import Settings
 
 if TYPE_CHECKING:
+    from chefbotd.features.calibration.fit_process import Fitter
     from chefbotd.worker.spawn import Spawn
 import asyncio
 from collections import Counter, deque
@@ -103,6 +105,8 @@ def build(
     spawn_worker: "Spawn | None" = None,
     depth_spawn: DepthSpawn | None = None,
     start_writer: StartWriter | None = None,
+    config_file: Path | None = None,
+    fit: "Fitter | None" = None,
 ) -> Daemon:
     """The robot of this configuration, ready to run; the rest is as in ``Daemon``."""
     return Daemon(
@@ -117,4 +121,6 @@ def build(
         spawn_worker=spawn_worker,
         depth_spawn=depth_spawn,
         start_writer=start_writer,
+        config_file=config_file,
+        fit=fit,
     )

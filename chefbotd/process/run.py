@@ -6,6 +6,7 @@ import os
 from collections.abc import Callable, Iterator
 from functools import partial
 from importlib.util import find_spec
+from pathlib import Path
 from typing import TYPE_CHECKING, Optional
 
 import structlog
@@ -33,14 +34,18 @@ LIBRARIES = {"zstd": "zstandard", "lz4": "lz4"}
 """What each compression of recordings needs."""
 
 
-def run(settings: Settings, *, simulated: bool, load: "Load | None" = None) -> int:
+def run(
+    settings: Settings, *, simulated: bool, load: "Load | None" = None, config_file: Path | None = None
+) -> int:
     """Run the daemon until a signal ends it; returns the exit code. ``load`` reads the configuration again, on SIGHUP.
+
+    ``config_file`` is the one that it was read from, None: the packaged one, which calibration does not write to.
 
     0, 1 after a failure, or 78 when the socket cannot be guarded as configured.
     """
     try:
         with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-            runner.run(_until_signalled(settings, load, simulated=simulated))
+            runner.run(_until_signalled(settings, load, config_file, simulated=simulated))
     except BaseExceptionGroup as failures:
         for failure in _leaves(failures):
             if isinstance(failure, CannotListen):
@@ -72,7 +77,9 @@ class _Hangup:
             self.service.want_reload()
 
 
-async def _until_signalled(settings: Settings, load: "Load | None", *, simulated: bool) -> None:
+async def _until_signalled(
+    settings: Settings, load: "Load | None", config_file: Path | None, *, simulated: bool
+) -> None:
     task = asyncio.current_task()
     assert task is not None  # noqa: S101 - a coroutine that runs has a task
     received: list[str] = []
@@ -92,7 +99,8 @@ async def _until_signalled(settings: Settings, load: "Load | None", *, simulated
         return hangup.service
 
     try:
-        await (_serve_simulated(settings, as_service) if simulated else _serve_real(settings, as_service))
+        serve = _serve_simulated if simulated else _serve_real
+        await serve(settings, as_service, config_file)
     except asyncio.CancelledError:
         if not received:
             raise
@@ -128,11 +136,13 @@ async def _serve(daemon: Daemon, settings: Settings, as_service: AsService, *mor
         await daemon.run(report_ready, *(service.loops if service else ()), *more)
 
 
-async def _serve_real(settings: Settings, as_service: AsService) -> None:
+async def _serve_real(settings: Settings, as_service: AsService, config_file: Path | None) -> None:
     """On the robot's port; its latch is kept where systemd offers room, unless the configuration says where."""
     folder = settings.latch.folder or keep_alive.runtime_folder()
     settings = settings.model_copy(update={"latch": LatchParameters(folder=folder)})
-    daemon = build(settings, clock=SystemClock(), start_writer=_start_writer(settings))
+    daemon = build(
+        settings, clock=SystemClock(), start_writer=_start_writer(settings), config_file=config_file
+    )
     if folder is None:
         log.info(
             "a restart forgets an e-stop or a fault: neither [latch] folder nor RuntimeDirectory= is set"
@@ -141,7 +151,7 @@ async def _serve_real(settings: Settings, as_service: AsService) -> None:
         await _serve(daemon, settings, as_service)
 
 
-async def _serve_simulated(settings: Settings, as_service: AsService) -> None:
+async def _serve_simulated(settings: Settings, as_service: AsService, config_file: Path | None) -> None:
     from chefbotd.process.simulated_robot import (
         simulation_of,  # not in the memory of a daemon on a real robot
     )
@@ -167,6 +177,7 @@ async def _serve_simulated(settings: Settings, as_service: AsService) -> None:
             simulated=True,
             depth_spawn=depth_spawn,
             start_writer=_start_writer(settings),
+            config_file=config_file,
         )
         await _serve(
             daemon, settings, as_service, lambda: board.run(partial(daemon.entries.observe, daemon.bus))

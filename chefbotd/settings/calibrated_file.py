@@ -1,28 +1,19 @@
 """Calibrated values written into a robot's configuration: comments kept, the old file kept, the difference shown."""
 
 import difflib
-import math
 import shutil
 import tomllib
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 from tomlkit.exceptions import TOMLKitError
 
-from chefbotd.core.parameters import Parameters
 from chefbotd.core.record import Record
 from chefbotd.settings.errors import SettingsError
 from chefbotd.settings.loader import load
-from chefbotd.settings.model import Settings
 from chefbotd.settings.replace_file import read_writable, replace_file
 from chefbotd.settings.toml_edit import Editor
-
-DIGITS = 6
-"""Significant digits of a written value: a hundred times finer than any standard deviation of a calibration."""
-
-Values = Mapping[str, float]
-"""New values by the paths of their keys; an element of a list is named: ``lidar.front.mount_x_m``."""
+from chefbotd.settings.values import Values, as_written
 
 
 class Saved(Record, frozen=True):
@@ -64,7 +55,7 @@ def with_values(text: str, values: Values) -> str:
         ValueError: a list has no element of that name, or the text has a form that cannot be edited.
     """
     editor = Editor(text)
-    written = {key: _as_written(key, value) for key, value in values.items()}
+    written = {key: as_written(key, value) for key, value in values.items()}
     for key, value in written.items():
         *section, name = key.split(".")
         editor.change(tuple(section), {name: value})
@@ -84,72 +75,6 @@ def difference(name: str, before: str, after: str) -> str:
         before.splitlines(), after.splitlines(), f"{name} (before)", f"{name} (after)", n=1, lineterm=""
     )
     return "\n".join(lines)
-
-
-def calibrated(settings: Settings, values: Values) -> Settings:
-    """The settings with these values.
-
-    Raises:
-        SettingsError: a value is out of its range, or there is no such key.
-    """
-    plain = settings.model_dump(mode="python", by_alias=True)
-    for key, value in values.items():
-        *section, name = key.split(".")
-        _section(plain, section)[name] = _as_written(key, value)
-    try:
-        return Settings.model_validate(plain)
-    except ValueError as error:
-        raise SettingsError(f"the calibrated values do not fit the configuration: {error}") from error
-
-
-def value_of(settings: Settings, key: str) -> float | None:
-    """The value of a key in force; None where it is not set.
-
-    Raises:
-        KeyError: the configuration has no such key.
-    """
-    part: Any = settings
-    for name in key.split("."):
-        part = _inner(part, name)
-    return None if part is None else float(part)
-
-
-def _inner(part: Any, name: str) -> Any:
-    if part is None:
-        return None
-    if isinstance(part, tuple):
-        named = [element for element in part if element.name == name]
-        if not named:
-            raise KeyError(name)
-        return named[0]
-    if isinstance(part, Mapping):
-        return part.get(name)
-    if isinstance(part, Parameters) and name in type(part).model_fields:
-        return getattr(part, name)
-    raise KeyError(name)
-
-
-def _as_written(key: str, value: float) -> float | int:
-    if not math.isfinite(value):
-        raise ValueError(f"{key}: {value} is no finite number")
-    if key.endswith("_sign"):
-        return round(value)
-    return float(f"{value:.{DIGITS}g}")
-
-
-def _section(plain: Any, path: list[str]) -> Any:
-    """The part of the plain settings at this path; a missing section is made."""
-    for name in path:
-        if isinstance(plain, list | tuple):
-            plain = next((element for element in plain if element.get("name") == name), None)
-            if plain is None:
-                raise SettingsError(f"the configuration has no {'.'.join(path)}")
-        elif plain.get(name) is None:
-            plain[name] = {}
-            plain = plain[name]
-        else:
-            plain = plain[name]
-    return plain
 
 
 def _at(said: Any, key: str) -> Any:

@@ -5,6 +5,7 @@ import contextlib
 import random
 import ssl
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
+from pathlib import Path
 from types import MappingProxyType
 
 import numpy as np
@@ -15,6 +16,7 @@ from chefbotd.client import Client
 from chefbotd.clock import LoopClock
 from chefbotd.composition.context import FeatureBuilder, StartWriter
 from chefbotd.core.record import Record
+from chefbotd.features.calibration.fit_process import fit_here
 from chefbotd.link.depth.child import ScanWriter
 from chefbotd.link.depth.process import DepthChild
 from chefbotd.link.depth.sources import Frame
@@ -148,11 +150,12 @@ async def simulated_robot(
     spawn_worker: Spawn = no_worker,
     start_writer: StartWriter | None = None,
     features: Sequence[FeatureBuilder] = (),
+    config_file: Path | None = None,
 ) -> AsyncIterator[SimulatedRobot]:
     """The daemon on the simulated robot, both on the running loop's clock, connected through memory.
 
     ``token`` and ``tls`` are those of ``Client.connect``, where the settings guard the socket. ``spawn_worker`` and
-    ``features`` are as for ``running_daemon``.
+    ``features`` are as for ``running_daemon``. Calibration writes to ``config_file``.
     """
     settings = _on_free_port(settings or load())
     device = FakeSerialDevice()
@@ -171,6 +174,8 @@ async def simulated_robot(
         rng=random.Random(settings.sim.seed),
         spawn_worker=spawn_worker,
         start_writer=start_writer,
+        config_file=config_file,
+        fit=fit_here,
         features=features,
         depth_spawn=depth_spawn(board, settings.sim),
     )

@@ -7,6 +7,7 @@ import click
 from click.core import ParameterSource
 
 from chefbotd import __version__
+from chefbotd.cli.calibrate.commands import calibrate
 from chefbotd.cli.common.arguments import Address, address
 from chefbotd.cli.common.context import CommandContext, CoroutineRunner, Credentials, run_until_signalled
 from chefbotd.cli.common.exits import MEANING, exit_table
@@ -127,6 +128,7 @@ COMMANDS: tuple[click.Command, ...] = (
     driving.estop,
     driving.arm,
     pid,
+    calibrate,
     map_group,
     places,
     *navigating.COMMANDS,

@@ -158,7 +158,11 @@ def run(
         from chefbotd.settings import load
 
     logs.configure(settings.log.level)
-    ctx.exit(process.run(settings, simulated=simulated, load=partial(load, path, overrides=overrides)))
+    ctx.exit(
+        process.run(
+            settings, simulated=simulated, load=partial(load, path, overrides=overrides), config_file=path
+        )
+    )
 
 
 def _check_simulated(simulated: bool, device: str | None, sketch: str | None) -> None:

@@ -7,7 +7,8 @@ from pathlib import Path
 import pytest
 
 from chefbotd.settings import SettingsError, load, packaged
-from chefbotd.settings.calibrated_file import calibrated, save, value_of, with_values
+from chefbotd.settings.calibrated_file import save, with_values
+from chefbotd.settings.values import calibrated, value_of
 
 
 @pytest.fixture

@@ -1,0 +1,9 @@
+"""The steps of a calibration, in the order in which each can use the results of those before."""
+
+from collections.abc import Mapping
+
+from chefbotd.calibration.step import Step
+
+ORDER: tuple[Step, ...] = ()
+
+STEPS: Mapping[str, Step] = {step.name: step for step in ORDER}

@@ -1,0 +1,1 @@
+"""Calibration of a robot, step by step, and from recordings."""

@@ -1,0 +1,60 @@
+"""The command ``chefbotctl calibrate``."""
+
+from pathlib import Path
+
+import click
+
+from chefbotd.cli.common.context import CommandContext
+
+NAMES = ("motors", "wheels", "imu", "lidar", "sensors", "battery")
+"""The steps, repeated here so that chefbotctl need not import them."""
+
+
+@click.command()
+@click.argument("steps", nargs=-1, metavar="[STEP]...", type=click.Choice(NAMES))
+@click.option("--apply", "applies", is_flag=True, help="Write what has passed into the configuration.")
+@click.option(
+    "--space", "space_m", type=click.FloatRange(0, 100), metavar="M",
+    help="Free floor around the robot, where no lidar sees that.",
+)  # fmt: skip
+@click.option(
+    "--yes", "is_ready", is_flag=True, help="Everything is prepared: ask for measured numbers only."
+)
+@click.option(
+    "--from", "recording", type=click.Path(exists=True, dir_okay=False, path_type=Path), metavar="FILE",
+    help="Calibrate from a recorded drive; nothing moves, and no daemon is needed.",
+)  # fmt: skip
+@click.option(
+    "--config", type=click.Path(exists=True, dir_okay=False, writable=True, path_type=Path), metavar="FILE",
+    help="With --apply: the configuration to write, on this computer; else the daemon writes its own.",
+)  # fmt: skip
+@click.option(
+    "--out", type=click.Path(file_okay=False, path_type=Path), metavar="FOLDER",
+    help="Draw the plots as PNG files into FOLDER.",
+)  # fmt: skip
+@click.pass_obj
+def calibrate(
+    context: CommandContext,
+    steps: tuple[str, ...],
+    applies: bool,
+    space_m: float | None,
+    is_ready: bool,
+    recording: Path | None,
+    config: Path | None,
+    out: Path | None,
+) -> None:
+    """Find the robot's real parameters: STEP is motors, wheels, imu, lidar, sensors or battery.
+
+    Without a STEP all are done, in this order. The robot moves; any stop ends a step. Each step says what to prepare,
+    and shows each parameter before and after with its standard deviation. Nothing is written without --apply.
+    """
+    if config is not None and not applies:
+        raise click.UsageError("--config names the file to write, which needs --apply")
+    if recording is not None:
+        from chefbotd.cli.calibrate.recorded import calibrate_recorded
+
+        calibrate_recorded(context, recording, steps, config if applies else None, out, applies=applies)
+        return
+    from chefbotd.cli.calibrate.session import CalibrationSession
+
+    CalibrationSession(context, steps, space_m, is_ready=is_ready).run(config, out, applies=applies)

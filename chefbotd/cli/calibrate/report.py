@@ -1,0 +1,108 @@
+"""Prints the results of a calibration, and draws their plots."""
+
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import Any
+
+from chefbotd.cli.common import output
+from chefbotd.cli.common.context import CommandContext
+from chefbotd.cli.common.echo import echo, plain
+from chefbotd.cli.common.exits import Exit, ProgramError, extra, require
+from chefbotd.core.events.calibration import Estimate, Plot, Status, StepResult
+
+INCHES, DOTS_PER_INCH = (9.0, 5.0), 110
+
+
+def show_result(result: StepResult) -> None:
+    """Print a step's outcome, its parameters and what its model leaves unexplained."""
+    echo(
+        plain(
+            f"\n{result.step}: {result.status.replace('_', ' ')}"
+            + (f". {result.reason}" if result.reason else "")
+        )
+    )
+    if result.estimates:
+        columns = ("parameter", "before", "after", "sigma", "unit")
+        output.table(False, None, columns, [_row(estimate) for estimate in result.estimates])
+    for left in result.residuals:
+        echo(
+            f"{left.name}: {left.before:.3g} before, {left.after:.3g} after, {left.unit} ({left.count} measurements)"
+        )
+
+
+def _row(estimate: Estimate) -> tuple[str, ...]:
+    digits = ".6g"
+    return (
+        estimate.key,
+        f"{estimate.before:{digits}}",
+        f"{estimate.after:{digits}}",
+        f"{estimate.sigma:.2g}",
+        estimate.unit,
+    )
+
+
+def finish(context: CommandContext, results: Sequence[StepResult], applied: object = None) -> None:
+    """Print everything as JSON where that is wanted.
+
+    Raises:
+        ProgramError: a step has not passed.
+    """
+    if context.as_json:
+        output.say(True, {"results": list(results), "applied": applied}, "")
+    if failed := [
+        f"{result.step}: {result.status.replace('_', ' ')}" for result in results if not _passed(result)
+    ]:
+        raise ProgramError(Exit.NOT_DONE, ", ".join(failed))
+
+
+def _passed(result: StepResult) -> bool:
+    return result.status == Status.PASSED
+
+
+def require_plots(out: Path | None) -> None:
+    """Raise ``ProgramError`` before anything moves, if the plots cannot be drawn."""
+    if out is not None:
+        require("plot", "matplotlib")
+
+
+def draw_plots(results: Iterable[StepResult], out: Path | None) -> list[Path]:
+    """Draw every plot as ``STEP-TITLE.png`` into the folder; without a folder nothing is drawn.
+
+    Raises:
+        ProgramError: matplotlib is missing, or the folder cannot be written.
+    """
+    if out is None:
+        return []
+    pictures = []
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        for result in results:
+            for plot in result.plots:
+                name = re.sub(r"[^a-z0-9]+", "-", plot.title.lower()).strip("-")
+                pictures.append(out / f"{result.step}-{name}.png")
+                _draw(plot, pictures[-1])
+    except OSError as error:
+        raise ProgramError(Exit.FAILED, f"cannot write {error.filename}: {error.strerror}") from error
+    return pictures
+
+
+def _draw(plot: Plot, path: Path) -> None:
+    with extra("plot", "matplotlib"):
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+    figure = Figure(figsize=INCHES, dpi=DOTS_PER_INCH, layout="constrained")
+    FigureCanvasAgg(figure)
+    axis: Any = figure.subplots()
+    for series in plot.series:
+        style = {"linestyle": "none", "marker": ".", "markersize": 4} if series.points else {"linewidth": 1.2}
+        axis.plot(series.x, series.y, label=series.name, **style)
+    axis.set_title(plot.title, loc="left")
+    axis.set_xlabel(plot.x_label)
+    axis.set_ylabel(plot.y_label)
+    axis.grid(alpha=0.3)
+    if plot.equal:
+        axis.set_aspect("equal", adjustable="datalim")
+    if len(plot.series) > 1:
+        axis.legend(fontsize=8)
+    figure.savefig(path)

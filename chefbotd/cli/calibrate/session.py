@@ -1,0 +1,133 @@
+"""Calibrates the robot at the other end of the connection: asks for what is to be prepared, and shows each result."""
+
+import asyncio
+import contextlib
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+import click
+
+from chefbotd.cli.calibrate.report import draw_plots, finish, require_plots, show_result
+from chefbotd.cli.common.context import CommandContext
+from chefbotd.cli.common.echo import echo, plain
+from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.cli.doctor.diagnosis import TerminalAsker
+from chefbotd.cli.maps.asking import progress_bar
+from chefbotd.client import CallError, Client
+from chefbotd.client.models import CalibrationApplied, CalibrationStep
+from chefbotd.core.events.calibration import Ask, StepResult
+
+ABSENT = "this daemon does not calibrate: its configuration has no [safety.sources.calibration]"
+
+
+class CalibrationSession:
+    """One run of the command; without ``steps`` all that this robot can take. ``is_ready``: all is prepared."""
+
+    def __init__(
+        self, context: CommandContext, steps: tuple[str, ...], space_m: float | None, *, is_ready: bool
+    ) -> None:
+        self._context, self._steps, self._space_m, self._is_ready = context, steps, space_m, is_ready
+        self._asker = TerminalAsker()
+
+    def run(self, config: Path | None, out: Path | None, *, applies: bool) -> None:
+        """Calibrate, and write what has passed if that is wanted.
+
+        Raises:
+            ProgramError: any failure, with its exit code.
+        """
+        require_plots(out)
+        self._context.run_with_client(
+            lambda robot: self._with_robot(robot, config, out, applies=applies), absent=ABSENT
+        )
+
+    async def _with_robot(
+        self, robot: Client, config: Path | None, out: Path | None, *, applies: bool
+    ) -> None:
+        results = [await self._carry_out(robot, step) for step in await self._chosen(robot)]
+        pictures = draw_plots(results, out)
+        applied = await self._apply(robot, results, config) if applies else None
+        if not self._context.as_json:
+            for picture in pictures:
+                echo(str(picture))
+            if applied is not None:
+                echo(f"\n{applied.difference}\n\nWritten to {applied.path}; it was {applied.kept}.")
+                echo("It counts from the daemon's next start.")
+            elif any(result.status == "passed" for result in results):
+                echo("\nNothing was written: --apply does that.")
+        finish(self._context, results, applied)
+
+    async def _chosen(self, robot: Client) -> list[CalibrationStep]:
+        """The steps to take: those that were named, or all that this robot can take."""
+        report = await robot.get_calibration()
+        steps = {step.name: step for step in report.steps}
+        if unknown := [name for name in self._steps if name not in steps]:
+            raise ProgramError(Exit.REFUSED, f"this daemon has no step {', '.join(unknown)}")
+        if self._steps:
+            return [steps[name] for name in self._steps]
+        for step in report.steps:
+            if step.missing and not self._context.as_json:
+                echo(plain(f"{step.name}: left out, {step.missing}"))
+        return [step for step in report.steps if not step.missing]
+
+    async def _carry_out(self, robot: Client, step: CalibrationStep) -> StepResult:
+        await self._prepare(step)
+        async with self._questions(robot):
+            with progress_bar(step.name, quiet=self._context.as_json) as show:
+                result = await robot.calibrate(step.name, self._space_m, on_progress=show)
+        if not self._context.as_json:
+            show_result(result)
+        return result
+
+    async def _prepare(self, step: CalibrationStep) -> None:
+        if self._is_ready:
+            return
+        room = f" It needs {step.space_m:g} m of free floor around it." if step.space_m else ""
+        if await self._asker.ask(f"{step.name}: {step.preparation}{room} Press Enter to begin.") is None:
+            raise ProgramError(Exit.USAGE, "nobody pressed Enter; --yes says that everything is prepared")
+
+    @contextlib.asynccontextmanager
+    async def _questions(self, robot: Client) -> AsyncIterator[None]:
+        """Pass the step's questions on to the person, and the answers to the robot."""
+        asking = asyncio.create_task(self._answer_all(robot))
+        try:
+            yield
+        finally:
+            asking.cancel()
+            with contextlib.suppress(asyncio.CancelledError):
+                await asking
+
+    async def _answer_all(self, robot: Client) -> None:
+        asked: Ask | None = None
+        async for event in robot.subscribe("calibration"):
+            question = event.data.question
+            if question is not None and question != asked:
+                await self._answer(robot, question)
+            asked = question
+
+    async def _answer(self, robot: Client, question: Ask) -> None:
+        """Ask until the robot takes the answer; where nobody is there, end the step."""
+        while True:
+            text = await self._asker.ask(f"{question.text} ({question.unit})")
+            if text is None:
+                await robot.stop()
+                return
+            try:
+                await robot.answer_calibration(question.key, float(text.replace(",", ".")))
+            except ValueError:
+                click.echo(f"{text!r} is no number", err=True)
+            except CallError as refused:
+                click.echo(refused.message, err=True)
+            else:
+                return
+
+    async def _apply(
+        self, robot: Client, results: list[StepResult], config: Path | None
+    ) -> CalibrationApplied | None:
+        passed = [result for result in results if result.status == "passed"]
+        if not passed:
+            return None
+        if config is None:
+            return await robot.apply_calibration([result.step for result in passed])
+        from chefbotd.cli.calibrate.recorded import save_here
+
+        return save_here(config, passed)

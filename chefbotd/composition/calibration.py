@@ -1,0 +1,92 @@
+"""Builds the calibration, which knows the configuration as values by the paths of their keys."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from chefbotd.composition.context import Context
+from chefbotd.composition.scanners import robot_outline
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.features.driving.service import DriveService
+from chefbotd.features.feature import Feature
+from chefbotd.rpc.control_leases import ControlLeases
+from chefbotd.safety.gate import CALIBRATION
+from chefbotd.settings import Settings, SettingsError
+
+if TYPE_CHECKING:
+    from chefbotd.calibration.step import Robot
+    from chefbotd.features.calibration.models import CalibrationApplied
+    from chefbotd.features.calibration.service import Values
+
+
+def calibration(context: Context, driving: DriveService, leases: ControlLeases) -> list[Feature]:
+    """The feature that calibrates the robot."""
+    sources = context.settings.safety
+    if CALIBRATION not in sources.sources:
+        return []
+    from chefbotd.features.calibration.fit_process import fit_in_process
+    from chefbotd.features.calibration.service import CalibrationService
+    from chefbotd.features.calibration.service import calibration as feature
+    from chefbotd.features.driving.inner_driver import InnerDriver
+
+    above = sources.above(CALIBRATION)
+    service = CalibrationService(
+        context.bus,
+        context.clock,
+        InnerDriver(driving, leases, context.clock, CALIBRATION, above),
+        lambda values: robot_with(context.settings, values),
+        lambda values: _save(context.config_file, values),
+        context.fit or fit_in_process,
+    )
+    return [feature(service)]
+
+
+def robot_with(settings: Settings, values: "Values") -> "Robot":
+    """What a step of the calibration gets to know: the robot as it is configured, with these values.
+
+    Raises:
+        Refused: the values do not fit the configuration.
+    """
+    from chefbotd.calibration.step import Robot
+    from chefbotd.settings.values import calibrated
+
+    if values:
+        try:
+            settings = calibrated(settings, values)
+        except SettingsError as error:
+            raise Refused(RefusalKind.OUT_OF_RANGE, str(error)) from error
+    return Robot(
+        chassis=settings.chassis,
+        encoders=settings.encoders,
+        drive=settings.drive,
+        gains=settings.gains(),
+        limits=settings.limits,
+        battery=settings.battery,
+        outline_radius_m=robot_outline(settings).radius_m,
+        imu=settings.imu,
+        ultrasonic=settings.ultrasonic,
+        infrared=settings.infrared,
+        lidars=settings.lidar,
+    )
+
+
+def _save(path: Path | None, values: "Values") -> "CalibrationApplied":
+    from chefbotd.features.calibration.models import CalibrationApplied
+
+    if path is None:
+        reason = (
+            "the daemon runs with the packaged configuration, which is not written to: make a file of your own of it "
+            "('chefbotd init FOLDER'), and start the daemon with --config"
+        )
+        raise Refused(RefusalKind.STORAGE_FAILED, reason)
+    try:
+        from chefbotd.settings.calibrated_file import save
+    except ModuleNotFoundError as error:
+        reason = "writing a configuration needs the extra 'tune': pip install 'chefbotd[tune]'"
+        raise Refused(RefusalKind.STORAGE_FAILED, reason) from error
+    try:
+        saved = save(path, values)
+    except SettingsError as error:
+        raise Refused(RefusalKind.STORAGE_FAILED, str(error)) from error
+    except OSError as error:
+        raise Refused(RefusalKind.STORAGE_FAILED, f"{path} was not written: {error.strerror}") from error
+    return CalibrationApplied(saved.path, saved.kept, saved.difference, tuple(values))

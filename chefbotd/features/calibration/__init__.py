@@ -1,0 +1,1 @@
+"""Calibration: the robot finds its real parameters."""

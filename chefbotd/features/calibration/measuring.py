@@ -1,0 +1,70 @@
+"""Gathers what is measured while a step of the calibration runs."""
+
+from collections.abc import Callable, Iterable, Mapping
+from typing import Any
+
+from chefbotd.bus import Bus
+from chefbotd.calibration.step import Measurements
+from chefbotd.core.events import (
+    BatteryMeasured,
+    ImuMeasured,
+    RangeMeasured,
+    TruthSimulated,
+    WheelsDriven,
+    WheelsMeasured,
+)
+from chefbotd.core.events.lidars import ScanMeasured
+
+FIELDS: Mapping[type, str] = {
+    WheelsMeasured: "wheels",
+    WheelsDriven: "driven",
+    ImuMeasured: "imu",
+    ScanMeasured: "scans",
+    RangeMeasured: "ranges",
+    BatteryMeasured: "battery",
+    TruthSimulated: "truth",
+}
+"""Where in ``Measurements`` the events of each class stand."""
+
+
+def measurements(events: Iterable[Any]) -> Measurements:
+    """The measurements among these events; all others are left out."""
+    lists: dict[str, list[Any]] = {name: [] for name in FIELDS.values()}
+    for event in events:
+        if (name := FIELDS.get(type(event))) is not None:
+            lists[name].append(event)
+    fields: dict[str, Any] = {name: tuple(values) for name, values in lists.items()}
+    return Measurements(**fields)
+
+
+def joined(parts: Iterable[Measurements]) -> Measurements:
+    """All of them, one after the other."""
+    whole = tuple(parts)
+    lists = {
+        name: tuple(event for part in whole for event in getattr(part, name)) for name in FIELDS.values()
+    }
+    answers = {key: value for part in whole for key, value in part.answers.items()}
+    return Measurements(**lists, answers=answers)
+
+
+class Gathering:
+    """Gathers from the bus until it is ended. The simulator's truth is left out: a real robot has none."""
+
+    def __init__(self, bus: Bus) -> None:
+        self._events: list[Any] = []
+        classes = [kind for kind in FIELDS if kind is not TruthSimulated]
+        self._removers: tuple[Callable[[], None], ...] = tuple(
+            bus.add_handler(self._events.append, kind) for kind in classes
+        )
+
+    def take(self, answers: Mapping[str, float] | None = None) -> Measurements:
+        """What was measured since this was last asked, with the answers of a person."""
+        events = self._events.copy()
+        self._events.clear()
+        measured = measurements(events)
+        return joined((measured, Measurements(answers=answers))) if answers else measured
+
+    def end(self) -> None:
+        """Gather no more."""
+        for remove in self._removers:
+            remove()

@@ -1,0 +1,287 @@
+"""Calibration on the socket: one step at a time, its result, and what is written of the results.
+
+A step is a long request. It ends with its client, with any stop, and with whoever takes the robot over.
+"""
+
+import asyncio
+import math
+from collections.abc import Callable, Iterable, Mapping
+from typing import Final, TypeAlias
+
+from msgspec import json
+
+from chefbotd.bus import Bus
+from chefbotd.calibration.step import Action, Ask, Estimate, Measurements, Robot, Status, Step, StepResult
+from chefbotd.clock import Clock
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events import BatteryMeasured
+from chefbotd.core.events.calibration import CalibrationChanged
+from chefbotd.core.events.lidars import ScanMeasured
+from chefbotd.core.events.robot import BatteryLevelStatus
+from chefbotd.core.record import Record, replace
+from chefbotd.entries import entries_of
+from chefbotd.features.calibration.carrying_out import ALIVE_S, ProcedureRunner, ProcedureRunnerState
+from chefbotd.features.calibration.fit_process import Fitter
+from chefbotd.features.calibration.models import (
+    TOPICS,
+    AnswerCalibrationParams,
+    ApplyCalibrationParams,
+    CalibrateParams,
+    CalibrationApplied,
+    CalibrationReport,
+    CalibrationStep,
+)
+from chefbotd.features.driving.inner_driver import InnerDriver
+from chefbotd.features.feature import Feature
+from chefbotd.rpc.jobs import ProgressReporter
+from chefbotd.rpc.method import Caller, method, methods_of
+from chefbotd.rpc.models import DONE, Done, NoParams
+from chefbotd.rpc.parameters import Role
+
+SCAN_AGE_S: Final = 2.0
+"""An older scan says nothing about the space that is free now."""
+
+AGREES_SIGMAS: Final = 3.0
+"""Two runs that differ by more than this many standard deviations of their difference do not agree."""
+
+Values: TypeAlias = Mapping[str, float]
+RobotWith: TypeAlias = Callable[[Values], Robot]
+"""The robot as it is configured, with these values; raises ``Refused`` where they do not fit."""
+
+Save: TypeAlias = Callable[[Values], CalibrationApplied]
+"""Writes values into the configuration; raises ``Refused``."""
+
+
+class CalibrationState(Record, frozen=True):
+    """What is remembered from one request to the next. A step that runs is not: a replay cannot begin inside it."""
+
+    results: tuple[StepResult, ...]
+    battery: BatteryMeasured | None
+    runner: ProcedureRunnerState
+
+
+class CalibrationService:
+    """``robot_with`` and ``save`` know the configuration, ``fit`` computes a result from measurements."""
+
+    def __init__(
+        self, bus: Bus, clock: Clock, driver: InnerDriver, robot_with: RobotWith, save: Save, fit: Fitter
+    ) -> None:
+        self._bus, self._entries = bus, entries_of(clock)
+        self._robot_with, self._save, self._fit = robot_with, save, fit
+        self._runner = ProcedureRunner(bus, clock, driver, self._take_action)
+        self._results: dict[str, StepResult] = {}
+        self._battery: BatteryMeasured | None = None
+        self._scans: dict[str, ScanMeasured] = {}
+        self._step, self._report = "", _report_nothing
+        self._action: Action | None = None
+        bus.add_handler(self._take_battery, BatteryMeasured)
+        bus.add_handler(self._take_scan, ScanMeasured)
+
+    def state(self) -> CalibrationState:
+        """Return the state of this part."""
+        return CalibrationState(tuple(self._results.values()), self._battery, self._runner.state())
+
+    def restore(self, state: CalibrationState) -> None:
+        """Restore this state."""
+        self._results = {result.step: result for result in state.results}
+        self._battery = state.battery
+        self._runner.restore(state.runner)
+
+    @method(role=Role.OBSERVE)
+    def get_calibration(self, caller: Caller, params: NoParams) -> CalibrationReport:
+        """Return every step that can be calibrated, and the newest result of each."""
+        robot = self._robot_with({})
+        steps = tuple(
+            CalibrationStep(step.name, step.purpose, step.preparation, step.space_m, step.missing(robot))
+            for step in _steps().values()
+        )
+        return CalibrationReport(steps, tuple(self._results.values()))
+
+    @method(role=Role.DRIVE, moves=True)
+    async def calibrate(
+        self, caller: Caller, params: CalibrateParams, progress: ProgressReporter
+    ) -> StepResult:
+        """Carry out a step of the calibration; the robot moves. Nothing is written before ``apply_calibration``."""
+        step = _step(params.step)
+        if self._step:
+            raise Refused(RefusalKind.STOPPED, f"the step {self._step} is being carried out")
+        robot = self._robot_with(_values(self._others(step.name)))
+        self._require(step, robot, params.space_m)
+        self._step, self._report = step.name, progress.report
+        try:
+            measured = await self._runner.run(step.procedure(robot))
+            self._tell("computing", "computes the parameters", 1.0)
+            result = self._compared(await self._fitted(step.name, robot, measured))
+            self._results[step.name] = result
+        finally:
+            self._step, self._report = "", _report_nothing
+            self._tell("idle")
+        return result
+
+    @method(role=Role.DRIVE, moves=False)
+    def answer_calibration(self, caller: Caller, params: AnswerCalibrationParams) -> Done:
+        """Answer the question that the calibration asks."""
+        self._runner.answer(params.key, params.value)
+        return DONE
+
+    @method(role=Role.ADMIN, moves=False)
+    def apply_calibration(self, caller: Caller, params: ApplyCalibrationParams) -> CalibrationApplied:
+        """Write results into the daemon's configuration, which keeps its comments; the old file is kept beside it."""
+        names = tuple(self._results) if params.steps is None else tuple(map(_checked, params.steps))
+        results = [self._results[name] for name in names if name in self._results]
+        if missing := [name for name in names if name not in self._results]:
+            raise Refused(
+                RefusalKind.OUT_OF_RANGE, f"{', '.join(missing)}: has no result yet; calibrate it first"
+            )
+        passed = [result for result in results if result.status is Status.PASSED]
+        if failed := [result.step for result in results if result not in passed and params.steps is not None]:
+            raise Refused(
+                RefusalKind.OUT_OF_RANGE, f"{', '.join(failed)}: has not passed, so nothing is written"
+            )
+        values = _values(passed)
+        if not values:
+            raise Refused(RefusalKind.OUT_OF_RANGE, "no step has passed yet, so there is nothing to write")
+        return self._save(values)
+
+    def _require(self, step: Step, robot: Robot, space_m: float | None) -> None:
+        """Check what must hold before anything moves.
+
+        Raises:
+            Refused: what does not.
+        """
+        if missing := step.missing(robot):
+            raise Refused(RefusalKind.OUT_OF_RANGE, f"{step.name} cannot be calibrated: {missing}")
+        self._runner.require()
+        battery = self._battery
+        if battery is not None and battery.status is not BatteryLevelStatus.OK:
+            reason = f"the battery is {battery.status} ({battery.voltage_v:.1f} V): charge it first"
+            raise Refused(RefusalKind.OUT_OF_RANGE, reason)
+        if step.space_m:
+            self._require_space(step, robot, space_m)
+
+    def _require_space(self, step: Step, robot: Robot, told_m: float | None) -> None:
+        from chefbotd.calibration.space import free_space  # loads numpy
+
+        now_s = self._entries.now_s()
+        seen = free_space(robot, [scan for scan in self._scans.values() if now_s - scan.stamp_s < SCAN_AGE_S])
+        if seen is not None and seen.distance_m < step.space_m:
+            reason = (
+                f"{step.name} needs {step.space_m:g} m of free floor around the robot; the lidar sees {seen}"
+            )
+            raise Refused(RefusalKind.OUT_OF_RANGE, reason)
+        if seen is None and (told_m is None or told_m < step.space_m):
+            reason = (
+                f"{step.name} needs {step.space_m:g} m of free floor around the robot, and no lidar sees "
+                f"{'whether there is' if told_m is None else 'more than you say'}: say how much there is"
+            )
+            raise Refused(RefusalKind.OUT_OF_RANGE, reason)
+
+    async def _tell_computing(self) -> None:
+        while True:
+            await asyncio.sleep(ALIVE_S)
+            self._report(1.0, 1.0, "computes the parameters")
+
+    async def _fitted(self, step: str, robot: Robot, measured: Measurements) -> StepResult:
+        """The result as the other process computed it; a replay has it from the recording."""
+
+        async def ask() -> str:
+            telling = asyncio.create_task(self._tell_computing())
+            try:
+                return json.encode(await self._fit(step, robot, measured)).decode()
+            finally:
+                telling.cancel()
+
+        return json.decode(await self._entries.answer(f"calibration {step}", ask), type=StepResult)
+
+    def _others(self, name: str) -> list[StepResult]:
+        return [
+            result
+            for result in self._results.values()
+            if result.step != name and result.status is Status.PASSED
+        ]
+
+    def _compared(self, result: StepResult) -> StepResult:
+        """The result, which says where it does not agree with the one before."""
+        before = self._results.get(result.step)
+        if before is None or before.status is not Status.PASSED or result.status is not Status.PASSED:
+            return result
+        apart = "; ".join(_disagreements(before.estimates, result.estimates))
+        if not apart:
+            return result
+        reason = f"this run does not agree with the one before: {apart}"
+        return replace(result, reason=f"{result.reason}; {reason}" if result.reason else reason)
+
+    def _take_action(self, action: Action) -> None:
+        state = "asking" if isinstance(action, Ask) else "moving"
+        if action is self._action:
+            self._report(action.done, 1.0, action.text)
+            return
+        self._action = action
+        self._tell(state, action.text, action.done, action if isinstance(action, Ask) else None)
+
+    def _tell(self, state: str, text: str = "", done: float = 0.0, question: Ask | None = None) -> None:
+        results = tuple(replace(result, plots=()) for result in self._results.values())
+        self._bus.publish(
+            CalibrationChanged(
+                stamp_s=self._entries.now_s(),
+                state=state,
+                step=self._step,
+                text=text,
+                done=done,
+                question=question,
+                results=results,
+            )
+        )
+        self._report(done, 1.0, text)
+
+    def _take_battery(self, event: BatteryMeasured) -> None:
+        self._battery = event
+
+    def _take_scan(self, event: ScanMeasured) -> None:
+        self._scans[event.lidar] = event
+
+
+def _report_nothing(done: float, total: float, text: str = "") -> None:
+    """Nobody waits for a step."""
+
+
+def _checked(name: str) -> str:
+    return _step(name).name
+
+
+def _steps() -> Mapping[str, Step]:
+    """The steps, loaded when somebody asks: a robot that is not calibrated does without their numerics."""
+    from chefbotd.calibration.steps import STEPS
+
+    return STEPS
+
+
+def _step(name: str) -> Step:
+    steps = _steps()
+    if name not in steps:
+        raise Refused(
+            RefusalKind.OUT_OF_RANGE, f"there is no step {name!a}, expected one of {', '.join(steps)}"
+        )
+    return steps[name]
+
+
+def _values(results: Iterable[StepResult]) -> dict[str, float]:
+    return {estimate.key: estimate.after for result in results for estimate in result.estimates}
+
+
+def _disagreements(before: Iterable[Estimate], after: Iterable[Estimate]) -> Iterable[str]:
+    """Where two runs differ by more than their standard deviations allow."""
+    earlier = {estimate.key: estimate for estimate in before}
+    for estimate in after:
+        other = earlier.get(estimate.key)
+        if other is None:
+            continue
+        sigma = math.hypot(estimate.sigma, other.sigma)
+        if abs(estimate.after - other.after) > AGREES_SIGMAS * sigma:
+            unit = f" {estimate.unit}" if estimate.unit else ""
+            yield f"{estimate.key} was {other.after:.6g}{unit}, is {estimate.after:.6g}{unit} (sigma {sigma:.2g})"
+
+
+def calibration(service: CalibrationService) -> Feature:
+    """The feature that calibrates the robot."""
+    return Feature("calibration", methods=methods_of(service), topics=TOPICS, parts={"calibration": service})
