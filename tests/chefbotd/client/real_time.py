@@ -5,6 +5,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 
+from chefbotd.settings import load
 from chefbotd.testing.daemon import simulated_robot
 
 
@@ -16,7 +17,9 @@ def simulated_daemon() -> Iterator[int]:
     over = asyncio.Event()
 
     async def serve() -> None:
-        async with simulated_robot() as robot:
+        # A computer that is busy with other tests must not disarm the robot: that has tests of its own.
+        settings = load(overrides={"watchdog.latch_after_s": 10.0, "watchdog.latch_pauses": 100})
+        async with simulated_robot(settings) as robot:
             ports.append((await robot.daemon.server.address())[1])
             started.set()
             await over.wait()

@@ -1,9 +1,13 @@
 """Old intent moves nothing: what was sent before a stop, or waited too long, is not carried out and is told why."""
 
 import asyncio
+import fcntl
 import json
 import socket
+import termios
 import time
+from array import array
+from collections import Counter
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import ExitStack
 
@@ -42,10 +46,18 @@ def serve(run: Callable[..., None], scenario: Scenario, **limits: object) -> Non
 
 
 def connect(served: Served, stack: ExitStack) -> socket.socket:
-    """A client whose bytes are in the daemon's kernel when ``sendall`` returns, on loopback."""
+    """A client that sends at once what it is given."""
     client = stack.enter_context(socket.create_connection((served.host, served.port)))
     client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
     return client
+
+
+def deliver(client: socket.socket, data: bytes) -> None:
+    """Send it, and wait until the other end's kernel has acknowledged it: a busy one may be late, on loopback too."""
+    client.sendall(data)
+    waiting = array("i", [1])
+    while waiting[0]:
+        fcntl.ioctl(client, termios.TIOCOUTQ, waiting)
 
 
 async def answer(client: socket.socket, request_id: int) -> str:
@@ -97,8 +109,10 @@ def test_an_estop_voids_the_arm_that_others_sent_before_it(run: Callable[..., No
             told = [await answer(client, 9) for client in crowd]
             calls = names(served)
             assert "arm" not in calls[calls.index("estop") :]
-            assert told.count("overtaken") + calls.count("arm") == 20
-            assert served.void_commands == {"overtaken": told.count("overtaken")}
+            void = Counter(told) - Counter(ok=told.count("ok"))  # a busy computer may find them too old first
+            assert void.keys() <= {"overtaken", "too_old"}
+            assert void.total() + calls.count("arm") == 20
+            assert served.void_commands == void
             await accepted(stopper, ARM)
 
     serve(run, scenario)
@@ -120,7 +134,7 @@ def test_what_waits_in_the_kernel_when_a_stop_is_carried_out_was_sent_before_it(
             served.robot.calls.clear()
             pair: Sequence[tuple[socket.socket, bytes]] = [(mover, PING * 60 + command), (stopper, stop)]
             for client, said in pair if mover_first else pair[::-1]:
-                client.sendall(said)
+                deliver(client, said)
             time.sleep(0.1)  # noqa: ASYNC251 - the loop stands still
             assert (await answer(stopper, 2), await answer(mover, 9)) == ("ok", "overtaken")
             assert [name for name in names(served) if name != "release"] == [json.loads(stop)["method"]]

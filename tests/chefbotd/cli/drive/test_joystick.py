@@ -208,7 +208,7 @@ def test_no_pad(daemon: FakeDaemon) -> None:
     async def main() -> None:
         pad = FakePad()
         pad.reading = None
-        async with asyncio.timeout(1.0), Client.connect("127.0.0.1", daemon.port) as robot:
+        async with asyncio.timeout(60.0), Client.connect("127.0.0.1", daemon.port) as robot:
             await JoystickPilot(robot, pad, lambda _text: None, StickScale()).run()
 
     with pytest.raises(ProgramError, match="no gamepad found"):
@@ -221,7 +221,7 @@ def test_a_lost_connection_ends_it(daemon: FakeDaemon) -> None:
 
     async def main() -> None:
         pad = FakePad()
-        async with asyncio.timeout(1.0), Client.connect("127.0.0.1", daemon.port) as robot:
+        async with asyncio.timeout(60.0), Client.connect("127.0.0.1", daemon.port) as robot:
             asyncio.get_running_loop().call_later(0.1, setattr, pad, "reading", HELD)
             await JoystickPilot(robot, pad, lambda _text: None, StickScale()).run()
 

@@ -218,17 +218,17 @@ def test_without_textual(control: Control, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 async def called(daemon: FakeDaemon, user: Pilot[None], method: str) -> None:
-    """Wait, at most 2 s, until the daemon was asked for ``method``."""
+    """Wait, at most a minute, until the daemon was asked for ``method``."""
     await _until(user, lambda: method in daemon.methods())
 
 
 async def seen(screen: Teleop, user: Pilot[None], *words: str) -> None:
-    """Wait, at most 2 s, until the words are on the screen."""
+    """Wait, at most a minute, until the words are on the screen."""
     await _until(user, lambda: all(word in text(screen) for word in words))
 
 
 async def _until(user: Pilot[None], condition: Callable[[], bool]) -> None:
-    async with asyncio.timeout(2.0):
+    async with asyncio.timeout(60.0):
         while not condition():
             await user.pause(0.01)
 

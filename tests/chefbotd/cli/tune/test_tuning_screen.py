@@ -256,8 +256,8 @@ def test_without_the_extra(control: Control, monkeypatch: pytest.MonkeyPatch) ->
 
 
 async def until(user: Pilot[None], condition: Callable[[], bool]) -> None:
-    """Wait, at most 3 s."""
-    async with asyncio.timeout(3.0):
+    """Wait, at most a minute."""
+    async with asyncio.timeout(60.0):
         while not condition():
             await user.pause(0.01)
 
