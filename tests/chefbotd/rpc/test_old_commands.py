@@ -136,7 +136,8 @@ def test_what_waits_in_the_kernel_when_a_stop_is_carried_out_was_sent_before_it(
             for client, said in pair if mover_first else pair[::-1]:
                 deliver(client, said)
             time.sleep(0.1)  # noqa: ASYNC251 - the loop stands still
-            assert (await answer(stopper, 2), await answer(mover, 9)) == ("ok", "overtaken")
+            assert await answer(stopper, 2) == "ok"
+            assert await answer(mover, 9) in ("overtaken", "too_old")  # too old on a busy computer
             assert [name for name in names(served) if name != "release"] == [json.loads(stop)["method"]]
             await accepted(mover, command)
 

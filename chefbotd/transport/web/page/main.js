@@ -1,5 +1,6 @@
 // Puts the page together: what the daemon can do is shown, the rest is not there.
 
+import { Calibration } from "./calibration.js";
 import { Connection } from "./connection.js";
 import { Costs } from "./costs.js";
 import { $, text } from "./dom.js";
@@ -29,7 +30,7 @@ const goal = new Goal(connection, ask, view);
 const places = new Places(ask, say, route);
 const sensors = new Sensors(connection, view);
 const parts = [safety, goal, places, sensors, new Wheels(connection, ask), new Costs(connection, ask, view),
-  new Recorder(connection, ask), new Maps(connection, view, say)];
+  new Recorder(connection, ask), new Calibration(connection, ask), new Maps(connection, view, say)];
 
 function say(words) {
   text("alert", words);
