@@ -14,6 +14,7 @@ DEB_EXTRAS ?= discovery,maps,page,recording,teleop,tune,urdf
 FUZZ_S ?= 60
 SOAK_MINUTES ?= 60
 RUNS ?= 5
+SEED ?= 1
 JOBS_OF_FAULTS ?= 2
 CLOCK ?= both
 TIER ?= full
@@ -26,7 +27,7 @@ unexport PYTHONDONTWRITEBYTECODE
 JOBS ?= $(shell expr $$(nproc 2>/dev/null || echo 1) + 1)
 PARALLEL := -n $(JOBS) --dist loadgroup
 
-.PHONY: docs run serve map test test-loaded test-all coverage check audit lock newest lint format client wheel deb wheel-test bench fuzz soak faults clean help
+.PHONY: docs run serve map calibrate test test-loaded test-all coverage check audit lock newest lint format client wheel deb wheel-test bench fuzz soak faults clean help
 
 help:  ## List the targets
 	@echo "make TARGET, one of:"
@@ -40,6 +41,9 @@ serve: $(VENV)/ready  ## Have a simulated ChefBot serve three tables in a flat, 
 
 map: $(VENV)/ready  ## Have a simulated ChefBot with a lidar map a flat of six rooms, and write the map to build/map
 	$(BIN)/chefbotctl map demo --out build/map
+
+calibrate: $(VENV)/ready  ## Have a simulated ChefBot that is wrong in everything calibrate itself (SEED=1)
+	$(BIN)/chefbotctl calibrate --sim $(SEED) --out build/calibration
 
 # For every change: no long scenario, few examples, each scenario on one robot.
 test: $(VENV)/ready  ## Run the tests that belong to every change, on all cores (JOBS=0: one process)

@@ -117,6 +117,11 @@ class BoardRunner:
         """The true pose and motion of the robot now, with the given stamp."""
         return self._launchpad.truth(self.board_s(), stamp_s)
 
+    @property
+    def terminal_v(self) -> float:
+        """What a voltmeter at the battery shows."""
+        return self._launchpad.robot.state.terminal_v
+
     def trail(self, since_s: float) -> Vector:
         """The robot's poses since this board time: rows of time, x, y, heading, one per step."""
         return self._launchpad.trail(self.board_s(), since_s)

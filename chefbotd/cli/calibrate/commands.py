@@ -29,6 +29,10 @@ NAMES = ("motors", "wheels", "imu", "lidar", "sensors", "battery")
     help="With --apply: the configuration to write, on this computer; else the daemon writes its own.",
 )  # fmt: skip
 @click.option(
+    "--sim", "seed", type=click.IntRange(0), metavar="SEED",
+    help="Show it on a simulated robot that is drawn at random from SEED; no robot and no daemon is needed.",
+)  # fmt: skip
+@click.option(
     "--out", type=click.Path(file_okay=False, path_type=Path), metavar="FOLDER",
     help="Draw the plots as PNG files into FOLDER.",
 )  # fmt: skip
@@ -41,6 +45,7 @@ def calibrate(
     is_ready: bool,
     recording: Path | None,
     config: Path | None,
+    seed: int | None,
     out: Path | None,
 ) -> None:
     """Find the robot's real parameters: STEP is motors, wheels, imu, lidar, sensors or battery.
@@ -48,6 +53,13 @@ def calibrate(
     Without a STEP all are done, in this order. The robot moves; any stop ends a step. Each step says what to prepare,
     and shows each parameter before and after with its standard deviation. Nothing is written without --apply.
     """
+    if seed is not None:
+        if steps or applies or recording is not None:
+            raise click.UsageError("--sim does every step, and takes no other option but --out")
+        from chefbotd.cli.calibrate.simulated import calibrate_simulated
+
+        calibrate_simulated(context, seed, out or Path("build/calibration"))
+        return
     if config is not None and not applies:
         raise click.UsageError("--config names the file to write, which needs --apply")
     if recording is not None:
