@@ -1,8 +1,8 @@
 """A simulated ChefBot that is wrong in everything calibrates itself, on the virtual clock.
 
-It is drawn at random from a seed (``[sim.true]``), stands in a furnished flat, and knows only its configuration. A person
-is simulated, too: who reads the voltmeter. Before and after, it drives a square of 4 m both ways through an empty hall,
-where its odometry is held against the truth.
+It is drawn at random from a seed (``[sim.true]``), stands in a furnished flat, and knows only its configuration. A
+person who reads the voltmeter is simulated, too. Before and after, it drives a square of 4 m both ways through an empty
+hall, where its odometry is held against the truth.
 """
 
 import asyncio
