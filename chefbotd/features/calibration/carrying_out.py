@@ -131,7 +131,7 @@ class ProcedureRunner:
 
     async def _perform(self, action: Action, stops: int) -> Mapping[str, float]:
         if isinstance(action, Ask):
-            return {action.key: await self._ask(action)}
+            return {action.key: await self._ask(action, stops)}
         await self._move(action, stops)
         return {}
 
@@ -169,9 +169,7 @@ class ProcedureRunner:
 
     def _check(self, stops: int, now_s: float) -> None:
         """Raise ``Refused`` if the step must end."""
-        if self._driver.stops != stops:
-            who = self._driver.stopped_by or "somebody"
-            raise Refused(RefusalKind.STOPPED, f"the calibration was stopped by {who}")
+        self._check_stop(stops)
         self.require()
         blocked_s = 0.0 if self._blocked_since_s is None else now_s - self._blocked_since_s
         if blocked_s > BLOCKED_S and self._safety is not None:
@@ -183,7 +181,12 @@ class ProcedureRunner:
         if wheels is None or now_s - wheels.arrival_s > SILENT_S:
             raise Refused(RefusalKind.LINK_DOWN, f"the board has not told of its wheels for {SILENT_S:.0f} s")
 
-    async def _ask(self, ask: Ask) -> float:
+    def _check_stop(self, stops: int) -> None:
+        if self._driver.stops != stops:
+            who = self._driver.stopped_by or "somebody"
+            raise Refused(RefusalKind.STOPPED, f"the calibration was stopped by {who}")
+
+    async def _ask(self, ask: Ask, stops: int) -> float:
         self._driver.let_go()
         self._asked, self._answer = ask, asyncio.get_running_loop().create_future()
         end_s = self._entries.now_s() + ANSWER_TIMEOUT_S
@@ -193,6 +196,7 @@ class ProcedureRunner:
                     minutes = f"{ANSWER_TIMEOUT_S / 60:.0f} minutes"
                     raise Refused(RefusalKind.STOPPED, f"nobody answered within {minutes}")
                 await self._sleep(ALIVE_S)
+                self._check_stop(stops)
                 self._report(ask)
             return self._answer.result()
         finally:
