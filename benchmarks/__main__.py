@@ -90,7 +90,7 @@ def _localization(**options: Any) -> Outcome:
 
 TAKES = {
     "localization": ("folder", "out"),
-    "optiodom": ("folder",),
+    "optiodom": ("folder", "out", "fit", "score"),
     "slam": ("folder", "out"),
     "planner": ("folder",),
 }
@@ -136,7 +136,7 @@ def main() -> int:
 
 def _more(name: str, options: argparse.Namespace) -> dict[str, Path]:
     """What the command line says that this benchmark takes."""
-    given = {"folder": options.data, "out": options.out}
+    given = {"folder": options.data, "out": options.out, "fit": options.fit, "score": options.score}
     return {key: given[key] for key in TAKES.get(name, ()) if given[key] is not None}
 
 
@@ -156,8 +156,10 @@ def _arguments() -> argparse.Namespace:
         help="the recordings for optiodom or slam, or the maps for planner",
     )
     parser.add_argument(
-        "--out", type=Path, metavar="FOLDER", help="where slam and localization write their trajectories"
+        "--out", type=Path, metavar="FOLDER", help="where slam, localization and optiodom write trajectories"
     )
+    parser.add_argument("--fit", type=Path, metavar="FOLDER", help="the runs that optiodom calibrates from")
+    parser.add_argument("--score", type=Path, metavar="FOLDER", help="the runs on which optiodom judges it")
     options = parser.parse_args()
     if unknown := sorted(set(options.names) - set(BENCHMARKS)):
         parser.error(f"no benchmark {', '.join(unknown)}; there are {', '.join(BENCHMARKS)}")

@@ -3,17 +3,20 @@
 One daemon, configured with that robot's geometry, takes every run in turn as ``t`` and ``e`` lines, as fast as the line
 takes them; the counts and the board's time run on, the odometry is reset in between. The daemon and numpy must agree
 within 1 mm and 0.1 degrees, and the wheels must have turned by exactly the recorded ticks: else something is wrong.
+
+Beside these nominal errors stand those of a calibration (``wheel_calibration``), as a share of them.
 """
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from statistics import fmean
 from typing import Any
 
 import numpy as np
 
+from benchmarks import wheel_calibration
 from benchmarks.board import Board, board
 from benchmarks.figures import Figure, Outcome
 from benchmarks.rig import Changes, connect, daemon, until
@@ -46,10 +49,30 @@ class Replay:
         return None
 
 
-def run(*, quick: bool = False, folder: Path = FOLDER) -> Outcome:
-    """Replay every run (a few, when quick); without the folder nothing is measured."""
-    if not (folder / "geometry.json").is_file():
-        return Outcome((), remarks=(f"skipped: no recordings in {folder}",))
+def run(
+    *,
+    quick: bool = False,
+    folder: Path = FOLDER,
+    out: Path | None = None,
+    fit: Path | None = None,
+    score: Path | None = None,
+) -> Outcome:
+    """Replay every run (a few, when quick), and judge a calibration; without the folder nothing is measured.
+
+    With ``fit`` or ``score`` only the calibration is judged: fitted to all runs of one folder, and tried on the other.
+    ``out`` gets the calibrated trajectories and the parameters.
+    """
+    needed = folder if fit is None and score is None else fit or folder
+    if not (needed / "geometry.json").is_file():
+        return Outcome((), remarks=(f"skipped: no recordings in {needed}",))
+    if needed is not folder or score is not None:
+        return wheel_calibration.between_folders(needed, score or folder, out)
+    replayed = _replayed(folder, quick=quick)
+    calibrated = wheel_calibration.halves(folder, out, seeds=1 if quick else wheel_calibration.HALVES)
+    return replace(replayed, figures=replayed.figures + calibrated.figures)
+
+
+def _replayed(folder: Path, *, quick: bool) -> Outcome:
     geometry, runs = read_geometry(folder), list(read_runs(folder))
     if quick:
         runs = runs[:: max(len(runs) // QUICK_RUNS, 1)]

@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from chefbotd.core.geometry import Pose2D, wrap_angle
 
+DATE = len("DDMMYYYY")
 COLUMNS = ("left_ticks", "right_ticks", "gt_x_m", "gt_y_m", "gt_yaw_rad")
 
 
@@ -36,11 +37,22 @@ class Geometry:
 
 @dataclass(frozen=True, slots=True)
 class Run:
-    """One recording: ``ticks`` is N x 2 (left, right), each row the counts of one cycle; ``truth`` the final pose."""
+    """One recording: ``ticks`` (n, 2: left, right) counted in each cycle, ``poses`` (n, 3) the truth at its end."""
 
     name: str
     ticks: npt.NDArray[np.int64]
-    truth: Pose2D
+    poses: npt.NDArray[np.float64]
+
+    @property
+    def truth(self) -> Pose2D:
+        """The final pose; its heading is not wrapped."""
+        return Pose2D(*self.poses[-1].tolist())
+
+    @property
+    def kind(self) -> str:
+        """Runs of one kind on one day: ``square_23122020`` for ``square_231220200029_run-01``."""
+        kind, _, session = self.name.partition("_run-")[0].partition("_")
+        return f"{kind}_{session[:DATE]}"
 
 
 def read_geometry(folder: Path) -> Geometry:
@@ -60,8 +72,7 @@ def read_runs(folder: Path) -> Iterator[Run]:
         with gzip.open(path, "rt") as file:
             names = file.readline().strip().split(",")
             table = np.loadtxt(file, delimiter=",", usecols=[names.index(column) for column in COLUMNS])
-        x_m, y_m, yaw_rad = table[-1, 2:]
-        yield Run(path.name.partition(".")[0], table[:, :2].astype(np.int64), Pose2D(x_m, y_m, yaw_rad))
+        yield Run(path.name.partition(".")[0], table[:, :2].astype(np.int64), table[:, 2:])
 
 
 def integrate(geometry: Geometry, ticks: npt.NDArray[np.int64]) -> Pose2D:

@@ -48,8 +48,9 @@ def test_a_recording_is_read_with_its_geometry(tmp_path: Path) -> None:
     (tmp_path / "square_1_run-01.csv.gz").write_bytes(gzip.compress(rows.encode()))
     assert read_geometry(tmp_path) == Geometry(0.084, 0.2, 2796.8, 0.05)
     (run,) = read_runs(tmp_path)
-    assert (run.name, run.ticks.tolist(), run.truth) == (
+    assert (run.name, run.kind, run.ticks.tolist(), run.truth) == (
         "square_1_run-01",
+        "square_1",
         [[0, 0], [3, -4]],
         Pose2D(0.5, 0.25, 7.5),
     )

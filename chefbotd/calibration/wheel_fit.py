@@ -1,0 +1,200 @@
+"""Fits the wheels' parameters, and the mount of what saw the motion, to measured motions between two times.
+
+What saw it is a lidar, whose mount is found too (Censi, Franchi, Marchionni and Oriolo, "Simultaneous calibration of
+odometry and sensor parameters for mobile robots", IEEE Transactions on Robotics 29(2), 2013), or a motion capture
+system, whose yaw is off by a constant in each drive.
+"""
+
+import math
+from collections.abc import Iterable, Sequence
+from itertools import groupby
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chefbotd.calibration.least_squares import Floats, Solution, loss, solve
+from chefbotd.calibration.wheel_model import NOMINAL, WheelModel, reckoned
+from chefbotd.core.record import Record
+from chefbotd.mapping.poses import between, compose, wrap
+
+Indices = NDArray[np.int64]
+
+TRAVEL_M2_PER_M, TURN_RAD2_PER_RAD = 6e-7, 2.5e-5
+"""How wheels on a hard floor scatter: 30 runs of the OptiOdom recordings."""
+
+SPIN_SIGMA = 0.02
+"""How much the track is expected to depend on the share of spin: drives that do not show it leave it at zero."""
+
+WORSE = 1.1
+"""A richer model may make no kind of drive so much worse, when it was fitted without that kind."""
+
+
+class Drive(Record, frozen=True):
+    """A drive and what was seen of it.
+
+    ``left_m`` and ``right_m`` (n,): how far the sides rolled in each step with the configured radii. Between the steps
+    ``first`` and ``last`` (m,) the sensor moved by ``motion`` (m, 3), as seen from where it was, with the standard
+    deviations ``sigmas`` (m, 3) in m and rad. ``shares`` (m,) are how much each motion counts. Drives of one ``kind``
+    consist of the same motions.
+    """
+
+    name: str
+    kind: str
+    left_m: Floats
+    right_m: Floats
+    first: Indices
+    last: Indices
+    motion: Floats
+    sigmas: Floats
+    shares: Floats
+
+
+class WheelFit(Record, frozen=True):
+    """The parameters with their covariance: left, right, track, spin, then x, y and yaw of the mount.
+
+    Those that were not fitted have a variance of zero. ``left_over`` (n, 3) are the differences to the motions.
+    """
+
+    model: WheelModel
+    mount: Floats
+    covariance: Floats
+    left_over: Floats
+    is_determined: bool
+
+    @property
+    def sigmas(self) -> Floats:
+        """The standard deviations of the parameters."""
+        sigmas: Floats = np.sqrt(np.diag(self.covariance))
+        return sigmas
+
+    def deviation(self, slope: Sequence[float]) -> float:
+        """The standard deviation of what changes by ``slope`` (7,) with the parameters."""
+        row = np.array(slope)
+        return math.sqrt(max(float(row @ self.covariance @ row), 0.0))
+
+
+def fit(
+    track_m: float,
+    drives: Sequence[Drive],
+    *,
+    mount: Floats | None = None,
+    start: WheelModel = NOMINAL,
+    is_rich: bool = False,
+) -> WheelFit:
+    """The parameters that explain the motions best, from ``start`` on.
+
+    ``mount`` (3,) is where a sensor is thought to be; it is fitted too. Without it the motions are the robot's own, but
+    for a yaw of each drive. ``is_rich`` fits how the track depends on the share of spin.
+    """
+    columns = [0, 1, 2, *([3] if is_rich else []), *([4, 5, 6] if mount is not None else [])]
+    whole = np.array(
+        [start.left, start.right, start.track, start.spin, *(np.zeros(3) if mount is None else mount)]
+    )
+    scales = [_scales(track_m, drive) for drive in drives]
+
+    def residuals(values: Floats) -> Floats:
+        parameters = whole.copy()
+        parameters[columns] = values
+        model, seen_from = WheelModel(*parameters[:4].tolist()), parameters[4:] if mount is not None else None
+        off = [difference(track_m, model, drive, seen_from) for drive in drives]
+        return np.concatenate([one / scale for one, scale in zip(off, scales, strict=True)])
+
+    free = np.full(7, np.inf)
+    free[3] = SPIN_SIGMA
+    shares = np.concatenate([drive.shares for drive in drives])
+    solution = solve(
+        residuals, whole[columns], prior_sigmas=free[columns], shares=shares, groups=_groups(drives)
+    )
+    return _fitted(solution, whole, columns, scales)
+
+
+def _fitted(solution: Solution, whole: Floats, columns: list[int], scales: list[Floats]) -> WheelFit:
+    whole[columns] = solution.values
+    covariance = np.zeros((7, 7))
+    covariance[np.ix_(columns, columns)] = solution.covariance
+    whole[6] = wrap(whole[6:])[0]
+    left_over = solution.residuals * np.concatenate(scales)
+    model = WheelModel(*whole[:4].tolist())
+    return WheelFit(model, whole[4:].copy(), covariance, left_over, solution.is_determined)
+
+
+def difference(track_m: float, model: WheelModel, drive: Drive, mount: Floats | None) -> Floats:
+    """What the wheels say less what was seen (m, 3), in the sensor's frame; without a mount, at the best yaw."""
+    poses = reckoned(model, track_m, drive.left_m, drive.right_m)
+    rolled = between(poses[drive.first], poses[drive.last])
+    seen = drive.motion
+    if mount is None:
+        seen = _turned(seen, rolled, drive.sigmas)
+    else:
+        rolled = between(mount, compose(rolled, mount))
+    off = rolled - seen
+    off[:, 2] = wrap(off[:, 2])
+    return off
+
+
+def _turned(seen: Floats, rolled: Floats, sigmas: Floats) -> Floats:
+    """The motions in a frame that is turned so that they fit those of the wheels best."""
+    weights = sigmas[:, 0] ** -2.0
+    across = weights @ (seen[:, 0] * rolled[:, 1] - seen[:, 1] * rolled[:, 0])
+    along = weights @ (seen[:, 0] * rolled[:, 0] + seen[:, 1] * rolled[:, 1])
+    turned = compose(np.array([0.0, 0.0, math.atan2(across, along)]), seen)
+    turned[:, 2] = seen[:, 2]
+    return turned
+
+
+def _scales(track_m: float, drive: Drive) -> Floats:
+    """The expected size (m, 3) of each difference: what the sensor leaves open, and how wheels scatter."""
+    rolled_m = np.concatenate([[0.0], np.cumsum(np.abs(drive.left_m) + np.abs(drive.right_m))])
+    turned_rad = np.concatenate([[0.0], np.cumsum(np.abs(drive.right_m - drive.left_m))]) / track_m
+    way_m, turn_rad = (total[drive.last] - total[drive.first] for total in (rolled_m, turned_rad))
+    heading = TRAVEL_M2_PER_M * way_m / track_m**2 + TURN_RAD2_PER_RAD * turn_rad
+    place = TRAVEL_M2_PER_M * way_m / 2 + (way_m / 4) ** 2 * heading
+    variances = drive.sigmas**2 + np.stack([place, place, heading], axis=1)
+    scales: Floats = np.sqrt(variances)
+    return scales
+
+
+def _groups(drives: Sequence[Drive]) -> Indices:
+    """Motions whose errors go together: those of one drive; of a single drive, each by itself."""
+    sizes = [len(drive.first) for drive in drives]
+    return np.arange(sizes[0]) if len(drives) == 1 else np.repeat(np.arange(len(drives)), sizes)
+
+
+def needs_rich(track_m: float, drives: Sequence[Drive]) -> bool:
+    """Whether the richer model predicts kinds of drives that it was not fitted to better than the plain one.
+
+    Of each kind the others are asked. No kind may become much worse.
+    """
+    ordered = sorted(drives, key=lambda drive: drive.kind)
+    kinds = [list(members) for _, members in groupby(ordered, key=lambda drive: drive.kind)]
+    if len(kinds) < 2:
+        return False
+    costs = np.array(
+        [[_unseen(track_m, drives, kind, is_rich) for is_rich in (False, True)] for kind in kinds]
+    )
+    plain, rich = costs.T
+    return bool((rich <= WORSE * plain).all() and rich.sum() < plain.sum())
+
+
+def _unseen(track_m: float, drives: Iterable[Drive], kind: list[Drive], is_rich: bool) -> float:
+    """The mean loss of drives that the model was not fitted to."""
+    others = [drive for drive in drives if drive.kind != kind[0].kind]
+    model = fit(track_m, others, is_rich=is_rich).model
+    off = [difference(track_m, model, drive, None) / _scales(track_m, drive) for drive in kind]
+    return float(np.mean([drive.shares @ loss(one) for drive, one in zip(kind, off, strict=True)]))
+
+
+def in_pieces(poses: Floats, lengths: Sequence[int], every: int) -> tuple[Indices, Indices, Floats, Floats]:
+    """Motions between rows of ``poses`` (n, 3) that are so many rows apart: one from each ``every``th row on.
+
+    A length of 0 is the way from the first row. Returns first, last, motion, and shares that make each length count as
+    much as another.
+    """
+    end, first, last, shares = len(poses) - 1, [], [], []
+    for length in (length for length in lengths if length < end):
+        ends = np.arange(end, length, -every)
+        first.append(ends - length if length else np.zeros_like(ends))
+        last.append(ends)
+        shares.append(np.full(len(ends), 1 / len(ends)))
+    i, j = np.concatenate(first), np.concatenate(last)
+    return i, j, between(poses[i], poses[j]), np.concatenate(shares)

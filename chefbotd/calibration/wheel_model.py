@@ -1,0 +1,52 @@
+"""Dead reckoning of a whole drive at once, as a function of the wheels' parameters."""
+
+import math
+
+import numpy as np
+
+from chefbotd.calibration.least_squares import Floats
+from chefbotd.core.record import Record
+
+
+class WheelModel(Record, frozen=True):
+    """Factors on the configured radii of both sides and on the configured effective track.
+
+    The track in force is ``track (1 + spin share)``, where the share of spin in a motion is 1 on the spot and 0 straight
+    ahead: tyres that scrub make it wider or narrower, as the curve is tight or wide.
+    """
+
+    left: float = 1.0
+    right: float = 1.0
+    track: float = 1.0
+    spin: float = 0.0
+
+    @property
+    def size(self) -> float:
+        """The mean of both sides' factors."""
+        return (self.left + self.right) / 2
+
+
+NOMINAL = WheelModel()
+
+
+def reckoned(model: WheelModel, track_m: float, left_m: Floats, right_m: Floats) -> Floats:
+    """Poses (n + 1, 3) from (0, 0, 0) on; headings are not wrapped.
+
+    ``left_m`` and ``right_m`` (n,) are how far the sides rolled in each step with the configured radii; ``track_m`` is
+    the configured effective track. Each step is an arc.
+    """
+    left, right = left_m * model.left, right_m * model.right
+    ahead_m, turning_m = (left + right) / 2, (right - left) / 2
+    track = np.full(len(left), track_m * model.track)
+    if model.spin:
+        rolled_m = np.abs(ahead_m) + np.abs(turning_m)
+        track *= 1 + model.spin * np.abs(turning_m) / np.maximum(rolled_m, 1e-12)
+    turned_rad = 2 * turning_m / track
+    heading_rad = np.concatenate([[0.0], np.cumsum(turned_rad)])
+    chord_m = ahead_m * np.sinc(turned_rad / math.tau)
+    along_rad = heading_rad[:-1] + turned_rad / 2
+    poses = np.zeros((len(left) + 1, 3))
+    poses[1:, 0] = np.cumsum(chord_m * np.cos(along_rad))
+    poses[1:, 1] = np.cumsum(chord_m * np.sin(along_rad))
+    poses[:, 2] = heading_rad
+    return poses
