@@ -52,13 +52,12 @@ class Drive(Record, frozen=True):
 class WheelFit(Record, frozen=True):
     """The parameters with their covariance: left, right, track, spin, then x, y and yaw of the mount.
 
-    Those that were not fitted have a variance of zero. ``left_over`` (n, 3) are the differences to the motions.
+    Those that were not fitted have a variance of zero.
     """
 
     model: WheelModel
     mount: Floats
     covariance: Floats
-    left_over: Floats
     is_determined: bool
 
     @property
@@ -90,14 +89,14 @@ def fit(
     whole = np.array(
         [start.left, start.right, start.track, start.spin, *(np.zeros(3) if mount is None else mount)]
     )
-    scales = [_scales(track_m, drive) for drive in drives]
+    whitenings = [_whitening(track_m, drive, mount) for drive in drives]
 
     def residuals(values: Floats) -> Floats:
         parameters = whole.copy()
         parameters[columns] = values
         model, seen_from = WheelModel(*parameters[:4].tolist()), parameters[4:] if mount is not None else None
         off = [difference(track_m, model, drive, seen_from) for drive in drives]
-        return np.concatenate([one / scale for one, scale in zip(off, scales, strict=True)])
+        return np.concatenate([_white(one, by) for one, by in zip(whitenings, off, strict=True)])
 
     free = np.full(7, np.inf)
     free[3] = SPIN_SIGMA
@@ -105,17 +104,16 @@ def fit(
     solution = solve(
         residuals, whole[columns], prior_sigmas=free[columns], shares=shares, groups=_groups(drives)
     )
-    return _fitted(solution, whole, columns, scales)
+    return _fitted(solution, whole, columns)
 
 
-def _fitted(solution: Solution, whole: Floats, columns: list[int], scales: list[Floats]) -> WheelFit:
+def _fitted(solution: Solution, whole: Floats, columns: list[int]) -> WheelFit:
     whole[columns] = solution.values
     covariance = np.zeros((7, 7))
     covariance[np.ix_(columns, columns)] = solution.covariance
     whole[6] = wrap(whole[6:])[0]
-    left_over = solution.residuals * np.concatenate(scales)
     model = WheelModel(*whole[:4].tolist())
-    return WheelFit(model, whole[4:].copy(), covariance, left_over, solution.is_determined)
+    return WheelFit(model, whole[4:].copy(), covariance, solution.is_determined)
 
 
 def difference(track_m: float, model: WheelModel, drive: Drive, mount: Floats | None) -> Floats:
@@ -142,22 +140,73 @@ def _turned(seen: Floats, rolled: Floats, sigmas: Floats) -> Floats:
     return turned
 
 
-def _scales(track_m: float, drive: Drive) -> Floats:
-    """The expected size (m, 3) of each difference: what the sensor leaves open, and how wheels scatter."""
-    rolled_m = np.concatenate([[0.0], np.cumsum(np.abs(drive.left_m) + np.abs(drive.right_m))])
-    turned_rad = np.concatenate([[0.0], np.cumsum(np.abs(drive.right_m - drive.left_m))]) / track_m
-    way_m, turn_rad = (total[drive.last] - total[drive.first] for total in (rolled_m, turned_rad))
+def _whitening(track_m: float, drive: Drive, mount: Floats | None) -> Floats:
+    """Matrices (m, 3, 3) that turn the differences into independent ones of standard deviation 1.
+
+    Wheels scatter in their travel and in their turns. An error of heading swings what was driven after it: so place and
+    heading at the end of a motion belong together. The sums over the steps of a motion are differences of running sums.
+    """
+    base = reckoned(NOMINAL, track_m, drive.left_m, drive.right_m)
+    poses = compose(base, np.zeros(3) if mount is None else mount)
+    way_m, turn_rad = (
+        np.abs(drive.left_m) + np.abs(drive.right_m),
+        np.abs(drive.right_m - drive.left_m) / track_m,
+    )
     heading = TRAVEL_M2_PER_M * way_m / track_m**2 + TURN_RAD2_PER_RAD * turn_rad
-    place = TRAVEL_M2_PER_M * way_m / 2 + (way_m / 4) ** 2 * heading
-    variances = drive.sigmas**2 + np.stack([place, place, heading], axis=1)
-    scales: Floats = np.sqrt(variances)
-    return scales
+    crosswise = np.stack([-poses[1:, 1], poses[1:, 0]], axis=1)
+    none, once, twice, ahead = (
+        _between(sums, drive)
+        for sums in (
+            heading,
+            heading[:, None] * crosswise,
+            heading[:, None, None] * crosswise[:, :, None] * crosswise[:, None, :],
+            TRAVEL_M2_PER_M * way_m / 4,
+        )
+    )
+    end = np.stack([-poses[drive.last, 1], poses[drive.last, 0]], axis=1)
+    mixed = end[:, :, None] * once[:, None, :]
+    covariance = np.zeros((len(end), 3, 3))
+    covariance[:, :2, :2] = none[:, None, None] * end[:, :, None] * end[:, None, :] + twice
+    covariance[:, :2, :2] -= mixed + mixed.transpose(0, 2, 1)
+    covariance[:, :2, 2] = covariance[:, 2, :2] = none[:, None] * end - once
+    covariance[:, 2, 2] = none
+    covariance[:, [0, 1], [0, 1]] += ahead[:, None]
+    turned = _rotations(poses[drive.first, 2])
+    local = turned.transpose(0, 2, 1) @ covariance @ turned
+    local[:, range(3), range(3)] += drive.sigmas**2
+    if mount is None:  # the lag and the yaw of a truth swing place and heading otherwise than wheels do
+        local *= np.eye(3)
+    whitening: Floats = np.linalg.inv(np.linalg.cholesky(local))
+    return whitening
 
 
-def _groups(drives: Sequence[Drive]) -> Indices:
-    """Motions whose errors go together: those of one drive; of a single drive, each by itself."""
-    sizes = [len(drive.first) for drive in drives]
-    return np.arange(sizes[0]) if len(drives) == 1 else np.repeat(np.arange(len(drives)), sizes)
+def _between(steps: Floats, drive: Drive) -> Floats:
+    """The sums of the steps of each motion."""
+    sums = np.concatenate([np.zeros((1, *steps.shape[1:])), np.cumsum(steps, axis=0)])
+    total: Floats = sums[drive.last] - sums[drive.first]
+    return total
+
+
+def _rotations(heading_rad: Floats) -> Floats:
+    """Matrices (m, 3, 3) that turn x and y, and leave a heading as it is."""
+    turned = np.zeros((len(heading_rad), 3, 3))
+    turned[:, 0, 0] = turned[:, 1, 1] = np.cos(heading_rad)
+    turned[:, 1, 0] = np.sin(heading_rad)
+    turned[:, 0, 1] = -turned[:, 1, 0]
+    turned[:, 2, 2] = 1.0
+    return turned
+
+
+def _white(whitening: Floats, off: Floats) -> Floats:
+    white: Floats = np.einsum("mij,mj->mi", whitening, off)
+    return white
+
+
+def _groups(drives: Sequence[Drive]) -> Indices | None:
+    """Motions whose errors go together: those of one drive; of a single drive, each is by itself."""
+    if len(drives) == 1:
+        return None
+    return np.repeat(np.arange(len(drives)), [len(drive.first) for drive in drives])
 
 
 def needs_rich(track_m: float, drives: Sequence[Drive]) -> bool:
@@ -180,7 +229,9 @@ def _unseen(track_m: float, drives: Iterable[Drive], kind: list[Drive], is_rich:
     """The mean loss of drives that the model was not fitted to."""
     others = [drive for drive in drives if drive.kind != kind[0].kind]
     model = fit(track_m, others, is_rich=is_rich).model
-    off = [difference(track_m, model, drive, None) / _scales(track_m, drive) for drive in kind]
+    off = [
+        _white(_whitening(track_m, drive, None), difference(track_m, model, drive, None)) for drive in kind
+    ]
     return float(np.mean([drive.shares @ loss(one) for drive, one in zip(kind, off, strict=True)]))
 
 
