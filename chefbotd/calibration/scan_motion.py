@@ -4,6 +4,7 @@ At rest several turns are taken together, and no beam needs a correction for mot
 the wheels, so a fit goes twice over the scans: with the parameters before, and with those that came of it.
 """
 
+import math
 from collections.abc import Sequence
 from typing import TypeAlias
 
@@ -36,7 +37,7 @@ WINDOW_M_PER_M, WINDOW_RAD_PER_RAD = 0.2, 0.06
 MOST_RAD = 0.5
 """How far a scan is searched from where the wheels say, and how much more by travel and by turn."""
 
-FIRST, WIDE = 6, Window(0.4, 1.2)
+FIRST, WIDE = 6, Window(0.5, math.pi, 0.02, 0.005)
 """The first scans are searched far from where the wheels say: a wheel may be wired backwards, the mount be wrong."""
 
 WEAK = Prior(np.zeros(3), np.diag([1e-2, 1e-2, 1e-2]))
@@ -67,8 +68,8 @@ def keyframe(row: int, scans: Sequence[Floats]) -> Keyframe | None:
     return Keyframe(row, points, np.concatenate([normals(scan, SENSOR) for scan in singles]))
 
 
-def matched(frames: Sequence[Keyframe], rolled: Floats, way: Floats, memory: int) -> Matched:
-    """The lidar's poses. ``rolled`` (k - 1, 3) is how it moved says the wheels, ``way`` (k - 1, 2) travel and turn.
+def matched(frames: Sequence[Keyframe], rolled: Floats, totals: Floats, memory: int) -> Matched:
+    """The lidar's poses. ``rolled`` (k - 1, 3) is how it moved says the wheels, ``totals`` (k - 1, 2) travel and turn.
 
     Each scan is matched with the ``memory`` scans before it, and then once more with as many before and after it.
     """
@@ -79,7 +80,7 @@ def matched(frames: Sequence[Keyframe], rolled: Floats, way: Floats, memory: int
     for k in range(1, len(frames)):
         if k > memory:
             grids = _around(frames, poses, range(k - memory, k), is_good)
-        guess, since = compose(poses[k - 1], rolled[k - 1]), since + way[k - 1]
+        guess, since = compose(poses[k - 1], rolled[k - 1]), since + totals[k - 1]
         fit = _match(grids, frames[k], guess, _windows(k, *since.tolist()))
         is_good[k] = fit is not None
         poses[k] = guess if fit is None else fit.pose

@@ -3,7 +3,8 @@
 from collections.abc import Mapping
 
 from chefbotd.calibration.step import Step
+from chefbotd.calibration.wheels import WHEELS
 
-ORDER: tuple[Step, ...] = ()
+ORDER: tuple[Step, ...] = (WHEELS,)
 
 STEPS: Mapping[str, Step] = {step.name: step for step in ORDER}

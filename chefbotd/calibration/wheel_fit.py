@@ -241,7 +241,8 @@ def in_pieces(poses: Floats, lengths: Sequence[int], every: int) -> tuple[Indice
     A length of 0 is the way from the first row. Returns first, last, motion, and shares that make each length count as
     much as another.
     """
-    end, first, last, shares = len(poses) - 1, [], [], []
+    end, shares = len(poses) - 1, [np.zeros(0)]
+    first, last = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
     for length in (length for length in lengths if length < end):
         ends = np.arange(end, length, -every)
         first.append(ends - length if length else np.zeros_like(ends))

@@ -57,21 +57,21 @@ def _yaw(track_m: float, drive: Drive) -> float | None:
     return math.atan2(-float(ahead @ seen[:, 1]), float(ahead @ seen[:, 0]))
 
 
-def wrong_sides(found: Signs, configured_yaw_rad: float) -> str:
+def wrong_sides(shown: Signs, configured_yaw_rad: float) -> str:
     """What is wired wrongly, or measured very wrongly (empty: nothing)."""
     yaw_off = (
-        0.0 if found.yaw_rad is None else abs(math.remainder(found.yaw_rad - configured_yaw_rad, math.tau))
+        0.0 if shown.yaw_rad is None else abs(math.remainder(shown.yaw_rad - configured_yaw_rad, math.tau))
     )
-    if found.left < 0 and found.right < 0:
+    if shown.left < 0 and shown.right < 0:
         if yaw_off > math.pi / 2:
             return "both encoders count backwards (or the lidar looks backwards and the encoders are swapped)"
         return "the left and the right encoder are swapped"
-    for side, value in (("left", found.left), ("right", found.right)):
+    for side, value in (("left", shown.left), ("right", shown.right)):
         if value < 0:
-            return f"the {side} encoder counts backwards: set its encoder_sign to the other value"
+            return f"the {side} encoder counts backwards: turn its sign round"
         if abs(value - 1) > FAR_OFF:
             return (
                 f"the {side} wheel turns the robot {value:.2f} times as much as its radius and the track say; "
-                "check counts_per_turn, radius_m and track_width_m"
+                "check the counts of a wheel turn, its radius and the track width"
             )
     return ""

@@ -1,7 +1,7 @@
 """A robot in a room that does what a procedure says: wheels that scatter, and a lidar; independent of the simulator."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
@@ -11,8 +11,8 @@ from chefbotd.calibration.step import Ask, Measurements, Move, Procedure, Robot
 from chefbotd.calibration.wheel_model import NOMINAL, WheelModel
 from chefbotd.core.events import WheelsMeasured
 from chefbotd.core.events.lidars import ScanMeasured
-from chefbotd.core.geometry import ORIGIN, Pose2D, Twist2D
-from chefbotd.core.record import Record, replace
+from chefbotd.core.geometry import ORIGIN, Twist2D
+from chefbotd.core.record import Record
 from chefbotd.core.scan import LaserScan
 from chefbotd.settings.loader import load
 from chefbotd.sim.world import RayCaster
@@ -56,7 +56,7 @@ def configured(path: Path = CONFIG) -> Robot:
 
 
 class World:
-    """Performs actions one after the other; ``pose`` is the robot's, ``now_s`` the time."""
+    """Performs actions one after the other; ``pose`` is the robot's, ``now_s`` the time, ``trail`` both of each step."""
 
     def __init__(self, robot: Robot, truth: Truth, seed: int = 0, walls: Floats | None = None) -> None:
         self.robot, self.truth = robot, truth
@@ -65,7 +65,7 @@ class World:
         self._caster = RayCaster(furnished_flat() if walls is None else walls, 12.0)
         self._twist, self._counts = np.zeros(2), np.zeros(2)
         self._before_rad = np.zeros(2)
-        self._trail = [(self.now_s, *self.pose)]
+        self.trail = [(self.now_s, *self.pose)]
 
     def perform(self, procedure: Procedure, answers: Mapping[str, float] | None = None) -> Measurements:
         """Everything that was measured during the procedure."""
@@ -92,9 +92,9 @@ class World:
         target = np.zeros(2)
         if isinstance(move.motion, Twist2D):
             target = np.array([move.motion.linear_m_s, move.motion.angular_rad_s])
-        for k in range(steps + (0 if move.motion is None else 16)):
+        for k in range(steps + (16 if move.motion is not None and move.settled else 0)):
             wheels.append(self._step(target if k < steps else np.zeros(2)))
-            if len(self._trail) % round(TURN_S / STEP_S) == 0:
+            if len(self.trail) % round(TURN_S / STEP_S) == 0:
                 scans.append(self._look())
         return Measurements(wheels=tuple(wheels), scans=tuple(scans))
 
@@ -110,7 +110,7 @@ class World:
         position = counts * self.truth.signs * math.tau / self.robot.encoders.counts_per_turn
         travel, self._before_rad = position - self._before_rad, position
         self.now_s += STEP_S
-        self._trail.append((self.now_s, *self.pose))
+        self.trail.append((self.now_s, *self.pose))
         return WheelsMeasured(
             self.now_s, self.now_s, self.now_s, tuple(position), tuple(travel), tuple(turned_rad / STEP_S)
         )
@@ -129,7 +129,7 @@ class World:
     def _look(self) -> ScanMeasured:
         """A turn of the lidar that has just ended, each beam from where the robot was."""
         after_s = np.linspace(-TURN_S, 0.0, BEAMS, endpoint=False)
-        trail = np.array(self._trail[-8:])
+        trail = np.array(self.trail[-8:])
         poses = [np.interp(self.now_s + after_s, trail[:, 0], column) for column in trail[:, 1:].T]
         x, y, yaw = self.truth.mount
         cos, sin = np.cos(poses[2]), np.sin(poses[2])
@@ -139,14 +139,3 @@ class World:
         ranges = ranges + self._random.normal(0, NOISE_M, BEAMS)
         scan = LaserScan(self.now_s, bearing, ranges, after_s)
         return ScanMeasured(self.now_s, self.robot.lidars[0].name, ORIGIN, scan)
-
-
-def with_mount(robot: Robot, mount: Pose2D) -> Robot:
-    """The robot whose configuration says that the lidar is there."""
-    lidar = robot.lidars[0].model_copy(
-        update={"mount_x_m": mount.x_m, "mount_y_m": mount.y_m, "mount_yaw_rad": mount.heading_rad}
-    )
-    return replace(robot, lidars=(lidar,))
-
-
-Measure = Callable[[Robot], Procedure]

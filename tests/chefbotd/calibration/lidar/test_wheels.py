@@ -1,0 +1,170 @@
+"""The step ``wheels`` on a robot in a room whose wheels scatter, and on what a real robot can be wrong in."""
+
+import math
+from collections.abc import Iterable
+from itertools import islice
+
+import numpy as np
+import pytest
+
+from chefbotd.calibration.step import Action, Measurements, Move, Procedure, Robot, Status, StepResult
+from chefbotd.calibration.wheel_model import WheelModel
+from chefbotd.calibration.wheels import WHEELS
+from chefbotd.core.events import TruthSimulated
+from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
+from chefbotd.core.record import replace
+from tests.chefbotd.calibration.synthetic import Truth, World, configured
+
+MODEL = WheelModel(left=0.993, right=1.006, track=1.025)
+MOUNT = (0.012, -0.008, 0.03)
+
+
+@pytest.fixture(scope="module")
+def robot() -> Robot:
+    """ChefBot with a lidar in the middle."""
+    return configured()
+
+
+@pytest.fixture(scope="module")
+def drive(robot: Robot) -> Measurements:
+    """All that is measured while a robot that is wrong carries out the procedure."""
+    return World(robot, Truth(MODEL, MOUNT), seed=3).perform(WHEELS.procedure(robot))
+
+
+def _after(result: StepResult) -> dict[str, float]:
+    return {estimate.key.rpartition(".")[2]: estimate.after for estimate in result.estimates}
+
+
+def test_wheels_and_mount_are_recovered(robot: Robot, drive: Measurements) -> None:
+    """Ratio to 0.15 %, track and size to 0.2 %, the mount to 1 mm and 0.1 deg, all within 4 standard deviations."""
+    result = WHEELS.fit(robot, drive)
+    assert result.status is Status.PASSED, result.reason
+    after, lidar = _after(result), robot.lidars[0]
+    ratio = after["left_radius_multiplier"] / after["right_radius_multiplier"]
+    assert ratio == pytest.approx(MODEL.left / MODEL.right, rel=1.5e-3)
+    assert after["track_multiplier"] == pytest.approx(MODEL.track, rel=2e-3)
+    assert after["left_radius_multiplier"] == pytest.approx(MODEL.left, rel=2e-3)
+    assert (after["mount_x_m"], after["mount_y_m"]) == pytest.approx(MOUNT[:2], abs=1e-3)
+    assert after["mount_yaw_rad"] == pytest.approx(MOUNT[2], abs=math.radians(0.1))
+    truth = (MODEL.left, MODEL.right, MODEL.track, *MOUNT)
+    off = [(one.after - true) / one.sigma for one, true in zip(result.estimates, truth, strict=True)]
+    assert max(map(abs, off)) < 4
+    assert lidar.name in result.estimates[3].key
+    assert all(residual.after < residual.before for residual in result.residuals)
+
+
+def test_the_same_measurements_give_the_same_result(robot: Robot, drive: Measurements) -> None:
+    """To the last bit: a recorded drive can be calibrated from afterwards."""
+    assert WHEELS.fit(robot, drive) == WHEELS.fit(robot, drive)
+
+
+def test_the_procedure_stays_near_its_start(robot: Robot) -> None:
+    """The middle of the axle stays within the space that the step asks for, and it takes at most 200 s."""
+    world, reached_m = World(robot, Truth(slip=0.0)), 0.0
+    start, began_s = world.pose.copy(), world.now_s
+    for action in WHEELS.procedure(robot):
+        assert isinstance(action, Move)
+        world.perform(_some([action]))
+        reached_m = max(reached_m, math.hypot(*(world.pose - start)[:2]))
+    assert reached_m < WHEELS.space_m
+    assert world.now_s - began_s < 200
+
+
+@pytest.mark.parametrize(
+    ("truth", "reason"),
+    [
+        (Truth(swapped=True), "the left and the right encoder are swapped"),
+        (Truth(signs=(-1, 1)), "the left encoder counts backwards"),
+        (Truth(signs=(1, -1)), "the right encoder counts backwards"),
+        (Truth(signs=(-1, -1)), "both encoders count backwards"),
+        (Truth(WheelModel(left=0.5, right=0.5)), "times as much as its radius and the track say"),
+    ],
+)
+def test_wrong_wiring_is_refused_and_named(robot: Robot, truth: Truth, reason: str) -> None:
+    """The first small motions show it; no negative radius is ever a result."""
+    first = islice(WHEELS.procedure(robot), 13)
+    result = WHEELS.fit(robot, World(robot, truth).perform(_some(first)))
+    assert (result.status, result.estimates) == (Status.REFUSED, ())
+    assert reason in result.reason
+
+
+def _some(actions: Iterable[Action]) -> Procedure:
+    pending = list(actions)
+    while pending:
+        yield pending.pop(0)
+
+
+def _look_after(*motions: tuple[Twist2D, float]) -> Procedure:
+    for twist, seconds in motions:
+        yield Move(None, 0.6, "")
+        yield Move(twist, seconds, "")
+    yield Move(None, 0.6, "")
+
+
+def test_straights_alone_are_not_enough(robot: Robot) -> None:
+    """To and fro says nothing of the track."""
+    straights = [(Twist2D(sign * 0.3), 1.5) for sign in (1, -1) * 4]
+    result = WHEELS.fit(robot, World(robot, Truth()).perform(_look_after(*straights)))
+    assert result.status is Status.NOT_ENOUGH
+    assert "turns" in result.reason
+
+
+def test_turns_alone_are_not_enough(robot: Robot) -> None:
+    """On the spot says nothing of the radii."""
+    turns = [(Twist2D(0.0, sign * 1.0), 2.0) for sign in (1, -1) * 4]
+    result = WHEELS.fit(robot, World(robot, Truth()).perform(_look_after(*turns)))
+    assert result.status is Status.NOT_ENOUGH
+    assert "travel" in result.reason
+
+
+def test_scans_that_are_noise_are_no_result(robot: Robot, drive: Measurements) -> None:
+    """Ranges drawn at random are refused, or said to be too little."""
+    random = np.random.default_rng(0)
+    scans = tuple(
+        replace(one, scan=replace(one.scan, range_m=random.uniform(0.3, 8.0, len(one.scan.range_m))))
+        for one in drive.scans
+    )
+    result = WHEELS.fit(robot, replace(drive, scans=scans))
+    assert (result.status is Status.PASSED, result.estimates) == (False, ())
+
+
+@pytest.mark.parametrize("kind", ["wheels", "scans", "both"])
+def test_what_was_not_measured_is_named(robot: Robot, drive: Measurements, kind: str) -> None:
+    """Without readings or scans there is no result, and no exception."""
+    wheels = () if kind != "scans" else drive.wheels
+    scans = () if kind != "wheels" else drive.scans
+    result = WHEELS.fit(robot, Measurements(wheels=wheels, scans=scans))
+    assert result.status is Status.NOT_ENOUGH
+    assert ("readings of the wheels" if kind != "scans" else "no scans") in result.reason
+
+
+def test_a_recorded_drive_without_stops_is_enough(robot: Robot) -> None:
+    """Curves through the room, scans corrected by the wheels: ratio, track and size to 0.6 %, and an honest sigma."""
+    world = World(robot, Truth(MODEL, MOUNT), seed=5)
+    curves = [
+        (0.2, 0.9, 8.0),
+        (0.2, -0.9, 8.0),
+        (-0.2, 0.9, 8.0),
+        (-0.2, -0.9, 8.0),
+        (0.25, 0.0, 1.6),
+        (-0.25, 0, 1.6),
+    ]
+    moves = [Move(Twist2D(v, w), seconds, "", settled=False) for v, w, seconds in curves * 2]
+    result = WHEELS.fit(robot, world.perform(_some(moves)))
+    assert result.status is Status.PASSED, result.reason
+    truth = (MODEL.left, MODEL.right, MODEL.track)
+    for estimate, true in zip(result.estimates, truth, strict=False):
+        assert estimate.after == pytest.approx(true, rel=6e-3)
+        assert abs(estimate.after - true) < 4 * estimate.sigma
+
+
+def test_truth_serves_where_there_is_no_lidar(robot: Robot) -> None:
+    """A simulator's truth beside the wheels gives radii and track."""
+    world = World(replace(robot), Truth(MODEL), seed=2)
+    drive = world.perform(WHEELS.procedure(robot))
+    truth = tuple(
+        TruthSimulated(at_s, Pose2D(x, y, heading), STANDING, False) for at_s, x, y, heading in world.trail
+    )
+    result = WHEELS.fit(robot, Measurements(wheels=drive.wheels, truth=truth))
+    assert result.status is Status.PASSED, result.reason
+    assert _after(result)["track_multiplier"] == pytest.approx(MODEL.track, rel=3e-3)
