@@ -26,6 +26,9 @@ from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 
 SIDE_M: Final = 4.0
 HALL_M: Final = 7.0
+START: Final = {"map_path": Path("flat"), "start_x_m": 6.1, "start_y_m": 1.6}
+"""Between kitchen and living room, where the flat has most room: 0.75 m around the robot."""
+
 ROBOT: Final = "chefbot_lidar"
 Say = Callable[[str], None]
 
@@ -59,9 +62,7 @@ async def calibrate(seed: int, out: Path, say: Say, *, squares: bool = True) -> 
     drawn = nominal.sim.true.model_copy(update={"drawn": "imperfect", "seed": seed})
     true = true_of(_simulated(nominal, drawn))  # all of it given: another configuration is the same robot
     before = await _squares(nominal, true, out, say) if squares else ()
-    async with simulated_robot(
-        _simulated(nominal, true, {"map_path": Path("flat")}), config_file=config
-    ) as robot:
+    async with simulated_robot(_simulated(nominal, true, START), config_file=config) as robot:
         began_s = asyncio.get_running_loop().time()
         results = await _all_steps(robot, true, say)
         robot_s = asyncio.get_running_loop().time() - began_s

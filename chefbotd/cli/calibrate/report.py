@@ -1,7 +1,7 @@
 """Prints the results of a calibration, and draws their plots."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -23,23 +23,33 @@ def show_result(result: StepResult) -> None:
         )
     )
     if result.estimates:
-        columns = ("parameter", "before", "after", "sigma", "unit")
-        output.table(False, None, columns, [_row(estimate) for estimate in result.estimates])
+        show_estimates(result.estimates)
     for left in result.residuals:
         echo(
             f"{left.name}: {left.before:.3g} before, {left.after:.3g} after, {left.unit} ({left.count} measurements)"
         )
 
 
-def _row(estimate: Estimate) -> tuple[str, ...]:
-    digits = ".6g"
-    return (
-        estimate.key,
-        f"{estimate.before:{digits}}",
-        f"{estimate.after:{digits}}",
-        f"{estimate.sigma:.2g}",
-        estimate.unit,
-    )
+def show_estimates(estimates: Iterable[Estimate], true: Mapping[str, float] | None = None) -> None:
+    """Print parameters in groups by their section; with the ``true`` values how many sigmas each is off."""
+    columns = ["parameter", "before", "after", "sigma", *(["true", "off"] if true else []), "unit"]
+    rows: list[tuple[str, ...]] = []
+    section = ""
+    for estimate in estimates:
+        *path, name = estimate.key.split(".")
+        if section != (section := ".".join(path)):
+            rows.append((f"[{section}]", *[""] * (len(columns) - 1)))
+        cells = [name, f"{estimate.before:.5g}", f"{estimate.after:.5g}", f"{estimate.sigma:.2g}"]
+        if true:
+            cells += _against(true.get(estimate.key), estimate)
+        rows.append((*cells, estimate.unit))
+    output.table(False, None, columns, rows)
+
+
+def _against(true: float | None, estimate: Estimate) -> list[str]:
+    if true is None:
+        return ["", ""]
+    return [f"{true:.5g}", f"{(estimate.after - true) / estimate.sigma:+.1f}" if estimate.sigma else ""]
 
 
 def finish(context: CommandContext, results: Sequence[StepResult], applied: object = None) -> None:

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING
 
 from structlog.testing import capture_logs
 
-from chefbotd.cli.calibrate.report import draw_plots, finish, require_plots
+from chefbotd.cli.calibrate.report import draw_plots, finish, require_plots, show_estimates
 from chefbotd.cli.common import output
-from chefbotd.cli.common.context import CommandContext
+from chefbotd.cli.common.context import CommandContext, refusal
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError, extra, require
+from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
 
 if TYPE_CHECKING:
@@ -45,7 +46,10 @@ def calibrate_simulated(context: CommandContext, seed: int, out: Path) -> None:
 
     say(f"A simulated ChefBot, drawn from the seed {seed}, calibrates itself in a furnished flat.")
     with capture_logs():
-        calibrated = run_virtual(calibrate(seed, out, say))
+        try:
+            calibrated = run_virtual(calibrate(seed, out, say))
+        except CallError as error:
+            raise refusal(error) from error
     pictures = draw_plots(calibrated.results, out)
     if context.as_json:
         output.say(True, calibrated, "")
@@ -55,16 +59,10 @@ def calibrate_simulated(context: CommandContext, seed: int, out: Path) -> None:
 
 
 def _print(calibrated: "Calibrated", pictures: list[Path], passed_s: float) -> None:
-    columns = ("parameter", "before", "after", "sigma", "true", "off", "unit")
-    rows = []
-    for result in calibrated.results:
-        for estimate in result.estimates:
-            true = calibrated.true.get(estimate.key)
-            off = "" if true is None else f"{(estimate.after - true) / max(estimate.sigma, 1e-12):+.1f} sigma"
-            shown = "" if true is None else f"{true:.6g}"
-            row = (f"{estimate.before:.6g}", f"{estimate.after:.6g}", f"{estimate.sigma:.2g}", shown, off)
-            rows.append((estimate.key, *row, estimate.unit))
-    output.table(False, None, columns, rows)
+    show_estimates(
+        [estimate for result in calibrated.results for estimate in result.estimates], calibrated.true
+    )
+    echo("'true' is what the simulated robot is; 'off' by how many sigmas the result misses it.")
     echo("Odometry at the end of a 4 m square, against the truth:")
     for before, after in zip(calibrated.before, calibrated.after, strict=True):
         direction = "clockwise" if before.clockwise else "counter-clockwise"

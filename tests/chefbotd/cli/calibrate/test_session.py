@@ -107,8 +107,9 @@ def test_a_step_is_prepared_asked_for_and_shown(capsys: pytest.CaptureFixture[st
     assert "Take a voltmeter." in person.questions[0]
     assert person.questions[1:] == ["What does a voltmeter say? (V)"] * 3
     assert "lidar: left out, it has no lidar" in said
-    row = next(line.split() for line in said.splitlines() if KEY in line)
-    assert row[:4] == [KEY, "5", "5.25", "0.01"]
+    rows = [line.split() for line in said.splitlines()]
+    at = rows.index(["[battery]"])
+    assert rows[at + 1] == ["divider_ratio", "5", "5.25", "0.01"]
     assert "voltage: 0.4 before, 0 after, V (1 measurements)" in said
     assert "Nothing was written" in said
     assert (tmp_path / "plots" / "battery-two-readings.png").read_bytes().startswith(b"\x89PNG")
