@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from chefbotd.calibration.step import Measurements, Move, Procedure, Robot, Step, StepResult
 from chefbotd.core.geometry import Twist2D
 
-SPACE_M = 0.8
+SPACE_M = 0.65
 REACH_M = 0.5
 """How far from the start the middle of the axle gets."""
 
