@@ -110,10 +110,11 @@ function table(estimates) {
   const wide = element("div", "", { className: "wide" });
   const whole = element("table");
   const head = element("tr");
-  head.append(...["parameter", "before", "after", "±", "unit"].map((name) => element("th", name, { scope: "col" })));
+  head.append(...["parameter", "before", "after", "±"].map((name) => element("th", name, { scope: "col" })));
   const rows = estimates.map(({ key, before, after, sigma, unit }) => {
     const row = element("tr");
-    row.append(...[key, number(before), number(after), sigma.toPrecision(2), unit].map((words) => element("td", words)));
+    row.append(element("th", unit ? `${key} (${unit})` : key, { scope: "row" }),
+      ...[number(before), number(after), sigma.toPrecision(2)].map((words) => element("td", words)));
     return row;
   });
   whole.append(head, ...rows);
@@ -121,7 +122,7 @@ function table(estimates) {
   return wide;
 }
 
-const number = (value) => String(Number(value.toPrecision(6)));
+const number = (value, digits = 5) => String(Number(value.toPrecision(digits)));
 
 const svg = (name, attributes) => {
   const drawn = document.createElementNS("http://www.w3.org/2000/svg", name);
@@ -144,7 +145,7 @@ function figure({ title, x_label, y_label, series, equal }) {
     else drawn.append(svg("polyline", { points: line.x.map((_, k) => at(line, k).join(",")).join(" "), fill: "none", stroke: colour, "stroke-width": 1.4 }));
   });
   const whole = element("figure", "", { className: "fit" });
-  const caption = element("figcaption", `${title}. ${x_label}: ${number(left)} to ${number(right)}; ${y_label}: ${number(low)} to ${number(high)}. `, { className: "small" });
+  const caption = element("figcaption", `${title}. ${x_label}: ${number(left, 3)} to ${number(right, 3)}; ${y_label}: ${number(low, 3)} to ${number(high, 3)}. `, { className: "small" });
   caption.append(...series.flatMap((line, index) => {
     const name = element("span", `● ${line.name} `);
     name.style.setProperty("color", `var(${COLOURS[index % COLOURS.length]})`);
