@@ -5,8 +5,8 @@ import random
 from collections.abc import Sequence
 
 from chefbotd.core.geometry import Twist2D
+from chefbotd.sim.axles import Wheels
 from chefbotd.sim.chassis import Chassis
-from chefbotd.sim.plant import Wheels
 from chefbotd.sim_parameters.true import TrueParameters
 
 CORRELATION_M, CORRELATION_RAD = 0.05, 0.2

@@ -11,7 +11,7 @@ from collections import deque
 from collections.abc import Iterator, Sequence
 
 from chefbotd.core.record import Record
-from chefbotd.sim.plant import Wheels
+from chefbotd.sim.axles import Wheels
 from chefbotd.sim.robot import Robot
 from chefbotd.sim.sensors import Motion
 from chefbotd.sim_parameters.sketches import PwmLaw

@@ -11,27 +11,18 @@ that stops each wheel. Wheels come in the order of the chassis, however many the
 A step is written with plain numbers: with two or four wheels, numpy's calls cost more than the sums.
 """
 
-from collections.abc import Iterable, Sequence
-from itertools import product
+from collections.abc import Sequence
 from math import copysign
 from operator import mul
-from typing import TypeAlias
 
 import numpy as np
 
 from chefbotd.core.geometry import Twist2D
 from chefbotd.core.record import Record
 from chefbotd.sim.arrays import Vector
+from chefbotd.sim.axles import Propagator, Wheels, by_direction, dot, rows, stick_or_slide, times
 from chefbotd.sim.chassis import PUBLISHED, Chassis, Scrub
 from chefbotd.sim_parameters.motor import GRAVITY_M_S2, MotorParameters, SimBodyParameters
-
-FRICTION_SWEEPS = 8
-
-Wheels: TypeAlias = tuple[float, ...]
-"""A number for each wheel, in the order of the chassis."""
-
-Rows: TypeAlias = tuple[Wheels, ...]
-"""A matrix."""
 
 
 class Supply(Record, frozen=True):
@@ -49,6 +40,26 @@ class WheelState(Record, frozen=True):
     velocity_rad_s: Wheels
 
 
+class Push(Record, frozen=True):
+    """A force on the robot's middle, along its own axes, and a torque about its vertical axis, CCW positive."""
+
+    forward_n: float = 0.0
+    leftward_n: float = 0.0
+    turn_n_m: float = 0.0
+
+
+class AxleDrive(Record, frozen=True):
+    """What acts on each axle: the motor's torque at standstill, what speed takes off it, and dry friction.
+
+    ``inertia_kg_m2`` is what is to be added to the axle's inertia for its time constant.
+    """
+
+    torque_n_m: Wheels
+    damping_n_m_s: float
+    dry_n_m: Wheels
+    inertia_kg_m2: Wheels
+
+
 class MotorCurve(Record, frozen=True):
     """A motor in one direction: steady speed is ``gain_rad_s * (share - dead_zone_share)`` of a PWM share.
 
@@ -58,20 +69,6 @@ class MotorCurve(Record, frozen=True):
     dead_zone_share: float
     gain_rad_s: float
     time_constant_s: float
-
-
-class _Propagator:
-    """Exact solution over one step of ``inertia * acceleration = torque - damping * velocity``."""
-
-    def __init__(self, inertia_kg_m2: Vector, damping_n_m_s: float, step_s: float) -> None:
-        inertias, axes = np.linalg.eigh(inertia_kg_m2)
-        rates = damping_n_m_s / inertias
-        responses = step_s / inertias
-        if damping_n_m_s > 0:
-            responses = -np.expm1(-rates * step_s) / damping_n_m_s
-        self.decay = _rows(axes @ np.diag(np.exp(-rates * step_s)) @ axes.T)
-        self.gain = _rows(axes @ np.diag(responses) @ axes.T)
-        self.own_gain = [row[wheel] for wheel, row in enumerate(self.gain)]
 
 
 class Plant:
@@ -86,15 +83,15 @@ class Plant:
         self.step_s = step_s
         self._set_flaws(motor, chassis)
         twist_from_wheels = _twist_from_wheels(chassis)
-        self._linear_from_wheels, self._angular_from_wheels = _rows(twist_from_wheels)
+        self._linear_from_wheels, self._angular_from_wheels = rows(twist_from_wheels)
         inertia = _inertia(motor, body, twist_from_wheels)
         self._resistance_ohm, self._back_emf_v_s = motor.resistance_ohm, motor.back_emf_constant_v_s
         self._stall_n_m_per_v = motor.torque_constant_n_m_a / motor.resistance_ohm
         magnetic = self._stall_n_m_per_v * self._back_emf_v_s
-        viscous = motor.viscous_friction_n_m_s
+        viscous = self._viscous_n_m_s = motor.viscous_friction_n_m_s
         self._damping_n_m_s, self._straight_kg_m2 = viscous + magnetic, inertia.sum(axis=1).tolist()
-        self._driven = _by_direction(inertia, viscous + magnetic, step_s, chassis)
-        self._coasting = _by_direction(inertia, viscous, step_s, chassis)
+        self._driven = by_direction(inertia, viscous + magnetic, step_s, chassis)
+        self._coasting = by_direction(inertia, viscous, step_s, chassis)
         wheels = len(chassis.wheels)
         radii_m, load_n = [wheel.radius_m for wheel in chassis.wheels], body.mass_kg * GRAVITY_M_S2 / wheels
         self._static_to_kinetic = motor.static_to_kinetic_friction
@@ -155,14 +152,19 @@ class Plant:
         """
         conductance = back_emf_a = 0.0
         if pulse_width is not None:
-            conductance = _dot(pulse_width, pulse_width) / self._resistance_ohm
-            back_emf_a = _dot(pulse_width, state.velocity_rad_s) * self._back_emf_v_s / self._resistance_ohm
+            conductance = dot(pulse_width, pulse_width) / self._resistance_ohm
+            back_emf_a = dot(pulse_width, state.velocity_rad_s) * self._back_emf_v_s / self._resistance_ohm
         unloaded_v = supply.open_circuit_v - supply.resistance_ohm * (supply.base_load_a - back_emf_a)
         terminal_v = unloaded_v / (1 + supply.resistance_ohm * conductance)
         return terminal_v, supply.base_load_a + conductance * terminal_v - back_emf_a
 
     def step(
-        self, state: WheelState, pulse_width: Wheels | None, terminal_v: float, skid: float = 0.0
+        self,
+        state: WheelState,
+        pulse_width: Wheels | None,
+        terminal_v: float,
+        skid: float = 0.0,
+        push: Push | None = None,
     ) -> WheelState:
         """The state ``step_s`` later.
 
@@ -172,19 +174,22 @@ class Plant:
                 None opens every bridge (the motors coast).
             terminal_v: from ``load``.
             skid: share of the wheels' grip that is overcome because the robot is held by something.
+            push: what pushes the robot besides its motors.
         """
         velocity = state.velocity_rad_s
-        if not any(velocity) and (pulse_width is None or not any(pulse_width)):
+        if push is None and not any(velocity) and (pulse_width is None or not any(pulse_width)):
             return state
         forward = tuple(map(_is_forward, velocity, pulse_width or velocity))
         if pulse_width is None:
             propagator = self._coasting[forward]
-            free = _times(propagator.decay, velocity)
+            free = times(propagator.decay, velocity)
         else:
             propagator, n_m = self._driven[forward], self._stall_n_m_per_v * terminal_v
             wheels = zip(self._gains, forward, pulse_width, strict=True)
-            driven = _times(propagator.gain, [n_m * gain[ahead] * share for gain, ahead, share in wheels])
-            free = [a + b for a, b in zip(_times(propagator.decay, velocity), driven, strict=True)]
+            driven = times(propagator.gain, [n_m * gain[ahead] * share for gain, ahead, share in wheels])
+            free = [a + b for a, b in zip(times(propagator.decay, velocity), driven, strict=True)]
+        if push is not None:
+            free = [a + b for a, b in zip(free, times(propagator.gain, self._at_axles(push)), strict=True)]
         frictions = zip(self._kinetic_n_m, self._frictions, forward, strict=True)
         dry_n_m = [n_m * factor[ahead] for n_m, factor, ahead in frictions]
         after = self._rub(propagator, velocity, free, dry_n_m, skid)
@@ -193,82 +198,55 @@ class Plant:
         return WheelState(tuple([angle + half_s * (old + new) for angle, old, new in turned]), after)
 
     def _rub(
-        self, propagator: _Propagator, velocity: Wheels, free: list[float], dry_n_m: list[float], skid: float
+        self, propagator: Propagator, velocity: Wheels, free: list[float], dry_n_m: list[float], skid: float
     ) -> Wheels:
         """Velocities after dry friction, given those without it."""
         resistances = (dry_n_m, self._spinning_n_m, self._scrub.torque_n_m(self.twist(velocity)))
         kinetic = [dry + skid * spinning + scrub for dry, spinning, scrub in zip(*resistances, strict=True)]
-        slowed = _times(propagator.gain, map(copysign, kinetic, velocity))
+        slowed = times(propagator.gain, map(copysign, kinetic, velocity))
         after = tuple([a - b for a, b in zip(free, slowed, strict=True)])
         if min(map(mul, after, velocity)) > 0:
             return after
         more = self._static_to_kinetic
         limit = [torque if speed else torque * more for torque, speed in zip(kinetic, velocity, strict=True)]
-        return _stick_or_slide(propagator, free, limit)
+        return stick_or_slide(propagator, free, limit)
+
+    def _at_axles(self, push: Push) -> list[float]:
+        """The torque of a push at each axle."""
+        wheels = zip(self._linear_from_wheels, self._angular_from_wheels, strict=True)
+        return [linear * push.forward_n + angular * push.turn_n_m for linear, angular in wheels]
+
+    def axles(self, state: WheelState, pulse_width: Wheels | None, terminal_v: float) -> AxleDrive:
+        """What acts on the axles now, for physics of other kinds than ``step``; arguments as there.
+
+        Dry friction is that of a wheel that turns, or more at one that stands.
+        """
+        velocity, straight = state.velocity_rad_s, self._straight_kg_m2
+        forward = tuple(map(_is_forward, velocity, pulse_width or velocity))
+        torque: Wheels = self._open
+        if pulse_width is not None:
+            n_m = self._stall_n_m_per_v * terminal_v
+            wheels = zip(self._gains, forward, pulse_width, strict=True)
+            torque = tuple([n_m * gain[ahead] * share for gain, ahead, share in wheels])
+        frictions = zip(self._kinetic_n_m, self._frictions, forward, velocity, strict=True)
+        more = self._static_to_kinetic
+        dry = [n_m * factor[ahead] * (1 if speed else more) for n_m, factor, ahead, speed in frictions]
+        flaws = zip(self._motors, forward, straight, strict=True)
+        inertia = [(motor[ahead].time_constant - 1) * own for motor, ahead, own in flaws]
+        damping = self._viscous_n_m_s if pulse_width is None else self._damping_n_m_s
+        return AxleDrive(torque, damping, tuple(dry), tuple(inertia))
 
     def twist(self, wheel_velocity_rad_s: Sequence[float]) -> Twist2D:
         """The robot's motion over free ground. Each side moves with the mean speed of its rims."""
         return Twist2D(
-            _dot(self._linear_from_wheels, wheel_velocity_rad_s),
-            _dot(self._angular_from_wheels, wheel_velocity_rad_s),
+            dot(self._linear_from_wheels, wheel_velocity_rad_s),
+            dot(self._angular_from_wheels, wheel_velocity_rad_s),
         )
 
 
 def _is_forward(velocity_rad_s: float, share: float) -> bool:
     """Which way a wheel turns, or is about to."""
     return velocity_rad_s > 0 or (velocity_rad_s == 0 and share >= 0)
-
-
-def _dot(a: Sequence[float], b: Sequence[float]) -> float:
-    total: float = sum(map(mul, a, b))
-    return total
-
-
-def _times(rows: Rows, column: Iterable[float]) -> list[float]:
-    """The product of a matrix and a vector."""
-    values = tuple(column)
-    return [sum(map(mul, row, values)) for row in rows]
-
-
-def _rows(matrix: Vector) -> Rows:
-    return tuple([tuple(row) for row in matrix.tolist()])
-
-
-def _stick_or_slide(propagator: _Propagator, free: list[float], limit: list[float]) -> Wheels:
-    """Solve for dry friction by projected Jacobi steps. A wheel stands if friction below its limit can hold it."""
-    gain, own_gain = propagator.gain, propagator.own_gain
-    torque, moving = [0.0] * len(free), free
-    for _ in range(FRICTION_SWEEPS):
-        before = torque
-        wheels = zip(torque, moving, own_gain, limit, strict=True)
-        torque = [min(max(was + speed / own, -most), most) for was, speed, own, most in wheels]
-        if torque == before:
-            break
-        moving = [a - b for a, b in zip(free, _times(gain, torque), strict=True)]
-    rubbed = zip(torque, moving, limit, strict=True)
-    return tuple([0.0 if abs(rubs) < most else speed for rubs, speed, most in rubbed])
-
-
-def _by_direction(
-    inertia: Vector, damping_n_m_s: float, step_s: float, chassis: Chassis
-) -> dict[tuple[bool, ...], _Propagator]:
-    """The solution for each combination of directions (whether a wheel turns forward).
-
-    A factor on a wheel's time constant is one on the inertia that it feels.
-    """
-    shared: dict[tuple[float, ...], _Propagator] = {}
-    solutions = {}
-    for directions in product((False, True), repeat=len(chassis.wheels)):
-        motors = [
-            wheel.forward if ahead else wheel.reverse
-            for wheel, ahead in zip(chassis.wheels, directions, strict=True)
-        ]
-        factors = tuple([motor.time_constant for motor in motors])
-        if factors not in shared:
-            scale = np.sqrt(factors)
-            shared[factors] = _Propagator(inertia * np.outer(scale, scale), damping_n_m_s, step_s)
-        solutions[directions] = shared[factors]
-    return solutions
 
 
 def _twist_from_wheels(chassis: Chassis) -> Vector:

@@ -1,27 +1,28 @@
-"""The simulated robot: motors, battery and walls together, stepped on a fixed grid of time.
+"""The simulated robot: motors, battery and surroundings together, stepped on a fixed grid of time.
 
-State exists at whole steps only. A reading between two steps is interpolated; a command between two steps acts from
-the second. So when and how often the robot is advanced never changes what it does.
+What a step does is up to the physics (``planar.py``, ``mujoco_robot.py``). State exists at whole steps only. A reading
+between two steps is interpolated; a command between two steps acts from the second. So when and how often the robot is
+advanced never changes what it does.
 """
 
 import math
+from abc import ABC, abstractmethod
 from collections import deque
 from collections.abc import Callable, Sequence
 
 from chefbotd.core.events import TruthSimulated
-from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
-from chefbotd.core.record import Record
+from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.core.record import Record, replace
+from chefbotd.sim.axles import Wheels
 from chefbotd.sim.crowd import Crowd
-from chefbotd.sim.ground import Backlash, Slip
-from chefbotd.sim.plant import Plant, Wheels, WheelState
-from chefbotd.sim.sensors import Battery, Motion
-from chefbotd.sim.world import World
+from chefbotd.sim.ground import Slip
+from chefbotd.sim.plant import Plant, Push, WheelState
+from chefbotd.sim.sensors import Battery, Motion, Tilt
 from chefbotd.sim_parameters.motor import SimBodyParameters
 
 Watcher = Callable[[float, float, Wheels, Wheels], None]
 """Called at every step with its begin and end, and the wheels' angles before and after it."""
 
-STRAIGHT_RAD = 1e-9
 TRAIL_S = 0.5
 TOUCH_M = 1e-6
 
@@ -31,6 +32,7 @@ class RobotState(Record, frozen=True):
 
     ``free_m`` is how far it can certainly move before it touches a wall; ``skid`` is the share of its motion that a
     wall takes away; ``turned_rad`` is how far it has turned since power-on, without wrapping.
+    ``tilt`` None: the robot stays level.
     """
 
     world_from_base: Pose2D
@@ -43,6 +45,7 @@ class RobotState(Record, frozen=True):
     skid: float = 0.0
     touches_disc: bool = False
     turned_rad: float = 0.0
+    tilt: Tilt | None = None
 
     @property
     def in_contact(self) -> bool:
@@ -50,8 +53,8 @@ class RobotState(Record, frozen=True):
         return self.free_m < TOUCH_M or self.touches_disc
 
 
-class Robot:
-    """A disc on wheels between walls, and among people.
+class Robot(ABC):
+    """A robot on wheels between walls, and among people; ``_step`` is its physics.
 
     ``slip`` says how the wheels grip, and may be changed. ``trail`` has the last poses (time, x, y, heading), a step
     apart, the newest last.
@@ -61,33 +64,20 @@ class Robot:
         self,
         plant: Plant,
         body: SimBodyParameters,
-        world: World,
-        battery: Battery,
-        start: Pose2D,
-        backlash: Backlash,
+        state: RobotState,
         slip: Slip,
-        crowd: Crowd | None = None,
+        crowd: Crowd,
     ) -> None:
-        """Raises ``ValueError`` when the start pose is closer to a wall than the robot's radius."""
-        clearance_m = world.clearance_m((start.x_m, start.y_m))
-        if clearance_m < body.radius_m:
-            raise ValueError(
-                f"start pose {start} is {clearance_m:.3f} m from a wall, robot radius {body.radius_m} m"
-            )
-        self._plant, self._body, self._world = plant, body, world
-        self._backlash, self.slip = backlash, slip
-        self._crowd = crowd or Crowd((), (), seed=0)
+        self._plant, self._body, self.slip, self._crowd = plant, body, slip, crowd
+        self._push, self._pushed_until_s = Push(), 0.0
         self._pulse_width: Wheels | None = None
-        idle_v, _ = plant.load(plant.standing, None, battery.supply)
-        self._now = self._before = RobotState(
-            start, STANDING, plant.standing, battery, idle_v, clearance_m - body.radius_m
-        )
+        self._now = self._before = state
         self._steps = 0
         self._read_s = 0.0
         self._watchers: list[Watcher] = []
         steps = math.ceil(TRAIL_S / plant.step_s) + 1
         self.trail: deque[tuple[float, float, float, float]] = deque(maxlen=steps)
-        self._leave_trail(start)
+        self._leave_trail(state.world_from_base)
 
     def _leave_trail(self, pose: Pose2D) -> None:
         self.trail.append((self._steps * self._plant.step_s, pose.x_m, pose.y_m, pose.heading_rad))
@@ -99,6 +89,10 @@ class Robot:
     def release(self) -> None:
         """Open the bridges: the motors coast."""
         self._pulse_width = None
+
+    def push(self, push: Push, duration_s: float) -> None:
+        """Push the robot from now on for so long, in the place of an earlier push."""
+        self._push, self._pushed_until_s = push, self._read_s + duration_s
 
     def watch(self, watcher: Watcher) -> None:
         """Call this watcher at every step from now on."""
@@ -118,6 +112,15 @@ class Robot:
                 watcher(
                     to_step_s - step_s, to_step_s, self._before.wheels.angle_rad, self._now.wheels.angle_rad
                 )
+
+    @abstractmethod
+    def _step(self, state: RobotState) -> RobotState:
+        """The robot a step later; its crowd has moved already."""
+
+    @property
+    def _pushed_now(self) -> Push | None:
+        """What pushes it during the next step."""
+        return self._push if self._steps * self._plant.step_s < self._pushed_until_s else None
 
     @property
     def wheel_angles_rad(self) -> Wheels:
@@ -141,93 +144,17 @@ class Robot:
         """The motion that its IMU measures."""
         state = self._now
         sideways = state.twist.linear_m_s * state.twist.angular_rad_s
-        return Motion(
+        motion = Motion(
             state.world_from_base.heading_rad,
             state.twist.angular_rad_s,
             state.forward_m_s2,
             sideways,
             state.turned_rad,
         )
+        return motion if state.tilt is None else replace(motion, tilt=state.tilt)
 
     def truth(self, stamp_s: float) -> TruthSimulated:
         """The true pose and motion, with this stamp."""
         state = self._now
         discs = tuple([(x, y, radius) for x, y, radius in self._crowd.discs.tolist()])
         return TruthSimulated(stamp_s, state.world_from_base, state.twist, state.in_contact, discs)
-
-    def _step(self, state: RobotState) -> RobotState:
-        supply = state.battery.supply
-        terminal_v, drawn_a = self._plant.load(state.wheels, self._pulse_width, supply)
-        battery = state.battery.drained(drawn_a, self._plant.step_s)
-        wheels = self._plant.step(state.wheels, self._pulse_width, terminal_v, state.skid)
-        return self._moved(state, wheels, battery, terminal_v)
-
-    def _moved(
-        self, state: RobotState, wheels: WheelState, battery: Battery, terminal_v: float
-    ) -> RobotState:
-        """The robot after its wheels have turned, stopped by walls where they are in its way."""
-        step_s, before = self._plant.step_s, state.world_from_base
-        if wheels is state.wheels and state.twist == STANDING and not len(self._world.discs):
-            turned_rad = state.turned_rad
-            return RobotState(
-                before, STANDING, wheels, battery, terminal_v, state.free_m, turned_rad=turned_rad
-            )
-        played_rad = self._backlash.turned_rad(state.wheels.angle_rad, wheels.angle_rad)
-        rolled_rad = self.slip.gripped(played_rad)
-        twist = self._plant.twist([angle / step_s for angle in rolled_rad])
-        twist = self.slip.disturbed(twist, step_s)
-        target = before.compose(arc(twist, step_s))
-        pose, free_m = self._let_through(state, target)
-        touches_disc = False
-        if len(self._world.discs):
-            pose, free_m, touches_disc = self._among_discs(state, pose, free_m)
-        skid = 0.0
-        if pose is not target:
-            skid = max(1 - _distance_m(before, pose) / max(_distance_m(before, target), TOUCH_M), 0.0)
-            forward_m = before.inverse().compose(pose).x_m
-            twist = Twist2D(forward_m / step_s, twist.angular_rad_s)
-        forward_m_s2 = (twist.linear_m_s - state.twist.linear_m_s) / step_s
-        turned_rad = state.turned_rad + twist.angular_rad_s * step_s
-        return RobotState(
-            pose, twist, wheels, battery, terminal_v, free_m, forward_m_s2, skid, touches_disc, turned_rad
-        )
-
-    def _let_through(self, state: RobotState, target: Pose2D) -> tuple[Pose2D, float]:
-        """Where the walls let the robot go (``wanted`` itself if there), and how far it may go from there.
-
-        The walls are looked at only when the robot may have used up its last clearance.
-        """
-        before = state.world_from_base
-        travel_m = _distance_m(before, target)
-        if travel_m < state.free_m or travel_m == 0:
-            return target, state.free_m - travel_m
-        radius_m = self._body.radius_m
-        place = self._world.settle((before.x_m, before.y_m), (target.x_m, target.y_m), radius_m)
-        free_m = self._world.clearance_m(place) - radius_m
-        if place == (target.x_m, target.y_m):
-            return target, free_m
-        return Pose2D(*place, target.heading_rad), free_m
-
-    def _among_discs(self, state: RobotState, target: Pose2D, free_m: float) -> tuple[Pose2D, float, bool]:
-        """Where people and things let the robot go, how far it may go from there, and whether it touches one."""
-        radius_m, before = self._body.radius_m, state.world_from_base
-        here, target_place = (before.x_m, before.y_m), (target.x_m, target.y_m)
-        place, touches = self._world.keep_off(here, target_place, radius_m)
-        if place == target_place:
-            return target, free_m, touches
-        free_m = self._world.clearance_m(place) - radius_m
-        return Pose2D(*place, target.heading_rad), free_m, touches
-
-
-def _distance_m(a: Pose2D, b: Pose2D) -> float:
-    return math.hypot(b.x_m - a.x_m, b.y_m - a.y_m)
-
-
-def arc(twist: Twist2D, duration_s: float) -> Pose2D:
-    """The exact displacement by a constant twist, as ``before_from_after``."""
-    turned_rad = twist.angular_rad_s * duration_s
-    travelled_m = twist.linear_m_s * duration_s
-    if abs(turned_rad) < STRAIGHT_RAD:
-        return Pose2D(travelled_m, 0.0, turned_rad)
-    radius_m = travelled_m / turned_rad
-    return Pose2D(radius_m * math.sin(turned_rad), radius_m * (1 - math.cos(turned_rad)), turned_rad)

@@ -5,6 +5,7 @@ The infrared one is a Sharp GP2Y0A02YK: its voltage rises with distance up to it
 
 import math
 from itertools import pairwise
+from typing import TypeAlias
 
 import numpy as np
 from msgspec import field
@@ -111,10 +112,22 @@ class Ultrasonic:
         return max(distance_m + self._offset_m, self._parameters.min_range_m)
 
 
+class Tilt(Record, frozen=True):
+    """How a robot that is not level leans (pitch about its y axis: nose down, then roll about x), and what it feels.
+
+    ``rate_rad_s`` and ``felt_m_s2`` (gravity included) are along the axes of the tilted base.
+    """
+
+    pitch_rad: float
+    roll_rad: float
+    rate_rad_s: tuple[float, float, float]
+    felt_m_s2: tuple[float, float, float]
+
+
 class Motion(Record, frozen=True):
     """The motion that an IMU measures: heading (world frame), angular rate, and acceleration in the base frame.
 
-    ``turned_rad`` is the turn since power-on, not wrapped.
+    ``turned_rad`` is the turn since power-on, not wrapped. ``tilt`` None: the robot is level.
     """
 
     heading_rad: float
@@ -122,6 +135,7 @@ class Motion(Record, frozen=True):
     forward_m_s2: float
     leftward_m_s2: float
     turned_rad: float = 0.0
+    tilt: Tilt | None = None
 
 
 class Imu:
@@ -153,19 +167,24 @@ class Imu:
         )
         error_rad += (true.gyro_scale - 1) * (motion.turned_rad - self._booted.turned_rad)
         half = wrap_angle(motion.heading_rad - self._booted.heading_rad + error_rad) / 2
-        z, w = math.sin(half), math.cos(half)
+        quaternion = 0.0, 0.0, math.sin(half), math.cos(half)
+        if motion.tilt is not None:
+            quaternion = _leaning(quaternion, motion.tilt.pitch_rad, motion.tilt.roll_rad)
         if not (true.mount_pitch_rad or true.mount_roll_rad):
-            return 0.0, 0.0, z, w
-        return _tilted(z, w, true.mount_pitch_rad / 2, true.mount_roll_rad / 2)
+            return quaternion
+        return _leaning(quaternion, true.mount_pitch_rad, true.mount_roll_rad)
 
     def counts(
         self, motion: Motion, chance: np.random.Generator
     ) -> tuple[tuple[int, int, int], tuple[int, int, int]]:
         """Raw int16 readings, acceleration (gravity included) and angular rate, each x y z."""
-        felt = np.array([motion.forward_m_s2, motion.leftward_m_s2, GRAVITY_M_S2]) @ self._base_from_sensor
+        tilt = motion.tilt
+        feels = (motion.forward_m_s2, motion.leftward_m_s2, GRAVITY_M_S2) if tilt is None else tilt.felt_m_s2
+        turns = (0.0, 0.0, motion.angular_rad_s) if tilt is None else tilt.rate_rad_s
+        felt = np.array(feels) @ self._base_from_sensor
         felt += self._true.acceleration_bias_m_s2
         felt += self._parameters.acceleration_noise_m_s2 * chance.standard_normal(3)
-        rate = np.array([0.0, 0.0, motion.angular_rad_s * self._true.gyro_scale]) @ self._base_from_sensor
+        rate = np.array(turns) * self._true.gyro_scale @ self._base_from_sensor
         rate += self._parameters.gyro_bias_rad_s
         rate += self._parameters.gyro_noise_rad_s * chance.standard_normal(3)
         return (
@@ -174,19 +193,27 @@ class Imu:
         )
 
 
-def _tilted(z: float, w: float, half_pitch: float, half_roll: float) -> tuple[float, float, float, float]:
-    """A turn about z by the half angle with sine ``z`` and cosine ``w``, then one about y, then one about x."""
-    cos_p, sin_p, cos_r, sin_r = (
-        math.cos(half_pitch),
-        math.sin(half_pitch),
-        math.cos(half_roll),
-        math.sin(half_roll),
+Quaternion: TypeAlias = tuple[float, float, float, float]
+"""x, y, z, w."""
+
+
+def _leaning(quaternion: Quaternion, pitch_rad: float, roll_rad: float) -> Quaternion:
+    """The orientation after a turn about its own y axis, then one about its own x axis."""
+    return _product(
+        _product(quaternion, (0.0, math.sin(pitch_rad / 2), 0.0, math.cos(pitch_rad / 2))),
+        (math.sin(roll_rad / 2), 0.0, 0.0, math.cos(roll_rad / 2)),
     )
+
+
+def _product(a: Quaternion, b: Quaternion) -> Quaternion:
+    """The turn ``b`` in the axes that ``a`` has turned."""
+    ax, ay, az, aw = a
+    bx, by, bz, bw = b
     return (
-        w * cos_p * sin_r - z * sin_p * cos_r,
-        w * sin_p * cos_r + z * cos_p * sin_r,
-        z * cos_p * cos_r - w * sin_p * sin_r,
-        w * cos_p * cos_r + z * sin_p * sin_r,
+        aw * bx + ax * bw + ay * bz - az * by,
+        aw * by - ax * bz + ay * bw + az * bx,
+        aw * bz + ax * by - ay * bx + az * bw,
+        aw * bw - ax * bx - ay * by - az * bz,
     )
 
 

@@ -11,8 +11,8 @@ from chefbotd.sim.chassis import PUBLISHED, Chassis
 from chefbotd.sim.crowd import Crowd
 from chefbotd.sim.ground import Backlash, Slip
 from chefbotd.sim.lidar_devices import SimulatedLd19, SimulatedRplidar
+from chefbotd.sim.planar import PlanarRobot
 from chefbotd.sim.plant import Plant
-from chefbotd.sim.robot import Robot
 from chefbotd.sim.rooms import scene_of
 from chefbotd.sim.sensors import Battery, Divider, Infrared, InfraredMount, Ultrasonic, UltrasonicMount
 from chefbotd.sim.sketch import Wiring
@@ -82,7 +82,7 @@ def build_launchpad(simulation: Simulation, seed: int | None = None) -> Launchpa
     scene = scene_of(parameters.world.map_path, parameters.world.closed_doors)
     crowd = Crowd(parameters.people, parameters.things, seed)
     world, seen = scene.below(body.height_m, crowd), scene.at(RANGE_SENSORS_M, crowd)
-    robot = Robot(
+    robot = PlanarRobot(
         Plant(parameters.motor, body, parameters.step_s, simulation.chassis),
         body,
         world,

@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.sim.chassis import PUBLISHED
 from chefbotd.sim.ground import Backlash, Slip
+from chefbotd.sim.planar import PlanarRobot, arc
 from chefbotd.sim.plant import Plant
-from chefbotd.sim.robot import Robot, arc
 from chefbotd.sim.rooms import scene_of
 from chefbotd.sim.sensors import Battery
 from chefbotd.sim.world import World
@@ -23,12 +23,12 @@ FAR_WALL = World([(50.0, -50.0, 50.0, 50.0)])
 NEAR_WALL = World([(0.5, -50.0, 0.5, 50.0)])
 
 
-def robot_in(world: World, start: Pose2D | None = None) -> Robot:
+def robot_in(world: World, start: Pose2D | None = None) -> PlanarRobot:
     """The default robot in this world."""
     body = SimBodyParameters()
     plant = Plant(MotorParameters(), body, 0.005)
     battery, slip = Battery.fresh(SimBatteryParameters()), Slip(TrueParameters(), PUBLISHED, seed=1)
-    return Robot(plant, body, world, battery, start or Pose2D(), Backlash(PUBLISHED), slip)
+    return PlanarRobot(plant, body, world, battery, start or Pose2D(), Backlash(PUBLISHED), slip)
 
 
 def test_an_arc_is_exact() -> None:
