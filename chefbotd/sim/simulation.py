@@ -13,11 +13,13 @@ from chefbotd.sim.ground import Backlash, Slip
 from chefbotd.sim.lidar_devices import SimulatedLd19, SimulatedRplidar
 from chefbotd.sim.planar import PlanarRobot
 from chefbotd.sim.plant import Plant
+from chefbotd.sim.robot import Robot
 from chefbotd.sim.rooms import scene_of
+from chefbotd.sim.scene import Scene
 from chefbotd.sim.sensors import Battery, Divider, Infrared, InfraredMount, Ultrasonic, UltrasonicMount
 from chefbotd.sim.sketch import Wiring
 from chefbotd.sim.spinning import LidarMount, LidarWire, Sight, SpinningLidar
-from chefbotd.sim_parameters.simulation import SimulationParameters, WorldParameters
+from chefbotd.sim_parameters.simulation import Physics, SimulationParameters, WorldParameters
 from chefbotd.sim_parameters.sketches import PUBLISHED_SKETCHES, SketchName
 from firmware_protocol.codec import CLASSIC, Variant
 
@@ -75,23 +77,15 @@ def build_launchpad(simulation: Simulation, seed: int | None = None) -> Launchpa
     Raises:
         OSError: the map cannot be read.
         ValueError: the map is none, or the start pose is too close to a wall.
+        ModuleNotFoundError: the physics is MuJoCo's, which is not installed.
     """
     parameters = simulation.parameters
     seed = parameters.seed if seed is None else seed
-    body, true = parameters.body, parameters.true
+    true = parameters.true
     scene = scene_of(parameters.world.map_path, parameters.world.closed_doors)
     crowd = Crowd(parameters.people, parameters.things, seed)
-    world, seen = scene.below(body.height_m, crowd), scene.at(RANGE_SENSORS_M, crowd)
-    robot = PlanarRobot(
-        Plant(parameters.motor, body, parameters.step_s, simulation.chassis),
-        body,
-        world,
-        Battery.fresh(parameters.battery),
-        start_pose(parameters.world, scene.start),
-        Backlash(simulation.chassis),
-        Slip(true, simulation.chassis, seed),
-        crowd,
-    )
+    seen = scene.at(RANGE_SENSORS_M, crowd)
+    robot = _robot(simulation, scene, crowd, seed)
     mount = simulation.ultrasonic
     wiring = Wiring(
         robot,
@@ -104,6 +98,21 @@ def build_launchpad(simulation: Simulation, seed: int | None = None) -> Launchpa
         true.imu,
     )
     return Launchpad(wiring, parameters.board, seed, simulation.line_rate_bytes_s)
+
+
+def _robot(simulation: Simulation, scene: Scene, crowd: Crowd, seed: int) -> Robot:
+    parameters, chassis = simulation.parameters, simulation.chassis
+    motor, body = parameters.motor, parameters.body
+    plant = Plant(motor, body, parameters.step_s, chassis)
+    battery, start = Battery.fresh(parameters.battery), start_pose(parameters.world, scene.start)
+    slip = Slip(parameters.true, chassis, seed)
+    if parameters.physics is Physics.MUJOCO:
+        from chefbotd.sim.mujoco_robot import MujocoRobot  # an extra
+
+        floor = parameters.floor
+        return MujocoRobot(plant, motor, body, chassis, scene, floor, battery, start, slip, crowd)
+    world = scene.below(body.height_m, crowd)
+    return PlanarRobot(plant, body, world, battery, start, Backlash(chassis), slip, crowd)
 
 
 def build_lidars(simulation: Simulation, seed: int | None = None) -> dict[str, SpinningLidar]:

@@ -8,6 +8,7 @@ from typing import Self
 from pydantic import Field, model_validator
 
 from chefbotd.core.parameters import Parameters, section
+from chefbotd.sim_parameters.floor import FloorParameters
 from chefbotd.sim_parameters.motor import MotorParameters, SimBatteryParameters, SimBodyParameters
 from chefbotd.sim_parameters.sketches import BoardParameters
 from chefbotd.sim_parameters.true import TrueParameters
@@ -119,15 +120,24 @@ class WorldParameters(Parameters):
     closed_doors: tuple[str, ...] = ()
 
 
+class Physics(StrEnum):
+    """What moves the simulated robot: our own model in the plane, or MuJoCo, which has to be installed."""
+
+    PLANAR = "planar"
+    MUJOCO = "mujoco"
+
+
 class SimulationParameters(Parameters):
     """Parameters of a robot that only a simulation needs; the defaults are the published robot in a furnished room.
 
     In a configuration ``world`` may be its ``map_path`` alone: ``world = "flat"``.
-    ``true`` is where the robot differs from the rest of the configuration.
+    ``true`` is where the robot differs from the rest of the configuration. A ``floor`` with bumps and ramps needs the
+    physics of MuJoCo.
     """
 
     seed: int = Field(1, ge=0)
     step_s: float = Field(0.005, gt=0, le=0.02)
+    physics: Physics = Physics.PLANAR
     motor: MotorParameters = section()
     body: SimBodyParameters = section()
     true: TrueParameters = section()
@@ -139,3 +149,12 @@ class SimulationParameters(Parameters):
     lidar: LidarFlaws = section()
     people: tuple[PersonParameters, ...] = ()
     things: tuple[ThingParameters, ...] = ()
+    floor: tuple[FloorParameters, ...] = ()
+
+    @model_validator(mode="after")
+    def _has_a_floor(self) -> Self:
+        if self.floor and self.physics is not Physics.MUJOCO:
+            raise ValueError(
+                f"a floor that is not level needs physics = 'mujoco', got '{self.physics.value}'"
+            )
+        return self

@@ -21,6 +21,10 @@ class Address(Record, frozen=True):
         return f"[{self.host}]:{self.port}" if ":" in self.host else f"{self.host}:{self.port}"
 
 
+PHYSICS = click.Choice(["planar", "mujoco"])
+"""What may move a simulated robot."""
+
+
 def address(text: str) -> Address:
     """``HOST:PORT`` or ``[IPV6]:PORT``."""
     host, _, port = text.rpartition(":")

@@ -10,6 +10,7 @@ from msgspec import to_builtins
 from chefbotd.cli.common import output, state_text
 from chefbotd.cli.common.arguments import (
     NUMBERS_MAY_BE_NEGATIVE,
+    PHYSICS,
     configuration,
     finite,
     positive,
@@ -80,8 +81,11 @@ def drive(
 @click.option(
     "--robot", metavar="NAME", type=configuration, help="Which robot to simulate: a packaged one, or a file."
 )
+@click.option("--physics", type=PHYSICS, help="What moves the simulated robot; mujoco is an extra.")
 @click.pass_obj
-def square(context: CommandContext, side_m: float, simulated: bool, robot: Path | None) -> None:
+def square(
+    context: CommandContext, side_m: float, simulated: bool, robot: Path | None, physics: str | None
+) -> None:
     """Drive a square, and show how well it closed.
 
     The square is to the left; the robot follows it by odometry. Poses and latencies are shown. It needs M metres of room
@@ -91,7 +95,9 @@ def square(context: CommandContext, side_m: float, simulated: bool, robot: Path 
 
     if robot is not None and not simulated:
         raise click.UsageError("--robot chooses what to simulate, and needs --sim")
-    drive_square(context, side_m, simulated=simulated, robot=robot)
+    if physics is not None and not simulated:
+        raise click.UsageError("--physics moves a simulated robot, and needs --sim")
+    drive_square(context, side_m, simulated=simulated, robot=robot, physics=physics)
 
 
 @click.command()

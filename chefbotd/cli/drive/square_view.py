@@ -135,7 +135,12 @@ def latencies(seen: Latencies) -> Table:
 
 
 def drive_square(
-    context: CommandContext, side_m: float, *, simulated: bool, robot: Path | None = None
+    context: CommandContext,
+    side_m: float,
+    *,
+    simulated: bool,
+    robot: Path | None = None,
+    physics: str | None = None,
 ) -> None:
     """Drive the square on the daemon of ``context``, or on a new simulation of ``robot``; show and judge the result.
 
@@ -149,8 +154,9 @@ def drive_square(
             return await CourseDriver(client, report).drive_course(square(side_m))
 
     async def drive_simulation() -> CourseResult:
+        environment = {} if physics is None else {"CHEFBOTD_SIM__PHYSICS": physics}
         view.say("starting chefbotd on a simulated robot ...")
-        async with simulated_daemon(robot or "chefbot") as (address, _):
+        async with simulated_daemon(robot or "chefbot", environment) as (address, _):
             view.say(f"driving a {side_m:g} m square through {address}")
             return await CommandContext(address).with_client(drive_course)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from chefbotd import __version__, start
-from chefbotd.cli.common.arguments import Address, address, configuration
+from chefbotd.cli.common.arguments import PHYSICS, Address, address, configuration
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError, exit_table, require
 from chefbotd.cli.programs.load import load_valid
@@ -86,6 +86,7 @@ EXITS = (
 CYCLE_HZ = click.FloatRange(0.1, 1000.0)
 SKETCHES = click.Choice(["tiva", "tiva_bare", "duemilanove", "tiva_second"])
 SKETCH = "Which of the published sketches the simulated board runs, instead of the configured one."
+WHICH_PHYSICS = "What moves the simulated robot, instead of what is configured; mujoco is an extra."
 FILE_OR_ROBOT = "The robot's TOML file, or the name of a packaged one; ChefBot by default."
 
 
@@ -100,6 +101,7 @@ def main() -> None:
 @click.option("--port", "device", metavar="DEV", help="The serial device, instead of the configured one.")
 @click.option("--sim", "simulated", is_flag=True, help="Drive a simulated robot; no device is needed.")
 @click.option("--sketch", type=SKETCHES, help=SKETCH)
+@click.option("--physics", type=PHYSICS, help=WHICH_PHYSICS)
 @click.option(
     "--listen", "where", type=address, metavar="HOST:PORT", help="Where to serve the command socket."
 )
@@ -125,6 +127,7 @@ def run(
     device: str | None,
     simulated: bool,
     sketch: str | None,
+    physics: str | None,
     where: Address | None,
     with_page: bool,
     with_recording: bool,
@@ -134,10 +137,11 @@ def run(
     """Run the daemon until SIGINT or SIGTERM."""
     start.open_standard_streams()
     signals.hold_crashes()  # libraries start threads as they are imported
-    _check_simulated(simulated, device, sketch)
+    _check_simulated(simulated, device, sketch, physics)
     overrides = _given(
         {
             "sim.board.sketch": sketch,
+            "sim.physics": physics,
             "link.device": device,
             "api.host": where and where.host,
             "api.port": where and where.port,
@@ -165,11 +169,13 @@ def run(
     )
 
 
-def _check_simulated(simulated: bool, device: str | None, sketch: str | None) -> None:
+def _check_simulated(simulated: bool, device: str | None, sketch: str | None, physics: str | None) -> None:
     if simulated and device is not None:
         raise click.UsageError("--sim and --port exclude each other: a simulated board brings its own device")
     if sketch is not None and not simulated:
         raise click.UsageError("--sketch needs --sim: a real board runs its own")
+    if physics is not None and not simulated:
+        raise click.UsageError("--physics needs --sim: it moves a simulated robot")
 
 
 def _given(options: Mapping[str, object]) -> dict[str, object]:
@@ -196,6 +202,7 @@ def _require_extras(settings: "Settings") -> None:
 )
 @click.option("--seed", type=click.IntRange(min=0), help="For the noise; the same seed, the same noise.")
 @click.option("--sketch", type=SKETCHES, help=SKETCH)
+@click.option("--physics", type=PHYSICS, help=WHICH_PHYSICS)
 @click.option("--cycle-hz", type=CYCLE_HZ, metavar="HZ", help="How often the board reports, 0.1 to 1000.")
 @click.pass_context
 def simulate(
@@ -204,6 +211,7 @@ def simulate(
     link: Path | None,
     seed: int | None,
     sketch: str | None,
+    physics: str | None,
     cycle_hz: float | None,
 ) -> None:
     """Run a simulated board, on a device of its own, and the robot's lidars, each on another.
@@ -212,7 +220,8 @@ def simulate(
     plug, unplug, truth, reset, quit.
     """
     cycle_s = None if cycle_hz is None else 1 / cycle_hz
-    settings = load_valid(path, _given({"sim.board.sketch": sketch, "sim.board.cycle_s": cycle_s}))
+    options = {"sim.board.sketch": sketch, "sim.board.cycle_s": cycle_s, "sim.physics": physics}
+    settings = load_valid(path, _given(options))
     from chefbotd.sim.simulate import simulate as run_board
 
     simulation = simulation_of(settings)

@@ -29,12 +29,13 @@ def simulation(settings: "Settings") -> "Simulation":
     """The simulation that this configuration describes.
 
     Raises:
-        ProgramError: it cannot be simulated, or its world is a map and Pillow is not installed; the message says why.
+        ProgramError: it cannot be simulated, or what it needs is not installed: Pillow for a map, MuJoCo for its
+            physics; the message says why.
     """
     from chefbotd.process.simulated_robot import CannotSimulateError, checked_simulation
 
     try:
-        with extra("maps", "PIL"):
+        with extra("maps", "PIL"), extra("mujoco", "mujoco"):
             return checked_simulation(settings)
     except CannotSimulateError as error:
         raise ProgramError(Exit.BAD_CONFIGURATION, str(error)) from error
