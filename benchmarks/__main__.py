@@ -19,7 +19,20 @@ from typing import Any
 import psutil
 from rich.console import Console
 
-from benchmarks import calls, cpu, decode, depth, fanout, latency, optiodom, ratios, saturation, square, start
+from benchmarks import (
+    calls,
+    cpu,
+    decode,
+    depth,
+    fanout,
+    latency,
+    optiodom,
+    physics,
+    ratios,
+    saturation,
+    square,
+    start,
+)
 from benchmarks.figures import NOISY_CORES, Figure, Outcome, table
 
 RESULTS = Path(__file__).with_name("results") / "latest.json"
@@ -107,6 +120,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     "fanout": fanout.run,
     "saturation": saturation.run,
     "optiodom": optiodom.run,
+    "physics": physics.run,
     "ratios": ratios.run,
     "slam": _slam,
     "worker": _worker,

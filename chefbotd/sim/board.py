@@ -10,6 +10,7 @@ from chefbotd.core.events import TruthSimulated
 from chefbotd.sim.arrays import Vector
 from chefbotd.sim.crowd import Crowd
 from chefbotd.sim.peripherals import Uart
+from chefbotd.sim.plant import Push
 from chefbotd.sim.sketch import Sketch, Wiring
 from chefbotd.sim_parameters.sketches import BoardParameters
 
@@ -103,6 +104,12 @@ class BoardRunner:
         """Set the share of each side's rim travel that is lost from now on (0: the wheels grip)."""
         slip = self._launchpad.robot.slip
         slip.left, slip.right = left, right
+
+    def push(self, push: Push, duration_s: float) -> None:
+        """Push the robot from now on for so long."""
+        now_s = self.board_s()
+        self._launchpad.truth(now_s, now_s)
+        self._launchpad.robot.push(push, duration_s)
 
     @property
     def received_dropped(self) -> int:

@@ -33,6 +33,9 @@ FLOOR_FRICTION = 0.05
 CONTACT_S = 0.01
 """The time constant of contacts: a wheel sinks in by a twentieth of a millimetre. Twice the time step is the least."""
 
+PATCH_M = 0.0005
+"""A slippery patch is so thick that a wheel does not sink through it to the floor."""
+
 GROUND, SOLID = 1, 2
 """Bits of what collides: wheels meet the ground, the body both."""
 
@@ -117,7 +120,7 @@ def _add_ground(world: Element, floor: Sequence[FloorParameters]) -> None:
                     "box",
                     GROUND,
                     size=half,
-                    pos="0 0 -0.001",
+                    pos=_numbers(0, 0, PATCH_M - 0.001),
                     friction=_friction(part.friction),
                     priority="1",
                 )
@@ -182,7 +185,8 @@ def _add_robot(
     _add_inertia(base, body, chassis, axle_m, -MASS_BEHIND_SHARE * body.radius_m if has_caster else 0.0)
     half_m = (body.height_m - CLEARANCE_M) / 2
     shell = {"size": _numbers(body.radius_m, half_m), "pos": _numbers(0, 0, CLEARANCE_M + half_m - axle_m)}
-    _geom(base, "cylinder", GROUND | SOLID, friction=_friction(FLOOR_FRICTION), mass="0", **shell)
+    bits = SOLID if lifted else GROUND | SOLID  # what stands still would collide with its own wheels
+    _geom(base, "cylinder", bits, friction=_friction(FLOOR_FRICTION), mass="0", **shell)
     if has_caster:
         pos = _numbers(-CASTER_BEHIND_SHARE * body.radius_m, 0, CASTER_RADIUS_M - axle_m)
         caster = _geom(base, "sphere", GROUND, size=_numbers(CASTER_RADIUS_M), pos=pos, mass="0")

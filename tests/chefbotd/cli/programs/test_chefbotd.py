@@ -211,6 +211,8 @@ def test_a_published_sketch_on_a_device(tmp_path: Path) -> None:
     ("args", "told"),
     [
         (("run", "--sketch", "tiva"), "--sketch needs --sim"),
+        (("run", "--physics", "mujoco"), "--physics needs --sim"),
+        (("simulate", "--physics", "real"), "'planar', 'mujoco'"),
         (("simulate", "--sketch", "uno"), "'tiva', 'tiva_bare', 'duemilanove', 'tiva_second'"),
     ],
 )
