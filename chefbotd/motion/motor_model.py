@@ -60,10 +60,10 @@ def accelerations_m_s2(
     gains: Sequence[PidParameters], held_m_s: Sequence[float], setpoint_m_s: Sequence[float], cycle_s: float
 ) -> tuple[float, ...]:
     """What the feedforward takes for each wheel's acceleration, from what is held now to the setpoint in a cycle."""
-    found = []
+    accelerations = []
     for wheel, held, setpoint in zip(gains, held_m_s, setpoint_m_s, strict=True):
         lags = cycle_s * wheel.kv / wheel.ka
         if lags > LONGEST_LAGS:
             lags = LONGEST_LAGS
-        found.append((setpoint - held) / cycle_s * (1 - lags / 2 + lags * lags / 12))
-    return tuple(found)
+        accelerations.append((setpoint - held) / cycle_s * (1 - lags / 2 + lags * lags / 12))
+    return tuple(accelerations)
