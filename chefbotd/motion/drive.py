@@ -41,6 +41,9 @@ CREEPING_M_S = 0.025
 The wheel on the inside of a tight circle creeps for as long as the circle lasts.
 """
 
+UNREAD_S = 0.007
+"""What is written so shortly before a reading arrives was not read in that cycle: the lines before it take as long."""
+
 MOST_SUPPLY_SHARE = 1.5
 """A voltage farther from the models' than this factor is an error of its measurement, and makes up for nothing."""
 
@@ -122,26 +125,39 @@ class Drive:
 
         ``apart``: the path has no curvature to keep, so neither axis waits for the other.
         """
+        earlier_m_s = state.setpoint_m_s
         state = self._setpoints.step(state, target, now_s, apart)
         if is_rest(target) and not any(state.setpoint_m_s):
             return self.halt(state)
         gains = self._gains
         if self._motors:
             gains = self._towards(state)
-            state = self._invert(state, gains, state.held_m_s, state.cycle_s)
+            state = self._invert(state, gains, state.held_m_s, state.cycle_s, earlier_m_s)
         wheels = zip(gains, state.pids, state.setpoint_m_s, state.acceleration_m_s2, strict=True)
         scrub_duty, follows = self._scrub_duty(state), not self._motors
-        outputs = [pid.preview(*wheel, scrub_duty, feedback_follows=follows) for wheel in wheels]
-        return replace(state, duty=self._duty(self._supplied(state, outputs)))
+        share = state.supply_share
+        outputs = [share * pid.preview(*wheel, scrub_duty, feedback_follows=follows) for wheel in wheels]
+        return replace(state, duty=self._duty(outputs))
 
     def _invert(
-        self, state: DriveState, gains: tuple[PidParameters, ...], held_m_s: tuple[float, ...], cycle_s: float
+        self,
+        state: DriveState,
+        gains: tuple[PidParameters, ...],
+        held_m_s: tuple[float, ...],
+        cycle_s: float,
+        earlier_m_s: tuple[float, ...] = (),
     ) -> DriveState:
         """The state with the accelerations that take each motor's model to its setpoint within the board's cycle."""
         accelerations = self._still
         if cycle_s >= pid.SHORTEST_S:
             accelerations = accelerations_m_s2(gains, held_m_s, state.setpoint_m_s, cycle_s)
-        return replace(state, acceleration_m_s2=accelerations, held_m_s=held_m_s, cycle_s=cycle_s)
+        return replace(
+            state,
+            acceleration_m_s2=accelerations,
+            held_m_s=held_m_s,
+            cycle_s=cycle_s,
+            earlier_m_s=earlier_m_s,
+        )
 
     @property
     def makes_up_for_voltage(self) -> bool:
@@ -159,11 +175,6 @@ class Drive:
         return replace(
             state, supply_share=state.supply_share + SUPPLY_FILTER_SHARE * (share - state.supply_share)
         )
-
-    def _supplied(self, state: DriveState, outputs: Sequence[float]) -> Sequence[float]:
-        """The duties that do with the present voltage what these do with the models'."""
-        share = state.supply_share
-        return outputs if share == 1.0 else [output * share for output in outputs]
 
     def regulate(
         self,
@@ -184,6 +195,8 @@ class Drive:
         """
         delay_s = self._parameters.response_delay_s
         reached_m_s = state.setpoint_m_s
+        if state.earlier_m_s and state.stepped_s is not None and now_s - state.stepped_s < UNREAD_S:
+            reached_m_s = state.earlier_m_s
         cycle_s = dt_s if dt_s >= pid.SHORTEST_S else state.cycle_s
         asked = Asked(dt_s, midway(state.held_m_s, reached_m_s) if self._motors else reached_m_s)
         history = reference.remember(state.asked, asked, measured_over_s + delay_s)
@@ -213,7 +226,7 @@ class Drive:
             pids = substituted(substitutes, pids)
             speeds_m_s = loop_speeds(substitutes, speeds_m_s, state.setpoint_m_s)
         wheels = zip(gains, pids, state.setpoint_m_s, state.acceleration_m_s2, speeds_m_s, strict=True)
-        scrub_duty = self._scrub_duty(state)
+        scrub_duty = self._scrub_duty(state) if self._parameters.scrub_duty else 0.0
         steps = [
             pid.step(
                 *wheel,
@@ -223,7 +236,9 @@ class Drive:
             )
             for wheel in wheels
         ]
-        outputs = self._supplied(state, [step[1] for step in steps])
+        outputs = [step[1] for step in steps]
+        if state.supply_share != 1.0:
+            outputs = [output * state.supply_share for output in outputs]
         share = self._share_left(state, outputs, speeds_m_s, dt_s)
         stepped = tuple([step[0] for step in steps])
         driven = state.setpoint_m_s, state.acceleration_m_s2, state.loose, history, steady_s

@@ -53,8 +53,10 @@ def _inner(part: Any, name: str) -> Any:
         return named[0]
     if isinstance(part, Mapping):
         return part.get(name)
-    if isinstance(part, Parameters) and name in type(part).model_fields:
-        return getattr(part, name)
+    if isinstance(part, Parameters):
+        for field, info in type(part).model_fields.items():
+            if name == (info.alias or field):
+                return getattr(part, field)
     raise KeyError(name)
 
 
