@@ -101,6 +101,20 @@ def _localization(**options: Any) -> Outcome:
     return localization.run(**options)
 
 
+def _motors(**options: Any) -> Outcome:
+    """Imported when it is asked for: it fits with numpy, which no other basic benchmark needs."""
+    from benchmarks import motors
+
+    return motors.run(**options)
+
+
+def _wheel_speed(**options: Any) -> Outcome:
+    """Imported when it is asked for."""
+    from benchmarks import motors
+
+    return motors.run_wheel_speed(**options)
+
+
 TAKES = {
     "localization": ("folder", "out"),
     "optiodom": ("folder", "out", "fit", "score"),
@@ -129,6 +143,8 @@ BENCHMARKS: dict[str, Benchmark] = {
     "navigation": _navigation,
     "serving": _serving,
     "calls": calls.run,
+    "motors": _motors,
+    "wheel_speed": _wheel_speed,
     "page": _page,
     "recording": _recording,
 }

@@ -9,6 +9,7 @@ from typing import TypeAlias
 
 from chefbotd.core.events import (
     BatteryMeasured,
+    DutyEchoed,
     ImuMeasured,
     RangeMeasured,
     TruthSimulated,
@@ -71,7 +72,8 @@ class Robot(Record, frozen=True):
 class Measurements(Record, frozen=True):
     """What was measured, each kind in the order of its times.
 
-    ``driven`` and ``wheels`` have an element for each control step, ``driven`` with the duty commanded after it.
+    ``driven`` and ``wheels`` have an element for each control step, ``driven`` with the duty commanded after it;
+    ``echoed`` is the duty in force, as the board reports it.
     ``answers`` are what a person typed, by the question's key.
     ``truth`` is what a simulator or a motion capture system says.
     """
@@ -82,6 +84,7 @@ class Measurements(Record, frozen=True):
     scans: tuple[ScanMeasured, ...] = ()
     ranges: tuple[RangeMeasured, ...] = ()
     battery: tuple[BatteryMeasured, ...] = ()
+    echoed: tuple[DutyEchoed, ...] = ()
     truth: tuple[TruthSimulated, ...] = ()
     answers: Mapping[str, float] = {}
 

@@ -2,9 +2,10 @@
 
 from collections.abc import Mapping
 
+from chefbotd.calibration import motors
 from chefbotd.calibration.step import Step
 from chefbotd.calibration.wheels import WHEELS
 
-ORDER: tuple[Step, ...] = (WHEELS,)
+ORDER: tuple[Step, ...] = (motors.STEP, WHEELS)
 
 STEPS: Mapping[str, Step] = {step.name: step for step in ORDER}

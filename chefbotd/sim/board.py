@@ -129,6 +129,11 @@ class BoardRunner:
         """What a voltmeter at the battery shows."""
         return self._launchpad.robot.state.terminal_v
 
+    def wheel_speeds_rad_s(self) -> tuple[float, ...]:
+        """The true speed of each wheel now, forward positive."""
+        self._launchpad.truth(self.board_s(), 0.0)
+        return self._launchpad.robot.state.wheels.velocity_rad_s
+
     def trail(self, since_s: float) -> Vector:
         """The robot's poses since this board time: rows of time, x, y, heading, one per step."""
         return self._launchpad.trail(self.board_s(), since_s)

@@ -7,6 +7,7 @@ from chefbotd.bus import Bus
 from chefbotd.calibration.step import Measurements
 from chefbotd.core.events import (
     BatteryMeasured,
+    DutyEchoed,
     ImuMeasured,
     RangeMeasured,
     TruthSimulated,
@@ -22,6 +23,7 @@ FIELDS: Mapping[type, str] = {
     ScanMeasured: "scans",
     RangeMeasured: "ranges",
     BatteryMeasured: "battery",
+    DutyEchoed: "echoed",
     TruthSimulated: "truth",
 }
 """Where in ``Measurements`` the events of each class stand."""
