@@ -53,7 +53,7 @@ def robot_with(settings: Settings, values: "Values") -> "Robot":
         try:
             settings = calibrated(settings, values)
         except SettingsError as error:
-            raise Refused(RefusalKind.OUT_OF_RANGE, str(error)) from error
+            raise Refused(RefusalKind.CANNOT_CALIBRATE, str(error)) from error
     return Robot(
         chassis=settings.chassis,
         encoders=settings.encoders,

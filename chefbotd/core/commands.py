@@ -41,6 +41,8 @@ class RefusalKind(StrEnum):
     ALREADY_RECORDING = "already_recording"
     NOT_RECORDING = "not_recording"
     LATCHED_AGAIN = "latched_again"
+    CANNOT_CALIBRATE = "cannot_calibrate"
+    NOT_CALIBRATED = "not_calibrated"
 
 
 class Refused(Exception):

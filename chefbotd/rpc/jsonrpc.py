@@ -131,6 +131,8 @@ ERRORS: Mapping[str, ErrorClass] = {
         -32053, "a recording is in progress; send stop_recording first"
     ),
     RefusalKind.NOT_RECORDING: ErrorClass(-32054, "nothing is being recorded; send start_recording"),
+    RefusalKind.CANNOT_CALIBRATE: ErrorClass(-32056, "this step of the calibration cannot be begun now"),
+    RefusalKind.NOT_CALIBRATED: ErrorClass(-32057, "no such step has passed; send calibrate"),
     RefusalKind.LATCHED_AGAIN: ErrorClass(
         -32055,
         "the robot was stopped again by something newer than this arm was sent for; find out why, then send arm",

@@ -104,7 +104,7 @@ class CalibrationService:
         """Carry out a step of the calibration; the robot moves. Nothing is written before ``apply_calibration``."""
         step = _step(params.step)
         if self._step:
-            raise Refused(RefusalKind.STOPPED, f"the step {self._step} is being carried out")
+            raise Refused(RefusalKind.CANNOT_CALIBRATE, f"the step {self._step} is being carried out")
         robot = self._robot_with(_values(self._others(step.name)))
         self._require(step, robot, params.space_m)
         self._step, self._report = step.name, progress.report
@@ -131,16 +131,16 @@ class CalibrationService:
         results = [self._results[name] for name in names if name in self._results]
         if missing := [name for name in names if name not in self._results]:
             raise Refused(
-                RefusalKind.OUT_OF_RANGE, f"{', '.join(missing)}: has no result yet; calibrate it first"
+                RefusalKind.NOT_CALIBRATED, f"{', '.join(missing)}: has no result yet; calibrate it first"
             )
         passed = [result for result in results if result.status is Status.PASSED]
         if failed := [result.step for result in results if result not in passed and params.steps is not None]:
             raise Refused(
-                RefusalKind.OUT_OF_RANGE, f"{', '.join(failed)}: has not passed, so nothing is written"
+                RefusalKind.NOT_CALIBRATED, f"{', '.join(failed)}: has not passed, so nothing is written"
             )
         values = _values(passed)
         if not values:
-            raise Refused(RefusalKind.OUT_OF_RANGE, "no step has passed yet, so there is nothing to write")
+            raise Refused(RefusalKind.NOT_CALIBRATED, "no step has passed yet, so there is nothing to write")
         return self._save(values)
 
     def _require(self, step: Step, robot: Robot, space_m: float | None) -> None:
@@ -150,12 +150,12 @@ class CalibrationService:
             Refused: what does not.
         """
         if missing := step.missing(robot):
-            raise Refused(RefusalKind.OUT_OF_RANGE, f"{step.name} cannot be calibrated: {missing}")
+            raise Refused(RefusalKind.CANNOT_CALIBRATE, f"{step.name} cannot be calibrated: {missing}")
         self._runner.require()
         battery = self._battery
         if battery is not None and battery.status is not BatteryLevelStatus.OK:
             reason = f"the battery is {battery.status} ({battery.voltage_v:.1f} V): charge it first"
-            raise Refused(RefusalKind.OUT_OF_RANGE, reason)
+            raise Refused(RefusalKind.CANNOT_CALIBRATE, reason)
         if step.space_m:
             self._require_space(step, robot, space_m)
 
@@ -168,13 +168,13 @@ class CalibrationService:
             reason = (
                 f"{step.name} needs {step.space_m:g} m of free floor around the robot; the lidar sees {seen}"
             )
-            raise Refused(RefusalKind.OUT_OF_RANGE, reason)
+            raise Refused(RefusalKind.CANNOT_CALIBRATE, reason)
         if seen is None and (told_m is None or told_m < step.space_m):
             reason = (
                 f"{step.name} needs {step.space_m:g} m of free floor around the robot, and no lidar sees "
                 f"{'whether there is' if told_m is None else 'more than you say'}: say how much there is"
             )
-            raise Refused(RefusalKind.OUT_OF_RANGE, reason)
+            raise Refused(RefusalKind.CANNOT_CALIBRATE, reason)
 
     async def _tell_computing(self) -> None:
         while True:
@@ -260,7 +260,7 @@ def _step(name: str) -> Step:
     steps = _steps()
     if name not in steps:
         raise Refused(
-            RefusalKind.OUT_OF_RANGE, f"there is no step {name!a}, expected one of {', '.join(steps)}"
+            RefusalKind.CANNOT_CALIBRATE, f"there is no step {name!a}, expected one of {', '.join(steps)}"
         )
     return steps[name]
 
