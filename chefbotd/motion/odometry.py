@@ -8,26 +8,69 @@ Burgard and Fox, "Probabilistic Robotics", 5.4).
 
 import math
 from collections.abc import Iterable
+from enum import StrEnum
 from typing import TypeAlias
 
 from pydantic import Field
 
 from chefbotd.core.geometry import CERTAIN, ORIGIN, STANDING, Pose2D, PoseCovariance, Twist2D, wrap_angle
-from chefbotd.core.parameters import Parameters
+from chefbotd.core.parameters import Parameters, section
 from chefbotd.core.record import Record
 
 Response: TypeAlias = tuple[float, float, float]
 """How far x (m), y (m) and the heading (rad) move per unit of an error."""
 
 
-class OdometryParameters(Parameters):
-    """How fast certainty is lost.
+class FusionParameters(Parameters):
+    """``[odometry.fusion]``: what calibration leaves uncertain, and what disturbs the IMU; each one sigma.
 
-    The defaults are one sigma of a centimetre per side after a metre, and of a degree after a turned radian.
+    The first four are shares: of the wheels' size, of left to right size, of the track, and of the gyroscope's scale. A
+    robot that was not calibrated has the defaults. ``heading_noise_rad`` is that of a board that sends its orientation
+    with two decimals. The noise of the gyroscope is that of an MPU-6050 (0.005 deg/s/sqrt(Hz)), ten times over for
+    vibration, which is assumed. ``gyro_bias_rad_s`` and ``heading_drift_rad_s`` are how uncertain the two are at
+    start, the walks how fast they change. The wheels and the IMU must differ by ``slip_rad`` in a quarter of a second
+    for a wheel to slip.
     """
 
+    size_sigma: float = Field(default=0.005, ge=0, le=0.2)
+    ratio_sigma: float = Field(default=0.003, ge=0, le=0.2)
+    track_sigma: float = Field(default=0.01, ge=0, le=1)
+    gyro_scale_sigma: float = Field(default=0.005, ge=0, le=0.2)
+    heading_noise_rad: float = Field(default=0.0075, gt=0, le=1)
+    gyro_noise_rad_per_root_s: float = Field(default=1e-3, ge=0, le=1)
+    gyro_bias_rad_s: float = Field(default=0.02, ge=0, le=1)
+    bias_walk_rad_s_per_root_s: float = Field(default=2e-5, ge=0, le=1)
+    heading_drift_rad_s: float = Field(default=2e-4, ge=0, le=1)
+    heading_walk_rad_per_root_s: float = Field(default=1e-4, ge=0, le=1)
+    slip_rad: float = Field(default=0.031, gt=0, le=1)
+    project_tilt: bool = False
+    """Take the travel's share in the plane, by the IMU's orientation; two decimals are too coarse for it."""
+    max_acceleration_m_s2: float | None = Field(default=None, gt=0, le=1000)
+    """Refuse up to three travels in a row that would need more; encoders are checked before, so None."""
+
+
+class OdometrySource(StrEnum):
+    """What odometry is made of: the wheels, the wheels and the IMU, or the speeds that the wheels were commanded."""
+
+    WHEELS = "wheels"
+    WHEELS_IMU = "wheels_imu"
+    COMMANDS = "commands"
+
+
+class OdometryParameters(Parameters):
+    """The source of odometry, and how fast certainty is lost.
+
+    The defaults are one sigma of a centimetre per side after a metre, and of a degree after a turned radian.
+    ``fusion`` is for the source ``wheels_imu``. A wheel follows a command with ``command_time_constant_s``, and goes
+    ``command_sigma`` of its speed too fast or slow; both are assumed, and only for the source ``commands``.
+    """
+
+    source: OdometrySource = OdometrySource.WHEELS
     travel_variance_m2_per_m: float = Field(default=1e-4, ge=0, le=1)
     turn_variance_rad2_per_rad: float = Field(default=3e-4, ge=0, le=1)
+    command_time_constant_s: float = Field(default=0.1, ge=0, le=2)
+    command_sigma: float = Field(default=0.1, ge=0, le=1)
+    fusion: FusionParameters = section()
 
 
 class OdometryState(Record, frozen=True):

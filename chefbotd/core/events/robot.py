@@ -50,6 +50,52 @@ class OdometryUpdated(Record, frozen=True):
     covariance: PoseCovariance
 
 
+class ImuTrust(StrEnum):
+    """What odometry makes of the IMU. Only ``OK`` and ``OUTLIERS`` are used.
+
+    ``UNUSED``: there is none, or it is not asked. ``LATE``: the board was silent for long, so its IMU's queue hands out
+    old samples. ``FROZEN``: its values do not change although the wheels turn. ``LOST``: it sends nothing.
+    ``OUTLIERS``: some of its values are refused.
+    """
+
+    UNUSED = "unused"
+    OK = "ok"
+    LATE = "late"
+    FROZEN = "frozen"
+    LOST = "lost"
+    OUTLIERS = "outliers"
+
+
+class MotionAnomaly(StrEnum):
+    """What makes odometry less certain than usual.
+
+    ``SLIP``: the wheels and the IMU disagree about a turn. ``STALLED``: wheels that are driven stand. ``PUSHED``: the
+    robot turns while its wheels stand. ``LIFTED``: it is tilted too far to stand on its wheels.
+    """
+
+    NONE = "none"
+    SLIP = "slip"
+    STALLED = "stalled"
+    PUSHED = "pushed"
+    LIFTED = "lifted"
+
+
+class OdometryConditionChanged(Record, frozen=True):
+    """What odometry makes of its sensors and of the motion has changed; while there is an anomaly it is less certain."""
+
+    retained: ClassVar[bool] = True
+
+    stamp_s: float
+    imu: ImuTrust
+    anomaly: MotionAnomaly
+
+    def log_line(self) -> LogLine:
+        """The line in the log."""
+        usual = self.anomaly is MotionAnomaly.NONE and self.imu in (ImuTrust.OK, ImuTrust.UNUSED)
+        level = Level.INFO if usual else Level.WARNING
+        return LogLine(level, "odometry", f"imu: {self.imu}; anomaly: {self.anomaly}")
+
+
 class OdometryReset(Record, frozen=True):
     """A client declared the robot's pose: the pose ``before`` in ``odom`` is now ``after``. Nothing moved."""
 

@@ -1,0 +1,283 @@
+"""Odometry by wheels and IMU.
+
+The wheels say how far the robot travels. A gyroscope's rate says how far it turns; without one, the wheels say that as
+well, and the IMU's heading corrects it (``heading_fusion``). A robot at rest shows the gyroscope's bias: its wheels
+stand, its motors have no duty, and its rates do not vary. Wheels alone are no sign of rest, because a robot can turn
+slowly while they stand.
+
+The turns by wheels and IMU are compared all the time (``wheel_slip``). While they differ, the estimate is less certain.
+"""
+
+import math
+from typing import Final
+
+from chefbotd.core.events.robot import ImuMeasured, ImuTrust, MotionAnomaly, WheelsDriven
+from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import replace
+from chefbotd.motion import motion_filter
+from chefbotd.motion.heading_fusion import FusionState, note_cycle, note_refusal, take_headings
+from chefbotd.motion.imu_track import HeadingTrack, RateTrack
+from chefbotd.motion.motion_filter import Considered, MotionEstimate, Step
+from chefbotd.motion.odometry import FusionParameters
+from chefbotd.motion.wheel_slip import QUIET_S
+
+OUTLIER_SHARE: Final = 0.03
+LOST_S: Final = 0.5
+FROZEN_RAD: Final = 0.2
+"""The wheels turn the robot so far, and the IMU's values stay the same."""
+
+REST_S: Final = 0.5
+REST_RAD_S: Final = 0.05
+"""The bias of an MPU-6050 that has calibrated itself is smaller; a robot that turns faster does not rest."""
+
+SLIP_VARIANCE_M2_PER_M: Final = 0.02
+"""While a wheel slips, half of a travel of 0.1 m may be lost, one sigma. It is assumed, as are the next ones."""
+
+SLIP_VARIANCE_RAD2_PER_S: Final = 0.02
+LIFTED_VARIANCE_M2_PER_S: Final = 0.01
+LIFTED_VARIANCE_RAD2_PER_S: Final = 0.05
+PUSHED_VARIANCE_M2_PER_S: Final = 0.02
+LIFTED_COS: Final = math.cos(0.35)
+MOST_SPIKES: Final = 5
+
+
+class FusedOdometry:
+    """Odometry by wheels and IMU, for a robot of this effective track.
+
+    ``travel_variance`` (m²/m) and ``turn_variance`` (rad²/rad) are those of the wheels. ``imu_scale`` and ``imu_lag_s``
+    are what its calibration says: what it shows of a turn, and how late. ``is_skid_steer``: its wheels' turn is next to
+    no evidence, so it is not compared with the IMU's.
+    """
+
+    def __init__(
+        self,
+        parameters: FusionParameters,
+        *,
+        track_width_m: float,
+        travel_variance: float,
+        turn_variance: float,
+        imu_scale: float = 1.0,
+        imu_lag_s: float = 0.0,
+        is_skid_steer: bool = False,
+    ) -> None:
+        self._parameters, self._track_m = parameters, track_width_m
+        self._per_m, self._per_rad = travel_variance, turn_variance
+        self._scale, self._lag_s, self._may_slip = imu_scale, imu_lag_s, not is_skid_steer
+        size, gyro = parameters.size_sigma**2, parameters.gyro_scale_sigma**2
+        per_m = (parameters.ratio_sigma / track_width_m) ** 2
+        self._by_wheels = Considered(size, parameters.track_sigma**2, per_m, gyro)
+        self._by_gyro = Considered(size, gyro, 0.0, gyro)
+        self._limits = parameters.slip_rad, 3 * (parameters.track_sigma + parameters.gyro_scale_sigma)
+        self._memory = FusionState()
+
+    def state(self) -> FusionState:
+        """Return the state of this part."""
+        return self._memory
+
+    def restore(self, state: FusionState) -> None:
+        """Restore this state."""
+        self._memory = state
+
+    @property
+    def estimate(self) -> MotionEstimate:
+        """The filter's state at the last travel of the wheels."""
+        return self._memory.estimate
+
+    @property
+    def lag_s(self) -> float:
+        """By how much more than configured the IMU's headings come late."""
+        return self._memory.lag_s
+
+    def set_pose(self, pose: Pose2D) -> None:
+        """Declare the robot's pose; it becomes certain."""
+        self._memory.estimate = motion_filter.at_pose(self._memory.estimate, pose)
+
+    def forget_imu(self) -> None:
+        """Begin anew with the IMU: the board has restarted or is gone, so its heading and its queue begin anew."""
+        now = self._memory
+        now.has_offset, now.lag_s, now.irregular_cycles, now.imu_values = False, 0.0, 0, ()
+        now.headings, now.rates, now.unchanged_rad = HeadingTrack(), RateTrack(), 0.0
+        now.waiting.clear()
+        now.readings.clear()
+        now.turns.clear()
+
+    @property
+    def imu_trust(self) -> ImuTrust:
+        """What is made of the IMU."""
+        now = self._memory
+        if now.stamp_s is None or now.imu_s == -math.inf:
+            return ImuTrust.UNUSED
+        if now.stamp_s - now.imu_s > LOST_S:
+            return ImuTrust.LOST
+        if abs(now.unchanged_rad) > FROZEN_RAD:
+            return ImuTrust.FROZEN
+        if now.irregular_cycles and not now.has_rates:
+            return ImuTrust.LATE
+        return ImuTrust.OUTLIERS if now.outlier_share > OUTLIER_SHARE else ImuTrust.OK
+
+    @property
+    def anomaly(self) -> MotionAnomaly:
+        """What makes the motion less certain."""
+        now, stamp_s = self._memory, self._memory.stamp_s or 0.0
+        if now.is_lifted:
+            return MotionAnomaly.LIFTED
+        if stamp_s - now.turns.push_s < QUIET_S:
+            return MotionAnomaly.PUSHED
+        if stamp_s - now.turns.slip_s < QUIET_S:
+            return MotionAnomaly.SLIP
+        return MotionAnomaly.STALLED if now.stall.is_stalled else MotionAnomaly.NONE
+
+    def add_driven(self, event: WheelsDriven) -> None:
+        """Add what the wheels were to do."""
+        self._memory.stall.add(event.stamp_s, event.velocity_rad_s, event.target_rad_s, event.duty)
+
+    def add_imu(self, event: ImuMeasured) -> None:
+        """Add a reading of the IMU; it takes effect with the next travel of the wheels that is not older."""
+        now, stamp_s = self._memory, event.stamp_s - self._lag_s
+        now.imu_s = event.stamp_s
+        rates, orientation = event.angular_velocity_rad_s, event.orientation
+        values = (rates or ()) + (orientation or ())
+        if values != now.imu_values:
+            now.imu_values, now.unchanged_rad = values, 0.0
+        if rates is not None:
+            if not now.has_rates:
+                now.has_rates = True
+                self._begin_bias(self._parameters.gyro_bias_rad_s)
+            if not now.rates.add(stamp_s, rates[2]):
+                note_refusal(now, refused=True)
+        if orientation is not None:
+            x, y, z, w = orientation
+            now.climb_share = 2 * (x * z - w * y) if self._parameters.project_tilt else 0.0
+            now.is_lifted = 1 - 2 * (x * x + y * y) < LIFTED_COS
+        if event.heading_rad is not None:
+            self._add_heading(stamp_s, event.heading_rad)
+
+    def _add_heading(self, stamp_s: float, reading_rad: float) -> None:
+        now = self._memory
+        expected_rad = reading_rad
+        if now.has_offset:
+            expected_rad = now.estimate.heading_rad + now.estimate.offset_rad
+        elif not now.has_headings and not now.has_rates:
+            self._begin_bias(self._parameters.heading_drift_rad_s)
+        now.has_headings = True
+        heading = now.headings.add(stamp_s, reading_rad, self._scale, expected_rad)
+        if heading is not None and abs(now.unchanged_rad) <= FROZEN_RAD:
+            now.waiting.append(heading)
+
+    def _begin_bias(self, sigma_rad_s: float) -> None:
+        """Begin with a bias of 0 of this uncertainty."""
+        covariance = list(self._memory.estimate.covariance)
+        covariance[30] = sigma_rad_s**2
+        self._memory.estimate = replace(self._memory.estimate, covariance=tuple(covariance))
+
+    def add_travel(self, stamp_s: float, left_m: float, right_m: float) -> MotionEstimate:
+        """The estimate at ``stamp_s``, up to which both sides have rolled so far since the last call."""
+        now, parameters = self._memory, self._parameters
+        dt_s = 0.0 if now.stamp_s is None else max(stamp_s - now.stamp_s, 0.0)
+        now.stamp_s = stamp_s
+        if parameters.max_acceleration_m_s2 is not None and dt_s > 0:
+            left_m, right_m = self._without_spike(left_m, right_m, dt_s, parameters.max_acceleration_m_s2)
+        note_cycle(now, dt_s)
+        now.path_m += max(abs(left_m), abs(right_m))
+        by_gyro_rad = now.rates.turned_until(stamp_s) if now.has_rates and dt_s > 0 else None
+        if by_gyro_rad is None:
+            step = self._step_by_wheels(left_m, right_m, dt_s)
+        else:
+            step = self._step_by_gyro(left_m, right_m, by_gyro_rad, dt_s)
+        by_wheels_rad = (right_m - left_m) / self._track_m
+        now.unchanged_rad += by_wheels_rad
+        if self.anomaly is not MotionAnomaly.NONE:
+            step = self._widened(step)
+        if now.climb_share:
+            level = math.sqrt(1 - now.climb_share**2)
+            step = replace(step, travel_m=step.travel_m * level, climb_m=step.travel_m * now.climb_share)
+        considered = self._by_gyro if now.has_rates else self._by_wheels
+        now.estimate = motion_filter.predicted(now.estimate, considered, step)
+        now.history.add(stamp_s, by_wheels_rad, step.turned_rad, step.turn_variance_rad2)
+        if now.waiting:
+            take_headings(now, parameters.heading_noise_rad, self._limits, may_slip=self._may_slip)
+        return now.estimate
+
+    def _without_spike(
+        self, left_m: float, right_m: float, dt_s: float, most_m_s2: float
+    ) -> tuple[float, float]:
+        """The travel, or that of the last speed where it needs an impossible acceleration."""
+        now, (left_m_s, right_m_s) = self._memory, self._memory.sides_m_s
+        change_m_s = max(abs(left_m / dt_s - left_m_s), abs(right_m / dt_s - right_m_s))
+        if change_m_s > most_m_s2 * dt_s and now.spikes < MOST_SPIKES:
+            now.spikes += 1
+            return left_m_s * dt_s, right_m_s * dt_s
+        now.spikes, now.sides_m_s = 0, (left_m / dt_s, right_m / dt_s)
+        return left_m, right_m
+
+    def _step_by_wheels(self, left_m: float, right_m: float, dt_s: float) -> Step:
+        parameters, track_m = self._parameters, self._track_m
+        left_m2, right_m2 = self._per_m * abs(left_m), self._per_m * abs(right_m)
+        turned_rad = (right_m - left_m) / track_m
+        turned_rad2 = (left_m2 + right_m2) / track_m**2 + self._per_rad * abs(turned_rad)
+        if self._memory.has_rates:  # then what is considered are the gyroscope's errors
+            turned_rad2 += (parameters.track_sigma * turned_rad) ** 2
+        return Step(
+            (left_m + right_m) / 2,
+            turned_rad,
+            dt_s,
+            (left_m2 + right_m2) / 4,
+            turned_rad2,
+            (right_m2 - left_m2) / (2 * track_m),
+            parameters.heading_walk_rad_per_root_s**2 * dt_s,
+            parameters.bias_walk_rad_s_per_root_s**2 * dt_s,
+            bias_turns=False,
+        )
+
+    def _step_by_gyro(self, left_m: float, right_m: float, by_gyro_rad: float, dt_s: float) -> Step:
+        """The step whose turn is the gyroscope's; at rest the gyroscope shows its bias, and the robot does not turn."""
+        now, parameters = self._memory, self._parameters
+        noise = parameters.gyro_noise_rad_per_root_s**2
+        stands = left_m == 0 == right_m and now.stall.is_unpowered and now.rates.is_still
+        rate_rad_s = by_gyro_rad / dt_s - now.estimate.bias_rad_s
+        now.resting_s = now.resting_s + dt_s if stands and abs(rate_rad_s) < REST_RAD_S else 0.0
+        turned_rad, turned_rad2 = rate_rad_s * dt_s, noise * dt_s
+        if now.resting_s > REST_S:
+            now.estimate = motion_filter.with_bias(now.estimate, by_gyro_rad / dt_s, noise / dt_s)
+            turned_rad = turned_rad2 = 0.0
+        if now.history.turns:
+            stamp_s, by_wheels_rad, used_rad, _ = now.history.turns[-1]
+            by_wheels_rad += (right_m - left_m) / self._track_m
+            sample = stamp_s + dt_s, used_rad + turned_rad, by_wheels_rad, now.path_m
+            now.turns.add(sample, *self._limits, may_slip=self._may_slip)
+        return Step(
+            (left_m + right_m) / 2,
+            turned_rad,
+            dt_s,
+            self._per_m * (abs(left_m) + abs(right_m)) / 4,
+            turned_rad2,
+            0.0,
+            parameters.heading_walk_rad_per_root_s**2 * dt_s,
+            parameters.bias_walk_rad_s_per_root_s**2 * dt_s,
+            bias_turns=now.resting_s <= REST_S,
+        )
+
+    def _widened(self, step: Step) -> Step:
+        """The step with the variances of an anomaly; a gyroscope's turn is as certain as before."""
+        travel_m2 = turned_rad2 = 0.0
+        match self.anomaly:
+            case MotionAnomaly.LIFTED:
+                travel_m2, turned_rad2 = (
+                    LIFTED_VARIANCE_M2_PER_S * step.dt_s,
+                    LIFTED_VARIANCE_RAD2_PER_S * step.dt_s,
+                )
+            case MotionAnomaly.PUSHED:
+                travel_m2, turned_rad2 = (
+                    PUSHED_VARIANCE_M2_PER_S * step.dt_s,
+                    SLIP_VARIANCE_RAD2_PER_S * step.dt_s,
+                )
+            case _:
+                travel_m2, turned_rad2 = (
+                    SLIP_VARIANCE_M2_PER_M * abs(step.travel_m),
+                    SLIP_VARIANCE_RAD2_PER_S * step.dt_s,
+                )
+        return replace(
+            step,
+            travel_variance_m2=step.travel_variance_m2 + travel_m2,
+            turn_variance_rad2=step.turn_variance_rad2 + (0.0 if step.bias_turns else turned_rad2),
+        )

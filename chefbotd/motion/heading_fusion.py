@@ -1,0 +1,182 @@
+"""What odometry remembers of the IMU and the wheels, and how it takes a heading of the IMU.
+
+A heading counts at its own time: what the robot has turned since then is added. One that is far from the expected
+heading is refused. After several in a row the estimate is widened and the heading used: the filter must not shut out a
+good sensor for an error of its own. Headings that are late by a constant lag are given their own time. While the lag
+changes, because the board was silent and its IMU's queue hands out old samples, they are dropped.
+"""
+
+import math
+from typing import Final
+
+from msgspec import field
+
+from chefbotd.core.record import MutableState
+from chefbotd.motion import motion_filter
+from chefbotd.motion.imu_track import Heading, HeadingTrack, RateTrack
+from chefbotd.motion.motion_filter import MotionEstimate
+from chefbotd.motion.turn_history import TurnHistory, best_lag, scatter
+from chefbotd.motion.wheel_slip import QUIET_S, StallWatch, TurnWatch
+
+GATE: Final = 16.0
+"""A heading more than four sigmas from the expected one is refused."""
+
+REFUSED_IN_A_ROW: Final = 5
+REFUSED_S: Final = 0.25
+"""So many headings are refused in a row, over this time at least, before one is believed after all."""
+
+OUTLIER_MEMORY: Final = 100.0
+"""The share of refused readings is that of so many."""
+
+SILENT_S: Final = 0.2
+"""A board that sends nothing for so long has an IMU whose queue fills up."""
+
+REGULAR_SHARE: Final = 0.7
+REGULAR_CYCLES: Final = 3
+"""The queue is empty again when so many cycles have lasted as long as usual: the sketch then waits for a sample."""
+
+LAG_EVERY_S: Final = 0.5
+LAG_READINGS: Final = 20
+LAG_SPACING_S: Final = 0.045
+"""Readings that are so far apart show the lag: the last 20, a second at least."""
+
+LAG_MISFIT: Final = 2.5
+"""The lag is looked for where headings scatter so many times as much as their noise allows."""
+
+
+class FusionState(MutableState):
+    """What fused odometry remembers; ``imu_s`` is when the IMU was last heard.
+
+    ``irregular_cycles`` is how many cycles of the usual duration, ``cycle_s``, are awaited before headings are used.
+    ``unchanged_rad`` is how far the wheels have turned the robot since the IMU's values last changed.
+    """
+
+    estimate: MotionEstimate = MotionEstimate()
+    stamp_s: float | None = None
+    history: TurnHistory = field(default_factory=TurnHistory)
+    rates: RateTrack = field(default_factory=RateTrack)
+    headings: HeadingTrack = field(default_factory=HeadingTrack)
+    turns: TurnWatch = field(default_factory=TurnWatch)
+    stall: StallWatch = field(default_factory=StallWatch)
+    waiting: list[Heading] = []
+    readings: list[tuple[float, float]] = []
+    has_rates: bool = False
+    has_headings: bool = False
+    has_offset: bool = False
+    imu_s: float = -math.inf
+    imu_values: tuple[float, ...] = ()
+    unchanged_rad: float = 0.0
+    refused_in_a_row: int = 0
+    refused_since_s: float = 0.0
+    outlier_share: float = 0.0
+    lag_s: float = 0.0
+    lag_checked_s: float = -math.inf
+    cycle_s: float | None = None
+    irregular_cycles: int = 0
+    resting_s: float = 0.0
+    path_m: float = 0.0
+    sides_m_s: tuple[float, float] = (0.0, 0.0)
+    spikes: int = 0
+    climb_share: float = 0.0
+    is_lifted: bool = False
+
+
+def note_refusal(now: FusionState, *, refused: bool) -> None:
+    """Count a reading that was used, or refused."""
+    now.outlier_share += (float(refused) - now.outlier_share) / OUTLIER_MEMORY
+
+
+def note_cycle(now: FusionState, dt_s: float) -> None:
+    """Follow the board's cycle: after a silence headings are late until cycles last as long as usual again."""
+    if dt_s > SILENT_S:
+        now.irregular_cycles = REGULAR_CYCLES
+    elif now.cycle_s is None:
+        now.cycle_s = dt_s or None
+    elif now.irregular_cycles == 0:
+        now.cycle_s += 0.05 * (dt_s - now.cycle_s)
+    else:
+        is_usual = dt_s >= REGULAR_SHARE * now.cycle_s
+        now.irregular_cycles = now.irregular_cycles - 1 if is_usual else REGULAR_CYCLES
+
+
+def take_headings(now: FusionState, noise_rad: float, limits: tuple[float, float], *, may_slip: bool) -> None:
+    """Take the headings that are not newer than the last travel of the wheels.
+
+    Where there are no rates, they are also compared with the wheels; ``limits`` are those of ``TurnWatch.add``.
+    """
+    ready, newest_s = 0, now.history.turns[-1][0]
+    for heading in now.waiting:
+        if heading.stamp_s - now.lag_s > newest_s:
+            break
+        ready += 1
+        if now.irregular_cycles and not now.has_rates:
+            now.readings.clear()
+            now.turns.clear()
+            continue
+        if not now.has_rates:
+            _compare(now, heading, limits, may_slip=may_slip)
+        if heading.is_new:
+            _take(now, heading, noise_rad)
+    del now.waiting[:ready]
+    if now.stamp_s is not None and now.stamp_s - now.lag_checked_s >= LAG_EVERY_S:
+        now.lag_checked_s = now.stamp_s
+        check_lag(now, noise_rad)
+
+
+def _compare(now: FusionState, heading: Heading, limits: tuple[float, float], *, may_slip: bool) -> None:
+    turned = now.history.at(heading.stamp_s - now.lag_s)
+    if turned is None:
+        return
+    sample = heading.stamp_s, heading.heading_rad, turned[1], now.path_m
+    off_rad = now.turns.add(sample, *limits, may_slip=may_slip)
+    if off_rad:
+        now.estimate = motion_filter.widened(now.estimate, 0.0, off_rad * off_rad)
+
+
+def _take(now: FusionState, heading: Heading, noise_rad: float) -> None:
+    """Correct the estimate by a heading, as it would be now."""
+    then, last = now.history.at(heading.middle_s - now.lag_s), now.history.turns[-1]
+    if then is None:
+        return
+    if not now.readings or heading.middle_s - now.readings[-1][0] >= LAG_SPACING_S:
+        now.readings.append((heading.middle_s, heading.middle_rad))
+        if len(now.readings) > LAG_READINGS:
+            del now.readings[0]
+    heading_rad = heading.middle_rad + last[2] - then[2]
+    variance = noise_rad * noise_rad + last[3] - then[3]
+    if not now.has_offset:
+        now.estimate = motion_filter.with_new_offset(now.estimate, heading_rad, variance)
+        now.has_offset = True
+        return
+    off_rad, expected = motion_filter.surprise(now.estimate, heading_rad, variance)
+    refused = off_rad * off_rad > GATE * expected
+    note_refusal(now, refused=refused)
+    if refused:
+        if not now.refused_in_a_row:
+            now.refused_since_s = heading.stamp_s
+        now.refused_in_a_row += 1
+        if now.refused_in_a_row < REFUSED_IN_A_ROW or heading.stamp_s - now.refused_since_s < REFUSED_S:
+            return
+        now.estimate = motion_filter.widened(now.estimate, 0.0, off_rad * off_rad)
+    now.refused_in_a_row = 0
+    now.estimate = motion_filter.with_imu_heading(now.estimate, heading_rad, variance)
+
+
+def check_lag(now: FusionState, noise_rad: float) -> None:
+    """Find by how much the headings come late, where they scatter about the turns as if they did."""
+    limit = LAG_MISFIT * noise_rad * noise_rad
+    present = scatter(now.history, now.readings, now.lag_s)
+    if present is None or present <= limit:
+        return
+    best = best_lag(now.history, now.readings)
+    if best is None or best[1] > min(limit, 0.25 * present):
+        return
+    now.lag_s = best[0]
+    now.estimate = motion_filter.widened(now.estimate, 0.0, present)
+    now.turns.clear()
+    now.refused_in_a_row = 0
+
+
+def has_slipped_lately(now: FusionState) -> bool:
+    """Whether a slip was seen a moment ago."""
+    return now.stamp_s is not None and now.stamp_s - now.turns.slip_s < QUIET_S
