@@ -1,4 +1,4 @@
-"""The Jackal's recording (robot_localization's test2): wheels and an IMU whose attitude is not level, and what may go wrong.
+"""The Jackal's recording (robot_localization's test2), as it is and with what may go wrong: wheels, and a tilted IMU.
 
 The end is known from that package's own filters only: the EKF's is what is compared with, in 3-D.
 """
@@ -9,7 +9,6 @@ import json
 import math
 import random
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 

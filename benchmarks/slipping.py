@@ -90,7 +90,12 @@ def speeds(chance: random.Random, *, may_rest: bool) -> Iterator[tuple[float, fl
 
 
 def drive(
-    robot: Robot, seconds: float, chance: random.Random, *, raw_imu: bool, slips: tuple[float, float] | None = None
+    robot: Robot,
+    seconds: float,
+    chance: random.Random,
+    *,
+    raw_imu: bool,
+    slips: tuple[float, float] | None = None,
 ) -> Iterator[Moment]:
     """A drive. ``slips``: every 5 s a wheel loses a share of its travel between these for half a second."""
     x_m = y_m = heading_rad = rolled_left = rolled_right = 0.0
@@ -102,13 +107,21 @@ def drive(
         way_m, turn_rad = speed_m_s * CYCLE_S, rate_rad_s * CYCLE_S
         left_m, right_m = way_m - turn_rad * TRACK_M / 2, way_m + turn_rad * TRACK_M / 2
         lost_left, lost_right = slip.lost(stamp_s, left_m, right_m)
-        true_left = (left_m - lost_left) * (1 + robot.size - robot.ratio / 2) + _noise(chance, TRAVEL_VARIANCE, left_m)
-        true_right = (right_m - lost_right) * (1 + robot.size + robot.ratio / 2) + _noise(chance, TRAVEL_VARIANCE, right_m)
-        true_rad = (true_right - true_left) / (TRACK_M * (1 - robot.track)) + _noise(chance, TURN_VARIANCE, turn_rad)
+        true_left = (left_m - lost_left) * (1 + robot.size - robot.ratio / 2) + _noise(
+            chance, TRAVEL_VARIANCE, left_m
+        )
+        true_right = (right_m - lost_right) * (1 + robot.size + robot.ratio / 2) + _noise(
+            chance, TRAVEL_VARIANCE, right_m
+        )
+        true_rad = (true_right - true_left) / (TRACK_M * (1 - robot.track)) + _noise(
+            chance, TURN_VARIANCE, turn_rad
+        )
         middle_rad, true_m = heading_rad + true_rad / 2, (true_left + true_right) / 2
         walked = CALIBRATED.bias_walk_rad_s_per_root_s * root_s
         bias_rad_s, drift_rad_s = bias_rad_s + chance.gauss(0, walked), drift_rad_s + chance.gauss(0, walked)
-        drifted_rad += drift_rad_s * CYCLE_S + chance.gauss(0, CALIBRATED.heading_walk_rad_per_root_s * root_s)
+        drifted_rad += drift_rad_s * CYCLE_S + chance.gauss(
+            0, CALIBRATED.heading_walk_rad_per_root_s * root_s
+        )
         shown_rad, scale = heading_rad + true_rad, 1 + robot.gyro_scale
         if raw_imu:
             readings = _rate(stamp_s, true_rad / CYCLE_S * scale + bias_rad_s, chance)

@@ -91,7 +91,7 @@ def robot_features(
             default_source=settings.safety.default_source,
             arm_role=settings.api.arm_role,
         ),
-        odometry(OdometryService(bus, clock, settings.chassis, settings.odometry)),
+        odometry(OdometryService(bus, clock, settings.chassis, settings.odometry, settings.imu)),
         tuning(TuningService(service.wheels, driven, driven * settings.safety.wheels.driven_duty_share)),
         sensors(
             SensorService(

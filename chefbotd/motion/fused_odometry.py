@@ -15,28 +15,23 @@ from chefbotd.core.events.robot import ImuMeasured, ImuTrust, MotionAnomaly, Whe
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import replace
 from chefbotd.motion import motion_filter
+from chefbotd.motion.bias_evidence import EVIDENCE_S, NO_EVIDENCE, BiasEvidence, with_evidence
 from chefbotd.motion.heading_fusion import FusionState, note_cycle, note_refusal, take_headings
 from chefbotd.motion.imu_track import HeadingTrack, RateTrack
 from chefbotd.motion.motion_filter import Considered, MotionEstimate, Step
 from chefbotd.motion.odometry import FusionParameters
-from chefbotd.motion.wheel_slip import QUIET_S
+from chefbotd.motion.wheel_slip import QUIET_S, TurnSample, widened_step
 
 OUTLIER_SHARE: Final = 0.03
 LOST_S: Final = 0.5
 FROZEN_RAD: Final = 0.2
-"""The wheels turn the robot so far, and the IMU's values stay the same."""
+FROZEN_READINGS: Final = 5
+"""The wheels turn the robot so far, and so many readings of the IMU repeat the one before."""
 
 REST_S: Final = 0.5
 REST_RAD_S: Final = 0.05
 """The bias of an MPU-6050 that has calibrated itself is smaller; a robot that turns faster does not rest."""
 
-SLIP_VARIANCE_M2_PER_M: Final = 0.02
-"""While a wheel slips, half of a travel of 0.1 m may be lost, one sigma. It is assumed, as are the next ones."""
-
-SLIP_VARIANCE_RAD2_PER_S: Final = 0.02
-LIFTED_VARIANCE_M2_PER_S: Final = 0.01
-LIFTED_VARIANCE_RAD2_PER_S: Final = 0.05
-PUSHED_VARIANCE_M2_PER_S: Final = 0.02
 LIFTED_COS: Final = math.cos(0.35)
 MOST_SPIKES: Final = 5
 
@@ -88,6 +83,14 @@ class FusedOdometry:
         """By how much more than configured the IMU's headings come late."""
         return self._memory.lag_s
 
+    @property
+    def rate_rad_s(self) -> float | None:
+        """How fast the robot turns by the gyroscope; None without one."""
+        now = self._memory
+        if not now.has_rates or now.rates.used_rad is None:
+            return None
+        return 0.0 if now.resting_s > REST_S else now.rates.rate_rad_s - now.estimate.bias_rad_s
+
     def set_pose(self, pose: Pose2D) -> None:
         """Declare the robot's pose; it becomes certain."""
         self._memory.estimate = motion_filter.at_pose(self._memory.estimate, pose)
@@ -109,11 +112,16 @@ class FusedOdometry:
             return ImuTrust.UNUSED
         if now.stamp_s - now.imu_s > LOST_S:
             return ImuTrust.LOST
-        if abs(now.unchanged_rad) > FROZEN_RAD:
+        if self._is_frozen:
             return ImuTrust.FROZEN
-        if now.irregular_cycles and not now.has_rates:
+        if now.irregular_cycles:
             return ImuTrust.LATE
         return ImuTrust.OUTLIERS if now.outlier_share > OUTLIER_SHARE else ImuTrust.OK
+
+    @property
+    def _is_frozen(self) -> bool:
+        now = self._memory
+        return now.imu_repeats >= FROZEN_READINGS and abs(now.unchanged_rad) > FROZEN_RAD
 
     @property
     def anomaly(self) -> MotionAnomaly:
@@ -137,8 +145,9 @@ class FusedOdometry:
         now.imu_s = event.stamp_s
         rates, orientation = event.angular_velocity_rad_s, event.orientation
         values = (rates or ()) + (orientation or ())
+        now.imu_repeats += 1
         if values != now.imu_values:
-            now.imu_values, now.unchanged_rad = values, 0.0
+            now.imu_values, now.imu_repeats, now.unchanged_rad = values, 0, 0.0
         if rates is not None:
             if not now.has_rates:
                 now.has_rates = True
@@ -161,7 +170,7 @@ class FusedOdometry:
             self._begin_bias(self._parameters.heading_drift_rad_s)
         now.has_headings = True
         heading = now.headings.add(stamp_s, reading_rad, self._scale, expected_rad)
-        if heading is not None and abs(now.unchanged_rad) <= FROZEN_RAD:
+        if heading is not None and not self._is_frozen:
             now.waiting.append(heading)
 
     def _begin_bias(self, sigma_rad_s: float) -> None:
@@ -178,16 +187,16 @@ class FusedOdometry:
         if parameters.max_acceleration_m_s2 is not None and dt_s > 0:
             left_m, right_m = self._without_spike(left_m, right_m, dt_s, parameters.max_acceleration_m_s2)
         note_cycle(now, dt_s)
-        now.path_m += max(abs(left_m), abs(right_m))
+        now.reach_rad += 2 * max(abs(left_m), abs(right_m)) / self._track_m
         by_gyro_rad = now.rates.turned_until(stamp_s) if now.has_rates and dt_s > 0 else None
-        if by_gyro_rad is None:
+        if by_gyro_rad is None or now.irregular_cycles or self._is_frozen:
             step = self._step_by_wheels(left_m, right_m, dt_s)
         else:
             step = self._step_by_gyro(left_m, right_m, by_gyro_rad, dt_s)
         by_wheels_rad = (right_m - left_m) / self._track_m
         now.unchanged_rad += by_wheels_rad
         if self.anomaly is not MotionAnomaly.NONE:
-            step = self._widened(step)
+            step = widened_step(step, self.anomaly)
         if now.climb_share:
             level = math.sqrt(1 - now.climb_share**2)
             step = replace(step, travel_m=step.travel_m * level, climb_m=step.travel_m * now.climb_share)
@@ -240,10 +249,13 @@ class FusedOdometry:
         if now.resting_s > REST_S:
             now.estimate = motion_filter.with_bias(now.estimate, by_gyro_rad / dt_s, noise / dt_s)
             turned_rad = turned_rad2 = 0.0
+        if self._may_slip:
+            seen = BiasEvidence(by_gyro_rad, (right_m - left_m) / self._track_m, (left_m + right_m) / 2, dt_s)
+            self._add_evidence(seen)
         if now.history.turns:
             stamp_s, by_wheels_rad, used_rad, _ = now.history.turns[-1]
             by_wheels_rad += (right_m - left_m) / self._track_m
-            sample = stamp_s + dt_s, used_rad + turned_rad, by_wheels_rad, now.path_m
+            sample = TurnSample(stamp_s + dt_s, used_rad + turned_rad, by_wheels_rad, now.reach_rad)
             now.turns.add(sample, *self._limits, may_slip=self._may_slip)
         return Step(
             (left_m + right_m) / 2,
@@ -257,27 +269,14 @@ class FusedOdometry:
             bias_turns=now.resting_s <= REST_S,
         )
 
-    def _widened(self, step: Step) -> Step:
-        """The step with the variances of an anomaly; a gyroscope's turn is as certain as before."""
-        travel_m2 = turned_rad2 = 0.0
-        match self.anomaly:
-            case MotionAnomaly.LIFTED:
-                travel_m2, turned_rad2 = (
-                    LIFTED_VARIANCE_M2_PER_S * step.dt_s,
-                    LIFTED_VARIANCE_RAD2_PER_S * step.dt_s,
-                )
-            case MotionAnomaly.PUSHED:
-                travel_m2, turned_rad2 = (
-                    PUSHED_VARIANCE_M2_PER_S * step.dt_s,
-                    SLIP_VARIANCE_RAD2_PER_S * step.dt_s,
-                )
-            case _:
-                travel_m2, turned_rad2 = (
-                    SLIP_VARIANCE_M2_PER_M * abs(step.travel_m),
-                    SLIP_VARIANCE_RAD2_PER_S * step.dt_s,
-                )
-        return replace(
-            step,
-            travel_variance_m2=step.travel_variance_m2 + travel_m2,
-            turn_variance_rad2=step.turn_variance_rad2 + (0.0 if step.bias_turns else turned_rad2),
-        )
+    def _add_evidence(self, seen: BiasEvidence) -> None:
+        """Learn the bias from the wheels, second by second, where they do not slip."""
+        now = self._memory
+        if self.anomaly is not MotionAnomaly.NONE:
+            now.evidence = NO_EVIDENCE
+            return
+        now.evidence = now.evidence.joined(seen)
+        if now.evidence.lasted_s >= EVIDENCE_S:
+            variances = self._per_m / self._track_m**2, self._per_rad
+            now.estimate = with_evidence(now.estimate, now.evidence, self._by_wheels, variances)
+            now.evidence = NO_EVIDENCE

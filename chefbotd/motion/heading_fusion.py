@@ -13,10 +13,11 @@ from msgspec import field
 
 from chefbotd.core.record import MutableState
 from chefbotd.motion import motion_filter
+from chefbotd.motion.bias_evidence import NO_EVIDENCE, BiasEvidence
 from chefbotd.motion.imu_track import Heading, HeadingTrack, RateTrack
 from chefbotd.motion.motion_filter import MotionEstimate
 from chefbotd.motion.turn_history import TurnHistory, best_lag, scatter
-from chefbotd.motion.wheel_slip import QUIET_S, StallWatch, TurnWatch
+from chefbotd.motion.wheel_slip import StallWatch, TurnSample, TurnWatch
 
 GATE: Final = 16.0
 """A heading more than four sigmas from the expected one is refused."""
@@ -48,7 +49,8 @@ class FusionState(MutableState):
     """What fused odometry remembers; ``imu_s`` is when the IMU was last heard.
 
     ``irregular_cycles`` is how many cycles of the usual duration, ``cycle_s``, are awaited before headings are used.
-    ``unchanged_rad`` is how far the wheels have turned the robot since the IMU's values last changed.
+    ``unchanged_rad`` is how far the wheels have turned the robot since the IMU's values last changed, ``imu_repeats``
+    how often it has sent them since.
     """
 
     estimate: MotionEstimate = MotionEstimate()
@@ -65,6 +67,7 @@ class FusionState(MutableState):
     has_offset: bool = False
     imu_s: float = -math.inf
     imu_values: tuple[float, ...] = ()
+    imu_repeats: int = 0
     unchanged_rad: float = 0.0
     refused_in_a_row: int = 0
     refused_since_s: float = 0.0
@@ -74,7 +77,8 @@ class FusionState(MutableState):
     cycle_s: float | None = None
     irregular_cycles: int = 0
     resting_s: float = 0.0
-    path_m: float = 0.0
+    evidence: BiasEvidence = NO_EVIDENCE
+    reach_rad: float = 0.0
     sides_m_s: tuple[float, float] = (0.0, 0.0)
     spikes: int = 0
     climb_share: float = 0.0
@@ -109,7 +113,7 @@ def take_headings(now: FusionState, noise_rad: float, limits: tuple[float, float
         if heading.stamp_s - now.lag_s > newest_s:
             break
         ready += 1
-        if now.irregular_cycles and not now.has_rates:
+        if now.irregular_cycles:
             now.readings.clear()
             now.turns.clear()
             continue
@@ -127,7 +131,7 @@ def _compare(now: FusionState, heading: Heading, limits: tuple[float, float], *,
     turned = now.history.at(heading.stamp_s - now.lag_s)
     if turned is None:
         return
-    sample = heading.stamp_s, heading.heading_rad, turned[1], now.path_m
+    sample = TurnSample(heading.stamp_s, heading.heading_rad, turned[1], now.reach_rad)
     off_rad = now.turns.add(sample, *limits, may_slip=may_slip)
     if off_rad:
         now.estimate = motion_filter.widened(now.estimate, 0.0, off_rad * off_rad)
@@ -175,8 +179,3 @@ def check_lag(now: FusionState, noise_rad: float) -> None:
     now.estimate = motion_filter.widened(now.estimate, 0.0, present)
     now.turns.clear()
     now.refused_in_a_row = 0
-
-
-def has_slipped_lately(now: FusionState) -> bool:
-    """Whether a slip was seen a moment ago."""
-    return now.stamp_s is not None and now.stamp_s - now.turns.slip_s < QUIET_S

@@ -1,4 +1,4 @@
-"""The IMU's rates and headings as odometry takes them: summed, unwrapped, and checked for jumps and for standing still."""
+"""The IMU's rates and headings as odometry takes them: summed, unwrapped, and checked for jumps and for rest."""
 
 import math
 from typing import Final
@@ -13,8 +13,8 @@ RATE_JUMP_RAD_S: Final = 3.0
 """No robot changes its rate so much between two samples. Up to ``MOST_JUMPS`` in a row are passed over."""
 
 MOST_JUMPS: Final = 3
-VARIANCE_SHARE: Final = 0.1
-"""What a sample counts in the rate's mean and variance: they remember ten samples."""
+SAMPLES: Final = 10
+"""The rate's mean and variance are those of about so many samples."""
 
 STILL_VARIANCE: Final = 0.01**2
 """Rates of a robot at rest vary less (rad²/s²)."""
@@ -28,9 +28,9 @@ class RateTrack(MutableState):
     turned_rad: float = 0.0
     used_rad: float | None = None
     jumps: int = 0
-    refused: int = 0
+    samples: int = 0
     mean_rad_s: float = 0.0
-    variance: float = 1.0
+    variance: float = 0.0
 
     def add(self, stamp_s: float, rate_rad_s: float) -> bool:
         """Add a sample; one that is not newer than the last, not finite or a jump is passed over. False for a jump."""
@@ -38,16 +38,16 @@ class RateTrack(MutableState):
         if dt_s <= 0 or not math.isfinite(rate_rad_s):
             return True
         if dt_s > GAP_S:
-            self.used_rad, self.variance = None, 1.0
+            self.used_rad, self.samples = None, 0
         elif abs(rate_rad_s - self.rate_rad_s) > RATE_JUMP_RAD_S and self.jumps < MOST_JUMPS:
             self.jumps += 1
             return False
         else:
             self.turned_rad += (rate_rad_s + self.rate_rad_s) / 2 * dt_s
-            off = rate_rad_s - self.mean_rad_s
-            self.mean_rad_s += VARIANCE_SHARE * off
-            self.variance += VARIANCE_SHARE * (off * off - self.variance)
-        self.jumps = 0
+        self.jumps, self.samples = 0, min(self.samples + 1, SAMPLES)
+        off = rate_rad_s - self.mean_rad_s
+        self.mean_rad_s += off / self.samples
+        self.variance += (off * (rate_rad_s - self.mean_rad_s) - self.variance) / self.samples
         self.stamp_s, self.rate_rad_s = stamp_s, rate_rad_s
         return True
 
@@ -64,7 +64,7 @@ class RateTrack(MutableState):
     @property
     def is_still(self) -> bool:
         """Whether the last rates vary as little as those of a robot at rest."""
-        return self.variance < STILL_VARIANCE
+        return self.samples == SAMPLES and self.variance < STILL_VARIANCE
 
 
 class Heading(Record, frozen=True):
@@ -89,7 +89,10 @@ class HeadingTrack(MutableState):
     heading_rad: float = 0.0
 
     def add(self, stamp_s: float, reading_rad: float, scale: float, expected_rad: float) -> Heading | None:
-        """The next heading; None where it is not newer than the last. After a gap it is unwrapped towards the expected."""
+        """The next heading; None where it is not newer than the last.
+
+        After a gap it is unwrapped towards the expected one.
+        """
         dt_s = stamp_s - self.stamp_s
         if dt_s <= 0 or not math.isfinite(reading_rad):
             return None

@@ -58,6 +58,11 @@ class ChassisParameters(Parameters):
         return self
 
     @property
+    def is_skid_steer(self) -> bool:
+        """Whether a side has several wheels, which skid in every turn."""
+        return len(self.wheels) > len(Side)
+
+    @property
     def effective_track_m(self) -> float:
         """How wide the robot is as turning goes."""
         return self.track_width_m * self.track_multiplier

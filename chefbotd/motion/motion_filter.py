@@ -110,12 +110,7 @@ def predicted(now: MotionEstimate, considered: Considered, step: Step) -> Motion
     mh, mo, mb = hh + eh / 2, ho + eo / 2, hb + eb / 2
     ms, mt, mm, mg = hs + es / 2, ht + et / 2, hm + em / 2, hg + eg / 2
     # F P by rows
-    x_h, y_h, h_h, o_h = (
-        xh - dy * mh + dx * hs,
-        yh + dx * mh + dy * hs,
-        hh + eh,
-        ho + drifts_s * hb + turned_rad * hg,
-    )
+    x_h, y_h, h_h = xh - dy * mh + dx * hs, yh + dx * mh + dy * hs, hh + eh
     x_x = xx - dy * (xh + ex / 2) + dx * xs
     x_y = xy - dy * (yh + ey / 2) + dx * ys
     y_y = yy + dx * (yh + ey / 2) + dy * ys

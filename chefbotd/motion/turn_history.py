@@ -1,4 +1,4 @@
-"""How far the robot has turned in the last seconds, by the wheels and by the filter's input, for readings that come late."""
+"""How far the robot has turned in the last seconds, for readings that come late."""
 
 from typing import Final, TypeAlias
 
@@ -77,14 +77,14 @@ def best_lag(history: TurnHistory, readings: list[tuple[float, float]]) -> tuple
     the best lag is the first or the last one.
     """
     tried = [(lag_s, scatter(history, readings, lag_s)) for lag_s in LAGS_S]
-    known = [(lag_s, variance) for lag_s, variance in tried if variance is not None]
-    if len(known) < 3:
+    fits = [(lag_s, variance) for lag_s, variance in tried if variance is not None]
+    if len(fits) < 3:
         return None
-    k = min(range(len(known)), key=lambda index: known[index][1])
-    lag_s, least = known[k]
-    if not 0 < k < len(known) - 1:
+    k = min(range(len(fits)), key=lambda index: fits[index][1])
+    lag_s, least = fits[k]
+    if not 0 < k < len(fits) - 1:
         return None
-    before, after = known[k - 1][1], known[k + 1][1]
+    before, after = fits[k - 1][1], fits[k + 1][1]
     bend = before - 2 * least + after
     if bend <= 0:
         return lag_s, least

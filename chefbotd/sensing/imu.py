@@ -16,12 +16,19 @@ class ImuParameters(Parameters):
 
     ``mount_heading_rad`` is where the sensor's x axis points in ``base_footprint``, CCW positive; its z
     axis is up. Only the robot's description needs ``mount_z_m``, the height above the floor.
+
+    A calibration finds the rest. The gyroscope shows ``gyro_scale`` times a turn, and about z ``gyro_bias_rad_s`` at
+    rest; rates are corrected for both. A heading that the board sums up itself is reported as it is; odometry divides
+    its changes by the scale. Readings come ``lag_s`` after what they show, by their stamps; odometry takes it off.
     """
 
     mount_heading_rad: float = Field(default=0.0, ge=-math.pi, le=math.pi)
     mount_z_m: float | None = Field(default=None, ge=0, le=5)
     accel_counts_per_g: float = Field(default=16384.0, gt=0)
     gyro_counts_per_deg_s: float = Field(default=131.0, gt=0)
+    gyro_scale: float = Field(default=1.0, ge=0.5, le=2)
+    gyro_bias_rad_s: float = Field(default=0.0, ge=-1, le=1)
+    lag_s: float = Field(default=0.0, ge=-0.2, le=2)
 
     @cached_property
     def half_mount(self) -> tuple[float, float]:
@@ -51,12 +58,13 @@ def from_quaternion(params: ImuParameters, reported: OrientationReported) -> Imu
 
 def from_counts(params: ImuParameters, counted: InertialCounted) -> ImuMeasured:
     """Acceleration in m/s² (at rest +g upwards) and angular rate in rad/s, in the robot's axes."""
-    rad_s_per_count = math.radians(1 / params.gyro_counts_per_deg_s)
+    rad_s_per_count = math.radians(1 / params.gyro_counts_per_deg_s) / params.gyro_scale
     m_s2_per_count = STANDARD_GRAVITY_M_S2 / params.accel_counts_per_g
+    x_rad_s, y_rad_s, z_rad_s = _to_base(params, counted.angular_rate, rad_s_per_count)
     return ImuMeasured(
         stamp_s=counted.stamp_s,
         arrival_s=counted.arrival_s,
-        angular_velocity_rad_s=_to_base(params, counted.angular_rate, rad_s_per_count),
+        angular_velocity_rad_s=(x_rad_s, y_rad_s, z_rad_s - params.gyro_bias_rad_s / params.gyro_scale),
         linear_acceleration_m_s2=_to_base(params, counted.acceleration, m_s2_per_count),
     )
 

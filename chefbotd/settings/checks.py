@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 from chefbotd.link.wires import BITS_A_BYTE, Needs, needed_bytes_s, variant_of, wires
 from chefbotd.motion.kinematics import ALL_WHEELS, Kinematics
+from chefbotd.motion.odometry import OdometrySource
 from chefbotd.motion.ramp import braking_distance
 from chefbotd.rpc.parameters import is_loopback
 from chefbotd.safety.guard import from_mounts
@@ -22,6 +23,7 @@ def check(settings: Settings) -> Iterator[str]:
     yield from _lines(settings)
     yield from _load(settings)
     yield from _duty(settings)
+    yield from _odometry(settings)
     yield from _names(settings)
     yield from _lidars(settings)
     yield from _guard(settings)
@@ -40,6 +42,12 @@ def _wheels(settings: Settings) -> Iterator[str]:
         yield f"the wire {wire!r} has {wheels} wheels, the chassis names {named}"
     if any(wheel.name == ALL_WHEELS for wheel in settings.chassis.wheels):
         yield f"no wheel can be named {ALL_WHEELS!r}: set_pid uses it for every wheel"
+
+
+def _odometry(settings: Settings) -> Iterator[str]:
+    source = settings.odometry.source
+    if source is OdometrySource.WHEELS_IMU and settings.imu is None:
+        yield f"[odometry] source = {str(source)!r} needs the section [imu]"
 
 
 def _lines(settings: Settings) -> Iterator[str]:

@@ -40,16 +40,6 @@ class WheelsDriven(Record, frozen=True):
     excluded: tuple[int, ...] = ()
 
 
-class OdometryUpdated(Record, frozen=True):
-    """Dead reckoning: ``odom_from_base`` with its covariance, and the twist in the base frame."""
-
-    stamp_s: float
-    arrival_s: float
-    odom_from_base: Pose2D
-    twist: Twist2D
-    covariance: PoseCovariance
-
-
 class ImuTrust(StrEnum):
     """What odometry makes of the IMU. Only ``OK`` and ``OUTLIERS`` are used.
 
@@ -78,6 +68,18 @@ class MotionAnomaly(StrEnum):
     STALLED = "stalled"
     PUSHED = "pushed"
     LIFTED = "lifted"
+
+
+class OdometryUpdated(Record, frozen=True):
+    """Dead reckoning: ``odom_from_base`` with its covariance, and the twist in the base frame."""
+
+    stamp_s: float
+    arrival_s: float
+    odom_from_base: Pose2D
+    twist: Twist2D
+    covariance: PoseCovariance
+    imu: ImuTrust = ImuTrust.UNUSED
+    anomaly: MotionAnomaly = MotionAnomaly.NONE
 
 
 class OdometryConditionChanged(Record, frozen=True):
