@@ -14,7 +14,8 @@ from chefbotd.core.events.navigation import (
     GoalResult as GoalResult, NavigationData as NavigationData, PathData as PathData, PlanResult as PlanResult
 )
 from chefbotd.core.events.robot import (
-    BatteryData as BatteryData, ImuData as ImuData, RecordingData as RecordingData, WorkerData as WorkerData
+    BatteryData as BatteryData, ImuData as ImuData, OdometryConditionData as OdometryConditionData,
+    RecordingData as RecordingData, WorkerData as WorkerData
 )
 from chefbotd.core.record import LogLine as LogLine
 from chefbotd.features.board.models import (
@@ -63,9 +64,9 @@ DATA_BY_TOPIC: Mapping[str, type[Sent]] = {
     "recording": RecordingData, "scan": ScanData, "lidars": LidarsData, "worker": WorkerData, "mapping": MappingData,
     "map": MapData, "map_pose": MapPoseData, "localization": LocalizationData, "navigation": NavigationData,
     "path": PathData, "costmap": CostmapData, "obstacles": ObstaclesData, "depth_cameras": DepthCamerasData,
-    "wheels": WheelsData, "safety": SafetyData, "odometry": OdometryData, "imu": ImuData, "ranges": RangesData,
-    "battery": BatteryData, "stats": StatsData, "calibration": CalibrationData, "sim": SimData, "link": LinkData,
-    "reset": ResetData, "text": TextData, "raw": RawData, "log": LogData
+    "wheels": WheelsData, "safety": SafetyData, "odometry": OdometryData, "odometry_condition": OdometryConditionData,
+    "imu": ImuData, "ranges": RangesData, "battery": BatteryData, "stats": StatsData, "calibration": CalibrationData,
+    "sim": SimData, "link": LinkData, "reset": ResetData, "text": TextData, "raw": RawData, "log": LogData
 }
 """What a client reads each topic as."""
 
@@ -90,6 +91,7 @@ class TopicsOfState:
     depth_cameras = Latest("depth_cameras", DepthCamerasData)
     wheels = Latest("wheels", WheelsData)
     odometry = Latest("odometry", OdometryData)
+    odometry_condition = Latest("odometry_condition", OdometryConditionData)
     imu = Latest("imu", ImuData)
     ranges = Latest("ranges", RangesData)
     battery = Latest("battery", BatteryData)

@@ -78,18 +78,21 @@ class OdometryUpdated(Record, frozen=True):
     odom_from_base: Pose2D
     twist: Twist2D
     covariance: PoseCovariance
+
+
+class OdometryConditionData(Record, frozen=True):
+    """What odometry makes of its sensors and of the motion; while there is an anomaly it is less certain."""
+
     imu: ImuTrust = ImuTrust.UNUSED
     anomaly: MotionAnomaly = MotionAnomaly.NONE
 
 
-class OdometryConditionChanged(Record, frozen=True):
-    """What odometry makes of its sensors and of the motion has changed; while there is an anomaly it is less certain."""
+class OdometryConditionChanged(OdometryConditionData, frozen=True, kw_only=True):
+    """What odometry makes of its sensors and of the motion has changed."""
 
     retained: ClassVar[bool] = True
 
     stamp_s: float
-    imu: ImuTrust
-    anomaly: MotionAnomaly
 
     def log_line(self) -> LogLine:
         """The line in the log."""

@@ -5,10 +5,10 @@ from typing import Annotated, Final, Literal
 from msgspec import Meta
 from pydantic import Field
 
-from chefbotd.core.events import ImuTrust, MotionAnomaly, OdometryUpdated
+from chefbotd.core.events import OdometryConditionChanged, OdometryConditionData, OdometryUpdated
 from chefbotd.core.record import Record
 from chefbotd.rpc.models import Params
-from chefbotd.rpc.topics import Topic
+from chefbotd.rpc.topics import Topic, same_names
 
 FARTHEST_M: Final = 1e6  # a slip of the finger, beyond; within, a double tells 0.1 nm
 
@@ -32,10 +32,6 @@ class OdometryData(Record, frozen=True):
     covariance: Annotated[tuple[float, ...], Meta(description="3x3, row by row, over x, y, heading")]
     frame_id: Literal["odom"] = "odom"
     child_frame_id: Literal["base_footprint"] = "base_footprint"
-    imu: Annotated[ImuTrust, Meta(description="what is made of the IMU")] = ImuTrust.UNUSED
-    anomaly: Annotated[MotionAnomaly, Meta(description="what makes the pose less certain than usual")] = (
-        MotionAnomaly.NONE
-    )
 
 
 def _odometry(event: OdometryUpdated) -> OdometryData:
@@ -46,9 +42,16 @@ def _odometry(event: OdometryUpdated) -> OdometryData:
         linear_m_s=event.twist.linear_m_s,
         angular_rad_s=event.twist.angular_rad_s,
         covariance=event.covariance.row_by_row,
-        imu=event.imu,
-        anomaly=event.anomaly,
     )
 
 
-TOPICS = (Topic("odometry", (OdometryUpdated,), OdometryData, _odometry),)
+TOPICS = (
+    Topic("odometry", (OdometryUpdated,), OdometryData, _odometry),
+    Topic(
+        "odometry_condition",
+        (OdometryConditionChanged,),
+        OdometryConditionData,
+        same_names(OdometryConditionData),
+        always_known=True,
+    ),
+)

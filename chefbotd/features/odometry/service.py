@@ -77,9 +77,11 @@ class OdometryService:
                 )
                 bus.add_handler(self._follow_command, WheelsDriven, on_error=self._failure.report)
             case OdometrySource.WHEELS_IMU:
-                self._fuse(chassis, parameters, imu or ImuParameters())
+                self.fused = self._fused(chassis, parameters, imu or ImuParameters())
 
-    def _fuse(self, chassis: ChassisParameters, parameters: OdometryParameters, imu: ImuParameters) -> None:
+    def _fused(
+        self, chassis: ChassisParameters, parameters: OdometryParameters, imu: ImuParameters
+    ) -> FusedOdometry:
         bus, on_error = self._bus, self._failure.report
         fused = FusedOdometry(
             parameters.fusion,
@@ -94,7 +96,7 @@ class OdometryService:
         bus.add_handler(fused.add_driven, WheelsDriven, on_error=on_error)
         bus.add_handler(fused.add_imu, ImuMeasured, on_error=on_error)
         bus.add_handler(lambda _: fused.forget_imu(), BoardRestarted, LinkClosed, on_error=on_error)
-        self.fused = fused
+        return fused
 
     def state(self) -> OdometryServiceState:
         """Return the state of this part."""
@@ -127,7 +129,9 @@ class OdometryService:
     def _integrate(self, event: WheelsMeasured) -> None:
         left_m, right_m = self._kinematics.side_travel_m(event.travel_rad, event.excluded)
         twist = self._kinematics.twist(event.velocity_rad_s, event.excluded)
-        self._roll(left_m, right_m, twist)
+        self._state = dead_reckoning.integrate(
+            self._parameters, self._kinematics.track_width_m, self._state, left_m, right_m, twist
+        )
         self._publish(event.stamp_s, event.arrival_s)
 
     def _follow_command(self, event: WheelsDriven) -> None:
@@ -143,13 +147,11 @@ class OdometryService:
         )
         self._sides_m_s = left_m_s, right_m_s
         turn_rad_s = (right_m_s - left_m_s) / self._kinematics.track_width_m
-        self._roll(left_m, right_m, Twist2D((left_m_s + right_m_s) / 2, turn_rad_s))
-        self._publish(event.stamp_s, event.stamp_s)
-
-    def _roll(self, left_m: float, right_m: float, twist: Twist2D) -> None:
+        twist = Twist2D((left_m_s + right_m_s) / 2, turn_rad_s)
         self._state = dead_reckoning.integrate(
             self._parameters, self._kinematics.track_width_m, self._state, left_m, right_m, twist
         )
+        self._publish(event.stamp_s, event.stamp_s)
 
     def _integrate_fused(self, fused: FusedOdometry, event: WheelsMeasured) -> None:
         left_m, right_m = self._kinematics.side_travel_m(event.travel_rad, event.excluded)
@@ -164,7 +166,7 @@ class OdometryService:
         imu, anomaly = fused.imu_trust, fused.anomaly
         if imu is not self._imu or anomaly is not self._anomaly:
             self._imu, self._anomaly = imu, anomaly
-            self._bus.publish(OdometryConditionChanged(event.stamp_s, imu, anomaly))
+            self._bus.publish(OdometryConditionChanged(stamp_s=event.stamp_s, imu=imu, anomaly=anomaly))
         self._publish(event.stamp_s, event.arrival_s)
 
     def _publish(self, stamp_s: float, arrival_s: float) -> None:
@@ -176,8 +178,6 @@ class OdometryService:
                 state.odom_from_base,
                 state.twist,
                 state.covariance,
-                self._imu,
-                self._anomaly,
             )
         )
 

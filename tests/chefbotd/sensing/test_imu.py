@@ -93,3 +93,12 @@ def test_counts_are_turned_into_the_robots_axes() -> None:
         ImuParameters(mount_heading_rad=math.pi / 2), InertialCounted(0.0, 4.0, (0, -16384, 0), (0, 0, 0))
     )
     assert measured.linear_acceleration_m_s2 == pytest.approx((9.80665, 0, 0), abs=1e-12)
+
+
+def test_a_calibrated_gyroscope_shows_the_true_rate() -> None:
+    """It shows 1.02 times the rate and 0.01 rad/s at rest: 0.214 rad/s shown are 0.2 true."""
+    params = ImuParameters(gyro_scale=1.02, gyro_bias_rad_s=0.01)
+    counts = round(math.degrees(0.214) * 131)
+    measured = from_counts(params, InertialCounted(0.0, 4.0, (0, 0, 0), (0, 0, counts)))
+    assert measured.angular_velocity_rad_s is not None
+    assert measured.angular_velocity_rad_s[2] == pytest.approx(0.2, abs=1e-4)
