@@ -103,10 +103,11 @@ def integrate(
         return OdometryState(state.odom_from_base, twist, state.covariance)
     turned_rad = (right_m - left_m) / track_width_m
     travel_m = (left_m + right_m) / 2
-    pose = state.odom_from_base.compose(_arc(travel_m, turned_rad))
+    ratio = _sinc(turned_rad / 2)
+    pose = state.odom_from_base.compose(_arc(travel_m, turned_rad, ratio))
     moved_x_m, moved_y_m = pose.x_m - state.odom_from_base.x_m, pose.y_m - state.odom_from_base.y_m
     errors = zip(
-        _responses(travel_m, turned_rad, state.odom_from_base.heading_rad, track_width_m),
+        _responses(travel_m, turned_rad, ratio, state.odom_from_base.heading_rad, track_width_m),
         (
             params.travel_variance_m2_per_m * abs(left_m),
             params.travel_variance_m2_per_m * abs(right_m),
@@ -117,10 +118,13 @@ def integrate(
     return OdometryState(pose, twist, _carry(state.covariance, moved_x_m, moved_y_m, errors))
 
 
-def _arc(travel_m: float, turned_rad: float) -> Pose2D:
-    """The pose at an arc's end, in the frame of its start: the chord lies half of the turn off the heading."""
+def _arc(travel_m: float, turned_rad: float, ratio: float) -> Pose2D:
+    """The pose at an arc's end, in the frame of its start: the chord lies half of the turn off the heading.
+
+    ``ratio`` is that of the chord to the arc.
+    """
     half_rad = turned_rad / 2
-    chord_m = travel_m * _sinc(half_rad)
+    chord_m = travel_m * ratio
     return Pose2D(chord_m * math.cos(half_rad), chord_m * math.sin(half_rad), turned_rad)
 
 
@@ -147,12 +151,12 @@ def _carry(
 
 
 def _responses(
-    travel_m: float, turned_rad: float, heading_rad: float, track_width_m: float
+    travel_m: float, turned_rad: float, ratio: float, heading_rad: float, track_width_m: float
 ) -> tuple[Response, Response, Response]:
     """How the end (x, y, heading) answers to a little more left travel, right travel, and turn by scrubbing."""
     half_rad = turned_rad / 2
     cos, sin = math.cos(heading_rad + half_rad), math.sin(heading_rad + half_rad)
-    ratio, bend_m = _sinc(half_rad), travel_m * _sinc_slope(half_rad) / 2
+    bend_m = travel_m * _sinc_slope(half_rad) / 2
     swing_m = travel_m * ratio / 2
     forward_x, forward_y = ratio * cos / 2, ratio * sin / 2
     turn_x, turn_y = bend_m * cos - swing_m * sin, bend_m * sin + swing_m * cos

@@ -199,6 +199,7 @@ async def on_the_way(robot: SimulatedRobot) -> None:
 
 ROBOTS: dict[str, tuple[str, dict[str, object]]] = {
     "two wheels": ("chefbot", {}),
+    "wheels and IMU": ("chefbot", {"odometry.source": "wheels_imu"}),
     "four wheels, edges and infrared": (
         "khan",
         {"robot.wire": "khan_edges", "sim.world.start_x_m": 1.2, "sim.world.start_y_m": 0.8},
