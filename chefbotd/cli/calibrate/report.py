@@ -11,6 +11,7 @@ from chefbotd.cli.common.echo import echo, plain
 from chefbotd.cli.common.exits import Exit, ProgramError, extra, require
 from chefbotd.core.events.calibration import Estimate, Plot, Status, StepResult
 
+WIDTHS = (10, 12, 9, 12, 6)
 INCHES, DOTS_PER_INCH = (9.0, 5.0), 110
 
 
@@ -32,24 +33,26 @@ def show_result(result: StepResult) -> None:
 
 def show_estimates(estimates: Iterable[Estimate], true: Mapping[str, float] | None = None) -> None:
     """Print parameters in groups by their section; with the ``true`` values how many sigmas each is off."""
-    columns = ["parameter", "before", "after", "sigma", *(["true", "off"] if true else []), "unit"]
-    rows: list[tuple[str, ...]] = []
+    heads = ("true", "off") if true else ()
+    echo(_line("", "before", "after", "sigma", *heads))
     section = ""
     for estimate in estimates:
         *path, name = estimate.key.split(".")
         if section != (section := ".".join(path)):
-            rows.append((f"[{section}]", *[""] * (len(columns) - 1)))
-        cells = [name, f"{estimate.before:.5g}", f"{estimate.after:.5g}", f"{estimate.sigma:.2g}"]
-        if true:
-            cells += _against(true.get(estimate.key), estimate)
-        rows.append((*cells, estimate.unit))
-    output.table(False, None, columns, rows)
+            echo(f"[{section}]")
+        cells = (f"{estimate.before:.5g}", f"{estimate.after:.5g}", f"{estimate.sigma:.2g}")
+        against = _against(true.get(estimate.key), estimate) if true else ()
+        echo(f"{_line('  ' + name, *cells, *against)}  {estimate.unit}".rstrip())
 
 
-def _against(true: float | None, estimate: Estimate) -> list[str]:
+def _line(name: str, *cells: str) -> str:
+    return f"{name:<25}" + "".join(f"{cell:>{width}}" for cell, width in zip(cells, WIDTHS, strict=False))
+
+
+def _against(true: float | None, estimate: Estimate) -> tuple[str, ...]:
     if true is None:
-        return ["", ""]
-    return [f"{true:.5g}", f"{(estimate.after - true) / estimate.sigma:+.1f}" if estimate.sigma else ""]
+        return "", ""
+    return f"{true:.5g}", f"{(estimate.after - true) / estimate.sigma:+.1f}" if estimate.sigma else ""
 
 
 def finish(context: CommandContext, results: Sequence[StepResult], applied: object = None) -> None:
