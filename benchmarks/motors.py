@@ -15,10 +15,9 @@ from statistics import mean, median
 from benchmarks.figures import Figure, Outcome, percentile
 from chefbotd.clock import run_virtual
 from chefbotd.core.events.calibration import Status, StepResult
-from chefbotd.process.simulated_robot import simulation_of
+from chefbotd.process.true_values import true_values
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.settings.values import calibrated
-from chefbotd.sim.plant import Plant
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 
 SEEDS, QUICK_SEEDS = 20, 2
@@ -27,8 +26,6 @@ START_S, BAND, STEADY_FROM_S = 3.0, 0.05, 1.0
 SAMPLE_S, COMMAND_S = 0.005, 0.05
 LOW = {"sim.battery.start_charge_share": 0.3, "battery.critical_v": 10.5}
 """A battery that has 11.81 V at rest, and a robot that goes on with it."""
-
-FULL_DUTY = 255
 
 
 def imperfect(seed: int, **more: object) -> Settings:
@@ -55,23 +52,6 @@ def values_of(result: StepResult) -> dict[str, float]:
     return {estimate.key: estimate.after for estimate in result.estimates}
 
 
-def truth_of(settings: Settings, voltage_v: float) -> dict[str, float]:
-    """Each motor as it is, at the voltage that the battery had by the robot's own (wrong) divider."""
-    simulation = simulation_of(settings)
-    parameters = simulation.parameters
-    plant = Plant(parameters.motor, parameters.body, 0.001, simulation.chassis)
-    true_v = voltage_v * simulation.divider.ratio / settings.battery.divider_ratio
-    truth = {}
-    for number, wheel in enumerate(settings.chassis.wheels):
-        for direction in ("forward", "reverse"):
-            curve = plant.curve(number, true_v, forward=direction == "forward")
-            key = f"drive.motors.{wheel.name}.{direction}"
-            truth[f"{key}.dead_zone_duty"] = curve.dead_zone_share * FULL_DUTY
-            truth[f"{key}.gain_rad_s_per_duty"] = curve.gain_rad_s / FULL_DUTY
-            truth[f"{key}.time_constant_s"] = curve.time_constant_s
-    return truth
-
-
 def run(*, quick: bool = False) -> Outcome:
     """How far off each motor's parameters are: every wheel and direction of every robot."""
     off: dict[str, list[float]] = {"dead_zone_duty": [], "gain_rad_s_per_duty": [], "time_constant_s": []}
@@ -85,7 +65,7 @@ def run(*, quick: bool = False) -> Outcome:
         if result.status is not Status.PASSED:
             faults.append(f"seed {seed}: {result.status}: {result.reason}")
             continue
-        truth = truth_of(settings, values_of(result)["drive.motor_voltage_v"])
+        truth = true_values(settings, values_of(result)["drive.motor_voltage_v"])
         again, _ = found_on(
             settings.model_copy(update={"sim": settings.sim.model_copy(update={"seed": seed + 1000})})
         )

@@ -20,6 +20,7 @@ from chefbotd.core.events.calibration import Ask, StepResult
 from chefbotd.core.geometry import Pose2D, wrap_angle
 from chefbotd.core.record import Record
 from chefbotd.process.simulated_robot import true_of
+from chefbotd.process.true_values import true_values
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.sim_parameters.true import TrueParameters
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
@@ -42,13 +43,17 @@ class SquareError(Record, frozen=True):
 
 
 class Calibrated(Record, frozen=True):
-    """What came of it; ``true`` are the true values by the keys of the estimates, ``robot_s`` is the robot's time."""
+    """What came of it; ``true`` are the true values by the keys of the estimates, ``robot_s`` is the robot's time.
+
+    ``slip_rad`` is the standard deviation of the heading at a square's end by random slip alone: no calibration helps.
+    """
 
     seed: int
     results: tuple[StepResult, ...]
     true: Mapping[str, float]
     before: tuple[SquareError, ...]
     after: tuple[SquareError, ...]
+    slip_rad: float
     robot_s: float
     config: Path
     difference: str
@@ -69,13 +74,17 @@ async def calibrate(seed: int, out: Path, say: Say, *, squares: bool = True) -> 
         applied = await robot.client.apply_calibration()
     after = await _squares(load(config), true, out, say) if squares else ()
     keys = [estimate.key for result in results for estimate in result.estimates]
-    values = true_values(nominal, true)
+    voltage_v = next(
+        (e.after for result in results for e in result.estimates if e.key == "drive.motor_voltage_v"), 12.0
+    )
+    values = true_values(_simulated(nominal, true), voltage_v)
     return Calibrated(
         seed,
         results,
         {key: values[key] for key in keys if key in values},
         before,
         after,
+        _slip_rad(true),
         robot_s,
         config,
         applied.difference,
@@ -191,6 +200,13 @@ async def _tell_truth(robot: SimulatedRobot) -> None:
         await asyncio.sleep(0.05)
 
 
+def _slip_rad(true: TrueParameters) -> float:
+    """Both sides' variances of travel over the square's length, and that of its four turns."""
+    track_m = true.track_width_m or math.inf
+    travel_rad2 = 2 * 4 * SIDE_M * true.travel_variance_m2_per_m / track_m**2
+    return math.sqrt(travel_rad2 + math.tau * true.turn_variance_rad2_per_rad)
+
+
 def _mirrored(leg: Leg) -> Leg:
     target = Pose2D(leg.target.x_m, -leg.target.y_m, wrap_angle(-leg.target.heading_rad))
     return type(leg)(target)
@@ -215,22 +231,3 @@ def hall(out: Path) -> Path:
     text += "negate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.2\n"
     (out / "hall.yaml").write_text(text)
     return out / "hall.yaml"
-
-
-def true_values(settings: Settings, true: TrueParameters) -> dict[str, float]:
-    """What a perfect calibration would find, by the keys of the configuration."""
-    chassis = settings.chassis
-    values = {"chassis.track_multiplier": (true.track_width_m or 0.0) / chassis.track_width_m}
-    for wheel in chassis.wheels:
-        values[f"chassis.{wheel.side}_radius_multiplier"] = (
-            true.wheels[wheel.name].radius_m or 0.0
-        ) / wheel.radius_m
-    for lidar in settings.lidar:
-        own = true.lidars[lidar.name]
-        for key in ("mount_x_m", "mount_y_m", "mount_yaw_rad"):
-            values[f"lidar.{lidar.name}.{key}"] = getattr(own, key)
-    values["battery.divider_ratio"] = true.divider_ratio or 0.0
-    values["ultrasonic.offset_m"] = true.ultrasonic_offset_m
-    values["imu.mount_heading_rad"] = true.imu.mount_heading_rad or 0.0
-    values["imu.gyro_scale"] = true.imu.gyro_scale
-    return values

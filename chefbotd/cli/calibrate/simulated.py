@@ -67,6 +67,9 @@ def _print(calibrated: "Calibrated", pictures: list[Path], passed_s: float) -> N
     for before, after in zip(calibrated.before, calibrated.after, strict=True):
         direction = "clockwise" if before.clockwise else "counter-clockwise"
         echo(f"  {direction}: {_off(before)} before, {_off(after)} after")
+    echo(
+        f"  Random slip alone, which no calibration removes: {math.degrees(calibrated.slip_rad):.1f} degrees (sigma)."
+    )
     echo(f"The robot took {calibrated.robot_s / 60:.1f} minutes of its time, this computer {passed_s:.0f} s.")
     echo(f"Its configuration: {calibrated.config}. Plots: {len(pictures)} in {calibrated.config.parent}.")
 
