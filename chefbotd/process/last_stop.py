@@ -27,6 +27,9 @@ Whoever plugs a cable in again later stands beside the robot; until then this wo
 """
 
 
+WRITTEN, IN_USE, AWAY, NOT_OURS = "written", "in use", "away", "not ours"
+"""What came of the stops: another program has the port, the device did not come back, it is another device now."""
+
 Identity = tuple[int, int]
 """The inode of a pseudo-terminal, and when it was made."""
 
@@ -53,33 +56,33 @@ def stop_motors(
     stop: bytes,
     simulated: Identity | None = None,
     daemon: int = 0,
-) -> bool | None:
-    """Open the port with DTR and RTS as the daemon sets them, and write stops: whether that went, or was not needed.
+) -> str:
+    """Open the port with DTR and RTS as the daemon sets them, and write stops: what came of it.
 
-    ``daemon`` is the process that had the port. ``simulated`` is the pseudo-terminal of a simulated board. None: that
-    one is gone, and nothing was written; what has its number now is somebody's terminal.
+    ``daemon`` is the process that had the port. ``simulated`` is the pseudo-terminal of a simulated board: when that
+    one is gone, nothing is written, because what has its number now is somebody's terminal.
     """
     import serial  # only now, so that the wait costs no memory
 
     until_s = time.monotonic() + PATIENCE_S
     while time.monotonic() < until_s:
         if simulated is not None and pseudo_terminal(device) != simulated:
-            return None
+            return NOT_OURS
         port = serial.Serial(None, baud, write_timeout=1.0)
         port.port, port.dtr, port.rts = device, dtr, rts
         with contextlib.suppress(OSError, termios.error), port:  # a device that goes away raises either
-            for _ in range(STOPS):
+            for written in range(STOPS):
                 if not _is_left_to_us(port.fileno(), daemon, until_s):
-                    return True
+                    return WRITTEN if written else IN_USE
                 port.write(stop)
                 time.sleep(APART_S)
-            return True
+            return WRITTEN
         time.sleep(APART_S)
-    return False
+    return AWAY
 
 
 def _is_left_to_us(descriptor: int, daemon: int, until_s: float) -> bool:
-    """Whether no other program drives; one that has the port's lock has put a stop on the wire first.
+    """Whether no other program has the port; a chefbotd that has it has put a stop on the wire first.
 
     The pipe ends before the daemon does: it, and a child that it was just starting, hold the lock until the kernel has
     taken all of it apart, which a busy computer puts off. Until then it is this program's parent, and no other program
@@ -111,10 +114,16 @@ def main() -> None:
     if sys.stdin.buffer.read() == GOODBYE:
         return
     lines = dtr == "1", rts == "1"
-    stopped = stop_motors(device, int(baud), *lines, bytes.fromhex(stop), simulated, int(daemon))
-    if stopped:
+    outcome = stop_motors(device, int(baud), *lines, bytes.fromhex(stop), simulated, int(daemon))
+    if outcome == WRITTEN:
         tell(syslog.LOG_WARNING, f"chefbotd was killed: the motors on {device} were told to stop")
-    elif stopped is not None:
+    elif outcome == IN_USE:
+        tell(
+            syslog.LOG_ERR,
+            f"chefbotd was killed, and another program has had {device} since, so nothing was written: if it is not "
+            f"chefbotd, {BEWARE}",
+        )
+    elif outcome == AWAY:
         tell(
             syslog.LOG_ERR,
             f"chefbotd was killed, and {device} was not back within {PATIENCE_S:g} s: {BEWARE}",

@@ -57,7 +57,8 @@ def test_a_device_that_goes_away_while_it_is_opened_is_opened_again(
     """The terminal's own error, which is no OSError, ends the program as little as a missing device does."""
     port = FailingPort([FileNotFoundError(2, "gone"), termios.error(5, "Input/output error")])
     monkeypatch.setattr(serial, "Serial", port)
-    assert last_stop.stop_motors("/dev/nowhere", 115200, True, True, b"s 0 0\r")
+    outcome = last_stop.stop_motors("/dev/nowhere", 115200, True, True, b"s 0 0\r")
+    assert outcome == last_stop.WRITTEN
     assert bytes(port.written) == b"s 0 0\r" * last_stop.STOPS
 
 
@@ -66,7 +67,8 @@ def test_a_port_that_stays_away_is_waited_for_ten_seconds(
 ):
     """Then the program gives up, rather than hold up the system for ever."""
     monkeypatch.setattr(serial, "Serial", FailingPort([FileNotFoundError(2, "gone")] * 1000))
-    assert not last_stop.stop_motors("/dev/nowhere", 115200, True, True, b"s 0 0\r")
+    outcome = last_stop.stop_motors("/dev/nowhere", 115200, True, True, b"s 0 0\r")
+    assert outcome == last_stop.AWAY
     assert sum(slept_s) == pytest.approx(10.0, abs=0.2)
 
 
@@ -120,20 +122,23 @@ def port_in_use(monkeypatch: pytest.MonkeyPatch) -> Iterator[PortInUse]:
 def test_the_lock_of_the_daemon_that_dies_is_waited_for(port_in_use: PortInUse, looks: int):
     """The pipe has ended, but the kernel has not let go of the port yet: on a busy computer that takes its time."""
     port_in_use.looks_left = looks
-    assert last_stop.stop_motors(port_in_use.path, 115200, True, True, b"s 0 0\r")
+    assert last_stop.stop_motors(port_in_use.path, 115200, True, True, b"s 0 0\r") == last_stop.WRITTEN
     assert port_in_use.written == b"s 0 0\r" * last_stop.STOPS
 
 
 def test_a_daemon_that_cannot_end_is_stopped_all_the_same(port_in_use: PortInUse):
     """It holds the lock for ever, and is still this program's parent, so nobody else drives: no stop is late."""
-    assert last_stop.stop_motors(port_in_use.path, 115200, True, True, b"s 0 0\r", None, os.getppid())
+    assert (
+        last_stop.stop_motors(port_in_use.path, 115200, True, True, b"s 0 0\r", None, os.getppid())
+        == last_stop.WRITTEN
+    )
     assert port_in_use.written == b"s 0 0\r" * last_stop.STOPS
     assert port_in_use.slept_s == pytest.approx(last_stop.STOPS * last_stop.APART_S)
 
 
 def test_a_port_that_another_program_keeps_is_left_to_it(port_in_use: PortInUse):
-    """The daemon is gone, and the lock is still held ten seconds later: not a byte is written, and that is no fault."""
-    assert last_stop.stop_motors(port_in_use.path, 115200, True, True, b"s 0 0\r")
+    """The daemon is gone, and the lock is still held ten seconds later: nothing is written, and the outcome says so."""
+    assert last_stop.stop_motors(port_in_use.path, 115200, True, True, b"s 0 0\r") == last_stop.IN_USE
     assert port_in_use.written == b""
     assert port_in_use.slept_s == pytest.approx(10.0, abs=0.2)
 
@@ -144,7 +149,7 @@ def test_a_port_that_is_taken_between_two_stops_is_waited_for_ten_seconds_in_all
     """In use for 6 s before the first stop and for ever after the second: it is left to who has it, 10 s in all."""
     looks = iter([False] * 60 + [True] * 2)
     monkeypatch.setattr(last_stop, "_is_free", lambda _: next(looks, False))
-    assert last_stop.stop_motors(port_in_use.path, 115200, True, True, b"s 0 0\r")
+    assert last_stop.stop_motors(port_in_use.path, 115200, True, True, b"s 0 0\r") == last_stop.WRITTEN
     assert port_in_use.written == b"s 0 0\r" * 2
     assert port_in_use.slept_s == pytest.approx(10.0, abs=0.2)
 
@@ -157,14 +162,14 @@ def test_a_terminal_that_has_the_number_of_a_simulated_board_gets_nothing() -> N
     assert simulated is not None
     os.close(device)
     os.close(board)
-    assert last_stop.stop_motors(path, 115200, True, True, b"s 0 0\r", simulated) is None
+    assert last_stop.stop_motors(path, 115200, True, True, b"s 0 0\r", simulated) == last_stop.NOT_OURS
     terminal, device = os.openpty()
     while last_stop.pseudo_terminal(path) == simulated:  # made within one tick of the kernel's clock
         os.close(device)
         os.close(terminal)
         terminal, device = os.openpty()
     try:
-        assert last_stop.stop_motors(path, 115200, True, True, b"s 0 0\r", simulated) is None
+        assert last_stop.stop_motors(path, 115200, True, True, b"s 0 0\r", simulated) == last_stop.NOT_OURS
         os.set_blocking(terminal, False)
         with pytest.raises(BlockingIOError):
             os.read(terminal, 100)
