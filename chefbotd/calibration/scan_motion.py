@@ -40,6 +40,7 @@ MOST_RAD = 0.5
 FIRST, WIDE = 6, Window(0.5, math.pi, 0.02, 0.005)
 """The first scans are searched far from where the wheels say: a wheel may be wired backwards, the mount be wrong."""
 
+ROUNDS = 3
 WEAK = Prior(np.zeros(3), np.diag([1e-2, 1e-2, 1e-2]))
 
 
@@ -57,6 +58,7 @@ class Matched(Record, frozen=True):
     poses: Floats
     sigmas: Floats
     is_good: Flags
+    rms_m: float
 
 
 def keyframe(row: int, scans: Sequence[Floats]) -> Keyframe | None:
@@ -89,16 +91,16 @@ def matched(frames: Sequence[Keyframe], rolled: Floats, totals: Floats, memory: 
         since = np.zeros(2)
         if k <= memory:
             grids = _with(grids, frames[k], poses[k])
-    for _ in range(3):
-        _refine(frames, poses, sigmas, is_good, memory)
-    return Matched(poses, sigmas, is_good)
+    for _ in range(ROUNDS):
+        rms_m = _refine(frames, poses, sigmas, is_good, memory)
+    return Matched(poses, sigmas, is_good, rms_m)
 
 
 def _refine(frames: Sequence[Keyframe], poses: Floats, sigmas: Floats, is_good: Flags, memory: int) -> None:
     """Match each scan with those before and after it; in place."""
     is_small = len(frames) <= memory + 1
     grids = _around(frames, poses, range(len(frames)), is_good) if is_small else empty()
-    moved = poses.copy()
+    moved, off_m = poses.copy(), []
     for k in np.flatnonzero(is_good).tolist():
         if not is_small:
             grids = _around(
@@ -106,8 +108,10 @@ def _refine(frames: Sequence[Keyframe], poses: Floats, sigmas: Floats, is_good: 
             )
         fit = polish(grids, frames[k].points, frames[k].facing, poses[k], _near(poses[k]), NOISE_M)
         moved[k] = fit.pose
+        off_m.append(fit.rms_m)
         sigmas[k] = np.sqrt(np.diag(inverted(fit.information + WEAK.information)))
     poses[:] = between(moved[0], moved)
+    return math.sqrt(float(np.mean(np.square(off_m)))) if off_m else math.inf
 
 
 def _near(pose: Floats) -> Prior:

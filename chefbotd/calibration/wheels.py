@@ -8,18 +8,25 @@ import importlib.util
 import math
 from collections.abc import Iterator
 
+from chefbotd.calibration.space import free_space
 from chefbotd.calibration.step import Measurements, Move, Procedure, Robot, Step, StepResult
 from chefbotd.core.geometry import Twist2D
 
-SPACE_M = 0.65
-REACH_M = 0.5
-"""How far from the start the middle of the axle gets."""
+SPACE_M = 0.55
+MARGIN_M = 0.3
+"""From what stands around: nearer, the obstacle guard would slow the robot."""
+
+LEAST_REACH_M, MOST_REACH_M = 0.25, 0.5
+"""How far from the start the middle of the axle gets, as there is space."""
 
 SPEED_SHARE = 0.9
 """Of the fastest that a rim can: the controller needs a little room."""
 
 SMALL_M, SMALL_RAD = 0.25, 0.8
 """The first motions: small enough that a wheel which is wired wrongly does no harm."""
+
+LEAST_RADIUS = 0.6
+"""Of a circle, in tracks: on a smaller one the inner wheel would stand."""
 
 TURNS = 1.5
 """Of a circle: the robot ends opposite of where it began, so that the lidar measures the circle's diameter."""
@@ -35,24 +42,26 @@ def _missing(robot: Robot) -> str:
 
 
 def _procedure(robot: Robot) -> Procedure:
-    moves = list(_moves(robot))
+    seen = yield Move(None, LOOK_S, "looks around")
+    space = free_space(robot, seen.scans)
+    reach_m = MOST_REACH_M if space is None else space.distance_m - MARGIN_M
+    moves = list(_moves(robot, min(max(reach_m, LEAST_REACH_M), MOST_REACH_M)))
     total_s = sum(seconds for _, seconds, _ in moves) + LOOK_S * len(moves)
     done_s = 0.0
-    yield Move(None, LOOK_S, "looks around")
     for twist, seconds, text in moves:
         yield Move(twist, seconds, text, done_s / total_s)
         done_s += seconds + LOOK_S
         yield Move(None, LOOK_S, "looks around", done_s / total_s)
 
 
-def _moves(robot: Robot) -> Iterator[tuple[Twist2D, float, str]]:
+def _moves(robot: Robot, reach_m: float) -> Iterator[tuple[Twist2D, float, str]]:
     """Small motions first, that show the signs; then circles and turns on the spot both ways, and straights.
 
     The inner wheel of a circle never stands: friction would make it jerk. A circle there and back ends a little ahead of
     its start, or behind it if it begins in reverse, because the limits let the speed rise sooner than the turn.
     """
     track_m, rim_m_s = robot.chassis.effective_track_m, SPEED_SHARE * robot.drive.max_rim_speed_m_s
-    radius_m = max(REACH_M / 2, 0.75 * track_m)
+    radius_m = max(reach_m / 2, LEAST_RADIUS * track_m)
     angular, linear = robot.limits.angular.axis, robot.limits.linear.axis
     turn_rad_s = min(rim_m_s / (radius_m + track_m / 2), angular.max_forward, angular.max_reverse)
     turn_rad_s = min(turn_rad_s, linear.max_forward / radius_m)
@@ -70,7 +79,7 @@ def _moves(robot: Robot) -> Iterator[tuple[Twist2D, float, str]]:
                 yield twist, circle_s, f"circles to the {'left' if side > 0 else 'right'}"
         for lengths in (1, -2, 1):
             speed_m_s = math.copysign(ahead_m_s, lengths)
-            yield Twist2D(speed_m_s), abs(lengths) * REACH_M / ahead_m_s, "drives straight"
+            yield Twist2D(speed_m_s), abs(lengths) * reach_m / ahead_m_s, "drives straight"
         for sign in (1, -1):
             yield Twist2D(0.0, sign * spin_rad_s), (2.5 - cycle / 4) * math.tau / spin_rad_s, "turns"
 

@@ -67,11 +67,15 @@ class World:
         self._before_rad = np.zeros(2)
         self.trail = [(self.now_s, *self.pose)]
 
-    def perform(self, procedure: Procedure, answers: Mapping[str, float] | None = None) -> Measurements:
-        """Everything that was measured during the procedure."""
+    def perform(
+        self, procedure: Procedure, answers: Mapping[str, float] | None = None, most: int | None = None
+    ) -> Measurements:
+        """Everything that was measured during the procedure, or during so many of its actions."""
         wheels, scans, given = list[WheelsMeasured](), list[ScanMeasured](), {}
         action = next(procedure, None)
-        while action is not None:
+        performed = 0
+        while action is not None and performed != most:
+            performed += 1
             part = Measurements()
             if isinstance(action, Ask):
                 given[action.key] = (answers or {})[action.key]
