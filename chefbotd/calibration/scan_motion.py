@@ -53,7 +53,10 @@ class Keyframe(Record, frozen=True):
 
 
 class Matched(Record, frozen=True):
-    """Poses (k, 3) of the lidar in the frame of the first, their standard deviations (k, 3), and which were matched."""
+    """Poses (k, 3) of the lidar in the frame of the first, their standard deviations (k, 3), and which were matched.
+
+    ``rms_m`` is how far the points are from the surfaces.
+    """
 
     poses: Floats
     sigmas: Floats
@@ -96,8 +99,8 @@ def matched(frames: Sequence[Keyframe], rolled: Floats, totals: Floats, memory: 
     return Matched(poses, sigmas, is_good, rms_m)
 
 
-def _refine(frames: Sequence[Keyframe], poses: Floats, sigmas: Floats, is_good: Flags, memory: int) -> None:
-    """Match each scan with those before and after it; in place."""
+def _refine(frames: Sequence[Keyframe], poses: Floats, sigmas: Floats, is_good: Flags, memory: int) -> float:
+    """Match each scan with those before and after it, in place; how far its points are from the surfaces."""
     is_small = len(frames) <= memory + 1
     grids = _around(frames, poses, range(len(frames)), is_good) if is_small else empty()
     moved, off_m = poses.copy(), []

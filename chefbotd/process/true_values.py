@@ -6,6 +6,9 @@ from chefbotd.sim.plant import Plant
 
 CURVE_STEP_S = 0.001
 
+ROUNDING_M = 0.005
+"""The sketch rounds whole centimetres down, so that it reads half of one too little in the mean."""
+
 
 def true_values(settings: Settings, voltage_v: float) -> dict[str, float]:
     """The true value of each key that a step of the calibration may find.
@@ -16,7 +19,7 @@ def true_values(settings: Settings, voltage_v: float) -> dict[str, float]:
     values = {
         "chassis.track_multiplier": (true.track_width_m or 0.0) / chassis.track_width_m,
         "battery.divider_ratio": true.divider_ratio or 0.0,
-        "ultrasonic.offset_m": true.ultrasonic_offset_m,
+        "ultrasonic.offset_m": true.ultrasonic_offset_m - ROUNDING_M,
         "imu.mount_heading_rad": true.imu.mount_heading_rad or 0.0,
         "imu.gyro_scale": true.imu.gyro_scale,
     }

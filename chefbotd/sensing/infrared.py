@@ -118,10 +118,10 @@ class InfraredParameters(Parameters):
     ``curve_v_m`` are (volts, metres) from the fold outwards, ``near_curve_v_m`` those from the sensor to the fold.
     ``setback_m`` is how far the sensor sits behind the foremost part of the robot, along its beam: no object gets
     nearer to the sensor than that. With 0.10 m, an ambiguous reading is trusted again below 2.0 V (from 0.30 m on);
-    with 0, only when nothing at all is in sight. After ``max_gap_s`` without a reading the earlier readings no
-    longer count; an object that could cross the peak in that time, at its present pace, makes the reading ambiguous as
-    well. Only the robot's description needs ``mount_z_m``, the height above the floor; the default is that of the
-    axles.
+    with 0, only when nothing at all is in sight. The sensor reads by ``offset_m`` too far. After ``max_gap_s`` without
+    a reading the earlier readings no longer count; an object that could cross the peak in that time, at its present
+    pace, makes the reading ambiguous as well. Only the robot's description needs ``mount_z_m``, the height above the
+    floor; the default is that of the axles.
     """
 
     name: str = Field(default="front", min_length=1)
@@ -130,6 +130,7 @@ class InfraredParameters(Parameters):
     curve_v_m: tuple[tuple[float, float], ...] = DATASHEET_CURVE_V_M
     near_curve_v_m: tuple[tuple[float, float], ...] = DATASHEET_NEAR_CURVE_V_M
     setback_m: float = Field(ge=0, le=2)
+    offset_m: float = Field(default=0.0, ge=-0.5, le=0.5)
     max_gap_s: float = Field(default=0.1, gt=0, le=10)
     median_window: int = Field(default=5, ge=1, le=101)
     min_range_m: float = Field(default=0.20, gt=0, le=10)
@@ -242,7 +243,7 @@ def _may_fold(params: InfraredParameters, before: tuple[InfraredSample, ...], sa
 def _distance_m(params: InfraredParameters, volts: float) -> float:
     """The distance of a voltage if no object is nearer than the fold; infinity below the last point of the curve."""
     farthest_v, _ = params.curve_v_m[-1]
-    return params.metres_by_volts.at(volts) if volts >= farthest_v else math.inf
+    return params.metres_by_volts.at(volts) - params.offset_m if volts >= farthest_v else math.inf
 
 
 def _status(params: InfraredParameters, distance_m: float, maybe_folded: bool) -> RangeStatus:

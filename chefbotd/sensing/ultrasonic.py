@@ -13,12 +13,14 @@ from chefbotd.core.parameters import Parameters
 class UltrasonicParameters(Parameters):
     """The band in which the sensor is trusted, its cone (full angle), and its place in ``base_footprint``.
 
-    Only the robot's description needs ``mount_z_m``, the height above the floor; the default is that of the axles.
+    It reads by ``offset_m`` too far. Only the robot's description needs ``mount_z_m``, the height above the floor; the
+    default is that of the axles.
     """
 
     name: str = Field(default="front", min_length=1)
     min_range_m: float = Field(default=0.02, ge=0, le=10)
     max_range_m: float = Field(default=4.0, gt=0, le=10)
+    offset_m: float = Field(default=0.0, ge=-0.5, le=0.5)
     field_of_view_rad: float = Field(default=0.26, gt=0, le=math.pi)
     mount_x_m: float = Field(default=0.0, ge=-5, le=5)
     mount_y_m: float = Field(default=0.0, ge=-5, le=5)
@@ -41,25 +43,23 @@ class UltrasonicParameters(Parameters):
 
 def interpret(params: UltrasonicParameters, echoed: UltrasonicEchoed) -> RangeMeasured:
     """The range of a reading. 0 cm is no echo; a distance outside the band is never passed on as a distance."""
-    distance_cm = echoed.distance_cm
-    status = _status(params, distance_cm)
+    distance_m = echoed.distance_cm / 100 - params.offset_m
+    status = RangeStatus.NO_ECHO if echoed.distance_cm == 0 else _status(params, distance_m)
     return RangeMeasured(
         stamp_s=echoed.stamp_s,
         arrival_s=echoed.arrival_s,
         sensor=params.name,
         status=status,
-        range_m=distance_cm / 100 if status is RangeStatus.OK else None,
+        range_m=distance_m if status is RangeStatus.OK else None,
         min_range_m=params.min_range_m,
         max_range_m=params.max_range_m,
         field_of_view_rad=params.field_of_view_rad,
     )
 
 
-def _status(params: UltrasonicParameters, distance_cm: int) -> RangeStatus:
-    if distance_cm == 0:
-        return RangeStatus.NO_ECHO
-    if distance_cm / 100 < params.min_range_m:
+def _status(params: UltrasonicParameters, distance_m: float) -> RangeStatus:
+    if distance_m < params.min_range_m:
         return RangeStatus.TOO_NEAR
-    if distance_cm / 100 > params.max_range_m:
+    if distance_m > params.max_range_m:
         return RangeStatus.TOO_FAR
     return RangeStatus.OK

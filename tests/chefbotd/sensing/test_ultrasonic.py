@@ -28,6 +28,14 @@ def test_only_a_trusted_distance_is_one(distance_cm: int, status: RangeStatus, r
     assert (measured.status, measured.range_m) == (status, range_m)
 
 
+def test_the_offset_is_taken_off() -> None:
+    """A sensor that reads 2 cm too far: 1.37 m are 1.35 m, 4.01 m are in its band, and no echo remains none."""
+    params = UltrasonicParameters(offset_m=0.02)
+    measured = [interpret(params, UltrasonicEchoed(5.0, 5.1, cm)) for cm in (137, 401, 0)]
+    assert [one.range_m for one in measured] == pytest.approx([1.35, 3.99, None])
+    assert measured[2].status is RangeStatus.NO_ECHO
+
+
 def test_a_reading_says_what_sensor_it_is_from() -> None:
     """Name, band and cone are those of the configuration, the time that of the bytes."""
     params = UltrasonicParameters(name="rear", min_range_m=0.1, max_range_m=2.0, field_of_view_rad=0.5)
