@@ -24,6 +24,7 @@ from benchmarks import (
     cpu,
     decode,
     depth,
+    estimation,
     fanout,
     latency,
     optiodom,
@@ -116,6 +117,7 @@ def _wheel_speed(**options: Any) -> Outcome:
 
 
 TAKES = {
+    "estimation": ("folder", "out"),
     "localization": ("folder", "out"),
     "optiodom": ("folder", "out", "fit", "score"),
     "slam": ("folder", "out"),
@@ -134,6 +136,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     "fanout": fanout.run,
     "saturation": saturation.run,
     "optiodom": optiodom.run,
+    "estimation": estimation.run,
     "physics": physics.run,
     "ratios": ratios.run,
     "slam": _slam,

@@ -57,21 +57,19 @@ def estimate(folder: Path, case: str, seed: int = 1) -> list[tuple[float, float,
         PARAMETERS, track_width_m=TRACK_M, travel_variance=1e-3, turn_variance=0.1, is_skid_steer=True
     )
     fused.set_pose(Pose2D(0.0, 0.0, imu[0]["yaw_rad"]))
-    trajectory, before_s, readings = [], wheels[0]["t_s"], iter(_readings(imu, case, chance))
-    before_m_s = wheels[0]["vx_mps"], wheels[0]["wz_radps"] * TRACK_M / 2
-    reading = next(readings, None)
+    trajectory, readings = [], iter(_readings(imu, case, chance))
+    reading, cycle_s = next(readings, None), (wheels[-1]["t_s"] - wheels[0]["t_s"]) / (len(wheels) - 1)
+    fused.add_travel(wheels[0]["t_s"] - cycle_s / 2, 0.0, 0.0)
     for row in wheels:
-        while reading is not None and reading.stamp_s <= row["t_s"]:
+        now_s = row["t_s"] + cycle_s / 2  # a speed is that in the middle of its cycle
+        while reading is not None and reading.stamp_s <= now_s:
             fused.add_imu(reading)
             reading = next(readings, None)
-        dt_s, before_s = row["t_s"] - before_s, row["t_s"]
-        speed_m_s, half_m_s = row["vx_mps"], row["wz_radps"] * TRACK_M / 2
+        travel_m, bend_m = row["vx_mps"] * cycle_s, row["wz_radps"] * TRACK_M / 2 * cycle_s
         if case.startswith("3 %") and chance.random() < 0.03:
-            speed_m_s += chance.choice((-1, 1)) * chance.uniform(1, 5)
-        travel_m, bend_m = (speed_m_s + before_m_s[0]) / 2 * dt_s, (half_m_s + before_m_s[1]) / 2 * dt_s
-        before_m_s = speed_m_s, half_m_s
-        state = fused.add_travel(row["t_s"], travel_m - bend_m, travel_m + bend_m)
-        trajectory.append((row["t_s"], state.x_m, state.y_m, state.climb_m, state.odom_from_base.heading_rad))
+            travel_m += chance.choice((-1, 1)) * chance.uniform(1, 5) * cycle_s
+        state = fused.add_travel(now_s, travel_m - bend_m, travel_m + bend_m)
+        trajectory.append((now_s, state.x_m, state.y_m, state.climb_m, state.odom_from_base.heading_rad))
     return trajectory
 
 

@@ -140,7 +140,7 @@ def drive(
 class _Slip:
     """Which wheel loses how much of its travel."""
 
-    EVERY_S, LASTS_S, LEAST_M_S = 5.0, 0.5, 0.05
+    EVERY_S, LASTS_S, LEAST_M_S = 5.0, 0.5, 0.1
 
     def __init__(self, shares: tuple[float, float] | None, chance: random.Random) -> None:
         self._shares, self._chance = shares, chance
@@ -148,7 +148,7 @@ class _Slip:
         self._began = False
 
     def lost(self, stamp_s: float, left_m: float, right_m: float) -> tuple[float, float]:
-        """What each side loses in this cycle; a slip begins only with a wheel that is driven."""
+        """What each side loses in this cycle; a slip begins only with a wheel at 0.1 m/s at least."""
         if self._shares is None or stamp_s < self._from_s:
             return 0.0, 0.0
         if not self._began:

@@ -151,7 +151,9 @@ class FusedOdometry:
         if rates is not None:
             if not now.has_rates:
                 now.has_rates = True
-                self._begin_bias(self._parameters.gyro_bias_rad_s)
+                # what is considered of a turn are the gyroscope's errors from now on, and no longer the wheels'
+                now.estimate = motion_filter.with_new_turn_errors(now.estimate)
+                now.estimate = motion_filter.with_unknown_bias(now.estimate, self._parameters.gyro_bias_rad_s)
             if not now.rates.add(stamp_s, rates[2]):
                 note_refusal(now, refused=True)
         if orientation is not None:
@@ -167,17 +169,11 @@ class FusedOdometry:
         if now.has_offset:
             expected_rad = now.estimate.heading_rad + now.estimate.offset_rad
         elif not now.has_headings and not now.has_rates:
-            self._begin_bias(self._parameters.heading_drift_rad_s)
+            now.estimate = motion_filter.with_unknown_bias(now.estimate, self._parameters.heading_drift_rad_s)
         now.has_headings = True
         heading = now.headings.add(stamp_s, reading_rad, self._scale, expected_rad)
         if heading is not None and not self._is_frozen:
             now.waiting.append(heading)
-
-    def _begin_bias(self, sigma_rad_s: float) -> None:
-        """Begin with a bias of 0 of this uncertainty."""
-        covariance = list(self._memory.estimate.covariance)
-        covariance[30] = sigma_rad_s**2
-        self._memory.estimate = replace(self._memory.estimate, covariance=tuple(covariance))
 
     def add_travel(self, stamp_s: float, left_m: float, right_m: float) -> MotionEstimate:
         """The estimate at ``stamp_s``, up to which both sides have rolled so far since the last call."""
@@ -213,7 +209,7 @@ class FusedOdometry:
         """The travel, or that of the last speed where it needs an impossible acceleration."""
         now, (left_m_s, right_m_s) = self._memory, self._memory.sides_m_s
         change_m_s = max(abs(left_m / dt_s - left_m_s), abs(right_m / dt_s - right_m_s))
-        if change_m_s > most_m_s2 * dt_s and now.spikes < MOST_SPIKES:
+        if change_m_s > most_m_s2 * dt_s * (now.spikes + 1) and now.spikes < MOST_SPIKES:
             now.spikes += 1
             return left_m_s * dt_s, right_m_s * dt_s
         now.spikes, now.sides_m_s = 0, (left_m / dt_s, right_m / dt_s)

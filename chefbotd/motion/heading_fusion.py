@@ -36,6 +36,7 @@ REGULAR_SHARE: Final = 0.7
 REGULAR_CYCLES: Final = 3
 """The queue is empty again when so many cycles have lasted as long as usual: the sketch then waits for a sample."""
 
+FIRST_READINGS: Final = 9
 LAG_EVERY_S: Final = 0.5
 LAG_READINGS: Final = 20
 LAG_SPACING_S: Final = 0.045
@@ -119,7 +120,7 @@ def take_headings(now: FusionState, noise_rad: float, limits: tuple[float, float
             continue
         if not now.has_rates:
             _compare(now, heading, limits, may_slip=may_slip)
-        if heading.is_new:
+        if heading.is_new or not now.has_offset:
             _take(now, heading, noise_rad)
     del now.waiting[:ready]
     if now.stamp_s is not None and now.stamp_s - now.lag_checked_s >= LAG_EVERY_S:
@@ -149,8 +150,7 @@ def _take(now: FusionState, heading: Heading, noise_rad: float) -> None:
     heading_rad = heading.middle_rad + last[2] - then[2]
     variance = noise_rad * noise_rad + last[3] - then[3]
     if not now.has_offset:
-        now.estimate = motion_filter.with_new_offset(now.estimate, heading_rad, variance)
-        now.has_offset = True
+        _begin(now, noise_rad)
         return
     off_rad, expected = motion_filter.surprise(now.estimate, heading_rad, variance)
     refused = off_rad * off_rad > GATE * expected
@@ -166,8 +166,25 @@ def _take(now: FusionState, heading: Heading, noise_rad: float) -> None:
     now.estimate = motion_filter.with_imu_heading(now.estimate, heading_rad, variance)
 
 
+def _begin(now: FusionState, noise_rad: float) -> None:
+    """Begin with the middle one of the first headings: the first alone may be an outlier."""
+    if len(now.readings) < FIRST_READINGS:
+        return
+    turns = [(rad, turned) for at_s, rad in now.readings if (turned := now.history.at(at_s - now.lag_s))]
+    if not turns:
+        return
+    last = now.history.turns[-1]
+    headings = sorted([rad + last[2] - turned[2] for rad, turned in turns])
+    variance = noise_rad * noise_rad + last[3] - turns[0][1][3]
+    heading_rad = headings[len(headings) // 2]
+    now.estimate = motion_filter.with_new_offset(now.estimate, heading_rad, variance)
+    now.has_offset = True
+
+
 def check_lag(now: FusionState, noise_rad: float) -> None:
     """Find by how much the headings come late, where they scatter about the turns as if they did."""
+    if len(now.readings) < LAG_READINGS:
+        return
     limit = LAG_MISFIT * noise_rad * noise_rad
     present = scatter(now.history, now.readings, now.lag_s)
     if present is None or present <= limit:

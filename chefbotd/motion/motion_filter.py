@@ -243,6 +243,23 @@ def widened(now: MotionEstimate, position_variance_m2: float, heading_variance_r
     return replace(now, covariance=tuple(c))
 
 
+def with_unknown_bias(now: MotionEstimate, sigma_rad_s: float) -> MotionEstimate:
+    """The state with a bias of 0, of this uncertainty."""
+    c = list(now.covariance)
+    for index in (4, 12, 19, 25, 31, 32, 33, 34):
+        c[index] = 0.0
+    c[30] = sigma_rad_s**2
+    return replace(now, bias_rad_s=0.0, covariance=tuple(c))
+
+
+def with_new_turn_errors(now: MotionEstimate) -> MotionEstimate:
+    """The state when the turn is measured by another sensor from now on: its errors have had no effect yet."""
+    c = list(now.covariance)
+    for index in (6, 7, 14, 15, 21, 22, 27, 28, 32, 33):
+        c[index] = 0.0
+    return replace(now, covariance=tuple(c))
+
+
 def with_new_offset(now: MotionEstimate, imu_heading_rad: float, variance_rad2: float) -> MotionEstimate:
     """The state in which the IMU's heading has begun anew here: the offset is known as well as heading and reading are.
 

@@ -2,6 +2,7 @@
 
 import math
 import random
+from collections.abc import Callable
 
 import numpy as np
 import pytest
@@ -18,6 +19,8 @@ from chefbotd.motion.motion_filter import (
     with_bias,
     with_imu_heading,
     with_new_offset,
+    with_new_turn_errors,
+    with_unknown_bias,
 )
 
 Matrix = NDArray[np.float64]
@@ -135,3 +138,12 @@ def test_a_measured_bias_is_believed_by_its_variance() -> None:
     now = with_bias(now, 0.02, 1e-4)
     assert now.bias_rad_s == pytest.approx(0.01)
     assert now.covariance[30] == pytest.approx(5e-5)
+
+
+@pytest.mark.parametrize("change", [with_new_turn_errors, lambda now: with_unknown_bias(now, 0.1)])
+def test_the_covariance_stays_possible(change: Callable[[MotionEstimate], MotionEstimate]) -> None:
+    """No combination of the errors has a negative variance when the turn comes from another sensor."""
+    now, _ = random_drive(4, bias_turns=True)
+    assert np.linalg.eigvalsh(matrix(change(now)))[0] > -1e-12
+    smaller = Considered(1e-4, 1e-9, 0.0, 4e-4)
+    assert np.linalg.eigvalsh(matrix(with_new_turn_errors(now), smaller))[0] > -1e-12
