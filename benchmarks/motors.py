@@ -21,7 +21,7 @@ from chefbotd.settings.values import calibrated
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 
 SEEDS, QUICK_SEEDS = 20, 2
-SPEEDS_M_S = (0.05, 0.1, 0.2, 0.3)
+BOTH_WAYS_M_S = (0.05, -0.05, 0.1, -0.1, 0.2, -0.2, 0.3, -0.3)
 START_S, BAND, STEADY_FROM_S = 3.0, 0.05, 1.0
 SAMPLE_S, COMMAND_S = 0.005, 0.05
 LOW = {"sim.battery.start_charge_share": 0.3, "battery.critical_v": 10.5}
@@ -132,8 +132,16 @@ def run_wheel_speed(*, quick: bool = False) -> Outcome:
     return Outcome(tuple(figures), (__doc__.rpartition("\n\n")[2].strip().replace("\n", " "),))
 
 
-def starts(settings: Settings, values: Mapping[str, float]) -> list[tuple[float, float, float]]:
-    """Every start's time to settle in s, overshoot and steady error as shares: the worst of its wheels."""
+def starts(
+    settings: Settings,
+    values: Mapping[str, float],
+    speeds_m_s: Sequence[float] = BOTH_WAYS_M_S,
+    phase_s: float = 0.0,
+) -> list[tuple[float, float, float]]:
+    """Every start's time to settle in s, overshoot and steady error as shares: the worst of its wheels.
+
+    The first start is ``phase_s`` later in the board's cycle.
+    """
     guard = settings.safety.guard.model_copy(update={"enabled": False})
     settings = settings.model_copy(update={"safety": settings.safety.model_copy(update={"guard": guard})})
     settings = calibrated(settings, values)
@@ -141,12 +149,11 @@ def starts(settings: Settings, values: Mapping[str, float]) -> list[tuple[float,
     async def measure() -> list[tuple[float, float, float]]:
         results = []
         async with simulated_robot(settings) as robot:
-            await asyncio.sleep(2.0)
-            for speed_m_s in SPEEDS_M_S:
-                for sign in (1.0, -1.0):
-                    results.append(await _start(robot, settings, sign * speed_m_s))
-                    await robot.client.stop()
-                    await asyncio.sleep(1.0)
+            await asyncio.sleep(2.0 + phase_s)
+            for speed_m_s in speeds_m_s:
+                results.append(await _start(robot, settings, speed_m_s))
+                await robot.client.stop()
+                await asyncio.sleep(1.0)
         return results
 
     return run_virtual(measure())

@@ -44,6 +44,9 @@ The wheel on the inside of a tight circle creeps for as long as the circle lasts
 UNREAD_S = 0.007
 """What is written so shortly before a reading arrives was not read in that cycle: the lines before it take as long."""
 
+MOST_OFFERS = 8
+"""So many duties are remembered: more than are written in two of a board's cycles."""
+
 MOST_SUPPLY_SHARE = 1.5
 """A voltage farther from the models' than this factor is an error of its measurement, and makes up for nothing."""
 
@@ -160,6 +163,25 @@ class Drive:
         )
 
     @property
+    def knows_its_motors(self) -> bool:
+        """Whether it drives by the motors' models."""
+        return bool(self._motors)
+
+    def offer(self, state: DriveState) -> DriveState:
+        """The state's duty goes out."""
+        if not any(state.duty):
+            return state
+        return replace(state, offered=(*state.offered[1 - MOST_OFFERS :], (state.duty, state.setpoint_m_s)))
+
+    def obeyed(self, state: DriveState, echoed_duty: Sequence[float]) -> DriveState:
+        """The board obeys this duty, whatever it was offered: the models begin from the setpoint of that."""
+        held_m_s = None if any(echoed_duty) else self._still
+        for duty, setpoint_m_s in state.offered:  # the last one counts
+            if duty == echoed_duty:
+                held_m_s = setpoint_m_s
+        return state if held_m_s in (None, state.held_m_s) else replace(state, held_m_s=held_m_s)
+
+    @property
     def makes_up_for_voltage(self) -> bool:
         """Whether the duty depends on the battery's voltage."""
         return bool(self._motors) and self._parameters.motor_voltage_v is not None
@@ -242,7 +264,7 @@ class Drive:
         share = self._share_left(state, outputs, speeds_m_s, dt_s)
         stepped = tuple([step[0] for step in steps])
         driven = state.setpoint_m_s, state.acceleration_m_s2, state.loose, history, steady_s
-        supplied = state.held_m_s, cycle_s, state.supply_share
+        supplied = state.held_m_s, cycle_s, state.supply_share, (), state.offered
         return DriveState(
             stepped, self._duty(outputs), state.limiter, state.stepped_s, share, *driven, *supplied
         )

@@ -62,6 +62,7 @@ class DriveState(Record, frozen=True):
     ``steady_s``: for how long the setpoints have been steady in what was measured.
     ``held_m_s`` are the setpoints that the motors' models have reached when the present duty comes into force, which is
     held for ``cycle_s``. ``earlier_m_s`` are the setpoints before the last step, where that had no measurement.
+    ``offered`` are the last duties with their setpoints: the board's echo tells which of them it obeys.
     ``supply_share`` is the factor that makes up for the battery's voltage.
     ``loose``: the wheels of a side are not set to the same speed, so ``limiter`` alone does not describe the motion.
     """
@@ -80,3 +81,4 @@ class DriveState(Record, frozen=True):
     cycle_s: float = 0.0
     supply_share: float = 1.0
     earlier_m_s: tuple[float, ...] = ()
+    offered: tuple[tuple[tuple[int, ...], tuple[float, ...]], ...] = ()

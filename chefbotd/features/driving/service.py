@@ -14,6 +14,7 @@ from chefbotd.clock import Clock
 from chefbotd.core.events import (
     BatteryMeasured,
     BoardRestarted,
+    DutyEchoed,
     EncodersCounted,
     LinkClosed,
     LinkOpened,
@@ -98,6 +99,8 @@ class DriveService:
             bus.add_handler(self._on_link, LinkClosed, on_error=on_error),
             bus.add_handler(self._on_link, BoardRestarted, on_error=on_error),
         )
+        if drive.knows_its_motors:
+            self._remove_handlers += (bus.add_handler(self._on_echo, DutyEchoed, on_error=on_error),)
         if drive.makes_up_for_voltage:
             self._remove_handlers += (bus.add_handler(self._on_battery, BatteryMeasured, on_error=on_error),)
         self.steps, self.step_times = 0, Histogram(STEP_BOUNDS_S)
@@ -274,6 +277,11 @@ class DriveService:
         self.keeper.announce(now_s)
         self._publish(event, seen)
         self.step_times.observe(perf_counter() - began_s)
+
+    def _on_echo(self, event: DutyEchoed) -> None:
+        """The board may have read another duty than was thought: make up for it before its next cycle."""
+        if self.wheels.note_echo(event.duty):
+            self._act(self._clock.now_s())
 
     def _on_battery(self, event: BatteryMeasured) -> None:
         self.wheels.note_voltage(event.voltage_v)

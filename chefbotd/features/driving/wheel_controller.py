@@ -11,6 +11,9 @@ from chefbotd.motion.pid import PidParameters
 from chefbotd.motion.setpoints import under
 from chefbotd.safety.gate import CALIBRATION, Decision, is_by_duty
 
+UNLIKE_M_S = 0.01
+"""A smaller difference between what the board obeys and what was thought waits for the next step: the wire is slow."""
+
 
 class LimitsState(Record, frozen=True):
     """The limits in force, and those that wait until the robot is at rest."""
@@ -34,6 +37,7 @@ class WheelController:
     ) -> None:
         self._drive, self._wheel_names, self._duty_ceiling = drive, wheel_names, duty_ceiling
         self.drive_state = drive.at_rest
+        self._knows_its_motors = drive.knows_its_motors
         self._waiting: tuple[MotionLimits, Callable[[], None]] | None = None
         self._on_limits: Callable[[MotionLimits], None] = lambda limits: None
 
@@ -70,7 +74,10 @@ class WheelController:
             apart=decision.limited_by is not None,
             substitutes=seen.same_side.substitutes,
         )
-        self.drive_state = under(self._duty_ceiling(now_s), before, after)
+        carried_out = under(self._duty_ceiling(now_s), before, after)
+        if self._knows_its_motors and carried_out.duty == after.duty:
+            carried_out = self._drive.offer(carried_out)
+        self.drive_state = carried_out
 
     def retarget(self, decision: Decision, now_s: float) -> None:
         """Make a control step without a measurement."""
@@ -83,7 +90,10 @@ class WheelController:
             return
         apart = decision.limited_by is not None
         after = self._drive.retarget(before, decision.motion, now_s, apart=apart)
-        self.drive_state = under(self._duty_ceiling(now_s), before, after)
+        carried_out = under(self._duty_ceiling(now_s), before, after)
+        if self._knows_its_motors and carried_out.duty == after.duty:
+            carried_out = self._drive.offer(carried_out)
+        self.drive_state = carried_out
 
     def _force(self, motion: WheelVelocities, now_s: float) -> None:
         """Drive by duties."""
@@ -117,6 +127,12 @@ class WheelController:
     def wheel_duties(self, duties: WheelDuties) -> WheelVelocities:
         """The motion that drives by as much of these duties as the limits allow; ``ValueError`` unless one per wheel."""
         return self._drive.wheel_duties(duties)
+
+    def note_echo(self, duty: tuple[float, ...]) -> bool:
+        """The board obeys this duty; returns whether that is so different from what was thought that it matters."""
+        before, self.drive_state = self.drive_state, self._drive.obeyed(self.drive_state, duty)
+        wheels = zip(before.held_m_s, self.drive_state.held_m_s, strict=True)
+        return any(abs(after - thought) > UNLIKE_M_S for thought, after in wheels)
 
     def note_voltage(self, voltage_v: float) -> None:
         """The battery has this voltage: where the motors' models tell theirs, the duty makes up for it."""

@@ -120,3 +120,19 @@ def test_new_gains_make_no_jump_with_models_either():
     more = GAINS.model_copy(update={"kp": 200.0})
     after = controller.retune(state, (more, more))
     assert controller.retarget(after, Twist2D(0.2), 1.0).duty == state.duty
+
+
+def test_the_echo_says_from_which_setpoint_the_models_begin():
+    """Of three offers the board has read the second; an echo of none of them changes nothing, zero is rest."""
+    controller = drive()
+    state = controller.retarget(controller.at_rest, STANDING, 0.0)
+    offers = []
+    for step in (1, 2, 3):
+        state = controller.offer(stepped(controller, state, Twist2D(0.5), step * 0.05, 0.0))
+        offers.append((tuple(map(float, state.duty)), state.setpoint_m_s))
+    echoed, setpoint_m_s = offers[1]
+    assert state.held_m_s == setpoint_m_s
+    assert controller.obeyed(state, offers[0][0]).held_m_s == offers[0][1]
+    assert controller.obeyed(state, echoed) is state
+    assert controller.obeyed(state, (1.0, 2.0)) is state
+    assert controller.obeyed(state, (0.0, 0.0)).held_m_s == (0.0, 0.0)
