@@ -1,15 +1,12 @@
-"""The result of the step ``motors``: the models of all wheels, and the gains that follow.
-
-The gains are those of lambda tuning for a first-order plant with delay (E. B. Dahlin, "Designing and tuning digital
-controllers", Instruments and Control Systems 41, 1968): ``Kc = lag / (gain (lambda + delay))``, ``Ti = lag``.
-"""
+"""The result of the step ``motors``: the models of all wheels, the gains that follow, and plots of both."""
 
 import math
 from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
-from statistics import mean, median
+from statistics import mean
 
-from chefbotd.calibration.motor_fit import DELAY, Fitted, Input, Run, Sample, fit, simulated
+from chefbotd.calibration.motor_fit import Fitted, Input, Run, Sample, fit, simulated
+from chefbotd.calibration.motor_gains import gains_estimates, supply_and_delay, timing_of
 from chefbotd.calibration.motor_wiring import wrong_wiring
 from chefbotd.calibration.step import (
     Estimate,
@@ -21,7 +18,6 @@ from chefbotd.calibration.step import (
     Status,
     StepResult,
 )
-from chefbotd.core.record import Record
 from chefbotd.motion.kinematics import Kinematics
 from chefbotd.motion.motor_model import MotorModel
 
@@ -36,19 +32,12 @@ MOST_RESIDUAL_RAD = 0.1
 MOST_GAIN_SHARE, MOST_DEAD_ZONE_SHARE, MOST_LAG_S = 0.05, 0.015, 0.03
 """Standard deviations of a usable result: of the gain, of the full duty, and in seconds."""
 
-LAMBDA_LAGS = 3.0
-"""The closed loop's time constant in those of the motor: a robust choice of lambda, and never less than the delay."""
-
 PLOTTED_S = 2.4
 
+LEAST_TURNED_RAD = 1.0
+"""A robot that the IMU saw turn by less in the whole step hung free: it turns by several turns."""
+
 PARAMETERS = (("gain_rad_s_per_duty", "rad/s"), ("dead_zone_duty", "duty"), ("time_constant_s", "s"))
-
-
-class _Timing(Record, frozen=True):
-    """When a duty comes into force: ``cycle_s`` is the board's, ``after_s`` from a reading to the echo of its cycle."""
-
-    cycle_s: float
-    after_s: float
 
 
 def fit_motors(robot: Robot, measured: Measurements) -> StepResult:
@@ -76,11 +65,11 @@ def fit_motors(robot: Robot, measured: Measurements) -> StepResult:
             return StepResult(NAME, Status.REFUSED, why, residuals=(_residual(wheel.name, fitted),))
         motors.append(fitted)
         wheel_runs.append(runs)
-    timing = _timing(measured)
+    timing = timing_of(measured)
     estimates = [
         *_models(robot, motors),
-        *_gains(robot, motors, timing),
-        *_others(robot, motors, voltage_v, timing),
+        *gains_estimates(robot, motors, timing),
+        *supply_and_delay(robot, motors, voltage_v, timing),
     ]
     names = [wheel.name for wheel in robot.chassis.wheels]
     plots = [
@@ -212,82 +201,12 @@ def _models(robot: Robot, motors: Sequence[Fitted]) -> Iterator[Estimate]:
                 )
 
 
-def _timing(measured: Measurements) -> _Timing | None:
-    """The board's cycle, and how long after a reading its cycle's duty is in force; None without echoes."""
-    stamps = [event.stamp_s for event in measured.wheels]
-    if len(measured.echoed) < 10 or len(stamps) < 10:
-        return None
-    cycle_s = median([after - before for before, after in pairwise(stamps)])
-    afters, place = [], 0
-    for echo in measured.echoed:
-        while place + 1 < len(stamps) and stamps[place + 1] <= echo.stamp_s:
-            place += 1
-        if 0 <= echo.stamp_s - stamps[place] < 2 * cycle_s:
-            afters.append(echo.stamp_s - stamps[place])
-    return _Timing(cycle_s, median(afters)) if afters else None
-
-
-def _delay_s(robot: Robot, motors: Sequence[Fitted], timing: _Timing | None) -> float:
-    """From a reading until the duty that it leads to acts: the board reads it in its next cycle."""
-    if timing is None:
-        return robot.drive.response_delay_s
-    return max(timing.cycle_s + timing.after_s + mean([one.parameters[DELAY] for one in motors]), 0.0)
-
-
-def lambda_gains(kv_duty_per_m_s: float, lag_s: float, delay_s: float) -> tuple[float, float]:
-    """Proportional and integral gain of lambda tuning, for a plant of gain ``1 / kv``."""
-    kp = kv_duty_per_m_s * lag_s / (max(LAMBDA_LAGS * lag_s, delay_s) + delay_s)
-    return kp, kp / lag_s
-
-
-def _gains(robot: Robot, motors: Sequence[Fitted], timing: _Timing | None) -> Iterator[Estimate]:
-    """For every wheel the same gains, by the mean of the motors: wheels that answer alike keep the robot straight."""
-    radii_m = Kinematics(robot.chassis).radii_m
-    kv = mean(
-        [
-            mean([1 / (one.parameters[0] * radius_m), 1 / (one.parameters[3] * radius_m)])
-            for one, radius_m in zip(motors, radii_m, strict=True)
-        ]
-    )
-    lag_s = mean([mean([one.parameters[2], one.parameters[5]]) for one in motors])
-    window = robot.encoders.velocity_window - 1
-    measuring_s = window * timing.cycle_s / 2 if timing is not None else 0.1
-    hold_s = timing.cycle_s / 2 if timing is not None else 0.025
-    delay_s = _delay_s(robot, motors, timing) + measuring_s + hold_s
-    kp, ki = lambda_gains(kv, lag_s, delay_s)
-    gains = list(robot.gains.values())
-    share = mean([one.sigmas[0] / one.parameters[0] for one in motors]) + mean(
-        [one.sigmas[2] / one.parameters[2] for one in motors]
-    )
-    is_one = all(one == gains[0] for one in gains)
-    for section in ["pid"] if is_one else [f"wheel_pid.{name}" for name in robot.gains]:
-        before = gains[0] if is_one else robot.gains[section.partition(".")[2]]
-        yield Estimate(f"{section}.kp_duty_per_m_s", "duty/(m/s)", before.kp, kp, kp * share)
-        yield Estimate(f"{section}.ki_duty_per_m", "duty/m", before.ki, ki, ki * share)
-
-
-def _others(
-    robot: Robot, motors: Sequence[Fitted], voltage_v: float | None, timing: _Timing | None
-) -> Iterator[Estimate]:
-    if voltage_v is not None:
-        before_v = robot.drive.motor_voltage_v or voltage_v
-        yield Estimate("drive.motor_voltage_v", "V", before_v, voltage_v, 0.01)
-    if timing is not None:
-        before_s, delay_s = robot.drive.response_delay_s, _delay_s(robot, motors, timing)
-        sigma_s = mean([one.sigmas[DELAY] for one in motors])
-        yield Estimate("drive.response_delay_s", "s", before_s, delay_s, max(sigma_s, 0.001))
-
-
 def _remark(robot: Robot, measured: Measurements) -> str:
     """What should be known of a result that is one."""
     headings = [event.heading_rad for event in measured.imu if event.heading_rad is not None]
-    if len(robot.chassis.wheels) == 2 and len(headings) > 10:
-        turns = [abs(math.remainder(after - before, math.tau)) for before, after in pairwise(headings)]
-        if sum(turns) < 1.0:
-            return (
-                "the robot did not turn, so its wheels hung free: on the floor friction is higher, and the dead zone "
-                "found here is too small for it; calibrate on the floor if there is room"
-            )
+    turns = [abs(math.remainder(after - before, math.tau)) for before, after in pairwise(headings)]
+    if len(robot.chassis.wheels) > 2 or (len(turns) > 10 and sum(turns) < LEAST_TURNED_RAD):
+        return "the wheels hung free: on the floor friction is higher and the time constants are longer than found here"
     return ""
 
 

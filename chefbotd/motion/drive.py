@@ -44,6 +44,9 @@ The wheel on the inside of a tight circle creeps for as long as the circle lasts
 UNREAD_S = 0.007
 """What is written so shortly before a reading arrives was not read in that cycle: the lines before it take as long."""
 
+RIM_ACCELERATION_SHARE = 2.0
+"""Of what the limits allow: when the board missed a command, its next one has the acceleration of two cycles."""
+
 MOST_OFFERS = 8
 """So many duties are remembered: more than are written in two of a board's cycles."""
 
@@ -153,7 +156,8 @@ class Drive:
         """The state with the accelerations that take each motor's model to its setpoint within the board's cycle."""
         accelerations = self._still
         if cycle_s >= pid.SHORTEST_S:
-            accelerations = accelerations_m_s2(gains, held_m_s, state.setpoint_m_s, cycle_s)
+            setpoint_m_s, most_m_s2 = state.setpoint_m_s, self._most_m_s2
+            accelerations = accelerations_m_s2(gains, held_m_s, setpoint_m_s, cycle_s, most_m_s2)
         return replace(
             state,
             acceleration_m_s2=accelerations,
@@ -314,6 +318,8 @@ class Drive:
         """Exchange the limits of speed and acceleration; only at rest, because a ramp that has begun would jump."""
         self.limits = limits
         self._setpoints = Setpoints(self._parameters, limits, self._kinematics)
+        at_rims = limits.angular.axis.fastest_change * self._kinematics.track_width_m / 2
+        self._most_m_s2 = RIM_ACCELERATION_SHARE * (limits.linear.axis.fastest_change + at_rims)
 
     def wheel_velocities(self, velocity_rad_s: Mapping[str, float]) -> WheelVelocities:
         """A speed for each named wheel, as a motion that can be commanded; the other wheels stand.

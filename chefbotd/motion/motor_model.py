@@ -57,13 +57,22 @@ def _with_model(gains: PidParameters, model: MotorModel, radius_m: float) -> Pid
 
 
 def accelerations_m_s2(
-    gains: Sequence[PidParameters], held_m_s: Sequence[float], setpoint_m_s: Sequence[float], cycle_s: float
+    gains: Sequence[PidParameters],
+    held_m_s: Sequence[float],
+    setpoint_m_s: Sequence[float],
+    cycle_s: float,
+    most_m_s2: float,
 ) -> tuple[float, ...]:
-    """What the feedforward takes for each wheel's acceleration, from what is held now to the setpoint in a cycle."""
+    """What the feedforward takes for each wheel's acceleration, from what is held now to the setpoint in a cycle.
+
+    None is more than ``most_m_s2``: a cycle may be mistaken for a shorter one.
+    """
     accelerations = []
     for wheel, held, setpoint in zip(gains, held_m_s, setpoint_m_s, strict=True):
         lags = cycle_s * wheel.kv / wheel.ka
         if lags > LONGEST_LAGS:
             lags = LONGEST_LAGS
-        accelerations.append((setpoint - held) / cycle_s * (1 - lags / 2 + lags * lags / 12))
+        acceleration = (setpoint - held) / cycle_s
+        acceleration = min(max(acceleration, -most_m_s2), most_m_s2)
+        accelerations.append(acceleration * (1 - lags / 2 + lags * lags / 12))
     return tuple(accelerations)

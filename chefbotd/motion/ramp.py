@@ -28,6 +28,11 @@ class AxisLimits(Record, frozen=True):
             return 1.0
         return self.max_forward / speed if speed > 0 else -self.max_reverse / speed
 
+    @property
+    def fastest_change(self) -> float:
+        """The highest of the four accelerations."""
+        return max(self.acceleration, self.deceleration, self.reverse_acceleration, self.reverse_deceleration)
+
     def rate(self, speed: float, direction: float) -> float:
         """The acceleration allowed at a speed for a change up (``direction`` > 0) or down."""
         if speed > 0 or (speed == 0 and direction > 0):

@@ -7,7 +7,8 @@ from functools import cache
 import pytest
 
 from benchmarks.motors import found_on, imperfect, starts, values_of
-from chefbotd.calibration.motor_result import fit_motors, lambda_gains
+from chefbotd.calibration.motor_gains import lambda_gains
+from chefbotd.calibration.motor_result import fit_motors
 from chefbotd.calibration.step import Measurements
 from chefbotd.clock import run_virtual
 from chefbotd.composition.calibration import robot_with

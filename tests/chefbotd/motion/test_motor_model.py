@@ -45,7 +45,7 @@ def test_each_command_takes_the_sampled_plant_to_its_setpoint(lag_s: float):
     gains = directed(GAINS, DriveParameters.model_validate({"motors": {"left": model}}).motors["left"], 0.05)
     speed_m_s = held_m_s = 0.0
     for setpoint_m_s in (0.05, 0.1, 0.15, 0.17, 0.17, 0.12):
-        (rate,) = accelerations_m_s2([gains.forward], [held_m_s], [setpoint_m_s], 0.05)
+        (rate,) = accelerations_m_s2([gains.forward], [held_m_s], [setpoint_m_s], 0.05, 9.0)
         duty = feedforward(gains.forward, setpoint_m_s, rate)
         steady_m_s = (duty - 20.0) * 0.04 * 0.05
         speed_m_s = steady_m_s + (speed_m_s - steady_m_s) * math.exp(-0.05 / lag_s)
@@ -136,3 +136,15 @@ def test_the_echo_says_from_which_setpoint_the_models_begin():
     assert controller.obeyed(state, echoed) is state
     assert controller.obeyed(state, (1.0, 2.0)) is state
     assert controller.obeyed(state, (0.0, 0.0)).held_m_s == (0.0, 0.0)
+
+
+def test_a_cycle_that_is_mistaken_for_a_shorter_one_makes_no_jolt():
+    """Two readings 0.1 ms apart, 20 ms later a command: the limits' acceleration, 1.75, counts at most twice."""
+    controller = drive()
+    state = controller.retarget(controller.at_rest, STANDING, 0.0)
+    for step in range(1, 11):
+        state = stepped(controller, state, Twist2D(0.2), step * 0.05, 0.2)
+    state = controller.regulate(state, Twist2D(0.2), 0.5001, (4.0, 4.0), 0.0001)
+    state = controller.retarget(state, Twist2D(0.5), 0.5201)
+    assert state.setpoint_m_s[0] == pytest.approx(0.22)
+    assert state.acceleration_m_s2[0] == pytest.approx(3.5, rel=0.01)
