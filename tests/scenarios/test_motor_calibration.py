@@ -131,3 +131,31 @@ def test_the_result_fits_the_configuration():
         values["drive.motors.left_wheel.reverse.gain_rad_s_per_duty"], rel=1e-5
     )
     assert drive.motor_voltage_v == pytest.approx(values["drive.motor_voltage_v"], rel=1e-5)
+
+
+def test_a_robot_with_four_wheels_is_asked_whether_it_hangs_free():
+    """KHAN skids when it turns. On blocks all its motors are found; on the floor nothing moves."""
+    assert _khan(0.0) == (Status.NOT_ENOUGH, 0)
+    assert _khan(1.0) == (Status.PASSED, 4 * 2 * 3)
+
+
+def _khan(hangs_free: float) -> tuple[Status, int]:
+    """The outcome, and how many parameters of its motors there are."""
+
+    async def answer(robot: SimulatedRobot) -> None:
+        async for event in robot.client.subscribe("calibration"):
+            if event.data.question is not None:
+                await robot.client.answer_calibration(event.data.question.key, hangs_free)
+                return
+
+    async def run() -> StepResult:
+        overrides = {"sim.body.mass_kg": 0.0, "safety.guard.enabled": False}
+        async with simulated_robot(load(packaged("khan"), overrides=overrides)) as robot:
+            await asyncio.sleep(1.5)
+            answering = asyncio.create_task(answer(robot))
+            result = await robot.client.calibrate("motors", space_m=1.0)
+            await answering
+            return result
+
+    result = run_virtual(run())
+    return result.status, sum(estimate.key.startswith("drive.motors.") for estimate in result.estimates)
