@@ -35,7 +35,10 @@ NAME = "sensors"
 HEADINGS = 12
 TURN_RAD_S, LOOK_S = 0.8, 1.0
 LEAST_STOPS = 4
-BIN_RAD = math.radians(0.5)
+DIRECTIONS = 15
+AHEAD_RAD, LINE_RAD, LINE_M, LEAST_POINTS = math.radians(1.0), math.radians(4.0), 0.03, 12
+"""A surface is looked for so far to either side of a direction; its points are so near to a line, and so many."""
+
 NEAR_M, FAR_M = 0.25, 2.0
 """Where the lidar sees well what the sensor sees: nearer, heights differ; farther, a cone is wide."""
 
@@ -169,13 +172,30 @@ def _points(robot: Robot, measured: ScanMeasured) -> Floats:
 
 
 def _nearest_m(sensor: _Sensor, points: Floats) -> float | None:
-    """The distance of the nearest thing in the cone: the least of the medians in small sectors, free of noise."""
+    """The distance of the nearest thing in the cone, by the surfaces in all directions of it."""
     seen = seen_from(row_of(sensor.base_from_sensor), points)
     bearing, ranges = np.arctan2(seen[:, 1], seen[:, 0]), np.hypot(seen[:, 0], seen[:, 1])
-    inside = np.abs(bearing) <= sensor.field_of_view_rad / 2
-    sectors = np.floor(bearing[inside] / BIN_RAD)
-    medians = [float(np.median(ranges[inside][sectors == sector])) for sector in np.unique(sectors)]
-    return min(medians, default=None)
+    half_rad = sensor.field_of_view_rad / 2
+    directions = np.linspace(-half_rad, half_rad, DIRECTIONS)
+    distances = [_surface_m(bearing - direction, ranges) for direction in directions.tolist()]
+    return min((one for one in distances if one is not None), default=None)
+
+
+def _surface_m(beside_rad: Floats, ranges: Floats) -> float | None:
+    """How far the surface is straight ahead: on a line, the inverse of the range is nearly linear in the bearing.
+
+    The nearest of many noisy readings is too near, and a line through them is not. Where there is none, it is the median
+    straight ahead.
+    """
+    near, ahead = np.abs(beside_rad) <= LINE_RAD, np.abs(beside_rad) <= AHEAD_RAD
+    if not ahead.any():
+        return None
+    if np.count_nonzero(near) >= LEAST_POINTS:
+        slope, inverse = np.polyfit(beside_rad[near], 1 / ranges[near], 1).tolist()
+        off_m = ranges[near] - 1 / (inverse + slope * beside_rad[near])
+        if math.sqrt(float((off_m**2).mean())) < LINE_M:
+            return float(1 / inverse)
+    return float(np.median(ranges[ahead]))
 
 
 def _plot(name: str, pairs: Sequence[_Pair], offset_m: float) -> Plot:
