@@ -102,6 +102,13 @@ def _localization(**options: Any) -> Outcome:
     return localization.run(**options)
 
 
+def _calibration(**options: Any) -> Outcome:
+    """Imported when it is asked for: it needs the extra ``navigation``."""
+    from benchmarks import calibration
+
+    return calibration.run(**options)
+
+
 def _motors(**options: Any) -> Outcome:
     """Imported when it is asked for: it fits with numpy, which no other basic benchmark needs."""
     from benchmarks import motors
@@ -120,6 +127,7 @@ TAKES = {
     "estimation": ("folder", "out"),
     "localization": ("folder", "out"),
     "optiodom": ("folder", "out", "fit", "score"),
+    "calibration": ("folder",),
     "slam": ("folder", "out"),
     "planner": ("folder",),
 }
@@ -146,6 +154,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     "navigation": _navigation,
     "serving": _serving,
     "calls": calls.run,
+    "calibration": _calibration,
     "motors": _motors,
     "wheel_speed": _wheel_speed,
     "page": _page,

@@ -7,7 +7,7 @@ hall, where its odometry is held against the truth.
 
 import asyncio
 import math
-from collections.abc import AsyncIterator, Callable, Mapping
+from collections.abc import AsyncIterator, Callable, Collection, Mapping
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any, Final
@@ -59,17 +59,28 @@ class Calibrated(Record, frozen=True):
     difference: str
 
 
-async def calibrate(seed: int, out: Path, say: Say, *, squares: bool = True) -> Calibrated:
-    """Calibrate the robot of this seed; its configuration in ``out`` is written to."""
+async def calibrate(
+    seed: int,
+    out: Path,
+    say: Say,
+    *,
+    squares: bool = True,
+    compares: bool = True,
+    steps: Collection[str] | None = None,
+) -> Calibrated:
+    """Calibrate the robot of this seed; its configuration in ``out`` is written to.
+
+    ``squares`` are driven afterwards, and if it ``compares``, before as well. Only these ``steps`` are done (None: all).
+    """
     config = out / "robot.toml"
     config.write_bytes(packaged(ROBOT).read_bytes())
     nominal = load(config)
     drawn = nominal.sim.true.model_copy(update={"drawn": "imperfect", "seed": seed})
     true = true_of(_simulated(nominal, drawn))  # all of it given: another configuration is the same robot
-    before = await _squares(nominal, true, out, say) if squares else ()
+    before = await _squares(nominal, true, out, say) if squares and compares else ()
     async with simulated_robot(_simulated(nominal, true, START), config_file=config) as robot:
         began_s = asyncio.get_running_loop().time()
-        results = await _all_steps(robot, true, say)
+        results = await _all_steps(robot, true, say, steps)
         robot_s = asyncio.get_running_loop().time() - began_s
         applied = await robot.client.apply_calibration()
     after = await _squares(load(config), true, out, say) if squares else ()
@@ -105,13 +116,17 @@ def _simulated(
     return settings.model_copy(update={"sim": sim})
 
 
-async def _all_steps(robot: SimulatedRobot, true: TrueParameters, say: Say) -> tuple[StepResult, ...]:
+async def _all_steps(
+    robot: SimulatedRobot, true: TrueParameters, say: Say, chosen: Collection[str] | None
+) -> tuple[StepResult, ...]:
     client = robot.client
     await client.arm()
     await asyncio.sleep(2.0)
     report = await client.get_calibration()
     results = []
     for step in report.steps:
+        if chosen is not None and step.name not in chosen:
+            continue
         if step.missing:
             say(f"{step.name}: left out, {step.missing}")
             continue

@@ -79,13 +79,16 @@ def fit(
     mount: Floats | None = None,
     start: WheelModel = NOMINAL,
     is_rich: bool = False,
+    knows_wheels: bool = False,
 ) -> WheelFit:
     """The parameters that explain the motions best, from ``start`` on.
 
     ``mount`` (3,) is where a sensor is thought to be; it is fitted too. Without it the motions are the robot's own, but
-    for a yaw of each drive. ``is_rich`` fits how the track depends on the share of spin.
+    for a yaw of each drive. ``is_rich`` fits how the track depends on the share of spin. Who ``knows_wheels`` has
+    the mount alone fitted.
     """
-    columns = [0, 1, 2, *([3] if is_rich else []), *([4, 5, 6] if mount is not None else [])]
+    of_wheels = [] if knows_wheels else [0, 1, 2, *([3] if is_rich else [])]
+    columns = of_wheels + ([4, 5, 6] if mount is not None else [])
     whole = np.array(
         [start.left, start.right, start.track, start.spin, *(np.zeros(3) if mount is None else mount)]
     )

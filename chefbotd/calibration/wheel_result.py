@@ -31,6 +31,9 @@ LEAST_MATCHED = 0.7
 SURE = {"radius": 0.005, "track": 0.005, "ratio": 0.003}
 """The largest standard deviations that are a result."""
 
+SURE_M, SURE_RAD = 0.005, 0.01
+"""The same of a lidar's mount."""
+
 NEEDS = {"radius": "straights", "track": "turns on the spot", "ratio": "curves or straights both ways"}
 """What determines each of them."""
 
@@ -66,17 +69,39 @@ def _by_lidar(
         return _not_enough(missing)
     scans = [one for one in measurements.scans if one.lidar == lidar.name]
     model, mount = NOMINAL, row_of(lidar.base_from_lidar)
-    seen = _seen(robot, rolled, lidar, scans, model, mount)
+    seen = lidar_seen(robot, rolled, lidar, scans, model, mount)
     if isinstance(seen, View) and not seen.is_stop_and_go:  # scans in motion are corrected by what is fitted
         result = fit(robot.chassis.effective_track_m, [seen.drive], mount=mount)
         if result.is_determined:
-            seen = _seen(robot, rolled, lidar, scans, result.model, result.mount)
+            seen = lidar_seen(robot, rolled, lidar, scans, result.model, result.mount)
     if isinstance(seen, StepResult):
         return seen
     return _judged(robot, seen.drive, fit(robot.chassis.effective_track_m, [seen.drive], mount=mount), lidar)
 
 
-def _seen(
+def fit_mount(robot: Robot, measurements: Measurements, lidar: LidarParameters) -> StepResult:
+    """The lidar's mount by its scans, if radii and track are as configured."""
+    rolled = rolling(robot.chassis, measurements.wheels)
+    if rolled is None:
+        return _not_enough("no readings of the wheels")
+    too_little = _too_little(robot, rolled)
+    if too_little:
+        return _not_enough(too_little)
+    scans = [one for one in measurements.scans if one.lidar == lidar.name]
+    track_m, mount = robot.chassis.effective_track_m, row_of(lidar.base_from_lidar)
+    seen = lidar_seen(robot, rolled, lidar, scans, NOMINAL, mount)
+    if isinstance(seen, StepResult):
+        return seen
+    result = fit(track_m, [seen.drive], mount=mount, knows_wheels=True)
+    sigma_m, sigma_rad = max(result.sigmas[4:6].tolist()), float(result.sigmas[6])
+    if not (result.is_determined and sigma_m < SURE_M and sigma_rad < SURE_RAD):
+        return _not_enough(f"{lidar.name}: turns for its place, and straights for its direction")
+    before, after = (difference(track_m, NOMINAL, seen.drive, one) for one in (mount, result.mount))
+    estimates = tuple(mount_estimates(lidar, result))
+    return StepResult(NAME, Status.PASSED, "", estimates, residuals(before, after), plots(before, after))
+
+
+def lidar_seen(
     robot: Robot,
     rolled: Rolling,
     lidar: LidarParameters,
@@ -148,8 +173,8 @@ def _judged(robot: Robot, drive: Drive, result: WheelFit, lidar: LidarParameters
         NAME,
         Status.PASSED,
         estimates=tuple(_estimates(robot, result, lidar)),
-        residuals=_residuals(before, after),
-        plots=_plots(before, after),
+        residuals=residuals(before, after),
+        plots=plots(before, after),
     )
 
 
@@ -162,15 +187,22 @@ def _estimates(robot: Robot, result: WheelFit, lidar: LidarParameters | None) ->
     )
     for (key, before, factor), sigma in zip(factors, sigmas[:3].tolist(), strict=True):
         yield Estimate(f"chassis.{key}", "", before, before * factor, before * sigma)
-    if lidar is None:
-        return
+    if lidar is not None:
+        yield from mount_estimates(lidar, result)
+
+
+def mount_estimates(lidar: LidarParameters, result: WheelFit) -> Iterator[Estimate]:
+    """The lidar's x, y and yaw."""
     mount = (("x_m", lidar.mount_x_m), ("y_m", lidar.mount_y_m), ("yaw_rad", lidar.mount_yaw_rad))
-    for (key, value), new, sigma in zip(mount, result.mount.tolist(), sigmas[4:].tolist(), strict=True):
+    sigmas = result.sigmas[4:].tolist()
+    for (key, value), new, sigma in zip(mount, result.mount.tolist(), sigmas, strict=True):
         unit = key.rpartition("_")[2]
         yield Estimate(f"lidar.{lidar.name}.mount_{key}", unit, value, new, sigma)
 
 
-def _residuals(before: Floats, after: Floats) -> tuple[Residual, ...]:
+def residuals(before: Floats, after: Floats) -> tuple[Residual, ...]:
+    """How far off motions (n, 3) are, in place and heading."""
+
     def rms(off: Floats) -> float:
         return math.sqrt(float((off**2).mean()))
 
@@ -180,7 +212,8 @@ def _residuals(before: Floats, after: Floats) -> tuple[Residual, ...]:
     )
 
 
-def _plots(before: Floats, after: Floats) -> tuple[Plot, ...]:
+def plots(before: Floats, after: Floats) -> tuple[Plot, ...]:
+    """How far off motions (n, 3) are, one point each."""
     number = tuple(float(k) for k in range(len(after)))
     places = tuple(
         Series(name, tuple((1e3 * off[:, 0]).tolist()), tuple((1e3 * off[:, 1]).tolist()), points=True)

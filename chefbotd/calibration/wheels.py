@@ -35,17 +35,23 @@ CYCLES = 2
 LOOK_S = 0.8
 
 
-def _missing(robot: Robot) -> str:
+def missing(robot: Robot) -> str:
+    """What this robot lacks for driving while a lidar looks on."""
     if importlib.util.find_spec("numba") is None:
         return "matching scans needs the extra 'navigation': pip install 'chefbotd[navigation]'"
     return "" if robot.lidars else "a lidar"
 
 
 def _procedure(robot: Robot) -> Procedure:
+    yield from drive_and_look(robot, CYCLES)
+
+
+def drive_and_look(robot: Robot, cycles: int) -> Procedure:
+    """Small motions, and so many cycles of larger ones, bounded by the space that the first scan shows."""
     seen = yield Move(None, LOOK_S, "looks around")
     space = free_space(robot, seen.scans)
     reach_m = MOST_REACH_M if space is None else space.distance_m - MARGIN_M
-    moves = list(_moves(robot, min(max(reach_m, LEAST_REACH_M), MOST_REACH_M)))
+    moves = list(_moves(robot, cycles, min(max(reach_m, LEAST_REACH_M), MOST_REACH_M)))
     total_s = sum(seconds for _, seconds, _ in moves) + LOOK_S * len(moves)
     done_s = 0.0
     for twist, seconds, text in moves:
@@ -54,7 +60,7 @@ def _procedure(robot: Robot) -> Procedure:
         yield Move(None, LOOK_S, "looks around", done_s / total_s)
 
 
-def _moves(robot: Robot, reach_m: float) -> Iterator[tuple[Twist2D, float, str]]:
+def _moves(robot: Robot, cycles: int, reach_m: float) -> Iterator[tuple[Twist2D, float, str]]:
     """Small motions first, that show the signs; then circles and turns on the spot both ways, and straights.
 
     The inner wheel of a circle never stands: friction would make it jerk. A circle there and back ends a little ahead of
@@ -72,7 +78,7 @@ def _moves(robot: Robot, reach_m: float) -> Iterator[tuple[Twist2D, float, str]]
     for sign in (1, -1):
         yield Twist2D(sign * ahead_m_s / 2), 2 * SMALL_M / ahead_m_s, "drives a little"
     circle_s = TURNS * math.tau / turn_rad_s
-    for cycle in range(CYCLES):
+    for cycle in range(cycles):
         for side in (1, -1):
             for sign in (1, -1) if cycle % 2 == 0 else (-1, 1):
                 twist = Twist2D(sign * turn_rad_s * radius_m, sign * side * turn_rad_s)
@@ -95,7 +101,7 @@ WHEELS = Step(
     "wheel radii, track and the lidar's mount",
     "Put the robot on the floor where it will drive, among furniture or walls that its lidar sees.",
     SPACE_M,
-    _missing,
+    missing,
     _procedure,
     _fit,
 )

@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from chefbotd.calibration.lidar import LIDAR
 from chefbotd.calibration.step import Measurements, Move, Procedure, Robot, Status, StepResult
 from chefbotd.calibration.wheel_model import WheelModel
 from chefbotd.calibration.wheels import WHEELS
@@ -160,3 +161,23 @@ def test_truth_serves_where_there_is_no_lidar(robot: Robot) -> None:
     result = WHEELS.fit(robot, Measurements(wheels=drive.wheels, truth=truth))
     assert result.status is Status.PASSED, result.reason
     assert _after(result)["track_multiplier"] == pytest.approx(MODEL.track, rel=3e-3)
+
+
+def test_the_mount_alone_is_recovered_where_the_wheels_are_right(robot: Robot) -> None:
+    """Half of the motions give x and y to 2 mm and the yaw to 0.1 deg, within four standard deviations."""
+    drive = World(robot, Truth(mount=MOUNT), seed=4).perform(LIDAR.procedure(robot))
+    result = LIDAR.fit(robot, drive)
+    assert result.status is Status.PASSED, result.reason
+    assert list(_after(result)) == ["mount_x_m", "mount_y_m", "mount_yaw_rad"]
+    limits = (2e-3, 2e-3, math.radians(0.1))
+    for estimate, true, limit in zip(result.estimates, MOUNT, limits, strict=True):
+        assert estimate.after == pytest.approx(true, abs=limit)
+        assert abs(estimate.after - true) < 4 * estimate.sigma
+
+
+def test_a_mount_without_scans_is_not_enough(robot: Robot, drive: Measurements) -> None:
+    """A second lidar that was silent is named."""
+    second = robot.lidars[0].model_copy(update={"name": "rear"})
+    result = LIDAR.fit(replace(robot, lidars=(second,)), drive)
+    assert (result.status, result.estimates) == (Status.NOT_ENOUGH, ())
+    assert "rear saw too little" in result.reason
