@@ -84,15 +84,17 @@ async def calibrate(
         robot_s = asyncio.get_running_loop().time() - began_s
         applied = await robot.client.apply_calibration()
     after = await _squares(load(config), true, out, say) if squares else ()
-    keys = [estimate.key for result in results for estimate in result.estimates]
-    voltage_v = next(
-        (e.after for result in results for e in result.estimates if e.key == "drive.motor_voltage_v"), 12.0
-    )
+    estimates = {estimate.key: estimate.after for result in results for estimate in result.estimates}
+    divider = nominal.battery.divider_ratio
+    seen = divider / estimates.get(
+        "battery.divider_ratio", divider
+    )  # the motors' step has the battery's result
+    voltage_v = estimates.get("drive.motor_voltage_v", 12.0) * seen
     values = true_values(_simulated(nominal, true), voltage_v)
     return Calibrated(
         seed,
         results,
-        {key: values[key] for key in keys if key in values},
+        {key: values[key] for key in estimates if key in values},
         before,
         after,
         _slip_rad(true),

@@ -13,7 +13,7 @@ from chefbotd.cli.programs.load import bad_configuration
 from chefbotd.cli.record.info import opened
 from chefbotd.client.models import CalibrationApplied
 from chefbotd.composition.calibration import robot_with
-from chefbotd.features.calibration.measuring import measurements
+from chefbotd.features.calibration.measuring import as_calibrated, measurements
 from chefbotd.replay.recorded import NotReplayable
 from chefbotd.replay.run import settings_of
 from chefbotd.settings import Settings, SettingsError
@@ -46,7 +46,7 @@ def calibrate_recorded(
             if steps:
                 raise ProgramError(Exit.REFUSED, f"{name} cannot be calibrated: {missing}")
             continue
-        results.append(STEPS[name].fit(robot, measured))
+        results.append(STEPS[name].fit(robot, as_calibrated(measured, robot_with(settings, {}), robot)))
         if not context.as_json:
             show_result(results[-1])
     pictures = draw_plots(results, out)

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from chefbotd.bus import Bus
-from chefbotd.calibration.step import Measurements
+from chefbotd.calibration.step import Measurements, Robot
 from chefbotd.core.events import (
     BatteryMeasured,
     DutyEchoed,
@@ -15,6 +15,7 @@ from chefbotd.core.events import (
     WheelsMeasured,
 )
 from chefbotd.core.events.lidars import ScanMeasured
+from chefbotd.core.record import replace
 
 FIELDS: Mapping[type, str] = {
     WheelsMeasured: "wheels",
@@ -47,6 +48,40 @@ def joined(parts: Iterable[Measurements]) -> Measurements:
     }
     answers = {key: value for part in whole for key, value in part.answers.items()}
     return Measurements(**lists, answers=answers)
+
+
+def as_calibrated(measured: Measurements, running: Robot, robot: Robot) -> Measurements:
+    """The measurements of a ``running`` robot as one with the results of other steps would have made them.
+
+    The battery's voltage grows with the divider; a wheel's turn shrinks with the counts that make one.
+    """
+    volts = robot.battery.divider_ratio / running.battery.divider_ratio
+    turns = running.encoders.counts_per_turn / robot.encoders.counts_per_turn
+    if volts == 1 == turns:
+        return measured
+    battery = [replace(event, voltage_v=event.voltage_v * volts) for event in measured.battery]
+    wheels = [
+        replace(
+            event,
+            position_rad=_scaled(event.position_rad, turns),
+            travel_rad=_scaled(event.travel_rad, turns),
+            velocity_rad_s=_scaled(event.velocity_rad_s, turns),
+        )
+        for event in measured.wheels
+    ]
+    driven = [
+        replace(
+            event,
+            position_rad=_scaled(event.position_rad, turns),
+            velocity_rad_s=_scaled(event.velocity_rad_s, turns),
+        )
+        for event in measured.driven
+    ]
+    return replace(measured, battery=tuple(battery), wheels=tuple(wheels), driven=tuple(driven))
+
+
+def _scaled(values: tuple[float, ...], factor: float) -> tuple[float, ...]:
+    return tuple(value * factor for value in values)
 
 
 class Gathering:

@@ -17,7 +17,9 @@ StepName = Annotated[str, Field(min_length=1, max_length=40)]
 class CalibrateParams(Params):
     """The step, and the free floor around the robot where nothing on it sees that."""
 
-    step: StepName = Field(examples=["wheels"], description="motors, wheels, imu, lidar, sensors or battery")
+    step: StepName = Field(
+        examples=["wheels"], description="encoders, battery, motors, wheels, imu or sensors"
+    )
     space_m: float | None = Field(
         None, ge=0, le=100, description="free floor around the robot, as a person says; null: the lidar sees"
     )

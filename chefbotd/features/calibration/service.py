@@ -22,6 +22,7 @@ from chefbotd.core.record import Record, replace
 from chefbotd.entries import entries_of
 from chefbotd.features.calibration.carrying_out import ALIVE_S, ProcedureRunner, ProcedureRunnerState
 from chefbotd.features.calibration.fit_process import Fitter
+from chefbotd.features.calibration.measuring import as_calibrated
 from chefbotd.features.calibration.models import (
     TOPICS,
     AnswerCalibrationParams,
@@ -111,7 +112,9 @@ class CalibrationService:
         try:
             measured = await self._runner.run(step.procedure(robot))
             self._tell("computing", "computes the parameters", 1.0)
-            result = self._compared(await self._fitted(step.name, robot, measured))
+            measured = as_calibrated(measured, self._robot_with({}), robot)
+            result = await self._fitted(step.name, robot, measured)
+            result = self._compared(result)
             self._results[step.name] = result
         finally:
             self._step, self._report = "", _report_nothing

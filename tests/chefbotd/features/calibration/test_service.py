@@ -20,7 +20,11 @@ from chefbotd.calibration.step import (
 )
 from chefbotd.client import CallError, Client
 from chefbotd.clock import run_virtual
+from chefbotd.composition.calibration import robot_with
+from chefbotd.core.events import BatteryMeasured, WheelsDriven, WheelsMeasured
+from chefbotd.core.events.robot import BatteryLevelStatus
 from chefbotd.core.geometry import Twist2D
+from chefbotd.features.calibration.measuring import as_calibrated
 from chefbotd.settings import load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 
@@ -260,3 +264,21 @@ def test_the_packaged_configuration_is_not_written_to(fake: FakeStep) -> None:
             await robot.client.apply_calibration()
 
     on_robot(scenario)
+
+
+def test_measurements_are_seen_with_the_results_of_other_steps() -> None:
+    """Half the counts to a turn are twice the turns; a divider of 5.5 in place of 5 makes 12 V 13.2 V."""
+    running = robot_with(load(), {})
+    other = robot_with(load(), {"encoders.counts_per_turn": 2100.0, "battery.divider_ratio": 5.5})
+    measured = Measurements(
+        wheels=(WheelsMeasured(1.0, 1.0, 1.0, (1.0, 2.0), (0.1, 0.2), (3.0, 4.0)),),
+        driven=(WheelsDriven(1.0, (1.0, 2.0), (3.0, 4.0), (5.0, 6.0), (7, 8)),),
+        battery=(BatteryMeasured(12.0, 50.0, BatteryLevelStatus.OK, stamp_s=1.0, arrival_s=1.0),),
+    )
+    seen = as_calibrated(measured, running, other)
+    assert seen.wheels[0].position_rad == (2.0, 4.0)
+    assert seen.wheels[0].travel_rad == (0.2, 0.4)
+    assert seen.wheels[0].velocity_rad_s == seen.driven[0].velocity_rad_s == (6.0, 8.0)
+    assert seen.driven[0].duty == (7, 8)
+    assert seen.battery[0].voltage_v == pytest.approx(13.2)
+    assert as_calibrated(measured, running, running) is measured
