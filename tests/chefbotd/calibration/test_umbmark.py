@@ -1,0 +1,106 @@
+"""Squares with a tape: ratio and track are recovered, and what cannot be is said."""
+
+import math
+
+import numpy as np
+import pytest
+
+from chefbotd.calibration.step import Ask, Measurements, Move, Procedure, Robot, Status
+from chefbotd.calibration.umbmark import UMBMARK
+from chefbotd.calibration.wheel_model import WheelModel
+from chefbotd.core.events import WheelsDriven
+from chefbotd.core.geometry import Twist2D
+from chefbotd.core.record import replace
+from tests.chefbotd.calibration.synthetic import Truth, World, configured
+
+ROBOT = replace(configured(), lidars=())
+MODEL = WheelModel(left=0.996, right=1.004, track=1.02)
+
+
+def _drive(truth: Truth, seed: int = 1) -> Measurements:
+    """All squares, each from the mark; a person reads the tape to the millimetre."""
+    world = World(configured(), truth, seed)
+    procedure, sent = UMBMARK.procedure(ROBOT), Measurements()
+    wheels, driven, answers, start = [], list[WheelsDriven](), dict[str, float](), world.pose
+    action = next(procedure, None)
+    while action is not None:
+        if isinstance(action, Ask):
+            answers[action.key] = _seen(action, start, world)
+            if action.key.endswith("ready"):
+                start = world.pose.copy()
+        else:
+            part = world.perform(_only(action))
+            wheels += part.wheels
+            driven += _driven(action, part)
+        try:
+            action = procedure.send(sent)
+        except StopIteration:
+            break
+    return Measurements(wheels=tuple(wheels), driven=tuple(driven), answers=answers)
+
+
+def _only(action: Move) -> Procedure:
+    yield action
+
+
+def _driven(move: Move, part: Measurements) -> list[WheelsDriven]:
+    target = (1.0, 1.0) if isinstance(move.motion, Twist2D) else (0.0, 0.0)
+    count = round(move.duration_s / 0.05)
+    return [
+        WheelsDriven(one.stamp_s, (0.0, 0.0), (0.0, 0.0), target if k < count else (0.0, 0.0), (0, 0))
+        for k, one in enumerate(part.wheels)
+    ]
+
+
+def _seen(ask: Ask, start: np.ndarray, world: World) -> float:
+    """The tape, in the frame of the mark."""
+    if ask.key.endswith("ready"):
+        return 1.0
+    dx, dy = (world.pose - start)[:2]
+    cos, sin = math.cos(start[2]), math.sin(start[2])
+    return round(float(cos * dx + sin * dy if ask.key.endswith("x_m") else cos * dy - sin * dx), 3)
+
+
+@pytest.fixture(scope="module")
+def drive() -> Measurements:
+    """Three squares each way round by wheels that scatter."""
+    return _drive(Truth(MODEL))
+
+
+def test_ratio_and_track_are_recovered(drive: Measurements) -> None:
+    """Within 0.2 % and 0.5 %, and four standard deviations; the size stays as configured."""
+    result = UMBMARK.fit(ROBOT, drive)
+    assert result.status is Status.PASSED, result.reason
+    left, right, track = result.estimates
+    assert left.after / right.after == pytest.approx(MODEL.left / MODEL.right, rel=2e-3)
+    assert track.after == pytest.approx(MODEL.track, rel=5e-3)
+    assert abs(track.after - MODEL.track) < 4 * track.sigma
+    assert left.after + right.after == pytest.approx(2.0)
+    assert result.residuals[0].after < result.residuals[0].before / 3
+
+
+def test_squares_one_way_round_are_not_enough(drive: Measurements) -> None:
+    """Both errors look alike then."""
+    answers = {key: value for key, value in drive.answers.items() if "left" in key}
+    result = UMBMARK.fit(ROBOT, replace(drive, answers=answers))
+    assert (result.status, result.estimates) == (Status.NOT_ENOUGH, ())
+
+
+def test_nothing_typed_is_not_enough(drive: Measurements) -> None:
+    """No tape, no result."""
+    assert UMBMARK.fit(ROBOT, replace(drive, answers={})).status is Status.NOT_ENOUGH
+
+
+def test_errors_that_no_wheels_can_cause_are_no_result(drive: Measurements) -> None:
+    """A metre to a random side after each square."""
+    random = np.random.default_rng(3)
+    answers = {key: float(random.uniform(-1, 1)) for key in drive.answers}
+    result = UMBMARK.fit(ROBOT, replace(drive, answers=answers))
+    assert (result.status is Status.PASSED, result.estimates) == (False, ())
+
+
+def test_a_robot_with_a_lidar_does_not_need_it() -> None:
+    """Who has a lidar is sent to ``wheels``."""
+    robot: Robot = configured()
+    assert "wheels" in UMBMARK.missing(robot)
+    assert not UMBMARK.missing(ROBOT)
