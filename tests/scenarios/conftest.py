@@ -5,13 +5,21 @@ from collections import defaultdict
 
 import pytest
 
-ROBOTS = ("chefbot", "khan")
+from chefbotd.settings.errors import variable
+from tests.scenarios.robots import AS_BUILT, ROBOTS
 
 
 def robot_of(item: pytest.Item) -> str | None:
     """The packaged robot that a test's parameters name."""
     values = item.callspec.params.values() if hasattr(item, "callspec") else ()
     return next((value for value in values if isinstance(value, str) and value in ROBOTS), None)
+
+
+@pytest.fixture(autouse=True)
+def as_built(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Every configuration that a scenario loads is that of a robot as built."""
+    for key, value in AS_BUILT.items():
+        monkeypatch.setenv(variable(tuple(key.split("."))), value)
 
 
 @pytest.hookimpl(tryfirst=True)

@@ -21,6 +21,7 @@ from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from chefbotd.testing.worker import worker_in_process
 from chefbotd.worker.parameters import WorkerParameters
 from chefbotd.worker.spawn import Child
+from tests.scenarios.robots import AS_BUILT
 
 START = {"sim.world.start_x_m": 2.45, "sim.world.start_y_m": 2.6, "sim.world.start_heading_rad": 2.1}
 GOAL = {"x_m": 2.6, "y_m": 4.0, "heading_rad": 0.4}
@@ -93,7 +94,8 @@ def in_flat(
 
     async def run() -> None:
         settings = load(
-            packaged("chefbot_lidar"), overrides={"maps.folder": str(folder), **START, **world, **overrides}
+            packaged("chefbot_lidar"),
+            overrides={"maps.folder": str(folder), **AS_BUILT, **START, **world, **overrides},
         )
         async with simulated_robot(settings, spawn_worker=spawn) as robot:
             drive = Drive(robot, children, folder)

@@ -1,5 +1,7 @@
 """The robots that scenarios drive: the packaged ones, and ChefBot with each of the published sketches on its board.
 
+No robot is quite as its configuration says: each is drawn as a plausible one (``AS_BUILT``).
+
 ``chefbot/duemilanove`` is a ChefBot whose simulated board runs that sketch.
 """
 
@@ -21,6 +23,10 @@ BOARDS = (*ROBOTS, *SKETCHED[1:])
 """A robot for each sketch: ChefBot's board runs the first of the published ones unless told otherwise."""
 
 
+AS_BUILT = {"sim.true.drawn": "plausible"}
+"""Changes of a configuration: the simulated robot differs from it as one that was built with care does."""
+
+
 def packaged_name(robot: str) -> str:
     """The packaged robot that it is, whatever its board runs."""
     return robot.partition("/")[0]
@@ -35,4 +41,4 @@ def settings_of(robot: str, overrides: Mapping[str, object]) -> Settings:
     """Its configuration, with these changes."""
     sketch = sketch_of(robot)
     runs = {"sim.board.sketch": sketch} if sketch else {}
-    return load(packaged(packaged_name(robot)), overrides={**runs, **overrides})
+    return load(packaged(packaged_name(robot)), overrides={**AS_BUILT, **runs, **overrides})

@@ -89,7 +89,10 @@ async def topic(robot: SimulatedRobot, name: str) -> Any:
 
 
 def test_it_drives_and_turns_and_knows_where_it_is(crawler: Path) -> None:
-    """0.2 m/s straight, 1 rad/s on the spot, a curve back: within 3 %, and odometry within 1 cm and 1 degree."""
+    """0.2 m/s straight, 1 rad/s on the spot, a curve back: within 3 %, and odometry within 1 cm and 2.4 degrees.
+
+    A plausible robot's track (1 %) and radii (0.3 %) are off by that much of 2.5 rad and of 0.4 m to either side.
+    """
 
     async def scenario(robot: SimulatedRobot) -> None:
         await drive(robot, 0.2, 0.0, 2.0)
@@ -107,7 +110,7 @@ def test_it_drives_and_turns_and_knows_where_it_is(crawler: Path) -> None:
         assert (await topic(robot, "safety"))["fault"] is None
         odometry, true = await topic(robot, "odometry"), robot.board.truth(0.0).world_from_base
         assert math.dist((odometry["x_m"], odometry["y_m"]), (true.x_m, true.y_m)) < 0.01
-        assert abs(math.remainder(odometry["heading_rad"] - true.heading_rad, math.tau)) < math.radians(1.0)
+        assert abs(math.remainder(odometry["heading_rad"] - true.heading_rad, math.tau)) < math.radians(2.4)
 
     on(load(crawler), scenario)
 
