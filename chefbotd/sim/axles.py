@@ -1,5 +1,6 @@
 """Axles that drive one robot: their motion over one step, solved exactly, and dry friction on top."""
 
+import math
 from collections.abc import Iterable, Sequence
 from itertools import product
 from operator import mul
@@ -19,10 +20,41 @@ Rows: TypeAlias = tuple[Wheels, ...]
 """A matrix."""
 
 
-class Propagator:
-    """Exact solution over one step of ``inertia * acceleration = torque - damping * velocity``."""
+CREEP_M_S = 0.02
+"""A tyre that rolls so much faster or slower than the others of its side grips in full (assumed)."""
 
-    def __init__(self, inertia_kg_m2: Vector, damping_n_m_s: float, step_s: float) -> None:
+
+def tyre_damping(chassis: Chassis, grip_n: float) -> Vector | None:
+    """The N x N damping of axles by tyres that roll faster or slower than the others of their side.
+
+    ``grip_n`` is the grip of a wheel. None: no side has two wheels.
+    """
+    wheels = chassis.wheels
+    if len(wheels) == 2 or not grip_n:
+        return None
+    damping = np.zeros((len(wheels), len(wheels)))
+    for i, wheel in enumerate(wheels):
+        on_side = chassis.on_side_of(wheel)
+        for j, other in enumerate(wheels):
+            if wheel.is_left == other.is_left:
+                share = (i == j) - 1 / on_side
+                damping[i, j] = grip_n / CREEP_M_S * wheel.radius_m * other.radius_m * share
+    return damping
+
+
+class Propagator:
+    """Exact solution over one step of ``inertia * acceleration = torque - damping * velocity``.
+
+    ``own_gain`` is what the solution for dry friction takes for a wheel's response to its own torque; tyres make the
+    others of its side respond alike.
+    """
+
+    def __init__(
+        self, inertia_kg_m2: Vector, damping_n_m_s: float, step_s: float, tyres: Vector | None = None
+    ) -> None:
+        if tyres is not None:
+            self._couple(inertia_kg_m2, damping_n_m_s * np.eye(len(tyres)) + tyres, step_s)
+            return
         inertias, axes = np.linalg.eigh(inertia_kg_m2)
         rates = damping_n_m_s / inertias
         responses = step_s / inertias
@@ -31,6 +63,16 @@ class Propagator:
         self.decay = rows(axes @ np.diag(np.exp(-rates * step_s)) @ axes.T)
         self.gain = rows(axes @ np.diag(responses) @ axes.T)
         self.own_gain = [row[wheel] for wheel, row in enumerate(self.gain)]
+
+    def _couple(self, inertia_kg_m2: Vector, damping: Vector, step_s: float) -> None:
+        """Solve in the axes of the damping as the square root of the inertia scales it."""
+        root = np.linalg.cholesky(inertia_kg_m2)
+        unscaled = np.linalg.inv(root)
+        rates, axes = np.linalg.eigh(unscaled @ damping @ unscaled.T)
+        responses = np.array([-math.expm1(-rate * step_s) / rate if rate > 0 else step_s for rate in rates])
+        self.decay = rows(unscaled.T @ axes @ np.diag(np.exp(-rates * step_s)) @ axes.T @ root.T)
+        self.gain = rows(unscaled.T @ axes @ np.diag(responses) @ axes.T @ unscaled)
+        self.own_gain = [sum(map(abs, row)) for row in self.gain]
 
 
 def dot(a: Sequence[float], b: Sequence[float]) -> float:
@@ -66,7 +108,7 @@ def stick_or_slide(propagator: Propagator, free: list[float], limit: list[float]
 
 
 def by_direction(
-    inertia: Vector, damping_n_m_s: float, step_s: float, chassis: Chassis
+    inertia: Vector, damping_n_m_s: float, step_s: float, chassis: Chassis, tyres: Vector | None = None
 ) -> dict[tuple[bool, ...], Propagator]:
     """The solution for each combination of directions (whether a wheel turns forward).
 
@@ -82,6 +124,7 @@ def by_direction(
         factors = tuple([motor.time_constant for motor in motors])
         if factors not in shared:
             scale = np.sqrt(factors)
-            shared[factors] = Propagator(inertia * np.outer(scale, scale), damping_n_m_s, step_s)
+            scaled = inertia * np.outer(scale, scale)
+            shared[factors] = Propagator(scaled, damping_n_m_s, step_s, tyres)
         solutions[directions] = shared[factors]
     return solutions

@@ -20,7 +20,16 @@ import numpy as np
 from chefbotd.core.geometry import Twist2D
 from chefbotd.core.record import Record
 from chefbotd.sim.arrays import Vector
-from chefbotd.sim.axles import Propagator, Wheels, by_direction, dot, rows, stick_or_slide, times
+from chefbotd.sim.axles import (
+    Propagator,
+    Wheels,
+    by_direction,
+    dot,
+    rows,
+    stick_or_slide,
+    times,
+    tyre_damping,
+)
 from chefbotd.sim.chassis import PUBLISHED, Chassis, Scrub
 from chefbotd.sim_parameters.motor import GRAVITY_M_S2, MotorParameters, SimBodyParameters
 
@@ -90,10 +99,11 @@ class Plant:
         magnetic = self._stall_n_m_per_v * self._back_emf_v_s
         viscous = self._viscous_n_m_s = motor.viscous_friction_n_m_s
         self._damping_n_m_s, self._straight_kg_m2 = viscous + magnetic, inertia.sum(axis=1).tolist()
-        self._driven = by_direction(inertia, viscous + magnetic, step_s, chassis)
-        self._coasting = by_direction(inertia, viscous, step_s, chassis)
         wheels = len(chassis.wheels)
         radii_m, load_n = [wheel.radius_m for wheel in chassis.wheels], body.mass_kg * GRAVITY_M_S2 / wheels
+        tyres = tyre_damping(chassis, body.grip * load_n)
+        self._driven = by_direction(inertia, viscous + magnetic, step_s, chassis, tyres)
+        self._coasting = by_direction(inertia, viscous, step_s, chassis, tyres)
         self._static_to_kinetic = motor.static_to_kinetic_friction
         rolling_n = body.rolling_resistance * load_n
         self._kinetic_n_m = [motor.dry_friction_n_m + rolling_n * radius_m for radius_m in radii_m]

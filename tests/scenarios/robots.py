@@ -7,6 +7,7 @@ No robot is quite as its configuration says: each is drawn as a plausible one (`
 
 from collections.abc import Mapping
 
+from chefbotd.process.simulated_robot import true_of
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.sim_parameters.sketches import PUBLISHED_SKETCHES
 
@@ -25,6 +26,19 @@ BOARDS = (*ROBOTS, *SKETCHED[1:])
 
 AS_BUILT = {"sim.true.drawn": "plausible"}
 """Changes of a configuration: the simulated robot differs from it as one that was built with care does."""
+
+
+def knowing_its_size(settings: Settings) -> Settings:
+    """The same simulated robot, in the configuration of which radii and track are as they are."""
+    true = true_of(settings)
+    wheels = [
+        wheel.model_copy(update={"radius_m": true.wheels[wheel.name].radius_m})
+        for wheel in settings.chassis.wheels
+    ]
+    sizes = {"wheels": tuple(wheels), "track_width_m": true.track_width_m, "track_multiplier": 1.0}
+    chassis = settings.chassis.model_copy(update=sizes)
+    sim = settings.sim.model_copy(update={"true": true})
+    return settings.model_copy(update={"chassis": chassis, "sim": sim})
 
 
 def packaged_name(robot: str) -> str:

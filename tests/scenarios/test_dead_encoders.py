@@ -80,7 +80,7 @@ def drive(settings: Settings, before: TWIST, after: TWIST, dead: int | None) -> 
 def test_a_dead_encoder_makes_the_robot_no_faster(
     motion: str, scrub_duty: float, dead_wheels: tuple[int, int]
 ) -> None:
-    """Never more than 0.1 rad/s and 0.04 m/s beyond what the healthy robot reaches; only the dead wheel is named."""
+    """Never more than 0.15 rad/s and 0.04 m/s beyond what the healthy robot reaches; only the dead wheel is named."""
     settings = load(
         packaged("khan"), overrides={"safety.guard.enabled": False, "drive.scrub_duty": scrub_duty}
     )
@@ -88,6 +88,6 @@ def test_a_dead_encoder_makes_the_robot_no_faster(
     assert healthy.names == set()
     for wheel in dead_wheels:
         seen = drive(settings, *MOTIONS[motion], dead=wheel)
-        assert seen.angular_rad_s < healthy.angular_rad_s + 0.1
+        assert seen.angular_rad_s < healthy.angular_rad_s + 0.15
         assert seen.linear_m_s < healthy.linear_m_s + 0.04
         assert seen.names == {settings.chassis.wheels[wheel].name}

@@ -16,7 +16,7 @@ from chefbotd.settings import Settings, load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from tests.budget import sample
 from tests.fakes.wheels import wheel_speeds_rad_s
-from tests.scenarios.robots import OBEYED_S
+from tests.scenarios.robots import OBEYED_S, knowing_its_size
 
 Scenario = Callable[[SimulatedRobot], Awaitable[None]]
 
@@ -103,12 +103,12 @@ async def topic(robot: SimulatedRobot, name: str) -> dict[str, object]:
     sample([(0.2, 0.0), (-0.2, 0.0), (0.0, 1.0), (0.15, -0.5), (0.03, 0.0)], fast=2),
 )
 def test_the_robot_moves_as_it_is_told(settings: Settings, linear_m_s: float, angular_rad_s: float):
-    """After two seconds of a command the true twist is the one asked for, within 2 % and 2 mm/s."""
+    """After two seconds of a command the true twist is the one asked for, within 2 % and 3 mm/s."""
 
     async def scenario(robot: SimulatedRobot) -> None:
         await drive(robot, linear_m_s, angular_rad_s, 2.0)
         twist = truth(robot).twist
-        assert twist.linear_m_s == pytest.approx(linear_m_s, rel=0.02, abs=0.002)
+        assert twist.linear_m_s == pytest.approx(linear_m_s, rel=0.02, abs=0.003)
         assert twist.angular_rad_s == pytest.approx(angular_rad_s, rel=0.02, abs=0.01)
 
     on_robot(scenario, settings)
@@ -210,7 +210,10 @@ def test_full_speed_is_asked_for_by_full_scale_and_no_more(settings: Settings):
 
 @pytest.mark.slow
 def test_a_square_closes_and_odometry_knows_where_the_robot_is(settings: Settings):
-    """Four sides and four turns by time alone: odometry and truth end within 1 cm and 1 degree of each other."""
+    """Four sides and four turns by time alone: odometry and truth end within 2 cm and 2 degrees of each other.
+
+    The robot knows its radii and its track. Random slip is 0.7 degrees of a full turn (one sigma).
+    """
 
     async def scenario(robot: SimulatedRobot) -> None:
         for _ in range(4):
@@ -219,11 +222,11 @@ def test_a_square_closes_and_odometry_knows_where_the_robot_is(settings: Setting
         await robot.client.stop()
         await asyncio.sleep(1.0)
         odometry, true = await topic(robot, "odometry"), truth(robot).world_from_base
-        assert math.dist((odometry["x_m"], odometry["y_m"]), (true.x_m, true.y_m)) < 0.01
+        assert math.dist((odometry["x_m"], odometry["y_m"]), (true.x_m, true.y_m)) < 0.02
         error_rad = math.remainder(odometry["heading_rad"] - true.heading_rad, math.tau)
-        assert abs(error_rad) < math.radians(1.0)
+        assert abs(error_rad) < math.radians(2.0)
 
-    on_robot(scenario, settings)
+    on_robot(scenario, knowing_its_size(settings))
 
 
 def test_a_client_that_falls_silent_leaves_the_robot_standing(settings: Settings):

@@ -43,10 +43,10 @@ def cases() -> list[object]:
 
 
 def settings_for(robot: str, plant: str) -> Settings:
-    """The robot with a feedforward for other motors than its own."""
+    """The robot with a feedforward for other motors than its own, and nothing else wrong with them."""
     own, (friction, gain) = settings_of(robot, {}).pid, PLANTS[plant]
     told = {"pid.ks_duty": friction * own.ks, "pid.kv_duty_per_m_s": gain * own.kv}
-    return settings_of(robot, {"safety.guard.enabled": False, **told})
+    return settings_of(robot, {"safety.guard.enabled": False, "sim.true.drawn": "perfect", **told})
 
 
 @pytest.mark.parametrize(("robot", "plant", "speed_m_s"), cases())

@@ -11,7 +11,7 @@ from chefbotd.clock import run_virtual
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from tests.budget import sample
-from tests.scenarios.robots import OBEYED_S
+from tests.scenarios.robots import OBEYED_S, knowing_its_size
 from tests.scenarios.wires import Rewrite, frozen, rewire, slipping
 
 Scenario = Callable[[SimulatedRobot], Awaitable[None]]
@@ -208,7 +208,7 @@ def test_a_wheel_that_disagrees_does_not_bend_the_odometry(broken: Callable[[int
         assert off_m < 0.02
         assert off_rad < math.radians(3.0)
 
-    on_robot(load(packaged("khan")), scenario)
+    on_robot(knowing_its_size(load(packaged("khan"))), scenario)
 
 
 @pytest.mark.parametrize("linear_m_s", [0.05, 0.3])
