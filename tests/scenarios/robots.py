@@ -24,6 +24,12 @@ BOARDS = (*ROBOTS, *SKETCHED[1:])
 """A robot for each sketch: ChefBot's board runs the first of the published ones unless told otherwise."""
 
 
+AS_CONFIGURED = {"sim.true.drawn": "perfect"}
+"""Changes of a configuration: the simulated robot is exactly as the rest of it says.
+
+Robots that crawl among scans because a sensor is silent need it: of plausible ones some end short of their goal.
+"""
+
 AS_BUILT = {"sim.true.drawn": "plausible"}
 """Changes of a configuration: the simulated robot differs from it as one that was built with care does."""
 

@@ -13,6 +13,7 @@ from chefbotd.client import GoalFault
 from chefbotd.sim.lidar import LidarFault
 from chefbotd.sim.worlds.flat import FLAT
 from tests.scenarios.on_the_way import Drive, drives_in_flat, in_flat
+from tests.scenarios.robots import AS_CONFIGURED
 
 pytestmark = pytest.mark.slow
 
@@ -146,7 +147,7 @@ TWO_LIDARS = [
 """Each sees 230 degrees, and is blind for the robot behind itself."""
 
 
-@drives_in_flat(overrides={"lidar": TWO_LIDARS})
+@drives_in_flat(overrides={"lidar": TWO_LIDARS, **AS_CONFIGURED})
 async def test_a_robot_with_a_front_and_a_rear_lidar_gets_there_though_one_falls_silent(drive: Drive) -> None:
     """The front one, which leads, is silent from the door on: the rear one's scans lead then, at a crawl."""
     assert len(drive.robot.lidars) == 2

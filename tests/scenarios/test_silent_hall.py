@@ -10,6 +10,7 @@ import pytest
 from chefbotd.core.geometry import Pose2D
 from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from tests.scenarios.on_the_way import Drive, in_flat
+from tests.scenarios.robots import AS_CONFIGURED
 
 pytestmark = [pytest.mark.slow, pytest.mark.timeout(400)]
 
@@ -54,7 +55,7 @@ def test_the_robot_crawls_and_arrives(tmp_path: Path, goal: tuple[float, float, 
         assert 0.03 < fastest_m_s < 0.1
         assert {event.mode for event in drive.safety} == {"armed"}
 
-    in_flat(tmp_path, scenario, overrides=START, grid=hall())
+    in_flat(tmp_path, scenario, overrides={**START, **AS_CONFIGURED}, grid=hall())
 
 
 def test_what_stands_in_the_way_of_a_crawling_robot_is_not_touched(tmp_path: Path) -> None:

@@ -244,6 +244,30 @@ def test_wrong_numbers_are_refused() -> None:
         Plant(MotorParameters(), HANGING, 0)
 
 
+def test_the_ground_holds_the_wheels_of_a_side_together() -> None:
+    """Of two left motors one has nine tenths of the gain: on the ground they roll alike, in the air they do not."""
+    khan = wheeled("LRLR")
+    weak = replace(khan.wheels[0], forward=TrueMotor(gain=0.9))
+    uneven = replace(khan, wheels=(weak, *khan.wheels[1:]))
+    on_ground = Plant(MotorParameters(), SimBodyParameters(wheelbase_m=0.2), 0.005, uneven)
+    left, _, rear_left, _ = spin(on_ground, on_ground.standing, (0.5,) * 4, 2.0).velocity_rad_s
+    assert left == pytest.approx(rear_left, rel=0.02)
+    hanging = Plant(MotorParameters(), HANGING, 0.005, uneven)
+    left, _, rear_left, _ = spin(hanging, hanging.standing, (0.5,) * 4, 2.0).velocity_rad_s
+    assert left == pytest.approx(0.9 * rear_left, rel=1e-6)
+
+
+def test_tyres_change_nothing_where_the_wheels_of_a_side_are_alike() -> None:
+    """Four equal wheels move as if each side had none to hold on to: grip is only spent where rims differ."""
+    slick, rough = (
+        Plant(MotorParameters(), SimBodyParameters(grip=grip), 0.005, wheeled("LRLR")) for grip in (0.0, 0.6)
+    )
+    shares = (0.5, 0.4, 0.5, 0.4)
+    assert spin(rough, rough.standing, shares, 0.5).velocity_rad_s == pytest.approx(
+        spin(slick, slick.standing, shares, 0.5).velocity_rad_s, rel=1e-9
+    )
+
+
 @settings(max_examples=examples(60))
 @given(
     left=st.floats(-20, 20),
