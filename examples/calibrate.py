@@ -127,7 +127,7 @@ async def _all_steps(
     report = await client.get_calibration()
     results = []
     for step in report.steps:
-        if chosen is not None and step.name not in chosen:
+        if step.on_request if chosen is None else step.name not in chosen:
             continue
         if step.missing:
             say(f"{step.name}: left out, {step.missing}")

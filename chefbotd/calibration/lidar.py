@@ -36,4 +36,5 @@ LIDAR = Step(
     missing,
     _procedure,
     _fit,
+    on_request=True,
 )

@@ -112,7 +112,8 @@ class Step(Record, frozen=True):
     """One step. ``preparation`` says what a person does first; the robot needs ``space_m`` of free floor around it.
 
     ``missing(robot)`` says what this robot lacks for the step (empty: nothing). ``fit(robot, measurements)`` never
-    raises for bad measurements: its result says ``not_enough`` or ``refused``.
+    raises for bad measurements: its result says ``not_enough`` or ``refused``. A step ``on_request`` is left out of a
+    calibration of everything, because another step finds the same.
     """
 
     name: str
@@ -122,3 +123,4 @@ class Step(Record, frozen=True):
     missing: Callable[[Robot], str]
     procedure: Callable[[Robot], Procedure]
     fit: Callable[[Robot, Measurements], StepResult]
+    on_request: bool = False

@@ -38,7 +38,7 @@ def calibrate_recorded(
     require_plots(out)
     settings, measured = read_drive(path)
     results: list[StepResult] = []
-    for name in steps or STEPS:
+    for name in steps or [step.name for step in STEPS.values() if not step.on_request]:
         robot = robot_with(
             settings, {e.key: e.after for one in results for e in one.estimates if _passed(one)}
         )

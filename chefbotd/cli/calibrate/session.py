@@ -67,7 +67,7 @@ class CalibrationSession:
         for step in report.steps:
             if step.missing and not self._context.as_json:
                 echo(plain(f"{step.name}: left out, {step.missing}"))
-        return [step for step in report.steps if not step.missing]
+        return [step for step in report.steps if not step.missing and not step.on_request]
 
     async def _carry_out(self, robot: Client, step: CalibrationStep) -> StepResult:
         await self._prepare(step)

@@ -18,7 +18,7 @@ class CalibrateParams(Params):
     """The step, and the free floor around the robot where nothing on it sees that."""
 
     step: StepName = Field(
-        examples=["wheels"], description="encoders, battery, motors, wheels, imu or sensors"
+        examples=["wheels"], description="encoders, battery, motors, wheels, lidar, imu or sensors"
     )
     space_m: float | None = Field(
         None, ge=0, le=100, description="free floor around the robot, as a person says; null: the lidar sees"
@@ -48,6 +48,9 @@ class CalibrationStep(Record, frozen=True):
         float, Meta(description="free floor that it needs around the robot; 0: it stays in place")
     ]
     missing: Annotated[str, Meta(description="what the robot lacks for it; empty: nothing")]
+    on_request: Annotated[
+        bool, Meta(description="another step finds the same, so it is done only if it is named")
+    ]
 
 
 class CalibrationReport(Record, frozen=True):

@@ -93,7 +93,9 @@ class CalibrationService:
         """Return every step that can be calibrated, and the newest result of each."""
         robot = self._robot_with({})
         steps = tuple(
-            CalibrationStep(step.name, step.purpose, step.preparation, step.space_m, step.missing(robot))
+            CalibrationStep(
+                step.name, step.purpose, step.preparation, step.space_m, step.missing(robot), step.on_request
+            )
             for step in _steps().values()
         )
         return CalibrationReport(steps, tuple(self._results.values()))
