@@ -9,6 +9,7 @@ stand.
 """
 
 import math
+from itertools import pairwise
 
 import numpy as np
 
@@ -36,13 +37,14 @@ STILL_RAD_S = 0.02
 """Rates at rest vary by less."""
 
 SAME_BIAS_RAD_S = 0.005
+LEAST_PART_S = 0.25
 LEAST_LAG_SIGMA_S = 1e-3
 MOST_OFF, MOST_LEFT_RAD = 0.25, 0.08
 LEAST_SHARE = 0.25
 """Of the readings, how many must be of a board that was not silent."""
 
-WHEEL_SHARE, LIDAR_SHARE = 1e-3, 3e-4
-"""What the turn by calibrated wheels, and that by a lidar, may be off; assumed from the targets of their calibration."""
+WHEEL_SHARE, LIDAR_SHARE, SUM_SHARE = 1e-3, 3e-4, 1e-3
+"""What the turn by calibrated wheels, that by a lidar, and the sum of 20 rates a second may be off; assumed."""
 
 SLIP_RAD2_PER_RAD = 2.5e-5
 """How the turn by wheels scatters in the OptiOdom recordings."""
@@ -103,9 +105,13 @@ def turned_by_imu(measurements: Measurements) -> Turned | None:
 
 
 def _unpowered(measurements: Measurements, spans: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """The spans in which no motor had duty."""
-    powered = np.array([one.stamp_s for one in measurements.driven if any(one.duty)])
-    return [(begin, end) for begin, end in spans if not ((powered >= begin) & (powered <= end)).any()]
+    """The parts of the spans in which no motor had duty."""
+    powered = [one.stamp_s for one in measurements.driven if any(one.duty)]
+    parts = []
+    for begin_s, end_s in spans:
+        limits = [begin_s, *[at_s for at_s in powered if begin_s <= at_s <= end_s], end_s]
+        parts += [(a, b) for a, b in pairwise(limits) if b - a >= LEAST_PART_S]
+    return parts
 
 
 def _bias(shown: Turned, spans: list[tuple[float, float]]) -> tuple[float, float] | StepResult:
@@ -174,37 +180,49 @@ class Fitted(Record, frozen=True):
 def _fitted(
     shown: Turned, used: Flags, reference: tuple[Floats, Floats], bias: float, lag_s: float
 ) -> Fitted:
-    """Offset, scale and lag, and of headings the drift; the bias of rates is what it was at rest."""
+    """Scale and lag, and of headings the drift; the bias of rates is what it was at rest.
+
+    The offset is free. The sum of rates has another one after each time in which they were late.
+    """
     stamp_s = shown.stamp_s[used]
+    piece = (
+        np.cumsum(np.diff(used.astype(int), prepend=0) == 1)[used] - 1
+        if shown.is_rate
+        else np.zeros(used.sum(), int)
+    )
+    counts = np.bincount(piece)
+
+    def centred(values: Floats) -> Floats:
+        return np.asarray(values - (np.bincount(piece, values) / counts)[piece])
+
     since_s = stamp_s - stamp_s[0]
-    shown_rad = shown.shown_rad[used] - bias * since_s
-    drifting = np.zeros_like(since_s) if shown.is_rate else since_s / since_s[-1]
+    shown_rad = centred(shown.shown_rad[used] - bias * since_s)
+    drifting = np.zeros_like(since_s) if shown.is_rate else centred(since_s / since_s[-1])
 
     def at(lag_s: float) -> Floats:
-        return np.asarray(np.interp(stamp_s - lag_s, *reference))
+        return centred(np.interp(stamp_s - lag_s, *reference))
 
     def linear(lag_s: float) -> tuple[Floats, float]:
-        columns = np.stack([np.ones(len(stamp_s)), at(lag_s), drifting], axis=1)
+        columns = np.stack([at(lag_s), drifting], axis=1)
         values, *_ = np.linalg.lstsq(columns, shown_rad, rcond=None)
         return values, float(np.median(np.abs(shown_rad - columns @ values)))
 
     best_s = float(min(LAGS_S, key=lambda each: linear(each)[1]))
     values, left_rad = linear(best_s)
     noise_rad = max(1.5 * left_rad, 1e-4)
-    start = np.array([values[0], values[1], best_s, values[2]])[: 3 if shown.is_rate else 4]
+    start = np.array([values[0], best_s, values[1]])[: 2 if shown.is_rate else 3]
 
     def residuals(p: Floats) -> Floats:
-        drift = 0.0 if shown.is_rate else p[3] * drifting
-        left: Floats = (shown_rad - p[0] - p[1] * at(float(p[2])) - drift) / noise_rad
+        drift = 0.0 if shown.is_rate else p[2] * drifting
+        left: Floats = (shown_rad - p[0] * at(float(p[1])) - drift) / noise_rad
         return left[:, None]
 
     solution = solve(residuals, start)
-    before = shown.shown_rad[used] - at(lag_s)
     return Fitted(
+        (float(solution.values[0]), float(solution.sigmas[0])),
         (float(solution.values[1]), float(solution.sigmas[1])),
-        (float(solution.values[2]), float(solution.sigmas[2])),
         since_s,
-        before - before[0],
+        centred(shown.shown_rad[used]) - at(lag_s),
         solution.residuals[:, 0] * noise_rad,
         solution.is_determined,
     )
@@ -223,7 +241,7 @@ def _judged(
         return _failed(Status.REFUSED, f"{reason}: are the wheels calibrated?")
     doubt = LIDAR_SHARE if by_lidar else math.hypot(WHEEL_SHARE, math.sqrt(SLIP_RAD2_PER_RAD / turned_rad))
     old_scale = 1.0 if bias is None else imu.gyro_scale
-    sigma = math.hypot(fitted.scale[1], doubt)
+    sigma = math.hypot(fitted.scale[1], doubt, 0.0 if bias is None else SUM_SHARE)
     estimates = [
         Estimate("imu.gyro_scale", "", imu.gyro_scale, old_scale * scale, sigma),
         Estimate("imu.lag_s", "s", imu.lag_s, fitted.lag_s[0], max(fitted.lag_s[1], LEAST_LAG_SIGMA_S)),

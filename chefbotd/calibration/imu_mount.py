@@ -17,8 +17,8 @@ Flags: TypeAlias = NDArray[np.bool_]
 
 LEAST_READINGS = 60
 LAGS_S = np.arange(-0.1, 0.6, 0.01)
-SILENT_S, LATE_S = 0.2, 1.5
-"""After so long without a reading of the wheels, the readings of the next moments are late."""
+SILENT_S, REGULAR_SHARE, REGULAR_CYCLES = 0.2, 0.9, 3
+"""After so long without a reading of the wheels, the IMU's are late until cycles last as long as usual again."""
 
 SURE_RAD = 0.02
 """A mount that is known less well is none."""
@@ -30,10 +30,17 @@ STRAIGHT_M, AROUND_S = 0.004, 0.2
 
 def in_time(stamp_s: Floats, wheels_s: Floats) -> Flags:
     """Which readings came when the board had not been silent lately, and while the wheels were heard."""
-    ends = np.concatenate([[-np.inf], wheels_s[1:][np.diff(wheels_s) > SILENT_S]])
-    since_s = stamp_s - ends[np.searchsorted(ends, stamp_s, side="right") - 1]
+    cycles_s = np.diff(wheels_s)
+    usual_s, late, waits = float(np.median(cycles_s)), np.zeros(len(wheels_s), bool), 0
+    for k, cycle_s in enumerate(cycles_s.tolist(), 1):
+        if cycle_s > SILENT_S or (waits and cycle_s < REGULAR_SHARE * usual_s):
+            waits = REGULAR_CYCLES
+        elif waits:
+            waits -= 1
+        late[k] = waits > 0
     inside = (stamp_s > wheels_s[0] + LAGS_S[-1]) & (stamp_s < wheels_s[-1] + LAGS_S[0])
-    return np.asarray(inside & (since_s > LATE_S), bool)
+    after = np.minimum(np.searchsorted(wheels_s, stamp_s), len(wheels_s) - 1)
+    return np.asarray(inside & ~late[after] & ~late[np.maximum(after - 1, 0)], bool)
 
 
 def mount_of(

@@ -32,7 +32,7 @@ OUTLIER_MEMORY: Final = 100.0
 SILENT_S: Final = 0.2
 """A board that sends nothing for so long has an IMU whose queue fills up."""
 
-REGULAR_SHARE: Final = 0.7
+REGULAR_SHARE: Final = 0.9
 REGULAR_CYCLES: Final = 3
 """The queue is empty again when so many cycles have lasted as long as usual: the sketch then waits for a sample."""
 
