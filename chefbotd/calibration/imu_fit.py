@@ -207,7 +207,7 @@ def _fitted(
         values, *_ = np.linalg.lstsq(columns, shown_rad, rcond=None)
         return values, float(np.median(np.abs(shown_rad - columns @ values)))
 
-    best_s = float(min(LAGS_S, key=lambda each: linear(each)[1]))
+    best_s = float(min(LAGS_S, key=lambda tried_s: linear(tried_s)[1]))
     values, left_rad = linear(best_s)
     noise_rad = max(1.5 * left_rad, 1e-4)
     start = np.array([values[0], best_s, values[1]])[: 2 if shown.is_rate else 3]
