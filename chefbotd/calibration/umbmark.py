@@ -174,4 +174,5 @@ UMBMARK = Step(
     _missing,
     _procedure,
     _fit,
+    on_request=True,
 )

@@ -6,7 +6,7 @@ import click
 
 from chefbotd.cli.common.context import CommandContext
 
-NAMES = ("encoders", "battery", "motors", "wheels", "lidar", "imu", "sensors")
+NAMES = ("encoders", "battery", "motors", "wheels", "umbmark", "lidar", "imu", "sensors")
 """The steps, repeated here so that chefbotctl need not import them."""
 
 
@@ -48,7 +48,7 @@ def calibrate(
     seed: int | None,
     out: Path | None,
 ) -> None:
-    """Find the robot's real parameters: STEP is encoders, battery, motors, wheels, lidar, imu or sensors.
+    """Find the robot's real parameters: STEP is encoders, battery, motors, wheels, umbmark, lidar, imu or sensors.
 
     Without a STEP all are done, in this order. The robot moves; any stop ends a step. Each step says what to prepare,
     and shows each parameter before and after with its standard deviation. Nothing is written without --apply.

@@ -18,7 +18,7 @@ class CalibrateParams(Params):
     """The step, and the free floor around the robot where nothing on it sees that."""
 
     step: StepName = Field(
-        examples=["wheels"], description="encoders, battery, motors, wheels, lidar, imu or sensors"
+        examples=["wheels"], description="encoders, battery, motors, wheels, umbmark, lidar, imu or sensors"
     )
     space_m: float | None = Field(
         None, ge=0, le=100, description="free floor around the robot, as a person says; null: the lidar sees"
