@@ -177,8 +177,10 @@ def _whitening(track_m: float, drive: Drive, mount: Floats | None) -> Floats:
     turned = _rotations(poses[drive.first, 2])
     local = turned.transpose(0, 2, 1) @ covariance @ turned
     local[:, range(3), range(3)] += drive.sigmas**2
-    if mount is None:  # the lag and the yaw of a truth swing place and heading otherwise than wheels do
+    if mount is None:  # the lag and the yaw of a truth swing the whole travel, and otherwise than wheels do
+        swing_m = _between(way_m, drive) / 4
         local *= np.eye(3)
+        local[:, [0, 1], [0, 1]] = (ahead + swing_m**2 * none)[:, None] + drive.sigmas[:, :2] ** 2
     whitening: Floats = np.linalg.inv(np.linalg.cholesky(local))
     return whitening
 
