@@ -47,7 +47,7 @@ calibrate: $(VENV)/ready  ## Have a simulated ChefBot that is wrong in everythin
 
 # For every change: no long scenario, few examples, each scenario on one robot.
 test: $(VENV)/ready  ## Run the tests that belong to every change, on all cores (JOBS=0: one process)
-	@echo "About 5800 tests; about two minutes on two cores, three the first time."
+	@echo "About 6300 tests; about two minutes on two cores, three the first time."
 	$(BIN)/pytest -q $(PARALLEL) -m "not slow"
 
 # No test may depend on the computer's speed: here each has a sixth of it and less.
