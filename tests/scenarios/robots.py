@@ -27,7 +27,8 @@ BOARDS = (*ROBOTS, *SKETCHED[1:])
 AS_CONFIGURED = {"sim.true.drawn": "perfect"}
 """Changes of a configuration: the simulated robot is exactly as the rest of it says.
 
-Robots that crawl among scans because a sensor is silent need it: of plausible ones some end short of their goal.
+Robots that crawl because a sensor is silent need it. They turn to a goal by short commands, one a second; where a dead
+zone is 10 % larger than configured, 28 of duty do not start the wheels, and the goal ends as blocked.
 """
 
 AS_BUILT = {"sim.true.drawn": "plausible"}
