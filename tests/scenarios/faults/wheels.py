@@ -244,7 +244,7 @@ FAULTS = (
             "Encoder or motor wired backwards",
             f"motor reversed, wheel {wheel}",
             partial(reversed_motor, wheel),
-            latched("wheel_reversed", 1.0),
+            latched("wheel_reversed", 1.4),  # the other wheel of KHAN's side holds it by its tyres
             robots=("chefbot", "khan") if wheel < 2 else ("khan",),
         )
         for wheel in range(4)
