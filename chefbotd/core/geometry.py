@@ -94,6 +94,19 @@ class PoseCovariance(Record, frozen=True, array_like=True):
     yh: float = 0.0
     hh: float = 0.0
 
+    def turned(self, angle_rad: float) -> "PoseCovariance":
+        """The same in a frame in which all headings are greater by this angle."""
+        cos, sin = math.cos(angle_rad), math.sin(angle_rad)
+        across = (self.xx - self.yy) * cos * sin + self.xy * (cos * cos - sin * sin)
+        return PoseCovariance(
+            self.xx * cos * cos - 2 * self.xy * cos * sin + self.yy * sin * sin,
+            across,
+            self.xh * cos - self.yh * sin,
+            self.xx * sin * sin + 2 * self.xy * cos * sin + self.yy * cos * cos,
+            self.xh * sin + self.yh * cos,
+            self.hh,
+        )
+
     @property
     def row_by_row(self) -> tuple[float, ...]:
         """All nine numbers of the matrix."""

@@ -11,11 +11,11 @@ from chefbotd.localization.hypotheses import moved
 from chefbotd.localization.searching import Searching
 from chefbotd.localization.tracking import (
     Estimate,
-    motion_covariance,
+    motion_noise,
     predicted,
     sigmas,
 )
-from chefbotd.mapping.poses import Floats, between
+from chefbotd.mapping.poses import Floats, between, motion_covariance
 
 
 class PoseState(StrEnum):
@@ -191,9 +191,15 @@ def carried(now: Localization, odometry: Odometry) -> Localization:
     return now
 
 
-def _noise(before: Odometry, on_event: Odometry) -> Floats | None:
-    """The covariance of the motion; None without one, or where it has shrunk: then the odometry began again."""
-    if before.covariance is None or on_event.covariance is None:
+def _noise(before: Odometry, after: Odometry) -> Floats | None:
+    """The covariance of the motion where odometry is less certain than it is thought to be anyway, else None.
+
+    It does not know of every slip. So what it says can make the motion less certain, and not more.
+    """
+    if before.covariance is None or after.covariance is None:
         return None
-    noise = motion_covariance(before.pose, before.covariance, on_event.pose, on_event.covariance)
-    return noise if np.linalg.eigvalsh(noise)[0] > -1e-9 else None
+    noise = motion_covariance(before.pose, before.covariance, after.pose, after.covariance)
+    if noise is None:
+        return None
+    usual, own = np.diag(motion_noise(between(before.pose, after.pose))), np.diag(noise)
+    return np.diag(np.maximum(usual, own)) if (own > usual).any() else None

@@ -15,7 +15,7 @@ from chefbotd.core.record import Record, replace
 from chefbotd.localization.agreement import Agreement, agreement
 from chefbotd.mapping.correlate import Window, search
 from chefbotd.mapping.local_map import LocalMap
-from chefbotd.mapping.poses import Floats, compose, inverted, turned, wrap
+from chefbotd.mapping.poses import Floats, carried_covariance, compose, inverted, turned, wrap
 from chefbotd.mapping.refine import Fit, Prior, polish
 from chefbotd.mapping.state import Scan
 
@@ -93,28 +93,13 @@ def motion_noise(moved: Floats) -> Floats:
     return np.diag([place, place, turn])
 
 
-def motion_covariance(
-    before: Floats, before_covariance: Floats, after: Floats, after_covariance: Floats
-) -> Floats:
-    """What odometry's covariance grew by between two poses, in the frame of the first: that of the motion alone."""
-    carried = _carried(before_covariance, after[0] - before[0], after[1] - before[1])
-    return turned(after_covariance - carried, -float(before[2]))
-
-
-def _carried(covariance: Floats, dx_m: float, dy_m: float) -> Floats:
-    """What is uncertain about a pose, at a place that lies (dx, dy) from it."""
-    by = np.array([[1.0, 0.0, -dy_m], [0.0, 1.0, dx_m], [0.0, 0.0, 1.0]])
-    result: Floats = by @ covariance @ by.T
-    return result
-
-
 def predicted(last: Estimate, moved: Floats, noise: Floats | None = None) -> Estimate:
     """Where the robot is after such a motion, in the frame of the last pose; ``noise`` is the motion's covariance."""
     if math.hypot(moved[0], moved[1]) > MAX_JUMP_M:
         return last
     pose = compose(last.pose, moved)
     added = motion_noise(moved) if noise is None else noise
-    grown = _carried(last.covariance, pose[0] - last.pose[0], pose[1] - last.pose[1])
+    grown = carried_covariance(last.covariance, pose[0] - last.pose[0], pose[1] - last.pose[1])
     return Estimate(pose, grown + turned(added, float(last.pose[2])))
 
 

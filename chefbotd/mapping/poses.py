@@ -82,3 +82,24 @@ def transform(pose: Floats, points: NDArray[np.floating[Any]]) -> Floats:
     cos, sin = math.cos(pose[2]), math.sin(pose[2])
     moved: Floats = points @ np.array([[cos, sin], [-sin, cos]]) + pose[:2]
     return moved
+
+
+def carried_covariance(covariance: Floats, dx_m: float, dy_m: float) -> Floats:
+    """What is uncertain about a pose, at a place that lies (dx, dy) from it."""
+    by = np.array([[1.0, 0.0, -dy_m], [0.0, 1.0, dx_m], [0.0, 0.0, 1.0]])
+    result: Floats = by @ covariance @ by.T
+    return result
+
+
+def motion_covariance(
+    before: Floats, before_covariance: Floats, after: Floats, after_covariance: Floats
+) -> Floats | None:
+    """What odometry's covariance grew by between two poses, in the frame of the first: that of the motion alone.
+
+    None where it has shrunk: odometry began again, or another sensor has corrected it.
+    """
+    carried = carried_covariance(before_covariance, after[0] - before[0], after[1] - before[1])
+    grown = after_covariance - carried
+    if np.linalg.eigvalsh(grown)[0] < -1e-9:
+        return None
+    return turned(grown, -float(before[2]))

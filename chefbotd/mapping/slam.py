@@ -77,9 +77,17 @@ class _Kept(Record, frozen=True):
 
 
 def step(
-    params: SlamParameters, state: SlamState, stamp_s: float, odometry: Floats, scan: Scan
+    params: SlamParameters,
+    state: SlamState,
+    stamp_s: float,
+    odometry: Floats,
+    scan: Scan,
+    noise: Floats | None = None,
 ) -> tuple[SlamState, SlamReport]:
     """Take in a scan; ``odometry`` is the pose of the robot in any frame that does not jump. Uses up ``state``.
+
+    ``noise`` (3, 3) is what odometry thinks of the motion since the scan before; it makes the search wider, never
+    narrower.
 
     Raises:
         ValueError: a pose or a point is not finite or further away than any lidar sees, or the arrays do not fit.
@@ -90,7 +98,9 @@ def step(
         first = _with_node(params.submaps, state, stamp_s, scan, None)
         return first, _report(first, None, _Kept(first), kept=True)
     moved = between(state.odometry, odometry)
-    track = tracked(params.matching, state.active[0].grids, state.local_pose, moved, scan, state.usual_fit)
+    track = tracked(
+        params.matching, state.active[0].grids, state.local_pose, moved, scan, state.usual_fit, noise
+    )
     if not track.fits or (state.misfits and track.fit.overlap < params.matching.min_overlap):
         return _misfit(params, state, stamp_s, odometry, scan, track)
     travel_m = _travel_m(between(state.local_pose, track.fit.pose))

@@ -41,12 +41,17 @@ def tracked(
     moved: Floats,
     scan: Scan,
     usual_fit: float = 1.0,
+    noise: Floats | None = None,
 ) -> ScanMatch:
     """The robot's pose: it was at ``last`` in the map's frame, and has moved by ``moved`` says the odometry.
 
     A fit that is clearly worse than the usual one has the scan searched further around: the wheels may have slipped.
+    ``noise`` (3, 3) is the odometry's own covariance of the motion, for where it is less certain than usual.
     """
     sigma_m, sigma_rad = odometry_sigmas(params, moved)
+    if noise is not None:
+        sigma_m = max(sigma_m, math.sqrt(max(float(noise[0, 0]), float(noise[1, 1]))))
+        sigma_rad = max(sigma_rad, math.sqrt(float(noise[2, 2])))
     if math.hypot(moved[0], moved[1]) > params.max_jump_m:
         return _jumped(params, grids, last, scan)
     guess = compose(last, moved)

@@ -78,7 +78,9 @@ class WorkerService:
 
     def _send_odometry(self, event: OdometryUpdated) -> None:
         steady_from_base = self._steady_from_odom.compose(event.odom_from_base)
-        self.worker.send(replace(event, odom_from_base=steady_from_base))
+        turned_rad = self._steady_from_odom.heading_rad
+        covariance = event.covariance.turned(turned_rad) if turned_rad else event.covariance
+        self.worker.send(replace(event, odom_from_base=steady_from_base, covariance=covariance))
 
     def _send_range(self, event: RangeMeasured) -> None:
         """Send only echoes: other readings do not say where something is."""

@@ -78,10 +78,14 @@ BAND_M: Final = (0.01, 90.0)
 
 
 class AlignedScan(Record, frozen=True):
-    """What a turn shows, in the robot's frame at ``stamp_s``, and where odometry says that it was then."""
+    """What a turn shows, in the robot's frame at ``stamp_s``, and where odometry says that it was then.
+
+    ``odometry_covariance`` (3, 3) is that of the last odometry which is no later.
+    """
 
     stamp_s: float
     odometry: Floats
+    odometry_covariance: Floats
     scan: Scan
 
 
@@ -140,7 +144,9 @@ class ScanAligner:
         points, stamp_s = points_m.astype(np.float32), turns[0].stamp_s
         pose = pose_at(track, np.array([stamp_s]))[0]
         sensor_m = sensor_m if sensor_m.ndim == 1 else sensor_m.astype(np.float32)
-        return AlignedScan(stamp_s, pose, Scan(points, normals(points, sensor_m), sensor_m))
+        last = next((one for one in reversed(self._track) if one.stamp_s <= stamp_s), self._track[0])
+        covariance = np.reshape(last.covariance.row_by_row, (3, 3))
+        return AlignedScan(stamp_s, pose, covariance, Scan(points, normals(points, sensor_m), sensor_m))
 
     def _track_from(self, begin_s: float) -> OdometryTrack:
         """Where the robot was, from the last that was known by then on."""

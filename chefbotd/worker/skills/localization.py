@@ -112,7 +112,7 @@ class LocalizationSkill:
             yield from self._followed(self._within, aligned)
 
     def _followed(self, within: LocalizationMap, aligned: AlignedScan) -> Iterator[Struct]:
-        odometry = Odometry(aligned.odometry)
+        odometry = Odometry(aligned.odometry, aligned.odometry_covariance)
         self._now, report = step(
             within,
             self._now,

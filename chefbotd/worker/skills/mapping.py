@@ -16,6 +16,7 @@ from chefbotd.localization.mount_check import MountCheck, checked, mount_problem
 from chefbotd.mapping.finish import refining
 from chefbotd.mapping.live_map import MapUpdates, way_m
 from chefbotd.mapping.occupancy import occupancy
+from chefbotd.mapping.poses import motion_covariance
 from chefbotd.mapping.saved import saved
 from chefbotd.mapping.slam import step
 from chefbotd.mapping.state import SlamMode, SlamState, start
@@ -65,6 +66,7 @@ class MappingSkill:
         self._updates.forget()
         self._scans = 0
         self._mount = MountCheck()
+        self._last: AlignedScan | None = None
         self._saved_number = 0
         self._tell_at_s = self._save_at_s = float("-inf")
         self._aligner.clear()
@@ -97,8 +99,13 @@ class MappingSkill:
             yield self._mapped(aligned)
 
     def _mapped(self, aligned: AlignedScan) -> MapPoseUpdated:
-        slam = self._parameters.mapping.slam
-        self._state, report = step(slam, self._state, aligned.stamp_s, aligned.odometry, aligned.scan)
+        slam, last = self._parameters.mapping.slam, self._last
+        noise = None
+        if last is not None:
+            before, after = last.odometry_covariance, aligned.odometry_covariance
+            noise = motion_covariance(last.odometry, before, aligned.odometry, after)
+        self._last = aligned
+        self._state, report = step(slam, self._state, aligned.stamp_s, aligned.odometry, aligned.scan, noise)
         self._scans += 1
         fits = report.mode in (SlamMode.MAPPING, SlamMode.WHEEL_SLIP)
         self._mount = checked(self._mount, aligned.odometry, report.map_pose if fits else None)

@@ -5,15 +5,16 @@ import math
 import numpy as np
 import pytest
 
+from chefbotd.localization.state import Localization, Odometry, carried
 from chefbotd.localization.tracking import (
     LASER_NOISE_M,
     MAP_SIGMA_M,
     Estimate,
     fused,
-    motion_covariance,
     predicted,
     sigmas,
 )
+from chefbotd.mapping.poses import motion_covariance
 from chefbotd.mapping.refine import Fit
 
 
@@ -40,9 +41,26 @@ def test_the_odometry_s_own_covariance_is_used_in_the_robot_s_frame() -> None:
     after = np.array([5.0, 5.5, math.pi / 2])
     told = np.diag([0.2, 0.3, 0.0])
     noise = motion_covariance(before, told, after, told + np.diag([0.01**2, 0.03**2, 0.0]))
+    assert noise is not None
     assert np.diag(noise) == pytest.approx([0.03**2, 0.01**2, 0.0])
     last = Estimate(np.array([0.0, 0.0, 0.0]), np.zeros((3, 3)))
     assert predicted(last, np.array([0.5, 0, 0]), noise).covariance[0, 0] == pytest.approx(0.03**2)
+
+
+def test_odometry_that_doubts_itself_makes_the_pose_less_certain_and_never_more() -> None:
+    """Two metres ahead: 0.5 m by a slip counts, and 1 mm by odometry that knows of none does not."""
+    start = Localization(
+        estimate=Estimate(np.zeros(3), np.zeros((3, 3))), odometry=Odometry(np.zeros(3), np.zeros((3, 3)))
+    )
+    after = np.array([2.0, 0.0, 0.0])
+
+    def sigma_m(covariance: np.ndarray | None) -> float:
+        estimate = carried(start, Odometry(after, covariance)).estimate
+        assert estimate is not None
+        return float(np.sqrt(estimate.covariance[0, 0]))
+
+    assert sigma_m(np.diag([0.25, 0.25, 0.0])) == pytest.approx(0.5)
+    assert sigma_m(np.diag([1e-6, 1e-6, 0.0])) == sigma_m(None)
 
 
 def test_odometry_that_jumps_is_not_believed() -> None:
