@@ -12,7 +12,7 @@ from operator import mul, truediv
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import Motion, WheelDuties, WheelVelocities
 from chefbotd.core.record import replace
-from chefbotd.motion import pid, reference, rims
+from chefbotd.motion import held, pid, reference, rims
 from chefbotd.motion.drive_state import LOADED_SHARE, DriveParameters, DriveState
 from chefbotd.motion.encoder import LOST_LINES_S
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
@@ -41,20 +41,8 @@ CREEPING_M_S = 0.025
 The wheel on the inside of a tight circle creeps for as long as the circle lasts.
 """
 
-UNREAD_S = 0.007
-"""What is written so shortly before a reading arrives was not read in that cycle: the lines before it take as long."""
-
 RIM_ACCELERATION_SHARE = 2.0
 """Of what the limits allow: when the board missed a command, its next one has the acceleration of two cycles."""
-
-MOST_OFFERS = 8
-"""So many duties are remembered: more than are written in two of a board's cycles."""
-
-MOST_SUPPLY_SHARE = 1.5
-"""A voltage farther from the models' than this factor is an error of its measurement, and makes up for nothing."""
-
-SUPPLY_FILTER_SHARE = 0.1
-"""Of the difference that a reading of the battery shows; the rest follows with the next ones."""
 
 LAGGING_M_S = 0.02
 """A saturated wheel counts as lagging when its rim is slower than its setpoint by more than this."""
@@ -171,20 +159,6 @@ class Drive:
         """Whether it drives by the motors' models."""
         return bool(self._motors)
 
-    def offer(self, state: DriveState) -> DriveState:
-        """The state's duty goes out."""
-        if not any(state.duty):
-            return state
-        return replace(state, offered=(*state.offered[1 - MOST_OFFERS :], (state.duty, state.setpoint_m_s)))
-
-    def obeyed(self, state: DriveState, echoed_duty: Sequence[float]) -> DriveState:
-        """The board obeys this duty, whatever it was offered: the models begin from the setpoint of that."""
-        held_m_s = None if any(echoed_duty) else self._still
-        for duty, setpoint_m_s in state.offered:  # the last one counts
-            if duty == echoed_duty:
-                held_m_s = setpoint_m_s
-        return state if held_m_s in (None, state.held_m_s) else replace(state, held_m_s=held_m_s)
-
     @property
     def makes_up_for_voltage(self) -> bool:
         """Whether the duty depends on the battery's voltage."""
@@ -192,15 +166,7 @@ class Drive:
 
     def compensate(self, state: DriveState, voltage_v: float) -> DriveState:
         """The battery has this voltage: the duty is to make up for it, within bounds and not at once."""
-        nominal_v = self._parameters.motor_voltage_v
-        if nominal_v is None or not voltage_v > 0:
-            return state
-        share = nominal_v / voltage_v
-        if not 1 / MOST_SUPPLY_SHARE <= share <= MOST_SUPPLY_SHARE:
-            return state
-        return replace(
-            state, supply_share=state.supply_share + SUPPLY_FILTER_SHARE * (share - state.supply_share)
-        )
+        return held.compensated(state, self._parameters.motor_voltage_v, voltage_v)
 
     def regulate(
         self,
@@ -220,9 +186,7 @@ class Drive:
         speeds). ``substitutes`` are wheels whose reading is not believed, each with the one that it is driven like.
         """
         delay_s = self._parameters.response_delay_s
-        reached_m_s = state.setpoint_m_s
-        if state.earlier_m_s and state.stepped_s is not None and now_s - state.stepped_s < UNREAD_S:
-            reached_m_s = state.earlier_m_s
+        reached_m_s = held.reached_m_s(state, now_s) if self._motors else state.setpoint_m_s
         cycle_s = dt_s if dt_s >= pid.SHORTEST_S else state.cycle_s
         asked = Asked(dt_s, midway(state.held_m_s, reached_m_s) if self._motors else reached_m_s)
         history = reference.remember(state.asked, asked, measured_over_s + delay_s)

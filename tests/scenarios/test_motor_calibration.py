@@ -78,6 +78,21 @@ def test_no_phase_of_the_command_delays_a_start(phase_s: float):
     assert settled_s <= 0.15
 
 
+@pytest.mark.parametrize(
+    "sketch",
+    [
+        "tiva_bare",
+        *[pytest.param(sketch, marks=pytest.mark.slow) for sketch in ("duemilanove", "tiva_second")],
+    ],
+)
+def test_every_published_sketch_starts_better_once_calibrated(sketch: str):
+    """Cycles of 3 to 20 ms, with and without the board's time, echo of the battery or not: each start settles sooner."""
+    settings = imperfect(3, **{"sim.board.sketch": sketch})
+    before, after = starts(settings, {}), starts(settings, values_of(found_on(settings)[0]))
+    assert all(new[0] < old[0] for new, old in zip(after, before, strict=True))
+    assert max(settled_s for settled_s, _, _ in after) <= 0.15
+
+
 @pytest.mark.parametrize("what", ["motor", "encoder"])
 def test_what_is_reversed_is_named_before_anything_depends_on_it(what: str):
     """By the encoder alone it is one of the two; the IMU, which sees how the robot turns, says which."""

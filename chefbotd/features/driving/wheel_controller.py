@@ -6,6 +6,7 @@ from chefbotd.core.geometry import WheelDuties, WheelVelocities
 from chefbotd.core.record import Record
 from chefbotd.features.driving.wheel_reader import WheelsRead
 from chefbotd.motion.drive import Drive
+from chefbotd.motion.held import obeyed, offered
 from chefbotd.motion.limits import AT_REST, MotionLimits
 from chefbotd.motion.pid import PidParameters
 from chefbotd.motion.setpoints import under
@@ -76,7 +77,7 @@ class WheelController:
         )
         carried_out = under(self._duty_ceiling(now_s), before, after)
         if self._knows_its_motors and carried_out.duty == after.duty:
-            carried_out = self._drive.offer(carried_out)
+            carried_out = offered(carried_out)
         self.drive_state = carried_out
 
     def retarget(self, decision: Decision, now_s: float) -> None:
@@ -92,7 +93,7 @@ class WheelController:
         after = self._drive.retarget(before, decision.motion, now_s, apart=apart)
         carried_out = under(self._duty_ceiling(now_s), before, after)
         if self._knows_its_motors and carried_out.duty == after.duty:
-            carried_out = self._drive.offer(carried_out)
+            carried_out = offered(carried_out)
         self.drive_state = carried_out
 
     def _force(self, motion: WheelVelocities, now_s: float) -> None:
@@ -130,7 +131,7 @@ class WheelController:
 
     def note_echo(self, duty: tuple[float, ...]) -> bool:
         """The board obeys this duty; returns whether that is so different from what was thought that it matters."""
-        before, self.drive_state = self.drive_state, self._drive.obeyed(self.drive_state, duty)
+        before, self.drive_state = self.drive_state, obeyed(self.drive_state, duty)
         wheels = zip(before.held_m_s, self.drive_state.held_m_s, strict=True)
         return any(abs(after - thought) > UNLIKE_M_S for thought, after in wheels)
 

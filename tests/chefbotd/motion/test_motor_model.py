@@ -5,6 +5,8 @@ import math
 import pytest
 
 from chefbotd.core.geometry import STANDING, Twist2D
+from chefbotd.core.record import replace
+from chefbotd.motion import held
 from chefbotd.motion.drive import Drive
 from chefbotd.motion.drive_state import DriveParameters, DriveState
 from chefbotd.motion.motor_model import accelerations_m_s2, directed
@@ -128,14 +130,16 @@ def test_the_echo_says_from_which_setpoint_the_models_begin():
     state = controller.retarget(controller.at_rest, STANDING, 0.0)
     offers = []
     for step in (1, 2, 3):
-        state = controller.offer(stepped(controller, state, Twist2D(0.5), step * 0.05, 0.0))
+        state = held.offered(stepped(controller, state, Twist2D(0.5), step * 0.05, 0.0))
         offers.append((tuple(map(float, state.duty)), state.setpoint_m_s))
     echoed, setpoint_m_s = offers[1]
     assert state.held_m_s == setpoint_m_s
-    assert controller.obeyed(state, offers[0][0]).held_m_s == offers[0][1]
-    assert controller.obeyed(state, echoed) is state
-    assert controller.obeyed(state, (1.0, 2.0)) is state
-    assert controller.obeyed(state, (0.0, 0.0)).held_m_s == (0.0, 0.0)
+    assert held.obeyed(state, offers[0][0]).held_m_s == offers[0][1]
+    assert held.obeyed(state, echoed) is state
+    assert held.obeyed(state, (1.0, 2.0)) is state
+    assert held.obeyed(state, (0.0, 0.0)).held_m_s == (0.0, 0.0)
+    fast = replace(state, cycle_s=0.005)  # it has read more by the time its echo is here
+    assert held.obeyed(fast, offers[0][0]) is fast
 
 
 def test_a_cycle_that_is_mistaken_for_a_shorter_one_makes_no_jolt():
