@@ -112,7 +112,7 @@ class Drive:
     def _towards(self, state: DriveState) -> tuple[PidParameters, ...]:
         """The gains of each wheel in the direction in which it turns."""
         wheels = zip(self._directed, state.setpoint_m_s, state.held_m_s, strict=True)
-        return tuple([pair.towards(setpoint or held) for pair, setpoint, held in wheels])
+        return tuple([pair.reverse if (now or before) < 0 else pair.forward for pair, now, before in wheels])
 
     def retarget(self, state: DriveState, target: Motion, now_s: float, *, apart: bool = False) -> DriveState:
         """The command changed, or time passed without an encoder frame: step what needs no measurement.
@@ -126,33 +126,21 @@ class Drive:
         gains = self._gains
         if self._motors:
             gains = self._towards(state)
-            state = self._invert(state, gains, state.held_m_s, state.cycle_s, earlier_m_s)
+            accelerations = self._accelerations(gains, state.held_m_s, state, state.cycle_s)
+            state = replace(state, acceleration_m_s2=accelerations, earlier_m_s=earlier_m_s)
         wheels = zip(gains, state.pids, state.setpoint_m_s, state.acceleration_m_s2, strict=True)
         scrub_duty, follows = self._scrub_duty(state), not self._motors
         share = state.supply_share
         outputs = [share * pid.preview(*wheel, scrub_duty, feedback_follows=follows) for wheel in wheels]
         return replace(state, duty=self._duty(outputs))
 
-    def _invert(
-        self,
-        state: DriveState,
-        gains: tuple[PidParameters, ...],
-        held_m_s: tuple[float, ...],
-        cycle_s: float,
-        earlier_m_s: tuple[float, ...] = (),
-    ) -> DriveState:
-        """The state with the accelerations that take each motor's model to its setpoint within the board's cycle."""
-        accelerations = self._still
-        if cycle_s >= pid.SHORTEST_S:
-            setpoint_m_s, most_m_s2 = state.setpoint_m_s, self._most_m_s2
-            accelerations = accelerations_m_s2(gains, held_m_s, setpoint_m_s, cycle_s, most_m_s2)
-        return replace(
-            state,
-            acceleration_m_s2=accelerations,
-            held_m_s=held_m_s,
-            cycle_s=cycle_s,
-            earlier_m_s=earlier_m_s,
-        )
+    def _accelerations(
+        self, gains: tuple[PidParameters, ...], held_m_s: tuple[float, ...], state: DriveState, cycle_s: float
+    ) -> tuple[float, ...]:
+        """The accelerations that take each motor's model to its setpoint within the board's cycle."""
+        if held_m_s == state.setpoint_m_s or cycle_s < pid.SHORTEST_S:
+            return self._still
+        return accelerations_m_s2(gains, held_m_s, state.setpoint_m_s, cycle_s, self._most_m_s2)
 
     @property
     def knows_its_motors(self) -> bool:
@@ -188,15 +176,18 @@ class Drive:
         delay_s = self._parameters.response_delay_s
         reached_m_s = held.reached_m_s(state, now_s) if self._motors else state.setpoint_m_s
         cycle_s = dt_s if dt_s >= pid.SHORTEST_S else state.cycle_s
-        asked = Asked(dt_s, midway(state.held_m_s, reached_m_s) if self._motors else reached_m_s)
+        mean_m_s = reached_m_s
+        if self._motors and state.held_m_s != reached_m_s:
+            mean_m_s = midway(state.held_m_s, reached_m_s)
+        asked = Asked(dt_s, mean_m_s)
         history = reference.remember(state.asked, asked, measured_over_s + delay_s)
         state = self._setpoints.step(state, target, now_s, apart)
         if not any(state.setpoint_m_s) and is_rest(target):
             return self.halt(replace(state, cycle_s=cycle_s))
-        gains, unsettled_share = self._gains, UNSETTLED_SHARE
+        gains, accelerations, unsettled_share = self._gains, state.acceleration_m_s2, UNSETTLED_SHARE
         if self._motors:
             gains, unsettled_share = self._towards(state), 0.0
-            state = self._invert(state, gains, reached_m_s, cycle_s)
+            accelerations = self._accelerations(gains, reached_m_s, state, cycle_s)
         is_silent = dt_s > LOST_LINES_S
         dt_s = min(dt_s, self._parameters.max_step_s)
         speeds_m_s = self._kinematics.rims_at_m_s(velocity_rad_s)
@@ -215,7 +206,7 @@ class Drive:
         if substitutes:
             pids = substituted(substitutes, pids)
             speeds_m_s = loop_speeds(substitutes, speeds_m_s, state.setpoint_m_s)
-        wheels = zip(gains, pids, state.setpoint_m_s, state.acceleration_m_s2, speeds_m_s, strict=True)
+        wheels = zip(gains, pids, state.setpoint_m_s, accelerations, speeds_m_s, strict=True)
         scrub_duty = self._scrub_duty(state) if self._parameters.scrub_duty else 0.0
         steps = [
             pid.step(
@@ -231,8 +222,8 @@ class Drive:
             outputs = [output * state.supply_share for output in outputs]
         share = self._share_left(state, outputs, speeds_m_s, dt_s)
         stepped = tuple([step[0] for step in steps])
-        driven = state.setpoint_m_s, state.acceleration_m_s2, state.loose, history, steady_s
-        supplied = state.held_m_s, cycle_s, state.supply_share, (), state.offered
+        driven = state.setpoint_m_s, accelerations, state.loose, history, steady_s
+        supplied = reached_m_s, cycle_s, state.supply_share, (), state.offered
         return DriveState(
             stepped, self._duty(outputs), state.limiter, state.stepped_s, share, *driven, *supplied
         )

@@ -34,9 +34,10 @@ def reached_m_s(state: DriveState, now_s: float) -> tuple[float, ...]:
 
 def offered(state: DriveState) -> DriveState:
     """The state's duty goes out."""
-    if not any(state.duty):
+    newest = (state.duty, state.setpoint_m_s)
+    if state.offered and state.offered[-1] == newest:
         return state
-    return replace(state, offered=(*state.offered[1 - MOST_OFFERS :], (state.duty, state.setpoint_m_s)))
+    return replace(state, offered=(*state.offered[1 - MOST_OFFERS :], newest))
 
 
 def obeyed(state: DriveState, echoed_duty: Sequence[float]) -> DriveState:

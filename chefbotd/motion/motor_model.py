@@ -41,10 +41,6 @@ class Directed(Record, frozen=True):
     forward: PidParameters
     reverse: PidParameters
 
-    def towards(self, speed_m_s: float) -> PidParameters:
-        """The gains for a wheel that turns so."""
-        return self.reverse if speed_m_s < 0 else self.forward
-
 
 def directed(gains: PidParameters, motor: WheelMotor, radius_m: float) -> Directed:
     """The gains with each direction's feedforward, for a wheel of this radius: ``ka`` over ``kv`` is the lag."""
@@ -69,10 +65,8 @@ def accelerations_m_s2(
     """
     accelerations = []
     for wheel, held, setpoint in zip(gains, held_m_s, setpoint_m_s, strict=True):
-        lags = cycle_s * wheel.kv / wheel.ka
-        if lags > LONGEST_LAGS:
-            lags = LONGEST_LAGS
-        acceleration = (setpoint - held) / cycle_s
-        acceleration = min(max(acceleration, -most_m_s2), most_m_s2)
-        accelerations.append(acceleration * (1 - lags / 2 + lags * lags / 12))
+        lags, change = cycle_s * wheel.kv / wheel.ka, (setpoint - held) / cycle_s
+        lags = lags if lags < LONGEST_LAGS else LONGEST_LAGS
+        change = most_m_s2 if change > most_m_s2 else -most_m_s2 if change < -most_m_s2 else change
+        accelerations.append(change * (1 - lags / 2 + lags * lags / 12))
     return tuple(accelerations)

@@ -132,6 +132,8 @@ class WheelController:
     def note_echo(self, duty: tuple[float, ...]) -> bool:
         """The board obeys this duty; returns whether that is so different from what was thought that it matters."""
         before, self.drive_state = self.drive_state, obeyed(self.drive_state, duty)
+        if self.drive_state is before:
+            return False
         wheels = zip(before.held_m_s, self.drive_state.held_m_s, strict=True)
         return any(abs(after - thought) > UNLIKE_M_S for thought, after in wheels)
 
