@@ -280,7 +280,7 @@ class DriveService:
 
     def _on_echo(self, event: DutyEchoed) -> None:
         """The board may have read another duty than was thought: make up for it before its next cycle."""
-        if event.duty != self.wheels.drive_state.duty and self.wheels.note_echo(event.duty):
+        if self.wheels.note_echo(event.duty):
             self._act(self._clock.now_s())
 
     def _on_battery(self, event: BatteryMeasured) -> None:
