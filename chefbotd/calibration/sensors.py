@@ -46,8 +46,8 @@ MOST_M = 0.3
 AGREE_M, MOST_SPREAD_M = 0.03, 0.03
 """Readings that differ from the usual offset by more are of something else, such as a table that the lidar misses."""
 
-LEAST_SIGMA_M = 2e-3
-"""Beams are some way apart, and none looks exactly along the rim of a cone."""
+LEAST_SIGMA_M = 5e-3
+"""The lidar's own range error (up to a centimetre, assumed) is in the offset, however well the readings agree."""
 
 
 class _Sensor(Record, frozen=True):
