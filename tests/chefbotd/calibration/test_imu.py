@@ -182,4 +182,4 @@ def test_what_is_missing_is_named(world: tuple[World, Measurements]) -> None:
         assert (result.status, result.estimates) == (Status.NOT_ENOUGH, ())
         assert reason in result.reason
     robot: Robot = replace(ROBOT, imu=None)
-    assert "[imu]" in IMU.missing(robot)
+    assert IMU.missing(robot) == "an IMU"
