@@ -1,20 +1,33 @@
 """The command ``chefbotctl calibrate``."""
 
 from pathlib import Path
+from typing import Final
 
 import click
 
+from chefbotd.cli.common.arguments import finite
 from chefbotd.cli.common.context import CommandContext
 
 NAMES = ("encoders", "battery", "motors", "wheels", "umbmark", "lidar", "imu", "sensors")
 """The steps, repeated here so that chefbotctl need not import them."""
 
 
+MOST_SPACE_M: Final = 100.0
+
+
+def free_floor(text: str | float) -> float:
+    """A distance that the daemon takes: a finite number in its range."""
+    space_m = finite(text)
+    if not 0 <= space_m <= MOST_SPACE_M:
+        raise click.BadParameter(f"{text!r} is not in the range 0 to {MOST_SPACE_M:g} m")
+    return space_m
+
+
 @click.command()
 @click.argument("steps", nargs=-1, metavar="[STEP]...", type=click.Choice(NAMES))
 @click.option("--apply", "applies", is_flag=True, help="Write what has passed into the configuration.")
 @click.option(
-    "--space", "space_m", type=click.FloatRange(0, 100), metavar="M",
+    "--space", "space_m", type=free_floor, metavar="M",
     help="Free floor around the robot, where no lidar sees that.",
 )  # fmt: skip
 @click.option(

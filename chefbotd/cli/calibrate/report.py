@@ -55,14 +55,21 @@ def _against(true: float | None, estimate: Estimate) -> tuple[str, ...]:
     return f"{true:.5g}", f"{(estimate.after - true) / estimate.sigma:+.1f}" if estimate.sigma else ""
 
 
-def finish(context: CommandContext, results: Sequence[StepResult], applied: object = None) -> None:
-    """Print everything as JSON where that is wanted.
+def finish(
+    context: CommandContext,
+    results: Sequence[StepResult],
+    applied: object = None,
+    refused: Exception | None = None,
+) -> None:
+    """Print everything as JSON where that is wanted. ``refused`` is what ended it before all steps were done.
 
     Raises:
         ProgramError: a step has not passed.
     """
     if context.as_json:
         output.say(True, {"results": list(results), "applied": applied}, "")
+    if refused is not None:
+        raise refused
     if failed := [
         f"{result.step}: {result.status.replace('_', ' ')}" for result in results if not _passed(result)
     ]:

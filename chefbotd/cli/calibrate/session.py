@@ -43,7 +43,15 @@ class CalibrationSession:
     async def _with_robot(
         self, robot: Client, config: Path | None, out: Path | None, *, applies: bool
     ) -> None:
-        results = [await self._carry_out(robot, step) for step in await self._chosen(robot)]
+        results, refused = list[StepResult](), None
+        for step in await self._chosen(robot):
+            try:
+                results.append(await self._carry_out(robot, step))
+            except CallError as error:
+                if not results:
+                    raise
+                refused = error  # the results so far count, and are written if that is wanted
+                break
         pictures = draw_plots(results, out)
         applied = await self._apply(robot, results, config) if applies else None
         if not self._context.as_json:
@@ -54,7 +62,7 @@ class CalibrationSession:
                 echo("It counts from the daemon's next start.")
             elif any(result.status == "passed" for result in results):
                 echo("\nNothing was written: --apply does that.")
-        finish(self._context, results, applied)
+        finish(self._context, results, applied, refused)
 
     async def _chosen(self, robot: Client) -> list[CalibrationStep]:
         """The steps to take: those that were named, or all that this robot can take."""

@@ -125,6 +125,26 @@ def test_what_has_passed_is_written_on_request(capsys: pytest.CaptureFixture[str
     assert load(config).battery.divider_ratio == 5.25
 
 
+@pytest.mark.parametrize("as_json", [False, True])
+def test_a_step_that_is_refused_does_not_cost_the_results_before_it(
+    capsys: pytest.CaptureFixture[str], tmp_path: Path, *, as_json: bool
+) -> None:
+    """They are shown and written, and the failure is that of the step that was refused."""
+    config = tmp_path / "robot.toml"
+    config.write_bytes(packaged().read_bytes())
+    with pytest.raises(CallError, match="it has no lidar"):
+        calibrated(
+            Person(["", "12.6", ""]),
+            capsys,
+            names=("battery", "lidar"),
+            config=config,
+            applies=True,
+            as_json=as_json,
+        )
+    assert load(config).battery.divider_ratio == 5.25
+    assert ("Written to" in capsys.readouterr().out) is not as_json
+
+
 def test_nobody_there_moves_nothing(capsys: pytest.CaptureFixture[str]) -> None:
     """Without somebody who presses Enter the step does not begin; without an answer it ends."""
     with pytest.raises(ProgramError, match="--yes says that everything is prepared"):
@@ -147,6 +167,8 @@ def test_a_script_gets_the_result_as_json(capsys: pytest.CaptureFixture[str]) ->
         (["--config", "pyproject.toml"], "--config names the file to write, which needs --apply"),
         (["--sim", "1", "wheels"], "--sim does every step"),
         (["wings"], "'wings' is not one of"),
+        (["--space", "nan"], "'nan' is not finite"),
+        (["--space", "-1"], "'-1' is not in the range 0 to 100 m"),
     ],
 )
 def test_arguments_that_do_not_fit_are_refused(
