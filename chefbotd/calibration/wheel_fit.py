@@ -13,11 +13,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chefbotd.calibration.least_squares import Floats, Solution, loss, solve
-from chefbotd.calibration.wheel_model import NOMINAL, WheelModel, reckoned
-from chefbotd.core.record import Record
+from chefbotd.calibration.wheel_model import NOMINAL, PLAY_SIGMA_M, WheelModel, flanks, reckoned
+from chefbotd.core.record import Record, replace
 from chefbotd.mapping.poses import between, compose, wrap
 
 Indices = NDArray[np.int64]
+
+PLAY = 7
+"""The place of the play among the parameters, after those of ``WheelFit``."""
 
 TRAVEL_M2_PER_M, TURN_RAD2_PER_RAD = 6e-7, 2.5e-5
 """How wheels on a hard floor scatter: 30 runs of the OptiOdom recordings."""
@@ -52,13 +55,15 @@ class Drive(Record, frozen=True):
 class WheelFit(Record, frozen=True):
     """The parameters with their covariance: left, right, track, spin, then x, y and yaw of the mount.
 
-    Those that were not fitted have a variance of zero.
+    Those that were not fitted have a variance of zero. ``play_m`` is how far a side's encoders turn in vain, at the rim,
+    when its direction changes; the covariance has its share of what is not known of it.
     """
 
     model: WheelModel
     mount: Floats
     covariance: Floats
     is_determined: bool
+    play_m: float = 0.0
 
     @property
     def sigmas(self) -> Floats:
@@ -80,29 +85,40 @@ def fit(
     start: WheelModel = NOMINAL,
     is_rich: bool = False,
     knows_wheels: bool = False,
+    has_play: bool = False,
 ) -> WheelFit:
     """The parameters that explain the motions best, from ``start`` on.
 
     ``mount`` (3,) is where a sensor is thought to be; it is fitted too. Without it the motions are the robot's own, but
     for a yaw of each drive. ``is_rich`` fits how the track depends on the share of spin. Who ``knows_wheels`` has
-    the mount alone fitted.
+    the mount alone fitted. ``has_play`` fits the play between encoders and wheels, too: without it, radii of a robot
+    that drives to and fro come out too small.
     """
     of_wheels = [] if knows_wheels else [0, 1, 2, *([3] if is_rich else [])]
     columns = of_wheels + ([4, 5, 6] if mount is not None else [])
-    whole = np.array(
-        [start.left, start.right, start.track, start.spin, *(np.zeros(3) if mount is None else mount)]
-    )
+    columns += [PLAY] if has_play else []
+    placed = np.zeros(3) if mount is None else mount
+    whole = np.array([start.left, start.right, start.track, start.spin, *placed, 0.0])
+    in_play = [(flanks(drive.left_m), flanks(drive.right_m)) for drive in drives] if has_play else []
     whitenings = [_whitening(track_m, drive, mount) for drive in drives]
 
     def residuals(values: Floats) -> Floats:
         parameters = whole.copy()
         parameters[columns] = values
-        model, seen_from = WheelModel(*parameters[:4].tolist()), parameters[4:] if mount is not None else None
-        off = [difference(track_m, model, drive, seen_from) for drive in drives]
+        model, seen_from = (
+            WheelModel(*parameters[:4].tolist()),
+            parameters[4:PLAY] if mount is not None else None,
+        )
+        rolled = (
+            [_without(*one, parameters[PLAY]) for one in zip(drives, in_play, strict=True)]
+            if in_play
+            else drives
+        )
+        off = [difference(track_m, model, drive, seen_from) for drive in rolled]
         return np.concatenate([_white(one, by) for one, by in zip(whitenings, off, strict=True)])
 
-    free = np.full(7, np.inf)
-    free[3] = SPIN_SIGMA
+    free = np.full(len(whole), np.inf)
+    free[3], free[PLAY] = SPIN_SIGMA, PLAY_SIGMA_M
     shares = np.concatenate([drive.shares for drive in drives])
     solution = solve(
         residuals, whole[columns], prior_sigmas=free[columns], shares=shares, groups=_groups(drives)
@@ -112,11 +128,22 @@ def fit(
 
 def _fitted(solution: Solution, whole: Floats, columns: list[int]) -> WheelFit:
     whole[columns] = solution.values
-    covariance = np.zeros((7, 7))
+    covariance = np.zeros((len(whole), len(whole)))
     covariance[np.ix_(columns, columns)] = solution.covariance
-    whole[6] = wrap(whole[6:])[0]
+    whole[6] = wrap(whole[6:PLAY])[0]
     model = WheelModel(*whole[:4].tolist())
-    return WheelFit(model, whole[4:].copy(), covariance, solution.is_determined)
+    without = covariance[:PLAY, :PLAY]
+    return WheelFit(model, whole[4:PLAY].copy(), without, solution.is_determined, float(whole[PLAY]))
+
+
+def without_play(drive: Drive, play_m: float) -> Drive:
+    """The drive with what its wheels rolled, if its encoders turn by so much in vain when a direction changes."""
+    return _without(drive, (flanks(drive.left_m), flanks(drive.right_m)), play_m)
+
+
+def _without(drive: Drive, sides: tuple[Floats, Floats], play_m: float) -> Drive:
+    left, right = (np.diff(flank) * play_m / 2 for flank in sides)
+    return replace(drive, left_m=drive.left_m - left, right_m=drive.right_m - right)
 
 
 def difference(track_m: float, model: WheelModel, drive: Drive, mount: Floats | None) -> Floats:

@@ -28,6 +28,21 @@ class WheelModel(Record, frozen=True):
 
 NOMINAL = WheelModel()
 
+PLAY_SIGMA_M = 2e-3
+"""How much play gears are expected to have, at the rim: up to a few degrees of a small wheel (assumed)."""
+
+
+def flanks(steps_m: Floats) -> Floats:
+    """Against which flank a side's gears lie, before and after each step (n + 1,): 1 driving forward, -1 in reverse.
+
+    From one to the other, the encoder turns by the play, and the wheel does not.
+    """
+    flank, reached = 0.0, [0.0]
+    for step in (steps_m * 2 / PLAY_SIGMA_M).tolist():
+        flank = min(max(flank + step, -1.0), 1.0)
+        reached.append(flank)
+    return np.array(reached)
+
 
 def reckoned(model: WheelModel, track_m: float, left_m: Floats, right_m: Floats) -> Floats:
     """Poses (n + 1, 3) from (0, 0, 0) on; headings are not wrapped.

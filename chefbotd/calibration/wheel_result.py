@@ -17,7 +17,7 @@ from chefbotd.calibration.step import (
     Status,
     StepResult,
 )
-from chefbotd.calibration.wheel_fit import Drive, WheelFit, difference, fit
+from chefbotd.calibration.wheel_fit import Drive, WheelFit, difference, fit, without_play
 from chefbotd.calibration.wheel_model import NOMINAL, WheelModel
 from chefbotd.calibration.wheel_signs import signs, wrong_sides
 from chefbotd.calibration.wheel_views import View, lidar_view, truth_view
@@ -80,7 +80,7 @@ def _by_lidar(
             seen = lidar_seen(robot, rolled, lidar, scans, result.model, result.mount)
     if isinstance(seen, StepResult):
         return seen
-    result = fit(robot.chassis.effective_track_m, [seen.drive], mount=mount)
+    result = fit(robot.chassis.effective_track_m, [seen.drive], mount=mount, has_play=True)
     return _judged(robot, seen.drive, replace(result, covariance=_with_scale(result.covariance)), lidar)
 
 
@@ -171,7 +171,8 @@ def _judged(robot: Robot, drive: Drive, result: WheelFit, lidar: LidarParameters
             f"{' and '.join(need[name] for name in unsure or need)} to determine {', '.join(unsure or need)}"
         )
     track_m = robot.chassis.effective_track_m
-    after = difference(track_m, model, drive, None if lidar is None else result.mount)
+    rolled = without_play(drive, result.play_m)
+    after = difference(track_m, model, rolled, None if lidar is None else result.mount)
     left_rad = float(np.median(np.abs(after[:, 2])))
     if left_rad > MOST_LEFT_RAD:
         return _refused(f"wheels and what was seen differ by {left_rad:.2f} rad in half of the motions")
