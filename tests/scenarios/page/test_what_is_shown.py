@@ -206,6 +206,9 @@ def test_the_view_has_the_room_that_it_needs(page: Any, daemon: FakeDaemon, widt
     """It is larger than the part that drives, both are in reach without scrolling, and nothing is cut off."""
     page.set_viewport_size({"width": width, "height": height})
     daemon.say("navigation", state="driving", goal=1, reason="", distance_m=3.21, time_s=9.0)
+    file = f"/home/robot/.local/state/chefbotd/{'recordings_' * 20}/drive.mcap"
+    daemon.say("recording", **{**RECORDER, "state": "recording", "file": file}, reason="")
+    sync_api.expect(page.locator("#recorder")).to_contain_text("drive.mcap")
     view, driving = page.locator("#view").bounding_box(), page.locator("#driving").bounding_box()
     bar = page.locator("nav").bounding_box()
     assert view["width"] * view["height"] > 1.5 * driving["width"] * driving["height"]
