@@ -156,7 +156,8 @@ def _reference(robot: Robot, measurements: Measurements, rolled: Rolling) -> tup
     view = lidar_view(rolled, track_m, radius_m, lidar.band_m, scans, NOMINAL, row_of(lidar.base_from_lidar))
     if view is None or not view.is_stop_and_go or view.share < 0.9:
         return heading, False
-    first, last, turns = view.drive.first, view.drive.last, view.drive.motion[:, 2]
+    in_order = np.argsort(view.drive.first)
+    first, last, turns = view.drive.first[in_order], view.drive.last[in_order], view.drive.motion[in_order, 2]
     rows, off_rad = [int(first[0])], [0.0]
     for begin, end, seen_rad in zip(first.tolist(), last.tolist(), turns.tolist(), strict=True):
         by_wheels_rad = heading[end] - heading[begin]

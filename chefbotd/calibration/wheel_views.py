@@ -73,10 +73,13 @@ def lidar_view(
 
 def _drive(rolled: Rolling, rows: np.ndarray, seen: Matched, *, is_stop_and_go: bool) -> Drive:
     good = np.flatnonzero(seen.is_good)
-    pieces = (1,) if is_stop_and_go else PIECES
-    i, j, motion, shares = in_pieces(seen.poses[good], pieces, 1)
+    if is_stop_and_go:
+        i, j = np.arange(len(good) - 1), np.arange(1, len(good))
+        motion, shares = between(seen.poses[good[i]], seen.poses[good[j]]), np.ones(len(i))
+    else:
+        i, j, motion, shares = in_pieces(seen.poses[good], PIECES, 1)
+        shares = shares * len(good) / 4
     sigmas = np.hypot(seen.sigmas[good][i], seen.sigmas[good][j])
-    shares = np.ones(len(i)) if is_stop_and_go else shares * len(good) / 4
     left_m, right_m, rows = np.diff(rolled.left_m), np.diff(rolled.right_m), rows[good]
     return Drive("lidar", "", left_m, right_m, rows[i], rows[j], motion, sigmas, shares)
 

@@ -6,8 +6,14 @@ from collections.abc import Mapping
 import numpy as np
 import pytest
 
+from chefbotd.calibration import wheel_views
 from chefbotd.calibration.imu import IMU
+from chefbotd.calibration.imu_fit import _reference
+from chefbotd.calibration.rolling import Rolling
+from chefbotd.calibration.scan_motion import Matched
 from chefbotd.calibration.step import Measurements, Robot, Status, StepResult
+from chefbotd.calibration.wheel_fit import Drive
+from chefbotd.calibration.wheel_views import View, _drive
 from chefbotd.core.events import ImuMeasured, WheelsDriven
 from chefbotd.core.record import replace
 from chefbotd.sensing.imu import ImuParameters
@@ -183,3 +189,25 @@ def test_what_is_missing_is_named(world: tuple[World, Measurements]) -> None:
         assert reason in result.reason
     robot: Robot = replace(ROBOT, imu=None)
     assert IMU.missing(robot) == "an IMU"
+
+
+def test_a_lidar_puts_right_what_wheels_say_of_a_turn(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each turn of the reference is the one that the lidar saw, in whatever order the motions come."""
+    rolled = Rolling(np.arange(5.0), np.zeros(5), np.arange(5.0) * SEEN.chassis.effective_track_m)
+    motion = np.array([[0.0, 0.0, 0.9], [0.0, 0.0, 1.0], [0.0, 0.0, 1.1], [0.0, 0.0, 1.2]])[::-1]
+    rows = np.arange(4)[::-1]
+    drive = Drive("", "", np.zeros(4), np.ones(4), rows, rows + 1, motion, np.ones((4, 3)), np.ones(4))
+    matched = Matched(np.zeros((5, 3)), np.ones((5, 3)), np.ones(5, bool), 0.01)
+    monkeypatch.setattr(wheel_views, "lidar_view", lambda *given: View(drive, matched, is_stop_and_go=True))
+    seen = Measurements(scans=(World(SEEN, Truth())._look(),))
+    heading_rad, by_lidar = _reference(SEEN, seen, rolled)
+    assert by_lidar
+    assert heading_rad == pytest.approx([0.0, 0.9, 1.9, 3.0, 4.2])
+
+
+def test_every_motion_from_stop_to_stop_counts() -> None:
+    """Of four stops there are three motions, the first one too."""
+    rolled = Rolling(np.arange(4.0), np.arange(4.0), np.arange(4.0))
+    seen = Matched(np.zeros((4, 3)), np.ones((4, 3)), np.ones(4, bool), 0.01)
+    drive = _drive(rolled, np.arange(4), seen, is_stop_and_go=True)
+    assert list(zip(drive.first.tolist(), drive.last.tolist(), strict=True)) == [(0, 1), (1, 2), (2, 3)]
