@@ -36,6 +36,7 @@ def calibration(context: Context, driving: DriveService, leases: ControlLeases) 
         lambda values: robot_with(context.settings, values),
         lambda values: _save(context.config_file, values),
         context.fit or fit_in_process,
+        "" if context.config_file is None else str(context.config_file),
     )
     return [feature(service)]
 

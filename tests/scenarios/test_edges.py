@@ -82,7 +82,7 @@ def test_edges_alone_drive_as_well_as_counts(counts_per_turn: float, linear_m_s:
             "encoder_edges_lost": 0,
         }
 
-    on_robot(scenario, encoders__counts_per_turn=counts_per_turn)
+    on_robot(scenario, encoders__counts_per_turn=counts_per_turn, sim__true__drawn="perfect")
 
 
 @pytest.mark.parametrize(

@@ -1,5 +1,7 @@
 """The command ``chefbotctl calibrate``."""
 
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Final
 
@@ -7,6 +9,7 @@ import click
 
 from chefbotd.cli.common.arguments import finite
 from chefbotd.cli.common.context import CommandContext
+from chefbotd.cli.common.exits import Exit, ProgramError
 
 NAMES = ("encoders", "battery", "motors", "wheels", "umbmark", "lidar", "imu", "sensors")
 """The steps, repeated here so that chefbotctl need not import them."""
@@ -69,9 +72,11 @@ def calibrate(
     if seed is not None:
         if steps or applies or recording is not None:
             raise click.UsageError("--sim does every step, and takes no other option but --out")
-        from chefbotd.cli.calibrate.simulated import calibrate_simulated
-
-        calibrate_simulated(context, seed, out or Path("build/calibration"))
+        if find_spec("examples") is None or find_spec("examples.calibrate_report") is None:
+            what = "--sim is a demonstration, which only the sources of chefbotd have"
+            raise ProgramError(Exit.NOT_INSTALLED, f"{what}: run 'make calibrate' in a checkout")
+        report = import_module("examples.calibrate_report")
+        report.calibrate_simulated(context, seed, out or Path("build/calibration"))
         return
     if config is not None and not applies:
         raise click.UsageError("--config names the file to write, which needs --apply")

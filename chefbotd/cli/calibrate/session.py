@@ -14,9 +14,13 @@ from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.doctor.diagnosis import TerminalAsker
 from chefbotd.cli.maps.asking import progress_bar
 from chefbotd.client import CallError, Client
-from chefbotd.client.models import CalibrationApplied, CalibrationStep
+from chefbotd.client.models import CalibrationApplied, CalibrationReport, CalibrationStep
 from chefbotd.core.events.calibration import Ask, StepResult
 
+NO_FILE = (
+    "the daemon runs with the packaged configuration, which is not written to: 'chefbotd init FOLDER' makes one of your "
+    "own, or name a file on this computer with --config"
+)
 ABSENT = "this daemon does not calibrate: its configuration has no [safety.sources.calibration]"
 
 
@@ -43,8 +47,11 @@ class CalibrationSession:
     async def _with_robot(
         self, robot: Client, config: Path | None, out: Path | None, *, applies: bool
     ) -> None:
+        report = await robot.get_calibration()
+        if applies and config is None and not report.writes_to:
+            raise ProgramError(Exit.REFUSED, NO_FILE)
         results, refused = list[StepResult](), None
-        for step in await self._chosen(robot):
+        for step in self._chosen(report):
             try:
                 results.append(await self._carry_out(robot, step))
             except CallError as error:
@@ -64,9 +71,8 @@ class CalibrationSession:
                 echo("\nNothing was written: --apply does that.")
         finish(self._context, results, applied, refused)
 
-    async def _chosen(self, robot: Client) -> list[CalibrationStep]:
+    def _chosen(self, report: CalibrationReport) -> list[CalibrationStep]:
         """The steps to take: those that were named, or all that this robot can take."""
-        report = await robot.get_calibration()
         steps = {step.name: step for step in report.steps}
         if unknown := [name for name in self._steps if name not in steps]:
             raise ProgramError(Exit.REFUSED, f"this daemon has no step {', '.join(unknown)}")

@@ -164,7 +164,8 @@ class ProcedureRunner:
                 return
             if now_s - began_s > SETTLE_TIMEOUT_S:
                 raise Refused(
-                    RefusalKind.STOPPED, f"the wheels did not come to rest within {SETTLE_TIMEOUT_S:.0f} s"
+                    RefusalKind.STOPPED,
+                    f"the wheels did not come to rest within {SETTLE_TIMEOUT_S:.0f} s{self._silence()}",
                 )
 
     def _check(self, stops: int, now_s: float) -> None:
@@ -180,6 +181,15 @@ class ProcedureRunner:
         wheels = self._wheels
         if wheels is None or now_s - wheels.arrival_s > SILENT_S:
             raise Refused(RefusalKind.LINK_DOWN, f"the board has not told of its wheels for {SILENT_S:.0f} s")
+
+    def _silence(self) -> str:
+        """What a board without an echo does, where that is why the wheels do not obey; else nothing."""
+        if self._safety is None or self._safety.limited_by not in ("no_echo", "encoders_stale"):
+            return ""
+        return (
+            ": the board tells of them once a second only, as it waits for an echo; calibrate where something "
+            "stands within 4 m ahead of the robot"
+        )
 
     def _check_stop(self, stops: int) -> None:
         if self._driver.stops != stops:

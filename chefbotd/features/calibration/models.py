@@ -58,6 +58,7 @@ class CalibrationReport(Record, frozen=True):
 
     steps: tuple[CalibrationStep, ...]
     results: tuple[StepResult, ...]
+    writes_to: Annotated[str, Meta(description="the configuration that is written to; empty: there is none")]
 
 
 class CalibrationApplied(Record, frozen=True):

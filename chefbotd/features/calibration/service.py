@@ -62,13 +62,20 @@ class CalibrationState(Record, frozen=True):
 
 
 class CalibrationService:
-    """``robot_with`` and ``save`` know the configuration, ``fit`` computes a result from measurements."""
+    """``robot_with`` and ``save`` know the configuration ``writes_to``; ``fit`` computes a result."""
 
     def __init__(
-        self, bus: Bus, clock: Clock, driver: InnerDriver, robot_with: RobotWith, save: Save, fit: Fitter
+        self,
+        bus: Bus,
+        clock: Clock,
+        driver: InnerDriver,
+        robot_with: RobotWith,
+        save: Save,
+        fit: Fitter,
+        writes_to: str = "",
     ) -> None:
         self._bus, self._entries = bus, entries_of(clock)
-        self._robot_with, self._save, self._fit = robot_with, save, fit
+        self._robot_with, self._save, self._fit, self._writes_to = robot_with, save, fit, writes_to
         self._runner = ProcedureRunner(bus, clock, driver, self._take_action)
         self._results: dict[str, StepResult] = {}
         self._battery: BatteryMeasured | None = None
@@ -98,7 +105,7 @@ class CalibrationService:
             )
             for step in _steps().values()
         )
-        return CalibrationReport(steps, tuple(self._results.values()))
+        return CalibrationReport(steps, tuple(self._results.values()), self._writes_to)
 
     @method(role=Role.DRIVE, moves=True)
     async def calibrate(

@@ -180,3 +180,13 @@ def test_arguments_that_do_not_fit_are_refused(
     result = CliRunner().invoke(main, ["calibrate", *arguments])
     assert result.exit_code == Exit.USAGE
     assert words in result.output
+
+
+def test_a_daemon_that_could_not_write_is_told_of_before_anything_moves(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """With ``--apply`` and the packaged configuration nothing is asked for or driven, and what to do is said."""
+    person = Person(["", "12.6"])
+    with pytest.raises(ProgramError, match="chefbotd init FOLDER"):
+        calibrated(person, capsys, applies=True)
+    assert person.questions == []

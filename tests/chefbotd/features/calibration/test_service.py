@@ -262,6 +262,7 @@ def test_the_packaged_configuration_is_not_written_to(fake: FakeStep) -> None:
         await _calibrated(robot.client)
         with pytest.raises(CallError, match="chefbotd init"):
             await robot.client.apply_calibration()
+        assert (await robot.client.get_calibration()).writes_to == ""
 
     on_robot(scenario)
 

@@ -11,7 +11,7 @@ from chefbotd.cli.calibrate.report import draw_plots, finish, require_plots, sho
 from chefbotd.cli.common import output
 from chefbotd.cli.common.context import CommandContext, refusal
 from chefbotd.cli.common.echo import echo
-from chefbotd.cli.common.exits import Exit, ProgramError, extra, require
+from chefbotd.cli.common.exits import require
 from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
 
@@ -28,15 +28,9 @@ def calibrate_simulated(context: CommandContext, seed: int, out: Path) -> None:
     require("maps", "PIL")
     require("tune", "tomlkit")
     require_plots(out)
-    with extra("navigation", "numba", "scipy"):
-        try:
-            from examples.calibrate import calibrate
-        except ModuleNotFoundError as error:
-            if error.name is None or not error.name.startswith("examples"):
-                raise
-            raise ProgramError(
-                Exit.NOT_INSTALLED, "--sim is an example, and comes with the sources"
-            ) from error
+    require("navigation", "numba", "scipy")
+    from examples.calibrate import calibrate
+
     out.mkdir(parents=True, exist_ok=True)
     began_s = time.monotonic()
 
