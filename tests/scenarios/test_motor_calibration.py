@@ -81,8 +81,8 @@ def test_no_phase_of_the_command_delays_a_start(phase_s: float):
 @pytest.mark.parametrize(
     "sketch",
     [
-        "tiva_bare",
-        *[pytest.param(sketch, marks=pytest.mark.slow) for sketch in ("duemilanove", "tiva_second")],
+        "duemilanove",
+        *[pytest.param(sketch, marks=pytest.mark.slow) for sketch in ("tiva_bare", "tiva_second")],
     ],
 )
 def test_every_published_sketch_starts_better_once_calibrated(sketch: str):

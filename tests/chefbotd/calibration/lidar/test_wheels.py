@@ -132,6 +132,7 @@ def test_what_was_not_measured_is_named(robot: Robot, drive: Measurements, kind:
     assert ("readings of the wheels" if kind != "scans" else "no scans") in result.reason
 
 
+@pytest.mark.slow
 def test_a_recorded_drive_without_stops_is_enough(robot: Robot) -> None:
     """Curves through the room, scans corrected by the wheels: ratio, track and size to 0.6 %, and an honest sigma."""
     world = World(robot, Truth(MODEL, MOUNT), seed=5)

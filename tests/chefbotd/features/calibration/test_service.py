@@ -206,6 +206,7 @@ def test_an_answer_out_of_its_bounds_is_refused_and_the_question_stays(fake: Fak
     on_robot(scenario)
 
 
+@pytest.mark.slow
 def test_a_question_that_nobody_answers_ends_the_step(fake: FakeStep) -> None:
     """After five minutes the step is over, and says so."""
 
