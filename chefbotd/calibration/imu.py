@@ -16,7 +16,7 @@ JOG_M_S, JOG_S, JOGS = 0.25, 0.8, 4
 
 
 def _missing(robot: Robot) -> str:
-    return "" if robot.imu is not None else "an IMU"
+    return "" if robot.imu is not None else "the robot has no IMU"
 
 
 def _procedure(robot: Robot) -> Procedure:

@@ -83,8 +83,8 @@ def _sensors(robot: Robot) -> Iterator[_Sensor]:
 
 def _missing(robot: Robot) -> str:
     if not any(True for _ in _sensors(robot)):
-        return "an ultrasonic or infrared sensor"
-    return "" if robot.lidars else "a lidar"
+        return "the robot has no ultrasonic or infrared sensor"
+    return "" if robot.lidars else "the robot has no lidar"
 
 
 def _procedure(robot: Robot) -> Procedure:

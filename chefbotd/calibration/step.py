@@ -111,7 +111,7 @@ Procedure: TypeAlias = Generator[Action, Measurements, None]
 class Step(Record, frozen=True):
     """One step. ``preparation`` says what a person does first; the robot needs ``space_m`` of free floor around it.
 
-    ``missing(robot)`` says what this robot lacks for the step (empty: nothing). ``fit(robot, measurements)`` never
+    ``missing(robot)`` says why this robot cannot take the step (empty: it can). ``fit(robot, measurements)`` never
     raises for bad measurements: its result says ``not_enough`` or ``refused``. A step ``on_request`` is left out of a
     calibration of everything, because another step finds the same.
     """

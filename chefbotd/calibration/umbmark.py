@@ -45,7 +45,7 @@ FARTHEST_M = 1.5
 
 
 def _missing(robot: Robot) -> str:
-    return "a reason: with its lidar, 'wheels' finds the same and more" if robot.lidars else ""
+    return "with the robot's lidar 'wheels' finds the same and more" if robot.lidars else ""
 
 
 def _directions() -> Iterator[tuple[str, int]]:

@@ -39,7 +39,7 @@ def missing(robot: Robot) -> str:
     """What this robot lacks for driving while a lidar looks on."""
     if importlib.util.find_spec("numba") is None:
         return "matching scans needs the extra 'navigation': pip install 'chefbotd[navigation]'"
-    return "" if robot.lidars else "a lidar"
+    return "" if robot.lidars else "the robot has no lidar"
 
 
 def _procedure(robot: Robot) -> Procedure:

@@ -47,7 +47,7 @@ class CalibrationStep(Record, frozen=True):
     space_m: Annotated[
         float, Meta(description="free floor that it needs around the robot; 0: it stays in place")
     ]
-    missing: Annotated[str, Meta(description="what the robot lacks for it; empty: nothing")]
+    missing: Annotated[str, Meta(description="why this robot cannot take it; empty: it can")]
     on_request: Annotated[
         bool, Meta(description="another step finds the same, so it is done only if it is named")
     ]

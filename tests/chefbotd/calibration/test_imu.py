@@ -188,7 +188,7 @@ def test_what_is_missing_is_named(world: tuple[World, Measurements]) -> None:
         assert (result.status, result.estimates) == (Status.NOT_ENOUGH, ())
         assert reason in result.reason
     robot: Robot = replace(ROBOT, imu=None)
-    assert IMU.missing(robot) == "an IMU"
+    assert IMU.missing(robot) == "the robot has no IMU"
 
 
 def test_a_lidar_puts_right_what_wheels_say_of_a_turn(monkeypatch: pytest.MonkeyPatch) -> None:
