@@ -3,6 +3,8 @@
 Squares both ways round, after Borenstein and Feng, "Measurement and Correction of Systematic Odometry Errors in Mobile
 Robots", IEEE Transactions on Robotics and Automation 12(6), 1996. What a person measures is where the robot stands at
 the end, as seen from the start mark. A closed course does not show the size of the wheels: it stays as configured.
+
+A recorded drive may be of any loops that end where they began, both ways round, with a pause after each.
 """
 
 import math
@@ -37,6 +39,9 @@ SIDE_M, RUNS = 1.5, 3
 SPEED_SHARE, TURN_SHARE = 0.7, 0.3
 PAUSE_S = 4.0
 """The robot stands so long after a square, longer than between its sides; then it may be moved by hand."""
+
+LOOPS = f"{NAME}.loops"
+"""Answered with 1, every course of a drive ended on its own start mark."""
 
 SIGMA_M = 0.01
 MOST_OFF, MOST_LEFT_M = 0.2, 0.3
@@ -77,6 +82,8 @@ def _procedure(robot: Robot) -> Procedure:
 
 def _fit(robot: Robot, measurements: Measurements) -> StepResult:
     rolled = rolling(robot.chassis, measurements.wheels)
+    if rolled is not None and measurements.answers.get(LOOPS):
+        return _of_loops(robot, _squares(rolled, measurements.driven))
     ends = _ends(measurements.answers)
     if rolled is None or not ends:
         return _without(Status.NOT_ENOUGH, "no squares with both errors typed in")
@@ -86,6 +93,14 @@ def _fit(robot: Robot, measurements: Measurements) -> StepResult:
     if {name[:4] for name in ends} != {"left", "righ"}:
         return _without(Status.NOT_ENOUGH, "squares both ways round")
     return _judged(robot, squares, np.array(list(ends.values())))
+
+
+def _of_loops(robot: Robot, loops: list[tuple[Floats, Floats]]) -> StepResult:
+    """Courses that ended where they began; one way round alone does not tell the track from the ratio."""
+    turned_m = [float((right - left).sum()) for left, right in loops]
+    if not (min(turned_m, default=0.0) < 0 < max(turned_m, default=0.0)):
+        return _without(Status.NOT_ENOUGH, f"loops both ways round, with {PAUSE_S:g} s of rest after each")
+    return _judged(robot, loops, np.zeros((len(loops), 2)))
 
 
 def _ends(answers: Mapping[str, float]) -> dict[str, tuple[float, float]]:

@@ -11,6 +11,7 @@ from chefbotd.cli.common.arguments import finite
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.exits import Exit, ProgramError
 
+LOOPS = "umbmark.loops"
 NAMES = ("encoders", "battery", "motors", "wheels", "umbmark", "lidar", "imu", "sensors")
 """The steps, repeated here so that chefbotctl need not import them."""
 
@@ -41,6 +42,10 @@ def free_floor(text: str | float) -> float:
     help="Calibrate from a recorded drive; nothing moves, and no daemon is needed.",
 )  # fmt: skip
 @click.option(
+    "--loops", "has_loops", is_flag=True,
+    help="With --from: the drive is of loops that ended where they began (step umbmark).",
+)  # fmt: skip
+@click.option(
     "--config", type=click.Path(exists=True, dir_okay=False, writable=True, path_type=Path), metavar="FILE",
     help="With --apply: the configuration to write, on this computer; else the daemon writes its own.",
 )  # fmt: skip
@@ -60,6 +65,7 @@ def calibrate(
     space_m: float | None,
     is_ready: bool,
     recording: Path | None,
+    has_loops: bool,
     config: Path | None,
     seed: int | None,
     out: Path | None,
@@ -80,10 +86,15 @@ def calibrate(
         return
     if config is not None and not applies:
         raise click.UsageError("--config names the file to write, which needs --apply")
+    if has_loops and (recording is None or steps != ("umbmark",)):
+        raise click.UsageError("--loops is for 'calibrate umbmark --from FILE'")
     if recording is not None:
         from chefbotd.cli.calibrate.recorded import calibrate_recorded
 
-        calibrate_recorded(context, recording, steps, config if applies else None, out, applies=applies)
+        answers = {LOOPS: 1.0} if has_loops else {}
+        calibrate_recorded(
+            context, recording, steps, config if applies else None, out, answers, applies=applies
+        )
         return
     from chefbotd.cli.calibrate.session import CalibrationSession
 

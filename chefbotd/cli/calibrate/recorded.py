@@ -1,6 +1,6 @@
 """Calibrates from a recorded drive, on this computer: the same fits, and the same result each time."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from chefbotd.calibration.step import Measurements, Status, StepResult
@@ -13,6 +13,7 @@ from chefbotd.cli.programs.load import bad_configuration
 from chefbotd.cli.record.info import opened
 from chefbotd.client.models import CalibrationApplied
 from chefbotd.composition.calibration import robot_with
+from chefbotd.core.record import replace
 from chefbotd.features.calibration.measuring import as_calibrated, measurements
 from chefbotd.replay.recorded import NotReplayable
 from chefbotd.replay.run import settings_of
@@ -25,10 +26,13 @@ def calibrate_recorded(
     steps: Sequence[str],
     config: Path | None,
     out: Path | None,
+    answers: Mapping[str, float],
     *,
     applies: bool,
 ) -> None:
     """Fit the steps to the recording at ``path``; without ``steps`` all that its robot can take.
+
+    ``answers`` are what a person knows of the drive.
 
     Raises:
         ProgramError: the file is no recording of a robot, a step has not passed, or nothing can be written.
@@ -37,6 +41,7 @@ def calibrate_recorded(
         raise ProgramError(Exit.USAGE, "--apply with --from needs --config FILE: the configuration to write")
     require_plots(out)
     settings, measured = read_drive(path)
+    measured = replace(measured, answers=dict(answers))
     results: list[StepResult] = []
     for name in steps or [step.name for step in STEPS.values() if not step.on_request]:
         robot = robot_with(

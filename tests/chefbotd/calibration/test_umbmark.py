@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from chefbotd.calibration.step import Ask, Measurements, Move, Procedure, Robot, Status
-from chefbotd.calibration.umbmark import UMBMARK
+from chefbotd.calibration.umbmark import LOOPS, UMBMARK
 from chefbotd.calibration.wheel_model import WheelModel
-from chefbotd.core.events import WheelsDriven
+from chefbotd.core.events import WheelsDriven, WheelsMeasured
 from chefbotd.core.geometry import Twist2D
 from chefbotd.core.record import replace
 from tests.chefbotd.calibration.synthetic import Truth, World, configured
@@ -104,3 +104,53 @@ def test_a_robot_with_a_lidar_does_not_need_it() -> None:
     robot: Robot = configured()
     assert "wheels" in UMBMARK.missing(robot)
     assert not UMBMARK.missing(ROBOT)
+
+
+def _loops(signs: tuple[int, ...]) -> Measurements:
+    """Squares of 1 m that truly end where they began, with rests: what the wheels of ``MODEL`` count meanwhile."""
+    chassis = ROBOT.chassis
+    true_track_m = chassis.effective_track_m * MODEL.track
+    step_m, steps = 0.02, 50
+    wheels, driven, now_s = list[WheelsMeasured](), list[WheelsDriven](), 0.0
+
+    def roll(left_m: float, right_m: float, target: float) -> None:
+        nonlocal now_s
+        now_s += 0.05
+        travel = tuple(
+            m / factor / wheel.radius_m
+            for m, factor, wheel in zip(
+                (left_m, right_m), (MODEL.left, MODEL.right), chassis.wheels, strict=True
+            )
+        )
+        wheels.append(WheelsMeasured(now_s, now_s, now_s, (0.0, 0.0), travel, (0.0, 0.0)))
+        driven.append(WheelsDriven(now_s, (0.0, 0.0), (0.0, 0.0), (target, target), (0, 0)))
+
+    for _ in range(20):
+        roll(0.0, 0.0, 0.0)
+    for sign in signs:
+        for _ in range(4):
+            for _ in range(steps):
+                roll(step_m, step_m, 1.0)
+            turn_m = sign * math.pi / 2 * true_track_m / 2 / steps
+            for _ in range(steps):
+                roll(-turn_m, turn_m, 1.0)
+        for _ in range(90):
+            roll(0.0, 0.0, 0.0)
+    return Measurements(tuple(wheels), tuple(driven), answers={LOOPS: 1.0})
+
+
+def test_a_recorded_drive_of_loops_tells_ratio_and_track() -> None:
+    """Two squares each way round that end on their start mark: no tape, and no answer but that they do."""
+    result = UMBMARK.fit(ROBOT, _loops((1, -1, 1, -1)))
+    assert result.status is Status.PASSED, result.reason
+    left, right, track = result.estimates
+    assert left.after / right.after == pytest.approx(MODEL.left / MODEL.right, rel=2e-4)
+    assert track.after == pytest.approx(MODEL.track, rel=1e-3)
+    assert result.residuals[0].after < 1e-3
+
+
+def test_loops_one_way_round_are_not_enough() -> None:
+    """The ratio and the track then do the same."""
+    result = UMBMARK.fit(ROBOT, _loops((1, 1)))
+    assert (result.status, result.estimates) == (Status.NOT_ENOUGH, ())
+    assert "both ways round" in result.reason
