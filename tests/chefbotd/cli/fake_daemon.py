@@ -173,7 +173,7 @@ class FakeDaemon:
         greeting = {"robot": "fake", "session": "s1", "link": "up", "auth": "none", "capabilities": []}
         _send(writer, {"method": "hello", "params": {"protocol": self.protocol, **greeting}})
         self._subscribed[writer] = []
-        while line := await reader.readline():
+        while line := await _next_line(reader):
             request = json.loads(line)
             now_s = asyncio.get_running_loop().time()
             self.calls.append((now_s, request["method"], request["params"]))
@@ -291,6 +291,14 @@ def _allowed(params: dict[str, Any]) -> dict[str, Any]:
 
 def _pose(pose: Pose2D) -> dict[str, float]:
     return {"x_m": pose.x_m, "y_m": pose.y_m, "heading_rad": pose.heading_rad}
+
+
+async def _next_line(reader: asyncio.StreamReader) -> bytes:
+    """The next line; empty when the client is gone, also where that shows in what was being sent to it."""
+    try:
+        return await reader.readline()
+    except ConnectionError:
+        return b""
 
 
 def _send(writer: asyncio.StreamWriter, message: dict[str, Any]) -> None:
