@@ -170,9 +170,10 @@ def test_the_reader_of_stdin_ends_when_nobody_listens(stdin: int) -> None:
         finally:
             await lines.aclose()
 
+    before = set(threading.enumerate())  # another test may have left one of this name
     os.write(stdin, b"one\n")
     assert asyncio.run(first()) == "one"
-    reader = next(thread for thread in threading.enumerate() if thread.name == "stdin")
+    reader = next(one for one in threading.enumerate() if one.name == "stdin" and one not in before)
     os.write(stdin, b"two\n")
     reader.join(PATIENCE_S)
     assert not reader.is_alive()
