@@ -49,6 +49,7 @@ PUBLISHED_BANNER = (
 PUBLISHED_FAILURES = ("MPU6050 connection failed",)
 
 FROM_BOARD = Framing(b"\t", b"\n", replaced=(b"\r\n", b"\n"), max_line=256)
+TEXT_END = b"\r\n"
 TO_BOARD = Framing(b" ", b"\r", replaced=(b"\n", b""), max_line=64)  # the size of the sketch's buffer
 
 
@@ -80,7 +81,7 @@ class Variant:
 
     def speaks(self, message: type[Any]) -> bool:
         """Whether the board has a line kind for this message."""
-        return any(row.message is message for row in _rows_from_board(self))
+        return any(row.message is message for row in rows_from_board(self))
 
 
 MOST_EDGES_A_LINE = 384
@@ -116,12 +117,17 @@ VARIANTS = {variant.name: variant for variant in (CLASSIC, FOUR_WHEELS, KHAN, KH
 
 def from_board(variant: Variant) -> LineCodec:
     """What the board says: frames, its banner, and any other text."""
-    phrases: dict[str, Message] = {text: Banner(text) for text in (*variant.banner, *variant.failed_banner)}
-    phrases[RESET_DONE] = ResetDone()
-    return LineCodec(FROM_BOARD, _rows_from_board(variant), phrases, text_end=b"\r\n")
+    return LineCodec(FROM_BOARD, rows_from_board(variant), phrases(variant), text_end=TEXT_END)
 
 
-def _rows_from_board(variant: Variant) -> tuple[LineKind, ...]:
+def phrases(variant: Variant) -> dict[str, Message]:
+    """The board's lines of text that mean something."""
+    banner = {text: Banner(text) for text in (*variant.banner, *variant.failed_banner)}
+    return {**banner, RESET_DONE: ResetDone()}
+
+
+def rows_from_board(variant: Variant) -> tuple[LineKind, ...]:
+    """The board's kinds of lines."""
     classic = (
         LineKind("t", BoardTime, (Field("micros", UINT32), Field("cycle_s", CYCLE_SECONDS))),
         LineKind("e", EncoderCounts, (Field("counts", INT32, variant.wheels),)),

@@ -3,7 +3,7 @@
 from collections import Counter, defaultdict
 from typing import Any, NamedTuple, TypeAlias
 
-from firmware_protocol.line_codec import LineCodec
+from firmware_protocol.line_codec import LineCodec, Regained
 from firmware_protocol.messages import Malformed, Message, Reason
 
 Decoded: TypeAlias = tuple[bytes, Message | Malformed]
@@ -90,12 +90,16 @@ class Decoder:
         return rest
 
     def _decode(self, lines: list[bytes]) -> list[Decoded]:
-        decode, limit, classes = self._codec.decode, self._max_line, self._classes
+        codec, limit, classes = (
+            self._codec,
+            self._max_line,
+            self._classes,
+        )  # a line may change the codec's mode
         decoded: list[Decoded] = []
         for line in lines:
             if not line:
                 continue
-            meaning = decode(line) if len(line) <= limit else self._overlong(line)
+            meaning = codec.decode(line) if len(line) <= limit else self._overlong(line)
             meant = type(meaning)
             if self._may_be_cut:
                 self._may_be_cut = False
@@ -106,7 +110,17 @@ class Decoder:
                 self.malformed[meaning.reason] += 1
                 line = meaning.line
             decoded.append((line, meaning))
+        if codec.regained is not None:
+            self._regain(codec.regained, decoded)
+            codec.regained = None
         return decoded
+
+    def _regain(self, regained: Regained, decoded: list[Decoded]) -> None:
+        """What was refused counts after all; it comes before the line that showed so."""
+        at = next(index for index, (_, meaning) in enumerate(decoded) if meaning is regained.by)
+        decoded[at:at] = regained.lines
+        for _, message in regained.lines:
+            self._classes[type(message)] += 1
 
     def _overlong(self, line: bytes) -> Malformed:
         return Malformed(Reason.OVERLONG, line[: self._max_line], f"longer than {self._max_line} bytes")

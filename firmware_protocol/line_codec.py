@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 from firmware_protocol.lines import NUMERIC, LineKind
 from firmware_protocol.messages import Banner, Malformed, Message, Reason, ResetDone, Text
@@ -13,6 +13,13 @@ RESET_DONE = "Reset Done"
 
 _UNPRINTABLE = re.compile(rb"[^\t\x20-\x7e]")
 _CUT_NUMBERS = re.compile(rb"[-.\t]*[0-9][-.\t0-9]*")
+
+
+class Regained(NamedTuple):
+    """Lines that were refused, and what they mean after all, now that the line with the message ``by`` has come."""
+
+    by: Message
+    lines: tuple[tuple[bytes, Message | Malformed], ...]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +48,9 @@ class LineCodec:
     Raises:
         ValueError: a row cannot be told from another, or its kind from a number.
     """
+
+    regained: Regained | None = None
+    """What its last lines have brought back: who decodes takes it, and leaves None."""
 
     def __init__(
         self,

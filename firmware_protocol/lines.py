@@ -111,6 +111,7 @@ CYCLE_SECONDS = Number(0, 4295, decimals=2)  # the sketch's difference of two ui
 COMPONENT = Number(-math.inf, math.inf, decimals=2)  # bounded by the norm of all four
 ADC_12_BIT = Number(0, 4095, decimals=2)
 UINT16 = Number(0, 2**16 - 1)
+UINT8 = Number(0, 2**8 - 1)
 
 
 @dataclass(frozen=True, slots=True)

@@ -120,6 +120,91 @@ class Text:
 
 
 @dataclass(frozen=True, slots=True)
+class Firmware:
+    """``firmware``: our firmware names itself; the fields' values are in ``docs/firmware_wire.md``."""
+
+    proto: int
+    major: int
+    minor: int
+    board: int
+    capabilities: int
+    reset_cause: int
+
+
+@dataclass(frozen=True, slots=True)
+class HelloAnswer:
+    """``hello`` from the board: the checked mode, its dead-man, and its clock when hello number ``of`` came in."""
+
+    proto: int
+    deadman_ms: int
+    micros: int
+    of: int
+
+
+@dataclass(frozen=True, slots=True)
+class CommandRefused:
+    """``refused``: line number ``of`` changed nothing, for the reason of this number."""
+
+    what: int
+    of: int
+
+
+@dataclass(frozen=True, slots=True)
+class SequencedEcho:
+    """``s`` in the checked mode: the duty in force, and the number of the last command that was obeyed."""
+
+    duty: tuple[int, ...]
+    of: int
+
+
+@dataclass(frozen=True, slots=True)
+class AgedDistance:
+    """``u`` in the checked mode: as ``UltrasonicDistance``, taken ``age_us`` before the ``t`` of its cycle."""
+
+    distance_cm: int
+    age_us: int
+
+
+@dataclass(frozen=True, slots=True)
+class AgedImu:
+    """``i`` in the checked mode: as ``RawImu``, taken ``age_us`` before the ``t`` of its cycle."""
+
+    acceleration: tuple[int, int, int]
+    angular_rate: tuple[int, int, int]
+    age_us: int
+
+
+@dataclass(frozen=True, slots=True)
+class BoardState:
+    """``state``: 1 duty or 2 wheel loop; stops in force (1 dead-man, 2 e-stop, 4 stall); the newest e-stop's number."""
+
+    mode: int
+    stops: int
+    estop: int
+    reset_cause: int
+
+
+@dataclass(frozen=True, slots=True)
+class BoardCounters:
+    """``counters``, uint16, which wrap: what was damaged, refused, lost and late on the board."""
+
+    crc: int
+    refused: int
+    overrun: int
+    gaps: int
+    deadman: int
+    late: int
+
+
+@dataclass(frozen=True, slots=True)
+class ParameterSet:
+    """``g`` from the board: this parameter has this value now."""
+
+    parameter: int
+    value: int
+
+
+@dataclass(frozen=True, slots=True)
 class SetDuty:
     """``s`` to the board: signed PWM duty per wheel; zero brakes. It stays in force until the next one."""
 
@@ -129,6 +214,41 @@ class SetDuty:
 @dataclass(frozen=True, slots=True)
 class ResetBoard:
     """``r``: reset the board; counters restart and the banner is sent again."""
+
+
+@dataclass(frozen=True, slots=True)
+class Hello:
+    """``hello`` to the board: begin the checked mode with this dead-man."""
+
+    proto: int
+    deadman_ms: int
+
+
+@dataclass(frozen=True, slots=True)
+class SetWheelSpeeds:
+    """``w``: each wheel's speed in mrad/s, for the board's own wheel loop."""
+
+    speed_mrad_s: tuple[int, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class SetParameter:
+    """``g`` to the board: give this parameter this value."""
+
+    parameter: int
+    value: int
+
+
+@dataclass(frozen=True, slots=True)
+class Arm:
+    """``arm``: end the e-stop of this number, and a stall."""
+
+    number: int
+
+
+@dataclass(frozen=True, slots=True)
+class EmergencyStop:
+    """``estop``: stop until ``arm``; obeyed without a checksum, as the stop is."""
 
 
 class Reason(StrEnum):
@@ -141,6 +261,7 @@ class Reason(StrEnum):
     OUT_OF_RANGE = "out_of_range"
     NOT_UNIT = "not_unit"
     UNKNOWN = "unknown"
+    CHECKSUM = "checksum"
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,6 +287,15 @@ FromBoard: TypeAlias = (
     | Banner
     | ResetDone
     | Text
+    | Firmware
+    | HelloAnswer
+    | CommandRefused
+    | SequencedEcho
+    | AgedDistance
+    | AgedImu
+    | BoardState
+    | BoardCounters
+    | ParameterSet
 )
-ToBoard: TypeAlias = SetDuty | ResetBoard
+ToBoard: TypeAlias = SetDuty | ResetBoard | Hello | SetWheelSpeeds | SetParameter | Arm | EmergencyStop
 Message: TypeAlias = FromBoard | ToBoard

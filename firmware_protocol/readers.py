@@ -31,6 +31,8 @@ def reader_of(row: LineKind, separator: bytes) -> Reader:
                 unrolled = _two
             case (slice(stop=2),), False:
                 unrolled = _pair
+            case (slice(stop=2), 2), False:
+                unrolled = _pair_and_one
             case (0, 1, 2, 3), True:
                 unrolled = _quaternion
     return unrolled(row, separator)
@@ -98,6 +100,28 @@ def _pair(row: LineKind, separator: bytes) -> Reader:
             raise ValueError(_REFUSED)
         read_message = new(message)
         put(read_message, (a, b))
+        return read_message
+
+    return read
+
+
+def _pair_and_one(row: LineKind, separator: bytes) -> Reader:
+    kind, message, new = row.kind.encode(), row.message, object.__new__
+    number, _, third = row.plain
+    parse, low, high = number.parse, number.low, number.high
+    parse_c, low_c, high_c = third.parse, third.low, third.high
+    put_pair, put_c = _slot_setters(message)
+
+    def read(line: bytes) -> Any:
+        head, text_a, text_b, text_c = line.split(separator)
+        a = parse(text_a)
+        b = parse(text_b)
+        c = parse_c(text_c)
+        if head != kind or not low <= a <= high or not low <= b <= high or not low_c <= c <= high_c:
+            raise ValueError(_REFUSED)
+        read_message = new(message)
+        put_pair(read_message, (a, b))
+        put_c(read_message, c)
         return read_message
 
     return read

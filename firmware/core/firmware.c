@@ -1,0 +1,105 @@
+#include "firmware.h"
+
+#include <stddef.h>
+
+#include "commands.h"
+#include "encoder.h"
+#include "hal.h"
+#include "motors.h"
+#include "receive.h"
+#include "report.h"
+#include "sensors.h"
+#include "transmit.h"
+#include "wheel_loop.h"
+
+#define HUNG_US 200000U
+
+/* The proof of life of each half for the other: both are needed to go on. */
+static struct {
+    uint32_t cycle_us;       /* when the main loop completed a cycle; read by the tick */
+    volatile bool has_ticked; /* since that cycle */
+    volatile bool is_over;   /* a restart was asked for */
+} life;
+
+static void note_cycle(void)
+{
+    const hal_lock_t lock = hal_lock();
+    life.cycle_us = hal_micros();
+    hal_unlock(lock);
+}
+
+static void restart(uint8_t cause)
+{
+    life.is_over = true;
+    motors_off_and_restart(cause);
+}
+
+void firmware_start(uint8_t reset_cause)
+{
+    life.is_over = false;
+    life.has_ticked = false;
+    wheel_loop_start();
+    const uint8_t cause = motors_start(reset_cause);
+    transmit_start();
+    receive_start();
+    encoder_start();
+    sensors_start();
+    commands_start();
+    report_start(cause);
+    note_cycle();
+    hal_watchdog_start();
+}
+
+static void run_cycle(void)
+{
+    if (report_run()) {
+        note_cycle();
+        if (life.has_ticked) {
+            life.has_ticked = false;
+            hal_watchdog_feed();
+        }
+    }
+}
+
+/* The cycle comes before the line, which takes longer: so cycles begin with their millisecond. */
+void firmware_pass(void)
+{
+    if (life.is_over) {
+        return;
+    }
+    commands_run();
+    sensors_run();
+    if (commands_is_resetting()) {
+        if (commands_is_reset_due()) {
+            restart(RESET_COMMAND);
+        }
+        return;
+    }
+    run_cycle();
+    const struct line *line = receive_line();
+    if (line != NULL) {
+        commands_take(line);
+    }
+}
+
+void firmware_tick(void)
+{
+    const uint32_t now_us = hal_micros();
+    if (life.is_over) {
+        return;
+    }
+    life.has_ticked = true;
+    report_tick();
+    motors_tick(now_us);
+    const hal_lock_t lock = hal_lock();
+    const uint32_t silent_us = now_us - life.cycle_us;
+    hal_unlock(lock);
+    if (silent_us >= HUNG_US) {
+        restart(RESET_HUNG);
+    }
+}
+
+void firmware_watchdog(void)
+{
+    restart(RESET_WATCHDOG);
+}

@@ -1,0 +1,23 @@
+/* The host build: a board whose hardware is variables (fake_hal.c) and whose time is told, not measured. */
+#ifndef BOARD_H
+#define BOARD_H
+
+#include <stdint.h>
+
+#define HAL_BOARD BOARD_HOST
+#define HAL_CAPABILITIES                                                                                  \
+    (CAPABILITY_WHEEL_LOOP + CAPABILITY_ULTRASONIC + CAPABILITY_IMU + CAPABILITY_BATTERY +                \
+     CAPABILITY_CURRENT)
+#define HAL_KEPT
+#define HAL_FLASH
+#define HAL_READ_CHAR(p) (*(p))
+#define HAL_READ_U32(p) (*(p))
+
+typedef uint8_t hal_lock_t;
+
+/* Interrupts are plain calls here; fake_hal.c may let one in at each lock, as a real one could come in just before. */
+hal_lock_t hal_lock(void);
+void hal_unlock(hal_lock_t state);
+uint16_t hal_edge_micros(void);
+
+#endif

@@ -1,0 +1,54 @@
+"""What the Duemilanove's image can carry, and how soon it stops: in simavr, on the cycle."""
+
+import pytest
+
+from tests.firmware import limits
+
+
+def test_the_image_is_small() -> None:
+    """Static RAM is 1.2 KB at most of the part's 2, flash 12 KB of its 32."""
+    assert limits.static_bytes() <= 1_200
+    assert limits.flash_bytes() <= 12 * 1024
+
+
+@pytest.mark.parametrize(
+    ("how", "cause"), [(1, 6), (2, 4), (3, 4)], ids=["hangs", "hangs with interrupts shut", "hangs, no tick"]
+)
+def test_a_main_loop_that_hangs_is_restarted(how: int, cause: int) -> None:
+    """The motors are off and the banner begins within 0.3 s, with cause 6 (seen by the tick) or 4 (the watchdog)."""
+    off_s, banner_s, board = limits.hang(how)
+    assert off_s <= 0.3
+    assert banner_s <= 0.3
+    assert f"firmware\t1\t0\t1\t1\t15\t{cause}" in board.lines
+
+
+def test_the_dead_man_stops_at_whatever_moment_the_host_falls_silent() -> None:
+    """100 silences of 100, in a line, a cycle or a turn: 0 on the pins within 0.26 s of the last whole line."""
+    took_s = limits.silences_s(100)
+    assert len(took_s) == 100
+    assert max(took_s) <= 0.26
+
+
+def test_the_processor_is_idle_half_of_the_time_in_its_busiest_tenth_of_a_second() -> None:
+    """With 23,200 edges and 50 duties a second, and every sensor: 50 % at most of any 0.1 s."""
+    assert limits.busiest_share(3.0) <= 0.5
+
+
+def test_no_edge_is_lost_in_a_long_drive() -> None:
+    """0 of 100,000 (a benchmark has 10^6), with duties, echoes and readings between."""
+    assert limits.lost_edges(100_000) == 0
+
+
+def test_the_cycles_begin_evenly() -> None:
+    """Two cycles are 10 ms apart, within 0.2 ms."""
+    assert limits.jitter_us() <= 200
+
+
+def test_the_stack_leaves_room() -> None:
+    """256 bytes at most were ever used."""
+    assert limits.stack_bytes() <= 256
+
+
+def test_a_command_reaches_the_drivers_soon() -> None:
+    """12 ms at the 99th percentile of 300 lines, the 1.6 ms on the wire included."""
+    assert sorted(limits.commands_s(300))[296] <= 0.012
