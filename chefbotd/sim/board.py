@@ -1,7 +1,9 @@
 """Runs the simulated board in an event loop: bytes leave when the board's time has come."""
 
 import asyncio
+from abc import ABC, abstractmethod
 from collections.abc import Callable
+from typing import Protocol
 
 import numpy as np
 
@@ -9,45 +11,42 @@ from chefbotd.clock import Clock
 from chefbotd.core.events import TruthSimulated
 from chefbotd.sim.arrays import Vector
 from chefbotd.sim.crowd import Crowd
+from chefbotd.sim.firmware import FirmwareSketch
 from chefbotd.sim.peripherals import Uart
 from chefbotd.sim.plant import Push
+from chefbotd.sim.robot import Robot
 from chefbotd.sim.sketch import Sketch, Wiring
-from chefbotd.sim_parameters.sketches import BoardParameters
+from chefbotd.sim_parameters.sketches import BoardParameters, SketchName
 
 
-class Launchpad:
+class Program(Protocol):
+    """What the board runs: the motor command in force, and whether its ultrasonic sensor has nothing in reach."""
+
+    duty: tuple[int, ...]
+    loses_echoes: bool
+
+
+class SimulatedBoard(ABC):
     """A board wired to a robot, powered on at time 0. When and how often it is advanced changes nothing.
 
-    ``sketch`` has the motor command in force, ``uart`` counts what found its receive buffer full.
+    ``uart`` counts what found its receive buffer full.
     """
 
-    def __init__(
-        self, wiring: Wiring, parameters: BoardParameters, seed: int, line_rate_bytes_s: float
-    ) -> None:
-        self.robot = wiring.robot
-        self.uart = Uart(
-            parameters.line_rate_bytes_s or line_rate_bytes_s,
-            parameters.transmit_buffer_bytes,
-            parameters.receive_buffer_bytes,
-            parameters.handover_s,
-        )
-        self.sketch = Sketch(wiring, parameters, self.uart, seed)
-        self._program = self.sketch.run()
-        self._resume_s = 0.0
+    robot: Robot
+    uart: Uart
+    sketch: Program
 
+    @abstractmethod
     def next_event_s(self) -> float:
         """When to call ``advance`` next: no line leaves before then."""
-        return min(self.uart.next_s, self._resume_s)
 
+    @abstractmethod
     def advance(self, to_s: float) -> list[tuple[float, bytes]]:
         """Run until ``to_s``: lines that left since the last call, with the times of their last bytes."""
-        self._run(to_s)
-        return self.uart.take_lines(to_s)
 
+    @abstractmethod
     def receive(self, data: bytes, at_s: float) -> None:
-        """Bytes from the host; the sketch reads them when its next cycle begins."""
-        self._run(at_s)
-        self.uart.receive(data)
+        """Bytes from the host."""
 
     def truth(self, at_s: float, stamp_s: float) -> TruthSimulated:
         """Where the robot really is at ``at_s`` of the board's time, stamped ``stamp_s``."""
@@ -71,6 +70,45 @@ class Launchpad:
         trail[:, 3] = np.unwrap(trail[:, 3])
         return trail
 
+    @abstractmethod
+    def _run(self, to_s: float) -> None:
+        """Let time go on."""
+
+
+class Launchpad(SimulatedBoard):
+    """A board that runs a model of its program."""
+
+    def __init__(
+        self, wiring: Wiring, parameters: BoardParameters, seed: int, line_rate_bytes_s: float
+    ) -> None:
+        self.robot = wiring.robot
+        self.uart = Uart(
+            parameters.line_rate_bytes_s or line_rate_bytes_s,
+            parameters.transmit_buffer_bytes,
+            parameters.receive_buffer_bytes,
+            parameters.handover_s,
+        )
+        program = FirmwareSketch if parameters.sketch is SketchName.CHEFBOT else Sketch
+        self.sketch: Sketch | FirmwareSketch = program(wiring, parameters, self.uart, seed)
+        self._program = self.sketch.run()
+        self._resume_s = 0.0
+
+    def next_event_s(self) -> float:
+        """When to call ``advance`` next: no line leaves before then."""
+        return min(self.uart.next_s, self._resume_s)
+
+    def advance(self, to_s: float) -> list[tuple[float, bytes]]:
+        """Run until ``to_s``: lines that left since the last call, with the times of their last bytes."""
+        self._run(to_s)
+        return self.uart.take_lines(to_s)
+
+    def receive(self, data: bytes, at_s: float) -> None:
+        """Bytes from the host; a classic sketch reads them when its next cycle begins."""
+        self._run(at_s)
+        self.uart.receive(data)
+        self.sketch.receive(at_s)
+        self._resume_s = min(self._resume_s, self.sketch.next_s)
+
     def _run(self, to_s: float) -> None:
         while self._resume_s <= to_s:
             self._resume_s = next(self._program)
@@ -86,7 +124,7 @@ class BoardRunner:
     sent: after a long stall the host gets the present, not minutes of the past at once.
     """
 
-    def __init__(self, launchpad: Launchpad, send: Callable[[bytes], None], clock: Clock) -> None:
+    def __init__(self, launchpad: SimulatedBoard, send: Callable[[bytes], None], clock: Clock) -> None:
         self._launchpad, self._send, self._clock = launchpad, send, clock
         self._powered_on_s = clock.now_s()
         self.lines_skipped = 0

@@ -105,6 +105,10 @@ class Uart:
         self._left.append((self._handed_over_s(self._idle_s), line))
         return max(at_s, self._idle_s - self._transmit_buffer_bytes * self._byte_s)
 
+    def backlog_bytes(self, at_s: float) -> int:
+        """How many bytes wait to be sent."""
+        return math.ceil(max(self._idle_s - at_s, 0.0) / self._byte_s)
+
     def _handed_over_s(self, sent_s: float) -> float:
         period_s = self._handover_s
         return math.ceil(sent_s / period_s) * period_s if period_s else sent_s

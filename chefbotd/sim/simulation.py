@@ -6,7 +6,7 @@ from msgspec import field
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import Record
-from chefbotd.sim.board import Launchpad
+from chefbotd.sim.board import Launchpad, SimulatedBoard
 from chefbotd.sim.chassis import PUBLISHED, Chassis
 from chefbotd.sim.crowd import Crowd
 from chefbotd.sim.ground import Backlash, Slip
@@ -20,7 +20,7 @@ from chefbotd.sim.sensors import Battery, Divider, Infrared, InfraredMount, Ultr
 from chefbotd.sim.sketch import Wiring
 from chefbotd.sim.spinning import LidarMount, LidarWire, Sight, SpinningLidar
 from chefbotd.sim_parameters.simulation import Physics, SimulationParameters, WorldParameters
-from chefbotd.sim_parameters.sketches import PUBLISHED_SKETCHES, SketchName
+from chefbotd.sim_parameters.sketches import SketchName
 from firmware_protocol.codec import CLASSIC, Variant
 
 RANGE_SENSORS_M = 0.15
@@ -53,7 +53,7 @@ class Simulation(Record, frozen=True):
                 f"the wire {self.variant.name!r} has {self.variant.wheels} wheels, the robot {len(wheels)}"
             )
         sketch = self.parameters.board.sketch
-        if sketch in PUBLISHED_SKETCHES and self.variant.name != CLASSIC.name:
+        if sketch is not SketchName.KHAN and self.variant.name != CLASSIC.name:
             raise ValueError(
                 f"the sketch {sketch.value!r} speaks the wire {CLASSIC.name!r}, the robot {self.variant.name!r}: "
                 f"set sim.board.sketch to {SketchName.KHAN.value!r}"
@@ -71,11 +71,11 @@ def board_sender(
     return FirstLineCut(send, host) if simulation.parameters.board.cuts_first_line else send
 
 
-def build_launchpad(simulation: Simulation, seed: int | None = None) -> Launchpad:
+def build_launchpad(simulation: Simulation, seed: int | None = None) -> SimulatedBoard:
     """A board on a robot in its world, at time 0; ``seed`` stands in for the configured one.
 
     Raises:
-        OSError: the map cannot be read.
+        OSError: the map cannot be read, or the emulator or its image is not built.
         ValueError: the map is none, or the start pose is too close to a wall.
         ModuleNotFoundError: the physics is MuJoCo's, which is not installed.
     """
@@ -97,6 +97,10 @@ def build_launchpad(simulation: Simulation, seed: int | None = None) -> Launchpa
         tuple(Infrared(sensor, seen, offset_m=true.infrared_offset_m) for sensor in simulation.infrared),
         true.imu,
     )
+    if parameters.board.sketch is SketchName.EMULATED:
+        from chefbotd.sim.emulated import EmulatedLaunchpad  # needs what no wheel has
+
+        return EmulatedLaunchpad(wiring, parameters.board, seed, simulation.line_rate_bytes_s)
     return Launchpad(wiring, parameters.board, seed, simulation.line_rate_bytes_s)
 
 

@@ -106,6 +106,12 @@ class Sketch:
         }
         self._cycle = [reporters[kind] for kind in parameters.lines]
 
+    next_s = math.inf
+    """When it is to continue, if that is sooner than it said: bytes that come in change nothing."""
+
+    def receive(self, at_s: float) -> None:
+        """Bytes have come into the UART: they are read when the next cycle begins."""
+
     def run(self) -> Iterator[float]:
         """Run for ever; yields the time at which to continue."""
         while True:

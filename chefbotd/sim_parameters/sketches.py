@@ -29,16 +29,24 @@ LINE_KINDS = "teusiab"
 
 
 class SketchName(StrEnum):
-    """The published sketches of ChefBot, and what KHAN's board is assumed to run."""
+    """The published sketches of ChefBot, what KHAN's board is assumed to run, and our own firmware.
+
+    ``chefbot`` is a model of our firmware, ``emulated`` its image in an emulator.
+    """
 
     TIVA = "tiva"
     TIVA_BARE = "tiva_bare"
     DUEMILANOVE = "duemilanove"
     TIVA_SECOND = "tiva_second"
     KHAN = "khan"
+    CHEFBOT = "chefbot"
+    EMULATED = "emulated"
 
 
-PUBLISHED_SKETCHES = tuple(name for name in SketchName if name is not SketchName.KHAN)
+OTHERS = (SketchName.KHAN, SketchName.CHEFBOT, SketchName.EMULATED)
+PUBLISHED_SKETCHES = tuple(name for name in SketchName if name not in OTHERS)
+CHEFBOT_SKETCHES = (*PUBLISHED_SKETCHES, SketchName.CHEFBOT)
+"""What ChefBot's board may run: a published sketch, or our own firmware."""
 
 
 class SketchParameters(Parameters):
@@ -83,9 +91,18 @@ SKETCHES: Mapping[SketchName, SketchParameters] = MappingProxyType(
         SketchName.KHAN: SketchParameters(
             lines=LINE_KINDS, cycle_s=0.02, cuts_first_line=False, pwm_full_scale=1023
         ),
+        SketchName.CHEFBOT: SketchParameters(
+            cycle_s=0.01,
+            receive_buffer_bytes=128,
+            transmit_buffer_bytes=255,
+        ),
+        SketchName.EMULATED: SketchParameters(cycle_s=0.01),
     }
 )
-"""The buffers of the Tiva's are assumed, and all of KHAN's: a program of the same kind at its 50 Hz."""
+"""The buffers of the Tiva's are assumed, and all of KHAN's: a program of the same kind at its 50 Hz.
+
+Of our own firmware's row only the buffers and the duties count, and the 10 ms of its checked mode, which are its own.
+"""
 
 
 class BoardParameters(SketchParameters):

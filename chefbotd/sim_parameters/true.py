@@ -124,40 +124,27 @@ class Bounds(Parameters):
     turn_variance_rad2_per_rad: float = 2.5e-5
 
 
+_PLAUSIBLE_AND_IMPERFECT: Mapping[str, tuple[float, float]] = {
+    "radius_share": (0.003, 0.01),
+    "track_share": (0.01, 0.03),
+    "gain_share": (0.04, 0.1),
+    "dead_zone_share": (0.1, 0.3),
+    "time_constant_share": (0.1, 0.3),
+    "backlash_rad": (math.radians(0.5), math.radians(1.5)),
+    "gyro_scale_share": (0.005, 0.01),
+    "mount_rad": (math.radians(0.5), math.radians(2)),
+    "acceleration_bias_m_s2": (0.2, 0.5),
+    "lidar_mount_m": (0.005, 0.015),
+    "lidar_mount_rad": (math.radians(0.5), math.radians(2)),
+    "range_offset_m": (0.005, 0.02),
+    "lidar_range_offset_m": (0.005, 0.01),
+    "divider_share": (0.01, 0.03),
+}
+
 BOUNDS: Mapping[Drawn, Bounds] = MappingProxyType(
     {
-        Drawn.PLAUSIBLE: Bounds(
-            radius_share=0.003,
-            track_share=0.01,
-            gain_share=0.04,
-            dead_zone_share=0.1,
-            time_constant_share=0.1,
-            backlash_rad=math.radians(0.5),
-            gyro_scale_share=0.005,
-            mount_rad=math.radians(0.5),
-            acceleration_bias_m_s2=0.2,
-            lidar_mount_m=0.005,
-            lidar_mount_rad=math.radians(0.5),
-            range_offset_m=0.005,
-            lidar_range_offset_m=0.005,
-            divider_share=0.01,
-        ),
-        Drawn.IMPERFECT: Bounds(
-            radius_share=0.01,
-            track_share=0.03,
-            gain_share=0.1,
-            dead_zone_share=0.3,
-            time_constant_share=0.3,
-            backlash_rad=math.radians(1.5),
-            gyro_scale_share=0.01,
-            mount_rad=math.radians(2),
-            acceleration_bias_m_s2=0.5,
-            lidar_mount_m=0.015,
-            lidar_mount_rad=math.radians(2),
-            range_offset_m=0.02,
-            lidar_range_offset_m=0.01,
-            divider_share=0.03,
-        ),
+        drawn: Bounds.model_validate({name: most[column] for name, most in _PLAUSIBLE_AND_IMPERFECT.items()})
+        for column, drawn in enumerate((Drawn.PLAUSIBLE, Drawn.IMPERFECT))
     }
 )
 """Of a robot that was built with care, and of one that is wrong in everything that a calibration finds."""

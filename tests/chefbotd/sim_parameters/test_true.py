@@ -9,7 +9,6 @@ from chefbotd.sim_parameters.true import (
     Drawn,
     TrueImu,
     TrueLidar,
-    TrueMotor,
     TrueParameters,
     TrueWheel,
     resolved,
@@ -80,4 +79,3 @@ def test_the_imperfect_robot_has_the_stated_bounds() -> None:
     assert (bounds.radius_share, bounds.track_share, bounds.gain_share) == (0.01, 0.03, 0.1)
     assert (bounds.backlash_rad, bounds.lidar_mount_rad) == (math.radians(1.5), math.radians(2))
     assert bounds.lidar_mount_m == 0.015
-    assert TrueMotor() == TrueMotor(gain=1.0, dead_zone=1.0, time_constant=1.0)

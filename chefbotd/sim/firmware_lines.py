@@ -1,0 +1,160 @@
+"""What our own firmware reads and writes: a line from the host as a word and numbers, and the lines of the board.
+
+A model of ``firmware/core`` (``request.c``, ``transmit.c``), which obeys and refuses as that does.
+"""
+
+import re
+from collections import deque
+from collections.abc import Callable
+from enum import Enum
+
+from chefbotd.core.record import Record
+from firmware_protocol.checked import SEQUENCE_SPAN, crc_16, seal
+
+NUMBERS_OF = {"s": 2, "w": 2, "g": 2, "arm": 1, "r": 0, "hello": 2, "estop": 0}
+"""The words, and how many numbers each has."""
+
+INT32_MAX = 2**31 - 1
+NO_NUMBER = -(2**31)
+SEAL_CHARACTERS = len(b"*29B1")
+LINE_BYTES = 64
+RING_BYTES, MOST_ENDS = 128, 8
+CR, LF, DAMAGE = 0x0D, 0x0A, 0x00
+
+_NUMBER = re.compile(rb"-?[0-9]+")
+_PRINTABLE = re.compile(rb"[\x20-\x7e]*")
+
+
+class Seal(Enum):
+    """Whether a line ends in its CRC."""
+
+    NONE = 0
+    GOOD = 1
+    WRONG = 2
+
+
+class Request(Record, frozen=True):
+    """A word (empty: none that is known), and the numbers after it."""
+
+    word: str
+    numbers: tuple[int, ...]
+
+    @property
+    def sequence(self) -> int | None:
+        """The last number, if it is a sequence number."""
+        return self.numbers[-1] if self.numbers and 0 <= self.numbers[-1] < SEQUENCE_SPAN else None
+
+
+def seal_of(line: bytes) -> Seal:
+    """Whether a line ends in its CRC."""
+    if line[-SEAL_CHARACTERS : 1 - SEAL_CHARACTERS] != b"*":
+        return Seal.NONE
+    body = line[:-SEAL_CHARACTERS]
+    return Seal.GOOD if line[1 - SEAL_CHARACTERS :] == b"%04X" % crc_16(body) else Seal.WRONG
+
+
+def parse(body: bytes) -> Request:
+    """The fields of a line without its seal."""
+    word, *texts = body.split(b" ")
+    name = word.decode("ascii", "replace")
+    return Request(name if name in NUMBERS_OF else "", tuple(map(_number, texts)))
+
+
+def _number(text: bytes) -> int:
+    if not _NUMBER.fullmatch(text):
+        return NO_NUMBER
+    value = int(text)
+    return value if abs(value) <= INT32_MAX else NO_NUMBER
+
+
+class Line(Record, frozen=True):
+    """A line without its end, and when that came in; LF are left out, and told where they stood inside."""
+
+    text: bytes
+    at_us: int
+    has_line_feed: bool = False
+
+    @property
+    def is_damaged(self) -> bool:
+        """Whether it is too long, or not printable ASCII, and so refused whole."""
+        return len(self.text) > LINE_BYTES or not _PRINTABLE.fullmatch(self.text)
+
+
+class Receiver:
+    """The receive ring: bytes come in at any time, and a pass of the main loop takes one line."""
+
+    def __init__(self) -> None:
+        self._ring: deque[int] = deque()
+        self._ends_us: deque[int] = deque()
+        self._line = b""
+        self._has_lost = self._has_line_feed = False
+        self.overrun = 0
+
+    def lose(self) -> None:
+        """A byte was lost: its line is damaged."""
+        self._has_lost = True
+        self.overrun += 1
+
+    def receive(self, data: bytes, now_us: int) -> None:
+        """Bytes that came in now; those for which there is no room are lost."""
+        for byte in data:
+            if self._has_lost and len(self._ring) <= RING_BYTES - 2:
+                self._ring.append(DAMAGE)
+                self._has_lost = False
+            is_too_many = byte == CR and len(self._ends_us) >= MOST_ENDS
+            if self._has_lost or len(self._ring) >= RING_BYTES or is_too_many:
+                self.lose()
+                continue
+            if byte == CR:
+                self._ends_us.append(now_us)
+            self._ring.append(byte)
+
+    @property
+    def has_line(self) -> bool:
+        """Whether a whole line waits."""
+        return bool(self._ends_us)
+
+    def next_line(self) -> Line | None:
+        """The next line that is not empty; what is no whole line yet leaves the ring, too."""
+        while self._ring:
+            byte = self._ring.popleft()
+            if byte == LF:
+                self._has_line_feed |= bool(self._line)
+                continue
+            if byte != CR:
+                self._line = (self._line + bytes((byte,)))[: LINE_BYTES + 1]
+                continue
+            text, self._line, at_us = self._line, b"", self._ends_us.popleft()
+            has_line_feed, self._has_line_feed = self._has_line_feed, False
+            if text:
+                return Line(text, at_us, has_line_feed)
+        return None
+
+
+class Printer:
+    """Sends the board's lines while there is room for them; ``send`` puts bytes on the wire."""
+
+    def __init__(self, send: Callable[[bytes], None], room_bytes: Callable[[], int]) -> None:
+        self._send, self._room_bytes = send, room_bytes
+        self._sequence = 0
+
+    def has_room(self, size: int) -> bool:
+        """Whether so many bytes fit the ring."""
+        return self._room_bytes() >= size
+
+    def plain(self, text: str) -> bool:
+        """A line with its end; whether there was room for it."""
+        if not self.has_room(len(text)):
+            return False
+        self._send(text.encode())
+        return True
+
+    def sealed(self, word: str, *numbers: object) -> bool:
+        """A checked line; whether there was room for it."""
+        body = "\t".join([word, *map(str, numbers)]).encode()
+        line = seal(body, self._sequence, b"\t") + b"\n"
+        if not self.has_room(len(line)):
+            return False
+        self._sequence = (self._sequence + 1) % SEQUENCE_SPAN
+        self._send(line)
+        return True
