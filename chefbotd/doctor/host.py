@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 from chefbotd.core.record import Record
 from chefbotd.doctor.finding import Finding, ok, problem, skipped, warning
+from chefbotd.rpc.models import PluginDescription, PluginState
 
 SERVICE_PROGRAM = "chefbotd"
 
@@ -155,6 +156,23 @@ def check_socket(where: str, answer: str, refusal: str) -> Finding:
     if answer:
         return ok("socket", f"a daemon answers at {where}: {answer}")
     return skipped("socket", f"no daemon answers at {where}{refusal}: the doctor opens the port itself")
+
+
+def check_plugins(plugins: Sequence[PluginDescription]) -> list[Finding]:
+    """What became of each plug-in that the configuration allows."""
+    return [_check_plugin(plugin) for plugin in plugins]
+
+
+def _check_plugin(plugin: PluginDescription) -> Finding:
+    name = f"plugin {plugin.name}"
+    if plugin.state is PluginState.RUNNING:
+        return ok(name, f"{plugin.package} {plugin.version} runs")
+    advice = {
+        PluginState.NOT_FOUND: "install its package in the daemon's environment, or take it out of [plugins] allow",
+        PluginState.INCOMPATIBLE: "install a version of it that fits this chefbotd",
+        PluginState.FAILED: "mend it, or take it out of [plugins] allow; the daemon's log has the same error",
+    }
+    return problem(name, f"it is left out: {plugin.reason}", advice[plugin.state])
 
 
 def check_configuration(origin: str, *, wanted_robot: str, robot: str) -> Finding:

@@ -37,7 +37,8 @@ class LinesHeard(Record, frozen=True):
     ``kinds`` counts good lines by their first letter, ``rates_hz`` tells how often each came, ``damaged`` counts the
     others by reason (``example`` is one of them). ``texts`` are the lines of text, oldest first. ``wire`` is the variant
     that fits best and ``wheels`` how many it has. ``clock_ppm`` is how much faster than ours the board's clock runs,
-    over ``clock_s``. ``duty`` is the last echo, ``counted`` how far each encoder went.
+    over ``clock_s``. ``duty`` is the last echo, ``counted`` how far each encoder went. ``firmware`` is the version of
+    our own firmware, where the board has named it or sends checked lines (``?`` then).
     """
 
     seconds: float
@@ -56,6 +57,7 @@ class LinesHeard(Record, frozen=True):
     clock_s: float = 0.0
     duty: tuple[float, ...] = ()
     counted: tuple[int, ...] = ()
+    firmware: str = ""
 
     @property
     def frames(self) -> int:

@@ -17,6 +17,7 @@ TITLES = {
     SketchName.DUEMILANOVE: "sketch C, the Arduino Duemilanove's",
     SketchName.TIVA_SECOND: "sketch D, the Tiva's of the second edition",
     SketchName.KHAN: "KHAN's, with four wheels (assumed: none is published)",
+    SketchName.CHEFBOT: "our own firmware",
 }
 KHAN_WHEELS = 4
 MAY_BE_MISSING, KHAN_MAY_MISS = frozenset("ub"), frozenset("uiba")
@@ -43,8 +44,12 @@ class Expected(Record, frozen=True):
 
 
 def recognise(heard: LinesHeard) -> Guess:
-    """The published sketch that these lines are most like."""
-    fits = {name: _fit(name, row, heard) for name, row in SKETCHES.items()}
+    """The published sketch that these lines are most like; our own firmware names itself."""
+    if heard.firmware:
+        is_named = heard.firmware != "?"
+        reason = f"it says so, version {heard.firmware}" if is_named else "its lines have checksums"
+        return Guess(SketchName.CHEFBOT, 1.0, reason)
+    fits = {name: _fit(name, SKETCHES[name], heard) for name in TITLES if name is not SketchName.CHEFBOT}
     best = max(fits, key=lambda name: fits[name])
     reason = _reason(heard)
     return Guess(best if fits[best] >= LIKELY else None, fits[best], reason)

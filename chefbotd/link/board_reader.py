@@ -22,12 +22,14 @@ from chefbotd.core.events import (
 )
 from chefbotd.core.record import Record
 from chefbotd.link.board_clock import BoardClock, CycleClock, StampVerdict
+from chefbotd.link.firmware import BoardFirmware
 from chefbotd.link.health import show
 from chefbotd.link.restarts import Restarts
 from chefbotd.link.send_window import SendWindow
 from chefbotd.logs import RateLimitedLog
 from firmware_protocol import messages as wire
-from firmware_protocol.codec import Variant, from_board
+from firmware_protocol.checked import ModeState
+from firmware_protocol.codec import Variant
 from firmware_protocol.decoder import Decoder, DecoderState
 from firmware_protocol.line_codec import RESET_DONE
 from firmware_protocol.messages import QuadratureEdges, QuadratureStill
@@ -45,6 +47,12 @@ def readings(clock: BoardClock) -> Mapping[type[Any], Reading]:
         ),
         wire.RawImu: lambda frame, s: InertialCounted(
             s - clock.late_s, s, frame.acceleration, frame.angular_rate
+        ),
+        wire.AgedDistance: lambda frame, s: UltrasonicEchoed(
+            s - clock.late_s - frame.age_us * 1e-6, s, frame.distance_cm
+        ),
+        wire.AgedImu: lambda frame, s: InertialCounted(
+            s - clock.late_s - frame.age_us * 1e-6, s, frame.acceleration, frame.angular_rate
         ),
         wire.BatteryLevel: lambda frame, s: BatteryCounted(s - clock.late_s, s, frame.adc),
         wire.AnalogueLevel: lambda frame, s: AnalogueCounted(s - clock.late_s, s, frame.channel, frame.adc),
@@ -115,6 +123,7 @@ class BoardReaderState(Record, frozen=True):
     """Its half line and half cycle, and the clocks that it follows."""
 
     decoder: DecoderState
+    mode: ModeState
     board_clock: BoardClock
     cycle_clock: CycleClock
     cycle_has_time: bool
@@ -122,16 +131,20 @@ class BoardReaderState(Record, frozen=True):
 
 
 class BoardReader:
-    """Follows the board's clock, and tells ``window`` and ``restarts`` what they have to know.
+    """Follows the board's clock, and tells ``window``, ``restarts`` and ``firmware`` what they have to know.
 
     ``events`` has a function for each class of message: its event at a time of the host, or None.
     """
 
-    def __init__(self, variant: Variant, window: SendWindow, restarts: Restarts) -> None:
+    def __init__(
+        self, variant: Variant, window: SendWindow, restarts: Restarts, firmware: BoardFirmware
+    ) -> None:
         self._window, self._restarts, self._wheels = window, restarts, variant.wheels
-        self.decoder = Decoder(from_board(variant))
+        self._firmware = firmware
+        self.decoder = Decoder(firmware.codec)
         self.board_clock, self._cycle_clock = BoardClock(), CycleClock()
         self._cycle_has_time = False
+        self.on_loop_ready: Callable[[], None] = lambda: None
         self._edges = BurstBuffer(self.board_clock) if variant.speaks(wire.QuadratureEdges) else None
         self._log = RateLimitedLog(log)
         self.events: dict[type[Any], Reading] = {
@@ -144,17 +157,26 @@ class BoardReader:
             wire.Banner: self._on_banner,
             wire.ResetDone: self._on_reset_done,
             wire.Malformed: self._on_malformed,
+            wire.SequencedEcho: self._on_sequenced_echo,
+            wire.Firmware: firmware.named,
+            wire.HelloAnswer: lambda answer, s: firmware.answered(answer, s, self.board_clock),
+            wire.BoardState: firmware.told_state,
+            wire.BoardCounters: firmware.counted,
+            wire.CommandRefused: firmware.refused,
+            wire.ParameterSet: self._on_parameter,
         }
 
     def state(self) -> BoardReaderState:
         """Return the state of this part."""
         edges = () if self._edges is None else self._edges.state()
         clocks = self.board_clock, self._cycle_clock
-        return BoardReaderState(self.decoder.state(), *clocks, self._cycle_has_time, edges)
+        mode = self._firmware.codec.state()
+        return BoardReaderState(self.decoder.state(), mode, *clocks, self._cycle_has_time, edges)
 
     def restore(self, state: BoardReaderState) -> None:
         """Restore this state."""
         self.decoder.restore(state.decoder)
+        self._firmware.codec.restore(state.mode)
         self.board_clock.restore(state.board_clock)
         self._cycle_clock, self._cycle_has_time = state.cycle_clock, state.cycle_has_time
         if self._edges is not None:
@@ -179,10 +201,25 @@ class BoardReader:
             self._restarts.turned(tuple(totals[wheel] for wheel in sorted(totals)), now_s)
         return EdgesSeen(self.board_clock.stamp_s, now_s, self.board_clock.board_s(now_s), bursts)
 
-    def _on_echo(self, message: wire.DutyEcho, now_s: float) -> DutyEchoed:
+    def _on_echo(self, message: wire.DutyEcho | wire.SequencedEcho, now_s: float) -> DutyEchoed:
         self._window.echoed(message.duty)
         self._restarts.echoed(message.duty, now_s)
         return DutyEchoed(now_s - self.board_clock.late_s, now_s, message.duty)
+
+    def _on_sequenced_echo(self, message: wire.SequencedEcho, now_s: float) -> DutyEchoed:
+        self._firmware.echoed(message.of, now_s)
+        loop = self._firmware.loop
+        if not loop.now.is_ready:
+            return self._on_echo(message, now_s)
+        command, duty = loop.obeyed(message.of, message.duty)
+        self._window.echoed(command)
+        self._restarts.echoed(duty, now_s)
+        return DutyEchoed(now_s - self.board_clock.late_s, now_s, duty)
+
+    def _on_parameter(self, message: wire.ParameterSet, now_s: float) -> None:
+        """The last parameter of the wheel loop changes what commands are: what waits is none any more."""
+        if self._firmware.loop.confirm(message.parameter, message.value):
+            self.on_loop_ready()
 
     def _on_edges(self, message: wire.QuadratureEdges | wire.QuadratureStill, now_s: float) -> None:
         """Edges wait for the ``t`` line that closes their cycle; in doubt about it, for the next."""
@@ -234,3 +271,4 @@ class BoardReader:
         if self._edges is not None:
             self._edges.forget()
         self._restarts.noticed(now_s, cause)
+        self._firmware.board_restarted(now_s)

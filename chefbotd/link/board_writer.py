@@ -165,11 +165,20 @@ class BoardWriter:
         """Write a stop before all that is unsent, which is dropped."""
         self.write_first(self._stop, now_s)
 
-    def write_first(self, line: bytes, now_s: float) -> None:
-        """Write a line before all that is unsent, which is dropped; twice, as what it cuts short takes the first."""
-        if self._port is not None:
+    def write_first(self, line: bytes, now_s: float, again: bytes | None = None) -> None:
+        """Write a line before all that is unsent, which is dropped; twice, as what it cuts short takes the first.
+
+        ``again`` is the second one where it reads otherwise: a checked line has its own number.
+        """
+        if self._port is None:
+            return
+        if again is None:
             self._port.overtake(line * FIRST_STOPS)
             self._note(line, now_s, FIRST_STOPS)
+        else:
+            self._port.overtake(line + again)
+            self._note(line, now_s, 1)
+            self._note(again, now_s, 1)
 
     def stop_last(self) -> None:
         """The shutdown stop on this port, which is closed then: stops, instead of all that is unsent."""

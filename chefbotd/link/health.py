@@ -26,6 +26,7 @@ class Condition(StrEnum):
     WRONG_BAUD = "wrong_baud"
     WRONG_DEVICE = "wrong_device"
     ECHO_STUCK = "echo_stuck"
+    NOT_NEGOTIATED = "not_negotiated"
 
 
 class Heard(Record, frozen=True):
@@ -55,9 +56,15 @@ class HealthWatch(MutableState):
     _reported: Condition | None = field(default=None, name="_told")
 
     def look(
-        self, now_s: float, heard: Heard, sample: bytes, complaint: str = "", *, health_after_s: float
+        self,
+        now_s: float,
+        heard: Heard,
+        sample: bytes,
+        complaint: LinkHealth | None = None,
+        *,
+        health_after_s: float,
     ) -> LinkHealth | None:
-        """The health if it has changed; ``sample`` are the newest bytes, ``complaint`` what is wrong with the echo.
+        """The health if it has changed; ``sample`` are the newest bytes, ``complaint`` what else is wrong with a board.
 
         It is judged as soon as there are lines enough, or after ``health_after_s`` by what there is.
         """
@@ -66,8 +73,8 @@ class HealthWatch(MutableState):
             return None
         self.from_s, self.before = now_s, heard
         health = _judge(new, waited_s, sample)
-        if complaint and health.condition is Condition.HEALTHY:
-            health = LinkHealth(Condition.ECHO_STUCK, complaint)
+        if complaint is not None and health.condition is Condition.HEALTHY:
+            health = complaint
         if health.condition is self._reported:
             return None
         self._reported = health.condition
@@ -145,8 +152,8 @@ class LinkMonitor:
         """Whether a frame has come in since the port was opened."""
         return self._heard().since(self._before).frames > 0
 
-    def judge(self, now_s: float, complaint: str = "") -> LinkHealth | None:
-        """What the port sounds like, if that has changed; ``complaint``: what is wrong with the echo."""
+    def judge(self, now_s: float, complaint: LinkHealth | None = None) -> LinkHealth | None:
+        """What the port sounds like, if that has changed; ``complaint``: what else is wrong with a board."""
         return self._watch.look(
             now_s, self._heard(), self._sample, complaint, health_after_s=self._judged_after_s
         )

@@ -6,12 +6,13 @@ import errno
 import os
 import termios
 import time
-from typing import Any
+from enum import StrEnum
+from typing import Any, Self
 
 import serial
 import serial_asyncio
 import structlog
-from pydantic import Field, field_validator
+from pydantic import Field, field_validator, model_validator
 
 from chefbotd.core.parameters import Parameters
 
@@ -30,6 +31,13 @@ LOOK_S = 0.001
 READ_BYTES = 4096
 
 
+class FirmwareMode(StrEnum):
+    """Whether a board that names our firmware is asked for its checked mode."""
+
+    AUTO = "auto"
+    CLASSIC = "classic"
+
+
 class LinkParameters(Parameters):
     """Where the board is and how the port behaves.
 
@@ -42,6 +50,10 @@ class LinkParameters(Parameters):
 
     ``board_buffer_bytes`` is what the board keeps of what it has not read yet; what it may have no room for is not sent.
     63 is the least of the published boards (the Arduino's; the core of the Tiva has 1024, assumed).
+
+    With ``firmware`` ``auto`` the daemon agrees on the checked mode with a board that runs our firmware: it stops by
+    itself when it hears no command for ``deadman_ms``. With ``classic`` such a board is driven like a classic sketch.
+    With ``wheel_loop`` it is told the wheels' speeds, and its own loop finds the duties, where it has one.
     """
 
     device: str = Field(default="/dev/ttyACM0", min_length=1)
@@ -55,6 +67,9 @@ class LinkParameters(Parameters):
     reconnect_jitter: float = Field(default=0.2, ge=0, lt=1)
     health_after_s: float = Field(default=2.0, gt=1, le=60)
     setpoints_per_s: float = Field(default=200.0, gt=0, le=1000)
+    firmware: FirmwareMode = FirmwareMode.AUTO
+    deadman_ms: int = Field(default=250, ge=100, le=2000)
+    wheel_loop: bool = False
     board_buffer_bytes: int = Field(default=63, ge=32, le=1_000_000)
 
     @field_validator("device")
@@ -64,6 +79,17 @@ class LinkParameters(Parameters):
         if "://" in device and not device.startswith("socket://"):
             raise ValueError(f"expected a path such as /dev/ttyACM0 or socket://host:port, got {device!r}")
         return device
+
+    @model_validator(mode="after")
+    def _feeds_the_dead_man(self) -> Self:
+        """A single command that is lost must not let the board's dead-man come."""
+        least = 4000 / self.deadman_ms
+        if self.firmware is FirmwareMode.AUTO and self.setpoints_per_s < least:
+            raise ValueError(
+                f"setpoints_per_s {self.setpoints_per_s:g} lets a dead-man of {self.deadman_ms} ms come while the robot "
+                f"drives: expected at least {least:g}, a longer deadman_ms, or firmware = 'classic'"
+            )
+        return self
 
 
 class BriefSerial(serial.Serial):  # type: ignore[misc]

@@ -1,6 +1,7 @@
 """The board's restarts: the requested ones, from the stop until the board is back, and the unexpected ones."""
 
 import math
+from collections.abc import Callable
 from enum import StrEnum
 
 import structlog
@@ -135,9 +136,9 @@ class RestartsState(Record, frozen=True):
 
 
 class Restarts:
-    """Publishes ``BoardRestarted`` and ``BoardResetProgressed``; ``request`` is the line that asks for a restart."""
+    """Publishes ``BoardRestarted`` and ``BoardResetProgressed``; ``request`` makes the line that asks for a restart."""
 
-    def __init__(self, bus: Bus, clock: Clock, speech: BoardWriter, request: bytes) -> None:
+    def __init__(self, bus: Bus, clock: Clock, speech: BoardWriter, request: Callable[[], bytes]) -> None:
         self._bus, self._clock, self._writer, self._request_line = bus, entries_of(clock), speech, request
         self._watch, self._reset = RestartWatch(), ResetRequest()
         self._timer: Timer | None = None
@@ -210,7 +211,7 @@ class Restarts:
             self._end(ResetStage.NO_ANSWER)
             return
         if self._reset.may_ask(now_s) and self._writer.has_drained():
-            self._writer.write(self._request_line, now_s)
+            self._writer.write(self._request_line(), now_s)
             self._reset.asked(now_s)
             self._tell(ResetStage.ASKED)
         wait_s = max(self._reset.look_again_s - now_s, LOOK_AGAIN_S)

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from msgspec import Struct
 
 from chefbotd.core.record import Record
+from firmware_protocol.checked import SEAL_BYTES
 
 Duty = tuple[int, ...]
 
@@ -25,6 +26,12 @@ STOP_AGAIN_S = 0.1
 
 MOST_UNCONFIRMED = 64
 
+CHECKED_ROOM_BYTES = 127
+"""The receive ring of our own firmware, which reads all the time."""
+
+FEED_S = 0.04
+"""In the checked mode the duty in force is repeated so often, whatever is known of the board: its dead-man needs it."""
+
 
 def slows(duty: Duty, before: Duty) -> bool:
     """Whether no wheel gets a larger duty than before, or one of the other sign."""
@@ -35,7 +42,7 @@ def slows(duty: Duty, before: Duty) -> bool:
 
 
 class _Line(Struct, gc=False):
-    duty: Duty
+    duty: Duty | None
     size: int
     written_s: float
 
@@ -59,14 +66,23 @@ class SendWindow:
     A stop may always go: whatever pieces of it are left say zero. It keeps the room of two, and a command that slows the
     room of one more. One that repeats the last waits until there is room for a change beside it; a stop that does
     goes as soon as the buffer is nearly empty, and every ``STOP_AGAIN_S``. ``newest`` is the last command that was
-    written; a stop before the first.
+    written; a stop before the first. While it ``is_checked``, each command is longer by its seal,
+    and the board is our own firmware, which never waits.
     """
 
     def __init__(self, room_bytes: int, wheels: int, size_of: Callable[[Duty], int]) -> None:
         self._size_of, self._room_bytes = size_of, room_bytes
         self._still = (0,) * wheels
         self._stop_room = 2 * size_of(self._still)
+        self._classic_room_bytes = room_bytes
+        self.is_checked, self._seal_bytes = False, 0
         self.forget()
+
+    def set_mode(self, *, is_checked: bool) -> None:
+        """Commands are sealed from now on, or not any more."""
+        self.is_checked = is_checked
+        self._seal_bytes = SEAL_BYTES if is_checked else 0
+        self._room_bytes = CHECKED_ROOM_BYTES if is_checked else self._classic_room_bytes
 
     def forget(self) -> None:
         """The port is gone, and what it held with it."""
@@ -113,12 +129,14 @@ class SendWindow:
         if not any(duty):
             crowded = 4 * (self._unread_bytes + self._size_of(duty)) > self._room_bytes
             return duty != self.newest or not crowded or now_s - self._written_s >= STOP_AGAIN_S
+        if self.is_checked and duty == self.newest and now_s - self._written_s >= FEED_S:
+            return True
         if self.echo_is_stuck(now_s):
             if not slows(duty, self.newest):
                 return False
             if duty == self.newest:
                 return now_s - self._written_s >= LINE_LOST_S
-        size = self._size_of(duty)
+        size = self._size_of(duty) + self._seal_bytes
         changes = 2 if duty == self.newest else 0 if slows(duty, self.newest) else 1
         needed = self._unread_bytes + size + changes * size + self._stop_room
         return needed <= self._room_bytes or not self._unread_bytes
@@ -141,7 +159,7 @@ class SendWindow:
 
     def note(self, duty: Duty, now_s: float, times: int = 1) -> None:
         """``duty`` was written so many times; what is kept is bounded by the buffer."""
-        size = times * self._size_of(duty)
+        size = times * (self._size_of(duty) + self._seal_bytes)
         if self._unread_bytes + size > self._room_bytes and self._unread:
             self._unread[-1].written_s = now_s  # a stop that may not fit: the buffer holds no more
         else:
@@ -150,6 +168,20 @@ class SendWindow:
         if duty != self.newest and len(self._unconfirmed) < MOST_UNCONFIRMED:
             self._unconfirmed.append((duty, self._cycles, now_s))
         self.newest, self._written_s = duty, now_s
+
+    def note_other(self, size: int, now_s: float) -> None:
+        """A line that is no motor command was written, for which there was room."""
+        self._unread.append(_Line(None, size, now_s))
+        self._unread_bytes += size
+
+    def has_room(self, size: int) -> bool:
+        """Whether a line that is no motor command fits beside what is unread and two stops."""
+        return self._unread_bytes + size + self._stop_room <= self._room_bytes
+
+    def all_read(self) -> None:
+        """The board has said that it has read everything."""
+        self._unread.clear()
+        self._unread_bytes = 0
 
     def cycle(self, now_s: float) -> None:
         """A line came that the board prints once in every cycle: what was written before the last one has been read."""

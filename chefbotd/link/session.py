@@ -22,11 +22,14 @@ from chefbotd.core.record import Record
 from chefbotd.entries import entries_of
 from chefbotd.link.board_reader import BoardReader, BoardReaderState
 from chefbotd.link.board_writer import FIRST_STOPS, BoardWriter, LineRing, Port, WriterState
-from chefbotd.link.health import Condition, LinkMonitor, LinkMonitorState
+from chefbotd.link.firmware import BoardFirmware, FirmwareState
+from chefbotd.link.health import Condition, LinkHealth, LinkMonitor, LinkMonitorState
 from chefbotd.link.restarts import Restarts, RestartsState
 from chefbotd.link.send_window import SendWindow, WindowState
 from chefbotd.link.setpoint import SetpointState, SetpointWriter
+from chefbotd.link.wheel_loop import WheelLoopState
 from firmware_protocol import messages as wire
+from firmware_protocol.checked import checked_to_board
 from firmware_protocol.codec import Variant, to_board
 
 log = structlog.get_logger(component="link")
@@ -45,6 +48,8 @@ class BoardSessionState(Record, frozen=True):
     window: WindowState
     setpoints: SetpointState
     monitor: LinkMonitorState
+    firmware: FirmwareState
+    loop: WheelLoopState
 
 
 class BoardSession(asyncio.Protocol):
@@ -64,17 +69,26 @@ class BoardSession(asyncio.Protocol):
         setpoints_per_s: float,
         health_after_s: float = 2.0,
         board_buffer_bytes: int = 63,
+        negotiates: bool = True,
+        deadman_ms: int = 250,
     ) -> None:
         clock = entries_of(clock)
         self._bus, self._clock, self._device = bus, clock, device
         self._encoder = to_board(variant)
         self._still = (0,) * variant.wheels
         self._line = lru_cache(maxsize=LINES_CACHED)(self._encode_duty)
-        size_of = lru_cache(maxsize=LINES_CACHED)(lambda duty: len(self._line(duty)))
+        self._speed_line = lru_cache(maxsize=LINES_CACHED)(self._encode_speeds)
+        self._speed_encoder = checked_to_board(variant)
+        size_of = lru_cache(maxsize=LINES_CACHED)(
+            lambda command: len(self._speed_line(command))
+        )  # as a duty's
         self.lines = LineRing()
         self.writer = BoardWriter(bus, clock, self.lines, self._encoder.encode(wire.SetDuty(self._still)))
-        self.restarts = Restarts(bus, clock, self.writer, self._encoder.encode(wire.ResetBoard()))
+        self.restarts = Restarts(bus, clock, self.writer, self._reset_line)
         self._window = SendWindow(board_buffer_bytes, variant.wheels, size_of)
+        self.firmware = BoardFirmware(
+            bus, clock, self.writer, self._window, variant, negotiates=negotiates, deadman_ms=deadman_ms
+        )
         self.setpoints = SetpointWriter(
             self._write_duty,
             self.writer.has_drained,
@@ -84,7 +98,8 @@ class BoardSession(asyncio.Protocol):
             call_later=partial(clock.call_later, name="board setpoint"),
             on_withdrawn=self._record_withdrawn,
         )
-        self._reader = BoardReader(variant, self._window, self.restarts)
+        self._reader = BoardReader(variant, self._window, self.restarts, self.firmware)
+        self._reader.on_loop_ready = self._begin_loop
         self._decoder, self._events = self._reader.decoder, self._reader.events
         self.board_clock = self._reader.board_clock
         self._closed = asyncio.Event()
@@ -103,6 +118,8 @@ class BoardSession(asyncio.Protocol):
             self._window.state(),
             self.setpoints.state(),
             self.monitor.state(),
+            self.firmware.state(),
+            self.firmware.loop.now.state(),
         )
 
     def restore(self, state: BoardSessionState) -> None:
@@ -114,6 +131,8 @@ class BoardSession(asyncio.Protocol):
         self._window.restore(state.window)
         self.setpoints.restore(state.setpoints)
         self.monitor.restore(state.monitor)
+        self.firmware.restore(state.firmware)
+        self.firmware.loop.now.restore(state.loop)
 
     # What asyncio tells us
 
@@ -122,6 +141,7 @@ class BoardSession(asyncio.Protocol):
         self.writer.begin(cast(Port, transport))
         self.is_open = True
         self._reader.begin()
+        self.firmware.begin()
         self.opens += 1
         now_s = self._clock.now_s()
         self.monitor.begin(now_s)
@@ -135,6 +155,7 @@ class BoardSession(asyncio.Protocol):
         self.is_open = False
         self.setpoints.forget()
         self._window.forget()
+        self.firmware.begin()
         self.restarts.link_lost()
         self._bus.publish(LinkClosed(self._clock.now_s(), self._device, str(exc) if exc else "closed"))
         self._closed.set()
@@ -158,9 +179,15 @@ class BoardSession(asyncio.Protocol):
                 event = events[type(message)](message, now_s)
                 if event is not None:
                     bus.publish(event)
+            if self.firmware.codec.is_checked is not self.firmware.now.is_checked:
+                self.firmware.look_at_mode(now_s)
         finally:
             self._bus.deliver()
         self.setpoints.heard()
+        if now_s >= self.firmware.now.due_s:
+            self.firmware.greet(now_s)
+        if self.firmware.loop.is_wanted and self.firmware.now.is_checked:
+            self.firmware.set_up_loop(now_s)
 
     @property
     def is_proven(self) -> bool:
@@ -170,7 +197,7 @@ class BoardSession(asyncio.Protocol):
     def judge_health(self) -> None:
         """Look at what has come in lately; a change is published and logged. Call it a few times a second."""
         now_s = self._clock.now_s()
-        health = self.monitor.judge(now_s, self._window.complaint(now_s))
+        health = self.monitor.judge(now_s, self._complaint(now_s))
         if health is None or not self.is_open:
             return
         healthy = health.condition is Condition.HEALTHY
@@ -181,6 +208,13 @@ class BoardSession(asyncio.Protocol):
             log.warning(
                 "the link to the board is not healthy", condition=health.condition, reason=health.reason
             )
+
+    def _complaint(self, now_s: float) -> LinkHealth | None:
+        if echo := self._window.complaint(now_s):
+            return LinkHealth(Condition.ECHO_STUCK, echo)
+        if unanswered := self.firmware.now.complaint:
+            return LinkHealth(Condition.NOT_NEGOTIATED, unanswered)
+        return None
 
     def report_not_opened(self, reason: str) -> None:
         """Publish why the port cannot be opened."""
@@ -199,13 +233,27 @@ class BoardSession(asyncio.Protocol):
     def send_duty(self, duty: tuple[int, ...]) -> None:
         """Put a motor command on the wire, replacing one that still waits; without a link it is dropped."""
         if self.is_open:
-            self.setpoints.offer(self._still if self.restarts.holds_motion else duty)
+            if self.restarts.holds_motion:
+                duty = self._still
+            if self.firmware.loop.now.is_ready:
+                duty = self.firmware.loop.command(duty)
+            self.setpoints.offer(duty)
+
+    def repeat_duty(self, duty: tuple[int, ...]) -> None:
+        """The control loop lives, and has nothing new to say: feeds the board's dead-man, where it has one."""
+        if self.firmware.now.is_checked:
+            self.send_duty(duty)
 
     def duty_ceiling(self, now_s: float) -> tuple[int, ...] | None:
         """The largest duty of each wheel while the board accepts no larger one; None: no such limit."""
         if not self.is_open:
             return None
-        return self._still if self.restarts.holds_motion else self.setpoints.ceiling(now_s)
+        if self.restarts.holds_motion:
+            return self._still
+        ceiling = self.setpoints.ceiling(now_s)
+        if ceiling is not None and self.firmware.loop.now.is_ready:
+            return self.firmware.loop.duty_of(ceiling)
+        return ceiling
 
     def stop_motors(self) -> None:
         """Write zeros at once; for every way out of the process."""
@@ -242,18 +290,49 @@ class BoardSession(asyncio.Protocol):
         self.writer.stop_last()
 
     def _write_duty(self, duty: tuple[int, ...], now_s: float, first: bool) -> None:
-        if first:  # only what slows
+        # The stop that ends a motion is obeyed without a checksum, those that repeat it feed the dead-man.
+        if self.firmware.now.is_checked and (duty != self._still or duty == self._window.newest):
+            self._write_checked(self._command_line(duty), now_s, first)
+            self._wrote(duty, now_s, FIRST_STOPS if first else 1)
+        elif first:  # only what slows
             self.writer.write_first(self._line(duty), now_s)
             self._wrote(duty, now_s, FIRST_STOPS)
         else:
             self.writer.write(self._line(duty), now_s)
             self._wrote(duty, now_s, 1)
 
+    def _write_checked(self, line: bytes, now_s: float, first: bool) -> None:
+        seal = self.firmware.seal
+        if first:
+            self.writer.write_first(seal(line, now_s), now_s, again=seal(line, now_s))
+        else:
+            self.writer.write(seal(line, now_s), now_s)
+
+    def _reset_line(self) -> bytes:
+        return self.firmware.reset_line(self._encoder.encode(wire.ResetBoard()))
+
+    # The board's own wheel loop: a command is a speed of each wheel then
+
+    def _begin_loop(self) -> None:
+        """From now on commands are speeds; a duty that waits is dropped, and the next reading brings another."""
+        self.setpoints.forget()
+        log.info("the board's own wheel loop drives")
+
+    def _command_line(self, command: tuple[int, ...]) -> bytes:
+        is_speed = self.firmware.loop.now.is_ready and command != self._still
+        return self._speed_line(command) if is_speed else self._line(command)
+
+    def _encode_speeds(self, speeds: tuple[int, ...]) -> bytes:
+        return self._speed_encoder.encode(wire.SetWheelSpeeds(speeds))
+
     def _encode_duty(self, duty: tuple[int, ...]) -> bytes:
         return self._encoder.encode(wire.SetDuty(duty))
 
     def _wrote(self, duty: tuple[int, ...], now_s: float, times: int) -> None:
         self._window.note(duty, now_s, times)
+        loop = self.firmware.loop
+        if loop.now.is_ready:
+            duty = loop.now.written_duty = loop.duty_of(duty)
         if self._bus.has_listeners(DutyWritten):
             self._bus.publish(DutyWritten(now_s, duty))
 

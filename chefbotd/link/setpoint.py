@@ -10,6 +10,9 @@ from chefbotd.core.record import Record
 from chefbotd.entries import Timer, due_of
 from chefbotd.link.send_window import Duty, SendWindow, slows
 
+STALE_S = 0.3
+"""A command that was held back for longer is dropped: whoever asked for it has asked again, or is not there any more."""
+
 
 def _nothing() -> None:
     """Nobody wants to know."""
@@ -24,6 +27,7 @@ class SetpointState(Record, frozen=True):
     due_s: float | None
     withdrawn: bool
     replaced: int
+    offered_s: float = float("-inf")
 
 
 class SetpointWriter:
@@ -51,6 +55,7 @@ class SetpointWriter:
         self._write, self._idle, self._now_s, self._interval_s = write, idle, now_s, interval_s
         self._pending: Duty | None = None
         self._written: Duty | None = None
+        self._offered_s = float("-inf")
         self._paid_s = float("-inf")  # the lines written so far use up the time until then
         self._timer: Timer | None = None
         self._call_later = call_later or _on_the_loop
@@ -61,14 +66,20 @@ class SetpointWriter:
     def state(self) -> SetpointState:
         """Return the state of this part."""
         return SetpointState(
-            self._pending, self._written, self._paid_s, due_of(self._timer), self._withdrawn, self.replaced
+            self._pending,
+            self._written,
+            self._paid_s,
+            due_of(self._timer),
+            self._withdrawn,
+            self.replaced,
+            self._offered_s,
         )
 
     def restore(self, state: SetpointState) -> None:
         """Restore this state."""
         self._pending, self._written, self._paid_s = state.pending, state.written, state.paid_s
         self._withdrawn, self.replaced = state.withdrawn, state.replaced
-        self._timer = None
+        self._timer, self._offered_s = None, state.offered_s
         if state.due_s is not None:
             self._wake_in(state.due_s - self._now_s())
 
@@ -86,6 +97,7 @@ class SetpointWriter:
         if self._pending not in (None, duty):
             self.replaced += 1
         self._pending, now_s = duty, self._now_s()
+        self._offered_s = now_s
         wait_s = self._paid_s - self._interval_s - now_s
         if wait_s > 0 and not self._ends_motion(duty):
             self._wake_in(wait_s)
@@ -103,6 +115,9 @@ class SetpointWriter:
             self._cancel_timer()
         duty, idle = self._pending, self._idle()  # another thread may withdraw what waits at any moment
         if duty is None or not (idle or self._overtakes(duty)):
+            return
+        if now_s - self._offered_s > STALE_S and any(duty):
+            self._pending = None
             return
         if not self._window.admit(duty, now_s):
             if duty == self._window.newest:  # it was said already

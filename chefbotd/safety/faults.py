@@ -17,6 +17,7 @@ class FaultKind(StrEnum):
     OVERSPEED = "overspeed"
     BOARD_UNRESPONSIVE = "board_unresponsive"
     ECHO_MISMATCH = "echo_mismatch"
+    BOARD_STOPPED = "board_stopped"
     BATTERY_CRITICAL = "battery_critical"
     INTERNAL_ERROR = "internal_error"
     SERVICE_FAILED = "service_failed"

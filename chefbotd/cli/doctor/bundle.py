@@ -37,7 +37,7 @@ SECRET_TEXT = (
     re.compile(r"()(-----BEGIN [A-Z ]*PRIVATE KEY-----.*?-----END [A-Z ]*PRIVATE KEY-----)", re.DOTALL),
 )
 SHORTEST_SECRET = 8
-ROLES = frozenset({"observe", "drive", "admin"})
+ROLES = frozenset({"observe", "guest", "agent", "drive", "admin"})
 LOG_LINES = "3000"
 FAULT_LINE = re.compile(r"lines around a fault|disarmed|estop|fault", re.IGNORECASE)
 MOST_SECRET_FILE_BYTES = 65_536

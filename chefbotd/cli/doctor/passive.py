@@ -7,11 +7,14 @@ from collections.abc import Sequence
 from statistics import median
 from typing import Any
 
+from msgspec import convert
+
 from chefbotd.cli.doctor.collecting import attitude, collected, of_topic, scan
 from chefbotd.cli.doctor.diagnosis import Diagnosis
 from chefbotd.client import Client, Event
 from chefbotd.client.state import State
 from chefbotd.doctor.finding import Finding, ok, problem, skipped, warning
+from chefbotd.doctor.firmware import Firmware, check_firmware
 from chefbotd.doctor.host import check_baud
 from chefbotd.doctor.latency import check_latency
 from chefbotd.doctor.lidar import check_lidar
@@ -20,7 +23,7 @@ from chefbotd.doctor.listening.line_survey import LineSurvey, line_bytes
 from chefbotd.doctor.sensors import Beams, check_battery, check_beams, check_imu
 from chefbotd.doctor.sketches import Expected, check_expected, check_sketch
 
-TOPICS = ("raw", "imu", "ranges", "battery", "scan", "lidars", "odometry", "stats")
+TOPICS = ("raw", "firmware", "imu", "ranges", "battery", "scan", "lidars", "odometry", "stats")
 PINGS, PING_EVERY_S = 50, 0.02
 
 
@@ -42,7 +45,7 @@ async def examine_robot(diagnosis: Diagnosis, robot: Client, *, rate_is_known: b
     else:
         if not rate_is_known:
             diagnosis.find(_rate(diagnosis, heard, state))
-        diagnosis.find(*line_findings(diagnosis, heard))
+        diagnosis.find(*line_findings(diagnosis, heard, of_topic(events, "firmware")))
     diagnosis.find(_safety(state))
     diagnosis.find(*_sensor_findings(diagnosis, heard, events))
     diagnosis.find(_odometry(of_topic(events, "odometry"), diagnosis.seconds))
@@ -82,12 +85,18 @@ def _rate(diagnosis: Diagnosis, heard: LinesHeard, state: State) -> Finding:
     return check_baud(baud, baud if heard.is_board else None, heard_anything=heard.bytes > 0)
 
 
-def line_findings(diagnosis: Diagnosis, heard: LinesHeard) -> list[Finding]:
-    """What the lines themselves say."""
+def line_findings(
+    diagnosis: Diagnosis, heard: LinesHeard, reports: Sequence[Event[Any]] = ()
+) -> list[Finding]:
+    """What the lines themselves say, and what the daemon says of our firmware on the board."""
+    firmware = Firmware(heard.firmware, "", None) if heard.firmware else None
+    if reports:
+        firmware = convert(reports[-1].data, Firmware, from_attributes=True)
     return [
         check_heard(heard),
         check_damaged(heard),
         check_sketch(heard),
+        check_firmware(firmware, is_board=heard.is_board),
         check_expected(heard, expected(diagnosis)),
         check_clock(heard),
         check_at_rest(heard, diagnosis.settings.encoders.counts_per_turn),

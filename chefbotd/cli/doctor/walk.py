@@ -23,6 +23,7 @@ from chefbotd.doctor.host import (
     check_governor,
     check_holder,
     check_permission,
+    check_plugins,
     check_priority,
     check_service,
     check_socket,
@@ -65,6 +66,7 @@ async def walk(diagnosis: Diagnosis, context: CommandContext, configuration: str
 
 async def examine(diagnosis: Diagnosis, robot: Client, *, rate_is_known: bool = False) -> None:
     """A robot whose daemon answers: listen, drive its wheels if that is wanted, ask."""
+    diagnosis.find(*check_plugins((await robot.list_plugins()).plugins))
     await examine_robot(diagnosis, robot, rate_is_known=rate_is_known)
     if (await robot.get_state()).link.state != "up":
         diagnosis.find(

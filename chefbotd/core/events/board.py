@@ -82,6 +82,39 @@ class BoardResetProgressed(Record, frozen=True):
         return LogLine(Level.INFO, "board", f"reset {self.stage}: {self.reason}")
 
 
+class FirmwareReported(Record, frozen=True):
+    """What the board's own firmware is and says of itself; nothing is known of a classic sketch.
+
+    ``mode`` is ``classic`` or ``checked``, ``deadman_ms`` None where the board does not stop by itself. ``stops`` are
+    those in force on the board (``dead_man``, ``estop``, ``stall``); it ``stopped_itself`` where nobody here has asked
+    for the one that latched. The board's counters wrap at 2^16; ``lines_lost`` are its lines that did not arrive, or
+    were damaged. ``round_trip_s`` is a command's until its echo, ``clock_late_s`` by how much later than they were taken
+    the board's readings are stamped. ``reason`` says why the mode is not agreed on.
+    """
+
+    retained: ClassVar[bool] = True
+
+    stamp_s: float
+    mode: str
+    version: str
+    board: str
+    capabilities: tuple[str, ...]
+    deadman_ms: int | None
+    reset_cause: str
+    stops: tuple[str, ...]
+    stopped_itself: bool
+    crc_errors: int
+    refused: int
+    overruns: int
+    gaps: int
+    deadman_stops: int
+    late_cycles: int
+    lines_lost: int
+    round_trip_s: float | None
+    clock_late_s: float | None
+    reason: str
+
+
 class DutyWritten(Record, frozen=True):
     """A motor command was written to the port. ``DutyEchoed`` shows whether the board has read it."""
 

@@ -8,7 +8,8 @@ from typing import Any
 from chefbotd.doctor.lines import LinesHeard
 from chefbotd.link.health import show
 from firmware_protocol import messages as wire
-from firmware_protocol.codec import VARIANTS, Variant, from_board
+from firmware_protocol.checked import FirmwareCodec, unseal
+from firmware_protocol.codec import VARIANTS, Variant
 from firmware_protocol.decoder import Decoder
 
 LETTERS: Mapping[type[Any], str] = {
@@ -16,6 +17,9 @@ LETTERS: Mapping[type[Any], str] = {
     wire.EncoderCounts: "e",
     wire.UltrasonicDistance: "u",
     wire.DutyEcho: "s",
+    wire.SequencedEcho: "s",
+    wire.AgedDistance: "u",
+    wire.AgedImu: "i",
     wire.Orientation: "i",
     wire.RawImu: "i",
     wire.BatteryLevel: "b",
@@ -25,6 +29,9 @@ LETTERS: Mapping[type[Any], str] = {
 }
 ORDER = "teusibaq"
 """In the order of a cycle."""
+
+UNNAMED = "?"
+"""Our firmware's version, where only its checked lines were heard."""
 
 TEXTS_KEPT, SAMPLE_BYTES = 20, 48
 UNSTEADY_PPM = 3000.0
@@ -38,7 +45,7 @@ class _Ear:
 
     def __init__(self, variant: Variant) -> None:
         self.variant = variant
-        self.decoder = Decoder(from_board(variant))
+        self.decoder = Decoder(FirmwareCodec(variant))
         self.decoder.reset()  # the first line is usually half a line
         self.kinds: Counter[str] = Counter()
         self.first_s: dict[str, float] = {}
@@ -46,6 +53,7 @@ class _Ear:
         self.texts: deque[str] = deque(maxlen=TEXTS_KEPT)
         self.example = ""
         self.raw_imu = False
+        self.firmware = ""
         self.duty: tuple[float, ...] = ()
         self.first_counts: tuple[int, ...] = ()
         self.counts: tuple[int, ...] = ()
@@ -69,7 +77,11 @@ class _Ear:
                 self.first_counts, self.counts = self.first_counts or counts, counts
             case wire.DutyEcho(duty=duty):
                 self.duty = duty
-            case wire.RawImu():
+            case wire.SequencedEcho(duty=duty):
+                self.duty, self.firmware = duty, self.firmware or UNNAMED
+            case wire.Firmware(major=major, minor=minor):
+                self.firmware = f"{major}.{minor}"
+            case wire.RawImu() | wire.AgedImu():
                 self.raw_imu = True
             case wire.Text(text=text) | wire.Banner(text=text):
                 self.texts.append(text)
@@ -133,6 +145,7 @@ class LineSurvey:
             clock_s=ear.clock[-1][1] - ear.clock[0][1] if ear.clock else 0.0,
             duty=ear.duty,
             counted=_between(ear.first_counts, ear.counts),
+            firmware=ear.firmware,
         )
 
 
@@ -185,8 +198,12 @@ def echo_delays_s(lines: list[tuple[float, bool, bytes]], wheels: int) -> list[f
 
 
 def _duty(line: bytes, wheels: int) -> tuple[int, ...] | None:
-    """The duties of an ``s`` line in either direction; None if the line is another one."""
-    kind, *fields = line.split() or [b""]
+    """The duties of an ``s`` line in either direction, checked or not; None if the line is another one."""
+    line = line.rstrip(b"\r\n")
+    unsealed = unseal(line, b"\t") or unseal(line, b" ")
+    kind, *fields = (line if unsealed is None else unsealed[0]).split() or [b""]
+    if unsealed is not None:
+        fields = fields[:wheels]  # the echo has the number of the command, too
     if kind != b"s" or len(fields) != wheels:
         return None
     try:

@@ -128,6 +128,7 @@ class SerialPort(Record, frozen=True):
     product: str = ""
     permission: str = ""
     held_by: str = ""
+    serial_number: str = ""
 
 
 def serial_ports(devices: Sequence[str] = (), by_id: Path = BY_ID) -> list[SerialPort]:
@@ -149,6 +150,7 @@ def _described(device: str, usb: object, names: dict[Path, str]) -> SerialPort:
         product=getattr(usb, "description", None) or "",
         permission=permission_problem(device) if Path(device).exists() else "there is no such device",
         held_by=holder(device),
+        serial_number=getattr(usb, "serial_number", None) or "",
     )
 
 

@@ -1,4 +1,4 @@
-"""The board: the topics ``link``, ``reset``, ``text`` and ``raw``."""
+"""The board: the topics ``link``, ``firmware``, ``reset``, ``text`` and ``raw``."""
 
 from typing import Annotated, Literal
 
@@ -20,8 +20,42 @@ class LinkData(Record, frozen=True):
         bool | None, Meta(description="whether a board is talking; null until it is known")
     ] = False
     condition: Annotated[
-        str, Meta(description="healthy, silent, wrong_baud, wrong_device, echo_stuck, unknown or down")
+        str,
+        Meta(
+            description="healthy, silent, wrong_baud, wrong_device, echo_stuck, not_negotiated, unknown or down"
+        ),
     ] = "down"
+
+
+class FirmwareData(Record, frozen=True):
+    """Our own firmware on the board, with each change and once a second; a classic sketch tells nothing."""
+
+    mode: Annotated[
+        str, Meta(description="classic, or checked: lines with checksums, and a board that stops by itself")
+    ]
+    version: str
+    board: str
+    capabilities: tuple[str, ...]
+    deadman_ms: Annotated[
+        int | None, Meta(description="after how long without a command the board stops; null: it does not")
+    ]
+    reset_cause: str
+    stops: Annotated[tuple[str, ...], Meta(description="in force on the board: dead_man, estop, stall")]
+    stopped_itself: Annotated[bool, Meta(description="one of them latched that nobody here asked for")]
+    crc_errors: Annotated[
+        int, Meta(description="lines that arrived damaged at the board; wraps at 65536, as the next")
+    ]
+    refused: int
+    overruns: int
+    gaps: int
+    deadman_stops: int
+    late_cycles: int
+    lines_lost: Annotated[int, Meta(description="lines of the board that did not arrive, or damaged")]
+    round_trip_s: Annotated[float | None, Meta(description="from a command to its echo, on average")]
+    clock_late_s: Annotated[
+        float | None, Meta(description="by how much later than they were taken readings are stamped")
+    ]
+    reason: Annotated[str, Meta(description="why the checked mode is not agreed on, if it was tried")]
 
 
 class RawData(Record, frozen=True):
@@ -79,6 +113,7 @@ TOPICS = (
         link_data,
         always_known=True,
     ),
+    Topic("firmware", (events.FirmwareReported,), FirmwareData, same_names(FirmwareData)),
     Topic("reset", (events.BoardResetProgressed,), ResetData, same_names(ResetData)),
     Topic("text", (events.TextReceived,), TextData, same_names(TextData)),
     Topic("raw", (events.LineSeen,), RawData, _raw, on_demand=True),

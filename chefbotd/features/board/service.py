@@ -54,6 +54,19 @@ def _add_metrics(metrics: Metrics, session: BoardSession) -> None:
     )
     metrics.counter("link_opens", "Connections of the serial port.", lambda: session.opens)
     metrics.counter("board_restarts", "Restarts of the board.", lambda: session.restarts.count)
+    metrics.counter(
+        "board_lines_lost", "Checked lines of the board that were lost.", lambda: session.firmware.codec.lost
+    )
+    metrics.optional_gauge(
+        "board_round_trip_s",
+        "From a checked command to its echo, on average.",
+        lambda: session.firmware.now.round_trip_s,
+    )
+    metrics.optional_gauge(
+        "board_clock_late_s",
+        "By how much later than they were taken the board's readings are stamped.",
+        lambda: session.firmware.now.clock_late_s,
+    )
     metrics.optional_gauge(
         "board_clock_skew_ppm", "The board's clock against the host's.", lambda: clock.relation.skew_ppm
     )

@@ -61,3 +61,11 @@ def test_a_scale_and_a_buffer_that_the_sketch_does_not_have():
     assert "max_duty = 255" in finding.advice
     assert "board_buffer_bytes = 63" in finding.advice
     assert check_expected(sends("teusi", 50), EXPECTED).verdict is Verdict.OK
+
+
+def test_our_firmware_is_recognised_by_its_name_or_by_its_checked_lines() -> None:
+    """In the checked mode it does not name itself; whoever listens then sees its checksums."""
+    named = recognise(replace(LinesHeard(seconds=5.0), firmware="0.1"))
+    checked = recognise(replace(LinesHeard(seconds=5.0), firmware="?"))
+    assert (named.sketch, named.reason) == (SketchName.CHEFBOT, "it says so, version 0.1")
+    assert (checked.sketch, checked.reason) == (SketchName.CHEFBOT, "its lines have checksums")

@@ -12,7 +12,7 @@ import pytest
 import uvloop
 from pydantic import ValidationError
 
-from chefbotd.link.port import LinkParameters, open_port
+from chefbotd.link.port import FirmwareMode, LinkParameters, open_port
 
 
 class Recorder(asyncio.Protocol):
@@ -200,3 +200,11 @@ def test_a_socket_is_a_port_too(runner: asyncio.Runner):
         server.close()
 
     runner.run(scenario())
+
+
+def test_settings_that_would_let_the_dead_man_come_while_driving_are_refused():
+    """At 250 ms at least 16 commands a second, four in each dead-man; a classic board has none."""
+    with pytest.raises(ValueError, match=r"setpoints_per_s 15 lets a dead-man of 250 ms come .* at least 16"):
+        LinkParameters(setpoints_per_s=15)
+    assert LinkParameters(setpoints_per_s=16).setpoints_per_s == 16
+    assert LinkParameters(setpoints_per_s=5, firmware=FirmwareMode.CLASSIC).setpoints_per_s == 5

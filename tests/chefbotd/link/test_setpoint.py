@@ -238,3 +238,20 @@ def test_a_sign_does_not_hurry_what_waits_for_its_turn():
         return wire.written
 
     assert run_virtual(scenario())[2] == (0.005, (3, 3))
+
+
+def test_a_command_that_was_held_back_for_longer_than_its_time_is_dropped():
+    """Offered to a busy wire, which is free again after 0.2 s in one run, after 0.4 s in the other: 0.3 s is the end."""
+
+    async def scenario(free_after_s: float, duty: tuple[int, ...]) -> list[tuple[int, ...]]:
+        wire = Wire()
+        wire.writer.offer((10, 10))
+        wire.busy = True
+        wire.writer.offer(duty)
+        await asyncio.sleep(free_after_s)
+        wire.busy = False
+        wire.writer.resume()
+        return [written for _, written in wire.written]
+
+    assert run_virtual(scenario(0.2, (50, 50))) == [(10, 10), (50, 50)]
+    assert run_virtual(scenario(0.4, (50, 50))) == [(10, 10)]

@@ -1,0 +1,384 @@
+"""Negotiates the checked mode with a board that runs our own firmware, and follows what such a board says of itself.
+
+Nothing is written to a board that has not named itself, or sent a checked line: a classic sketch hears what it always
+heard. Everything happens in the calls that bring bytes or commands; there is no timer.
+"""
+
+import math
+
+import structlog
+
+from chefbotd.bus import Bus
+from chefbotd.clock import Clock
+from chefbotd.core.events import FirmwareReported, SafetyChanged
+from chefbotd.core.record import MutableState
+from chefbotd.entries import entries_of
+from chefbotd.link.board_clock import BoardClock
+from chefbotd.link.board_writer import BoardWriter
+from chefbotd.link.send_window import SendWindow
+from chefbotd.link.wheel_loop import CAPABILITY, WheelLoop
+from chefbotd.logs import RateLimitedLog
+from firmware_protocol import messages as wire
+from firmware_protocol.checked import PROTO, FirmwareCodec, Sealer, checked_to_board
+from firmware_protocol.codec import Variant
+
+log = structlog.get_logger(component="link")
+
+ANSWER_S = 0.3
+"""How long an answer to a hello is waited for; the next one follows then."""
+
+MOST_HELLOS = 3
+"""After so many without an answer the link stays classic, until ``AGAIN_S`` have passed or the board restarts."""
+
+AGAIN_S = 30.0
+"""A line that was damaged for a while must not cost the dead-man for ever."""
+
+HELLO_AGAIN_S = 0.5
+"""The stops that a robot at rest is sent are not checked, and two seconds without a checked line end the mode."""
+
+ARMING_S = 1.0
+"""For so long after the robot was armed, a stop that the board has latched is the old one, and is ended."""
+
+STOP_AGAIN_S = 0.1
+"""A latched stop that the board lacks, or an end of one, is written again so often at most."""
+
+SMOOTHING = 0.1
+"""The share of the newest round trip in the mean."""
+
+ESTOP = b"estop\r"
+HELLO_BYTES = len(b"hello 1 2000 255*29B1\r")
+PARAMETER_BYTES = len(b"g 0 65535 255*29B1\r")
+
+BOARDS = {1: "atmega328p", 2: "tm4c123", 3: "lm3s6965", 4: "host"}
+CAPABILITIES = {1: "wheel_loop", 2: "ultrasonic", 4: "imu", 8: "battery", 16: "motor_current"}
+RESET_CAUSES = {
+    1: "power_on",
+    2: "reset_pin",
+    3: "brown_out",
+    4: "watchdog",
+    5: "command",
+    6: "hung_main_loop",
+}
+STOPS = {1: "dead_man", 2: "estop", 4: "stall"}
+LATCHED_STOPS = 2 | 4
+REFUSALS = {
+    1: "unknown word",
+    2: "wrong number of fields",
+    3: "a number is out of range",
+    4: "the board is stopped",
+    5: "the wheel loop is not set up",
+    6: "wrong number of the e-stop",
+    7: "unknown protocol",
+}
+
+NO_ANSWER = (
+    f"the board's firmware did not answer {MOST_HELLOS} hellos: it does not stop by itself now; "
+    "is the line to the board damaged? It is asked again every 30 s"
+)
+UNKNOWN_DEADMAN = (
+    f"the board sends checked lines, but answered none of {MOST_HELLOS} hellos: its dead-man is not known"
+)
+
+
+class FirmwareState(MutableState):
+    """What is known of the board's firmware, and of the checked lines on their way to it.
+
+    ``written_s`` has the times at which checked commands were written, by their numbers, until their echo.
+    """
+
+    is_checked: bool = False
+    is_known: bool = False
+    named: wire.Firmware | None = None
+    answer: wire.HelloAnswer | None = None
+    board: wire.BoardState | None = None
+    counters: wire.BoardCounters | None = None
+    due_s: float = math.inf
+    unanswered: int = 0
+    hello_s: float = -math.inf
+    hello_sequence: int = -1
+    sequence: int = 0
+    newest_command: int = -1
+    echoed: int = -1
+    written_s: dict[int, float] = {}
+    round_trip_s: float | None = None
+    clock_late_s: float | None = None
+    armed: bool = False
+    estopped: bool = False
+    arming_until_s: float = -math.inf
+    latched_s: float = -math.inf
+    complaint: str = ""
+
+
+class BoardFirmware:
+    """The firmware on the other end of a session.
+
+    ``codec`` decodes the board's lines, and so knows their mode. Unless it ``negotiates``, nothing is ever written.
+    Call ``look_at_mode`` and ``greet`` after each read.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        clock: Clock,
+        writer: BoardWriter,
+        window: SendWindow,
+        variant: Variant,
+        *,
+        negotiates: bool,
+        deadman_ms: int,
+    ) -> None:
+        self._bus, self._clock, self._writer, self._window = bus, entries_of(clock), writer, window
+        self._negotiates, self._hello = negotiates, wire.Hello(PROTO, deadman_ms)
+        self.codec = FirmwareCodec(variant)
+        self._sealer = Sealer(checked_to_board(variant))
+        self._log = RateLimitedLog(log)
+        self.now = FirmwareState()
+        self.loop = WheelLoop()
+        bus.add_handler(self._on_safety, SafetyChanged)
+
+    def state(self) -> FirmwareState:
+        """Return the state of this part."""
+        self.now.sequence = self._sealer.sequence
+        return self.now
+
+    def restore(self, state: FirmwareState) -> None:
+        """Restore this state; the codec is restored by itself."""
+        self.now.restore(state)
+        self._sealer.sequence = state.sequence
+        self._window.set_mode(is_checked=state.is_checked)
+
+    def begin(self) -> None:
+        """A port was opened, or is gone: nothing is known of the board behind it."""
+        was_known, armed, estopped = self.now.is_known, self.now.armed, self.now.estopped
+        self.now = FirmwareState(armed=armed, estopped=estopped)
+        self.codec.reset()
+        self.loop.reset()
+        self._window.set_mode(is_checked=False)
+        if was_known:
+            self._bus.publish(self.report(self._clock.now_s()))
+
+    def board_restarted(self, now_s: float) -> None:
+        """The board has restarted: it is in the classic mode, and may be asked again."""
+        self.codec.reset()
+        self.look_at_mode(now_s)
+        self.now.complaint = ""
+        if self.now.is_known:
+            self._ask_soon(now_s)
+
+    # What is written
+
+    def seal(self, line: bytes, now_s: float) -> bytes:
+        """A command as a checked line, which the board echoes by its number."""
+        now = self.now
+        now.newest_command = self._sealer.sequence
+        now.written_s[now.newest_command] = now_s
+        if self.loop.now.is_ready and self.loop.now.offered is not None:
+            self.loop.now.sent[now.newest_command] = self.loop.now.offered
+        return self._sealer.seal(line)
+
+    def reset_line(self, plain: bytes) -> bytes:
+        """The line that restarts the board, in its mode."""
+        return self._sealer.seal(plain) if self.now.is_checked else plain
+
+    def greet(self, now_s: float) -> None:
+        """Write a hello if one is due and the board has room for it; else the next read will."""
+        now = self.now
+        if now_s < now.due_s or not self._writer.has_drained() or not self._window.has_room(HELLO_BYTES):
+            return
+        if now.unanswered >= MOST_HELLOS:
+            if not now.is_checked:
+                self._give_up(now_s)
+                return
+            self._complain(UNKNOWN_DEADMAN, now_s)
+        now.hello_sequence, now.hello_s = self._sealer.sequence, now_s
+        now.unanswered, now.due_s = now.unanswered + 1, now_s + ANSWER_S
+        self._write(self._sealer.encode(self._hello), now_s)
+
+    def set_up_loop(self, now_s: float) -> None:
+        """Write the next parameter of the wheel loop, if the board has one and room for it; else the next read will."""
+        now = self.now
+        has_loop = now.named is not None and bool(now.named.capabilities & CAPABILITY)
+        if now.answer is None or not has_loop or not self._window.has_room(PARAMETER_BYTES):
+            return
+        parameter = self.loop.next_parameter(now_s)
+        if parameter is not None:
+            self._write(self._sealer.encode(wire.SetParameter(*parameter)), now_s)
+
+    def _write(self, line: bytes, now_s: float) -> None:
+        self._writer.write(line, now_s)
+        self._window.note_other(len(line), now_s)
+
+    def _ask_soon(self, now_s: float) -> None:
+        now = self.now
+        now.unanswered = 0
+        if self._negotiates:
+            now.due_s = max(now_s, now.hello_s + ANSWER_S)
+
+    def _give_up(self, now_s: float) -> None:
+        now = self.now
+        now.due_s, now.unanswered = now_s + AGAIN_S, 0
+        self._complain(NO_ANSWER, now_s)
+
+    def _complain(self, reason: str, now_s: float) -> None:
+        """Say once what is wrong with the negotiation."""
+        if self.now.complaint != reason:
+            self.now.complaint = reason
+            log.warning("the board does not agree on the checked mode", reason=reason)
+            self._bus.publish(self.report(now_s))
+
+    # What the gate decides
+
+    def _on_safety(self, event: SafetyChanged) -> None:
+        """Latch an e-stop on the board too, and end it when the robot is armed again."""
+        now, now_s = self.now, self._clock.now_s()
+        was_armed, was_estopped, now.latched_s = now.armed, now.estopped, -math.inf
+        now.estopped = event.mode == "estopped"
+        now.armed = not now.estopped and event.mode != "disarmed"
+        if now.estopped and not was_estopped:
+            self._stop_board(now_s)
+        if not now.armed:
+            now.arming_until_s = -math.inf
+        elif not was_armed:
+            now.arming_until_s = now_s + ARMING_S
+            self._arm_board(now_s)
+
+    def _stop_board(self, now_s: float) -> None:
+        if self._negotiates and self.now.is_known:
+            self._write(ESTOP, now_s)
+
+    def _arm_board(self, now_s: float) -> None:
+        board = self.now.board
+        if self.now.is_checked and board is not None and board.stops & LATCHED_STOPS:
+            self._write(self._sealer.encode(wire.Arm(board.estop)), now_s)
+
+    # What the board says
+
+    def look_at_mode(self, now_s: float) -> None:
+        """Follow the mode of the board's lines; commands are sealed from now on, or not any more."""
+        now, is_checked = self.now, self.codec.is_checked
+        if now.is_checked is is_checked:
+            return
+        now.is_known = now.is_known or is_checked
+        now.is_checked = is_checked
+        self._window.set_mode(is_checked=is_checked)
+        self.loop.reset()
+        now.written_s, now.newest_command, now.echoed = {}, -1, -1
+        if not is_checked:
+            now.answer = now.board = now.counters = None
+        self._ask_soon(now_s)
+        log.info("the board's lines are " + ("checked" if is_checked else "classic again"))
+        self._bus.publish(self.report(now_s))
+
+    def named(self, message: wire.Firmware, now_s: float) -> FirmwareReported | None:
+        """It is our firmware: greet it, unless that was tried in vain."""
+        now = self.now
+        is_new, now.named = now.named != message, message
+        if not now.is_known:
+            now.is_known = True
+            self._ask_soon(now_s)
+        return self.report(now_s) if is_new else None
+
+    def answered(self, message: wire.HelloAnswer, now_s: float, clock: BoardClock) -> FirmwareReported | None:
+        """The checked mode is agreed on; the hello measures the line and both clocks."""
+        now = self.now
+        if message.of != now.hello_sequence or not now.unanswered:
+            return None
+        is_first, now.answer = now.answer is None, message
+        now.unanswered = 0
+        if disagreement := self._disagreement(message):
+            self._complain(disagreement, now_s)
+        else:
+            is_first, now.complaint = is_first or bool(now.complaint), ""
+        now.due_s = now.hello_s + HELLO_AGAIN_S
+        self._note_round_trip(now_s - now.hello_s)
+        taken_s = clock.time_of_s(message.micros)
+        if taken_s is not None:
+            now.clock_late_s = clock.relation.host_s(taken_s) - (now.hello_s + now_s) / 2
+        self._window.all_read()
+        return self.report(now_s) if is_first else None
+
+    def _disagreement(self, message: wire.HelloAnswer) -> str:
+        """What the board has answered other than was asked for; empty if nothing."""
+        asked = self._hello
+        if (message.proto, message.deadman_ms) == (asked.proto, asked.deadman_ms):
+            return ""
+        return (
+            f"the board answered with protocol {message.proto} and a dead-man of {message.deadman_ms} ms, where "
+            f"protocol {asked.proto} and {asked.deadman_ms} ms were asked for"
+        )
+
+    def echoed(self, of: int, now_s: float) -> None:
+        """The command of this number is in force: when it is the newest, the board has read all."""
+        now = self.now
+        if of == now.newest_command:
+            self._window.all_read()
+        if of != now.echoed:
+            now.echoed = of
+            written_s = now.written_s.pop(of, None)
+            if written_s is not None:
+                self._note_round_trip(now_s - written_s)
+
+    def _note_round_trip(self, round_trip_s: float) -> None:
+        now, mean_s = self.now, self.now.round_trip_s
+        now.round_trip_s = round_trip_s if mean_s is None else mean_s + SMOOTHING * (round_trip_s - mean_s)
+
+    def told_state(self, message: wire.BoardState, now_s: float) -> FirmwareReported | None:
+        """Which stops are in force; one that was lost on the wire is asked for again, and so is the end of one."""
+        now = self.now
+        is_new, now.board = now.board != message, message
+        is_latched = bool(message.stops & LATCHED_STOPS)
+        if now_s - now.latched_s >= STOP_AGAIN_S:
+            if now.estopped and not is_latched:
+                now.latched_s = now_s
+                self._stop_board(now_s)
+            elif is_latched and now.armed and now_s < now.arming_until_s:
+                now.latched_s = now_s
+                self._arm_board(now_s)
+        return self.report(now_s) if is_new else None
+
+    def counted(self, message: wire.BoardCounters, now_s: float) -> FirmwareReported:
+        """What was damaged, refused, lost and late on the board."""
+        self.now.counters = message
+        return self.report(now_s)
+
+    def refused(self, message: wire.CommandRefused, now_s: float) -> None:
+        """The board refuses a line that arrived whole."""
+        reason = REFUSALS.get(message.what, f"reason {message.what}")
+        self._log.warning("the board refused a line", reason=reason, line=message.of)
+
+    def report(self, now_s: float) -> FirmwareReported:
+        """Everything that is known of it."""
+        now = self.now
+        named, board, counters = now.named, now.board, now.counters
+        cause = board.reset_cause if board is not None else named.reset_cause if named is not None else 0
+        return FirmwareReported(
+            now_s,
+            mode="checked" if now.is_checked else "classic",
+            version="" if named is None else f"{named.major}.{named.minor}",
+            board="" if named is None else BOARDS.get(named.board, str(named.board)),
+            capabilities=_names(CAPABILITIES, 0 if named is None else named.capabilities),
+            deadman_ms=None if now.answer is None or not now.is_checked else now.answer.deadman_ms,
+            reset_cause=RESET_CAUSES.get(cause, ""),
+            stops=_names(STOPS, 0 if board is None else board.stops),
+            stopped_itself=self._has_stopped_itself(now_s),
+            crc_errors=0 if counters is None else counters.crc,
+            refused=0 if counters is None else counters.refused,
+            overruns=0 if counters is None else counters.overrun,
+            gaps=0 if counters is None else counters.gaps,
+            deadman_stops=0 if counters is None else counters.deadman,
+            late_cycles=0 if counters is None else counters.late,
+            lines_lost=self.codec.lost,
+            round_trip_s=now.round_trip_s,
+            clock_late_s=now.clock_late_s,
+            reason=now.complaint,
+        )
+
+    def _has_stopped_itself(self, now_s: float) -> bool:
+        """Whether a stop is latched on the board that nobody here has asked for."""
+        now = self.now
+        latched = now.board is not None and bool(now.board.stops & LATCHED_STOPS)
+        return latched and now.armed and now_s >= now.arming_until_s
+
+
+def _names(table: dict[int, str], flags: int) -> tuple[str, ...]:
+    return tuple([name for flag, name in table.items() if flags & flag])

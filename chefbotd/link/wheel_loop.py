@@ -1,0 +1,140 @@
+"""Drives by the board's own wheel loop, where the configuration asks for it and the board has one.
+
+The gate, the limits and the ramps stay here: what goes out is each wheel's setpoint in place of its duty. The detectors
+judge the duty that the controller here would have given, by the number of the command that the board obeys.
+"""
+
+import math
+from collections.abc import Callable, Sequence
+
+from chefbotd.core.record import MutableState, Record
+from chefbotd.motion.kinematics import ChassisParameters
+from chefbotd.motion.pid import PidParameters
+
+Command = tuple[int, ...]
+"""A duty, or a speed in mrad/s, of each wheel."""
+
+FRACTION = 256
+"""The board's gains are in 1/256 of a duty."""
+
+MOST_GAIN, MOST_FRICTION = 20_000, 65_280
+MOST_MRAD_S = 50_000
+CAPABILITY = 1
+ASK_AGAIN_S = 0.3
+
+
+class WheelLoopParameters(Record, frozen=True):
+    """What the board is told, by the parameters' numbers, and the sign of each wheel's motor."""
+
+    values: tuple[int, ...]
+    signs: tuple[int, ...]
+
+
+def wheel_loop_parameters(
+    chassis: ChassisParameters, counts_per_turn: float, gains: Sequence[PidParameters]
+) -> WheelLoopParameters:
+    """The board's parameters: counts a turn, kp, ki, kv, ks, of all wheels alike (their means).
+
+    Raises:
+        ValueError: a wheel's motor and encoder have different signs, which the board cannot know.
+    """
+    if any(wheel.motor_sign != wheel.encoder_sign for wheel in chassis.wheels):
+        raise ValueError("the board's wheel loop needs motors and encoders with the same sign")
+    rims_m = [wheel.radius_m for wheel in chassis.wheels]
+    pairs = list(zip(gains, rims_m, strict=True))
+
+    def scaled(values: Sequence[float], most: int) -> int:
+        return min(round(FRACTION * sum(values) / len(values)), most)
+
+    return WheelLoopParameters(
+        (
+            round(counts_per_turn),
+            scaled([gain.kp * rim_m for gain, rim_m in pairs], MOST_GAIN),
+            scaled([gain.ki * rim_m for gain, rim_m in pairs], MOST_GAIN),
+            scaled([gain.kv * rim_m for gain, rim_m in pairs], MOST_GAIN),
+            scaled([gain.ks for gain in gains], MOST_FRICTION),
+        ),
+        tuple([wheel.motor_sign for wheel in chassis.wheels]),
+    )
+
+
+class WheelLoopState(MutableState):
+    """How many parameters the board has confirmed, and which duty stood behind each command.
+
+    ``sent`` has command and duty by the number of the line, ``offered`` the newest pair.
+    """
+
+    confirmed: int = 0
+    asked_s: float = -math.inf
+    is_ready: bool = False
+    offered: tuple[Command, Command] | None = None
+    written_duty: Command = ()
+    sent: dict[int, tuple[Command, Command]] = {}
+
+
+class WheelLoop:
+    """Not wanted until ``use`` is called; ready when the board has confirmed each parameter."""
+
+    def __init__(self) -> None:
+        self._parameters = WheelLoopParameters((), ())
+        self._targets_rad_s: Callable[[], tuple[float, ...]] = tuple
+        self.is_wanted = False
+        self.now = WheelLoopState()
+
+    def use(self, parameters: WheelLoopParameters, targets_rad_s: Callable[[], tuple[float, ...]]) -> None:
+        """Drive by the board's loop wherever it has one; ``targets_rad_s`` are the wheels' present setpoints."""
+        self._parameters, self._targets_rad_s, self.is_wanted = parameters, targets_rad_s, True
+
+    def reset(self) -> None:
+        """The board knows no parameters: it is another one, or has another mode."""
+        self.now = WheelLoopState()
+
+    # Set up
+
+    def next_parameter(self, now_s: float) -> tuple[int, int] | None:
+        """The parameter that is to be sent now, if any."""
+        now = self.now
+        if now.is_ready or now_s - now.asked_s < ASK_AGAIN_S:
+            return None
+        now.asked_s = now_s
+        return now.confirmed, self._parameters.values[now.confirmed]
+
+    def confirm(self, parameter: int, value: int) -> bool:
+        """The board has a parameter; whether that makes the loop ready."""
+        now = self.now
+        if (
+            not self.is_wanted
+            or now.is_ready
+            or (parameter, value)
+            != (
+                now.confirmed,
+                self._parameters.values[now.confirmed],
+            )
+        ):
+            return False
+        now.confirmed, now.asked_s = now.confirmed + 1, -math.inf
+        now.is_ready = now.confirmed == len(self._parameters.values)
+        return now.is_ready
+
+    # Commands
+
+    def command(self, duty: Command) -> Command:
+        """The wheels' setpoints in mrad/s, in the place of this duty; no duty is a stop."""
+        speeds = duty
+        if any(duty):
+            wheels = zip(self._targets_rad_s(), self._parameters.signs, strict=True)
+            limited = [max(-MOST_MRAD_S, min(MOST_MRAD_S, round(1000 * speed))) for speed, _ in wheels]
+            speeds = tuple(
+                [sign * speed for speed, sign in zip(limited, self._parameters.signs, strict=True)]
+            )
+        self.now.offered = speeds, duty
+        return speeds
+
+    def duty_of(self, command: Command) -> Command:
+        """The duty that stood behind a command."""
+        offered = self.now.offered
+        return offered[1] if offered is not None and offered[0] == command else self.now.written_duty
+
+    def obeyed(self, of: int, duty: Command) -> tuple[Command, Command]:
+        """The command and the duty behind it that the board obeys when it says so: its own duty is the loop's."""
+        return self.now.sent.get(of, (duty, duty)) if any(duty) else (duty, duty)
