@@ -1,0 +1,1 @@
+"""The command flash: puts the project's own firmware on a board."""
