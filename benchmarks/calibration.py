@@ -97,6 +97,7 @@ def _wheels(robots: Sequence[Calibrated]) -> list[Figure]:
         abs(estimate.after - robot.true[estimate.key]) / estimate.sigma
         for robot in robots
         for estimate in robot.results[0].estimates
+        if estimate.key in robot.true
     ]
     figures.append(Figure("off in standard deviations, root mean square", _rms(sigmas), "x"))
     figures.append(Figure("robot's time, longest", max(robot.robot_s for robot in robots), "s", 200.0))

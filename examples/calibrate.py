@@ -67,23 +67,25 @@ async def calibrate(
     squares: bool = True,
     compares: bool = True,
     steps: Collection[str] | None = None,
+    side_m: float = SIDE_M,
 ) -> Calibrated:
     """Calibrate the robot of this seed; its configuration in ``out`` is written to.
 
-    ``squares`` are driven afterwards, and if it ``compares``, before as well. Only these ``steps`` are done (None: all).
+    ``squares`` with sides of ``side_m`` are driven afterwards, and if it ``compares``, before as well. Only these
+    ``steps`` are done (None: all).
     """
     config = out / "robot.toml"
     config.write_bytes(packaged(ROBOT).read_bytes())
     nominal = load(config)
     drawn = nominal.sim.true.model_copy(update={"drawn": "imperfect", "seed": seed})
     true = true_of(_simulated(nominal, drawn))  # all of it given: another configuration is the same robot
-    before = await _squares(nominal, true, out, say) if squares and compares else ()
+    before = await _squares(nominal, true, side_m, out, say) if squares and compares else ()
     async with simulated_robot(_simulated(nominal, true, START), config_file=config) as robot:
         began_s = asyncio.get_running_loop().time()
         results = await _all_steps(robot, true, say, steps)
         robot_s = asyncio.get_running_loop().time() - began_s
         applied = await robot.client.apply_calibration()
-    after = await _squares(load(config), true, out, say) if squares else ()
+    after = await _squares(load(config), true, side_m, out, say) if squares else ()
     estimates = {estimate.key: estimate.after for result in results for estimate in result.estimates}
     divider = nominal.battery.divider_ratio
     seen = divider / estimates.get(
@@ -97,7 +99,7 @@ async def calibrate(
         {key: values[key] for key in estimates if key in values},
         before,
         after,
-        _slip_rad(true),
+        _slip_rad(true, side_m),
         robot_s,
         config,
         applied.difference,
@@ -172,13 +174,15 @@ def _seen(robot: SimulatedRobot, question: Ask) -> float:
     raise NotImplementedError(f"nobody can answer {question.key}")
 
 
-async def _squares(settings: Settings, true: TrueParameters, out: Path, say: Say) -> tuple[SquareError, ...]:
+async def _squares(
+    settings: Settings, true: TrueParameters, side_m: float, out: Path, say: Say
+) -> tuple[SquareError, ...]:
     """Both ways round, in a hall that is larger than the ultrasonic sensor's range."""
     errors = []
     settings = settings.model_copy(update={"lidar": ()})  # the wheels alone drive it
     true = true.model_copy(update={"lidars": {}})
     for clockwise in (False, True):
-        edge_m = (HALL_M - SIDE_M) / 2
+        edge_m = (HALL_M - side_m) / 2
         world = {
             "map_path": hall(out),
             "start_x_m": edge_m,
@@ -187,20 +191,20 @@ async def _squares(settings: Settings, true: TrueParameters, out: Path, say: Say
         }
         async with simulated_robot(_simulated(settings, true, world, blocking_ultrasonic=False)) as robot:
             telling = asyncio.create_task(_tell_truth(robot))
-            errors.append(await _square(robot.client, robot, clockwise=clockwise))
+            errors.append(await _square(robot.client, robot, side_m, clockwise=clockwise))
             telling.cancel()
         say(
-            f"a square of {SIDE_M:g} m, {'clockwise' if clockwise else 'counter-clockwise'}: "
+            f"a square of {side_m:g} m, {'clockwise' if clockwise else 'counter-clockwise'}: "
             f"{1000 * errors[-1].distance_m:.1f} mm and {math.degrees(errors[-1].heading_rad):.2f} degrees off"
         )
     return tuple(errors)
 
 
-async def _square(client: Client, robot: SimulatedRobot, *, clockwise: bool) -> SquareError:
+async def _square(client: Client, robot: SimulatedRobot, side_m: float, *, clockwise: bool) -> SquareError:
     await client.arm()
     await asyncio.sleep(1.0)
     odom_from_start, world_from_start = await _odometry(client), _truth(robot)
-    legs = square(SIDE_M)
+    legs = square(side_m)
     await CourseDriver(client, lambda progress: None).drive_course(
         tuple(map(_mirrored, legs)) if clockwise else legs
     )
@@ -220,10 +224,10 @@ async def _tell_truth(robot: SimulatedRobot) -> None:
         await asyncio.sleep(0.05)
 
 
-def _slip_rad(true: TrueParameters) -> float:
+def _slip_rad(true: TrueParameters, side_m: float) -> float:
     """Both sides' variances of travel over the square's length, and that of its four turns."""
     track_m = true.track_width_m or math.inf
-    travel_rad2 = 2 * 4 * SIDE_M * true.travel_variance_m2_per_m / track_m**2
+    travel_rad2 = 2 * 4 * side_m * true.travel_variance_m2_per_m / track_m**2
     return math.sqrt(travel_rad2 + math.tau * true.turn_variance_rad2_per_rad)
 
 

@@ -82,7 +82,7 @@ def fit_imu(robot: Robot, measurements: Measurements) -> StepResult:
         return bias
     reference = rolled.stamp_s, heading_rad
     fitted = _fitted(shown, used, reference, 0.0 if bias is None else bias[0], imu.lag_s)
-    result = _judged(imu, fitted, bias, turned_rad, by_lidar=by_lidar)
+    result = _judged(robot, fitted, bias, turned_rad, by_lidar=by_lidar)
     mount = mount_of(imu, rolled, measurements.imu, fitted.lag_s[0])
     if result.status is not Status.PASSED or mount is None:
         return result
@@ -230,10 +230,10 @@ def _fitted(
 
 
 def _judged(
-    imu: ImuParameters, fitted: Fitted, bias: tuple[float, float] | None, turned_rad: float, *, by_lidar: bool
+    robot: Robot, fitted: Fitted, bias: tuple[float, float] | None, turned_rad: float, *, by_lidar: bool
 ) -> StepResult:
     """The result, unless wheels and IMU do not speak of the same drive. ``bias`` None: a board that sends headings."""
-    scale, rms_rad = fitted.scale[0], _rms(fitted.after_rad)
+    imu, scale, rms_rad = robot.imu or ImuParameters(), fitted.scale[0], _rms(fitted.after_rad)
     if scale < 0:
         reason = "the IMU turns the other way than the wheels: a sign, or the sides, are wrong"
         return _failed(Status.REFUSED, reason)
@@ -247,6 +247,7 @@ def _judged(
         Estimate("imu.gyro_scale", "", imu.gyro_scale, old_scale * scale, sigma),
         Estimate("imu.lag_s", "s", imu.lag_s, fitted.lag_s[0], max(fitted.lag_s[1], LEAST_LAG_SIGMA_S)),
     ]
+    estimates += robot.left_uncertain({"gyro_scale_sigma": sigma / scale})
     if bias is not None:
         after = imu.gyro_bias_rad_s + imu.gyro_scale * bias[0]
         estimates.append(Estimate("imu.gyro_bias_rad_s", "rad/s", imu.gyro_bias_rad_s, after, bias[1]))

@@ -43,7 +43,7 @@ NEAR_M, FAR_M = 0.25, 2.0
 """Where the lidar sees well what the sensor sees: nearer, heights differ; farther, a cone is wide."""
 
 MOST_M = 0.3
-AGREE_M, MOST_SPREAD_M = 0.03, 0.03
+AGREE_M = 0.03
 """Readings that differ from the usual offset by more are of something else, such as a table that the lidar misses."""
 
 LEAST_SIGMA_M = 5e-3

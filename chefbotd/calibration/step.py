@@ -4,7 +4,7 @@ A procedure is a generator. It yields what the robot does next, and is sent what
 a motion by what it saw. The fit gets everything that was measured at once. It therefore works on a recorded drive too.
 """
 
-from collections.abc import Callable, Generator, Mapping
+from collections.abc import Callable, Generator, Iterator, Mapping
 from typing import TypeAlias
 
 from chefbotd.core.events import (
@@ -24,6 +24,7 @@ from chefbotd.motion.drive_state import DriveParameters
 from chefbotd.motion.encoder import EncoderParameters
 from chefbotd.motion.kinematics import ChassisParameters
 from chefbotd.motion.limits import MotionLimits
+from chefbotd.motion.odometry import FusionParameters
 from chefbotd.motion.pid import PidParameters
 from chefbotd.sensing.battery import BatteryParameters
 from chefbotd.sensing.imu import ImuParameters
@@ -48,6 +49,13 @@ __all__ = [
 ]
 
 
+LEAST_LEFT = 1e-4
+"""No calibration is better, whatever its residuals say: tyres wear, and carry more or less."""
+
+SIGMA_SHARE = 1 / 3
+"""How uncertain a standard deviation is by itself (assumed)."""
+
+
 class Robot(Record, frozen=True):
     """The robot as it is configured, with the results of other steps so far: what a step starts from.
 
@@ -67,6 +75,13 @@ class Robot(Record, frozen=True):
     ultrasonic: UltrasonicParameters | None = None
     infrared: tuple[InfraredParameters, ...] = ()
     lidars: tuple[LidarParameters, ...] = ()
+    fusion: FusionParameters = FusionParameters()
+
+    def left_uncertain(self, sigmas: Mapping[str, float]) -> Iterator[Estimate]:
+        """What the calibration leaves uncertain, by its key in ``[odometry.fusion]``, which takes it for constant."""
+        for key, sigma in sigmas.items():
+            before, after = float(getattr(self.fusion, key)), max(sigma, LEAST_LEFT)
+            yield Estimate(f"odometry.fusion.{key}", "", before, after, after * SIGMA_SHARE)
 
 
 class Measurements(Record, frozen=True):

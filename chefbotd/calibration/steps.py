@@ -1,16 +1,41 @@
 """The steps of a calibration, in the order in which each can use the results of those before."""
 
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
+
+import numpy as np
 
 from chefbotd.calibration import motors
 from chefbotd.calibration.by_hand import BATTERY, ENCODERS
 from chefbotd.calibration.imu import IMU
 from chefbotd.calibration.lidar import LIDAR
 from chefbotd.calibration.sensors import SENSORS
-from chefbotd.calibration.step import Step
+from chefbotd.calibration.step import Measurements, Robot, Status, Step, StepResult
 from chefbotd.calibration.umbmark import UMBMARK
 from chefbotd.calibration.wheels import WHEELS
 
 ORDER: tuple[Step, ...] = (ENCODERS, BATTERY, motors.STEP, WHEELS, UMBMARK, LIDAR, IMU, SENSORS)
 
 STEPS: Mapping[str, Step] = {step.name: step for step in ORDER}
+
+
+def fitted(name: str, robot: Robot, measurements: Measurements) -> StepResult:
+    """The result of the step of this name; ``refused`` where the fit has no solution, or a number is not finite."""
+    try:
+        result = STEPS[name].fit(robot, measurements)
+    except np.linalg.LinAlgError as problem:
+        return StepResult(name, Status.REFUSED, f"the fit has no solution: {problem}")
+    not_finite = ", ".join(what for what, numbers in _numbers(result) if not all(map(math.isfinite, numbers)))
+    if not_finite:
+        return StepResult(name, Status.REFUSED, f"the fit gives no finite number for {not_finite}")
+    return result
+
+
+def _numbers(result: StepResult) -> Iterator[tuple[str, tuple[float, ...]]]:
+    """All numbers of a result, by what they are of."""
+    for estimate in result.estimates:
+        yield estimate.key, (estimate.before, estimate.after, estimate.sigma)
+    for residual in result.residuals:
+        yield f"the residuals of {residual.name}", (residual.before, residual.after)
+    for plot in result.plots:
+        yield f"the plot of {plot.title}", tuple(value for one in plot.series for value in (*one.x, *one.y))

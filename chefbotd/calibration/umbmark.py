@@ -154,8 +154,12 @@ def _judged(robot: Robot, squares: list[tuple[Floats, Floats]], ends: Floats) ->
         NAME,
         Status.PASSED,
         "the size of the wheels stays as configured: a closed course does not show it",
-        tuple(
-            Estimate(f"chassis.{k}", "", v, v * factor, v * float(sigma)) for k, v, factor, sigma in factors
+        (
+            *(
+                Estimate(f"chassis.{k}", "", v, v * factor, v * float(sigma))
+                for k, v, factor, sigma in factors
+            ),
+            *robot.left_uncertain({"ratio_sigma": 2 * float(sigmas[0]), "track_sigma": float(sigmas[1])}),
         ),
         (Residual("place after a square", "m", rms_before, rms_after, len(ends)),),
         (_plot(before, after),),

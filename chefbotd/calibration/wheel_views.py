@@ -4,6 +4,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from chefbotd.calibration.bundle import adjusted
 from chefbotd.calibration.least_squares import Floats
 from chefbotd.calibration.rolling import Rolling, rests
 from chefbotd.calibration.scan_motion import Keyframe, Matched, keyframe, matched
@@ -12,7 +13,7 @@ from chefbotd.calibration.wheel_model import WheelModel
 from chefbotd.core.events import TruthSimulated
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.geometry import ORIGIN
-from chefbotd.core.record import Record
+from chefbotd.core.record import Record, replace
 from chefbotd.mapping.poses import between, compose, row_of
 from chefbotd.perception.laser_scan import OdometryTrack, points_in_base
 
@@ -32,11 +33,15 @@ TRUTH_PIECES_S, TRUTH_EVERY_S, TRUTH_SIGMA = (5.0, 20.0), 1.0, 1e-3
 
 
 class View(Record, frozen=True):
-    """A drive as a lidar saw it: the motions, the lidar's poses, and how many of its scans were matched."""
+    """A drive as a lidar saw it: the motions, the lidar's poses, and how many of its scans were matched.
+
+    ``range_offset_m`` is by how much the lidar reads too far; None where the scans do not say so.
+    """
 
     drive: Drive
     matched: Matched
     is_stop_and_go: bool
+    range_offset_m: float | None = None
 
     @property
     def share(self) -> float:
@@ -68,7 +73,24 @@ def lidar_view(
     poses, totals = rolled.poses(model, track_m)[rows], rolled.totals(track_m)[rows]
     lidar_moved = between(mount, compose(between(poses[:-1], poses[1:]), mount))
     seen = matched(frames, lidar_moved, np.diff(totals, axis=0), ALL_STOPS if is_stop_and_go else MEMORY)
-    return View(_drive(rolled, rows, seen, is_stop_and_go=is_stop_and_go), seen, is_stop_and_go)
+    offset_m = None
+    if is_stop_and_go:
+        seen, offset_m = _by_walls(frames, seen)
+    return View(_drive(rolled, rows, seen, is_stop_and_go=is_stop_and_go), seen, is_stop_and_go, offset_m)
+
+
+def _by_walls(frames: Sequence[Keyframe], seen: Matched) -> tuple[Matched, float | None]:
+    """The poses as the walls say, and the lidar's range offset if they say that; as they are where walls are few."""
+    good = np.flatnonzero(seen.is_good)
+    if len(good) < LEAST_STOPS:
+        return seen, None
+    begin = seen.poses[good[0]]
+    bundle = adjusted([frames[k] for k in good.tolist()], between(begin, seen.poses[good]))
+    if bundle is None:
+        return seen, None
+    poses = seen.poses.copy()
+    poses[good] = compose(begin, bundle.poses)
+    return replace(seen, poses=poses), bundle.offset_m if bundle.is_believed else None
 
 
 def _drive(rolled: Rolling, rows: np.ndarray, seen: Matched, *, is_stop_and_go: bool) -> Drive:

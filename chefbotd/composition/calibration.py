@@ -15,7 +15,7 @@ from chefbotd.settings import Settings, SettingsError
 if TYPE_CHECKING:
     from chefbotd.calibration.step import Robot
     from chefbotd.features.calibration.models import CalibrationApplied
-    from chefbotd.features.calibration.service import Values
+    from chefbotd.features.calibration.outside import Values
 
 
 def calibration(context: Context, driving: DriveService, leases: ControlLeases) -> list[Feature]:
@@ -67,6 +67,7 @@ def robot_with(settings: Settings, values: "Values") -> "Robot":
         ultrasonic=settings.ultrasonic,
         infrared=settings.infrared,
         lidars=settings.lidar,
+        fusion=settings.odometry.fusion,
     )
 
 

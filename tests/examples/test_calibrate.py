@@ -26,9 +26,9 @@ WITHIN = {
 @pytest.mark.slow
 @pytest.mark.timeout(300)
 def test_every_step_passes_and_comes_near_the_truth(tmp_path: Path) -> None:
-    """The configuration that is written has the true values, and a square of 4 m ends five times nearer."""
+    """The configuration that is written has the true values, and a square of 1 m ends five times nearer."""
     said: list[str] = []
-    done = run_virtual(calibrate(1, tmp_path, said.append))
+    done = run_virtual(calibrate(1, tmp_path, said.append, side_m=1.0))
     assert {result.status for result in done.results} == {"passed"}, said
     off = {
         estimate.key: abs(estimate.after - done.true[estimate.key])

@@ -4,7 +4,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from chefbotd.calibration.step import Measurements, Status, StepResult
-from chefbotd.calibration.steps import STEPS
+from chefbotd.calibration.steps import STEPS, fitted
 from chefbotd.cli.calibrate.report import draw_plots, finish, require_plots, show_result
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import echo, plain
@@ -51,7 +51,7 @@ def calibrate_recorded(
             if steps:
                 raise ProgramError(Exit.REFUSED, f"{name} cannot be calibrated: {missing}")
             continue
-        results.append(STEPS[name].fit(robot, as_calibrated(measured, robot_with(settings, {}), robot)))
+        results.append(fitted(name, robot, as_calibrated(measured, robot_with(settings, {}), robot)))
         if not context.as_json:
             show_result(results[-1])
     pictures = draw_plots(results, out)

@@ -49,6 +49,13 @@ class ProcedureRunnerState(Record, frozen=True):
     blocked_since_s: float | None
 
 
+class Begun(Record, frozen=True):
+    """How many stops there had been when a step was asked for, and the number of the last e-stop or fault."""
+
+    stops: int
+    latch: int | None
+
+
 class ProcedureRunner:
     """Runs one procedure at a time; ``report`` is called with each action as it begins."""
 
@@ -79,11 +86,18 @@ class ProcedureRunner:
         Raises:
             Refused: the robot is not armed, or somebody else drives.
         """
-        safety = self._safety
-        if safety is not None and safety.mode != Mode.ARMED:
-            raise not_armed(safety.mode, safety.reason)
-        if safety is not None and safety.source not in (None, self._driver.source):
+        safety = self._armed()
+        if safety.source not in (None, self._driver.source):
             raise Refused(RefusalKind.STOPPED, f"{safety.source} drives the robot; end that first")
+
+    def _armed(self) -> SafetyChanged:
+        """The gate's state; raises ``Refused`` where the robot is not armed."""
+        safety = self._safety
+        if safety is None:
+            raise not_armed("", "it is not known yet whether the robot may move")
+        if safety.mode != Mode.ARMED:
+            raise not_armed(safety.mode, safety.reason)
+        return safety
 
     def answer(self, key: str, value: float) -> None:
         """Answer the question that is open.
@@ -99,21 +113,27 @@ class ProcedureRunner:
             raise Refused(RefusalKind.OUT_OF_RANGE, f"{key} is {value:g}, {expected}")
         future.set_result(value)
 
-    async def run(self, procedure: Procedure) -> Measurements:
+    def begun(self) -> Begun:
+        """To be asked for when a step is: any stop or fault after it ends the step, also before its first motion."""
+        return Begun(self._driver.stops, None if self._safety is None else self._safety.latch)
+
+    async def run(self, procedure: Procedure, begun: Begun) -> Measurements:
         """Everything that was measured during the procedure.
 
         Raises:
             Refused: something ended it: a stop, a fault, somebody who took over, a sensor that fell silent.
         """
+        self._check_stopped(begun)
         self.require()
         gathering, parts = Gathering(self._bus), []
         self._driver.begin()
-        stops, end_s = self._driver.stops, self._entries.now_s() + STEP_TIMEOUT_S
+        end_s = self._entries.now_s() + STEP_TIMEOUT_S
         try:
             action = next(procedure, None)
             while action is not None:
                 self._report(action)
-                answers = await self._perform(action, stops)
+                gathering.with_scans = not isinstance(action, Ask)
+                answers = await self._perform(action, begun)
                 parts.append(gathering.take(answers))
                 if self._entries.now_s() > end_s:
                     raise Refused(RefusalKind.STOPPED, f"the step took longer than {STEP_TIMEOUT_S:.0f} s")
@@ -129,16 +149,16 @@ class ProcedureRunner:
                 self._timer.cancel()
         return joined(parts)
 
-    async def _perform(self, action: Action, stops: int) -> Mapping[str, float]:
+    async def _perform(self, action: Action, begun: Begun) -> Mapping[str, float]:
         if isinstance(action, Ask):
-            return {action.key: await self._ask(action, stops)}
-        await self._move(action, stops)
+            return {action.key: await self._ask(action, begun)}
+        await self._move(action, begun)
         return {}
 
-    async def _move(self, move: Move, stops: int) -> None:
+    async def _move(self, move: Move, begun: Begun) -> None:
         now_s = began_s = reported_s = self._entries.now_s()
         while now_s - began_s < move.duration_s:
-            self._check(stops, now_s)
+            self._check(begun, now_s)
             if move.motion is not None:
                 self._driver.drive(move.motion, now_s)
             if now_s - reported_s >= ALIVE_S:
@@ -148,15 +168,15 @@ class ProcedureRunner:
             now_s = self._entries.now_s()
         if move.motion is not None and move.settled:
             self._driver.let_go()
-            await self._settle(stops)
+            await self._settle(begun)
 
-    async def _settle(self, stops: int) -> None:
+    async def _settle(self, begun: Begun) -> None:
         """Wait until the wheels are at rest."""
         began_s = rest_s = self._entries.now_s()
         while True:
             await self._sleep(PERIOD_S)
             now_s = self._entries.now_s()
-            self._check(stops, now_s)
+            self._check(begun, now_s)
             wheels = self._wheels
             if wheels is None or max(map(abs, wheels.velocity_rad_s)) > REST_RAD_S:
                 rest_s = now_s
@@ -168,15 +188,15 @@ class ProcedureRunner:
                     f"the wheels did not come to rest within {SETTLE_TIMEOUT_S:.0f} s{self._silence()}",
                 )
 
-    def _check(self, stops: int, now_s: float) -> None:
+    def _check(self, begun: Begun, now_s: float) -> None:
         """Raise ``Refused`` if the step must end."""
-        self._check_stop(stops)
+        safety = self._check_stopped(begun)
         self.require()
         blocked_s = 0.0 if self._blocked_since_s is None else now_s - self._blocked_since_s
-        if blocked_s > BLOCKED_S and self._safety is not None:
+        if blocked_s > BLOCKED_S:
             raise Refused(
                 RefusalKind.STOPPED,
-                f"something is in the way ({self._safety.limited_by}); make room, and try again",
+                f"something is in the way ({safety.limited_by}); make room, and try again",
             )
         wheels = self._wheels
         if wheels is None or now_s - wheels.arrival_s > SILENT_S:
@@ -191,12 +211,17 @@ class ProcedureRunner:
             "stands within 4 m ahead of the robot"
         )
 
-    def _check_stop(self, stops: int) -> None:
-        if self._driver.stops != stops:
+    def _check_stopped(self, begun: Begun) -> SafetyChanged:
+        """The gate's state; raises ``Refused`` after any stop or fault, also after one that is cleared already."""
+        if self._driver.stops != begun.stops:
             who = self._driver.stopped_by or "somebody"
             raise Refused(RefusalKind.STOPPED, f"the calibration was stopped by {who}")
+        safety = self._armed()
+        if safety.latch != begun.latch:
+            raise Refused(RefusalKind.STOPPED, "a fault stopped the robot meanwhile; begin the step again")
+        return safety
 
-    async def _ask(self, ask: Ask, stops: int) -> float:
+    async def _ask(self, ask: Ask, begun: Begun) -> float:
         self._driver.let_go()
         self._asked, self._answer = ask, asyncio.get_running_loop().create_future()
         end_s = self._entries.now_s() + ANSWER_TIMEOUT_S
@@ -206,7 +231,7 @@ class ProcedureRunner:
                     minutes = f"{ANSWER_TIMEOUT_S / 60:.0f} minutes"
                     raise Refused(RefusalKind.STOPPED, f"nobody answered within {minutes}")
                 await self._sleep(ALIVE_S)
-                self._check_stop(stops)
+                self._check_stopped(begun)
                 self._report(ask)
             return self._answer.result()
         finally:

@@ -54,18 +54,18 @@ async def fit_in_process(step: str, robot: Robot, measured: Measurements) -> Ste
 
 async def fit_here(step: str, robot: Robot, measured: Measurements) -> StepResult:
     """The same in this process, for tests on a virtual clock and for programs without a control loop."""
-    from chefbotd.calibration.steps import STEPS
+    from chefbotd.calibration.steps import fitted
 
-    return STEPS[step].fit(robot, measured)
+    return fitted(step, robot, measured)
 
 
 def main() -> None:
     """Read a step's measurements, and write its result."""
-    from chefbotd.calibration.steps import STEPS
+    from chefbotd.calibration.steps import fitted
 
     os.nice(NICENESS)
     step, robot, measured = pickle.load(sys.stdin.buffer)  # noqa: S301 - what the daemon has written
-    sys.stdout.buffer.write(json.encode(STEPS[step].fit(robot, measured)))
+    sys.stdout.buffer.write(json.encode(fitted(step, robot, measured)))
 
 
 if __name__ == "__main__":

@@ -4,9 +4,10 @@ A step is a long request. It ends with its client, with any stop, and with whoev
 """
 
 import asyncio
+import contextlib
 import math
-from collections.abc import Callable, Iterable, Mapping
-from typing import Final, TypeAlias
+from collections.abc import Iterable, Iterator
+from typing import Final
 
 from msgspec import json
 
@@ -30,8 +31,8 @@ from chefbotd.features.calibration.models import (
     CalibrateParams,
     CalibrationApplied,
     CalibrationReport,
-    CalibrationStep,
 )
+from chefbotd.features.calibration.outside import CalibrationThread, RobotWith, Save, step_named
 from chefbotd.features.driving.inner_driver import InnerDriver
 from chefbotd.features.feature import Feature
 from chefbotd.rpc.jobs import ProgressReporter
@@ -44,13 +45,6 @@ SCAN_AGE_S: Final = 2.0
 
 AGREES_SIGMAS: Final = 3.0
 """Two runs that differ by more than this many standard deviations of their difference do not agree."""
-
-Values: TypeAlias = Mapping[str, float]
-RobotWith: TypeAlias = Callable[[Values], Robot]
-"""The robot as it is configured, with these values; raises ``Refused`` where they do not fit."""
-
-Save: TypeAlias = Callable[[Values], CalibrationApplied]
-"""Writes values into the configuration; raises ``Refused``."""
 
 
 class CalibrationState(Record, frozen=True):
@@ -75,12 +69,13 @@ class CalibrationService:
         writes_to: str = "",
     ) -> None:
         self._bus, self._entries = bus, entries_of(clock)
-        self._robot_with, self._save, self._fit, self._writes_to = robot_with, save, fit, writes_to
+        self._thread = CalibrationThread(self._entries, robot_with, save)
+        self._robot_with, self._fit, self._writes_to = robot_with, fit, writes_to
         self._runner = ProcedureRunner(bus, clock, driver, self._take_action)
         self._results: dict[str, StepResult] = {}
         self._battery: BatteryMeasured | None = None
         self._scans: dict[str, ScanMeasured] = {}
-        self._step, self._report = "", _report_nothing
+        self._step, self._state, self._report = "", "idle", _report_nothing
         self._action: Action | None = None
         bus.add_handler(self._take_battery, BatteryMeasured)
         bus.add_handler(self._take_scan, ScanMeasured)
@@ -96,15 +91,11 @@ class CalibrationService:
         self._runner.restore(state.runner)
 
     @method(role=Role.OBSERVE)
-    def get_calibration(self, caller: Caller, params: NoParams) -> CalibrationReport:
+    async def get_calibration(
+        self, caller: Caller, params: NoParams, progress: ProgressReporter
+    ) -> CalibrationReport:
         """Return every step that can be calibrated, and the newest result of each."""
-        robot = self._robot_with({})
-        steps = tuple(
-            CalibrationStep(
-                step.name, step.purpose, step.preparation, step.space_m, step.missing(robot), step.on_request
-            )
-            for step in _steps().values()
-        )
+        steps = await self._thread.steps()
         return CalibrationReport(steps, tuple(self._results.values()), self._writes_to)
 
     @method(role=Role.DRIVE, moves=True)
@@ -112,23 +103,30 @@ class CalibrationService:
         self, caller: Caller, params: CalibrateParams, progress: ProgressReporter
     ) -> StepResult:
         """Carry out a step of the calibration; the robot moves. Nothing is written before ``apply_calibration``."""
-        step = _step(params.step)
-        if self._step:
-            raise Refused(RefusalKind.CANNOT_CALIBRATE, f"the step {self._step} is being carried out")
-        robot = self._robot_with(_values(self._others(step.name)))
-        self._require(step, robot, params.space_m)
-        self._step, self._report = step.name, progress.report
-        try:
-            measured = await self._runner.run(step.procedure(robot))
+        begun = self._runner.begun()
+        with self._taking(params.step, progress):
+            robot = await self._thread.robot(_values(self._others(params.step)))
+            step = step_named(params.step)
+            self._require(step, robot, params.space_m)
+            measured = await self._runner.run(step.procedure(robot), begun)
             self._tell("computing", "computes the parameters", 1.0)
             measured = as_calibrated(measured, self._robot_with({}), robot)
-            result = await self._fitted(step.name, robot, measured)
-            result = self._compared(result)
+            result = self._compared(await self._fitted(step.name, robot, measured))
             self._results[step.name] = result
+        return result
+
+    @contextlib.contextmanager
+    def _taking(self, step: str, progress: ProgressReporter) -> Iterator[None]:
+        """One step at a time; raises ``Refused`` while there is another."""
+        if self._step:
+            raise Refused(RefusalKind.CANNOT_CALIBRATE, f"the step {self._step} is being carried out")
+        self._step, self._report = step, progress.report
+        try:
+            yield
         finally:
             self._step, self._report = "", _report_nothing
-            self._tell("idle")
-        return result
+            if self._state != "idle":
+                self._tell("idle")
 
     @method(role=Role.DRIVE, moves=False)
     def answer_calibration(self, caller: Caller, params: AnswerCalibrationParams) -> Done:
@@ -137,9 +135,13 @@ class CalibrationService:
         return DONE
 
     @method(role=Role.ADMIN, moves=False)
-    def apply_calibration(self, caller: Caller, params: ApplyCalibrationParams) -> CalibrationApplied:
+    async def apply_calibration(
+        self, caller: Caller, params: ApplyCalibrationParams, progress: ProgressReporter
+    ) -> CalibrationApplied:
         """Write results into the daemon's configuration, which keeps its comments; the old file is kept beside it."""
-        names = tuple(self._results) if params.steps is None else tuple(map(_checked, params.steps))
+        if params.steps is not None:
+            await self._thread.require_steps(params.steps)
+        names = tuple(self._results if params.steps is None else params.steps)
         results = [self._results[name] for name in names if name in self._results]
         if missing := [name for name in names if name not in self._results]:
             raise Refused(
@@ -153,7 +155,7 @@ class CalibrationService:
         values = _values(passed)
         if not values:
             raise Refused(RefusalKind.NOT_CALIBRATED, "no step has passed yet, so there is nothing to write")
-        return self._save(values)
+        return await self._thread.save(values)
 
     def _require(self, step: Step, robot: Robot, space_m: float | None) -> None:
         """Check what must hold before anything moves.
@@ -233,6 +235,7 @@ class CalibrationService:
 
     def _tell(self, state: str, text: str = "", done: float = 0.0, question: Ask | None = None) -> None:
         results = tuple(replace(result, plots=()) for result in self._results.values())
+        self._state = state
         self._bus.publish(
             CalibrationChanged(
                 stamp_s=self._entries.now_s(),
@@ -255,26 +258,6 @@ class CalibrationService:
 
 def _report_nothing(done: float, total: float, text: str = "") -> None:
     """Nobody waits for a step."""
-
-
-def _checked(name: str) -> str:
-    return _step(name).name
-
-
-def _steps() -> Mapping[str, Step]:
-    """The steps, loaded when somebody asks: a robot that is not calibrated does without their numerics."""
-    from chefbotd.calibration.steps import STEPS
-
-    return STEPS
-
-
-def _step(name: str) -> Step:
-    steps = _steps()
-    if name not in steps:
-        raise Refused(
-            RefusalKind.CANNOT_CALIBRATE, f"there is no step {name!a}, expected one of {', '.join(steps)}"
-        )
-    return steps[name]
 
 
 def _values(results: Iterable[StepResult]) -> dict[str, float]:

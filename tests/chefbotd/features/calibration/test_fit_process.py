@@ -1,11 +1,14 @@
 """Fits in a process of their own, with the real one."""
 
 import asyncio
+import math
 
 import pytest
 
+from chefbotd.calibration.by_hand import TURNS
 from chefbotd.calibration.step import Measurements, Status
 from chefbotd.composition.calibration import robot_with
+from chefbotd.core.events import WheelsMeasured
 from chefbotd.features.calibration import fit_process
 from chefbotd.features.calibration.fit_process import fit_here, fit_in_process
 from chefbotd.settings import load, packaged
@@ -27,6 +30,16 @@ def test_a_process_that_fails_is_no_result() -> None:
     result = asyncio.run(fit_in_process("no such step", ROBOT, Measurements()))
     assert result.status is Status.REFUSED
     assert "KeyError: 'no such step'" in result.reason
+
+
+@pytest.mark.realtime
+def test_a_result_that_is_no_number_is_refused() -> None:
+    """A wheel that turned by NaN has NaN counts in a turn, which no configuration may get: the reason names them."""
+    reading = WheelsMeasured(1.0, 1.0, 1.0, (0.0, 0.0), (math.nan, math.nan), (0.0, 0.0))
+    measured = Measurements(wheels=(reading,), answers={f"{TURNS}left_wheel": 5.0})
+    result = asyncio.run(fit_in_process("encoders", ROBOT, measured))
+    assert (result.status, result.estimates) == (Status.REFUSED, ())
+    assert result.reason == "the fit gives no finite number for encoders.counts_per_turn"
 
 
 @pytest.mark.realtime
