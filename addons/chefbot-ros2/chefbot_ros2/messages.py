@@ -1,0 +1,226 @@
+"""ROS 2 messages of chefbotd's events. Frames follow REP-105, units and axes REP-103, which are chefbotd's own."""
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Any
+
+import numpy as np
+from rosbags.typesys import Stores, get_typestore
+
+from chefbotd.core.events import BatteryMeasured, ImuMeasured, OdometryUpdated, RangeMeasured, WheelsMeasured
+from chefbotd.core.events.lidars import ScanMeasured
+from chefbotd.core.events.robot import RangeStatus
+from chefbotd.core.geometry import Pose2D, PoseCovariance
+
+TYPESTORE = get_typestore(Stores.ROS2_HUMBLE)
+NS = 1_000_000_000
+ODOM, BASE = "odom", "base_footprint"
+NOT_MEASURED = -1.0
+"""In the first element of a covariance: this quantity is not measured (sensor_msgs/Imu)."""
+
+FLOAT64 = 8
+"""sensor_msgs/PointField."""
+
+POINT_FIELDS = ("x", "y", "z", "t")
+ULTRASOUND, INFRARED = 0, 1
+SMALLEST_INCREMENT_RAD = 1e-6
+
+Message = tuple[str, Any]
+"""A topic and its message."""
+
+
+def _type(name: str) -> Any:
+    package, _, short = name.partition("/")
+    return TYPESTORE.types[f"{package}/msg/{short}"]
+
+
+Time, Header = _type("builtin_interfaces/Time"), _type("std_msgs/Header")
+Vector3, Point, Quaternion = (_type(f"geometry_msgs/{name}") for name in ("Vector3", "Point", "Quaternion"))
+Pose, PoseWithCovariance = _type("geometry_msgs/Pose"), _type("geometry_msgs/PoseWithCovariance")
+Twist, TwistWithCovariance = _type("geometry_msgs/Twist"), _type("geometry_msgs/TwistWithCovariance")
+Transform, TransformStamped = _type("geometry_msgs/Transform"), _type("geometry_msgs/TransformStamped")
+TFMessage, Odometry = _type("tf2_msgs/TFMessage"), _type("nav_msgs/Odometry")
+Imu, Range, JointState = (_type(f"sensor_msgs/{name}") for name in ("Imu", "Range", "JointState"))
+BatteryState, LaserScan = _type("sensor_msgs/BatteryState"), _type("sensor_msgs/LaserScan")
+PointCloud2, PointField = _type("sensor_msgs/PointCloud2"), _type("sensor_msgs/PointField")
+
+
+def messages(event: Any, clock_offset_ns: int, wheel_names: Sequence[str]) -> Iterator[Message]:
+    """The messages of an event; none of most events. The offset leads from the daemon's clock to 1970."""
+    convert = CONVERSIONS.get(type(event))
+    if convert is not None:
+        yield from convert(event, stamped(event.stamp_s, clock_offset_ns), wheel_names)
+
+
+def stamped(stamp_s: float, clock_offset_ns: int) -> int:
+    """A time of the daemon's clock as nanoseconds since 1970."""
+    return clock_offset_ns + round(stamp_s * NS)
+
+
+def mount(event: ScanMeasured, stamp_ns: int) -> Message:
+    """Where the lidar sits on the robot."""
+    transform = _transform(event.base_from_lidar)
+    return "/tf_static", TFMessage(
+        [TransformStamped(header(stamp_ns, BASE), frame_of(event.lidar), transform)]
+    )
+
+
+def frame_of(sensor: str) -> str:
+    """The frame of a sensor."""
+    return f"{sensor}_link"
+
+
+def header(stamp_ns: int, frame: str) -> Any:
+    """A message's header."""
+    return Header(Time(stamp_ns // NS, stamp_ns % NS), frame)
+
+
+def quaternion(heading_rad: float) -> Any:
+    """A turn about z."""
+    return Quaternion(0.0, 0.0, math.sin(heading_rad / 2), math.cos(heading_rad / 2))
+
+
+def _transform(pose: Pose2D) -> Any:
+    return Transform(Vector3(pose.x_m, pose.y_m, 0.0), quaternion(pose.heading_rad))
+
+
+def _odometry(event: OdometryUpdated, stamp_ns: int, wheel_names: Sequence[str]) -> Iterator[Message]:
+    pose, twist = event.odom_from_base, event.twist
+    at = Pose(Point(pose.x_m, pose.y_m, 0.0), quaternion(pose.heading_rad))
+    moves = Twist(Vector3(twist.linear_m_s, 0.0, 0.0), Vector3(0.0, 0.0, twist.angular_rad_s))
+    yield (
+        "/odom",
+        Odometry(
+            header(stamp_ns, ODOM),
+            BASE,
+            PoseWithCovariance(at, _covariance(event.covariance)),
+            TwistWithCovariance(moves, np.zeros(36)),
+        ),
+    )
+    yield "/tf", TFMessage([TransformStamped(header(stamp_ns, ODOM), BASE, _transform(pose))])
+
+
+def _covariance(covariance: PoseCovariance) -> Any:
+    """Six by six over x, y, z and the turns about them; the plane's three are known, and the others do not change."""
+    matrix = np.zeros((6, 6))
+    plane = np.array([0, 1, 5])
+    matrix[np.ix_(plane, plane)] = np.reshape(covariance.row_by_row, (3, 3))
+    return matrix.reshape(36)
+
+
+def _wheels(event: WheelsMeasured, stamp_ns: int, wheel_names: Sequence[str]) -> Iterator[Message]:
+    names = list(wheel_names) or [f"wheel_{index}" for index in range(len(event.position_rad))]
+    values = np.array(event.position_rad), np.array(event.velocity_rad_s), np.array([])
+    yield "/joint_states", JointState(header(stamp_ns, ""), names, *values)
+
+
+def _imu(event: ImuMeasured, stamp_ns: int, wheel_names: Sequence[str]) -> Iterator[Message]:
+    orientation = event.orientation or (0.0, 0.0, 0.0, 1.0)
+    measured = event.orientation, event.angular_velocity_rad_s, event.linear_acceleration_m_s2
+    unknown = [
+        np.zeros(9) if value is not None else np.array([NOT_MEASURED, *[0.0] * 8]) for value in measured
+    ]
+    turn, acceleration = (Vector3(*(value or (0.0, 0.0, 0.0))) for value in measured[1:])
+    yield (
+        "/imu",
+        Imu(
+            header(stamp_ns, BASE),
+            Quaternion(*orientation),
+            unknown[0],
+            turn,
+            unknown[1],
+            acceleration,
+            unknown[2],
+        ),
+    )
+
+
+def _range(event: RangeMeasured, stamp_ns: int, wheel_names: Sequence[str]) -> Iterator[Message]:
+    measured_m = math.inf if event.range_m is None else event.range_m
+    if event.status is RangeStatus.TOO_NEAR:
+        measured_m = -math.inf  # REP-117: nearer than the sensor measures
+    kind = INFRARED if "infrared" in event.sensor else ULTRASOUND
+    limits = event.field_of_view_rad, event.min_range_m, event.max_range_m
+    yield (
+        f"/ranges/{event.sensor}",
+        Range(header(stamp_ns, frame_of(event.sensor)), kind, *limits, measured_m),
+    )
+
+
+def _battery(event: BatteryMeasured, stamp_ns: int, wheel_names: Sequence[str]) -> Iterator[Message]:
+    nan = math.nan
+    unknown = 0
+    yield (
+        "/battery",
+        BatteryState(
+            header=header(stamp_ns, ""),
+            voltage=event.voltage_v,
+            temperature=nan,
+            current=nan,
+            charge=nan,
+            capacity=nan,
+            design_capacity=nan,
+            percentage=event.percentage / 100,
+            power_supply_status=unknown,
+            power_supply_health=unknown,
+            power_supply_technology=unknown,
+            present=True,
+            cell_voltage=np.array([], dtype=np.float32),
+            cell_temperature=np.array([], dtype=np.float32),
+            location="",
+            serial_number="",
+        ),
+    )
+
+
+def _scan(event: ScanMeasured, stamp_ns: int, wheel_names: Sequence[str]) -> Iterator[Message]:
+    scan = event.scan
+    is_reading = np.isfinite(scan.range_m) & (scan.range_m > 0)
+    if scan.bearing_rad.size > 1:
+        yield f"/scan/{event.lidar}", laser_scan(event, stamp_ns, is_reading)
+    bearing, distance = scan.bearing_rad[is_reading], scan.range_m[is_reading]
+    columns = distance * np.cos(bearing), distance * np.sin(bearing), np.zeros_like(distance)
+    points = np.stack([*columns, scan.after_s[is_reading]], axis=1).astype("<f8")
+    count, step = len(points), 8 * len(POINT_FIELDS)
+    fields = [PointField(name, 8 * index, FLOAT64, 1) for index, name in enumerate(POINT_FIELDS)]
+    data = np.frombuffer(points.tobytes(), dtype=np.uint8)
+    at = header(stamp_ns, frame_of(event.lidar))
+    yield f"/points/{event.lidar}", PointCloud2(at, 1, count, fields, False, step, step * count, data, True)
+
+
+def laser_scan(event: ScanMeasured, stamp_ns: int, is_reading: Any) -> Any:
+    """The turn on evenly spaced bearings from the least to the greatest; a bearing without a reading is infinite.
+
+    It is stamped with the first beam, as sensor_msgs/LaserScan asks for.
+    """
+    scan, count = event.scan, event.scan.bearing_rad.size
+    low, high = float(scan.bearing_rad.min()), float(scan.bearing_rad.max())
+    increment = max((high - low) / (count - 1), SMALLEST_INCREMENT_RAD)
+    ranges = np.full(count, np.inf, dtype=np.float32)
+    places = np.clip(np.rint((scan.bearing_rad[is_reading] - low) / increment).astype(int), 0, count - 1)
+    np.minimum.at(ranges, places, scan.range_m[is_reading].astype(np.float32))
+    time_s = float(np.ptp(scan.after_s))
+    finite = ranges[np.isfinite(ranges)]
+    limits = (0.0, float(finite.max()) if finite.size else 0.0)
+    first_ns = stamp_ns + round(float(scan.after_s.min()) * NS)
+    return LaserScan(
+        header(first_ns, frame_of(event.lidar)),
+        low,
+        low + increment * (count - 1),
+        increment,
+        time_s / (count - 1),
+        time_s,
+        *limits,
+        ranges,
+        np.array([], dtype=np.float32),
+    )
+
+
+CONVERSIONS: Mapping[type[Any], Callable[[Any, int, Sequence[str]], Iterator[Message]]] = {
+    OdometryUpdated: _odometry,
+    WheelsMeasured: _wheels,
+    ImuMeasured: _imu,
+    RangeMeasured: _range,
+    BatteryMeasured: _battery,
+    ScanMeasured: _scan,
+}
