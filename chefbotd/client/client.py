@@ -106,6 +106,11 @@ class Client(Methods, MapMethods, NavigationMethods, Topics):
         return self._connection.hello
 
     @property
+    def address(self) -> tuple[str, int]:
+        """The host and the port of the daemon."""
+        return self._endpoint.host, self._endpoint.port
+
+    @property
     def connected(self) -> bool:
         """Whether the connection stands."""
         return self._connection.wire.lost is None

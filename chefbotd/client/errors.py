@@ -56,13 +56,16 @@ class SubscriptionConflict(ChefbotError):
 
 
 class GoalNotReached(ChefbotError):
-    """The base of these: ``end`` is stable, ``reason`` is a sentence for people, ``goal`` the goal's number."""
+    """The base of these: ``end`` and ``cause`` are stable, ``reason`` is a sentence for people, ``goal`` a number.
+
+    ``cause`` is empty where navigation itself ended the goal.
+    """
 
     end: str = ""
 
-    def __init__(self, goal: int, reason: str, end: str = "") -> None:
+    def __init__(self, goal: int, reason: str, end: str = "", cause: str = "") -> None:
         super().__init__(reason)
-        self.goal, self.reason, self.end = goal, reason, end or self.end
+        self.goal, self.reason, self.end, self.cause = goal, reason, end or self.end, cause
 
 
 class GoalUnreachable(GoalNotReached):
@@ -100,6 +103,6 @@ BY_END: Final = {
 }
 
 
-def not_reached(goal: int, end: str, reason: str) -> GoalNotReached:
+def not_reached(goal: int, end: str, reason: str, cause: str = "") -> GoalNotReached:
     """The error of an end; an end that this version does not know is the base's."""
-    return BY_END.get(end, GoalNotReached)(goal, reason, end)
+    return BY_END.get(end, GoalNotReached)(goal, reason, end, cause)

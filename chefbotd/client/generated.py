@@ -32,6 +32,10 @@ class GeneratedMethods(MethodCaller):
         """Describe the methods, topics and errors, with their JSON Schemas."""
         return await self._ask("Description", "describe")
 
+    async def list_plugins(self) -> m.PluginList:
+        """The plug-ins that the configuration allows, and what became of each."""
+        return await self._ask("PluginList", "list_plugins")
+
     async def ping(self) -> m.Pong:
         """Answer at once, with the daemon's time."""
         return await self._ask("Pong", "ping")
@@ -102,6 +106,10 @@ class GeneratedMethods(MethodCaller):
         """Search the whole map for the robot's pose; the robot does not move, unless ``turn`` allows one turn."""
         return await self._ask("LocalizationData", "localize", turn=turn, on_progress=on_progress)
 
+    async def get_goal(self, goal: int | None = None, goal_id: str | None = None) -> m.GoalReport:
+        """What became of a goal; the ends of the last 400 are remembered until the daemon ends."""
+        return await self._ask("GoalReport", "get_goal", goal=goal, goal_id=goal_id)
+
     async def plan_to(self, x_m: float | None = None, y_m: float | None = None, heading_rad: float | None = None,
         place: str | None = None, tolerance_m: float = 0.0,
         on_progress: ProgressListener | None = None) -> m.PlanResult:
@@ -141,9 +149,53 @@ class GeneratedMethods(MethodCaller):
         """The present values of the daemon's counters."""
         return await self._ask("StatsData", "get_stats")
 
-    async def get_calibration(self) -> m.CalibrationReport:
+    async def register_agent(self, name: str, version: str, methods: list[str] | None = None) -> None:
+        """Be an agent of this name, which no other may have, until the connection ends."""
+        await self._ask(None, "register_agent", name=name, version=version, methods=methods)
+
+    async def say(self, text: str) -> None:
+        """Say a sentence to people: on the page and in the log. At most 10 at once, and 2 a second."""
+        await self._ask(None, "say", text=text)
+
+    async def ask(self, question: str, choices: list[str], timeout_s: float = 60.0,
+        on_progress: ProgressListener | None = None) -> m.AskResult:
+        """Ask people a question; the answer is what one of them chose, or that nobody did in time."""
+        return await self._ask("AskResult", "ask", question=question, choices=choices, timeout_s=timeout_s,
+            on_progress=on_progress)
+
+    async def add_button(self, label: str) -> m.ButtonAdded:
+        """Offer people a button; each press of it comes on the topic agent_events."""
+        return await self._ask("ButtonAdded", "add_button", label=label)
+
+    async def remove_button(self, button_id: int) -> None:
+        """Take back a button of this agent."""
+        await self._ask(None, "remove_button", button_id=button_id)
+
+    async def publish_to_topic(self, topic: str, data: dict[str, Any]) -> None:
+        """Publish data on a topic of this agent; they come on the topic agent_data."""
+        await self._ask(None, "publish_to_topic", topic=topic, data=data)
+
+    async def answer_call(self, call_id: int, result: dict[str, Any] | None = None, error: str | None = None) -> None:
+        """Answer a call of a method of this agent, which came on the topic agent_events."""
+        await self._ask(None, "answer_call", call_id=call_id, result=result, error=error)
+
+    async def press_button(self, button_id: int) -> None:
+        """Press a button; its agent is told."""
+        await self._ask(None, "press_button", button_id=button_id)
+
+    async def answer_agent(self, question_id: int, choice: str) -> None:
+        """Choose one of the answers to a question; the first answer counts."""
+        await self._ask(None, "answer_agent", question_id=question_id, choice=choice)
+
+    async def call_agent(self, agent: str, method: str, params: dict[str, Any] | None = None, timeout_s: float = 5.0,
+        on_progress: ProgressListener | None = None) -> m.CallResult:
+        """Call a method that an agent offers, and wait for its answer."""
+        return await self._ask("CallResult", "call_agent", agent=agent, method=method, params=params,
+            timeout_s=timeout_s, on_progress=on_progress)
+
+    async def get_calibration(self, on_progress: ProgressListener | None = None) -> m.CalibrationReport:
         """Return every step that can be calibrated, and the newest result of each."""
-        return await self._ask("CalibrationReport", "get_calibration")
+        return await self._ask("CalibrationReport", "get_calibration", on_progress=on_progress)
 
     async def calibrate(self, step: str, space_m: float | None = None,
         on_progress: ProgressListener | None = None) -> m.StepResult:
@@ -154,9 +206,10 @@ class GeneratedMethods(MethodCaller):
         """Answer the question that the calibration asks."""
         await self._ask(None, "answer_calibration", key=key, value=value)
 
-    async def apply_calibration(self, steps: list[str] | None = None) -> m.CalibrationApplied:
+    async def apply_calibration(self, steps: list[str] | None = None,
+        on_progress: ProgressListener | None = None) -> m.CalibrationApplied:
         """Write results into the daemon's configuration, which keeps its comments; the old file is kept beside it."""
-        return await self._ask("CalibrationApplied", "apply_calibration", steps=steps)
+        return await self._ask("CalibrationApplied", "apply_calibration", steps=steps, on_progress=on_progress)
 
     async def reset_board(self) -> None:
         """Restart the board; its counters start at zero."""
@@ -213,12 +266,22 @@ class Topics(ABC):
     @overload
     def subscribe(self, topics: Literal["stats"], **options: Unpack[Options]) -> Subscription[m.StatsData]: ...
     @overload
+    def subscribe(self, topics: Literal["agents"], **options: Unpack[Options]) -> Subscription[m.AgentsData]: ...
+    @overload
+    def subscribe(self, topics: Literal["agent_events"],
+        **options: Unpack[Options]) -> Subscription[m.AgentEventData]: ...
+    @overload
+    def subscribe(self, topics: Literal["agent_data"],
+        **options: Unpack[Options]) -> Subscription[m.AgentMessageData]: ...
+    @overload
     def subscribe(self, topics: Literal["calibration"],
         **options: Unpack[Options]) -> Subscription[m.CalibrationData]: ...
     @overload
     def subscribe(self, topics: Literal["sim"], **options: Unpack[Options]) -> Subscription[m.SimData]: ...
     @overload
     def subscribe(self, topics: Literal["link"], **options: Unpack[Options]) -> Subscription[m.LinkData]: ...
+    @overload
+    def subscribe(self, topics: Literal["firmware"], **options: Unpack[Options]) -> Subscription[m.FirmwareData]: ...
     @overload
     def subscribe(self, topics: Literal["reset"], **options: Unpack[Options]) -> Subscription[m.ResetData]: ...
     @overload

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 import asyncio
 import contextlib
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from chefbotd.client.errors import ChefbotError, not_reached
 
@@ -86,10 +86,23 @@ class MapMethods(MethodCaller):
         heading_rad: float | None = None,
         *,
         of_map: str | None = None,
+        kind: Literal["table", "dock", "home", "other"] | None = None,
+        note: str | None = None,
     ) -> models.PlaceData:
-        """Give a pose a name, or move the place of this name; without a pose, it is where the robot is."""
+        """Give a pose a name, or move the place of this name; without a pose, it is where the robot is.
+
+        Without a ``kind`` or a ``note`` a place keeps what it has.
+        """
         place: models.PlaceData = await self._ask(
-            "PlaceData", "save_place", name=name, x_m=x_m, y_m=y_m, heading_rad=heading_rad, map=of_map
+            "PlaceData",
+            "save_place",
+            name=name,
+            x_m=x_m,
+            y_m=y_m,
+            heading_rad=heading_rad,
+            map=of_map,
+            kind=kind,
+            note=note,
         )
         return place
 
@@ -139,6 +152,8 @@ class NavigationMethods(MethodCaller):
         place: str | None = None,
         tolerance_m: float | None = None,
         queue: bool | None = None,
+        goal_id: str | None = None,
+        on_client_left: Literal["cancel", "keep"] | None = None,
         on_progress: ProgressListener | None = None,
     ) -> str:
         """Drive to a place, or to a pose in the map in use, and wait for the end; the sentence about it.
@@ -146,13 +161,22 @@ class NavigationMethods(MethodCaller):
         With ``queue`` it comes after the goals that there are; otherwise they are cancelled. Where this is cancelled,
         so is the goal, with those that were queued behind it; the robot stands, unless a goal comes before.
         ``on_progress`` is told the metres that are done, all of them, and what the robot does.
+        Of a ``goal_id`` that the daemon knows already nothing begins anew: the end of that goal is waited for. With
+        ``on_client_left`` "keep" the goal outlives this client, which can wait for it again by its ``goal_id``.
 
         Raises:
             GoalNotReached: the goal ended otherwise; its subclass and ``reason`` say how.
             CallError: it was refused, as where there is no such place.
         """
         goal = given(
-            x_m=x_m, y_m=y_m, heading_rad=heading_rad, place=place, tolerance_m=tolerance_m, queue=queue
+            x_m=x_m,
+            y_m=y_m,
+            heading_rad=heading_rad,
+            place=place,
+            tolerance_m=tolerance_m,
+            queue=queue,
+            goal_id=goal_id,
+            on_client_left=on_client_left,
         )
         return await self._until_reached("navigate_to", goal, on_progress)
 
@@ -184,5 +208,5 @@ class NavigationMethods(MethodCaller):
                 await self.call("ping")  # when this is answered, the daemon has read that
             raise
         if result.end != "reached":
-            raise not_reached(result.goal, result.end or "unknown", result.reason)
+            raise not_reached(result.goal, result.end or "unknown", result.reason, result.cause or "")
         return result.reason

@@ -4,6 +4,10 @@
 
 from collections.abc import Mapping
 
+from chefbotd.core.events.agents import (
+    AgentData as AgentData, AgentEventData as AgentEventData, AgentMessageData as AgentMessageData,
+    AgentsData as AgentsData, ButtonData as ButtonData, QuestionData as QuestionData
+)
 from chefbotd.core.events.calibration import (
     Ask as Ask, CalibrationData as CalibrationData, Estimate as Estimate, Plot as Plot, Residual as Residual,
     Series as Series, StepResult as StepResult
@@ -11,15 +15,17 @@ from chefbotd.core.events.calibration import (
 from chefbotd.core.events.lidars import DepthCameraChanged as DepthCameraChanged
 from chefbotd.core.events.mapping import MapSaved as MapSaved, MappingData as MappingData
 from chefbotd.core.events.navigation import (
-    GoalResult as GoalResult, NavigationData as NavigationData, PathData as PathData, PlanResult as PlanResult
+    GoalReport as GoalReport, GoalResult as GoalResult, NavigationData as NavigationData, PathData as PathData,
+    PlanResult as PlanResult
 )
 from chefbotd.core.events.robot import (
     BatteryData as BatteryData, ImuData as ImuData, OdometryConditionData as OdometryConditionData,
     RecordingData as RecordingData, WorkerData as WorkerData
 )
 from chefbotd.core.record import LogLine as LogLine
+from chefbotd.features.agents.models import AskResult as AskResult, ButtonAdded as ButtonAdded, CallResult as CallResult
 from chefbotd.features.board.models import (
-    LinkData as LinkData, RawData as RawData, ResetData as ResetData, TextData as TextData
+    FirmwareData as FirmwareData, LinkData as LinkData, RawData as RawData, ResetData as ResetData, TextData as TextData
 )
 from chefbotd.features.calibration.models import (
     CalibrationApplied as CalibrationApplied, CalibrationReport as CalibrationReport, CalibrationStep as CalibrationStep
@@ -54,7 +60,8 @@ from chefbotd.recording.status import RecordedFile as RecordedFile
 from chefbotd.rpc.encoding import UnknownData as UnknownData
 from chefbotd.rpc.models import (
     Authenticated as Authenticated, ControlTaken as ControlTaken, Description as Description, Done as Done,
-    ErrorDescription as ErrorDescription, MethodDescription as MethodDescription, Pong as Pong, Released as Released,
+    ErrorDescription as ErrorDescription, MethodDescription as MethodDescription,
+    PluginDescription as PluginDescription, PluginList as PluginList, Pong as Pong, Released as Released,
     Subscribed as Subscribed, TopicDescription as TopicDescription
 )
 from chefbotd.client.event import Latest
@@ -65,8 +72,9 @@ DATA_BY_TOPIC: Mapping[str, type[Sent]] = {
     "map": MapData, "map_pose": MapPoseData, "localization": LocalizationData, "navigation": NavigationData,
     "path": PathData, "costmap": CostmapData, "obstacles": ObstaclesData, "depth_cameras": DepthCamerasData,
     "wheels": WheelsData, "safety": SafetyData, "odometry": OdometryData, "odometry_condition": OdometryConditionData,
-    "imu": ImuData, "ranges": RangesData, "battery": BatteryData, "stats": StatsData, "calibration": CalibrationData,
-    "sim": SimData, "link": LinkData, "reset": ResetData, "text": TextData, "raw": RawData, "log": LogData
+    "imu": ImuData, "ranges": RangesData, "battery": BatteryData, "stats": StatsData, "agents": AgentsData,
+    "agent_events": AgentEventData, "agent_data": AgentMessageData, "calibration": CalibrationData, "sim": SimData,
+    "link": LinkData, "firmware": FirmwareData, "reset": ResetData, "text": TextData, "raw": RawData, "log": LogData
 }
 """What a client reads each topic as."""
 
@@ -96,8 +104,12 @@ class TopicsOfState:
     ranges = Latest("ranges", RangesData)
     battery = Latest("battery", BatteryData)
     stats = Latest("stats", StatsData)
+    agents = Latest("agents", AgentsData)
+    agent_events = Latest("agent_events", AgentEventData)
+    agent_data = Latest("agent_data", AgentMessageData)
     calibration = Latest("calibration", CalibrationData)
     sim = Latest("sim", SimData)
+    firmware = Latest("firmware", FirmwareData)
     reset = Latest("reset", ResetData)
     text = Latest("text", TextData)
     raw = Latest("raw", RawData)

@@ -43,6 +43,16 @@ class RefusalKind(StrEnum):
     LATCHED_AGAIN = "latched_again"
     CANNOT_CALIBRATE = "cannot_calibrate"
     NOT_CALIBRATED = "not_calibrated"
+    UNKNOWN_GOAL = "unknown_goal"
+    AGENT_EXISTS = "agent_exists"
+    NOT_AN_AGENT = "not_an_agent"
+    UNKNOWN_AGENT = "unknown_agent"
+    UNKNOWN_BUTTON = "unknown_button"
+    UNKNOWN_QUESTION = "unknown_question"
+    UNKNOWN_CALL = "unknown_call"
+    AGENT_FAILED = "agent_failed"
+    AGENT_LEFT = "agent_left"
+    AGENT_TIMED_OUT = "agent_timed_out"
 
 
 class Refused(Exception):

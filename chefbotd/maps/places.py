@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Mapping
+from enum import StrEnum
 from typing import Literal
 
 from pydantic import Field, ValidationError
@@ -16,12 +17,26 @@ MOST_PLACES = 1000
 FARTHEST_M = 1e6
 
 
+MOST_NOTE = 200
+
+
+class PlaceKind(StrEnum):
+    """What a place is for."""
+
+    TABLE = "table"
+    DOCK = "dock"
+    HOME = "home"
+    OTHER = "other"
+
+
 class Place(Parameters):
-    """A pose in ``map``; the heading is CCW positive."""
+    """A pose in ``map``, what it is for, and a note for people; the heading is CCW positive."""
 
     x_m: float = Field(ge=-FARTHEST_M, le=FARTHEST_M)
     y_m: float = Field(ge=-FARTHEST_M, le=FARTHEST_M)
     heading_rad: float
+    kind: PlaceKind = PlaceKind.OTHER
+    note: str = Field("", max_length=MOST_NOTE)
 
 
 class _File(Parameters):
@@ -51,7 +66,7 @@ def parse_places(data: bytes | None, map_name: str) -> dict[str, Place]:
 
 def to_file(places: Mapping[str, Place]) -> bytes:
     """The file's content, which people can read and edit."""
-    rows = {name: place.model_dump() for name, place in places.items()}
+    rows = {name: place.model_dump(mode="json", exclude_defaults=True) for name, place in places.items()}
     return json.dumps({"format": 1, "places": rows}, indent=2, ensure_ascii=False).encode() + b"\n"
 
 

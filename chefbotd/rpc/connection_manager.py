@@ -16,6 +16,7 @@ from typing import Protocol
 import structlog
 
 from chefbotd.clock import Clock
+from chefbotd.core.events import ClientDisconnected
 from chefbotd.core.events.inputs import ClientLeft, TimerFired
 from chefbotd.entries import entries_of
 from chefbotd.logs import RateLimitedLog
@@ -129,6 +130,7 @@ class Connection(Caller, Protocol):
 class ConnectionManager:
     """``greeting`` makes the first message; ``role`` is what a new client may do, None: nothing before its token.
 
+    ``announce_left`` is told of each client that leaves.
     ``drops`` counts telemetry that slow clients lost by topic, ``refused`` the connections that were refused or ended
     by the kind of error.
     """
@@ -143,12 +145,14 @@ class ConnectionManager:
         control: ControlLeases,
         greeting: Callable[[], bytes],
         role: Role | None,
+        announce_left: Callable[[ClientDisconnected], None],
     ) -> None:
         self.parameters, self.clock, self.dispatcher, self.arrivals = parameters, clock, dispatcher, arrivals
         self.scheduler = FairScheduler(clock, parameters.requests_per_turn)
         self.drops: Counter[str] = Counter()
         self.refused: Counter[str] = Counter()
         self._fanout, self._control, self._greeting, self._role = fanout, control, greeting, role
+        self._announce_left = announce_left
         self._sessions: dict[
             Session, Connection | None
         ] = {}  # by arrival; None: not connected yet, as during TLS
@@ -242,8 +246,14 @@ class ConnectionManager:
         if connection is not None:
             self._fanout.unsubscribe(connection)
         with self._entries.entry(ClientLeft, session.number):
-            self._control.release(session, self._entries.now_s())
+            self.leave(session)
         self.dispatcher.jobs.cancel_all(session)
+
+    def leave(self, session: Session) -> None:
+        """What a client had ends: its leases, and whatever else was for it alone."""
+        now_s = self._entries.now_s()
+        self._control.release(session, now_s)
+        self._announce_left(ClientDisconnected(now_s, session.number))
 
     def count_ended(self, session: Session, failure: Failure) -> None:
         """Count and log a connection that is refused or ended."""

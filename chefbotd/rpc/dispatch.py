@@ -154,6 +154,7 @@ class Dispatcher:
             if method.moves and arrival is not None:
                 self._require_fresh(caller.session, request.method, arrival)
             params = _checked(method, request)
+            self._handled += 1  # also while nothing is recorded: it names the task of a request
             if request.method in self._async_methods:
                 handler = partial(method.handle, caller, params)
                 with self._clock.entry(partial(self._record, method, caller, params)):
@@ -199,7 +200,6 @@ class Dispatcher:
 
     def _record(self, method: Method, caller: Caller, params: Params, stamp_s: float) -> RequestHandled:
         session = caller.session
-        self._handled += 1
         recorded_params = (
             None if method.params.confidential else params.model_dump(mode="json", exclude_unset=True)
         )

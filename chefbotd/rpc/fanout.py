@@ -104,7 +104,7 @@ class Group:
     def snapshot(self, receiver: Receiver) -> None:
         """The latest value, for one member."""
         now_s = self._clock.now_s()
-        payload = self._feed.payload(now_s)
+        payload = None if self._feed.topic.passing else self._feed.payload(now_s)
         if payload is not None:
             self._members[receiver] = Member(self._feed.seq, now_s + self._interval_s - TIMER_RESOLUTION_S)
             receiver.send_event(payload, self._latest)
@@ -188,8 +188,8 @@ class Fanout:
         for feed in [self._feeds[name] for name in names]:
             had_subscribers = bool(feed.groups)
             self._leave(receiver, feed)
-            key = (policy, interval_s)
-            group = feed.groups.setdefault(key, Group(feed, policy, interval_s, self._clock))
+            key = ("ordered", 0.0) if feed.topic.passing else (policy, interval_s)
+            group = feed.groups.setdefault(key, Group(feed, *key, self._clock))
             group.add(receiver)
             self._tell_demand(feed, had_subscribers)
 
@@ -234,7 +234,8 @@ class Fanout:
     def states(self) -> dict[str, TopicState]:
         """The latest value of each topic that has one."""
         now_s = self._clock.now_s()
-        payloads = ((name, feed.payload(now_s)) for name, feed in self._feeds.items())
+        feeds = ((name, feed) for name, feed in self._feeds.items() if not feed.topic.passing)
+        payloads = ((name, feed.payload(now_s)) for name, feed in feeds)
         return {
             name: TopicState(seq=p.seq, stamp_s=p.stamp_s, age_s=p.age_s, data=Raw(p.data))
             for name, p in payloads

@@ -107,7 +107,7 @@ def method(
 
     def mark(function: F) -> F:
         if for_observers and moves:
-            raise TypeError(f"{function.__qualname__} moves the robot, so it needs the role drive or admin")
+            raise TypeError(f"{function.__qualname__} moves the robot, so observers must not have it")
         if moves is None and not for_observers:
             raise TypeError(
                 f"{function.__qualname__} must say whether it moves the robot: moves=True or moves=False"

@@ -31,8 +31,12 @@ NOTIFICATIONS: Mapping[str, type[Record]] = {
 }
 
 
-def describe(methods: Mapping[str, Method], topics: Mapping[str, Topic]) -> models.Description:
-    """What ``describe`` answers, for these methods and topics."""
+def describe(
+    methods: Mapping[str, Method],
+    topics: Mapping[str, Topic],
+    plugins: tuple[models.PluginDescription, ...] = (),
+) -> models.Description:
+    """What ``describe`` answers, for these methods, topics and plug-ins."""
     return models.Description(
         protocol=models.PROTOCOL,
         methods={name: _method(method) for name, method in methods.items()},
@@ -42,6 +46,7 @@ def describe(methods: Mapping[str, Method], topics: Mapping[str, Topic]) -> mode
             str(kind): models.ErrorDescription(code=e.code, meaning=e.meaning, closes=e.closes)
             for kind, e in ERRORS.items()
         },
+        plugins=plugins,
     )
 
 
@@ -84,7 +89,7 @@ log = structlog.get_logger(__name__)
 class ServerMethods:
     """The handlers.
 
-    ``table`` has every method of the socket by name.
+    ``table`` has every method of the socket by name. ``plugins`` are those that the configuration allows.
     """
 
     def __init__(
@@ -95,7 +100,9 @@ class ServerMethods:
         leases: ControlLeases,
         sources: Sources,
         keyring: Keyring | None = None,
+        plugins: tuple[models.PluginDescription, ...] = (),
     ) -> None:
+        self._plugins = plugins
         self._table, self._fanout, self._clock, self._leases = table, fanout, clock, leases
         self._sources, self._keyring = sources, keyring
 
@@ -121,7 +128,12 @@ class ServerMethods:
     @method(role=Role.OBSERVE, constant=True)
     def describe(self, caller: Caller, params: NoParams) -> models.Description:
         """Describe the methods, topics and errors, with their JSON Schemas."""
-        return describe(self._table, self._fanout.topics)
+        return describe(self._table, self._fanout.topics, self._plugins)
+
+    @method(role=Role.OBSERVE)
+    def list_plugins(self, caller: Caller, params: NoParams) -> models.PluginList:
+        """The plug-ins that the configuration allows, and what became of each."""
+        return models.PluginList(plugins=self._plugins)
 
     @method(role=Role.OBSERVE)
     def ping(self, caller: Caller, params: NoParams) -> models.Pong:
@@ -187,6 +199,15 @@ class ServerMethods:
         return models.Released(sources=self._leases.release(caller.session, self._clock.now_s()))
 
 
+OWN_METHODS = frozenset(
+    name
+    for handlers in (ServerMethods, Jobs)
+    for name, function in vars(handlers).items()
+    if hasattr(function, "_method")
+)
+"""The names that no feature's method may have."""
+
+
 def state_model(topics: Mapping[str, Topic]) -> type[Record]:
     """The record that ``get_state`` answers, with a member of its own for each topic that is always known."""
     return _state_model(tuple((name, topic.model) for name, topic in topics.items() if topic.always_known))
@@ -209,6 +230,7 @@ def method_table(
     *,
     keyring: Keyring | None = None,
     jobs: Jobs | None = None,
+    plugins: tuple[models.PluginDescription, ...] = (),
 ) -> dict[str, Method]:
     """The server's own methods, and those of the features behind them, by name.
 
@@ -216,7 +238,7 @@ def method_table(
         ValueError: a feature has a method of the same name as the server.
     """
     table: dict[str, Method] = {}
-    own = ServerMethods(table, fanout, clock, leases, sources, keyring)
+    own = ServerMethods(table, fanout, clock, leases, sources, keyring, plugins)
     table.update({row.name: row for row in (*methods_of(own), *methods_of(jobs or Jobs()))})
     table["get_state"] = replace(table["get_state"], result=state_model(fanout.topics))
     if repeated := sorted(table.keys() & methods.keys()):

@@ -3,6 +3,7 @@
 What is sent is a ``Record``: SI units, REP-103 axes, null for a number that is not finite.
 """
 
+from enum import StrEnum
 from typing import Annotated, Any, ClassVar, Final, Literal
 
 from msgspec import Meta
@@ -117,6 +118,31 @@ class Subscribed(Record, frozen=True):
     topics: list[str]
 
 
+class PluginState(StrEnum):
+    """What became of a plug-in that the configuration allows."""
+
+    RUNNING = "running"
+    NOT_FOUND = "not_found"
+    INCOMPATIBLE = "incompatible"
+    FAILED = "failed"
+
+
+class PluginDescription(Record, frozen=True):
+    """A plug-in that the configuration allows; ``reason`` says why it does not run (empty: it does)."""
+
+    name: str
+    package: str
+    version: str
+    state: PluginState
+    reason: str = ""
+
+
+class PluginList(Record, frozen=True):
+    """The plug-ins that the configuration allows, in its order."""
+
+    plugins: tuple[PluginDescription, ...]
+
+
 class TopicState(Record, frozen=True):
     """A topic's latest value and how old it is; ``seq`` counts its events, sent to this client or not."""
 
@@ -182,3 +208,4 @@ class Description(Record, frozen=True):
     topics: dict[str, TopicDescription]
     notifications: dict[str, dict[str, Any]]
     errors: dict[str, ErrorDescription]
+    plugins: tuple[PluginDescription, ...] = ()

@@ -1,8 +1,10 @@
 """The parameters of the socket: its address, access, and the limits of a client."""
 
 import ipaddress
+from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
+from typing import Any
 
 from pydantic import Field, ValidationInfo, field_validator
 
@@ -10,11 +12,17 @@ from chefbotd.core.parameters import Parameters
 
 
 class Role(StrEnum):
-    """``observe`` looks, and stops the robot; ``drive`` moves it; ``admin`` changes how it works."""
+    """What a client may do; each includes the ones before it.
+
+    ``observe`` looks, and stops the robot; ``guest`` answers and presses the buttons of agents; ``agent`` is one, and
+    sends the robot to goals; ``drive`` moves it in any way; ``admin`` changes how it works.
+    """
 
     rank: int
 
     OBSERVE = "observe"
+    GUEST = "guest"
+    AGENT = "agent"
     DRIVE = "drive"
     ADMIN = "admin"
 
@@ -96,6 +104,32 @@ class ApiParameters(Parameters):
         if (key is None) != (info.data.get("tls_certificate") is None):
             raise ValueError("TLS needs both, api.tls_certificate and api.tls_key")
         return key
+
+
+class PluginsParameters(Parameters):
+    """The plug-ins that run: a package that is installed does nothing before it is allowed."""
+
+    allow: tuple[str, ...] = Field((), description="entry points of the group chefbotd.features, by name")
+    settings: Mapping[str, Mapping[str, Any]] = Field({}, description="for each plug-in, its own keys")
+
+    @field_validator("allow")
+    @classmethod
+    def _each_once(cls, names: tuple[str, ...]) -> tuple[str, ...]:
+        if repeated := sorted({name for name in names if names.count(name) > 1}):
+            raise ValueError(f"each plug-in is allowed once, got {', '.join(repeated)} more often")
+        return names
+
+    @field_validator("settings")
+    @classmethod
+    def _of_allowed_plugins(
+        cls, settings: Mapping[str, Mapping[str, Any]], info: ValidationInfo
+    ) -> Mapping[str, Mapping[str, Any]]:
+        allowed = info.data.get("allow", ())
+        if unknown := sorted(settings.keys() - set(allowed)):
+            raise ValueError(
+                f"settings for {', '.join(unknown)}, which plugins.allow does not name: it has {list(allowed)}"
+            )
+        return settings
 
 
 def is_loopback(host: str) -> bool:

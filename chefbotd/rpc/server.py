@@ -18,7 +18,7 @@ from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.jobs import Jobs
 from chefbotd.rpc.method import Method
 from chefbotd.rpc.methods import method_table, prepare
-from chefbotd.rpc.models import Greeting
+from chefbotd.rpc.models import Greeting, PluginDescription
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.rpc.topics import Topic
 
@@ -50,6 +50,7 @@ class RpcServer:
         link_is_up: Callable[[], bool],
         resumed_s: Callable[[], float] = lambda: -math.inf,
         keyring: Keyring | None = None,
+        plugins: tuple[PluginDescription, ...] = (),
     ) -> None:
         self._bus, self._clock, self._keyring = bus, clock, keyring
         self._robot_name, self._session, self._link_is_up = robot_name, session, link_is_up
@@ -60,7 +61,7 @@ class RpcServer:
         )
         jobs = Jobs()
         self._methods = method_table(
-            methods, self._fanout, clock, leases, sources, keyring=keyring, jobs=jobs
+            methods, self._fanout, clock, leases, sources, keyring=keyring, jobs=jobs, plugins=plugins
         )
         self._capabilities = (
             *(f"method.{name}" for name in self._methods),
@@ -70,7 +71,15 @@ class RpcServer:
         dispatcher = Dispatcher(self._methods, clock, self.arrivals, command_timeout_s, jobs)
         role = parameters.default_role if keyring is None else None
         self.connections = ConnectionManager(
-            parameters, clock, dispatcher, self.arrivals, self._fanout, leases, self._greeting, role
+            parameters,
+            clock,
+            dispatcher,
+            self.arrivals,
+            self._fanout,
+            leases,
+            self._greeting,
+            role,
+            bus.publish,
         )
         self._taps: dict[str, Callable[[], None]] = {}
         self._failure = HandlerFailure()

@@ -25,6 +25,7 @@ class Topic(Struct, frozen=True):
     """Events of an ``on_demand`` topic are not even made unless someone subscribes: ``demanded`` is called when it does.
 
     It is called with False when the last subscriber has left.
+    Of a ``passing`` one every event is sent, in order, and nobody gets an old one, also not with ``get_state``.
     One that is ``always_known`` has data before its first event, ``data(None)``, and a key of its own in ``get_state``.
     """
 
@@ -34,5 +35,6 @@ class Topic(Struct, frozen=True):
     data: Callable[[Any], Sent]
     join: Callable[[Any, Any], Any] | None = None
     on_demand: bool = False
+    passing: bool = False
     always_known: bool = False
     demanded: Callable[[bool], None] | None = None

@@ -1,11 +1,28 @@
 """Events of navigation: its state, and the path that it follows. Loads no numpy."""
 
+from enum import StrEnum
 from typing import Annotated, ClassVar
 
 from msgspec import Meta
 
 from chefbotd.core.grid_patch import GridPatch
 from chefbotd.core.record import LogLine, Record, state_line
+
+
+class GoalCause(StrEnum):
+    """Why a goal ended that navigation itself did not end; stable names, for programs."""
+
+    ASKED = "asked"
+    REPLACED = "replaced"
+    STOPPED = "stopped"
+    EARLIER_GOAL = "earlier_goal"
+    REQUEST_CANCELLED = "request_cancelled"
+    CLIENT_LEFT = "client_left"
+    CONTROL_LOST = "control_lost"
+    NOT_ARMED = "not_armed"
+    REFUSED = "refused"
+    WORKER_LOST = "worker_lost"
+    MAP_CHANGED = "map_changed"
 
 
 class NavigationData(Record, frozen=True):
@@ -22,6 +39,7 @@ class NavigationData(Record, frozen=True):
     reason: str = ""
     distance_m: Annotated[float | None, Meta(description="still to drive")] = None
     time_s: Annotated[float | None, Meta(description="how long that takes without obstacles")] = None
+    cause: Annotated[GoalCause | None, Meta(description="of the end, as in the answer of get_goal")] = None
 
 
 class NavigationChanged(NavigationData, frozen=True, kw_only=True):
@@ -73,7 +91,7 @@ class PathChanged(PathData, frozen=True, kw_only=True):
 
 
 class GoalResult(Record, frozen=True):
-    """The goal's number. If the request waited, also how the goal ended, with a sentence."""
+    """The goal's number and, if it has ended, how, with a sentence and the cause. ``by`` names who ended it."""
 
     goal: int
     end: Annotated[
@@ -81,6 +99,18 @@ class GoalResult(Record, frozen=True):
         Meta(description="reached, unreachable, blocked, cancelled, lost or fault; null: it was accepted"),
     ] = None
     reason: str = ""
+    cause: Annotated[
+        GoalCause | None,
+        Meta(description="why it was ended; null: navigation itself ended it, or nobody did"),
+    ] = None
+    by: str = ""
+    goal_id: str | None = None
+
+
+class GoalReport(GoalResult, frozen=True):
+    """A goal, also after its end. ``state`` is ``accepting``, ``waiting``, as in the topic navigation, or ``ended``."""
+
+    state: str = "ended"
 
 
 class PlanResult(Record, frozen=True):

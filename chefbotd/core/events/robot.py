@@ -201,6 +201,13 @@ class SafetyChanged(Record, frozen=True):
         return LogLine(Level.INFO, "safety", text)
 
 
+class ClientDisconnected(Record, frozen=True):
+    """A client's connection has ended; ``client`` is its number. What the robot did for it alone ends."""
+
+    stamp_s: float
+    client: int
+
+
 class ControlChanged(Record, frozen=True):
     """The control leases: the client's name for each source of commands that a client controls."""
 

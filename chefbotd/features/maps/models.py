@@ -9,7 +9,7 @@ from pydantic import Field, model_validator
 
 from chefbotd.core.grid_patch import GridPatch
 from chefbotd.core.record import Record
-from chefbotd.maps.places import FARTHEST_M
+from chefbotd.maps.places import FARTHEST_M, MOST_NOTE, PlaceKind
 from chefbotd.rpc.models import Params
 
 NAME = Field(min_length=1, max_length=64, description="a map's name")
@@ -65,6 +65,12 @@ class SavePlaceParams(PlaceName):
     x_m: float | None = Field(None, ge=-FARTHEST_M, le=FARTHEST_M)
     y_m: float | None = Field(None, ge=-FARTHEST_M, le=FARTHEST_M)
     heading_rad: float | None = Field(None, description="CCW positive; 0 where only x_m and y_m are given")
+    kind: Literal["table", "dock", "home", "other"] | None = Field(
+        None, description="if none is given, as the place had it, or other"
+    )
+    note: str | None = Field(
+        None, max_length=MOST_NOTE, description="for people; if none is given, as the place had it"
+    )
 
     @model_validator(mode="after")
     def _x_and_y_together(self) -> "SavePlaceParams":
@@ -135,12 +141,14 @@ class MapPart(Record, frozen=True, kw_only=True):
 
 
 class PlaceData(Record, frozen=True):
-    """A place: its pose in ``map``."""
+    """A place: its pose in ``map``, what it is for, and a note for people."""
 
     name: str
     x_m: float
     y_m: float
     heading_rad: float
+    kind: PlaceKind = PlaceKind.OTHER
+    note: str = ""
 
 
 class PlaceList(Record, frozen=True):

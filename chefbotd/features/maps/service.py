@@ -219,16 +219,26 @@ class MapsService:
     ) -> PlaceData:
         """Give a pose in a map a name, or move the place of this name; without a pose, the robot's."""
         of_map = self._named(params.map)
-        place = self._place(params, of_map)
-        name = place_name(params.name)
-        await self._change_places(of_map, lambda places: with_place(places, name, place))
-        return PlaceData(name=name, **place.model_dump())
+        pose = self._pose(params, of_map)
+        name, given = place_name(params.name), params.model_dump(include={"kind", "note"}, exclude_none=True)
+        saved = Place(**pose)
 
-    def _place(self, params: SavePlaceParams, of_map: str) -> Place:
+        def changed(places: dict[str, Place]) -> dict[str, Place]:
+            nonlocal saved
+            before = places.get(name)
+            kept = {} if before is None else before.model_dump(include={"kind", "note"})
+            saved = Place(**pose, **{**kept, **given})
+            return with_place(places, name, saved)
+
+        await self._change_places(of_map, changed)
+        return PlaceData(name=name, **saved.model_dump())
+
+    def _pose(self, params: SavePlaceParams, of_map: str) -> dict[str, float]:
         if params.x_m is not None and params.y_m is not None:
-            return Place(x_m=params.x_m, y_m=params.y_m, heading_rad=wrap_angle(params.heading_rad or 0.0))
+            heading_rad = wrap_angle(params.heading_rad or 0.0)
+            return {"x_m": params.x_m, "y_m": params.y_m, "heading_rad": heading_rad}
         pose = self._robot_pose.pose_in(of_map, self.in_use, self._clock.now_s())
-        return Place(x_m=pose.x_m, y_m=pose.y_m, heading_rad=pose.heading_rad)
+        return {"x_m": pose.x_m, "y_m": pose.y_m, "heading_rad": pose.heading_rad}
 
     @method(role=Role.OBSERVE)
     async def list_places(self, caller: Caller, params: OfMapParams, progress: ProgressReporter) -> PlaceList:

@@ -1,11 +1,12 @@
 """What clients ask of navigation, and the feature that it is."""
 
-from chefbotd.core.events.navigation import GoalResult, PlanResult
+from chefbotd.core.events.navigation import GoalCause, GoalReport, GoalResult, PlanResult
 from chefbotd.features.feature import Feature, Service
 from chefbotd.features.navigation.models import (
     TOPICS,
     FollowWaypointsParams,
-    GoToPlaceParams,
+    GetGoalParams,
+    GoalParams,
     NavigateToParams,
     Waypoint,
     shown_topics,
@@ -23,41 +24,44 @@ class NavigationCommands:
     def __init__(self, service: NavigationService) -> None:
         self._service = service
 
-    @method(role=Role.DRIVE, moves=True)
+    @method(role=Role.AGENT, moves=True)
     async def navigate_to(
         self, caller: Caller, params: NavigateToParams, progress: ProgressReporter
     ) -> GoalResult:
         """Drive to a pose in the map in use, or to a place."""
-        return await self._begun([params], progress, queue=params.queue, wait=params.wait)
+        return await self._begun([params], params, caller, progress)
 
-    @method(role=Role.DRIVE, moves=True)
+    @method(role=Role.AGENT, moves=True)
     async def follow_waypoints(
         self, caller: Caller, params: FollowWaypointsParams, progress: ProgressReporter
     ) -> GoalResult:
         """Drive to several goals in order; the answer is the last goal's number, or how it ended."""
-        return await self._begun(params.waypoints, progress, queue=params.queue, wait=params.wait)
+        return await self._begun(params.waypoints, params, caller, progress)
 
-    @method(role=Role.DRIVE, moves=True)
-    async def go_home(
-        self, caller: Caller, params: GoToPlaceParams, progress: ProgressReporter
-    ) -> GoalResult:
+    @method(role=Role.AGENT, moves=True)
+    async def go_home(self, caller: Caller, params: GoalParams, progress: ProgressReporter) -> GoalResult:
         """Drive to the place navigation.home_place (home) of the map in use."""
-        return await self._to_place(self._service.section.home_place, params, progress)
+        home = Waypoint(place=self._service.section.home_place)
+        return await self._begun([home], params, caller, progress)
 
-    @method(role=Role.DRIVE, moves=True)
-    async def dock(self, caller: Caller, params: GoToPlaceParams, progress: ProgressReporter) -> GoalResult:
+    @method(role=Role.AGENT, moves=True)
+    async def dock(self, caller: Caller, params: GoalParams, progress: ProgressReporter) -> GoalResult:
         """Drive to the place navigation.dock_place (dock) of the map in use."""
-        return await self._to_place(self._service.section.dock_place, params, progress)
-
-    async def _to_place(self, place: str, params: GoToPlaceParams, progress: ProgressReporter) -> GoalResult:
-        waypoint = Waypoint(place=place)
-        return await self._begun([waypoint], progress, queue=params.queue, wait=params.wait)
+        dock = Waypoint(place=self._service.section.dock_place)
+        return await self._begun([dock], params, caller, progress)
 
     async def _begun(
-        self, waypoints: list[Waypoint], progress: ProgressReporter, *, queue: bool, wait: bool
+        self, waypoints: list[Waypoint], params: GoalParams, caller: Caller, progress: ProgressReporter
     ) -> GoalResult:
-        goals = await self._service.navigate_to(waypoints, queue=queue)
-        return await self._service.wait(goals, progress) if wait else GoalResult(goal=goals[-1])
+        goals = await self._service.navigate_to(waypoints, params, caller.session)
+        if params.wait:
+            return await self._service.wait(goals, progress, caller.session.number)
+        return self._service.result(goals)
+
+    @method(role=Role.OBSERVE)
+    def get_goal(self, caller: Caller, params: GetGoalParams) -> GoalReport:
+        """What became of a goal; the ends of the last 400 are remembered until the daemon ends."""
+        return self._service.report(params.goal, params.goal_id)
 
     @method(role=Role.OBSERVE)
     async def plan_to(self, caller: Caller, params: Waypoint, progress: ProgressReporter) -> PlanResult:
@@ -67,7 +71,7 @@ class NavigationCommands:
     @method(role=Role.OBSERVE)
     def cancel_navigation(self, caller: Caller, params: NoParams) -> Done:
         """End all goals; the robot comes to rest."""
-        self._service.cancel(f"by {caller.session}")
+        self._service.cancel(f"by {caller.session}", GoalCause.ASKED, str(caller.session))
         return DONE
 
     @method(role=Role.OBSERVE)
@@ -76,7 +80,7 @@ class NavigationCommands:
         self._service.pause(str(caller.session))
         return DONE
 
-    @method(role=Role.DRIVE, moves=True)
+    @method(role=Role.AGENT, moves=True)
     def resume_navigation(self, caller: Caller, params: NoParams) -> Done:
         """Continue with the goals from the robot's present pose."""
         self._service.resume()

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Callable
-from typing import Annotated, Final, Self
+from typing import Annotated, Final, Literal, Self
 
 from msgspec import Meta
 from pydantic import Field, model_validator
@@ -46,26 +46,55 @@ class Waypoint(Params):
         return self
 
 
-class NavigateToParams(Waypoint):
-    """A goal. ``wait``: answer when it has ended, and cancel it if this request is cancelled or its client leaves."""
+GOAL_ID: Final = Field(
+    None,
+    min_length=1,
+    max_length=64,
+    pattern=r"^[^\x00-\x1f\x7f-\x9f]+$",
+    description="the client's own; where this id is known already, nothing begins, and its state is the answer",
+)
+
+
+class GoalParams(Params):
+    """When to drive to a goal, and when to answer.
+
+    ``wait``: answer when it has ended. A goal that ends with its client also ends if a request that waits is cancelled.
+    """
 
     queue: bool = Field(False, description="true: after the waiting goals; false: they are cancelled")
     wait: bool = False
+    goal_id: str | None = GOAL_ID
+    on_client_left: Literal["cancel", "keep"] | None = Field(
+        None, description="whether the goal ends with its client; if none is given: with wait it does"
+    )
+
+    @property
+    def ends_with_client(self) -> bool:
+        """Whether the goal ends when its client leaves."""
+        return self.wait if self.on_client_left is None else self.on_client_left == "cancel"
 
 
-class FollowWaypointsParams(Params):
+class NavigateToParams(GoalParams, Waypoint):
+    """A goal, and when to answer."""
+
+
+class FollowWaypointsParams(GoalParams):
     """Goals, to be reached one after the other. ``wait``: answer when the last has ended, or one was not reached."""
 
     waypoints: list[Waypoint] = Field(min_length=1, max_length=MOST_WAYPOINTS)
-    queue: bool = Field(False, description="true: after the waiting goals; false: they are cancelled")
-    wait: bool = False
 
 
-class GoToPlaceParams(Params):
-    """When to drive to a place of the configuration, and when to answer: as for ``navigate_to``."""
+class GetGoalParams(Params):
+    """A goal by its number, or by the id that a client chose for it."""
 
-    queue: bool = Field(False, description="true: after the waiting goals; false: they are cancelled")
-    wait: bool = False
+    goal: int | None = Field(None, ge=0)
+    goal_id: str | None = GOAL_ID
+
+    @model_validator(mode="after")
+    def _is_one(self) -> Self:
+        if (self.goal is None) is (self.goal_id is None):
+            raise ValueError("expected either goal or goal_id")
+        return self
 
 
 class CostmapData(GridPartData, frozen=True, kw_only=True):

@@ -6,7 +6,7 @@ from typing import Final
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
-from chefbotd.core.events.navigation import NavigationChanged
+from chefbotd.core.events.navigation import GoalCause, NavigationChanged
 from chefbotd.core.record import Record
 from chefbotd.entries import Timer, due_of, entries_of
 from chefbotd.rpc.jobs import ProgressReporter
@@ -52,6 +52,7 @@ class Reporting:
         reason: str,
         distance_m: float | None = None,
         time_s: float | None = None,
+        cause: GoalCause | None = None,
     ) -> None:
         """Report what navigation does now."""
         last, now_s = self._reported, self._clock.now_s()
@@ -61,11 +62,22 @@ class Reporting:
         if last is not None and is_same and now_s - last.stamp_s < REPORT_EVERY_S:
             return
         self._reported = NavigationChanged(
-            state=state, goal=goal, reason=reason, distance_m=distance_m, time_s=time_s, stamp_s=now_s
+            state=state,
+            goal=goal,
+            reason=reason,
+            distance_m=distance_m,
+            time_s=time_s,
+            cause=cause,
+            stamp_s=now_s,
         )
         self._bus.publish(self._reported)
         for waiting in self._waiting:
             waiting.report(self._reported)
+
+    def state_of(self, goal: int) -> str:
+        """What is done for a goal that has not ended."""
+        last = self._reported
+        return last.state if last is not None and last.goal == goal else "waiting"
 
     @contextmanager
     def telling(self, goals: Collection[int], progress: ProgressReporter) -> Iterator[None]:

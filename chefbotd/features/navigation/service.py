@@ -5,32 +5,40 @@ delays it nor takes it back. Goals that are left outlive the worker; the next on
 """
 
 import asyncio
+from collections.abc import Iterable, Sequence
 from functools import partial
 from types import NoneType
 from typing import Final
 
 import structlog
-from msgspec.structs import astuple
+from msgspec.structs import asdict, astuple
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.core.events import SafetyChanged
+from chefbotd.core.events import ClientDisconnected, SafetyChanged
 from chefbotd.core.events.mapping import LocalizationChanged, MapLoaded
-from chefbotd.core.events.navigation import GoalResult, PathChanged, PlanResult
+from chefbotd.core.events.navigation import (
+    GoalCause,
+    GoalReport,
+    GoalResult,
+    PathChanged,
+    PlanResult,
+)
 from chefbotd.core.events.robot import WorkerReported
 from chefbotd.core.geometry import Twist2D
-from chefbotd.core.record import Record
+from chefbotd.core.record import Record, replace
 from chefbotd.entries import Timer, due_of, entries_of
 from chefbotd.features.driving.inner_driver import InnerDriver
 from chefbotd.features.feature import Waiting
 from chefbotd.features.navigation.goals import Destinations, Goals, GoalsState, Places
-from chefbotd.features.navigation.models import Waypoint
+from chefbotd.features.navigation.models import GoalParams, Waypoint
 from chefbotd.features.navigation.reporting import Reporting, ReportingState
 from chefbotd.features.navigation.requests import RequestQueue, RequestQueueState, ShownOnDemand
 from chefbotd.features.worker.service import WorkerService
 from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Unserved
+from chefbotd.rpc.session import Session
 from chefbotd.safety.gate import not_armed, why_not_armed
 from chefbotd.worker.parameters import NavigationSection
 from chefbotd.worker.skills import navigation_requests as messages
@@ -52,16 +60,25 @@ AWAY: Final = ("restarting", "unavailable", "stopped")
 
 
 TIMER: Final = "navigation worker"
+REPLACED: Final = "cancelled: a new goal replaced it"
+NO_REQUEST: Final = "the request that waited for it was cancelled"
+
+
+class Wait(Record, frozen=True):
+    """A request that waits: for which goals, and whose it is."""
+
+    goals: tuple[int, ...]
+    client: int
 
 
 class NavigationState(Record, frozen=True):
     """The goals, what the worker has to be told of them, and what holds them up; ``due_s``: when they are given up.
 
-    ``waits`` are the requests by their tasks, and the goals that each waits for.
+    ``waits`` are the requests that wait, by their tasks.
     """
 
     goals: GoalsState
-    waits: dict[str, tuple[int, ...]]
+    waits: dict[str, Wait]
     orders: RequestQueueState
     reporting: ReportingState
     drives: bool
@@ -92,9 +109,7 @@ class NavigationService:
         self._bus, self._clock, self._worker, self._driver = bus, clock, feed.worker, driver
         self.section, self._entries = section, entries_of(clock)
         self._destinations = Destinations(places, self._entries)
-        self._waits: dict[
-            str, tuple[int, ...]
-        ] = {}  # requests by their tasks, and the goals that each waits for
+        self._waits: dict[str, Wait] = {}  # requests by their tasks
         self._requests, self._goals = RequestQueue(), Goals()
         self._reporting = Reporting(bus, clock)
         self.shown = ShownOnDemand(bus, feed.worker)
@@ -111,6 +126,7 @@ class NavigationService:
         bus.add_handler(self._take_worker, WorkerReported)
         bus.add_handler(self._take_localization, LocalizationChanged)
         bus.add_handler(self._take_map, MapLoaded)
+        bus.add_handler(self._take_client_left, ClientDisconnected)
 
     def state(self) -> NavigationState:
         """Return the state of this part."""
@@ -162,58 +178,79 @@ class NavigationService:
                 if problem.kind is RefusalKind.WORKER_UNAVAILABLE:  # the next one is told
                     self._must_tell_goals = True
                 else:
-                    self._end_goals("fault", str(problem))
+                    self._end_goals("fault", str(problem), GoalCause.REFUSED)
 
     async def _ask(self, request: NavigationRequest) -> None:
         await self._worker.request(SKILL, request, NoneType, deadline_s=SHORT_S)
 
     # what is asked
 
-    async def navigate_to(self, waypoints: list[Waypoint], *, queue: bool) -> list[int]:
-        """Accept goals; their numbers. Queued behind a paused one, they wait with it."""
-        self._require_armed()
-        self._end_if_stopped()
-        stops = self._stops
-        await self._requests.all_sent()  # or a cancel that waits for a busy worker would end these goals
-        numbers = [self._goals.next_number() for _ in waypoints]
-        goals = await self._destinations.goals(numbers, waypoints)
-        self._goals.require_room(len(goals))
-        if self._driver.stops != stops:
-            raise Refused(
-                RefusalKind.STOPPED, "the robot was stopped after this goal was sent; choose it again"
-            )
-        self._goals.add(goals)
-        self._driver.begin()
+    async def navigate_to(
+        self, waypoints: list[Waypoint], params: GoalParams, session: Session
+    ) -> Sequence[int]:
+        """Accept goals; their numbers. Queued behind a paused one, they wait with it.
+
+        Goals of an id that is known are those of then: nothing begins, and they are this client's from now on.
+        """
+        numbers: Sequence[int] = () if params.goal_id is None else self._goals.of_id(params.goal_id)
+        begins = not numbers
+        if begins:
+            self._require_armed()
+            self._end_if_stopped()
+            numbers = self._goals.reserve(len(waypoints), params.goal_id)
+        for number in numbers:
+            self._goals.set_client(number, session.number if params.ends_with_client else None)
+        if begins:
+            await self._accept(numbers, waypoints, params, session)
+        return numbers
+
+    async def _accept(
+        self, numbers: Sequence[int], waypoints: list[Waypoint], params: GoalParams, session: Session
+    ) -> None:
+        stops, is_told = self._stops, False
         try:
-            await self._ask(messages.NavigateTo(tuple(goals), queue))
+            await self._requests.all_sent()  # or a cancel that waits for a busy worker would end these goals
+            goals = await self._destinations.goals(numbers, waypoints)
+            self._goals.require_room(len(goals))
+            if self._driver.stops != stops:
+                raise Refused(
+                    RefusalKind.STOPPED, "the robot was stopped after this goal was sent; choose it again"
+                )
+            self._goals.add(goals)
+            self._driver.begin()
+            is_told = True
+            await self._ask(messages.NavigateTo(tuple(goals), params.queue))
         except BaseException:
             self._goals.forget(numbers)
-            self._tell_which_are_left()
+            if is_told:
+                self._tell_which_are_left()
             raise
-        self._accepted(numbers, queue=queue)
-        return numbers
+        self._accepted(numbers, str(session), queue=params.queue)
 
     def _require_armed(self) -> None:
         safety = self._safety
         if safety is not None and safety.mode != ARMED:
             raise not_armed(safety.mode, safety.reason)
 
-    def _accepted(self, numbers: list[int], *, queue: bool) -> None:
+    def _accepted(self, numbers: Sequence[int], by: str, *, queue: bool) -> None:
         self._map, self._workers_lost = self._known_map, 0
         before = [number for number in self._goals.active if number < numbers[0]]
         if not queue:
             for number in reversed(before):
-                self._end(GoalResult(number, "cancelled", "cancelled: a new goal replaced it"))
+                self._end(GoalResult(number, "cancelled", REPLACED, GoalCause.REPLACED, by))
         if not queue or not before:
             self._paused = ""
             if self._is_taken_over:
                 self._requests.put(messages.Pause(self._why_taken_over()))
 
-    async def wait(self, goals: list[int], progress: ProgressReporter) -> GoalResult:
-        """Wait for the end of these; that of the first that is not reached, or of the last."""
+    async def wait(self, goals: Sequence[int], progress: ProgressReporter, client: int) -> GoalResult:
+        """Wait for the end of these; that of the first that is not reached, or of the last.
+
+        Given up, it ends the goals, unless they are another client's by now, or nobody's.
+        """
         ends = [self._goals.end_of(number) for number in goals]
         task = self._entries.task
-        self._waits[task] = tuple(goals)
+        self._waits[task] = Wait(tuple(goals), client)
         try:
             with self._reporting.telling(goals, progress):
                 for end in ends:
@@ -221,9 +258,7 @@ class NavigationService:
                     if ended.end != "reached":
                         break
         except asyncio.CancelledError:
-            left = [number for number in goals if number in self._goals.active]
-            if left:
-                self._end_goals("cancelled", "the request that waited for it was cancelled", left[0])
+            self._end_those_of(client, goals, NO_REQUEST, GoalCause.REQUEST_CANCELLED)
             raise
         finally:
             self._waits.pop(task, None)
@@ -231,7 +266,24 @@ class NavigationService:
 
     def waiting(self) -> Waiting:
         """The requests that wait for the end of goals, by their tasks."""
-        return {task: partial(self.wait, list(goals)) for task, goals in self._waits.items()}
+        return {
+            task: partial(self.wait, wait.goals, client=wait.client) for task, wait in self._waits.items()
+        }
+
+    def result(self, goals: Sequence[int]) -> GoalResult:
+        """How these have ended, if they have."""
+        return self._goals.result(goals)
+
+    def report(self, number: int | None, goal_id: str | None) -> GoalReport:
+        """What became of a goal, or of those of an id; raises ``Refused`` where nobody remembers it."""
+        numbers = (number or 0,) if goal_id is None else self._goals.of_id(goal_id)
+        if not numbers:
+            raise Refused(RefusalKind.UNKNOWN_GOAL, f"no goal with the id {goal_id!a} is remembered")
+        result = self._goals.result(numbers)
+        left = [number for number in numbers if number in self._goals.active]
+        state = "ended" if result.end else self._reporting.state_of(left[0]) if left else "accepting"
+        goal_id = goal_id or self._goals.id_of(numbers[-1])
+        return GoalReport(**asdict(replace(result, goal_id=goal_id)), state=state)
 
     async def plan_to(self, waypoint: Waypoint) -> PlanResult:
         """What would be driven."""
@@ -239,10 +291,10 @@ class NavigationService:
         request = messages.PlanTo(goal)
         return await self._worker.request(SKILL, request, PlanResult, deadline_s=SHORT_S)
 
-    def cancel(self, reason: str) -> None:
+    def cancel(self, reason: str, cause: GoalCause, by: str = "") -> None:
         """End all goals; the robot comes to rest at once, whatever the worker is at."""
         self._driver.let_go()
-        self._end_goals("cancelled", reason)
+        self._end_goals("cancelled", reason, cause, by)
 
     def pause(self, by: str) -> None:
         """Stand until ``resume``; without a goal nothing happens."""
@@ -263,14 +315,17 @@ class NavigationService:
         """A stop ends the goals also while nothing is wished: the robot waits, plans, is paused, or has no worker."""
         if self._driver.stops != self._stops:
             self._stops = self._driver.stops
-            self.cancel(f"{self._driver.source} was stopped by {self._driver.stopped_by or 'somebody'}")
+            by = self._driver.stopped_by or "somebody"
+            self.cancel(f"{self._driver.source} was stopped by {by}", GoalCause.STOPPED, by)
 
     # what the worker tells
 
     def _take_stepped(self, stepped: messages.Stepped) -> None:
         self._end_if_stopped()
+        has_failed = any(ended.end not in ("reached", "cancelled") for ended in stepped.ended)
+        follows = GoalCause.EARLIER_GOAL if has_failed else GoalCause.REPLACED
         for ended in reversed(stepped.ended):  # the one that has ended the others is reported last, and stays
-            self._end(ended)
+            self._end(replace(ended, cause=follows) if ended.end == "cancelled" else ended)
         if stepped.path is not None:
             self._bus.publish(PathChanged(*astuple(stepped.path), stamp_s=stepped.stamp_s))
         now = stepped.now
@@ -286,11 +341,13 @@ class NavigationService:
         try:
             self._driver.drive(twist, wished_s)
         except Unserved as held:
-            self.cancel(str(held))
+            self.cancel(str(held), GoalCause.CONTROL_LOST, str(held.details.get("holder", "")))
         except Refused as refusal:
-            end = "cancelled" if refusal.kind is RefusalKind.STOPPED else "fault"
+            is_stopped = refusal.kind is RefusalKind.STOPPED
+            end, cause = ("cancelled", GoalCause.STOPPED) if is_stopped else ("fault", GoalCause.REFUSED)
             self._driver.let_go()
-            self._end_goals(end, str(refusal).partition(": let go")[0])
+            by = self._driver.stopped_by if is_stopped else ""
+            self._end_goals(end, str(refusal).partition(": let go")[0], cause, by)
 
     # what happens
 
@@ -300,7 +357,7 @@ class NavigationService:
             self._end_if_stopped()
         elif self._goals.active:
             self._driver.let_go()
-            self._end_goals("fault", why_not_armed(event.mode, event.reason))
+            self._end_goals("fault", why_not_armed(event.mode, event.reason), GoalCause.NOT_ARMED)
         is_taken_over = self._driver.gives_way_to(event.source)
         if is_taken_over is not self._is_taken_over:
             self._is_taken_over = is_taken_over
@@ -327,12 +384,12 @@ class NavigationService:
             return
         self._driver.let_go()
         if event.state == "unavailable":
-            self._end_goals("fault", f"the worker is not available: {event.reason}")
+            self._end_goals("fault", f"the worker is not available: {event.reason}", GoalCause.WORKER_LOST)
             return
         self._workers_lost += 1
         if self._workers_lost >= MOST_WORKERS:
             why = f"{self._workers_lost} workers ended on the way to it, the last: {event.reason}"
-            self._end_goals("fault", why)
+            self._end_goals("fault", why, GoalCause.WORKER_LOST)
             return
         if not self._must_tell_goals:
             self._must_tell_goals = True
@@ -345,7 +402,8 @@ class NavigationService:
     def _give_up(self) -> None:
         """Nobody could be told of the goals for too long."""
         self._away_timer = None
-        self._end_goals("fault", f"no worker could take over the goal for {WORKER_AWAY_S:.0f} s")
+        why = f"no worker could take over the goal for {WORKER_AWAY_S:.0f} s"
+        self._end_goals("fault", why, GoalCause.WORKER_LOST)
 
     def _wait_no_more(self) -> None:
         """The goals are told, or over."""
@@ -367,7 +425,8 @@ class NavigationService:
         self._wait_no_more()
         if event.map != self._map:
             why = f"the goals are on the map {self._map!a}, which is no longer in use"
-            self._end_goals("fault", f"{why}: {event.reason}" if event.reason else why)
+            why = f"{why}: {event.reason}" if event.reason else why
+            self._end_goals("fault", why, GoalCause.MAP_CHANGED)
             return
         self._requests.put(messages.NavigateTo(tuple(self._goals.active.values()), queue=False))
         if self._paused or self._is_taken_over:
@@ -375,7 +434,20 @@ class NavigationService:
 
     # how goals end
 
-    def _end_goals(self, end: str, why: str, first: int | None = None) -> None:
+    def _take_client_left(self, event: ClientDisconnected) -> None:
+        """The goals end that are to end with this client."""
+        goals = list(self._goals.active)
+        self._end_those_of(event.client, goals, "its client has left", GoalCause.CLIENT_LEFT)
+
+    def _end_those_of(self, client: int, goals: Iterable[int], why: str, cause: GoalCause) -> None:
+        """Of these goals, the first that ends with a client ends, with those that were to follow."""
+        of_client = [number for number in goals if self._goals.clients.get(number) == client]
+        if of_client:
+            self._end_goals("cancelled", why, cause, first=of_client[0])
+
+    def _end_goals(
+        self, end: str, why: str, cause: GoalCause, by: str = "", first: int | None = None
+    ) -> None:
         """All goals end, or those from ``first`` on: the first of them so, and those that were to follow with it."""
         active = list(self._goals.active)
         ending = active if first is None else active[active.index(first) :]
@@ -385,8 +457,8 @@ class NavigationService:
             f"{end}: {why}" if end == "cancelled" else f"cancelled: goal {ending[0]} before it ended {end}"
         )
         for number in reversed(ending[1:]):
-            self._end(GoalResult(number, "cancelled", follows))
-        self._end(GoalResult(ending[0], end, f"{end}: {why}"))
+            self._end(GoalResult(number, "cancelled", follows, GoalCause.EARLIER_GOAL, by))
+        self._end(GoalResult(ending[0], end, f"{end}: {why}", cause, by))
         self._tell_which_are_left()
 
     def _tell_which_are_left(self) -> None:
@@ -402,4 +474,4 @@ class NavigationService:
         if self._goals.end(ended):
             self._workers_lost = 0
             log.info("goal ended", goal=ended.goal, end=ended.end, reason=ended.reason)
-            self._reporting.report(ended.end or "", ended.goal, ended.reason)
+            self._reporting.report(ended.end or "", ended.goal, ended.reason, cause=ended.cause)

@@ -116,6 +116,8 @@ def _annotation(kind: Any, where: str) -> str:
         return f"Literal[{', '.join(repr(member.value) for member in kind)}]"
     if origin in (list, dict):
         return f"{origin.__name__}[{', '.join(_annotation(part, where) for part in parts)}]"
+    if kind is Any:
+        return "Any"
     if kind in (bool, int, float, str, SecretStr, NoneType):
         return {SecretStr: "str", NoneType: "None"}.get(kind, kind.__name__)
     raise TypeError(
@@ -130,6 +132,8 @@ def _method(method: Method, exported: Mapping[str, type[Any]]) -> str:
         kind = _annotation(field.annotation, f"{method.name}: {name}")
         takes += ["*"] if kind == "bool" and "*" not in takes else []
         default = field.default.value if isinstance(field.default, Enum) else field.default
+        if isinstance(default, list | dict):  # what is None is not sent, and the daemon has the default
+            kind, default = f"{kind} | None", None
         takes.append(f"{name}: {kind}" + ("" if field.is_required() else f" = {default!r}"))
         gives.append(f"{name}={name}")
     if inspect.iscoroutinefunction(method.handle):

@@ -17,8 +17,14 @@ def simulated_daemon() -> Iterator[int]:
     over = asyncio.Event()
 
     async def serve() -> None:
-        # A computer that is busy with other tests must not disarm the robot: that has tests of its own.
-        settings = load(overrides={"watchdog.latch_after_s": 10.0, "watchdog.latch_pauses": 100})
+        # A computer that is busy with other tests must neither disarm the robot nor make a command too old: both have
+        # tests of their own.
+        patient = {
+            "watchdog.latch_after_s": 10.0,
+            "watchdog.latch_pauses": 100,
+            "safety.command_timeout_s": 2.0,
+        }
+        settings = load(overrides=patient)
         async with simulated_robot(settings) as robot:
             ports.append((await robot.daemon.server.address())[1])
             started.set()

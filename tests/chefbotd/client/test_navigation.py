@@ -34,7 +34,9 @@ def test_giving_up_a_goal_cancels_that_request_and_nobody_elses_goals(
     """Two programs wait; the second is ended by Ctrl-C. ``cancel_navigation`` would end the first one's goal too."""
     given_up: list[list[int]] = []
 
-    async def waits(self: FakeNavigation, goals: list[int], progress: ProgressReporter) -> GoalResult:
+    async def waits(
+        self: FakeNavigation, goals: list[int], progress: ProgressReporter, client: int
+    ) -> GoalResult:
         try:
             await asyncio.Event().wait()
         except asyncio.CancelledError:
@@ -63,7 +65,9 @@ def test_giving_up_a_goal_cancels_that_request_and_nobody_elses_goals(
 def test_an_end_is_raised_as_its_own_error(monkeypatch: pytest.MonkeyPatch) -> None:
     """With the robot's sentence; a refusal is no end, but a ``CallError``."""
 
-    async def is_blocked(self: FakeNavigation, goals: list[int], progress: ProgressReporter) -> GoalResult:
+    async def is_blocked(
+        self: FakeNavigation, goals: list[int], progress: ProgressReporter, client: int
+    ) -> GoalResult:
         return GoalResult(goal=goals[-1], end="blocked", reason="blocked for 60 s: something is in the way")
 
     monkeypatch.setattr(FakeNavigation, "wait", is_blocked)

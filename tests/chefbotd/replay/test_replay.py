@@ -4,7 +4,7 @@ import asyncio
 
 import pytest
 
-from chefbotd.core.events import SafetyChanged
+from chefbotd.core.events import FirmwareReported, SafetyChanged
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.settings import load, packaged
 from chefbotd.testing.daemon import SimulatedRobot
@@ -90,6 +90,20 @@ def test_a_drive_is_replayed_bit_for_bit() -> None:
     assert faults >= {"loop_blocked", "internal_error", "link_lost", "board_restarted"}
     assert {"SetpointWithdrawn", "DrainAnswered", "FaultTaken"} <= set(outcome.comparison.rows)
     assert outcome.comparison.rows["WheelsDriven"].recorded > 200
+
+
+@pytest.mark.slow
+def test_a_drive_with_our_own_firmware_is_replayed_bit_for_bit() -> None:
+    """The same with a board that agrees on the checked mode, restarts, is lost, and agrees on it again."""
+    settings = load(overrides={"sim.board.sketch": "chefbot"})
+    events = recorded(eventful, settings)
+    outcome = replayed(events, settings)
+    assert outcome.problems == []
+    assert outcome.first is None, str(outcome.first)
+    assert outcome.exact
+    assert {"FirmwareReported", "DrainAnswered"} <= set(outcome.comparison.rows)
+    modes = [each.mode for each in events if isinstance(each, FirmwareReported)]
+    assert modes.count("checked") > 10
 
 
 async def with_a_lost_link(robot: SimulatedRobot) -> None:

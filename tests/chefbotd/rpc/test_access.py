@@ -66,7 +66,7 @@ def test_a_keyring_holds_no_token_in_the_clear() -> None:
     [
         ("", "contains no token; create one"),
         ("# nothing\n", "contains no token; create one"),
-        (ANN, r"line 1: expected a role \(observe, drive, admin\)"),
+        (ANN, r"line 1: expected a role \(observe, guest, agent, drive, admin\)"),
         (f"\nroot {ANN}", "line 2: expected a role"),
         (f"admin {ANN} ann", "line 1: expected a role"),
         (f"{ANN} admin", "line 1: expected a role"),

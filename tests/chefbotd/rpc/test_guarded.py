@@ -25,7 +25,7 @@ from tests.fakes.api import line_client, serving
 from tests.fakes.example import example
 from tests.fakes.robot import methods_of_socket
 
-TOKENS = {"observe": "o" * 32, "drive": "d" * 32, "admin": "a" * 32}
+TOKENS = {str(role): f"{role}{role[0] * 32}"[:32] for role in Role}
 KEYRING = Keyring.parse("\n".join(f"{role} {token}" for role, token in TOKENS.items()), "tokens")
 GUARD = Guard(KEYRING)
 AUTHORITY = trustme.CA()
@@ -58,9 +58,15 @@ CALLS = {
 READS = re.compile(r"(get|list|plan)_\w+|describe|ping")
 ENDS_MOTION = {"stop", "estop", "cancel_navigation", "pause_navigation"}
 OF_THE_CLIENT_ITSELF = {"subscribe", "unsubscribe", "set_client_name", "cancel"}
+TO_GOALS = {"navigate_to", "follow_waypoints", "go_home", "dock", "resume_navigation"}
+"""What a program may ask for that does not drive by velocity: goals, on a map, with all guards."""
+
+FOR_GUESTS = {"press_button", "answer_agent"}
+"""What somebody may do who only orders: it tells an agent something, and moves and tunes nothing."""
+
 MOVES = {
     *("drive", "set_wheel_velocities", "arm", "localize"),
-    *("navigate_to", "follow_waypoints", "go_home", "dock", "resume_navigation"),
+    *TO_GOALS,
 }
 FOR_EVERYBODY = {"stop", "estop"}
 """Whoever may look may stop, also where there is no other room, and before all other requests."""
@@ -90,6 +96,8 @@ def broken_rules(methods: Mapping[str, Method]) -> set[str]:
         for name, method in methods.items()
         if (method.role is None and name != "authenticate")
         or (name in drivers and (method.role is Role.OBSERVE or not method.moves))
+        or (name in drivers - TO_GOALS and method.role not in (Role.DRIVE, Role.ADMIN))
+        or (method.role is Role.GUEST and name not in FOR_GUESTS)
         or (name in CHANGES_THE_ROBOT and method.role is not Role.ADMIN)
         or (name in ENDS_MOTION and (method.role is not Role.OBSERVE or method.moves))
         or (name in FOR_EVERYBODY and not (method.urgent and method.when_crowded))
@@ -104,7 +112,7 @@ def broken_rules(methods: Mapping[str, Method]) -> set[str]:
 def test_what_moves_the_robot_needs_a_driver_and_observers_only_read() -> None:
     """An observer asks (get_, list_, plan_), ends motion, or changes its own connection; what moves says so."""
     every = methods_of_socket()
-    assert every.keys() >= MOVES | CHANGES_THE_ROBOT | ENDS_MOTION
+    assert every.keys() >= MOVES | CHANGES_THE_ROBOT | ENDS_MOTION | FOR_GUESTS
     assert broken_rules(every) == set()
 
 
@@ -121,6 +129,11 @@ def test_what_moves_the_robot_needs_a_driver_and_observers_only_read() -> None:
         ("stop", {"when_crowded": False}),
         ("estop", {"urgent": False}),
         ("reset_odometry", {"role": Role.OBSERVE}),
+        ("drive", {"role": Role.AGENT}),
+        ("arm", {"role": Role.AGENT}),
+        ("localize", {"role": Role.AGENT}),
+        ("navigate_to", {"role": Role.GUEST}),
+        ("save_place", {"role": Role.GUEST}),
     ],
 )
 def test_a_method_that_breaks_the_rule_is_named(name: str, changes: dict[str, Any]) -> None:

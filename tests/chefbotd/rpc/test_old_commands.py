@@ -18,6 +18,7 @@ from structlog.testing import capture_logs
 from tests.budget import sample
 from tests.chefbotd.rpc.test_guarded import TOKENS, tls_guard, trusting
 from tests.fakes.api import Served, line_client, serving
+from tests.fakes.robot import FakeRobot
 
 GET_STATE = b'{"jsonrpc":"2.0","id":1,"method":"get_state"}\n'
 PING = b'{"jsonrpc":"2.0","id":1,"method":"ping"}\n'
@@ -242,15 +243,18 @@ def test_a_drive_behind_answers_that_nobody_reads_is_old_when_they_are_read(run:
 
 
 @pytest.mark.parametrize("behind", [b"", PING * 100, GET_STATE * 60])
-def test_what_a_client_sends_behind_its_own_stop_is_carried_out(behind: bytes) -> None:
+def test_what_a_client_sends_behind_its_own_stop_is_carried_out(
+    monkeypatch: pytest.MonkeyPatch, behind: bytes
+) -> None:
     """E-stop, arm and drive in one piece, also behind more requests than a turn serves: in this order."""
+    monkeypatch.setattr(FakeRobot, "command_timeout_s", 60.0)  # their order counts here, not their age
 
     async def scenario(served: Served) -> None:
         with ExitStack() as stack:
             client = connect(served, stack)
-            client.sendall(DRIVE.replace(b'"id":9', b'"id":8') + behind + ESTOP + ARM + DRIVE)
-            assert await answer(client, 9) == "ok"
-            await asyncio.sleep(0.2)
+            first, last = (DRIVE.replace(b'"id":9', b'"id":%d' % number) for number in (8, 10))
+            client.sendall(first + behind + ESTOP + ARM + last)
+            assert await answer(client, 10) == "ok"
             calls = names(served)
             assert calls[calls.index("estop") :] == ["estop", "arm", "drive"]
 

@@ -158,7 +158,7 @@ class FakeDaemon:
         *("drive", "stop", "estop", "arm", "navigate_to", "set_pose", "cancel_navigation"),
         *("list_places", "save_place", "delete_place", "list_maps", "start_mapping", "localize"),
         *("follow_waypoints", "pause_navigation", "resume_navigation", "discard_mapping", "finish_mapping"),
-        *("save_ring", "start_recording", "stop_recording"),
+        *("save_ring", "start_recording", "stop_recording", "press_button", "answer_agent"),
     )
     TOPICS = (
         "odometry",
@@ -170,7 +170,18 @@ class FakeDaemon:
         "scan",
         "localization",
         "costmap",
-        *("mapping", "recording", "battery", "link", "lidars", "ranges", "reset", "log"),
+        *(
+            "mapping",
+            "recording",
+            "battery",
+            "link",
+            "firmware",
+            "lidars",
+            "ranges",
+            "reset",
+            "log",
+            "agents",
+        ),
     )
     RESULTS: ClassVar[dict[str, Any]] = {
         "list_places": {

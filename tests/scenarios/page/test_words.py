@@ -105,3 +105,16 @@ def test_a_cancelled_goal_says_once_by_whom(page: Any, daemon: FakeDaemon) -> No
     ):
         daemon.say("navigation", state="cancelled", goal=1, reason=f"cancelled: by {who}", distance_m=None)
         sync_api.expect(goal).to_have_text(words)
+
+
+def test_the_boards_firmware_is_told_in_words(page: Any, daemon: FakeDaemon) -> None:
+    """A classic sketch does not stop by itself; ours says its version and its dead-man, or that it has none now."""
+    daemon.say("link", state="up", device="/dev/ttyACM0", reason="", healthy=True, condition="healthy")
+    sync_api.expect(page.locator("#firmware")).to_have_text("classic, does not stop by itself")
+    ours = {"version": "0.1", "board": "tm4c123", "reset_cause": "power_on", "round_trip_s": 0.012}
+    counted = dict.fromkeys(("crc_errors", "refused", "deadman_stops"), 0)
+    daemon.say("firmware", **ours, **counted, mode="checked", deadman_ms=250)
+    sync_api.expect(page.locator("#firmware")).to_have_text("0.1, stops by itself after 250 ms")
+    daemon.say("firmware", **ours, **counted, mode="classic", deadman_ms=None)
+    sync_api.expect(page.locator("#firmware")).to_have_text("0.1, does not stop by itself now")
+    assert not FOR_PROGRAMS.search(shown(page))

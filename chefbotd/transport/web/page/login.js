@@ -4,8 +4,8 @@ import { $, text } from "./dom.js";
 import { me } from "./words.js";
 
 const TOKEN_KEY = "chefbotd-token";
-const RANKS = ["observe", "drive", "admin"];
-const MAY = { observe: "watch and stop", drive: "drive" };
+const RANKS = ["observe", "guest", "agent", "drive", "admin"];
+const MAY = { observe: "watch and stop", guest: "order and stop", agent: "send the robot and stop it", drive: "drive" };
 
 export class Login {
   #token = sessionStorage.getItem(TOKEN_KEY);

@@ -1,5 +1,6 @@
 // Puts the page together: what the daemon can do is shown, the rest is not there.
 
+import { Agents } from "./agents.js";
 import { Calibration } from "./calibration.js";
 import { Connection } from "./connection.js";
 import { Costs } from "./costs.js";
@@ -17,7 +18,7 @@ import { SafetyCard } from "./safety.js";
 import { Sensors } from "./sensors.js";
 import { View } from "./view.js";
 import { Wheels } from "./wheels.js";
-import { battery, limit, plain, refusal, sentence } from "./words.js";
+import { battery, firmware, firmwareFigures, limit, plain, refusal, sentence } from "./words.js";
 
 const connection = new Connection(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/socket`);
 const lately = new Lately(connection);
@@ -30,7 +31,7 @@ const goal = new Goal(connection, ask, view);
 const places = new Places(ask, say, route);
 const sensors = new Sensors(connection, view);
 const parts = [safety, goal, places, sensors, new Wheels(connection, ask), new Costs(connection, ask, view),
-  new Recorder(connection, ask), new Calibration(connection, ask), new Maps(connection, view, say)];
+  new Recorder(connection, ask), new Calibration(connection, ask), new Maps(connection, view, say), new Agents(connection, ask)];
 
 function say(words) {
   text("alert", words);
@@ -78,6 +79,11 @@ connection.addEventListener("latency", ({ detail }) => {
 connection.on("link", ({ state, healthy, reason }) => {
   const up = healthy === false ? `has a problem: ${plain(reason)}` : "connected";
   text("link", state === "up" ? up : `not connected ${plain(reason)}`);
+  if (state === "up" && $("firmware").textContent === "–") text("firmware", firmware(null));
+});
+connection.on("firmware", (told) => {
+  text("firmware", firmware(told));
+  $("firmware").title = told.version ? firmwareFigures(told) : "";
 });
 connection.on("stats", (stats) => text("clients", String(stats.clients)));
 connection.on("localization", ({ map }) => places.show(map));

@@ -56,6 +56,20 @@ export function limit(by) {
   return "the robot's top speed";
 }
 
+const CLASSIC = "classic, does not stop by itself";
+
+// The board's firmware in a few words; of a classic sketch nothing is known.
+export function firmware(told) {
+  if (!told?.version) return CLASSIC;
+  return `${told.version}, ${told.deadman_ms === null ? "does not stop by itself now" : `stops by itself after ${told.deadman_ms} ms`}`;
+}
+
+// Its figures, in a sentence.
+export function firmwareFigures({ board, reset_cause: cause, crc_errors: damaged, refused, deadman_stops: stops, round_trip_s: trip }) {
+  const delay = trip === null ? "" : `, ${(1000 * trip).toFixed(0)} ms from a command to its echo`;
+  return `${board}, started by ${cause.replaceAll("_", " ")}: ${damaged} lines damaged, ${refused} refused, stopped by itself ${stops} times${delay}`;
+}
+
 export const MODES = {
   armed: ["good", "Ready to drive"],
   disarmed: ["bad", "Stopped by a fault"],

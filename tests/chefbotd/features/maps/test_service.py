@@ -2,6 +2,7 @@
 
 import asyncio
 import base64
+import json
 import math
 import os
 import zlib
@@ -242,6 +243,35 @@ def test_places_belong_to_a_map_and_go_with_it(tmp_path: Path) -> None:
             await client.save_place("\n", 1.0, 1.0)
 
     with_daemon(tmp_path, scenario)
+
+
+def test_a_place_has_a_kind_and_a_note_and_keeps_them_where_it_is_moved(tmp_path: Path) -> None:
+    """Saved with the map; changed one by one; an old file has neither, and is other without a note."""
+    save(MapStore(tmp_path), "flat", grid(1))
+    path = tmp_path / "flat.map" / "places.json"
+    old = {"format": 1, "places": {"door": {"x_m": 0.5, "y_m": 1.5, "heading_rad": 0.25}}}
+    path.write_text(json.dumps(old))
+
+    async def scenario(client: Client) -> None:
+        await client.save_place("window", 1.0, 2.0, of_map="flat", kind="table", note="two chairs")
+        moved = await client.save_place("window", 1.25, 2.0, of_map="flat")
+        assert (moved.x_m, moved.kind, moved.note) == (1.25, "table", "two chairs")
+        await client.save_place("window", 1.25, 2.0, of_map="flat", note="")
+        listed = await client.list_places("flat")
+        assert [(p.name, p.kind, p.note) for p in listed.places] == [
+            ("door", "other", ""),
+            ("window", "table", ""),
+        ]
+        with pytest.raises(CallError, match=r"kind: Input should be .*, got 'sofa'"):
+            await client.call("save_place", name="x", x_m=0.0, y_m=0.0, map="flat", kind="sofa")
+        with pytest.raises(CallError, match=r"note: .*at most 200 characters"):
+            await client.save_place("x", 0.0, 0.0, of_map="flat", note="n" * 201)
+
+    with_daemon(tmp_path, scenario)
+    assert json.loads(path.read_text())["places"] == {
+        "door": old["places"]["door"],
+        "window": {"x_m": 1.25, "y_m": 2.0, "heading_rad": 0.0, "kind": "table"},
+    }
 
 
 def test_damaged_places_are_told_and_left_alone(tmp_path: Path) -> None:

@@ -1,21 +1,23 @@
 """The service of navigation on a bench: its worker and its driver are fakes, its clock is virtual."""
 
 import asyncio
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Sequence
 from types import SimpleNamespace
 from typing import Any
 
 from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.core.commands import Refused
-from chefbotd.core.events import SafetyChanged
+from chefbotd.core.events import ClientDisconnected, SafetyChanged
 from chefbotd.core.events.mapping import LocalizationChanged
 from chefbotd.core.events.navigation import GoalResult, NavigationChanged, NavigationData
 from chefbotd.core.events.robot import WorkerReported
 from chefbotd.core.geometry import Twist2D
 from chefbotd.features.maps.models import PlaceData, PlaceList
-from chefbotd.features.navigation.models import Waypoint
+from chefbotd.features.navigation.models import GoalParams, Waypoint
 from chefbotd.features.navigation.service import NavigationService
+from chefbotd.rpc.parameters import ApiParameters, Role
+from chefbotd.rpc.session import Session
 from chefbotd.worker.parameters import NavigationSection
 from chefbotd.worker.skills.navigation_requests import NavigateTo, NavigationRequest, Stepped
 
@@ -89,6 +91,13 @@ class FakeDriver:
     def let_go(self) -> None:
         """Nothing is wished."""
 
+    def state(self) -> bool:
+        """It drives nothing."""
+        return False
+
+    def restore(self, state: bool) -> None:
+        """It has no state."""
+
     def drive(self, twist: Twist2D, wished_s: float) -> None:
         self.wished.append(twist)
 
@@ -130,12 +139,22 @@ class Bench:
         kitchen = PlaceData(name="kitchen", x_m=6.4, y_m=1.6, heading_rad=-1.57)
         return PlaceList(map="flat", places=(kitchen,))
 
-    async def navigate(self, *waypoints: Waypoint, queue: bool = False) -> list[int]:
-        return await self.service.navigate_to(list(waypoints), queue=queue)
+    async def navigate(
+        self, *waypoints: Waypoint, client: int = 1, wait: bool = True, **options: Any
+    ) -> Sequence[int]:
+        """Goals of a client that is to wait for them."""
+        session = Session(ApiParameters(), "127.0.0.1", client, Role.DRIVE, 0.0)
+        session.number = client
+        params = GoalParams(wait=wait, **options)
+        return await self.service.navigate_to(list(waypoints), params, session)
 
-    def wait(self, goals: list[int]) -> "asyncio.Task[GoalResult]":
+    def leave(self, client: int) -> None:
+        """The connection of this client has ended."""
+        self.bus.publish(ClientDisconnected(1.0, client))
+
+    def wait(self, goals: Sequence[int], client: int = 1) -> "asyncio.Task[GoalResult]":
         progress: Any = SimpleNamespace(report=lambda done, total, text: None)
-        return asyncio.create_task(self.service.wait(goals, progress))
+        return asyncio.create_task(self.service.wait(goals, progress, client))
 
 
 def benched(scenario: Callable[[Bench], Awaitable[None]], section: NavigationSection | None = None) -> None:

@@ -2,6 +2,8 @@
 
 import asyncio
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -11,7 +13,7 @@ from chefbotd.entries import entries_of
 from chefbotd.features.maps.models import PlaceData, PlaceList
 from chefbotd.features.navigation.commands import NavigationCommands
 from chefbotd.features.navigation.goals import Destinations
-from chefbotd.features.navigation.models import GoToPlaceParams, Waypoint
+from chefbotd.features.navigation.models import GoalParams, Waypoint
 from chefbotd.maps.contents import save
 from chefbotd.maps.parameters import MapsParameters
 from chefbotd.maps.store import MapStore
@@ -32,10 +34,12 @@ def test_each_is_a_goal_at_its_place() -> None:
     section = NavigationSection(home_place="counter", dock_place="charger by the door")
     commands = NavigationCommands(FakeNavigation(robot, section))  # type: ignore[arg-type]
 
+    caller: Any = SimpleNamespace(session=SimpleNamespace(number=1))
+
     async def ask() -> None:
-        home = await commands.go_home(None, GoToPlaceParams(queue=True), None)  # type: ignore[arg-type]
+        home = await commands.go_home(caller, GoalParams(queue=True), None)  # type: ignore[arg-type]
         assert (home.goal, home.end) == (1, None)
-        docked = await commands.dock(None, GoToPlaceParams(wait=True), None)  # type: ignore[arg-type]
+        docked = await commands.dock(caller, GoalParams(wait=True), None)  # type: ignore[arg-type]
         assert (docked.goal, docked.end) == (2, "reached")
 
     asyncio.run(ask())

@@ -5,6 +5,7 @@ import asyncio
 import pytest
 
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events.navigation import GoalCause
 from chefbotd.worker.parameters import NavigationSection
 from chefbotd.worker.skills.navigation_requests import KeepGoals, NavigateTo, Pause, Resume
 from tests.chefbotd.features.navigation.bench import HERE, THERE, Bench, benched
@@ -20,7 +21,7 @@ def test_while_the_worker_hangs_orders_do_not_pile_up_and_a_goal_does_not_overta
             bench.service.pause("a key")
             bench.service.resume()
             await asyncio.sleep(0)
-        bench.service.cancel("by a key")
+        bench.service.cancel("by a key", GoalCause.ASKED)
         assert await bench.navigate(THERE) == [2]
         kinds = [type(told) for told in bench.worker.received]
         assert kinds[-2:] == [KeepGoals, NavigateTo]
@@ -36,7 +37,7 @@ def test_a_stop_while_a_goal_waits_for_a_busy_worker_voids_it_whatever_the_worke
     async def scenario(bench: Bench) -> None:
         await bench.navigate(HERE)
         bench.worker.busy_s = 5.0
-        bench.service.cancel("by a key")
+        bench.service.cancel("by a key", GoalCause.ASKED)
         asked = asyncio.create_task(bench.navigate(THERE))
         await asyncio.sleep(1.0)
         bench.driver.stops = 1
@@ -55,7 +56,7 @@ def test_a_goal_that_is_cancelled_while_the_worker_hangs_is_over_at_once_and_sta
         waiting = bench.wait(await bench.navigate(HERE, THERE))
         bench.worker.busy_s = 20.0
         await asyncio.sleep(0.1)
-        bench.service.cancel("by a key")
+        bench.service.cancel("by a key", GoalCause.ASKED)
         found = await asyncio.wait_for(waiting, 0.1)
         assert (found.end, found.reason) == ("cancelled", "cancelled: by a key")
         bench.worker.step(1)  # it has not heard of it

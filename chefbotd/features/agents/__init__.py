@@ -1,0 +1,1 @@
+"""Programs on the socket that talk to people and to each other."""
