@@ -7,6 +7,7 @@ import structlog
 
 from chefbotd.composition.context import Context
 from chefbotd.composition.scanners import scan_guard
+from chefbotd.features.agents.service import agents
 from chefbotd.features.description.service import description
 from chefbotd.features.driving.commands import driving
 from chefbotd.features.driving.motor_watch import MotorWatch
@@ -19,7 +20,9 @@ from chefbotd.features.odometry.service import OdometryService, odometry
 from chefbotd.features.sensors.service import SensorService, sensors
 from chefbotd.features.statistics.service import StatsService, statistics
 from chefbotd.features.tuning.service import TuningService, tuning
+from chefbotd.link.port import FirmwareMode
 from chefbotd.link.session import BoardSession
+from chefbotd.link.wheel_loop import wheel_loop_parameters
 from chefbotd.link.wires import variant_of
 from chefbotd.metrics import Metrics
 from chefbotd.motion.drive import Drive
@@ -42,6 +45,8 @@ def board_session(context: Context) -> BoardSession:
         setpoints_per_s=settings.link.setpoints_per_s,
         health_after_s=settings.link.health_after_s,
         board_buffer_bytes=settings.link.board_buffer_bytes,
+        negotiates=settings.link.firmware is FirmwareMode.AUTO,
+        deadman_ms=settings.link.deadman_ms,
     )
 
 
@@ -59,7 +64,7 @@ def drive_service(context: Context, session: BoardSession, latch: GateStore) -> 
         motors=MotorWatch(settings.safety, settings.chassis, settings.encoders.counts_per_turn),
         scans=scan_guard(context),
     )
-    return DriveService(
+    service = DriveService(
         bus,
         clock,
         session.send_duty,
@@ -69,14 +74,20 @@ def drive_service(context: Context, session: BoardSession, latch: GateStore) -> 
         wheel_names=context.wheel_names,
         control=settings.control,
         duty_ceiling=session.duty_ceiling,
+        repeat_duty=session.repeat_duty,
         watchdog=settings.watchdog,
     )
+    if settings.link.wheel_loop:
+        gains = tuple(settings.gains().values())
+        parameters = wheel_loop_parameters(settings.chassis, settings.encoders.counts_per_turn, gains)
+        session.firmware.loop.use(parameters, lambda: service.wheels.targets_rad_s)
+    return service
 
 
 def robot_features(
     context: Context, service: DriveService, preview: LimitPreview, leases: ControlLeases, metrics: Metrics
 ) -> list[Feature]:
-    """The features for driving, description, statistics and tuning."""
+    """The features for driving, description, statistics, tuning and agents."""
     settings, bus, clock = context.settings, context.bus, context.clock
     driven = settings.drive.max_duty
     return [
@@ -104,6 +115,7 @@ def robot_features(
         ),
         statistics(StatsService(bus, clock, metrics), metrics, clock),
         description(robot_description(settings)),
+        agents(bus, clock),
     ]
 
 

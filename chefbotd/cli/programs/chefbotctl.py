@@ -14,6 +14,7 @@ from chefbotd.cli.common.exits import MEANING, exit_table
 from chefbotd.cli.doctor.doctor_command import doctor, ports
 from chefbotd.cli.drive import commands as driving
 from chefbotd.cli.drive.commands import wheels
+from chefbotd.cli.flash.command import flash
 from chefbotd.cli.look import commands as looking
 from chefbotd.cli.look.robots import address_of, robots
 from chefbotd.cli.look.scan import scan
@@ -29,7 +30,7 @@ LONGEST_TOKEN = 512
 """The daemon's limit."""
 
 LONGEST_TOKEN_FILE = 65_536
-ROLES = ("observe", "drive", "admin")
+ROLES = ("observe", "guest", "agent", "drive", "admin")
 """The daemon's roles, repeated here so that chefbotctl need not import them."""
 
 EXITS = list(MEANING)
@@ -119,6 +120,7 @@ COMMANDS: tuple[click.Command, ...] = (
     robots,
     doctor,
     ports,
+    flash,
     driving.drive,
     driving.teleop,
     driving.joystick,

@@ -84,8 +84,8 @@ EXITS = (
     Exit.OUTPUT_CLOSED,
 )
 CYCLE_HZ = click.FloatRange(0.1, 1000.0)
-SKETCHES = click.Choice(["tiva", "tiva_bare", "duemilanove", "tiva_second"])
-SKETCH = "Which of the published sketches the simulated board runs, instead of the configured one."
+SKETCHES = click.Choice(["tiva", "tiva_bare", "duemilanove", "tiva_second", "chefbot", "emulated"])
+SKETCH = "Which sketch the simulated board runs, instead of the configured one; chefbot: our own firmware."
 WHICH_PHYSICS = "What moves the simulated robot, instead of what is configured; mujoco is an extra."
 FILE_OR_ROBOT = "The robot's TOML file, or the name of a packaged one; ChefBot by default."
 
@@ -257,6 +257,7 @@ def check_config(ctx: click.Context, path: Path | None) -> None:
 
 main.add_late("chefbotd.cli.programs.chefbotd", "init", "urdf")
 main.add_late("chefbotd.cli.record.replay", "replay")
+main.add_late("chefbotd.cli.programs.new_plugin", "new-plugin")
 main.add_late("chefbotd.cli.programs.service", "install-service", "uninstall-service")
 main.add_command(completion)
 

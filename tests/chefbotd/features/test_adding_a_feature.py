@@ -160,8 +160,8 @@ def test_a_method_without_a_model_of_its_parameters_is_refused() -> None:
     [
         (Role.DRIVE, None, "fly must say whether it moves the robot: moves=True or moves=False"),
         (Role.ADMIN, None, "fly must say whether it moves the robot: moves=True or moves=False"),
-        (Role.OBSERVE, True, "fly moves the robot, so it needs the role drive or admin"),
-        (None, True, "fly moves the robot, so it needs the role drive or admin"),
+        (Role.OBSERVE, True, "fly moves the robot, so observers must not have it"),
+        (None, True, "fly moves the robot, so observers must not have it"),
     ],
 )
 def test_a_method_says_whether_it_moves_the_robot(
