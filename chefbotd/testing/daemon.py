@@ -140,6 +140,10 @@ class SimulatedRobot(Record, frozen=True):
     daemon: Daemon
     lidars: Mapping[str, SimulatedLidar] = field(default_factory=dict)
 
+    def now_s(self) -> float:
+        """The time of the clock that all of it is on."""
+        return asyncio.get_running_loop().time()
+
 
 @contextlib.asynccontextmanager
 async def simulated_robot(

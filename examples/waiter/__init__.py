@@ -1,0 +1,1 @@
+"""A waiter: an application on the command socket, and a simulated restaurant to try it in."""

@@ -1,0 +1,60 @@
+"""The waiter's orders in a small file, which outlives the program."""
+
+import os
+from pathlib import Path
+from typing import Final
+
+import msgspec
+
+OPEN: Final = ("waiting", "driving", "arrived")
+
+
+class Order(msgspec.Struct):
+    """``state`` is ``waiting``, ``driving``, ``arrived``, ``served`` or ``refused``, the last with its ``reason``."""
+
+    number: int
+    table: str
+    state: str = "waiting"
+    reason: str = ""
+    tries: int = 1
+
+
+class Page(msgspec.Struct):
+    """What is in the file. ``name`` is no other notebook's, and ``ways_home`` counts the goals at home."""
+
+    name: str
+    orders: list[Order] = []
+    ways_home: int = 0
+
+
+class Notebook:
+    """``page`` is what it holds; each change is on the disk when ``save`` returns."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+        written = path.read_bytes() if path.exists() else None
+        self.page = Page(os.urandom(4).hex()) if written is None else msgspec.json.decode(written, type=Page)
+
+    def save(self) -> None:
+        """Replace the file at once: whoever is killed meanwhile leaves the old one."""
+        new = self._path.with_suffix(".new")
+        new.write_bytes(msgspec.json.format(msgspec.json.encode(self.page)))
+        new.replace(self._path)
+
+    def take(self, table: str) -> Order | None:
+        """A new order of a table; None: it waits for one already."""
+        if any(order.table == table and order.state in OPEN for order in self.page.orders):
+            return None
+        order = Order(len(self.page.orders) + 1, table)
+        self.page.orders.append(order)
+        self.save()
+        return order
+
+    def next(self) -> Order | None:
+        """The oldest order that is open."""
+        return next((order for order in self.page.orders if order.state in OPEN), None)
+
+    def note(self, order: Order, state: str, reason: str = "") -> None:
+        """What became of an order."""
+        order.state, order.reason = state, reason
+        self.save()
