@@ -20,6 +20,7 @@ import psutil
 from rich.console import Console
 
 from benchmarks import (
+    agents,
     calls,
     cpu,
     decode,
@@ -123,6 +124,13 @@ def _wheel_speed(**options: Any) -> Outcome:
     return motors.run_wheel_speed(**options)
 
 
+def _firmware(**options: Any) -> Outcome:
+    """Imported when it is asked for: it needs compilers."""
+    from benchmarks import firmware
+
+    return firmware.run(**options)
+
+
 TAKES = {
     "estimation": ("folder", "out"),
     "localization": ("folder", "out"),
@@ -154,11 +162,13 @@ BENCHMARKS: dict[str, Benchmark] = {
     "navigation": _navigation,
     "serving": _serving,
     "calls": calls.run,
+    "agents": agents.run,
     "calibration": _calibration,
     "motors": _motors,
     "wheel_speed": _wheel_speed,
     "page": _page,
     "recording": _recording,
+    "firmware": _firmware,
 }
 
 

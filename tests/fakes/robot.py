@@ -9,7 +9,7 @@ from typing import Any
 from chefbotd.clock import Clock, ManualClock
 from chefbotd.core.commands import Allowed, RefusalKind, Refused
 from chefbotd.core.events import ControlChanged, StatsSampled
-from chefbotd.core.events.navigation import GoalResult, PlanResult
+from chefbotd.core.events.navigation import GoalCause, GoalReport, GoalResult, PlanResult
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.core.record import replace
 from chefbotd.features.description.models import RobotDescription
@@ -17,7 +17,7 @@ from chefbotd.features.driving.commands import DriveCommands
 from chefbotd.features.driving.commands import methods as driving_methods
 from chefbotd.features.feature import Feature, methods_and_topics
 from chefbotd.features.navigation.commands import NavigationCommands
-from chefbotd.features.navigation.models import Waypoint
+from chefbotd.features.navigation.models import GoalParams, Waypoint
 from chefbotd.features.odometry.models import ResetOdometryParams
 from chefbotd.features.statistics.models import StatsData, stats_data
 from chefbotd.features.tuning.models import WheelParams, Wheels
@@ -31,6 +31,7 @@ from chefbotd.rpc.method import Caller, Method, method, methods_of
 from chefbotd.rpc.methods import method_table
 from chefbotd.rpc.models import DONE, Done, NoParams, Params
 from chefbotd.rpc.parameters import Role
+from chefbotd.rpc.session import Session
 from chefbotd.rpc.topics import Topic
 from chefbotd.settings import load, packaged
 from chefbotd.testing.recording import write_inline
@@ -45,7 +46,7 @@ BY_HAND = frozenset(
     (
         *("drive", "set_wheel_velocities", "stop", "estop", "arm", "reset_odometry", "reset_board"),
         *("get_pid", "set_pid", "undo_pid", "get_stats", "get_description"),
-        *("navigate_to", "follow_waypoints", "go_home", "dock", "plan_to"),
+        *("navigate_to", "follow_waypoints", "go_home", "dock", "plan_to", "get_goal"),
         *("cancel_navigation", "pause_navigation", "resume_navigation"),
     )
 )
@@ -73,23 +74,32 @@ class FakeNavigation:
         self._robot, self.section = robot, section
         self._count = 0
 
-    async def navigate_to(self, waypoints: list[Waypoint], *, queue: bool) -> list[int]:
+    async def navigate_to(self, waypoints: list[Waypoint], params: GoalParams, session: Session) -> list[int]:
         """Remember it."""
         goals = [each.model_dump(exclude_defaults=True) for each in waypoints]
-        self._robot.calls.append(("navigate_to", goals, queue))
+        self._robot.calls.append(("navigate_to", goals, params.queue))
         self._count += len(waypoints)
         return list(range(self._count - len(waypoints) + 1, self._count + 1))
 
-    async def wait(self, goals: list[int], progress: ProgressReporter) -> GoalResult:
+    async def wait(self, goals: list[int], progress: ProgressReporter, client: int) -> GoalResult:
         """It is there at once."""
         return GoalResult(goal=goals[-1], end="reached", reason="reached (1.00, 2.00)")
+
+    def result(self, goals: list[int]) -> GoalResult:
+        """It was accepted."""
+        return GoalResult(goal=goals[-1])
+
+    def report(self, number: int | None, goal_id: str | None) -> GoalReport:
+        """Remember it."""
+        self._robot.calls.append(("get_goal", goal_id or number))
+        return GoalReport(goal=number or 1, end="reached", goal_id=goal_id)
 
     async def plan_to(self, waypoint: Waypoint) -> PlanResult:
         """Remember it."""
         self._robot.calls.append(("plan_to", waypoint.model_dump(exclude_defaults=True)))
         return PlanResult(possible=True, length_m=3.4, time_s=14.0, x_m=(0.0, 1.0), y_m=(0.0, 2.0))
 
-    def cancel(self, reason: str) -> None:
+    def cancel(self, reason: str, cause: GoalCause, by: str) -> None:
         """Remember it."""
         self._robot.calls.append(("cancel_navigation",))
 

@@ -129,6 +129,10 @@ class FaultRun:
 Inject = Callable[[FaultRun], AbstractAsyncContextManager[None]]
 
 
+SAME_PROGRAM = {"emulated": "chefbot"}
+"""What is expected of an image is what is expected of its model."""
+
+
 @dataclass(frozen=True, slots=True)
 class Fault:
     """Entering ``inject`` makes it happen, leaving it ``lasts_s`` later takes it away.
@@ -154,7 +158,8 @@ class Fault:
 
     def outcome_on(self, robot_name: str) -> Expected | str:
         """The one outcome on this robot and its sketch, or why there is none."""
-        return self.sketches.get(sketch_of(robot_name), self.expected)
+        sketch = sketch_of(robot_name)
+        return self.sketches.get(SAME_PROGRAM.get(sketch, sketch), self.expected)
 
 
 def motion(

@@ -12,6 +12,7 @@ from chefbotd.motion.kinematics import Kinematics
 from chefbotd.settings import Settings
 from chefbotd.testing.daemon import SimulatedRobot
 from tests.scenarios.instruments import is_moving
+from tests.scenarios.wires import opened
 
 DRIFT_M, DRIFT_SHARE = 0.03, 0.02
 """Odometry may be so far from the truth: a base, and a share of the way since the two were last set equal."""
@@ -108,7 +109,7 @@ class Invariants:
     def _on_write(self, data: bytes) -> None:
         """The last word of a chunk is in force; one that moves a robot that must not is told by ``watch``."""
         self._take_modes()
-        duties = [line for line in data.split(b"\r") if line.startswith(b"s")]
+        duties = [opened(line, b" ")[0] for line in data.split(b"\r") if line.startswith(b"s")]
         if duties:
             self.told_to_stop = not duties[-1].strip(b"s 0")
             if self.mode != "armed" and not self.told_to_stop:

@@ -12,18 +12,16 @@ from typing import Any
 from chefbotd.clock import run_virtual
 from chefbotd.core.events import SafetyChanged
 from chefbotd.core.events.navigation import NavigationChanged
+from chefbotd.core.geometry import Pose2D
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
-from chefbotd.maps.contents import save
-from chefbotd.maps.store import MapStore
-from chefbotd.settings import load, packaged
-from chefbotd.sim.worlds.flat import FLAT
-from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+from chefbotd.testing.daemon import SimulatedRobot
+from chefbotd.testing.on_map import localized_robot
 from chefbotd.testing.worker import worker_in_process
 from chefbotd.worker.parameters import WorkerParameters
 from chefbotd.worker.spawn import Child
 from tests.scenarios.robots import AS_BUILT
 
-START = {"sim.world.start_x_m": 2.45, "sim.world.start_y_m": 2.6, "sim.world.start_heading_rad": 2.1}
+START = Pose2D(2.45, 2.6, 2.1)
 GOAL = {"x_m": 2.6, "y_m": 4.0, "heading_rad": 0.4}
 """Through the door of the living room into the hall: 1.5 m."""
 
@@ -73,18 +71,11 @@ def in_flat(
     worker_late_s: float = 0.0,
     grid: OccupancyGrid | None = None,
 ) -> None:
-    """Run a scenario with the robot armed and localized, on a map with these zones.
-
-    With a ``grid`` that is where it drives, and the map "hall", in place of the flat.
+    """Run a scenario with the robot armed and localized, on a map with these zones; with a ``grid``, in that room.
 
     ``before`` is called with the robot before it localizes itself; ``overrides`` change its configuration. A worker that
     starts later by a part of its step of 50 ms makes all its steps so much later after the lidar's turns.
     """
-    name = "flat" if grid is None else "hall"
-    world = {} if grid is None else {"sim.world.map_path": str(folder / "hall.yaml")}
-    save(MapStore(folder, 3), name, grid or FLAT.grid())
-    if zones:
-        (folder / "flat.map" / "zones.yaml").write_text(zones)
     children: list[Child] = []
 
     async def spawn(theirs: Any, parameters: WorkerParameters) -> Child:
@@ -93,19 +84,16 @@ def in_flat(
         return children[-1]
 
     async def run() -> None:
-        settings = load(
-            packaged("chefbot_lidar"),
-            overrides={"maps.folder": str(folder), **AS_BUILT, **START, **world, **overrides},
-        )
-        async with simulated_robot(settings, spawn_worker=spawn) as robot:
+        async with localized_robot(
+            grid or "flat",
+            START,
+            folder=folder,
+            zones=zones,
+            overrides={**AS_BUILT, **overrides},
+            spawn_worker=spawn,
+            before=before,
+        ) as robot:
             drive = Drive(robot, children, folder)
-            before(robot)
-            await asyncio.sleep(1.5)
-            await robot.client.load_map(name)
-            async with asyncio.timeout(15.0), robot.client.subscribe("localization") as events:
-                async for event in events:
-                    if event.data.state == "localized":
-                        break
             await asyncio.wait_for(scenario(drive), 120.0 if grid is None else 900.0)
             assert not drive.truth.in_contact
 

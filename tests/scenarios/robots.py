@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 from chefbotd.process.simulated_robot import true_of
 from chefbotd.settings import Settings, load, packaged
-from chefbotd.sim_parameters.sketches import PUBLISHED_SKETCHES
+from chefbotd.sim_parameters.sketches import CHEFBOT_SKETCHES, SketchName
 
 CYCLE_S, ECHO_S = 0.05, 0.025
 """Of the slowest published sketch, ChefBot's default: its cycle, and the echo of 4 m that it waits for."""
@@ -18,8 +18,11 @@ OBEYED_S = CYCLE_S + ECHO_S
 """The longest from a command on the wire until it is in force: it is read once a cycle, after the echo."""
 
 ROBOTS = ("chefbot", "khan")
-SKETCHED = tuple(f"chefbot/{sketch.value}" for sketch in PUBLISHED_SKETCHES)
-EVERY_ROBOT = (*ROBOTS, *SKETCHED)
+SKETCHED = tuple(f"chefbot/{sketch.value}" for sketch in CHEFBOT_SKETCHES)
+EMULATED = f"chefbot/{SketchName.EMULATED.value}"
+"""Our firmware's own image: it needs its compilers and its emulator, so it is tried where it is asked for."""
+
+EVERY_ROBOT = (*ROBOTS, *SKETCHED, EMULATED)
 BOARDS = (*ROBOTS, *SKETCHED[1:])
 """A robot for each sketch: ChefBot's board runs the first of the published ones unless told otherwise."""
 

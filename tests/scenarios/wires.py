@@ -5,9 +5,20 @@ from collections.abc import Callable
 
 from chefbotd.testing.daemon import SimulatedRobot
 from chefbotd.testing.transport import FakeSerialTransport
+from firmware_protocol.checked import seal, unseal
 from tests.fakes.bad_cable import BadCable, CableParameters
 
 Rewrite = Callable[[list[bytes]], list[bytes] | None]
+
+
+def opened(line: bytes, separator: bytes) -> tuple[bytes, int | None]:
+    """A line's body and its sequence number; a classic line has none."""
+    return unseal(line, separator) or (line, None)
+
+
+def closed(body: bytes, sequence: int | None, separator: bytes) -> bytes:
+    """The line of a body, sealed as it was."""
+    return body if sequence is None else seal(body, sequence, separator)
 
 
 def rewire(robot: SimulatedRobot, kind: bytes, rewrite: Rewrite) -> None:
@@ -15,11 +26,12 @@ def rewire(robot: SimulatedRobot, kind: bytes, rewrite: Rewrite) -> None:
     feed = robot.device.transport.feed
 
     def line(text: bytes) -> bytes:
-        fields = text.split(b"\t")
+        body, sequence = opened(text, b"\t")
+        fields = body.split(b"\t")
         if fields[0] != kind:
             return text + b"\n"
         changed = rewrite(fields[1:])
-        return b"" if changed is None else b"\t".join([kind, *changed]) + b"\n"
+        return b"" if changed is None else closed(b"\t".join([kind, *changed]), sequence, b"\t") + b"\n"
 
     robot.device.transport.feed = lambda data: feed(b"".join(line(t) for t in data.splitlines()))
 
@@ -29,13 +41,14 @@ def rewire_motor(robot: SimulatedRobot, index: int) -> None:
     write = robot.device.on_write
 
     def line(text: bytes) -> bytes:
-        kind, *duties = text.split(b" ")
+        body, sequence = opened(text, b" ")
+        kind, *duties = body.split(b" ")
         if kind == b"s":
             duties[index] = b"%d" % -int(duties[index])
-        return b" ".join([kind, *duties]) + b"\r"
+        return closed(b" ".join([kind, *duties]), sequence, b" ") + b"\r"
 
     def echo(duties: list[bytes]) -> list[bytes]:
-        heard = b"%.2f" % -float(duties[index])
+        heard = b"%.2f" % -float(duties[index]) if b"." in duties[index] else b"%d" % -int(duties[index])
         return [*duties[:index], heard, *duties[index + 1 :]]
 
     robot.device.on_write = lambda data: write(b"".join(line(text) for text in data.split(b"\r")[:-1]))

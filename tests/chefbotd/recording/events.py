@@ -145,6 +145,8 @@ def _value(kind: Any, numbers: Iterator[int]) -> Any:
         return tuple(_value(each, numbers) for each in inner)
     if origin in (dict, Mapping):
         return {f"key{next(numbers)}": _value(arguments[1], numbers)}
+    if origin is typing.Literal:
+        return arguments[-1]
     if kind is Any:
         return {"deep": [next(numbers), None]}
     if issubclass(kind, msgspec.Struct):

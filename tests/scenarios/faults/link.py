@@ -11,7 +11,8 @@ from chefbotd.core.events import LinkClosed, LinkOpened
 from chefbotd.safety.encoder_timeout import OVERSHOOT
 from tests.scenarios.fault_run import Expected, Fault, FaultRun
 from tests.scenarios.faults.outcomes import (
-    NO_RANGE_SENSOR,
+    BOARD_DEAD_MAN_S,
+    NO_WAIT,
     ONCE_A_CYCLE_S,
     SLACK_S,
     STALE,
@@ -217,7 +218,7 @@ FAULTS = (
             expected,
             lasts_s=4.0,
             robots=("chefbot",),
-            sketches=NO_RANGE_SENSOR,
+            sketches=NO_WAIT,
         )
         for and_then, inject, expected in (
             ("", without_echoes, Expected("armed", "no_echo")),
@@ -275,6 +276,7 @@ FAULTS = (
         Expected("disarmed", "link_lost", PULLED_S, ("link lost", "lines around a fault")),
         lasts_s=4.0,
         on_wire=True,
+        sketches={"chefbot": latched("link_lost", BOARD_DEAD_MAN_S, "link lost")},
     ),
     Fault("Cable pulled", "cable pulled a hundred times", replugged, latched("link_lost"), on_wire=True),
     Fault(

@@ -12,6 +12,9 @@ from tests.scenarios.robots import OBEYED_S
 
 SLACK_S = OBEYED_S + PERIOD_S
 AT_ONCE_S = SLACK_S
+BOARD_DEAD_MAN_S = 0.26
+"""The dead-man of our firmware, a millisecond of its tick, and the time that a line takes."""
+
 RAMP_S = 0.3
 """0.2 m/s at 1 m/s2, and the wheels' last bit of way."""
 
@@ -23,6 +26,10 @@ ONCE_A_CYCLE_S = 2.1
 NO_RANGE_SENSOR: Mapping[str, Expected | str] = dict.fromkeys(
     ("tiva_bare", "tiva_second"), "its sketch reads no range sensor"
 )
+NO_WAIT: Mapping[str, Expected | str] = {
+    **NO_RANGE_SENSOR,
+    "chefbot": "its firmware does not wait for the echo",
+}
 NO_BATTERY: Mapping[str, Expected | str] = {"duemilanove": "its sketch does not tell the battery's voltage"}
 DRIVES_ON = Expected()
 ENDS = Expected(ENDED, None, AT_ONCE_S)

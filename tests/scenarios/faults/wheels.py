@@ -13,11 +13,13 @@ from tests.scenarios.driver import PERIOD_S
 from tests.scenarios.fault_run import Expected, Fault, FaultRun, Inject
 from tests.scenarios.faults.outcomes import (
     AT_ONCE_S,
+    BOARD_DEAD_MAN_S,
     DRIVES_ON,
     NO_BATTERY,
     NO_RANGE_SENSOR,
     SLACK_S,
     drives_on,
+    estopped,
     latched,
     rests,
 )
@@ -133,7 +135,10 @@ async def pushed(fault_run: FaultRun) -> AsyncIterator[None]:
 
 def pieces_of_commands(duties: list[bytes]) -> list[bytes]:
     """What a receive buffer that overflowed left of several lines."""
-    return [b"6637.00", *[b"0.00"] * (len(duties) - 1)]
+    if b"." in duties[0]:
+        return [b"6637.00", *[b"0.00"] * (len(duties) - 1)]
+    *echo, of = duties
+    return [b"6637", *[b"0"] * (len(echo) - 1), of]
 
 
 @asynccontextmanager
@@ -158,7 +163,12 @@ def critical_battery(fault_run: FaultRun) -> AbstractAsyncContextManager[None]:
     """The ADC says 0.3 V less than the critical voltage."""
     battery = load(packaged(fault_run.robot.client.hello.robot)).battery
     share = (battery.critical_v - 0.3) / (battery.reference_v * battery.divider_ratio)
-    return rewired(b"b", lambda _: [b"%.2f" % (share * battery.adc_full_scale)], fault_run)
+    level = share * battery.adc_full_scale
+
+    def rewrite(levels: list[bytes]) -> list[bytes]:
+        return [b"%.2f" % level if b"." in levels[0] else b"%d" % level]
+
+    return rewired(b"b", rewrite, fault_run)
 
 
 @asynccontextmanager
@@ -269,6 +279,7 @@ FAULTS = (
         deaf,
         Expected("disarmed", "board_unresponsive"),
         on_wire=True,
+        sketches={"chefbot": rests(BOARD_DEAD_MAN_S)},
     ),
     Fault(
         "Moves although told to stand",
@@ -276,6 +287,7 @@ FAULTS = (
         estopped_and_deaf,
         Expected("estopped", "board_unresponsive", logged=("the robot moves although it must stand",)),
         on_wire=True,
+        sketches={"chefbot": estopped(BOARD_DEAD_MAN_S)},
     ),
     Fault("Pushed by hand while it stands", "pushed by hand", pushed, rests(AT_ONCE_S), on_wire=True),
     Fault(

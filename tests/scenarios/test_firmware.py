@@ -1,0 +1,247 @@
+"""The whole daemon with our own firmware on the board: what only a board can do that stops by itself."""
+
+import asyncio
+import random
+from collections.abc import Awaitable, Callable
+from itertools import pairwise
+from typing import Any
+
+import pytest
+
+from chefbotd.client import CallError
+from chefbotd.clock import run_virtual
+from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+from tests.budget import examples
+from tests.scenarios.instruments import Stopwatch
+from tests.scenarios.robots import settings_of
+from tests.scenarios.wires import damage, opened, transport_of
+
+ROBOT = "chefbot/chefbot"
+DEAD_MAN_S = 0.26
+MOST_GAP_S = 0.08
+
+
+def on(scenario: Callable[[SimulatedRobot], Awaitable[None]], **overrides: object) -> None:
+    """Run a scenario with the checked mode agreed on."""
+    keys = {
+        "safety.guard.enabled": False,
+        **{key.replace("__", "."): value for key, value in overrides.items()},
+    }
+
+    async def run() -> None:
+        async with simulated_robot(settings_of(ROBOT, keys)) as robot:
+            await asyncio.sleep(1.5)
+            await scenario(robot)
+
+    run_virtual(run())
+
+
+async def drive(robot: SimulatedRobot, linear_m_s: float, angular_rad_s: float, seconds: float) -> None:
+    """Repeat a command at 20 Hz."""
+    for _ in range(round(seconds / 0.05)):
+        await robot.client.drive(linear_m_s, angular_rad_s)
+        await asyncio.sleep(0.05)
+
+
+async def firmware(robot: SimulatedRobot) -> dict[str, Any]:
+    """The topic's data."""
+    data: dict[str, Any] = (await robot.client.call("get_state"))["topics"]["firmware"]["data"]
+    return data
+
+
+def test_the_mode_is_agreed_on_and_told():
+    """Within 1.5 s of the board's start: checked, 250 ms, no damage, and a round trip below two cycles."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, 0.2, 0.1, 1.0)
+        told = await firmware(robot)
+        assert (told["mode"], told["deadman_ms"], told["board"]) == ("checked", 250, "host")
+        assert (told["crc_errors"], told["deadman_stops"], told["refused"]) == (0, 0, 0)
+        assert 0.0 < told["round_trip_s"] < 0.02
+        assert abs(told["clock_late_s"]) < 0.02
+
+    on(scenario)
+
+
+@pytest.mark.parametrize("seed", range(examples(10)))
+def test_a_pulled_cable_stops_the_wheels(seed: int):
+    """Whenever it is pulled, and whatever was driven: duty 0 within 0.26 s, which no daemon can bring about."""
+    chance = random.Random(seed)
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, chance.uniform(0.05, 0.3), chance.uniform(-0.8, 0.8), 1.0)
+        await asyncio.sleep(chance.uniform(0.0, 0.3))
+        assert any(robot.board.duty)
+        robot.device.unplug()
+        watch = Stopwatch(robot)
+        await asyncio.sleep(1.5)
+        await watch.stop()
+        assert 0.1 < watch.zero_s < DEAD_MAN_S
+        assert robot.board.truth(0.0).twist.linear_m_s == 0.0
+
+    on(scenario)
+
+
+def test_a_daemon_that_says_nothing_more_stops_the_wheels():
+    """The computer is frozen with the cable in: nothing is written, and the duty is 0 within 0.26 s."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, 0.25, -0.3, 1.2)
+        robot.device.on_write = lambda data: None
+        watch = Stopwatch(robot)
+        await drive(robot, 0.25, -0.3, 0.4)
+        await watch.stop()
+        assert 0.1 < watch.zero_s < DEAD_MAN_S
+
+    on(scenario)
+
+
+def test_a_duty_is_never_older_than_80_ms_while_the_loop_lives():
+    """Driven for three seconds, one in which no encoder line arrives: no two commands on the wire are farther apart."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        write, feed = robot.device.on_write, transport_of(robot).feed
+        written: list[float] = []
+
+        def note(data: bytes) -> None:
+            if any(opened(line, b" ")[0].startswith(b"s") for line in data.split(b"\r")):
+                written.append(asyncio.get_running_loop().time())
+            write(data)
+
+        await drive(robot, 0.2, 0.1, 1.0)
+        robot.device.on_write = note
+        await drive(robot, 0.2, 0.1, 1.0)
+        transport_of(robot).feed = lambda data: None
+        await drive(robot, 0.2, 0.1, 0.24)
+        transport_of(robot).feed = feed
+        await drive(robot, 0.2, 0.1, 1.0)
+        assert max(after - before for before, after in pairwise(written)) < MOST_GAP_S
+
+    on(scenario)
+
+
+@pytest.mark.parametrize("seed", range(examples(3)))
+def test_one_flipped_byte_in_a_hundred_moves_nothing_wrongly(seed: int):
+    """Both ways, ten seconds: each duty on the motors is one that the daemon wrote; no restart, and it drives on."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        written = {(0, 0)}
+
+        def note(data: bytes) -> None:
+            for line in data.split(b"\r"):
+                kind, *fields = opened(line, b" ")[0].split(b" ")
+                if kind == b"s":
+                    written.add((int(fields[0]), int(fields[1])))
+            arrive(data)
+
+        damage(robot, {"flip_share": 0.01}, seed)
+        arrive, robot.device.on_write = robot.device.on_write, note
+        on_motors = set()
+        for step in range(5_000):
+            await asyncio.sleep(0.002)
+            on_motors.add(robot.board.duty)
+            if step % 25 == 0:
+                await robot.client.drive(0.2, 0.1 * (step // 500 % 5 - 2))
+        assert len(on_motors) > 100
+        assert on_motors <= written
+        assert robot.daemon.session.restarts.count == 0
+        told = await firmware(robot)
+        assert told["crc_errors"] > 30
+
+    on(scenario)
+
+
+def test_a_board_that_went_back_to_classic_is_won_again():
+    """Nothing reaches it for 2.5 s: it is classic then; when it hears again, the checked mode is back in a second."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, 0.2, 0.1, 1.0)
+        write, robot.device.on_write = robot.device.on_write, lambda data: None
+        await asyncio.sleep(2.5)
+        assert (await firmware(robot))["mode"] == "classic"
+        robot.device.on_write = write
+        await asyncio.sleep(1.0)
+        told = await firmware(robot)
+        assert (told["mode"], told["deadman_ms"]) == ("checked", 250)
+        await drive(robot, 0.2, 0.1, 1.0)
+        assert robot.board.truth(0.0).twist.linear_m_s > 0.15
+
+    on(scenario)
+
+
+def test_a_restarted_board_is_asked_again():
+    """A restart on request: the cause is told, and the mode is checked again when the robot may be armed."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await robot.client.reset_board()
+        await asyncio.sleep(2.0)
+        told = await firmware(robot)
+        assert (told["mode"], told["reset_cause"]) == ("checked", "command")
+        await robot.client.arm()
+        await drive(robot, 0.2, 0.1, 1.0)
+        assert robot.board.truth(0.0).twist.linear_m_s > 0.15
+
+    on(scenario)
+
+
+def test_an_estop_latches_on_the_board_until_the_robot_is_armed():
+    """Another program on the port cannot move the robot then; `arm` ends the stop there, too."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, 0.2, 0.1, 1.0)
+        await robot.client.estop("smoke")
+        await asyncio.sleep(0.1)
+        assert (await firmware(robot))["stops"] == ["estop"]
+        robot.board.receive(b"s 100 100\r")
+        assert robot.board.duty == (0, 0)
+        await robot.client.arm()
+        await drive(robot, 0.2, 0.1, 1.0)
+        assert (await firmware(robot))["stops"] == []
+        assert robot.board.truth(0.0).twist.linear_m_s > 0.15
+
+    on(scenario)
+
+
+def test_an_estop_of_somebody_else_disarms():
+    """A terminal on the board's port says `estop`: the daemon latches `board_stopped`, and `arm` drives on."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, 0.2, 0.1, 1.0)
+        robot.board.receive(b"estop\r")
+        await asyncio.sleep(0.1)
+        safety = (await robot.client.call("get_state"))["safety"]
+        assert (safety["mode"], safety["fault"]) == ("disarmed", "board_stopped")
+        with pytest.raises(CallError, match="arm the robot"):
+            await robot.client.drive(0.2, 0.0)
+        await robot.client.arm()
+        await drive(robot, 0.2, 0.1, 1.0)
+        assert robot.board.truth(0.0).twist.linear_m_s > 0.15
+
+    on(scenario)
+
+
+def test_another_dead_man_may_be_configured():
+    """`[link] deadman_ms = 100`: the pulled cable stops the wheels within 0.11 s."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, 0.2, 0.1, 1.0)
+        robot.device.unplug()
+        watch = Stopwatch(robot)
+        await asyncio.sleep(1.0)
+        await watch.stop()
+        assert 0.05 < watch.zero_s < 0.11
+
+    on(scenario, link__deadman_ms=100)
+
+
+def test_a_board_that_is_not_asked_runs_on_as_a_classic_sketch():
+    """`[link] firmware = "classic"`: no checked mode, no dead-man, and after a pulled cable the duty stays."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, 0.2, 0.1, 1.0)
+        assert (await firmware(robot))["mode"] == "classic"
+        robot.device.unplug()
+        await asyncio.sleep(1.0)
+        assert any(robot.board.duty)
+
+    on(scenario, link__firmware="classic")
