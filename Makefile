@@ -27,7 +27,7 @@ unexport PYTHONDONTWRITEBYTECODE
 JOBS ?= $(shell expr $$(nproc 2>/dev/null || echo 1) + 1)
 PARALLEL := -n $(JOBS) --dist loadgroup
 
-.PHONY: docs run serve map calibrate test test-loaded test-all coverage check audit lock newest lint format client wheel deb wheel-test bench fuzz soak faults clean help
+.PHONY: addons-test firmware firmware-test docs run serve waiter map calibrate test test-loaded test-all coverage check audit lock newest lint format client wheel deb wheel-test bench fuzz soak faults clean help
 
 help:  ## List the targets
 	@echo "make TARGET, one of:"
@@ -38,6 +38,9 @@ run: $(VENV)/ready  ## Drive the simulated robot through a 2 m square (ROBOT=kha
 
 serve: $(VENV)/ready  ## Have a simulated ChefBot serve three tables in a flat, with people in its way
 	$(BIN)/chefbotctl serve
+
+waiter: $(VENV)/ready  ## Have a simulated ChefBot take orders on its page, and serve them in a flat
+	$(BIN)/python -m examples.waiter
 
 map: $(VENV)/ready  ## Have a simulated ChefBot with a lidar map a flat of six rooms, and write the map to build/map
 	$(BIN)/chefbotctl map demo --out build/map
@@ -61,6 +64,20 @@ test-all: $(VENV)/ready  ## Run every test, with all examples and long scenarios
 
 coverage: $(VENV)/ready  ## The same with branch coverage
 	TEST_TIER=full $(BIN)/pytest -q $(PARALLEL) --cov --cov-report=term-missing:skip-covered
+
+firmware:  ## Build the board's firmware for this computer, the boards and the emulators (apt: see firmware/README.md)
+	$(MAKE) -C firmware
+
+# The tests of the firmware are to fail, not to skip, where a compiler or an emulator is missing.
+# Distributions of their own beside the daemon: installed into the same environment, with what is locked.
+addons-test: $(VENV)/ready build/constraints.txt  ## Install the add-ons, and run their tests
+	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable 'addons/chefbot-ros2[test]'
+	$(BIN)/mypy --package chefbot_ros2
+	$(BIN)/pytest -q addons
+
+firmware-test: $(VENV)/ready firmware  ## Build and check the firmware, and run its tests; nothing is left out
+	$(MAKE) -C firmware check images-check
+	FIRMWARE_TESTS=required $(BIN)/pytest -q $(PARALLEL) tests/firmware
 
 check: lint coverage wheel-test audit  ## All that has to hold: lint, coverage, wheel-test, audit
 lint: $(VENV)/ready  ## Check format, style, strict types, import rules and names
@@ -112,18 +129,19 @@ fuzz: $(VENV)/ready build/constraints.txt  ## Throw bytes at the parsers (FUZZ_S
 	$(BIN)/python -m fuzz lidars build/fuzz/lidars tests/vectors/fuzz/lidars $(FUZZ_OPTIONS)
 
 # An hour of simulated driving with seeded faults on the virtual clock, with either robot: both at once, a core each.
-# ChefBot's hour is shared by its published sketches, the less the more lines a second they send.
+# ChefBot's hour is shared by its published sketches and our own firmware, the less the more lines a second they send.
 soak: $(VENV)/ready  ## Drive an hour with random faults, both robots, every sketch (SOAK_MINUTES=60)
-	$(MAKE) --jobs=2 --output-sync soak-khan soak-chefbot soak-tiva_bare soak-tiva_second soak-duemilanove
+	$(MAKE) --jobs=2 --output-sync soak-khan soak-chefbot soak-tiva_bare soak-tiva_second soak-duemilanove soak-own
 
 soak-khan: SHARE := 60
-soak-chefbot: SHARE := 40
+soak-chefbot: SHARE := 34
 soak-duemilanove: SHARE := 10
 soak-tiva_second: SHARE := 6
 soak-tiva_bare: SHARE := 4
+soak-own: SHARE := 6
 soak-%: $(VENV)/ready
 	$(BIN)/python -m tests.scenarios.soak $$(awk 'BEGIN { print $(SOAK_MINUTES) * $(SHARE) / 60 }') 1 \
-	  $(if $(filter khan chefbot,$*),$*,chefbot/$*)
+	  $(if $(filter khan chefbot,$*),$*,chefbot/$(if $(filter own,$*),chefbot,$*))
 
 # Every fault of docs/safety.md that the simulated robot can have, on both robots and, where the board makes a difference,
 # on every sketch; and what it does. CLOCK=virtual leaves out those of the real program, which take real time: what is left

@@ -14,6 +14,7 @@ from chefbotd.composition.calibration import calibration
 from chefbotd.composition.context import Context, DepthSpawn, FeatureBuilder, StartWriter
 from chefbotd.composition.maps import map_features
 from chefbotd.composition.network import discovery, foxglove, page_server, recording
+from chefbotd.composition.plugins import plugins
 from chefbotd.composition.robot import board_session, drive_service, robot_features, simulation
 from chefbotd.composition.scanners import depth_cameras, lidars
 from chefbotd.core.events.inputs import BOARD_LINK, DaemonStarted, DaemonStopping, ServiceFailed
@@ -124,7 +125,18 @@ class Daemon:
         cameras = depth_cameras(context)
         own = robot_features(context, self.driving, self.limit_preview, self.leases, self.metrics)
         calibrated = calibration(context, self.driving, self.leases)
-        return [*recorders, *others, *scanners, *on_maps, *cameras, *own, *calibrated, *simulation(context)]
+        packaged = [
+            *recorders,
+            *others,
+            *scanners,
+            *on_maps,
+            *cameras,
+            *own,
+            *calibrated,
+            *simulation(context),
+        ]
+        plugged_in, self._plugins = plugins(context, packaged)
+        return [*packaged, *plugged_in]
 
     def _rpc_server(self, settings: Settings, guard: Guard) -> RpcServer:
         methods, topics = methods_and_topics(self.features)
@@ -146,6 +158,7 @@ class Daemon:
             link_is_up=lambda: self.session.is_open,
             resumed_s=lambda: self.driving.resumed_s,
             keyring=guard.keyring,
+            plugins=self._plugins,
         )
 
     def _state(self) -> DaemonState:

@@ -6,22 +6,29 @@ for the next frame.
 """
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from operator import mul, truediv
+from typing import TypeAlias
 
-from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import Motion, WheelDuties, WheelVelocities
 from chefbotd.core.record import replace
-from chefbotd.motion import held, pid, reference, rims
-from chefbotd.motion.drive_state import LOADED_SHARE, DriveParameters, DriveState
+from chefbotd.motion import held, pid, reference
+from chefbotd.motion.drive_state import DriveParameters, DriveState
 from chefbotd.motion.encoder import LOST_LINES_S
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.motion.limits import MotionLimits
-from chefbotd.motion.motor_model import Directed, WheelMotor, accelerations_m_s2, directed
-from chefbotd.motion.pid import PidParameters
-from chefbotd.motion.reference import Asked, midway
+from chefbotd.motion.motor_model import MotorModels, accelerations_m_s2
+from chefbotd.motion.pid import PidParameters, PidState
+from chefbotd.motion.reference import Asked
 from chefbotd.motion.same_side import loop_speeds, substituted
 from chefbotd.motion.setpoints import Setpoints, is_rest
+from chefbotd.motion.wheel_commands import by_duty, by_speed
+
+LAGGING_M_S = 0.02
+"""A saturated wheel counts as lagging when its rim is slower than its setpoint by more than this."""
+
+Wheel: TypeAlias = tuple[PidParameters, PidState, float, float, float]
+"""Gains, state, setpoint, acceleration and measured speed of one wheel's controller; metres at the rim."""
 
 LEAST_SHARE = 0.2
 """However weak the motors are, this share of the twist is still asked for: below it nothing would move at all."""
@@ -44,9 +51,6 @@ The wheel on the inside of a tight circle creeps for as long as the circle lasts
 RIM_ACCELERATION_SHARE = 2.0
 """Of what the limits allow: when the board missed a command, its next one has the acceleration of two cycles."""
 
-LAGGING_M_S = 0.02
-"""A saturated wheel counts as lagging when its rim is slower than its setpoint by more than this."""
-
 
 class Drive:
     """The wheels' controller: pure steps over ``DriveState``; gains and limits can be exchanged."""
@@ -66,7 +70,8 @@ class Drive:
         self._names = tuple(wheel.name for wheel in chassis.wheels)
         self._motor_signs = tuple(wheel.motor_sign for wheel in chassis.wheels)
         self._still = (0.0,) * len(gains)
-        self._motors = self._models()
+        self._motors = MotorModels(parameters.motors, self._names, self._kinematics.radii_m)
+        self.knows_its_motors = self._motors.are_known
         self.gains = gains
         self.at_rest = DriveState(
             (pid.RESET,) * len(gains),
@@ -92,22 +97,7 @@ class Drive:
 
     @gains.setter
     def gains(self, gains: tuple[PidParameters, ...]) -> None:
-        self._gains, self._directed = gains, self._directed_by(gains)
-
-    def _models(self) -> tuple[WheelMotor, ...]:
-        """The motors in the order of the wheels; none where they are not known. Raises ``ValueError`` for some."""
-        motors = self._parameters.motors
-        if not motors:
-            return ()
-        if motors.keys() != set(self._names):
-            raise ValueError(
-                f"drive.motors must name every wheel ({', '.join(self._names)}), got {', '.join(motors)}"
-            )
-        return tuple([motors[name] for name in self._names])
-
-    def _directed_by(self, gains: tuple[PidParameters, ...]) -> tuple[Directed, ...]:
-        wheels = zip(gains, self._motors, self._kinematics.radii_m, strict=True) if self._motors else ()
-        return tuple([directed(*wheel) for wheel in wheels])
+        self._gains, self._directed = gains, self._motors.directed(gains)
 
     def _towards(self, state: DriveState) -> tuple[PidParameters, ...]:
         """The gains of each wheel in the direction in which it turns."""
@@ -124,12 +114,12 @@ class Drive:
         if is_rest(target) and not any(state.setpoint_m_s):
             return self.halt(state)
         gains = self._gains
-        if self._motors:
+        if self.knows_its_motors:
             gains = self._towards(state)
             accelerations = self._accelerations(gains, state.held_m_s, state, state.cycle_s)
             state = replace(state, acceleration_m_s2=accelerations, earlier_m_s=earlier_m_s)
         wheels = zip(gains, state.pids, state.setpoint_m_s, state.acceleration_m_s2, strict=True)
-        scrub_duty, follows = self._scrub_duty(state), not self._motors
+        scrub_duty, follows = self._scrub_duty(state), not self.knows_its_motors
         share = state.supply_share
         outputs = [share * pid.preview(*wheel, scrub_duty, feedback_follows=follows) for wheel in wheels]
         return replace(state, duty=self._duty(outputs))
@@ -143,14 +133,9 @@ class Drive:
         return accelerations_m_s2(gains, held_m_s, state.setpoint_m_s, cycle_s, self._most_m_s2)
 
     @property
-    def knows_its_motors(self) -> bool:
-        """Whether it drives by the motors' models."""
-        return bool(self._motors)
-
-    @property
     def makes_up_for_voltage(self) -> bool:
         """Whether the duty depends on the battery's voltage."""
-        return bool(self._motors) and self._parameters.motor_voltage_v is not None
+        return self.knows_its_motors and self._parameters.motor_voltage_v is not None
 
     def compensate(self, state: DriveState, voltage_v: float) -> DriveState:
         """The battery has this voltage: the duty is to make up for it, within bounds and not at once."""
@@ -174,39 +159,53 @@ class Drive:
         speeds). ``substitutes`` are wheels whose reading is not believed, each with the one that it is driven like.
         """
         delay_s = self._parameters.response_delay_s
-        reached_m_s = held.reached_m_s(state, now_s) if self._motors else state.setpoint_m_s
+        reached_m_s = mean_m_s = state.setpoint_m_s
+        if self.knows_its_motors:
+            reached_m_s = held.reached_m_s(state, now_s)
+            mean_m_s = reference.midway(state.held_m_s, reached_m_s)
         cycle_s = dt_s if dt_s >= pid.SHORTEST_S else state.cycle_s
-        mean_m_s = reached_m_s
-        if self._motors and state.held_m_s != reached_m_s:
-            mean_m_s = midway(state.held_m_s, reached_m_s)
-        asked = Asked(dt_s, mean_m_s)
-        history = reference.remember(state.asked, asked, measured_over_s + delay_s)
+        history = reference.remember(state.asked, Asked(dt_s, mean_m_s), measured_over_s + delay_s)
         state = self._setpoints.step(state, target, now_s, apart)
         if not any(state.setpoint_m_s) and is_rest(target):
             return self.halt(replace(state, cycle_s=cycle_s))
-        gains, accelerations, unsettled_share = self._gains, state.acceleration_m_s2, UNSETTLED_SHARE
-        if self._motors:
-            gains, unsettled_share = self._towards(state), 0.0
+        gains, accelerations = self._gains, state.acceleration_m_s2
+        if self.knows_its_motors:
+            gains = self._towards(state)
             accelerations = self._accelerations(gains, reached_m_s, state, cycle_s)
-        is_silent = dt_s > LOST_LINES_S
-        dt_s = min(dt_s, self._parameters.max_step_s)
         speeds_m_s = self._kinematics.rims_at_m_s(velocity_rad_s)
-        integral_share = creeping_share = 1.0
-        steady_s = 0.0
+        is_silent, dt_s = dt_s > LOST_LINES_S, min(dt_s, self._parameters.max_step_s)
+        steady_s, shares = 0.0, (1.0, 1.0)
         if measured_over_s > 0:
             asked_m_s = reference.mean_m_s(history, measured_over_s, delay_s)
             speeds_m_s = reference.caught_up(speeds_m_s, asked_m_s, state.setpoint_m_s)
             if not is_silent and reference.is_steady(asked_m_s, state.setpoint_m_s):
                 steady_s = state.steady_s + dt_s
-            if self._parameters.integral_settle_s > 0:
-                creeping_share = UNSETTLED_SHARE
-            if steady_s < self._parameters.integral_settle_s:
-                integral_share = unsettled_share
+            shares = self._shares(steady_s)
         pids = state.pids
         if substitutes:
             pids = substituted(substitutes, pids)
             speeds_m_s = loop_speeds(substitutes, speeds_m_s, state.setpoint_m_s)
         wheels = zip(gains, pids, state.setpoint_m_s, accelerations, speeds_m_s, strict=True)
+        stepped, outputs = self._step_wheels(wheels, state, dt_s, shares)
+        share = self._share_left(state, outputs, speeds_m_s, dt_s)
+        driven = state.setpoint_m_s, accelerations, state.loose, history, steady_s
+        supplied = reached_m_s, cycle_s, state.supply_share, (), state.offered
+        return DriveState(
+            stepped, self._duty(outputs), state.limiter, state.stepped_s, share, *driven, *supplied
+        )
+
+    def _shares(self, steady_s: float) -> tuple[float, float]:
+        """The shares of the integral gain: of a wheel that creeps, and of any other."""
+        settle_s, others = self._parameters.integral_settle_s, 1.0
+        if steady_s < settle_s:
+            others = 0.0 if self.knows_its_motors else UNSETTLED_SHARE
+        return UNSETTLED_SHARE if settle_s > 0 else 1.0, others
+
+    def _step_wheels(
+        self, wheels: Iterable[Wheel], state: DriveState, dt_s: float, shares: tuple[float, float]
+    ) -> tuple[tuple[PidState, ...], list[float]]:
+        """A step of each wheel's controller, and its output at the battery's voltage."""
+        creeping_share, integral_share = shares
         scrub_duty = self._scrub_duty(state) if self._parameters.scrub_duty else 0.0
         steps = [
             pid.step(
@@ -220,13 +219,7 @@ class Drive:
         outputs = [step[1] for step in steps]
         if state.supply_share != 1.0:
             outputs = [output * state.supply_share for output in outputs]
-        share = self._share_left(state, outputs, speeds_m_s, dt_s)
-        stepped = tuple([step[0] for step in steps])
-        driven = state.setpoint_m_s, accelerations, state.loose, history, steady_s
-        supplied = reached_m_s, cycle_s, state.supply_share, (), state.offered
-        return DriveState(
-            stepped, self._duty(outputs), state.limiter, state.stepped_s, share, *driven, *supplied
-        )
+        return tuple([step[0] for step in steps]), outputs
 
     def force(self, state: DriveState, motion: WheelVelocities, now_s: float) -> DriveState:
         """Drive by the motion's duties, without a controller; no duty at all brakes.
@@ -242,28 +235,14 @@ class Drive:
         return replace(self.halt(state), duty=signed, stepped_s=now_s, setpoint_m_s=setpoint_m_s)
 
     def wheel_duties(self, duties: WheelDuties) -> WheelVelocities:
-        """Duties as a motion that can be commanded: all reduced in proportion to what the limits of speed allow.
-
-        A wheel is taken to turn as fast as a free motor of that duty, in proportion to the highest speed. Raises
-        ``ValueError`` unless there is a duty for each wheel.
-        """
-        if len(duties.duty) != len(self._names):
-            raise ValueError(f"expected a duty for each of {', '.join(self._names)}, got {duties.duty}")
-        parameters, kinematics = self._parameters, self._kinematics
-        per_duty_m_s = parameters.max_rim_speed_m_s / LOADED_SHARE / parameters.max_duty
-        rims_m_s = [duty * per_duty_m_s for duty in duties.duty]
-        twist = kinematics.twist(tuple(map(truediv, rims_m_s, kinematics.radii_m)))
-        share = rims.share_of(self.limits, parameters.max_rim_speed_m_s, rims_m_s, twist)
-        duty = tuple([int(value * share) for value in duties.duty])
-        speeds = zip(duty, kinematics.radii_m, strict=True)
-        rad_s = tuple([value * per_duty_m_s / radius_m for value, radius_m in speeds])
-        return WheelVelocities(rad_s, kinematics.twist(rad_s), duty)
+        """Duties as a motion that can be commanded (see ``wheel_commands.by_duty``); raises ``ValueError``."""
+        return by_duty(duties, self._names, self._parameters, self._kinematics, self.limits)
 
     def retune(self, state: DriveState, gains: tuple[PidParameters, ...]) -> DriveState:
         """Exchange the gains without a bump in the duty; returns the state to go on with."""
-        before = self._towards(state) if self._motors else self._gains
+        before = self._towards(state) if self.knows_its_motors else self._gains
         self.gains = gains
-        after = self._towards(state) if self._motors else gains
+        after = self._towards(state) if self.knows_its_motors else gains
         wheels = zip(before, after, state.pids, state.setpoint_m_s, state.acceleration_m_s2, strict=True)
         scrub_duty = self._scrub_duty(state)
         pids = tuple(pid.retune(*wheel, scrub_duty) for wheel in wheels)
@@ -277,17 +256,8 @@ class Drive:
         self._most_m_s2 = RIM_ACCELERATION_SHARE * (limits.linear.axis.fastest_change + at_rims)
 
     def wheel_velocities(self, velocity_rad_s: Mapping[str, float]) -> WheelVelocities:
-        """A speed for each named wheel, as a motion that can be commanded; the other wheels stand.
-
-        Raises:
-            Refused: there is no wheel of such a name.
-        """
-        strangers = [name for name in velocity_rad_s if name not in self._names]
-        if strangers:
-            reason = f"no wheel named {', '.join(map(ascii, strangers))}; there are {', '.join(self._names)}"
-            raise Refused(RefusalKind.UNKNOWN_WHEEL, reason)
-        speeds = tuple([velocity_rad_s.get(name, 0.0) for name in self._names])
-        return WheelVelocities(speeds, self._kinematics.twist(speeds))
+        """Speeds of wheels as a motion that can be commanded (see ``wheel_commands.by_speed``); raises ``Refused``."""
+        return by_speed(velocity_rad_s, self._names, self._kinematics)
 
     def targets_rad_s(self, state: DriveState) -> tuple[float, ...]:
         """The commanded speed of each wheel."""
@@ -319,9 +289,8 @@ class Drive:
     ) -> float:
         """Slow the whole twist while any wheel cannot keep up with its part of it."""
         change = self._parameters.saturation_recovery_per_s
-        for gains, output, setpoint, speed in zip(
-            self._gains, outputs, state.setpoint_m_s, speeds_m_s, strict=True
-        ):
+        wheels = zip(self._gains, outputs, state.setpoint_m_s, speeds_m_s, strict=True)
+        for gains, output, setpoint, speed in wheels:
             saturated = not -gains.output_limit < output < gains.output_limit
             if saturated and abs(setpoint) - abs(speed) > LAGGING_M_S:
                 change = -self._parameters.saturation_slowdown_per_s

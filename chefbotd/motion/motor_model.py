@@ -7,7 +7,7 @@ steady speed ``v + (r - v) / (1 - exp(-T / lag))`` (the inverse of the sampled p
 ``1 - x / 2 + x^2 / 12 - ...`` with ``x = T / lag``; the next term, ``x^4 / 720``, is below 1 % of it up to 2 of ``x``.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from pydantic import Field
 
@@ -70,3 +70,27 @@ def accelerations_m_s2(
         change = most_m_s2 if change > most_m_s2 else -most_m_s2 if change < -most_m_s2 else change
         accelerations.append(change * (1 - lags / 2 + lags * lags / 12))
     return tuple(accelerations)
+
+
+class MotorModels:
+    """The models of all wheels' motors, or none where they are not known.
+
+    Raises:
+        ValueError: those of some wheels only.
+    """
+
+    def __init__(
+        self, motors: Mapping[str, WheelMotor], names: Sequence[str], radii_m: Sequence[float]
+    ) -> None:
+        if motors and motors.keys() != set(names):
+            raise ValueError(
+                f"drive.motors must name every wheel ({', '.join(names)}), got {', '.join(motors)}"
+            )
+        self.are_known = bool(motors)
+        self._motors = tuple([motors[name] for name in names]) if motors else ()
+        self._radii_m = radii_m
+
+    def directed(self, gains: Sequence[PidParameters]) -> tuple[Directed, ...]:
+        """The gains of each wheel by direction; empty where the motors are not known."""
+        wheels = zip(gains, self._motors, self._radii_m, strict=True) if self._motors else ()
+        return tuple([directed(*wheel) for wheel in wheels])

@@ -46,7 +46,7 @@ class FusionParameters(Parameters):
     project_tilt: bool = False
     """Take the travel's share in the plane, by the IMU's orientation; two decimals are too coarse for it."""
     max_acceleration_m_s2: float | None = Field(default=None, gt=0, le=1000)
-    """Refuse up to three travels in a row that would need more; encoders are checked before, so None."""
+    """Refuse up to five travels in a row that would need more; encoders are checked before, so None."""
 
 
 class OdometrySource(StrEnum):

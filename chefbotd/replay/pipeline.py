@@ -247,8 +247,10 @@ class Pipeline:
 
     def _leave(self, entry: inputs.ClientLeft) -> None:
         caller = self._callers.pop(entry.client, None)
-        if caller is not None:
-            self._daemon.leases.release(caller.session, self._entries.now_s())
+        if caller is None:
+            caller = ReplayedCaller(ReplayedSession(ApiParameters(), "", 0, None, entry.stamp_s))
+            caller.session.number = entry.client
+        self._daemon.rpc.connections.leave(caller.session)
 
     # the process
 

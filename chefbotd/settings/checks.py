@@ -20,6 +20,7 @@ EVENTS = "chefbotd/core/events"
 def check(settings: Settings) -> Iterator[str]:
     """A message for everything that does not fit together, with the values."""
     yield from _wheels(settings)
+    yield from _wheel_loop(settings)
     yield from _lines(settings)
     yield from _load(settings)
     yield from _duty(settings)
@@ -42,6 +43,12 @@ def _wheels(settings: Settings) -> Iterator[str]:
         yield f"the wire {wire!r} has {wheels} wheels, the chassis names {named}"
     if any(wheel.name == ALL_WHEELS for wheel in settings.chassis.wheels):
         yield f"no wheel can be named {ALL_WHEELS!r}: set_pid uses it for every wheel"
+
+
+def _wheel_loop(settings: Settings) -> Iterator[str]:
+    differ = [wheel.name for wheel in settings.chassis.wheels if wheel.motor_sign != wheel.encoder_sign]
+    if settings.link.wheel_loop and differ:
+        yield f"[link] wheel_loop needs a motor_sign like the encoder_sign of each wheel, unlike that of {differ[0]!r}"
 
 
 def _odometry(settings: Settings) -> Iterator[str]:

@@ -25,7 +25,7 @@ from chefbotd.motion.pid import PidParameters
 from chefbotd.motion.same_side import SameSideParameters
 from chefbotd.perception.depth_camera import DepthSourceParameters
 from chefbotd.recording.parameters import RecordingParameters
-from chefbotd.rpc.parameters import ApiParameters
+from chefbotd.rpc.parameters import ApiParameters, PluginsParameters
 from chefbotd.safety.gate import SafetyParameters
 from chefbotd.safety.latch import LatchParameters
 from chefbotd.safety.watchdog import ControlParameters, WatchdogParameters
@@ -118,6 +118,7 @@ class Settings(Parameters):
     page: PageParameters = section()
     foxglove: FoxgloveParameters = section()
     discovery: DiscoveryParameters = section()
+    plugins: PluginsParameters = section()
     log: LogParameters = section()
     sim: SimulationParameters = section()
 

@@ -4,7 +4,7 @@
 """
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from typing import Any
 
@@ -214,6 +214,18 @@ AGEING = {"odometry", "wheels", "imu", "ranges", "battery", "sim"}
 """Topics that are sent periodically. The others are sent when they change, and do not age."""
 
 
+def plugins(values: Sequence[Data]) -> Fact:
+    """Each plug-in that the configuration allows; why one does not run."""
+    is_complete = not any(plugin["reason"] for plugin in values)
+    text = "; ".join(_plugin(plugin) for plugin in values)
+    return Fact("plugins", text, Style.PLAIN if is_complete else Style.NOTICE)
+
+
+def _plugin(data: Data) -> str:
+    name = " ".join(filter(None, (data["name"], data["version"])))
+    return f"{name} is left out: {data['reason']}" if data["reason"] else name
+
+
 def of_topics(latest: Mapping[str, Data]) -> list[Fact]:
     """The latest values by topic, each with ``data`` and ``age_s``; what is stale is faint."""
     return [_aged(topic, word, latest[topic]) for topic, word in BY_TOPIC if topic in latest]
@@ -228,6 +240,7 @@ def _aged(topic: str, word: Callable[[Data], Fact], value: Data) -> Fact:
 
 
 def of_state(state: Data) -> list[Fact]:
-    """Everything in an answer of ``get_state``."""
+    """Everything in an answer of ``get_state``, and the allowed plug-ins where it has any."""
     always = {"safety": {"data": state["safety"]}, "link": {"data": state["link"]}}
-    return of_topics({**state["topics"], **always})
+    facts = of_topics({**state["topics"], **always})
+    return [*facts, plugins(state["plugins"])] if state.get("plugins") else facts

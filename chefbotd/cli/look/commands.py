@@ -73,7 +73,10 @@ PERIOD_S = 0.5
 async def state_of(robot: Client) -> dict[str, Any]:
     """Everything that ``status`` shows, as the daemon tells it now."""
     hello = {"robot": robot.hello.robot, "protocol": robot.hello.protocol, "session": robot.hello.session}
-    return {**hello, **await robot.call("get_state"), "stats": await robot.call("get_stats")}
+    state = {**hello, **await robot.call("get_state"), "stats": await robot.call("get_stats")}
+    if "method.list_plugins" in robot.hello.capabilities:
+        state |= await robot.call("list_plugins")
+    return state
 
 
 async def follow(robot: Client, show: Callable[[Mapping[str, Any] | None, str], None]) -> None:

@@ -60,18 +60,36 @@ def info(context: CommandContext, file: Path) -> None:
 @log_group.command()
 @click.argument("file", type=FILE)
 @click.option(
-    "--csv",
-    "folder",
-    type=FILE,
-    required=True,
-    metavar="FOLDER",
-    help="The folder to write to: one table per topic.",
+    "--csv", "folder", type=FILE, metavar="FOLDER", help="Write one table per topic to this folder."
+)
+@click.option(
+    "--ros2", "bag", type=FILE, metavar="FOLDER", help="Write a ROS 2 bag; needs the package chefbot-ros2."
 )
 @click.option("--topic", "topics", multiple=True, metavar="TOPIC", help="Only this one; may be given again.")
 @click.option("--force", is_flag=True, help="Replace files that exist.")
 @click.pass_obj
-def export(context: CommandContext, file: Path, folder: Path, topics: tuple[str, ...], force: bool) -> None:
-    """Write the recording FILE as tables for spreadsheets and pandas."""
+def export(
+    context: CommandContext,
+    file: Path,
+    folder: Path | None,
+    bag: Path | None,
+    topics: tuple[str, ...],
+    force: bool,
+) -> None:
+    """Write the recording FILE as tables for spreadsheets and pandas, or as a ROS 2 bag.
+
+    A bag is always written whole, and as a new folder: --topic and --force are for tables.
+    """
+    if (folder is None) is (bag is None):
+        raise click.UsageError("expected one of --csv FOLDER and --ros2 FOLDER")
+    if bag is not None:
+        from chefbotd.cli.record.export import export_ros2
+
+        counts = export_ros2(file, bag)
+        text = f"Wrote {sum(counts.values())} messages on {len(counts)} topics in {bag}."
+        output.say(context.as_json, {"bag": str(bag), "messages": counts}, text)
+        return
+    assert folder is not None  # noqa: S101 - one of both was given
     from chefbotd.cli.record.export import export_csv
 
     files = export_csv(file, folder, topics, force=force)

@@ -47,6 +47,26 @@ def export_csv(path: Path, folder: Path, topics: Collection[str], *, force: bool
     return sorted(files.values())
 
 
+def export_ros2(path: Path, bag: Path) -> dict[str, int]:
+    """Write a ROS 2 bag; how many messages each topic got.
+
+    Raises:
+        ProgramError: the file is no recording, the bag cannot be written, or the package for it is not installed.
+    """
+    try:
+        from chefbot_ros2.bag import CannotWriteBagError, write_bag
+    except ImportError as error:
+        if error.name is None or error.name.partition(".")[0] not in ("chefbot_ros2", "rosbags"):
+            raise
+        advice = "pip install ./addons/chefbot-ros2 in a checkout of chefbotd"
+        raise ProgramError(Exit.NOT_INSTALLED, f"a package is missing ({error}): {advice}") from error
+    with opened(path):
+        try:
+            return dict(write_bag(path, bag))
+        except CannotWriteBagError as error:
+            raise ProgramError(Exit.FAILED, str(error)) from error
+
+
 def _write(path: Path, files: dict[str, Path], columns: dict[str, dict[str, None]]) -> None:
     streams: dict[str, TextIO] = {}
     try:

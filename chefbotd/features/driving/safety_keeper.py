@@ -14,6 +14,7 @@ from chefbotd.core.events import (
     BatteryMeasured,
     BoardRestarted,
     DutyEchoed,
+    FirmwareReported,
     LinkClosed,
     LinkOpened,
     RangeMeasured,
@@ -123,6 +124,7 @@ class SafetyKeeper:
         bus.add_handler(self._on_range, RangeMeasured, on_error=self._keep_error)
         bus.add_handler(self._on_battery, BatteryMeasured, on_error=self._keep_error)
         bus.add_handler(self._on_echo, DutyEchoed, on_error=self._keep_error)
+        bus.add_handler(self._on_firmware, FirmwareReported, on_error=self._keep_error)
 
     def state(self) -> KeeperState:
         """The state of this part; the guard by scans is a part of its own."""
@@ -389,6 +391,16 @@ class SafetyKeeper:
         fault = self.motors.note_echo(event)
         if fault is not None:
             self.fail(fault)
+            self._on_fault()
+
+    def _on_firmware(self, event: FirmwareReported) -> None:
+        if event.stopped_itself and self.armed:
+            stops = " and ".join(event.stops).replace("_", "-")
+            reason = (
+                f"the board has stopped its motors ({stops}), and nobody here asked for it; "
+                "see what moves heavily, or who else has its port open"
+            )
+            self.fail(Fault(FaultKind.BOARD_STOPPED, reason))
             self._on_fault()
 
     def _keep_error(self, error: Exception) -> None:

@@ -62,6 +62,7 @@ class DriveServiceState(Record, frozen=True):
 class DriveService:
     """Asks ``wheels`` what to do; ``keeper`` has the last word, ``send_duty`` puts a duty on the wire at once.
 
+    ``repeat_duty`` is told the duty in force that is not sent again: by it a board knows that this loop lives.
     ``reader`` measures the wheels; ``wheel_names`` and ``duty_ceiling`` are for the ``WheelController``. After a pause
     of ``watchdog.timeout_s`` the loop forgets earlier commands, whether or not a watchdog has looked. If the robot
     drove, it brakes until the next command; after a long pause, or too many pauses, until it is armed.
@@ -79,9 +80,11 @@ class DriveService:
         wheel_names: tuple[str, ...],
         control: ControlParameters,
         duty_ceiling: Callable[[float], tuple[int, ...] | None] = lambda now_s: None,
+        repeat_duty: Callable[[tuple[int, ...]], None] = lambda duty: None,
         watchdog: WatchdogParameters,
     ) -> None:
         self._bus, self._clock, self._write_duty = bus, entries_of(clock), send_duty
+        self._repeat_duty = repeat_duty
         self.wheels = WheelController(drive, wheel_names, duty_ceiling)
         self.keeper, self.reader = keeper, reader
         self._watchdog = watchdog
@@ -304,6 +307,8 @@ class DriveService:
         duty = self.wheels.drive_state.duty
         if repeat or duty != before or not any(duty):
             self._send_duty(now_s, duty)
+        else:
+            self._repeat_duty(duty)
         if self.wheels.change_waits:
             self.wheels.make_change()
         if self._watch_timer.resting and self._is_asked():

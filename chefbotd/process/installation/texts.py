@@ -37,7 +37,7 @@ def configuration(packaged: str, *, with_page: bool) -> str:
 
 def tokens() -> str:
     """A random token for each role."""
-    lines = [f"{role} {secrets.token_hex(32)}\n" for role in ("admin", "drive", "observe")]
+    lines = [f"{role} {secrets.token_hex(32)}\n" for role in ("admin", "drive", "agent", "guest", "observe")]
     return f"# ROLE TOKEN: whoever shows the token has the role. docs/api.md, 'Who may do what'.\n{''.join(lines)}"
 
 
