@@ -20,6 +20,9 @@ from chefbotd.rpc.parameters import ApiParameters
 FULL_S = 1.0
 """How long a client may read nothing once as many of its requests wait as may."""
 
+LOOKS = 10
+"""How often within its timeout a blocked client's progress is looked at: the time counts from its last, to a tenth."""
+
 
 class Outbox:
     """The output of one client; ``drops`` counts, by topic, what all clients together have lost.
@@ -43,6 +46,7 @@ class Outbox:
         self._order = itertools.count(1)
         self._dropped: Counter[str] = Counter()
         self._watch: asyncio.TimerHandle | None = None
+        self._looks_left = LOOKS
         self._unread_bytes = self._late_bytes = 0
         self.timeout_s = parameters.write_timeout_s
         self.blocked = self.closing = False
@@ -129,11 +133,19 @@ class Outbox:
     def _expect_progress(self, timeout_s: float) -> None:
         self._stop_watching()
         self.timeout_s, self._unread_bytes = timeout_s, self._transport.get_write_buffer_size()
-        self._watch = asyncio.get_running_loop().call_later(timeout_s, self._check_progress)
+        self._looks_left = LOOKS
+        self._look_later()
+
+    def _look_later(self) -> None:
+        self._watch = asyncio.get_running_loop().call_later(self.timeout_s / LOOKS, self._check_progress)
 
     def _check_progress(self) -> None:
         if self._transport.get_write_buffer_size() < self._unread_bytes:
             self._expect_progress(self.timeout_s)
+            return
+        self._looks_left -= 1
+        if self._looks_left:
+            self._look_later()
         else:
             self._give_up()
 

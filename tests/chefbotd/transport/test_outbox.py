@@ -161,6 +161,22 @@ def test_a_slow_client_is_not_a_stuck_one() -> None:
     run_virtual(scenario())
 
 
+def test_the_timeout_counts_from_the_last_progress() -> None:
+    """Who reads a little at once and then nothing is cut off a timeout, and at most a tenth of one, after that."""
+
+    async def scenario() -> None:
+        box, transport, _ = outbox()
+        fall_behind(box, transport)
+        await asyncio.sleep(0.1)
+        transport.client_takes(100)
+        await asyncio.sleep(5.0)
+        assert not transport.aborted
+        await asyncio.sleep(0.5)
+        assert transport.aborted
+
+    run_virtual(scenario())
+
+
 def test_a_client_that_has_caught_up_is_watched_no_more() -> None:
     """After catching up, silence is no offence."""
 
