@@ -106,8 +106,8 @@ class Daemon:
         self.leases = ControlLeases(settings.api.lease_s, stop_hold_s, driving.release, self.bus.publish)
         self.metrics = Metrics()
         fault_log = FaultLog(self.bus, self.session.lines)
-        self.features = self._make_features(context, features)  # all run before the board is touched
-        self.features.append(board(self.session, link, fault_log, driving.brake))
+        board_feature = board(self.session, link, fault_log, driving.brake)
+        self.features = self._make_features(context, features, board_feature)
         guard = load_guard(settings.api, os.environ)
         self.rpc = self._rpc_server(settings, guard)
         self.server = TcpServer(self.rpc, settings.api, guard.tls)
@@ -116,8 +116,10 @@ class Daemon:
         self.state = self._state()
         self._add_metrics()
 
-    def _make_features(self, context: Context, further: Sequence[FeatureBuilder]) -> list[Feature]:
-        """All but the board's, each with its services and handlers; what records sees everything first."""
+    def _make_features(
+        self, context: Context, further: Sequence[FeatureBuilder], board_feature: Feature
+    ) -> list[Feature]:
+        """Each with its services and handlers; what records sees everything first, and the board is opened last."""
         recorders = [*recording(context, lambda: self.state), *foxglove(context)]
         others = [build(self.bus, context.clock) for build in further]
         scanners = lidars(context)
@@ -135,8 +137,8 @@ class Daemon:
             *calibrated,
             *simulation(context),
         ]
-        plugged_in, self._plugins = plugins(context, packaged)
-        return [*packaged, *plugged_in]
+        plugged_in, self._plugins = plugins(context, [*packaged, board_feature])
+        return [*packaged, *plugged_in, board_feature]
 
     def _rpc_server(self, settings: Settings, guard: Guard) -> RpcServer:
         methods, topics = methods_and_topics(self.features)

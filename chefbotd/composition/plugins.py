@@ -19,6 +19,8 @@ if TYPE_CHECKING:
 log = structlog.get_logger(component="app")
 
 GROUP = "chefbotd.features"
+BUILT_LAST = "discovery"
+"""The feature, and its service, that needs the sockets, which need every method first."""
 
 
 class _LeftOutError(Exception):
@@ -82,7 +84,9 @@ def _feature(
         )
         if not isinstance(feature, Feature):
             raise TypeError(f"expected a Feature from its build, got {feature!r}")
+        others = list(others)
         _check_services(feature)
+        _check_names(feature, others)
         methods, _ = methods_and_topics([*others, feature])
         if repeated := sorted(methods.keys() & OWN_METHODS):
             raise ValueError(f"method {', '.join(repeated)} belongs to the server")
@@ -96,6 +100,20 @@ def _check_services(feature: Feature) -> None:
     for service in feature.services:
         if not (isinstance(service, Service) and isinstance(service.name, str) and callable(service.run)):
             raise TypeError(f"expected services with a name and a function, got {service!r}")
+
+
+def _check_names(feature: Feature, others: list[Feature]) -> None:
+    """Raises ValueError where a name is not its own: the log, the faults and a recording name it."""
+    if feature.name in {BUILT_LAST, *[other.name for other in others]}:
+        raise ValueError(f"there is a feature named {feature.name!a} already")
+    owners = {service.name: other.name for other in others for service in other.services}
+    owners[BUILT_LAST] = BUILT_LAST
+    for service in feature.services:
+        if service.name in owners:
+            raise ValueError(
+                f"service {service.name!a} already belongs to the feature {owners[service.name]!a}"
+            )
+        owners[service.name] = feature.name
 
 
 def _plugin(name: str, entries: "Collection[EntryPoint]") -> Plugin:

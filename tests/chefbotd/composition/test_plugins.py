@@ -148,6 +148,26 @@ def test_a_new_plugin_works_as_it_stands(
             "failed",
             "TypeError: expected a Feature from",
         ),
+        (
+            "plugin = Plugin(api=1, build=lambda context: Feature('board'))",
+            "failed",
+            "ValueError: there is a feature named 'board' already",
+        ),
+        (
+            "plugin = Plugin(api=1, build=lambda context: Feature('discovery'))",
+            "failed",
+            "ValueError: there is a feature named 'discovery' already",
+        ),
+        (
+            "plugin = Plugin(api=1, build=lambda context: Feature('bad', services=(Service('link', print),)))",
+            "failed",
+            "ValueError: service 'link' already belongs to the feature 'board'",
+        ),
+        (
+            "plugin = Plugin(api=1, build=lambda context: Feature('bad', services=2 * (Service('look', print),)))",
+            "failed",
+            "ValueError: service 'look' already belongs to the feature 'bad'",
+        ),
         (GREET.format(name="state"), "failed", "ValueError: method get_state belongs to the server"),
         (
             GREET.format(name="stats"),
