@@ -1,4 +1,4 @@
-"""Holds at most one waiting motor command. A newer one replaces it, and a stale one is never sent.
+"""Holds at most one waiting motor command. A newer one replaces it, and a stale one that is faster is never sent.
 
 The firmware has no watchdog, so a queue of velocities behind a slow reader would be driven long after it was meant.
 """
@@ -11,7 +11,10 @@ from chefbotd.entries import Timer, due_of
 from chefbotd.link.send_window import Duty, SendWindow, slows
 
 STALE_S = 0.3
-"""A command that was held back for longer is dropped: whoever asked for it has asked again, or is not there any more."""
+"""A command that was held back for longer is dropped: whoever asked for it has asked again, or is not there any more.
+
+One that slows is kept: without it, the faster one would stay in force.
+"""
 
 
 def _nothing() -> None:
@@ -116,7 +119,7 @@ class SetpointWriter:
         duty, idle = self._pending, self._idle()  # another thread may withdraw what waits at any moment
         if duty is None or not (idle or self._overtakes(duty)):
             return
-        if now_s - self._offered_s > STALE_S and any(duty):
+        if now_s - self._offered_s > STALE_S and any(duty) and not self._overtakes(duty):
             self._pending = None
             return
         if not self._window.admit(duty, now_s):

@@ -255,3 +255,23 @@ def test_a_command_that_was_held_back_for_longer_than_its_time_is_dropped():
 
     assert run_virtual(scenario(0.2, (50, 50))) == [(10, 10), (50, 50)]
     assert run_virtual(scenario(0.4, (50, 50))) == [(10, 10)]
+
+
+def test_a_stale_command_that_slows_is_still_sent():
+    """A silent board of 63 bytes has no room for (50, 50): 0.4 s later that still ends the faster one in force."""
+
+    async def scenario() -> list[tuple[int, ...]]:
+        wire = Wire()
+        wire.window = wire.writer._window = SendWindow(63, 2, lambda duty: 10)
+        for duty in ((90, 90), (95, 95), (100, 100), (70, 70), (50, 50)):
+            wire.writer.offer(duty)
+            await asyncio.sleep(0.01)
+        assert wire.written[-1][1] == (70, 70)
+        await asyncio.sleep(0.4)
+        for _ in range(2):
+            wire.window.cycle(LoopClock().now_s())
+            wire.writer.heard()
+            await asyncio.sleep(0.02)
+        return [duty for _, duty in wire.written]
+
+    assert run_virtual(scenario()) == [(90, 90), (95, 95), (100, 100), (70, 70), (50, 50)]
