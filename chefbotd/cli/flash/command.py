@@ -51,7 +51,7 @@ def flash(
     Stops the motors, keeps the board's old program in a file, writes the new one and verifies it, and listens until the
     board names itself. Says at the end how to go back. Needs openocd or lm4flash (Tiva), or avrdude (Duemilanove).
     """
-    from chefbotd.cli.flash import procedure
+    from chefbotd.cli.flash import old_program, procedure
 
     board, port = _board_and_port(board_name, device)
     image = _image(board, own_image)
@@ -71,9 +71,10 @@ def flash(
     _require_free(port)
     if not confirmed:
         _ask(port)
-    procedure.stop_motors(port)
-    kept = procedure.keep_old_program(programmer, port, board, _kept_folder(), datetime.now(), tell)
-    go_back = procedure.way_back(board, port, kept)
+    procedure.stop_motors(port, tell)
+    folder = _kept_folder()
+    kept = old_program.keep_old_program(programmer, port, board, folder, datetime.now(), tell)
+    go_back = old_program.way_back(board, port, kept)
     tell("Writing and verifying. Leave the cable in.")
     procedure.write(programmer, port, image.path, go_back, tell)
     heard = procedure.hear(port, is_ours=bool(image.version))

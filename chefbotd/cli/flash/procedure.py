@@ -1,36 +1,33 @@
-"""Flashing a board: stop it, keep its old program, write and verify the new one, and hear what it says.
+"""Flashing a board: stop it, write and verify its new program, and hear what it says.
 
 A write that fails is tried again, and the error after the last try says what state the board is in.
 """
 
-import errno
-import os
 import shlex
-import shutil
 import subprocess
 import tempfile
 import time
-from collections.abc import Callable, Sequence
-from datetime import datetime
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 
 import serial
 
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.flash.boards import Board, CommandLine, Programmer
+from chefbotd.cli.flash.boards import CommandLine, Programmer
 from chefbotd.core.record import Record
 from chefbotd.doctor.listening.ports import SerialPort
-from chefbotd.storage import explain, sync_folder
+from chefbotd.link.wires import stop_line
 
 BAUD = 115_200
-STOP = b"s 0 0\r"
+STOP_S = 1.5
+"""A classic sketch's cycle takes up to a second where no echo comes back (docs/protocol.md), and tells its duty then."""
+
 WRITES = 3
 PROGRAM_TIMEOUT_S = 180.0
 HEAR_S = 8.0
 """The boot loader waits up to 2 s, the classic boards take as long to start, and ours names itself once a second."""
 
-ERASED = 0xFF
-NAME = b"firmware"
+NAME, DUTY = b"firmware", b"s"
 
 Tell = Callable[[str], None]
 
@@ -42,63 +39,29 @@ class Heard(Record, frozen=True):
     line: str = ""
 
 
-def stop_motors(port: SerialPort) -> None:
-    """Write a stop twice: a LaunchPad whose processor is halted keeps its motors as they are.
+def stop_motors(port: SerialPort, tell: Tell) -> None:
+    """Write a stop, and wait until the board's echo shows it, ``STOP_S`` at most.
+
+    A LaunchPad whose processor is halted keeps its motors as they are, and a classic sketch that waits for its
+    ultrasonic sensor reads its input once a second.
 
     Raises:
         ProgramError: the port cannot be opened or written.
     """
+    duty: tuple[float, ...] = ()
     try:
         with serial.Serial(port.device, BAUD, timeout=0.2, write_timeout=2.0, exclusive=True) as line:
-            line.write(STOP * 2)
+            line.reset_input_buffer()
+            line.write(2 * stop_line("classic"))
             line.flush()
-            line.read(
-                4096
-            )  # until the board is silent for a moment, or has talked: it has read the stop by then
+            for number, text in enumerate(_lines(line, STOP_S)):
+                duty = (number > 0 and duty_in(text)) or duty  # the first may be the end of another line
+                if duty and not any(duty):
+                    return
     except (OSError, serial.SerialException) as error:
         raise ProgramError(Exit.FAILED, f"{port.device}: cannot be told to stop: {error}") from error
-
-
-def keep_old_program(
-    programmer: Programmer, port: SerialPort, board: Board, folder: Path, now: datetime, tell: Tell
-) -> Path | None:
-    """Read the board's program into a new file; None where the programmer cannot read, or there is none.
-
-    Raises:
-        ProgramError: it cannot be read or kept. Nothing has been written to the board.
-    """
-    if programmer.read is None:
-        tell(f"{programmer.program} cannot read the old program: it is not kept (openocd can).")
-        return None
-    kept = folder / f"{board.name}-{now:%Y%m%d-%H%M%S}.bin"
-    unfinished = kept.with_suffix(".part")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        if shutil.disk_usage(folder).free < 2 * board.kept_bytes:  # not every programmer says that it ran out
-            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        run(programmer.read(port, unfinished))
-        data = unfinished.read_bytes()[: board.kept_bytes].rstrip(bytes([ERASED]))
-        if not data:
-            tell("The board's flash memory is empty: there is no old program to keep.")
-            return None
-        with unfinished.open("wb") as file:
-            file.write(data)
-            file.flush()
-            os.fsync(file.fileno())
-        unfinished.replace(kept)
-        sync_folder(folder)
-    except ProgramFailed as error:
-        raise ProgramError(
-            Exit.FAILED, f"the old program cannot be read, so nothing was written: {error}"
-        ) from error
-    except OSError as error:
-        raise ProgramError(
-            Exit.FAILED, f"{kept}: the old program cannot be kept: {explain(error)}"
-        ) from error
-    finally:
-        unfinished.unlink(missing_ok=True)
-    tell(f"The old program is kept in {kept} ({len(data)} bytes).")
-    return kept
+    if duty:
+        tell(f"The board does not confirm the stop: it reports duty {duty}. Its wheels may turn meanwhile.")
 
 
 def write(programmer: Programmer, port: SerialPort, image: Path, go_back: str, tell: Tell) -> None:
@@ -117,8 +80,8 @@ def write(programmer: Programmer, port: SerialPort, image: Path, go_back: str, t
             return
     raise ProgramError(
         Exit.FAILED,
-        f"the board was not programmed: {failure}. It may hold half a program, and does not drive until it is flashed: "
-        f"its boot loader or debugger is not touched by this, so run the command again. {go_back}",
+        f"the board was not programmed: {failure}. It may hold half a program, which may do anything: keep the wheels "
+        f"off the ground. Its boot loader or debugger is not touched by this, so run the command again. {go_back}",
     )
 
 
@@ -168,16 +131,12 @@ def hear(port: SerialPort, *, is_ours: bool) -> Heard:
         ProgramError: the port cannot be opened or read.
     """
     first = ""
-    until_s = time.monotonic() + HEAR_S
     try:
         with serial.Serial(port.device, BAUD, timeout=0.2, exclusive=True) as line:
-            pending = b""
-            while time.monotonic() < until_s:
-                *lines, pending = (pending + line.read(max(line.in_waiting, 1))).split(b"\n")
-                for text in (part.strip() for part in lines):
-                    if version := version_in(text):
-                        return Heard(version, text.decode(errors="replace"))
-                    first = first or text.decode(errors="replace")
+            for text in _lines(line, HEAR_S):
+                if version := version_in(text):
+                    return Heard(version, text.decode(errors="replace"))
+                first = first or text.decode(errors="replace")
                 if first and not is_ours:
                     break
     except (OSError, serial.SerialException) as error:
@@ -187,19 +146,29 @@ def hear(port: SerialPort, *, is_ours: bool) -> Heard:
     return Heard(line=first)
 
 
+def _lines(line: serial.Serial, for_s: float) -> Iterator[bytes]:
+    """What comes in for so long, line by line; the first may be the end of one."""
+    until_s, pending = time.monotonic() + for_s, b""
+    while time.monotonic() < until_s:
+        *lines, pending = (pending + line.read(max(line.in_waiting, 1))).split(b"\n")
+        yield from (text.strip() for text in lines)
+
+
+def duty_in(line: bytes) -> tuple[float, ...]:
+    """The duty of both wheels in the line by which a board tells it, in either mode; empty in any other."""
+    kind, *fields = line.split(b"\t")
+    try:
+        return (float(fields[0]), float(fields[1])) if kind == DUTY else ()
+    except (IndexError, ValueError):
+        return ()
+
+
 def version_in(line: bytes) -> str:
     """The version in the line by which our firmware names itself; empty in any other."""
     kind, *fields = line.split(b"\t")
     if kind != NAME or len(fields) < 3 or not all(field.isdigit() for field in fields):
         return ""
     return f"{int(fields[1])}.{int(fields[2])}"
-
-
-def way_back(board: Board, port: SerialPort, kept: Path | None) -> str:
-    """How to have the old program on the board again."""
-    if kept is None:
-        return "To go back, upload the classic sketch with its own tools (Energia, Arduino IDE)."
-    return f"To go back: chefbotctl flash --board {board.name} --port {port.device} --image {kept}"
 
 
 def shown(command: CommandLine) -> str:

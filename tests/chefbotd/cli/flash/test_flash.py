@@ -2,12 +2,17 @@
 
 import json
 import os
+import pty
 import shutil
 import subprocess
 import sys
+import threading
 import time
+import tty
 from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 import serial
@@ -16,6 +21,7 @@ from click.testing import CliRunner, Result
 from chefbotd.cli.flash import command, procedure
 from chefbotd.cli.flash.images import Image
 from chefbotd.cli.programs.chefbotctl import main
+from chefbotd.doctor.listening.ports import SerialPort
 from tests.chefbotd.cli.flash.board import OLD_PROGRAM, Duemilanove
 
 pytestmark = pytest.mark.realtime
@@ -42,6 +48,7 @@ def flash(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Flash:
     image.write_bytes(NEW_PROGRAM)
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     monkeypatch.delenv("STATE_DIRECTORY", raising=False)
+    monkeypatch.setattr(procedure, "STOP_S", 0.2)
     monkeypatch.setattr(
         command, "_image", lambda board, own: Image(own) if own is not None else Image(image, "0.1")
     )
@@ -316,9 +323,95 @@ def test_after_three_failures_the_error_says_what_state_the_board_is_in(
     (openocd / "fail_write").write_text("9")
     result = flash("--board", "tiva", "--port", talking.device)
     assert result.exit_code == 1
-    assert "It may hold half a program, and does not drive until it is flashed" in result.stderr
+    assert "half a program, which may do anything: keep the wheels off the ground" in result.stderr
     assert "To go back: chefbotctl flash --board tiva" in result.stderr
     assert (openocd / "calls").read_text().count("program {") == 3
+
+
+@contextmanager
+def sketch(speak: Callable[[int], None]) -> Iterator[SerialPort]:
+    """A board that calls ``speak`` with its end of the line when it has read a stop."""
+    ours, theirs = pty.openpty()
+    tty.setraw(theirs)
+    os.write(ours, b"s\t0.00\t0.00\n")  # old, or the end of another line
+
+    def run() -> None:
+        while b"\r" not in os.read(ours, 64):
+            pass
+        speak(ours)
+
+    thread = threading.Thread(target=run)
+    thread.start()
+    try:
+        yield SerialPort(os.ttyname(theirs))
+    finally:
+        os.write(theirs, b"\r")  # if it has heard nothing
+        thread.join()
+        os.close(ours)
+        os.close(theirs)
+
+
+@pytest.mark.parametrize(
+    ("before", "after"),
+    [
+        (b"s\t80.00\t-70.00\n", b"s\t0.00\t0.00\n"),
+        (b"s\t80\t-70\t3\t7*1234\n", b"s\t0\t0\t3\t8*1234\n"),
+    ],
+    ids=["classic", "checked"],
+)
+def test_a_stop_is_waited_for_until_the_board_shows_it(
+    before: bytes, after: bytes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A sketch that waits for an echo reads the stop late: its motors are off before anything else is done to it."""
+    monkeypatch.setattr(procedure, "STOP_S", 60.0)
+    is_shown = threading.Event()
+
+    def speak(line: int) -> None:
+        for _ in range(5):
+            time.sleep(0.1)
+            os.write(line, b"t\t1\t0.05\n" + before)
+        is_shown.set()
+        os.write(line, after)
+
+    with sketch(speak) as port:
+        procedure.stop_motors(port, pytest.fail)
+        assert is_shown.is_set()
+
+
+class Deaf:
+    """A line in memory, on which a board tells its duty once in 0.1 s and hears nothing; ``now_s`` is its time."""
+
+    def __init__(self) -> None:
+        self.now_s = 0.0
+        self.in_waiting = 0
+
+    def __enter__(self) -> "Deaf":
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        """Closed."""
+
+    def read(self, size: int) -> bytes:
+        self.now_s += 0.1
+        return b"s\t80.00\t0.00\n"
+
+    def write(self, data: bytes) -> None:
+        """Lost."""
+
+    flush = reset_input_buffer = lambda self: None
+
+
+def test_a_board_that_does_not_stop_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its program may be one that obeys nothing, so it is replaced all the same: after 1.5 s."""
+    line = Deaf()
+    monkeypatch.setattr(procedure, "time", SimpleNamespace(monotonic=lambda: line.now_s))
+    monkeypatch.setattr(procedure.serial, "Serial", lambda *arguments, **options: line)
+    told: list[str] = []
+    procedure.stop_motors(SerialPort("/dev/deaf"), told.append)
+    assert told == [
+        "The board does not confirm the stop: it reports duty (80.0, 0.0). Its wheels may turn meanwhile."
+    ]
+    assert line.now_s == pytest.approx(1.5, abs=0.101)
 
 
 def test_a_programmer_that_is_not_installed_is_named_with_its_package(

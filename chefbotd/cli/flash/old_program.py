@@ -1,0 +1,64 @@
+"""The program that a board had before it was flashed: kept in a file, which is the way back."""
+
+import errno
+import os
+import shutil
+from datetime import datetime
+from pathlib import Path
+
+from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.cli.flash.boards import Board, Programmer
+from chefbotd.cli.flash.procedure import ProgramFailed, Tell, run
+from chefbotd.doctor.listening.ports import SerialPort
+from chefbotd.storage import explain, sync_folder
+
+ERASED = 0xFF
+
+
+def keep_old_program(
+    programmer: Programmer, port: SerialPort, board: Board, folder: Path, now: datetime, tell: Tell
+) -> Path | None:
+    """Read the board's program into a new file; None where the programmer cannot read, or there is none.
+
+    Raises:
+        ProgramError: it cannot be read or kept. Nothing has been written to the board.
+    """
+    if programmer.read is None:
+        tell(f"{programmer.program} cannot read the old program: it is not kept (openocd can).")
+        return None
+    kept = folder / f"{board.name}-{now:%Y%m%d-%H%M%S}.bin"
+    unfinished = kept.with_suffix(".part")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        if shutil.disk_usage(folder).free < 2 * board.kept_bytes:  # not every programmer says that it ran out
+            raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+        run(programmer.read(port, unfinished))
+        data = unfinished.read_bytes()[: board.kept_bytes].rstrip(bytes([ERASED]))
+        if not data:
+            tell("The board's flash memory is empty: there is no old program to keep.")
+            return None
+        with unfinished.open("wb") as file:
+            file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
+        unfinished.replace(kept)
+        sync_folder(folder)
+    except ProgramFailed as error:
+        raise ProgramError(
+            Exit.FAILED, f"the old program cannot be read, so nothing was written: {error}"
+        ) from error
+    except OSError as error:
+        raise ProgramError(
+            Exit.FAILED, f"{kept}: the old program cannot be kept: {explain(error)}"
+        ) from error
+    finally:
+        unfinished.unlink(missing_ok=True)
+    tell(f"The old program is kept in {kept} ({len(data)} bytes).")
+    return kept
+
+
+def way_back(board: Board, port: SerialPort, kept: Path | None) -> str:
+    """How to have the old program on the board again."""
+    if kept is None:
+        return "To go back, upload the classic sketch with its own tools (Energia, Arduino IDE)."
+    return f"To go back: chefbotctl flash --board {board.name} --port {port.device} --image {kept}"
