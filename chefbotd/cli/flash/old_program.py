@@ -1,4 +1,8 @@
-"""The program that a board had before it was flashed: kept in a file, which is the way back."""
+"""The program that a board had before it was flashed: kept in a file, which is the way back.
+
+While a board is written, a marker in the same folder names that file. It stays where the write does not succeed: what
+the board holds then is half a program, and no way back.
+"""
 
 import errno
 import os
@@ -55,6 +59,39 @@ def keep_old_program(
         unfinished.unlink(missing_ok=True)
     tell(f"The old program is kept in {kept} ({len(data)} bytes).")
     return kept
+
+
+def begin_write(
+    board: Board, port: SerialPort, folder: Path, kept: Path | None, tell: Tell
+) -> tuple[Path, Path | None]:
+    """Mark the board as not whole; gives the marker, which is to be removed when it is, and the file to go back with.
+
+    That is the one from before an earlier write which did not succeed, if there was one.
+
+    Raises:
+        ProgramError: the marker cannot be written. Nothing has been written to the board.
+    """
+    serial_number = "".join(filter(str.isalnum, port.serial_number or ""))
+    marker = folder / f"{'-'.join(filter(None, (board.name, serial_number)))}.unfinished"
+    try:
+        if marker.exists():
+            name = marker.read_text()
+            kept = Path(name) if name and Path(name).is_file() else None
+            tell(
+                "An earlier write to this board did not succeed: the way back is the program from before it."
+            )
+            return marker, kept
+        folder.mkdir(parents=True, exist_ok=True)
+        with marker.open("w") as file:
+            file.write("" if kept is None else str(kept))
+            file.flush()
+            os.fsync(file.fileno())
+        sync_folder(folder)
+    except OSError as error:
+        raise ProgramError(
+            Exit.FAILED, f"{marker}: cannot be written, so the board was not: {explain(error)}"
+        ) from error
+    return marker, kept
 
 
 def way_back(board: Board, port: SerialPort, kept: Path | None) -> str:

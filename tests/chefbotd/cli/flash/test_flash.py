@@ -328,6 +328,40 @@ def test_after_three_failures_the_error_says_what_state_the_board_is_in(
     assert (openocd / "calls").read_text().count("program {") == 3
 
 
+def test_the_way_back_after_a_failed_write_is_the_program_from_before_it(
+    talking: Duemilanove, flash: Flash, openocd: Path, tmp_path: Path
+) -> None:
+    """The second run reads half a program: it is no way back, neither then nor when the third succeeds."""
+    (openocd / "fail_write").write_text("3")
+    flash("--board", "tiva", "--port", talking.device)
+    (old,) = kept(tmp_path)
+    (marker,) = (tmp_path / "state").rglob("*.unfinished")
+    (openocd / "flash").write_bytes(b"half a program")
+    (openocd / "fail_write").write_text("3")
+    again = flash("--board", "tiva", "--port", talking.device)
+    last = flash("--board", "tiva", "--port", talking.device)
+    assert last.exit_code == 0, last.output
+    for result in (again, last):
+        assert (
+            f"To go back: chefbotctl flash --board tiva --port {talking.device} --image {old}\n"
+            in result.output
+        )
+    assert not marker.exists()
+
+
+def test_after_a_write_that_succeeded_the_way_back_is_the_newest_program(
+    talking: Duemilanove, flash: Flash, openocd: Path, tmp_path: Path
+) -> None:
+    """Nothing is left of the first run that the second could take for a failure."""
+    flash("--board", "tiva", "--port", talking.device)
+    (first,) = kept(tmp_path)
+    first = first.rename(first.with_name("tiva-first.bin"))
+    result = flash("--board", "tiva", "--port", talking.device)
+    (second,) = set(kept(tmp_path)) - {first}
+    assert f"--image {second}\n" in result.output
+    assert second.read_bytes() == NEW_PROGRAM
+
+
 @contextmanager
 def sketch(speak: Callable[[int], None]) -> Iterator[SerialPort]:
     """A board that calls ``speak`` with its end of the line when it has read a stop."""
