@@ -18,12 +18,21 @@ from chefbotd.transport.parameters import DiscoveryParameters
 
 Interfaces = list[str] | InterfaceChoice
 
+CONFLICT_S = 3.0
+"""How long to ask for a robot that has the name already: one that has just said its records waits a second before it
+repeats them (RFC 6762, 6), which the library's own three probes, over after 0.35 s, do not wait for."""
+
 
 class Multicast:
-    """``interfaces`` are the addresses of the network interfaces to speak on; all of them by default."""
+    """``interfaces`` are the addresses of the network interfaces to speak on; all of them by default.
 
-    def __init__(self, interfaces: Interfaces = InterfaceChoice.All) -> None:
-        self._interfaces = interfaces
+    ``conflict_s`` is how long another robot of the same name may take to answer.
+    """
+
+    def __init__(
+        self, interfaces: Interfaces = InterfaceChoice.All, *, conflict_s: float = CONFLICT_S
+    ) -> None:
+        self._interfaces, self._conflict_s = interfaces, conflict_s
         self._zeroconf: AsyncZeroconf | None = None
 
     async def announce(self, announcement: Announcement) -> None:
@@ -36,6 +45,9 @@ class Multicast:
         if self._zeroconf is None:
             self._zeroconf = AsyncZeroconf(interfaces=self._interfaces)
         addresses = announcement.addresses or own_addresses()
+        other = AsyncServiceInfo(SERVICE_TYPE, announcement.instance)
+        if await other.async_request(self._zeroconf.zeroconf, self._conflict_s * 1000):
+            raise NameTaken(announcement.name)
         info = AsyncServiceInfo(
             SERVICE_TYPE,
             announcement.instance,

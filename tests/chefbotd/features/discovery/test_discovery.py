@@ -143,7 +143,7 @@ def test_a_robot_is_found_by_its_name_in_any_case_and_no_second_one_gets_it():
     mine = Announcement(name, ("127.0.0.1",), 7334, 7381, "khan", "0.3.1", encrypted=True)
 
     async def scenario() -> None:
-        network, other = Multicast(LOOPBACK), Multicast(LOOPBACK)
+        network, other = Multicast(LOOPBACK), Multicast(LOOPBACK, conflict_s=PATIENCE_S)
         await network.announce(mine)
         try:
             assert await find(name.upper(), PATIENCE_S, LOOPBACK) is not None
