@@ -70,10 +70,21 @@ firmware:  ## Build the board's firmware for this computer, the boards and the e
 
 # The tests of the firmware are to fail, not to skip, where a compiler or an emulator is missing.
 # Distributions of their own beside the daemon: installed into the same environment, with what is locked.
-addons-test: $(VENV)/ready build/constraints.txt  ## Install the add-ons, and run their tests
+addons-test: $(VENV)/ready build/constraints.txt build/ros-venv/ready  ## Install the add-ons, and run their tests
 	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable 'addons/chefbot-ros2[test]'
 	$(BIN)/mypy --package chefbot_ros2
 	$(BIN)/pytest -q addons
+
+# ROS 2 brings 300 MB and a numpy of its own choice: an environment apart from the daemon's, as a user has it too.
+ROS2 := addons/chefbot-ros2
+build/ros-venv/ready: pyproject.toml build/constraints.txt $(ROS2)/pyproject.toml $(ROS2)/ros-constraints.txt $(wildcard $(ROS2)/tf2_msgs/* $(ROS2)/tf2_msgs/msg/*)
+	rm -rf build/ros-venv
+	$(PYTHON) -m venv build/ros-venv
+	build/ros-venv/bin/pip install --quiet --constraint build/constraints.txt hatchling editables
+	build/ros-venv/bin/pip install --quiet --constraint build/constraints.txt --constraint $(ROS2)/ros-constraints.txt --no-build-isolation \
+	  --editable . --editable '$(ROS2)[node,tf2]'
+	$(ROS2)/tf2_msgs/install build/ros-venv
+	@touch $@
 
 firmware-test: $(VENV)/ready firmware  ## Build and check the firmware, and run its tests; nothing is left out
 	$(MAKE) -C firmware check images-check

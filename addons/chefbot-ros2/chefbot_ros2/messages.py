@@ -12,11 +12,16 @@ from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import RangeStatus
 from chefbotd.core.geometry import Pose2D, PoseCovariance
 
-TYPESTORE = get_typestore(Stores.ROS2_HUMBLE)
+TYPESTORE = get_typestore(Stores.ROS2_KILTED)
+"""Of Jazzy and Kilted, whose messages are the same here. Humble's differ in one: its Range has no ``variance``."""
+
 NS = 1_000_000_000
-ODOM, BASE = "odom", "base_footprint"
+MAP, ODOM, BASE = "map", "odom", "base_footprint"
 NOT_MEASURED = -1.0
 """In the first element of a covariance: this quantity is not measured (sensor_msgs/Imu)."""
+
+VARIANCE_UNKNOWN = 0.0
+"""sensor_msgs/Range."""
 
 FLOAT64 = 8
 """sensor_msgs/PointField."""
@@ -29,20 +34,23 @@ Message = tuple[str, Any]
 """A topic and its message."""
 
 
-def _type(name: str) -> Any:
+def ros_type(name: str) -> Any:
+    """A message's class by its name, such as ``nav_msgs/Odometry``."""
     package, _, short = name.partition("/")
     return TYPESTORE.types[f"{package}/msg/{short}"]
 
 
-Time, Header = _type("builtin_interfaces/Time"), _type("std_msgs/Header")
-Vector3, Point, Quaternion = (_type(f"geometry_msgs/{name}") for name in ("Vector3", "Point", "Quaternion"))
-Pose, PoseWithCovariance = _type("geometry_msgs/Pose"), _type("geometry_msgs/PoseWithCovariance")
-Twist, TwistWithCovariance = _type("geometry_msgs/Twist"), _type("geometry_msgs/TwistWithCovariance")
-Transform, TransformStamped = _type("geometry_msgs/Transform"), _type("geometry_msgs/TransformStamped")
-TFMessage, Odometry = _type("tf2_msgs/TFMessage"), _type("nav_msgs/Odometry")
-Imu, Range, JointState = (_type(f"sensor_msgs/{name}") for name in ("Imu", "Range", "JointState"))
-BatteryState, LaserScan = _type("sensor_msgs/BatteryState"), _type("sensor_msgs/LaserScan")
-PointCloud2, PointField = _type("sensor_msgs/PointCloud2"), _type("sensor_msgs/PointField")
+Time, Header = ros_type("builtin_interfaces/Time"), ros_type("std_msgs/Header")
+Vector3, Point, Quaternion = (
+    ros_type(f"geometry_msgs/{name}") for name in ("Vector3", "Point", "Quaternion")
+)
+Pose, PoseWithCovariance = ros_type("geometry_msgs/Pose"), ros_type("geometry_msgs/PoseWithCovariance")
+Twist, TwistWithCovariance = ros_type("geometry_msgs/Twist"), ros_type("geometry_msgs/TwistWithCovariance")
+Transform, TransformStamped = ros_type("geometry_msgs/Transform"), ros_type("geometry_msgs/TransformStamped")
+TFMessage, Odometry = ros_type("tf2_msgs/TFMessage"), ros_type("nav_msgs/Odometry")
+Imu, Range, JointState = (ros_type(f"sensor_msgs/{name}") for name in ("Imu", "Range", "JointState"))
+BatteryState, LaserScan = ros_type("sensor_msgs/BatteryState"), ros_type("sensor_msgs/LaserScan")
+PointCloud2, PointField = ros_type("sensor_msgs/PointCloud2"), ros_type("sensor_msgs/PointField")
 
 
 def messages(event: Any, clock_offset_ns: int, wheel_names: Sequence[str]) -> Iterator[Message]:
@@ -59,10 +67,19 @@ def stamped(stamp_s: float, clock_offset_ns: int) -> int:
 
 def mount(event: ScanMeasured, stamp_ns: int) -> Message:
     """Where the lidar sits on the robot."""
-    transform = _transform(event.base_from_lidar)
-    return "/tf_static", TFMessage(
-        [TransformStamped(header(stamp_ns, BASE), frame_of(event.lidar), transform)]
-    )
+    return "/tf_static", TFMessage([transform(stamp_ns, BASE, frame_of(event.lidar), event.base_from_lidar)])
+
+
+def transform(stamp_ns: int, parent: str, child: str, parent_from_child: Pose2D) -> Any:
+    """Where one frame stands in another."""
+    translation = Vector3(parent_from_child.x_m, parent_from_child.y_m, 0.0)
+    turn = Transform(translation, quaternion(parent_from_child.heading_rad))
+    return TransformStamped(header(stamp_ns, parent), child, turn)
+
+
+def pose_message(pose: Pose2D) -> Any:
+    """A pose in the plane."""
+    return Pose(Point(pose.x_m, pose.y_m, 0.0), quaternion(pose.heading_rad))
 
 
 def frame_of(sensor: str) -> str:
@@ -80,13 +97,9 @@ def quaternion(heading_rad: float) -> Any:
     return Quaternion(0.0, 0.0, math.sin(heading_rad / 2), math.cos(heading_rad / 2))
 
 
-def _transform(pose: Pose2D) -> Any:
-    return Transform(Vector3(pose.x_m, pose.y_m, 0.0), quaternion(pose.heading_rad))
-
-
 def _odometry(event: OdometryUpdated, stamp_ns: int, wheel_names: Sequence[str]) -> Iterator[Message]:
     pose, twist = event.odom_from_base, event.twist
-    at = Pose(Point(pose.x_m, pose.y_m, 0.0), quaternion(pose.heading_rad))
+    at = pose_message(pose)
     moves = Twist(Vector3(twist.linear_m_s, 0.0, 0.0), Vector3(0.0, 0.0, twist.angular_rad_s))
     yield (
         "/odom",
@@ -97,7 +110,7 @@ def _odometry(event: OdometryUpdated, stamp_ns: int, wheel_names: Sequence[str])
             TwistWithCovariance(moves, np.zeros(36)),
         ),
     )
-    yield "/tf", TFMessage([TransformStamped(header(stamp_ns, ODOM), BASE, _transform(pose))])
+    yield "/tf", TFMessage([transform(stamp_ns, ODOM, BASE, pose)])
 
 
 def _covariance(covariance: PoseCovariance) -> Any:
@@ -143,7 +156,7 @@ def _range(event: RangeMeasured, stamp_ns: int, wheel_names: Sequence[str]) -> I
     limits = event.field_of_view_rad, event.min_range_m, event.max_range_m
     yield (
         f"/ranges/{event.sensor}",
-        Range(header(stamp_ns, frame_of(event.sensor)), kind, *limits, measured_m),
+        Range(header(stamp_ns, frame_of(event.sensor)), kind, *limits, measured_m, VARIANCE_UNKNOWN),
     )
 
 

@@ -1,0 +1,285 @@
+"""The bridge's half that talks to the daemon: its topics become ROS messages, and ROS messages become its methods.
+
+It knows no rclpy. Messages leave through a function, and arrive by calls in the loop that runs it.
+"""
+
+import asyncio
+import math
+import time
+from collections.abc import Callable, Coroutine
+from contextlib import AbstractAsyncContextManager
+from typing import Any, Final
+
+import structlog
+
+from chefbot_ros2.diagnostics import ERROR, OK, WARN, diagnostic_array, status
+from chefbot_ros2.map_messages import MapFromOdom, String, fixed_transforms, occupancy_grid, path
+from chefbot_ros2.messages import MAP, NS, ODOM, TFMessage, frame_of, messages, stamped, transform
+from chefbot_ros2.topic_events import events_of, pose_of
+from chefbotd.client import CallError, ChefbotError, Client
+from chefbotd.client.caller import ignore_progress
+from chefbotd.client.event import Event
+from chefbotd.core.geometry import Pose2D, Twist2D
+
+log = structlog.get_logger("ros2")
+Connect = Callable[[], AbstractAsyncContextManager[Client]]
+Publish = Callable[[str, Any], None]
+"""Takes a topic and its message."""
+
+AGENT: Final = "ros2"
+AGAIN_S, DIAGNOSTICS_S, CLOCK_S, MAP_S = 1.0, 1.0, 10.0, 2.0
+PINGS: Final = 5
+MEASURED: Final = ("odometry", "wheels", "imu", "ranges", "battery", "scan", "map_pose", "path")
+STATES: Final = ("link", "safety", "worker", "lidars", "localization", "navigation", "mapping", "map")
+NO_MAP: Final = {"no_map_loaded", "unknown_map", "worker_unavailable", "map_unreadable"}
+
+
+class NotConnected(Exception):
+    """There is no connection to the daemon at present; the message says why."""
+
+
+class Session:
+    """One after the other, connections to the daemon; ``run`` holds them until it is cancelled."""
+
+    def __init__(self, connect: Connect, publish: Publish, version: str, source: str) -> None:
+        self._connect, self._publish, self._version, self._source = connect, publish, version, source
+        self._robot: Client | None = None
+        self._why = "not connected yet"
+        self._refused = ""
+        self._latest: dict[str, Any] = {}
+        self._velocity: Twist2D | None = None
+        self._has_velocity = asyncio.Event()
+        self._has_new_map = asyncio.Event()
+        self._tasks: asyncio.TaskGroup | None = None
+        self._forget()
+
+    def _forget(self) -> None:
+        """A new connection may be to another daemon, with another clock."""
+        self._offset_ns = 0
+        self._wheel_names: tuple[str, ...] = ()
+        self._map_from_odom = MapFromOdom()
+        self._frames: set[str] = set()
+        self._static: list[Any] = []
+        self._latest.clear()
+
+    # connecting
+
+    async def run(self) -> None:
+        """Connect, and connect again when that is lost; diagnostics are published all the time."""
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(self._report())
+            while True:
+                try:
+                    async with self._connect() as robot:
+                        await self._work(robot)
+                except* (ChefbotError, OSError, TimeoutError) as problems:
+                    self._why = "; ".join(str(problem) for problem in problems.exceptions)
+                    log.warning("no connection to the daemon", why=self._why)
+                await asyncio.sleep(AGAIN_S)
+
+    async def _work(self, robot: Client) -> None:
+        self._forget()
+        self._velocity = None
+        await robot.register_agent(AGENT, self._version)
+        self._offset_ns = await clock_offset_ns(robot)
+        await self._describe(robot)
+        offered = {name.removeprefix("topic.") for name in robot.hello.capabilities}
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                self._robot, self._tasks, self._why = robot, tasks, ""
+                log.info("connected to the daemon", robot=robot.hello.robot)
+                tasks.create_task(self._follow(robot, [topic for topic in MEASURED if topic in offered]))
+                tasks.create_task(self._watch(robot, [topic for topic in STATES if topic in offered]))
+                tasks.create_task(self._drive(robot))
+                tasks.create_task(self._keep_clock(robot))
+                if "localization" in offered or "map" in offered:
+                    tasks.create_task(self._publish_maps(robot))
+        finally:
+            self._robot = self._tasks = None
+
+    async def _keep_clock(self, robot: Client) -> None:
+        """The computers' clocks may be set while it runs."""
+        while True:
+            await asyncio.sleep(CLOCK_S)
+            self._offset_ns = await clock_offset_ns(robot)
+
+    # to ROS
+
+    async def _describe(self, robot: Client) -> None:
+        urdf = await robot.get_description()
+        if urdf is None:
+            return
+        self._publish("/robot_description", String(urdf))
+        _, frames = fixed_transforms(urdf, time.time_ns())
+        self._add_frames(frames.transforms)
+
+    def _add_frames(self, transforms: list[Any]) -> None:
+        """Frames that stay; the topic is latched, so each message has all of them."""
+        new = [frame for frame in transforms if frame.child_frame_id not in self._frames]
+        if new:
+            self._static += new
+            self._frames |= {frame.child_frame_id for frame in new}
+            self._publish("/tf_static", TFMessage(list(self._static)))
+
+    async def _follow(self, robot: Client, topics: list[str]) -> None:
+        async with robot.subscribe(topics) as events:
+            async for event in events:
+                self._take(event)
+
+    def _take(self, event: Event[Any]) -> None:
+        if event.topic == "map_pose":
+            self._map_from_odom.add_map_pose(event.stamp_s, pose_of(event.data))
+        elif event.topic == "path":
+            self._publish(*path(event.data, stamped(event.stamp_s, self._offset_ns)))
+        elif event.topic == "wheels":
+            self._wheel_names = event.data.name
+        elif event.topic == "odometry":
+            self._map_from_odom.add_odometry(event.stamp_s, pose_of(event.data))
+        elif event.topic == "battery":
+            self._latest["battery"] = event.data
+        for measured in events_of(event):
+            self._add_sensor_frame(event, measured)
+            for topic, message in messages(measured, self._offset_ns, self._wheel_names):
+                if topic == "/tf":
+                    self._add_map_frame(message, event.stamp_s)
+                self._publish(topic, message)
+
+    def _add_map_frame(self, message: Any, stamp_s: float) -> None:
+        """With the stamp of odometry: so no other look-up has to wait for the next pose in the map."""
+        if self._map_from_odom.latest is not None:
+            stamp_ns = stamped(stamp_s, self._offset_ns)
+            message.transforms.append(transform(stamp_ns, MAP, ODOM, self._map_from_odom.latest))
+
+    def _add_sensor_frame(self, event: Event[Any], measured: Any) -> None:
+        """The frame in which a sensor measures, where the description calls it otherwise."""
+        name = getattr(measured, "lidar", None) or getattr(measured, "sensor", None)
+        if name is None or frame_of(name) in self._frames:
+            return
+        stamp_ns = stamped(event.stamp_s, self._offset_ns)
+        if event.topic == "scan":
+            other = f"lidar_{frame_of(name)}"
+            place = transform(stamp_ns, "base_footprint", frame_of(name), measured.base_from_lidar)
+        else:
+            other = f"infrared_{frame_of(name)}"
+            place = transform(stamp_ns, "ultrasonic_link", frame_of(name), Pose2D())
+        if other in self._frames:
+            place = transform(stamp_ns, other, frame_of(name), Pose2D())
+        self._add_frames([place])
+
+    async def _watch(self, robot: Client, topics: list[str]) -> None:
+        """The states; a map is asked for when one of them says that there is another one."""
+        seen: dict[str, Any] = {}
+        async with robot.subscribe(topics, max_rate_hz=1 / MAP_S) as events:
+            async for event in events:
+                self._latest[event.topic] = event.data
+                mark = {"localization": "map", "mapping": "state", "map": "revision"}.get(event.topic)
+                if mark is not None and seen.get(event.topic) != getattr(event.data, mark):
+                    seen[event.topic] = getattr(event.data, mark)
+                    self._has_new_map.set()
+
+    async def _publish_maps(self, robot: Client) -> None:
+        while True:
+            await self._has_new_map.wait()
+            self._has_new_map.clear()
+            try:
+                image = await robot.get_map()
+                self._publish(*occupancy_grid(image, time.time_ns()))
+            except CallError as refused:
+                if refused.kind not in NO_MAP:
+                    log.warning("the map cannot be had", why=refused.message)
+
+    async def _report(self) -> None:
+        while True:
+            if self._robot is None:
+                bridge = status("bridge", ERROR, self._why)
+            else:
+                bridge = status("bridge", WARN if self._refused else OK, self._refused or "connected")
+            self._publish(*diagnostic_array(time.time_ns(), bridge, self._latest))
+            await asyncio.sleep(DIAGNOSTICS_S)
+
+    # from ROS
+
+    def drive(self, linear_m_s: float, angular_rad_s: float) -> None:
+        """Drive so, once: the daemon's dead-man ends it. Without a connection it is forgotten."""
+        if self._robot is not None and math.isfinite(linear_m_s) and math.isfinite(angular_rad_s):
+            self._velocity = Twist2D(linear_m_s, angular_rad_s)
+            self._has_velocity.set()
+
+    async def _drive(self, robot: Client) -> None:
+        """The newest velocity, one request at a time."""
+        while True:
+            await self._has_velocity.wait()
+            self._has_velocity.clear()
+            velocity, self._velocity = self._velocity, None
+            if velocity is None:
+                continue
+            try:
+                await robot.call(
+                    "drive",
+                    linear_m_s=velocity.linear_m_s,
+                    angular_rad_s=velocity.angular_rad_s,
+                    source=self._source,
+                )
+                self._refused = ""
+            except CallError as refused:
+                self._tell_refused("cmd_vel", refused)
+
+    def set_pose(self, frame: str, pose: Pose2D) -> None:
+        """RViz says about where the robot is."""
+        self._ask("initialpose", frame, lambda robot: robot.set_pose(pose.x_m, pose.y_m, pose.heading_rad))
+
+    def navigate(self, frame: str, pose: Pose2D) -> None:
+        """RViz says where it shall go; a goal before this one is cancelled."""
+        params = {"x_m": pose.x_m, "y_m": pose.y_m, "heading_rad": pose.heading_rad}
+        self._ask(
+            "goal_pose",
+            frame,
+            lambda robot: robot.call("navigate_to", on_progress=ignore_progress, **params),
+        )
+
+    def _ask(self, topic: str, frame: str, call: Callable[[Client], Coroutine[Any, Any, Any]]) -> None:
+        if self._robot is None or self._tasks is None:
+            log.warning("not done, for there is no connection to the daemon", topic=topic)
+        elif frame != MAP:
+            self._refused = f"{topic}: expected the frame {MAP}, got {frame!a}"
+            log.warning("not done", why=self._refused)
+        else:
+            self._tasks.create_task(self._carry_out(topic, call(self._robot)))
+
+    async def _carry_out(self, topic: str, call: Coroutine[Any, Any, Any]) -> None:
+        try:
+            await call
+            self._refused = ""
+        except CallError as refused:
+            self._tell_refused(topic, refused)
+
+    def _tell_refused(self, topic: str, refused: CallError) -> None:
+        why = f"{topic}: {refused.message}"
+        if why != self._refused:
+            log.warning("the daemon refuses", topic=topic, why=refused.message)
+        self._refused = why
+
+    async def estop(self, reason: str) -> None:
+        """Stop the motors at once; raises ``NotConnected`` or ``ChefbotError``."""
+        await self._connected().estop(reason)
+
+    async def arm(self) -> None:
+        """Allow motion again; raises as ``estop`` does."""
+        await self._connected().call("arm")
+
+    def _connected(self) -> Client:
+        if self._robot is None:
+            raise NotConnected(f"there is no connection to the daemon: {self._why}")
+        return self._robot
+
+
+async def clock_offset_ns(robot: Client) -> int:
+    """From the daemon's clock to 1970: by the fastest of some pings."""
+    fastest_ns, offset_ns = -1, 0
+    for _ in range(PINGS):
+        asked_ns = time.time_ns()
+        stamp_s = (await robot.ping()).stamp_s
+        took_ns = time.time_ns() - asked_ns
+        if fastest_ns < 0 or took_ns < fastest_ns:
+            fastest_ns, offset_ns = took_ns, asked_ns + took_ns // 2 - round(stamp_s * NS)
+    return offset_ns
