@@ -1,0 +1,1 @@
+"""RViz's buttons drive the simulated robot."""
