@@ -1,0 +1,359 @@
+"""The messages of VDA 5050 as records, for robots and for what manages them; nothing here knows a robot.
+
+A field's name on the wire is its name here in camelCase. An optional field that is None is not sent. The fields are
+those of version 2.1.0 (sections 6.6 to 6.15).
+"""
+
+from enum import StrEnum
+from math import pi
+from typing import Annotated, Any, Final, TypeVar
+
+import msgspec
+from msgspec import Meta, Struct, field
+
+Count = Annotated[int, Meta(ge=0)]
+Angle = Annotated[float, Meta(ge=-pi - 1e-6, le=pi + 1e-6)]
+NotNegative = Annotated[float, Meta(ge=0)]
+
+
+class Message(Struct, frozen=True, kw_only=True, omit_defaults=True, rename="camel"):
+    """The base of all messages and of their parts."""
+
+
+class Header(Message, frozen=True, kw_only=True):
+    """What every message begins with (6.4). ``timestamp`` is in UTC, ISO 8601."""
+
+    header_id: Count
+    timestamp: str
+    version: str
+    manufacturer: str
+    serial_number: str
+
+
+class BlockingType(StrEnum):
+    """What may happen beside an action (6.12)."""
+
+    NONE = "NONE"
+    SOFT = "SOFT"
+    HARD = "HARD"
+
+
+class ActionParameter(Message, frozen=True, kw_only=True):
+    """A parameter of an action."""
+
+    key: str
+    value: Any
+
+
+class Action(Message, frozen=True, kw_only=True):
+    """Something that a robot does on a node or an edge, or at once."""
+
+    action_type: str
+    action_id: str
+    blocking_type: BlockingType
+    action_description: str | None = None
+    action_parameters: tuple[ActionParameter, ...] | None = None
+
+    def parameter(self, key: str) -> Any:
+        """The value of a parameter; None: there is none of this key."""
+        return next((one.value for one in self.action_parameters or () if one.key == key), None)
+
+
+class NodePosition(Message, frozen=True, kw_only=True):
+    """Where a node is, in metres, and its heading (CCW positive)."""
+
+    x: float
+    y: float
+    map_id: str
+    theta: Angle | None = None
+    allowed_deviation_xy: NotNegative | None = field(default=None, name="allowedDeviationXY")
+    allowed_deviation_theta: NotNegative | None = None
+    map_description: str | None = None
+
+
+class Node(Message, frozen=True, kw_only=True):
+    """A node of an order; ``released``: it belongs to the base."""
+
+    node_id: str
+    sequence_id: Count
+    released: bool
+    actions: tuple[Action, ...]
+    node_position: NodePosition | None = None
+    node_description: str | None = None
+
+
+class Edge(Message, frozen=True, kw_only=True):
+    """An edge of an order."""
+
+    edge_id: str
+    sequence_id: Count
+    released: bool
+    start_node_id: str
+    end_node_id: str
+    actions: tuple[Action, ...]
+    edge_description: str | None = None
+    max_speed: float | None = None
+    max_height: float | None = None
+    min_height: float | None = None
+    orientation: Angle | None = None
+    orientation_type: str | None = None
+    direction: str | None = None
+    rotation_allowed: bool | None = None
+    max_rotation_speed: float | None = None
+    length: float | None = None
+    trajectory: dict[str, Any] | None = None
+    corridor: dict[str, Any] | None = None
+
+
+class Order(Header, frozen=True, kw_only=True):
+    """The topic ``order`` (6.6)."""
+
+    order_id: str
+    order_update_id: Count
+    nodes: tuple[Node, ...]
+    edges: tuple[Edge, ...]
+    zone_set_id: str | None = None
+
+
+class InstantActions(Header, frozen=True, kw_only=True):
+    """The topic ``instantActions`` (6.9)."""
+
+    actions: tuple[Action, ...]
+
+
+class NodeState(Message, frozen=True, kw_only=True):
+    """A node that the robot has still to reach."""
+
+    node_id: str
+    sequence_id: Count
+    released: bool
+    node_position: NodePosition | None = None
+
+
+class EdgeState(Message, frozen=True, kw_only=True):
+    """An edge that the robot has still to drive along."""
+
+    edge_id: str
+    sequence_id: Count
+    released: bool
+
+
+class ActionStatus(StrEnum):
+    """How far an action is (6.11). PAUSED is in the text of 2.1 and not in its schema, so it is never sent."""
+
+    WAITING = "WAITING"
+    INITIALIZING = "INITIALIZING"
+    RUNNING = "RUNNING"
+    FINISHED = "FINISHED"
+    FAILED = "FAILED"
+
+
+ENDED: Final = frozenset({ActionStatus.FINISHED, ActionStatus.FAILED})
+
+
+class ActionState(Message, frozen=True, kw_only=True):
+    """An action of the order or an instant one, and how far it is."""
+
+    action_id: str
+    action_status: ActionStatus
+    action_type: str | None = None
+    action_description: str | None = None
+    result_description: str | None = None
+
+
+class Position(Message, frozen=True, kw_only=True):
+    """Where the robot is on a map."""
+
+    x: float
+    y: float
+    theta: float
+    map_id: str
+    position_initialized: bool
+    localization_score: float | None = None
+    deviation_range: float | None = None
+
+
+class Velocity(Message, frozen=True, kw_only=True):
+    """How the robot moves, in its own coordinates."""
+
+    vx: float | None = None
+    vy: float | None = None
+    omega: float | None = None
+
+
+class Load(Message, frozen=True, kw_only=True):
+    """What the robot carries."""
+
+    load_id: str | None = None
+    load_type: str | None = None
+    load_position: str | None = None
+    weight: float | None = None
+
+
+class BatteryState(Message, frozen=True, kw_only=True):
+    """The battery; ``battery_charge`` in percent."""
+
+    battery_charge: float
+    charging: bool
+    battery_voltage: float | None = None
+    reach: int | None = None
+
+
+class Level(StrEnum):
+    """How bad an error is: WARNING goes by itself, FATAL needs somebody (6.10.5)."""
+
+    WARNING = "WARNING"
+    FATAL = "FATAL"
+
+
+class Reference(Message, frozen=True, kw_only=True):
+    """What an error is about."""
+
+    reference_key: str
+    reference_value: str
+
+
+class Error(Message, frozen=True, kw_only=True):
+    """Something that is wrong, and what to do about it."""
+
+    error_type: str
+    error_level: Level
+    error_references: tuple[Reference, ...] | None = None
+    error_description: str | None = None
+    error_hint: str | None = None
+
+
+class InfoLevel(StrEnum):
+    """Whom an information is for."""
+
+    DEBUG = "DEBUG"
+    INFO = "INFO"
+
+
+class Info(Message, frozen=True, kw_only=True):
+    """Something for people to know."""
+
+    info_type: str
+    info_level: InfoLevel
+    info_references: tuple[Reference, ...] | None = None
+    info_description: str | None = None
+
+
+class EStop(StrEnum):
+    """How an emergency stop is released; NONE: there is none."""
+
+    AUTOACK = "AUTOACK"
+    MANUAL = "MANUAL"
+    REMOTE = "REMOTE"
+    NONE = "NONE"
+
+
+class SafetyState(Message, frozen=True, kw_only=True):
+    """What keeps the robot from harm."""
+
+    e_stop: EStop
+    field_violation: bool
+
+
+class OperatingMode(StrEnum):
+    """Who drives the robot."""
+
+    AUTOMATIC = "AUTOMATIC"
+    SEMIAUTOMATIC = "SEMIAUTOMATIC"
+    MANUAL = "MANUAL"
+    SERVICE = "SERVICE"
+    TEACHIN = "TEACHIN"
+
+
+class State(Header, frozen=True, kw_only=True):
+    """The topic ``state`` (6.10)."""
+
+    order_id: str
+    order_update_id: Count
+    last_node_id: str
+    last_node_sequence_id: Count
+    driving: bool
+    operating_mode: OperatingMode
+    node_states: tuple[NodeState, ...]
+    edge_states: tuple[EdgeState, ...]
+    action_states: tuple[ActionState, ...]
+    battery_state: BatteryState
+    errors: tuple[Error, ...]
+    safety_state: SafetyState
+    paused: bool | None = None
+    new_base_request: bool | None = None
+    agv_position: Position | None = None
+    velocity: Velocity | None = None
+    loads: tuple[Load, ...] | None = None
+    information: tuple[Info, ...] | None = None
+
+
+class Visualization(Header, frozen=True, kw_only=True):
+    """The topic ``visualization`` (6.13)."""
+
+    agv_position: Position | None = None
+    velocity: Velocity | None = None
+
+
+class ConnectionState(StrEnum):
+    """Whether a robot is connected to the broker."""
+
+    ONLINE = "ONLINE"
+    OFFLINE = "OFFLINE"
+    BROKEN = "CONNECTIONBROKEN"
+
+
+class Connection(Header, frozen=True, kw_only=True):
+    """The topic ``connection`` (6.14)."""
+
+    connection_state: ConnectionState
+
+
+class Factsheet(Header, frozen=True, kw_only=True):
+    """The topic ``factsheet`` (6.15.1): objects as the standard lists them."""
+
+    type_specification: dict[str, Any]
+    physical_parameters: dict[str, Any]
+    protocol_limits: dict[str, Any]
+    protocol_features: dict[str, Any]
+    agv_geometry: dict[str, Any]
+    load_specification: dict[str, Any]
+    vehicle_config: dict[str, Any] | None = None
+
+
+class MalformedMessage(ValueError):
+    """What came is no message of this topic; the text says where and why."""
+
+
+M = TypeVar("M", bound=Message)
+
+
+def decode(data: bytes, kind: type[M]) -> M:
+    """The message in these bytes.
+
+    Raises:
+        MalformedMessage: they are no JSON, a field is missing, or it has another type or range.
+    """
+    try:
+        value = msgspec.json.decode(data)
+        if kind is InstantActions and isinstance(value, dict) and "actions" not in value:
+            value["actions"] = value.get(
+                "instantActions"
+            )  # what version 1.1, and some masters of 2.0, call it
+        return msgspec.convert(_without_nulls(value), kind)
+    except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
+        raise MalformedMessage(str(error)) from error
+
+
+def encode(message: Message) -> bytes:
+    """The message as JSON."""
+    return msgspec.json.encode(message)
+
+
+def _without_nulls(value: Any) -> Any:
+    """A field that is null is one that is left out."""
+    if isinstance(value, dict):
+        return {key: _without_nulls(one) for key, one in value.items() if one is not None}
+    if isinstance(value, list):
+        return [_without_nulls(one) for one in value]
+    return value
