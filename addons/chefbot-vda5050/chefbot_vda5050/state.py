@@ -1,0 +1,138 @@
+"""The state that a robot reports, from what is left of its order and what is known of the robot."""
+
+from typing import Any, Final
+
+from chefbot_vda5050.actions import Tracked
+from chefbot_vda5050.messages import (
+    ActionState,
+    BatteryState,
+    EdgeState,
+    Error,
+    EStop,
+    Info,
+    InfoLevel,
+    Level,
+    NodeState,
+    Position,
+    SafetyState,
+    State,
+    Velocity,
+    Visualization,
+)
+from chefbot_vda5050.vehicle import Facts, Vehicle
+
+STANDING_M_S, STANDING_RAD_S = 0.005, 0.01
+"""Slower is standing: encoders and IMU are never quite still."""
+
+UNKNOWN_CHARGE_PERCENT: Final = 80.0
+"""The standard wants a number; this is its own for a battery that is good and not measured (6.10.6)."""
+
+
+def is_driving(facts: Facts) -> bool:
+    """Whether the robot drives or turns."""
+    return abs(facts.linear_m_s) > STANDING_M_S or abs(facts.angular_rad_s) > STANDING_RAD_S
+
+
+def state(vehicle: Vehicle, facts: Facts, header: dict[str, Any]) -> State:
+    """The message of the topic ``state``."""
+    charge = UNKNOWN_CHARGE_PERCENT if facts.charge_percent is None else facts.charge_percent
+    return State(
+        **header,
+        order_id=vehicle.order_id,
+        order_update_id=vehicle.order_update_id,
+        last_node_id=vehicle.last_node_id,
+        last_node_sequence_id=vehicle.last_node_sequence_id,
+        driving=is_driving(facts),
+        paused=vehicle.paused or facts.paused,
+        new_base_request=vehicle.needs_base(),
+        operating_mode=facts.mode,
+        node_states=tuple(
+            NodeState(node_id=node.node_id, sequence_id=node.sequence_id, released=node.released)
+            for node in vehicle.nodes
+        ),
+        edge_states=tuple(
+            EdgeState(edge_id=edge.edge_id, sequence_id=edge.sequence_id, released=edge.released)
+            for edge in vehicle.edges
+        ),
+        action_states=tuple(_action_state(one) for one in vehicle.actions),
+        agv_position=position(facts),
+        velocity=Velocity(vx=facts.linear_m_s, vy=0.0, omega=facts.angular_rad_s),
+        loads=vehicle.loads,
+        battery_state=BatteryState(battery_charge=charge, charging=False, battery_voltage=facts.voltage_v),
+        errors=(*vehicle.errors, *robot_errors(facts)),
+        information=information(facts),
+        safety_state=SafetyState(e_stop=facts.e_stop, field_violation=facts.held_back),
+    )
+
+
+def visualization(facts: Facts, header: dict[str, Any]) -> Visualization:
+    """The message of the topic ``visualization``."""
+    velocity = Velocity(vx=facts.linear_m_s, vy=0.0, omega=facts.angular_rad_s)
+    return Visualization(**header, agv_position=position(facts), velocity=velocity)
+
+
+def position(facts: Facts) -> Position | None:
+    """Where the robot is; None without a map."""
+    if not facts.map_id:
+        return None
+    return Position(
+        x=facts.x_m,
+        y=facts.y_m,
+        theta=facts.heading_rad,
+        map_id=facts.map_id,
+        position_initialized=facts.localized,
+        localization_score=None if facts.fit is None else min(1.0, max(0.0, facts.fit)),
+    )
+
+
+def robot_errors(facts: Facts) -> tuple[Error, ...]:
+    """What is wrong with the robot itself, whatever its order is."""
+    errors = []
+    if not facts.connected:
+        hint = "Look whether chefbotd runs on the robot (chefbotctl doctor)."
+        errors.append(
+            _fatal("robotUnreachable", facts.missing or "the robot's daemon cannot be reached", hint)
+        )
+    elif facts.e_stop is not EStop.NONE:
+        hint = "Look after the robot, then arm it (chefbotctl arm, or its page)."
+        errors.append(_fatal("emergencyStop", facts.missing or "the robot is stopped", hint))
+    elif not facts.armed:
+        hint = "Look after the robot, then arm it (chefbotctl arm, or its page)."
+        errors.append(_fatal("disarmed", facts.missing or "the robot is disarmed", hint))
+    if facts.fault:
+        hint = "docs/safety.md says what the fault means; look after it, then arm the robot."
+        errors.append(_fatal("robotFault", facts.fault, hint))
+    if facts.connected and not facts.localized:
+        hint = "Tell it where it is: initPosition, or on its page."
+        text = "the robot does not know where it is"
+        errors.append(
+            Error(
+                error_type="localizationError",
+                error_level=Level.WARNING,
+                error_description=text,
+                error_hint=hint,
+            )
+        )
+    return tuple(errors)
+
+
+def _fatal(kind: str, text: str, hint: str) -> Error:
+    return Error(error_type=kind, error_level=Level.FATAL, error_description=text, error_hint=hint)
+
+
+def information(facts: Facts) -> tuple[Info, ...]:
+    """What people may like to know; managers decide nothing by it (6.10.4)."""
+    if facts.charge_percent is not None:
+        return ()
+    text = f"the charge is not measured; {UNKNOWN_CHARGE_PERCENT:g} % stands for a good battery"
+    return (Info(info_type="batteryUnknown", info_level=InfoLevel.INFO, info_description=text),)
+
+
+def _action_state(one: Tracked) -> ActionState:
+    return ActionState(
+        action_id=one.action.action_id,
+        action_type=one.action.action_type,
+        action_description=one.action.action_description,
+        action_status=one.status,
+        result_description=one.result,
+    )
