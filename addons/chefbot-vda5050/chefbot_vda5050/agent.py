@@ -1,0 +1,322 @@
+"""The robot's side of the interface: takes orders in, has the robot carry them out, reports its state.
+
+It knows neither MQTT nor the robot's daemon: ``broker`` hands it messages and takes what is to be published, and
+``robot.Robot`` drives. All that is decided is decided in ``acceptance`` and ``order``.
+"""
+
+import asyncio
+import time
+from collections.abc import Awaitable, Callable, Coroutine
+from typing import Any, Final
+
+import msgspec
+import structlog
+
+from chefbot_vda5050 import acceptance, order
+from chefbot_vda5050.freshness import Freshness, judge_age
+from chefbot_vda5050.messages import Header, InstantActions, MalformedMessage, Message, Order, decode, encode
+from chefbot_vda5050.rejections import Reason, Rejection
+from chefbot_vda5050.robot import CannotDo, DriveFailed, Robot, perform
+from chefbot_vda5050.state import is_driving, state, visualization
+from chefbot_vda5050.topics import Headers, Kind, RobotName
+from chefbot_vda5050.vehicle import (
+    Cancel,
+    DriveTo,
+    Effect,
+    Facts,
+    Limits,
+    Pause,
+    Resume,
+    Send,
+    Start,
+    Stop,
+    Vehicle,
+)
+
+log = structlog.get_logger("vda5050")
+
+VERSION: Final = "2.1.0"
+STATE_EVERY_S: Final = 30.0
+"""At least (6.10)."""
+
+STATE_PAUSE_S: Final = 0.05
+"""Changes that come closer together are one message (6.10)."""
+
+RETRY_S: Final = 3.0
+MOST_WAITING: Final = 64
+
+Publish = Callable[[Kind, bytes], Awaitable[None]]
+MakeFactsheet = Callable[[dict[str, Any]], Message]
+
+
+class Agent:
+    """One robot in a fleet. ``vehicle`` is what it remembers of its order."""
+
+    def __init__(
+        self,
+        name: RobotName,
+        robot: Robot,
+        publish: Publish,
+        *,
+        factsheet: MakeFactsheet,
+        limits: Limits,
+        visualization_s: float = 1.0,
+        clock: Callable[[], float] = time.time,
+        headers: Headers | None = None,
+    ) -> None:
+        self.vehicle = Vehicle()
+        self.headers = headers or Headers(name, VERSION)
+        self._name, self._robot, self._publish, self._limits = name, robot, publish, limits
+        self._factsheet, self._visualization_s, self._clock = factsheet, visualization_s, clock
+        self._messages: asyncio.Queue[tuple[Kind, bytes, bool]] = asyncio.Queue(MOST_WAITING)
+        self._fresh: dict[Kind, Freshness] = {}
+        self._changed = asyncio.Event()
+        self._reported: object = None
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._running: dict[str, asyncio.Task[None]] = {}
+        self._online = False
+
+    async def run(self) -> None:
+        """Work until cancelled."""
+        self._robot.listen(self._take_facts, self._go_on)
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                tasks.create_task(self._take_messages())
+                tasks.create_task(self._report())
+                if self._visualization_s:
+                    tasks.create_task(self._visualize())
+        finally:
+            for task in list(self._tasks):
+                task.cancel()
+            await asyncio.gather(*self._tasks, return_exceptions=True)
+
+    def receive(self, kind: Kind, data: bytes, *, retained: bool = False) -> None:
+        """Take a message from the broker; where too many wait, the newest is refused, as a master sends it again."""
+        try:
+            self._messages.put_nowait((kind, data, retained))
+        except asyncio.QueueFull:
+            log.warning("a message is dropped: too many wait", kind=kind)
+
+    def set_online(self, online: bool) -> None:
+        """The broker is there, or it is gone; there, everything is reported anew."""
+        was, self._online = self._online, online
+        if online:
+            self._spawn(self._send_factsheet())
+            self._changed.set()
+        elif was and self.vehicle.base:
+            self._tell("I have lost my fleet. I drive to the end of my way, and wait there.")
+
+    # messages
+
+    async def _take_messages(self) -> None:
+        while True:
+            kind, data, retained = await self._messages.get()
+            await self.handle(kind, data, retained=retained)
+
+    async def handle(self, kind: Kind, data: bytes, *, retained: bool = False) -> None:
+        """Carry out what a message asks for, or report why not."""
+        try:
+            message: Header = decode(data, Order if kind is Kind.ORDER else InstantActions)
+        except MalformedMessage as error:
+            self._reject(Reason.MALFORMED, f"the message on {kind} is malformed: {error}", kind)
+            return
+        if wrong := self._foreign(message):
+            self._reject(Reason.MALFORMED, wrong, kind)
+        elif late := self._late(kind, message, retained):
+            self._reject(Reason.TOO_LATE, f"the message on {kind} is too late: {late}", kind)
+        elif isinstance(message, Order):
+            await self._take_order(message)
+        elif isinstance(message, InstantActions):
+            for action in message.actions:
+                self._apply(order.instant_action(self.vehicle, action))
+
+    def _foreign(self, header: Header) -> str:
+        if header.version.partition(".")[0] != VERSION.partition(".")[0]:
+            return f"its version is {header.version}, and this robot speaks {VERSION}"
+        of = (header.manufacturer, header.serial_number)
+        if of != (self._name.manufacturer, self._name.serial_number):
+            return f"it is for the robot {'/'.join(of)}"
+        return ""
+
+    def _late(self, kind: Kind, header: Header, retained: bool) -> str:
+        latest = self._fresh.get(kind, Freshness())
+        self._fresh[kind], late = judge_age(
+            latest, header, self._clock(), self._limits.order_max_age_s, retained=retained
+        )
+        return late
+
+    async def _take_order(self, message: Order) -> None:
+        judged = acceptance.judge(self.vehicle, message, self._robot.facts, self._limits)
+        if judged in (acceptance.Accepted.NEW, acceptance.Accepted.UPDATE):
+            judged = await self._without_route(message) or judged
+        if isinstance(judged, Rejection):
+            log.warning("an order is refused", order=message.order_id, why=judged.text)
+            self._apply(order.reject(self.vehicle, judged))
+        else:
+            log.info("an order is taken", order=message.order_id, update=message.order_update_id, how=judged)
+            self._apply(
+                order.accept(self.vehicle, message, judged, self._robot.facts, self._limits), always=True
+            )
+
+    async def _without_route(self, message: Order) -> Rejection | None:
+        """6.1.4.8 of version 3.0: a node that the robot cannot reach on its map."""
+        for node in message.nodes[1:]:
+            why = "" if node.node_position is None else await self._robot.unreachable(node.node_position)
+            if why:
+                about = (
+                    ("topic", "order"),
+                    ("orderId", message.order_id),
+                    ("orderUpdateId", str(message.order_update_id)),
+                    ("nodeId", node.node_id),
+                )
+                return Rejection(Reason.NO_ROUTE, f"node {node.node_id!a} cannot be reached: {why}", about)
+        return None
+
+    def _reject(self, reason: Reason, text: str, kind: Kind) -> None:
+        log.warning("a message is refused", why=text)
+        self._apply(order.reject(self.vehicle, Rejection(reason, text, (("topic", str(kind)),))))
+
+    # what the robot is to do
+
+    def _apply(self, step: order.Step, *, always: bool = False) -> None:
+        before, (self.vehicle, effects) = self.vehicle, step
+        for effect in effects:
+            self._carry_out(effect)
+        if always or self.vehicle is not before:
+            self._changed.set()
+
+    def _carry_out(self, effect: Effect) -> None:
+        match effect:
+            case DriveTo(node):
+                self._spawn(self._drive(node.sequence_id, node.node_position))
+            case Stop():
+                self._spawn(self._stop())
+            case Pause(action_id):
+                self._spawn(self._pause(action_id))
+            case Resume():
+                self._spawn(self._resume())
+            case Start(action):
+                self._running[action.action_id] = self._spawn(self._perform(action))
+            case Cancel(action_id):
+                if action_id in self._running:
+                    self._running.pop(action_id).cancel()
+            case Send(what):
+                if what == "factsheet":
+                    self._spawn(self._send_factsheet())
+                self._changed.set()
+
+    async def _drive(self, sequence_id: int, position: Any) -> None:
+        try:
+            await self._robot.drive_to(position)
+        except DriveFailed as failed:
+            if self.vehicle.driving_to == sequence_id:
+                log.warning("the robot has not reached a node", why=failed.reason)
+            self._apply(
+                order.drive_failed(
+                    self.vehicle, sequence_id, failed.reason, failed.hint, by_people=failed.by_people
+                )
+            )
+            await asyncio.sleep(RETRY_S)
+            self._apply(order.retry(self.vehicle))
+        else:
+            self._apply(order.node_reached(self.vehicle, sequence_id))
+            self._say_if_waiting()
+
+    def _say_if_waiting(self) -> None:
+        if not self._online and not self.vehicle.base and self.vehicle.nodes:
+            self._tell("I wait here until my fleet is back.")
+
+    async def _stop(self) -> None:
+        await self._robot.stop()
+        self._apply(order.stopped(self.vehicle))
+
+    async def _pause(self, action_id: str) -> None:
+        await self._robot.pause()
+        self._apply(order.paused(self.vehicle, action_id))
+
+    async def _resume(self) -> None:
+        await self._robot.resume()
+
+    async def _perform(self, action: Any) -> None:
+        ended = await perform(self._robot, action)
+        self._running.pop(action.action_id, None)
+        self._apply(
+            order.action_ended(
+                self.vehicle, action.action_id, failed=ended.failed, result=ended.result, load=ended.load
+            )
+        )
+
+    def _go_on(self) -> None:
+        self._apply(order.unpaused(self.vehicle))
+
+    def _tell(self, text: str) -> None:
+        async def say() -> None:
+            try:
+                await self._robot.say(text)
+            except CannotDo as error:
+                log.info("nobody was told", text=text, why=str(error))
+
+        self._spawn(say())
+
+    def _spawn(self, work: Coroutine[Any, Any, None]) -> "asyncio.Task[None]":
+        task = asyncio.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._ended)
+        return task
+
+    def _ended(self, task: "asyncio.Task[None]") -> None:
+        self._tasks.discard(task)
+        if not task.cancelled() and (error := task.exception()) is not None:
+            log.error("a step of the order has failed", exc_info=error)
+
+    # what is reported
+
+    def _take_facts(self) -> None:
+        """Report what has changed of the robot, and count a node that it drives over."""
+        facts, node = self._robot.facts, self.vehicle.passed_node()
+        if node is not None and node.node_position is not None:
+            near_m = node.node_position.allowed_deviation_xy or self._limits.passing_tolerance_m
+            if facts.distance_m(node.node_position) <= near_m:
+                self._apply(order.node_reached(self.vehicle, node.sequence_id))
+        if (now := _reportable(facts)) != self._reported:
+            self._reported = now
+            self._changed.set()
+
+    async def _report(self) -> None:
+        while True:
+            try:
+                async with asyncio.timeout(STATE_EVERY_S):
+                    await self._changed.wait()
+            except TimeoutError:
+                pass  # it is time
+            self._changed.clear()
+            header = self.headers.next(Kind.STATE, self._clock())
+            await self._publish(Kind.STATE, encode(state(self.vehicle, self._robot.facts, header)))
+            await asyncio.sleep(STATE_PAUSE_S)
+
+    async def _visualize(self) -> None:
+        while True:
+            await asyncio.sleep(self._visualization_s)
+            if self._online and self._robot.facts.map_id:
+                header = self.headers.next(Kind.VISUALIZATION, self._clock())
+                await self._publish(Kind.VISUALIZATION, encode(visualization(self._robot.facts, header)))
+
+    async def _send_factsheet(self) -> None:
+        header = self.headers.next(Kind.FACTSHEET, self._clock())
+        await self._publish(Kind.FACTSHEET, encode(self._factsheet(header)))
+
+
+def _reportable(facts: Facts) -> object:
+    """What of the facts is worth a message at once: all but numbers that change all the time."""
+    still = msgspec.structs.replace(
+        facts,
+        x_m=0.0,
+        y_m=0.0,
+        heading_rad=0.0,
+        fit=None,
+        linear_m_s=0.0,
+        angular_rad_s=0.0,
+        charge_percent=None if facts.charge_percent is None else round(facts.charge_percent),
+        voltage_v=None,
+    )
+    return still, is_driving(facts)

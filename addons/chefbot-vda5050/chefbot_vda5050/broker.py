@@ -1,0 +1,141 @@
+"""The connection to the MQTT broker: keeps itself up, tells whether the robot is there, passes messages on (6.2, 6.14).
+
+Orders come with QoS 0 into a session that ends with the connection: the broker stores none for later.
+"""
+
+import asyncio
+import random
+import socket
+import ssl
+import time
+from collections.abc import Callable
+from typing import Final
+
+import aiomqtt
+import structlog
+from msgspec import Struct
+
+from chefbot_vda5050.messages import Connection, ConnectionState, encode
+from chefbot_vda5050.topics import QOS, RETAINED, Headers, Kind, RobotName
+
+log = structlog.get_logger("vda5050")
+
+KEEPALIVE_S: Final = 15
+"""6.14."""
+
+FIRST_RETRY_S, LONGEST_RETRY_S = 0.25, 15.0
+NO_DELAY: Final = ((socket.IPPROTO_TCP, socket.TCP_NODELAY, 1),)
+"""Without it a message waits for the acknowledgement of the one before, up to 40 ms."""
+
+Receive = Callable[[Kind, bytes, bool], None]
+
+
+class BrokerParameters(Struct, frozen=True):
+    """Where the broker is and how it is spoken to."""
+
+    host: str = "127.0.0.1"
+    port: int = 1883
+    user: str | None = None
+    password: str | None = None
+    tls: ssl.SSLContext | None = None
+    websocket_path: str | None = None
+
+
+class Broker:
+    """A robot's connection. ``receive`` is called with each message, ``online`` when the connection comes or goes."""
+
+    def __init__(
+        self,
+        parameters: BrokerParameters,
+        name: RobotName,
+        headers: Headers,
+        *,
+        receive: Receive,
+        online: Callable[[bool], None],
+        clock: Callable[[], float] = time.time,
+    ) -> None:
+        self._parameters, self._name, self._headers, self._clock = parameters, name, headers, clock
+        self._receive, self._online = receive, online
+        self._client: aiomqtt.Client | None = None
+        self._takes = {name.topic(kind): kind for kind in (Kind.ORDER, Kind.INSTANT_ACTIONS)}
+
+    @property
+    def connected(self) -> bool:
+        """Whether the broker can be reached."""
+        return self._client is not None
+
+    async def run(self) -> None:
+        """Be connected until cancelled; then say so and leave."""
+        pause_s = FIRST_RETRY_S
+        while True:
+            try:
+                async with self._connect() as client:
+                    pause_s = FIRST_RETRY_S
+                    await self._serve(client)
+            except (aiomqtt.MqttError, OSError, ValueError) as error:
+                log.warning("no connection to the broker", why=str(error), again_in_s=round(pause_s, 2))
+            await asyncio.sleep(pause_s * random.uniform(0.8, 1.2))
+            pause_s = min(2 * pause_s, LONGEST_RETRY_S)
+
+    async def publish(self, kind: Kind, data: bytes) -> None:
+        """Send a message; without a connection it is dropped, as the next one says more."""
+        client = self._client
+        if client is None:
+            return
+        try:
+            await client.publish(self._name.topic(kind), data, qos=QOS[kind], retain=kind in RETAINED)
+        except aiomqtt.MqttError as error:
+            log.info("a message was not sent", kind=kind, why=str(error))
+
+    def _connect(self) -> aiomqtt.Client:
+        parameters = self._parameters
+        will = aiomqtt.Will(
+            self._name.topic(Kind.CONNECTION),
+            self._connection(ConnectionState.BROKEN),
+            qos=QOS[Kind.CONNECTION],
+            retain=True,
+        )
+        return aiomqtt.Client(
+            parameters.host,
+            parameters.port,
+            identifier=f"{self._name.manufacturer}-{self._name.serial_number}",
+            username=parameters.user,
+            password=parameters.password,
+            tls_context=parameters.tls,
+            transport="tcp" if parameters.websocket_path is None else "websockets",
+            websocket_path=parameters.websocket_path,
+            will=will,
+            clean_session=True,
+            keepalive=KEEPALIVE_S,
+            socket_options=NO_DELAY,
+        )
+
+    async def _serve(self, client: aiomqtt.Client) -> None:
+        for topic, kind in self._takes.items():
+            await client.subscribe(topic, qos=QOS[kind])
+        await self._say(client, ConnectionState.ONLINE)
+        self._client = client
+        log.info("connected to the broker", host=self._parameters.host, port=self._parameters.port)
+        self._online(True)
+        try:
+            async for message in client.messages:
+                self._take(message)
+        except asyncio.CancelledError:
+            await asyncio.shield(self._say(client, ConnectionState.OFFLINE))
+            raise
+        finally:
+            self._client = None
+            self._online(False)
+
+    def _take(self, message: aiomqtt.Message) -> None:
+        kind = self._takes.get(str(message.topic))
+        if kind is not None and isinstance(message.payload, bytes | bytearray):
+            self._receive(kind, bytes(message.payload), bool(message.retain))
+
+    async def _say(self, client: aiomqtt.Client, connection: ConnectionState) -> None:
+        topic = self._name.topic(Kind.CONNECTION)
+        await client.publish(topic, self._connection(connection), qos=QOS[Kind.CONNECTION], retain=True)
+
+    def _connection(self, connection: ConnectionState) -> bytes:
+        header = self._headers.next(Kind.CONNECTION, self._clock())
+        return encode(Connection(**header, connection_state=connection))

@@ -1,0 +1,113 @@
+"""``chefbot-vda5050``: a robot in a fleet (``run``), and how well any robot keeps to the standard (``check``)."""
+
+import asyncio
+import ssl
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import click
+
+from chefbot_vda5050.topics import RobotName
+
+PATH = click.Path(exists=True, dir_okay=False, path_type=Path)
+
+
+def address(text: str, port: int) -> tuple[str, int]:
+    """HOST or HOST:PORT."""
+    host, colon, number = text.rpartition(":")
+    if not colon:
+        return text, port
+    if not number.isdigit():
+        raise click.BadParameter(f"{text!a}: expected HOST or HOST:PORT")
+    return host, int(number)
+
+
+@click.group(context_settings={"auto_envvar_prefix": "CHEFBOT_VDA5050"})
+def main() -> None:
+    """VDA 5050: a fleet's interface to its robots, over MQTT."""
+
+
+def broker_options(command: Any) -> Any:
+    """How a broker is found and spoken to."""
+    for option in reversed(
+        (
+            click.argument("broker", metavar="BROKER[:PORT]"),
+            click.argument("serial"),
+            click.option("--manufacturer", default="chefbot", show_default=True),
+            click.option("--interface", default="uagv", show_default=True, help="first level of all topics"),
+            click.option("--major", default="v2", show_default=True, help="second level of all topics"),
+            click.option("--user", help="for the broker"),
+            click.option("--password-file", type=PATH, help="a file with the password"),
+            click.option("--tls/--no-tls", default=False, help="encrypted, by the system's authorities"),
+            click.option("--cafile", type=PATH, help="encrypted, by this authority"),
+            click.option("--certificate", type=PATH, help="the robot's own, with its key"),
+        )
+    ):
+        command = option(command)
+    return command
+
+
+def broker_of(options: dict[str, Any]) -> Any:
+    """The parameters of the connection."""
+    from chefbot_vda5050.broker import BrokerParameters
+
+    context = None
+    if options["tls"] or options["cafile"] or options["certificate"]:
+        context = ssl.create_default_context(cafile=options["cafile"])
+        if options["certificate"]:
+            context.load_cert_chain(options["certificate"])
+    host, port = address(options["broker"], 1883 if context is None else 8883)
+    password = options["password_file"].read_text().strip() if options["password_file"] else None
+    return BrokerParameters(host, port, options["user"], password, context)
+
+
+def name_of(options: dict[str, Any]) -> RobotName:
+    """Whose topics they are."""
+    try:
+        return RobotName(options["manufacturer"], options["serial"], options["interface"], options["major"])
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
+
+
+@main.command()
+@broker_options
+@click.option("--daemon", default="127.0.0.1:7333", show_default=True, help="the robot's command socket")
+@click.option("--token-file", type=PATH, help="a file with a token of the role agent")
+@click.option("--robot-config", type=PATH, help="the robot's TOML file, for its factsheet and its limits")
+@click.option("--carries-kg", type=float, default=0.0, help="for the factsheet")
+@click.option("--order-max-age-s", type=float, default=10.0, show_default=True, help="0: any age will do")
+@click.option("--visualization-s", type=float, default=1.0, show_default=True, help="0: none")
+def run(
+    daemon: str,
+    token_file: Path | None,
+    robot_config: Path | None,
+    carries_kg: float,
+    order_max_age_s: float,
+    visualization_s: float,
+    **options: Any,
+) -> None:
+    """Put the robot of a chefbotd into the fleet on BROKER, as SERIAL."""
+    from chefbot_vda5050.service import Parameters, serve
+    from chefbotd.client import Client
+    from chefbotd.settings import load
+
+    host, port = address(daemon, 7333)
+    words = token_file.read_text().split() if token_file else [None]
+    parameters = Parameters(
+        name_of(options),
+        broker_of(options),
+        settings=load(robot_config) if robot_config else None,
+        carries_kg=carries_kg,
+        order_max_age_s=order_max_age_s,
+        visualization_s=visualization_s,
+    )
+    connect = partial(Client.connect, host, port, token=words[-1], name="fleet")
+    try:
+        asyncio.run(serve(parameters, connect))
+    except KeyboardInterrupt:
+        click.echo("The robot has left the fleet.")
+
+
+if __name__ == "__main__":
+    main()

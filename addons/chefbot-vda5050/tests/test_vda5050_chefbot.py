@@ -1,0 +1,180 @@
+"""The whole robot on the virtual clock: simulated ChefBot, daemon, worker, agent, and a master in memory."""
+
+import asyncio
+import contextlib
+from collections.abc import Awaitable, Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import pytest
+from chefbot_vda5050.chefbot import ChefBot
+from chefbot_vda5050.messages import EStop, Node, NodePosition, OperatingMode, Order
+from chefbot_vda5050.service import limits
+from chefbot_vda5050.vehicle import Facts
+from msgspec.structs import replace
+from vda5050_fakes import Fleet, is_idle
+from vda5050_orders import HEADER, action, edge
+
+from chefbotd.client import Client
+from chefbotd.clock import run_virtual
+from chefbotd.settings import load, packaged
+from chefbotd.sim.worlds.flat import FLAT
+from chefbotd.testing.daemon import SimulatedRobot
+from chefbotd.testing.on_map import localized_robot
+
+Scenario = Callable[["RealFleet", SimulatedRobot], Awaitable[None]]
+
+
+class RealFleet(Fleet):
+    """The same view of a master, with a real robot behind the agent."""
+
+    def __init__(self, robot: ChefBot, **options: Any) -> None:
+        super().__init__(robot, **options)  # type: ignore[arg-type]
+
+
+def order_from(start: tuple[float, float], *others: tuple[float, float], **actions: Any) -> Order:
+    """An order along these points of the flat; ``n1`` and so on have these actions."""
+    points = (start, *others)
+    return Order(
+        **HEADER,
+        order_id="o1",
+        order_update_id=0,
+        nodes=tuple(
+            Node(
+                node_id=f"n{index}",
+                sequence_id=2 * index,
+                released=True,
+                actions=actions.get(f"n{index}", ()),
+                node_position=NodePosition(x=x, y=y, map_id="flat"),
+            )
+            for index, (x, y) in enumerate(points)
+        ),
+        edges=tuple(edge(index) for index in range(len(others))),
+    )
+
+
+def in_flat(scenario: Scenario, folder: Path) -> None:
+    """Run a scenario with the robot localized in the flat, and its agent at work."""
+
+    async def run() -> None:
+        async with localized_robot(folder=folder) as simulated:
+            robot = ChefBot(partial(Client.connect, *simulated.client.address, name="fleet"))
+            own = limits(load(packaged("chefbot_lidar")), 10.0)
+            now = RealFleet(robot, limits=own)
+            tasks = [asyncio.create_task(work) for work in (robot.run(), now.agent.run())]
+            now.agent.set_online(True)
+            try:
+                await now.until(lambda state: state.agv_position is not None)
+                await scenario(now, simulated)
+            finally:
+                for task in tasks:
+                    task.cancel()
+                await asyncio.gather(*tasks, return_exceptions=True)
+        assert now.problems == []
+
+    run_virtual(run())
+
+
+async def answering(client: Client, choice: str) -> None:
+    """A person who answers the next question."""
+    async with client.subscribe("agents") as events:
+        async for event in events:
+            if event.data.questions:
+                await client.answer_agent(event.data.questions[0].question_id, choice)
+                return
+
+
+@pytest.mark.slow
+def test_an_order_with_a_pick_is_driven_and_done(tmp_path: Path) -> None:
+    """1.5 m in the flat over a node without a stop; the true pose is within 10 cm, and a person has loaded it."""
+
+    async def scenario(now: RealFleet, simulated: SimulatedRobot) -> None:
+        x, y = FLAT.start.x_m, FLAT.start.y_m
+        goal = (x + 1.0, y - 0.2)
+        person = asyncio.create_task(answering(simulated.client, "Loaded"))
+        pick = action("pick", "p", loadType="soup")
+        await now.order(order_from((x, y), (x + 0.5, y), goal, n2=(pick,)))
+        state = await now.until(lambda state: state.last_node_id == "n2" and is_idle(state), within_s=120.0)
+        await person
+        assert [load.load_type for load in state.loads or ()] == ["soup"]
+        assert state.errors == ()
+        true = simulated.board.truth(simulated.now_s()).world_from_base
+        assert (true.x_m, true.y_m) == pytest.approx(goal, abs=0.1)
+        assert any(state.last_node_id == "n1" and state.driving for state in now.states())
+
+    in_flat(scenario, tmp_path)
+
+
+@pytest.mark.slow
+def test_a_wall_is_no_node_and_an_order_on_its_way_can_be_cancelled(tmp_path: Path) -> None:
+    """A node in a wall is refused by the robot's own planner; cancelled, the robot stands within 3 s."""
+
+    async def scenario(now: RealFleet, simulated: SimulatedRobot) -> None:
+        x, y = FLAT.start.x_m, FLAT.start.y_m
+        await now.order(order_from((x, y), (-50.0, -50.0)))
+        state = await now.until(lambda state: bool(state.errors))
+        assert [one.error_type for one in state.errors] == ["noRouteError"]
+        await now.order(order_from((x, y), (x + 1.5, y)), order_id="o2")
+        await now.until(lambda state: state.driving)
+        await now.act("cancelOrder", "c")
+        began_s = now.now_s()
+        await now.until(lambda state: state.action_states[-1].action_status == "FINISHED")
+        assert now.now_s() - began_s < 3.0
+        here = simulated.board.truth(simulated.now_s()).world_from_base
+        await asyncio.sleep(5.0)
+        there = simulated.board.truth(simulated.now_s()).world_from_base
+        assert (there.x_m, there.y_m) == pytest.approx((here.x_m, here.y_m), abs=0.005)
+
+    in_flat(scenario, tmp_path)
+
+
+@pytest.mark.slow
+def test_a_stop_at_the_robot_pauses_the_order_until_somebody_lets_it_go_on(tmp_path: Path) -> None:
+    """Emergency stop: FATAL with a hint; armed again it is the button on the page that has it go on."""
+
+    async def scenario(now: RealFleet, simulated: SimulatedRobot) -> None:
+        x, y = FLAT.start.x_m, FLAT.start.y_m
+        await now.order(order_from((x, y), (x + 1.0, y)))
+        await now.until(lambda state: state.driving)
+        await simulated.client.stop()
+        await now.until(lambda state: bool(state.paused) and not state.driving)
+        await simulated.client.estop("a person")
+        state = await now.until(lambda state: state.safety_state.e_stop is EStop.MANUAL)
+        assert "emergencyStop" in [one.error_type for one in state.errors]
+        await simulated.client.arm()
+        await asyncio.sleep(10.0)
+        state = await now.until(lambda state: not state.driving)
+        assert state.paused
+        buttons = (await simulated.client.get_state()).topics["agents"].data.buttons
+        await simulated.client.press_button(buttons[0].button_id)
+        await now.until(lambda state: state.last_node_id == "n1" and is_idle(state), within_s=60.0)
+
+    in_flat(scenario, tmp_path)
+
+
+def test_without_its_daemon_the_robot_says_so_and_connects_again() -> None:
+    """Nobody listens on the port; then somebody does."""
+    found: list[Facts] = []
+
+    async def run() -> None:
+        ports = [1]
+
+        @contextlib.asynccontextmanager
+        async def connect() -> Any:
+            async with Client.connect("127.0.0.1", ports[-1]) as client:
+                yield client
+
+        robot = ChefBot(connect)
+        robot.listen(lambda: found.append(robot.facts), lambda: None)
+        task = asyncio.create_task(robot.run())
+        async with asyncio.timeout(30.0):
+            while not any("127.0.0.1" in facts.missing for facts in found):  # noqa: ASYNC110 - as a person looks
+                await asyncio.sleep(0.1)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    run_virtual(run())
+    assert not found[-1].connected
+    assert replace(found[-1], missing="") == Facts()
+    assert found[-1].mode is OperatingMode.AUTOMATIC
