@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import click
 
 from chefbotd.cli.common import output
+from chefbotd.cli.common.add_on import ros2_add_on
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError, require
@@ -220,6 +221,29 @@ def delete(context: CommandContext, name: str, yes: bool) -> None:
         click.confirm(f"Delete the map {name} with all its versions and places?", abort=True, err=True)
     ask(context, lambda robot: robot.delete_map(name))
     output.say(context.as_json, {"ok": True}, f"The map {name} is deleted.")
+
+
+@map_group.command("from-bag")
+@click.argument("bag", type=click.Path(path_type=Path))
+@click.argument("name")
+@click.option(
+    "--folder", type=click.Path(path_type=Path, file_okay=False), required=True, help="The folder of maps."
+)
+@click.option("--scans", "topics", multiple=True, metavar="TOPIC", help="Of these scans; default: all.")
+@click.pass_obj
+def from_bag(context: CommandContext, bag: Path, name: str, folder: Path, topics: tuple[str, ...]) -> None:
+    """Map the odometry and the scans of a ROS 2 BAG, and store it as NAME; needs the package chefbot-ros2.
+
+    No daemon is asked: FOLDER is [maps] folder of the robot that is to use it.
+    """
+    require("navigation", "numba", "scipy")
+    bags = ros2_add_on("from_bag")
+    try:
+        saved = bags.map_bag(bag, folder, name, topics)
+    except bags.CannotMapBagError as error:
+        raise ProgramError(Exit.FAILED, str(error)) from error
+    text = f"Saved {saved.name}, version {saved.version}: {saved.keyframes} scans on {saved.path_m:.0f} m."
+    output.say(context.as_json, saved, text)
 
 
 @map_group.command()

@@ -7,6 +7,7 @@ from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any, TextIO
 
+from chefbotd.cli.common.add_on import ros2_add_on
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.record.info import opened
 from chefbotd.recording.reader import RecordedMessage
@@ -53,17 +54,11 @@ def export_ros2(path: Path, bag: Path) -> dict[str, int]:
     Raises:
         ProgramError: the file is no recording, the bag cannot be written, or the package for it is not installed.
     """
-    try:
-        from chefbot_ros2.bag import CannotWriteBagError, write_bag
-    except ImportError as error:
-        if error.name is None or error.name.partition(".")[0] not in ("chefbot_ros2", "rosbags"):
-            raise
-        advice = "pip install ./addons/chefbot-ros2 in a checkout of chefbotd"
-        raise ProgramError(Exit.NOT_INSTALLED, f"a package is missing ({error}): {advice}") from error
+    bags = ros2_add_on("bag")
     with opened(path):
         try:
-            return dict(write_bag(path, bag))
-        except CannotWriteBagError as error:
+            return dict(bags.write_bag(path, bag))
+        except bags.CannotWriteBagError as error:
             raise ProgramError(Exit.FAILED, str(error)) from error
 
 
