@@ -1,6 +1,7 @@
 """Runs the simulated board in an event loop: bytes leave when the board's time has come."""
 
 import asyncio
+import math
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from typing import Protocol
@@ -29,12 +30,15 @@ class Program(Protocol):
 class SimulatedBoard(ABC):
     """A board wired to a robot, powered on at time 0. When and how often it is advanced changes nothing.
 
-    ``uart`` counts what found its receive buffer full.
+    ``uart`` counts what found its receive buffer full. ``heard_s`` is the board's time when the last byte from the host
+    came in, ``duty_since_s`` when the motor command in force began; 0 before the first.
     """
 
     robot: Robot
     uart: Uart
     sketch: Program
+    heard_s = 0.0
+    duty_since_s = 0.0
 
     @abstractmethod
     def next_event_s(self) -> float:
@@ -105,13 +109,19 @@ class Launchpad(SimulatedBoard):
     def receive(self, data: bytes, at_s: float) -> None:
         """Bytes from the host; a classic sketch reads them when its next cycle begins."""
         self._run(at_s)
+        self.heard_s, duty = at_s, self.sketch.duty
         self.uart.receive(data)
         self.sketch.receive(at_s)
+        if self.sketch.duty != duty:
+            self.duty_since_s = at_s
         self._resume_s = min(self._resume_s, self.sketch.next_s)
 
     def _run(self, to_s: float) -> None:
         while self._resume_s <= to_s:
+            at_s, duty = self._resume_s, self.sketch.duty
             self._resume_s = next(self._program)
+            if self.sketch.duty != duty:
+                self.duty_since_s = at_s
 
 
 STALE_S = 0.5
@@ -121,18 +131,35 @@ class BoardRunner:
     """Powers a board on at construction, and runs it at the pace of the clock.
 
     Lines are due at absolute times, so delays do not add up. Lines more than ``STALE_S`` late are counted and not
-    sent: after a long stall the host gets the present, not minutes of the past at once.
+    sent: after a long stall the host gets the present, not minutes of the past at once. A board that is behind by more
+    than ``most_behind_s`` does not make up for the rest: its time stands still meanwhile.
     """
 
-    def __init__(self, launchpad: SimulatedBoard, send: Callable[[bytes], None], clock: Clock) -> None:
+    def __init__(
+        self,
+        launchpad: SimulatedBoard,
+        send: Callable[[bytes], None],
+        clock: Clock,
+        most_behind_s: float = math.inf,
+    ) -> None:
         self._launchpad, self._send, self._clock = launchpad, send, clock
-        self._powered_on_s = clock.now_s()
+        self._powered_on_s, self._most_behind_s = clock.now_s(), most_behind_s
         self.lines_skipped = 0
 
     @property
     def duty(self) -> tuple[int, ...]:
         """The motor command in force."""
         return self._launchpad.sketch.duty
+
+    @property
+    def heard_s(self) -> float:
+        """When the last byte from the host came in, by the board's clock (``board_s``)."""
+        return self._launchpad.heard_s
+
+    @property
+    def duty_since_s(self) -> float:
+        """When the motor command in force began, by the board's clock."""
+        return self._launchpad.duty_since_s
 
     def lose_echoes(self, lost: bool) -> None:
         """Set whether the ultrasonic sensor has nothing in reach from now on, as in a large hall."""
@@ -197,4 +224,9 @@ class BoardRunner:
 
     def board_s(self) -> float:
         """For how long the board has been powered on."""
-        return self._clock.now_s() - self._powered_on_s
+        now_s = self._clock.now_s() - self._powered_on_s
+        if self._most_behind_s < math.inf:
+            missed_s = max(now_s - self._launchpad.next_event_s() - self._most_behind_s, 0.0)
+            self._powered_on_s += missed_s
+            now_s -= missed_s
+        return now_s

@@ -81,6 +81,7 @@ class EmulatedLaunchpad(SimulatedBoard):
         """Bytes from the host, on the wire from now on, one after the other."""
         self._run(at_s)
         self._board.receive(data, _cycle(at_s))
+        self.heard_s = self._board.received_cycle / CYCLES_S
 
     def _run(self, to_s: float) -> None:
         while (self._turns + 1) * TURN_S <= to_s:
@@ -102,7 +103,7 @@ class EmulatedLaunchpad(SimulatedBoard):
 
     def _drive(self) -> None:
         for change in self._board.take_duties():
-            self.sketch.duty = change.duty
+            self.sketch.duty, self.duty_since_s = change.duty, change.at_cycle / CYCLES_S
             signed = zip(change.duty, self._motor_signs, strict=True)
             self.robot.drive([sign * duty / FULL_SCALE for duty, sign in signed])
 

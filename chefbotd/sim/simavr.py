@@ -100,7 +100,8 @@ class DutyChange(NamedTuple):
 class SimavrBoard:
     """The board, powered on at cycle 0. ``echo_us`` and ``imu_counts`` are asked when the program reads the sensors.
 
-    ``echo_us`` gives 0 where no echo comes back.
+    ``echo_us`` gives 0 where no echo comes back. ``received_cycle`` is when the last byte that was put on the wire is
+    in.
 
     Raises:
         FileNotFoundError: library or image is missing; the message says what builds them.
@@ -132,7 +133,7 @@ class SimavrBoard:
         if self._board is None:
             raise ValueError(f"{folder / image} is no image of an ATmega328P")
         self._bytes, self._duties = (_Byte * MOST_TAKEN)(), (_Duty * MOST_TAKEN)()
-        self._received_cycle = 0
+        self.received_cycle = 0
         self.reset(power_on=True)
 
     def __del__(self) -> None:
@@ -162,7 +163,7 @@ class SimavrBoard:
     def receive(self, data: bytes, at_cycle: int) -> None:
         """Bytes that begin to come in at this cycle, or behind those before, at 115200 baud."""
         for byte in data:
-            at_cycle = self._received_cycle = max(at_cycle, self._received_cycle) + BYTE_CYCLES
+            at_cycle = self.received_cycle = max(at_cycle, self.received_cycle) + BYTE_CYCLES
             self._library.board_receive(self._board, byte, at_cycle)
 
     def turn(self, wheel: int, from_counts: float, to_counts: float, from_cycle: int, to_cycle: int) -> None:

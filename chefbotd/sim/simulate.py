@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import math
 import os
 import signal
 import sys
@@ -15,10 +16,14 @@ from chefbotd.clock import SystemClock
 from chefbotd.sim.board import BoardRunner
 from chefbotd.sim.pty import PluggedLidars, PtyBoard
 from chefbotd.sim.simulation import Simulation, board_sender, build_launchpad
+from chefbotd.sim_parameters.sketches import SketchName
 
 Say = Callable[[str], None]
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
 MAX_WORD_BYTES = 64
+
+MOST_BEHIND_S = 0.05
+"""Of an emulated processor: a busy computer may not emulate it in real time, and one that tries is ever later."""
 
 
 def say_on_stdout(line: str) -> None:
@@ -78,7 +83,13 @@ class SimulatedBoard:
     ) -> None:
         self._pty = PtyBoard(lambda data: self._runner.receive(data), link_path)
         send = board_sender(simulation, self._pty.send, lambda: self._pty.host)
-        self._runner = BoardRunner(build_launchpad(simulation, seed), send, SystemClock())
+        emulated = simulation.parameters.board.sketch is SketchName.EMULATED
+        self._runner = BoardRunner(
+            build_launchpad(simulation, seed),
+            send,
+            SystemClock(),
+            most_behind_s=MOST_BEHIND_S if emulated else math.inf,
+        )
         self._lidars = PluggedLidars(simulation, self._runner, SystemClock(), link_path, seed)
         self._as_json, self._say_line = as_json, say
         self._done = asyncio.Event()
@@ -125,10 +136,15 @@ class SimulatedBoard:
         self._say({"unplugged": True})
 
     def truth(self) -> None:
-        """Say where the robot really is, always as JSON."""
-        truth = self._runner.truth(SystemClock().now_s())
+        """Say where the robot really is, always as JSON, and what its motors get, with times by the board's clock."""
+        truth, runner = self._runner.truth(SystemClock().now_s()), self._runner
         moved = {**asdict(truth.world_from_base), **asdict(truth.twist), "in_contact": truth.in_contact}
-        self._say_line(json.dumps({**moved, "duty": self._runner.duty}))
+        times = {
+            "board_s": runner.board_s(),
+            "duty_since_s": runner.duty_since_s,
+            "heard_s": runner.heard_s,
+        }
+        self._say_line(json.dumps({**moved, "duty": runner.duty, **times}))
 
     def reset(self) -> None:
         """Send the board the reset command, as a host would."""

@@ -22,11 +22,15 @@ MOST_WAIT_S = 60.0
 
 
 class Observed(NamedTuple):
-    """The duty of the motors, and when they last left a standstill and came to one, by the board's microseconds."""
+    """The duty of the motors, when they last left a standstill and came to one, and when the last byte came in.
+
+    By the board's microseconds.
+    """
 
     duty: tuple[int, int]
     began_us: int
     ended_us: int
+    heard_us: int
 
 
 def symbol(image: Path, name: str) -> int:
@@ -100,6 +104,11 @@ class Qemu:
         with self._arrived:
             self._received.clear()
 
+    @property
+    def line(self) -> socket.socket:
+        """The host's end of its serial line, for a process that writes."""
+        return self._serial
+
     def write(self, data: bytes) -> None:
         """Put bytes on the wire."""
         self._serial.sendall(data)
@@ -137,9 +146,11 @@ class Qemu:
 
     def observed(self) -> Observed:
         """What the motors get, by the variable of `firmware/boards/lm3s6965/board.h`."""
-        listed = self._ask("human-monitor-command", **{"command-line": f"xp /3wx {self._observed:#x}"})
-        duty, began_us, ended_us = (int(word, 16) for word in re.findall(r"0x([0-9a-f]{8})", listed))
-        return Observed((_int16(duty & 0xFFFF), _int16(duty >> 16)), began_us, ended_us)
+        listed = self._ask("human-monitor-command", **{"command-line": f"xp /4wx {self._observed:#x}"})
+        duty, began_us, ended_us, heard_us = (
+            int(word, 16) for word in re.findall(r"0x([0-9a-f]{8})", listed)
+        )
+        return Observed((_int16(duty & 0xFFFF), _int16(duty >> 16)), began_us, ended_us, heard_us)
 
     def await_standstill(self) -> Observed:
         """What the motors get once that is 0; raises TimeoutError if it never is."""

@@ -45,13 +45,16 @@ def test_a_host_that_falls_silent_leaves_a_robot_that_stands() -> None:
     board.advance(0.2)
     board.receive(seal("hello 1 250 0").encode() + b"\r", 0.2)
     for number in range(1, 37):
-        board.receive(seal(f"s 150 150 {number}").encode() + b"\r", 0.2 + 0.05 * number)
-    last_s = 2.0
+        line = seal(f"s 150 150 {number}").encode() + b"\r"
+        board.receive(line, 0.2 + 0.05 * number)
+    last_s, line_s = 2.0, len(line) * 10 / 115_200
     assert board.truth(last_s, 0.0).twist.linear_m_s > 0.1
     board.advance(last_s + 0.24)
     assert board.sketch.duty == (150, 150)
     board.advance(last_s + 0.002 + 0.26)
     assert board.sketch.duty == (0, 0)
+    assert board.heard_s == pytest.approx(last_s + line_s, abs=1e-4)
+    assert board.duty_since_s == pytest.approx(board.heard_s + 0.25, abs=0.002)
     assert board.truth(last_s + 0.8, 0.0).twist.linear_m_s == 0
 
 

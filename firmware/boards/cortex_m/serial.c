@@ -52,6 +52,9 @@ void on_uart0(void)
             firmware_receive_lost();
         }
         serial_test((uint8_t)data);
+#ifdef HAL_OBSERVED
+        observed.heard_us = hal_micros();
+#endif
         firmware_received((uint8_t)data);
     }
     uint8_t byte;

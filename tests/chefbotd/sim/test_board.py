@@ -98,3 +98,30 @@ def test_commands_in_a_stall_do_not_turn_time_back() -> None:
         assert runner.duty == (9, 9)
 
     run_virtual(scenario())
+
+
+def test_a_board_that_may_not_catch_up_has_stood_still_meanwhile() -> None:
+    """A minute in which nothing was computed adds 50 ms to its time, and a second in which it was adds a second."""
+    clock, launchpad = ManualClock(), a_launchpad()
+    runner = BoardRunner(launchpad, lambda data: None, clock, most_behind_s=0.05)
+    due_s = launchpad.next_event_s()
+    clock.advance(60.0)
+    assert runner.board_s() == pytest.approx(due_s + 0.05)
+    for _ in range(100):
+        launchpad.advance(runner.board_s())
+        clock.advance(0.01)
+    assert runner.board_s() == pytest.approx(due_s + 1.05)
+
+
+def test_the_board_says_when_it_heard_and_when_its_duty_began() -> None:
+    """A command at 1 s of a board that reads once a cycle of 50 ms: in force within two; the stop later likewise."""
+    launchpad = a_launchpad()
+    launchpad.advance(1.0)
+    launchpad.receive(b"s 400 400\r", 1.0)
+    launchpad.advance(2.0)
+    assert launchpad.heard_s == 1.0
+    assert 1.0 <= launchpad.duty_since_s <= 1.1
+    launchpad.receive(b"s 0 0\r", 2.0)
+    launchpad.advance(3.0)
+    assert launchpad.heard_s == 2.0
+    assert 2.0 <= launchpad.duty_since_s <= 2.1

@@ -70,6 +70,9 @@ def test_words_are_obeyed_and_answered() -> None:
         "angular_rad_s",
         "in_contact",
         "duty",
+        "board_s",
+        "duty_since_s",
+        "heard_s",
     }
     assert said[5] == "unknown word 'dance', expected one of: plug unplug truth reset quit"
 
