@@ -37,7 +37,10 @@ HELLO_AGAIN_S = 0.5
 """The stops that a robot at rest is sent are not checked, and two seconds without a checked line end the mode."""
 
 ARMING_S = 1.0
-"""For so long after the robot was armed, a stop that the board has latched is the old one, and is ended."""
+"""For so long after the robot was armed, a stop that the board has latched is the old one, and is ended.
+
+Of a robot that was armed in the classic mode, where the board does not say what it has latched: from the checked mode on.
+"""
 
 STOP_AGAIN_S = 0.1
 """A latched stop that the board lacks, or an end of one, is written again so often at most."""
@@ -238,8 +241,8 @@ class BoardFirmware:
             self._stop_board(now_s)
         if not now.armed:
             now.arming_until_s = -math.inf
-        elif not was_armed:
-            now.arming_until_s = now_s + ARMING_S
+        elif not was_armed and now.is_known:
+            now.arming_until_s = now_s + ARMING_S if now.is_checked else math.inf
             self._arm_board(now_s)
 
     def _stop_board(self, now_s: float) -> None:
@@ -265,6 +268,8 @@ class BoardFirmware:
         now.written_s, now.newest_command, now.echoed = {}, -1, -1
         if not is_checked:
             now.answer = now.board = now.counters = None
+        elif now.arming_until_s == math.inf:
+            now.arming_until_s = now_s + ARMING_S
         self._ask_soon(now_s)
         log.info("the board's lines are " + ("checked" if is_checked else "classic again"))
         self._bus.publish(self.report(now_s))

@@ -329,6 +329,40 @@ def test_an_estop_latches_on_the_board_and_arming_ends_it():
     on_own_board(scenario)
 
 
+def test_arming_in_the_classic_mode_ends_the_boards_stop_once_the_mode_is_checked():
+    """Armed when the board has named itself; 5 s later that agrees, and has a stop latched: `arm` with its number."""
+
+    async def scenario(bench: Bench, board: OwnBoard) -> None:
+        bench.device.feed(NAMED)
+        bench.bus.publish(safety("armed"))
+        await asyncio.sleep(5.0)
+        await board.agree()
+        board.written()
+        board.say("state\t1\t2\t7\t1")
+        assert board.bodies() == [b"arm 7"]
+        await board.cycles(120)
+        board.written()
+        board.say("state\t1\t2\t8\t1")  # a new one, that nobody here asked for
+        assert b"arm 8" not in board.bodies()
+        assert board.report().stopped_itself
+
+    on_own_board(scenario)
+
+
+def test_a_robot_that_was_armed_before_its_board_was_heard_does_not_end_the_boards_stop():
+    """A daemon that starts armed leaves a stop in force that was latched before: somebody has to arm."""
+
+    async def scenario(bench: Bench, board: OwnBoard) -> None:
+        bench.bus.publish(safety("armed"))
+        await board.agree()
+        board.written()
+        board.say("state\t1\t2\t7\t1")
+        assert board.bodies() == []
+        assert board.report().stopped_itself
+
+    on_own_board(scenario)
+
+
 def test_an_estop_of_somebody_else_is_not_ended():
     """The board latches a second after the robot was armed: nothing is written, and the report says who stopped."""
 
