@@ -1,6 +1,6 @@
 """Builds what every robot has: the session with its board, the control loop, and the basic features."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import cache, partial
 
 import structlog
@@ -14,6 +14,7 @@ from chefbotd.features.driving.motor_watch import MotorWatch
 from chefbotd.features.driving.quadrature import QuadratureService
 from chefbotd.features.driving.safety_keeper import SafetyKeeper
 from chefbotd.features.driving.service import DriveService
+from chefbotd.features.driving.wheel_controller import WheelController
 from chefbotd.features.driving.wheel_reader import WheelReader
 from chefbotd.features.feature import Feature
 from chefbotd.features.odometry.service import OdometryService, odometry
@@ -22,11 +23,12 @@ from chefbotd.features.statistics.service import StatsService, statistics
 from chefbotd.features.tuning.service import TuningService, tuning
 from chefbotd.link.port import FirmwareMode
 from chefbotd.link.session import BoardSession
-from chefbotd.link.wheel_loop import wheel_loop_parameters
+from chefbotd.link.wheel_loop import WheelLoop, WheelLoopParameters, wheel_loop_parameters
 from chefbotd.link.wires import variant_of
 from chefbotd.metrics import Metrics
 from chefbotd.motion.drive import Drive
 from chefbotd.motion.limit_preview import LimitPreview
+from chefbotd.motion.pid import PidParameters
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.safety.latch import GateStore
 from chefbotd.settings import Settings
@@ -78,10 +80,19 @@ def drive_service(context: Context, session: BoardSession, latch: GateStore) -> 
         watchdog=settings.watchdog,
     )
     if settings.link.wheel_loop:
-        gains = tuple(settings.gains().values())
-        parameters = wheel_loop_parameters(settings.chassis, settings.encoders.counts_per_turn, gains)
-        session.firmware.loop.use(parameters, lambda: service.wheels.targets_rad_s)
+        _use_wheel_loop(settings, service.wheels, session.firmware.loop)
     return service
+
+
+def _use_wheel_loop(settings: Settings, wheels: WheelController, loop: WheelLoop) -> None:
+    """Drive by the board's own loop, with the gains of the controllers here, also when they are changed."""
+
+    def parameters(gains: Mapping[str, PidParameters]) -> WheelLoopParameters:
+        counts_per_turn = settings.encoders.counts_per_turn
+        return wheel_loop_parameters(settings.chassis, counts_per_turn, tuple(gains.values()))
+
+    loop.use(parameters(wheels.gains()), lambda: wheels.targets_rad_s)
+    wheels.call_on_gains(lambda gains: loop.change(parameters(gains)))
 
 
 def robot_features(

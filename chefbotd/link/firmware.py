@@ -39,7 +39,7 @@ HELLO_AGAIN_S = 0.5
 ARMING_S = 1.0
 """For so long after the robot was armed, a stop that the board has latched is the old one, and is ended.
 
-Of a robot that was armed in the classic mode, where the board does not say what it has latched: from the checked mode on.
+Where the robot was armed in the classic mode, in which the board tells no stops: from the checked mode on.
 """
 
 STOP_AGAIN_S = 0.1

@@ -17,7 +17,9 @@ Command = tuple[int, ...]
 FRACTION = 256
 """The board's gains are in 1/256 of a duty."""
 
-MOST_GAIN, MOST_FRICTION = 20_000, 65_280
+MOST_GAIN, MOST_INTEGRAL_GAIN, MOST_FRICTION = 20_000, 500_000, 65_280
+"""What the board takes: `g` 1 and 3, 2, 4 in docs/firmware_wire.md."""
+
 MOST_MRAD_S = 50_000
 CAPABILITY = 1
 ASK_AGAIN_S = 0.3
@@ -50,7 +52,7 @@ def wheel_loop_parameters(
         (
             round(counts_per_turn),
             scaled([gain.kp * rim_m for gain, rim_m in pairs], MOST_GAIN),
-            scaled([gain.ki * rim_m for gain, rim_m in pairs], MOST_GAIN),
+            scaled([gain.ki * rim_m for gain, rim_m in pairs], MOST_INTEGRAL_GAIN),
             scaled([gain.kv * rim_m for gain, rim_m in pairs], MOST_GAIN),
             scaled([gain.ks for gain in gains], MOST_FRICTION),
         ),
@@ -59,12 +61,12 @@ def wheel_loop_parameters(
 
 
 class WheelLoopState(MutableState):
-    """How many parameters the board has confirmed, and which duty stood behind each command.
+    """Which parameters the board has confirmed, by their numbers, and which duty stood behind each command.
 
     ``sent`` has command and duty by the number of the line, ``offered`` the newest pair.
     """
 
-    confirmed: int = 0
+    confirmed: dict[int, int] = {}
     asked_s: float = -math.inf
     is_ready: bool = False
     offered: tuple[Command, Command] | None = None
@@ -73,7 +75,10 @@ class WheelLoopState(MutableState):
 
 
 class WheelLoop:
-    """Not wanted until ``use`` is called; ready when the board has confirmed each parameter."""
+    """Not wanted until ``use`` is called; ready when the board has confirmed each parameter.
+
+    Parameters that change later follow one by one, while the board drives on.
+    """
 
     def __init__(self) -> None:
         self._parameters = WheelLoopParameters((), ())
@@ -85,6 +90,10 @@ class WheelLoop:
         """Drive by the board's loop wherever it has one; ``targets_rad_s`` are the wheels' present setpoints."""
         self._parameters, self._targets_rad_s, self.is_wanted = parameters, targets_rad_s, True
 
+    def change(self, parameters: WheelLoopParameters) -> None:
+        """The board is to drive by other parameters from now on."""
+        self._parameters = parameters
+
     def reset(self) -> None:
         """The board knows no parameters: it is another one, or has another mode."""
         self.now = WheelLoopState()
@@ -93,28 +102,30 @@ class WheelLoop:
 
     def next_parameter(self, now_s: float) -> tuple[int, int] | None:
         """The parameter that is to be sent now, if any."""
-        now = self.now
-        if now.is_ready or now_s - now.asked_s < ASK_AGAIN_S:
+        now, number = self.now, self._next_number()
+        if number is None or now_s - now.asked_s < ASK_AGAIN_S:
             return None
         now.asked_s = now_s
-        return now.confirmed, self._parameters.values[now.confirmed]
+        return number, self._parameters.values[number]
+
+    def _next_number(self) -> int | None:
+        """The first parameter that the board does not have; None: it has all."""
+        confirmed = self.now.confirmed
+        for number, value in enumerate(self._parameters.values):
+            if confirmed.get(number) != value:
+                return number
+        return None
 
     def confirm(self, parameter: int, value: int) -> bool:
         """The board has a parameter; whether that makes the loop ready."""
         now = self.now
-        if (
-            not self.is_wanted
-            or now.is_ready
-            or (parameter, value)
-            != (
-                now.confirmed,
-                self._parameters.values[now.confirmed],
-            )
-        ):
+        if not self.is_wanted or parameter != self._next_number():
             return False
-        now.confirmed, now.asked_s = now.confirmed + 1, -math.inf
-        now.is_ready = now.confirmed == len(self._parameters.values)
-        return now.is_ready
+        now.confirmed[parameter], now.asked_s = value, -math.inf
+        if now.is_ready or self._next_number() is not None:
+            return False
+        now.is_ready = True
+        return True
 
     # Commands
 

@@ -90,6 +90,26 @@ def test_it_is_off_unless_configured_and_set_up_anew_after_a_restart():
     on(again, link__wheel_loop=True)
 
 
+def test_gains_that_are_changed_reach_the_board():
+    """`set_pid` at a drive: kp 400 is 400 * 0.045 m * 256 = 4608 on the board, which drives on; undone, as before."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        async def kp_on_board() -> bytes:
+            await drive(robot, 0.2, 0.0, 0.6)
+            lines = [line for _, line in robot.daemon.session.lines.said]
+            bodies = [(unseal(line, b" ") or (line, 0))[0] for line in lines]
+            assert bodies[-1].startswith(b"w")
+            return [body for body in bodies if body.startswith(b"g 1 ")][-1]
+
+        before = (await robot.client.get_pid())["left_wheel"].kp
+        await robot.client.set_pid(kp=400.0)
+        assert await kp_on_board() == b"g 1 4608"
+        await robot.client.undo_pid()
+        assert await kp_on_board() == b"g 1 %d" % round(before * 0.045 * 256)
+
+    on(scenario, link__wheel_loop=True)
+
+
 def test_a_motor_that_turns_against_its_encoder_is_refused():
     """The board's loop cannot know of it: the configuration names the key and the wheel."""
     wheels = [dict(wheel) for wheel in load().chassis.model_dump()["wheels"]]

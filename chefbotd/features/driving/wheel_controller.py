@@ -41,6 +41,7 @@ class WheelController:
         self._knows_its_motors = drive.knows_its_motors
         self._waiting: tuple[MotionLimits, Callable[[], None]] | None = None
         self._on_limits: Callable[[MotionLimits], None] = lambda limits: None
+        self._on_gains: Callable[[Mapping[str, PidParameters]], None] = lambda gains: None
 
     def state(self) -> LimitsState:
         """The state of the limits; gains and ``drive_state`` are in other parts."""
@@ -55,6 +56,10 @@ class WheelController:
     def call_on_limits(self, handler: Callable[[MotionLimits], None]) -> None:
         """Call ``handler`` with the new limits after each change."""
         self._on_limits = handler
+
+    def call_on_gains(self, handler: Callable[[Mapping[str, PidParameters]], None]) -> None:
+        """Call ``handler`` with the new gains, by wheel name, after each change."""
+        self._on_gains = handler
 
     def regulate(self, decision: Decision, now_s: float, seen: WheelsRead) -> None:
         """Make a control step with a measurement."""
@@ -150,10 +155,12 @@ class WheelController:
         self.drive_state = self._drive.retune(
             self.drive_state, tuple([gains[name] for name in self._wheel_names])
         )
+        self._on_gains(gains)
 
     def set_gains(self, gains: Mapping[str, PidParameters]) -> None:
         """Restore these gains."""
         self._drive.gains = tuple([gains[name] for name in self._wheel_names])
+        self._on_gains(gains)
 
     def relimit(self, limits: MotionLimits, then: Callable[[], None] = lambda: None) -> bool:
         """Change the limits as soon as the robot is at rest, and call ``then``; returns whether it was at once.

@@ -330,7 +330,7 @@ def test_an_estop_latches_on_the_board_and_arming_ends_it():
 
 
 def test_arming_in_the_classic_mode_ends_the_boards_stop_once_the_mode_is_checked():
-    """Armed when the board has named itself; 5 s later that agrees, and has a stop latched: `arm` with its number."""
+    """Armed once the board is known; 5 s later that agrees, and has a stop latched: `arm` with its number."""
 
     async def scenario(bench: Bench, board: OwnBoard) -> None:
         bench.device.feed(NAMED)

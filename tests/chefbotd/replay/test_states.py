@@ -84,7 +84,7 @@ NO_STATE = {
     "Session._incomplete_s": "ends a client's connection",
     "Session.arrival": "admits requests, and those in a recording were admitted",
     "Session.proven": "admits connections",
-    "WheelLoop._parameters": "of the configuration",
+    "WheelLoop._parameters": "of the configuration and the gains, which set them",
     "WheelLoop._targets_rad_s": "of the configuration",
     "WheelLoop.is_wanted": "of the configuration",
     "TokenBucket._level": "admits requests",
