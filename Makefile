@@ -27,7 +27,7 @@ unexport PYTHONDONTWRITEBYTECODE
 JOBS ?= $(shell expr $$(nproc 2>/dev/null || echo 1) + 1)
 PARALLEL := -n $(JOBS) --dist loadgroup
 
-.PHONY: addons-test firmware firmware-test docs run serve waiter map calibrate test test-loaded test-all coverage check audit lock newest lint format client wheel deb wheel-test bench fuzz soak faults clean help
+.PHONY: addons-test firmware firmware-test docs run serve waiter map calibrate test examples-test test-loaded test-all coverage check audit lock newest lint format client wheel deb wheel-test bench fuzz soak faults clean help
 
 help:  ## List the targets
 	@echo "make TARGET, one of:"
@@ -64,6 +64,11 @@ test-all: $(VENV)/ready  ## Run every test, with all examples and long scenarios
 
 coverage: $(VENV)/ready  ## The same with branch coverage
 	TEST_TIER=full $(BIN)/pytest -q $(PARALLEL) --cov --cov-report=term-missing:skip-covered
+
+# What two of the examples need is theirs: it is installed for these tests alone.
+examples-test: $(VENV)/ready build/constraints.txt  ## Install what two of the examples need, and run their tests
+	$(BIN)/pip install --quiet --constraint build/constraints.txt -r examples/learning/requirements.txt -r examples/notebook/requirements.txt
+	$(BIN)/pytest -q examples
 
 firmware:  ## Build the board's firmware for this computer, the boards and the emulators (apt: see firmware/README.md)
 	$(MAKE) -C firmware

@@ -1,0 +1,42 @@
+"""Drives to every place of the map in turn, and says which it did not reach: ``python -m examples.patrol``."""
+
+from collections.abc import Mapping
+from typing import Any
+
+from chefbotd.client import CallError, Client, GoalNotReached
+from chefbotd.core.geometry import Pose2D
+from examples.program import run
+
+ROUNDS = 2
+
+
+async def main(robot: Client) -> str:
+    """Every round goes on where a place is not reached; only a refusal of the robot itself ends the patrol."""
+    places = [place.name for place in (await robot.list_places()).places]
+    if not places:
+        return "The map has no places: save some with 'chefbotctl places save'."
+    missed: list[str] = []
+    for number in range(1, ROUNDS + 1):
+        for place in places:
+            try:
+                await robot.navigate_to(place=place)
+            except GoalNotReached as error:
+                missed.append(f"{place} in round {number}: {error.reason}")
+            except CallError as error:
+                return f"The patrol ended in round {number}: {error.message}"
+    reached = ROUNDS * len(places) - len(missed)
+    return "\n".join([f"{reached} of {ROUNDS * len(places)} visits were made.", *missed])
+
+
+def simulated(world: str, seed: int) -> Mapping[str, Any]:
+    """Three places of the flat."""
+    places = {
+        "sofa": Pose2D(2.6, 4.0, 0.4),
+        "kitchen": Pose2D(6.1, 1.6, -1.57),
+        "desk": Pose2D(5.0, 5.5, 1.0),
+    }
+    return {"start": Pose2D(2.45, 2.6, 2.1), "places": places}
+
+
+if __name__ == "__main__":
+    run(main, simulated)
