@@ -78,8 +78,10 @@ firmware:  ## Build the board's firmware for this computer, the boards and the e
 addons-test: $(VENV)/ready build/constraints.txt build/ros-venv/ready  ## Install the add-ons, and run their tests
 	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable 'addons/chefbot-ros2[test]'
 	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable 'addons/chefbot-vda5050[test]'
+	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable 'addons/chefbot-fleet[test]'
 	$(BIN)/mypy --package chefbot_ros2
 	$(BIN)/mypy --package chefbot_vda5050
+	$(BIN)/mypy --package chefbot_fleet
 	$(BIN)/pytest -q -m "not slow" addons
 
 # ROS 2 brings 300 MB and a numpy of its own choice: an environment apart from the daemon's, as a user has it too.
