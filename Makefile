@@ -75,8 +75,8 @@ firmware:  ## Build the board's firmware for this computer, the boards and the e
 
 # The tests of the firmware are to fail, not to skip, where a compiler or an emulator is missing.
 # Distributions of their own beside the daemon: installed into the same environment, with what is locked.
-addons-test: $(VENV)/ready build/constraints.txt build/ros-venv/ready  ## Install the add-ons, and run their tests
-	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable 'addons/chefbot-ros2[test]'
+addons-test: $(VENV)/ready build/constraints.txt build/ros-venv/ready build/roslib/ready  ## Install the add-ons, and run their tests
+	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable 'addons/chefbot-ros2[rosbridge,test]'
 	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable 'addons/chefbot-vda5050[test]'
 	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable 'addons/chefbot-fleet[test]'
 	$(BIN)/mypy --package chefbot_ros2
@@ -93,6 +93,12 @@ build/ros-venv/ready: pyproject.toml build/constraints.txt $(ROS2)/pyproject.tom
 	build/ros-venv/bin/pip install --quiet --constraint build/constraints.txt --constraint $(ROS2)/ros-constraints.txt --no-build-isolation \
 	  --editable . --editable '$(ROS2)[node,tf2]'
 	$(ROS2)/tf2_msgs/install build/ros-venv
+	@touch $@
+
+build/roslib/ready: $(ROS2)/tests/roslib/package.json
+	mkdir -p build/roslib
+	cp $< build/roslib
+	npm install --prefix build/roslib --no-package-lock --no-audit --no-fund --silent
 	@touch $@
 
 firmware-test: $(VENV)/ready firmware  ## Build and check the firmware, and run its tests; nothing is left out

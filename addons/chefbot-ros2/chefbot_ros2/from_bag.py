@@ -11,7 +11,7 @@ from typing import Any, Final
 import numpy as np
 from rosbags.highlevel import AnyReader, AnyReaderError
 
-from chefbot_ros2.messages import FLOAT64, NS, POINT_FIELDS, TYPESTORE
+from chefbot_ros2.messages import FLOAT64, NS, POINT_FIELDS, TYPESTORE, pose_in_plane, yaw_rad
 from chefbotd.clock import ManualClock
 from chefbotd.core.commands import Refused
 from chefbotd.core.events.lidars import ScanMeasured
@@ -147,7 +147,7 @@ class _Bag:
         for connection, _, data in self._reader.messages(connections):
             for one in self._reader.deserialize(data, connection.msgtype).transforms:  # type: ignore[attr-defined]
                 moved, turned = one.transform.translation, one.transform.rotation
-                yield one.child_frame_id, (one.header.frame_id, Pose2D(moved.x, moved.y, _yaw_rad(turned)))
+                yield one.child_frame_id, (one.header.frame_id, Pose2D(moved.x, moved.y, yaw_rad(turned)))
 
     def events(self) -> Iterator[Measured]:
         """Odometry and scans, in the order of the bag."""
@@ -169,7 +169,7 @@ class _Bag:
     def _odometry(self, topic: str, message: Any) -> Iterator[OdometryUpdated]:
         self._base = message.child_frame_id
         pose, twist, stamp_s = message.pose.pose, message.twist.twist, self._stamp_s(message)
-        at = Pose2D(pose.position.x, pose.position.y, _yaw_rad(pose.orientation))
+        at = pose_in_plane(pose)
         covariance = PoseCovariance(*[float(message.pose.covariance[index]) for index in PLANE])
         yield OdometryUpdated(stamp_s, stamp_s, at, Twist2D(twist.linear.x, twist.angular.z), covariance)
 
@@ -219,7 +219,3 @@ class _Bag:
 
 def _short(topic: str) -> str:
     return topic.rpartition("/")[2]
-
-
-def _yaw_rad(q: Any) -> float:
-    return float(np.arctan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z)))

@@ -30,6 +30,9 @@ POINT_FIELDS = ("x", "y", "z", "t")
 ULTRASOUND, INFRARED = 0, 1
 SMALLEST_INCREMENT_RAD = 1e-6
 
+LATCHED_TOPICS = frozenset({"/map", "/plan", "/robot_description", "/tf_static"})
+"""Who subscribes later gets the last message too."""
+
 Message = tuple[str, Any]
 """A topic and its message."""
 
@@ -95,6 +98,16 @@ def header(stamp_ns: int, frame: str) -> Any:
 def quaternion(heading_rad: float) -> Any:
     """A turn about z."""
     return Quaternion(0.0, 0.0, math.sin(heading_rad / 2), math.cos(heading_rad / 2))
+
+
+def pose_in_plane(pose: Any) -> Pose2D:
+    """The x, y and turn about z of a geometry_msgs/Pose, whoever has made its class."""
+    return Pose2D(pose.position.x, pose.position.y, yaw_rad(pose.orientation))
+
+
+def yaw_rad(q: Any) -> float:
+    """The turn about z of a geometry_msgs/Quaternion."""
+    return math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))
 
 
 def _odometry(event: OdometryUpdated, stamp_ns: int, wheel_names: Sequence[str]) -> Iterator[Message]:

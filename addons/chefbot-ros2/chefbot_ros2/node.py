@@ -6,8 +6,8 @@ bags, this node and rosbridge have the same messages.
 """
 
 import asyncio
-import math
 from collections.abc import Callable, Coroutine
+from functools import partial
 from typing import Any, Final
 
 import structlog
@@ -17,11 +17,11 @@ from rclpy.lifecycle import LifecycleNode, LifecycleState, TransitionCallbackRet
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from std_srvs.srv import Trigger
 
-from chefbot_ros2.messages import TYPESTORE
-from chefbot_ros2.session import Connect, NotConnected, Session
+from chefbot_ros2.commands import SERVICES, Commands, NotConnected
+from chefbot_ros2.messages import LATCHED_TOPICS, TYPESTORE, pose_in_plane
+from chefbot_ros2.session import Connect, Session
 from chefbot_ros2.types import class_of
 from chefbotd.client import ChefbotError
-from chefbotd.core.geometry import Pose2D
 
 log = structlog.get_logger("ros2")
 VERSION: Final = "0.1.0"
@@ -31,16 +31,7 @@ RELIABLE = QoSProfile(depth=10)
 NEWEST = QoSProfile(depth=1)
 SENSOR = QoSProfile(depth=5, reliability=ReliabilityPolicy.BEST_EFFORT)
 LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
-QOS_BY_TOPIC: Final = {
-    "/imu": SENSOR,
-    "/map": LATCHED,
-    "/tf_static": LATCHED,
-    "/robot_description": LATCHED,
-    "/plan": LATCHED,
-}
-"""Of what is neither here nor a sensor's: reliable. Whoever asks for less gets it too, as with /odom and /tf."""
-
-SENSORS: Final = ("/scan/", "/points/", "/ranges/")
+SENSORS: Final = ("/scan/", "/points/", "/ranges/", "/imu")
 ABSOLUTE: Final = {"/tf", "/tf_static", "/diagnostics"}
 """Not in the node's namespace, as in any ROS 2 system."""
 
@@ -61,7 +52,7 @@ class Bridge(LifecycleNode):  # type: ignore[misc]  # rclpy tells no types
         self._publishers_by_topic: dict[str, Any] = {}
         self._missing: set[str] = set()
         self._entities: list[tuple[Callable[[Any], Any], Any]] = []
-        self._session: Session | None = None
+        self._commands: Commands | None = None
         self._task: asyncio.Task[None] | None = None
         self.declare_parameter("source", "ros2")
         self.declare_parameter("stamped_cmd_vel", False)
@@ -80,8 +71,9 @@ class Bridge(LifecycleNode):  # type: ignore[misc]  # rclpy tells no types
         for kind, topic, callback, qos in wanted:
             entity = self.create_subscription(kind, topic, callback, qos)
             self._entities.append((self.destroy_subscription, entity))
-        for name, answer in (("estop", self._estop), ("arm", self._arm)):
-            self._entities.append((self.destroy_service, self.create_service(Trigger, name, answer)))
+        for name in SERVICES:
+            service = self.create_service(Trigger, name, partial(self._serve, name))
+            self._entities.append((self.destroy_service, service))
         return TransitionCallbackReturn.SUCCESS
 
     def on_activate(self, state: LifecycleState) -> TransitionCallbackReturn:
@@ -117,8 +109,9 @@ class Bridge(LifecycleNode):  # type: ignore[misc]  # rclpy tells no types
     async def _start(self) -> None:
         await self._end()
         source = str(self.get_parameter("source").value)
-        self._session = Session(self._connect, self._publish, VERSION, source)
-        self._task = asyncio.create_task(self._session.run())
+        self._commands = Commands(source)
+        session = Session(self._connect, self._publish, "ros2", VERSION, self._commands)
+        self._task = asyncio.create_task(session.run())
         self._task.add_done_callback(self._ended)
 
     def _ended(self, task: asyncio.Task[None]) -> None:
@@ -127,7 +120,7 @@ class Bridge(LifecycleNode):  # type: ignore[misc]  # rclpy tells no types
             self._on_failure()
 
     async def _end(self) -> None:
-        task, self._task, self._session = self._task, None, None
+        task, self._task, self._commands = self._task, None, None
         if task is not None:
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
@@ -140,9 +133,8 @@ class Bridge(LifecycleNode):  # type: ignore[misc]  # rclpy tells no types
             publisher = self._create_publisher(topic, message.__msgtype__)
             if publisher is None:
                 return
-        qos_is_latched = qos_of(topic) is LATCHED
         try:
-            if qos_is_latched or publisher.get_subscription_count():
+            if topic in LATCHED_TOPICS or publisher.get_subscription_count():
                 publisher.publish(bytes(TYPESTORE.serialize_cdr(message, message.__msgtype__)))
         except InvalidHandle:  # removed in this moment, by a clean-up
             return
@@ -160,38 +152,30 @@ class Bridge(LifecycleNode):  # type: ignore[misc]  # rclpy tells no types
     # what others send, in rclpy's thread
 
     def _take_twist(self, message: Twist) -> None:
-        self._call(lambda session: session.drive(message.linear.x, message.angular.z))
+        self._call(lambda commands: commands.drive(message.linear.x, message.angular.z))
 
     def _take_stamped(self, message: TwistStamped) -> None:
         self._take_twist(message.twist)
 
     def _take_pose(self, message: PoseWithCovarianceStamped) -> None:
         frame, pose = message.header.frame_id, pose_in_plane(message.pose.pose)
-        self._call(lambda session: session.set_pose(frame, pose))
+        self._call(lambda commands: commands.set_pose(frame, pose))
 
     def _take_goal(self, message: PoseStamped) -> None:
         frame, pose = message.header.frame_id, pose_in_plane(message.pose)
-        self._call(lambda session: session.navigate(frame, pose))
+        self._call(lambda commands: commands.navigate(frame, pose))
 
-    def _call(self, call: Callable[[Session], None]) -> None:
-        session = self._session
-        if session is not None:
-            self._loop.call_soon_threadsafe(call, session)
+    def _call(self, call: Callable[[Commands], None]) -> None:
+        commands = self._commands
+        if commands is not None:
+            self._loop.call_soon_threadsafe(call, commands)
 
-    def _estop(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._serve(response, lambda session: session.estop("by ROS"))
-
-    def _arm(self, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
-        return self._serve(response, lambda session: session.arm())
-
-    def _serve(
-        self, response: Trigger.Response, call: Callable[[Session], Coroutine[Any, Any, None]]
-    ) -> Trigger.Response:
-        session = self._session
+    def _serve(self, name: str, request: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+        commands = self._commands
         try:
-            if session is None:
+            if commands is None:
                 raise NotConnected("the node is not active")
-            self._in_loop(call(session))
+            self._in_loop(SERVICES[name](commands))
             response.success, response.message = True, "done"
         except (ChefbotError, NotConnected, TimeoutError) as problem:
             response.success, response.message = False, str(problem) or type(problem).__name__
@@ -199,12 +183,10 @@ class Bridge(LifecycleNode):  # type: ignore[misc]  # rclpy tells no types
 
 
 def qos_of(topic: str) -> QoSProfile:
-    """What RViz and Nav2 expect: sensors best effort, what is said once for late joiners too."""
-    return SENSOR if topic.startswith(SENSORS) else QOS_BY_TOPIC.get(topic, RELIABLE)
+    """What RViz and Nav2 expect: sensors best effort, what is said once for late joiners too.
 
-
-def pose_in_plane(pose: Any) -> Pose2D:
-    """Its x, y and turn about z."""
-    q = pose.orientation
-    heading_rad = math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))
-    return Pose2D(pose.position.x, pose.position.y, heading_rad)
+    All else is reliable; whoever asks for less gets it too, as with /odom and /tf.
+    """
+    if topic in LATCHED_TOPICS:
+        return LATCHED
+    return SENSOR if topic.startswith(SENSORS) else RELIABLE

@@ -1,32 +1,27 @@
-"""The bridge's half that talks to the daemon: its topics become ROS messages, and ROS messages become its methods.
-
-It knows no rclpy. Messages leave through a function, and arrive by calls in the loop that runs it.
-"""
+"""What the daemon tells, as ROS messages: they leave through a function. It knows no rclpy."""
 
 import asyncio
-import math
 import time
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager
 from typing import Any, Final
 
 import structlog
 
+from chefbot_ros2.commands import Commands
 from chefbot_ros2.diagnostics import ERROR, OK, WARN, diagnostic_array, status
 from chefbot_ros2.map_messages import MapFromOdom, String, fixed_transforms, occupancy_grid, path
 from chefbot_ros2.messages import MAP, NS, ODOM, TFMessage, frame_of, messages, stamped, transform
 from chefbot_ros2.topic_events import events_of, pose_of
 from chefbotd.client import CallError, ChefbotError, Client
-from chefbotd.client.caller import ignore_progress
 from chefbotd.client.event import Event
-from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.core.geometry import Pose2D
 
 log = structlog.get_logger("ros2")
 Connect = Callable[[], AbstractAsyncContextManager[Client]]
 Publish = Callable[[str, Any], None]
 """Takes a topic and its message."""
 
-AGENT: Final = "ros2"
 AGAIN_S, DIAGNOSTICS_S, CLOCK_S, MAP_S = 1.0, 1.0, 10.0, 2.0
 PINGS: Final = 5
 MEASURED: Final = ("odometry", "wheels", "imu", "ranges", "battery", "scan", "map_pose", "path")
@@ -34,23 +29,19 @@ STATES: Final = ("link", "safety", "worker", "lidars", "localization", "navigati
 NO_MAP: Final = {"no_map_loaded", "unknown_map", "worker_unavailable", "map_unreadable"}
 
 
-class NotConnected(Exception):
-    """There is no connection to the daemon at present; the message says why."""
-
-
 class Session:
-    """One after the other, connections to the daemon; ``run`` holds them until it is cancelled."""
+    """One after the other, connections to the daemon, each as the agent ``name``; ``run`` holds them until cancelled."""
 
-    def __init__(self, connect: Connect, publish: Publish, version: str, source: str) -> None:
-        self._connect, self._publish, self._version, self._source = connect, publish, version, source
+    def __init__(
+        self, connect: Connect, publish: Publish, name: str, version: str, commands: Commands | None = None
+    ) -> None:
+        """``commands`` are asked on the same connection."""
+        self._connect, self._publish, self._name, self._version = connect, publish, name, version
+        self._commands = commands
         self._robot: Client | None = None
         self._why = "not connected yet"
-        self._refused = ""
         self._latest: dict[str, Any] = {}
-        self._velocity: Twist2D | None = None
-        self._has_velocity = asyncio.Event()
         self._has_new_map = asyncio.Event()
-        self._tasks: asyncio.TaskGroup | None = None
         self._forget()
 
     def _forget(self) -> None:
@@ -79,23 +70,23 @@ class Session:
 
     async def _work(self, robot: Client) -> None:
         self._forget()
-        self._velocity = None
-        await robot.register_agent(AGENT, self._version)
+        await robot.register_agent(self._name, self._version)
         self._offset_ns = await clock_offset_ns(robot)
         await self._describe(robot)
         offered = {name.removeprefix("topic.") for name in robot.hello.capabilities}
         try:
             async with asyncio.TaskGroup() as tasks:
-                self._robot, self._tasks, self._why = robot, tasks, ""
+                self._robot, self._why = robot, ""
                 log.info("connected to the daemon", robot=robot.hello.robot)
                 tasks.create_task(self._follow(robot, [topic for topic in MEASURED if topic in offered]))
                 tasks.create_task(self._watch(robot, [topic for topic in STATES if topic in offered]))
-                tasks.create_task(self._drive(robot))
+                if self._commands is not None:
+                    tasks.create_task(self._commands.serve(robot))
                 tasks.create_task(self._keep_clock(robot))
                 if "localization" in offered or "map" in offered:
                     tasks.create_task(self._publish_maps(robot))
         finally:
-            self._robot = self._tasks = None
+            self._robot = None
 
     async def _keep_clock(self, robot: Client) -> None:
         """The computers' clocks may be set while it runs."""
@@ -193,84 +184,10 @@ class Session:
             if self._robot is None:
                 bridge = status("bridge", ERROR, self._why)
             else:
-                bridge = status("bridge", WARN if self._refused else OK, self._refused or "connected")
+                refused = "" if self._commands is None else self._commands.refused
+                bridge = status("bridge", WARN if refused else OK, refused or "connected")
             self._publish(*diagnostic_array(time.time_ns(), bridge, self._latest))
             await asyncio.sleep(DIAGNOSTICS_S)
-
-    # from ROS
-
-    def drive(self, linear_m_s: float, angular_rad_s: float) -> None:
-        """Drive so, once: the daemon's dead-man ends it. Without a connection it is forgotten."""
-        if self._robot is not None and math.isfinite(linear_m_s) and math.isfinite(angular_rad_s):
-            self._velocity = Twist2D(linear_m_s, angular_rad_s)
-            self._has_velocity.set()
-
-    async def _drive(self, robot: Client) -> None:
-        """The newest velocity, one request at a time."""
-        while True:
-            await self._has_velocity.wait()
-            self._has_velocity.clear()
-            velocity, self._velocity = self._velocity, None
-            if velocity is None:
-                continue
-            try:
-                await robot.call(
-                    "drive",
-                    linear_m_s=velocity.linear_m_s,
-                    angular_rad_s=velocity.angular_rad_s,
-                    source=self._source,
-                )
-                self._refused = ""
-            except CallError as refused:
-                self._tell_refused("cmd_vel", refused)
-
-    def set_pose(self, frame: str, pose: Pose2D) -> None:
-        """RViz says about where the robot is."""
-        self._ask("initialpose", frame, lambda robot: robot.set_pose(pose.x_m, pose.y_m, pose.heading_rad))
-
-    def navigate(self, frame: str, pose: Pose2D) -> None:
-        """RViz says where it shall go; a goal before this one is cancelled."""
-        params = {"x_m": pose.x_m, "y_m": pose.y_m, "heading_rad": pose.heading_rad}
-        self._ask(
-            "goal_pose",
-            frame,
-            lambda robot: robot.call("navigate_to", on_progress=ignore_progress, **params),
-        )
-
-    def _ask(self, topic: str, frame: str, call: Callable[[Client], Coroutine[Any, Any, Any]]) -> None:
-        if self._robot is None or self._tasks is None:
-            log.warning("not done, for there is no connection to the daemon", topic=topic)
-        elif frame != MAP:
-            self._refused = f"{topic}: expected the frame {MAP}, got {frame!a}"
-            log.warning("not done", why=self._refused)
-        else:
-            self._tasks.create_task(self._carry_out(topic, call(self._robot)))
-
-    async def _carry_out(self, topic: str, call: Coroutine[Any, Any, Any]) -> None:
-        try:
-            await call
-            self._refused = ""
-        except CallError as refused:
-            self._tell_refused(topic, refused)
-
-    def _tell_refused(self, topic: str, refused: CallError) -> None:
-        why = f"{topic}: {refused.message}"
-        if why != self._refused:
-            log.warning("the daemon refuses", topic=topic, why=refused.message)
-        self._refused = why
-
-    async def estop(self, reason: str) -> None:
-        """Stop the motors at once; raises ``NotConnected`` or ``ChefbotError``."""
-        await self._connected().estop(reason)
-
-    async def arm(self) -> None:
-        """Allow motion again; raises as ``estop`` does."""
-        await self._connected().call("arm")
-
-    def _connected(self) -> Client:
-        if self._robot is None:
-            raise NotConnected(f"there is no connection to the daemon: {self._why}")
-        return self._robot
 
 
 async def clock_offset_ns(robot: Client) -> int:

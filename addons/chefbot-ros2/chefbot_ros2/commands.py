@@ -1,0 +1,150 @@
+"""What ROS asks of the robot, as methods of the daemon's socket: velocities, poses, goals, and stops."""
+
+import asyncio
+import math
+from collections.abc import AsyncIterator, Callable, Coroutine
+from contextlib import asynccontextmanager
+from typing import Any
+
+import structlog
+
+from chefbot_ros2.messages import MAP
+from chefbotd.client import CallError, Client
+from chefbotd.client.caller import ignore_progress
+from chefbotd.core.geometry import Pose2D, Twist2D
+
+log = structlog.get_logger("ros2")
+
+
+class NotConnected(Exception):
+    """There is no connection to the daemon at present; the message says why."""
+
+
+class Commands:
+    """Everything is asked on one connection, whose roles, leases and dead-man are the daemon's affair.
+
+    Velocities count as those of the source ``source``. ``refused`` is the sentence about the last thing that was
+    refused, empty once something was not; ``on_refused`` is called with each.
+    """
+
+    def __init__(self, source: str, on_refused: Callable[[str], None] = lambda why: None) -> None:
+        self._source, self._on_refused = source, on_refused
+        self._robot: Client | None = None
+        self._tasks: asyncio.TaskGroup | None = None
+        self._running: set[asyncio.Task[None]] = set()
+        self._velocity: Twist2D | None = None
+        self._has_velocity = asyncio.Event()
+        self.refused = ""
+
+    @asynccontextmanager
+    async def serving(self, robot: Client) -> AsyncIterator[None]:
+        """Carry out what is asked, on this connection, while the block runs."""
+        self._velocity = None
+        async with asyncio.TaskGroup() as tasks:
+            self._robot, self._tasks = robot, tasks
+            self._start(self._drive(robot))
+            try:
+                yield
+            finally:
+                self._robot = self._tasks = None
+                for task in self._running:
+                    task.cancel()
+
+    async def serve(self, robot: Client) -> None:
+        """Carry out what is asked, on this connection, until cancelled."""
+        async with self.serving(robot):
+            await asyncio.Event().wait()
+
+    def _start(self, work: Coroutine[Any, Any, None]) -> None:
+        if self._tasks is None:
+            raise NotConnected("there is no connection to the daemon")
+        task = self._tasks.create_task(work)
+        self._running.add(task)
+        task.add_done_callback(self._running.discard)
+
+    def drive(self, linear_m_s: float, angular_rad_s: float) -> None:
+        """Drive so, once: the daemon's dead-man ends it. Without a connection it is forgotten."""
+        if self._robot is not None and math.isfinite(linear_m_s) and math.isfinite(angular_rad_s):
+            self._velocity = Twist2D(linear_m_s, angular_rad_s)
+            self._has_velocity.set()
+
+    async def _drive(self, robot: Client) -> None:
+        """The newest velocity, one request at a time."""
+        while True:
+            await self._has_velocity.wait()
+            self._has_velocity.clear()
+            velocity, self._velocity = self._velocity, None
+            if velocity is not None:
+                await self._carry_out(
+                    "cmd_vel",
+                    robot.call(
+                        "drive",
+                        linear_m_s=velocity.linear_m_s,
+                        angular_rad_s=velocity.angular_rad_s,
+                        source=self._source,
+                    ),
+                )
+
+    def set_pose(self, frame: str, pose: Pose2D) -> None:
+        """RViz says about where the robot is."""
+        self._ask("initialpose", frame, lambda robot: robot.set_pose(pose.x_m, pose.y_m, pose.heading_rad))
+
+    def navigate(self, frame: str, pose: Pose2D) -> None:
+        """RViz says where it shall go; a goal before this one is cancelled."""
+        params = {"x_m": pose.x_m, "y_m": pose.y_m, "heading_rad": pose.heading_rad}
+        self._ask(
+            "goal_pose",
+            frame,
+            lambda robot: robot.call("navigate_to", on_progress=ignore_progress, **params),
+        )
+
+    def _ask(self, topic: str, frame: str, call: Callable[[Client], Coroutine[Any, Any, Any]]) -> None:
+        if self._robot is None or self._tasks is None:
+            log.warning("not done, for there is no connection to the daemon", topic=topic)
+        elif frame != MAP:
+            self._refuse(f"{topic}: expected the frame {MAP}, got {frame!a}")
+        else:
+            self._start(self._carry_out(topic, call(self._robot)))
+
+    async def _carry_out(self, topic: str, call: Coroutine[Any, Any, Any]) -> None:
+        try:
+            await call
+            self.refused = ""
+        except CallError as refused:
+            self._refuse(f"{topic}: {refused.message}")
+
+    def _refuse(self, why: str) -> None:
+        if why != self.refused:
+            log.warning("not done", why=why)
+        self.refused = why
+        self._on_refused(why)
+
+    async def estop(self) -> None:
+        """Stop the motors at once; raises ``NotConnected`` or ``ChefbotError``."""
+        await self._connected().estop("by ROS")
+
+    async def arm(self) -> None:
+        """Allow motion again; raises as ``estop`` does."""
+        await self._connected().call("arm")
+
+    async def take_control(self) -> None:
+        """Have the source of velocities for this connection alone; raises as ``estop`` does."""
+        await self._connected().take_control(self._source)
+
+    async def release_control(self) -> None:
+        """Give it back; raises as ``estop`` does."""
+        await self._connected().release_control()
+
+    def _connected(self) -> Client:
+        if self._robot is None:
+            raise NotConnected("there is no connection to the daemon")
+        return self._robot
+
+
+SERVICES: dict[str, Callable[[Commands], Coroutine[Any, Any, None]]] = {
+    "estop": Commands.estop,
+    "arm": Commands.arm,
+    "take_control": Commands.take_control,
+    "release_control": Commands.release_control,
+}
+"""Each a std_srvs/Trigger."""
