@@ -45,7 +45,9 @@ class Space(Struct, frozen=True):
     def is_free(self, points_m: Floats) -> Flags:
         """For each point (n, 2) of the grid's frame whether a robot may be there."""
         cells = np.floor(points_m / self.cell_m).astype(np.int64)
-        inside: Flags = np.logical_and.reduce((cells >= 0) & (cells < np.array(self.free.shape)[::-1]), axis=1)
+        inside: Flags = np.logical_and.reduce(
+            (cells >= 0) & (cells < np.array(self.free.shape)[::-1]), axis=1
+        )
         cells = np.where(inside[:, None], cells, 0)
         return np.asarray(inside & self.free[cells[:, 1], cells[:, 0]])
 
