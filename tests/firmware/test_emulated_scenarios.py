@@ -61,3 +61,23 @@ def test_the_mode_is_agreed_on_and_told() -> None:
         assert robot.board.truth(0.0).twist.linear_m_s > 0.1
 
     scenarios.on(scenario)
+
+
+def test_an_estop_that_a_flood_of_lines_swallows_is_said_until_the_board_has_latched_it() -> None:
+    """For 0.6 s two thirds of the line are lines of one letter, faster than the image reads them: bytes get lost."""
+
+    async def scenario(robot: scenarios.SimulatedRobot) -> None:
+        await scenarios.drive(robot, 0.2, 0.1, 0.5)
+        for step in range(300):
+            robot.board.receive(b"x\r" * 8)
+            if step == 50:
+                await robot.client.estop("smoke")
+            await asyncio.sleep(0.002)
+        await asyncio.sleep(0.3)
+        told = await scenarios.firmware(robot)
+        assert told["stops"] == ["estop"]
+        assert robot.board.duty == (0, 0)
+        assert told["overruns"] > 0
+        assert [line for _, line in robot.daemon.session.lines.said].count(b"estop") > 1
+
+    scenarios.on(scenario)
