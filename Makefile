@@ -148,11 +148,12 @@ wheel-test: wheel  ## Run the tests against the installed wheel (TIER=rest: thos
 # Coverage-guided, for FUZZ_S seconds a target; what it finds is kept in build/fuzz and belongs into tests/vectors/fuzz.
 fuzz: $(VENV)/ready build/constraints.txt  ## Throw bytes at the parsers (FUZZ_S=60 a target)
 	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable '.[fuzz]'
-	mkdir -p build/fuzz/decode build/fuzz/request build/fuzz/stops build/fuzz/lidars
+	mkdir -p build/fuzz/decode build/fuzz/request build/fuzz/stops build/fuzz/lidars build/fuzz/firmware
 	$(BIN)/python -m fuzz decode build/fuzz/decode tests/vectors/fuzz/decode $(FUZZ_OPTIONS)
 	$(BIN)/python -m fuzz request build/fuzz/request tests/vectors/fuzz/request $(FUZZ_OPTIONS)
 	$(BIN)/python -m fuzz stops build/fuzz/stops tests/vectors/fuzz/stops $(FUZZ_OPTIONS)
 	$(BIN)/python -m fuzz lidars build/fuzz/lidars tests/vectors/fuzz/lidars $(FUZZ_OPTIONS)
+	$(BIN)/python -m fuzz firmware build/fuzz/firmware tests/vectors/fuzz/firmware $(FUZZ_OPTIONS)
 
 # An hour of simulated driving with seeded faults on the virtual clock, with either robot: both at once, a core each.
 # ChefBot's hour is shared by its published sketches and our own firmware, the less the more lines a second they send.

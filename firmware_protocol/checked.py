@@ -244,9 +244,8 @@ class FirmwareCodec(LineCodec):
             if len(self._unsealed) >= CLASSIC_AGAIN - 1:
                 lines = self._unsealed
                 self._change_mode(False)
-                self.regained = Regained(
-                    message, tuple([(earlier, self.decode(earlier)) for earlier in lines])
-                )
+                earlier = tuple([(line, self.decode(line)) for line in lines])
+                self.regained += (Regained(message, earlier),)
                 return message
             self._unsealed += (line,)
         return Malformed(Reason.CHECKSUM, line, "expected a sequence number and a CRC that fits")

@@ -110,9 +110,10 @@ class Decoder:
                 self.malformed[meaning.reason] += 1
                 line = meaning.line
             decoded.append((line, meaning))
-        if codec.regained is not None:
-            self._regain(codec.regained, decoded)
-            codec.regained = None
+        if codec.regained:
+            for regained in codec.regained:
+                self._regain(regained, decoded)
+            codec.regained = ()
         return decoded
 
     def _regain(self, regained: Regained, decoded: list[Decoded]) -> None:

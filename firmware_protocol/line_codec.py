@@ -49,8 +49,8 @@ class LineCodec:
         ValueError: a row cannot be told from another, or its kind from a number.
     """
 
-    regained: Regained | None = None
-    """What its last lines have brought back: who decodes takes it, and leaves None."""
+    regained: tuple[Regained, ...] = ()
+    """What its last lines have brought back: who decodes takes it, and leaves nothing."""
 
     def __init__(
         self,

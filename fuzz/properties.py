@@ -9,6 +9,7 @@ from chefbotd.rpc.arrivals import Arrival
 from chefbotd.rpc.backlog import Backlog
 from chefbotd.rpc.jsonrpc import Failure, Request, error, parse
 from chefbotd.rpc.lenient import read_leniently
+from firmware_protocol.checked import checked_to_board
 from firmware_protocol.codec import VARIANTS, from_board, to_board
 from firmware_protocol.decoder import Decoder
 from firmware_protocol.line_codec import LineCodec
@@ -21,10 +22,12 @@ from firmware_protocol.messages import (
     ResetDone,
     Text,
 )
+from fuzz.firmware import firmware_is_sound
 from fuzz.lidars import lidars_are_sound
 from fuzz.stops import HINT, no_stop_is_lost
 
-CODECS = tuple(table(variant) for variant in VARIANTS.values() for table in (from_board, to_board))
+TABLES = (from_board, to_board, checked_to_board)
+CODECS = tuple(table(variant) for variant in VARIANTS.values() for table in TABLES)
 LONGEST_BYTES = 64
 
 NOW = Arrival(0.0, 0)
@@ -131,4 +134,5 @@ TARGETS: Mapping[str, Callable[[bytes], None]] = {
     "request": parsing_is_sound,
     "stops": no_stop_is_lost,
     "lidars": lidars_are_sound,
+    "firmware": firmware_is_sound,
 }

@@ -211,6 +211,15 @@ def test_three_classic_lines_in_a_row_end_the_checked_mode() -> None:
     assert regained == [5, 6, 7]
 
 
+def test_two_changes_of_the_mode_in_one_read_lose_no_line() -> None:
+    """As byte by byte: each time the third classic line brings the two before it back."""
+    codec = Decoder(FirmwareCodec(CLASSIC))
+    lines = [line for at in (0, 1) for line in (checked(b"e\t1\t2", at), b"u\t5", b"u\t6", b"u\t7")]
+    decoded = codec.feed(b"".join(line + b"\n" for line in lines))
+    regained = [message.distance_cm for _, message in decoded if isinstance(message, UltrasonicDistance)]
+    assert regained == 2 * [5, 6, 7]
+
+
 def test_text_does_not_end_the_checked_mode() -> None:
     """A line that lost its form looks like text, so in the checked mode it is refused; before, it is text."""
     codec = FirmwareCodec(CLASSIC)
