@@ -77,9 +77,11 @@ firmware:  ## Build the board's firmware for this computer, the boards and the e
 # Distributions of their own beside the daemon: installed into the same environment, with what is locked.
 addons-test: $(VENV)/ready build/constraints.txt build/ros-venv/ready build/roslib/ready  ## Install the add-ons, and run their tests
 	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable 'addons/chefbot-ros2[rosbridge,test]'
+	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable 'addons/chefbot-devtools[test]'
 	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable 'addons/chefbot-vda5050[test]'
 	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable 'addons/chefbot-fleet[test]'
 	$(BIN)/mypy --package chefbot_ros2
+	$(BIN)/mypy --package chefbot_devtools
 	$(BIN)/mypy --package chefbot_vda5050
 	$(BIN)/mypy --package chefbot_fleet
 	$(BIN)/pytest -q -m "not slow" addons

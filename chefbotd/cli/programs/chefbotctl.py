@@ -144,6 +144,7 @@ COMMANDS: tuple[click.Command, ...] = (
 
 for command in COMMANDS:
     main.add_command(command)
+main.add_late("chefbot_devtools.commands", "shell", "sweep")
 
 if __name__ == "__main__":
     main()

@@ -61,7 +61,7 @@ class Program(click.Group):
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """The command of this name; None where there is none."""
         if module := self._late.pop(cmd_name, None):
-            self.add_command(getattr(import_module(module), cmd_name.replace("-", "_")))
+            self.add_command(_late_command(module, cmd_name))
         command = super().get_command(ctx, cmd_name)
         if command is None and self._late:  # click suggests commands of similar names: load them all
             for late in tuple(self._late):
@@ -143,18 +143,26 @@ def example(name: str, make_target: str) -> click.Command:
     if any((Path(folder) / "commands.py").exists() for folder in folders):
         command: click.Command = getattr(import_module("examples.commands"), name)
         return command
-    return _absent(name, make_target)
+    only = "is a demonstration, which only the sources of chefbotd have"
+    return _absent(name, f"{only}: run 'make {make_target}' in a checkout")
 
 
-def _absent(name: str, make_target: str) -> click.Command:
+def _late_command(module: str, name: str) -> click.Command:
+    """The command in a module of ours, or of an add-on; where that is not installed, a hidden one that says so."""
+    package = module.partition(".")[0]
+    if package != __package__.partition(".")[0] and find_spec(package) is None:
+        add_on = package.replace("_", "-")
+        return _absent(name, f"is in {add_on}: run 'pip install ./addons/{add_on}' in a checkout of chefbotd")
+    command: click.Command = getattr(import_module(module), name.replace("-", "_"))
+    return command
+
+
+def _absent(name: str, where: str) -> click.Command:
     @click.command(name, hidden=True, context_settings={"ignore_unknown_options": True})
     @click.argument("words", nargs=-1)
     @click.pass_context
     def command(ctx: click.Context, words: tuple[str, ...]) -> None:
-        """Say where the demonstration is."""
-        what = "is a demonstration, which only the sources of chefbotd have"
-        raise ProgramError(
-            Exit.NOT_INSTALLED, f"'{ctx.command_path}' {what}: run 'make {make_target}' in a checkout"
-        )
+        """Say where the command is."""
+        raise ProgramError(Exit.NOT_INSTALLED, f"'{ctx.command_path}' {where}")
 
     return command

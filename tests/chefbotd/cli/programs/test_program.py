@@ -8,6 +8,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TextIO
 
+import click
 import pytest
 from click.testing import CliRunner
 
@@ -15,6 +16,7 @@ from chefbotd.cli.common.echo import need_terminal
 from chefbotd.cli.common.exits import Exit
 from chefbotd.cli.programs.chefbotctl import main as chefbotctl
 from chefbotd.cli.programs.chefbotd import main as chefbotd
+from chefbotd.cli.programs.program import Program
 from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
 
@@ -163,3 +165,18 @@ def test_a_mistyped_command_is_answered_with_the_one_that_was_meant() -> None:
     result = CliRunner().invoke(chefbotd, ["replai"])
     assert result.exit_code == Exit.USAGE
     assert "Did you mean 'replay'?" in result.stderr
+
+
+def test_a_command_of_an_add_on_that_is_absent_says_how_to_install_it() -> None:
+    """It is not listed; typed all the same, its words are not looked at, and the exit code is 7."""
+
+    @click.group(cls=Program)
+    def program() -> None:
+        """A program."""
+
+    assert isinstance(program, Program)
+    program.add_late("chefbot_absent.commands", "fly")
+    assert "fly" not in CliRunner().invoke(program, ["--help"]).stdout
+    refused = CliRunner().invoke(program, ["fly", "--high"])
+    assert refused.exit_code == 7
+    assert "is in chefbot-absent: run 'pip install ./addons/chefbot-absent' in a checkout" in refused.stderr
