@@ -27,7 +27,7 @@ unexport PYTHONDONTWRITEBYTECODE
 JOBS ?= $(shell expr $$(nproc 2>/dev/null || echo 1) + 1)
 PARALLEL := -n $(JOBS) --dist loadgroup
 
-.PHONY: addons-test firmware firmware-test docs run serve waiter map calibrate test examples-test test-loaded test-all coverage check audit lock newest lint format client wheel deb wheel-test bench fuzz soak faults clean help
+.PHONY: addons-test addons-tools firmware firmware-test docs run serve waiter map calibrate test examples-test test-loaded test-all coverage check audit lock newest lint format client wheel deb wheel-test bench fuzz soak faults clean help
 
 help:  ## List the targets
 	@echo "make TARGET, one of:"
@@ -102,6 +102,11 @@ build/roslib/ready: $(ROS2)/tests/roslib/package.json
 	cp $< build/roslib
 	npm install --prefix build/roslib --no-package-lock --no-audit --no-fund --silent
 	@touch $@
+
+# What the add-ons' tests drive and are judged by, from Debian's packages and npm.
+addons-tools:  ## Install what the tests of the add-ons need: a broker, and another maker's fleet manager
+	command -v mosquitto >/dev/null || test -x /usr/sbin/mosquitto || { apt-get -o DPkg::Lock::Timeout=300 install -y --no-install-recommends mosquitto && service mosquitto stop; }
+	npm install --silent --no-save --prefix build/addons-tools vda-5050-lib@1.4.0
 
 firmware-test: $(VENV)/ready firmware  ## Build and check the firmware, and run its tests; nothing is left out
 	$(MAKE) -C firmware check images-check

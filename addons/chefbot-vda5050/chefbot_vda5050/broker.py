@@ -9,6 +9,7 @@ import socket
 import ssl
 import time
 from collections.abc import Callable
+from contextlib import suppress
 from typing import Final
 
 import aiomqtt
@@ -22,6 +23,8 @@ log = structlog.get_logger("vda5050")
 
 KEEPALIVE_S: Final = 15
 """6.14."""
+
+ANSWER_WITHIN_S: Final = 5.0
 
 FIRST_RETRY_S, LONGEST_RETRY_S = 0.25, 15.0
 NO_DELAY: Final = ((socket.IPPROTO_TCP, socket.TCP_NODELAY, 1),)
@@ -73,6 +76,7 @@ class Broker:
                     pause_s = FIRST_RETRY_S
                     await self._serve(client)
             except (aiomqtt.MqttError, OSError, ValueError) as error:
+                raise_if_cancelled()
                 log.warning("no connection to the broker", why=str(error), again_in_s=round(pause_s, 2))
             await asyncio.sleep(pause_s * random.uniform(0.8, 1.2))
             pause_s = min(2 * pause_s, LONGEST_RETRY_S)
@@ -86,6 +90,7 @@ class Broker:
             await client.publish(self._name.topic(kind), data, qos=QOS[kind], retain=kind in RETAINED)
         except aiomqtt.MqttError as error:
             log.info("a message was not sent", kind=kind, why=str(error))
+        raise_if_cancelled()
 
     def _connect(self) -> aiomqtt.Client:
         parameters = self._parameters
@@ -107,6 +112,7 @@ class Broker:
             will=will,
             clean_session=True,
             keepalive=KEEPALIVE_S,
+            timeout=ANSWER_WITHIN_S,
             socket_options=NO_DELAY,
         )
 
@@ -114,6 +120,7 @@ class Broker:
         for topic, kind in self._takes.items():
             await client.subscribe(topic, qos=QOS[kind])
         await self._say(client, ConnectionState.ONLINE)
+        raise_if_cancelled()
         self._client = client
         log.info("connected to the broker", host=self._parameters.host, port=self._parameters.port)
         self._online(True)
@@ -121,7 +128,8 @@ class Broker:
             async for message in client.messages:
                 self._take(message)
         except asyncio.CancelledError:
-            await asyncio.shield(self._say(client, ConnectionState.OFFLINE))
+            with suppress(aiomqtt.MqttError):
+                await self._say(client, ConnectionState.OFFLINE)
             raise
         finally:
             self._client = None
@@ -139,3 +147,13 @@ class Broker:
     def _connection(self, connection: ConnectionState) -> bytes:
         header = self._headers.next(Kind.CONNECTION, self._clock())
         return encode(Connection(**header, connection_state=connection))
+
+
+def raise_if_cancelled() -> None:
+    """End a task that was cancelled while aiomqtt waited: in Python 3.11 ``wait_for`` loses that with an answer.
+
+    Raises:
+        asyncio.CancelledError: it was.
+    """
+    if (task := asyncio.current_task()) is not None and task.cancelling():
+        raise asyncio.CancelledError

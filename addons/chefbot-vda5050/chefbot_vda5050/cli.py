@@ -77,6 +77,13 @@ def name_of(options: dict[str, Any]) -> RobotName:
 @click.option("--robot-config", type=PATH, help="the robot's TOML file, for its factsheet and its limits")
 @click.option("--carries-kg", type=float, default=0.0, help="for the factsheet")
 @click.option("--order-max-age-s", type=float, default=10.0, show_default=True, help="0: any age will do")
+@click.option(
+    "--version",
+    type=click.Choice(["2.0.0", "2.1.0"]),
+    default="2.1.0",
+    show_default=True,
+    help="what the messages say; some masters of 2.0 read no other",
+)
 @click.option("--visualization-s", type=float, default=1.0, show_default=True, help="0: none")
 def run(
     daemon: str,
@@ -85,6 +92,7 @@ def run(
     carries_kg: float,
     order_max_age_s: float,
     visualization_s: float,
+    version: str,
     **options: Any,
 ) -> None:
     """Put the robot of a chefbotd into the fleet on BROKER, as SERIAL."""
@@ -101,6 +109,7 @@ def run(
         carries_kg=carries_kg,
         order_max_age_s=order_max_age_s,
         visualization_s=visualization_s,
+        version=version,
     )
     connect = partial(Client.connect, host, port, token=words[-1], name="fleet")
     try:

@@ -179,9 +179,7 @@ def _cancel_order(vehicle: Vehicle, action: Action) -> Step:
     if is_driving:
         effects.append(Stop())
     errors = tuple(one for one in vehicle.errors if one.error_type != DRIVE_ERROR)
-    vehicle = replace(
-        vehicle, phase=phase, nodes=(), edges=(), driving_to=None, stopping=is_driving, errors=errors
-    )
+    vehicle = replace(vehicle, phase=phase, driving_to=None, stopping=is_driving, errors=errors)
     vehicle, more = proceed(vehicle)
     return vehicle, (*effects, *more)
 
@@ -262,7 +260,7 @@ def _end_cancelling(vehicle: Vehicle) -> Vehicle:
     for one in vehicle.actions:
         if one.action.action_type == "cancelOrder":
             vehicle = _changed(vehicle, one.action.action_id, Event.SUCCEED)
-    return replace(vehicle, phase=NEXT[vehicle.phase, OrderEvent.ALL_STOPPED])
+    return replace(vehicle, phase=NEXT[vehicle.phase, OrderEvent.ALL_STOPPED], nodes=(), edges=())
 
 
 def _stands_on(node: Node, facts: Facts, limits: Limits) -> bool:

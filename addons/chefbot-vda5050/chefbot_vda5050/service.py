@@ -16,7 +16,10 @@ from chefbotd.settings import Settings
 
 
 class Parameters(Struct, frozen=True):
-    """One robot: what it is called, its broker, and its configuration where that is known."""
+    """One robot: what it is called, its broker, and its configuration where that is known.
+
+    ``version`` is what its messages say of themselves: masters of 2.0 are known that want to read 2.0.0.
+    """
 
     name: RobotName
     broker: BrokerParameters
@@ -24,6 +27,7 @@ class Parameters(Struct, frozen=True):
     carries_kg: float = 0.0
     order_max_age_s: float = 10.0
     visualization_s: float = 1.0
+    version: str = VERSION
 
 
 def limits(settings: Settings | None, order_max_age_s: float) -> Limits:
@@ -43,7 +47,7 @@ def limits(settings: Settings | None, order_max_age_s: float) -> Limits:
 
 async def serve(parameters: Parameters, connect: Connect) -> None:
     """Work until cancelled."""
-    headers = Headers(parameters.name, VERSION)
+    headers = Headers(parameters.name, parameters.version)
     robot = ChefBot(connect)
     make = partial(
         factsheet,

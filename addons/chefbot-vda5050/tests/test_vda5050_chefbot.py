@@ -23,6 +23,10 @@ from chefbotd.sim.worlds.flat import FLAT
 from chefbotd.testing.daemon import SimulatedRobot
 from chefbotd.testing.on_map import localized_robot
 
+START = (FLAT.start.x_m, FLAT.start.y_m)
+MIDDLE, END = (1.9, 2.55), (1.4, 2.55)
+"""Free places of the living room: 0.6 and 1.1 m from the start."""
+
 Scenario = Callable[["RealFleet", SimulatedRobot], Awaitable[None]]
 
 
@@ -90,17 +94,15 @@ def test_an_order_with_a_pick_is_driven_and_done(tmp_path: Path) -> None:
     """1.5 m in the flat over a node without a stop; the true pose is within 10 cm, and a person has loaded it."""
 
     async def scenario(now: RealFleet, simulated: SimulatedRobot) -> None:
-        x, y = FLAT.start.x_m, FLAT.start.y_m
-        goal = (x + 1.0, y - 0.2)
         person = asyncio.create_task(answering(simulated.client, "Loaded"))
         pick = action("pick", "p", loadType="soup")
-        await now.order(order_from((x, y), (x + 0.5, y), goal, n2=(pick,)))
+        await now.order(order_from(START, MIDDLE, END, n2=(pick,)))
         state = await now.until(lambda state: state.last_node_id == "n2" and is_idle(state), within_s=120.0)
         await person
         assert [load.load_type for load in state.loads or ()] == ["soup"]
         assert state.errors == ()
         true = simulated.board.truth(simulated.now_s()).world_from_base
-        assert (true.x_m, true.y_m) == pytest.approx(goal, abs=0.1)
+        assert (true.x_m, true.y_m) == pytest.approx(END, abs=0.1)
         assert any(state.last_node_id == "n1" and state.driving for state in now.states())
 
     in_flat(scenario, tmp_path)
@@ -111,15 +113,14 @@ def test_a_wall_is_no_node_and_an_order_on_its_way_can_be_cancelled(tmp_path: Pa
     """A node in a wall is refused by the robot's own planner; cancelled, the robot stands within 3 s."""
 
     async def scenario(now: RealFleet, simulated: SimulatedRobot) -> None:
-        x, y = FLAT.start.x_m, FLAT.start.y_m
-        await now.order(order_from((x, y), (-50.0, -50.0)))
+        await now.order(order_from(START, (-50.0, -50.0)))
         state = await now.until(lambda state: bool(state.errors))
         assert [one.error_type for one in state.errors] == ["noRouteError"]
-        await now.order(order_from((x, y), (x + 1.5, y)), order_id="o2")
+        await now.order(order_from(START, END), order_id="o2")
         await now.until(lambda state: state.driving)
         await now.act("cancelOrder", "c")
         began_s = now.now_s()
-        await now.until(lambda state: state.action_states[-1].action_status == "FINISHED")
+        await now.until(lambda state: [one.action_status for one in state.action_states] == ["FINISHED"])
         assert now.now_s() - began_s < 3.0
         here = simulated.board.truth(simulated.now_s()).world_from_base
         await asyncio.sleep(5.0)
@@ -134,8 +135,7 @@ def test_a_stop_at_the_robot_pauses_the_order_until_somebody_lets_it_go_on(tmp_p
     """Emergency stop: FATAL with a hint; armed again it is the button on the page that has it go on."""
 
     async def scenario(now: RealFleet, simulated: SimulatedRobot) -> None:
-        x, y = FLAT.start.x_m, FLAT.start.y_m
-        await now.order(order_from((x, y), (x + 1.0, y)))
+        await now.order(order_from(START, END))
         await now.until(lambda state: state.driving)
         await simulated.client.stop()
         await now.until(lambda state: bool(state.paused) and not state.driving)
