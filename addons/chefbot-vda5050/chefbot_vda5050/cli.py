@@ -118,5 +118,30 @@ def run(
         click.echo("The robot has left the fleet.")
 
 
+@main.command()
+@broker_options
+@click.option(
+    "--move", "metres", type=click.FloatRange(0.4, 10.0), help="let it drive so far forwards and back"
+)
+@click.option("--patience-s", type=float, default=5.0, show_default=True, help="for each answer")
+def check(metres: float | None, patience_s: float, **options: Any) -> None:
+    """Try whether the robot SERIAL on BROKER keeps to VDA 5050 2.1; any maker's. It stands still without --move."""
+    from chefbot_vda5050.conformance.cases import Result, run_all
+    from chefbot_vda5050.conformance.session import session
+
+    async def try_all() -> list[Result]:
+        async with session(broker_of(options), name_of(options), patience_s) as now:
+            return await run_all(now, metres)
+
+    results = asyncio.run(try_all())
+    for result in results:
+        line = f"{result.outcome:<10}{result.case.section:<9}{result.case.title}"
+        click.echo(f"{line}: {result.text}" if result.text else line)
+    counts = [sum(one.outcome == outcome for one in results) for outcome in ("passed", "failed", "not tried")]
+    click.echo("{} passed, {} failed, {} not tried".format(*counts))
+    if counts[1]:
+        raise SystemExit(1)
+
+
 if __name__ == "__main__":
     main()

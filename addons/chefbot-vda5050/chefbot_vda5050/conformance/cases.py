@@ -1,0 +1,306 @@
+"""The cases, each with its section of version 2.1. Those that have the robot drive are tried only when asked for."""
+
+import asyncio
+import math
+import time
+import uuid
+from collections.abc import Awaitable, Callable
+from typing import Any, Final
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from chefbot_vda5050 import schemas
+from chefbot_vda5050.conformance.session import Failed, NotTried, Session, errors_about, status
+from chefbot_vda5050.messages import (
+    ENDED,
+    Action,
+    ActionStatus,
+    BlockingType,
+    Connection,
+    ConnectionState,
+    Edge,
+    Node,
+    NodePosition,
+    Order,
+    State,
+)
+from chefbot_vda5050.topics import Kind, seconds_of
+
+STATE_EVERY_S, CLOCKS_S = 30.0, 10.0
+DRIVE_S: Final = 120.0
+
+
+class Case(Struct, frozen=True):
+    """What is tried; ``moves``: the robot drives."""
+
+    section: str
+    title: str
+    run: Callable[[Session, float], Awaitable[None]]
+    moves: bool = False
+
+
+CASES: Final[list[Case]] = []
+Run = Callable[[Session, float], Awaitable[None]]
+
+
+def case(section: str, title: str, *, moves: bool = False) -> Callable[[Run], Run]:
+    """Add a case; it gets the session, and how many metres the robot may drive forwards."""
+
+    def add(run: Run) -> Run:
+        CASES.append(Case(section, title, run, moves))
+        return run
+
+    return add
+
+
+@case("6.14", "the connection is ONLINE, retained, with QoS 1")
+async def _connection(session: Session, _: float) -> None:
+    await session.until(lambda: session.all(Kind.CONNECTION), "no connection message is retained")
+    first, last = session.all(Kind.CONNECTION)[0], session.all(Kind.CONNECTION)[-1]
+    if not first.retained or first.qos != 1:
+        raise Failed(f"retained is {first.retained}, QoS {first.qos}")
+    if (
+        not isinstance(last.message, Connection)
+        or last.message.connection_state is not ConnectionState.ONLINE
+    ):
+        raise Failed(f"it is {last.data.decode(errors='replace')[:80]}")
+
+
+@case("6.8.1", "stateRequest is answered by a state and is FINISHED")
+async def _state_request(session: Session, _: float) -> None:
+    await session.acted("stateRequest", ActionStatus.FINISHED)
+
+
+@case("6.15", "factsheetRequest is answered by the factsheet, which is retained")
+async def _factsheet(session: Session, _: float) -> None:
+    if not any(one.retained for one in session.all(Kind.FACTSHEET)):
+        raise Failed("no factsheet is retained")
+    before = len(session.all(Kind.FACTSHEET))
+    await session.act("factsheetRequest")
+    await session.until(lambda: len(session.all(Kind.FACTSHEET)) > before, "no factsheet came")
+
+
+@case("6.9", "an instant action that nobody has defined is FAILED")
+async def _unknown_action(session: Session, _: float) -> None:
+    await session.acted("checkUnknownAction", ActionStatus.FAILED)
+
+
+@case("6.6.3.2", "cancelOrder without an order is FAILED, with noOrderToCancel and the action")
+async def _cancel_nothing(session: Session, _: float) -> None:
+    _must_be_idle(session.state())
+    state = await session.acted("cancelOrder", ActionStatus.FAILED)
+    found = [one for one in state.errors if one.error_type == "noOrderToCancel"]
+    if not found:
+        raise Failed("no error noOrderToCancel")
+    if not any(reference.reference_key == "actionId" for reference in found[0].error_references or ()):
+        raise Failed("its references do not name the actionId")
+
+
+@case("6.6.4.1", "a message that is no JSON is a validationError")
+async def _no_json(session: Session, _: float) -> None:
+    await session.send(Kind.ORDER, b'{"orderId": ')
+    await _validation_error(session)
+
+
+@case("6.6.4.1", "an order with too few edges is a validationError")
+async def _too_few_edges(session: Session, _: float) -> None:
+    order = _order(session, 0.0, 0.1)
+    await session.refused(replace(order, edges=()), ["validationError"])
+
+
+@case("6.6.4.2", "an order with an unknown action is an orderError")
+async def _bad_action(session: Session, _: float) -> None:
+    action = Action(
+        action_type="checkUnknownAction", action_id=f"check-{uuid.uuid4()}", blocking_type=BlockingType.HARD
+    )
+    order = _order(session, 0.0)
+    nodes = (replace(order.nodes[0], actions=(action,)),)
+    await session.refused(replace(order, nodes=nodes), ["orderError"])
+
+
+@case("6.6.1", "an order that begins 1 km away is refused")
+async def _too_far(session: Session, _: float) -> None:
+    await session.refused(_order(session, 1000.0), ["noRouteError", "orderError"])
+
+
+@case("6.7", "an order on an unknown map is refused")
+async def _unknown_map(session: Session, _: float) -> None:
+    order = _order(session, 0.0)
+    position = order.nodes[0].node_position
+    assert position is not None  # noqa: S101 - made by _order
+    nodes = (replace(order.nodes[0], node_position=replace(position, map_id=f"check-{uuid.uuid4()}")),)
+    await session.refused(replace(order, nodes=nodes), ["orderError", "noRouteError", "mapError"])
+
+
+@case("6.6.2", "an order of one node where the robot stands is taken and finished", moves=True)
+async def _stand(session: Session, _: float) -> None:
+    _must_be_idle(session.state())
+    order = _order(session, 0.0)
+    await session.publish(Kind.ORDER, order)
+    state = await session.until_state(
+        lambda state: state.order_id == order.order_id and _is_idle(state), "it is not finished"
+    )
+    if errors_about(state, order.order_id) and state.last_node_id != order.nodes[0].node_id:
+        raise Failed(f"lastNodeId is {state.last_node_id!a}")
+
+
+@case("6.6.1", "the base is driven and the horizon is not; updates and refusals on the way", moves=True)
+async def _drive(session: Session, metres: float) -> None:
+    _must_be_idle(session.state())
+    order = _order(session, 0.0, metres / 2, metres, base=2)
+    await session.publish(Kind.ORDER, order)
+    await session.until_state(lambda state: state.order_id == order.order_id, "the order is not taken")
+    await session.refused(_order(session, 0.0), ["orderError"])
+    await session.until_state(
+        lambda state: state.last_node_id == order.nodes[1].node_id and not state.driving,
+        "the last node of the base is not reached",
+        DRIVE_S,
+    )
+    await asyncio.sleep(2.0)
+    state = session.state()
+    if [one.released for one in state.node_states] != [False]:
+        raise Failed("nodeStates are not the horizon alone")
+    await session.publish(Kind.ORDER, order)  # the same once more: nothing happens
+    wrong = replace(order, order_update_id=1)  # it begins at the first node, not at the last of the base
+    await session.refused(wrong, ["orderUpdateError"])
+    update = replace(order, order_update_id=2, nodes=order.nodes[1:2], edges=())
+    await session.publish(Kind.ORDER, update)
+    await session.until_state(
+        lambda state: state.order_update_id == 2 and _is_idle(state), "the horizon was not deleted"
+    )
+    await session.refused(replace(update, order_update_id=1), ["orderUpdateError"])
+
+
+@case("6.8.1", "startPause halts the robot, stopPause lets it go on; then cancelOrder", moves=True)
+async def _pause_and_cancel(session: Session, metres: float) -> None:
+    _must_be_idle(session.state())
+    order = _order(session, 0.0, -metres / 2)
+    await session.publish(Kind.ORDER, order)
+    await session.until_state(lambda state: state.driving, "the robot does not drive", DRIVE_S)
+    state = await session.acted("startPause", ActionStatus.FINISHED, DRIVE_S)
+    if not state.paused or state.driving:
+        raise Failed(f"paused is {state.paused} and driving {state.driving} after startPause")
+    await session.acted("stopPause", ActionStatus.FINISHED)
+    number = await session.act("cancelOrder")
+    state = await session.until_state(
+        lambda state: status(state, number) in ENDED, "cancelOrder does not end", DRIVE_S
+    )
+    if state.node_states or state.edge_states or state.driving:
+        raise Failed("the order is not deleted, or the robot drives on")
+    if state.order_id != order.order_id:
+        raise Failed("the orderId is not kept")
+
+
+@case("6.10", "a state comes at least every 30 s")
+async def _interval(session: Session, _: float) -> None:
+    within_s = STATE_EVERY_S + session.patience_s
+    await session.until_state(lambda state: True, f"none came within {within_s:g} s", within_s)
+
+
+@case("6.1", "every message fits its schema")
+async def _schemas(session: Session, _: float) -> None:
+    for one in session.seen:
+        if problems := schemas.problems(one.kind, one.data):
+            raise Failed(f"{one.kind}: {problems[0]}")
+
+
+@case("6.4", "headers: ids grow by one for each topic, the clock is right, the robot is named")
+async def _headers(session: Session, _: float) -> None:
+    for kind in (Kind.STATE, Kind.VISUALIZATION):
+        ids = [one.message.header_id for one in session.all(kind) if one.message is not None]
+        if ids != list(range(ids[0], ids[0] + len(ids))) if ids else False:
+            raise Failed(f"{kind}: headerIds are {ids[:8]}")
+    for one in session.seen:
+        if one.message is None:
+            raise Failed(f"{one.kind} cannot be read")
+        of = (one.message.manufacturer, one.message.serial_number)
+        if of != (session.name.manufacturer, session.name.serial_number):
+            raise Failed(f"{one.kind} is of {'/'.join(of)}")
+        age_s = one.arrival_s - seconds_of(one.message.timestamp)
+        if not one.retained and abs(age_s) > CLOCKS_S:
+            raise Failed(f"{one.kind}: its timestamp is {age_s:.1f} s from our clock")
+
+
+async def _validation_error(session: Session) -> None:
+    await session.until_state(
+        lambda state: any(one.error_type == "validationError" for one in state.errors), "no validationError"
+    )
+
+
+def _is_idle(state: State) -> bool:
+    ended = all(one.action_status in ENDED for one in state.action_states)
+    return not state.node_states and not state.edge_states and not state.driving and ended
+
+
+def _must_be_idle(state: State) -> None:
+    if not _is_idle(state):
+        raise NotTried("the robot has an order")
+
+
+def _order(session: Session, *along_m: float, base: int | None = None) -> Order:
+    """A new order along the robot's heading, with nodes so far from it; the first ``base`` are released."""
+    at = session.state().agv_position
+    if at is None or not at.position_initialized:
+        raise NotTried("the robot does not know where it is")
+    base = len(along_m) if base is None else base
+    nodes = tuple(
+        Node(
+            node_id=f"check-{index}",
+            sequence_id=2 * index,
+            released=index < base,
+            actions=(),
+            node_position=NodePosition(
+                x=at.x + metres * math.cos(at.theta),
+                y=at.y + metres * math.sin(at.theta),
+                map_id=at.map_id,
+                allowed_deviation_xy=0.3,
+            ),
+        )
+        for index, metres in enumerate(along_m)
+    )
+    edges = tuple(
+        Edge(
+            edge_id=f"check-{index}-{index + 1}",
+            sequence_id=2 * index + 1,
+            released=index + 1 < base,
+            start_node_id=f"check-{index}",
+            end_node_id=f"check-{index + 1}",
+            actions=(),
+        )
+        for index in range(len(along_m) - 1)
+    )
+    fields: dict[str, Any] = {"order_id": f"check-{uuid.uuid4()}", "order_update_id": 0}
+    return Order(**session.header(), **fields, nodes=nodes, edges=edges)
+
+
+class Result(Struct, frozen=True):
+    """``outcome`` is passed, failed or not tried; ``text`` says why."""
+
+    case: Case
+    outcome: str
+    text: str
+    seconds: float
+
+
+async def run_all(session: Session, metres: float | None) -> list[Result]:
+    """Try all cases; without ``metres`` none that has the robot drive."""
+    results = []
+    for one in CASES:
+        began_s = time.monotonic()
+        if one.moves and metres is None:
+            outcome, text = "not tried", "the robot may not drive (--move)"
+        else:
+            outcome, text = await _run(one, session, metres or 0.0)
+        results.append(Result(one, outcome, text, time.monotonic() - began_s))
+    return results
+
+
+async def _run(one: Case, session: Session, metres: float) -> tuple[str, str]:
+    try:
+        await one.run(session, metres)
+    except Failed as failed:
+        return "failed", str(failed)
+    except NotTried as why:
+        return "not tried", str(why)
+    return "passed", ""
