@@ -17,6 +17,9 @@ TYPESTORE = get_typestore(Stores.ROS2_KILTED)
 
 NS = 1_000_000_000
 MAP, ODOM, BASE = "map", "odom", "base_footprint"
+PLANE = np.array([0, 1, 5, 6, 7, 11, 30, 31, 35])
+"""The plane's part of a covariance of six by six, row by row."""
+
 NOT_MEASURED = -1.0
 """In the first element of a covariance: this quantity is not measured (sensor_msgs/Imu)."""
 
@@ -56,11 +59,22 @@ BatteryState, LaserScan = ros_type("sensor_msgs/BatteryState"), ros_type("sensor
 PointCloud2, PointField = ros_type("sensor_msgs/PointCloud2"), ros_type("sensor_msgs/PointField")
 
 
-def messages(event: Any, clock_offset_ns: int, wheel_names: Sequence[str]) -> Iterator[Message]:
-    """The messages of an event; none of most events. The offset leads from the daemon's clock to 1970."""
-    convert = CONVERSIONS.get(type(event))
-    if convert is not None:
-        yield from convert(event, stamped(event.stamp_s, clock_offset_ns), wheel_names)
+def messages(
+    event: Any,
+    clock_offset_ns: int,
+    wheel_names: Sequence[str],
+    is_wanted: Callable[[str], bool] = lambda topic: True,
+) -> Iterator[Message]:
+    """The messages of an event on the topics that are wanted; none of most events.
+
+    The offset leads from the daemon's clock to 1970.
+    """
+    for topic_of, convert in CONVERSIONS.get(type(event), ()):
+        topic = topic_of(event)
+        if is_wanted(topic):
+            message = convert(event, stamped(event.stamp_s, clock_offset_ns), wheel_names)
+            if message is not None:
+                yield topic, message
 
 
 def stamped(stamp_s: float, clock_offset_ns: int) -> int:
@@ -110,100 +124,90 @@ def yaw_rad(q: Any) -> float:
     return math.atan2(2 * (q.w * q.z + q.x * q.y), 1 - 2 * (q.y * q.y + q.z * q.z))
 
 
-def _odometry(event: OdometryUpdated, stamp_ns: int, wheel_names: Sequence[str]) -> Iterator[Message]:
-    pose, twist = event.odom_from_base, event.twist
-    at = pose_message(pose)
+def _odometry(event: OdometryUpdated, stamp_ns: int, wheel_names: Sequence[str]) -> Any:
+    twist = event.twist
     moves = Twist(Vector3(twist.linear_m_s, 0.0, 0.0), Vector3(0.0, 0.0, twist.angular_rad_s))
-    yield (
-        "/odom",
-        Odometry(
-            header(stamp_ns, ODOM),
-            BASE,
-            PoseWithCovariance(at, _covariance(event.covariance)),
-            TwistWithCovariance(moves, np.zeros(36)),
-        ),
+    return Odometry(
+        header(stamp_ns, ODOM),
+        BASE,
+        PoseWithCovariance(pose_message(event.odom_from_base), _covariance(event.covariance)),
+        TwistWithCovariance(moves, np.zeros(36)),
     )
-    yield "/tf", TFMessage([transform(stamp_ns, ODOM, BASE, pose)])
+
+
+def _base(event: OdometryUpdated, stamp_ns: int, wheel_names: Sequence[str]) -> Any:
+    return TFMessage([transform(stamp_ns, ODOM, BASE, event.odom_from_base)])
 
 
 def _covariance(covariance: PoseCovariance) -> Any:
     """Six by six over x, y, z and the turns about them; the plane's three are known, and the others do not change."""
-    matrix = np.zeros((6, 6))
-    plane = np.array([0, 1, 5])
-    matrix[np.ix_(plane, plane)] = np.reshape(covariance.row_by_row, (3, 3))
-    return matrix.reshape(36)
+    matrix = np.zeros(36)
+    matrix[PLANE] = covariance.row_by_row
+    return matrix
 
 
-def _wheels(event: WheelsMeasured, stamp_ns: int, wheel_names: Sequence[str]) -> Iterator[Message]:
+def _wheels(event: WheelsMeasured, stamp_ns: int, wheel_names: Sequence[str]) -> Any:
     names = list(wheel_names) or [f"wheel_{index}" for index in range(len(event.position_rad))]
     values = np.array(event.position_rad), np.array(event.velocity_rad_s), np.array([])
-    yield "/joint_states", JointState(header(stamp_ns, ""), names, *values)
+    return JointState(header(stamp_ns, ""), names, *values)
 
 
-def _imu(event: ImuMeasured, stamp_ns: int, wheel_names: Sequence[str]) -> Iterator[Message]:
+def _imu(event: ImuMeasured, stamp_ns: int, wheel_names: Sequence[str]) -> Any:
     orientation = event.orientation or (0.0, 0.0, 0.0, 1.0)
     measured = event.orientation, event.angular_velocity_rad_s, event.linear_acceleration_m_s2
     unknown = [
         np.zeros(9) if value is not None else np.array([NOT_MEASURED, *[0.0] * 8]) for value in measured
     ]
     turn, acceleration = (Vector3(*(value or (0.0, 0.0, 0.0))) for value in measured[1:])
-    yield (
-        "/imu",
-        Imu(
-            header(stamp_ns, BASE),
-            Quaternion(*orientation),
-            unknown[0],
-            turn,
-            unknown[1],
-            acceleration,
-            unknown[2],
-        ),
+    return Imu(
+        header(stamp_ns, BASE),
+        Quaternion(*orientation),
+        unknown[0],
+        turn,
+        unknown[1],
+        acceleration,
+        unknown[2],
     )
 
 
-def _range(event: RangeMeasured, stamp_ns: int, wheel_names: Sequence[str]) -> Iterator[Message]:
+def _range(event: RangeMeasured, stamp_ns: int, wheel_names: Sequence[str]) -> Any:
     measured_m = math.inf if event.range_m is None else event.range_m
     if event.status is RangeStatus.TOO_NEAR:
         measured_m = -math.inf  # REP-117: nearer than the sensor measures
     kind = INFRARED if "infrared" in event.sensor else ULTRASOUND
     limits = event.field_of_view_rad, event.min_range_m, event.max_range_m
-    yield (
-        f"/ranges/{event.sensor}",
-        Range(header(stamp_ns, frame_of(event.sensor)), kind, *limits, measured_m, VARIANCE_UNKNOWN),
-    )
+    return Range(header(stamp_ns, frame_of(event.sensor)), kind, *limits, measured_m, VARIANCE_UNKNOWN)
 
 
-def _battery(event: BatteryMeasured, stamp_ns: int, wheel_names: Sequence[str]) -> Iterator[Message]:
+def _battery(event: BatteryMeasured, stamp_ns: int, wheel_names: Sequence[str]) -> Any:
     nan = math.nan
     unknown = 0
-    yield (
-        "/battery",
-        BatteryState(
-            header=header(stamp_ns, ""),
-            voltage=event.voltage_v,
-            temperature=nan,
-            current=nan,
-            charge=nan,
-            capacity=nan,
-            design_capacity=nan,
-            percentage=event.percentage / 100,
-            power_supply_status=unknown,
-            power_supply_health=unknown,
-            power_supply_technology=unknown,
-            present=True,
-            cell_voltage=np.array([], dtype=np.float32),
-            cell_temperature=np.array([], dtype=np.float32),
-            location="",
-            serial_number="",
-        ),
+    return BatteryState(
+        header=header(stamp_ns, ""),
+        voltage=event.voltage_v,
+        temperature=nan,
+        current=nan,
+        charge=nan,
+        capacity=nan,
+        design_capacity=nan,
+        percentage=event.percentage / 100,
+        power_supply_status=unknown,
+        power_supply_health=unknown,
+        power_supply_technology=unknown,
+        present=True,
+        cell_voltage=np.array([], dtype=np.float32),
+        cell_temperature=np.array([], dtype=np.float32),
+        location="",
+        serial_number="",
     )
 
 
-def _scan(event: ScanMeasured, stamp_ns: int, wheel_names: Sequence[str]) -> Iterator[Message]:
-    scan = event.scan
-    is_reading = np.isfinite(scan.range_m) & (scan.range_m > 0)
-    if scan.bearing_rad.size > 1:
-        yield f"/scan/{event.lidar}", laser_scan(event, stamp_ns, is_reading)
+def _is_reading(event: ScanMeasured) -> Any:
+    return np.isfinite(event.scan.range_m) & (event.scan.range_m > 0)
+
+
+def _points(event: ScanMeasured, stamp_ns: int, wheel_names: Sequence[str]) -> Any:
+    scan, is_reading = event.scan, _is_reading(event)
     bearing, distance = scan.bearing_rad[is_reading], scan.range_m[is_reading]
     columns = distance * np.cos(bearing), distance * np.sin(bearing), np.zeros_like(distance)
     points = np.stack([*columns, scan.after_s[is_reading]], axis=1).astype("<f8")
@@ -211,15 +215,17 @@ def _scan(event: ScanMeasured, stamp_ns: int, wheel_names: Sequence[str]) -> Ite
     fields = [PointField(name, 8 * index, FLOAT64, 1) for index, name in enumerate(POINT_FIELDS)]
     data = np.frombuffer(points.tobytes(), dtype=np.uint8)
     at = header(stamp_ns, frame_of(event.lidar))
-    yield f"/points/{event.lidar}", PointCloud2(at, 1, count, fields, False, step, step * count, data, True)
+    return PointCloud2(at, 1, count, fields, False, step, step * count, data, True)
 
 
-def laser_scan(event: ScanMeasured, stamp_ns: int, is_reading: Any) -> Any:
+def _laser_scan(event: ScanMeasured, stamp_ns: int, wheel_names: Sequence[str]) -> Any:
     """The turn on evenly spaced bearings from the least to the greatest; a bearing without a reading is infinite.
 
-    It is stamped with the first beam, as sensor_msgs/LaserScan asks for.
+    It is stamped with the first beam, as sensor_msgs/LaserScan asks for. A turn of one beam is none.
     """
-    scan, count = event.scan, event.scan.bearing_rad.size
+    scan, count, is_reading = event.scan, event.scan.bearing_rad.size, _is_reading(event)
+    if count < 2:
+        return None
     low, high = float(scan.bearing_rad.min()), float(scan.bearing_rad.max())
     increment = max((high - low) / (count - 1), SMALLEST_INCREMENT_RAD)
     ranges = np.full(count, np.inf, dtype=np.float32)
@@ -242,11 +248,16 @@ def laser_scan(event: ScanMeasured, stamp_ns: int, is_reading: Any) -> Any:
     )
 
 
-CONVERSIONS: Mapping[type[Any], Callable[[Any, int, Sequence[str]], Iterator[Message]]] = {
-    OdometryUpdated: _odometry,
-    WheelsMeasured: _wheels,
-    ImuMeasured: _imu,
-    RangeMeasured: _range,
-    BatteryMeasured: _battery,
-    ScanMeasured: _scan,
+Convert = Callable[[Any, int, Sequence[str]], Any]
+CONVERSIONS: Mapping[type[Any], tuple[tuple[Callable[[Any], str], Convert], ...]] = {
+    OdometryUpdated: ((lambda event: "/odom", _odometry), (lambda event: "/tf", _base)),
+    WheelsMeasured: ((lambda event: "/joint_states", _wheels),),
+    ImuMeasured: ((lambda event: "/imu", _imu),),
+    RangeMeasured: ((lambda event: f"/ranges/{event.sensor}", _range),),
+    BatteryMeasured: ((lambda event: "/battery", _battery),),
+    ScanMeasured: (
+        (lambda event: f"/scan/{event.lidar}", _laser_scan),
+        (lambda event: f"/points/{event.lidar}", _points),
+    ),
 }
+"""For each event its topics, and what makes the message; None: this one has none."""

@@ -110,7 +110,7 @@ class Bridge(LifecycleNode):  # type: ignore[misc]  # rclpy tells no types
         await self._end()
         source = str(self.get_parameter("source").value)
         self._commands = Commands(source)
-        session = Session(self._connect, self._publish, "ros2", VERSION, self._commands)
+        session = Session(self._connect, self._publish, "ros2", VERSION, self._commands, self._is_wanted)
         self._task = asyncio.create_task(session.run())
         self._task.add_done_callback(self._ended)
 
@@ -125,6 +125,14 @@ class Bridge(LifecycleNode):  # type: ignore[misc]  # rclpy tells no types
             task.cancel()
             await asyncio.gather(task, return_exceptions=True)
 
+    def _is_wanted(self, topic: str) -> bool:
+        """Of a topic that nobody has seen yet, the first message makes the publisher."""
+        publisher = self._publishers_by_topic.get(topic)
+        try:
+            return publisher is None or publisher.get_subscription_count() > 0
+        except InvalidHandle:  # removed in this moment, by a clean-up
+            return False
+
     def _publish(self, topic: str, message: Any) -> None:
         if topic in self._missing:
             return
@@ -134,9 +142,8 @@ class Bridge(LifecycleNode):  # type: ignore[misc]  # rclpy tells no types
             if publisher is None:
                 return
         try:
-            if topic in LATCHED_TOPICS or publisher.get_subscription_count():
-                publisher.publish(bytes(TYPESTORE.serialize_cdr(message, message.__msgtype__)))
-        except InvalidHandle:  # removed in this moment, by a clean-up
+            publisher.publish(bytes(TYPESTORE.serialize_cdr(message, message.__msgtype__)))
+        except InvalidHandle:
             return
 
     def _create_publisher(self, topic: str, type_name: str) -> Any:

@@ -24,8 +24,18 @@ Publish = Callable[[str, Any], None]
 
 AGAIN_S, DIAGNOSTICS_S, CLOCK_S, MAP_S = 1.0, 1.0, 10.0, 2.0
 PINGS: Final = 5
-MEASURED: Final = ("odometry", "wheels", "imu", "ranges", "battery", "scan", "map_pose", "path")
-STATES: Final = ("link", "safety", "worker", "lidars", "localization", "navigation", "mapping", "map")
+MEASURED: Final = ("odometry", "wheels", "imu", "ranges", "scan", "map_pose", "path")
+STATES: Final = (
+    "battery",
+    "link",
+    "safety",
+    "worker",
+    "lidars",
+    "localization",
+    "navigation",
+    "mapping",
+    "map",
+)
 NO_MAP: Final = {"no_map_loaded", "unknown_map", "worker_unavailable", "map_unreadable"}
 
 
@@ -33,11 +43,17 @@ class Session:
     """One after the other, connections to the daemon, each as the agent ``name``; ``run`` holds them until cancelled."""
 
     def __init__(
-        self, connect: Connect, publish: Publish, name: str, version: str, commands: Commands | None = None
+        self,
+        connect: Connect,
+        publish: Publish,
+        name: str,
+        version: str,
+        commands: Commands | None = None,
+        is_wanted: Callable[[str], bool] = lambda topic: True,
     ) -> None:
-        """``commands`` are asked on the same connection."""
+        """``commands`` are asked on the same connection; what is measured is published on topics that are wanted."""
         self._connect, self._publish, self._name, self._version = connect, publish, name, version
-        self._commands = commands
+        self._commands, self._is_wanted = commands, is_wanted
         self._robot: Client | None = None
         self._why = "not connected yet"
         self._latest: dict[str, Any] = {}
@@ -126,11 +142,9 @@ class Session:
             self._wheel_names = event.data.name
         elif event.topic == "odometry":
             self._map_from_odom.add_odometry(event.stamp_s, pose_of(event.data))
-        elif event.topic == "battery":
-            self._latest["battery"] = event.data
         for measured in events_of(event):
             self._add_sensor_frame(event, measured)
-            for topic, message in messages(measured, self._offset_ns, self._wheel_names):
+            for topic, message in messages(measured, self._offset_ns, self._wheel_names, self._is_wanted):
                 if topic == "/tf":
                     self._add_map_frame(message, event.stamp_s)
                 self._publish(topic, message)
@@ -163,6 +177,7 @@ class Session:
         async with robot.subscribe(topics, max_rate_hz=1 / MAP_S) as events:
             async for event in events:
                 self._latest[event.topic] = event.data
+                self._take(event)
                 mark = {"localization": "map", "mapping": "state", "map": "revision"}.get(event.topic)
                 if mark is not None and seen.get(event.topic) != getattr(event.data, mark):
                     seen[event.topic] = getattr(event.data, mark)

@@ -70,6 +70,10 @@ class Hub:
         for client in listeners:
             client.offer(topic, text)
 
+    def is_wanted(self, topic: str) -> bool:
+        """Whether a client would be sent a message of this topic now, or nobody knows the topic yet."""
+        return topic not in self.types or any(client.listens(topic) for client in self._clients)
+
     def add(self, client: "Client") -> None:
         """A client has come."""
         self._clients.add(client)

@@ -42,7 +42,11 @@ class Server:
         self._connect_as, self._source, self._clients = connect_as, source, 0
         self._hub = Hub()
         self._session = Session(
-            partial(connect_as, token, "rosbridge"), self._hub.publish, "rosbridge", VERSION
+            partial(connect_as, token, "rosbridge"),
+            self._hub.publish,
+            "rosbridge",
+            VERSION,
+            is_wanted=self._hub.is_wanted,
         )
 
     async def run(self, host: str, port: int, origins: list[str], listening: Callable[[int], None]) -> None:

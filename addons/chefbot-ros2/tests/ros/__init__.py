@@ -96,6 +96,12 @@ class Probe:
         """Publish once."""
         await self._do(do="publish", topic=topic, type=type_name, fields=fields)
 
+    async def publish_timed(self, topic: str, type_name: str, fields: Message) -> int:
+        """Publish once; when, in nanoseconds since 1970."""
+        await self._do(do="publish_timed", topic=topic, type=type_name, fields=fields)
+        at_ns: int = (await self.answer_of("published"))["at_ns"]
+        return at_ns
+
     async def until_listened(self, topic: str, type_name: str) -> None:
         """Until somebody listens to what we are going to publish."""
         async with asyncio.timeout(PATIENCE_S):

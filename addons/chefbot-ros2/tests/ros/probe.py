@@ -8,6 +8,7 @@ import math
 import os
 import sys
 import threading
+import time
 from importlib import import_module
 from typing import Any
 
@@ -81,6 +82,12 @@ class Probe:
         if publisher is None:
             publisher = self.publishers[topic] = self.node.create_publisher(type_of(type), topic, 1)
         publisher.publish(fill(type_of(type)(), fields))
+
+    def publish_timed(self, topic: str, type: str, fields: dict[str, Any]) -> None:
+        """Publish a message once, and tell when."""
+        at_ns = time.time_ns()
+        self.publish(topic, type, fields)
+        tell(of="published", at_ns=at_ns)
 
     def listeners(self, topic: str, type: str) -> None:
         """Tell how many listen to what this process publishes."""
