@@ -3,11 +3,11 @@
 import asyncio
 import contextlib
 import random
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
 
-from chefbotd.client import CallError, Client
+from chefbotd.client import CallError, Client, ConnectionLost
 from chefbotd.client.models import AgentsData
 from chefbotd.core.events.mapping import LocalizationChanged, MappingChanged
 from chefbotd.core.events.navigation import GoalResult, NavigationData
@@ -90,7 +90,7 @@ async def agents_of(client: Client) -> AgentsData:
 class Guests:
     """They press and answer at random; ``taken`` counts the questions that one of them has answered."""
 
-    def __init__(self, client: Client, chance: random.Random) -> None:
+    def __init__(self, client: Callable[[], Client], chance: random.Random) -> None:
         self._client, self._chance = client, chance
         self.taken = 0
 
@@ -98,21 +98,29 @@ class Guests:
         """Press buttons, now and then one whose table has ordered already, or while there is no waiter."""
         for _ in range(presses):
             await asyncio.sleep(self._chance.uniform(1.0, 30.0))
-            buttons = (await agents_of(self._client)).buttons
-            if buttons:
-                with contextlib.suppress(CallError):  # the waiter was killed just now
-                    await self._client.press_button(self._chance.choice(buttons).button_id)
+            with contextlib.suppress(
+                CallError, ConnectionLost
+            ):  # the waiter or the daemon was killed just now
+                buttons = (await agents_of(self._client())).buttons
+                if buttons:
+                    await self._client().press_button(self._chance.choice(buttons).button_id)
 
     async def take(self) -> None:
         """Take the food after a while; one in twelve never does."""
-        async with self._client.subscribe("agents") as events:
+        while True:
+            with contextlib.suppress(ConnectionLost):  # the daemon was killed
+                await self._take_of(self._client())
+            await asyncio.sleep(0.5)
+
+    async def _take_of(self, client: Client) -> None:
+        async with client.subscribe("agents") as events:
             async for event in events:
                 for question in event.data.questions:
                     if self._chance.random() < 1 / 12:
                         continue
                     await asyncio.sleep(self._chance.uniform(0.2, 6.0))
                     with contextlib.suppress(CallError):  # the waiter was killed meanwhile
-                        await self._client.answer_agent(question.question_id, question.choices[0])
+                        await client.answer_agent(question.question_id, question.choices[0])
                         self.taken += 1
 
 

@@ -1,9 +1,10 @@
 """The waiter on the virtual clock: each order is served once or refused, whatever is killed meanwhile."""
 
 import asyncio
+import contextlib
 import random
 from collections.abc import Awaitable, Callable
-from functools import partial
+from contextlib import AbstractAsyncContextManager
 from pathlib import Path
 from typing import Any
 
@@ -47,9 +48,12 @@ class Shift:
 
     def __init__(self, folder: Path, client: Client, board: ScriptedBoard | None, seed: int) -> None:
         self.client, self.board, self.chance = client, board, random.Random(seed)
-        connect = partial(Client.connect, *client.address, name="waiter")
-        self.waiter = KillableWaiter(folder / "orders.json", connect)
-        self.guests = Guests(client, self.chance)
+        self.waiter = KillableWaiter(folder / "orders.json", self._connect)
+        self.guests = Guests(lambda: self.client, self.chance)
+        self.restart: Callable[[float], Awaitable[None]]
+
+    def _connect(self) -> AbstractAsyncContextManager[Client]:
+        return Client.connect(*self.client.address, name="waiter")
 
 
 def shift(folder: Path, scenario: Scenario, seed: int = 1) -> None:
@@ -65,15 +69,30 @@ def shift(folder: Path, scenario: Scenario, seed: int = 1) -> None:
         drivings.append(FakeDriving(child, 8.0))
 
     async def run() -> None:
-        spawn = Nursery(raise_child).spawn
-        async with running_daemon(device, settings, spawn_worker=spawn) as client:
+        daemon = contextlib.AsyncExitStack()
+
+        async def start() -> Client:
+            spawn = Nursery(raise_child).spawn
+            return await daemon.enter_async_context(running_daemon(device, settings, spawn_worker=spawn))
+
+        async def opened(client: Client) -> None:
             board.say(BatteryLevel(FULL))
             await asyncio.sleep(1.5)
             await client.load_map("flat")
-            await restaurant(client, TABLES, Pose2D(0.0, 0.0))
-            now = Shift(folder, client, board, seed)
-            async with now.waiter.working():
-                await asyncio.wait_for(scenario(now, drivings), 3000.0)
+
+        now = Shift(folder, await start(), board, seed)
+        await opened(now.client)
+        await restaurant(now.client, TABLES, Pose2D(0.0, 0.0))
+
+        async def restart(after_s: float) -> None:
+            await daemon.aclose()
+            await asyncio.sleep(after_s)
+            now.client = await start()
+            await opened(now.client)
+
+        now.restart = restart
+        async with daemon, now.waiter.working():
+            await asyncio.wait_for(scenario(now, drivings), 3000.0)
 
     run_virtual(run())
 
@@ -182,6 +201,37 @@ def test_every_order_is_served_once_or_refused_though_the_waiter_is_killed(tmp_p
         assert all(order.reason for order in orders if order.state == "refused")
         assert now.guests.taken == sum(order.state == "served" for order in orders)
         assert len([goal for goal in drivings[0].driven if goal.x_m]) == len(orders)
+
+    shift(tmp_path, scenario, seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(1, 21))
+def test_every_order_is_served_once_or_refused_though_the_daemon_ends_and_begins_again(
+    tmp_path: Path, seed: int
+) -> None:
+    """The same with the daemon: its goals and buttons are gone, and a person loads the map. No order is served twice."""
+
+    async def scenario(now: Shift, drivings: list[FakeDriving]) -> None:
+        await begun(now)
+
+        async def end() -> None:
+            while True:
+                await asyncio.sleep(now.chance.uniform(20.0, 60.0))
+                await now.restart(now.chance.uniform(0.1, 5.0))
+
+        beside = [asyncio.create_task(now.guests.take()), asyncio.create_task(end())]
+        await now.guests.order(10)
+        await now.waiter.until_done(1500.0)
+        for task in beside:
+            task.cancel()
+        await asyncio.wait(beside)
+        orders = now.waiter.orders()
+        assert len(drivings) > 1
+        assert len(orders) >= 3
+        assert {order.state for order in orders} <= {"served", "refused"}
+        assert all(order.reason for order in orders if order.state == "refused")
+        assert now.guests.taken == sum(order.state == "served" for order in orders)
 
     shift(tmp_path, scenario, seed)
 
