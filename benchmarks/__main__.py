@@ -124,6 +124,13 @@ def _wheel_speed(**options: Any) -> Outcome:
     return motors.run_wheel_speed(**options)
 
 
+def _virtual_hours(**options: Any) -> Outcome:
+    """Imported when it is asked for: it needs the extra ``navigation``."""
+    from benchmarks import virtual_hours
+
+    return virtual_hours.run(**options)
+
+
 def _firmware(**options: Any) -> Outcome:
     """Imported when it is asked for: it needs compilers."""
     from benchmarks import firmware
@@ -161,6 +168,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     "planner": _planner,
     "navigation": _navigation,
     "serving": _serving,
+    "virtual_hours": _virtual_hours,
     "calls": calls.run,
     "agents": agents.run,
     "calibration": _calibration,
