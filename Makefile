@@ -80,8 +80,10 @@ addons-test: $(VENV)/ready build/constraints.txt build/ros-venv/ready build/rosl
 	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable 'addons/chefbot-devtools[test]'
 	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable 'addons/chefbot-vda5050[test]'
 	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable 'addons/chefbot-fleet[test]'
+	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable 'addons/chefbot-speech[test]'
 	$(BIN)/mypy --package chefbot_ros2
 	$(BIN)/mypy --package chefbot_devtools
+	$(BIN)/mypy --package chefbot_speech
 	$(BIN)/mypy --package chefbot_vda5050
 	$(BIN)/mypy --package chefbot_fleet
 	$(BIN)/pytest -q -m "not slow" addons
@@ -104,8 +106,9 @@ build/roslib/ready: $(ROS2)/tests/roslib/package.json
 	@touch $@
 
 # What the add-ons' tests drive and are judged by, from Debian's packages and npm.
-addons-tools:  ## Install what the tests of the add-ons need: a broker, and another maker's fleet manager
+addons-tools:  ## Install what the tests of the add-ons need: a broker, another maker's fleet manager, voices, a browser
 	command -v mosquitto >/dev/null || test -x /usr/sbin/mosquitto || { apt-get -o DPkg::Lock::Timeout=300 install -y --no-install-recommends mosquitto && service mosquitto stop; }
+	DEBIAN_FRONTEND=noninteractive apt-get -o DPkg::Lock::Timeout=300 install -y -qq --no-install-recommends espeak-ng flite alsa-utils chromium
 	npm install --silent --no-save --prefix build/addons-tools vda-5050-lib@1.4.0
 
 firmware-test: $(VENV)/ready firmware  ## Build and check the firmware, and run its tests; nothing is left out

@@ -1,0 +1,1 @@
+"""A voice for the robot, and an ear. It is no safety function."""

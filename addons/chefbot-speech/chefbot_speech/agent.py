@@ -1,0 +1,138 @@
+"""The agent ``speech`` of a daemon: says aloud what agents say, and sends the robot to places."""
+
+import asyncio
+import contextlib
+import secrets
+from collections.abc import Callable, Coroutine
+from contextlib import AbstractAsyncContextManager
+from typing import Any, Final
+
+import structlog
+
+from chefbot_speech.commands import KINDS, Vocabulary, spoken
+from chefbot_speech.ear import Ear
+from chefbot_speech.speaker import Speaker
+from chefbotd.client import CallError, ChefbotError, Client, GoalNotReached
+from chefbotd.client.models import AgentsData
+
+log = structlog.get_logger("speech")
+NAME, VERSION = "speech", "0.1"
+AGAIN_S: Final = 2.0
+LONGEST_TEXT: Final = 200
+QUIET_ENDS: Final = {"stopped", "replaced", "asked"}
+"""Causes of a goal's end that somebody has brought about who knows it."""
+
+NOT_CONNECTED: Final = "The robot's daemon is not connected: I cannot stop it."
+Connect = Callable[[], AbstractAsyncContextManager[Client]]
+
+
+class SpeechAgent:
+    """``run`` keeps it connected; a talker may use it meanwhile."""
+
+    def __init__(self, connect: Connect, speaker: Speaker, ear: Ear) -> None:
+        self._connect, self._speaker, self._ear = connect, speaker, ear
+        self._robot: Client | None = None
+        self._texts: dict[str, str] = {}
+        self._questions: set[int] = set()
+        self._tasks: set[asyncio.Task[None]] = set()
+        self._known: dict[frozenset[str], frozenset[str]] = {}
+
+    async def run(self) -> None:
+        """Be the agent until cancelled; a lost connection is opened again."""
+        while True:
+            try:
+                async with self._connect() as robot:
+                    await robot.register_agent(NAME, VERSION)
+                    self._robot = robot
+                    await self._listen(robot)
+            except (ChefbotError, TimeoutError) as problem:
+                log.warning("the connection is opened again", why=str(problem))
+            finally:
+                self._robot = None
+                self._questions.clear()
+            await asyncio.sleep(AGAIN_S)
+
+    async def _listen(self, robot: Client) -> None:
+        async with robot.subscribe("agents", policy="ordered") as events:
+            async for event in events:
+                if isinstance(event.data, AgentsData):
+                    self.take_agents(event.data)
+
+    def take_agents(self, data: AgentsData) -> None:
+        """Say what is new of the other agents: their sentences and their questions."""
+        for agent in data.agents:
+            if agent.name != NAME and agent.text and agent.text != self._texts.get(agent.name):
+                self._speaker.say(agent.name, agent.text)
+        self._texts = {agent.name: agent.text for agent in data.agents}
+        for question in data.questions:
+            if question.question_id not in self._questions:
+                self._speaker.say(f"{question.agent}'s question", question.question)
+        self._questions = {question.question_id for question in data.questions}
+
+    async def stop(self) -> str:
+        """Brake; why it cannot be asked for, or nothing."""
+        robot = self._robot
+        if robot is None:
+            return NOT_CONNECTED
+        try:
+            await robot.stop()
+        except ChefbotError as problem:
+            return f"I could not stop: {problem}"
+        return ""
+
+    def go(self, place: str) -> None:
+        """Go to a place, and say what becomes of it."""
+        self._begin(self._go(place))
+
+    def say(self, text: str) -> None:
+        """Say it aloud, and on the robot's page."""
+        self._speaker.say(NAME, text)
+        self._begin(self._show(text))
+
+    def hush(self) -> None:
+        """Be silent: somebody talks."""
+        self._speaker.hush()
+
+    async def vocabulary(self) -> Vocabulary:
+        """The places of the map in use as they are now; none where there are none."""
+        robot = self._robot
+        try:
+            places = (await robot.list_places()).places if robot is not None else ()
+        except ChefbotError as problem:
+            log.warning("no_places", why=str(problem))
+            places = ()
+        wanted = frozenset(
+            word for place in places if place.kind in KINDS for word in spoken(place.name).split()
+        )
+        if wanted not in self._known:
+            self._known = {wanted: await self._ear.words(wanted)}
+        return Vocabulary.of(places, self._known[wanted])
+
+    def _begin(self, work: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
+
+    async def _go(self, place: str) -> None:
+        robot = self._robot
+        if robot is None:
+            return self.say("I cannot go: the robot's daemon is not connected.")
+        try:
+            goal_id = f"speech-{secrets.token_hex(4)}"
+            await robot.navigate_to(place=place, goal_id=goal_id, on_client_left="cancel")
+            text = f"I am at {place}."
+        except GoalNotReached as ended:
+            text = "" if ended.cause in QUIET_ENDS else f"I did not reach {place}: {ended.reason}"
+        except CallError as refused:
+            text = f"I cannot go to {place}: {refused.message}"
+        except ChefbotError as problem:
+            text = f"I have lost the robot: {problem}"
+        if text:
+            self.say(text)
+        return None
+
+    async def _show(self, text: str) -> None:
+        robot = self._robot
+        if robot is not None:
+            with contextlib.suppress(ChefbotError):  # who speaks too often is still heard
+                await robot.say(" ".join(text.split())[:LONGEST_TEXT])

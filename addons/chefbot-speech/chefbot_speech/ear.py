@@ -1,0 +1,71 @@
+"""Runs a recognizer in a child process: its library keeps Python's lock for as long as it takes."""
+
+import asyncio
+import importlib
+import multiprocessing
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
+from typing import Final
+
+import structlog
+
+from chefbot_speech.recognition import Heard, Recognizer, Samples
+
+log = structlog.get_logger("speech")
+SPHINX: Final = "chefbot_speech.sphinx:PocketSphinx"
+LONGEST_S: Final = 20.0
+NOTHING: Final = Heard("", -1.0)
+_recognizer: Recognizer
+
+
+def _begin(path: str) -> None:
+    global _recognizer
+    module, _, name = path.partition(":")
+    _recognizer = getattr(importlib.import_module(module), name)()
+
+
+def _words(candidates: frozenset[str]) -> frozenset[str]:
+    return _recognizer.words(candidates)
+
+
+def _recognize(samples: Samples, grammar: str) -> Heard:
+    return _recognizer.recognize(samples, grammar)
+
+
+class Ear:
+    """``recognizer`` is ``module:class`` of a ``Recognizer`` that is made without arguments."""
+
+    def __init__(self, recognizer: str = SPHINX) -> None:
+        self._path = recognizer
+        self._process = self._new()
+
+    def _new(self) -> ProcessPoolExecutor:
+        context = multiprocessing.get_context("spawn")
+        return ProcessPoolExecutor(1, context, initializer=_begin, initargs=(self._path,))
+
+    async def words(self, candidates: frozenset[str]) -> frozenset[str]:
+        """Those that it can recognize; raises ``RuntimeError`` where there is no recognizer."""
+        try:
+            return await asyncio.wrap_future(self._process.submit(_words, candidates))
+        except BrokenProcessPool as problem:
+            self._process = self._new()
+            raise RuntimeError(f"the recognizer {self._path} does not begin") from problem
+
+    async def recognize(self, samples: Samples, grammar: str) -> Heard:
+        """What was said; nothing, where the process ends or takes too long."""
+        try:
+            async with asyncio.timeout(LONGEST_S):
+                return await asyncio.wrap_future(self._process.submit(_recognize, samples, grammar))
+        except (BrokenProcessPool, TimeoutError) as problem:
+            log.warning("recognizer_failed", why=repr(problem))
+            self.close()
+            self._process = self._new()
+        except Exception as problem:  # noqa: BLE001 - somebody's recognizer: told, and nothing was understood
+            log.warning("recognizer_failed", why=repr(problem))
+        return NOTHING
+
+    def close(self) -> None:
+        """End the process, whatever it does."""
+        for process in list((self._process._processes or {}).values()):
+            process.kill()
+        self._process.shutdown(wait=False, cancel_futures=True)

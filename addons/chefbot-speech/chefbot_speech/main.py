@@ -1,0 +1,125 @@
+"""``chefbot-speech``: says aloud what agents say, and serves the page with the button to talk."""
+
+import asyncio
+import shutil
+import ssl
+from collections.abc import Awaitable, Callable
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import click
+
+from chefbot_speech.agent import SpeechAgent
+from chefbot_speech.ear import SPHINX, Ear
+from chefbot_speech.server import NotAdmitted, PageServer, Send, Talker
+from chefbot_speech.speaker import Espeak, Flite, Speaker, Voice, player
+from chefbot_speech.talker import PageTalker
+from chefbotd.client import CallError, ChefbotError, Client
+from chefbotd.rpc.parameters import is_loopback
+
+PORT = 7381
+MAY_TALK = ("agent", "drive", "admin")
+
+
+def admit(
+    connect: Callable[..., Any], make: Callable[[Send], PageTalker]
+) -> Callable[[str | None, Send], Awaitable[Talker]]:
+    """Who may send the robot to goals by the daemon's tokens may do so by voice."""
+
+    async def admitted(token: str | None, send: Send) -> Talker:
+        try:
+            async with connect(token=token) as robot:
+                role = (await robot.call("authenticate", token=token or ""))["role"]
+        except CallError as refused:
+            raise NotAdmitted(refused.message if token else "show a token") from refused
+        except ChefbotError as problem:
+            raise NotAdmitted(f"The robot's daemon does not answer: {problem}") from problem
+        if role not in MAY_TALK:
+            raise NotAdmitted(f"the role {role} may not send the robot anywhere")
+        talker = make(send)
+        await talker.begin()
+        return talker
+
+    return admitted
+
+
+def voice_of(program: str, language: str) -> Voice:
+    """espeak-ng, unless flite is asked for, or is all that is there."""
+    is_flite = program == "flite" or (program == "auto" and shutil.which("espeak-ng") is None)
+    return Flite() if is_flite and shutil.which("flite") is not None else Espeak(language)
+
+
+def tls_of(certificate: Path | None, key: Path | None) -> ssl.SSLContext | None:
+    """The page's certificate, if it has one."""
+    if certificate is None:
+        return None
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(certificate, key)
+    return context
+
+
+@click.command(help=(__doc__ or "").partition(": ")[2])
+@click.option("--connect", "where", default="127.0.0.1:7333", metavar="HOST:PORT", help="The robot's daemon.")
+@click.option("--token-file", type=click.Path(path_type=Path), help="A file with a token of the role agent.")
+@click.option(
+    "--trust", type=click.Path(path_type=Path), help="The daemon's certificate, where it speaks TLS."
+)
+@click.option("--host", default="127.0.0.1", show_default=True, help="Where the page listens.")
+@click.option("--port", default=PORT, show_default=True, help="Where the page listens.")
+@click.option("--host-name", "names", multiple=True, help="A name of this computer, beside its addresses.")
+@click.option("--certificate", type=click.Path(path_type=Path), help="The page's certificate (PEM).")
+@click.option("--key", type=click.Path(path_type=Path), help="Its key (PEM).")
+@click.option("--voice", type=click.Choice(["auto", "espeak-ng", "flite"]), default="auto", show_default=True)
+@click.option(
+    "--language", default="en", show_default=True, help="A voice of espeak-ng, such as de or en-us+f3."
+)
+@click.option(
+    "--countdown-s", type=click.FloatRange(2.0, 60.0), help="Begin a goal without a yes after this time."
+)
+@click.option("--recognizer", default=SPHINX, metavar="MODULE:CLASS", show_default=True)
+def main(
+    where: str, token_file: Path | None, trust: Path | None, host: str, port: int, **options: Any
+) -> None:
+    """Run until Ctrl-C."""
+    daemon_host, _, daemon_port = where.rpartition(":")
+    certificate = options["certificate"]
+    token = token_file.read_text().split()[-1] if token_file is not None else None
+    if not is_loopback(host) and (certificate is None or token is None):
+        why = "beyond this computer the page needs --certificate (browsers give no microphone without https)"
+        raise click.UsageError(f"{why} and the daemon tokens (--token-file)")
+    connect = partial(
+        Client.connect,
+        daemon_host,
+        int(daemon_port),
+        tls=ssl.create_default_context(cafile=trust) if trust is not None else None,
+        name="speech",
+    )
+    with_token = partial(connect, token=token)
+    asyncio.run(_run(connect, with_token, host, port, options))
+
+
+async def _run(
+    connect: Callable[..., Any], with_token: Callable[..., Any], host: str, port: int, options: dict[str, Any]
+) -> None:
+    ear = Ear(options["recognizer"])
+    speaker = Speaker(voice_of(options["voice"], options["language"]), player())
+    agent = SpeechAgent(with_token, speaker, ear)
+
+    def make(send: Send) -> PageTalker:
+        return PageTalker(send, agent, ear.recognize, options["countdown_s"])
+
+    page = PageServer(admit(connect, make), tls_of(options["certificate"], options["key"]), options["names"])
+    try:
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(speaker.run())
+            tasks.create_task(agent.run())
+            tasks.create_task(
+                page.run(host, port, lambda url: click.echo(f"Talk at {url} (Ctrl-C ends it)."))
+            )
+    finally:
+        ear.close()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,178 @@
+"""pocketsphinx with the American English model that its package brings, and rejection of other speech.
+
+The phrase of the grammar that fits best is compared with the phones that fit best in any order (a phone loop): speech
+that is none of the phrases fits its own phones much better.
+"""
+
+import math
+import re
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from numpy.typing import NDArray
+from pocketsphinx import Decoder, get_model_path
+
+from chefbot_speech.recognition import RATE_HZ, Heard, Samples, as_samples
+
+LANGUAGE_WEIGHT: Final = 2.0
+PHONE_SCALE: Final = 1024.0
+"""The scores of a phone loop are shifted by 10 bits (SENSCR_SHIFT in pocketsphinx), those of a grammar are not."""
+
+LEAST_S, MARGIN_S, WINDOW_S = 0.15, 0.15, 0.025
+QUIET, ABOVE_NOISE = 0.03, 1.5
+"""Sound below this share of the loudest, or this many times the noise, is cut off at both ends."""
+
+BLOCK, STEP = 512, 128
+NOISE_SHARE: Final = 8
+"""The quietest of so many blocks of 32 ms are taken for noise alone."""
+
+AUDIBLE: Final = 1e-4
+"""Noise of less power than this share of speech is left as it is: taking it off would do more harm."""
+
+FLOOR: Final = 0.2
+"""What is left of noise: less sounds like other phones."""
+
+DITHER: Final = 30.0
+"""The standard deviation of noise that is added, in steps of 16 bits: the model knows no digital silence."""
+
+LEAST_LOG: Final = -700.0
+"""Where a score is too small for a double."""
+
+MOST_BEHIND: Final = 2.3
+MOST_BEHIND_IN_WORD: Final = 5.0
+"""How much worse than the phone loop a phrase may fit, and each word of it: natural logarithms, per frame of 10 ms."""
+
+
+@dataclass(frozen=True, slots=True)
+class Word:
+    """A word or a phone: its frames, the last included, and the logarithm of its acoustic score."""
+
+    text: str
+    first: int
+    last: int
+    score: float
+
+
+@dataclass(frozen=True, slots=True)
+class Fit:
+    """How far a phrase is behind the phone loop per frame: in the mean of its words, and in its worst word."""
+
+    mean: float
+    worst: float
+
+
+class PocketSphinx:
+    """Knows the words of the CMU pronouncing dictionary."""
+
+    def __init__(self) -> None:
+        model = get_model_path("en-us")
+        self._decoder = Decoder(
+            hmm=f"{model}/en-us",
+            dict=f"{model}/cmudict-en-us.dict",
+            lm=None,
+            lw=LANGUAGE_WEIGHT,
+            compallsen=True,  # scores of the two searches can be compared
+            loglevel="FATAL",
+        )
+        self._decoder.add_allphone_file("phones", f"{model}/en-us-phone.lm.bin")
+        self._grammar = ""
+
+    def words(self, candidates: frozenset[str]) -> frozenset[str]:
+        """Those that the dictionary has."""
+        return frozenset(word for word in candidates if self._decoder.lookup_word(word) is not None)
+
+    def recognize(self, samples: Samples, grammar: str) -> Heard:
+        """The phrase of the grammar, and how far within both limits it is; no phrase has a margin below 0."""
+        if grammar != self._grammar:
+            self._decoder.add_jsgf_string("phrases", grammar)
+            self._grammar = grammar
+        sound = prepared(samples)
+        if len(sound) < LEAST_S * RATE_HZ:
+            return Heard("", -1.0)
+        phrase = self._decode("phrases", sound)
+        fit = compare(phrase, self._decode("phones", sound)) if phrase else None
+        if fit is None:
+            return Heard("", -1.0)
+        margin = min(MOST_BEHIND - fit.mean, MOST_BEHIND_IN_WORD - fit.worst)
+        return Heard(" ".join(word.text for word in phrase), margin)
+
+    def _decode(self, search: str, sound: Samples) -> list[Word]:
+        """The words, or the phones, without silence."""
+        decoder, scale = self._decoder, PHONE_SCALE if search == "phones" else 1.0
+        decoder.activate_search(search)
+        decoder.start_utt()
+        decoder.process_raw(sound.tobytes(), full_utt=True)
+        decoder.end_utt()
+        if decoder.hyp() is None:
+            return []
+        return [
+            Word(
+                re.sub(r"\(\d+\)$", "", part.word),
+                part.start_frame,
+                part.end_frame,
+                scale * _log(part.ascore),
+            )
+            for part in decoder.seg()
+            if not part.word.startswith(("<", "(", "[")) and part.word != "SIL"
+        ]
+
+
+def prepared(samples: Samples) -> Samples:
+    """The part in which somebody speaks, with a little before and after it; the same in every call."""
+    if len(samples) == 0:
+        return samples
+    clean = without_noise(samples.astype(float))
+    window = int(WINDOW_S * RATE_HZ)
+    loud = np.convolve(np.abs(clean), np.ones(window) / window, mode="same")
+    speech = np.flatnonzero(loud > max(QUIET * loud.max(), ABOVE_NOISE * np.percentile(loud, 5)))
+    if len(speech) == 0:
+        return samples[:0]
+    margin = int(MARGIN_S * RATE_HZ)
+    cut = clean[max(0, speech[0] - margin) : speech[-1] + margin]
+    noise = np.random.default_rng(1).normal(0.0, DITHER, len(cut))
+    return as_samples(cut + noise)
+
+
+def without_noise(sound: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Steady noise is taken off by spectral subtraction (Boll 1979), of power, down to a floor."""
+    if len(sound) < 2 * BLOCK:
+        return sound
+    padded = np.concatenate([np.zeros(BLOCK), sound, np.zeros(2 * BLOCK)])
+    window = np.hanning(BLOCK + 1)[:-1]
+    spectra = np.fft.rfft(np.lib.stride_tricks.sliding_window_view(padded, BLOCK)[::STEP] * window)
+    power = np.abs(spectra) ** 2
+    energy = power.sum(axis=1)
+    inside = np.flatnonzero(energy > 0.0)[BLOCK // STEP : -BLOCK // STEP]  # no block that is partly padding
+    quietest = inside[np.argsort(energy[inside])[: max(4, len(inside) // NOISE_SHARE)]]
+    if len(quietest) == 0:
+        return sound
+    if energy[quietest].mean() < AUDIBLE * np.percentile(energy, 95):
+        return sound
+    noise = power[quietest].mean(axis=0)
+    gain = np.sqrt(np.maximum(1.0 - noise / np.maximum(power, 1e-9), FLOOR**2))
+    blocks = np.fft.irfft(spectra * gain) * window
+    total, weight = np.zeros(len(padded)), np.zeros(len(padded))
+    for index, block in enumerate(blocks):
+        total[index * STEP : index * STEP + BLOCK] += block
+        weight[index * STEP : index * STEP + BLOCK] += window**2
+    return (total / np.maximum(weight, 1e-3))[BLOCK : BLOCK + len(sound)]
+
+
+def compare(phrase: list[Word], phones: list[Word]) -> Fit | None:
+    """None where the phone loop found nothing; it is taken to be as good in every frame of a phone."""
+    if not phones:
+        return None
+    count = max(word.last for word in (*phrase, *phones)) + 1
+    per_frame = np.zeros(count)
+    for phone in phones:
+        per_frame[phone.first : phone.last + 1] = phone.score / (phone.last - phone.first + 1)
+    frames = [word.last - word.first + 1 for word in phrase]
+    behind = [float(per_frame[word.first : word.last + 1].sum()) - word.score for word in phrase]
+    return Fit(
+        sum(behind) / sum(frames), max(lost / length for lost, length in zip(behind, frames, strict=True))
+    )
+
+
+def _log(score: float) -> float:
+    return max(LEAST_LOG, math.log(score)) if score > 0.0 else LEAST_LOG

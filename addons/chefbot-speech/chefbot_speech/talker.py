@@ -1,0 +1,161 @@
+"""One page with the button to talk: carries out the steps of its dialogue.
+
+A yes confirms only what the same page has proposed.
+"""
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from typing import Any, Final, Protocol
+
+import numpy as np
+import structlog
+
+from chefbot_speech import dialogue
+from chefbot_speech.commands import Action, Command, Vocabulary
+from chefbot_speech.dialogue import Dialogue, Phase, Step
+from chefbot_speech.recognition import RATE_HZ, Heard, Samples, resampled
+from chefbot_speech.server import Send
+
+log = structlog.get_logger("speech")
+LONGEST_S: Final = 8.0
+"""What is said after this time is not listened to, and then nothing of it counts."""
+
+LOOK_S: Final = 0.1
+RATES_HZ: Final = (8_000, 192_000)
+ANSWERS: Final = {"yes": Action.YES, "no": Action.NO}
+Recognize = Callable[[Samples, str], Awaitable[Heard]]
+
+
+class Robot(Protocol):
+    """What a talker needs of the robot."""
+
+    async def stop(self) -> str:
+        """Brake. Empty, or why it cannot be said that the robot brakes, for people."""
+        ...
+
+    def go(self, place: str) -> None:
+        """Begin to go to a place; whatever becomes of it is said."""
+        ...
+
+    def say(self, text: str) -> None:
+        """Say it aloud, and on the robot's page."""
+        ...
+
+    def hush(self) -> None:
+        """Be silent: somebody talks."""
+        ...
+
+    async def vocabulary(self) -> Vocabulary:
+        """The places as they are now."""
+        ...
+
+
+class PageTalker:
+    """``send`` shows the dialogue on the page. ``countdown_s``: when a goal begins by itself; None: after a yes only."""
+
+    def __init__(
+        self, send: Send, robot: Robot, recognize: Recognize, countdown_s: float | None = None
+    ) -> None:
+        self._send, self._robot, self._recognize, self._countdown_s = send, robot, recognize, countdown_s
+        self._dialogue, self._text = Dialogue(), ""
+        self._sound = bytearray()
+        self._rate_hz = RATE_HZ
+        self._places: asyncio.Task[Vocabulary] | None = None
+        self._hearing: asyncio.Task[None] | None = None
+        self._looking: asyncio.Task[None] | None = None
+
+    async def begin(self) -> None:
+        """Show what can be said."""
+        await self._show(await self._robot.vocabulary())
+
+    def add_sound(self, data: bytes) -> None:
+        """A piece of what is said: 16 bits a sample, little-endian, one channel."""
+        if self._dialogue.phase is Phase.LISTENING and len(self._sound) <= self._most_bytes():
+            self._sound += data
+
+    def _most_bytes(self) -> int:
+        return int(2 * LONGEST_S * self._rate_hz)
+
+    async def take(self, message: dict[str, Any]) -> None:
+        """Something was pressed, released or touched."""
+        match message:
+            case {"event": "press", "rate_hz": int(rate_hz)} if RATES_HZ[0] <= rate_hz <= RATES_HZ[1]:
+                await self._press(rate_hz)
+            case {"event": "release"} if self._dialogue.phase is Phase.LISTENING:
+                await self._do(dialogue.release(self._dialogue))
+                self._hearing = asyncio.create_task(self._hear())
+            case {"event": "touch"}:
+                await self._do(dialogue.touch(self._dialogue))
+            case {"event": "answer", "choice": str(choice)} if choice in ANSWERS:
+                await self._do(dialogue.answer(self._dialogue, ANSWERS[choice]))
+
+    async def leave(self) -> None:
+        """The page is gone, and what it proposed with it."""
+        tasks = [task for task in (self._places, self._hearing, self._looking) if task is not None]
+        for task in tasks:
+            task.cancel()
+        await asyncio.gather(*tasks, return_exceptions=True)
+
+    async def _press(self, rate_hz: int) -> None:
+        """The stop is asked for before anything else is done."""
+        if self._hearing is not None:
+            self._hearing.cancel()
+        await self._do(dialogue.press(self._dialogue))
+        self._robot.hush()
+        self._sound.clear()
+        self._rate_hz = rate_hz
+        self._places = asyncio.create_task(self._robot.vocabulary())
+
+    async def _hear(self) -> None:
+        """What was said, or None where that is not certain."""
+        command: Command | None = None
+        if self._places is not None and len(self._sound) <= self._most_bytes():
+            vocabulary = await self._places
+            samples = np.frombuffer(bytes(self._sound[: len(self._sound) // 2 * 2]), dtype="<i2")
+            confirming = bool(self._dialogue.proposal)
+            heard = await self._recognize(
+                resampled(samples, self._rate_hz), vocabulary.grammar(confirming=confirming)
+            )
+            command = vocabulary.meaning(heard.text) if heard.is_certain else None
+            log.info("heard", text=heard.text, margin=round(heard.margin, 2), understood=command is not None)
+        now_s = asyncio.get_running_loop().time()
+        await self._do(dialogue.hear(self._dialogue, command, now_s, self._countdown_s))
+
+    async def _do(self, step: Step) -> None:
+        """The robot first, then people."""
+        self._dialogue = step.dialogue
+        problem = ""
+        if step.effect is dialogue.Effect.STOP:
+            problem = await self._robot.stop()
+        elif step.effect is dialogue.Effect.GO:
+            self._robot.go(step.place)
+        self._text = problem or step.text
+        if step.text:
+            self._robot.say(step.text)
+        self._look_again()
+        await self._show()
+
+    def _look_again(self) -> None:
+        if self._looking is not None and self._looking is not asyncio.current_task():
+            self._looking.cancel()
+        self._looking = asyncio.create_task(self._look()) if self._dialogue.proposal else None
+
+    async def _look(self) -> None:
+        """A timer may fire a little early: then it is set again."""
+        loop, now = asyncio.get_running_loop(), self._dialogue
+        end_s = min(end_s for end_s in (now.forget_s, now.start_s) if end_s is not None)
+        step = dialogue.look(now, loop.time())
+        while step.dialogue == now:
+            await asyncio.sleep(max(LOOK_S, end_s - loop.time()))
+            step = dialogue.look(now, loop.time())
+        await self._do(step)
+
+    async def _show(self, vocabulary: Vocabulary | None = None) -> None:
+        shown: dict[str, Any] = {
+            "phase": self._dialogue.phase,
+            "text": self._text,
+            "proposal": self._dialogue.proposal,
+        }
+        if vocabulary is not None:
+            shown |= {"places": sorted(set(vocabulary.goals.values())), "left_out": vocabulary.left_out}
+        await self._send(shown)
