@@ -34,6 +34,9 @@ RETRY_S = 5.0
 RETRY_ALL_S = 30.0
 """If it still has none, all others get new plans together with it so often."""
 
+GRACE_EDGES = (0, 4, 12, 30)
+"""Then a robot that is planned for first leaves the others where they stand for the time of so many edges, in turn."""
+
 MOST_YIELDS = 6
 """So many passing places are tried, the nearest first."""
 
@@ -121,6 +124,14 @@ class Traffic:
         """A robot that stands at a node."""
         robot = self.robots[name] = Robot(name, home, node)
         return robot
+
+    def resume(self, robot: Robot, edge: int, origin: int, target: int, start_s: float, end_s: float) -> None:
+        """Tell of a move that was released before all this began."""
+        self._count += 1
+        robot.moves.append(
+            Move(self._count, edge, origin, target, start_s, end_s, robot.stops_done, 0.0, set())
+        )
+        robot.released += 1
 
     def assign(self, name: str, stops: Sequence[Stop], now_s: float) -> bool:
         """Give an idle robot work; False if it fits no plan yet, and the robot keeps the plan that it has."""
@@ -382,8 +393,13 @@ class Traffic:
         order, unplanned = list(robots), list(robots)
         best = len(robots) + 1
         chosen: list[tuple[Robot, tuple[Step, ...]]] = []
-        for _ in range(ATTEMPTS):
-            plans, failed = self._attempt(order, now_s)
+        edge_s = self._pace.duration_s(sum(self.roadmap.length_m) / len(self.roadmap.edges))
+        for attempt in range(ATTEMPTS):
+            grace_s = GRACE_EDGES[attempt % len(GRACE_EDGES)] * edge_s
+            yields = {
+                robot.name for robot in order if attempt >= ATTEMPTS // 2 and self._chance.random() < 0.5
+            }
+            plans, failed = self._attempt(order, now_s, now_s + grace_s, yields)
             self._undo(robots)
             if len(failed) < best and not (failed and self._collides(failed, plans)):
                 best, chosen = len(failed), plans
@@ -399,13 +415,19 @@ class Traffic:
             robot.tried_s = now_s
 
     def _attempt(
-        self, order: list[Robot], now_s: float
+        self, order: list[Robot], now_s: float, grace_until_s: float, yields: Set[str]
     ) -> tuple[list[tuple[Robot, tuple[Step, ...]]], list[Robot]]:
+        """Plans in this order, and who got none; those of ``yields`` go out of the way first."""
         plans, failed = [], list[Robot]()
         pending = {robot.name for robot in order}
         for robot in order:
             reserved = self._reservations(robot, pending)
-            steps = self._steps(robot, robot.stops[robot.stops_done :], now_s, reserved)
+            for other in order:
+                if other is not robot and other.name in pending:
+                    reserved.stay(self.roadmap, other.last_released_node, (-math.inf, grace_until_s))
+            steps = None
+            if robot.name not in yields:
+                steps = self._steps(robot, robot.stops[robot.stops_done :], now_s, reserved)
             if steps is None:
                 steps = self._yield(robot, now_s, reserved)
             if steps is None:

@@ -1,0 +1,152 @@
+"""The manager's process: MQTT, the clock and the page around the fleet's decisions."""
+
+import asyncio
+import time
+from typing import Final
+
+import aiomqtt
+import structlog
+from aiohttp import web
+from chefbot_vda5050.broker import FIRST_RETRY_S, LONGEST_RETRY_S, NO_DELAY, BrokerParameters
+from chefbot_vda5050.messages import (
+    Action,
+    BlockingType,
+    Connection,
+    InstantActions,
+    MalformedMessage,
+    Message,
+    Order,
+    State,
+    decode,
+    encode,
+)
+from chefbot_vda5050.topics import EVERY, QOS, Headers, Kind, RobotName, parse_topic
+
+from chefbot_fleet.fleet import Fleet, Outgoing
+from chefbot_fleet.web import FleetPage
+
+log = structlog.get_logger("fleet")
+
+VERSION: Final = "2.1.0"
+TICK_S: Final = 0.2
+LISTENS: Final = (Kind.STATE, Kind.CONNECTION)
+
+
+class Manager:
+    """Drives the robots of an interface of the broker."""
+
+    def __init__(
+        self, fleet: Fleet, broker: BrokerParameters, *, interface: str = "uagv", major_version: str = "v2"
+    ) -> None:
+        self.fleet = fleet
+        self._broker, self._interface, self._major_version = broker, interface, major_version
+        self._client: aiomqtt.Client | None = None
+        self._headers: dict[str, Headers] = {}
+
+    async def run(self, host: str, port: int, token: str) -> None:
+        """Until cancelled."""
+        runner = web.AppRunner(FleetPage(self.fleet, token, time.time).application(), access_log=None)
+        await runner.setup()
+        try:
+            await web.TCPSite(runner, host, port).start()
+            log.info("serving the page", host=host, port=port)
+            async with asyncio.TaskGroup() as tasks:
+                tasks.create_task(self._stay_connected())
+                tasks.create_task(self._tick())
+        finally:
+            await runner.cleanup()
+
+    async def _stay_connected(self) -> None:
+        pause_s = FIRST_RETRY_S
+        while True:
+            try:
+                async with self._connect() as client:
+                    pause_s = FIRST_RETRY_S
+                    await self._serve(client)
+            except (aiomqtt.MqttError, OSError) as error:
+                log.warning("no connection to the broker", why=str(error), again_in_s=pause_s)
+            finally:
+                self._client = None
+            await asyncio.sleep(pause_s)
+            pause_s = min(2 * pause_s, LONGEST_RETRY_S)
+
+    def _connect(self) -> aiomqtt.Client:
+        broker = self._broker
+        return aiomqtt.Client(
+            broker.host,
+            broker.port,
+            username=broker.user,
+            password=broker.password,
+            tls_context=broker.tls,
+            clean_session=True,
+            socket_options=NO_DELAY,
+        )
+
+    async def _serve(self, client: aiomqtt.Client) -> None:
+        every = RobotName(EVERY, EVERY, self._interface, self._major_version)
+        for kind in LISTENS:
+            await client.subscribe(every.topic(kind), qos=QOS[kind])
+        self._client = client
+        log.info("connected to the broker", host=self._broker.host, port=self._broker.port)
+        for name in self.fleet.vehicles:
+            await self._ask_for_state(name)
+        async for message in client.messages:
+            if isinstance(message.payload, bytes | bytearray):
+                await self._receive(str(message.topic), bytes(message.payload), bool(message.retain))
+
+    async def _receive(self, topic: str, data: bytes, retained: bool) -> None:
+        parsed = parse_topic(topic)
+        if parsed is None:
+            return
+        robot, kind = parsed
+        name = f"{robot.manufacturer}/{robot.serial_number}"
+        try:
+            if kind is Kind.CONNECTION:
+                self.fleet.on_connection(name, decode(data, Connection).connection_state, time.time())
+            elif not retained:  # a state that the broker kept says nothing about now
+                self.fleet.on_state(name, decode(data, State), time.time())
+        except MalformedMessage as error:
+            self.fleet.ignored[name] = f"its {kind} is malformed: {error}"
+
+    async def _tick(self) -> None:
+        while True:
+            for order in self.fleet.tick(time.time()):
+                await self._send(order)
+            await asyncio.sleep(TICK_S)
+
+    async def _send(self, order: Outgoing) -> None:
+        header = self._header(order.robot).next(Kind.ORDER, time.time())
+        message = Order(
+            **header,
+            order_id=order.order_id,
+            order_update_id=order.update_id,
+            nodes=order.nodes,
+            edges=order.edges,
+        )
+        await self._publish(order.robot, Kind.ORDER, message)
+
+    async def _ask_for_state(self, name: str) -> None:
+        header = self._header(name).next(Kind.INSTANT_ACTIONS, time.time())
+        action = Action(
+            action_type="stateRequest", action_id=f"state-{time.time_ns()}", blocking_type=BlockingType.NONE
+        )
+        await self._publish(name, Kind.INSTANT_ACTIONS, InstantActions(**header, actions=(action,)))
+
+    async def _publish(self, name: str, kind: Kind, message: Message) -> None:
+        """Send it; without a connection it is dropped, and the fleet sends it again."""
+        client = self._client
+        if client is None:
+            return
+        try:
+            await client.publish(self._robot(name).topic(kind), encode(message), qos=QOS[kind])
+        except aiomqtt.MqttError as error:
+            log.info("a message was not sent", robot=name, kind=kind, why=str(error))
+
+    def _header(self, name: str) -> Headers:
+        if name not in self._headers:
+            self._headers[name] = Headers(self._robot(name), VERSION)
+        return self._headers[name]
+
+    def _robot(self, name: str) -> RobotName:
+        manufacturer, serial_number = name.split("/", 1)
+        return RobotName(manufacturer, serial_number, self._interface, self._major_version)

@@ -1,0 +1,124 @@
+"""What the manager keeps over its own death: orders, robots with what was sent to them, corrections of the roadmap.
+
+SQLite in WAL mode; every change is on the disk before anything that follows from it is sent.
+"""
+
+import sqlite3
+from enum import StrEnum
+from pathlib import Path
+from typing import Any, TypeVar
+
+import msgspec
+from msgspec import Struct
+
+SCHEMA = """
+CREATE TABLE IF NOT EXISTS orders (identifier TEXT PRIMARY KEY, value BLOB NOT NULL);
+CREATE TABLE IF NOT EXISTS robots (name TEXT PRIMARY KEY, value BLOB NOT NULL);
+CREATE TABLE IF NOT EXISTS corrections (number INTEGER PRIMARY KEY, value BLOB NOT NULL);
+"""
+
+
+class Stage(StrEnum):
+    """How far an order is."""
+
+    WAITING = "waiting"
+    ASSIGNED = "assigned"
+    PICKED = "picked"
+    DONE = "done"
+    FAILED = "failed"
+
+
+class FleetOrder(Struct):
+    """Something to fetch at one place and to bring to another; ``since_s`` is seconds since 1970."""
+
+    identifier: str
+    pick: str
+    drop: str
+    since_s: float
+    stage: Stage = Stage.WAITING
+    robot: str | None = None
+    why: str | None = None
+
+
+class Vehicle(Struct):
+    """A robot as the manager knows it: the order that it was sent, and the nodes of it that it has still to reach.
+
+    ``sequence`` is the sequenceId of ``node``, which it reached last; those of ``base`` follow in steps of two.
+    """
+
+    name: str
+    home: int
+    node: int
+    order_id: str = ""
+    update_id: int = 0
+    sequence: int = 0
+    base: list[int] = []
+    trips: int = 0
+    task: str | None = None
+    stops_done: int = 0
+    action_id: str | None = None
+
+
+class Correction(Struct):
+    """A change of the roadmap by hand, in nodes: an edge more or less, or a passing place beside a node."""
+
+    kind: str
+    a: int
+    b: int = -1
+    x_m: float = 0.0
+    y_m: float = 0.0
+
+
+T = TypeVar("T", bound=Struct)
+
+
+class Store:
+    """The database. Raises ``sqlite3.Error`` if it cannot be read or written."""
+
+    def __init__(self, path: Path | str) -> None:
+        self._database = sqlite3.connect(path, isolation_level=None)
+        self._database.execute("PRAGMA journal_mode=WAL")
+        self._database.execute("PRAGMA synchronous=FULL")
+        self._database.executescript(SCHEMA)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._database.close()
+
+    def save(self, *values: FleetOrder | Vehicle) -> None:
+        """Write these at once or not at all."""
+        with self._database:
+            self._database.execute("BEGIN")
+            for value in values:
+                data = msgspec.json.encode(value)
+                if isinstance(value, FleetOrder):
+                    self._database.execute("REPLACE INTO orders VALUES (?, ?)", (value.identifier, data))
+                else:
+                    self._database.execute("REPLACE INTO robots VALUES (?, ?)", (value.name, data))
+
+    def forget(self, vehicle: Vehicle) -> None:
+        """Remove a robot."""
+        self._database.execute("DELETE FROM robots WHERE name = ?", (vehicle.name,))
+
+    def correct(self, correction: Correction) -> None:
+        """Add a correction of the roadmap."""
+        self._database.execute(
+            "INSERT INTO corrections (value) VALUES (?)", (msgspec.json.encode(correction),)
+        )
+
+    def orders(self) -> dict[str, FleetOrder]:
+        """All orders, the oldest first."""
+        orders = self._all("SELECT value FROM orders", FleetOrder)
+        return {order.identifier: order for order in sorted(orders, key=lambda order: order.since_s)}
+
+    def vehicles(self) -> list[Vehicle]:
+        """All robots."""
+        return self._all("SELECT value FROM robots ORDER BY name", Vehicle)
+
+    def corrections(self) -> list[Correction]:
+        """All corrections, in the order in which they were made."""
+        return self._all("SELECT value FROM corrections ORDER BY number", Correction)
+
+    def _all(self, query: str, kind: type[T]) -> list[T]:
+        rows: list[tuple[Any]] = self._database.execute(query).fetchall()
+        return [msgspec.json.decode(value, type=kind) for (value,) in rows]

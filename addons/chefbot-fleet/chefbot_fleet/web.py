@@ -1,0 +1,127 @@
+"""The page, its requests, and Prometheus. Reading is free to whoever reaches the port; commands need the token."""
+
+import hmac
+from collections.abc import Awaitable, Callable
+from pathlib import Path
+from typing import Any
+
+import msgspec
+from aiohttp import web
+from msgspec import Struct
+from prometheus_client import CollectorRegistry, Gauge, generate_latest
+
+from chefbot_fleet.fleet import Fleet
+from chefbot_fleet.store import Correction, Stage
+from chefbot_fleet.view import fleet_view, roadmap_view
+
+PAGE = Path(__file__).parent / "page"
+FILES = {"/": "index.html", "/page.js": "page.js", "/page.css": "page.css"}
+HEADERS = {
+    "Content-Security-Policy": "default-src 'self'; frame-ancestors 'none'",
+    "X-Content-Type-Options": "nosniff",
+    "Cache-Control": "no-store",
+}
+MOST_BYTES = 64 * 1024
+
+Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
+
+
+class NewOrder(Struct, forbid_unknown_fields=True):
+    """The body of ``POST /api/orders``; sent again with the same ``id`` it changes nothing."""
+
+    id: str
+    pick: str
+    drop: str
+
+
+class Removed(Struct, forbid_unknown_fields=True):
+    """The body of ``POST /api/robots/remove``."""
+
+    name: str
+
+
+class FleetPage:
+    """The requests that the manager answers."""
+
+    def __init__(self, fleet: Fleet, token: str, clock: Callable[[], float]) -> None:
+        self._fleet, self._token, self._clock = fleet, token, clock
+
+    def application(self) -> web.Application:
+        """The server's routes."""
+        application = web.Application(client_max_size=MOST_BYTES, middlewares=[self._guard])
+        for path, file in FILES.items():
+            application.router.add_get(path, self._file(file))
+        application.router.add_get("/api/roadmap", self._roadmap)
+        application.router.add_get("/api/fleet", self._state)
+        application.router.add_get("/metrics", self._metrics)
+        application.router.add_post("/api/orders", self._order)
+        application.router.add_post("/api/robots/remove", self._remove)
+        application.router.add_post("/api/corrections", self._correct)
+        return application
+
+    @web.middleware
+    async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
+        """The token of a command; what cannot be done is an answer with a sentence."""
+        if request.method not in ("GET", "HEAD"):
+            given = request.headers.get("Authorization", "").removeprefix("Bearer ")
+            if not hmac.compare_digest(given.encode(), self._token.encode()):
+                return web.json_response({"error": "this needs the token"}, status=401, headers=HEADERS)
+        try:
+            response = await handler(request)
+        except (msgspec.ValidationError, msgspec.DecodeError, ValueError) as error:
+            return web.json_response({"error": str(error)}, status=400, headers=HEADERS)
+        response.headers.update(HEADERS)
+        return response
+
+    def _file(self, name: str) -> Handler:
+        async def serve(request: web.Request) -> web.StreamResponse:
+            return web.FileResponse(PAGE / name)
+
+        return serve
+
+    async def _roadmap(self, request: web.Request) -> web.StreamResponse:
+        return _json(roadmap_view(self._fleet))
+
+    async def _state(self, request: web.Request) -> web.StreamResponse:
+        return _json(fleet_view(self._fleet, self._clock()))
+
+    async def _order(self, request: web.Request) -> web.StreamResponse:
+        order = msgspec.json.decode(await request.read(), type=NewOrder)
+        return _json(self._fleet.add_order(order.id, order.pick, order.drop, self._clock()))
+
+    async def _remove(self, request: web.Request) -> web.StreamResponse:
+        self._fleet.remove_robot(msgspec.json.decode(await request.read(), type=Removed).name)
+        return _json({})
+
+    async def _correct(self, request: web.Request) -> web.StreamResponse:
+        correction = msgspec.json.decode(await request.read(), type=Correction)
+        self._fleet.correct(correction, self._clock())
+        return _json(roadmap_view(self._fleet))
+
+    async def _metrics(self, request: web.Request) -> web.StreamResponse:
+        data = metrics(self._fleet, self._clock())
+        return web.Response(body=data, headers={"Content-Type": "text/plain; version=0.0.4; charset=utf-8"})
+
+
+def metrics(fleet: Fleet, now_s: float) -> bytes:
+    """The figures in Prometheus' text."""
+    registry = CollectorRegistry()
+    orders = Gauge("chefbot_fleet_orders", "Orders by stage", ["stage"], registry=registry)
+    for stage in Stage:
+        orders.labels(stage).set(sum(order.stage is stage for order in fleet.orders.values()))
+    age = Gauge("chefbot_fleet_robot_state_age_seconds", "Since the last state", ["robot"], registry=registry)
+    vanished = Gauge("chefbot_fleet_robot_vanished", "1: vanished", ["robot"], registry=registry)
+    waiting = Gauge("chefbot_fleet_robot_waits", "How many robots it waits for", ["robot"], registry=registry)
+    waits = fleet.traffic.waits()
+    for name, contact in fleet.contacts.items():
+        age.labels(name).set(now_s - contact.seen_s)
+        vanished.labels(name).set(fleet.traffic.robots[name].lost_s is not None)
+        waiting.labels(name).set(sum(wait.robot == name for wait in waits))
+    Gauge("chefbot_fleet_deadlocks", "Deadlocks resolved since the start", registry=registry).set(
+        fleet.traffic.deadlocks
+    )
+    return generate_latest(registry)
+
+
+def _json(value: Any) -> web.Response:
+    return web.Response(body=msgspec.json.encode(value), content_type="application/json")

@@ -1,0 +1,114 @@
+"""A robot of VDA 5050 that does exactly what the standard says, in simulated time, and keeps a record of it."""
+
+from chefbot_fleet.fleet import Outgoing
+from chefbot_fleet.roadmap import Roadmap
+from chefbot_vda5050.messages import (
+    ActionState,
+    ActionStatus,
+    BatteryState,
+    EStop,
+    Node,
+    NodeState,
+    OperatingMode,
+    Position,
+    SafetyState,
+    State,
+)
+
+
+class StandardRobot:
+    """Two seconds an edge and three an action. ``worked`` lists the actions that it has finished."""
+
+    def __init__(self, name: str, roadmap: Roadmap, node: int) -> None:
+        self.name, self._roadmap = name, roadmap
+        self.point = roadmap.points_m[node]
+        self.worked: list[tuple[str, str]] = []
+        self.refused: list[str] = []
+        self._headers = 0
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the order; stand at the nearest node."""
+        self.order, self.last = ("", 0), ("", 0)
+        self.ahead: list[Node] = []
+        self.end: Node | None = None
+        self.actions: list[ActionState] = []
+        self._begun_s: float | None = None
+        self._work_s: float | None = None
+        self._pending: list[tuple[str, str]] = []
+
+    def receive(self, order: Outgoing) -> None:
+        """6.6.2: a new order where none is active, or an update that continues the base."""
+        first, known = order.nodes[0], self.order[0] == order.order_id
+        if known and order.update_id <= self.order[1]:
+            return
+        if known:
+            if self.end is None or (first.node_id, first.sequence_id) != (
+                self.end.node_id,
+                self.end.sequence_id,
+            ):
+                self.refused.append("no continuation")
+                return
+            self.ahead += order.nodes[1:]
+        else:
+            if self.ahead or self._pending:
+                self.refused.append("another order is active")
+                return
+            assert first.node_position is not None
+            x_m, y_m = self.point
+            position = first.node_position
+            if (position.x - x_m) ** 2 + (position.y - y_m) ** 2 > (position.allowed_deviation_xy or 0) ** 2:
+                self.refused.append("the first node is too far")
+                return
+            self.last, self.ahead = (first.node_id, first.sequence_id), list(order.nodes[1:])
+            self._pending = [(action.action_id, action.action_type) for action in first.actions]
+            self.actions = []
+            self._begun_s = self._work_s = None
+        self.order, self.end = (order.order_id, order.update_id), order.nodes[-1]
+
+    def step(self, now_s: float) -> None:
+        """Drive and work."""
+        if self._pending:
+            self._work_s = now_s if self._work_s is None else self._work_s
+            if now_s >= self._work_s + 3.0:
+                action_id, kind = self._pending.pop(0)
+                self.worked.append((action_id, kind))
+                self.actions.append(ActionState(action_id=action_id, action_status=ActionStatus.FINISHED))
+                self._work_s = None
+        elif self.ahead:
+            self._begun_s = now_s if self._begun_s is None else self._begun_s
+            if now_s >= self._begun_s + 2.0:
+                node = self.ahead.pop(0)
+                position = node.node_position
+                assert position is not None
+                self.last, self.point = (node.node_id, node.sequence_id), (position.x, position.y)
+                self._begun_s = None
+
+    def state(self) -> State:
+        """What it reports."""
+        self._headers += 1
+        return State(
+            header_id=self._headers,
+            timestamp="2026-01-01T00:00:00.000Z",
+            version="2.1.0",
+            manufacturer="standard",
+            serial_number=self.name,
+            order_id=self.order[0],
+            order_update_id=self.order[1],
+            last_node_id=self.last[0],
+            last_node_sequence_id=self.last[1],
+            driving=bool(self.ahead),
+            operating_mode=OperatingMode.AUTOMATIC,
+            node_states=tuple(
+                NodeState(node_id=node.node_id, sequence_id=node.sequence_id, released=True)
+                for node in self.ahead
+            ),
+            edge_states=(),
+            action_states=tuple(self.actions),
+            battery_state=BatteryState(battery_charge=80.0, charging=False),
+            errors=(),
+            safety_state=SafetyState(e_stop=EStop.NONE, field_violation=False),
+            agv_position=Position(
+                x=self.point[0], y=self.point[1], theta=0.0, map_id="map", position_initialized=True
+            ),
+        )

@@ -1,0 +1,120 @@
+"""The manager's decisions, with robots that keep to the standard, and with messages, robots and the manager failing."""
+
+from pathlib import Path
+
+import pytest
+from chefbot_fleet.roadmap import Roadmap
+from chefbot_fleet.store import Correction, Stage
+from chefbot_vda5050.messages import ConnectionState
+from fleet_robots import StandardRobot
+from fleet_world import VICTIMS, World, small_roadmap
+
+
+@pytest.fixture
+def roadmap() -> Roadmap:
+    """The corridor."""
+    return small_roadmap()
+
+
+@pytest.fixture
+def world(roadmap: Roadmap, tmp_path: Path) -> World:
+    """Two robots."""
+    return World(roadmap, tmp_path / "fleet.db")
+
+
+def test_every_order_is_picked_and_dropped_once(world: World) -> None:
+    """Six orders for two robots that meet in the corridor."""
+    world.give(6)
+    world.run(600.0)
+    assert {order.stage for order in world.fleet.orders.values()} == {Stage.DONE}
+    assert world.work() == sorted(f"o{k}-{stage}" for k in range(6) for stage in (0, 1))
+    assert all(not robot.refused for robot in world.robots.values())
+
+
+def test_a_third_of_all_messages_may_be_lost(world: World) -> None:
+    """The work is the same; a robot that gets something twice does it once."""
+    world.loss = 0.33
+    world.give(4)
+    world.run(1500.0)
+    assert {order.stage for order in world.fleet.orders.values()} == {Stage.DONE}
+    assert world.work() == sorted(f"o{k}-{stage}" for k in range(4) for stage in (0, 1))
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("victim", VICTIMS)
+def test_killed_at_a_random_moment_and_nothing_is_lost_or_doubled(
+    roadmap: Roadmap, tmp_path: Path, victim: str, seed: int
+) -> None:
+    """Manager, broker or a robot: every order is done, and no load is fetched or brought by two."""
+    world = World(roadmap, tmp_path / "fleet.db", seed=seed)
+    world.give(4)
+    world.kill_and_go_on(victim)
+    assert world.lost() == 0
+    assert world.done_by_two() == 0
+    assert world.repeated() <= (1 if victim == "robot" else 0)
+
+
+def test_an_order_sent_twice_is_one_order(world: World) -> None:
+    """Another one of the same name, an unknown place and a way to nowhere are refused."""
+    first = world.fleet.add_order("a", "counter", "table", 0.0)
+    assert world.fleet.add_order("a", "counter", "table", 5.0) is first
+    with pytest.raises(ValueError, match="is there already, from 'counter' to 'table'"):
+        world.fleet.add_order("a", "table", "counter", 0.0)
+    with pytest.raises(ValueError, match="no place 'kitchen'; there are: counter, table"):
+        world.fleet.add_order("b", "kitchen", "table", 0.0)
+    with pytest.raises(ValueError, match="two different places"):
+        world.fleet.add_order("b", "table", "table", 0.0)
+
+
+def test_a_silent_robot_keeps_its_place_until_somebody_removes_it(world: World) -> None:
+    """Its order goes to the other one then; a robot that is there cannot be removed."""
+    world.fleet.add_order("a", "counter", "table", 0.0)
+    for _ in range(6):
+        world.step()
+    (name,) = [order.robot for order in world.fleet.orders.values()]
+    assert name is not None
+    with pytest.raises(ValueError, match="switch it off first"):
+        world.fleet.remove_robot(name)
+    del world.robots[name]
+    for _ in range(60):
+        world.step()
+    assert world.fleet.traffic.robots[name].lost_s is not None
+    assert world.fleet.orders["a"].robot == name
+    world.fleet.remove_robot(name)
+    world.run(200.0)
+    assert world.fleet.orders["a"].stage is Stage.DONE
+    assert world.fleet.orders["a"].robot != name
+
+
+def test_what_connection_says_counts_at_once(world: World) -> None:
+    """And a state says that the robot is there again."""
+    world.step()
+    world.fleet.on_connection("r0", ConnectionState.BROKEN, world.now_s)
+    assert world.fleet.traffic.robots["r0"].lost_s is not None
+    world.step()
+    assert world.fleet.traffic.robots["r0"].lost_s is None
+
+
+def test_a_robot_far_from_every_node_is_not_taken_and_the_reason_is_kept(world: World) -> None:
+    """Nor is one more than there are homes."""
+    stranger = StandardRobot("far", world.roadmap, 0)
+    stranger.point = (10.0, 10.0)
+    world.fleet.on_state("far", stranger.state(), 1.0)
+    assert world.fleet.ignored == {"far": "it is not within 1.0 m of a node"}
+    assert "far" not in world.fleet.vehicles
+
+
+def test_corrections_by_hand_are_kept_and_used(world: World) -> None:
+    """Without edge 1-2 nobody gets through; a correction that makes no sense changes nothing."""
+    world.step()
+    world.fleet.correct(Correction("remove edge", 1, 2), world.now_s)
+    world.fleet.add_order("a", "counter", "table", world.now_s)
+    world.run(60.0)
+    assert world.fleet.orders["a"].stage is Stage.WAITING
+    with pytest.raises(ValueError, match="no edge between 1 and 2"):
+        world.fleet.correct(Correction("remove edge", 1, 2), world.now_s)
+    world.kill_manager()
+    assert len(world.fleet.roadmap.edges) == len(world.roadmap.edges) - 1
+    world.fleet.correct(Correction("add edge", 1, 2), world.now_s)
+    world.run(100.0)
+    assert world.fleet.orders["a"].stage is Stage.DONE
