@@ -27,7 +27,7 @@ unexport PYTHONDONTWRITEBYTECODE
 JOBS ?= $(shell expr $$(nproc 2>/dev/null || echo 1) + 1)
 PARALLEL := -n $(JOBS) --dist loadgroup
 
-.PHONY: addons-test addons-tools firmware firmware-test docs run serve waiter map calibrate test examples-test test-loaded test-all coverage check audit lock newest lint format client wheel deb wheel-test bench fuzz soak faults clean help
+.PHONY: addons-test addons-tools fleet firmware firmware-test docs run serve waiter map calibrate test examples-test test-loaded test-all coverage check audit lock newest lint format client wheel deb wheel-test bench fuzz soak faults clean help
 
 help:  ## List the targets
 	@echo "make TARGET, one of:"
@@ -41,6 +41,10 @@ serve: $(VENV)/ready  ## Have a simulated ChefBot serve three tables in a flat, 
 
 waiter: $(VENV)/ready  ## Have a simulated ChefBot take orders on its page, and serve them in a flat
 	$(BIN)/python -m examples.waiter
+
+fleet: $(VENV)/ready build/constraints.txt  ## Have a manager drive six simulated robots through an office over MQTT, and kill what can be killed
+	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable addons/chefbot-vda5050 --editable addons/chefbot-fleet
+	$(BIN)/python -m chefbot_fleet.demo
 
 map: $(VENV)/ready  ## Have a simulated ChefBot with a lidar map a flat of six rooms, and write the map to build/map
 	$(BIN)/chefbotctl map demo --out build/map

@@ -37,7 +37,7 @@ AT_NODE_M = 1.0
 """A robot that is new, or has lost its order, must be so near a node."""
 
 
-DEVIATION_M = 0.3
+DEVIATION_M = 0.1
 """So near a node a robot has passed it."""
 
 
