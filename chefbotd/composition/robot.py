@@ -21,12 +21,14 @@ from chefbotd.features.odometry.service import OdometryService, odometry
 from chefbotd.features.sensors.service import SensorService, sensors
 from chefbotd.features.statistics.service import StatsService, statistics
 from chefbotd.features.tuning.service import TuningService, tuning
+from chefbotd.link.counting import Counting
 from chefbotd.link.port import FirmwareMode
 from chefbotd.link.session import BoardSession
 from chefbotd.link.wheel_loop import WheelLoop, WheelLoopParameters, wheel_loop_parameters
 from chefbotd.link.wires import variant_of
 from chefbotd.metrics import Metrics
 from chefbotd.motion.drive import Drive
+from chefbotd.motion.encoder import CountedBy
 from chefbotd.motion.limit_preview import LimitPreview
 from chefbotd.motion.pid import PidParameters
 from chefbotd.rpc.control_leases import ControlLeases
@@ -39,6 +41,8 @@ log = structlog.get_logger(component="app")
 def board_session(context: Context) -> BoardSession:
     """The session with the board, in the variant of the wire that it speaks."""
     settings = context.settings
+    encoders = settings.encoders
+    counting = Counting(encoders.counts_per_turn, encoders.counted_by is CountedBy.FIRMWARE)
     return BoardSession(
         context.bus,
         context.clock,
@@ -49,6 +53,7 @@ def board_session(context: Context) -> BoardSession:
         board_buffer_bytes=settings.link.board_buffer_bytes,
         negotiates=settings.link.firmware is FirmwareMode.AUTO,
         deadman_ms=settings.link.deadman_ms,
+        counting=counting,
     )
 
 

@@ -27,6 +27,7 @@ class Condition(StrEnum):
     WRONG_DEVICE = "wrong_device"
     ECHO_STUCK = "echo_stuck"
     NOT_NEGOTIATED = "not_negotiated"
+    COUNTS_DIFFER = "counts_differ"
 
 
 class Heard(Record, frozen=True):

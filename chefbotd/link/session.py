@@ -22,6 +22,7 @@ from chefbotd.core.record import Record
 from chefbotd.entries import entries_of
 from chefbotd.link.board_reader import BoardReader, BoardReaderState
 from chefbotd.link.board_writer import FIRST_STOPS, BoardWriter, LineRing, Port, WriterState
+from chefbotd.link.counting import Counting
 from chefbotd.link.firmware import BoardFirmware, FirmwareState
 from chefbotd.link.health import Condition, LinkHealth, LinkMonitor, LinkMonitorState
 from chefbotd.link.restarts import Restarts, RestartsState
@@ -56,7 +57,8 @@ class BoardSession(asyncio.Protocol):
     """An asyncio protocol that lives across reconnections and keeps its counters.
 
     Events go to the bus as they are read. The board's clock is followed across reconnections too: a board that went
-    on counting while its cable was out is told from one that restarted.
+    on counting while its cable was out is told from one that restarted. A board that counts otherwise than ``counting``
+    says gets no motion.
     """
 
     def __init__(
@@ -71,6 +73,7 @@ class BoardSession(asyncio.Protocol):
         board_buffer_bytes: int = 63,
         negotiates: bool = True,
         deadman_ms: int = 250,
+        counting: Counting | None = None,
     ) -> None:
         clock = entries_of(clock)
         self._bus, self._clock, self._device = bus, clock, device
@@ -105,6 +108,8 @@ class BoardSession(asyncio.Protocol):
         self._closed = asyncio.Event()
         self._closed.set()
         self.monitor = LinkMonitor(self._decoder, health_after_s=health_after_s)
+        self._counting = counting
+        self._kind_held = None if counting is None else not counting.by_firmware
         self.is_open = False  # whether a port is connected
         self.opens = 0
 
@@ -210,6 +215,8 @@ class BoardSession(asyncio.Protocol):
             )
 
     def _complaint(self, now_s: float) -> LinkHealth | None:
+        if self._counting is not None and self.firmware.now.is_known is self._kind_held:
+            return LinkHealth(Condition.COUNTS_DIFFER, self._counting.difference)
         if echo := self._window.complaint(now_s):
             return LinkHealth(Condition.ECHO_STUCK, echo)
         if unanswered := self.firmware.now.complaint:
@@ -233,7 +240,7 @@ class BoardSession(asyncio.Protocol):
     def send_duty(self, duty: tuple[int, ...]) -> None:
         """Put a motor command on the wire, replacing one that still waits; without a link it is dropped."""
         if self.is_open:
-            if self.restarts.holds_motion:
+            if self.restarts.holds_motion or self.firmware.now.is_known is self._kind_held:
                 duty = self._still
             if self.firmware.loop.now.is_ready:
                 duty = self.firmware.loop.command(duty)
@@ -248,7 +255,7 @@ class BoardSession(asyncio.Protocol):
         """The largest duty of each wheel while the board accepts no larger one; None: no such limit."""
         if not self.is_open:
             return None
-        if self.restarts.holds_motion:
+        if self.restarts.holds_motion or self.firmware.now.is_known is self._kind_held:
             return self._still
         ceiling = self.setpoints.ceiling(now_s)
         if ceiling is not None and self.firmware.loop.now.is_ready:

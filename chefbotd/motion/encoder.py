@@ -8,6 +8,7 @@ it.
 
 import math
 from collections.abc import Sequence
+from enum import StrEnum
 from itertools import pairwise
 from operator import add, mul
 
@@ -15,6 +16,13 @@ from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
 from chefbotd.core.record import Record, replace
+
+
+class CountedBy(StrEnum):
+    """Whose counts ``counts_per_turn`` has: a published sketch's, or our own firmware's, which counts all four edges."""
+
+    SKETCH = "sketch"
+    FIRMWARE = "firmware"
 
 
 class EncoderParameters(Parameters):
@@ -27,6 +35,7 @@ class EncoderParameters(Parameters):
     """
 
     counts_per_turn: float = Field(gt=0, le=1e9)
+    counted_by: CountedBy = CountedBy.SKETCH
     width_bits: int = Field(default=32, ge=8, le=64)
     max_speed_rad_s: float = Field(gt=0, le=1e4)
     tolerance_counts: int = Field(default=4, ge=0, le=1000)

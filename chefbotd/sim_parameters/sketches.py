@@ -43,7 +43,8 @@ class SketchName(StrEnum):
     EMULATED = "emulated"
 
 
-OTHERS = (SketchName.KHAN, SketchName.CHEFBOT, SketchName.EMULATED)
+OWN_FIRMWARE = (SketchName.CHEFBOT, SketchName.EMULATED)
+OTHERS = (SketchName.KHAN, *OWN_FIRMWARE)
 PUBLISHED_SKETCHES = tuple(name for name in SketchName if name not in OTHERS)
 CHEFBOT_SKETCHES = (*PUBLISHED_SKETCHES, SketchName.CHEFBOT)
 """What ChefBot's board may run: a published sketch, or our own firmware."""

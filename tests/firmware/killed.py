@@ -98,9 +98,10 @@ def driving(board: Board) -> Iterator[tuple[int, int]]:
     """A daemon that drives the board: the numbers of its process and of its guard's, which are killed at the end."""
     port = rig.free_port()
     words = ["--config", str(packaged("chefbot")), "--port", board.device, "--listen", f"127.0.0.1:{port}"]
-    patience = [f"{name}={value}" for name, value in BUSY_COMPUTER.items()]
+    keys = {**BUSY_COMPUTER, "CHEFBOTD_ENCODERS__COUNTED_BY": "firmware"}
+    environment = [f"{name}={value}" for name, value in keys.items()]
     with (
-        rig.running(["env", *patience, *PROGRAM, "run", *words], port) as daemon,
+        rig.running(["env", *environment, *PROGRAM, "run", *words], port) as daemon,
         rig.connect(daemon, STARTS_WITHIN_S) as caller,
     ):
         guard = _guard_of(daemon.process.pid)

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 from chefbotd.process.simulated_robot import true_of
 from chefbotd.settings import Settings, load, packaged
-from chefbotd.sim_parameters.sketches import CHEFBOT_SKETCHES, SketchName
+from chefbotd.sim_parameters.sketches import CHEFBOT_SKETCHES, OWN_FIRMWARE, SketchName
 
 CYCLE_S, ECHO_S = 0.05, 0.025
 """Of the slowest published sketch, ChefBot's default: its cycle, and the echo of 4 m that it waits for."""
@@ -65,4 +65,6 @@ def settings_of(robot: str, overrides: Mapping[str, object]) -> Settings:
     """Its configuration, with these changes."""
     sketch = sketch_of(robot)
     runs = {"sim.board.sketch": sketch} if sketch else {}
+    if sketch in OWN_FIRMWARE:
+        runs["encoders.counted_by"] = "firmware"
     return load(packaged(packaged_name(robot)), overrides={**AS_BUILT, **runs, **overrides})

@@ -21,6 +21,10 @@ if TYPE_CHECKING:
 
 YES = "yes"
 BOARD_NAMES = ("tiva", "duemilanove")
+COUNTS = (
+    "It counts all four edges of the encoders: in the robot's configuration set [encoders] counts_per_turn to four "
+    'times the sketch\'s, and counted_by = "firmware". chefbotd does not drive before.'
+)
 
 
 @click.command()
@@ -82,6 +86,8 @@ def flash(
     heard = procedure.hear(port, is_ours=bool(image.version))
     _check_heard(image, heard, go_back)
     tell(_as_sentence(heard))
+    if image.version:
+        tell(COUNTS)
     tell(go_back)
     _print_json(context, board, port, programmer, image, kept=kept, heard=heard)
 

@@ -85,6 +85,7 @@ EXITS = (
 )
 CYCLE_HZ = click.FloatRange(0.1, 1000.0)
 SKETCHES = click.Choice(["tiva", "tiva_bare", "duemilanove", "tiva_second", "chefbot", "emulated"])
+OWN_FIRMWARE = ("chefbot", "emulated")
 SKETCH = "Which sketch the simulated board runs, instead of the configured one; chefbot: our own firmware."
 WHICH_PHYSICS = "What moves the simulated robot, instead of what is configured; mujoco is an extra."
 FILE_OR_ROBOT = "The robot's TOML file, or the name of a packaged one; ChefBot by default."
@@ -141,6 +142,7 @@ def run(
     overrides = _given(
         {
             "sim.board.sketch": sketch,
+            "encoders.counted_by": _counted_by(sketch),
             "sim.physics": physics,
             "link.device": device,
             "api.host": where and where.host,
@@ -167,6 +169,13 @@ def run(
             settings, simulated=simulated, load=partial(load, path, overrides=overrides), config_file=path
         )
     )
+
+
+def _counted_by(sketch: str | None) -> str | None:
+    """A simulated board counts as is configured, and the daemon asks whose counts that are."""
+    if sketch is None:
+        return None
+    return "firmware" if sketch in OWN_FIRMWARE else "sketch"
 
 
 def _check_simulated(simulated: bool, device: str | None, sketch: str | None, physics: str | None) -> None:

@@ -6,8 +6,10 @@ from itertools import pairwise
 
 import pytest
 
+from chefbotd.bus import Inbox
 from chefbotd.clock import LoopClock
 from chefbotd.core import events
+from chefbotd.link.counting import Counting
 from chefbotd.link.port import LinkParameters
 from chefbotd.link.session import BoardSession
 from firmware_protocol.checked import seal, unseal
@@ -507,3 +509,66 @@ def test_a_flood_of_states_is_answered_by_one_stop_in_a_tenth_of_a_second():
         assert board.written().count(b"estop") == 1
 
     on_own_board(scenario)
+
+
+def conditions(bench: Bench, health: Inbox[events.LinkHealthChanged]) -> list[tuple[str, str]]:
+    """What is judged of the link since the last call, and why."""
+    bench.session.judge_health()
+    judged = [health.take_event() for _ in range(len(health))]
+    return [(event.condition, event.reason) for event in judged]
+
+
+def test_our_firmware_gets_no_motion_while_a_sketchs_counts_are_configured():
+    """It counts four times 4200: from its name on, duties are stops, the ceiling is 0, and the link says what to set."""
+
+    async def scenario(bench: Bench) -> None:
+        board = OwnBoard(bench)
+        health = bench.bus.subscribe(events.LinkHealthChanged)
+        bench.session.send_duty((60, 61))
+        assert board.written()[-1] == b"s 60 61"
+        await board.agree()
+        await board.cycles(100)
+        board.written()
+        bench.session.send_duty((50, 51))
+        assert board.written() == [b"s 0 0"]
+        assert bench.session.duty_ceiling(0.0) == (0, 0)
+        ((condition, reason),) = conditions(bench, health)
+        assert condition == "counts_differ"
+        assert "they are 16800: put that into the configuration, as counted by the firmware" in reason
+
+    on_bench(scenario, counting=Counting(4200.0, by_firmware=False))
+
+
+def test_a_sketch_gets_no_motion_while_our_firmwares_counts_are_configured():
+    """It would be driven four times as fast: all duties are stops, and the link says what to set."""
+
+    async def scenario(bench: Bench) -> None:
+        health = bench.bus.subscribe(events.LinkHealthChanged)
+        for number in range(120):
+            await asyncio.sleep(0.02)
+            bench.device.feed(cycle(number))
+            bench.session.send_duty((50, 51))
+        assert set(bytes(bench.device.written).split(b"\r")[:-1]) == {b"s 0 0"}
+        assert bench.session.duty_ceiling(0.0) == (0, 0)
+        ((condition, reason),) = conditions(bench, health)
+        assert condition == "counts_differ"
+        assert "they are 4200: put that into the configuration, as counted by the sketch" in reason
+
+    on_bench(scenario, counting=Counting(16_800.0, by_firmware=True))
+
+
+@pytest.mark.parametrize("by_firmware", [True, False])
+def test_a_board_that_counts_as_is_configured_drives(by_firmware: bool):
+    """Our firmware from its name on, in either mode; a sketch at once."""
+
+    async def scenario(bench: Bench) -> None:
+        board = OwnBoard(bench)
+        if by_firmware:
+            bench.session.send_duty((50, 51))
+            assert board.written()[-1] == b"s 0 0"
+            bench.device.feed(NAMED)
+        bench.session.send_duty((50, 51))
+        assert board.written()[-1] == b"s 50 51"
+        assert bench.session.duty_ceiling(0.0) is None
+
+    on_bench(scenario, counting=Counting(4200.0, by_firmware=by_firmware))

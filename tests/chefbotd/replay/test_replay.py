@@ -95,7 +95,7 @@ def test_a_drive_is_replayed_bit_for_bit() -> None:
 @pytest.mark.slow
 def test_a_drive_with_our_own_firmware_is_replayed_bit_for_bit() -> None:
     """The same with a board that agrees on the checked mode, restarts, is lost, and agrees on it again."""
-    settings = load(overrides={"sim.board.sketch": "chefbot"})
+    settings = load(overrides={"sim.board.sketch": "chefbot", "encoders.counted_by": "firmware"})
     events = recorded(eventful, settings)
     outcome = replayed(events, settings)
     assert outcome.problems == []

@@ -41,6 +41,8 @@ EVERY_S = 0.37
 ODD: Any = object()
 
 NO_STATE = {
+    "BoardSession._counting": "of the configuration",
+    "BoardSession._kind_held": "of the configuration",
     "BoardSession._closed": "who opens the port waits for it, and a replay opens none",
     "BoardSession.is_open": "the port is opened again before",
     "BoardWriter._port": "the port",
@@ -212,7 +214,10 @@ ROBOTS: dict[str, tuple[str, dict[str, object]]] = {
         "khan",
         {"robot.wire": "khan_edges", "sim.world.start_x_m": 1.2, "sim.world.start_y_m": 0.8},
     ),
-    "our own firmware": ("chefbot", {"sim.board.sketch": "chefbot"}),
+    "our own firmware": (
+        "chefbot",
+        {"sim.board.sketch": "chefbot", "encoders.counted_by": "firmware"},
+    ),
     "a lidar": ("chefbot_lidar", {}),
     "a lidar that is asked": (
         "chefbot_lidar",
