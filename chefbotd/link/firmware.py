@@ -15,6 +15,15 @@ from chefbotd.core.record import MutableState
 from chefbotd.entries import entries_of
 from chefbotd.link.board_clock import BoardClock
 from chefbotd.link.board_writer import BoardWriter
+from chefbotd.link.firmware_names import (
+    BOARDS,
+    CAPABILITIES,
+    LATCHED_STOPS,
+    REFUSALS,
+    RESET_CAUSES,
+    STOPS,
+    names,
+)
 from chefbotd.link.send_window import SendWindow
 from chefbotd.link.wheel_loop import CAPABILITY, WheelLoop
 from chefbotd.logs import RateLimitedLog
@@ -51,28 +60,6 @@ SMOOTHING = 0.1
 ESTOP = b"estop\r"
 HELLO_BYTES = len(b"hello 1 2000 255*29B1\r")
 PARAMETER_BYTES = len(b"g 0 65535 255*29B1\r")
-
-BOARDS = {1: "atmega328p", 2: "tm4c123", 3: "lm3s6965", 4: "host"}
-CAPABILITIES = {1: "wheel_loop", 2: "ultrasonic", 4: "imu", 8: "battery", 16: "motor_current"}
-RESET_CAUSES = {
-    1: "power_on",
-    2: "reset_pin",
-    3: "brown_out",
-    4: "watchdog",
-    5: "command",
-    6: "hung_main_loop",
-}
-STOPS = {1: "dead_man", 2: "estop", 4: "stall"}
-LATCHED_STOPS = 2 | 4
-REFUSALS = {
-    1: "unknown word",
-    2: "wrong number of fields",
-    3: "a number is out of range",
-    4: "the board is stopped",
-    5: "the wheel loop is not set up",
-    6: "wrong number of the e-stop",
-    7: "unknown protocol",
-}
 
 NO_ANSWER = (
     f"the board's firmware did not answer {MOST_HELLOS} hellos: it does not stop by itself now; "
@@ -361,10 +348,10 @@ class BoardFirmware:
             mode="checked" if now.is_checked else "classic",
             version="" if named is None else f"{named.major}.{named.minor}",
             board="" if named is None else BOARDS.get(named.board, str(named.board)),
-            capabilities=_names(CAPABILITIES, 0 if named is None else named.capabilities),
+            capabilities=names(CAPABILITIES, 0 if named is None else named.capabilities),
             deadman_ms=None if now.answer is None or not now.is_checked else now.answer.deadman_ms,
             reset_cause=RESET_CAUSES.get(cause, ""),
-            stops=_names(STOPS, 0 if board is None else board.stops),
+            stops=names(STOPS, 0 if board is None else board.stops),
             stopped_itself=self._has_stopped_itself(now_s),
             crc_errors=0 if counters is None else counters.crc,
             refused=0 if counters is None else counters.refused,
@@ -383,7 +370,3 @@ class BoardFirmware:
         now = self.now
         latched = now.board is not None and bool(now.board.stops & LATCHED_STOPS)
         return latched and now.armed and now_s >= now.arming_until_s
-
-
-def _names(table: dict[int, str], flags: int) -> tuple[str, ...]:
-    return tuple([name for flag, name in table.items() if flags & flag])
