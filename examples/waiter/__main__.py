@@ -8,9 +8,12 @@ import argparse
 import asyncio
 import shutil
 import subprocess
+import sys
 import tempfile
-from collections.abc import Callable
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager
 from functools import partial
+from importlib.util import find_spec
 from pathlib import Path
 
 from chefbotd.cli.common.echo import echo
@@ -31,6 +34,22 @@ def aloud(text: str) -> None:
     program = shutil.which("espeak-ng")
     if program is not None:
         subprocess.Popen([program, "--", text], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)  # noqa: S603 - no shell
+
+
+@asynccontextmanager
+async def voice(host: str, port: int) -> AsyncIterator[Callable[[str], None]]:
+    """What says a sentence: chefbot-speech, which says aloud what any agent says, where that is installed."""
+    if find_spec("chefbot_speech") is None:
+        yield aloud
+        return
+    words = (sys.executable, "-m", "chefbot_speech.main", "--connect", f"{host}:{port}")
+    program = await asyncio.create_subprocess_exec(*words)
+    try:
+        yield echo
+    finally:
+        if program.returncode is None:
+            program.terminate()
+        await program.wait()
 
 
 def told_once(tell: Callable[[str], None]) -> Callable[[str], None]:
@@ -76,7 +95,8 @@ async def in_the_flat(folder: Path, page_port: int) -> None:
             await prepare(robot)
         echo(f"Order at http://127.0.0.1:{page_port}/ (Ctrl-C ends all of it).")
         connect = partial(Client.connect, where.host, where.port, name="waiter")
-        await Waiter(Notebook(folder / "orders.json"), aloud).run(connect)
+        async with voice(where.host, where.port) as speak:
+            await Waiter(Notebook(folder / "orders.json"), speak).run(connect)
 
 
 def main() -> None:
@@ -99,7 +119,8 @@ def main() -> None:
             host, _, port = options.connect.rpartition(":")
             words = options.token_file.read_text().split() if options.token_file else [None]
             connect = partial(Client.connect, host, int(port), token=words[-1], name="waiter")
-            asyncio.run(Waiter(Notebook(options.orders), aloud).run(connect))
+            speak = aloud if find_spec("chefbot_speech") is None else echo
+            asyncio.run(Waiter(Notebook(options.orders), speak).run(connect))
     except KeyboardInterrupt:
         echo("The waiter goes.")
 

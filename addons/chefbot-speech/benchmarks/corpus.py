@@ -19,12 +19,8 @@ class Corpus:
 
 TUNING: Final = Corpus(
     voices=(
-        "flite:kal16",
-        "flite:awb",
-        "espeak:en-us",
-        "espeak:en-gb",
-        "espeak:en-us+f2",
-        "espeak:en-gb+m5",
+        *("flite:kal16", "flite:awb", "espeak:en-us", "espeak:en-gb", "espeak:en-us+f2", "espeak:en-gb+m5"),
+        *("espeak:en-us+m3", "espeak:en-gb-scotland", "espeak:en-gb-x-rp+f3"),
     ),
     phrases=(
         ("go to table one", "go table one"),
@@ -100,12 +96,14 @@ TUNING: Final = Corpus(
 )
 HELD_OUT: Final = Corpus(
     voices=(
-        "flite:rms",
-        "flite:slt",
-        "espeak:en-gb-scotland",
-        "espeak:en-gb-x-rp+f3",
-        "espeak:en-us+m3",
-        "espeak:en-gb-x-gbcwmd+f5",
+        *(
+            "flite:rms",
+            "flite:slt",
+            "espeak:en-us+f4",
+            "espeak:en-us+m7",
+            "espeak:en-gb+f1",
+            "espeak:en-029+m4",
+        ),
     ),
     phrases=(
         ("drive to table one", "go table one"),

@@ -114,7 +114,7 @@ def measure(corpus: Corpus, snr_db: float | None, folder: Path, recognizer: Pock
     count = Count()
     for seed, (voice, text, wanted) in enumerate(said(corpus)):
         heard = recognizer.recognize(in_room(synthesized(voice, text, folder), snr_db, seed), GRAMMAR)
-        got = name_of(VOCABULARY.meaning(heard.text) if heard.is_certain else None)
+        got = name_of(VOCABULARY.understood(heard))
         if wanted:
             count.phrases += 1
             count.right += got == digits(wanted)
@@ -136,7 +136,7 @@ def people(recognizer: PocketSphinx) -> Count:
                 continue
             heard = recognizer.recognize(piece, GRAMMAR)
             count.others += 1
-            count.taken += heard.is_certain and VOCABULARY.meaning(heard.text) is not None
+            count.taken += VOCABULARY.understood(heard) is not None
     return count
 
 

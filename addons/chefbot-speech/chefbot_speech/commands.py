@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from enum import StrEnum
 from typing import Final, Self
 
+from chefbot_speech.recognition import Heard
 from chefbotd.client.models import PlaceData
 
 KINDS: Final = ("table", "dock", "home")
@@ -128,6 +129,12 @@ class Vocabulary:
             if said.startswith(f"{verb} ") and (place := self.goals.get(said.removeprefix(f"{verb} "))):
                 return Command(Action.GO, place)
         return None
+
+    def understood(self, heard: Heard) -> Command | None:
+        """What was said; None: it is not certain, or a rival means something else."""
+        command = self.meaning(heard.text) if heard.is_certain else None
+        others = {self.meaning(rival) for rival in heard.rivals} - {command, None}
+        return None if others else command
 
     def grammar(self, *, confirming: bool) -> str:
         """In JSGF (JSpeech Grammar Format, W3C note of 2000). Yes and no are in it only where the robot has asked."""

@@ -3,6 +3,8 @@
 import asyncio
 import importlib
 import multiprocessing
+import os
+import threading
 from concurrent.futures import ProcessPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from typing import Final
@@ -18,8 +20,17 @@ NOTHING: Final = Heard("", -1.0)
 _recognizer: Recognizer
 
 
+def _end_with_parent() -> None:
+    """A program that was killed leaves nobody who listens for it."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        parent.join()
+        os._exit(0)
+
+
 def _begin(path: str) -> None:
     global _recognizer
+    threading.Thread(target=_end_with_parent, daemon=True).start()
     module, _, name = path.partition(":")
     _recognizer = getattr(importlib.import_module(module), name)()
 

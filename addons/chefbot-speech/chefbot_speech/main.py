@@ -1,7 +1,9 @@
 """``chefbot-speech``: says aloud what agents say, and serves the page with the button to talk."""
 
 import asyncio
+import contextlib
 import shutil
+import signal
 import ssl
 from collections.abc import Awaitable, Callable
 from functools import partial
@@ -96,12 +98,15 @@ def main(
         name="speech",
     )
     with_token = partial(connect, token=token)
-    asyncio.run(_run(connect, with_token, host, port, options))
+    with contextlib.suppress(asyncio.CancelledError):  # ended by a signal
+        asyncio.run(_run(connect, with_token, host, port, options))
 
 
 async def _run(
     connect: Callable[..., Any], with_token: Callable[..., Any], host: str, port: int, options: dict[str, Any]
 ) -> None:
+    if (running := asyncio.current_task()) is not None:
+        asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, running.cancel)
     ear = Ear(options["recognizer"])
     speaker = Speaker(voice_of(options["voice"], options["language"]), player())
     agent = SpeechAgent(with_token, speaker, ear)

@@ -21,11 +21,13 @@ Samples = NDArray[np.int16]
 class Heard:
     """The words that fit best, and how well: below 0 they are more likely something else.
 
-    ``text`` is empty where nothing in the grammar fits.
+    ``text`` is empty where nothing in the grammar fits. ``rivals`` are other phrases of the grammar that fit nearly as
+    well: where one of them means something else, it is not certain which was said.
     """
 
     text: str
     margin: float
+    rivals: tuple[str, ...] = ()
 
     @property
     def is_certain(self) -> bool:

@@ -4,6 +4,7 @@ The phrase of the grammar that fits best is compared with the phones that fit be
 that is none of the phrases fits its own phones much better.
 """
 
+import itertools
 import math
 import re
 from dataclasses import dataclass
@@ -39,8 +40,13 @@ DITHER: Final = 30.0
 LEAST_LOG: Final = -700.0
 """Where a score is too small for a double."""
 
+HYPOTHESIS_SCALE: Final = 1024.0
+MOST_HYPOTHESES: Final = 300
+LEAST_LEAD: Final = 100.0
+"""By how much a phrase has to fit better than one of another meaning: natural logarithm of the whole."""
+
 MOST_BEHIND: Final = 2.3
-MOST_BEHIND_IN_WORD: Final = 5.0
+MOST_BEHIND_IN_WORD: Final = 4.8
 """How much worse than the phone loop a phrase may fit, and each word of it: natural logarithms, per frame of 10 ms."""
 
 
@@ -91,11 +97,25 @@ class PocketSphinx:
         if len(sound) < LEAST_S * RATE_HZ:
             return Heard("", -1.0)
         phrase = self._decode("phrases", sound)
+        rivals = self._rivals() if phrase else ()
         fit = compare(phrase, self._decode("phones", sound)) if phrase else None
         if fit is None:
             return Heard("", -1.0)
         margin = min(MOST_BEHIND - fit.mean, MOST_BEHIND_IN_WORD - fit.worst)
-        return Heard(" ".join(word.text for word in phrase), margin)
+        return Heard(" ".join(word.text for word in phrase), margin, rivals)
+
+    def _rivals(self) -> tuple[str, ...]:
+        """Other phrases of the last decoding whose whole score is not far below the best one's."""
+        best = -math.inf
+        rivals: dict[str, None] = {}
+        for hypothesis in itertools.islice(self._decoder.nbest(), MOST_HYPOTHESES):
+            if hypothesis is None:
+                break
+            score = HYPOTHESIS_SCALE * _log(hypothesis.score)
+            best = max(best, score)
+            if score > best - LEAST_LEAD:
+                rivals[re.sub(r"\(\d+\)", "", hypothesis.hypstr)] = None
+        return tuple(rivals)
 
     def _decode(self, search: str, sound: Samples) -> list[Word]:
         """The words, or the phones, without silence."""

@@ -116,7 +116,7 @@ class PageTalker:
             heard = await self._recognize(
                 resampled(samples, self._rate_hz), vocabulary.grammar(confirming=confirming)
             )
-            command = vocabulary.meaning(heard.text) if heard.is_certain else None
+            command = vocabulary.understood(heard)
             log.info("heard", text=heard.text, margin=round(heard.margin, 2), understood=command is not None)
         now_s = asyncio.get_running_loop().time()
         await self._do(dialogue.hear(self._dialogue, command, now_s, self._countdown_s))

@@ -2,6 +2,7 @@
 
 import pytest
 from chefbot_speech.commands import Action, Command, Vocabulary, spoken
+from chefbot_speech.recognition import Heard
 
 from chefbotd.client.models import PlaceData
 
@@ -96,3 +97,20 @@ def test_yes_is_in_the_grammar_only_where_the_robot_has_asked() -> None:
     assert "yes" not in words[False]
     assert "yes" in words[True]
     assert all("table twelve" in grammar and "hall" not in grammar for grammar in words.values())
+
+
+@pytest.mark.parametrize(
+    ("heard", "understood"),
+    [
+        (Heard("go to table one", 0.1), Command(Action.GO, "Table 1")),
+        (Heard("go to table one", -0.1), None),
+        (Heard("go to table one", 1.0, ("go to table twelve",)), None),
+        (Heard("go to table one", 1.0, ("come to table one", "go to")), Command(Action.GO, "Table 1")),
+        (Heard("stop", 1.0, ("go home",)), None),
+    ],
+)
+def test_what_is_unlikely_or_has_a_rival_of_another_meaning_is_not_understood(
+    heard: Heard, understood: Command | None
+) -> None:
+    """A rival that means the same, or nothing, is none."""
+    assert RESTAURANT.understood(heard) == understood

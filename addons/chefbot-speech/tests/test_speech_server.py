@@ -1,0 +1,142 @@
+"""Who is served, and who may talk."""
+
+import asyncio
+from collections.abc import AsyncIterator, Awaitable, Callable
+from contextlib import asynccontextmanager
+from typing import Any
+
+import aiohttp
+import pytest
+from chefbot_speech.main import admit
+from chefbot_speech.server import PageServer, Send, Talker
+
+from chefbotd.client import CallError
+
+
+class FakeTalker:
+    """Remembers what it was told."""
+
+    def __init__(self) -> None:
+        self.told: list[Any] = []
+        self.left = asyncio.Event()
+
+    async def begin(self) -> None:
+        """Nothing is shown."""
+
+    async def take(self, message: dict[str, Any]) -> None:
+        """Remember it."""
+        self.told.append(message)
+
+    def add_sound(self, data: bytes) -> None:
+        """Remember it."""
+        self.told.append(data)
+
+    async def leave(self) -> None:
+        """Remember it."""
+        self.left.set()
+
+
+class FakeDaemon:
+    """Knows two tokens and their roles."""
+
+    ROLES = {"orders": "guest", "waits": "agent"}
+
+    @asynccontextmanager
+    async def connect(self, token: str | None) -> AsyncIterator["FakeDaemon"]:
+        """A wrong token is refused here, as the client does it."""
+        if token is not None and token not in self.ROLES:
+            raise CallError(-32021, "wrong_token", "this token opens nothing")
+        yield self
+
+    async def call(self, method: str, token: str) -> dict[str, str]:
+        """``authenticate``."""
+        if token not in self.ROLES:
+            raise CallError(-32020, "unauthenticated", "this daemon requires a token")
+        return {"role": self.ROLES[token]}
+
+
+Scenario = Callable[[aiohttp.ClientSession, str, FakeTalker], Awaitable[None]]
+
+
+def served(scenario: Scenario) -> None:
+    """Run a scenario before the server."""
+
+    async def run() -> None:
+        talker = FakeTalker()
+
+        def make(send: Send) -> Talker:
+            return talker
+
+        listening: asyncio.Future[str] = asyncio.get_running_loop().create_future()
+        server = PageServer(admit(FakeDaemon().connect, make))
+        task = asyncio.create_task(server.run("127.0.0.1", 0, listening.set_result))
+        async with aiohttp.ClientSession() as session, asyncio.timeout(30.0):
+            await scenario(session, await listening, talker)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    asyncio.run(run())
+
+
+def test_the_page_allows_its_own_files_alone() -> None:
+    """By the headers of the daemon's page; nothing else is there."""
+
+    async def scenario(session: aiohttp.ClientSession, url: str, talker: FakeTalker) -> None:
+        for path in ("", "talk.js", "microphone.js", "style.css"):
+            async with session.get(url + path) as answer:
+                assert answer.status == 200
+                assert "default-src 'none'; script-src 'self'" in answer.headers["Content-Security-Policy"]
+        async with session.get(f"{url}../main.py") as answer:
+            assert answer.status == 404
+
+    served(scenario)
+
+
+@pytest.mark.parametrize(
+    ("headers", "status"), [({"Host": "evil.example"}, 421), ({"Origin": "http://evil.example"}, 403)]
+)
+def test_another_site_may_not_talk(headers: dict[str, str], status: int) -> None:
+    """Neither under a name of its own, nor from a page of its own."""
+
+    async def scenario(session: aiohttp.ClientSession, url: str, talker: FakeTalker) -> None:
+        with pytest.raises(aiohttp.WSServerHandshakeError) as refused:
+            await session.ws_connect(f"{url}socket", headers=headers)
+        assert refused.value.status == status
+
+    served(scenario)
+
+
+@pytest.mark.parametrize(
+    ("token", "why"),
+    [
+        (None, "show a token"),
+        ("wrong", "this token opens nothing"),
+        ("orders", "the role guest may not send the robot anywhere"),
+    ],
+)
+def test_who_may_not_send_the_robot_anywhere_may_not_talk(token: str | None, why: str) -> None:
+    """With the reason; nothing that follows is listened to."""
+
+    async def scenario(session: aiohttp.ClientSession, url: str, talker: FakeTalker) -> None:
+        async with session.ws_connect(f"{url}socket") as page:
+            await page.send_json({"token": token})
+            await page.send_json({"event": "press"})
+            assert await page.receive_json() == {"refused": why}
+            assert (await page.receive()).type is aiohttp.WSMsgType.CLOSE
+        assert talker.told == []
+
+    served(scenario)
+
+
+def test_a_token_of_an_agent_opens_the_page() -> None:
+    """What is pressed and said arrives in order; a closed page leaves."""
+
+    async def scenario(session: aiohttp.ClientSession, url: str, talker: FakeTalker) -> None:
+        async with session.ws_connect(f"{url}socket") as page:
+            await page.send_json({"token": "waits"})
+            await page.send_json({"event": "press"})
+            await page.send_bytes(b"sound")
+        await talker.left.wait()
+        assert talker.told == [{"event": "press"}, b"sound"]
+
+    served(scenario)
