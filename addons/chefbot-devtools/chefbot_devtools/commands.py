@@ -1,13 +1,14 @@
 """The commands that chefbotctl has where this package is installed: ``shell`` and ``sweep``."""
 
 import json
+from importlib.util import find_spec
 from pathlib import Path
 
 import click
 
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import echo
-from chefbotd.cli.common.exits import Exit, ProgramError, extra
+from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.client import Client
 
 
@@ -110,8 +111,7 @@ def sweep(
     if dask is None:
         outcomes = run_local(listed, jobs, quiet=context.as_json)
     else:
-        with extra("dask", "distributed", "dask"):
-            import distributed  # noqa: F401 - missing, it is said before anything is begun
+        _require_dask()
         outcomes = run_on_dask(listed, dask, quiet=context.as_json)
     if picture is not None:
         from chefbot_devtools.plot import draw
@@ -123,3 +123,10 @@ def sweep(
         print_table(outcomes)
     if missed := [outcome for outcome in outcomes if outcome.end != "done"]:
         raise ProgramError(Exit.NOT_DONE, f"{len(missed)} of {len(outcomes)} runs: {summary(missed)}")
+
+
+def _require_dask() -> None:
+    """Raises ProgramError where it is not installed."""
+    if find_spec("distributed") is None:
+        advice = "pip install './addons/chefbot-devtools[dask]' in a checkout of chefbotd"
+        raise ProgramError(Exit.NOT_INSTALLED, f"--dask needs the package distributed: {advice}")

@@ -130,6 +130,14 @@ def test_what_cannot_be_begun_is_said_first(
     assert said in result.stderr
 
 
+def test_without_dask_it_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The exit code is that of what is not installed, and nothing is run."""
+    monkeypatch.setattr("chefbot_devtools.commands.find_spec", lambda name: None)
+    result = sweep(__file__, "--dask", "tcp://127.0.0.1:9")
+    assert result.exit_code == 7
+    assert "pip install './addons/chefbot-devtools[dask]'" in result.stderr
+
+
 def test_a_file_that_is_no_python_is_said(tmp_path: Path) -> None:
     """With its line."""
     path = tmp_path / "bad.py"
