@@ -16,6 +16,7 @@ from functools import partial
 from importlib.util import find_spec
 from pathlib import Path
 
+from chefbotd.cli.common.context import run_until_signalled
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.drive.simulated_daemon import simulated_daemon, until_worker_ready
 from chefbotd.client import Client
@@ -114,13 +115,13 @@ def main() -> None:
     try:
         if options.connect is None:
             with tempfile.TemporaryDirectory(prefix="chefbot-waiter-") as folder:
-                asyncio.run(in_the_flat(Path(folder), options.page_port))
+                run_until_signalled(in_the_flat(Path(folder), options.page_port))
         else:
             host, _, port = options.connect.rpartition(":")
             words = options.token_file.read_text().split() if options.token_file else [None]
             connect = partial(Client.connect, host, int(port), token=words[-1], name="waiter")
             speak = aloud if find_spec("chefbot_speech") is None else echo
-            asyncio.run(Waiter(Notebook(options.orders), speak).run(connect))
+            run_until_signalled(Waiter(Notebook(options.orders), speak).run(connect))
     except KeyboardInterrupt:
         echo("The waiter goes.")
 
