@@ -77,19 +77,11 @@ examples-test: $(VENV)/ready build/constraints.txt  ## Install what two of the e
 firmware:  ## Build the board's firmware for this computer, the boards and the emulators (apt: see firmware/README.md)
 	$(MAKE) -C firmware
 
-# The tests of the firmware are to fail, not to skip, where a compiler or an emulator is missing.
 # Distributions of their own beside the daemon: installed into the same environment, with what is locked.
+ADDONS := ros2[rosbridge,test] devtools[test] vda5050[test] fleet[test] speech[test]
 addons-test: $(VENV)/ready build/constraints.txt build/ros-venv/ready build/roslib/ready  ## Install the add-ons, and run their tests
-	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable 'addons/chefbot-ros2[rosbridge,test]'
-	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable 'addons/chefbot-devtools[test]'
-	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable 'addons/chefbot-vda5050[test]'
-	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable 'addons/chefbot-fleet[test]'
-	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable 'addons/chefbot-speech[test]'
-	$(BIN)/mypy --package chefbot_ros2
-	$(BIN)/mypy --package chefbot_devtools
-	$(BIN)/mypy --package chefbot_speech
-	$(BIN)/mypy --package chefbot_vda5050
-	$(BIN)/mypy --package chefbot_fleet
+	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation $(foreach addon,$(ADDONS),--editable 'addons/chefbot-$(addon)')
+	$(BIN)/mypy $(foreach addon,$(ADDONS),--package chefbot_$(firstword $(subst [, ,$(addon))))
 	$(BIN)/pytest -q -m "not slow" addons
 
 # ROS 2 brings 300 MB and a numpy of its own choice: an environment apart from the daemon's, as a user has it too.
@@ -111,10 +103,11 @@ build/roslib/ready: $(ROS2)/tests/roslib/package.json
 
 # What the add-ons' tests drive and are judged by, from Debian's packages and npm.
 addons-tools:  ## Install what the tests of the add-ons need: a broker, another maker's fleet manager, voices, a browser
-	command -v mosquitto >/dev/null || test -x /usr/sbin/mosquitto || { apt-get -o DPkg::Lock::Timeout=300 install -y --no-install-recommends mosquitto && service mosquitto stop; }
-	DEBIAN_FRONTEND=noninteractive apt-get -o DPkg::Lock::Timeout=300 install -y -qq --no-install-recommends espeak-ng flite alsa-utils chromium
+	apt-get -o DPkg::Lock::Timeout=300 update -qq
+	DEBIAN_FRONTEND=noninteractive RUNLEVEL=1 apt-get -o DPkg::Lock::Timeout=300 install -y -qq --no-install-recommends mosquitto espeak-ng flite alsa-utils chromium
 	npm install --silent --no-save --prefix build/addons-tools vda-5050-lib@1.4.0
 
+# The tests of the firmware are to fail, not to skip, where a compiler or an emulator is missing.
 firmware-test: $(VENV)/ready firmware  ## Build and check the firmware, and run its tests; nothing is left out
 	$(MAKE) -C firmware check images-check
 	FIRMWARE_TESTS=required $(BIN)/pytest -q $(PARALLEL) tests/firmware

@@ -4,10 +4,10 @@ The simulated one runs faster than real time. ``chefbotctl sweep`` runs the same
 """
 
 import argparse
-import asyncio
 from collections.abc import Awaitable, Callable, Mapping
 from typing import Any
 
+from chefbotd.cli.common.context import run_until_signalled
 from chefbotd.cli.common.echo import echo
 from chefbotd.client import Client
 
@@ -29,7 +29,7 @@ def run(main: Program, simulated: Simulated) -> None:
             echo(run_simulated(main, simulated, options.seed))
         else:
             host, _, port = options.connect.rpartition(":")
-            echo(asyncio.run(_run_connected(main, host, int(port))))
+            echo(run_until_signalled(_run_connected(main, host, int(port))))
     except KeyboardInterrupt:
         echo("Ended: the robot brakes.")
 

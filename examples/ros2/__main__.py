@@ -6,6 +6,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
+from chefbotd.cli.common.context import run_until_signalled
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.drive.simulated_daemon import simulated_daemon, until_worker_ready
 from chefbotd.client import Client
@@ -56,6 +57,6 @@ async def main() -> None:
 
 if __name__ == "__main__":
     try:
-        asyncio.run(main())
+        run_until_signalled(main())
     except KeyboardInterrupt:
         echo("The robot goes.")
