@@ -107,6 +107,8 @@ class Manager:
                 self.fleet.on_state(name, decode(data, State), time.time())
         except MalformedMessage as error:
             self.fleet.ignored[name] = f"its {kind} is malformed: {error}"
+        except ValueError as error:  # what one robot says must not end the others' manager
+            log.warning("a message does not fit what is known of its robot", robot=name, why=str(error))
 
     async def _tick(self) -> None:
         while True:

@@ -55,11 +55,14 @@ class RobotName(Struct, frozen=True):
 
 
 def parse_topic(topic: str) -> tuple[RobotName, Kind] | None:
-    """Whose topic this is, and which; None: it is none of this interface."""
+    """Whose topic this is, and which; None: it is none of this interface, or no robot can have that name."""
     levels = topic.split("/")
     if len(levels) < 5 or levels[-1] not in set(Kind):
         return None
-    name = RobotName(levels[-3], levels[-2], "/".join(levels[:-4]), levels[-4])
+    try:
+        name = RobotName(levels[-3], levels[-2], "/".join(levels[:-4]), levels[-4])
+    except ValueError:
+        return None
     return name, Kind(levels[-1])
 
 

@@ -80,6 +80,8 @@ def test_topics_are_written_and_read_back() -> None:
     assert parse_topic(name.topic(Kind.STATE)) == (name, Kind.STATE)
     assert parse_topic("uagv/v2/a/b/other") is None
     assert parse_topic("state") is None
+    for odd in ("uagv/v2//x/state", "uagv/v2/chefbot/r$1/connection", "//a/b/state"):
+        assert parse_topic(odd) is None
 
 
 @pytest.mark.parametrize("serial", ["", "a/b", "#", "a+b", "$SYS", "a\n"])
