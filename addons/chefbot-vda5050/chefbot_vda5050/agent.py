@@ -71,6 +71,7 @@ class Agent:
         self._messages: asyncio.Queue[tuple[Kind, bytes, bool]] = asyncio.Queue(MOST_WAITING)
         self._fresh: dict[Kind, Freshness] = {}
         self._changed = asyncio.Event()
+        self._was_armed = True
         self._reported: object = None
         self._tasks: set[asyncio.Task[None]] = set()
         self._running: dict[str, asyncio.Task[None]] = {}
@@ -272,7 +273,10 @@ class Agent:
     # what is reported
 
     def _take_facts(self) -> None:
-        """Report what has changed of the robot, and count a node that it drives over."""
+        """Report what has changed of the robot, count a node that it drives over, and pause when it is disarmed."""
+        was_armed, self._was_armed = self._was_armed, self._robot.facts.armed
+        if was_armed and not self._was_armed:
+            self._apply(order.robot_disarmed(self.vehicle))
         facts, node = self._robot.facts, self.vehicle.passed_node()
         if node is not None and node.node_position is not None:
             near_m = node.node_position.allowed_deviation_xy or self._limits.passing_tolerance_m

@@ -34,16 +34,22 @@ STANDING_WITHIN_S: Final = 5.0
 POSE_HZ, SPEED_HZ, BATTERY_HZ = 10.0, 10.0, 0.2
 GO_ON_BUTTON: Final = "Go on with the fleet's order"
 
-BY_PEOPLE: Final = frozenset({"asked", "replaced", "stopped", "control_lost"})
-"""Causes of a goal's end that somebody at the robot wanted."""
+BY_PEOPLE: Final = frozenset({"asked", "replaced", "stopped", "control_lost", "not_armed"})
+"""Causes of a goal's end that somebody at the robot wanted, or after which somebody has to look after it."""
+
+STOPPED: Final = frozenset({"disarmed", "estopped", "stopped"})
+"""Kinds of a goal's refusal of which the same is true."""
 
 HINTS: Final = {
     "blocked": "Clear the way; the robot tries again by itself.",
     "unreachable": "Open the way on the robot's map, or cancel the order.",
     "lost": "Tell the robot where it is: initPosition, or on its page.",
-    "fault": "Look after the robot, then arm it; it goes on by itself.",
+    "fault": "Look after the robot, then arm it.",
     "cancelled": "Send stopPause, or press 'Go on' on the robot's page.",
 }
+AFTER_STOP: Final = (
+    "Look after the robot and arm it, then send stopPause, or press 'Go on' on the robot's page."
+)
 OTHERWISE: Final = "Look after the robot; it tries again by itself."
 
 Connect = Callable[[], AbstractAsyncContextManager[Client]]
@@ -143,8 +149,12 @@ class ChefBot:
         except asyncio.CancelledError:
             raise DriveFailed("it was given up") from None
         except GoalNotReached as ended:
-            hint = HINTS.get(ended.end, OTHERWISE)
+            hint = AFTER_STOP if ended.cause == "not_armed" else HINTS.get(ended.end, OTHERWISE)
             raise DriveFailed(ended.reason, hint, by_people=ended.cause in BY_PEOPLE) from ended
+        except CallError as refused:
+            is_stopped = refused.kind in STOPPED
+            hint = AFTER_STOP if is_stopped else OTHERWISE
+            raise DriveFailed(refused.message, hint, by_people=is_stopped) from refused
         except (ChefbotError, OSError) as error:
             raise DriveFailed(str(error), OTHERWISE) from error
 

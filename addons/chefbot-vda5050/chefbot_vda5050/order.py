@@ -123,6 +123,11 @@ def drive_failed(
     return replace(vehicle, driving_to=None, errors=(*others, error), paused=paused), ()
 
 
+def robot_disarmed(vehicle: Vehicle) -> Step:
+    """Somebody or a fault has stopped the robot for good: its order waits, also where no drive was under way."""
+    return replace(vehicle, paused=vehicle.paused or vehicle.phase is Phase.ACTIVE), ()
+
+
 def stopped(vehicle: Vehicle) -> Step:
     """The robot stands after ``Stop``."""
     return proceed(replace(vehicle, stopping=False))

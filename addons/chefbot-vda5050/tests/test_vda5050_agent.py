@@ -7,7 +7,7 @@ from typing import Any
 import pytest
 from chefbot_vda5050.agent import RETRY_S, STATE_EVERY_S
 from chefbot_vda5050.freshness import Freshness, judge_age
-from chefbot_vda5050.messages import Factsheet, Level, State, decode, encode
+from chefbot_vda5050.messages import EStop, Factsheet, Level, State, decode, encode
 from chefbot_vda5050.robot import DriveFailed
 from chefbot_vda5050.topics import Kind, timestamp_of
 from chefbot_vda5050.vehicle import Facts
@@ -177,6 +177,24 @@ def test_who_stops_the_robot_at_its_page_pauses_it_and_lets_it_go_on() -> None:
         assert now.robot.driven == []
         now.robot.go_on()
         await now.until(lambda state: state.last_node_id == "n1" and is_idle(state) and not state.errors)
+
+    with_fleet(scenario)
+
+
+def test_an_emergency_stop_between_two_drives_pauses_the_order_too() -> None:
+    """Pressed and armed again while the robot waits at a node, it drives on when somebody lets it."""
+
+    async def scenario(now: Fleet) -> None:
+        await now.order(line(0, 1, actions={0: (action("wait", "w", "HARD", duration=5),)}))
+        await now.until(lambda state: status(state, "w") == "RUNNING")
+        now.robot.set(armed=False, e_stop=EStop.MANUAL)
+        now.robot.set(armed=True, e_stop=EStop.NONE)
+        await now.until(lambda state: status(state, "w") == "FINISHED")
+        await asyncio.sleep(10 * RETRY_S)
+        assert now.states()[-1].paused
+        assert now.robot.driven == []
+        now.robot.go_on()
+        await now.until(lambda state: state.last_node_id == "n1" and is_idle(state) and not state.paused)
 
     with_fleet(scenario)
 

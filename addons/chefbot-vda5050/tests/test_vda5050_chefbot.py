@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from chefbot_vda5050.chefbot import ChefBot
-from chefbot_vda5050.messages import EStop, Node, NodePosition, OperatingMode, Order
+from chefbot_vda5050.messages import EStop, Node, NodePosition, OperatingMode, Order, State
 from chefbot_vda5050.service import limits
 from chefbot_vda5050.vehicle import Facts
 from msgspec.structs import replace
@@ -115,7 +115,7 @@ def test_a_wall_is_no_node_and_an_order_on_its_way_can_be_cancelled(tmp_path: Pa
     async def scenario(now: RealFleet, simulated: SimulatedRobot) -> None:
         await now.order(order_from(START, (-50.0, -50.0)))
         state = await now.until(lambda state: bool(state.errors))
-        assert [one.error_type for one in state.errors] == ["noRouteError"]
+        assert error_types(state) == ["noRouteError"]
         await now.order(order_from(START, END), order_id="o2")
         await now.until(lambda state: state.driving)
         await now.act("cancelOrder", "c")
@@ -137,20 +137,45 @@ def test_a_stop_at_the_robot_pauses_the_order_until_somebody_lets_it_go_on(tmp_p
     async def scenario(now: RealFleet, simulated: SimulatedRobot) -> None:
         await now.order(order_from(START, END))
         await now.until(lambda state: state.driving)
-        await simulated.client.stop()
-        await now.until(lambda state: bool(state.paused) and not state.driving)
         await simulated.client.estop("a person")
         state = await now.until(lambda state: state.safety_state.e_stop is EStop.MANUAL)
-        assert "emergencyStop" in [one.error_type for one in state.errors]
-        await simulated.client.arm()
-        await asyncio.sleep(10.0)
-        state = await now.until(lambda state: not state.driving)
-        assert state.paused
-        buttons = (await simulated.client.get_state()).topics["agents"].data.buttons
-        await simulated.client.press_button(buttons[0].button_id)
-        await now.until(lambda state: state.last_node_id == "n1" and is_idle(state), within_s=60.0)
+        assert "emergencyStop" in error_types(state)
+        await arming_alone_moves_nothing(now, simulated)
 
     in_flat(scenario, tmp_path)
+
+
+@pytest.mark.slow
+def test_an_order_that_came_to_a_robot_that_was_stopped_waits_for_a_person_too(tmp_path: Path) -> None:
+    """Its goal is refused; armed again the robot stands until the button is pressed."""
+
+    async def scenario(now: RealFleet, simulated: SimulatedRobot) -> None:
+        await simulated.client.estop("a person")
+        await now.until(lambda state: "emergencyStop" in error_types(state))
+        await now.order(order_from(START, END))
+        await now.until(lambda state: "driveError" in error_types(state))
+        await arming_alone_moves_nothing(now, simulated)
+
+    in_flat(scenario, tmp_path)
+
+
+async def arming_alone_moves_nothing(now: RealFleet, simulated: SimulatedRobot) -> None:
+    """Armed, the robot stands for 10 s with its order paused; the button on the page has it drive to ``n1``."""
+    await now.until(lambda state: not state.driving)
+    await simulated.client.arm()
+    here = simulated.board.truth(simulated.now_s()).world_from_base
+    await asyncio.sleep(10.0)
+    there = simulated.board.truth(simulated.now_s()).world_from_base
+    assert (there.x_m, there.y_m) == pytest.approx((here.x_m, here.y_m), abs=0.005)
+    assert now.states()[-1].paused
+    buttons = (await simulated.client.get_state()).topics["agents"].data.buttons
+    await simulated.client.press_button(buttons[0].button_id)
+    await now.until(lambda state: state.last_node_id == "n1" and is_idle(state), within_s=60.0)
+
+
+def error_types(state: State) -> list[str]:
+    """Of a state's errors."""
+    return [one.error_type for one in state.errors]
 
 
 def test_without_its_daemon_the_robot_says_so_and_connects_again() -> None:
