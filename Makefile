@@ -52,14 +52,14 @@ map: $(VENV)/ready  ## Have a simulated ChefBot with a lidar map a flat of six r
 calibrate: $(VENV)/ready  ## Have a simulated ChefBot that is wrong in everything calibrate itself (SEED=1)
 	$(BIN)/chefbotctl calibrate --sim $(SEED) --out build/calibration
 
-# For every change: no long scenario, few examples, each scenario on one robot.
+# For every change: no long scenario, few examples, each scenario on one robot. `make firmware-test` has tests/firmware.
 test: $(VENV)/ready  ## Run the tests that belong to every change, on all cores (JOBS=0: one process)
-	@echo "About 6300 tests; about two minutes on two cores, three the first time."
-	$(BIN)/pytest -q $(PARALLEL) -m "not slow"
+	@echo "About 6600 tests; about two minutes on two cores, three the first time."
+	$(BIN)/pytest -q $(PARALLEL) -m "not slow" --ignore tests/firmware
 
 # No test may depend on the computer's speed: here each has a sixth of it and less.
 test-loaded: $(VENV)/ready  ## Run the same with six busy loops beside, and name who fails (RUNS=5)
-	$(BIN)/python tests/flaky.py loaded $(RUNS) $(BIN)/pytest -q $(PARALLEL) -m "not slow"
+	$(BIN)/python tests/flaky.py loaded $(RUNS) $(BIN)/pytest -q $(PARALLEL) -m "not slow" --ignore tests/firmware
 
 # Everything, as `make check` and .ci/run try it.
 test-all: $(VENV)/ready  ## Run every test, with all examples and long scenarios
