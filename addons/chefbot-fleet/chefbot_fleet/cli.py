@@ -1,21 +1,24 @@
-"""``chefbot-fleet run MAP.yaml BROKER``: the manager of many robots."""
+"""``chefbot-fleet run MAP.yaml PLACES.yaml BROKER``: the manager of many robots."""
 
 import asyncio
 import contextlib
 import math
 import secrets
+import ssl
 import time
 from pathlib import Path
+from typing import Any
 
 import click
 import yaml
-from chefbot_vda5050.broker import BrokerParameters
+from chefbot_vda5050.cli import broker_of, broker_options
 
 from chefbot_fleet.fleet import Fleet, FleetParameters
 from chefbot_fleet.lanes import LaneParameters, find_lanes
 from chefbot_fleet.routes import Pace
 from chefbot_fleet.store import Store
 from chefbotd.mapping.map_server import parse_description, parse_image
+from chefbotd.rpc.parameters import is_loopback
 
 PATH = click.Path(exists=True, dir_okay=False, path_type=Path)
 
@@ -28,7 +31,7 @@ def main() -> None:
 @main.command()
 @click.argument("map_file", metavar="MAP.yaml", type=PATH)
 @click.argument("places_file", metavar="PLACES.yaml", type=PATH)
-@click.argument("broker", metavar="BROKER[:PORT]")
+@broker_options
 @click.option("--database", type=click.Path(path_type=Path), default=Path("fleet.db"), show_default=True)
 @click.option("--map-id", help="as the robots call the map  [default: the file's name]")
 @click.option("--robots", default=6, show_default=True, help="so many homes are chosen")
@@ -37,36 +40,58 @@ def main() -> None:
 @click.option("--speed-m-s", default=0.3, show_default=True)
 @click.option("--lost-after-s", default=45.0, show_default=True, help="without a state")
 @click.option("--lease-s", default=math.inf, help="a vanished robot's place is freed after  [default: never]")
-@click.option("--interface", default="uagv", show_default=True, help="first level of all topics")
-@click.option("--major", default="v2", show_default=True, help="second level of all topics")
-@click.option("--user", help="for the broker")
-@click.option("--password-file", type=PATH)
-@click.option("--host", default="127.0.0.1", show_default=True, help="of the page")
-@click.option("--port", default=7340, show_default=True)
+@click.option("--host", default="127.0.0.1", show_default=True, help="where the page listens")
+@click.option("--port", default=7340, show_default=True, help="where the page listens")
+@click.option("--host-name", "names", multiple=True, help="a name of this computer, beside its addresses")
+@click.option("--page-certificate", type=PATH, help="the page's, with its key: needed beyond this computer")
 @click.option("--token-file", type=PATH, help="the token for commands  [default: a new one is printed]")
-def run(map_file: Path, places_file: Path, broker: str, **options: object) -> None:
+def run(
+    map_file: Path,
+    places_file: Path,
+    host: str,
+    port: int,
+    names: tuple[str, ...],
+    page_certificate: Path | None,
+    token_file: Path | None,
+    **options: Any,
+) -> None:
     """Drive all robots on BROKER over the lanes of a map. PLACES.yaml names positions: ``table: [1.5, 2]``."""
-    token_file = options["token_file"]
-    token = token_file.read_text().strip() if isinstance(token_file, Path) else secrets.token_urlsafe(16)
-    if token_file is None:
-        click.echo(f"token for commands: {token}")
+    if not is_loopback(host) and page_certificate is None:
+        raise click.UsageError("beyond this computer the page needs --page-certificate: its token is secret")
+    token = _token(token_file)
     fleet = _fleet(map_file, places_file, options)
-    host, _, port = broker.partition(":")
-    password_file = options["password_file"]
-    password = password_file.read_text().strip() if isinstance(password_file, Path) else None
-    user = str(options["user"]) if options["user"] else None
-    parameters = BrokerParameters(host, int(port or 1883), user, password)
 
     from chefbot_fleet.manager import Manager
+    from chefbot_fleet.web import FleetPage
 
     manager = Manager(
-        fleet, parameters, interface=str(options["interface"]), major_version=str(options["major"])
+        fleet, broker_of(options), interface=options["interface"], major_version=options["major"]
     )
+    page = FleetPage(fleet, token, time.time, names)
     with contextlib.suppress(KeyboardInterrupt):
-        asyncio.run(manager.run(str(options["host"]), int(str(options["port"])), token))
+        asyncio.run(manager.run(page, host, port, _tls(page_certificate)))
 
 
-def _fleet(map_file: Path, places_file: Path, options: dict[str, object]) -> Fleet:
+def _token(path: Path | None) -> str:
+    if path is None:
+        token = secrets.token_urlsafe(16)
+        click.echo(f"token for commands: {token}")
+        return token
+    token = path.read_text().strip()
+    if not token:
+        raise click.UsageError(f"{path} is empty: expected a token")
+    return token
+
+
+def _tls(certificate: Path | None) -> ssl.SSLContext | None:
+    if certificate is None:
+        return None
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    context.load_cert_chain(certificate)
+    return context
+
+
+def _fleet(map_file: Path, places_file: Path, options: dict[str, Any]) -> Fleet:
     def number(name: str) -> float:
         return float(str(options[name]))
 

@@ -1,6 +1,7 @@
 """The manager's process: MQTT, the clock and the page around the fleet's decisions."""
 
 import asyncio
+import ssl
 import time
 from typing import Final
 
@@ -43,12 +44,12 @@ class Manager:
         self._client: aiomqtt.Client | None = None
         self._headers: dict[str, Headers] = {}
 
-    async def run(self, host: str, port: int, token: str) -> None:
-        """Until cancelled."""
-        runner = web.AppRunner(FleetPage(self.fleet, token, time.time).application(), access_log=None)
+    async def run(self, page: FleetPage, host: str, port: int, tls: ssl.SSLContext | None = None) -> None:
+        """Until cancelled; the page listens there."""
+        runner = web.AppRunner(page.application(), access_log=None)
         await runner.setup()
         try:
-            await web.TCPSite(runner, host, port).start()
+            await web.TCPSite(runner, host, port, ssl_context=tls).start()
             log.info("serving the page", host=host, port=port)
             async with asyncio.TaskGroup() as tasks:
                 tasks.create_task(self._stay_connected())

@@ -1,7 +1,8 @@
 """The page, its requests, and Prometheus. Reading is free to whoever reaches the port; commands need the token."""
 
 import hmac
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Collection
+from http import HTTPStatus
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ from prometheus_client import CollectorRegistry, Gauge, generate_latest
 from chefbot_fleet.fleet import Fleet
 from chefbot_fleet.store import Correction, Stage
 from chefbot_fleet.view import fleet_view, roadmap_view
+from chefbotd.transport.web.origin import is_own_host
 
 PAGE = Path(__file__).parent / "page"
 FILES = {"/": "index.html", "/page.js": "page.js", "/page.css": "page.css"}
@@ -41,10 +43,18 @@ class Removed(Struct, forbid_unknown_fields=True):
 
 
 class FleetPage:
-    """The requests that the manager answers."""
+    """The requests that the manager answers; ``names`` are host names of this computer, beside its addresses.
 
-    def __init__(self, fleet: Fleet, token: str, clock: Callable[[], float]) -> None:
-        self._fleet, self._token, self._clock = fleet, token, clock
+    Raises:
+        ValueError: the token is empty.
+    """
+
+    def __init__(
+        self, fleet: Fleet, token: str, clock: Callable[[], float], names: Collection[str] = ()
+    ) -> None:
+        if not token:
+            raise ValueError("expected a token for commands, got an empty one")
+        self._fleet, self._token, self._clock, self._names = fleet, token, clock, names
 
     def application(self) -> web.Application:
         """The server's routes."""
@@ -61,7 +71,10 @@ class FleetPage:
 
     @web.middleware
     async def _guard(self, request: web.Request, handler: Handler) -> web.StreamResponse:
-        """The token of a command; what cannot be done is an answer with a sentence."""
+        """This computer's name, and the token of a command; what cannot be done is an answer with a sentence."""
+        if not is_own_host(request.headers.get("Host", ""), self._names):
+            why = {"error": "this name is not the manager's: see --host-name"}
+            return web.json_response(why, status=HTTPStatus.MISDIRECTED_REQUEST, headers=HEADERS)
         if request.method not in ("GET", "HEAD"):
             given = request.headers.get("Authorization", "").removeprefix("Bearer ")
             if not hmac.compare_digest(given.encode(), self._token.encode()):

@@ -3,13 +3,19 @@
 import random
 from pathlib import Path
 
+import numpy as np
 from chefbot_fleet.fleet import Fleet, FleetParameters
 from chefbot_fleet.roadmap import Roadmap
 from chefbot_fleet.routes import Pace
 from chefbot_fleet.store import Stage, Store
 from fleet_robots import StandardRobot
 
+from chefbotd.core.geometry import Pose2D
+from chefbotd.mapping.map_server import to_description, to_image
+from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+
 HOMES = (0, 4, 5)
+PLACES = {"counter": (1.0, 2.4), "table": (8.5, 2.4)}
 VICTIMS = ("manager", "broker", "robot")
 
 
@@ -25,6 +31,17 @@ def small_roadmap() -> Roadmap:
     points = ((0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 0.0), (4.0, 0.0), (2.0, 1.0), (1.0, 1.0), (3.0, 1.0))
     edges = ((0, 1), (1, 2), (2, 3), (3, 4), (2, 5), (1, 6), (3, 7))
     return Roadmap(points, edges, 0.6, {"counter": 6, "table": 7})
+
+
+def write_map(folder: Path) -> None:
+    """A hall of 9.8 by 3 m, and the places."""
+    cells = np.full((68, 200), OCCUPIED, np.int8)
+    cells[2:-2, 2:-2] = FREE
+    grid = OccupancyGrid(0.05, Pose2D(), cells)
+    (folder / "map.pgm").write_bytes(to_image(grid))
+    (folder / "map.yaml").write_text(to_description(grid, "map.pgm"))
+    lines = [f"{name}: [{x}, {y}]" for name, (x, y) in PLACES.items()]
+    (folder / "places.yaml").write_text("\n".join(lines))
 
 
 class World:

@@ -14,18 +14,13 @@ from collections.abc import AsyncIterator, Callable
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
-
-from chefbotd.core.geometry import Pose2D
-from chefbotd.mapping.map_server import to_description, to_image
-from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from fleet_world import write_map
 
 sdk = pytest.importorskip("vda5050.client.agv.client")
 
 PATH = f"{os.environ.get('PATH', '')}:/usr/sbin"
 TOKEN = "a token for tests"
-PLACES = {"counter": (1.0, 2.4), "table": (8.5, 2.4)}
 
 
 def free_port() -> int:
@@ -116,17 +111,6 @@ class OthersRobot:
         while True:
             await asyncio.sleep(0.3)
             await self.client.publish_state()
-
-
-def write_map(folder: Path) -> None:
-    """A hall of 9.8 by 3 m, and the places."""
-    cells = np.full((68, 200), OCCUPIED, np.int8)
-    cells[2:-2, 2:-2] = FREE
-    grid = OccupancyGrid(0.05, Pose2D(), cells)
-    (folder / "map.pgm").write_bytes(to_image(grid))
-    (folder / "map.yaml").write_text(to_description(grid, "map.pgm"))
-    lines = [f"{name}: [{x}, {y}]" for name, (x, y) in PLACES.items()]
-    (folder / "places.yaml").write_text("\n".join(lines))
 
 
 class Requests:

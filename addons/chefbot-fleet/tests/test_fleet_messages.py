@@ -11,6 +11,7 @@ from chefbot_fleet.fleet import Fleet, FleetParameters
 from chefbot_fleet.manager import Manager
 from chefbot_fleet.routes import Pace
 from chefbot_fleet.store import Store
+from chefbot_fleet.web import FleetPage
 from chefbot_vda5050.broker import BrokerParameters
 from chefbot_vda5050.messages import State, encode
 from fleet_robots import StandardRobot
@@ -83,9 +84,8 @@ def test_odd_topics_and_what_does_not_fit_end_neither_the_manager_nor_its_connec
         fleet = ContradictedFleet(
             roadmap, HOMES, Store(tmp_path / "fleet.db"), Pace(0.5, 0.0), FleetParameters("map"), 0.0
         )
-        running = asyncio.create_task(
-            Manager(fleet, BrokerParameters()).run("127.0.0.1", 0, "a token for tests")
-        )
+        page = FleetPage(fleet, "a token for tests", lambda: 0.0)
+        running = asyncio.create_task(Manager(fleet, BrokerParameters()).run(page, "127.0.0.1", 0))
         through = asyncio.create_task(listed.is_through.wait())
         async with asyncio.timeout(PATIENCE_S):
             await asyncio.wait({running, through}, return_when=asyncio.FIRST_COMPLETED)

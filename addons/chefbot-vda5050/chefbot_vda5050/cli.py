@@ -33,19 +33,23 @@ def broker_options(command: Any) -> Any:
     for option in reversed(
         (
             click.argument("broker", metavar="BROKER[:PORT]"),
-            click.argument("serial"),
-            click.option("--manufacturer", default="chefbot", show_default=True),
             click.option("--interface", default="uagv", show_default=True, help="first level of all topics"),
             click.option("--major", default="v2", show_default=True, help="second level of all topics"),
             click.option("--user", help="for the broker"),
             click.option("--password-file", type=PATH, help="a file with the password"),
             click.option("--tls/--no-tls", default=False, help="encrypted, by the system's authorities"),
             click.option("--cafile", type=PATH, help="encrypted, by this authority"),
-            click.option("--certificate", type=PATH, help="the robot's own, with its key"),
+            click.option("--certificate", type=PATH, help="to show to the broker, with its key"),
         )
     ):
         command = option(command)
     return command
+
+
+def robot_options(command: Any) -> Any:
+    """Which robot is meant."""
+    manufacturer = click.option("--manufacturer", default="chefbot", show_default=True)
+    return click.argument("serial")(manufacturer(command))
 
 
 def broker_of(options: dict[str, Any]) -> Any:
@@ -72,6 +76,7 @@ def name_of(options: dict[str, Any]) -> RobotName:
 
 @main.command()
 @broker_options
+@robot_options
 @click.option("--daemon", default="127.0.0.1:7333", show_default=True, help="the robot's command socket")
 @click.option("--token-file", type=PATH, help="a file with a token of the role agent")
 @click.option("--robot-config", type=PATH, help="the robot's TOML file, for its factsheet and its limits")
@@ -120,6 +125,7 @@ def run(
 
 @main.command()
 @broker_options
+@robot_options
 @click.option(
     "--move", "metres", type=click.FloatRange(0.4, 10.0), help="let it drive so far forwards and back"
 )

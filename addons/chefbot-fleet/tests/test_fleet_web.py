@@ -1,0 +1,168 @@
+"""Who may ask the manager's page for what, and how the program guards it and the broker's connection."""
+
+import asyncio
+import ssl
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import pytest
+import trustme
+from aiohttp.test_utils import TestClient, TestServer
+from chefbot_fleet.cli import main
+from chefbot_fleet.fleet import Fleet, FleetParameters
+from chefbot_fleet.manager import Manager
+from chefbot_fleet.routes import Pace
+from chefbot_fleet.store import Store
+from chefbot_fleet.web import FleetPage
+from chefbot_vda5050.broker import BrokerParameters
+from click.testing import CliRunner, Result
+from fleet_world import HOMES, small_roadmap, write_map
+
+TOKEN = "a token for tests"
+ORDER = {"id": "a", "pick": "counter", "drop": "table"}
+
+
+@pytest.fixture
+def fleet(tmp_path: Path) -> Fleet:
+    """Without robots."""
+    store = Store(tmp_path / "orders.db")
+    return Fleet(small_roadmap(), HOMES, store, Pace(0.5, 0.0), FleetParameters("map"), 0.0)
+
+
+class Started:
+    """What the program would have run: the connection, and where the page would listen."""
+
+    def __init__(self) -> None:
+        self.broker: BrokerParameters | None = None
+        self.at: tuple[Any, ...] = ()
+
+
+@pytest.fixture
+def started(monkeypatch: pytest.MonkeyPatch) -> Started:
+    """The manager notes how it is started, and ends."""
+    noted = Started()
+    begin = Manager.__init__
+
+    def create(self: Manager, fleet: Fleet, broker: BrokerParameters, **options: Any) -> None:
+        noted.broker = broker
+        begin(self, fleet, broker, **options)
+
+    async def run(self: Manager, *where: Any) -> None:
+        noted.at = where[-3:]
+
+    monkeypatch.setattr(Manager, "__init__", create)
+    monkeypatch.setattr(Manager, "run", run)
+    return noted
+
+
+def program(folder: Path, *words: str) -> Result:
+    """``chefbot-fleet run`` with these words more."""
+    write_map(folder)
+    files = (str(folder / "map.yaml"), str(folder / "places.yaml"))
+    database = ("--database", str(folder / "fleet.db"), "--robots", "2")
+    return CliRunner().invoke(main, ["run", *files, "127.0.0.1", *database, *words])
+
+
+def ask(page: FleetPage, requests: Sequence[tuple[str, str, dict[str, str]]]) -> list[int]:
+    """The statuses of requests, each with method, path and headers."""
+
+    async def scenario() -> list[int]:
+        async with TestClient(TestServer(page.application())) as client:
+            answers = [
+                await client.request(method, path, headers=headers, json=ORDER)
+                for method, path, headers in requests
+            ]
+            return [answer.status for answer in answers]
+
+    return asyncio.run(scenario())
+
+
+def test_an_empty_token_opens_nothing(fleet: Fleet, tmp_path: Path, started: Started) -> None:
+    """Neither the page nor the program takes one: a request without a token would have it."""
+    with pytest.raises(ValueError, match="expected a token"):
+        FleetPage(fleet, "", lambda: 0.0)
+    (tmp_path / "token").write_text("\n")
+    result = program(tmp_path, "--token-file", str(tmp_path / "token"))
+    assert result.exit_code == 2
+    assert "is empty: expected a token" in result.output
+    assert not started.at
+
+
+def test_a_command_needs_the_token_and_looking_does_not(fleet: Fleet) -> None:
+    """No header, an empty one and a wrong one are refused, and give no order."""
+    page = FleetPage(fleet, TOKEN, lambda: 0.0)
+    path = "/api/orders"
+    headers: list[dict[str, str]] = [{}, {"Authorization": ""}, {"Authorization": "Bearer a"}]
+    assert ask(page, [("POST", path, one) for one in headers]) == [401, 401, 401]
+    assert not fleet.orders
+    right = {"Authorization": f"Bearer {TOKEN}"}
+    assert ask(page, [("POST", path, right), ("GET", "/api/fleet", {})]) == [200, 200]
+    assert set(fleet.orders) == {"a"}
+
+
+def test_a_name_that_is_not_this_computers_is_refused(fleet: Fleet) -> None:
+    """A page elsewhere can have its own name lead here (DNS rebinding); it cannot choose the header Host."""
+    page = FleetPage(fleet, TOKEN, lambda: 0.0, ["kitchen.local"])
+    right = {"Authorization": f"Bearer {TOKEN}"}
+    odd: list[tuple[str, str, dict[str, str]]] = [
+        ("GET", "/api/fleet", {"Host": "elsewhere.example:7340"}),
+        ("GET", "/metrics", {"Host": "kitchen.local.example"}),
+        ("POST", "/api/orders", {"Host": "elsewhere.example", **right}),
+    ]
+    assert ask(page, odd) == [421, 421, 421]
+    assert not fleet.orders
+    own = ("127.0.0.1:7340", "[::1]:7340", "localhost:7340", "kitchen.local:7340")
+    assert ask(page, [("GET", "/api/fleet", {"Host": host}) for host in own]) == [200, 200, 200, 200]
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.168.1.5", "robot.local"])
+def test_beyond_this_computer_the_page_needs_a_certificate(
+    host: str, tmp_path: Path, started: Started
+) -> None:
+    """Over plain HTTP the token could be overheard; on this computer nobody can."""
+    result = program(tmp_path, "--host", host)
+    assert result.exit_code == 2
+    assert "needs --page-certificate" in result.output
+    assert not started.at
+    assert program(tmp_path).exit_code == 0
+    assert started.at == ("127.0.0.1", 7340, None)
+
+
+def test_a_certificate_encrypts_the_page(fleet: Fleet, tmp_path: Path, started: Started) -> None:
+    """A client that trusts its authority reads it."""
+    authority, trusting = trustme.CA(), ssl.create_default_context()
+    authority.configure_trust(trusting)
+    file = tmp_path / "page.pem"
+    authority.issue_cert("127.0.0.1").private_key_and_cert_chain_pem.write_to_path(file)
+    assert program(tmp_path, "--host", "0.0.0.0", "--page-certificate", str(file)).exit_code == 0
+    host, _, tls = started.at
+    assert host == "0.0.0.0"
+
+    async def scenario() -> int:
+        server = TestServer(FleetPage(fleet, TOKEN, lambda: 0.0).application(), scheme="https")
+        await server.start_server(ssl=tls)
+        try:
+            async with TestClient(server) as client:
+                return (await client.get("/api/fleet", ssl=trusting)).status
+        finally:
+            await server.close()
+
+    assert asyncio.run(scenario()) == 200
+
+
+def test_the_connection_to_the_broker_is_encrypted_where_that_was_asked_for(
+    tmp_path: Path, started: Started
+) -> None:
+    """By the system's authorities or another one, at MQTT's port for it; without, neither."""
+    assert program(tmp_path).exit_code == 0
+    assert started.broker == BrokerParameters("127.0.0.1", 1883)
+    file = tmp_path / "authority.pem"
+    trustme.CA().cert_pem.write_to_path(file)
+    for words in (("--tls",), ("--cafile", str(file))):
+        assert program(tmp_path, *words).exit_code == 0
+        broker = started.broker
+        assert broker is not None
+        assert broker.port == 8883
+        assert broker.tls is not None
+        assert broker.tls.verify_mode is ssl.CERT_REQUIRED
