@@ -2,6 +2,9 @@
 
 Each client gets a connection to the daemon of its own. So its role is that of the token which it shows, sources that it
 took are its own, and what it drove with is withdrawn when it leaves.
+
+The daemon sees all of them come from the bridge's computer. So where others than this computer can reach the bridge, it
+holds to the daemon's own rule: nobody without a token, and nobody at all if the daemon asks for none.
 """
 
 import argparse
@@ -25,6 +28,7 @@ from chefbot_ros2.rosbridge.protocol import Client, Hub
 from chefbot_ros2.session import Session
 from chefbotd import client as daemon
 from chefbotd.client import ChefbotError
+from chefbotd.rpc.parameters import is_loopback
 
 log = structlog.get_logger("rosbridge")
 ConnectAs = Callable[[str | None, str], AbstractAsyncContextManager[daemon.Client]]
@@ -35,11 +39,21 @@ PORT, MOST_CLIENTS, MOST_BYTES = 9090, 32, 1 << 16
 POLICY_VIOLATION = 1008
 
 
-class Server:
-    """One robot for all clients; the topics come by one connection to its daemon."""
+class NotAdmitted(Exception):
+    """This client is not served; the message says what it lacks."""
 
-    def __init__(self, connect_as: ConnectAs, token: str | None, source: str) -> None:
+
+class Server:
+    """One robot for all clients; the topics come by one connection to its daemon.
+
+    With ``needs_tokens`` only clients are served that showed a token for which the daemon asked.
+    """
+
+    def __init__(
+        self, connect_as: ConnectAs, token: str | None, source: str, *, needs_tokens: bool = False
+    ) -> None:
         self._connect_as, self._source, self._clients = connect_as, source, 0
+        self._needs_tokens = needs_tokens
         self._hub = Hub()
         self._session = Session(
             partial(connect_as, token, "rosbridge"),
@@ -71,12 +85,17 @@ class Server:
     async def _serve(self, socket: ServerConnection) -> None:
         self._clients += 1
         host, port, *_ = socket.remote_address
+        token = token_of(socket.request)
         try:
-            async with self._connect_as(token_of(socket.request), f"rosbridge {host}:{port}") as robot:
+            if self._needs_tokens and token is None:
+                raise NotAdmitted("show a token: Authorization: Bearer TOKEN, or ?token=TOKEN")
+            async with self._connect_as(token, f"rosbridge {host}:{port}") as robot:
+                if self._needs_tokens and robot.hello.auth != "token":
+                    raise NotAdmitted("the daemon asks for no tokens, so only its own computer is served")
                 await self._converse(socket, robot)
         except* ConnectionClosed:
             pass
-        except* (ChefbotError, OSError, TimeoutError) as problems:
+        except* (NotAdmitted, ChefbotError, OSError, TimeoutError) as problems:
             reason = str(problems.exceptions[0])
             log.warning("a client of rosbridge is sent away", client=f"{host}:{port}", why=reason)
             await socket.close(POLICY_VIOLATION, reason.encode()[:120].decode(errors="ignore"))
@@ -134,11 +153,16 @@ def main() -> None:
     options = parser.parse_args()
     host, _, port = options.connect.rpartition(":")
     words = options.token_file.read_text().split() if options.token_file else [None]
+    if not words:
+        parser.error(f"{options.token_file} is empty: expected a token")
+    is_open = not is_loopback(options.host)
+    if is_open and words[-1] is None:
+        parser.error("beyond this computer the bridge needs the daemon's tokens: --token-file")
 
     def connect_as(token: str | None, name: str) -> AbstractAsyncContextManager[daemon.Client]:
         return daemon.Client.connect(host, int(port), token=token, name=name)
 
-    server = Server(connect_as, words[-1], options.source)
+    server = Server(connect_as, words[-1], options.source, needs_tokens=is_open)
 
     def listening(at: int) -> None:
         log.info("rosbridge listens", url=f"ws://{options.host}:{at}")
