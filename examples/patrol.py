@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from chefbotd.client import CallError, Client, GoalNotReached
+from chefbotd.client.agent import BY_PEOPLE
 from chefbotd.core.geometry import Pose2D
 from examples.program import run
 
@@ -11,7 +12,7 @@ ROUNDS = 2
 
 
 async def main(robot: Client) -> str:
-    """Every round goes on where a place is not reached; only a refusal of the robot itself ends the patrol."""
+    """Every round goes on where a place is not reached; a refusal, or somebody who stops the robot, ends the patrol."""
     places = [place.name for place in (await robot.list_places()).places]
     if not places:
         return "The map has no places: save some with 'chefbotctl places save'."
@@ -21,6 +22,8 @@ async def main(robot: Client) -> str:
             try:
                 await robot.navigate_to(place=place)
             except GoalNotReached as error:
+                if error.cause in BY_PEOPLE:
+                    return f"The patrol was stopped in round {number}: {error.reason}"
                 missed.append(f"{place} in round {number}: {error.reason}")
             except CallError as error:
                 return f"The patrol ended in round {number}: {error.message}"

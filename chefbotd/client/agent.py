@@ -25,14 +25,20 @@ LONGEST_TEXT, LONGEST_LABEL = 200, 40
 
 TEMPORARY: Final = frozenset(
     {
-        *("disarmed", "estopped", "link_down", "no_map_loaded", "overtaken", "pose_unknown"),
-        *("rate_limited", "stopped", "too_old", "worker_unavailable"),
+        *("disarmed", "link_down", "no_map_loaded", "overtaken", "pose_unknown"),
+        *("rate_limited", "too_old", "worker_unavailable"),
     }
 )
 """Kinds of refusals after which the same may be asked again: a person or the daemon puts it right."""
 
-ACCIDENTS: Final = frozenset(("client_left", "not_armed", "request_cancelled", "worker_lost"))
+ACCIDENTS: Final = frozenset(("client_left", "request_cancelled", "worker_lost"))
 """Causes of a goal's end that nobody meant: it may be tried again, with another ``goal_id``."""
+
+BY_PEOPLE: Final = frozenset(("asked", "control_lost", "not_armed", "replaced", "stopped"))
+"""Causes of a goal's end after which no goal may be sent before a person agrees; arming alone is no agreement."""
+
+CAUSES: Final = {"estopped": "not_armed", "stopped": "stopped"}
+"""The causes that these kinds of refusals stand for: somebody stopped the robot while the goal was sent."""
 
 
 class Agent:
@@ -68,7 +74,8 @@ class Agent:
         after its restart, it does nothing twice.
 
         Raises:
-            GoalNotReached: it ended otherwise, or was refused for good (``end`` is ``refused``).
+            GoalNotReached: it ended otherwise, or was refused for good (``end`` is ``refused``), or somebody stopped the
+            robot (``cause`` is one of ``BY_PEOPLE``).
         """
         while True:
             try:
@@ -76,7 +83,8 @@ class Agent:
                 return
             except CallError as refused:
                 if refused.kind not in TEMPORARY:
-                    raise GoalNotReached(0, refused.message, "refused") from refused
+                    cause = CAUSES.get(refused.kind, "")
+                    raise GoalNotReached(0, refused.message, "refused", cause) from refused
                 await self.say(f"I have to wait: {refused.message}")
                 await asyncio.sleep(AGAIN_S)
 

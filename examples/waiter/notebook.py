@@ -20,11 +20,15 @@ class Order(msgspec.Struct):
 
 
 class Page(msgspec.Struct):
-    """What is in the file. ``name`` is no other notebook's, and ``ways_home`` counts the goals at home."""
+    """What is in the file. ``name`` is no other notebook's, and ``ways_home`` counts the goals at home.
+
+    ``is_stopped``: somebody stopped the robot, and nobody has agreed yet that it goes on.
+    """
 
     name: str
     orders: list[Order] = []
     ways_home: int = 0
+    is_stopped: bool = False
 
 
 class Notebook:
@@ -34,6 +38,8 @@ class Notebook:
         self._path = path
         written = path.read_bytes() if path.exists() else None
         self.page = Page(os.urandom(4).hex()) if written is None else msgspec.json.decode(written, type=Page)
+        if written is None:
+            self.save()  # its name is part of the goals' ids
 
     def save(self) -> None:
         """Replace the file at once: whoever is killed meanwhile leaves the old one."""
@@ -53,6 +59,16 @@ class Notebook:
     def next(self) -> Order | None:
         """The oldest order that is open."""
         return next((order for order in self.page.orders if order.state in OPEN), None)
+
+    def note_stopped(self, *, is_stopped: bool) -> None:
+        """Somebody has stopped the robot, or agrees that it goes on."""
+        self.page.is_stopped = is_stopped
+        self.save()
+
+    def note_way_home(self, *, is_stopped: bool) -> None:
+        """The goal at home has ended; the next one has another number."""
+        self.page.ways_home += 1
+        self.note_stopped(is_stopped=is_stopped)
 
     def note(self, order: Order, state: str, reason: str = "") -> None:
         """What became of an order."""

@@ -1,7 +1,8 @@
 """Takes orders by a button for each table, serves them in turn, and goes home when there is nothing to do.
 
 It talks to people on the page, waits at a table until somebody has taken the food, and refuses what is open when the
-battery is low. When it, or the daemon, is killed, it goes on where it was: goals have ids, and orders are in a file.
+battery is low. Stopped by a person, it drives nowhere before one agrees. When it, or the daemon, is killed, it goes on
+where it was: goals have ids, and orders are in a file.
 """
 
 import asyncio
@@ -9,14 +10,16 @@ from collections.abc import Callable
 from contextlib import AbstractAsyncContextManager
 from typing import Final
 
-from chefbotd.client import Client, GoalNotReached
-from chefbotd.client.agent import ACCIDENTS, AGAIN_S, Agent, run_agent
+from chefbotd.client import CallError, Client, GoalNotReached
+from chefbotd.client.agent import ACCIDENTS, AGAIN_S, BY_PEOPLE, Agent, run_agent
 from chefbotd.client.models import BatteryData
 from examples.waiter.notebook import Notebook, Order
 
 Connect = Callable[[], AbstractAsyncContextManager[Client]]
 TAKEN: Final = "Taken, thank you"
-TAKE_S, MOST_TRIES = 60.0, 3
+MAY_I_GO_ON: Final = "I was stopped. Shall I go on?"
+GO_ON: Final = "Go on"
+TAKE_S, ASK_AGAIN_S, MOST_TRIES = 60.0, 300.0, 3
 
 
 class Waiter:
@@ -56,9 +59,13 @@ class Waiter:
 
     async def _serve_all(self, agent: Agent, home: str) -> None:
         is_home = False
+        await self._look_back(agent.robot)
         while True:
             order = self._notebook.next()
-            if order is not None and self._is_low and order.state == "waiting":
+            if self._notebook.page.is_stopped:
+                is_home = False
+                await self._ask_to_go_on(agent)
+            elif order is not None and self._is_low and order.state == "waiting":
                 await self._refuse(agent, order, "my battery is low")
             elif order is not None:
                 is_home = False
@@ -69,16 +76,40 @@ class Waiter:
                 self._has_order.clear()
                 await self._has_order.wait()
 
+    async def _look_back(self, robot: Client) -> None:
+        """Whether somebody stopped it on its way home while this program was not there."""
+        try:
+            goal = await robot.get_goal(goal_id=self._home_id())
+        except CallError as refused:
+            if refused.kind != "unknown_goal":
+                raise
+        else:
+            if goal.cause in BY_PEOPLE:
+                self._notebook.note_way_home(is_stopped=True)
+
+    def _home_id(self) -> str:
+        return f"waiter-{self._notebook.page.name}-home-{self._notebook.page.ways_home}"
+
+    async def _ask_to_go_on(self, agent: Agent) -> None:
+        answer = await agent.robot.ask(MAY_I_GO_ON, [GO_ON], ASK_AGAIN_S)
+        if answer.choice is not None:
+            self._notebook.note_stopped(is_stopped=False)
+
     async def _serve(self, agent: Agent, order: Order) -> None:
         """Drive there and wait until the food is taken; each step is noted before the next."""
         if order.state != "arrived":
+            if order.state == "waiting":  # its goal replaces one at home that nobody waits for any more
+                self._notebook.note_way_home(is_stopped=False)
             self._notebook.note(order, "driving")
             await self._say(agent, f"I am coming to {order.table}")
             goal_id = f"waiter-{self._notebook.page.name}-{order.number}-{order.tries}"
             try:
                 await agent.drive_to(order.table, goal_id)
             except GoalNotReached as ended:
-                if ended.cause in ACCIDENTS and order.tries < MOST_TRIES:
+                if ended.cause in BY_PEOPLE:
+                    order.tries += 1
+                    self._notebook.note_stopped(is_stopped=True)
+                elif ended.cause in ACCIDENTS and order.tries < MOST_TRIES:
                     order.tries += 1
                     self._notebook.save()
                 else:
@@ -93,16 +124,14 @@ class Waiter:
             await self._say(agent, f"Enjoy your meal at {order.table}")
 
     async def _go_home(self, agent: Agent, home: str) -> bool:
-        """Whether it is at home; else the next one tries again, unless there is an order."""
-        page = self._notebook.page
-        why = ""
+        """Whether it is at home; else the next one tries again, unless there is an order or somebody stopped it."""
+        why, is_stopped = "", False
         try:
-            await agent.drive_to(home, f"waiter-{page.name}-home-{page.ways_home}")
+            await agent.drive_to(home, self._home_id())
         except GoalNotReached as ended:
-            why = ended.reason
-        page.ways_home += 1
-        self._notebook.save()
-        if why:
+            why, is_stopped = ended.reason, ended.cause in BY_PEOPLE
+        self._notebook.note_way_home(is_stopped=is_stopped)
+        if why and not is_stopped:
             await self._say(agent, f"I cannot go home: {why}")
             await asyncio.sleep(AGAIN_S)
         return not why

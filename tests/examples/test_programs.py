@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from chefbotd.cli.common.context import beside
+from chefbotd.client import Client
 from chefbotd.client.models import ScanData
 from chefbotd.clock import run_virtual
 from chefbotd.core.events import TruthSimulated
@@ -74,6 +75,32 @@ def test_a_robot_at_a_wall_steers_along_it() -> None:
 def test_the_patrol_visits_every_place_twice() -> None:
     """Three places, two rounds."""
     assert run_simulated(patrol.main, patrol.simulated) == "6 of 6 visits were made."
+
+
+@pytest.mark.slow
+def test_a_patrol_that_somebody_stops_ends() -> None:
+    """It sends no further goal: the robot stands where it was stopped."""
+
+    async def scenario() -> str:
+        async with localized_robot("flat", **patrol.simulated("flat", 1)) as robot:
+
+            async def stop() -> None:
+                async with robot.client.subscribe("navigation") as events:
+                    async for event in events:
+                        if event.data.state == "driving":
+                            break
+                async with Client.connect(*robot.client.address, name="page") as person:
+                    await person.stop()
+
+            async with beside(stop()):
+                said = await patrol.main(robot.client)
+            await asyncio.sleep(5.0)
+            navigation = (await robot.client.get_state()).topics["navigation"].data
+            assert (navigation.state, navigation.goal) == ("cancelled", 1)
+            return said
+
+    said = run_virtual(scenario())
+    assert said.startswith("The patrol was stopped in round 1: cancelled: navigation was stopped by page")
 
 
 @pytest.mark.slow

@@ -6,7 +6,7 @@ from contextlib import AbstractAsyncContextManager
 import pytest
 
 from chefbotd.client import CallError, Client, GoalNotReached
-from chefbotd.client.agent import ACCIDENTS, LONGEST_TEXT, TEMPORARY, Agent, run_agent
+from chefbotd.client.agent import ACCIDENTS, BY_PEOPLE, CAUSES, LONGEST_TEXT, TEMPORARY, Agent, run_agent
 from chefbotd.clock import run_virtual
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.events.navigation import GoalCause
@@ -17,8 +17,9 @@ from chefbotd.testing.transport import FakeSerialDevice
 
 def test_what_is_temporary_and_what_is_an_accident_are_kinds_that_the_daemon_has() -> None:
     """A kind that was renamed would be refused for good without a word."""
-    assert {*map(str, RefusalKind), *map(str, ErrorKind)} >= TEMPORARY
-    assert set(map(str, GoalCause)) >= ACCIDENTS
+    assert {*map(str, RefusalKind), *map(str, ErrorKind)} >= TEMPORARY | CAUSES.keys()
+    assert set(map(str, GoalCause)) >= ACCIDENTS | BY_PEOPLE
+    assert not ACCIDENTS & BY_PEOPLE
 
 
 def test_a_long_sentence_is_cut_and_one_too_many_is_not_said() -> None:
@@ -109,6 +110,16 @@ def test_a_goal_that_is_refused_for_good_ends() -> None:
     with pytest.raises(GoalNotReached, match="because of unknown_place") as refused:
         run_virtual(Agent(robot, "a").drive_to("table 9", "goal-8"))  # type: ignore[arg-type]
     assert refused.value.end == "refused"
+
+
+@pytest.mark.parametrize(("kind", "cause"), [("stopped", "stopped"), ("estopped", "not_armed")])
+def test_a_goal_that_somebody_stopped_is_not_sent_again(kind: str, cause: str) -> None:
+    """It ends as one that was stopped on the way."""
+    robot = RefusingRobot(kind)
+    with pytest.raises(GoalNotReached) as refused:
+        run_virtual(Agent(robot, "a").drive_to("table 1", "goal-9"))  # type: ignore[arg-type]
+    assert (refused.value.cause, refused.value.cause in BY_PEOPLE) == (cause, True)
+    assert robot.goals == ["goal-9"]
 
 
 def test_an_agent_whose_connection_is_lost_registers_and_begins_again() -> None:

@@ -23,7 +23,7 @@ from chefbotd.worker.skills.navigation_requests import (
     Stepped,
 )
 from examples.waiter.notebook import Notebook, Order
-from examples.waiter.waiter import Connect, Waiter
+from examples.waiter.waiter import MAY_I_GO_ON, Connect, Waiter
 from tests.fakes.worker import FakeChild, live
 
 
@@ -116,7 +116,7 @@ class Guests:
         async with client.subscribe("agents") as events:
             async for event in events:
                 for question in event.data.questions:
-                    if self._chance.random() < 1 / 12:
+                    if question.question == MAY_I_GO_ON or self._chance.random() < 1 / 12:
                         continue
                     await asyncio.sleep(self._chance.uniform(0.2, 6.0))
                     with contextlib.suppress(CallError):  # the waiter was killed meanwhile

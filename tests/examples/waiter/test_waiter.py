@@ -24,6 +24,8 @@ from chefbotd.testing.on_map import localized_robot
 from chefbotd.testing.transport import FakeSerialDevice
 from chefbotd.testing.worker import worker_in_process
 from chefbotd.worker.spawn import Child
+from examples.waiter.notebook import Notebook
+from examples.waiter.waiter import GO_ON, MAY_I_GO_ON
 from firmware_protocol.messages import BatteryLevel
 from tests.chefbotd.maps.test_store import grid
 from tests.examples.waiter.guests import FakeDriving, Guests, KillableWaiter, agents_of
@@ -171,6 +173,86 @@ def test_with_a_low_battery_it_refuses_what_waits_and_goes_home(tmp_path: Path) 
             ("table 2", "refused", "my battery is low"),
         ]
         assert drivings[0].driven[-1].x_m == 0.0
+
+    shift(tmp_path, scenario)
+
+
+async def press_stop(client: Client) -> None:
+    """On the page."""
+    await client.stop()
+
+
+async def press_cancel(client: Client) -> None:
+    """On the page."""
+    await client.cancel_navigation()
+
+
+async def estop_and_arm(client: Client) -> None:
+    """An emergency stop, which is released after a while."""
+    await client.estop()
+    await asyncio.sleep(5.0)
+    await client.arm()
+
+
+async def go_elsewhere(client: Client) -> None:
+    """Somebody sends the robot to a point, and it gets there."""
+    await client.navigate_to(x_m=4.0, y_m=4.0)
+
+
+@pytest.mark.parametrize("is_home", [False, True])
+@pytest.mark.parametrize("stop", [press_stop, press_cancel, estop_and_arm, go_elsewhere])
+def test_stopped_by_a_person_it_drives_nowhere_before_one_agrees(
+    tmp_path: Path, stop: Callable[[Client], Awaitable[None]], *, is_home: bool
+) -> None:
+    """On its way to a table or home; nor later, when it was killed and started again meanwhile."""
+
+    async def scenario(now: Shift, drivings: list[FakeDriving]) -> None:
+        await begun(now)
+        (button, *_) = (await agents_of(now.client)).buttons
+        if not is_home:
+            await asyncio.sleep(15.0)
+            await now.client.press_button(button.button_id)
+        await asyncio.sleep(3.0)
+        before = len(drivings[0].driven)
+        await stop(now.client)
+        driven = before + (stop is go_elsewhere)
+        await asyncio.sleep(30.0)
+        await now.waiter.kill()
+        now.waiter.start()
+        await begun(now)
+        (button, *_) = (await agents_of(now.client)).buttons
+        await now.client.press_button(button.button_id)
+        await asyncio.sleep(30.0)
+        assert len(drivings[0].driven) == driven
+        (question,) = (await agents_of(now.client)).questions
+        assert (question.question, question.choices) == (MAY_I_GO_ON, (GO_ON,))
+        taking = asyncio.create_task(now.guests.take())
+        now.chance.random = lambda: 1.0  # type: ignore[method-assign]
+        await now.client.answer_agent(question.question_id, GO_ON)
+        await now.waiter.until_done(60.0)
+        taking.cancel()
+        assert [order.state for order in now.waiter.orders()] == ["served"]
+        assert drivings[0].driven[driven].x_m == 1.0
+
+    shift(tmp_path, scenario)
+
+
+def test_stopped_on_its_way_home_while_it_was_not_there_it_asks(tmp_path: Path) -> None:
+    """An order that waits in its file sets nothing off either."""
+
+    async def scenario(now: Shift, drivings: list[FakeDriving]) -> None:
+        await begun(now)
+        await asyncio.sleep(2.0)
+        await now.waiter.kill()
+        await now.client.stop()
+        await asyncio.sleep(10.0)
+        Notebook(tmp_path / "orders.json").take("table 1")
+        now.waiter.start()
+        await begun(now)
+        await asyncio.sleep(30.0)
+        assert len(drivings[0].driven) == 1
+        (question,) = (await agents_of(now.client)).questions
+        assert question.question == MAY_I_GO_ON
 
     shift(tmp_path, scenario)
 
