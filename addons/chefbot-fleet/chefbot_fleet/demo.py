@@ -89,11 +89,6 @@ class SimulatedBody:
         self._drive += 1
         self._set(linear_m_s=0.0)
 
-    async def pause(self) -> None:
-        """Stand."""
-        await self.stop()
-        self._set(paused=True)
-
     async def resume(self) -> None:
         """Be ready again."""
         self._set(paused=False)

@@ -72,6 +72,7 @@ class Agent:
         self._fresh: dict[Kind, Freshness] = {}
         self._changed = asyncio.Event()
         self._was_armed = True
+        self._drives = 0  # that were begun or given up
         self._reported: object = None
         self._tasks: set[asyncio.Task[None]] = set()
         self._running: dict[str, asyncio.Task[None]] = {}
@@ -189,10 +190,13 @@ class Agent:
     def _carry_out(self, effect: Effect) -> None:
         match effect:
             case DriveTo(node):
-                self._spawn(self._drive(node.sequence_id, node.node_position))
+                self._drives += 1
+                self._spawn(self._drive(self._drives, node.sequence_id, node.node_position))
             case Stop():
+                self._drives += 1
                 self._spawn(self._stop())
             case Pause(action_id):
+                self._drives += 1
                 self._spawn(self._pause(action_id))
             case Resume():
                 self._spawn(self._resume())
@@ -206,12 +210,14 @@ class Agent:
                     self._spawn(self._send_factsheet())
                 self._changed.set()
 
-    async def _drive(self, sequence_id: int, position: Any) -> None:
+    async def _drive(self, number: int, sequence_id: int, position: Any) -> None:
+        """The end of a drive counts while it is the latest, and nobody has given it up."""
         try:
             await self._robot.drive_to(position)
         except DriveFailed as failed:
-            if self.vehicle.driving_to == sequence_id:
-                log.warning("the robot has not reached a node", why=failed.reason)
+            if number != self._drives:
+                return
+            log.warning("the robot has not reached a node", why=failed.reason)
             self._apply(
                 order.drive_failed(
                     self.vehicle, sequence_id, failed.reason, failed.hint, by_people=failed.by_people
@@ -220,8 +226,9 @@ class Agent:
             await asyncio.sleep(RETRY_S)
             self._apply(order.retry(self.vehicle))
         else:
-            self._apply(order.node_reached(self.vehicle, sequence_id))
-            self._say_if_waiting()
+            if number == self._drives:
+                self._apply(order.node_reached(self.vehicle, sequence_id))
+                self._say_if_waiting()
 
     def _say_if_waiting(self) -> None:
         if not self._online and not self.vehicle.base and self.vehicle.nodes:
@@ -232,7 +239,7 @@ class Agent:
         self._apply(order.stopped(self.vehicle))
 
     async def _pause(self, action_id: str) -> None:
-        await self._robot.pause()
+        await self._robot.stop()
         self._apply(order.paused(self.vehicle, action_id))
 
     async def _resume(self) -> None:

@@ -62,7 +62,9 @@ class ChefBot:
         self._connect = connect
         self._facts = Facts(missing="not connected yet")
         self._client: Client | None = None
-        self._driving: asyncio.Task[str] | None = None
+        self._drives: list[
+            asyncio.Task[str]
+        ] = []  # under way: the latest replaces the others when it is accepted
         self._heard = asyncio.Event()
         self._changed: Callable[[], None] = lambda: None
         self._go_on: Callable[[], None] = lambda: None
@@ -139,11 +141,16 @@ class ChefBot:
                 position.x, position.y, position.theta, tolerance_m=position.allowed_deviation_xy
             )
         )
-        self._driving = driving
+        earlier = list(self._drives)
+        self._drives.append(driving)
         try:
             await asyncio.wait({driving})
         finally:
             driving.cancel()
+            self._drives.remove(driving)
+        if driving.cancelled() or driving.exception() is not None:
+            for drive in earlier:  # it was not replaced, and would go on
+                drive.cancel()
         try:
             await driving
         except asyncio.CancelledError:
@@ -159,21 +166,18 @@ class ChefBot:
             raise DriveFailed(str(error), OTHERWISE) from error
 
     async def stop(self) -> None:
-        """Give up the goal, and wait until the robot stands."""
-        if self._driving is not None:
-            self._driving.cancel()
-            await asyncio.wait({self._driving})
-        await self._until_standing()
+        """Give up all goals, and wait until the robot stands.
 
-    async def pause(self) -> None:
-        """Halt the goal that is under way, and wait until the robot stands."""
-        if self._client is not None:
-            with suppress(ChefbotError):
-                await self._client.pause_navigation()
+        Also one that is to be replaced: where its successor is given up before it is accepted, it would go on.
+        """
+        if drives := list(self._drives):
+            for drive in drives:
+                drive.cancel()
+            await asyncio.wait(drives)
         await self._until_standing()
 
     async def resume(self) -> None:
-        """Go on with a goal that was halted."""
+        """Go on, where somebody at the robot has paused navigation."""
         if self._client is not None and self._facts.paused:
             with suppress(ChefbotError):
                 await self._client.resume_navigation()

@@ -135,7 +135,7 @@ def stopped(vehicle: Vehicle) -> Step:
 
 def paused(vehicle: Vehicle, action_id: str) -> Step:
     """The robot stands after ``Pause``."""
-    return proceed(_changed(vehicle, action_id, Event.SUCCEED))
+    return proceed(_changed(replace(vehicle, stopping=False), action_id, Event.SUCCEED))
 
 
 def action_ended(
@@ -184,13 +184,16 @@ def _cancel_order(vehicle: Vehicle, action: Action) -> Step:
     if is_driving:
         effects.append(Stop())
     errors = tuple(one for one in vehicle.errors if one.error_type != DRIVE_ERROR)
-    vehicle = replace(vehicle, phase=phase, driving_to=None, stopping=is_driving, errors=errors)
+    stopping = vehicle.stopping or is_driving
+    vehicle = replace(vehicle, phase=phase, driving_to=None, stopping=stopping, errors=errors)
     vehicle, more = proceed(vehicle)
     return vehicle, (*effects, *more)
 
 
 def _start_pause(vehicle: Vehicle, action: Action) -> Step:
-    return replace(vehicle, paused=True), (Pause(action.action_id),)
+    """The drive is given up and begun anew: a goal that is still being accepted could not be halted."""
+    stopping = vehicle.stopping or vehicle.driving_to is not None
+    return replace(vehicle, paused=True, stopping=stopping, driving_to=None), (Pause(action.action_id),)
 
 
 def _stop_pause(vehicle: Vehicle, action: Action) -> Step:
@@ -238,7 +241,8 @@ def proceed(vehicle: Vehicle) -> Step:
         vehicle = _changed(vehicle, one.action.action_id, Event.START)
         effects.append(Start(one.action))
     node = vehicle.next_node()
-    if node is not None and vehicle.driving_to is None and vehicle.may_drive() and not vehicle.paused:
+    is_held = vehicle.paused or vehicle.stopping or vehicle.driving_to is not None
+    if node is not None and vehicle.may_drive() and not is_held:
         vehicle = replace(vehicle, driving_to=node.sequence_id)
         effects.append(DriveTo(node))
     if not vehicle.nodes and not vehicle.has_open_actions():

@@ -44,13 +44,10 @@ class Robot(Protocol):
         """
 
     async def stop(self) -> None:
-        """Give up the drive, and wait until the robot stands."""
-
-    async def pause(self) -> None:
-        """Halt the drive, and wait until the robot stands."""
+        """Give up every drive, and wait until the robot stands."""
 
     async def resume(self) -> None:
-        """Go on with the drive that was halted."""
+        """Go on, where somebody at the robot has halted it."""
 
     async def unreachable(self, position: NodePosition) -> str:
         """Why the robot cannot drive there on its map; empty: it can."""

@@ -199,13 +199,13 @@ class Stop(Struct, frozen=True):
 
 
 class Pause(Struct, frozen=True):
-    """Halt the drive that is under way; ``order.paused`` when the robot stands."""
+    """Give up the drive for now; ``order.paused`` when the robot stands."""
 
     action_id: str
 
 
 class Resume(Struct, frozen=True):
-    """Go on with the drive that was halted."""
+    """Go on, where somebody at the robot has halted it."""
 
 
 class Start(Struct, frozen=True):

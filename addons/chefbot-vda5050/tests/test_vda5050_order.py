@@ -217,6 +217,19 @@ def test_a_pause_holds_the_next_drive_and_ends_with_its_counterpart() -> None:
     assert statuses(vehicle)["q"] == "FINISHED"
 
 
+def test_a_paused_drive_begins_anew_when_the_robot_has_come_to_rest() -> None:
+    """Also where the pause ends before; cancelled meanwhile, the order ends when the robot stands."""
+    vehicle, _ = instant(begun(), "startPause", "p")
+    assert (vehicle.driving_to, vehicle.stopping) == (None, True)
+    vehicle, effects = instant(vehicle, "stopPause", "q")
+    assert effects == (Resume(),)
+    cancelled, effects = instant(vehicle, "cancelOrder", "c")
+    assert (effects, statuses(cancelled)["c"]) == ((), "RUNNING")
+    assert statuses(order.paused(cancelled, "p")[0])["c"] == "FINISHED"
+    vehicle, effects = order.paused(vehicle, "p")
+    assert effects == (DriveTo(node(1)),)
+
+
 @pytest.mark.parametrize(("kind", "what"), [("stateRequest", "state"), ("factsheetRequest", "factsheet")])
 def test_what_is_requested_is_sent(kind: str, what: str) -> None:
     """And the action is finished."""

@@ -45,8 +45,6 @@ class FakeRobot:
         self.fails: list[DriveFailed] = []
         self.closed: set[tuple[float, float]] = set()
         self._goal = 0
-        self._halted = asyncio.Event()
-        self._halted.set()
         self.changed: Callable[[], None] = lambda: None
         self.go_on: Callable[[], None] = lambda: None
 
@@ -66,7 +64,6 @@ class FakeRobot:
         if self.fails:
             raise self.fails.pop(0)
         while (left_m := self.facts.distance_m(position)) > 1e-9:
-            await self._halted.wait()
             self.set(linear_m_s=self.speed_m_s)
             await asyncio.sleep(STEP_S)
             if goal != self._goal:
@@ -86,15 +83,8 @@ class FakeRobot:
         await asyncio.sleep(STEP_S)
         self.set(linear_m_s=0.0)
 
-    async def pause(self) -> None:
-        """Stands after a step."""
-        self._halted.clear()
-        await asyncio.sleep(2 * STEP_S)
-        self.set(linear_m_s=0.0, paused=True)
-
     async def resume(self) -> None:
         """Goes on."""
-        self._halted.set()
         self.set(paused=False)
 
     async def unreachable(self, position: NodePosition) -> str:
