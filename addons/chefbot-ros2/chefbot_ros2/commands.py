@@ -2,9 +2,10 @@
 
 import asyncio
 import math
+import time
 from collections.abc import AsyncIterator, Callable, Coroutine
 from contextlib import asynccontextmanager
-from typing import Any
+from typing import Any, Final
 
 import structlog
 
@@ -14,6 +15,9 @@ from chefbotd.client.caller import ignore_progress
 from chefbotd.core.geometry import Pose2D, Twist2D
 
 log = structlog.get_logger("ros2")
+
+OLDEST_VELOCITY_S: Final = 0.2
+"""An older one may be of a publisher that has died since; one at 10 Hz has a new one by then."""
 
 
 class NotConnected(Exception):
@@ -27,12 +31,17 @@ class Commands:
     refused, empty once something was not; ``on_refused`` is called with each.
     """
 
-    def __init__(self, source: str, on_refused: Callable[[str], None] = lambda why: None) -> None:
-        self._source, self._on_refused = source, on_refused
+    def __init__(
+        self,
+        source: str,
+        on_refused: Callable[[str], None] = lambda why: None,
+        now_s: Callable[[], float] = time.monotonic,
+    ) -> None:
+        self._source, self._on_refused, self._now_s = source, on_refused, now_s
         self._robot: Client | None = None
         self._tasks: asyncio.TaskGroup | None = None
         self._running: set[asyncio.Task[None]] = set()
-        self._velocity: Twist2D | None = None
+        self._velocity: tuple[Twist2D, float] | None = None
         self._has_velocity = asyncio.Event()
         self.refused = ""
 
@@ -62,10 +71,14 @@ class Commands:
         self._running.add(task)
         task.add_done_callback(self._running.discard)
 
-    def drive(self, linear_m_s: float, angular_rad_s: float) -> None:
-        """Drive so, once: the daemon's dead-man ends it. Without a connection it is forgotten."""
+    def drive(self, linear_m_s: float, angular_rad_s: float, since_s: float | None = None) -> None:
+        """Drive so, once: the daemon's dead-man ends it. Without a connection it is forgotten.
+
+        ``since_s`` is when it came, if that was not now. A motion that had to wait too long is not carried out.
+        """
         if self._robot is not None and math.isfinite(linear_m_s) and math.isfinite(angular_rad_s):
-            self._velocity = Twist2D(linear_m_s, angular_rad_s)
+            came_s = self._now_s() if since_s is None else since_s
+            self._velocity = Twist2D(linear_m_s, angular_rad_s), came_s
             self._has_velocity.set()
 
     async def _drive(self, robot: Client) -> None:
@@ -73,17 +86,22 @@ class Commands:
         while True:
             await self._has_velocity.wait()
             self._has_velocity.clear()
-            velocity, self._velocity = self._velocity, None
-            if velocity is not None:
-                await self._carry_out(
-                    "cmd_vel",
-                    robot.call(
-                        "drive",
-                        linear_m_s=velocity.linear_m_s,
-                        angular_rad_s=velocity.angular_rad_s,
-                        source=self._source,
-                    ),
-                )
+            newest, self._velocity = self._velocity, None
+            if newest is None:
+                continue
+            velocity, came_s = newest
+            if velocity != Twist2D() and self._now_s() - came_s > OLDEST_VELOCITY_S:
+                self._refuse(f"cmd_vel: a velocity waited for more than {OLDEST_VELOCITY_S:g} s")
+                continue
+            await self._carry_out(
+                "cmd_vel",
+                robot.call(
+                    "drive",
+                    linear_m_s=velocity.linear_m_s,
+                    angular_rad_s=velocity.angular_rad_s,
+                    source=self._source,
+                ),
+            )
 
     def set_pose(self, frame: str, pose: Pose2D) -> None:
         """RViz says about where the robot is."""

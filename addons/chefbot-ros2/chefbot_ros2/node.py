@@ -6,6 +6,7 @@ bags, this node and rosbridge have the same messages.
 """
 
 import asyncio
+import time
 from collections.abc import Callable, Coroutine
 from functools import partial
 from typing import Any, Final
@@ -159,7 +160,8 @@ class Bridge(LifecycleNode):  # type: ignore[misc]  # rclpy tells no types
     # what others send, in rclpy's thread
 
     def _take_twist(self, message: Twist) -> None:
-        self._call(lambda commands: commands.drive(message.linear.x, message.angular.z))
+        came_s = time.monotonic()  # not when the loop gets to it
+        self._call(lambda commands: commands.drive(message.linear.x, message.angular.z, came_s))
 
     def _take_stamped(self, message: TwistStamped) -> None:
         self._take_twist(message.twist)

@@ -70,12 +70,27 @@ def test_a_message_is_json_with_null_for_what_is_not_finite_and_base64_for_bytes
         ({"speed": 1}, "has no speed; it has linear, angular"),
         ({"linear": 3}, "msg.linear: expected an object"),
         ([], "msg: expected an object"),
+        ({"linear": {"x": 10**400}}, "msg.linear.x: this number does not fit float64"),
     ],
 )
 def test_what_is_no_message_is_said_with_its_place(value: Any, problem: str) -> None:
     """Nothing is guessed."""
     with pytest.raises(NotAMessage, match=problem):
         from_json(TWIST, value)
+
+
+@pytest.mark.parametrize("seconds", ["1e999", "-1e999", "NaN"])
+def test_a_whole_number_is_finite(seconds: str) -> None:
+    """JSON's 1e999 is infinite for Python; the client goes on and is told."""
+
+    async def scenario() -> None:
+        stamp = f'{{"header": {{"stamp": {{"sec": {seconds}}}}}}}'
+        bench = Bench()
+        (status,) = await bench.say(f'{{"op": "publish", "topic": "/goal_pose", "msg": {stamp}}}')
+        assert status["level"] == "error"
+        assert "msg.header.stamp.sec: this number does not fit int32" in status["msg"]
+
+    asyncio.run(scenario())
 
 
 def test_what_is_not_given_is_zero_and_a_turn_that_is_not_given_is_none() -> None:

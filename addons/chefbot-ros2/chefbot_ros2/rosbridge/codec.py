@@ -86,4 +86,10 @@ def _number_or_text(base: str, value: Any, where: str) -> Any:
         return 0.0 if base.startswith("float") else 0
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise NotAMessage(f"{where}: expected a number")
-    return float(value) if base.startswith("float") else int(value)
+    try:
+        return float(value) if base.startswith("float") else int(value)
+    except (
+        OverflowError,
+        ValueError,
+    ) as problem:  # more digits than a double has, or infinite for a whole number
+        raise NotAMessage(f"{where}: this number does not fit {base}") from problem

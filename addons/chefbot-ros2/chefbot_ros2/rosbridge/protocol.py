@@ -92,7 +92,7 @@ class Client:
 
     def __init__(self, hub: Hub, source: str, now_s: Callable[[], float] = time.monotonic) -> None:
         self._hub, self._now_s = hub, now_s
-        self.commands = Commands(source, self._tell_refused)
+        self.commands = Commands(source, self._tell_refused, now_s)
         self._subscriptions: dict[str, Subscription] = {}
         self._newest: dict[str, str] = {}
         self._answers: deque[str] = deque(maxlen=MOST_WAITING)
