@@ -35,6 +35,7 @@ class SpeechAgent:
         self._texts: dict[str, str] = {}
         self._questions: set[int] = set()
         self._tasks: set[asyncio.Task[None]] = set()
+        self._going: asyncio.Task[None] | None = None
         self._known: dict[frozenset[str], frozenset[str]] = {}
 
     async def run(self) -> None:
@@ -70,7 +71,9 @@ class SpeechAgent:
         self._questions = {question.question_id for question in data.questions}
 
     async def stop(self) -> str:
-        """Brake; why it cannot be asked for, or nothing."""
+        """Brake; why it cannot be asked for, or nothing. A goal that was not sent yet is not sent any more."""
+        if self._going is not None:
+            self._going.cancel()
         robot = self._robot
         if robot is None:
             return NOT_CONNECTED
@@ -82,7 +85,7 @@ class SpeechAgent:
 
     def go(self, place: str) -> None:
         """Go to a place, and say what becomes of it."""
-        self._begin(self._go(place))
+        self._going = self._begin(self._go(place))
 
     def say(self, text: str) -> None:
         """Say it aloud, and on the robot's page."""
@@ -108,10 +111,11 @@ class SpeechAgent:
             self._known = {wanted: await self._ear.words(wanted)}
         return Vocabulary.of(places, self._known[wanted])
 
-    def _begin(self, work: Coroutine[Any, Any, None]) -> None:
+    def _begin(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
         task = asyncio.create_task(work)
         self._tasks.add(task)
         task.add_done_callback(self._tasks.discard)
+        return task
 
     async def _go(self, place: str) -> None:
         robot = self._robot

@@ -166,6 +166,21 @@ def test_pressing_ends_the_goal_and_hushes_the_robot(tmp_path: Path) -> None:
     in_room(tmp_path, scenario)
 
 
+def test_a_press_right_after_a_yes_leaves_the_robot_standing(tmp_path: Path) -> None:
+    """Both messages arrive at once: no goal is sent behind the stop, while talk is held or after it."""
+
+    async def scenario(room: Room) -> None:
+        await room.say("go to table two")
+        await room.page.take(YES)
+        await room.page.take(PRESS)
+        await asyncio.sleep(20.0)
+        await room.page.take(RELEASE)
+        await asyncio.sleep(20.0)
+        assert room.driven == []
+
+    in_room(tmp_path, scenario)
+
+
 @pytest.mark.parametrize(
     ("said", "margin"),
     [("go to table two", -0.1), ("", -1.0), ("go to table", 1.0), ("go to table nine", 1.0), ("yes", 1.0)],
