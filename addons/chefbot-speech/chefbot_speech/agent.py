@@ -13,10 +13,12 @@ from chefbot_speech.commands import KINDS, Vocabulary, spoken
 from chefbot_speech.ear import Ear
 from chefbot_speech.speaker import Speaker
 from chefbotd.client import CallError, ChefbotError, Client, GoalNotReached
-from chefbotd.client.models import AgentsData
+from chefbotd.client.agent import BY_PEOPLE
+from chefbotd.client.models import AgentsData, NavigationData, SafetyData
 
 log = structlog.get_logger("speech")
 NAME, VERSION = "speech", "0.1"
+ARMED: Final = "armed"
 AGAIN_S: Final = 2.0
 LONGEST_TEXT: Final = 200
 QUIET_ENDS: Final = {"stopped", "replaced", "asked"}
@@ -27,10 +29,12 @@ Connect = Callable[[], AbstractAsyncContextManager[Client]]
 
 
 class SpeechAgent:
-    """``run`` keeps it connected; a talker may use it meanwhile."""
+    """``run`` keeps it connected; a talker may use it meanwhile. ``stopped`` is called when somebody stops the robot."""
 
-    def __init__(self, connect: Connect, speaker: Speaker, ear: Ear) -> None:
-        self._connect, self._speaker, self._ear = connect, speaker, ear
+    def __init__(
+        self, connect: Connect, speaker: Speaker, ear: Ear, stopped: Callable[[], None] = lambda: None
+    ) -> None:
+        self._connect, self._speaker, self._ear, self._stopped = connect, speaker, ear, stopped
         self._robot: Client | None = None
         self._texts: dict[str, str] = {}
         self._questions: set[int] = set()
@@ -51,13 +55,19 @@ class SpeechAgent:
             finally:
                 self._robot = None
                 self._questions.clear()
+                self._stopped()  # who stops the robot is not seen meanwhile
             await asyncio.sleep(AGAIN_S)
 
     async def _listen(self, robot: Client) -> None:
-        async with robot.subscribe("agents", policy="ordered") as events:
+        async with robot.subscribe(["agents", "navigation", "safety"], policy="ordered") as events:
             async for event in events:
-                if isinstance(event.data, AgentsData):
-                    self.take_agents(event.data)
+                match event.data:
+                    case AgentsData():
+                        self.take_agents(event.data)
+                    case SafetyData(mode=mode) if mode != ARMED:
+                        self._stopped()
+                    case NavigationData(cause=cause) if cause in BY_PEOPLE:
+                        self._stopped()
 
     def take_agents(self, data: AgentsData) -> None:
         """Say what is new of the other agents: their sentences and their questions."""

@@ -66,6 +66,19 @@ def touch(dialogue: Dialogue) -> Step:
     return Step(replace(dialogue, start_s=None))
 
 
+def interrupt(dialogue: Dialogue) -> Step:
+    """Somebody talks on another page, or the robot was stopped: what was proposed begins after a yes only."""
+    if dialogue.start_s is None:
+        return Step(dialogue)
+    return Step(replace(dialogue, start_s=None), f"Go to {dialogue.proposal}? Say or touch yes.")
+
+
+def postpone(dialogue: Dialogue) -> Step:
+    """What was to begin while somebody talks on another page begins after another yes."""
+    waiting = replace(dialogue, phase=Phase.READY, start_s=None)
+    return Step(waiting, f"Somebody talks. Go to {dialogue.proposal}? Say or touch yes.")
+
+
 def hear(dialogue: Dialogue, command: Command | None, now_s: float, countdown_s: float | None) -> Step:
     """What was said while talk was pressed; None: it was not understood. Anything else comes too late."""
     if dialogue.phase is not Phase.THINKING:

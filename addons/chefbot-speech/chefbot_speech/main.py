@@ -16,7 +16,7 @@ from chefbot_speech.agent import SpeechAgent
 from chefbot_speech.ear import SPHINX, Ear
 from chefbot_speech.server import NotAdmitted, PageServer, Send, Talker
 from chefbot_speech.speaker import Espeak, Flite, Speaker, Voice, player
-from chefbot_speech.talker import PageTalker
+from chefbot_speech.talker import PageTalker, Talkers
 from chefbotd.client import CallError, ChefbotError, Client
 from chefbotd.rpc.parameters import is_loopback
 
@@ -109,10 +109,11 @@ async def _run(
         asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, running.cancel)
     ear = Ear(options["recognizer"])
     speaker = Speaker(voice_of(options["voice"], options["language"]), player())
-    agent = SpeechAgent(with_token, speaker, ear)
+    talkers = Talkers()
+    agent = SpeechAgent(with_token, speaker, ear, talkers.end_countdowns)
 
     def make(send: Send) -> PageTalker:
-        return PageTalker(send, agent, ear.recognize, options["countdown_s"])
+        return PageTalker(send, agent, ear.recognize, talkers, options["countdown_s"])
 
     page = PageServer(admit(connect, make), tls_of(options["certificate"], options["key"]), options["names"])
     try:

@@ -50,22 +50,59 @@ class Robot(Protocol):
         ...
 
 
+class Talkers:
+    """All pages of a robot: while somebody talks on one of them, nothing begins on any."""
+
+    def __init__(self) -> None:
+        self._pages: set[PageTalker] = set()
+
+    def add(self, page: "PageTalker") -> None:
+        """A page is there."""
+        self._pages.add(page)
+
+    def discard(self, page: "PageTalker") -> None:
+        """It is gone."""
+        self._pages.discard(page)
+
+    def others_talk(self, page: "PageTalker") -> bool:
+        """Whether somebody talks on another page, or what was said there is still being recognized."""
+        return any(other.is_talking for other in self._pages - {page})
+
+    def end_countdowns(self) -> None:
+        """Somebody talks, or the robot was stopped: nothing begins by itself."""
+        for page in self._pages:
+            page.end_countdown()
+
+
 class PageTalker:
     """``send`` shows the dialogue on the page. ``countdown_s``: when a goal begins by itself; None: after a yes only."""
 
     def __init__(
-        self, send: Send, robot: Robot, recognize: Recognize, countdown_s: float | None = None
+        self,
+        send: Send,
+        robot: Robot,
+        recognize: Recognize,
+        talkers: Talkers,
+        countdown_s: float | None = None,
     ) -> None:
         self._send, self._robot, self._recognize, self._countdown_s = send, robot, recognize, countdown_s
+        self._talkers = talkers
         self._dialogue, self._text = Dialogue(), ""
         self._sound = bytearray()
         self._rate_hz = RATE_HZ
         self._places: asyncio.Task[Vocabulary] | None = None
         self._hearing: asyncio.Task[None] | None = None
         self._looking: asyncio.Task[None] | None = None
+        self._showing: asyncio.Task[None] | None = None
+
+    @property
+    def is_talking(self) -> bool:
+        """Whether somebody talks, or what was said is being recognized."""
+        return self._dialogue.phase is not Phase.READY
 
     async def begin(self) -> None:
         """Show what can be said."""
+        self._talkers.add(self)
         await self._show(await self._robot.vocabulary())
 
     def add_sound(self, data: bytes) -> None:
@@ -91,13 +128,16 @@ class PageTalker:
 
     async def leave(self) -> None:
         """The page is gone, and what it proposed with it."""
-        tasks = [task for task in (self._places, self._hearing, self._looking) if task is not None]
+        self._talkers.discard(self)
+        own = (self._places, self._hearing, self._looking, self._showing)
+        tasks = [task for task in own if task is not None]
         for task in tasks:
             task.cancel()
         await asyncio.gather(*tasks, return_exceptions=True)
 
     async def _press(self, rate_hz: int) -> None:
-        """The stop is asked for before anything else is done."""
+        """The stop is asked for before anything else is done that takes time."""
+        self._talkers.end_countdowns()
         if self._hearing is not None:
             self._hearing.cancel()
         await self._do(dialogue.press(self._dialogue))
@@ -121,8 +161,18 @@ class PageTalker:
         now_s = asyncio.get_running_loop().time()
         await self._do(dialogue.hear(self._dialogue, command, now_s, self._countdown_s))
 
+    def end_countdown(self) -> None:
+        """Somebody talks on another page, or the robot was stopped."""
+        step = dialogue.interrupt(self._dialogue)
+        if step.dialogue != self._dialogue:
+            self._dialogue, self._text = step.dialogue, step.text
+            self._look_again()
+            self._showing = asyncio.create_task(self._show())
+
     async def _do(self, step: Step) -> None:
         """The robot first, then people."""
+        if step.effect is dialogue.Effect.GO and self._talkers.others_talk(self):
+            step = dialogue.postpone(self._dialogue)
         self._dialogue = step.dialogue
         problem = ""
         if step.effect is dialogue.Effect.STOP:

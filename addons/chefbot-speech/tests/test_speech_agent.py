@@ -10,7 +10,7 @@ import pytest
 from chefbot_speech.agent import SpeechAgent
 from chefbot_speech.commands import Vocabulary
 from chefbot_speech.recognition import Heard, Samples
-from chefbot_speech.talker import PageTalker
+from chefbot_speech.talker import PageTalker, Talkers
 
 from chefbotd.client import Client, GoalNotReached
 from chefbotd.client.models import AgentData, AgentsData, QuestionData
@@ -74,9 +74,13 @@ class Room:
         self.client, self.speaker, self.ear = client, FakeSpeaker(), FakeEar()
         self._drivings = drivings
         connect = partial(Client.connect, *client.address, name="speech")
-        self.agent = SpeechAgent(connect, self.speaker, self.ear)  # type: ignore[arg-type]
+        self.talkers = Talkers()
+        self.agent = SpeechAgent(connect, self.speaker, self.ear, self.talkers.end_countdowns)  # type: ignore[arg-type]
         self.shown: list[dict[str, Any]] = []
-        self.page = PageTalker(self._show, self.agent, self.ear.recognize, countdown_s)
+        self.page, self.other = (
+            PageTalker(self._show, self.agent, self.ear.recognize, self.talkers, countdown_s)
+            for _ in range(2)
+        )
 
     async def _show(self, state: dict[str, Any]) -> None:
         self.shown.append(state)
@@ -123,9 +127,11 @@ def in_room(
             room = Room(client, drivings, countdown_s)
             working = asyncio.create_task(room.agent.run())
             await asyncio.sleep(0.5)
+            await room.other.begin()
             await room.page.begin()
             await asyncio.wait_for(scenario(room), 600.0)
             await room.page.leave()
+            await room.other.leave()
             working.cancel()
             await asyncio.gather(working, return_exceptions=True)
 
@@ -233,6 +239,74 @@ def test_a_countdown_begins_the_goal_and_a_touch_ends_it(tmp_path: Path) -> None
     in_room(tmp_path, scenario, countdown_s=5.0)
 
 
+@pytest.mark.parametrize("is_held_first", [False, True])
+def test_while_somebody_talks_on_another_page_no_countdown_begins_a_goal(
+    tmp_path: Path, *, is_held_first: bool
+) -> None:
+    """Pressed before or after the countdown has begun, and still held; nor after it was released."""
+
+    async def scenario(room: Room) -> None:
+        if is_held_first:
+            await room.other.take(PRESS)
+        await room.say("go to table two")
+        if not is_held_first:
+            await room.other.take(PRESS)
+        await asyncio.sleep(20.0)
+        assert room.driven == []
+        room.ear.hears = Heard("", -1.0)
+        await room.other.take(RELEASE)
+        await asyncio.sleep(5.0)
+        assert room.driven == []
+        await room.page.take(YES)
+        await asyncio.sleep(5.0)
+        assert room.driven == [2.0]
+
+    in_room(tmp_path, scenario, countdown_s=5.0)
+
+
+def test_a_yes_while_somebody_talks_on_another_page_begins_nothing(tmp_path: Path) -> None:
+    """Touched or spoken; the question is asked again."""
+
+    async def scenario(room: Room) -> None:
+        await room.say("go to table two")
+        await room.other.take(PRESS)
+        await room.page.take(YES)
+        assert room.shown[-1]["text"] == "Somebody talks. Go to table 2? Say or touch yes."
+        await room.say("yes")
+        await asyncio.sleep(10.0)
+        assert room.driven == []
+        await room.other.leave()
+        await room.page.take(YES)
+        await asyncio.sleep(5.0)
+        assert room.driven == [2.0]
+
+    in_room(tmp_path, scenario)
+
+
+@pytest.mark.parametrize("is_estop", [False, True])
+def test_whoever_stops_the_robot_ends_the_countdown(tmp_path: Path, *, is_estop: bool) -> None:
+    """A goal that is stopped on another page, and an emergency stop that is released before the countdown's end."""
+
+    async def scenario(room: Room) -> None:
+        await room.say("go to table two")
+        if is_estop:
+            await room.client.estop()
+            await asyncio.sleep(1.0)
+            await room.client.arm()
+        else:
+            driving = asyncio.create_task(room.client.navigate_to(place="table 3"))
+            await asyncio.sleep(2.0)
+            await room.client.cancel_navigation()
+            with pytest.raises(GoalNotReached):
+                await driving
+        driven = list(room.driven)
+        await asyncio.sleep(20.0)
+        assert room.driven == driven
+        assert room.shown[-1]["proposal"] == "table 2"
+
+    in_room(tmp_path, scenario, countdown_s=5.0)
+
+
 def test_a_page_that_is_gone_begins_nothing(tmp_path: Path) -> None:
     """Its countdown ends with it."""
 
@@ -293,7 +367,7 @@ def test_without_the_daemon_a_press_says_that_nothing_stops() -> None:
 
         speaker, ear = FakeSpeaker(), FakeEar()
         agent = SpeechAgent(Client.connect, speaker, ear)  # type: ignore[arg-type]
-        await PageTalker(show, agent, ear.recognize).take(PRESS)
+        await PageTalker(show, agent, ear.recognize, Talkers()).take(PRESS)
         assert shown[-1]["text"] == "The robot's daemon is not connected: I cannot stop it."
         assert await agent.vocabulary() == Vocabulary.of([])
 
