@@ -6,6 +6,7 @@ It knows neither MQTT nor the robot's daemon: ``broker`` hands it messages and t
 
 import asyncio
 import time
+from collections import deque
 from collections.abc import Awaitable, Callable, Coroutine
 from typing import Any, Final
 
@@ -13,8 +14,8 @@ import msgspec
 import structlog
 
 from chefbot_vda5050 import acceptance, order
-from chefbot_vda5050.freshness import Freshness, judge_age
-from chefbot_vda5050.messages import Header, InstantActions, MalformedMessage, Message, Order, decode, encode
+from chefbot_vda5050.inbox import Inbox
+from chefbot_vda5050.messages import Message, Order, encode
 from chefbot_vda5050.rejections import Reason, Rejection
 from chefbot_vda5050.robot import CannotDo, DriveFailed, Robot, perform
 from chefbot_vda5050.state import is_driving, state, visualization
@@ -49,6 +50,13 @@ Publish = Callable[[Kind, bytes], Awaitable[None]]
 MakeFactsheet = Callable[[dict[str, Any]], Message]
 
 
+class _Waiting(msgspec.Struct):
+    """An order that has come and is not accepted yet; ``is_cancelled``: its cancellation has come as well."""
+
+    order: Order
+    is_cancelled: bool = False
+
+
 class Agent:
     """One robot in a fleet. ``vehicle`` is what it remembers of its order."""
 
@@ -66,10 +74,11 @@ class Agent:
     ) -> None:
         self.vehicle = Vehicle()
         self.headers = headers or Headers(name, VERSION)
-        self._name, self._robot, self._publish, self._limits = name, robot, publish, limits
+        self._robot, self._publish, self._limits = robot, publish, limits
         self._factsheet, self._visualization_s, self._clock = factsheet, visualization_s, clock
-        self._messages: asyncio.Queue[tuple[Kind, bytes, bool]] = asyncio.Queue(MOST_WAITING)
-        self._fresh: dict[Kind, Freshness] = {}
+        self._inbox = Inbox(name, VERSION, limits.order_max_age_s, clock)
+        self._waiting: deque[_Waiting] = deque()  # the first is being judged
+        self._arrived = asyncio.Event()
         self._changed = asyncio.Event()
         self._was_armed = True
         self._drives = 0  # that were begun or given up
@@ -83,7 +92,7 @@ class Agent:
         self._robot.listen(self._take_facts, self._go_on)
         try:
             async with asyncio.TaskGroup() as tasks:
-                tasks.create_task(self._take_messages())
+                tasks.create_task(self._take_orders())
                 tasks.create_task(self._report())
                 if self._visualization_s:
                     tasks.create_task(self._visualize())
@@ -93,11 +102,20 @@ class Agent:
             await asyncio.gather(*self._tasks, return_exceptions=True)
 
     def receive(self, kind: Kind, data: bytes, *, retained: bool = False) -> None:
-        """Take a message from the broker; where too many wait, the newest is refused, as a master sends it again."""
-        try:
-            self._messages.put_nowait((kind, data, retained))
-        except asyncio.QueueFull:
-            log.warning("a message is dropped: too many wait", kind=kind)
+        """Take a message from the broker: instant actions at once, orders in turn.
+
+        Where too many orders wait, the newest is dropped, as a master sends it again.
+        """
+        if kind is Kind.ORDER:
+            self._receive_order(data, retained=retained)
+            return
+        actions, rejection = self._inbox.actions(data, retained=retained)
+        if rejection is not None:
+            self._reject(rejection)
+        for action in actions:
+            if action.action_type == "cancelOrder":
+                self._cancel_waiting(action.parameter("orderId"))
+            self._apply(order.instant_action(self.vehicle, action))
 
     def set_online(self, online: bool) -> None:
         """The broker is there, or it is gone; there, everything is reported anew."""
@@ -110,47 +128,35 @@ class Agent:
 
     # messages
 
-    async def _take_messages(self) -> None:
+    def _receive_order(self, data: bytes, *, retained: bool) -> None:
+        message = self._inbox.order(data, retained=retained)
+        if isinstance(message, Rejection):
+            self._reject(message)
+        elif len(self._waiting) >= MOST_WAITING:
+            log.warning("an order is dropped: too many wait", order=message.order_id)
+        else:
+            self._waiting.append(_Waiting(message))
+            self._arrived.set()
+
+    def _cancel_waiting(self, order_id: Any) -> None:
+        """Orders that came before their cancellation must not begin after it."""
+        for waiting in self._waiting:
+            if order_id in (None, waiting.order.order_id):
+                waiting.is_cancelled = True
+
+    async def _take_orders(self) -> None:
         while True:
-            kind, data, retained = await self._messages.get()
-            await self.handle(kind, data, retained=retained)
+            await self._arrived.wait()
+            while self._waiting:
+                await self._take_order(self._waiting[0])
+                self._waiting.popleft()
+            self._arrived.clear()
 
-    async def handle(self, kind: Kind, data: bytes, *, retained: bool = False) -> None:
-        """Carry out what a message asks for, or report why not."""
-        try:
-            message: Header = decode(data, Order if kind is Kind.ORDER else InstantActions)
-        except MalformedMessage as error:
-            self._reject(Reason.MALFORMED, f"the message on {kind} is malformed: {error}", kind)
-            return
-        if wrong := self._foreign(message):
-            self._reject(Reason.MALFORMED, wrong, kind)
-        elif late := self._late(kind, message, retained):
-            self._reject(Reason.TOO_LATE, f"the message on {kind} is too late: {late}", kind)
-        elif isinstance(message, Order):
-            await self._take_order(message)
-        elif isinstance(message, InstantActions):
-            for action in message.actions:
-                self._apply(order.instant_action(self.vehicle, action))
-
-    def _foreign(self, header: Header) -> str:
-        if header.version.partition(".")[0] != VERSION.partition(".")[0]:
-            return f"its version is {header.version}, and this robot speaks {VERSION}"
-        of = (header.manufacturer, header.serial_number)
-        if of != (self._name.manufacturer, self._name.serial_number):
-            return f"it is for the robot {'/'.join(of)}"
-        return ""
-
-    def _late(self, kind: Kind, header: Header, retained: bool) -> str:
-        latest = self._fresh.get(kind, Freshness())
-        self._fresh[kind], late = judge_age(
-            latest, header, self._clock(), self._limits.order_max_age_s, retained=retained
-        )
-        return late
-
-    async def _take_order(self, message: Order) -> None:
-        judged = acceptance.judge(self.vehicle, message, self._robot.facts, self._limits)
+    async def _take_order(self, waiting: "_Waiting") -> None:
+        """Judge it anew when it is known that there is a way: that takes its time."""
+        message, judged = waiting.order, self._judge(waiting)
         if judged in (acceptance.Accepted.NEW, acceptance.Accepted.UPDATE):
-            judged = await self._without_route(message) or judged
+            judged = await self._without_route(waiting) or self._judge(waiting)
         if isinstance(judged, Rejection):
             log.warning("an order is refused", order=message.order_id, why=judged.text)
             self._apply(order.reject(self.vehicle, judged))
@@ -160,9 +166,21 @@ class Agent:
                 order.accept(self.vehicle, message, judged, self._robot.facts, self._limits), always=True
             )
 
-    async def _without_route(self, message: Order) -> Rejection | None:
+    def _judge(self, waiting: "_Waiting") -> acceptance.Accepted | Rejection:
+        message = waiting.order
+        if waiting.is_cancelled:
+            text = f"order {message.order_id!a} was cancelled before it began"
+            about = (("topic", "order"), ("orderId", message.order_id))
+            return Rejection(Reason.CANCELLED_ORDER, text, about)
+        late = self._inbox.late_by_now(message)
+        return late or acceptance.judge(self.vehicle, message, self._robot.facts, self._limits)
+
+    async def _without_route(self, waiting: "_Waiting") -> Rejection | None:
         """6.1.4.8 of version 3.0: a node that the robot cannot reach on its map."""
+        message = waiting.order
         for node in message.nodes[1:]:
+            if waiting.is_cancelled:
+                return None
             why = "" if node.node_position is None else await self._robot.unreachable(node.node_position)
             if why:
                 about = (
@@ -174,9 +192,9 @@ class Agent:
                 return Rejection(Reason.NO_ROUTE, f"node {node.node_id!a} cannot be reached: {why}", about)
         return None
 
-    def _reject(self, reason: Reason, text: str, kind: Kind) -> None:
-        log.warning("a message is refused", why=text)
-        self._apply(order.reject(self.vehicle, Rejection(reason, text, (("topic", str(kind)),))))
+    def _reject(self, rejection: Rejection) -> None:
+        log.warning("a message is refused", why=rejection.text)
+        self._apply(order.reject(self.vehicle, rejection))
 
     # what the robot is to do
 

@@ -24,16 +24,23 @@ def judge_age(
 
     ``now_s`` and the stamps are seconds since 1970, by clocks that agree to much less than ``max_age_s``.
     """
-    try:
-        stamp_s = seconds_of(header.timestamp)
-    except ValueError:
-        return latest, f"its timestamp {header.timestamp!a} is no time"
     if retained:
         return latest, "the broker had kept it (retained), so its age is not known"
-    age_s = now_s - stamp_s
-    if max_age_s and abs(age_s) > max_age_s:
-        when = "old" if age_s > 0 else "ahead of the robot's clock"
-        return latest, f"it is {abs(age_s):.1f} s {when}, more than {max_age_s:g} s"
+    if why := age_problem(header, now_s, max_age_s):
+        return latest, why
+    stamp_s = seconds_of(header.timestamp)
     if header.header_id <= latest.header_id and stamp_s < latest.stamp_s:
         return latest, f"headerId {header.header_id} came after {latest.header_id}"
     return Freshness(header.header_id, stamp_s), ""
+
+
+def age_problem(header: Header, now_s: float, max_age_s: float) -> str:
+    """Why a message is too old by now, or from the future; empty: it is not."""
+    try:
+        age_s = now_s - seconds_of(header.timestamp)
+    except ValueError:
+        return f"its timestamp {header.timestamp!a} is no time"
+    if not max_age_s or abs(age_s) <= max_age_s:
+        return ""
+    when = "old" if age_s > 0 else "ahead of the robot's clock"
+    return f"it is {abs(age_s):.1f} s {when}, more than {max_age_s:g} s"

@@ -234,7 +234,7 @@ def test_a_malformed_order_is_reported(data: bytes) -> None:
     """6.6.4.1; it stays until an order is accepted."""
 
     async def scenario(now: Fleet) -> None:
-        await now.agent.handle(Kind.ORDER, data)
+        now.agent.receive(Kind.ORDER, data)
         state = await now.until(lambda state: bool(state.errors))
         assert errors(state) == ["validationError"]
         await now.order(line(0, 1))
@@ -278,7 +278,7 @@ def test_an_order_that_the_broker_has_kept_is_never_driven() -> None:
 
     async def scenario(now: Fleet) -> None:
         fresh = replace(line(0, 1), timestamp=timestamp_of(now.now_s()))
-        await now.agent.handle(Kind.ORDER, encode(fresh), retained=True)
+        now.agent.receive(Kind.ORDER, encode(fresh), retained=True)
         state = await now.until(lambda state: bool(state.errors))
         assert state.order_id == ""
 
@@ -323,6 +323,7 @@ def test_a_robot_whose_daemon_is_gone_says_so_and_drives_on_when_it_is_back() ->
     async def scenario(now: Fleet) -> None:
         now.robot.fails.append(DriveFailed("the connection is lost"))
         await now.order(line(0, 1))
+        await now.until(lambda state: state.order_id == "o1")
         known = now.robot.facts
         now.robot.set(**{name: getattr(Facts(missing="gone"), name) for name in ("connected", "missing")})
         state = await now.until(lambda state: "robotUnreachable" in errors(state))
@@ -392,14 +393,16 @@ def test_the_factsheet_lists_every_action_that_the_robot_takes() -> None:
 
 
 def test_more_messages_than_can_wait_are_dropped_and_the_robot_lives() -> None:
-    """A flood of a thousand: those that fit are answered, and an order after it is driven."""
+    """A flood of a thousand of each kind: those that fit are answered, and an order after it is driven."""
 
     async def scenario(now: Fleet) -> None:
+        first = encode(replace(line(0, 1, order_id="o0"), timestamp=timestamp_of(now.now_s())))
         for _ in range(1000):
             now.agent.receive(Kind.INSTANT_ACTIONS, b"{")
-        await asyncio.sleep(1.0)
-        await now.order(line(0, 1))
-        await now.until(lambda state: state.last_node_id == "n1" and is_idle(state))
+            now.agent.receive(Kind.ORDER, first)
+        await asyncio.sleep(10.0)
+        await now.order(line(1, 2))
+        await now.until(lambda state: state.last_node_id == "n2" and is_idle(state))
 
     with_fleet(scenario)
 

@@ -44,6 +44,7 @@ class FakeRobot:
         self.answers: asyncio.Queue[str | None] = asyncio.Queue()
         self.fails: list[DriveFailed] = []
         self.closed: set[tuple[float, float]] = set()
+        self.planning_s = 0.0
         self._goal = 0
         self.changed: Callable[[], None] = lambda: None
         self.go_on: Callable[[], None] = lambda: None
@@ -88,7 +89,8 @@ class FakeRobot:
         self.set(paused=False)
 
     async def unreachable(self, position: NodePosition) -> str:
-        """Where it is closed."""
+        """Where it is closed; the planner takes its time."""
+        await asyncio.sleep(self.planning_s)
         return "a wall is in the way" if (position.x, position.y) in self.closed else ""
 
     async def set_pose(self, position: NodePosition) -> None:
@@ -142,7 +144,7 @@ class Fleet:
         self._headers += 1
         message = replace(message, **header)
         assert schemas.problems(kind, encode(message)) == []
-        await self.agent.handle(kind, encode(message))
+        self.agent.receive(kind, encode(message))
 
     async def order(self, order: Order, **changes: Any) -> None:
         """Send an order."""

@@ -1,0 +1,173 @@
+"""What stops the robot waits for nothing and is never too late; an order is judged by what is true when it begins."""
+
+import asyncio
+from typing import Any
+
+import pytest
+from chefbot_vda5050.messages import InstantActions, OperatingMode, State, encode
+from chefbot_vda5050.topics import Kind, timestamp_of
+from msgspec.structs import replace
+from test_vda5050_agent import errors, status, with_fleet
+from vda5050_fakes import Fleet, is_idle
+from vda5050_orders import HEADER, action, line
+
+
+async def driving(now: Fleet) -> None:
+    """Until the robot drives along an order of three metres; its planner takes 1 s for a node from then on."""
+    await now.order(line(0, 3, base=1))
+    await now.until(lambda state: state.driving)
+    now.robot.planning_s = 1.0
+
+
+def test_a_pause_does_not_wait_until_the_ways_to_nodes_are_known() -> None:
+    """An update of six nodes is being judged for 6 s; the robot stands within half a second."""
+
+    async def scenario(now: Fleet) -> None:
+        await driving(now)
+        await now.order(line(1, 7, update=1))
+        await now.act("startPause", "p")
+        began_s = now.now_s()
+        state = await now.until(lambda state: status(state, "p") == "FINISHED")
+        assert now.now_s() - began_s < 0.5
+        assert (state.paused, state.driving, state.order_update_id) == (True, False, 0)
+        await now.until(lambda state: state.order_update_id == 1)
+        await asyncio.sleep(10.0)
+        assert now.robot.driven == []
+        await now.act("stopPause", "q")
+        await now.until(lambda state: state.last_node_id == "n7" and is_idle(state))
+
+    with_fleet(scenario)
+
+
+@pytest.mark.parametrize("named", [{}, {"orderId": "o1"}])
+def test_an_order_that_is_cancelled_while_it_is_judged_never_begins(named: dict[str, str]) -> None:
+    """Nor do those that wait behind it; the master is told."""
+
+    async def scenario(now: Fleet) -> None:
+        now.robot.planning_s = 1.0
+        await now.order(line(0, 3))
+        await now.order(line(0, 3, update=1))
+        await asyncio.sleep(0.5)
+        await now.act("cancelOrder", "c", **named)
+        state = await now.until(lambda state: "orderUpdateError" in errors(state))
+        assert (state.order_id, status(state, "c")) == ("", "FAILED")
+        await asyncio.sleep(20.0)
+        assert (now.robot.facts.x_m, now.states()[-1].order_id) == (0.0, "")
+
+    with_fleet(scenario)
+
+
+def test_the_cancellation_of_another_order_leaves_the_one_that_is_judged() -> None:
+    """It names the one that it means."""
+
+    async def scenario(now: Fleet) -> None:
+        now.robot.planning_s = 1.0
+        await now.order(line(0, 1))
+        await now.act("cancelOrder", "c", orderId="o0")
+        await now.until(lambda state: status(state, "c") == "FAILED")
+        await now.until(lambda state: state.last_node_id == "n1" and is_idle(state))
+
+    with_fleet(scenario)
+
+
+@pytest.mark.parametrize("kind", ["startPause", "cancelOrder"])
+@pytest.mark.parametrize("changes", [{"age_s": 11.0}, {"age_s": -11.0}, {"age_s": 86400.0}, {"header_id": 0}])
+def test_a_stop_counts_whatever_its_age(kind: str, changes: dict[str, Any]) -> None:
+    """Old, from a clock that is ahead, or after a later message: the robot stands."""
+
+    async def scenario(now: Fleet) -> None:
+        await now.act("stateRequest", "s")
+        await driving(now)
+        header = {"header_id": 7, "timestamp": timestamp_of(now.now_s() - changes.get("age_s", 3.0))}
+        await now.send(
+            Kind.INSTANT_ACTIONS,
+            InstantActions(**HEADER, actions=(action(kind, "x", "NONE"),)),
+            **(header | {key: value for key, value in changes.items() if key == "header_id"}),
+        )
+        state = await now.until(lambda state: status(state, "x") == "FINISHED")
+        assert (state.driving, state.errors) == (False, ())
+        await asyncio.sleep(10.0)
+        assert now.robot.facts.x_m < 1.0
+
+    with_fleet(scenario)
+
+
+def test_of_a_late_message_only_what_stops_the_robot_is_done() -> None:
+    """The rest is refused, and the end of the pause too."""
+
+    async def scenario(now: Fleet) -> None:
+        await driving(now)
+        late = timestamp_of(now.now_s() - 60.0)
+        todo = (action("say", "s", "NONE", text="hello"), action("startPause", "p", "NONE"))
+        await now.send(Kind.INSTANT_ACTIONS, InstantActions(**HEADER, actions=todo), timestamp=late)
+        state = await now.until(lambda state: status(state, "p") == "FINISHED")
+        assert (errors(state), status(state, "s"), now.robot.said) == (["orderError"], "", [])
+        resume = (action("stopPause", "q", "NONE"),)
+        await now.send(Kind.INSTANT_ACTIONS, InstantActions(**HEADER, actions=resume), timestamp=late)
+        await asyncio.sleep(10.0)
+        assert (now.states()[-1].paused, now.robot.driven) == (True, [])
+
+    with_fleet(scenario)
+
+
+def test_a_stop_that_the_broker_has_kept_is_refused() -> None:
+    """Else each new connection would cancel the order anew."""
+
+    async def scenario(now: Fleet) -> None:
+        await driving(now)
+        actions = (action("cancelOrder", "c", "NONE"),)
+        kept = replace(InstantActions(**HEADER, actions=actions), timestamp=timestamp_of(now.now_s()))
+        now.agent.receive(Kind.INSTANT_ACTIONS, encode(kept), retained=True)
+        state = await now.until(lambda state: bool(state.errors))
+        assert (errors(state), status(state, "c")) == (["orderError"], "")
+        await now.until(lambda state: state.last_node_id == "n1")
+
+    with_fleet(scenario)
+
+
+def test_a_stop_counts_where_more_orders_came_than_can_wait() -> None:
+    """A thousand updates wait while the first of them is judged."""
+
+    async def scenario(now: Fleet) -> None:
+        await driving(now)
+        for update in range(1, 1001):
+            await now.order(line(1, 3, update=update))
+        await now.act("startPause", "p")
+        await now.until(lambda state: status(state, "p") == "FINISHED" and not state.driving)
+        assert now.robot.facts.x_m < 1.0
+
+    with_fleet(scenario)
+
+
+def test_an_order_that_becomes_too_late_while_it_is_judged_is_refused() -> None:
+    """Four ways of 3 s each are 12 s; it may be 10 s old."""
+
+    async def scenario(now: Fleet) -> None:
+        now.robot.planning_s = 3.0
+        await now.order(line(0, 4))
+        state = await now.until(lambda state: bool(state.errors))
+        assert (errors(state), state.order_id) == (["orderError"], "")
+        assert "too late" in (state.errors[0].error_description or "")
+        await asyncio.sleep(10.0)
+        assert now.robot.facts.x_m == 0.0
+
+    with_fleet(scenario)
+
+
+def test_an_order_is_refused_when_somebody_takes_the_robot_while_it_is_judged() -> None:
+    """Driven by hand, it takes no order, also where the order came before."""
+
+    async def scenario(now: Fleet) -> None:
+        now.robot.planning_s = 1.0
+        await now.order(line(0, 2))
+        await asyncio.sleep(1.5)
+        now.robot.set(mode=OperatingMode.MANUAL)
+
+        def is_refused(state: State) -> bool:
+            return errors(state) == ["orderError"] and state.order_id == ""
+
+        await now.until(is_refused)
+        await asyncio.sleep(10.0)
+        assert now.robot.facts.x_m == 0.0
+
+    with_fleet(scenario)
