@@ -5,7 +5,6 @@ import contextlib
 import math
 import secrets
 import ssl
-import time
 from pathlib import Path
 from typing import Any
 
@@ -59,15 +58,16 @@ def run(
     if not is_loopback(host) and page_certificate is None:
         raise click.UsageError("beyond this computer the page needs --page-certificate: its token is secret")
     token = _token(token_file)
-    fleet = _fleet(map_file, places_file, options)
 
-    from chefbot_fleet.manager import Manager
+    from chefbot_fleet.manager import Manager, steady_clock
     from chefbot_fleet.web import FleetPage
 
+    clock = steady_clock()
+    fleet = _fleet(map_file, places_file, options, clock())
     manager = Manager(
-        fleet, broker_of(options), interface=options["interface"], major_version=options["major"]
+        fleet, broker_of(options), clock, interface=options["interface"], major_version=options["major"]
     )
-    page = FleetPage(fleet, token, time.time, names)
+    page = FleetPage(fleet, token, clock, names)
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(manager.run(page, host, port, _tls(page_certificate)))
 
@@ -91,7 +91,7 @@ def _tls(certificate: Path | None) -> ssl.SSLContext | None:
     return context
 
 
-def _fleet(map_file: Path, places_file: Path, options: dict[str, Any]) -> Fleet:
+def _fleet(map_file: Path, places_file: Path, options: dict[str, Any], now_s: float) -> Fleet:
     def number(name: str) -> float:
         return float(str(options[name]))
 
@@ -110,4 +110,4 @@ def _fleet(map_file: Path, places_file: Path, options: dict[str, Any]) -> Fleet:
         str(options["map_id"] or map_file.stem), number("lost_after_s"), number("lease_s")
     )
     store = Store(Path(str(options["database"])))
-    return Fleet(roadmap, homes, store, Pace(number("speed_m_s")), parameters, time.time())
+    return Fleet(roadmap, homes, store, Pace(number("speed_m_s")), parameters, now_s)

@@ -9,6 +9,7 @@ so that nothing is done twice. Only one update is on its way at a time.
 """
 
 import math
+import secrets
 from collections.abc import Iterable
 from itertools import pairwise
 
@@ -39,6 +40,9 @@ AT_NODE_M = 1.0
 
 DEVIATION_M = 0.1
 """So near a node a robot has passed it."""
+
+
+ENDED = (ActionStatus.FINISHED, ActionStatus.FAILED)
 
 
 class FleetParameters(Record, frozen=True):
@@ -92,6 +96,7 @@ class Fleet:
         self.vehicles = {vehicle.name: vehicle for vehicle in store.vehicles()}
         self.contacts: dict[str, Contact] = {}
         self.ignored: dict[str, str] = {}
+        self._is_connected = True
         self._resume(now_s)
 
     def _resume(self, now_s: float) -> None:
@@ -142,7 +147,7 @@ class Fleet:
         return order
 
     def remove_robot(self, name: str) -> None:
-        """Somebody has taken a vanished robot away: free its place, and give its order to another."""
+        """A vanished robot is gone: free its place, and give its order to another, unless it may have the load."""
         vehicle = self.vehicles.get(name)
         if vehicle is None:
             raise ValueError(f"there is no robot {name!a}")
@@ -150,11 +155,18 @@ class Fleet:
             raise ValueError(f"{name} is there: switch it off first")
         order = self.orders.get(vehicle.task) if vehicle.task is not None else None
         if order is not None:
-            order.stage, order.robot = Stage.WAITING, None
-            self._store.save(order)
+            self._give_back(vehicle, order, f"{name} was removed")
         self._store.forget(vehicle)
         self.traffic.remove(name)
         del self.vehicles[name], self.contacts[name]
+
+    def _give_back(self, vehicle: Vehicle, order: FleetOrder, why: str) -> None:
+        """For another robot, as long as this one has not begun to load: nobody fetches what was fetched already."""
+        if order.stage is Stage.PICKED or vehicle.action_id is not None:
+            order.stage, order.why = Stage.FAILED, f"{why}, perhaps with its load"
+        else:
+            order.stage, order.robot = Stage.WAITING, None
+        self._store.save(order)
 
     def correct(self, correction: Correction, now_s: float) -> None:
         """Change the roadmap by hand; robots get new plans on it."""
@@ -172,6 +184,19 @@ class Fleet:
                 self.traffic.lose(name, lost_s)
 
     # What robots say
+
+    def disconnected(self) -> None:
+        """No robot can be heard: none is taken for vanished, and no lease runs, until ``connected``."""
+        self._is_connected = False
+
+    def connected(self, now_s: float) -> None:
+        """Robots can be heard again; each has all of its time from now on."""
+        self._is_connected = True
+        for name, contact in self.contacts.items():
+            contact.seen_s = now_s
+            robot = self.traffic.robots[name]
+            if robot.lost_s is not None:
+                robot.lost_s = now_s
 
     def on_connection(self, name: str, connection: ConnectionState, now_s: float) -> None:
         """A robot's topic ``connection``."""
@@ -199,18 +224,40 @@ class Fleet:
         used = {vehicle.home for vehicle in self.vehicles.values()}
         homes = [home for home in self._homes if home not in used]
         node = self._nearest(state, range(len(self.roadmap.points_m)))
-        if node is None or not homes:
-            self.ignored[name] = (
-                "every home is taken" if not homes else f"it is not within {AT_NODE_M} m of a node"
-            )
+        why = self._obstacle(state, node, homes)
+        if why is not None or node is None:
+            self.ignored[name] = why or ""
             return None
         self.ignored.pop(name, None)
         home = min(homes, key=lambda home: self.roadmap.distance_m[node, home])
-        vehicle = self.vehicles[name] = Vehicle(name, home, node)
+        vehicle = self.vehicles[name] = Vehicle(name, home, node, series=secrets.token_hex(4))
         self.contacts[name] = Contact(now_s)
         self._store.save(vehicle)
         self.traffic.add(name, node, home)
+        planned = [robot.name for robot in self.traffic.robots.values() if robot.released < len(robot.moves)]
+        if planned:  # their plans know nothing of a robot here
+            self.traffic.resolve(planned, now_s)
         return vehicle
+
+    def _obstacle(self, state: State, node: int | None, homes: list[int]) -> str | None:
+        """Why a robot cannot be taken into the fleet; it must stand idle where nobody else is or will be."""
+        map_id = None if state.agv_position is None else state.agv_position.map_id
+        if not homes:
+            return "every home is taken"
+        if map_id is not None and map_id != self._parameters.map_id:
+            return f"its map is {map_id!a}, not {self._parameters.map_id!a}"
+        if node is None:
+            return f"it is not within {AT_NODE_M} m of a node"
+        if state.driving or state.node_states:
+            return "it is on its way by an order that is not ours"
+        if any(action.action_status not in ENDED for action in state.action_states):
+            return "it is at work by an order that is not ours"
+        for other in self.vehicles.values():
+            nodes = [other.node, *other.base]
+            edges = {edge for a, b in pairwise(nodes) for edge, end in self.roadmap.exits[a] if end == b}
+            if self.roadmap.nodes_at_node[node] & set(nodes) or self.roadmap.edges_at_node[node] & edges:
+                return f"its place is reserved for {other.name}"
+        return None
 
     def _nearest(self, state: State, nodes: Iterable[int]) -> int | None:
         position = state.agv_position
@@ -280,6 +327,8 @@ class Fleet:
         return [order for order in outgoing if order is not None]
 
     def _watch(self, now_s: float) -> None:
+        if not self._is_connected:
+            return
         for name, contact in list(self.contacts.items()):
             robot = self.traffic.robots[name]
             if robot.lost_s is None and now_s > contact.seen_s + self._parameters.lost_after_s:
@@ -321,7 +370,7 @@ class Fleet:
 
     def _new_order(self, vehicle: Vehicle, what: str) -> None:
         vehicle.trips += 1
-        vehicle.order_id, vehicle.update_id = f"{vehicle.name}-{vehicle.trips}-{what}", 0
+        vehicle.order_id, vehicle.update_id = f"{vehicle.name}-{vehicle.series}-{vehicle.trips}-{what}", 0
         vehicle.sequence += (
             2  # a robot that compares node and sequenceId alone would take the node for one it has passed
         )
@@ -331,7 +380,7 @@ class Fleet:
         if state is None or (vehicle.order_id and (state.order_id != vehicle.order_id or state.node_states)):
             return
         self._new_order(vehicle, "work")
-        vehicle.action_id = f"{vehicle.task}-{vehicle.stops_done}-{vehicle.trips}"
+        vehicle.action_id = f"{vehicle.task}-{vehicle.stops_done}-{vehicle.series}.{vehicle.trips}"
         self._store.save(vehicle)
 
     def _due(self, vehicle: Vehicle, now_s: float) -> Outgoing | None:

@@ -3,12 +3,13 @@
 import asyncio
 import ssl
 import time
+from collections.abc import Callable
 from typing import Final
 
 import aiomqtt
 import structlog
 from aiohttp import web
-from chefbot_vda5050.broker import FIRST_RETRY_S, LONGEST_RETRY_S, NO_DELAY, BrokerParameters
+from chefbot_vda5050.broker import FIRST_RETRY_S, KEEPALIVE_S, LONGEST_RETRY_S, NO_DELAY, BrokerParameters
 from chefbot_vda5050.messages import (
     Action,
     BlockingType,
@@ -33,19 +34,38 @@ TICK_S: Final = 0.2
 LISTENS: Final = (Kind.STATE, Kind.CONNECTION)
 
 
+def steady_clock(
+    wall: Callable[[], float] = time.time, monotonic: Callable[[], float] = time.monotonic
+) -> Callable[[], float]:
+    """A clock with the seconds since 1970 at its start, which goes on evenly when somebody sets the computer's clock.
+
+    Otherwise all robots would have been silent for as long as that clock was set forward.
+    """
+    offset_s = wall() - monotonic()
+    return lambda: offset_s + monotonic()
+
+
 class Manager:
     """Drives the robots of an interface of the broker."""
 
     def __init__(
-        self, fleet: Fleet, broker: BrokerParameters, *, interface: str = "uagv", major_version: str = "v2"
+        self,
+        fleet: Fleet,
+        broker: BrokerParameters,
+        clock: Callable[[], float],
+        *,
+        interface: str = "uagv",
+        major_version: str = "v2",
     ) -> None:
-        self.fleet = fleet
+        """``clock`` is the fleet's; nothing that is sent shows it."""
+        self.fleet, self._clock = fleet, clock
         self._broker, self._interface, self._major_version = broker, interface, major_version
         self._client: aiomqtt.Client | None = None
         self._headers: dict[str, Headers] = {}
 
     async def run(self, page: FleetPage, host: str, port: int, tls: ssl.SSLContext | None = None) -> None:
         """Until cancelled; the page listens there."""
+        self.fleet.disconnected()
         runner = web.AppRunner(page.application(), access_log=None)
         await runner.setup()
         try:
@@ -68,6 +88,7 @@ class Manager:
                 log.warning("no connection to the broker", why=str(error), again_in_s=pause_s)
             finally:
                 self._client = None
+                self.fleet.disconnected()
             await asyncio.sleep(pause_s)
             pause_s = min(2 * pause_s, LONGEST_RETRY_S)
 
@@ -80,6 +101,7 @@ class Manager:
             password=broker.password,
             tls_context=broker.tls,
             clean_session=True,
+            keepalive=KEEPALIVE_S,
             socket_options=NO_DELAY,
         )
 
@@ -88,6 +110,7 @@ class Manager:
         for kind in LISTENS:
             await client.subscribe(every.topic(kind), qos=QOS[kind])
         self._client = client
+        self.fleet.connected(self._clock())
         log.info("connected to the broker", host=self._broker.host, port=self._broker.port)
         for name in self.fleet.vehicles:
             await self._ask_for_state(name)
@@ -103,9 +126,9 @@ class Manager:
         name = f"{robot.manufacturer}/{robot.serial_number}"
         try:
             if kind is Kind.CONNECTION:
-                self.fleet.on_connection(name, decode(data, Connection).connection_state, time.time())
+                self.fleet.on_connection(name, decode(data, Connection).connection_state, self._clock())
             elif not retained:  # a state that the broker kept says nothing about now
-                self.fleet.on_state(name, decode(data, State), time.time())
+                self.fleet.on_state(name, decode(data, State), self._clock())
         except MalformedMessage as error:
             self.fleet.ignored[name] = f"its {kind} is malformed: {error}"
         except ValueError as error:  # what one robot says must not end the others' manager
@@ -113,7 +136,7 @@ class Manager:
 
     async def _tick(self) -> None:
         while True:
-            for order in self.fleet.tick(time.time()):
+            for order in self.fleet.tick(self._clock()):
                 await self._send(order)
             await asyncio.sleep(TICK_S)
 

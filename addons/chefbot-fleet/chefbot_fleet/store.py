@@ -44,6 +44,7 @@ class Vehicle(Struct):
     """A robot as the manager knows it: the order that it was sent, and the nodes of it that it has still to reach.
 
     ``sequence`` is the sequenceId of ``node``, which it reached last; those of ``base`` follow in steps of two.
+    ``series`` tells its orders from those of an earlier time in the fleet.
     """
 
     name: str
@@ -57,6 +58,7 @@ class Vehicle(Struct):
     task: str | None = None
     stops_done: int = 0
     action_id: str | None = None
+    series: str = "0"
 
 
 class Correction(Struct):

@@ -1,5 +1,6 @@
 """A manager, its database, two robots in a corridor and a broker, in simulated time; each of them can be killed."""
 
+import math
 import random
 from pathlib import Path
 
@@ -47,7 +48,10 @@ def write_map(folder: Path) -> None:
 class World:
     """A manager with its database, robots, and a broker that can be down."""
 
-    def __init__(self, roadmap: Roadmap, path: Path, robots: int = 2, seed: int = 0) -> None:
+    def __init__(
+        self, roadmap: Roadmap, path: Path, robots: int = 2, seed: int = 0, lease_s: float = math.inf
+    ) -> None:
+        self._lease_s = lease_s
         self.roadmap, self.path, self.now_s, self.chance = roadmap, path, 0.0, random.Random(seed)
         self.robots = {f"r{k}": StandardRobot(f"r{k}", roadmap, HOMES[k]) for k in range(robots)}
         self.broker_down_until_s = -1.0
@@ -57,7 +61,8 @@ class World:
     def start(self) -> Fleet:
         """A manager on what is in the database."""
         self.store = Store(self.path)
-        parameters = FleetParameters("map", lost_after_s=20.0, dwell_s=3.0)
+        parameters = FleetParameters("map", lost_after_s=20.0, lease_s=self._lease_s, dwell_s=3.0)
+        self._is_down = False
         return Fleet(self.roadmap, HOMES, self.store, Pace(0.5, 0.0), parameters, self.now_s)
 
     def kill_manager(self) -> None:
@@ -72,12 +77,18 @@ class World:
     def step(self) -> None:
         """Half a second."""
         self.now_s += 0.5
+        is_down = self.now_s <= self.broker_down_until_s
+        if is_down and not self._is_down:
+            self.fleet.disconnected()
+        elif self._is_down and not is_down:
+            self.fleet.connected(self.now_s)
+        self._is_down = is_down
         for robot in self.robots.values():
             robot.step(self.now_s)
             if self.passes():
                 self.fleet.on_state(robot.name, robot.state(), self.now_s)
         for outgoing in self.fleet.tick(self.now_s):
-            if self.passes():
+            if self.passes() and outgoing.robot in self.robots:
                 self.robots[outgoing.robot].receive(outgoing)
 
     def run(self, most_s: float) -> None:

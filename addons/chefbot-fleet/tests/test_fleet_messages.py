@@ -85,7 +85,9 @@ def test_odd_topics_and_what_does_not_fit_end_neither_the_manager_nor_its_connec
             roadmap, HOMES, Store(tmp_path / "fleet.db"), Pace(0.5, 0.0), FleetParameters("map"), 0.0
         )
         page = FleetPage(fleet, "a token for tests", lambda: 0.0)
-        running = asyncio.create_task(Manager(fleet, BrokerParameters()).run(page, "127.0.0.1", 0))
+        running = asyncio.create_task(
+            Manager(fleet, BrokerParameters(), lambda: 0.0).run(page, "127.0.0.1", 0)
+        )
         through = asyncio.create_task(listed.is_through.wait())
         async with asyncio.timeout(PATIENCE_S):
             await asyncio.wait({running, through}, return_when=asyncio.FIRST_COMPLETED)

@@ -44,9 +44,9 @@ def started(monkeypatch: pytest.MonkeyPatch) -> Started:
     noted = Started()
     begin = Manager.__init__
 
-    def create(self: Manager, fleet: Fleet, broker: BrokerParameters, **options: Any) -> None:
+    def create(self: Manager, fleet: Fleet, broker: BrokerParameters, *clock: Any, **options: Any) -> None:
         noted.broker = broker
-        begin(self, fleet, broker, **options)
+        begin(self, fleet, broker, *clock, **options)
 
     async def run(self: Manager, *where: Any) -> None:
         noted.at = where[-3:]
