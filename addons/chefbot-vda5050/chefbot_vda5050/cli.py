@@ -9,18 +9,15 @@ from typing import Any
 import click
 
 from chefbot_vda5050.topics import RobotName
+from chefbotd.cli.common.arguments import Address, address
 
 PATH = click.Path(exists=True, dir_okay=False, path_type=Path)
 
 
-def address(text: str, port: int) -> tuple[str, int]:
-    """HOST or HOST:PORT."""
-    host, colon, number = text.rpartition(":")
-    if not colon:
-        return text, port
-    if not number.isdigit():
-        raise click.BadParameter(f"{text!a}: expected HOST or HOST:PORT")
-    return host, int(number)
+def address_or(text: str, port: int) -> Address:
+    """As ``address``; without a port it is this one."""
+    has_port = ":" in text.rpartition("]")[2]
+    return address(text if has_port else f"{text}:{port}")
 
 
 @click.group(context_settings={"auto_envvar_prefix": "CHEFBOT_VDA5050"})
@@ -61,9 +58,9 @@ def broker_of(options: dict[str, Any]) -> Any:
         context = ssl.create_default_context(cafile=options["cafile"])
         if options["certificate"]:
             context.load_cert_chain(options["certificate"])
-    host, port = address(options["broker"], 1883 if context is None else 8883)
+    where = address_or(options["broker"], 1883 if context is None else 8883)
     password = options["password_file"].read_text().strip() if options["password_file"] else None
-    return BrokerParameters(host, port, options["user"], password, context)
+    return BrokerParameters(where.host, where.port, options["user"], password, context)
 
 
 def name_of(options: dict[str, Any]) -> RobotName:
@@ -105,8 +102,10 @@ def run(
     from chefbotd.client import Client
     from chefbotd.settings import load
 
-    host, port = address(daemon, 7333)
+    where = address_or(daemon, 7333)
     words = token_file.read_text().split() if token_file else [None]
+    if not words:
+        raise click.UsageError(f"{token_file} is empty: expected a token")
     parameters = Parameters(
         name_of(options),
         broker_of(options),
@@ -116,7 +115,7 @@ def run(
         visualization_s=visualization_s,
         version=version,
     )
-    connect = partial(Client.connect, host, port, token=words[-1], name="fleet")
+    connect = partial(Client.connect, where.host, where.port, token=words[-1], name="fleet")
     try:
         asyncio.run(serve(parameters, connect))
     except KeyboardInterrupt:
