@@ -102,9 +102,9 @@ class SpeechAgent:
         self._speaker.say(NAME, text)
         self._begin(self._show(text))
 
-    def hush(self) -> None:
-        """Be silent: somebody talks."""
-        self._speaker.hush()
+    def hush(self, *, is_hushed: bool) -> None:
+        """Be silent from now on, or not any more."""
+        self._speaker.hush(is_hushed=is_hushed)
 
     async def vocabulary(self) -> Vocabulary:
         """The places of the map in use as they are now; none where there are none."""

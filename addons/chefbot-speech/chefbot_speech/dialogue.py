@@ -83,21 +83,27 @@ def hear(dialogue: Dialogue, command: Command | None, now_s: float, countdown_s:
     """What was said while talk was pressed; None: it was not understood. Anything else comes too late."""
     if dialogue.phase is not Phase.THINKING:
         return Step(dialogue)
-    ready = replace(dialogue, phase=Phase.READY)
+    ready = replace(_in_time(dialogue, now_s), phase=Phase.READY)
     if command is None:
-        again = f"I did not understand. Shall I go to {dialogue.proposal}?" if dialogue.proposal else ""
+        again = f"I did not understand. Shall I go to {ready.proposal}?" if ready.proposal else ""
         return Step(ready, again or "I did not understand. I stay here.")
     if command.action is Action.GO:
         start_s = None if countdown_s is None else now_s + countdown_s
         text = f"Go to {command.place}? " + (
             "Say or touch yes." if countdown_s is None else f"I start in {countdown_s:g} seconds."
         )
-        return Step(Dialogue(Phase.READY, command.place, now_s + PATIENCE_S, start_s), text)
-    return answer(ready, command.action)
+        return Step(Dialogue(Phase.READY, command.place, (start_s or now_s) + PATIENCE_S, start_s), text)
+    return answer(ready, command.action, now_s)
 
 
-def answer(dialogue: Dialogue, action: Action) -> Step:
-    """An answer by voice or by a button. While somebody talks, nothing begins."""
+def _in_time(dialogue: Dialogue, now_s: float) -> Dialogue:
+    """Without a proposal that nobody has answered in time, whatever phase that time has passed in."""
+    return dialogue if now_s < dialogue.forget_s else Dialogue(dialogue.phase)
+
+
+def answer(dialogue: Dialogue, action: Action, now_s: float) -> Step:
+    """An answer by voice or by a button. While somebody talks, nothing begins; nor by an answer that comes too late."""
+    dialogue = _in_time(dialogue, now_s)
     ready = Dialogue(dialogue.phase)
     if action is Action.YES and dialogue.phase is not Phase.READY:
         return Step(dialogue)
@@ -114,7 +120,7 @@ def look(dialogue: Dialogue, now_s: float) -> Step:
     """Time has passed."""
     if dialogue.proposal and dialogue.phase is Phase.READY:
         if dialogue.start_s is not None and now_s >= dialogue.start_s:
-            return answer(dialogue, Action.YES)
+            return answer(dialogue, Action.YES, now_s)
         if now_s >= dialogue.forget_s:
             return Step(Dialogue(), f"Nobody answered: I do not go to {dialogue.proposal}.")
     return Step(dialogue)

@@ -83,7 +83,7 @@ class Speaker:
         self._waiting: tuple[Sentence, ...] = ()
         self._has_some = asyncio.Event()
         self._process: asyncio.subprocess.Process | None = None
-        self._is_hushed = False
+        self._is_hushed = self._is_cut = False
         self.problem = ""
 
     def say(self, speaker: str, text: str) -> None:
@@ -91,9 +91,16 @@ class Speaker:
         self._waiting = add(self._waiting, Sentence(speaker, text, self._now_s()))
         self._has_some.set()
 
-    def hush(self) -> None:
-        """Be silent now: somebody talks."""
-        self._waiting, self._is_hushed = (), True
+    def hush(self, *, is_hushed: bool) -> None:
+        """Be silent from now on, because somebody talks into a microphone; or not any more.
+
+        What waits, and what is being said, is not said later.
+        """
+        self._is_hushed = is_hushed
+        if not is_hushed:
+            self._has_some.set()
+            return
+        self._waiting, self._is_cut = (), True
         if self._process is not None and self._process.returncode is None:
             self._process.kill()
 
@@ -102,17 +109,17 @@ class Speaker:
         with tempfile.TemporaryDirectory(prefix="chefbot-speech-") as folder:
             while True:
                 await self._has_some.wait()
-                if not self._waiting:
+                if self._is_hushed or not self._waiting:
                     self._has_some.clear()
                     continue
                 sentence, *rest = self._waiting
-                self._waiting, self._is_hushed = tuple(rest), False
+                self._waiting, self._is_cut = tuple(rest), False
                 if self._now_s() - sentence.stamp_s <= STALE_S:
                     await self._speak(sentence.text, Path(folder) / "sentence.wav")
 
     async def _speak(self, text: str, wav: Path) -> None:
         made = await self._run(self._voice.command(text, wav), "no voice", "apt-get install espeak-ng")
-        if not made or self._is_hushed:
+        if not made or self._is_cut:
             return
         if self._play is None:
             self._has_problem("no sound", "there is no program that plays it: apt-get install alsa-utils")
@@ -128,6 +135,8 @@ class Speaker:
             self._process = await asyncio.create_subprocess_exec(
                 *command, stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.PIPE
             )
+            if self._is_cut:  # while it was being started
+                self._process.kill()
             async with asyncio.timeout(LONGEST_S):
                 _, errors = await self._process.communicate()
         except FileNotFoundError:

@@ -41,8 +41,8 @@ class Robot(Protocol):
         """Say it aloud, and on the robot's page."""
         ...
 
-    def hush(self) -> None:
-        """Be silent: somebody talks."""
+    def hush(self, *, is_hushed: bool) -> None:
+        """Be silent from now on, or not any more."""
         ...
 
     async def vocabulary(self) -> Vocabulary:
@@ -67,6 +67,10 @@ class Talkers:
     def others_talk(self, page: "PageTalker") -> bool:
         """Whether somebody talks on another page, or what was said there is still being recognized."""
         return any(other.is_talking for other in self._pages - {page})
+
+    def is_listening(self) -> bool:
+        """Whether a microphone is open."""
+        return any(page.is_listening for page in self._pages)
 
     def end_countdowns(self) -> None:
         """Somebody talks, or the robot was stopped: nothing begins by itself."""
@@ -100,6 +104,11 @@ class PageTalker:
         """Whether somebody talks, or what was said is being recognized."""
         return self._dialogue.phase is not Phase.READY
 
+    @property
+    def is_listening(self) -> bool:
+        """Whether its microphone is open."""
+        return self._dialogue.phase is Phase.LISTENING
+
     async def begin(self) -> None:
         """Show what can be said."""
         self._talkers.add(self)
@@ -107,7 +116,7 @@ class PageTalker:
 
     def add_sound(self, data: bytes) -> None:
         """A piece of what is said: 16 bits a sample, little-endian, one channel."""
-        if self._dialogue.phase is Phase.LISTENING and len(self._sound) <= self._most_bytes():
+        if self.is_listening and len(self._sound) <= self._most_bytes():
             self._sound += data
 
     def _most_bytes(self) -> int:
@@ -115,20 +124,23 @@ class PageTalker:
 
     async def take(self, message: dict[str, Any]) -> None:
         """Something was pressed, released or touched."""
+        loop = asyncio.get_running_loop()
         match message:
             case {"event": "press", "rate_hz": int(rate_hz)} if RATES_HZ[0] <= rate_hz <= RATES_HZ[1]:
                 await self._press(rate_hz)
-            case {"event": "release"} if self._dialogue.phase is Phase.LISTENING:
+            case {"event": "release"} if self.is_listening:
                 await self._do(dialogue.release(self._dialogue))
+                self._robot.hush(is_hushed=self._talkers.is_listening())
                 self._hearing = asyncio.create_task(self._hear())
             case {"event": "touch"}:
                 await self._do(dialogue.touch(self._dialogue))
             case {"event": "answer", "choice": str(choice)} if choice in ANSWERS:
-                await self._do(dialogue.answer(self._dialogue, ANSWERS[choice]))
+                await self._do(dialogue.answer(self._dialogue, ANSWERS[choice], loop.time()))
 
     async def leave(self) -> None:
         """The page is gone, and what it proposed with it."""
         self._talkers.discard(self)
+        self._robot.hush(is_hushed=self._talkers.is_listening())
         own = (self._places, self._hearing, self._looking, self._showing)
         tasks = [task for task in own if task is not None]
         for task in tasks:
@@ -140,8 +152,8 @@ class PageTalker:
         self._talkers.end_countdowns()
         if self._hearing is not None:
             self._hearing.cancel()
+        self._robot.hush(is_hushed=True)
         await self._do(dialogue.press(self._dialogue))
-        self._robot.hush()
         self._sound.clear()
         self._rate_hz = rate_hz
         self._places = asyncio.create_task(self._robot.vocabulary())

@@ -33,19 +33,19 @@ YES = {"event": "answer", "choice": "yes"}
 
 
 class FakeSpeaker:
-    """Remembers what it is to say, and how often it was hushed."""
+    """Remembers what it is to say, and when it was hushed."""
 
     def __init__(self) -> None:
         self.said: list[tuple[str, str]] = []
-        self.hushed = 0
+        self.hushed: list[bool] = []
 
     def say(self, speaker: str, text: str) -> None:
         """Remember it."""
         self.said.append((speaker, text))
 
-    def hush(self) -> None:
-        """Count it."""
-        self.hushed += 1
+    def hush(self, *, is_hushed: bool) -> None:
+        """Remember it."""
+        self.hushed.append(is_hushed)
 
 
 class FakeEar:
@@ -167,7 +167,7 @@ def test_pressing_ends_the_goal_and_hushes_the_robot(tmp_path: Path) -> None:
         with pytest.raises(GoalNotReached) as ended:
             await driving
         assert ended.value.cause == "stopped"
-        assert room.speaker.hushed == 1
+        assert room.speaker.hushed == [True]
 
     in_room(tmp_path, scenario)
 
@@ -279,6 +279,23 @@ def test_a_yes_while_somebody_talks_on_another_page_begins_nothing(tmp_path: Pat
         await room.page.take(YES)
         await asyncio.sleep(5.0)
         assert room.driven == [2.0]
+
+    in_room(tmp_path, scenario)
+
+
+def test_the_robot_is_silent_while_any_microphone_is_open(tmp_path: Path) -> None:
+    """Until the last of two pages is released, or is gone."""
+
+    async def scenario(room: Room) -> None:
+        for page in (room.page, room.other):
+            await page.take(PRESS)
+        await room.page.take(RELEASE)
+        assert room.speaker.hushed == [True, True, True]
+        await room.other.take(RELEASE)
+        assert room.speaker.hushed[3:] == [False]
+        await room.other.take(PRESS)
+        await room.other.leave()
+        assert room.speaker.hushed[4:] == [True, False]
 
     in_room(tmp_path, scenario)
 

@@ -110,7 +110,7 @@ def test_hushed_it_says_nothing_that_waits(espeak: str) -> None:
         async with asyncio.timeout(30.0):
             while speaker._process is None:  # noqa: ASYNC110 - the program is real
                 await asyncio.sleep(0.01)
-            speaker.hush()
+            speaker.hush(is_hushed=True)
             while speaker._process is not None:  # noqa: ASYNC110 - the program is real
                 await asyncio.sleep(0.01)
         task.cancel()
@@ -120,3 +120,70 @@ def test_hushed_it_says_nothing_that_waits(espeak: str) -> None:
     with capture_logs() as logs:
         assert asyncio.run(run()).problem == ""
     assert (heard, logs) == ([], [])
+
+
+class FakeVoice:
+    """``true`` makes no sound at once, and ``sleep`` stands for a text that is begun and never ends."""
+
+    def __init__(self) -> None:
+        self.texts: list[str] = []
+
+    def command(self, text: str, wav: Path) -> tuple[str, ...]:
+        """The program and its arguments."""
+        self.texts.append(text)
+        return ("sleep", "600") if text == "endless" else ("true",)
+
+
+async def steps() -> None:
+    """Let everything that can run begin; no program can have ended or said anything."""
+    for _ in range(5):
+        await asyncio.sleep(0)
+
+
+def test_nothing_new_is_said_while_it_is_hushed() -> None:
+    """What agents say meanwhile is said when the microphone is closed."""
+    heard: list[str] = []
+
+    async def run() -> None:
+        voice = FakeVoice()
+        speaker = Speaker(voice, ("true",), heard.append)
+        task = asyncio.create_task(speaker.run())
+        speaker.hush(is_hushed=True)
+        speaker.say("waiter", "I am coming")
+        await steps()
+        assert voice.texts == []
+        speaker.hush(is_hushed=False)
+        async with asyncio.timeout(60.0):
+            while not heard:  # noqa: ASYNC110 - the programs are real
+                await asyncio.sleep(0.01)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    asyncio.run(run())
+    assert heard == ["I am coming"]
+
+
+def test_a_program_that_is_being_started_when_it_is_hushed_is_ended() -> None:
+    """And is no problem; what is said afterwards is heard."""
+    heard: list[str] = []
+
+    async def run() -> None:
+        voice = FakeVoice()
+        speaker = Speaker(voice, ("true",), heard.append)
+        task = asyncio.create_task(speaker.run())
+        speaker.say("waiter", "endless")
+        while not voice.texts:  # noqa: ASYNC110 - the program is being started then
+            await asyncio.sleep(0)
+        assert speaker._process is None
+        speaker.hush(is_hushed=True)
+        speaker.hush(is_hushed=False)
+        async with asyncio.timeout(60.0):
+            while not heard:
+                speaker.say("waiter", "next")
+                await asyncio.sleep(0.01)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    with capture_logs() as logs:
+        asyncio.run(run())
+    assert (set(heard), logs) == ({"next"}, [])
