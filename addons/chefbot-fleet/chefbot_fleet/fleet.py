@@ -42,6 +42,12 @@ DEVIATION_M = 0.1
 """So near a node a robot has passed it."""
 
 
+MOST_REFUSALS = 10
+"""So often a robot may refuse an order before somebody else's turn comes."""
+
+REFUSED_RESEND_S = 30.0
+"""Then it is asked again so seldom; it gets no other work until it has accepted."""
+
 ENDED = (ActionStatus.FINISHED, ActionStatus.FAILED)
 
 
@@ -76,6 +82,7 @@ class Contact(Struct):
     state: State | None = None
     sent_s: float = -math.inf
     sent: tuple[str, int] = ("", -1)
+    refusals: int = 0
 
 
 class Fleet:
@@ -350,12 +357,12 @@ class Fleet:
         free = {
             robot.name: robot.last_released_node
             for robot in self.traffic.robots.values()
-            if robot.is_idle and robot.lost_s is None
+            if robot.is_idle and robot.lost_s is None and self.contacts[robot.name].refusals < MOST_REFUSALS
         }
         for name, errand in assign(self.roadmap, free, waiting, now_s):
             order, vehicle = self.orders[errand.identifier], self.vehicles[name]
             if self.traffic.assign(name, self._stops(order), now_s):
-                order.stage, order.robot = Stage.ASSIGNED, name
+                order.stage, order.robot, order.why = Stage.ASSIGNED, name, None
                 vehicle.task, vehicle.stops_done = order.identifier, 0
                 self._store.save(order, vehicle)
 
@@ -391,12 +398,39 @@ class Fleet:
         current = (vehicle.order_id, vehicle.update_id)
         reported = (state.order_id, state.order_update_id)
         if reported == current:
+            self._accepted(vehicle, contact)
             return None
         is_first = contact.sent != current and (contact.sent == reported or not contact.sent[0])
-        if not is_first and now_s < contact.sent_s + self._parameters.resend_s:
+        pause_s = self._parameters.resend_s if contact.refusals < MOST_REFUSALS else REFUSED_RESEND_S
+        if not is_first and now_s < contact.sent_s + pause_s:
             return None
+        why = _refusal(state, vehicle.order_id) if contact.seen_s > contact.sent_s else None
+        if why is not None:
+            self._refused(vehicle, contact, f"{vehicle.name} refuses it: {why}", now_s)
         contact.sent, contact.sent_s = current, now_s
         return self._message(vehicle, state)
+
+    def _accepted(self, vehicle: Vehicle, contact: Contact) -> None:
+        order = self.orders.get(vehicle.task) if vehicle.task is not None else None
+        if contact.refusals and order is not None:
+            order.why = None
+            self._store.save(order)
+        contact.refusals = 0
+
+    def _refused(self, vehicle: Vehicle, contact: Contact, why: str, now_s: float) -> None:
+        """Once more; too often, and the work is another robot's."""
+        contact.refusals += 1
+        order = self.orders.get(vehicle.task) if vehicle.task is not None else None
+        if order is None:
+            return
+        order.why = why
+        if contact.refusals < MOST_REFUSALS:
+            self._store.save(order)
+            return
+        self._give_back(vehicle, order, why)
+        vehicle.task, vehicle.action_id = None, None
+        self._store.save(vehicle)
+        self.traffic.withdraw(vehicle.name, now_s)
 
     def _message(self, vehicle: Vehicle, state: State) -> Outgoing:
         """The base from the last node on that the robot has of it."""
@@ -440,6 +474,15 @@ class Fleet:
         return Node(
             node_id=str(node), sequence_id=sequence, released=True, actions=actions, node_position=position
         )
+
+
+def _refusal(state: State, order_id: str) -> str | None:
+    """Why a robot does not take an order, if it says so (6.6.5: the error refers to ``orderId``)."""
+    for error in state.errors:
+        references = error.error_references or ()
+        if any((one.reference_key, one.reference_value) == ("orderId", order_id) for one in references):
+            return " - ".join(filter(None, (error.error_type, error.error_description)))
+    return None
 
 
 def _corrected(roadmap: Roadmap, corrections: Iterable[Correction]) -> Roadmap:

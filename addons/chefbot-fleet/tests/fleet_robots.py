@@ -6,24 +6,32 @@ from chefbot_vda5050.messages import (
     ActionState,
     ActionStatus,
     BatteryState,
+    Error,
     EStop,
+    Level,
     Node,
     NodeState,
     OperatingMode,
     Position,
+    Reference,
     SafetyState,
     State,
 )
 
 
 class StandardRobot:
-    """Two seconds an edge and three an action. ``worked`` lists the actions that it has finished."""
+    """Two seconds an edge and three an action. ``worked`` lists the actions that it has finished.
+
+    With ``refuses`` it takes no order, for this reason.
+    """
 
     def __init__(self, name: str, roadmap: Roadmap, node: int) -> None:
         self.name, self._roadmap = name, roadmap
         self.point = roadmap.points_m[node]
         self.worked: list[tuple[str, str]] = []
         self.refused: list[str] = []
+        self.refuses: str | None = None
+        self.errors: tuple[Error, ...] = ()
         self._headers = 0
         self.restart()
 
@@ -39,6 +47,18 @@ class StandardRobot:
 
     def receive(self, order: Outgoing) -> None:
         """6.6.2: a new order where none is active, or an update that continues the base."""
+        if self.refuses is not None:
+            self.refused.append(order.order_id)
+            about = (Reference(reference_key="orderId", reference_value=order.order_id),)
+            error = Error(
+                error_type=self.refuses,
+                error_level=Level.WARNING,
+                error_references=about,
+                error_description="a test",
+            )
+            self.errors = (error,)
+            return
+        self.errors = ()
         first, known = order.nodes[0], self.order[0] == order.order_id
         if known and order.update_id <= self.order[1]:
             return
@@ -106,7 +126,7 @@ class StandardRobot:
             edge_states=(),
             action_states=tuple(self.actions),
             battery_state=BatteryState(battery_charge=80.0, charging=False),
-            errors=(),
+            errors=self.errors,
             safety_state=SafetyState(e_stop=EStop.NONE, field_violation=False),
             agv_position=Position(
                 x=self.point[0], y=self.point[1], theta=0.0, map_id="map", position_initialized=True

@@ -1,0 +1,93 @@
+"""Robots that refuse what they are sent."""
+
+from pathlib import Path
+
+import pytest
+from chefbot_fleet.fleet import MOST_REFUSALS
+from chefbot_fleet.store import Stage
+from fleet_world import World, small_roadmap
+
+
+@pytest.fixture
+def world(tmp_path: Path) -> World:
+    """Two robots, and one order."""
+    world = World(small_roadmap(), tmp_path / "fleet.db")
+    world.step()
+    world.fleet.add_order("a", "counter", "table", 0.0)
+    return world
+
+
+def steps(world: World, seconds: float) -> None:
+    """Let so much time pass."""
+    end_s = world.now_s + seconds
+    while world.now_s < end_s:
+        world.step()
+
+
+def test_why_a_robot_refuses_is_said_of_the_order_until_it_accepts(world: World) -> None:
+    """The robot stays with the order for a while, and does it when the reason is gone."""
+    for robot in world.robots.values():
+        robot.refuses = "noRouteError"
+    steps(world, 8.0)
+    order = world.fleet.orders["a"]
+    assert order.stage is Stage.ASSIGNED
+    assert order.why == f"{order.robot} refuses it: noRouteError - a test"
+    for robot in world.robots.values():
+        robot.refuses = None
+    steps(world, 5.0)
+    assert (order.stage, order.why) == (Stage.ASSIGNED, None)
+    world.run(200.0)
+    assert order.stage is Stage.DONE
+
+
+def test_an_order_that_one_robot_refuses_is_anothers(world: World) -> None:
+    """After ten refusals. The first one is asked seldom then, gets no other work, and keeps what is released to it."""
+    steps(world, 0.5)
+    name = world.fleet.orders["a"].robot
+    assert name is not None
+    robot = world.robots[name]
+    robot.restart()
+    robot.refuses = "orderError"
+    steps(world, 3.0 * (MOST_REFUSALS + 2))
+    order = world.fleet.orders["a"]
+    assert (order.stage, order.why) == (Stage.ASSIGNED, None)
+    assert order.robot not in (None, name)
+    refused = len(robot.refused)
+    world.fleet.add_order("b", "counter", "table", world.now_s)
+    steps(world, 300.0)
+    assert 5 <= len(robot.refused) - refused <= 300 // 30 + 1
+    assert world.fleet.vehicles[name].task is None
+    assert any(wait.waits_for == name for wait in world.fleet.traffic.waits())
+    del world.robots[name]
+    steps(world, 30.0)
+    world.fleet.remove_robot(name)
+    world.run(400.0)
+    assert (world.lost(), world.done_by_two(), robot.worked) == (0, 0, [])
+
+
+def test_a_load_that_a_robot_does_not_bring_is_not_fetched_again(world: World) -> None:
+    """It fetched it and refuses to go on: the order has failed, with the reason."""
+    while world.fleet.orders["a"].stage is not Stage.PICKED:
+        world.step()
+    order = world.fleet.orders["a"]
+    assert order.robot is not None
+    robot = world.robots[order.robot]
+    robot.refuses = "orderError"
+    steps(world, 120.0)
+    assert order.stage is Stage.FAILED
+    assert order.why == f"{order.robot} refuses it: orderError - a test, perhaps with its load"
+    assert world.done_by_two() == 0
+
+
+def test_a_robot_that_accepts_again_gets_work_again(world: World) -> None:
+    """All refuse, so the order waits with the reason; then one is ready, and does it."""
+    for robot in world.robots.values():
+        robot.refuses = "orderError"
+    steps(world, 3.0 * (MOST_REFUSALS + 2) * len(world.robots))
+    order = world.fleet.orders["a"]
+    assert order.stage is Stage.WAITING
+    assert order.why is not None
+    for robot in world.robots.values():
+        robot.refuses = None
+    world.run(300.0)
+    assert (order.stage, order.why) == (Stage.DONE, None)
