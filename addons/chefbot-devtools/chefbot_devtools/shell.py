@@ -1,6 +1,7 @@
 """A Python prompt with the robot, on IPython. Whatever goes wrong in it stops the robot."""
 
 import contextlib
+import sys
 from typing import Any, Protocol
 
 from IPython.core.interactiveshell import ExecutionResult
@@ -27,6 +28,7 @@ class RobotShell(TerminalInteractiveShell):
     """IPython, which stops ``robot`` after an error, and on Ctrl-C at the prompt or in a command."""
 
     robot: Stoppable
+    _stopped_for: BaseException | None = None
 
     def connect(self, robot: Stoppable) -> None:
         """From now on this robot is stopped."""
@@ -44,9 +46,24 @@ class RobotShell(TerminalInteractiveShell):
         else:
             echo("The robot was stopped.")
 
+    def showtraceback(
+        self, exc_tuple: tuple[Any, BaseException, Any] | None = None, *args: Any, **options: Any
+    ) -> None:
+        """Stop the robot before the error is shown: also one that a magic such as ``%run`` shows and does not raise."""
+        error = exc_tuple[1] if exc_tuple is not None else sys.exc_info()[1]
+        if error is not None:
+            self._stop_for(error)
+        super().showtraceback(exc_tuple, *args, **options)
+
     def _after_cell(self, result: ExecutionResult) -> None:
         error = result.error_before_exec or result.error_in_exec
         if error is not None and not isinstance(error, SystemExit):
+            self._stop_for(error)
+
+    def _stop_for(self, error: BaseException) -> None:
+        """Once for each error."""
+        if error is not self._stopped_for:
+            self._stopped_for = error
             self.stop_robot()
 
     def init_prompt_toolkit_cli(self) -> None:

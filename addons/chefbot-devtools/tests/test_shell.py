@@ -61,9 +61,30 @@ def test_whatever_raises_an_error_stops_the_robot(shell: RobotShell, robot: Robo
     assert robot.stops == 1
 
 
-def test_what_is_well_does_not(shell: RobotShell, robot: Robot, capsys: pytest.CaptureFixture[str]) -> None:
-    """An assignment, the robot itself, help, and the end."""
-    for typed in ("x = 1", "robot", "robot.stop?", "exit()"):
+@pytest.mark.parametrize(
+    "written", ["1 / 0", "raise KeyboardInterrupt", "def broken(", "import sys; sys.exit(1)"]
+)
+def test_a_program_that_is_run_and_fails_stops_the_robot(
+    shell: RobotShell, robot: Robot, tmp_path: Path, written: str
+) -> None:
+    """By ``%run``, which shows the error and raises none. Once for each error, also within one input."""
+    program = tmp_path / "program.py"
+    program.write_text(written)
+    shell.run_cell(f"%run {program}")
+    assert robot.stops == 1
+    shell.run_cell("%tb")
+    assert robot.stops == 1
+    shell.run_cell(f"%run {program}\n1 / 0")
+    assert robot.stops == 3
+
+
+def test_what_is_well_does_not(
+    shell: RobotShell, robot: Robot, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """An assignment, the robot itself, help, a program, and the end."""
+    program = tmp_path / "program.py"
+    program.write_text("y = 1")
+    for typed in (f"%run {program}", "x = 1", "robot", "robot.stop?", "exit()"):
         shell.run_cell(typed)
     assert robot.stops == 0
 
