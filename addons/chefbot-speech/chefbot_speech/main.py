@@ -25,13 +25,19 @@ MAY_TALK = ("agent", "drive", "admin")
 
 
 def admit(
-    connect: Callable[..., Any], make: Callable[[Send], PageTalker]
+    connect: Callable[..., Any], make: Callable[[Send], PageTalker], *, needs_tokens: bool = False
 ) -> Callable[[str | None, Send], Awaitable[Talker]]:
-    """Who may send the robot to goals by the daemon's tokens may do so by voice."""
+    """Who may send the robot to goals by the daemon's tokens may do so by voice.
+
+    A daemon without tokens takes any. With ``needs_tokens``, where others than this computer reach the page, nobody may
+    talk to that one.
+    """
 
     async def admitted(token: str | None, send: Send) -> Talker:
         try:
             async with connect(token=token) as robot:
+                if needs_tokens and robot.hello.auth != "token":
+                    raise NotAdmitted("the daemon asks for no tokens, so only its own computer may talk")
                 role = (await robot.call("authenticate", token=token or ""))["role"]
         except CallError as refused:
             raise NotAdmitted(refused.message if token else "show a token") from refused
@@ -86,7 +92,10 @@ def main(
     """Run until Ctrl-C."""
     daemon_host, _, daemon_port = where.rpartition(":")
     certificate = options["certificate"]
-    token = token_file.read_text().split()[-1] if token_file is not None else None
+    words = token_file.read_text().split() if token_file is not None else [None]
+    if not words:
+        raise click.UsageError(f"{token_file} is empty: expected a token")
+    token = words[-1]
     if not is_loopback(host) and (certificate is None or token is None):
         why = "beyond this computer the page needs --certificate (browsers give no microphone without https)"
         raise click.UsageError(f"{why} and the daemon tokens (--token-file)")
@@ -115,7 +124,8 @@ async def _run(
     def make(send: Send) -> PageTalker:
         return PageTalker(send, agent, ear.recognize, talkers, options["countdown_s"])
 
-    page = PageServer(admit(connect, make), tls_of(options["certificate"], options["key"]), options["names"])
+    admitted = admit(connect, make, needs_tokens=not is_loopback(host))
+    page = PageServer(admitted, tls_of(options["certificate"], options["key"]), options["names"])
     try:
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(speaker.run())

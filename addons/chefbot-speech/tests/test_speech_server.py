@@ -3,6 +3,7 @@
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable
 from contextlib import asynccontextmanager
+from types import SimpleNamespace
 from typing import Any
 
 import aiohttp
@@ -37,7 +38,10 @@ class FakeTalker:
 
 
 class FakeDaemon:
-    """Knows two tokens and their roles."""
+    """Knows two tokens and their roles. Its greeting says whether it asks for one (``auth``: ``token`` or ``none``)."""
+
+    def __init__(self, auth: str = "token") -> None:
+        self.hello = SimpleNamespace(auth=auth)
 
     ROLES = {"orders": "guest", "waits": "agent"}
 
@@ -58,7 +62,7 @@ class FakeDaemon:
 Scenario = Callable[[aiohttp.ClientSession, str, FakeTalker], Awaitable[None]]
 
 
-def served(scenario: Scenario) -> None:
+def served(scenario: Scenario, auth: str = "token", *, needs_tokens: bool = False) -> None:
     """Run a scenario before the server."""
 
     async def run() -> None:
@@ -68,7 +72,7 @@ def served(scenario: Scenario) -> None:
             return talker
 
         listening: asyncio.Future[str] = asyncio.get_running_loop().create_future()
-        server = PageServer(admit(FakeDaemon().connect, make))
+        server = PageServer(admit(FakeDaemon(auth).connect, make, needs_tokens=needs_tokens))
         task = asyncio.create_task(server.run("127.0.0.1", 0, listening.set_result))
         async with aiohttp.ClientSession() as session, asyncio.timeout(30.0):
             await scenario(session, await listening, talker)
@@ -104,6 +108,19 @@ def test_another_site_may_not_talk(headers: dict[str, str], status: int) -> None
         assert refused.value.status == status
 
     served(scenario)
+
+
+def test_nobody_from_elsewhere_may_talk_to_a_daemon_that_asks_for_no_token() -> None:
+    """It would take any word for one: the page's own computer is all that it knows."""
+
+    async def scenario(session: aiohttp.ClientSession, url: str, talker: FakeTalker) -> None:
+        async with session.ws_connect(f"{url}socket") as socket:
+            await socket.send_json({"token": "waits"})
+            answer = await socket.receive_json()
+        assert "asks for no tokens" in answer["refused"]
+        assert talker.told == []
+
+    served(scenario, auth="none", needs_tokens=True)
 
 
 @pytest.mark.parametrize(
