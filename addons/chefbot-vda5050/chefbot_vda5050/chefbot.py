@@ -16,6 +16,7 @@ from chefbot_vda5050.robot import CannotDo, DriveFailed
 from chefbot_vda5050.state import is_driving
 from chefbot_vda5050.vehicle import Facts
 from chefbotd.client import CallError, ChefbotError, Client, GoalNotReached
+from chefbotd.client.agent import BY_PEOPLE
 from chefbotd.client.models import (
     AgentEventData,
     BatteryData,
@@ -34,11 +35,8 @@ STANDING_WITHIN_S: Final = 5.0
 POSE_HZ, SPEED_HZ, BATTERY_HZ = 10.0, 10.0, 0.2
 GO_ON_BUTTON: Final = "Go on with the fleet's order"
 
-BY_PEOPLE: Final = frozenset({"asked", "replaced", "stopped", "control_lost", "not_armed"})
-"""Causes of a goal's end that somebody at the robot wanted, or after which somebody has to look after it."""
-
 STOPPED: Final = frozenset({"disarmed", "estopped", "stopped"})
-"""Kinds of a goal's refusal of which the same is true."""
+"""Kinds of a goal's refusal after which a person is to agree before the robot drives on, as after ``BY_PEOPLE``."""
 
 HINTS: Final = {
     "blocked": "Clear the way; the robot tries again by itself.",
