@@ -86,11 +86,12 @@ addons-test: $(VENV)/ready build/constraints.txt build/ros-venv/ready build/rosl
 
 # ROS 2 brings 300 MB and a numpy of its own choice: an environment apart from the daemon's, as a user has it too.
 ROS2 := addons/chefbot-ros2
+ROS_CONSTRAINTS := --constraint build/constraints.txt --constraint $(ROS2)/ros-constraints.txt
 build/ros-venv/ready: pyproject.toml build/constraints.txt $(ROS2)/pyproject.toml $(ROS2)/ros-constraints.txt $(wildcard $(ROS2)/tf2_msgs/* $(ROS2)/tf2_msgs/msg/*)
 	rm -rf build/ros-venv
 	$(PYTHON) -m venv build/ros-venv
-	build/ros-venv/bin/pip install --quiet --constraint build/constraints.txt hatchling editables
-	build/ros-venv/bin/pip install --quiet --constraint build/constraints.txt --constraint $(ROS2)/ros-constraints.txt --no-build-isolation \
+	build/ros-venv/bin/pip install --quiet $(ROS_CONSTRAINTS) hatchling editables setuptools wheel
+	build/ros-venv/bin/pip install --quiet $(ROS_CONSTRAINTS) --no-build-isolation \
 	  --editable . --editable '$(ROS2)[node,tf2]'
 	$(ROS2)/tf2_msgs/install build/ros-venv
 	@touch $@
@@ -104,7 +105,7 @@ build/roslib/ready: $(ROS2)/tests/roslib/package.json
 # What the add-ons' tests drive and are judged by, from Debian's packages and npm.
 addons-tools:  ## Install what the tests of the add-ons need: a broker, another maker's fleet manager, voices, a browser
 	apt-get -o DPkg::Lock::Timeout=300 update -qq
-	DEBIAN_FRONTEND=noninteractive RUNLEVEL=1 apt-get -o DPkg::Lock::Timeout=300 install -y -qq --no-install-recommends mosquitto espeak-ng flite alsa-utils chromium
+	DEBIAN_FRONTEND=noninteractive RUNLEVEL=1 apt-get -o DPkg::Lock::Timeout=300 install -y -qq --no-install-recommends mosquitto espeak-ng flite alsa-utils chromium cmake g++
 	npm install --silent --no-save --prefix build/addons-tools vda-5050-lib@1.4.0
 
 # The tests of the firmware are to fail, not to skip, where a compiler or an emulator is missing.
