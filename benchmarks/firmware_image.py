@@ -26,7 +26,9 @@ def load(*, quick: bool) -> Outcome:
     edges = QUICK_EDGES if quick else EDGES
     return Outcome(
         (
-            Figure(f"edges lost of {edges:.0e} at 23,200 a second", limits.lost_edges(edges), "", 0),
+            Figure(
+                f"edges lost of {edges:.0e} at 23,200 a second", limits.lost_edges(edges, "s 120 -80"), "", 0
+            ),
             Figure("busy in the busiest 0.1 s", limits.busiest_share(3.0), "", 0.5),
             Figure("jitter of the 10 ms cycle", limits.jitter_us() / 1e3, "ms", 0.2),
             Figure("command to duty p99", percentile(limits.commands_s(300), 99) * 1e3, "ms", 12.0),

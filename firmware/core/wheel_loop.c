@@ -33,18 +33,16 @@ struct wheel {
 static struct wheel wheels[WHEELS];
 static uint32_t loop_us; /* the time of the last measurement */
 
-/* Gains in binary fractions, so that a millisecond has no division but that of the speed. */
+/* Parameters in binary fractions, so that a millisecond has no division but that of the speed. */
 static struct {
-    uint8_t set; /* a bit for each parameter */
-    uint32_t mrad_us_per_count;
-    uint32_t most_counts; /* that these can be multiplied with */
-    int32_t kp;           /* 1/256 duty per 1.024 rad/s */
-    int32_t ki;           /* integral's unit a millisecond, per 1/64 mrad/s */
-    int32_t feedforward;  /* as kp */
-    int32_t static_drive; /* 1/256 duty */
-    int32_t step;         /* of the ramp in a millisecond; 0: at once */
-    int32_t battery;      /* 1/256 */
+    /* COUNTS: mrad us per count. KP, FEEDFORWARD: 1/256 duty per 1.024 rad/s. KI: the integral's unit a millisecond, per
+     * 1/64 mrad/s. STATIC: 1/256 duty. ACCELERATION: the ramp's step in a millisecond; 0: at once. BATTERY: 1/256. */
+    int32_t of[PARAMETERS];
+    uint32_t most_counts; /* that can be multiplied with that of COUNTS */
+    uint8_t set;          /* a bit for each parameter */
 } gains;
+
+static volatile bool is_beginning;
 
 /* A wheel that stands: its edges grow no older, as the clock wraps after 71 minutes. */
 static void stand(struct wheel *wheel, uint16_t count)
@@ -59,7 +57,8 @@ void wheel_loop_start(void)
 {
     (void)memset(&gains, 0, sizeof(gains));
     (void)memset(wheels, 0, sizeof(wheels));
-    gains.battery = 256;
+    gains.of[PARAMETER_BATTERY] = 256;
+    is_beginning = false;
     loop_us = hal_micros();
     for (uint8_t wheel = 0; wheel < WHEELS; wheel++) {
         stand(&wheels[wheel], 0);
@@ -73,40 +72,37 @@ bool wheel_loop_is_set_up(void)
 }
 
 /* From thousandths to 1/1024: round(value * 1.024); value is 1000000 at most. */
-static int32_t binary(uint32_t value)
+static uint32_t binary(uint32_t value)
 {
-    return (int32_t)(((value * 128U) + 62U) / 125U);
+    return ((value * 128U) + 62U) / 125U;
 }
 
-void wheel_loop_set(enum parameter parameter, uint32_t value)
+static uint32_t converted(enum parameter parameter, uint32_t value)
 {
-    const hal_lock_t lock = hal_lock();
     switch (parameter) {
     case PARAMETER_COUNTS:
-        gains.mrad_us_per_count = (HALF_TURN_NANORAD / value) * 2U;
-        gains.most_counts = UINT32_MAX / gains.mrad_us_per_count;
-        break;
-    case PARAMETER_KP:
-        gains.kp = binary(value);
-        break;
+        return (HALF_TURN_NANORAD / value) * 2U;
     case PARAMETER_KI:
-        gains.ki = (int32_t)(((value * 4096U) + 7812U) / 15625U); /* 0.262144: 4096 * 64 / 10^6 */
-        break;
-    case PARAMETER_FEEDFORWARD:
-        gains.feedforward = binary(value);
-        break;
+        return ((value * 4096U) + 7812U) / 15625U; /* 0.262144: 4096 * 64 / 10^6 */
     case PARAMETER_STATIC:
-        gains.static_drive = (int32_t)value;
-        break;
-    case PARAMETER_ACCELERATION:
-        gains.step = binary(value);
-        break;
     case PARAMETER_BATTERY:
-        gains.battery = (int32_t)value;
-        break;
+        return value;
     default:
-        break;
+        return binary(value);
     }
+}
+
+/* No division with the interrupts shut: it is so long on an AVR that edges would be lost. */
+void wheel_loop_set(enum parameter parameter, uint32_t value)
+{
+    const uint32_t next = converted(parameter, value);
+    uint32_t most_counts = gains.most_counts;
+    if (parameter == PARAMETER_COUNTS) {
+        most_counts = UINT32_MAX / next;
+    }
+    const hal_lock_t lock = hal_lock();
+    gains.of[parameter] = (int32_t)next;
+    gains.most_counts = most_counts;
     gains.set = (uint8_t)(gains.set | (1U << (uint8_t)parameter));
     hal_unlock(lock);
 }
@@ -146,7 +142,7 @@ static int32_t speed_of(uint16_t counts, uint32_t micros)
     if ((micros == 0U) || (counts > gains.most_counts)) {
         return MOST_MEASURED;
     }
-    const uint32_t speed = (counts * gains.mrad_us_per_count) / micros;
+    const uint32_t speed = (counts * (uint32_t)gains.of[PARAMETER_COUNTS]) / micros;
     return (speed > (uint32_t)MOST_MEASURED) ? MOST_MEASURED : (int32_t)speed;
 }
 
@@ -155,7 +151,7 @@ static int32_t measured(const struct wheel *wheel)
 {
     const struct edge *newest = &wheel->edges[wheel->newest];
     const uint32_t silent_us = loop_us - newest->at_us;
-    if ((silent_us >= STANDSTILL_US) || (gains.mrad_us_per_count == 0U)) {
+    if ((silent_us >= STANDSTILL_US) || (gains.of[PARAMETER_COUNTS] == 0)) {
         return 0;
     }
     int16_t step = 0;
@@ -184,10 +180,13 @@ static int32_t measured(const struct wheel *wheel)
 
 void wheel_loop_begin(void)
 {
-    for (uint8_t index = 0; index < WHEELS; index++) {
-        wheels[index].ramp = between(measured(&wheels[index]), MOST_SPEED_MRAD_S) * 1024;
-        wheels[index].integral = 0;
-    }
+    is_beginning = true;
+}
+
+static void begin(struct wheel *wheel)
+{
+    wheel->ramp = between(measured(wheel), MOST_SPEED_MRAD_S) * 1024;
+    wheel->integral = 0;
 }
 
 void wheel_loop_aim(const int32_t mrad_s[WHEELS])
@@ -200,7 +199,8 @@ void wheel_loop_aim(const int32_t mrad_s[WHEELS])
 static void run_ramp(struct wheel *wheel)
 {
     const int32_t aim = wheel->aim * 1024;
-    wheel->ramp = (gains.step == 0) ? aim : (wheel->ramp + between(aim - wheel->ramp, gains.step));
+    const int32_t step = gains.of[PARAMETER_ACCELERATION];
+    wheel->ramp = (step == 0) ? aim : (wheel->ramp + between(aim - wheel->ramp, step));
 }
 
 /* One millisecond of one wheel. A wheel that is to stand gets no duty, which brakes. */
@@ -213,24 +213,29 @@ static int16_t run(struct wheel *wheel)
         return 0;
     }
     const int32_t error = between(target - measured(wheel), MOST_MEASURED);
-    const int32_t friction = (target > 0) ? gains.static_drive : -gains.static_drive;
-    const int32_t forward = ((gains.feedforward * target) / 1024) + friction;
-    const int32_t proportional = (gains.kp * error) / 1024;
+    const int32_t friction = (target > 0) ? gains.of[PARAMETER_STATIC] : -gains.of[PARAMETER_STATIC];
+    const int32_t forward = ((gains.of[PARAMETER_FEEDFORWARD] * target) / 1024) + friction;
+    const int32_t proportional = (gains.of[PARAMETER_KP] * error) / 1024;
     const int32_t drive = forward + proportional + (wheel->integral / INTEGRAL_SCALE);
     const bool is_saturated = (drive >= MOST_DRIVE) ? (error > 0) : ((drive <= -MOST_DRIVE) && (error < 0));
     if (!is_saturated) {
-        const int32_t more = wheel->integral + ((gains.ki * between(error, MOST_INTEGRATED)) / 64);
+        const int32_t more = wheel->integral + ((gains.of[PARAMETER_KI] * between(error, MOST_INTEGRATED)) / 64);
         wheel->integral = between(more, MOST_DRIVE * INTEGRAL_SCALE);
     }
-    const int32_t compensated = between((between(drive, MOST_DRIVE * 4) * gains.battery) / 256, MOST_DRIVE);
+    const int32_t full = between(drive, MOST_DRIVE * 4) * gains.of[PARAMETER_BATTERY];
+    const int32_t compensated = between(full / 256, MOST_DRIVE);
     return (int16_t)((compensated + ((compensated < 0) ? -128 : 128)) / 256);
 }
 
 void wheel_loop_run(int16_t duty[WHEELS])
 {
     for (uint8_t index = 0; index < WHEELS; index++) {
+        if (is_beginning) {
+            begin(&wheels[index]);
+        }
         duty[index] = run(&wheels[index]);
     }
+    is_beginning = false;
 }
 
 #else

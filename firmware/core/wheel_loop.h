@@ -39,7 +39,7 @@ bool wheel_loop_is_set_up(void);
 /* Sets a parameter whose range was checked. */
 void wheel_loop_set(enum parameter parameter, uint32_t value);
 
-/* With the interrupts shut: begins at the speeds that the wheels have. */
+/* With the interrupts shut: the next wheel_loop_run begins at the speeds that the wheels have then. */
 void wheel_loop_begin(void);
 
 /* With the interrupts shut: the speeds to reach, at most MOST_SPEED_MRAD_S either way. */

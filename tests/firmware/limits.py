@@ -1,5 +1,6 @@
 """What the Duemilanove's image can carry and how soon it stops, measured in simavr on the cycle."""
 
+import math
 import random
 import re
 import subprocess
@@ -15,6 +16,7 @@ RAM_BEGIN, RAM_END = 0x0100, 0x08FF
 PAINT = 0xC5
 SENSES = (1, 2, 3, 4, 5, 6)
 MOST_EDGES_S = (11_600, -11_600)
+COUNTS_PER_TURN = 8400
 
 
 def sections() -> dict[str, int]:
@@ -91,17 +93,43 @@ def busiest_share(seconds: float) -> float:
     return busiest
 
 
-def lost_edges(edges: int) -> int:
-    """How many of so many edges are not counted, at 23,200 a second in the checked mode."""
+def lost_edges(edges: int, *lines: str) -> int:
+    """How many of so many edges are not counted, at 23,200 a second, while the host repeats these lines."""
     board = Emulated(echo_us=5_800, imu=SENSES)
     board.hello()
-    for _ in range(round(edges / sum(map(abs, MOST_EDGES_S)) / 0.1)):
-        board.seal("s 120 -80")
+    set_up_loop(board, kp=2_000)
+    for number in range(round(edges / sum(map(abs, MOST_EDGES_S)) / 0.1)):
+        board.seal(lines[number % len(lines)])
         board.run(0.1, edges_s=MOST_EDGES_S)
         board.forget()
     board.run(0.03)
     counted = [int(field) for field in board.fields("e")[-1]]
     return sum(abs(turned - count) for turned, count in zip(board.turned, counted, strict=True))
+
+
+def set_up_loop(board: Emulated, kp: int) -> None:
+    """Give the board's wheel loop its parameters: a gain in 1/256 duty per rad/s, and nothing else."""
+    for parameter, value in enumerate((COUNTS_PER_TURN, kp, 0, 0, 0)):
+        board.seal(f"g {parameter} {value}")
+        board.run(0.01)
+
+
+def unevenness_rad_s(edges_s: int, seconds: float) -> float:
+    """How far the speed that the wheel loop measures is off at most, of wheels that turn evenly: by its duty."""
+    kp, ahead_rad_s = 20_000, 0.1
+    speed_rad_s = edges_s / COUNTS_PER_TURN * math.tau
+    board = Emulated(echo_us=5_800, imu=SENSES)
+    board.hello()
+    set_up_loop(board, kp)
+    board.run(0.5, edges_s=(edges_s, edges_s))
+    aim = round(1000 * (speed_rad_s + ahead_rad_s))
+    for _ in range(round(seconds / 0.1)):
+        board.seal(f"w {aim} {aim}")
+        board.run(0.1, edges_s=(edges_s, edges_s))
+        board.forget()
+    per_duty = 256 / kp
+    duties = [duty for change in board.duties for duty in change.duty if duty]
+    return max(abs(duty * per_duty - ahead_rad_s) for duty in duties)
 
 
 def jitter_us() -> int:

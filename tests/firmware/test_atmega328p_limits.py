@@ -1,5 +1,7 @@
 """What the Duemilanove's image can carry, and how soon it stops: in simavr, on the cycle."""
 
+import math
+
 import pytest
 
 from tests.firmware import limits
@@ -36,7 +38,18 @@ def test_the_processor_is_idle_half_of_the_time_in_its_busiest_tenth_of_a_second
 
 def test_no_edge_is_lost_in_a_long_drive() -> None:
     """0 of 100,000 (a benchmark has 10^6), with duties, echoes and readings between."""
-    assert limits.lost_edges(100_000) == 0
+    assert limits.lost_edges(100_000, "s 120 -80") == 0
+
+
+def test_no_edge_is_lost_where_the_wheel_loop_begins_and_its_parameters_change() -> None:
+    """At full speed: its divisions do not shut the interrupts out."""
+    assert limits.lost_edges(50_000, "s 120 -80", "w 8000 -8000", "g 0 8400", "g 7 300") == 0
+
+
+@pytest.mark.parametrize("edges_s", [1_400, 6_000, 11_000])
+def test_the_wheel_loop_sees_wheels_that_turn_evenly_turn_evenly(edges_s: int) -> None:
+    """Within a twentieth: an edge's time is right also where the millisecond has just begun."""
+    assert limits.unevenness_rad_s(edges_s, 5.0) <= 0.05 * edges_s / limits.COUNTS_PER_TURN * math.tau
 
 
 def test_the_cycles_begin_evenly() -> None:
