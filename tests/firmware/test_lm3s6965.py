@@ -74,6 +74,17 @@ def test_a_main_loop_that_hangs_is_restarted(start: Start, how: int, cause: int)
     assert board.observed().duty == (0, 0)
 
 
+def test_a_main_loop_that_is_late_now_and_then_is_not_restarted(start: Start) -> None:
+    """Five times 0.15 s, between which it completes cycles: each begins the watchdog's two times of 0.125 s anew."""
+    board = start(HANGS)
+    board.wait_for("firmware\t1\t")
+    board.forget()
+    for _ in range(5):
+        board.write(b"\x04")
+        board.pass_time(0.2)
+    assert "Initializing" not in board.text
+
+
 def test_an_estop_outlives_a_restart(board: Qemu) -> None:
     """`estop`, `r`, and `s` is refused (4) until `arm 1`."""
     board.write(b"estop\r")

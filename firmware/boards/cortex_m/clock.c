@@ -76,12 +76,14 @@ void hal_watchdog_start(void)
 
 static uint32_t fed_ticked_us;
 
+/* Clearing its interrupt begins both times anew; a new load alone leaves an interrupt that has come, and one time only. */
 void hal_watchdog_feed(void)
 {
     fed_ticked_us = ticked_us;
     WATCHDOG_LOCK = WATCHDOG_UNLOCK;
-    WATCHDOG_LOAD = WATCHDOG_CYCLES;
+    WATCHDOG_CLEAR = 1U;
     WATCHDOG_LOCK = 0U;
+    interrupt_enable(IRQ_WATCHDOG, PRIORITY_WATCHDOG);
 }
 
 #define TICK_RUNS_US 90000U

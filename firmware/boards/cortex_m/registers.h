@@ -1,5 +1,6 @@
 /*
- * Registers that LM3S6965 and TM4C123 have at the same addresses (data sheets of both). Only what is used here.
+ * Registers that LM3S6965 and TM4C123 have at the same addresses. Only what is used here. Each group names its chapter in
+ * the TM4C123GH6PM's data sheet (SPMS376E), by which it was written; what QEMU does not have was never run.
  */
 #ifndef REGISTERS_H
 #define REGISTERS_H
@@ -8,19 +9,20 @@
 
 #define REGISTER(address) (*(volatile uint32_t *)(address))
 
-/* Cortex-M's own */
+/* Cortex-M's own: 3.1 System Timer, 3.2 NVIC, 3.3 System Control Block */
 #define SYSTICK_CTRL REGISTER(0xE000E010U)
 #define SYSTICK_LOAD REGISTER(0xE000E014U)
 #define SYSTICK_VALUE REGISTER(0xE000E018U)
 #define NVIC_ENABLE(irq) REGISTER(0xE000E100U + (4U * ((irq) / 32U)))
 #define NVIC_DISABLE(irq) REGISTER(0xE000E180U + (4U * ((irq) / 32U)))
 #define NVIC_PEND(irq) REGISTER(0xE000E200U + (4U * ((irq) / 32U)))
+#define NVIC_UNPEND(irq) REGISTER(0xE000E280U + (4U * ((irq) / 32U)))
 #define NVIC_PRIORITY(irq) (*(volatile uint8_t *)(0xE000E400U + (irq)))
 #define IRQ_BIT(irq) (1U << ((irq) % 32U))
 #define AIRCR REGISTER(0xE000ED0CU)
 #define AIRCR_SYSRESETREQ 0x05FA0004U
 
-/* Interrupts, by number */
+/* Interrupts, by number: table 2-9 (its vector less 16) */
 #define IRQ_GPIO_A 0U
 #define IRQ_GPIO_C 2U
 #define IRQ_GPIO_D 3U
@@ -30,17 +32,21 @@
 #define IRQ_GPIO_F 30U
 #define IRQ_I2C3 69U /* TM4C123 only */
 
-/* System control */
+/* System control: 5.5 */
+#define SYSCTL_PBORCTL REGISTER(0x400FE030U)
 #define SYSCTL_RIS REGISTER(0x400FE050U)
 #define SYSCTL_RESC REGISTER(0x400FE05CU)
 #define SYSCTL_RCC REGISTER(0x400FE060U)
+#define RIS_CRYSTAL_RUNS (1U << 8)
 #define RIS_PLL_LOCKED (1U << 6)
+#define RCC_BYPASS (1U << 11)
+#define RCC_USE_DIVIDER (1U << 22)
 #define RESC_EXTERNAL 1U
 #define RESC_POWER_ON 2U
 #define RESC_BROWN_OUT 4U
 #define RESC_WATCHDOG 8U
 
-/* Serial line 0 */
+/* Serial line 0: 14.5 */
 #define UART0_DATA REGISTER(0x4000C000U)
 #define UART0_FLAGS REGISTER(0x4000C018U)
 #define UART0_IBRD REGISTER(0x4000C024U)
@@ -56,7 +62,7 @@
 #define INTERRUPT_TX (1U << 5)
 #define INTERRUPT_RX_TIMEOUT (1U << 6)
 
-/* Timer 0 */
+/* Timer 0: 11.5 */
 #define TIMER0_CFG REGISTER(0x40030000U)
 #define TIMER0_TAMR REGISTER(0x40030004U)
 #define TIMER0_CTL REGISTER(0x4003000CU)
@@ -64,7 +70,7 @@
 #define TIMER0_CLEAR REGISTER(0x40030024U)
 #define TIMER0_TAILR REGISTER(0x40030028U)
 
-/* Watchdog 0 */
+/* Watchdog 0: 12.4 */
 #define WATCHDOG_LOAD REGISTER(0x40000000U)
 #define WATCHDOG_CTL REGISTER(0x40000008U)
 #define WATCHDOG_CLEAR REGISTER(0x4000000CU)
@@ -73,7 +79,7 @@
 #define WATCHDOG_INTERRUPT 1U
 #define WATCHDOG_RESET 2U
 
-/* Ports */
+/* Ports: 10.5 */
 #define PORT_A 0x40004000U
 #define PORT_C 0x40006000U
 #define PORT_D 0x40007000U

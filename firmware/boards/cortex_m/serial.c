@@ -29,10 +29,10 @@ void hal_start_sending(void)
 #ifdef HANGS
 extern volatile uint32_t hang;
 
-/* A byte from 1 to 3 is the command of the test image; no line has one. */
+/* A byte from 1 to 4 is the command of the test image; no line has one. */
 static void serial_test(uint8_t byte)
 {
-    if ((byte >= 1U) && (byte <= 3U)) {
+    if ((byte >= 1U) && (byte <= 4U)) {
         hang = byte;
     }
 }

@@ -10,8 +10,6 @@
 #define TIMER0_CLOCKED (1U << 16)
 #define PORTS_CLOCKED 0x3FU
 
-#define RCC_BYPASS (1U << 11)
-#define RCC_USE_DIVIDER (1U << 22)
 #define RCC_RESET 0x078E3AC0U
 #define RCC_50_MHZ 0x01C00380U /* 8 MHz crystal, PLL's 200 MHz by 4 */
 

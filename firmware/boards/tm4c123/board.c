@@ -9,19 +9,28 @@
 #define SYSCTL_RCGCI2C REGISTER(0x400FE620U)
 #define SYSCTL_RCGCADC REGISTER(0x400FE638U)
 #define SYSCTL_RCGCWTIMER REGISTER(0x400FE65CU)
+#define SYSCTL_PRWD REGISTER(0x400FEA00U)
+#define SYSCTL_PRTIMER REGISTER(0x400FEA04U)
 #define SYSCTL_PRGPIO REGISTER(0x400FEA08U)
+#define SYSCTL_PRUART REGISTER(0x400FEA18U)
 #define SYSCTL_PRI2C REGISTER(0x400FEA20U)
 #define SYSCTL_PRADC REGISTER(0x400FEA38U)
 #define SYSCTL_PRWTIMER REGISTER(0x400FEA5CU)
 #define PORTS 0x3FU
+#define WATCHDOG0 1U
+#define TIMER0 1U
+#define UART0 1U
 #define I2C3 (1U << 3)
 #define ADC0 1U
 #define WIDE_TIMERS 3U /* 0 and 1 */
 
-#define RCC_BYPASS (1U << 11)
-#define RCC_USE_DIVIDER (1U << 22)
-#define RCC_RESET 0x078E3AD1U
-#define RCC_50_MHZ 0x01C00540U /* 16 MHz crystal, PLL's 200 MHz by 4 */
+#define BROWN_OUTS_RESET 6U /* both thresholds, 3.02 V and 2.88 V: a reset, not an interrupt */
+
+#define RCC_RESET 0x078E3AD1U /* the internal oscillator drives, PLL and crystal are off */
+#define RCC_CRYSTAL_OFF 1U
+#define RCC_INTERNAL (1U << 4)
+#define RCC_50_MHZ 0x01C00540U /* 16 MHz from the crystal, PLL's 200 MHz by 4 */
+#define MOST_LOOKS 100000U     /* some 50 ms; the crystal takes 18 at most */
 
 /* The left motor: A is PE4, B is PE5, PWM is PC5 (wide timer 0 B). B alone is forward. */
 #define LEFT_A PIN(4U)
@@ -43,7 +52,7 @@
 #define TIMER_MATCH_A(timer) REGISTER((timer) + 0x30U)
 #define TIMER_MATCH_B(timer) REGISTER((timer) + 0x34U)
 #define TWO_OF_32_BITS 4U
-#define PWM_MODE 0xAU /* TnAMS, periodic */
+#define PWM_MODE 0x40AU /* TnAMS, periodic; TnMRSU: a new match counts from the next period on, so none is missed */
 #define ENABLE_A 0x001U
 #define ENABLE_B 0x100U
 #define PERIOD 102000U /* 490 Hz of 50 MHz; 255 times 400 */
@@ -53,27 +62,50 @@
 #define PCTL_WIDE_TIMER 7U
 #define PCTL_UART 1U
 
-/* Clocks first: a part without one answers with a fault. */
+static void await(volatile const uint32_t *ready, uint32_t parts)
+{
+    while ((*ready & parts) != parts) {
+    }
+}
+
+/*
+ * 50 MHz from the PLL, as 5.3 of the data sheet has it. A crystal that does not swing is left to the internal oscillator,
+ * which has 16 MHz too, within 3 %. Without a PLL no time is right, the dead-man's neither: then the board stays off here.
+ */
+static void pll_start(void)
+{
+    SYSCTL_RCC = RCC_RESET & ~RCC_CRYSTAL_OFF;
+    uint32_t looks = MOST_LOOKS;
+    while (((SYSCTL_RIS & RIS_CRYSTAL_RUNS) == 0U) && (looks > 0U)) {
+        looks--;
+    }
+    const uint32_t rcc = RCC_50_MHZ | ((looks == 0U) ? RCC_INTERNAL : 0U);
+    SYSCTL_RCC = (rcc | RCC_BYPASS) & ~RCC_USE_DIVIDER;
+    SYSCTL_RCC = rcc | RCC_BYPASS;
+    await(&SYSCTL_RIS, RIS_PLL_LOCKED);
+    SYSCTL_RCC = rcc;
+}
+
+/* The ports first, for the motors: a part without a clock answers with a fault. */
 void system_start(void)
 {
     SYSCTL_RCGCGPIO |= PORTS;
-    while ((SYSCTL_PRGPIO & PORTS) != PORTS) {
-    }
+    await(&SYSCTL_PRGPIO, PORTS);
     hal_motors_off();
-    SYSCTL_RCGCWD |= 1U;
-    SYSCTL_RCGCTIMER |= 1U;
-    SYSCTL_RCGCUART |= 1U;
+    SYSCTL_PBORCTL = BROWN_OUTS_RESET;
+    pll_start();
+    SYSCTL_RCGCWD |= WATCHDOG0;
+    SYSCTL_RCGCTIMER |= TIMER0;
+    SYSCTL_RCGCUART |= UART0;
     SYSCTL_RCGCI2C |= I2C3;
-    SYSCTL_RCGCWTIMER |= WIDE_TIMERS;
-    SYSCTL_RCC = (RCC_RESET | RCC_BYPASS) & ~(RCC_USE_DIVIDER | 1U);
-    SYSCTL_RCC = RCC_50_MHZ | RCC_BYPASS;
-    for (uint32_t wait = 0U; ((SYSCTL_RIS & RIS_PLL_LOCKED) == 0U) && (wait < 100000U); wait++) {
-    }
-    SYSCTL_RCC = RCC_50_MHZ;
     SYSCTL_RCGCADC |= ADC0;
-    while (((SYSCTL_PRADC & ADC0) == 0U) || ((SYSCTL_PRI2C & I2C3) == 0U) ||
-           ((SYSCTL_PRWTIMER & WIDE_TIMERS) != WIDE_TIMERS)) {
-    }
+    SYSCTL_RCGCWTIMER |= WIDE_TIMERS;
+    await(&SYSCTL_PRWD, WATCHDOG0);
+    await(&SYSCTL_PRTIMER, TIMER0);
+    await(&SYSCTL_PRUART, UART0);
+    await(&SYSCTL_PRI2C, I2C3);
+    await(&SYSCTL_PRADC, ADC0);
+    await(&SYSCTL_PRWTIMER, WIDE_TIMERS);
 }
 
 static void pwm_start(void)
