@@ -22,6 +22,7 @@ from chefbot_vda5050.messages import (
     Edge,
     Node,
     NodePosition,
+    OperatingMode,
     State,
 )
 from msgspec import Struct
@@ -222,6 +223,7 @@ class Fleet:
         contact.seen_s, contact.state, contact.connection = now_s, state, ConnectionState.ONLINE
         if state.order_id == vehicle.order_id:
             self._progress(vehicle, state, now_s)
+            self._replace_deleted(vehicle, state, now_s)
         elif vehicle.order_id:
             self._find_again(vehicle, state, now_s)
         if self.traffic.robots[name].lost_s is not None:
@@ -304,6 +306,17 @@ class Fleet:
         vehicle.task, vehicle.action_id = None, None
         self._store.save(order, vehicle)
         self.traffic.withdraw(vehicle.name, now_s)
+
+    def _replace_deleted(self, vehicle: Vehicle, state: State, now_s: float) -> None:
+        """A robot that was driven by hand has deleted its order (6.10.6): when it may drive, it gets another."""
+        taken = (state.order_id, state.order_update_id) == (vehicle.order_id, vehicle.update_id)
+        if not taken or not vehicle.base or state.node_states or state.driving:
+            return
+        if state.operating_mode is OperatingMode.AUTOMATIC:
+            self._find_again(vehicle, state, now_s)
+            if vehicle.base:
+                self._new_order(vehicle, "drive")
+                self._store.save(vehicle)
 
     def _find_again(self, vehicle: Vehicle, state: State, now_s: float) -> None:
         """A robot that stands idle without our order has restarted, or not got it yet: see how far along it stands.

@@ -32,6 +32,7 @@ class StandardRobot:
         self.refused: list[str] = []
         self.refuses: str | None = None
         self.errors: tuple[Error, ...] = ()
+        self.mode = OperatingMode.AUTOMATIC
         self._headers = 0
         self.restart()
 
@@ -44,6 +45,10 @@ class StandardRobot:
         self._begun_s: float | None = None
         self._work_s: float | None = None
         self._pending: list[tuple[str, str]] = []
+
+    def take_by_hand(self) -> None:
+        """6.10.6: the order is deleted, and its id stays."""
+        self.mode, self.ahead, self._pending, self._begun_s = OperatingMode.MANUAL, [], [], None
 
     def receive(self, order: Outgoing) -> None:
         """6.6.2: a new order where none is active, or an update that continues the base."""
@@ -118,7 +123,7 @@ class StandardRobot:
             last_node_id=self.last[0],
             last_node_sequence_id=self.last[1],
             driving=bool(self.ahead),
-            operating_mode=OperatingMode.AUTOMATIC,
+            operating_mode=self.mode,
             node_states=tuple(
                 NodeState(node_id=node.node_id, sequence_id=node.sequence_id, released=True)
                 for node in self.ahead

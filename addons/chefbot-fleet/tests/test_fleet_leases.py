@@ -6,7 +6,7 @@ import pytest
 from chefbot_fleet.manager import steady_clock
 from chefbot_fleet.roadmap import Roadmap
 from chefbot_fleet.store import Stage
-from chefbot_vda5050.messages import ActionState, ActionStatus
+from chefbot_vda5050.messages import ActionState, ActionStatus, OperatingMode
 from fleet_robots import StandardRobot
 from fleet_world import World, small_roadmap
 from msgspec.structs import replace
@@ -154,6 +154,22 @@ def test_plans_through_the_place_of_a_new_robot_are_made_anew(world: World) -> N
     for move in robot.moves[robot.released :]:
         if 3 in (move.origin, move.target):
             assert move.after
+
+
+def test_a_robot_that_was_driven_by_hand_goes_on_with_its_work(world: World) -> None:
+    """Its order is deleted on the way to the counter; free again, it gets another, and the work is done once."""
+    name = until(world, Stage.ASSIGNED)
+    robot = world.robots[name]
+    while not robot.ahead:
+        world.step()
+    robot.take_by_hand()
+    before = robot.order
+    for _ in range(20):
+        world.step()
+    assert robot.order == before
+    robot.mode = OperatingMode.AUTOMATIC
+    until(world, Stage.DONE)
+    assert (world.lost(), world.done_by_two(), world.repeated(), robot.refused) == (0, 0, 0, [])
 
 
 def test_the_fleets_clock_goes_on_evenly_when_the_computers_is_set() -> None:
