@@ -6,12 +6,11 @@ no trajectory and keeps to no corridor.
 
 from collections.abc import Iterable
 from enum import StrEnum
-from typing import Final
 
 from chefbot_vda5050 import actions
-from chefbot_vda5050.messages import Action, Edge, Node, OperatingMode, Order
-from chefbot_vda5050.rejections import Reason, Rejection
-from chefbot_vda5050.vehicle import Facts, Limits, Phase, Vehicle
+from chefbot_vda5050.messages import Action, Edge, Node, Order
+from chefbot_vda5050.problems import Problem, Reason
+from chefbot_vda5050.vehicle import FOR_ORDERS, Facts, Limits, Phase, Vehicle
 
 
 class Accepted(StrEnum):
@@ -22,43 +21,40 @@ class Accepted(StrEnum):
     REPEATED = "repeated"
 
 
-FOR_ORDERS: Final = frozenset({OperatingMode.AUTOMATIC, OperatingMode.SEMIAUTOMATIC})
-
-
-def judge(vehicle: Vehicle, order: Order, facts: Facts, limits: Limits) -> Accepted | Rejection:
+def judge(vehicle: Vehicle, order: Order, facts: Facts, limits: Limits) -> Accepted | Problem:
     """What becomes of an order that has arrived in time."""
     about = (("orderId", order.order_id), ("orderUpdateId", str(order.order_update_id)))
     judged = _kind(vehicle, order) if vehicle.order_id == order.order_id else Accepted.NEW
     if (malformed := structure_problem(order)) is not None:
-        judged = Rejection(Reason.MALFORMED, malformed)
+        judged = Problem(Reason.MALFORMED, malformed)
     elif judged is Accepted.NEW:
         judged = _new(vehicle, order, facts, limits)
-    if not isinstance(judged, Rejection) and judged is not Accepted.REPEATED:
+    if not isinstance(judged, Problem) and judged is not Accepted.REPEATED:
         judged = _able(order, facts, limits, judged) or judged
-    if isinstance(judged, Rejection):
-        return Rejection(judged.reason, judged.text, (("topic", "order"), *about, *judged.references))
+    if isinstance(judged, Problem):
+        return Problem(judged.reason, judged.text, (("topic", "order"), *about, *judged.references))
     return judged
 
 
-def _kind(vehicle: Vehicle, order: Order) -> Accepted | Rejection:
+def _kind(vehicle: Vehicle, order: Order) -> Accepted | Problem:
     """An order of the known id: an update, the same once more, or neither."""
     known = vehicle.order
     assert known is not None  # noqa: S101 - there is an order with this id
     if order.order_update_id < known.order_update_id:
         text = f"update {order.order_update_id} is older than {known.order_update_id}, which the robot has"
-        return Rejection(Reason.OUTDATED_UPDATE, text)
+        return Problem(Reason.OUTDATED_UPDATE, text)
     if order.order_update_id == known.order_update_id:
         if content(order) == content(known):
             return Accepted.REPEATED
-        return Rejection(
+        return Problem(
             Reason.SAME_UPDATE, f"update {order.order_update_id} came already with another content"
         )
     if vehicle.phase in (Phase.CANCELLING, Phase.CANCELLED):
-        return Rejection(Reason.CANCELLED_ORDER, f"order {order.order_id!a} was cancelled")
+        return Problem(Reason.CANCELLED_ORDER, f"order {order.order_id!a} was cancelled")
     return _continues(vehicle, order)
 
 
-def _continues(vehicle: Vehicle, order: Order) -> Accepted | Rejection:
+def _continues(vehicle: Vehicle, order: Order) -> Accepted | Problem:
     decision, first = vehicle.decision, order.nodes[0] if order.nodes else None
     if decision is None or first is None:
         return Accepted.UPDATE  # its structure is refused
@@ -67,35 +63,35 @@ def _continues(vehicle: Vehicle, order: Order) -> Accepted | Rejection:
             f"it begins at {first.node_id!a} ({first.sequence_id}), "
             f"and the base ends at {decision.node_id!a} ({decision.sequence_id})"
         )
-        return Rejection(Reason.NO_CONTINUATION, text, (("nodeId", first.node_id),))
+        return Problem(Reason.NO_CONTINUATION, text, (("nodeId", first.node_id),))
     known = {action.action_id for action in decision.actions}
     added = [action.action_id for action in first.actions if action.action_id not in known]
     if added:
         text = f"it adds actions to node {first.node_id!a}, which is released and cannot change"
-        return Rejection(Reason.NO_CONTINUATION, text, tuple(("actionId", one) for one in added))
+        return Problem(Reason.NO_CONTINUATION, text, tuple(("actionId", one) for one in added))
     return Accepted.UPDATE
 
 
-def _new(vehicle: Vehicle, order: Order, facts: Facts, limits: Limits) -> Accepted | Rejection:
+def _new(vehicle: Vehicle, order: Order, facts: Facts, limits: Limits) -> Accepted | Problem:
     if vehicle.phase in (Phase.ACTIVE, Phase.CANCELLING):
-        return Rejection(Reason.OTHER_ORDER, f"order {vehicle.order_id!a} is not finished")
+        return Problem(Reason.OTHER_ORDER, f"order {vehicle.order_id!a} is not finished")
     if facts.mode not in FOR_ORDERS:
-        return Rejection(Reason.NOT_AVAILABLE, f"the operating mode is {facts.mode}")
+        return Problem(Reason.NOT_AVAILABLE, f"the operating mode is {facts.mode}")
     if not facts.connected:
-        return Rejection(Reason.NOT_AVAILABLE, facts.missing or "the robot cannot be reached")
+        return Problem(Reason.NOT_AVAILABLE, facts.missing or "the robot cannot be reached")
     first = order.nodes[0]
     position = first.node_position
     if position is None:
         return Accepted.NEW  # refused with the other nodes
     if not facts.localized:
-        return Rejection(Reason.START_OUT_OF_RANGE, "the robot does not know where it is")
+        return Problem(Reason.START_OUT_OF_RANGE, "the robot does not know where it is")
     if position.map_id != facts.map_id:
         return _unknown_map(first.node_id, position.map_id, facts)
     allowed_m = max(position.allowed_deviation_xy or 0.0, limits.start_tolerance_m)
     distance_m = facts.distance_m(position)
     if distance_m > allowed_m:
         text = f"the robot is {distance_m:.2f} m from node {first.node_id!a}, more than {allowed_m:.2f} m"
-        return Rejection(Reason.START_OUT_OF_RANGE, text, (("nodeId", first.node_id),))
+        return Problem(Reason.START_OUT_OF_RANGE, text, (("nodeId", first.node_id),))
     return Accepted.NEW
 
 
@@ -152,7 +148,7 @@ def _actions(nodes: Iterable[Node], edges: Iterable[Edge]) -> Iterable[Action]:
         yield from edge.actions
 
 
-def _able(order: Order, facts: Facts, limits: Limits, accepted: Accepted) -> Rejection | None:
+def _able(order: Order, facts: Facts, limits: Limits, accepted: Accepted) -> Problem | None:
     """What of the order this robot cannot do; the first node of an update is known already."""
     fields = [] if order.zone_set_id is None else ["order.zoneSetId: it knows no zones"]
     fields += [text for edge in order.edges for text in unsupported_fields(edge, limits)]
@@ -163,7 +159,7 @@ def _able(order: Order, facts: Facts, limits: Limits, accepted: Accepted) -> Rej
     ]
     if fields:
         references = tuple(("field", text.partition(":")[0]) for text in fields)
-        return Rejection(Reason.UNSUPPORTED_FIELD, f"this robot cannot use {'; '.join(fields)}", references)
+        return Problem(Reason.UNSUPPORTED_FIELD, f"this robot cannot use {'; '.join(fields)}", references)
     fresh = order.nodes[1:] if accepted is Accepted.UPDATE else order.nodes
     for node in order.nodes:
         position = node.node_position
@@ -180,14 +176,14 @@ def _able(order: Order, facts: Facts, limits: Limits, accepted: Accepted) -> Rej
     return None
 
 
-def _bad_action(action: Action, text: str, where: tuple[str, str]) -> Rejection:
+def _bad_action(action: Action, text: str, where: tuple[str, str]) -> Problem:
     references = (("actionId", action.action_id), ("actionType", action.action_type), where)
-    return Rejection(Reason.UNSUPPORTED_ACTION, text, references)
+    return Problem(Reason.UNSUPPORTED_ACTION, text, references)
 
 
-def _unknown_map(node_id: str, map_id: str, facts: Facts) -> Rejection:
+def _unknown_map(node_id: str, map_id: str, facts: Facts) -> Problem:
     text = f"node {node_id!a} is on map {map_id!a}, and the robot uses {facts.map_id or 'none'!a}"
-    return Rejection(Reason.UNKNOWN_MAP, text, (("nodeId", node_id), ("mapId", map_id)))
+    return Problem(Reason.UNKNOWN_MAP, text, (("nodeId", node_id), ("mapId", map_id)))
 
 
 def unsupported_fields(edge: Edge, limits: Limits) -> list[str]:
@@ -203,6 +199,8 @@ def unsupported_fields(edge: Edge, limits: Limits) -> list[str]:
         problems.append("edge.orientation: it drives forwards")
     if edge.rotation_allowed is False:
         problems.append("edge.rotationAllowed: it turns on its way")
+    if edge.reach_orientation_before_entering and edge.orientation is not None:
+        problems.append("edge.reachOrientationBeforeEntering: it turns on its way")
     if edge.min_height:
         problems.append("edge.minHeight: it has no lift")
     for name, limit, own in (

@@ -5,7 +5,7 @@ from typing import Any, Final
 
 from msgspec import Struct
 
-from chefbot_vda5050.messages import Action, ActionStatus
+from chefbot_vda5050.messages import Action, ActionStatus, BlockingType
 
 
 class Scope(StrEnum):
@@ -31,6 +31,11 @@ class Row(Struct, frozen=True):
     description: str
     parameters: tuple[Parameter, ...] = ()
 
+    @property
+    def blocking_types(self) -> tuple[BlockingType, ...]:
+        """Of an instant action always NONE (6.2.1 of version 3.0)."""
+        return tuple(BlockingType) if Scope.NODE in self.scopes else (BlockingType.NONE,)
+
 
 LOAD: Final = tuple(
     Parameter(key)
@@ -41,13 +46,16 @@ POSE: Final = (
     Parameter("mapId", "STRING", False),
     Parameter("lastNodeId"),
 )
+OF_ACTION: Final = (Parameter("actionId", "STRING", False),)
 NODE, INSTANT = (Scope.NODE,), (Scope.INSTANT,)
 
 ACTIONS: Final = {
     "pick": Row(NODE, "asks people to load the robot, and waits for their answer", LOAD),
     "drop": Row(NODE, "asks people to take the load, and waits for their answer", LOAD),
     "waitForTrigger": Row(
-        NODE, "waits until somebody answers on the robot's page", (Parameter("triggerType"),)
+        NODE,
+        "waits for trigger, or until somebody answers on the robot's page",
+        (Parameter("triggerType", "ARRAY", description="strings, or one string"),),
     ),
     "wait": Row(NODE, "waits for a time", (Parameter("duration", "FLOAT", False, "seconds, 0 to 3600"),)),
     "say": Row(
@@ -61,6 +69,10 @@ ACTIONS: Final = {
     "stateRequest": Row(INSTANT, "sends the state"),
     "factsheetRequest": Row(INSTANT, "sends the factsheet"),
     "initPosition": Row(INSTANT, "tells the robot where it is", POSE),
+    "clearInstantActions": Row(INSTANT, "forgets the instant actions that have ended"),
+    "trigger": Row(INSTANT, "ends every waitForTrigger that runs"),
+    "retry": Row(INSTANT, "tries an action again that has failed and is retriable", OF_ACTION),
+    "skipRetry": Row(INSTANT, "gives such an action up", OF_ACTION),
 }
 
 NUMBERS: Final = ("FLOAT", "INTEGER", "NUMBER")
@@ -94,6 +106,8 @@ def problem(action: Action, scope: Scope) -> str:
 def _fits(value: Any, kind: str) -> bool:
     if kind in NUMBERS:
         return isinstance(value, int | float) and not isinstance(value, bool)
+    if kind == "ARRAY" and isinstance(value, list):
+        return all(isinstance(one, str) for one in value)
     return isinstance(value, str)
 
 
@@ -114,6 +128,7 @@ class Event(StrEnum):
     SUCCEED = "succeed"
     FAIL = "fail"
     CANCEL = "cancel"
+    FAIL_FOR_NOW = "fail_for_now"
 
 
 _STATUS = ActionStatus
@@ -124,8 +139,12 @@ NEXT: Final = {
     (_STATUS.RUNNING, Event.SUCCEED): _STATUS.FINISHED,
     (_STATUS.RUNNING, Event.FAIL): _STATUS.FAILED,
     (_STATUS.RUNNING, Event.CANCEL): _STATUS.FAILED,
+    (_STATUS.RUNNING, Event.FAIL_FOR_NOW): _STATUS.RETRIABLE,
+    (_STATUS.RETRIABLE, Event.START): _STATUS.RUNNING,
+    (_STATUS.RETRIABLE, Event.FAIL): _STATUS.FAILED,
+    (_STATUS.RETRIABLE, Event.CANCEL): _STATUS.FAILED,
 }
-"""6.11; a pair that is not here changes nothing. INITIALIZING is not used: nothing has to be prepared."""
+"""6.11, and 6.6.9 of 3.0; a pair that is not here changes nothing. Nothing has to be prepared, or can be paused."""
 
 
 class Tracked(Struct, frozen=True):

@@ -13,10 +13,11 @@ from typing import Any, Final
 import msgspec
 import structlog
 
-from chefbot_vda5050 import acceptance, order
+from chefbot_vda5050 import acceptance, order, versions
 from chefbot_vda5050.inbox import Inbox
-from chefbot_vda5050.messages import Message, Order, encode
-from chefbot_vda5050.rejections import Reason, Rejection
+from chefbot_vda5050.instant import instant_action
+from chefbot_vda5050.messages import Message, OperatingMode, Order, encode
+from chefbot_vda5050.problems import Problem, Reason
 from chefbot_vda5050.robot import CannotDo, DriveFailed, Robot, perform
 from chefbot_vda5050.state import is_driving, state, visualization
 from chefbot_vda5050.topics import Headers, Kind, RobotName
@@ -36,7 +37,9 @@ from chefbot_vda5050.vehicle import (
 
 log = structlog.get_logger("vda5050")
 
-VERSION: Final = "2.1.0"
+VERSION: Final = versions.V2.number
+"""Where nothing else is agreed on: what masters speak."""
+
 STATE_EVERY_S: Final = 30.0
 """At least (6.10)."""
 
@@ -76,11 +79,12 @@ class Agent:
         self.headers = headers or Headers(name, VERSION)
         self._robot, self._publish, self._limits = robot, publish, limits
         self._factsheet, self._visualization_s, self._clock = factsheet, visualization_s, clock
-        self._inbox = Inbox(name, VERSION, limits.order_max_age_s, clock)
+        self._inbox = Inbox(name, self.headers.version, limits.order_max_age_s, clock)
         self._waiting: deque[_Waiting] = deque()  # the first is being judged
         self._arrived = asyncio.Event()
         self._changed = asyncio.Event()
-        self._was_armed = True
+        self._was_armed, self._was_mode = True, OperatingMode.AUTOMATIC
+        self._last_state = 0  # its headerId
         self._drives = 0  # that were begun or given up
         self._reported: object = None
         self._tasks: set[asyncio.Task[None]] = set()
@@ -115,7 +119,7 @@ class Agent:
         for action in actions:
             if action.action_type == "cancelOrder":
                 self._cancel_waiting(action.parameter("orderId"))
-            self._apply(order.instant_action(self.vehicle, action))
+            self._apply(instant_action(self.vehicle, action))
 
     def set_online(self, online: bool) -> None:
         """The broker is there, or it is gone; there, everything is reported anew."""
@@ -130,7 +134,7 @@ class Agent:
 
     def _receive_order(self, data: bytes, *, retained: bool) -> None:
         message = self._inbox.order(data, retained=retained)
-        if isinstance(message, Rejection):
+        if isinstance(message, Problem):
             self._reject(message)
         elif len(self._waiting) >= MOST_WAITING:
             log.warning("an order is dropped: too many wait", order=message.order_id)
@@ -157,7 +161,7 @@ class Agent:
         message, judged = waiting.order, self._judge(waiting)
         if judged in (acceptance.Accepted.NEW, acceptance.Accepted.UPDATE):
             judged = await self._without_route(waiting) or self._judge(waiting)
-        if isinstance(judged, Rejection):
+        if isinstance(judged, Problem):
             log.warning("an order is refused", order=message.order_id, why=judged.text)
             self._apply(order.reject(self.vehicle, judged))
         else:
@@ -166,16 +170,16 @@ class Agent:
                 order.accept(self.vehicle, message, judged, self._robot.facts, self._limits), always=True
             )
 
-    def _judge(self, waiting: "_Waiting") -> acceptance.Accepted | Rejection:
+    def _judge(self, waiting: "_Waiting") -> acceptance.Accepted | Problem:
         message = waiting.order
         if waiting.is_cancelled:
             text = f"order {message.order_id!a} was cancelled before it began"
             about = (("topic", "order"), ("orderId", message.order_id))
-            return Rejection(Reason.CANCELLED_ORDER, text, about)
+            return Problem(Reason.CANCELLED_ORDER, text, about)
         late = self._inbox.late_by_now(message)
         return late or acceptance.judge(self.vehicle, message, self._robot.facts, self._limits)
 
-    async def _without_route(self, waiting: "_Waiting") -> Rejection | None:
+    async def _without_route(self, waiting: "_Waiting") -> Problem | None:
         """6.1.4.8 of version 3.0: a node that the robot cannot reach on its map."""
         message = waiting.order
         for node in message.nodes[1:]:
@@ -189,10 +193,10 @@ class Agent:
                     ("orderUpdateId", str(message.order_update_id)),
                     ("nodeId", node.node_id),
                 )
-                return Rejection(Reason.NO_ROUTE, f"node {node.node_id!a} cannot be reached: {why}", about)
+                return Problem(Reason.NO_ROUTE, f"node {node.node_id!a} cannot be reached: {why}", about)
         return None
 
-    def _reject(self, rejection: Rejection) -> None:
+    def _reject(self, rejection: Problem) -> None:
         log.warning("a message is refused", why=rejection.text)
         self._apply(order.reject(self.vehicle, rejection))
 
@@ -299,10 +303,13 @@ class Agent:
 
     def _take_facts(self) -> None:
         """Report what has changed of the robot, count a node that it drives over, and pause when it is disarmed."""
-        was_armed, self._was_armed = self._was_armed, self._robot.facts.armed
-        if was_armed and not self._was_armed:
+        facts, was_armed, was_mode = self._robot.facts, self._was_armed, self._was_mode
+        self._was_armed, self._was_mode = facts.armed, facts.mode
+        if was_armed and not facts.armed:
             self._apply(order.robot_disarmed(self.vehicle))
-        facts, node = self._robot.facts, self.vehicle.passed_node()
+        if facts.mode is not was_mode:
+            self._apply(order.mode_changed(self.vehicle, facts.mode))
+        node = self.vehicle.passed_node()
         if node is not None and node.node_position is not None:
             near_m = node.node_position.allowed_deviation_xy or self._limits.passing_tolerance_m
             if facts.distance_m(node.node_position) <= near_m:
@@ -320,7 +327,9 @@ class Agent:
                 pass  # it is time
             self._changed.clear()
             header = self.headers.next(Kind.STATE, self._clock())
-            await self._publish(Kind.STATE, encode(state(self.vehicle, self._robot.facts, header)))
+            self._last_state = header["header_id"]
+            message = state(self.vehicle, self._robot.facts, header, self._limits)
+            await self._publish(Kind.STATE, encode(message))
             await asyncio.sleep(STATE_PAUSE_S)
 
     async def _visualize(self) -> None:
@@ -328,7 +337,8 @@ class Agent:
             await asyncio.sleep(self._visualization_s)
             if self._online and self._robot.facts.map_id:
                 header = self.headers.next(Kind.VISUALIZATION, self._clock())
-                await self._publish(Kind.VISUALIZATION, encode(visualization(self._robot.facts, header)))
+                message = visualization(self._robot.facts, header, self._limits, self._last_state)
+                await self._publish(Kind.VISUALIZATION, encode(message))
 
     async def _send_factsheet(self) -> None:
         header = self.headers.next(Kind.FACTSHEET, self._clock())
@@ -345,6 +355,7 @@ def _reportable(facts: Facts) -> object:
         fit=None,
         linear_m_s=0.0,
         angular_rad_s=0.0,
+        path=(),
         charge_percent=None if facts.charge_percent is None else round(facts.charge_percent),
         voltage_v=None,
     )

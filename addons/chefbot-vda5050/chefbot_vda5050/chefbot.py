@@ -11,6 +11,7 @@ from typing import Any, Final
 import structlog
 from msgspec.structs import replace
 
+from chefbot_vda5050 import versions
 from chefbot_vda5050.messages import EStop, NodePosition, OperatingMode
 from chefbot_vda5050.robot import CannotDo, DriveFailed
 from chefbot_vda5050.state import is_driving
@@ -24,6 +25,7 @@ from chefbotd.client.models import (
     MapPoseData,
     NavigationData,
     OdometryData,
+    PathData,
     SafetyData,
 )
 
@@ -32,7 +34,7 @@ log = structlog.get_logger("vda5050")
 AGENT, VERSION = "fleet", "0.1"
 AGAIN_S: Final = 1.0
 STANDING_WITHIN_S: Final = 5.0
-POSE_HZ, SPEED_HZ, BATTERY_HZ = 10.0, 10.0, 0.2
+POSE_HZ, SPEED_HZ, PATH_HZ, BATTERY_HZ = 10.0, 10.0, 2.0, 0.2
 GO_ON_BUTTON: Final = "Go on with the fleet's order"
 
 STOPPED: Final = frozenset({"disarmed", "estopped", "stopped"})
@@ -54,10 +56,14 @@ Connect = Callable[[], AbstractAsyncContextManager[Client]]
 
 
 class ChefBot:
-    """``run`` keeps the connection; everything else may be called at any time."""
+    """``run`` keeps the connection; everything else may be called at any time.
 
-    def __init__(self, connect: Connect) -> None:
-        self._connect = connect
+    In version 2.1 a robot that is driven by hand deletes its order; 3.0 has a mode in which it is kept.
+    """
+
+    def __init__(self, connect: Connect, version: versions.Version = versions.V2) -> None:
+        self._connect, self._tells_path = connect, version is versions.V3
+        self._by_hand = OperatingMode.INTERVENED if version is versions.V3 else OperatingMode.MANUAL
         self._facts = Facts(missing="not connected yet")
         self._client: Client | None = None
         self._drives: list[
@@ -98,6 +104,8 @@ class ChefBot:
             tasks.create_task(self._watch(client, "map_pose", POSE_HZ))
             tasks.create_task(self._watch(client, "odometry", SPEED_HZ))
             tasks.create_task(self._watch(client, "battery", BATTERY_HZ))
+            if self._tells_path:
+                tasks.create_task(self._watch(client, "path", PATH_HZ))
             tasks.create_task(self._watch_button(client, button))
             self._client = client
             self._set(replace(self._facts, connected=True, missing=""))
@@ -121,7 +129,7 @@ class ChefBot:
                     self._go_on()
 
     def _take(self, data: Any) -> None:
-        self._set(updated(self._facts, data))
+        self._set(updated(self._facts, data, self._by_hand))
         if isinstance(data, OdometryData):
             self._heard.set()
 
@@ -229,8 +237,8 @@ class ChefBot:
             raise CannotDo(str(error)) from error
 
 
-def updated(facts: Facts, data: Any) -> Facts:
-    """The facts after what a topic has told."""
+def updated(facts: Facts, data: Any, by_hand: OperatingMode) -> Facts:
+    """The facts after what a topic has told; ``by_hand`` is the mode in which somebody else drives."""
     match data:
         case MapPoseData():
             return replace(facts, x_m=data.x_m, y_m=data.y_m, heading_rad=data.heading_rad, fit=data.fit)
@@ -239,6 +247,8 @@ def updated(facts: Facts, data: Any) -> Facts:
         case LocalizationData():
             localized = data.state in ("localized", "uncertain")
             return replace(facts, map_id=data.map or "", localized=localized)
+        case PathData():
+            return replace(facts, path=tuple(zip(data.x_m, data.y_m, strict=True)))
         case NavigationData():
             return replace(facts, paused=data.state == "paused")
         case BatteryData():
@@ -247,7 +257,7 @@ def updated(facts: Facts, data: Any) -> Facts:
             estopped = data.mode == "estopped"
             return replace(
                 facts,
-                mode=_mode(data.source),
+                mode=_mode(data.source, by_hand),
                 armed=data.armed,
                 e_stop=EStop.MANUAL if estopped else EStop.NONE,
                 fault=data.fault or "",
@@ -257,8 +267,8 @@ def updated(facts: Facts, data: Any) -> Facts:
     return facts
 
 
-def _mode(source: str | None) -> OperatingMode:
+def _mode(source: str | None, by_hand: OperatingMode) -> OperatingMode:
     """Whoever else drives has the robot by hand; calibration is its service."""
     if source is None or source in ("navigation", "safety"):
         return OperatingMode.AUTOMATIC
-    return OperatingMode.SERVICE if source == "calibration" else OperatingMode.MANUAL
+    return OperatingMode.SERVICE if source == "calibration" else by_hand

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from chefbot_vda5050 import versions
 from chefbot_vda5050.topics import RobotName
 from chefbotd.cli.common.arguments import Address, address
 
@@ -25,13 +26,20 @@ def main() -> None:
     """VDA 5050: a fleet's interface to its robots, over MQTT."""
 
 
-def broker_options(command: Any) -> Any:
-    """How a broker is found and spoken to."""
+def broker_options(
+    command: Any, interface: str | None = versions.V2.interface, major: str | None = versions.V2.major
+) -> Any:
+    """How a broker is found and spoken to; without ``interface`` and ``major`` they are those of the version."""
+    levels = (interface, major) if interface and major else ("uagv, of 3.0 vda5050", "v2, of 3.0 v3")
     for option in reversed(
         (
             click.argument("broker", metavar="BROKER[:PORT]"),
-            click.option("--interface", default="uagv", show_default=True, help="first level of all topics"),
-            click.option("--major", default="v2", show_default=True, help="second level of all topics"),
+            click.option(
+                "--interface", default=interface, help=f"first level of all topics  [default: {levels[0]}]"
+            ),
+            click.option(
+                "--major", default=major, help=f"second level of all topics  [default: {levels[1]}]"
+            ),
             click.option("--user", help="for the broker"),
             click.option("--password-file", type=PATH, help="a file with the password"),
             click.option("--tls/--no-tls", default=False, help="encrypted, by the system's authorities"),
@@ -44,9 +52,16 @@ def broker_options(command: Any) -> Any:
 
 
 def robot_options(command: Any) -> Any:
-    """Which robot is meant."""
-    manufacturer = click.option("--manufacturer", default="chefbot", show_default=True)
-    return click.argument("serial")(manufacturer(command))
+    """Which robot is meant, where, and what it speaks."""
+    command = click.option("--manufacturer", default="chefbot", show_default=True)(command)
+    command = click.option(
+        "--version",
+        type=click.Choice(versions.NUMBERS),
+        default=versions.V2.number,
+        show_default=True,
+        help="what the messages say; some masters of 2.0 read no other",
+    )(command)
+    return broker_options(click.argument("serial")(command), interface=None, major=None)
 
 
 def broker_of(options: dict[str, Any]) -> Any:
@@ -66,26 +81,20 @@ def broker_of(options: dict[str, Any]) -> Any:
 def name_of(options: dict[str, Any]) -> RobotName:
     """Whose topics they are."""
     try:
-        return RobotName(options["manufacturer"], options["serial"], options["interface"], options["major"])
+        usual = versions.of(options["version"])
+        interface, major = options["interface"] or usual.interface, options["major"] or usual.major
+        return RobotName(options["manufacturer"], options["serial"], interface, major)
     except ValueError as error:
         raise click.UsageError(str(error)) from error
 
 
 @main.command()
-@broker_options
 @robot_options
 @click.option("--daemon", default="127.0.0.1:7333", show_default=True, help="the robot's command socket")
 @click.option("--token-file", type=PATH, help="a file with a token of the role agent")
 @click.option("--robot-config", type=PATH, help="the robot's TOML file, for its factsheet and its limits")
 @click.option("--carries-kg", type=float, default=0.0, help="for the factsheet")
 @click.option("--order-max-age-s", type=float, default=10.0, show_default=True, help="0: any age will do")
-@click.option(
-    "--version",
-    type=click.Choice(["2.0.0", "2.1.0"]),
-    default="2.1.0",
-    show_default=True,
-    help="what the messages say; some masters of 2.0 read no other",
-)
 @click.option("--visualization-s", type=float, default=1.0, show_default=True, help="0: none")
 def run(
     daemon: str,
@@ -94,7 +103,6 @@ def run(
     carries_kg: float,
     order_max_age_s: float,
     visualization_s: float,
-    version: str,
     **options: Any,
 ) -> None:
     """Put the robot of a chefbotd into the fleet on BROKER, as SERIAL."""
@@ -113,7 +121,7 @@ def run(
         carries_kg=carries_kg,
         order_max_age_s=order_max_age_s,
         visualization_s=visualization_s,
-        version=version,
+        version=options["version"],
     )
     connect = partial(Client.connect, where.host, where.port, token=words[-1], name="fleet")
     try:
@@ -123,24 +131,24 @@ def run(
 
 
 @main.command()
-@broker_options
 @robot_options
 @click.option(
     "--move", "metres", type=click.FloatRange(0.4, 10.0), help="let it drive so far forwards and back"
 )
 @click.option("--patience-s", type=float, default=5.0, show_default=True, help="for each answer")
 def check(metres: float | None, patience_s: float, **options: Any) -> None:
-    """Try whether the robot SERIAL on BROKER keeps to VDA 5050 2.1; any maker's. It stands still without --move."""
+    """Try whether the robot SERIAL on BROKER keeps to VDA 5050; any maker's. It stands still without --move."""
     from chefbot_vda5050.conformance.cases import Result, run_all
     from chefbot_vda5050.conformance.session import session
 
     async def try_all() -> list[Result]:
-        async with session(broker_of(options), name_of(options), patience_s) as now:
+        async with session(broker_of(options), name_of(options), patience_s, options["version"]) as now:
             return await run_all(now, metres)
 
     results = asyncio.run(try_all())
     for result in results:
-        line = f"{result.outcome:<10}{result.case.section:<9}{result.case.title}"
+        section = result.case.section(options["version"])
+        line = f"{result.outcome:<10}{section:<9}{result.case.title}"
         click.echo(f"{line}: {result.text}" if result.text else line)
     counts = [sum(one.outcome == outcome for one in results) for outcome in ("passed", "failed", "not tried")]
     click.echo("{} passed, {} failed, {} not tried".format(*counts))

@@ -30,7 +30,7 @@ def factsheet(
         physical_parameters=physical(settings),
         protocol_limits={
             "maxStringLens": {},
-            "maxArrayLens": {"edge.actions": 0},
+            "maxArrayLens": {},
             "timing": {
                 "minOrderInterval": 0.0,
                 "minStateInterval": 0.1,
@@ -59,6 +59,7 @@ def _type(settings: Settings | None, carries_kg: float) -> dict[str, Any]:
         "maxLoadMass": carries_kg,
         "localizationTypes": ["NATURAL"],
         "navigationTypes": ["AUTONOMOUS"],
+        "supportedZones": [],
     }
 
 
@@ -115,4 +116,7 @@ def _action(name: str) -> dict[str, Any]:
             for one in row.parameters
             if one.key not in UNUSED
         ],
-    }  # no blockingTypes: the schema of 2.1 compares the list itself with NONE, SOFT and HARD, so none is valid
+        "blockingTypes": list(row.blocking_types),
+        "pauseAllowed": "false",  # words, and no booleans: so the schema of 3.0 has them
+        "cancelAllowed": "true",
+    }

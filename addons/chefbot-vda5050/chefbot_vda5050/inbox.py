@@ -8,7 +8,7 @@ from typing import Final
 
 from chefbot_vda5050.freshness import Freshness, age_problem, judge_age
 from chefbot_vda5050.messages import Action, Header, InstantActions, MalformedMessage, Order, decode
-from chefbot_vda5050.rejections import Reason, Rejection
+from chefbot_vda5050.problems import Problem, Reason
 from chefbot_vda5050.topics import Kind, RobotName
 
 STOPS: Final = frozenset({"cancelOrder", "startPause"})
@@ -22,7 +22,7 @@ class Inbox:
         self._name, self._version, self._max_age_s, self._clock = name, version, max_age_s, clock
         self._fresh: dict[Kind, Freshness] = {}
 
-    def order(self, data: bytes, *, retained: bool = False) -> Order | Rejection:
+    def order(self, data: bytes, *, retained: bool = False) -> Order | Problem:
         """An order that has come in time."""
         try:
             order = decode(data, Order)
@@ -30,7 +30,7 @@ class Inbox:
             return _malformed(Kind.ORDER, error)
         return self._foreign(Kind.ORDER, order) or self._late(Kind.ORDER, order, retained=retained) or order
 
-    def actions(self, data: bytes, *, retained: bool = False) -> tuple[tuple[Action, ...], Rejection | None]:
+    def actions(self, data: bytes, *, retained: bool = False) -> tuple[tuple[Action, ...], Problem | None]:
         """The instant actions that are to be begun, and why others are not."""
         kind = Kind.INSTANT_ACTIONS
         try:
@@ -45,12 +45,12 @@ class Inbox:
         stops = () if retained else tuple(one for one in message.actions if one.action_type in STOPS)
         return stops, None if stops == message.actions else late
 
-    def late_by_now(self, order: Order) -> Rejection | None:
+    def late_by_now(self, order: Order) -> Problem | None:
         """Why an order is too late that has waited since it came; None: it is not."""
         why = age_problem(order, self._clock(), self._max_age_s)
         return _too_late(Kind.ORDER, why) if why else None
 
-    def _foreign(self, kind: Kind, header: Header) -> Rejection | None:
+    def _foreign(self, kind: Kind, header: Header) -> Problem | None:
         if header.version.partition(".")[0] != self._version.partition(".")[0]:
             text = f"its version is {header.version}, and this robot speaks {self._version}"
             return _about(Reason.MALFORMED, kind, text)
@@ -59,19 +59,19 @@ class Inbox:
             return _about(Reason.MALFORMED, kind, f"it is for the robot {'/'.join(of)}")
         return None
 
-    def _late(self, kind: Kind, header: Header, *, retained: bool) -> Rejection | None:
+    def _late(self, kind: Kind, header: Header, *, retained: bool) -> Problem | None:
         latest = self._fresh.get(kind, Freshness())
         self._fresh[kind], why = judge_age(latest, header, self._clock(), self._max_age_s, retained=retained)
         return _too_late(kind, why) if why else None
 
 
-def _malformed(kind: Kind, error: MalformedMessage) -> Rejection:
+def _malformed(kind: Kind, error: MalformedMessage) -> Problem:
     return _about(Reason.MALFORMED, kind, f"the message on {kind} is malformed: {error}")
 
 
-def _too_late(kind: Kind, why: str) -> Rejection:
+def _too_late(kind: Kind, why: str) -> Problem:
     return _about(Reason.TOO_LATE, kind, f"the message on {kind} is too late: {why}")
 
 
-def _about(reason: Reason, kind: Kind, text: str) -> Rejection:
-    return Rejection(reason, text, (("topic", str(kind)),))
+def _about(reason: Reason, kind: Kind, text: str) -> Problem:
+    return Problem(reason, text, (("topic", str(kind)),))

@@ -1,7 +1,8 @@
 """The messages of VDA 5050 as records, for robots and for what manages them; nothing here knows a robot.
 
-A field's name on the wire is its name here in camelCase. An optional field that is None is not sent. The fields are
-those of version 2.1.0 (sections 6.6 to 6.15).
+A field's name on the wire of version 2.1 is its name here in camelCase; ``versions`` has what 3.0 calls it. The version
+that a message names says how it is read and written. An optional field that is None is not sent. Sections are those of
+version 2.1.0.
 """
 
 from enum import StrEnum
@@ -10,6 +11,8 @@ from typing import Annotated, Any, Final, TypeVar
 
 import msgspec
 from msgspec import Meta, Struct, field
+
+from chefbot_vda5050 import versions
 
 Count = Annotated[int, Meta(ge=0)]
 Angle = Annotated[float, Meta(ge=-pi - 1e-6, le=pi + 1e-6)]
@@ -31,9 +34,10 @@ class Header(Message, frozen=True, kw_only=True):
 
 
 class BlockingType(StrEnum):
-    """What may happen beside an action (6.12)."""
+    """What may happen beside an action (6.12); SINGLE, of version 3.0: driving, and no other action."""
 
     NONE = "NONE"
+    SINGLE = "SINGLE"
     SOFT = "SOFT"
     HARD = "HARD"
 
@@ -46,13 +50,14 @@ class ActionParameter(Message, frozen=True, kw_only=True):
 
 
 class Action(Message, frozen=True, kw_only=True):
-    """Something that a robot does on a node or an edge, or at once."""
+    """Something that a robot does on a node or an edge, or at once; ``retriable`` is of version 3.0."""
 
     action_type: str
     action_id: str
     blocking_type: BlockingType
     action_description: str | None = None
     action_parameters: tuple[ActionParameter, ...] | None = None
+    retriable: bool = False
 
     def parameter(self, key: str) -> Any:
         """The value of a parameter; None: there is none of this key."""
@@ -60,7 +65,7 @@ class Action(Message, frozen=True, kw_only=True):
 
 
 class NodePosition(Message, frozen=True, kw_only=True):
-    """Where a node is, in metres, and its heading (CCW positive)."""
+    """Where a node is, in metres, and its heading (CCW positive). Of 3.0's ellipse the smaller axis counts."""
 
     x: float
     y: float
@@ -83,7 +88,7 @@ class Node(Message, frozen=True, kw_only=True):
 
 
 class Edge(Message, frozen=True, kw_only=True):
-    """An edge of an order."""
+    """An edge of an order. ``reach_orientation_before_entering`` is what 3.0 has for ``rotation_allowed``."""
 
     edge_id: str
     sequence_id: Count
@@ -99,6 +104,7 @@ class Edge(Message, frozen=True, kw_only=True):
     orientation_type: str | None = None
     direction: str | None = None
     rotation_allowed: bool | None = None
+    reach_orientation_before_entering: bool | None = None
     max_rotation_speed: float | None = None
     length: float | None = None
     trajectory: dict[str, Any] | None = None
@@ -139,11 +145,13 @@ class EdgeState(Message, frozen=True, kw_only=True):
 
 
 class ActionStatus(StrEnum):
-    """How far an action is (6.11). PAUSED is in the text of 2.1 and not in its schema, so it is never sent."""
+    """How far an action is (6.11). PAUSED is in the text of 2.1 and not in its schema; RETRIABLE is of 3.0."""
 
     WAITING = "WAITING"
     INITIALIZING = "INITIALIZING"
     RUNNING = "RUNNING"
+    PAUSED = "PAUSED"
+    RETRIABLE = "RETRIABLE"
     FINISHED = "FINISHED"
     FAILED = "FAILED"
 
@@ -200,9 +208,11 @@ class BatteryState(Message, frozen=True, kw_only=True):
 
 
 class Level(StrEnum):
-    """How bad an error is: WARNING goes by itself, FATAL needs somebody (6.10.5)."""
+    """How bad an error is: WARNING goes by itself, FATAL needs somebody (6.10.5); the others are of 3.0 (6.6.5.1)."""
 
     WARNING = "WARNING"
+    URGENT = "URGENT"
+    CRITICAL = "CRITICAL"
     FATAL = "FATAL"
 
 
@@ -256,17 +266,22 @@ class SafetyState(Message, frozen=True, kw_only=True):
 
 
 class OperatingMode(StrEnum):
-    """Who drives the robot."""
+    """Who drives the robot; STARTUP and INTERVENED (by hand for now, the order is kept) are of 3.0 (6.6.6)."""
 
+    STARTUP = "STARTUP"
     AUTOMATIC = "AUTOMATIC"
     SEMIAUTOMATIC = "SEMIAUTOMATIC"
+    INTERVENED = "INTERVENED"
     MANUAL = "MANUAL"
     SERVICE = "SERVICE"
     TEACHIN = "TEACHIN"
 
 
 class State(Header, frozen=True, kw_only=True):
-    """The topic ``state`` (6.10)."""
+    """The topic ``state`` (6.10).
+
+    Version 2.1 has the states of instant actions among ``action_states``; the paths are of 3.0 (6.8).
+    """
 
     order_id: str
     order_update_id: Count
@@ -286,20 +301,32 @@ class State(Header, frozen=True, kw_only=True):
     velocity: Velocity | None = None
     loads: tuple[Load, ...] | None = None
     information: tuple[Info, ...] | None = None
+    instant_action_states: tuple[ActionState, ...] = ()
+    planned_path: dict[str, Any] | None = None
+    intermediate_path: dict[str, Any] | None = None
+
+    @property
+    def all_action_states(self) -> tuple[ActionState, ...]:
+        """Those of the order and the instant ones."""
+        return (*self.action_states, *self.instant_action_states)
 
 
 class Visualization(Header, frozen=True, kw_only=True):
-    """The topic ``visualization`` (6.13)."""
+    """The topic ``visualization`` (6.13); ``reference_state_header_id`` is of 3.0."""
 
     agv_position: Position | None = None
     velocity: Velocity | None = None
+    reference_state_header_id: Count | None = None
+    planned_path: dict[str, Any] | None = None
+    intermediate_path: dict[str, Any] | None = None
 
 
 class ConnectionState(StrEnum):
-    """Whether a robot is connected to the broker."""
+    """Whether a robot is connected to the broker; HIBERNATING is of 3.0."""
 
     ONLINE = "ONLINE"
     OFFLINE = "OFFLINE"
+    HIBERNATING = "HIBERNATING"
     BROKEN = "CONNECTIONBROKEN"
 
 
@@ -329,31 +356,25 @@ M = TypeVar("M", bound=Message)
 
 
 def decode(data: bytes, kind: type[M]) -> M:
-    """The message in these bytes.
+    """The message in these bytes, of the version that it names.
 
     Raises:
         MalformedMessage: they are no JSON, a field is missing, or it has another type or range.
     """
+    version = versions.V2
     try:
         value = msgspec.json.decode(data)
         if kind is InstantActions and isinstance(value, dict) and "actions" not in value:
             value["actions"] = value.get(
                 "instantActions"
             )  # what version 1.1, and some masters of 2.0, call it
-        return msgspec.convert(_without_nulls(value), kind)
+        version = versions.of_message(value)
+        return msgspec.convert(version.read(value, kind.__name__), kind)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise MalformedMessage(str(error)) from error
+        raise MalformedMessage(version.in_words(str(error))) from error
 
 
 def encode(message: Message) -> bytes:
-    """The message as JSON."""
-    return msgspec.json.encode(message)
-
-
-def _without_nulls(value: Any) -> Any:
-    """A field that is null is one that is left out."""
-    if isinstance(value, dict):
-        return {key: _without_nulls(one) for key, one in value.items() if one is not None}
-    if isinstance(value, list):
-        return [_without_nulls(one) for one in value]
-    return value
+    """The message as JSON, in the version that it names."""
+    version = versions.of(getattr(message, "version", ""))
+    return msgspec.json.encode(version.write(message))

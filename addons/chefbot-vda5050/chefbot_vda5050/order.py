@@ -4,28 +4,19 @@ The robot drives from node to node, and over nodes at which nothing is to be don
 when it is reached; those that block keep the robot there (6.12).
 """
 
-from collections.abc import Callable, Iterable
-from typing import Final
+from collections.abc import Iterable
 
 from msgspec.structs import replace
 
-from chefbot_vda5050 import actions
 from chefbot_vda5050.acceptance import Accepted
-from chefbot_vda5050.actions import Event, Scope, Tracked
-from chefbot_vda5050.messages import (
-    ENDED,
-    Action,
-    ActionStatus,
-    BlockingType,
-    Error,
-    Level,
-    Load,
-    Node,
-    Order,
-    Reference,
-)
-from chefbot_vda5050.rejections import OF_ORDERS, Reason, Rejection
+from chefbot_vda5050.actions import Event, Tracked
+from chefbot_vda5050.messages import ENDED, ActionStatus, Load, Node, OperatingMode, Order
+from chefbot_vda5050.problems import OF_ORDERS, Problem, Reason
 from chefbot_vda5050.vehicle import (
+    ALONE,
+    BLOCKS_DRIVING,
+    CLEARING,
+    FOR_ORDERS,
     NEXT,
     Cancel,
     DriveTo,
@@ -33,20 +24,14 @@ from chefbot_vda5050.vehicle import (
     Facts,
     Limits,
     OrderEvent,
-    Pause,
     Phase,
     Resume,
-    Send,
     Start,
     Stop,
     Vehicle,
 )
 
 Step = tuple[Vehicle, tuple[Effect, ...]]
-DRIVE_ERROR: Final = "driveError"
-ACTION_ERROR: Final = "actionError"
-KEPT_INSTANT: Final = 32
-"""So many instant actions that have ended are reported at most."""
 
 
 def accept(vehicle: Vehicle, order: Order, accepted: Accepted, facts: Facts, limits: Limits) -> Step:
@@ -55,9 +40,9 @@ def accept(vehicle: Vehicle, order: Order, accepted: Accepted, facts: Facts, lim
         return vehicle, ()
     event = OrderEvent.NEW if accepted is Accepted.NEW else OrderEvent.UPDATE
     phase = NEXT[vehicle.phase, event]
-    errors = tuple(one for one in vehicle.errors if one.error_type not in (*OF_ORDERS, DRIVE_ERROR))
+    problems = vehicle.without(*OF_ORDERS, Reason.DRIVE)
     if accepted is Accepted.NEW:
-        errors = ()
+        problems = ()
         kept = tuple(one for one in vehicle.actions if one.sequence_id is None and one.status not in ENDED)
         nodes, edges = order.nodes, order.edges
         added = nodes
@@ -79,18 +64,16 @@ def accept(vehicle: Vehicle, order: Order, accepted: Accepted, facts: Facts, lim
         edges=edges,
         decision=decision if accepted is Accepted.NEW or decision is not order.nodes[0] else vehicle.decision,
         actions=(*kept, *tracked),
-        errors=errors,
+        problems=problems,
     )
     if accepted is Accepted.NEW and _stands_on(nodes[0], facts, limits):
         vehicle = _traverse(vehicle, nodes[0])
     return proceed(vehicle)
 
 
-def reject(vehicle: Vehicle, rejection: Rejection) -> Step:
+def reject(vehicle: Vehicle, problem: Problem) -> Step:
     """Report why an order was refused; the robot goes on with what it does."""
-    error = rejection.error()
-    others = tuple(one for one in vehicle.errors if one.error_type != error.error_type)
-    return replace(vehicle, errors=(*others, error)), ()
+    return vehicle.with_problem(problem), ()
 
 
 def node_reached(vehicle: Vehicle, sequence_id: int) -> Step:
@@ -98,8 +81,8 @@ def node_reached(vehicle: Vehicle, sequence_id: int) -> Step:
     node = vehicle.nodes[0] if vehicle.nodes else None
     if node is None or node.sequence_id != sequence_id or vehicle.driving_to != sequence_id:
         return vehicle, ()
-    errors = tuple(one for one in vehicle.errors if one.error_type != DRIVE_ERROR)
-    return proceed(_traverse(replace(vehicle, driving_to=None, errors=errors), node))
+    problems = vehicle.without(Reason.DRIVE)
+    return proceed(_traverse(replace(vehicle, driving_to=None, problems=problems), node))
 
 
 def drive_failed(
@@ -108,19 +91,10 @@ def drive_failed(
     """The robot has not reached the node; ``by_people``: somebody at it has stopped it, and it waits."""
     if vehicle.driving_to != sequence_id:
         return vehicle, ()
-    error = Error(
-        error_type=DRIVE_ERROR,
-        error_level=Level.WARNING,
-        error_description=reason,
-        error_hint=hint,
-        error_references=(
-            Reference(reference_key="orderId", reference_value=vehicle.order_id),
-            Reference(reference_key="nodeId", reference_value=vehicle.nodes[0].node_id),
-        ),
-    )
-    others = tuple(one for one in vehicle.errors if one.error_type != DRIVE_ERROR)
+    references = (("orderId", vehicle.order_id), ("nodeId", vehicle.nodes[0].node_id))
+    vehicle = vehicle.with_problem(Problem(Reason.DRIVE, reason, references, hint))
     paused = vehicle.paused or by_people
-    return replace(vehicle, driving_to=None, errors=(*others, error), paused=paused), ()
+    return replace(vehicle, driving_to=None, paused=paused), ()
 
 
 def robot_disarmed(vehicle: Vehicle) -> Step:
@@ -135,7 +109,7 @@ def stopped(vehicle: Vehicle) -> Step:
 
 def paused(vehicle: Vehicle, action_id: str) -> Step:
     """The robot stands after ``Pause``."""
-    return proceed(_changed(replace(vehicle, stopping=False), action_id, Event.SUCCEED))
+    return proceed(changed(replace(vehicle, stopping=False), action_id, Event.SUCCEED))
 
 
 def action_ended(
@@ -145,9 +119,12 @@ def action_ended(
     before = next((one for one in vehicle.actions if one.action.action_id == action_id), None)
     if before is None or before.status in ENDED:
         return vehicle, ()
-    vehicle = _changed(vehicle, action_id, Event.FAIL if failed else Event.SUCCEED, failed or result)
+    failure = Event.FAIL_FOR_NOW if before.action.retriable else Event.FAIL
+    vehicle = changed(vehicle, action_id, failure if failed else Event.SUCCEED, failed or result)
     if failed:
-        vehicle = _with_action_error(vehicle, before.action, failed)
+        references = (("actionId", action_id),)
+        text = f"{before.action.action_type}: {failed}"
+        vehicle = vehicle.with_problem(Problem(Reason.ACTION, text, references))
     elif load is not None:
         vehicle = replace(vehicle, loads=(load,))
     elif before.action.action_type == "drop":
@@ -157,66 +134,36 @@ def action_ended(
     return proceed(vehicle)
 
 
-def instant_action(vehicle: Vehicle, action: Action) -> Step:
-    """Somebody asks for an action at once; the same ``actionId`` a second time changes nothing."""
-    if any(one.action.action_id == action.action_id for one in vehicle.actions):
-        return vehicle, ()
-    tracked = Tracked(action, ActionStatus.RUNNING)
-    vehicle = replace(vehicle, actions=(*_not_too_many(vehicle.actions), tracked))
-    if text := actions.problem(action, Scope.INSTANT):
-        return _refused(vehicle, action, Rejection(Reason.INSTANT_ACTION, text))
-    step = INSTANT.get(action.action_type)
-    return step(vehicle, action) if step else (vehicle, (Start(action),))
-
-
-def _cancel_order(vehicle: Vehicle, action: Action) -> Step:
-    order_id = action.parameter("orderId")
-    phase = NEXT.get((vehicle.phase, OrderEvent.CANCEL))
-    if phase is None or order_id not in (None, vehicle.order_id):
-        text = "the robot has no order" if phase is None else f"the robot's order is {vehicle.order_id!a}"
-        return _refused(vehicle, action, Rejection(Reason.NO_ORDER_TO_CANCEL, text))
+def give_up(vehicle: Vehicle, why: str) -> Step:
+    """Stop, and delete the order when the robot stands and its actions have ended (6.6.3); there is an order."""
     running = vehicle.running()
     for one in vehicle.actions:
         if one.sequence_id is not None:
-            vehicle = _changed(vehicle, one.action.action_id, Event.CANCEL, "the order was cancelled")
+            vehicle = changed(vehicle, one.action.action_id, Event.CANCEL, why)
     is_driving = vehicle.driving_to is not None
     effects: list[Effect] = [Cancel(one.action.action_id) for one in running]
     if is_driving:
         effects.append(Stop())
-    errors = tuple(one for one in vehicle.errors if one.error_type != DRIVE_ERROR)
-    stopping = vehicle.stopping or is_driving
-    vehicle = replace(vehicle, phase=phase, driving_to=None, stopping=stopping, errors=errors)
+    vehicle = replace(
+        vehicle,
+        phase=NEXT[vehicle.phase, OrderEvent.CANCEL],
+        driving_to=None,
+        stopping=vehicle.stopping or is_driving,
+        problems=vehicle.without(Reason.DRIVE),
+    )
     vehicle, more = proceed(vehicle)
     return vehicle, (*effects, *more)
 
 
-def _start_pause(vehicle: Vehicle, action: Action) -> Step:
-    """The drive is given up and begun anew: a goal that is still being accepted could not be halted."""
-    stopping = vehicle.stopping or vehicle.driving_to is not None
-    return replace(vehicle, paused=True, stopping=stopping, driving_to=None), (Pause(action.action_id),)
-
-
-def _stop_pause(vehicle: Vehicle, action: Action) -> Step:
-    vehicle = _changed(replace(vehicle, paused=False), action.action_id, Event.SUCCEED)
-    vehicle, effects = proceed(vehicle)
-    return vehicle, (Resume(), *effects)
-
-
-def _send(what: str) -> Callable[[Vehicle, Action], Step]:
-    def step(vehicle: Vehicle, action: Action) -> Step:
-        return _changed(vehicle, action.action_id, Event.SUCCEED), (Send(what),)
-
-    return step
-
-
-INSTANT: Final[dict[str, Callable[[Vehicle, Action], Step]]] = {
-    "cancelOrder": _cancel_order,
-    "startPause": _start_pause,
-    "stopPause": _stop_pause,
-    "stateRequest": _send("state"),
-    "factsheetRequest": _send("factsheet"),
-}
-"""The others are begun by ``Start``."""
+def mode_changed(vehicle: Vehicle, mode: OperatingMode) -> Step:
+    """Somebody else drives the robot, or nobody else any more: some modes delete the order (6.10.6)."""
+    if mode in FOR_ORDERS:
+        return replace(vehicle, problems=vehicle.without(Reason.NOT_AVAILABLE)), ()
+    forgets = mode in CLEARING and mode is not OperatingMode.MANUAL
+    vehicle = replace(vehicle, last_node_id="") if forgets else vehicle
+    if mode not in CLEARING or (vehicle.phase, OrderEvent.CANCEL) not in NEXT:
+        return vehicle, ()
+    return give_up(vehicle, f"the operating mode is {mode}")
 
 
 def unpaused(vehicle: Vehicle) -> Step:
@@ -238,7 +185,7 @@ def proceed(vehicle: Vehicle) -> Step:
         return vehicle, ()
     effects: list[Effect] = []
     for one in _startable(vehicle):
-        vehicle = _changed(vehicle, one.action.action_id, Event.START)
+        vehicle = changed(vehicle, one.action.action_id, Event.START)
         effects.append(Start(one.action))
     node = vehicle.next_node()
     is_held = vehicle.paused or vehicle.stopping or vehicle.driving_to is not None
@@ -251,13 +198,13 @@ def proceed(vehicle: Vehicle) -> Step:
 
 
 def _startable(vehicle: Vehicle) -> Iterable[Tracked]:
-    """The actions that may begin beside those that run, in their sequence: a HARD one only alone (6.12)."""
+    """The actions that may begin beside those that run, in their sequence: some only alone (6.12)."""
     running = [one.action.blocking_type for one in vehicle.running()]
     for one in vehicle.triggered():
         blocking = one.action.blocking_type
-        if BlockingType.HARD in running or (blocking is BlockingType.HARD and running):
+        if ALONE & set(running) or (blocking in ALONE and running):
             return
-        if blocking is not BlockingType.NONE and vehicle.driving_to is not None:
+        if blocking in BLOCKS_DRIVING and vehicle.driving_to is not None:
             return
         running.append(blocking)
         yield one
@@ -268,7 +215,7 @@ def _end_cancelling(vehicle: Vehicle) -> Vehicle:
         return vehicle
     for one in vehicle.actions:
         if one.action.action_type == "cancelOrder":
-            vehicle = _changed(vehicle, one.action.action_id, Event.SUCCEED)
+            vehicle = changed(vehicle, one.action.action_id, Event.SUCCEED)
     return replace(vehicle, phase=NEXT[vehicle.phase, OrderEvent.ALL_STOPPED], nodes=(), edges=())
 
 
@@ -292,35 +239,9 @@ def _traverse(vehicle: Vehicle, node: Node) -> Vehicle:
     )
 
 
-def _changed(vehicle: Vehicle, action_id: str, event: Event, result: str | None = None) -> Vehicle:
+def changed(vehicle: Vehicle, action_id: str, event: Event, result: str | None = None) -> Vehicle:
+    """The vehicle after something has happened to an action."""
     after = tuple(
         one.after(event, result) if one.action.action_id == action_id else one for one in vehicle.actions
     )
     return replace(vehicle, actions=after)
-
-
-def _refused(vehicle: Vehicle, action: Action, rejection: Rejection) -> Step:
-    references = (("topic", "instantActions"), ("actionId", action.action_id))
-    error = Rejection(rejection.reason, rejection.text, references).error()
-    others = tuple(one for one in vehicle.errors if one.error_type != error.error_type)
-    vehicle = replace(vehicle, errors=(*others, error))
-    return _changed(vehicle, action.action_id, Event.FAIL, rejection.text), ()
-
-
-def _with_action_error(vehicle: Vehicle, action: Action, text: str) -> Vehicle:
-    error = Error(
-        error_type=ACTION_ERROR,
-        error_level=Level.WARNING,
-        error_description=f"{action.action_type}: {text}",
-        error_hint="Look after the action at the robot; then send it again or go on without it.",
-        error_references=(Reference(reference_key="actionId", reference_value=action.action_id),),
-    )
-    others = tuple(one for one in vehicle.errors if one.error_type != ACTION_ERROR)
-    return replace(vehicle, errors=(*others, error))
-
-
-def _not_too_many(tracked: tuple[Tracked, ...]) -> tuple[Tracked, ...]:
-    """Forget the oldest instant actions that have ended."""
-    ended = [one for one in tracked if one.sequence_id is None and one.status in ENDED]
-    forgotten = {one.action.action_id for one in ended[: max(0, len(ended) - KEPT_INSTANT + 1)]}
-    return tuple(one for one in tracked if one.action.action_id not in forgotten)

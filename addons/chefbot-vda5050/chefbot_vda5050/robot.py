@@ -87,8 +87,7 @@ async def _perform(robot: Robot, action: Action) -> Performed:
             answer = await _ask(robot, f"Please take {_what(action)} from me{where}.", TAKEN)
             return Performed(failed="" if answer == TAKEN else "it was not taken", result=answer)
         case "waitForTrigger":
-            trigger = action.parameter("triggerType") or "you"
-            await _ask(robot, f"I wait for {trigger}. Shall I go on?", GO_ON)
+            await _ask(robot, f"I wait for {_trigger(action)}. Shall I go on?", GO_ON)
         case "wait":
             await asyncio.sleep(action.parameter("duration"))
         case "say":
@@ -125,6 +124,13 @@ async def _ask(robot: Robot, question: str, yes: str) -> str:
 def _what(action: Action) -> str:
     words = (action.parameter("loadType"), action.parameter("loadId"))
     return " ".join(str(word) for word in words if word) or "the load"
+
+
+def _trigger(action: Action) -> str:
+    """Who or what triggers: in version 3.0 a list, with two names that mean something (6.2.3.1)."""
+    named = action.parameter("triggerType") or []
+    known = {"FLEET_CONTROL": "my fleet", "LOCAL": "you"}
+    return " or ".join(known.get(one, one) for one in ([named] if isinstance(named, str) else named)) or "you"
 
 
 def _at(action: Action) -> str:

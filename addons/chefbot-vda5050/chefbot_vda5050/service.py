@@ -6,6 +6,7 @@ from functools import partial
 
 from msgspec import Struct
 
+from chefbot_vda5050 import versions
 from chefbot_vda5050.agent import VERSION, Agent
 from chefbot_vda5050.broker import Broker, BrokerParameters
 from chefbot_vda5050.chefbot import ChefBot, Connect
@@ -48,7 +49,7 @@ def limits(settings: Settings | None, order_max_age_s: float) -> Limits:
 async def serve(parameters: Parameters, connect: Connect) -> None:
     """Work until cancelled."""
     headers = Headers(parameters.name, parameters.version)
-    robot = ChefBot(connect)
+    robot = ChefBot(connect, version=versions.of(parameters.version))
     make = partial(
         factsheet,
         parameters.settings,

@@ -7,11 +7,9 @@ from chefbot_vda5050.messages import (
     ActionState,
     BatteryState,
     EdgeState,
-    Error,
     EStop,
     Info,
     InfoLevel,
-    Level,
     NodeState,
     Position,
     SafetyState,
@@ -19,7 +17,9 @@ from chefbot_vda5050.messages import (
     Velocity,
     Visualization,
 )
-from chefbot_vda5050.vehicle import Facts, Vehicle
+from chefbot_vda5050.paths import intermediate_path, planned_path
+from chefbot_vda5050.problems import Problem, Reason
+from chefbot_vda5050.vehicle import Facts, Limits, Vehicle
 
 STANDING_M_S, STANDING_RAD_S = 0.005, 0.01
 """Slower is standing: encoders and IMU are never quite still."""
@@ -33,8 +33,11 @@ def is_driving(facts: Facts) -> bool:
     return abs(facts.linear_m_s) > STANDING_M_S or abs(facts.angular_rad_s) > STANDING_RAD_S
 
 
-def state(vehicle: Vehicle, facts: Facts, header: dict[str, Any]) -> State:
+def state(vehicle: Vehicle, facts: Facts, header: dict[str, Any], limits: Limits) -> State:
     """The message of the topic ``state``."""
+    version: str = header["version"]
+    of_order = [one for one in vehicle.actions if one.sequence_id is not None]
+    instant = [one for one in vehicle.actions if one.sequence_id is None]
     charge = UNKNOWN_CHARGE_PERCENT if facts.charge_percent is None else facts.charge_percent
     return State(
         **header,
@@ -54,21 +57,31 @@ def state(vehicle: Vehicle, facts: Facts, header: dict[str, Any]) -> State:
             EdgeState(edge_id=edge.edge_id, sequence_id=edge.sequence_id, released=edge.released)
             for edge in vehicle.edges
         ),
-        action_states=tuple(_action_state(one) for one in vehicle.actions),
+        action_states=tuple(_action_state(one) for one in of_order),
+        instant_action_states=tuple(_action_state(one) for one in instant),
+        planned_path=planned_path(facts),
+        intermediate_path=intermediate_path(facts, header["timestamp"], limits),
         agv_position=position(facts),
         velocity=Velocity(vx=facts.linear_m_s, vy=0.0, omega=facts.angular_rad_s),
         loads=vehicle.loads,
         battery_state=BatteryState(battery_charge=charge, charging=False, battery_voltage=facts.voltage_v),
-        errors=(*vehicle.errors, *robot_errors(facts)),
+        errors=tuple(one.error(version) for one in (*vehicle.problems, *robot_problems(facts))),
         information=information(facts),
         safety_state=SafetyState(e_stop=facts.e_stop, field_violation=facts.held_back),
     )
 
 
-def visualization(facts: Facts, header: dict[str, Any]) -> Visualization:
-    """The message of the topic ``visualization``."""
+def visualization(facts: Facts, header: dict[str, Any], limits: Limits, state_id: int) -> Visualization:
+    """The message of the topic ``visualization``; ``state_id`` is the headerId of the latest state."""
     velocity = Velocity(vx=facts.linear_m_s, vy=0.0, omega=facts.angular_rad_s)
-    return Visualization(**header, agv_position=position(facts), velocity=velocity)
+    return Visualization(
+        **header,
+        agv_position=position(facts),
+        velocity=velocity,
+        reference_state_header_id=state_id,
+        planned_path=planned_path(facts),
+        intermediate_path=intermediate_path(facts, header["timestamp"], limits),
+    )
 
 
 def position(facts: Facts) -> Position | None:
@@ -85,39 +98,20 @@ def position(facts: Facts) -> Position | None:
     )
 
 
-def robot_errors(facts: Facts) -> tuple[Error, ...]:
+def robot_problems(facts: Facts) -> tuple[Problem, ...]:
     """What is wrong with the robot itself, whatever its order is."""
-    errors = []
+    found = []
     if not facts.connected:
-        hint = "Look whether chefbotd runs on the robot (chefbotctl doctor)."
-        errors.append(
-            _fatal("robotUnreachable", facts.missing or "the robot's daemon cannot be reached", hint)
-        )
+        found.append(Problem(Reason.UNREACHABLE, facts.missing or "the robot's daemon cannot be reached"))
     elif facts.e_stop is not EStop.NONE:
-        hint = "Look after the robot, then arm it (chefbotctl arm, or its page)."
-        errors.append(_fatal("emergencyStop", facts.missing or "the robot is stopped", hint))
+        found.append(Problem(Reason.EMERGENCY_STOP, facts.missing or "the robot is stopped"))
     elif not facts.armed:
-        hint = "Look after the robot, then arm it (chefbotctl arm, or its page)."
-        errors.append(_fatal("disarmed", facts.missing or "the robot is disarmed", hint))
+        found.append(Problem(Reason.DISARMED, facts.missing or "the robot is disarmed"))
     if facts.fault:
-        hint = "docs/safety.md says what the fault means; look after it, then arm the robot."
-        errors.append(_fatal("robotFault", facts.fault, hint))
+        found.append(Problem(Reason.FAULT, facts.fault))
     if facts.connected and not facts.localized:
-        hint = "Tell it where it is: initPosition, or on its page."
-        text = "the robot does not know where it is"
-        errors.append(
-            Error(
-                error_type="localizationError",
-                error_level=Level.WARNING,
-                error_description=text,
-                error_hint=hint,
-            )
-        )
-    return tuple(errors)
-
-
-def _fatal(kind: str, text: str, hint: str) -> Error:
-    return Error(error_type=kind, error_level=Level.FATAL, error_description=text, error_hint=hint)
+        found.append(Problem(Reason.NOT_LOCALIZED, "the robot does not know where it is"))
+    return tuple(found)
 
 
 def information(facts: Facts) -> tuple[Info, ...]:

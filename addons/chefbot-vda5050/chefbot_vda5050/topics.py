@@ -8,6 +8,8 @@ from typing import Any, Final
 
 from msgspec import Struct
 
+from chefbot_vda5050 import versions
+
 EVERY: Final = "+"
 """In place of a manufacturer or a serial number: the robots of all."""
 
@@ -41,8 +43,8 @@ class RobotName(Struct, frozen=True):
 
     manufacturer: str
     serial_number: str
-    interface: str = "uagv"
-    major_version: str = "v2"
+    interface: str = versions.V2.interface
+    major_version: str = versions.V2.major
 
     def __post_init__(self) -> None:
         for level in (self.manufacturer, self.serial_number, self.major_version, *self.interface.split("/")):
@@ -86,7 +88,7 @@ class Headers:
     """Counts the messages of each topic: ``header_id`` grows by one with each."""
 
     def __init__(self, name: RobotName, version: str) -> None:
-        self._name, self._version = name, version
+        self._name, self.version = name, version
         self._sent: Counter[Kind] = Counter()
 
     def next(self, kind: Kind, now_s: float) -> dict[str, Any]:
@@ -96,7 +98,7 @@ class Headers:
         return {
             "header_id": number,
             "timestamp": timestamp_of(now_s),
-            "version": self._version,
+            "version": self.version,
             "manufacturer": self._name.manufacturer,
             "serial_number": self._name.serial_number,
         }

@@ -5,6 +5,7 @@ from enum import StrEnum
 from typing import Final
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from chefbot_vda5050.actions import Tracked
 from chefbot_vda5050.messages import (
@@ -13,7 +14,6 @@ from chefbot_vda5050.messages import (
     ActionStatus,
     BlockingType,
     Edge,
-    Error,
     EStop,
     Load,
     Node,
@@ -21,6 +21,7 @@ from chefbot_vda5050.messages import (
     OperatingMode,
     Order,
 )
+from chefbot_vda5050.problems import Problem, Reason
 
 
 class Phase(StrEnum):
@@ -56,6 +57,19 @@ NEXT: Final = {
 """6.6.2 and 6.6.3; a pair that is not here is refused."""
 
 
+BLOCKS_DRIVING: Final = frozenset({BlockingType.SOFT, BlockingType.HARD})
+ALONE: Final = frozenset({BlockingType.SINGLE, BlockingType.HARD})
+"""6.12, and 6.2.2 of version 3.0."""
+
+BEGUN: Final = frozenset({ActionStatus.RUNNING, ActionStatus.RETRIABLE})
+
+FOR_ORDERS: Final = frozenset(
+    {OperatingMode.AUTOMATIC, OperatingMode.SEMIAUTOMATIC, OperatingMode.INTERVENED}
+)
+CLEARING: Final = frozenset(OperatingMode) - FOR_ORDERS
+"""Modes in which the robot takes no order, and deletes the one that it has (6.10.6)."""
+
+
 class Vehicle(Struct, frozen=True):
     """The order of a robot: what is left of it, and what became of its actions.
 
@@ -71,7 +85,7 @@ class Vehicle(Struct, frozen=True):
     last_node_sequence_id: int = 0
     decision: Node | None = None
     actions: tuple[Tracked, ...] = ()
-    errors: tuple[Error, ...] = ()
+    problems: tuple[Problem, ...] = ()
     loads: tuple[Load, ...] = ()
     driving_to: int | None = None
     stopping: bool = False
@@ -92,11 +106,17 @@ class Vehicle(Struct, frozen=True):
         """The released nodes that are left."""
         return tuple(node for node in self.nodes if node.released)
 
+    def without(self, *reasons: Reason) -> tuple[Problem, ...]:
+        """The problems but for those of these reasons."""
+        return tuple(one for one in self.problems if one.reason not in reasons)
+
+    def with_problem(self, problem: Problem) -> "Vehicle":
+        """The same with a problem, in place of an earlier one of its reason."""
+        return replace(self, problems=(*self.without(problem.reason), problem))
+
     def running(self) -> tuple[Tracked, ...]:
-        """The actions of the order that run."""
-        return tuple(
-            one for one in self.actions if one.sequence_id is not None and one.status is ActionStatus.RUNNING
-        )
+        """The actions of the order that have begun and not ended."""
+        return tuple(one for one in self.actions if one.sequence_id is not None and one.status in BEGUN)
 
     def triggered(self) -> tuple[Tracked, ...]:
         """The actions of nodes that were reached and that have not begun, in their sequence."""
@@ -116,7 +136,7 @@ class Vehicle(Struct, frozen=True):
     def may_drive(self) -> bool:
         """Whether no action keeps the robot where it is (6.12)."""
         blocking = (*self.running(), *self.triggered())
-        return not any(one.action.blocking_type is not BlockingType.NONE for one in blocking)
+        return not any(one.action.blocking_type in BLOCKS_DRIVING for one in blocking)
 
     def next_node(self) -> Node | None:
         """The node to drive to; None: none is released."""
@@ -134,7 +154,7 @@ class Vehicle(Struct, frozen=True):
         if self.driving_to is None or len(self.nodes) < 2 or not self.nodes[1].released:
             return None
         node, following = self.nodes[0], self.nodes[1]
-        blocks = any(action.blocking_type is not BlockingType.NONE for action in node.actions)
+        blocks = any(action.blocking_type in BLOCKS_DRIVING for action in node.actions)
         has_heading = node.node_position is None or node.node_position.theta is not None
         return None if blocks or has_heading or following.node_position is None else node
 
@@ -143,6 +163,7 @@ class Facts(Struct, frozen=True):
     """What is known of the robot now. Without a position it does not know where it is.
 
     ``speed_max_m_s`` and ``height_m`` are 0 where they are not known. ``missing`` says why the robot cannot drive.
+    ``path`` is where it is going to drive: points in metres, on the map.
     """
 
     connected: bool = False
@@ -163,6 +184,7 @@ class Facts(Struct, frozen=True):
     voltage_v: float | None = None
     fault: str = ""
     missing: str = ""
+    path: tuple[tuple[float, float], ...] = ()
 
     def distance_m(self, position: NodePosition) -> float:
         """From the robot to a node."""

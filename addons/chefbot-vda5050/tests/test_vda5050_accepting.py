@@ -7,11 +7,12 @@ from collections.abc import Awaitable, Callable
 import pytest
 from chefbot_vda5050.chefbot import ChefBot
 from vda5050_daemon import ACCEPTING_S, STEP_S, FakeDaemon
-from vda5050_fakes import Fleet, is_idle
+from vda5050_fakes import Fleet, error_types, is_idle
 from vda5050_orders import line
 
 from chefbotd.clock import run_virtual
 
+pytestmark = pytest.mark.usefixtures("version")
 Scenario = Callable[[Fleet, FakeDaemon], Awaitable[None]]
 
 
@@ -49,7 +50,7 @@ async def accepting(now: Fleet, daemon: FakeDaemon, goals: int) -> None:
 
 def status(now: Fleet, number: str) -> str:
     """Of an action, as it was reported last."""
-    found = [one.action_status for one in now.states()[-1].action_states if one.action_id == number]
+    found = [one.action_status for one in now.states()[-1].all_action_states if one.action_id == number]
     return str(*found)
 
 
@@ -99,7 +100,7 @@ def test_the_robot_does_not_go_on_to_a_goal_whose_successor_is_refused() -> None
     async def scenario(now: Fleet, daemon: FakeDaemon) -> None:
         await accepting(now, daemon, 2)
         daemon.refusals.append("worker_unavailable")
-        state = await now.until(lambda state: "driveError" in [one.error_type for one in state.errors])
+        state = await now.until(lambda state: "driveError" in error_types(state))
         assert not daemon.is_moving()
         state = await now.until(lambda state: state.last_node_id == "n3" and is_idle(state))
         assert not state.errors

@@ -7,15 +7,17 @@ from typing import Any
 import pytest
 from chefbot_vda5050.agent import RETRY_S, STATE_EVERY_S
 from chefbot_vda5050.freshness import Freshness, judge_age
-from chefbot_vda5050.messages import EStop, Factsheet, Level, State, decode, encode
+from chefbot_vda5050.messages import EStop, Factsheet, Level, OperatingMode, decode, encode
 from chefbot_vda5050.robot import DriveFailed
 from chefbot_vda5050.topics import Kind, timestamp_of
 from chefbot_vda5050.vehicle import Facts
 from msgspec.structs import replace
-from vda5050_fakes import EPOCH_S, FakeRobot, Fleet, fleet, is_idle
+from vda5050_fakes import EPOCH_S, FakeRobot, Fleet, error_types, fleet, is_idle, status
 from vda5050_orders import HEADER, action, line
 
 from chefbotd.clock import run_virtual
+
+pytestmark = pytest.mark.usefixtures("version")
 
 
 def with_fleet(scenario: Callable[[Fleet], Awaitable[None]], **options: Any) -> None:
@@ -26,17 +28,6 @@ def with_fleet(scenario: Callable[[Fleet], Awaitable[None]], **options: Any) -> 
             await scenario(now)
 
     run_virtual(run())
-
-
-def errors(state: State) -> list[str]:
-    """The types of a state's errors."""
-    return [one.error_type for one in state.errors]
-
-
-def status(state: State, number: str) -> str:
-    """The status of an action; empty: it is not there."""
-    found = (one.action_status for one in state.action_states if one.action_id == number)
-    return str(next(found, ""))
 
 
 def test_an_order_of_three_nodes_is_driven_and_each_node_is_reported() -> None:
@@ -96,7 +87,7 @@ def test_what_people_cannot_do_is_an_action_that_failed() -> None:
         await now.order(line(0, 1, actions={0: (action(),)}))
         now.robot.answers.put_nowait("It does not work")
         state = await now.until(lambda state: state.last_node_id == "n1" and is_idle(state))
-        assert (state.action_states[0].action_status, errors(state)) == ("FAILED", ["actionError"])
+        assert (state.action_states[0].action_status, error_types(state)) == ("FAILED", ["actionError"])
 
     with_fleet(scenario)
 
@@ -132,7 +123,7 @@ def test_a_cancelled_order_stops_the_robot_on_its_way() -> None:
         await now.until(lambda state: state.last_node_id == "n1")
         await now.act("cancelOrder", "c")
         state = await now.until(is_idle)
-        assert {one.action_id: str(one.action_status) for one in state.action_states} == {
+        assert {one.action_id: str(one.action_status) for one in state.all_action_states} == {
             "a1": "FAILED",
             "c": "FINISHED",
         }
@@ -172,7 +163,7 @@ def test_who_stops_the_robot_at_its_page_pauses_it_and_lets_it_go_on() -> None:
         now.robot.fails.append(DriveFailed("stopped on the page", "press", by_people=True))
         await now.order(line(0, 1))
         state = await now.until(lambda state: bool(state.paused))
-        assert errors(state) == ["driveError"]
+        assert error_types(state) == ["driveError"]
         await asyncio.sleep(10 * RETRY_S)
         assert now.robot.driven == []
         now.robot.go_on()
@@ -199,6 +190,58 @@ def test_an_emergency_stop_between_two_drives_pauses_the_order_too() -> None:
     with_fleet(scenario)
 
 
+@pytest.mark.parametrize("mode", [OperatingMode.MANUAL, OperatingMode.SERVICE])
+def test_a_robot_that_is_taken_by_hand_deletes_its_order(mode: OperatingMode) -> None:
+    """6.10.6: what was to be done is FAILED; afterwards the robot takes a new order, and no update of the old one."""
+
+    async def scenario(now: Fleet) -> None:
+        await now.order(line(0, 3, base=2, actions={2: (action(),)}))
+        await now.until(lambda state: state.last_node_id == "n1")
+        now.robot.set(mode=mode)
+        state = await now.until(lambda state: not state.node_states and is_idle(state))
+        assert (state.order_id, status(state, "a1"), state.operating_mode) == ("o1", "FAILED", mode)
+        assert state.last_node_id == ("n1" if mode is OperatingMode.MANUAL else "")
+        await now.order(line(2, 3, update=1))
+        await now.until(lambda state: error_types(state) == ["orderUpdateError"])
+        now.robot.set(mode=OperatingMode.AUTOMATIC)
+        await now.order(line(1, 2, order_id="o2", allowed_deviation_xy=1.5))
+        await now.until(lambda state: state.order_id == "o2" and state.last_node_id == "n2")
+
+    with_fleet(scenario)
+
+
+def test_a_robot_that_is_driven_by_hand_for_now_keeps_its_order() -> None:
+    """INTERVENED of 3.0: orders and updates are taken, and driven afterwards."""
+
+    async def scenario(now: Fleet) -> None:
+        await now.order(line(0, 3, base=1))
+        await now.until(lambda state: state.last_node_id == "n0")
+        now.robot.set(mode=OperatingMode.INTERVENED)
+        await now.order(line(1, 3, update=1))
+        state = await now.until(lambda state: state.last_node_id == "n3" and is_idle(state))
+        expected = OperatingMode.INTERVENED if HEADER["version"][0] == "3" else OperatingMode.MANUAL
+        assert (state.operating_mode, state.errors) == (expected, ())
+
+    with_fleet(scenario)
+
+
+def test_what_the_robot_waits_for_can_come_from_the_fleet() -> None:
+    """``trigger`` ends the wait as people do at the page; without one that waits it fails."""
+
+    async def scenario(now: Fleet) -> None:
+        await now.act("trigger", "t0")
+        await now.until(lambda state: status(state, "t0") == "FAILED")
+        wait = action("waitForTrigger", "w", "HARD", triggerType=["FLEET_CONTROL"])
+        await now.order(line(0, 1, actions={0: (wait,)}))
+        await now.until(lambda state: status(state, "w") == "RUNNING")
+        assert now.robot.asked == ["I wait for my fleet. Shall I go on?"]
+        await now.act("trigger", "t1")
+        state = await now.until(lambda state: state.last_node_id == "n1" and is_idle(state))
+        assert (status(state, "w"), status(state, "t1")) == ("FINISHED", "FINISHED")
+
+    with_fleet(scenario)
+
+
 def test_a_way_that_is_blocked_is_tried_again() -> None:
     """With an error and a hint until it is free."""
 
@@ -209,20 +252,20 @@ def test_a_way_that_is_blocked_is_tried_again() -> None:
         ]
         await now.order(line(0, 1))
         state = await now.until(lambda state: bool(state.errors))
-        assert (errors(state), state.errors[0].error_hint) == (["driveError"], "Make way.")
+        assert (error_types(state), state.errors[0].error_hint) == (["driveError"], "Make way.")
         await now.until(lambda state: state.last_node_id == "n1" and not state.errors)
 
     with_fleet(scenario)
 
 
-def test_a_node_without_a_way_is_refused_before_the_robot_moves() -> None:
-    """6.1.4.8 of version 3.0; a noRouteError in 2.1."""
+def test_6_1_4_8_a_node_without_a_way_is_refused_before_the_robot_moves() -> None:
+    """NO_ROUTE_TO_TARGET in version 3.0, a noRouteError in 2.1."""
 
     async def scenario(now: Fleet) -> None:
         now.robot.closed.add((3.0, 0.0))
         await now.order(line(0, 3, base=1))
         state = await now.until(lambda state: bool(state.errors))
-        assert (errors(state), state.order_id) == (["noRouteError"], "")
+        assert (error_types(state), state.order_id) == (["noRouteError"], "")
         await asyncio.sleep(5.0)
         assert now.robot.facts.x_m == 0.0
 
@@ -236,7 +279,7 @@ def test_a_malformed_order_is_reported(data: bytes) -> None:
     async def scenario(now: Fleet) -> None:
         now.agent.receive(Kind.ORDER, data)
         state = await now.until(lambda state: bool(state.errors))
-        assert errors(state) == ["validationError"]
+        assert error_types(state) == ["validationError"]
         await now.order(line(0, 1))
         await now.until(lambda state: state.order_id == "o1" and not state.errors)
 
@@ -245,7 +288,7 @@ def test_a_malformed_order_is_reported(data: bytes) -> None:
 
 @pytest.mark.parametrize(
     "changes",
-    [{"version": "3.0.0"}, {"serial_number": "r2"}, {"manufacturer": "other"}],
+    [{"version": "4.0.0"}, {"serial_number": "r2"}, {"manufacturer": "other"}],
 )
 def test_an_order_of_another_version_or_robot_is_refused(changes: dict[str, Any]) -> None:
     """A topic is easily mistyped."""
@@ -253,7 +296,7 @@ def test_an_order_of_another_version_or_robot_is_refused(changes: dict[str, Any]
     async def scenario(now: Fleet) -> None:
         await now.order(line(0, 1), **changes)
         state = await now.until(lambda state: bool(state.errors))
-        assert (errors(state), state.order_id) == (["validationError"], "")
+        assert (error_types(state), state.order_id) == (["validationError"], "")
 
     with_fleet(scenario)
 
@@ -265,7 +308,7 @@ def test_an_order_that_is_late_is_never_driven(age_s: float) -> None:
     async def scenario(now: Fleet) -> None:
         await now.order(line(0, 1), timestamp=timestamp_of(now.now_s() - age_s))
         state = await now.until(lambda state: bool(state.errors))
-        assert (errors(state), state.order_id) == (["orderError"], "")
+        assert (error_types(state), state.order_id) == (["orderError"], "")
         assert "too late" in (state.errors[0].error_description or "")
         await asyncio.sleep(5.0)
         assert now.robot.facts.x_m == 0.0
@@ -309,10 +352,8 @@ def test_the_state_comes_at_least_every_30_s_and_with_every_change() -> None:
         now.robot.set(armed=False, missing="a person pressed it", fault="wheel_stalled")
         state = await now.until(lambda state: bool(state.errors))
         assert now.now_s() - began_s < 0.2
-        assert [(one.error_type, one.error_level) for one in state.errors] == [
-            ("disarmed", Level.FATAL),
-            ("robotFault", Level.FATAL),
-        ]
+        assert error_types(state) == ["disarmed", "robotFault"]
+        assert {one.error_level for one in state.errors} == {Level.FATAL}
 
     with_fleet(scenario)
 
@@ -326,7 +367,7 @@ def test_a_robot_whose_daemon_is_gone_says_so_and_drives_on_when_it_is_back() ->
         await now.until(lambda state: state.order_id == "o1")
         known = now.robot.facts
         now.robot.set(**{name: getattr(Facts(missing="gone"), name) for name in ("connected", "missing")})
-        state = await now.until(lambda state: "robotUnreachable" in errors(state))
+        state = await now.until(lambda state: "robotUnreachable" in error_types(state))
         assert state.order_id == "o1"
         now.robot.facts = known
         await now.until(lambda state: state.last_node_id == "n1" and is_idle(state))

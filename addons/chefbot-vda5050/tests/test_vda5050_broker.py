@@ -18,6 +18,7 @@ from vda5050_mosquitto import Mosquitto, mosquitto, program, relay
 from vda5050_online import Master, master, robot_online
 from vda5050_orders import line
 
+pytestmark = pytest.mark.usefixtures("version")
 ONLINE, OFFLINE, BROKEN = ConnectionState.ONLINE, ConnectionState.OFFLINE, ConnectionState.BROKEN
 
 

@@ -16,6 +16,9 @@ from msgspec.structs import replace
 from vda5050_fakes import NAME, FakeRobot
 from vda5050_mosquitto import mosquitto
 from vda5050_online import master, robot_online
+from vda5050_orders import HEADER
+
+pytestmark = pytest.mark.usefixtures("version")
 
 
 def outcomes(
@@ -33,7 +36,7 @@ def outcomes(
             before(robot)
             async with robot_online(parameters, robot):
                 await now.until_state(lambda state: True)
-                async with session(parameters, NAME, patience_s) as tried:
+                async with session(parameters, NAME, patience_s, HEADER["version"]) as tried:
                     results = await cases.run_all(tried, metres)
         return {one.case.title: f"{one.outcome} {one.text}".strip() for one in results}
 
@@ -76,8 +79,8 @@ def test_a_robot_that_takes_every_order_fails_the_refusals(
     found = outcomes(tmp_path, None, patience_s=3.0)
     failed = {title for title, outcome in found.items() if outcome.startswith("failed")}
     assert failed >= {
-        "an order with too few edges is a validationError",
-        "an order with an unknown action is an orderError",
+        "an order with too few edges is refused",
+        "an order with an unknown action is refused",
         "an order that begins 1 km away is refused",
         "an order on an unknown map is refused",
     }

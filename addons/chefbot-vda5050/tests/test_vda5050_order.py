@@ -3,9 +3,10 @@
 import itertools
 
 import pytest
-from chefbot_vda5050 import actions, order, schemas
+from chefbot_vda5050 import actions, order
 from chefbot_vda5050.actions import Event, Tracked
 from chefbot_vda5050.messages import ActionStatus, Load, encode
+from chefbot_vda5050.problems import Reason
 from chefbot_vda5050.state import state
 from chefbot_vda5050.topics import Kind
 from chefbot_vda5050.vehicle import (
@@ -22,7 +23,8 @@ from chefbot_vda5050.vehicle import (
     Vehicle,
 )
 from msgspec.structs import replace
-from vda5050_orders import AT_START, HEADER, action, instant, line, node, reached, receive, statuses
+from vda5050_fakes import strict_problems
+from vda5050_orders import AT_START, HEADER, LIMITS, action, instant, line, node, reached, receive, statuses
 
 
 def begun(*indices: int, **order_fields: object) -> Vehicle:
@@ -143,7 +145,7 @@ def test_an_action_that_fails_is_an_error_and_the_order_goes_on() -> None:
     vehicle, _ = receive(Vehicle(), line(0, 1, actions={0: (action(),)}))
     vehicle, effects = order.action_ended(vehicle, "a1", failed="nobody loaded the robot")
     assert statuses(vehicle) == {"a1": "FAILED"}
-    (error,) = vehicle.errors
+    error = vehicle.problems[0].error("2.1.0")
     assert (error.error_type, error.error_hint is None) == ("actionError", False)
     assert effects == (DriveTo(node(1)),)
 
@@ -187,7 +189,7 @@ def test_cancelling_another_order_than_the_robots_is_refused() -> None:
 def test_without_an_order_cancelling_fails_with_its_error(phase: Phase) -> None:
     """6.6.3.2: noOrderToCancel, a warning, with the action as its reference."""
     vehicle, effects = instant(Vehicle(phase=phase), "cancelOrder", "c")
-    (error,) = vehicle.errors
+    error = vehicle.problems[0].error("2.1.0")
     assert (error.error_type, error.error_level) == ("noOrderToCancel", "WARNING")
     assert ("actionId", "c") in [
         (one.reference_key, one.reference_value) for one in error.error_references or ()
@@ -245,7 +247,7 @@ def test_an_instant_action_that_the_robot_cannot_do_fails(kind: str, parameters:
     """Unknown, for nodes only, or with other parameters: FAILED, an error, and nothing is begun."""
     vehicle, effects = instant(Vehicle(), kind, "i", **parameters)
     assert (effects, statuses(vehicle)) == ((), {"i": "FAILED"})
-    assert [error.error_type for error in vehicle.errors] == ["instantActionError"]
+    assert [one.reason for one in vehicle.problems] == [Reason.INSTANT_ACTION]
 
 
 def test_an_instant_action_that_comes_twice_is_done_once() -> None:
@@ -253,6 +255,55 @@ def test_an_instant_action_that_comes_twice_is_done_once() -> None:
     once, effects = instant(begun(), "say", "i", text="Hello")
     assert len(effects) == 1
     assert instant(once, "say", "i", text="Hello") == (once, ())
+
+
+def test_instant_actions_that_have_ended_can_be_cleared() -> None:
+    """What runs stays, and the order's actions stay."""
+    vehicle, _ = instant(begun(actions={1: (action(),)}), "say", "runs", text="Hello")
+    vehicle, _ = instant(vehicle, "stateRequest", "ended")
+    vehicle, _ = instant(vehicle, "clearInstantActions", "clear")
+    assert statuses(vehicle) == {"a1": "WAITING", "runs": "RUNNING", "clear": "FINISHED"}
+
+
+def failed_for_now() -> Vehicle:
+    """A pick that may be tried again, and that has failed at the first node."""
+    vehicle, _ = receive(Vehicle(), line(0, 1, actions={0: (replace(action(), retriable=True),)}))
+    vehicle, effects = order.action_ended(vehicle, "a1", failed="nobody came")
+    assert (statuses(vehicle), effects) == ({"a1": "RETRIABLE"}, ())
+    assert [one.reason for one in vehicle.problems] == [Reason.ACTION]
+    return vehicle
+
+
+def test_an_action_that_is_retriable_waits_until_it_is_tried_again() -> None:
+    """6.6.9 of 3.0: the robot stands until then, and drives on when it has succeeded."""
+    vehicle, effects = instant(failed_for_now(), "retry", "r", actionId="a1")
+    assert (effects, statuses(vehicle)) == (
+        (Start(replace(action(), retriable=True)),),
+        {"a1": "RUNNING", "r": "FINISHED"},
+    )
+    vehicle, effects = order.action_ended(vehicle, "a1")
+    assert (effects, statuses(vehicle)["a1"]) == ((DriveTo(node(1)),), "FINISHED")
+
+
+def test_an_action_that_is_retriable_can_be_skipped_or_cancelled() -> None:
+    """Then it has failed; another than one that waits for it cannot be tried again."""
+    vehicle, effects = instant(failed_for_now(), "skipRetry", "s", actionId="a1")
+    assert (effects, statuses(vehicle)) == ((DriveTo(node(1)),), {"a1": "FAILED", "s": "FINISHED"})
+    vehicle, effects = instant(vehicle, "retry", "r", actionId="a1")
+    assert (effects, statuses(vehicle)["r"]) == ((), "FAILED")
+    vehicle, _ = instant(failed_for_now(), "cancelOrder", "c")
+    assert (statuses(vehicle), vehicle.phase) == ({"a1": "FAILED", "c": "FINISHED"}, Phase.CANCELLED)
+
+
+def test_a_single_action_runs_alone_and_lets_the_robot_drive() -> None:
+    """6.2.2 of 3.0."""
+    todo = tuple(action("say", number, "SINGLE", text="Hi") for number in ("a", "b"))
+    vehicle, _ = receive(Vehicle(), line(0, 2, actions={1: todo}))
+    assert vehicle.passed_node() is not None
+    vehicle, effects = order.node_reached(vehicle, 2)
+    assert effects == (Start(todo[0]), DriveTo(node(2)))
+    vehicle, effects = order.action_ended(vehicle, "a")
+    assert (effects, statuses(vehicle)) == ((Start(todo[1]),), {"a": "FINISHED", "b": "RUNNING"})
 
 
 def test_instant_actions_that_have_ended_do_not_pile_up() -> None:
@@ -267,10 +318,10 @@ def test_a_drive_that_fails_is_reported_and_tried_again() -> None:
     """The error goes when the node is reached."""
     vehicle, effects = order.drive_failed(begun(), 2, "somebody stands in the way", "Make way.")
     assert (vehicle.driving_to, effects) == (None, ())
-    assert [(one.error_type, one.error_hint) for one in vehicle.errors] == [("driveError", "Make way.")]
+    assert [(one.reason, one.hint) for one in vehicle.problems] == [(Reason.DRIVE, "Make way.")]
     vehicle, effects = order.retry(vehicle)
     assert effects == (DriveTo(node(1)),)
-    assert reached(vehicle, 1).errors == ()
+    assert reached(vehicle, 1).problems == ()
 
 
 def test_who_stops_the_robot_at_its_page_pauses_the_order() -> None:
@@ -338,16 +389,23 @@ def test_every_status_of_an_action_and_everything_that_happens_to_it(
     after = Tracked(action(), status).after(event, "result")
     allowed = {
         "WAITING": {"start": "RUNNING", "fail": "FAILED", "cancel": "FAILED"},
-        "RUNNING": {"succeed": "FINISHED", "fail": "FAILED", "cancel": "FAILED"},
+        "RUNNING": {
+            "succeed": "FINISHED",
+            "fail": "FAILED",
+            "cancel": "FAILED",
+            "fail_for_now": "RETRIABLE",
+        },
+        "RETRIABLE": {"start": "RUNNING", "fail": "FAILED", "cancel": "FAILED"},
     }
     assert str(after.status) == allowed.get(str(status), {}).get(str(event), str(status))
     assert (after.result is None) is ((status, event) not in actions.NEXT)
 
 
 @pytest.mark.parametrize("phase", Phase)
+@pytest.mark.usefixtures("version")
 def test_the_state_of_every_phase_fits_the_schema(phase: Phase) -> None:
     """Also with errors, loads, actions and without a position."""
     vehicle = replace(in_phase(phase), loads=(Load(load_id="soup"),))
     vehicle, _ = order.drive_failed(vehicle, vehicle.driving_to or 0, "blocked", "hint")
     for facts in (AT_START, replace(AT_START, connected=False, map_id="", charge_percent=50.0)):
-        assert schemas.problems(Kind.STATE, encode(state(vehicle, facts, HEADER))) == []
+        assert strict_problems(Kind.STATE, encode(state(vehicle, facts, HEADER, LIMITS))) == []

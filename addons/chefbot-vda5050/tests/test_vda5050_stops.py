@@ -7,9 +7,11 @@ import pytest
 from chefbot_vda5050.messages import InstantActions, OperatingMode, State, encode
 from chefbot_vda5050.topics import Kind, timestamp_of
 from msgspec.structs import replace
-from test_vda5050_agent import errors, status, with_fleet
-from vda5050_fakes import Fleet, is_idle
+from test_vda5050_agent import with_fleet
+from vda5050_fakes import Fleet, error_types, is_idle, status
 from vda5050_orders import HEADER, action, line
+
+pytestmark = pytest.mark.usefixtures("version")
 
 
 async def driving(now: Fleet) -> None:
@@ -49,7 +51,7 @@ def test_an_order_that_is_cancelled_while_it_is_judged_never_begins(named: dict[
         await now.order(line(0, 3, update=1))
         await asyncio.sleep(0.5)
         await now.act("cancelOrder", "c", **named)
-        state = await now.until(lambda state: "orderUpdateError" in errors(state))
+        state = await now.until(lambda state: "orderUpdateError" in error_types(state))
         assert (state.order_id, status(state, "c")) == ("", "FAILED")
         await asyncio.sleep(20.0)
         assert (now.robot.facts.x_m, now.states()[-1].order_id) == (0.0, "")
@@ -101,7 +103,7 @@ def test_of_a_late_message_only_what_stops_the_robot_is_done() -> None:
         todo = (action("say", "s", "NONE", text="hello"), action("startPause", "p", "NONE"))
         await now.send(Kind.INSTANT_ACTIONS, InstantActions(**HEADER, actions=todo), timestamp=late)
         state = await now.until(lambda state: status(state, "p") == "FINISHED")
-        assert (errors(state), status(state, "s"), now.robot.said) == (["orderError"], "", [])
+        assert (error_types(state), status(state, "s"), now.robot.said) == (["orderError"], "", [])
         resume = (action("stopPause", "q", "NONE"),)
         await now.send(Kind.INSTANT_ACTIONS, InstantActions(**HEADER, actions=resume), timestamp=late)
         await asyncio.sleep(10.0)
@@ -119,7 +121,7 @@ def test_a_stop_that_the_broker_has_kept_is_refused() -> None:
         kept = replace(InstantActions(**HEADER, actions=actions), timestamp=timestamp_of(now.now_s()))
         now.agent.receive(Kind.INSTANT_ACTIONS, encode(kept), retained=True)
         state = await now.until(lambda state: bool(state.errors))
-        assert (errors(state), status(state, "c")) == (["orderError"], "")
+        assert (error_types(state), status(state, "c")) == (["orderError"], "")
         await now.until(lambda state: state.last_node_id == "n1")
 
     with_fleet(scenario)
@@ -146,7 +148,7 @@ def test_an_order_that_becomes_too_late_while_it_is_judged_is_refused() -> None:
         now.robot.planning_s = 3.0
         await now.order(line(0, 4))
         state = await now.until(lambda state: bool(state.errors))
-        assert (errors(state), state.order_id) == (["orderError"], "")
+        assert (error_types(state), state.order_id) == (["orderError"], "")
         assert "too late" in (state.errors[0].error_description or "")
         await asyncio.sleep(10.0)
         assert now.robot.facts.x_m == 0.0
@@ -164,7 +166,7 @@ def test_an_order_is_refused_when_somebody_takes_the_robot_while_it_is_judged() 
         now.robot.set(mode=OperatingMode.MANUAL)
 
         def is_refused(state: State) -> bool:
-            return errors(state) == ["orderError"] and state.order_id == ""
+            return error_types(state) == ["orderError"] and state.order_id == ""
 
         await now.until(is_refused)
         await asyncio.sleep(10.0)

@@ -2,7 +2,8 @@
 
 import asyncio
 import contextlib
-from collections.abc import AsyncIterator, Callable
+import json
+from collections.abc import AsyncIterator, Callable, Iterator
 from functools import partial
 from typing import Any
 
@@ -20,8 +21,9 @@ from chefbot_vda5050.messages import (
     decode,
     encode,
 )
+from chefbot_vda5050.problems import ROWS
 from chefbot_vda5050.robot import CannotDo, DriveFailed
-from chefbot_vda5050.topics import Kind, RobotName, timestamp_of
+from chefbot_vda5050.topics import Headers, Kind, RobotName, timestamp_of
 from chefbot_vda5050.vehicle import Facts, Limits
 from msgspec.structs import replace
 from vda5050_orders import AT_START, HEADER, LIMITS, action
@@ -120,9 +122,15 @@ class Fleet:
         self.problems: list[str] = []
         self._new = asyncio.Event()
         self._headers = 0
-        make = partial(factsheet, None, carries_kg=2.0, seconds=1.0)
         self.agent = Agent(
-            NAME, self.robot, self._publish, factsheet=make, limits=limits, clock=self.now_s, **options
+            NAME,
+            self.robot,
+            self._publish,
+            factsheet=partial(factsheet, None, carries_kg=2.0, seconds=1.0),
+            limits=limits,
+            clock=self.now_s,
+            headers=Headers(NAME, HEADER["version"]),
+            **options,
         )
 
     def now_s(self) -> float:
@@ -131,7 +139,7 @@ class Fleet:
 
     async def _publish(self, kind: Kind, data: bytes) -> None:
         self.sent.append((kind, data))
-        self.problems += [f"{kind}: {problem}" for problem in schemas.problems(kind, data)]
+        self.problems += [f"{kind}: {problem}" for problem in strict_problems(kind, data)]
         self._new.set()
 
     def states(self) -> list[State]:
@@ -143,7 +151,7 @@ class Fleet:
         header = {"header_id": self._headers, "timestamp": timestamp_of(self.now_s())} | changes
         self._headers += 1
         message = replace(message, **header)
-        assert schemas.problems(kind, encode(message)) == []
+        assert strict_problems(kind, encode(message)) == []
         self.agent.receive(kind, encode(message))
 
     async def order(self, order: Order, **changes: Any) -> None:
@@ -187,9 +195,45 @@ async def fleet(
     assert not now.problems, now.problems
 
 
+def strict_problems(kind: Kind, data: bytes) -> list[str]:
+    """What breaks the schema of the message's version, and fields that this version does not know."""
+    content = json.loads(data)
+    schema = schemas.schema(kind, content["version"])
+    return schemas.problems(kind, data) + [f"unknown: {name}" for name in _unknown(content, schema, schema)]
+
+
+def _unknown(content: Any, schema: dict[str, Any], whole: dict[str, Any]) -> Iterator[str]:
+    while "$ref" in schema:
+        found: Any = whole
+        for step in schema["$ref"].removeprefix("#/").split("/"):
+            found = found[step]
+        schema = found
+    if isinstance(content, list):
+        for one in content:
+            yield from _unknown(one, schema.get("items", {}), whole)
+    elif isinstance(content, dict) and "properties" in schema:
+        for name, one in content.items():
+            if name in schema["properties"]:
+                yield from _unknown(one, schema["properties"][name], whole)
+            else:
+                yield name
+
+
+def error_types(state: State) -> list[str]:
+    """Of a state's errors, by their names in 2.1."""
+    of_2_1 = {row.type_3_0: row.type_2_1 for row in ROWS.values()}
+    return [of_2_1.get(one.error_type, one.error_type) for one in state.errors]
+
+
+def status(state: State, number: str) -> str:
+    """The status of an action; empty: it is not there."""
+    found = (one.action_status for one in state.all_action_states if one.action_id == number)
+    return str(next(found, ""))
+
+
 def is_idle(state: State) -> bool:
     """Nothing is left of the order."""
-    ended = all(one.action_status in ("FINISHED", "FAILED") for one in state.action_states)
+    ended = all(one.action_status in ("FINISHED", "FAILED") for one in state.all_action_states)
     return not state.node_states and ended and not state.driving
 
 

@@ -8,8 +8,7 @@ from functools import partial
 from typing import Any
 
 import aiomqtt
-from chefbot_vda5050 import schemas
-from chefbot_vda5050.agent import VERSION, Agent
+from chefbot_vda5050.agent import Agent
 from chefbot_vda5050.broker import NO_DELAY, Broker, BrokerParameters
 from chefbot_vda5050.factsheet import factsheet
 from chefbot_vda5050.messages import (
@@ -24,7 +23,7 @@ from chefbot_vda5050.messages import (
 )
 from chefbot_vda5050.topics import Headers, Kind, RobotName, parse_topic, timestamp_of
 from msgspec.structs import replace
-from vda5050_fakes import NAME, FakeRobot
+from vda5050_fakes import NAME, FakeRobot, strict_problems
 from vda5050_orders import HEADER, LIMITS, action
 
 
@@ -33,11 +32,11 @@ async def robot_online(
     parameters: BrokerParameters,
     robot: FakeRobot,
     name: RobotName = NAME,
-    version: str = VERSION,
+    version: str | None = None,
     **options: Any,
 ) -> AsyncIterator[Agent]:
     """A robot with its agent and its connection, at work."""
-    headers = Headers(name, version)
+    headers = Headers(name, version or HEADER["version"])
     agent = Agent(
         name,
         robot,
@@ -93,7 +92,7 @@ class Master:
             return
         name, kind = parsed
         if kind not in (Kind.ORDER, Kind.INSTANT_ACTIONS):  # what robots publish
-            self.problems += [f"{kind}: {one}" for one in schemas.problems(kind, message.payload)]
+            self.problems += [f"{kind}: {one}" for one in strict_problems(kind, message.payload)]
         self.seen.append((name, kind, message.payload, message.retain))
         self._new.set()
 

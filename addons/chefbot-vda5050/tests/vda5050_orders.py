@@ -3,6 +3,7 @@
 from typing import Any
 
 from chefbot_vda5050 import acceptance, order
+from chefbot_vda5050.instant import instant_action
 from chefbot_vda5050.messages import (
     Action,
     ActionParameter,
@@ -13,7 +14,7 @@ from chefbot_vda5050.messages import (
     NodePosition,
     Order,
 )
-from chefbot_vda5050.rejections import Rejection
+from chefbot_vda5050.problems import Problem
 from chefbot_vda5050.vehicle import Facts, Limits, Vehicle
 
 HEADER: dict[str, Any] = {
@@ -88,14 +89,14 @@ def line(
 def receive(vehicle: Vehicle, message: Order, facts: Facts = AT_START, limits: Limits = LIMITS) -> order.Step:
     """Judge an order, and take it over or report why not."""
     judged = acceptance.judge(vehicle, message, facts, limits)
-    if isinstance(judged, Rejection):
+    if isinstance(judged, Problem):
         return order.reject(vehicle, judged)
     return order.accept(vehicle, message, judged, facts, limits)
 
 
 def instant(vehicle: Vehicle, kind: str, number: str, **parameters: Any) -> order.Step:
     """Ask for an instant action."""
-    return order.instant_action(vehicle, action(kind, number, "NONE", **parameters))
+    return instant_action(vehicle, action(kind, number, "NONE", **parameters))
 
 
 def reached(vehicle: Vehicle, *indices: int) -> Vehicle:

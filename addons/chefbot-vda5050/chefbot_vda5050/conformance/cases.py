@@ -1,4 +1,4 @@
-"""The cases, each with its section of version 2.1. Those that have the robot drive are tried only when asked for."""
+"""The cases, each with its section of 2.1 and of 3.0. Those that have the robot drive are tried only when asked for."""
 
 import asyncio
 import math
@@ -10,7 +10,7 @@ from typing import Any, Final
 from msgspec import Struct
 from msgspec.structs import replace
 
-from chefbot_vda5050 import schemas
+from chefbot_vda5050 import schemas, versions
 from chefbot_vda5050.conformance.session import Failed, NotTried, Session, errors_about, status
 from chefbot_vda5050.messages import (
     ENDED,
@@ -25,36 +25,43 @@ from chefbot_vda5050.messages import (
     Order,
     State,
 )
+from chefbot_vda5050.problems import Reason, names
 from chefbot_vda5050.topics import Kind, seconds_of
 
 STATE_EVERY_S, CLOCKS_S = 30.0, 10.0
 DRIVE_S: Final = 120.0
+CONTINUATION: Final = (Reason.NO_CONTINUATION, Reason.MALFORMED)
+"""Version 3.0 names no error for an update that does not go on where the base ends."""
 
 
 class Case(Struct, frozen=True):
     """What is tried; ``moves``: the robot drives."""
 
-    section: str
+    sections: tuple[str, str]
     title: str
     run: Callable[[Session, float], Awaitable[None]]
     moves: bool = False
+
+    def section(self, version: str) -> str:
+        """Where this version says so."""
+        return self.sections[versions.of(version) is versions.V3]
 
 
 CASES: Final[list[Case]] = []
 Run = Callable[[Session, float], Awaitable[None]]
 
 
-def case(section: str, title: str, *, moves: bool = False) -> Callable[[Run], Run]:
+def case(section_2_1: str, section_3_0: str, title: str, *, moves: bool = False) -> Callable[[Run], Run]:
     """Add a case; it gets the session, and how many metres the robot may drive forwards."""
 
     def add(run: Run) -> Run:
-        CASES.append(Case(section, title, run, moves))
+        CASES.append(Case((section_2_1, section_3_0), title, run, moves))
         return run
 
     return add
 
 
-@case("6.14", "the connection is ONLINE, retained, with QoS 1")
+@case("6.14", "6.5", "the connection is ONLINE, retained, with QoS 1")
 async def _connection(session: Session, _: float) -> None:
     await session.until(lambda: session.all(Kind.CONNECTION), "no connection message is retained")
     first, last = session.all(Kind.CONNECTION)[0], session.all(Kind.CONNECTION)[-1]
@@ -67,12 +74,12 @@ async def _connection(session: Session, _: float) -> None:
         raise Failed(f"it is {last.data.decode(errors='replace')[:80]}")
 
 
-@case("6.8.1", "stateRequest is answered by a state and is FINISHED")
+@case("6.8.1", "6.2.3.2", "stateRequest is answered by a state and is FINISHED")
 async def _state_request(session: Session, _: float) -> None:
     await session.acted("stateRequest", ActionStatus.FINISHED)
 
 
-@case("6.15", "factsheetRequest is answered by the factsheet, which is retained")
+@case("6.15", "6.10", "factsheetRequest is answered by the factsheet, which is retained")
 async def _factsheet(session: Session, _: float) -> None:
     if not any(one.retained for one in session.all(Kind.FACTSHEET)):
         raise Failed("no factsheet is retained")
@@ -81,59 +88,66 @@ async def _factsheet(session: Session, _: float) -> None:
     await session.until(lambda: len(session.all(Kind.FACTSHEET)) > before, "no factsheet came")
 
 
-@case("6.9", "an instant action that nobody has defined is FAILED")
+@case("6.9", "6.2.1", "an instant action that nobody has defined is FAILED")
 async def _unknown_action(session: Session, _: float) -> None:
     await session.acted("checkUnknownAction", ActionStatus.FAILED)
 
 
-@case("6.6.3.2", "cancelOrder without an order is FAILED, with noOrderToCancel and the action")
+@case("6.6.3.2", "6.1.3.2", "cancelOrder without an order is FAILED, with its error about the action")
 async def _cancel_nothing(session: Session, _: float) -> None:
     _must_be_idle(session.state())
     state = await session.acted("cancelOrder", ActionStatus.FAILED)
-    found = [one for one in state.errors if one.error_type == "noOrderToCancel"]
+    expected = names([Reason.NO_ORDER_TO_CANCEL], session.version)
+    found = [one for one in state.errors if one.error_type in expected]
     if not found:
-        raise Failed("no error noOrderToCancel")
+        raise Failed(f"no error {' or '.join(expected)}")
     if not any(reference.reference_key == "actionId" for reference in found[0].error_references or ()):
         raise Failed("its references do not name the actionId")
 
 
-@case("6.6.4.1", "a message that is no JSON is a validationError")
+@case("6.6.4.1", "6.1.4.1", "a message that is no JSON is reported")
 async def _no_json(session: Session, _: float) -> None:
     await session.send(Kind.ORDER, b'{"orderId": ')
     await _validation_error(session)
 
 
-@case("6.6.4.1", "an order with too few edges is a validationError")
+@case("6.6.4.1", "6.1.4.1", "an order with too few edges is refused")
 async def _too_few_edges(session: Session, _: float) -> None:
     order = _order(session, 0.0, 0.1)
-    await session.refused(replace(order, edges=()), ["validationError"])
+    await session.refused(replace(order, edges=()), Reason.MALFORMED)
 
 
-@case("6.6.4.2", "an order with an unknown action is an orderError")
+@case("6.6.4.2", "6.1.4.3", "an order with an unknown action is refused")
 async def _bad_action(session: Session, _: float) -> None:
     action = Action(
         action_type="checkUnknownAction", action_id=f"check-{uuid.uuid4()}", blocking_type=BlockingType.HARD
     )
     order = _order(session, 0.0)
     nodes = (replace(order.nodes[0], actions=(action,)),)
-    await session.refused(replace(order, nodes=nodes), ["orderError"])
+    await session.refused(replace(order, nodes=nodes), Reason.UNSUPPORTED_ACTION)
 
 
-@case("6.6.1", "an order that begins 1 km away is refused")
+@case("6.6.1", "6.1.4.7", "an order that begins 1 km away is refused")
 async def _too_far(session: Session, _: float) -> None:
-    await session.refused(_order(session, 1000.0), ["noRouteError", "orderError"])
+    reasons = [Reason.START_OUT_OF_RANGE]
+    if session.version[0] == "2":  # it names no error for this
+        reasons.append(Reason.OTHER_ORDER)
+    await session.refused(_order(session, 1000.0), *reasons)
 
 
-@case("6.7", "an order on an unknown map is refused")
+@case("6.7", "6.1.4.10", "an order on an unknown map is refused")
 async def _unknown_map(session: Session, _: float) -> None:
     order = _order(session, 0.0)
     position = order.nodes[0].node_position
     assert position is not None  # noqa: S101 - made by _order
     nodes = (replace(order.nodes[0], node_position=replace(position, map_id=f"check-{uuid.uuid4()}")),)
-    await session.refused(replace(order, nodes=nodes), ["orderError", "noRouteError", "mapError"])
+    reasons = [Reason.UNKNOWN_MAP]
+    if session.version[0] == "2":  # it names no error for this
+        reasons.append(Reason.NO_ROUTE)
+    await session.refused(replace(order, nodes=nodes), *reasons)
 
 
-@case("6.6.2", "an order of one node where the robot stands is taken and finished", moves=True)
+@case("6.6.2", "6.1.2", "an order of one node where the robot stands is taken and finished", moves=True)
 async def _stand(session: Session, _: float) -> None:
     _must_be_idle(session.state())
     order = _order(session, 0.0)
@@ -145,13 +159,15 @@ async def _stand(session: Session, _: float) -> None:
         raise Failed(f"lastNodeId is {state.last_node_id!a}")
 
 
-@case("6.6.1", "the base is driven and the horizon is not; updates and refusals on the way", moves=True)
+@case(
+    "6.6.1", "6.1.2", "the base is driven and the horizon is not; updates and refusals on the way", moves=True
+)
 async def _drive(session: Session, metres: float) -> None:
     _must_be_idle(session.state())
     order = _order(session, 0.0, metres / 2, metres, base=2)
     await session.publish(Kind.ORDER, order)
     await session.until_state(lambda state: state.order_id == order.order_id, "the order is not taken")
-    await session.refused(_order(session, 0.0), ["orderError"])
+    await session.refused(_order(session, 0.0), Reason.OTHER_ORDER)
     await session.until_state(
         lambda state: state.last_node_id == order.nodes[1].node_id and not state.driving,
         "the last node of the base is not reached",
@@ -163,16 +179,16 @@ async def _drive(session: Session, metres: float) -> None:
         raise Failed("nodeStates are not the horizon alone")
     await session.publish(Kind.ORDER, order)  # the same once more: nothing happens
     wrong = replace(order, order_update_id=1)  # it begins at the first node, not at the last of the base
-    await session.refused(wrong, ["orderUpdateError"])
+    await session.refused(wrong, *CONTINUATION)
     update = replace(order, order_update_id=2, nodes=order.nodes[1:2], edges=())
     await session.publish(Kind.ORDER, update)
     await session.until_state(
         lambda state: state.order_update_id == 2 and _is_idle(state), "the horizon was not deleted"
     )
-    await session.refused(replace(update, order_update_id=1), ["orderUpdateError"])
+    await session.refused(replace(update, order_update_id=1), Reason.OUTDATED_UPDATE)
 
 
-@case("6.8.1", "startPause halts the robot, stopPause lets it go on; then cancelOrder", moves=True)
+@case("6.8.1", "6.2.3.2", "startPause halts the robot, stopPause lets it go on; then cancelOrder", moves=True)
 async def _pause_and_cancel(session: Session, metres: float) -> None:
     _must_be_idle(session.state())
     order = _order(session, 0.0, -metres / 2)
@@ -192,20 +208,20 @@ async def _pause_and_cancel(session: Session, metres: float) -> None:
         raise Failed("the orderId is not kept")
 
 
-@case("6.10", "a state comes at least every 30 s")
+@case("6.10", "6.6", "a state comes at least every 30 s")
 async def _interval(session: Session, _: float) -> None:
     within_s = STATE_EVERY_S + session.patience_s
     await session.until_state(lambda state: True, f"none came within {within_s:g} s", within_s)
 
 
-@case("6.1", "every message fits its schema")
+@case("6.1", "7", "every message fits its schema")
 async def _schemas(session: Session, _: float) -> None:
     for one in session.seen:
         if problems := schemas.problems(one.kind, one.data):
             raise Failed(f"{one.kind}: {problems[0]}")
 
 
-@case("6.4", "headers: ids grow by one for each topic, the clock is right, the robot is named")
+@case("6.4", "7.2", "headers: ids grow by one for each topic, the clock is right, the robot is named")
 async def _headers(session: Session, _: float) -> None:
     for kind in (Kind.STATE, Kind.VISUALIZATION):
         ids = [one.message.header_id for one in session.all(kind) if one.message is not None]
@@ -223,13 +239,14 @@ async def _headers(session: Session, _: float) -> None:
 
 
 async def _validation_error(session: Session) -> None:
+    wanted = names([Reason.MALFORMED], session.version)
     await session.until_state(
-        lambda state: any(one.error_type == "validationError" for one in state.errors), "no validationError"
+        lambda state: any(one.error_type in wanted for one in state.errors), f"no {' or '.join(wanted)}"
     )
 
 
 def _is_idle(state: State) -> bool:
-    ended = all(one.action_status in ENDED for one in state.action_states)
+    ended = all(one.action_status in ENDED for one in state.all_action_states)
     return not state.node_states and not state.edge_states and not state.driving and ended
 
 

@@ -4,14 +4,14 @@ import asyncio
 import contextlib
 import time
 import uuid
-from collections.abc import AsyncIterator, Callable, Iterable
+from collections.abc import AsyncIterator, Callable
 from typing import Any
 
 import aiomqtt
 from msgspec import Struct
 from msgspec.structs import replace
 
-from chefbot_vda5050.agent import VERSION
+from chefbot_vda5050 import versions
 from chefbot_vda5050.broker import NO_DELAY, BrokerParameters
 from chefbot_vda5050.messages import (
     ENDED,
@@ -32,6 +32,7 @@ from chefbot_vda5050.messages import (
     decode,
     encode,
 )
+from chefbot_vda5050.problems import Reason, names
 from chefbot_vda5050.topics import Headers, Kind, RobotName
 
 KINDS: dict[Kind, type[Header]] = {
@@ -64,10 +65,10 @@ class Seen(Struct, frozen=True):
 class Session:
     """``seen`` is all that the robot has published since we listen. ``patience_s`` is how long an answer may take."""
 
-    def __init__(self, client: aiomqtt.Client, name: RobotName, patience_s: float) -> None:
-        self.name, self.patience_s = name, patience_s
+    def __init__(self, client: aiomqtt.Client, name: RobotName, patience_s: float, version: str) -> None:
+        self.name, self.patience_s, self.version = name, patience_s, version
         self.seen: list[Seen] = []
-        self._client, self._headers = client, Headers(name, VERSION)
+        self._client, self._headers = client, Headers(name, version)
         self._new = asyncio.Event()
 
     async def listen(self) -> None:
@@ -152,11 +153,11 @@ class Session:
             raise Failed(f"{kind} is {found}, expected {expected}")
         return state
 
-    async def refused(self, order: Order, types: Iterable[str]) -> State:
-        """Send an order that has to be refused with an error of one of these types; the state with it."""
+    async def refused(self, order: Order, *reasons: Reason) -> State:
+        """Send an order that has to be refused for one of these reasons; the state with its error."""
         before = self.state()
         await self.publish(Kind.ORDER, order)
-        wanted = set(types)
+        wanted = names(reasons, self.version)
         state = await self.until_state(
             lambda state: any(one.error_type in wanted for one in errors_about(state, order.order_id)),
             f"no error of the type {' or '.join(sorted(wanted))} that is about the order",
@@ -178,7 +179,7 @@ def errors_about(state: State, order_id: str) -> list[Error]:
 
 def status(state: State, action_id: str) -> ActionStatus | None:
     """The status of an action; None: it is not there."""
-    found = (one.action_status for one in state.action_states if one.action_id == action_id)
+    found = (one.action_status for one in state.all_action_states if one.action_id == action_id)
     return next(found, None)
 
 
@@ -192,8 +193,10 @@ def _seen(kind: Kind, message: aiomqtt.Message) -> Seen:
 
 
 @contextlib.asynccontextmanager
-async def session(parameters: BrokerParameters, name: RobotName, patience_s: float) -> AsyncIterator[Session]:
-    """Listen to a robot."""
+async def session(
+    parameters: BrokerParameters, name: RobotName, patience_s: float, version: str = versions.V2.number
+) -> AsyncIterator[Session]:
+    """Listen to a robot, and speak this version to it."""
     async with aiomqtt.Client(
         parameters.host,
         parameters.port,
@@ -202,7 +205,7 @@ async def session(parameters: BrokerParameters, name: RobotName, patience_s: flo
         tls_context=parameters.tls,
         socket_options=NO_DELAY,
     ) as client:
-        now = Session(client, name, patience_s)
+        now = Session(client, name, patience_s, version)
         task = asyncio.create_task(now.listen())
         try:
             for kind in KINDS:

@@ -1,18 +1,21 @@
-"""Why a robot refuses an order or an instant action: each reason with its name in each version, and what to do about it.
+"""What is reported as an error: each reason with its name in each version, and what to do about it.
 
-The reasons are those of 6.1.4 in version 3.0, which tells ten apart; version 2.1 (6.6.4) has fewer names for them.
+The reasons to refuse an order are those of 6.1.4 in version 3.0, which tells ten apart; version 2.1 (6.6.4) has fewer
+names for them. Then come those to refuse an instant action, and what goes wrong with an order and with the robot.
 """
 
+from collections.abc import Iterable
 from enum import StrEnum
 from typing import Final
 
 from msgspec import Struct
 
+from chefbot_vda5050 import versions
 from chefbot_vda5050.messages import Error, Level, Reference
 
 
 class Reason(StrEnum):
-    """Why it was refused."""
+    """Why something was refused, or what is wrong."""
 
     MALFORMED = "malformed"
     UNSUPPORTED_FIELD = "unsupported_field"
@@ -29,6 +32,13 @@ class Reason(StrEnum):
     TOO_LATE = "too_late"
     NO_ORDER_TO_CANCEL = "no_order_to_cancel"
     INSTANT_ACTION = "instant_action"
+    DRIVE = "drive"
+    ACTION = "action"
+    UNREACHABLE = "unreachable"
+    EMERGENCY_STOP = "emergency_stop"
+    DISARMED = "disarmed"
+    FAULT = "fault"
+    NOT_LOCALIZED = "not_localized"
 
 
 class Row(Struct, frozen=True):
@@ -39,7 +49,8 @@ class Row(Struct, frozen=True):
     type_3_0: str
     section_3_0: str
     hint: str
-    level_3_0: str = "WARNING"
+    level_3_0: Level = Level.WARNING
+    level_2_1: Level = Level.WARNING
 
 
 ROWS: Final = {
@@ -56,7 +67,7 @@ ROWS: Final = {
         "UNSUPPORTED_PARAMETER",
         "6.1.4.2",
         "Leave the fields out that are named here; the factsheet lists what this robot supports.",
-        "CRITICAL",
+        Level.CRITICAL,
     ),
     Reason.UNSUPPORTED_ACTION: Row(
         "orderError",
@@ -149,30 +160,98 @@ ROWS: Final = {
         "6.2",
         "Send only instant actions and parameters that the factsheet lists.",
     ),
+    Reason.DRIVE: Row(
+        "driveError",
+        "6.10.5",
+        "NODE_UNREACHABLE",
+        "6.6.5.4",
+        "Look after the robot; it tries again by itself.",
+        Level.CRITICAL,
+    ),
+    Reason.ACTION: Row(
+        "actionError",
+        "6.10.5",
+        "ACTION_FAILED",
+        "6.6.5.1",
+        "Look after the action at the robot; then send it again or go on without it.",
+    ),
+    Reason.UNREACHABLE: Row(
+        "robotUnreachable",
+        "6.10.5",
+        "ROBOT_UNREACHABLE",
+        "6.6.5.1",
+        "Look whether chefbotd runs on the robot (chefbotctl doctor).",
+        Level.FATAL,
+        Level.FATAL,
+    ),
+    Reason.EMERGENCY_STOP: Row(
+        "emergencyStop",
+        "6.10.5",
+        "EMERGENCY_STOP",
+        "6.6.5.1",
+        "Look after the robot, then arm it (chefbotctl arm, or its page).",
+        Level.FATAL,
+        Level.FATAL,
+    ),
+    Reason.DISARMED: Row(
+        "disarmed",
+        "6.10.5",
+        "DISARMED",
+        "6.6.5.1",
+        "Look after the robot, then arm it (chefbotctl arm, or its page).",
+        Level.FATAL,
+        Level.FATAL,
+    ),
+    Reason.FAULT: Row(
+        "robotFault",
+        "6.10.5",
+        "ROBOT_FAULT",
+        "6.6.5.1",
+        "docs/safety.md says what the fault means; look after it, then arm the robot.",
+        Level.FATAL,
+        Level.FATAL,
+    ),
+    Reason.NOT_LOCALIZED: Row(
+        "localizationError",
+        "6.10.5",
+        "LOCALIZATION_ERROR",
+        "6.6.5.4",
+        "Tell it where it is: initPosition, or on its page.",
+        Level.FATAL,
+    ),
 }
 
-OF_ORDERS: Final = {row.type_2_1 for reason, row in ROWS.items() if reason is not Reason.INSTANT_ACTION} - {
-    "noOrderToCancel"
-}
-"""The errors of 2.1 that are reported until an order is accepted."""
+OF_ORDERS: Final = frozenset(list(Reason)[: list(Reason).index(Reason.NO_ORDER_TO_CANCEL)])
+"""Refusals of orders: they are reported until an order is accepted."""
 
 
-class Rejection(Struct, frozen=True):
-    """A refusal: its sentence, and pairs of a key and a value that it is about."""
+def names(reasons: Iterable[Reason], version: str) -> set[str]:
+    """What this version calls them."""
+    rows = [ROWS[reason] for reason in reasons]
+    return {row.type_3_0 if versions.of(version) is versions.V3 else row.type_2_1 for row in rows}
+
+
+class Problem(Struct, frozen=True):
+    """A refusal or a failure: its sentence, and pairs of a key and a value that it is about.
+
+    ``hint`` says what to do about it, where that is not what its reason's row says.
+    """
 
     reason: Reason
     text: str
     references: tuple[tuple[str, str], ...] = ()
+    hint: str = ""
 
-    def error(self) -> Error:
-        """As it is reported in the state of version 2.1."""
-        row = ROWS[self.reason]
+    def error(self, version: str) -> Error:
+        """As it is reported in the state of a version."""
+        row, is_3 = ROWS[self.reason], versions.of(version) is versions.V3
+        references = tuple(
+            Reference(reference_key=key, reference_value=value) for key, value in self.references
+        )
         return Error(
-            error_type=row.type_2_1,
-            error_level=Level.WARNING,
+            error_type=row.type_3_0 if is_3 else row.type_2_1,
+            error_level=row.level_3_0 if is_3 else row.level_2_1,
             error_description=self.text,
-            error_hint=row.hint,
-            error_references=tuple(
-                Reference(reference_key=key, reference_value=value) for key, value in self.references
-            ),
+            error_hint=self.hint or row.hint,
+            error_references=references or None,
         )
