@@ -2,12 +2,14 @@
 
 import asyncio
 import contextlib
+import math
 from collections.abc import Awaitable, Callable
 from functools import partial
 from pathlib import Path
 from typing import Any
 
 import pytest
+from chefbot_vda5050 import versions
 from chefbot_vda5050.chefbot import ChefBot
 from chefbot_vda5050.messages import EStop, Node, NodePosition, OperatingMode, Order, State
 from chefbot_vda5050.service import limits
@@ -63,7 +65,8 @@ def in_flat(scenario: Scenario, folder: Path) -> None:
 
     async def run() -> None:
         async with localized_robot(folder=folder) as simulated:
-            robot = ChefBot(partial(Client.connect, *simulated.client.address, name="fleet"))
+            connect = partial(Client.connect, *simulated.client.address, name="fleet")
+            robot = ChefBot(connect, versions.of(HEADER["version"]))
             own = limits(load(packaged("chefbot_lidar")), 10.0)
             now = RealFleet(robot, limits=own)
             tasks = [asyncio.create_task(work) for work in (robot.run(), now.agent.run())]
@@ -90,8 +93,12 @@ async def answering(client: Client, choice: str) -> None:
 
 
 @pytest.mark.slow
+@pytest.mark.usefixtures("version")
 def test_an_order_with_a_pick_is_driven_and_done(tmp_path: Path) -> None:
-    """1.5 m in the flat over a node without a stop; the true pose is within 10 cm, and a person has loaded it."""
+    """1.5 m in the flat over a node without a stop; the true pose is within 10 cm, and a person has loaded it.
+
+    In version 3.0 the robot tells its path: it ends at the node that is driven to, within 10 cm.
+    """
 
     async def scenario(now: RealFleet, simulated: SimulatedRobot) -> None:
         person = asyncio.create_task(answering(simulated.client, "Loaded"))
@@ -104,6 +111,10 @@ def test_an_order_with_a_pick_is_driven_and_done(tmp_path: Path) -> None:
         true = simulated.board.truth(simulated.now_s()).world_from_base
         assert (true.x_m, true.y_m) == pytest.approx(END, abs=0.1)
         assert any(state.last_node_id == "n1" and state.driving for state in now.states())
+        paths = [state.planned_path for state in now.states() if state.planned_path is not None]
+        assert bool(paths) is (HEADER["version"] == "3.0.0")
+        ends = [path["trajectory"]["controlPoints"][-1] for path in paths]
+        assert all(min(math.dist((end["x"], end["y"]), node) for node in (MIDDLE, END)) < 0.1 for end in ends)
 
     in_flat(scenario, tmp_path)
 

@@ -5,6 +5,8 @@ from pathlib import Path
 import click
 import pytest
 from chefbot_vda5050.cli import address_or, broker_of, main
+from chefbot_vda5050.service import Parameters
+from chefbot_vda5050.topics import Kind
 from click.testing import CliRunner
 
 NO_OPTIONS = dict.fromkeys(("tls", "cafile", "certificate", "user", "password_file"))
@@ -30,6 +32,34 @@ def test_what_is_no_address_is_named(text: str) -> None:
     """Also an IPv6 address without brackets: where its port begins cannot be told."""
     with pytest.raises(click.BadParameter, match="is not HOST:PORT"):
         address_or(text, 1883)
+
+
+@pytest.mark.parametrize(
+    ("words", "topic"),
+    [
+        ([], "uagv/v2/chefbot/r1/order"),
+        (["--version", "3.0.0"], "vda5050/v3/chefbot/r1/order"),
+        (
+            ["--version", "3.0.0", "--interface", "plant/a", "--major", "v3.0"],
+            "plant/a/v3.0/chefbot/r1/order",
+        ),
+        (["--manufacturer", "acme", "--major", "v1"], "uagv/v1/acme/r1/order"),
+    ],
+)
+def test_topics_are_those_of_the_version_or_of_the_options(
+    words: list[str], topic: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As it is agreed on with those who run the broker; the messages say the version."""
+    served: list[Parameters] = []
+
+    async def serve(parameters: Parameters, _: object) -> None:
+        served.append(parameters)
+
+    monkeypatch.setattr("chefbot_vda5050.service.serve", serve)
+    result = CliRunner().invoke(main, ["run", "127.0.0.1", "r1", *words])
+    assert result.exit_code == 0, result.output
+    assert served[0].name.topic(Kind.ORDER) == topic
+    assert served[0].version == ("3.0.0" if "3.0.0" in words else "2.1.0")
 
 
 @pytest.mark.parametrize("content", ["", "\n"])
