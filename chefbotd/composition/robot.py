@@ -96,7 +96,10 @@ def _use_wheel_loop(settings: Settings, wheels: WheelController, loop: WheelLoop
         counts_per_turn = settings.encoders.counts_per_turn
         return wheel_loop_parameters(settings.chassis, counts_per_turn, tuple(gains.values()))
 
-    loop.use(parameters(wheels.gains()), lambda: wheels.targets_rad_s)
+    loop.use(
+        parameters(wheels.gains()),
+        lambda: None if wheels.drive_state.by_duty else wheels.targets_rad_s,
+    )
     wheels.call_on_gains(lambda gains: loop.change(parameters(gains)))
 
 

@@ -209,7 +209,7 @@ class BoardReader:
     def _on_sequenced_echo(self, message: wire.SequencedEcho, now_s: float) -> DutyEchoed:
         self._firmware.echoed(message.of, now_s)
         loop = self._firmware.loop
-        if not loop.now.is_ready:
+        if not loop.drives:
             return self._on_echo(message, now_s)
         command, duty = loop.obeyed(message.of, message.duty)
         self._window.echoed(command)

@@ -162,8 +162,7 @@ class BoardFirmware:
         now = self.now
         now.newest_command = self._sealer.sequence
         now.written_s[now.newest_command] = now_s
-        if self.loop.now.is_ready and self.loop.now.offered is not None:
-            self.loop.now.sent[now.newest_command] = self.loop.now.offered
+        self.loop.note_sent(now.newest_command)
         return self._sealer.seal(line)
 
     def reset_line(self, plain: bytes) -> bytes:

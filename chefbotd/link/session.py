@@ -242,9 +242,10 @@ class BoardSession(asyncio.Protocol):
         if self.is_open:
             if self.restarts.holds_motion or self.firmware.now.is_known is self._kind_held:
                 duty = self._still
-            if self.firmware.loop.now.is_ready:
-                duty = self.firmware.loop.command(duty)
-            self.setpoints.offer(duty)
+            loop = self.firmware.loop
+            if loop.changes_over():
+                self.setpoints.forget()
+            self.setpoints.offer(loop.command(duty) if loop.drives else duty)
 
     def repeat_duty(self, duty: tuple[int, ...]) -> None:
         """The control loop lives, and has nothing new to say: feeds the board's dead-man, where it has one."""
@@ -258,7 +259,7 @@ class BoardSession(asyncio.Protocol):
         if self.restarts.holds_motion or self.firmware.now.is_known is self._kind_held:
             return self._still
         ceiling = self.setpoints.ceiling(now_s)
-        if ceiling is not None and self.firmware.loop.now.is_ready:
+        if ceiling is not None and self.firmware.loop.drives:
             return self.firmware.loop.duty_of(ceiling)
         return ceiling
 
@@ -326,7 +327,7 @@ class BoardSession(asyncio.Protocol):
         log.info("the board's own wheel loop drives")
 
     def _command_line(self, command: tuple[int, ...]) -> bytes:
-        is_speed = self.firmware.loop.now.is_ready and command != self._still
+        is_speed = self.firmware.loop.drives and command != self._still
         return self._speed_line(command) if is_speed else self._line(command)
 
     def _encode_speeds(self, speeds: tuple[int, ...]) -> bytes:
@@ -338,8 +339,9 @@ class BoardSession(asyncio.Protocol):
     def _wrote(self, duty: tuple[int, ...], now_s: float, times: int) -> None:
         self._window.note(duty, now_s, times)
         loop = self.firmware.loop
-        if loop.now.is_ready:
-            duty = loop.now.written_duty = loop.duty_of(duty)
+        if loop.drives:
+            duty = loop.duty_of(duty)
+        loop.now.written_duty = duty
         if self._bus.has_listeners(DutyWritten):
             self._bus.publish(DutyWritten(now_s, duty))
 

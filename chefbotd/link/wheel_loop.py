@@ -63,12 +63,14 @@ def wheel_loop_parameters(
 class WheelLoopState(MutableState):
     """Which parameters the board has confirmed, by their numbers, and which duty stood behind each command.
 
-    ``sent`` has command and duty by the number of the line, ``offered`` the newest pair.
+    ``sent`` has command and duty by the number of the line, ``offered`` the newest pair. ``by_duty``: the wheels are
+    driven by duties now, past the loop.
     """
 
     confirmed: dict[int, int] = {}
     asked_s: float = -math.inf
     is_ready: bool = False
+    by_duty: bool = False
     offered: tuple[Command, Command] | None = None
     written_duty: Command = ()
     sent: dict[int, tuple[Command, Command]] = {}
@@ -82,12 +84,17 @@ class WheelLoop:
 
     def __init__(self) -> None:
         self._parameters = WheelLoopParameters((), ())
-        self._targets_rad_s: Callable[[], tuple[float, ...]] = tuple
+        self._targets_rad_s: Callable[[], tuple[float, ...] | None] = tuple
         self.is_wanted = False
         self.now = WheelLoopState()
 
-    def use(self, parameters: WheelLoopParameters, targets_rad_s: Callable[[], tuple[float, ...]]) -> None:
-        """Drive by the board's loop wherever it has one; ``targets_rad_s`` are the wheels' present setpoints."""
+    def use(
+        self, parameters: WheelLoopParameters, targets_rad_s: Callable[[], tuple[float, ...] | None]
+    ) -> None:
+        """Drive by the board's loop wherever it has one.
+
+        ``targets_rad_s`` are the wheels' present setpoints; None where duties are commanded, as by a calibration.
+        """
         self._parameters, self._targets_rad_s, self.is_wanted = parameters, targets_rad_s, True
 
     def change(self, parameters: WheelLoopParameters) -> None:
@@ -129,17 +136,34 @@ class WheelLoop:
 
     # Commands
 
+    @property
+    def drives(self) -> bool:
+        """Whether a command is a speed of each wheel."""
+        return self.now.is_ready and not self.now.by_duty
+
+    def changes_over(self) -> bool:
+        """Whether the wheels are driven by duties from now on, or not any more: a command that waits is none now."""
+        before, self.now.by_duty = self.now.by_duty, self._targets_rad_s() is None
+        return self.now.is_ready and self.now.by_duty is not before
+
     def command(self, duty: Command) -> Command:
         """The wheels' setpoints in mrad/s, in the place of this duty; no duty is a stop."""
-        speeds = duty
-        if any(duty):
-            wheels = zip(self._targets_rad_s(), self._parameters.signs, strict=True)
-            limited = [max(-MOST_MRAD_S, min(MOST_MRAD_S, round(1000 * speed))) for speed, _ in wheels]
-            speeds = tuple(
-                [sign * speed for speed, sign in zip(limited, self._parameters.signs, strict=True)]
-            )
+        speeds, targets_rad_s = duty, self._targets_rad_s()
+        if any(duty) and targets_rad_s is not None:
+            wheels = zip(targets_rad_s, self._parameters.signs, strict=True)
+            limited = [
+                (max(-MOST_MRAD_S, min(MOST_MRAD_S, round(1000 * speed))), sign) for speed, sign in wheels
+            ]
+            speeds = tuple([sign * speed for speed, sign in limited])
         self.now.offered = speeds, duty
         return speeds
+
+    def note_sent(self, number: int) -> None:
+        """The newest command goes out as the line of this number."""
+        if self.drives and self.now.offered is not None:
+            self.now.sent[number] = self.now.offered
+        else:
+            self.now.sent.pop(number, None)
 
     def duty_of(self, command: Command) -> Command:
         """The duty that stood behind a command."""

@@ -122,7 +122,7 @@ class Drive:
         scrub_duty, follows = self._scrub_duty(state), not self.knows_its_motors
         share = state.supply_share
         outputs = [share * pid.preview(*wheel, scrub_duty, feedback_follows=follows) for wheel in wheels]
-        return replace(state, duty=self._duty(outputs))
+        return replace(state, duty=self._duty(outputs), by_duty=False)
 
     def _accelerations(
         self, gains: tuple[PidParameters, ...], held_m_s: tuple[float, ...], state: DriveState, cycle_s: float
@@ -232,7 +232,9 @@ class Drive:
             return self.halt(state)
         signed = tuple(map(mul, duty, self._motor_signs))
         setpoint_m_s = self._kinematics.rims_at_m_s(motion.rad_s)
-        return replace(self.halt(state), duty=signed, stepped_s=now_s, setpoint_m_s=setpoint_m_s)
+        return replace(
+            self.halt(state), duty=signed, stepped_s=now_s, setpoint_m_s=setpoint_m_s, by_duty=True
+        )
 
     def wheel_duties(self, duties: WheelDuties) -> WheelVelocities:
         """Duties as a motion that can be commanded (see ``wheel_commands.by_duty``); raises ``ValueError``."""

@@ -64,6 +64,7 @@ class DriveState(Record, frozen=True):
     held for ``cycle_s``. ``earlier_m_s`` are the setpoints before the last step, where that had no measurement.
     ``offered`` are the last duties with their setpoints: the board's echo tells which of them it obeys.
     ``supply_share`` is the factor that makes up for the battery's voltage.
+    ``by_duty``: the duty was commanded, not found by a controller.
     ``loose``: the wheels of a side are not set to the same speed, so ``limiter`` alone does not describe the motion.
     """
 
@@ -82,3 +83,4 @@ class DriveState(Record, frozen=True):
     supply_share: float = 1.0
     earlier_m_s: tuple[float, ...] = ()
     offered: tuple[tuple[tuple[int, ...], tuple[float, ...]], ...] = ()
+    by_duty: bool = False

@@ -8,6 +8,7 @@ from chefbotd.settings import SettingsError, load
 from chefbotd.testing.daemon import SimulatedRobot
 from firmware_protocol.checked import unseal
 from tests.scenarios.instruments import Stopwatch
+from tests.scenarios.test_duties import TURN, Calibration
 from tests.scenarios.test_firmware import DEAD_MAN_S, drive, firmware, on
 from tests.scenarios.wires import frozen, rewire
 
@@ -88,6 +89,26 @@ def test_it_is_off_unless_configured_and_set_up_anew_after_a_restart():
 
     on(off)
     on(again, link__wheel_loop=True)
+
+
+def test_duties_of_a_calibration_reach_the_motors_past_the_boards_loop():
+    """For a second the motors have the very duties, by `s`; before and after it the loop drives, by `w`."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        calibration = Calibration(robot)
+        for _ in range(2):
+            await drive(robot, 0.1, 0.0, 1.0)
+            assert spoken(robot)[-10:].count(b"w") > 7
+            await asyncio.sleep(0.5)
+            await calibration.drive(*TURN, seconds=1.0)
+            assert robot.board.duty == TURN
+            assert set(spoken(robot)[-20:]) <= {b"s", b"hello"}
+            assert calibration.driven[-1].duty == TURN
+            calibration.driver.let_go()
+            await asyncio.sleep(0.5)
+            assert robot.board.duty == (0, 0)
+
+    on(scenario, link__wheel_loop=True)
 
 
 def test_gains_that_are_changed_reach_the_board():
