@@ -12,9 +12,10 @@ from tests.firmware.feeder import ran_on_us
 from tests.firmware.killed import FAULTS, MOST_S, ran_on_s
 from tests.firmware.qemu import Qemu
 
-pytestmark = [pytest.mark.realtime, pytest.mark.slow]
-
 TIMES = int(os.environ.get("KILLS", "2"))
+
+# Starting a daemon takes seconds, and half a minute on a busy computer.
+pytestmark = [pytest.mark.realtime, pytest.mark.slow, pytest.mark.timeout(600 * TIMES)]
 
 
 @pytest.mark.parametrize("fault", FAULTS)
