@@ -37,11 +37,29 @@ class Fact(Record, frozen=True):
 
 
 def link(data: Data) -> Fact:
-    """Up or down, with the device and the reason."""
+    """Up or down, with the device, and what is wrong with it."""
+    if data["state"] == "up" and data.get("healthy") is False:
+        condition = data["condition"].replace("_", " ")
+        return Fact("link", f"up on {data['device']}, {condition}: {data['reason']}", Style.ALARM)
     if data["state"] == "up":
         return Fact("link", f"up on {data['device']}", Style.GOOD)
     device = f"{data['device']}: " if data["device"] else ""
     return Fact("link", f"down, {device}{data['reason'] or 'no device yet'}", Style.ALARM)
+
+
+def firmware(data: Data) -> Fact:
+    """Our own firmware on the board: its version, whether it stops by itself, and what it has refused."""
+    name = " on ".join(filter(None, (data["version"] or "unknown", data["board"])))
+    if data["deadman_ms"] is None:
+        return Fact(
+            "firmware", ", ".join([name, "does not stop by itself now", *_reason(data)]), Style.NOTICE
+        )
+    refused = f"{data['crc_errors']} lines damaged, {data['refused']} refused"
+    return Fact("firmware", f"{name}, stops by itself after {data['deadman_ms']} ms, {refused}", Style.GOOD)
+
+
+CLASSIC = Fact("firmware", "a published sketch, which does not stop by itself")
+"""While no board of ours has named itself, as it does once a second."""
 
 
 def safety(data: Data) -> Fact:
@@ -196,6 +214,7 @@ def counters(data: Data) -> Fact:
 BY_TOPIC: tuple[tuple[str, Callable[[Data], Fact]], ...] = (
     ("safety", safety),
     ("link", link),
+    ("firmware", firmware),
     ("odometry", odometry),
     ("odometry", speed),
     ("wheels", wheels),
@@ -243,4 +262,6 @@ def of_state(state: Data) -> list[Fact]:
     """Everything in an answer of ``get_state``, and the allowed plug-ins where it has any."""
     always = {"safety": {"data": state["safety"]}, "link": {"data": state["link"]}}
     facts = of_topics({**state["topics"], **always})
+    if state["link"]["state"] == "up" and "firmware" not in state["topics"]:
+        facts.insert(2, CLASSIC)
     return [*facts, plugins(state["plugins"])] if state.get("plugins") else facts

@@ -26,6 +26,66 @@ def test_a_link_that_is_down_alarms() -> None:
     assert nameless.text == "down, not opened yet"
 
 
+def test_a_link_that_is_up_and_not_healthy_alarms() -> None:
+    """The condition, and the reason, which says what to do."""
+    data = {"state": "up", "device": "/dev/ttyACM0", "reason": "set counts_per_turn"}
+    fact = state_text.link({**data, "healthy": False, "condition": "counts_differ"})
+    assert fact.text == "up on /dev/ttyACM0, counts differ: set counts_per_turn"
+    assert fact.style is Style.ALARM
+    for healthy in (True, None):
+        fact = state_text.link({**data, "healthy": healthy, "condition": "healthy"})
+        assert (fact.text, fact.style) == ("up on /dev/ttyACM0", Style.GOOD)
+
+
+OWN = {"version": "0.1", "board": "tm4c123", "deadman_ms": 250, "crc_errors": 3, "refused": 1, "reason": ""}
+
+
+@pytest.mark.parametrize(
+    ("change", "told", "style"),
+    [
+        ({}, "0.1 on tm4c123, stops by itself after 250 ms, 3 lines damaged, 1 refused", Style.GOOD),
+        (
+            {"deadman_ms": None, "reason": "no answer"},
+            "0.1 on tm4c123, does not stop by itself now, no answer",
+            Style.NOTICE,
+        ),
+        (
+            {"version": "", "board": ""},
+            "unknown, stops by itself after 250 ms, 3 lines damaged, 1 refused",
+            Style.GOOD,
+        ),
+    ],
+)
+def test_the_boards_firmware_is_told_with_its_dead_man(
+    change: dict[str, object], told: str, style: Style
+) -> None:
+    """Its version and board, and how many lines came in damaged; or that it does not stop by itself, and why."""
+    fact = state_text.firmware({**OWN, **change})
+    assert (fact.text, fact.style) == (told, style)
+
+
+@pytest.mark.parametrize(
+    ("state", "topics", "told"),
+    [
+        ("up", {}, ["a published sketch, which does not stop by itself"]),
+        ("down", {}, []),
+        (
+            "up",
+            {"firmware": {"data": OWN, "age_s": 0.1}},
+            ["0.1 on tm4c123, stops by itself after 250 ms, 3 lines damaged, 1 refused"],
+        ),
+    ],
+)
+def test_a_board_that_has_not_named_itself_is_a_published_sketch(
+    state: str, topics: dict[str, object], told: list[str]
+) -> None:
+    """Where there is a board at all."""
+    link = {"state": state, "device": "/dev/ttyACM0", "reason": "", "healthy": None, "condition": "unknown"}
+    safety = {"mode": "estopped", "reason": "smoke", "source": None, "armed": False}
+    facts = state_text.of_state({"topics": topics, "link": link, "safety": safety})
+    assert [fact.text for fact in facts if fact.label == "firmware"] == told
+
+
 def test_a_locked_robot_alarms() -> None:
     """A robot that may not move says why."""
     fact = state_text.safety({"mode": "estopped", "reason": "smoke", "source": None, "armed": False})
@@ -109,7 +169,7 @@ def test_counters_without_a_fault_are_calm() -> None:
 def test_what_moves_goes_stale() -> None:
     """An old reading is faint; a link that has not changed for an hour is not."""
     battery = {"voltage_v": 12.0, "percentage": 50.0, "status": "ok"}
-    link = {"state": "up", "device": "x", "reason": ""}
+    link = {"state": "up", "device": "x", "reason": "", "healthy": True, "condition": "healthy"}
     link_fact, battery_fact = state_text.of_topics(
         {"battery": {"data": battery, "age_s": 1.5}, "link": {"data": link, "age_s": 3600.0}}
     )
