@@ -7,7 +7,7 @@ AVR_SMALLER := -fno-gcse -fno-tree-loop-im -fno-tree-dominator-opts -fno-inline-
 AVR_FLAGS := -mmcu=atmega328p -DF_CPU=16000000UL -Os -g $(filter-out -Wpedantic,$(WARNINGS)) -fno-common \
   -ffunction-sections -fdata-sections -fshort-enums -mcall-prologues -flto $(AVR_SMALLER) -I$(AVR_DIR) -Icore
 AVR_LINK = $(AVR_FLAGS) -Wl,--gc-sections -Wl,--relax
-AVR_SOURCES := $(CORE) $(wildcard $(AVR_DIR)/*.c $(AVR_DIR)/*.S)
+AVR_SOURCES := $(CORE) $(sort $(wildcard $(AVR_DIR)/*.c $(AVR_DIR)/*.S))
 AVR_OBJECTS := $(patsubst %,$(BUILD)/atmega328p/%.o,$(basename $(AVR_SOURCES)))
 
 boards: $(BUILD)/atmega328p.elf $(BUILD)/atmega328p.hex

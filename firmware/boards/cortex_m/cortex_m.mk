@@ -5,11 +5,11 @@ ARM_DIR := boards/cortex_m
 ARM_FLAGS := -mthumb -Os -g $(filter-out -Wpedantic,$(WARNINGS)) -ffreestanding -fno-common -ffunction-sections -fdata-sections \
   -I$(ARM_DIR) -Icore
 ARM_LINK := -nostartfiles --specs=nano.specs -Wl,--gc-sections -Wl,--no-warn-rwx-segments -T $(ARM_DIR)/memory.ld
-ARM_SHARED := $(CORE) $(wildcard $(ARM_DIR)/*.c)
+ARM_SHARED := $(CORE) $(sort $(wildcard $(ARM_DIR)/*.c))
 
 # $(1): the board, $(2): its processor
 define ARM_BOARD
-$(1)_SOURCES := $$(ARM_SHARED) $$(wildcard boards/$(1)/*.c)
+$(1)_SOURCES := $$(ARM_SHARED) $$(sort $$(wildcard boards/$(1)/*.c))
 $(1)_OBJECTS := $$($(1)_SOURCES:%.c=$$(BUILD)/$(1)/%.o)
 $(1)_FLAGS := -mcpu=$(2) $$(ARM_FLAGS) -Iboards/$(1)
 
