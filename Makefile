@@ -112,6 +112,7 @@ addons-tools:  ## Install what the tests of the add-ons need: a broker, another 
 firmware-test: $(VENV)/ready firmware  ## Build and check the firmware, and run its tests; nothing is left out
 	$(MAKE) -C firmware check images-check
 	FIRMWARE_TESTS=required $(BIN)/pytest -q $(PARALLEL) tests/firmware
+	$(BIN)/python -m tests.scenarios.soak 2 1 chefbot/emulated  # random faults, with the image itself on the board
 
 check: lint coverage wheel-test audit  ## All that has to hold: lint, coverage, wheel-test, audit
 lint: $(VENV)/ready  ## Check format, style, strict types, import rules and names
