@@ -19,7 +19,7 @@ from benchmarks.carmen import Recording, recordings
 from benchmarks.figures import Figure, Outcome
 from chefbotd.calibration.least_squares import Floats
 from chefbotd.calibration.scan_motion import Keyframe, keyframe, matched
-from chefbotd.calibration.wheel_fit import Drive, fit, in_pieces
+from chefbotd.calibration.wheel_fit import RecordedDrive, fit, in_pieces
 from chefbotd.calibration.wheel_model import NOMINAL, WheelModel, reckoned
 from chefbotd.calibration.wheel_views import MEMORY, PIECES
 from chefbotd.clock import run_virtual
@@ -178,7 +178,7 @@ def _log(log: Recording) -> list[Figure]:
     good = np.flatnonzero(seen.is_good)
     i, j, motion, shares = in_pieces(seen.poses[good], PIECES, 1)
     sigmas = np.tile(LOG_SIGMAS, (len(i), 1))
-    drive = Drive(
+    drive = RecordedDrive(
         log.name, "", left_m, right_m, rows[good][i], rows[good][j], motion, sigmas, shares * len(good) / 4
     )
     model = fit(TRACK_M, [drive]).model

@@ -15,7 +15,7 @@ import numpy as np
 from benchmarks.figures import Figure, Outcome
 from benchmarks.ticks import Geometry, Run, read_geometry, read_runs
 from chefbotd.calibration.least_squares import Floats
-from chefbotd.calibration.wheel_fit import Drive, WheelFit, fit, in_pieces, needs_rich
+from chefbotd.calibration.wheel_fit import RecordedDrive, WheelFit, fit, in_pieces, needs_rich
 from chefbotd.calibration.wheel_model import NOMINAL, WheelModel, reckoned
 from chefbotd.core.geometry import wrap_angle
 
@@ -38,11 +38,11 @@ def fitted(geometry: Geometry, runs: Sequence[Run]) -> WheelFit:
     return fit(geometry.wheel_base_m, drives, is_rich=is_rich)
 
 
-def _drive(geometry: Geometry, run: Run) -> Drive:
+def _drive(geometry: Geometry, run: Run) -> RecordedDrive:
     left_m, right_m = _rolled(geometry, run)
     lengths = [round(piece_s / geometry.cycle_s) for piece_s in PIECES_S]
     first, last, motion, shares = in_pieces(run.poses, lengths, round(EVERY_S / geometry.cycle_s))
-    return Drive(
+    return RecordedDrive(
         run.name, run.kind, left_m[1:], right_m[1:], first, last, motion, np.tile(TRUTH_SIGMAS, (len(first), 1)), shares
     )  # fmt: skip
 

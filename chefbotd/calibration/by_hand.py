@@ -5,14 +5,14 @@ from statistics import fmean, stdev
 
 from chefbotd.calibration.step import (
     Ask,
+    ConfiguredRobot,
     Estimate,
     Measurements,
     Move,
     Procedure,
     Residual,
-    Robot,
     Status,
-    Step,
+    StepDefinition,
     StepResult,
 )
 
@@ -30,14 +30,14 @@ VOLTMETER_V = 0.01
 MOST_OFF = 0.25
 
 
-def _turn_wheels(robot: Robot) -> Procedure:
+def _turn_wheels(robot: ConfiguredRobot) -> Procedure:
     wheels = robot.chassis.wheels
     for number, wheel in enumerate(wheels):
         text = f"Turn {wheel.name} forward by hand, whole turns from mark to mark, and type how many. 0 leaves it out."
         yield Ask(f"{TURNS}{wheel.name}", text, "turns", 0, 100, number / len(wheels))
 
 
-def _fit_turns(robot: Robot, measurements: Measurements) -> StepResult:
+def _fit_turns(robot: ConfiguredRobot, measurements: Measurements) -> StepResult:
     """The counts of a turn: what each wheel counted in all, over the turns that were typed."""
     shares, sigmas = list[float](), list[float]()
     for index, wheel in enumerate(robot.chassis.wheels):
@@ -74,13 +74,13 @@ def _fit_turns(robot: Robot, measurements: Measurements) -> StepResult:
     return StepResult("encoders", Status.PASSED, "", (estimate,))
 
 
-def _read_voltmeter(robot: Robot) -> Procedure:
+def _read_voltmeter(robot: ConfiguredRobot) -> Procedure:
     yield Move(None, REST_S, "measures the battery at rest")
     text = "Measure the battery with a voltmeter, at its own terminals, and type what it shows."
     yield Ask(VOLTAGE, text, "V", 1.0, 60.0, 0.5)
 
 
-def _fit_divider(robot: Robot, measurements: Measurements) -> StepResult:
+def _fit_divider(robot: ConfiguredRobot, measurements: Measurements) -> StepResult:
     """The divider that makes the mean of the readings what the voltmeter shows."""
     if VOLTAGE not in measurements.answers:
         return StepResult("battery", Status.NOT_ENOUGH, "nobody has typed what a voltmeter shows")
@@ -104,11 +104,11 @@ def _fit_divider(robot: Robot, measurements: Measurements) -> StepResult:
     )
 
 
-def _nothing_missing(robot: Robot) -> str:
+def _nothing_missing(robot: ConfiguredRobot) -> str:
     return ""
 
 
-ENCODERS = Step(
+ENCODERS = StepDefinition(
     "encoders",
     "the counts of a wheel's turn",
     "Lift the wheels off the floor, and make a mark on each tyre and beside it.",
@@ -117,7 +117,7 @@ ENCODERS = Step(
     _turn_wheels,
     _fit_turns,
 )
-BATTERY = Step(
+BATTERY = StepDefinition(
     "battery",
     "the voltage divider of the battery",
     "Have a voltmeter at hand.",

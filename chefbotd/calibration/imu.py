@@ -5,7 +5,7 @@ are fitted to the turns by the wheels; where a lidar looks on, to what it sees f
 """
 
 from chefbotd.calibration.imu_fit import NAME, fit_imu
-from chefbotd.calibration.step import Move, Procedure, Robot, Step
+from chefbotd.calibration.step import ConfiguredRobot, Move, Procedure, StepDefinition
 from chefbotd.core.geometry import Twist2D
 
 SPACE_M = 0.35
@@ -15,11 +15,11 @@ TURN_RAD = 7.0
 JOG_M_S, JOG_S, JOGS = 0.25, 0.8, 4
 
 
-def _missing(robot: Robot) -> str:
+def _missing(robot: ConfiguredRobot) -> str:
     return "" if robot.imu is not None else "the robot has no IMU"
 
 
-def _procedure(robot: Robot) -> Procedure:
+def _procedure(robot: ConfiguredRobot) -> Procedure:
     fastest_rad_s = 1.8 * robot.drive.max_rim_speed_m_s / robot.chassis.effective_track_m
     fastest_rad_s = min(fastest_rad_s, robot.limits.angular.axis.max_forward)
     yield Move(None, REST_S, "stands, so that the bias shows")
@@ -35,7 +35,7 @@ def _procedure(robot: Robot) -> Procedure:
             yield Move(Twist2D(sign * speed_m_s), JOG_S, "drives to and fro", 0.75 + 0.05 * k)
 
 
-IMU = Step(
+IMU = StepDefinition(
     NAME,
     "gyroscope's scale and bias, the lag of its readings, and the mount's heading",
     "Put the robot on the floor where it will drive. The wheels must be calibrated.",

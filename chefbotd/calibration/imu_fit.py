@@ -17,11 +17,11 @@ from chefbotd.calibration.imu_mount import LAGS_S, LEAST_READINGS, Flags, in_tim
 from chefbotd.calibration.least_squares import Floats, solve
 from chefbotd.calibration.rolling import Rolling, rests, rolling
 from chefbotd.calibration.step import (
+    ConfiguredRobot,
     Estimate,
     Measurements,
     Plot,
     Residual,
-    Robot,
     Series,
     Status,
     StepResult,
@@ -58,7 +58,7 @@ class Turned(Record, frozen=True):
     is_rate: bool
 
 
-def fit_imu(robot: Robot, measurements: Measurements) -> StepResult:
+def fit_imu(robot: ConfiguredRobot, measurements: Measurements) -> StepResult:
     """Scale, lag, and of a board that sends rates the bias and the mount."""
     imu, rolled = robot.imu or ImuParameters(), rolling(robot.chassis, measurements.wheels)
     shown = turned_by_imu(measurements)
@@ -141,7 +141,7 @@ def _bias(shown: Turned, spans: list[tuple[float, float]]) -> tuple[float, float
     return bias, max(float(np.average(spread, weights=lengths)), 1e-5)
 
 
-def _reference(robot: Robot, measurements: Measurements, rolled: Rolling) -> tuple[Floats, bool]:
+def _reference(robot: ConfiguredRobot, measurements: Measurements, rolled: Rolling) -> tuple[Floats, bool]:
     """The heading at each reading of the wheels, and whether a lidar has put it right."""
     track_m = robot.chassis.effective_track_m
     heading = (rolled.right_m - rolled.left_m) / track_m
@@ -167,7 +167,7 @@ def _reference(robot: Robot, measurements: Measurements, rolled: Rolling) -> tup
     return heading + np.interp(turned, turned[rows], off_rad), True
 
 
-class Fitted(Record, frozen=True):
+class FittedImu(Record, frozen=True):
     """The scale and the lag with their standard deviations, and what is left (n,) before and after, at times (n,)."""
 
     scale: tuple[float, float]
@@ -180,7 +180,7 @@ class Fitted(Record, frozen=True):
 
 def _fitted(
     shown: Turned, used: Flags, reference: tuple[Floats, Floats], bias: float, lag_s: float
-) -> Fitted:
+) -> FittedImu:
     """Scale and lag, and of headings the drift; the bias of rates is what it was at rest.
 
     The offset is free. The sum of rates has another one after each time in which they were late.
@@ -219,7 +219,7 @@ def _fitted(
         return left[:, None]
 
     solution = solve(residuals, start)
-    return Fitted(
+    return FittedImu(
         (float(solution.values[0]), float(solution.sigmas[0])),
         (float(solution.values[1]), float(solution.sigmas[1])),
         since_s,
@@ -230,7 +230,12 @@ def _fitted(
 
 
 def _judged(
-    robot: Robot, fitted: Fitted, bias: tuple[float, float] | None, turned_rad: float, *, by_lidar: bool
+    robot: ConfiguredRobot,
+    fitted: FittedImu,
+    bias: tuple[float, float] | None,
+    turned_rad: float,
+    *,
+    by_lidar: bool,
 ) -> StepResult:
     """The result, unless wheels and IMU do not speak of the same drive. ``bias`` None: a board that sends headings."""
     imu, scale, rms_rad = robot.imu or ImuParameters(), fitted.scale[0], _rms(fitted.after_rad)

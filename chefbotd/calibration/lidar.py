@@ -4,15 +4,22 @@ It drives and fits as ``wheels`` does, for half of the time, and leaves radii an
 lidars needs it, because ``wheels`` finds the mount of the first one only.
 """
 
-from chefbotd.calibration.step import Measurements, Procedure, Robot, Status, Step, StepResult
+from chefbotd.calibration.step import (
+    ConfiguredRobot,
+    Measurements,
+    Procedure,
+    Status,
+    StepDefinition,
+    StepResult,
+)
 from chefbotd.calibration.wheels import SPACE_M, drive_and_look, missing
 
 
-def _procedure(robot: Robot) -> Procedure:
+def _procedure(robot: ConfiguredRobot) -> Procedure:
     yield from drive_and_look(robot, 1)
 
 
-def _fit(robot: Robot, measurements: Measurements) -> StepResult:
+def _fit(robot: ConfiguredRobot, measurements: Measurements) -> StepResult:
     from chefbotd.calibration.wheel_result import fit_mount  # matches scans, so it loads a compiler
 
     results = [fit_mount(robot, measurements, lidar) for lidar in robot.lidars]
@@ -28,7 +35,7 @@ def _fit(robot: Robot, measurements: Measurements) -> StepResult:
     )
 
 
-LIDAR = Step(
+LIDAR = StepDefinition(
     "lidar",
     "the mount of each lidar, where the wheels are calibrated",
     "Put the robot on the floor where it will drive, among furniture or walls that its lidars see.",

@@ -43,14 +43,14 @@ class Input(Record, frozen=True):
     duty: float
 
 
-class Sample(Record, frozen=True):
+class AngleSample(Record, frozen=True):
     """The wheel's angle at a time."""
 
     stamp_s: float
     angle_rad: float
 
 
-class Run(Record, frozen=True):
+class MotorRun(Record, frozen=True):
     """What was driven from rest without a pause: the inputs, the last one zero, and the angles meanwhile.
 
     ``spins``: the wheels of the two sides were driven against each other.
@@ -58,10 +58,10 @@ class Run(Record, frozen=True):
 
     spins: bool
     inputs: tuple[Input, ...]
-    samples: tuple[Sample, ...]
+    samples: tuple[AngleSample, ...]
 
 
-class Fitted(Record, frozen=True):
+class FittedMotor(Record, frozen=True):
     """The parameters (in the order above) with their standard deviations, and the residuals' root mean square in rad."""
 
     parameters: tuple[float, ...]
@@ -91,7 +91,7 @@ def advance(parameters: Sequence[float], speed: float, duty: float, dt_s: float)
     return sign * reached, sign * (steady * dt_s + (now - steady) * lag_s * passed)
 
 
-def simulated(parameters: Sequence[float], run: Run) -> list[float]:
+def simulated(parameters: Sequence[float], run: MotorRun) -> list[float]:
     """The angle at each sample, from 0 at rest."""
     delay_s = parameters[DELAY]
     if run.spins:
@@ -115,7 +115,7 @@ def simulated(parameters: Sequence[float], run: Run) -> list[float]:
     return angles
 
 
-def stretches(run: Run) -> list[range]:
+def stretches(run: MotorRun) -> list[range]:
     """The samples of each stretch of constant duty, each with the last sample before it."""
     begins = [entry.stamp_s for entry in run.inputs]
     parts = []
@@ -126,7 +126,7 @@ def stretches(run: Run) -> list[range]:
     return parts
 
 
-def _residuals(at: Floats, runs: Sequence[Run]) -> tuple[Floats, Floats]:
+def _residuals(at: Floats, runs: Sequence[MotorRun]) -> tuple[Floats, Floats]:
     """How much farther the wheel turned than the model since the beginning of each stretch, and the stretch's number."""
     parameters: list[float] = at.tolist()
     values, groups, group = [], [], 0
@@ -149,7 +149,7 @@ def _bounded(parameters: Floats) -> Floats:
     return np.clip(parameters, low, high)
 
 
-def _jacobian(parameters: Floats, free: Sequence[int], runs: Sequence[Run], residuals: Floats) -> Floats:
+def _jacobian(parameters: Floats, free: Sequence[int], runs: Sequence[MotorRun], residuals: Floats) -> Floats:
     columns = []
     for i in free:
         size = STEPS[i] * parameters[i] if i in (GAIN, GAIN + 3) else STEPS[i]
@@ -159,7 +159,7 @@ def _jacobian(parameters: Floats, free: Sequence[int], runs: Sequence[Run], resi
     return np.array(columns).T
 
 
-def fit(runs: Sequence[Run], start: Sequence[float]) -> Fitted | None:
+def fit(runs: Sequence[MotorRun], start: Sequence[float]) -> FittedMotor | None:
     """The parameters that explain the runs best; None where they do not determine all of them.
 
     With runs of one kind only, the ratio ``SPIN`` stays as it is, without a standard deviation.
@@ -193,7 +193,9 @@ def fit(runs: Sequence[Run], start: Sequence[float]) -> Fitted | None:
                 break
     after_rad = float(np.sqrt(np.mean(residuals**2)))
     sigmas = _sigmas(parameters, free, runs, residuals, groups)
-    return Fitted(tuple(parameters.tolist()), tuple(sigmas.tolist()), before_rad, after_rad, len(residuals))
+    return FittedMotor(
+        tuple(parameters.tolist()), tuple(sigmas.tolist()), before_rad, after_rad, len(residuals)
+    )
 
 
 def _is_singular(normal: Floats) -> bool:
@@ -208,7 +210,7 @@ def _weights(residuals: Floats) -> Floats:
 
 
 def _sigmas(
-    parameters: Floats, free: Sequence[int], runs: Sequence[Run], residuals: Floats, groups: Floats
+    parameters: Floats, free: Sequence[int], runs: Sequence[MotorRun], residuals: Floats, groups: Floats
 ) -> Floats:
     """The standard deviations, from how much the stretches disagree."""
     weights, jacobian = _weights(residuals), _jacobian(parameters, free, runs, residuals)

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from statistics import mean, median
 
-from chefbotd.calibration.motor_fit import DELAY, Fitted
-from chefbotd.calibration.step import Estimate, Measurements, Robot
+from chefbotd.calibration.motor_fit import DELAY, FittedMotor
+from chefbotd.calibration.step import ConfiguredRobot, Estimate, Measurements
 from chefbotd.core.record import Record
 from chefbotd.motion.kinematics import Kinematics
 
@@ -39,7 +39,7 @@ def timing_of(measured: Measurements) -> Timing | None:
     return Timing(cycle_s, median(afters)) if afters else None
 
 
-def _delay_s(robot: Robot, motors: Sequence[Fitted], timing: Timing | None) -> float:
+def _delay_s(robot: ConfiguredRobot, motors: Sequence[FittedMotor], timing: Timing | None) -> float:
     """From a reading until the duty that it leads to acts: the board reads it in its next cycle."""
     if timing is None:
         return robot.drive.response_delay_s
@@ -52,7 +52,9 @@ def lambda_gains(kv_duty_per_m_s: float, lag_s: float, delay_s: float) -> tuple[
     return kp, kp / lag_s
 
 
-def gains_estimates(robot: Robot, motors: Sequence[Fitted], timing: Timing | None) -> Iterator[Estimate]:
+def gains_estimates(
+    robot: ConfiguredRobot, motors: Sequence[FittedMotor], timing: Timing | None
+) -> Iterator[Estimate]:
     """For every wheel the same gains, by the mean of the motors: wheels that answer alike keep the robot straight.
 
     None for a robot that was measured on blocks: on the floor its motors move another inertia.
@@ -84,7 +86,7 @@ def gains_estimates(robot: Robot, motors: Sequence[Fitted], timing: Timing | Non
 
 
 def supply_and_delay(
-    robot: Robot, motors: Sequence[Fitted], voltage_v: float | None, timing: Timing | None
+    robot: ConfiguredRobot, motors: Sequence[FittedMotor], voltage_v: float | None, timing: Timing | None
 ) -> Iterator[Estimate]:
     """The battery's voltage meanwhile, and how late the board obeys."""
     if voltage_v is not None:

@@ -5,15 +5,15 @@ from collections.abc import Callable, Iterator, Sequence
 from itertools import pairwise
 from statistics import mean
 
-from chefbotd.calibration.motor_fit import Fitted, Input, Run, Sample, fit, simulated
+from chefbotd.calibration.motor_fit import AngleSample, FittedMotor, Input, MotorRun, fit, simulated
 from chefbotd.calibration.motor_gains import gains_estimates, supply_and_delay, timing_of
 from chefbotd.calibration.motor_wiring import wrong_wiring
 from chefbotd.calibration.step import (
+    ConfiguredRobot,
     Estimate,
     Measurements,
     Plot,
     Residual,
-    Robot,
     Series,
     Status,
     StepResult,
@@ -40,7 +40,7 @@ LEAST_TURNED_RAD = 1.0
 PARAMETERS = (("gain_rad_s_per_duty", "rad/s"), ("dead_zone_duty", "duty"), ("time_constant_s", "s"))
 
 
-def fit_motors(robot: Robot, measured: Measurements) -> StepResult:
+def fit_motors(robot: ConfiguredRobot, measured: Measurements) -> StepResult:
     """The models of all wheels, and the gains that follow."""
     if measured.answers.get(HANGS_FREE, 1.0) < 1.0:
         return _not_enough(
@@ -51,8 +51,8 @@ def fit_motors(robot: Robot, measured: Measurements) -> StepResult:
     if wrong := wrong_wiring(robot, measured):
         return StepResult(NAME, Status.REFUSED, wrong)
     voltage_v = mean([event.voltage_v for event in measured.battery]) if measured.battery else None
-    motors: list[Fitted] = []
-    wheel_runs: list[tuple[Run, ...]] = []
+    motors: list[FittedMotor] = []
+    wheel_runs: list[tuple[MotorRun, ...]] = []
     for number, wheel in enumerate(robot.chassis.wheels):
         runs = _runs(robot, measured, number, voltage_v)
         stretches = sum(len(run.inputs) - 1 for run in runs)
@@ -86,7 +86,7 @@ def _not_enough(why: str) -> StepResult:
     return StepResult(NAME, Status.NOT_ENOUGH, why)
 
 
-def _start(robot: Robot, number: int) -> tuple[float, ...]:
+def _start(robot: ConfiguredRobot, number: int) -> tuple[float, ...]:
     """The parameters as they are configured: by the motors' models, else by the feedforward."""
     wheel, radius_m = robot.chassis.wheels[number], Kinematics(robot.chassis).radii_m[number]
     if (motor := robot.drive.motors.get(wheel.name)) is not None:
@@ -101,7 +101,7 @@ def _values(model: MotorModel) -> tuple[float, float, float]:
     return model.gain_rad_s_per_duty, model.dead_zone_duty, model.time_constant_s
 
 
-def _changes(robot: Robot, measured: Measurements) -> Iterator[tuple[float, tuple[float, ...]]]:
+def _changes(robot: ConfiguredRobot, measured: Measurements) -> Iterator[tuple[float, tuple[float, ...]]]:
     """When which duties came into force (forward positive): by the board's echo, else by the steps before them."""
     signs = [wheel.motor_sign for wheel in robot.chassis.wheels]
     before: tuple[float, ...] = ()
@@ -112,9 +112,11 @@ def _changes(robot: Robot, measured: Measurements) -> Iterator[tuple[float, tupl
             yield event.stamp_s, duty
 
 
-def _runs(robot: Robot, measured: Measurements, number: int, voltage_v: float | None) -> tuple[Run, ...]:
+def _runs(
+    robot: ConfiguredRobot, measured: Measurements, number: int, voltage_v: float | None
+) -> tuple[MotorRun, ...]:
     """The drives of all wheels from rest; those of one wheel alone are left out."""
-    runs: list[Run] = []
+    runs: list[MotorRun] = []
     inside: list[Input] = []
     spins = is_whole = False
     for stamp_s, duty in _changes(robot, measured):
@@ -135,10 +137,10 @@ BEFORE_S = 0.3
 
 def _run(
     measured: Measurements, number: int, inputs: Sequence[Input], voltage_v: float | None, *, spins: bool
-) -> Run:
+) -> MotorRun:
     begin_s, end_s = inputs[0].stamp_s, inputs[-1].stamp_s
     samples = [
-        Sample(event.stamp_s, event.position_rad[number])
+        AngleSample(event.stamp_s, event.position_rad[number])
         for event in measured.wheels
         if begin_s - BEFORE_S <= event.stamp_s <= end_s
     ]
@@ -146,7 +148,7 @@ def _run(
         Input(entry.stamp_s, entry.duty * _supply(measured, entry.stamp_s, after.stamp_s, voltage_v))
         for entry, after in pairwise(inputs)
     ]
-    return Run(spins, (*supplied, inputs[-1]), tuple(samples))
+    return MotorRun(spins, (*supplied, inputs[-1]), tuple(samples))
 
 
 def _supply(measured: Measurements, from_s: float, to_s: float, voltage_v: float | None) -> float:
@@ -155,7 +157,7 @@ def _supply(measured: Measurements, from_s: float, to_s: float, voltage_v: float
     return mean(inside) / voltage_v if inside and voltage_v else 1.0
 
 
-def _unbelievable(robot: Robot, name: str, fitted: Fitted) -> str:
+def _unbelievable(robot: ConfiguredRobot, name: str, fitted: FittedMotor) -> str:
     """Why this is no result; empty: it is one."""
     if fitted.after_rad > MOST_RESIDUAL_RAD:
         return (
@@ -183,11 +185,11 @@ def _unbelievable(robot: Robot, name: str, fitted: Fitted) -> str:
     return ""
 
 
-def _residual(name: str, fitted: Fitted) -> Residual:
+def _residual(name: str, fitted: FittedMotor) -> Residual:
     return Residual(f"angle of {name}", "rad", fitted.before_rad, fitted.after_rad, fitted.count)
 
 
-def _models(robot: Robot, motors: Sequence[Fitted]) -> Iterator[Estimate]:
+def _models(robot: ConfiguredRobot, motors: Sequence[FittedMotor]) -> Iterator[Estimate]:
     for number, (wheel, fitted) in enumerate(zip(robot.chassis.wheels, motors, strict=True)):
         start = _start(robot, number)
         for first, direction in ((0, "forward"), (3, "reverse")):
@@ -201,7 +203,7 @@ def _models(robot: Robot, motors: Sequence[Fitted]) -> Iterator[Estimate]:
                 )
 
 
-def _remark(robot: Robot, measured: Measurements) -> str:
+def _remark(robot: ConfiguredRobot, measured: Measurements) -> str:
     """What should be known of a result that is one."""
     headings = [event.heading_rad for event in measured.imu if event.heading_rad is not None]
     turns = [abs(math.remainder(after - before, math.tau)) for before, after in pairwise(headings)]
@@ -210,7 +212,7 @@ def _remark(robot: Robot, measured: Measurements) -> str:
     return ""
 
 
-def _plot(name: str, runs: Sequence[Run], before: Sequence[float], after: Sequence[float]) -> Plot:
+def _plot(name: str, runs: Sequence[MotorRun], before: Sequence[float], after: Sequence[float]) -> Plot:
     """The answer to the first duties: speeds as measured, and by the model before and after."""
     run = runs[0]
     begin_s = run.inputs[0].stamp_s

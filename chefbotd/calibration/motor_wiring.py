@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from chefbotd.calibration.step import Measurements, Robot
+from chefbotd.calibration.step import ConfiguredRobot, Measurements
 from chefbotd.motion.kinematics import Side
 
 PROBE_SHARES = (0.12, 0.16, 0.2, 0.25, 0.32, 0.4)
@@ -27,12 +27,12 @@ def turned_rad(measured: Measurements) -> tuple[float, ...]:
     return tuple([after - earlier for after, earlier in zip(last.position_rad, before, strict=True)])
 
 
-def wrong_wiring(robot: Robot, measured: Measurements) -> str:
+def wrong_wiring(robot: ConfiguredRobot, measured: Measurements) -> str:
     """What is reversed, swapped or dead, by the stretches in which one wheel alone was driven; empty: nothing is."""
     return "; ".join(_probed(robot, measured))
 
 
-def _probed(robot: Robot, measured: Measurements) -> Iterator[str]:
+def _probed(robot: ConfiguredRobot, measured: Measurements) -> Iterator[str]:
     names = [wheel.name for wheel in robot.chassis.wheels]
     for number, wheel in enumerate(robot.chassis.wheels):
         turned = _probe(robot, measured, number)
@@ -55,7 +55,7 @@ def _probed(robot: Robot, measured: Measurements) -> Iterator[str]:
             )
 
 
-def _probe(robot: Robot, measured: Measurements, number: int) -> tuple[float, ...] | None:
+def _probe(robot: ConfiguredRobot, measured: Measurements, number: int) -> tuple[float, ...] | None:
     """How far each wheel turned from when this one was first driven alone until another was; None: it never was."""
     alone = _alone(measured, number)
     if not alone:
@@ -81,7 +81,7 @@ LEAST_TURN_RAD = 0.02
 """Of the robot, that counts: the quantum of the orientation on ChefBot's wire."""
 
 
-def _reversed(robot: Robot, measured: Measurements, number: int) -> str:
+def _reversed(robot: ConfiguredRobot, measured: Measurements, number: int) -> str:
     """Which of the two is reversed, where the IMU tells how the robot turned."""
     wheel = robot.chassis.wheels[number]
     motor = f"give its motor the sign {-wheel.motor_sign} in the configuration"

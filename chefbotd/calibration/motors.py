@@ -11,7 +11,7 @@ from collections.abc import Generator, Sequence
 
 from chefbotd.calibration.motor_result import HANGS_FREE, NAME, fit_motors
 from chefbotd.calibration.motor_wiring import PROBE_RAD, PROBE_SHARES, turned_rad, wrong_wiring
-from chefbotd.calibration.step import Ask, Measurements, Move, Procedure, Robot, Step
+from chefbotd.calibration.step import Ask, ConfiguredRobot, Measurements, Move, Procedure, StepDefinition
 from chefbotd.core.geometry import WheelDuties
 from chefbotd.motion.kinematics import Side
 
@@ -30,7 +30,7 @@ HIGHEST_SHARE = 0.9
 """Of the rim speed that the wheels can reach: battery and motors may be weaker than configured."""
 
 
-def _duties(robot: Robot, shares: Sequence[float]) -> WheelDuties:
+def _duties(robot: ConfiguredRobot, shares: Sequence[float]) -> WheelDuties:
     """The duty at which each wheel should turn at these shares of the highest speed, by what is known of it."""
     most_m_s = HIGHEST_SHARE * robot.drive.max_rim_speed_m_s
     duty = []
@@ -43,7 +43,7 @@ def _duties(robot: Robot, shares: Sequence[float]) -> WheelDuties:
     return WheelDuties(tuple(duty))
 
 
-def _probes(robot: Robot) -> Generator[Move, Measurements, Measurements]:
+def _probes(robot: ConfiguredRobot) -> Generator[Move, Measurements, Measurements]:
     """Turn each wheel alone, a little; one that counts backwards a little more, so that the IMU sees which way."""
     wheels, measured = robot.chassis.wheels, Measurements()
     for number, wheel in enumerate(wheels):
@@ -63,7 +63,7 @@ def _probes(robot: Robot) -> Generator[Move, Measurements, Measurements]:
     return measured
 
 
-def procedure(robot: Robot) -> Procedure:
+def procedure(robot: ConfiguredRobot) -> Procedure:
     """Each wheel alone, a little; then every wheel at several duties."""
     wheels = robot.chassis.wheels
     if len(wheels) > 2:
@@ -89,11 +89,11 @@ def procedure(robot: Robot) -> Procedure:
             yield Move(duties, HOP_S, "measures the motors on short ways", 0.6 + 0.4 * place / len(HOPS))
 
 
-def _missing(robot: Robot) -> str:
+def _missing(robot: ConfiguredRobot) -> str:
     return ""
 
 
-STEP = Step(
+STEP = StepDefinition(
     name=NAME,
     purpose="how each motor turns its wheel: dead zone, speed by duty and time constant, and the gains that follow",
     preparation=(

@@ -12,16 +12,16 @@ import numpy as np
 from chefbotd.calibration.least_squares import Floats
 from chefbotd.calibration.rolling import rests, rolling
 from chefbotd.calibration.step import (
+    ConfiguredRobot,
     Estimate,
     Measurements,
     Move,
     Plot,
     Procedure,
     Residual,
-    Robot,
     Series,
     Status,
-    Step,
+    StepDefinition,
     StepResult,
 )
 from chefbotd.core.events import RangeMeasured, RangeStatus
@@ -67,7 +67,7 @@ class _Pair(Record, frozen=True):
     expected_m: float
 
 
-def _sensors(robot: Robot) -> Iterator[_Sensor]:
+def _sensors(robot: ConfiguredRobot) -> Iterator[_Sensor]:
     if robot.ultrasonic is not None:
         one = robot.ultrasonic
         yield _Sensor("ultrasonic", one.name, one.offset_m, one.base_from_sensor, one.field_of_view_rad)
@@ -81,20 +81,20 @@ def _sensors(robot: Robot) -> Iterator[_Sensor]:
         )
 
 
-def _missing(robot: Robot) -> str:
+def _missing(robot: ConfiguredRobot) -> str:
     if not any(True for _ in _sensors(robot)):
         return "the robot has no ultrasonic or infrared sensor"
     return "" if robot.lidars else "the robot has no lidar"
 
 
-def _procedure(robot: Robot) -> Procedure:
+def _procedure(robot: ConfiguredRobot) -> Procedure:
     seconds = math.tau / HEADINGS / TURN_RAD_S
     for heading in range(HEADINGS):
         yield Move(None, LOOK_S, "looks ahead", heading / HEADINGS)
         yield Move(Twist2D(0.0, TURN_RAD_S), seconds, "turns a little", (heading + 0.5) / HEADINGS)
 
 
-def _fit(robot: Robot, measurements: Measurements) -> StepResult:
+def _fit(robot: ConfiguredRobot, measurements: Measurements) -> StepResult:
     rolled = rolling(robot.chassis, measurements.wheels)
     if rolled is None:
         return StepResult(NAME, Status.NOT_ENOUGH, "no readings of the wheels")
@@ -116,7 +116,7 @@ def _fit(robot: Robot, measurements: Measurements) -> StepResult:
 
 
 def _of_sensor(
-    sensor: _Sensor, robot: Robot, measurements: Measurements, spans: Sequence[tuple[float, float]]
+    sensor: _Sensor, robot: ConfiguredRobot, measurements: Measurements, spans: Sequence[tuple[float, float]]
 ) -> StepResult:
     ranges = [
         one for one in measurements.ranges if one.sensor == sensor.name and one.status is RangeStatus.OK
@@ -144,7 +144,7 @@ def _of_sensor(
 
 def _pair(
     sensor: _Sensor,
-    robot: Robot,
+    robot: ConfiguredRobot,
     scans: Iterable[ScanMeasured],
     ranges: Iterable[RangeMeasured],
     span: tuple[float, float],
@@ -160,7 +160,7 @@ def _pair(
     return _Pair(float(np.median(read) if np.ptp(read) > AGREE_M else np.mean(read)), expected_m)
 
 
-def _points(robot: Robot, measured: ScanMeasured) -> Floats:
+def _points(robot: ConfiguredRobot, measured: ScanMeasured) -> Floats:
     """What a turn at rest shows, (n, 2) in the base's frame."""
     lidar = next((one for one in robot.lidars if one.name == measured.lidar), None)
     if lidar is None:
@@ -205,7 +205,7 @@ def _plot(name: str, pairs: Sequence[_Pair], offset_m: float) -> Plot:
     return Plot(f"{name} against the lidar", "lidar (m)", "sensor (m)", (read, line), equal=True)
 
 
-SENSORS = Step(
+SENSORS = StepDefinition(
     NAME,
     "the offset of ultrasonic and infrared sensors",
     "Put the robot where walls or boxes stand around it, 0.5 to 1.5 m away.",

@@ -5,7 +5,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from chefbotd.calibration.step import Robot
+from chefbotd.calibration.step import ConfiguredRobot
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.record import Record
 from chefbotd.core.scan import Floats
@@ -26,7 +26,7 @@ class FreeSpace(Record, frozen=True):
         return f"{self.distance_m:.2f} m, {side}"
 
 
-def free_space(robot: Robot, scans: Iterable[ScanMeasured]) -> FreeSpace | None:
+def free_space(robot: ConfiguredRobot, scans: Iterable[ScanMeasured]) -> FreeSpace | None:
     """The free floor around the outline by the newest scan of each lidar; None where none sees anything."""
     newest = {scan.lidar: scan for scan in scans}
     points = [_points(robot, scan) for scan in newest.values()]
@@ -41,7 +41,7 @@ def free_space(robot: Robot, scans: Iterable[ScanMeasured]) -> FreeSpace | None:
     return FreeSpace(distance_m, math.atan2(nearest[1], nearest[0]))
 
 
-def _points(robot: Robot, measured: ScanMeasured) -> Floats:
+def _points(robot: ConfiguredRobot, measured: ScanMeasured) -> Floats:
     """The readings in the base's frame, 2 x N."""
     lidar = next((one for one in robot.lidars if one.name == measured.lidar), None)
     if lidar is None:

@@ -35,16 +35,16 @@ from chefbotd.sensing.ultrasonic import UltrasonicParameters
 __all__ = [
     "Action",
     "Ask",
+    "ConfiguredRobot",
     "Estimate",
     "Measurements",
     "Move",
     "Plot",
     "Procedure",
     "Residual",
-    "Robot",
     "Series",
     "Status",
-    "Step",
+    "StepDefinition",
     "StepResult",
 ]
 
@@ -56,7 +56,7 @@ SIGMA_SHARE = 1 / 3
 """How uncertain a standard deviation is by itself (assumed)."""
 
 
-class Robot(Record, frozen=True):
+class ConfiguredRobot(Record, frozen=True):
     """The robot as it is configured, with the results of other steps so far: what a step starts from.
 
     Of the step's own parameters, it has those in force while the measurements were made. A scan's mount is the one in
@@ -123,7 +123,7 @@ Procedure: TypeAlias = Generator[Action, Measurements, None]
 """Is sent what was measured during the action that it has yielded; an ``Ask`` is answered in ``answers``."""
 
 
-class Step(Record, frozen=True):
+class StepDefinition(Record, frozen=True):
     """One step. ``preparation`` says what a person does first; the robot needs ``space_m`` of free floor around it.
 
     ``missing(robot)`` says why this robot cannot take the step (empty: it can). ``fit(robot, measurements)`` never
@@ -135,7 +135,7 @@ class Step(Record, frozen=True):
     purpose: str
     preparation: str
     space_m: float
-    missing: Callable[[Robot], str]
-    procedure: Callable[[Robot], Procedure]
-    fit: Callable[[Robot, Measurements], StepResult]
+    missing: Callable[[ConfiguredRobot], str]
+    procedure: Callable[[ConfiguredRobot], Procedure]
+    fit: Callable[[ConfiguredRobot, Measurements], StepResult]
     on_request: bool = False

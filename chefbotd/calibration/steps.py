@@ -10,16 +10,16 @@ from chefbotd.calibration.by_hand import BATTERY, ENCODERS
 from chefbotd.calibration.imu import IMU
 from chefbotd.calibration.lidar import LIDAR
 from chefbotd.calibration.sensors import SENSORS
-from chefbotd.calibration.step import Measurements, Robot, Status, Step, StepResult
+from chefbotd.calibration.step import ConfiguredRobot, Measurements, Status, StepDefinition, StepResult
 from chefbotd.calibration.umbmark import UMBMARK
 from chefbotd.calibration.wheels import WHEELS
 
-ORDER: tuple[Step, ...] = (ENCODERS, BATTERY, motors.STEP, WHEELS, UMBMARK, LIDAR, IMU, SENSORS)
+ORDER: tuple[StepDefinition, ...] = (ENCODERS, BATTERY, motors.STEP, WHEELS, UMBMARK, LIDAR, IMU, SENSORS)
 
-STEPS: Mapping[str, Step] = {step.name: step for step in ORDER}
+STEPS: Mapping[str, StepDefinition] = {step.name: step for step in ORDER}
 
 
-def fitted(name: str, robot: Robot, measurements: Measurements) -> StepResult:
+def fitted(name: str, robot: ConfiguredRobot, measurements: Measurements) -> StepResult:
     """The result of the step of this name; ``refused`` where the fit has no solution, or a number is not finite."""
     try:
         result = STEPS[name].fit(robot, measurements)

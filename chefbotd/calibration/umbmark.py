@@ -16,16 +16,16 @@ from chefbotd.calibration.least_squares import Floats, solve
 from chefbotd.calibration.rolling import Rolling, rolling
 from chefbotd.calibration.step import (
     Ask,
+    ConfiguredRobot,
     Estimate,
     Measurements,
     Move,
     Plot,
     Procedure,
     Residual,
-    Robot,
     Series,
     Status,
-    Step,
+    StepDefinition,
     StepResult,
 )
 from chefbotd.calibration.wheel_model import NOMINAL, WheelModel, reckoned
@@ -49,7 +49,7 @@ SURE_RATIO, SURE_TRACK = 0.005, 0.01
 FARTHEST_M = 1.5
 
 
-def _missing(robot: Robot) -> str:
+def _missing(robot: ConfiguredRobot) -> str:
     return "with the robot's lidar 'wheels' finds the same and more" if robot.lidars else ""
 
 
@@ -59,7 +59,7 @@ def _directions() -> Iterator[tuple[str, int]]:
         yield f"right{number}", -1
 
 
-def _procedure(robot: Robot) -> Procedure:
+def _procedure(robot: ConfiguredRobot) -> Procedure:
     rim_m_s, track_m = robot.drive.max_rim_speed_m_s, robot.chassis.effective_track_m
     ahead_m_s = min(SPEED_SHARE * rim_m_s, robot.limits.linear.axis.max_forward)
     turn_rad_s = min(2 * TURN_SHARE * rim_m_s / track_m, robot.limits.angular.axis.max_forward)
@@ -80,7 +80,7 @@ def _procedure(robot: Robot) -> Procedure:
             yield Ask(f"{NAME}.{name}.{axis}_m", text, "m", -FARTHEST_M, FARTHEST_M, done)
 
 
-def _fit(robot: Robot, measurements: Measurements) -> StepResult:
+def _fit(robot: ConfiguredRobot, measurements: Measurements) -> StepResult:
     rolled = rolling(robot.chassis, measurements.wheels)
     if rolled is not None and measurements.answers.get(LOOPS):
         return _of_loops(robot, _squares(rolled, measurements.driven))
@@ -95,7 +95,7 @@ def _fit(robot: Robot, measurements: Measurements) -> StepResult:
     return _judged(robot, squares, np.array(list(ends.values())))
 
 
-def _of_loops(robot: Robot, loops: list[tuple[Floats, Floats]]) -> StepResult:
+def _of_loops(robot: ConfiguredRobot, loops: list[tuple[Floats, Floats]]) -> StepResult:
     """Courses that ended where they began; one way round alone does not tell the track from the ratio."""
     turned_m = [float((right - left).sum()) for left, right in loops]
     if not (min(turned_m, default=0.0) < 0 < max(turned_m, default=0.0)):
@@ -123,7 +123,7 @@ def _squares(rolled: Rolling, driven: tuple[WheelsDriven, ...]) -> list[tuple[Fl
     return squares
 
 
-def _judged(robot: Robot, squares: list[tuple[Floats, Floats]], ends: Floats) -> StepResult:
+def _judged(robot: ConfiguredRobot, squares: list[tuple[Floats, Floats]], ends: Floats) -> StepResult:
     track_m = robot.chassis.effective_track_m
 
     def off_m(model: WheelModel) -> Floats:
@@ -184,7 +184,7 @@ def _without(status: Status, reason: str) -> StepResult:
     return StepResult(NAME, status, reason)
 
 
-UMBMARK = Step(
+UMBMARK = StepDefinition(
     NAME,
     "the radii's ratio and the track, with a tape",
     "Draw a start mark with a line along the robot on the floor, at a corner of 1.9 by 1.9 m that are free ahead of it, "

@@ -32,7 +32,7 @@ WORSE = 1.1
 """A richer model may make no kind of drive so much worse, when it was fitted without that kind."""
 
 
-class Drive(Record, frozen=True):
+class RecordedDrive(Record, frozen=True):
     """A drive and what was seen of it.
 
     ``left_m`` and ``right_m`` (n,): how far the sides rolled in each step with the configured radii. Between the steps
@@ -79,7 +79,7 @@ class WheelFit(Record, frozen=True):
 
 def fit(
     track_m: float,
-    drives: Sequence[Drive],
+    drives: Sequence[RecordedDrive],
     *,
     mount: Floats | None = None,
     start: WheelModel = NOMINAL,
@@ -136,17 +136,17 @@ def _fitted(solution: Solution, whole: Floats, columns: list[int]) -> WheelFit:
     return WheelFit(model, whole[4:PLAY].copy(), without, solution.is_determined, float(whole[PLAY]))
 
 
-def without_play(drive: Drive, play_m: float) -> Drive:
+def without_play(drive: RecordedDrive, play_m: float) -> RecordedDrive:
     """The drive with what its wheels rolled, if its encoders turn by so much in vain when a direction changes."""
     return _without(drive, (flanks(drive.left_m), flanks(drive.right_m)), play_m)
 
 
-def _without(drive: Drive, sides: tuple[Floats, Floats], play_m: float) -> Drive:
+def _without(drive: RecordedDrive, sides: tuple[Floats, Floats], play_m: float) -> RecordedDrive:
     left, right = (np.diff(flank) * play_m / 2 for flank in sides)
     return replace(drive, left_m=drive.left_m - left, right_m=drive.right_m - right)
 
 
-def difference(track_m: float, model: WheelModel, drive: Drive, mount: Floats | None) -> Floats:
+def difference(track_m: float, model: WheelModel, drive: RecordedDrive, mount: Floats | None) -> Floats:
     """What the wheels say less what was seen (m, 3), in the sensor's frame; without a mount, at the best yaw."""
     poses = reckoned(model, track_m, drive.left_m, drive.right_m)
     rolled = between(poses[drive.first], poses[drive.last])
@@ -170,7 +170,7 @@ def _turned(seen: Floats, rolled: Floats, sigmas: Floats) -> Floats:
     return turned
 
 
-def _whitening(track_m: float, drive: Drive, mount: Floats | None) -> Floats:
+def _whitening(track_m: float, drive: RecordedDrive, mount: Floats | None) -> Floats:
     """Matrices (m, 3, 3) that turn the differences into independent ones of standard deviation 1.
 
     Wheels scatter in their travel and in their turns. An error of heading swings what was driven after it: so place and
@@ -212,7 +212,7 @@ def _whitening(track_m: float, drive: Drive, mount: Floats | None) -> Floats:
     return whitening
 
 
-def _between(steps: Floats, drive: Drive) -> Floats:
+def _between(steps: Floats, drive: RecordedDrive) -> Floats:
     """The sums of the steps of each motion."""
     sums = np.concatenate([np.zeros((1, *steps.shape[1:])), np.cumsum(steps, axis=0)])
     total: Floats = sums[drive.last] - sums[drive.first]
@@ -234,14 +234,14 @@ def _white(whitening: Floats, off: Floats) -> Floats:
     return white
 
 
-def _groups(drives: Sequence[Drive]) -> Indices | None:
+def _groups(drives: Sequence[RecordedDrive]) -> Indices | None:
     """Motions whose errors go together: those of one drive; of a single drive, each is by itself."""
     if len(drives) == 1:
         return None
     return np.repeat(np.arange(len(drives)), [len(drive.first) for drive in drives])
 
 
-def needs_rich(track_m: float, drives: Sequence[Drive]) -> bool:
+def needs_rich(track_m: float, drives: Sequence[RecordedDrive]) -> bool:
     """Whether the richer model predicts kinds of drives that it was not fitted to better than the plain one.
 
     Of each kind the others are asked. No kind may become much worse.
@@ -257,7 +257,9 @@ def needs_rich(track_m: float, drives: Sequence[Drive]) -> bool:
     return bool((rich <= WORSE * plain).all() and rich.sum() < plain.sum())
 
 
-def _unseen(track_m: float, drives: Iterable[Drive], kind: list[Drive], is_rich: bool) -> float:
+def _unseen(
+    track_m: float, drives: Iterable[RecordedDrive], kind: list[RecordedDrive], is_rich: bool
+) -> float:
     """The mean loss of drives that the model was not fitted to."""
     others = [drive for drive in drives if drive.kind != kind[0].kind]
     model = fit(track_m, others, is_rich=is_rich).model

@@ -8,19 +8,19 @@ import numpy as np
 from chefbotd.calibration.least_squares import Floats
 from chefbotd.calibration.rolling import Rolling, rolling
 from chefbotd.calibration.step import (
+    ConfiguredRobot,
     Estimate,
     Measurements,
     Plot,
     Residual,
-    Robot,
     Series,
     Status,
     StepResult,
 )
-from chefbotd.calibration.wheel_fit import Drive, WheelFit, difference, fit, without_play
+from chefbotd.calibration.wheel_fit import RecordedDrive, WheelFit, difference, fit, without_play
 from chefbotd.calibration.wheel_model import NOMINAL, WheelModel
 from chefbotd.calibration.wheel_signs import signs, wrong_sides
-from chefbotd.calibration.wheel_views import View, lidar_view, truth_view
+from chefbotd.calibration.wheel_views import LidarView, lidar_view, truth_view
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.record import replace
 from chefbotd.mapping.poses import row_of
@@ -52,7 +52,7 @@ MOST_LEFT_RAD = 0.15
 LEFT, RIGHT, TRACK = np.eye(7)[:3]
 
 
-def fit_wheels(robot: Robot, measurements: Measurements) -> StepResult:
+def fit_wheels(robot: ConfiguredRobot, measurements: Measurements) -> StepResult:
     """Radii, track and mount by the scans of the first lidar that has any, or else radii and track by the truth."""
     rolled = rolling(robot.chassis, measurements.wheels)
     if rolled is None:
@@ -70,7 +70,7 @@ def fit_wheels(robot: Robot, measurements: Measurements) -> StepResult:
 
 
 def _by_lidar(
-    robot: Robot, measurements: Measurements, rolled: Rolling, lidar: LidarParameters
+    robot: ConfiguredRobot, measurements: Measurements, rolled: Rolling, lidar: LidarParameters
 ) -> StepResult:
     missing = _too_little(robot, rolled)
     if missing:
@@ -78,7 +78,9 @@ def _by_lidar(
     scans = [one for one in measurements.scans if one.lidar == lidar.name]
     model, mount = NOMINAL, row_of(lidar.base_from_lidar)
     seen = lidar_seen(robot, rolled, lidar, scans, model, mount)
-    if isinstance(seen, View) and not seen.is_stop_and_go:  # scans in motion are corrected by what is fitted
+    if (
+        isinstance(seen, LidarView) and not seen.is_stop_and_go
+    ):  # scans in motion are corrected by what is fitted
         result = fit(robot.chassis.effective_track_m, [seen.drive], mount=mount)
         if result.is_determined:
             seen = lidar_seen(robot, rolled, lidar, scans, result.model, result.mount)
@@ -105,7 +107,7 @@ def _remark(lidar: LidarParameters, offset_m: float | None) -> str:
     return f"{lidar.name} reads {1e3 * abs(offset_m):.0f} mm too {side}, which is taken into account"
 
 
-def fit_mount(robot: Robot, measurements: Measurements, lidar: LidarParameters) -> StepResult:
+def fit_mount(robot: ConfiguredRobot, measurements: Measurements, lidar: LidarParameters) -> StepResult:
     """The lidar's mount by its scans, if radii and track are as configured."""
     rolled = rolling(robot.chassis, measurements.wheels)
     if rolled is None:
@@ -128,13 +130,13 @@ def fit_mount(robot: Robot, measurements: Measurements, lidar: LidarParameters) 
 
 
 def lidar_seen(
-    robot: Robot,
+    robot: ConfiguredRobot,
     rolled: Rolling,
     lidar: LidarParameters,
     scans: Sequence[ScanMeasured],
     model: WheelModel,
     mount: Floats,
-) -> View | StepResult:
+) -> LidarView | StepResult:
     """What the lidar saw, or why that is nothing to fit to."""
     track_m = robot.chassis.effective_track_m
     radius_m = max(wheel.radius_m for wheel in robot.chassis.wheels)
@@ -152,12 +154,12 @@ def lidar_seen(
     return view
 
 
-def _wrong(track_m: float, view: View, lidar: LidarParameters) -> str:
+def _wrong(track_m: float, view: LidarView, lidar: LidarParameters) -> str:
     seen = signs(track_m, view.drive)
     return "" if seen is None else wrong_sides(seen, lidar.mount_yaw_rad)
 
 
-def _too_little(robot: Robot, rolled: Rolling) -> str:
+def _too_little(robot: ConfiguredRobot, rolled: Rolling) -> str:
     travel_m, turned_rad = rolled.totals(robot.chassis.effective_track_m)[-1].tolist()
     if turned_rad < LEAST_TURN_RAD:
         return f"turns: {turned_rad:.1f} rad in all, at least {LEAST_TURN_RAD:g} rad are needed for the track"
@@ -166,7 +168,9 @@ def _too_little(robot: Robot, rolled: Rolling) -> str:
     return ""
 
 
-def _judged(robot: Robot, drive: Drive, result: WheelFit, lidar: LidarParameters | None) -> StepResult:
+def _judged(
+    robot: ConfiguredRobot, drive: RecordedDrive, result: WheelFit, lidar: LidarParameters | None
+) -> StepResult:
     """The result, if it may be believed."""
     model = result.model
     sigmas = {
@@ -205,7 +209,7 @@ def _judged(robot: Robot, drive: Drive, result: WheelFit, lidar: LidarParameters
     )
 
 
-def _estimates(robot: Robot, result: WheelFit, lidar: LidarParameters | None) -> Iterator[Estimate]:
+def _estimates(robot: ConfiguredRobot, result: WheelFit, lidar: LidarParameters | None) -> Iterator[Estimate]:
     chassis, model, sigmas = robot.chassis, result.model, result.sigmas
     factors = (
         ("left_radius_multiplier", chassis.left_radius_multiplier, model.left),

@@ -9,7 +9,7 @@ import math
 import numpy as np
 
 from chefbotd.calibration.least_squares import Floats
-from chefbotd.calibration.wheel_fit import Drive
+from chefbotd.calibration.wheel_fit import RecordedDrive
 from chefbotd.calibration.wheel_model import NOMINAL, reckoned
 from chefbotd.core.record import Record
 from chefbotd.mapping.poses import between, wrap
@@ -27,7 +27,7 @@ class Signs(Record, frozen=True):
     yaw_rad: float | None
 
 
-def signs(track_m: float, drive: Drive) -> Signs | None:
+def signs(track_m: float, drive: RecordedDrive) -> Signs | None:
     """What the motions say; None where the robot did not turn enough to say it.
 
     Each motion should be of less than half a turn: a lidar cannot tell a turn from a turn and a half.
@@ -46,7 +46,7 @@ def _sums(steps: Floats) -> Floats:
     return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def _yaw(track_m: float, drive: Drive) -> float | None:
+def _yaw(track_m: float, drive: RecordedDrive) -> float | None:
     """The direction of travel as the lidar sees it, turned round: where motions are nearly straight."""
     poses = reckoned(NOMINAL, track_m, drive.left_m, drive.right_m)
     rolled = between(poses[drive.first], poses[drive.last])

@@ -8,7 +8,7 @@ from chefbotd.calibration.bundle import adjusted
 from chefbotd.calibration.least_squares import Floats
 from chefbotd.calibration.rolling import Rolling, rests
 from chefbotd.calibration.scan_motion import Keyframe, Matched, keyframe, matched
-from chefbotd.calibration.wheel_fit import Drive, in_pieces
+from chefbotd.calibration.wheel_fit import RecordedDrive, in_pieces
 from chefbotd.calibration.wheel_model import WheelModel
 from chefbotd.core.events import TruthSimulated
 from chefbotd.core.events.lidars import ScanMeasured
@@ -32,13 +32,13 @@ PIECES = (4, 16)
 TRUTH_PIECES_S, TRUTH_EVERY_S, TRUTH_SIGMA = (5.0, 20.0), 1.0, 1e-3
 
 
-class View(Record, frozen=True):
+class LidarView(Record, frozen=True):
     """A drive as a lidar saw it: the motions, the lidar's poses, and how many of its scans were matched.
 
     ``range_offset_m`` is by how much the lidar reads too far; None where the scans do not say so.
     """
 
-    drive: Drive
+    drive: RecordedDrive
     matched: Matched
     is_stop_and_go: bool
     range_offset_m: float | None = None
@@ -57,7 +57,7 @@ def lidar_view(
     scans: Sequence[ScanMeasured],
     model: WheelModel,
     mount: Floats,
-) -> View | None:
+) -> LidarView | None:
     """The lidar's motions: from stop to stop, or where there are few, as it drove. None: there is too little of either.
 
     ``model`` and ``mount`` (3,) are what is thought of wheels and lidar so far: scans are searched near where they say,
@@ -76,7 +76,9 @@ def lidar_view(
     offset_m = None
     if is_stop_and_go:
         seen, offset_m = _by_walls(frames, seen)
-    return View(_drive(rolled, rows, seen, is_stop_and_go=is_stop_and_go), seen, is_stop_and_go, offset_m)
+    return LidarView(
+        _drive(rolled, rows, seen, is_stop_and_go=is_stop_and_go), seen, is_stop_and_go, offset_m
+    )
 
 
 def _by_walls(frames: Sequence[Keyframe], seen: Matched) -> tuple[Matched, float | None]:
@@ -93,7 +95,7 @@ def _by_walls(frames: Sequence[Keyframe], seen: Matched) -> tuple[Matched, float
     return replace(seen, poses=poses), bundle.offset_m if bundle.is_believed else None
 
 
-def _drive(rolled: Rolling, rows: np.ndarray, seen: Matched, *, is_stop_and_go: bool) -> Drive:
+def _drive(rolled: Rolling, rows: np.ndarray, seen: Matched, *, is_stop_and_go: bool) -> RecordedDrive:
     good = np.flatnonzero(seen.is_good)
     if is_stop_and_go:
         i, j = np.arange(len(good) - 1), np.arange(1, len(good))
@@ -103,7 +105,7 @@ def _drive(rolled: Rolling, rows: np.ndarray, seen: Matched, *, is_stop_and_go: 
         shares = shares * len(good) / 4
     sigmas = np.hypot(seen.sigmas[good][i], seen.sigmas[good][j])
     left_m, right_m, rows = np.diff(rolled.left_m), np.diff(rolled.right_m), rows[good]
-    return Drive("lidar", "", left_m, right_m, rows[i], rows[j], motion, sigmas, shares)
+    return RecordedDrive("lidar", "", left_m, right_m, rows[i], rows[j], motion, sigmas, shares)
 
 
 def _at_stops(
@@ -162,7 +164,7 @@ def _in_motion(
     return rolled, frames
 
 
-def truth_view(rolled: Rolling, truth: Sequence[TruthSimulated]) -> Drive | None:
+def truth_view(rolled: Rolling, truth: Sequence[TruthSimulated]) -> RecordedDrive | None:
     """The robot's own motions as the truth has them; None where there is none of a drive."""
     inside = [one for one in truth if rolled.stamp_s[0] <= one.stamp_s <= rolled.stamp_s[-1]]
     if len(inside) < 2:
@@ -175,6 +177,6 @@ def truth_view(rolled: Rolling, truth: Sequence[TruthSimulated]) -> Drive | None
     i, j, motion, shares = in_pieces(poses, lengths, max(round(TRUTH_EVERY_S / cycle_s), 1))
     rows = np.searchsorted(rolled.stamp_s, stamps)
     sigmas = np.full((len(i), 3), TRUTH_SIGMA)
-    return Drive(
+    return RecordedDrive(
         "truth", "", np.diff(rolled.left_m), np.diff(rolled.right_m), rows[i], rows[j], motion, sigmas, shares * len(i)
     )  # fmt: skip

@@ -9,7 +9,14 @@ import math
 from collections.abc import Iterator
 
 from chefbotd.calibration.space import free_space
-from chefbotd.calibration.step import Measurements, Move, Procedure, Robot, Step, StepResult
+from chefbotd.calibration.step import (
+    ConfiguredRobot,
+    Measurements,
+    Move,
+    Procedure,
+    StepDefinition,
+    StepResult,
+)
 from chefbotd.core.geometry import Twist2D
 
 SPACE_M = 0.55
@@ -35,18 +42,18 @@ CYCLES = 2
 LOOK_S = 0.8
 
 
-def missing(robot: Robot) -> str:
+def missing(robot: ConfiguredRobot) -> str:
     """What this robot lacks for driving while a lidar looks on."""
     if importlib.util.find_spec("numba") is None:
         return "matching scans needs the extra 'navigation': pip install 'chefbotd[navigation]'"
     return "" if robot.lidars else "the robot has no lidar"
 
 
-def _procedure(robot: Robot) -> Procedure:
+def _procedure(robot: ConfiguredRobot) -> Procedure:
     yield from drive_and_look(robot, CYCLES)
 
 
-def drive_and_look(robot: Robot, cycles: int) -> Procedure:
+def drive_and_look(robot: ConfiguredRobot, cycles: int) -> Procedure:
     """Small motions, and so many cycles of larger ones, bounded by the space that the first scan shows."""
     seen = yield Move(None, LOOK_S, "looks around")
     space = free_space(robot, seen.scans)
@@ -60,7 +67,7 @@ def drive_and_look(robot: Robot, cycles: int) -> Procedure:
         yield Move(None, LOOK_S, "looks around", done_s / total_s)
 
 
-def _moves(robot: Robot, cycles: int, reach_m: float) -> Iterator[tuple[Twist2D, float, str]]:
+def _moves(robot: ConfiguredRobot, cycles: int, reach_m: float) -> Iterator[tuple[Twist2D, float, str]]:
     """Small motions first, that show the signs; then circles and turns on the spot both ways, and straights.
 
     The inner wheel of a circle never stands: friction would make it jerk. A circle there and back ends a little ahead of
@@ -90,13 +97,13 @@ def _moves(robot: Robot, cycles: int, reach_m: float) -> Iterator[tuple[Twist2D,
             yield Twist2D(0.0, sign * spin_rad_s), (2.5 - cycle / 4) * math.tau / spin_rad_s, "turns"
 
 
-def _fit(robot: Robot, measurements: Measurements) -> StepResult:
+def _fit(robot: ConfiguredRobot, measurements: Measurements) -> StepResult:
     from chefbotd.calibration.wheel_result import fit_wheels  # matches scans, so it loads a compiler
 
     return fit_wheels(robot, measurements)
 
 
-WHEELS = Step(
+WHEELS = StepDefinition(
     "wheels",
     "wheel radii, track and the lidar's mount",
     "Put the robot on the floor where it will drive, among furniture or walls that its lidar sees.",

@@ -24,7 +24,7 @@ from chefbotd.client.errors import (
     SubscriptionConflict,
 )
 from chefbotd.client.event import Event, Gap
-from chefbotd.client.handshake import Hello
+from chefbotd.client.handshake import Greeting
 from chefbotd.client.subscription import Subscription
 from chefbotd.client.sync import SyncClient
 
@@ -42,7 +42,7 @@ __all__ = [
     "GoalFault",
     "GoalNotReached",
     "GoalUnreachable",
-    "Hello",
+    "Greeting",
     "IncompatibleProtocol",
     "NoGreeting",
     "NotReported",

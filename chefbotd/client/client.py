@@ -31,7 +31,7 @@ from chefbotd.client.handshake import (
     RECOVERABLE,
     Endpoint,
     GreetedConnection,
-    Hello,
+    Greeting,
     open_connection,
 )
 from chefbotd.client.map_methods import MapMethods, NavigationMethods
@@ -101,7 +101,7 @@ class Client(Methods, MapMethods, NavigationMethods, Topics):
         self._end_all(ConnectionLost("the client is closed"))
 
     @property
-    def hello(self) -> Hello:
+    def hello(self) -> Greeting:
         """The daemon's latest greeting; ``session`` changes when the daemon restarts."""
         return self._connection.hello
 

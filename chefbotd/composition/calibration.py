@@ -13,7 +13,7 @@ from chefbotd.safety.gate import CALIBRATION
 from chefbotd.settings import Settings, SettingsError
 
 if TYPE_CHECKING:
-    from chefbotd.calibration.step import Robot
+    from chefbotd.calibration.step import ConfiguredRobot
     from chefbotd.features.calibration.models import CalibrationApplied
     from chefbotd.features.calibration.outside import Values
 
@@ -41,13 +41,13 @@ def calibration(context: Context, driving: DriveService, leases: ControlLeases) 
     return [feature(service)]
 
 
-def robot_with(settings: Settings, values: "Values") -> "Robot":
+def robot_with(settings: Settings, values: "Values") -> "ConfiguredRobot":
     """What a step of the calibration gets to know: the robot as it is configured, with these values.
 
     Raises:
         Refused: the values do not fit the configuration.
     """
-    from chefbotd.calibration.step import Robot
+    from chefbotd.calibration.step import ConfiguredRobot
     from chefbotd.settings.values import calibrated
 
     if values:
@@ -55,7 +55,7 @@ def robot_with(settings: Settings, values: "Values") -> "Robot":
             settings = calibrated(settings, values)
         except SettingsError as error:
             raise Refused(RefusalKind.CANNOT_CALIBRATE, str(error)) from error
-    return Robot(
+    return ConfiguredRobot(
         chassis=settings.chassis,
         encoders=settings.encoders,
         drive=settings.drive,

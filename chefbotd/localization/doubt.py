@@ -16,7 +16,7 @@ from chefbotd.localization.state import Localization, PoseEvent, PoseState, give
 from chefbotd.localization.tracking import (
     MIN_OVERLAP,
     SUSPICIOUS_DROP,
-    Estimate,
+    PoseEstimate,
     sigmas,
 )
 from chefbotd.mapping.poses import Floats, between
@@ -126,7 +126,7 @@ def _is_due_again(last: Searching, odometry: Floats) -> bool:
     return last.search is None and not last.is_complete and search_room.has_moved_on(last, odometry)
 
 
-def _is_at(one: Hypothesis, estimate: Estimate) -> bool:
+def _is_at(one: Hypothesis, estimate: PoseEstimate) -> bool:
     return is_same(one.estimate.pose, estimate.pose)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from chefbotd.core.record import Record, replace
 from chefbotd.localization.agreement import agreement
 from chefbotd.localization.global_search import is_same
-from chefbotd.localization.tracking import LASER_NOISE_M, Estimate, predicted, sigmas, tracked
+from chefbotd.localization.tracking import LASER_NOISE_M, PoseEstimate, predicted, sigmas, tracked
 from chefbotd.mapping.correlate import ScoredPose
 from chefbotd.mapping.local_map import LocalMap
 from chefbotd.mapping.poses import Floats
@@ -52,7 +52,7 @@ VAGUE_M: Final = 0.3
 class Hypothesis(Record, frozen=True):
     """A place where the robot might be: how well its scans fit (smoothed), and how many, from how many places."""
 
-    estimate: Estimate
+    estimate: PoseEstimate
     fit: float
     overlap: float
     scans: int = 1
@@ -76,7 +76,9 @@ def hypotheses(
         fit = polish(grids, scan.points, scan.facing, place.pose, prior, LASER_NOISE_M)
         scan_agreement = agreement(grids, fit.pose, scan)
         if scan_agreement.fit >= REFUTED_FIT:
-            matching.append(Hypothesis(Estimate(fit.pose, vague), scan_agreement.fit, scan_agreement.overlap))
+            matching.append(
+                Hypothesis(PoseEstimate(fit.pose, vague), scan_agreement.fit, scan_agreement.overlap)
+            )
     return tuple(sorted(matching, key=lambda one: -one.fit))
 
 

@@ -40,7 +40,7 @@ from chefbotd.localization.state import (
 from chefbotd.localization.tracking import (
     MIN_OVERLAP,
     SUSPICIOUS_DROP,
-    Estimate,
+    PoseEstimate,
     tracked,
 )
 from chefbotd.mapping.poses import Floats, between, compose, inverse
@@ -94,7 +94,7 @@ class LocalizationReport(Record, frozen=True):
     stamp_s: float
     state: PoseState
     event: PoseEvent | None
-    map_from_base: Estimate | None
+    map_from_base: PoseEstimate | None
     map_from_odom: Floats | None
     jumped: bool
     fit: float
@@ -143,7 +143,7 @@ def advanced(within: LocalizationMap, now: Localization) -> Localization:
 def _follow(
     within: LocalizationMap,
     now: Localization,
-    expected: Estimate,
+    expected: PoseEstimate,
     odometry: Floats,
     stamp_s: float,
     scan: Scan,

@@ -10,7 +10,7 @@ from chefbotd.core.record import Record, replace
 from chefbotd.localization.hypotheses import moved
 from chefbotd.localization.searching import Searching
 from chefbotd.localization.tracking import (
-    Estimate,
+    PoseEstimate,
     motion_noise,
     predicted,
     sigmas,
@@ -116,7 +116,7 @@ class Localization(Record, frozen=True):
     """
 
     state: PoseState = PoseState.UNKNOWN
-    estimate: Estimate | None = None
+    estimate: PoseEstimate | None = None
     odometry: Odometry | None = None
     searching: Searching | None = None
     usual_fit: float = 1.0
@@ -142,7 +142,7 @@ def set_pose(now: Localization, pose: Floats, covariance: Floats | None = None) 
     if pose.shape != (3,) or not np.isfinite(pose).all():
         raise ValueError(f"a pose is x, y and heading, got {pose.tolist()}")
     vague = np.diag([GIVEN_SIGMA_M**2, GIVEN_SIGMA_M**2, GIVEN_SIGMA_RAD**2])
-    estimate = Estimate(pose.astype(np.float64), vague if covariance is None else covariance)
+    estimate = PoseEstimate(pose.astype(np.float64), vague if covariance is None else covariance)
     return on_event(replace(forgotten(now), estimate=estimate, is_unchecked=True), PoseEvent.POSE_GIVEN)
 
 
@@ -168,7 +168,7 @@ def given_up(now: Localization) -> Localization:
     return replace(on_event(now, PoseEvent.GIVEN_UP), estimate=None, searching=None, is_unchecked=False)
 
 
-def is_sure(estimate: Estimate) -> bool:
+def is_sure(estimate: PoseEstimate) -> bool:
     """Whether the estimate is known to half a metre and half a radian."""
     sigma_m, sigma_rad = sigmas(estimate.covariance)
     return sigma_m <= MAX_SIGMA_M and sigma_rad <= MAX_SIGMA_RAD

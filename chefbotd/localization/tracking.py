@@ -66,7 +66,7 @@ CAPTURE = 0.3
 LEAST_WINDOW_M, LEAST_WINDOW_RAD = 0.15, 0.15
 
 
-class Estimate(Record, frozen=True):
+class PoseEstimate(Record, frozen=True):
     """A pose (x, y, heading) with its covariance (3, 3), in ``map``."""
 
     pose: Floats
@@ -79,7 +79,7 @@ class TrackedPose(Record, frozen=True):
     ``matched`` is whether the scan was used. If it was not, the estimate is the prediction.
     """
 
-    estimate: Estimate
+    estimate: PoseEstimate
     agreement: Agreement
     matched: bool
     moved: bool = False
@@ -93,19 +93,19 @@ def motion_noise(moved: Floats) -> Floats:
     return np.diag([place, place, turn])
 
 
-def predicted(last: Estimate, moved: Floats, noise: Floats | None = None) -> Estimate:
+def predicted(last: PoseEstimate, moved: Floats, noise: Floats | None = None) -> PoseEstimate:
     """Where the robot is after such a motion, in the frame of the last pose; ``noise`` is the motion's covariance."""
     if math.hypot(moved[0], moved[1]) > MAX_JUMP_M:
         return last
     pose = compose(last.pose, moved)
     added = motion_noise(moved) if noise is None else noise
     grown = carried_covariance(last.covariance, pose[0] - last.pose[0], pose[1] - last.pose[1])
-    return Estimate(pose, grown + turned(added, float(last.pose[2])))
+    return PoseEstimate(pose, grown + turned(added, float(last.pose[2])))
 
 
 def tracked(
     grids: LocalMap,
-    expected: Estimate,
+    expected: PoseEstimate,
     scan: Scan,
     usual_fit: float = 1.0,
     *,
@@ -124,7 +124,7 @@ def tracked(
     return track
 
 
-def _near(grids: LocalMap, expected: Estimate, scan: Scan) -> TrackedPose:
+def _near(grids: LocalMap, expected: PoseEstimate, scan: Scan) -> TrackedPose:
     sigma_m, sigma_rad = sigmas(expected.covariance)
     if sigma_m > POLISH_WITHIN_M or sigma_rad > POLISH_WITHIN_RAD:
         track = _in_window(grids, expected, scan)
@@ -140,7 +140,7 @@ def sigmas(covariance: Floats) -> tuple[float, float]:
     return math.sqrt(max(largest, 0.0)), math.sqrt(max(float(covariance[2, 2]), 0.0))
 
 
-def _in_window(grids: LocalMap, expected: Estimate, scan: Scan) -> TrackedPose | None:
+def _in_window(grids: LocalMap, expected: PoseEstimate, scan: Scan) -> TrackedPose | None:
     """Search three sigmas of the prediction."""
     sigma_m, sigma_rad = sigmas(expected.covariance)
     half_m, half_rad = max(3 * sigma_m, LEAST_WINDOW_M), max(3 * sigma_rad, LEAST_WINDOW_RAD)
@@ -154,27 +154,27 @@ def _in_window(grids: LocalMap, expected: Estimate, scan: Scan) -> TrackedPose |
     return None if match is None else _polished(grids, expected, match.pose, scan)
 
 
-def _around(grids: LocalMap, expected: Estimate, scan: Scan) -> TrackedPose | None:
+def _around(grids: LocalMap, expected: PoseEstimate, scan: Scan) -> TrackedPose | None:
     """Search a metre around, whatever the odometry says: the wheels slipped, or the robot was pushed."""
     window = Window(WHEEL_SLIP_WINDOW_M, WHEEL_SLIP_WINDOW_RAD)
     match = search(grids, scan.points, expected.pose, window, above=CAPTURE)
     if match is None:
         return None
     vague = np.diag([WHEEL_SLIP_WINDOW_M**2, WHEEL_SLIP_WINDOW_M**2, WHEEL_SLIP_WINDOW_RAD**2])
-    at = Estimate(match.pose, vague)
+    at = PoseEstimate(match.pose, vague)
     track = _polished(grids, at, match.pose, scan)
     sound = track.agreement.fit >= WHEEL_SLIP_FIT and track.agreement.overlap >= 2 * MIN_OVERLAP
     return replace(track, moved=True) if sound else None
 
 
-def _polished(grids: LocalMap, expected: Estimate, begin: Floats, scan: Scan) -> TrackedPose:
+def _polished(grids: LocalMap, expected: PoseEstimate, begin: Floats, scan: Scan) -> TrackedPose:
     information = inverted(expected.covariance + 1e-8 * np.eye(3))
     fit = polish(grids, scan.points, scan.facing, begin, Prior(expected.pose, information), LASER_NOISE_M)
     estimate = fused(expected, fit, information)
     return TrackedPose(estimate, agreement(grids, estimate.pose, scan), matched=True)
 
 
-def fused(expected: Estimate, fit: Fit, information: Floats) -> Estimate:
+def fused(expected: PoseEstimate, fit: Fit, information: Floats) -> PoseEstimate:
     """The prediction, of this information, corrected by the match: as far as the scan says something, and no further."""
     off = np.array([*(fit.pose[:2] - expected.pose[:2]), wrap(fit.pose[2:] - expected.pose[2:])[0]])
     noise = np.array([MAP_SIGMA_M**2, MAP_SIGMA_M**2, MAP_SIGMA_RAD**2])
@@ -182,7 +182,7 @@ def fused(expected: Estimate, fit: Fit, information: Floats) -> Estimate:
     pretended = math.sin(NORMAL_SIGMA_RAD) ** 2
     _fuse(information, fit.information, pretended, noise, off, covariance, shift)
     pose = expected.pose + shift
-    return Estimate(np.array([pose[0], pose[1], wrap(pose[2:])[0]]), covariance)
+    return PoseEstimate(np.array([pose[0], pose[1], wrap(pose[2:])[0]]), covariance)
 
 
 @kernel

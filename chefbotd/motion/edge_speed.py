@@ -52,7 +52,7 @@ class HeldRate(Record, frozen=True, array_like=True):
     since_s: float
 
 
-class Run(Record, frozen=True):
+class EdgeRun(Record, frozen=True):
     """The edges over which speed is measured, newest last, all in one ``direction`` and without a rest or a loss.
 
     ``direction`` is +1, -1, or 0 before the first count. After a loss ``held`` is the speed before it, which is used
@@ -64,25 +64,25 @@ class Run(Record, frozen=True):
     held: HeldRate | None = None
 
 
-START = Run()
+START = EdgeRun()
 STANDING = HeldRate(0.0, -math.inf)
 
 
-def turned(run: Run, direction: int) -> Run:
+def turned(run: EdgeRun, direction: int) -> EdgeRun:
     """The wheel has changed direction: edges from before are not timed against the new ones."""
     goes_on = run.held is not None and run.held.rate_counts_s * direction > 0
-    return Run(direction, (), run.held if goes_on else None)
+    return EdgeRun(direction, (), run.held if goes_on else None)
 
 
-def broken(params: QuadratureParameters, run: Run) -> Run:
+def broken(params: QuadratureParameters, run: EdgeRun) -> EdgeRun:
     """Edges were lost, nobody knows how many: timing starts anew. Until then the wheel is not said to stand."""
     if not run.marks:
-        return Run(held=run.held)
+        return EdgeRun(held=run.held)
     last_s = run.marks[-1].at_s
-    return Run(held=HeldRate(rate_counts_s(params, run, last_s), last_s))
+    return EdgeRun(held=HeldRate(rate_counts_s(params, run, last_s), last_s))
 
 
-def extend(params: QuadratureParameters, run: Run, mark: TimedEdge) -> Run:
+def extend(params: QuadratureParameters, run: EdgeRun, mark: TimedEdge) -> EdgeRun:
     """The run with a new edge, without the edges that it cannot be timed against.
 
     These are all of them after a rest, or if the edge does not follow the one before; all but the last if the speed
@@ -91,10 +91,10 @@ def extend(params: QuadratureParameters, run: Run, mark: TimedEdge) -> Run:
     if not run.marks:
         return replace(run, marks=(mark,))
     if not 0.0 < mark.at_s - run.marks[-1].at_s <= params.standstill_s:
-        return Run(run.direction, (mark,))
+        return EdgeRun(run.direction, (mark,))
     steady = _goes_on(params, run.marks, mark)
     kept = _recent(params, run.marks, mark.at_s) if steady else run.marks[-1:]
-    return Run(run.direction, (*kept, mark))
+    return EdgeRun(run.direction, (*kept, mark))
 
 
 def _goes_on(params: QuadratureParameters, marks: Sequence[TimedEdge], new: TimedEdge) -> bool:
@@ -126,7 +126,7 @@ def _recent(
     return marks[max(0, first - CYCLE) :]
 
 
-def rate_counts_s(params: QuadratureParameters, run: Run, board_s: float) -> float:
+def rate_counts_s(params: QuadratureParameters, run: EdgeRun, board_s: float) -> float:
     """Counts per second at ``board_s``, forward positive.
 
     Once the next edge is overdue, the rate is the highest at which it would not have come yet: it decays with time.
@@ -141,7 +141,7 @@ def rate_counts_s(params: QuadratureParameters, run: Run, board_s: float) -> flo
     return max(-most, min(most, measured.rate_counts_s))
 
 
-def _held_rate(params: QuadratureParameters, run: Run) -> HeldRate:
+def _held_rate(params: QuadratureParameters, run: EdgeRun) -> HeldRate:
     marks = run.marks
     if len(marks) > 1:
         return HeldRate(run.direction / _gap_s(_far_end(params, marks), marks[-1]), marks[-1].at_s)

@@ -18,7 +18,7 @@ from chefbotd.motion import motion_filter
 from chefbotd.motion.bias_evidence import EVIDENCE_S, NO_EVIDENCE, BiasEvidence, with_evidence
 from chefbotd.motion.heading_fusion import FusionState, note_cycle, note_refusal, take_headings
 from chefbotd.motion.imu_track import HeadingTrack, RateTrack
-from chefbotd.motion.motion_filter import Considered, MotionEstimate, Step
+from chefbotd.motion.motion_filter import Considered, MotionEstimate, MotionStep
 from chefbotd.motion.odometry import FusionParameters
 from chefbotd.motion.wheel_slip import QUIET_S, TurnSample, widened_step
 
@@ -215,14 +215,14 @@ class FusedOdometry:
         now.spikes, now.sides_m_s = 0, (left_m / dt_s, right_m / dt_s)
         return left_m, right_m
 
-    def _step_by_wheels(self, left_m: float, right_m: float, dt_s: float) -> Step:
+    def _step_by_wheels(self, left_m: float, right_m: float, dt_s: float) -> MotionStep:
         parameters, track_m = self._parameters, self._track_m
         left_m2, right_m2 = self._per_m * abs(left_m), self._per_m * abs(right_m)
         turned_rad = (right_m - left_m) / track_m
         turned_rad2 = (left_m2 + right_m2) / track_m**2 + self._per_rad * abs(turned_rad)
         if self._memory.has_rates:  # then what is considered are the gyroscope's errors
             turned_rad2 += (parameters.track_sigma * turned_rad) ** 2
-        return Step(
+        return MotionStep(
             (left_m + right_m) / 2,
             turned_rad,
             dt_s,
@@ -234,7 +234,7 @@ class FusedOdometry:
             bias_turns=False,
         )
 
-    def _step_by_gyro(self, left_m: float, right_m: float, by_gyro_rad: float, dt_s: float) -> Step:
+    def _step_by_gyro(self, left_m: float, right_m: float, by_gyro_rad: float, dt_s: float) -> MotionStep:
         """The step whose turn is the gyroscope's; at rest the gyroscope shows its bias, and the robot does not turn."""
         now, parameters = self._memory, self._parameters
         noise = parameters.gyro_noise_rad_per_root_s**2
@@ -253,7 +253,7 @@ class FusedOdometry:
             by_wheels_rad += (right_m - left_m) / self._track_m
             sample = TurnSample(stamp_s + dt_s, used_rad + turned_rad, by_wheels_rad, now.reach_rad)
             now.turns.add(sample, *self._limits, may_slip=self._may_slip)
-        return Step(
+        return MotionStep(
             (left_m + right_m) / 2,
             turned_rad,
             dt_s,

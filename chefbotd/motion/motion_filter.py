@@ -57,7 +57,7 @@ class MotionEstimate(Record, frozen=True):
         return PoseCovariance(c[0], c[1], c[2], c[9], c[10], c[17])
 
 
-class Step(Record, frozen=True):
+class MotionStep(Record, frozen=True):
     """A motion to predict: forward travel, turn, duration, and the variances of what disturbs it.
 
     ``travel_variance_m2`` and ``turn_variance_rad2`` are of this step, ``shared_m_rad`` is their covariance. ``climb_m``
@@ -77,7 +77,7 @@ class Step(Record, frozen=True):
     climb_m: float = 0.0
 
 
-def predicted(now: MotionEstimate, considered: Considered, step: Step) -> MotionEstimate:
+def predicted(now: MotionEstimate, considered: Considered, step: MotionStep) -> MotionEstimate:
     """The state after the motion along an arc.
 
     The rows of x, y, heading and offset are multiplied by the Jacobian F, with the error of the turn

@@ -8,7 +8,7 @@ send. ``motion.encoder`` turns the counts into angles as for any board; ``motion
 from chefbotd.core.events import EdgeBurst
 from chefbotd.core.record import Record, replace
 from chefbotd.motion import edge_speed
-from chefbotd.motion.edge_speed import QuadratureParameters, Run, TimedEdge
+from chefbotd.motion.edge_speed import EdgeRun, QuadratureParameters, TimedEdge
 
 STEPS: tuple[tuple[int | None, ...], ...] = (
     # to 00, 01, 10, 11
@@ -34,7 +34,7 @@ class QuadratureState(Record, frozen=True):
     levels: int | None = None
     total: int | None = None
     counts: int = 0
-    run: Run = edge_speed.START
+    run: EdgeRun = edge_speed.START
     illegal: int = 0
     repeated: int = 0
     lost: int = 0

@@ -5,7 +5,7 @@ from typing import Final
 
 from chefbotd.core.events.robot import MotionAnomaly
 from chefbotd.core.record import MutableState, Record, replace
-from chefbotd.motion.motion_filter import Step
+from chefbotd.motion.motion_filter import MotionStep
 
 WINDOW_S: Final = (0.2, 0.4)
 """Turns are compared over a quarter of a second: the shortest that is between these, as samples come."""
@@ -143,7 +143,7 @@ LIFTED_VARIANCE_RAD2_PER_S: Final = 0.05
 PUSHED_VARIANCE_M2_PER_S: Final = 0.02
 
 
-def widened_step(step: Step, anomaly: MotionAnomaly) -> Step:
+def widened_step(step: MotionStep, anomaly: MotionAnomaly) -> MotionStep:
     """The step with the variances of an anomaly; a gyroscope's turn is as certain as before."""
     match anomaly:
         case MotionAnomaly.LIFTED:

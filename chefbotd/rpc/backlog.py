@@ -9,7 +9,7 @@ from chefbotd.core.record import Record, replace
 from chefbotd.rpc.arrivals import Arrival
 
 
-class Line(Record, frozen=True):
+class ReceivedLine(Record, frozen=True):
     """A line without its end, and the arrival of its first byte."""
 
     text: bytearray
@@ -67,12 +67,12 @@ class Backlog:
         """The next line, without removing it; empty when it is incomplete."""
         return self._bytes[: max(0, self._bytes.find(b"\n"))]
 
-    def take_line(self) -> Line | None:
+    def take_line(self) -> ReceivedLine | None:
         """Remove and return the next line; None when it is incomplete."""
         end = self._bytes.find(b"\n")
         if end < 0:
             return None
-        line = Line(self._bytes[:end].strip(), self._marks[0].arrival)
+        line = ReceivedLine(self._bytes[:end].strip(), self._marks[0].arrival)
         self._remove(0, end + 1)
         return line
 

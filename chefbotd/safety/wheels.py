@@ -60,7 +60,7 @@ PLAY_COUNTS = 3
 """One more than a position lies apart that dithers by a count to either side."""
 
 
-class Push(Record, frozen=True):
+class PushedWheel(Record, frozen=True):
     """What is held against a wheel since it last did as it was told.
 
     ``direction`` is that of the latest push, however gentle (1 or -1; 0 before the first). The wheel was driven for
@@ -79,13 +79,13 @@ class Push(Record, frozen=True):
 class WheelWatchState(Record, frozen=True):
     """A push and a count of jumps per wheel."""
 
-    pushes: tuple[Push, ...]
+    pushes: tuple[PushedWheel, ...]
     jumps: tuple[float, ...]
 
 
 def at_rest(wheels: int) -> WheelWatchState:
     """The state of this many wheels before the first reading."""
-    return WheelWatchState((Push(),) * wheels, (0.0,) * wheels)
+    return WheelWatchState((PushedWheel(),) * wheels, (0.0,) * wheels)
 
 
 def play_of(counts_per_turn: float) -> float:
@@ -127,12 +127,12 @@ def note_jump(
 
 def _push(
     params: WheelWatchParameters,
-    push: Push,
+    push: PushedWheel,
     effort: float,
     travel_rad: float,
     dt_s: float,
     half_play_rad: float,
-) -> Push:
+) -> PushedWheel:
     """The push after a reading: what the wheel moved, and whether it rolled on or was driven to it."""
     reached_rad = push.play_rad + travel_rad
     play_rad = reached_rad
@@ -155,11 +155,11 @@ def _push(
         pushed_s = turned_rad = 0.0
     elif turned_rad < 0:
         turned_rad = 0.0
-    return Push(direction, pushed_s, turned_rad, against_rad, coast_s, play_rad)
+    return PushedWheel(direction, pushed_s, turned_rad, against_rad, coast_s, play_rad)
 
 
 def _charge(
-    params: WheelWatchParameters, push: Push, effort: float, ahead_rad: float, dt_s: float
+    params: WheelWatchParameters, push: PushedWheel, effort: float, ahead_rad: float, dt_s: float
 ) -> tuple[float, float]:
     """Add the time that the wheel was driven for and the way that it went wrong; a pause reduces both."""
     if not -params.driven_duty_share < effort < params.driven_duty_share:
@@ -175,7 +175,10 @@ def _charge(
 
 
 def _first_fault(
-    params: WheelWatchParameters, names: tuple[str, ...], pushes: tuple[Push, ...], effort: tuple[float, ...]
+    params: WheelWatchParameters,
+    names: tuple[str, ...],
+    pushes: tuple[PushedWheel, ...],
+    effort: tuple[float, ...],
 ) -> Fault | None:
     """The first fault among the wheels that are driven. A wheel that is not driven was judged when it was."""
     for name, push, share in zip(names, pushes, effort, strict=True):

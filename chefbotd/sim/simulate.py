@@ -59,7 +59,7 @@ async def simulate(
         OSError: the map cannot be read, or the device or its link cannot be made.
         ValueError: the map is none, or the start pose is too close to a wall.
     """
-    session = SimulatedBoard(simulation, link_path, seed, as_json, say)
+    session = SimulateRun(simulation, link_path, seed, as_json, say)
     loop = asyncio.get_running_loop()
     for number in STOP_SIGNALS:
         loop.add_signal_handler(number, session.quit)
@@ -70,7 +70,7 @@ async def simulate(
             loop.remove_signal_handler(number)
 
 
-class SimulatedBoard:
+class SimulateRun:
     """One run of the program: a board on a pseudo-terminal, and the words it obeys."""
 
     def __init__(

@@ -17,7 +17,7 @@ from chefbotd.motion.pid import PidParameters, PidState
 from chefbotd.motion.reference import Asked
 from chefbotd.safety import overspeed, wheels
 from chefbotd.safety.overspeed import Excess, OverspeedParameters
-from chefbotd.safety.wheels import Push, WheelWatchParameters
+from chefbotd.safety.wheels import PushedWheel, WheelWatchParameters
 from tests.budget import examples
 from tests.plain import encoder as plain_encoder
 from tests.plain import pid as plain_pid
@@ -110,7 +110,7 @@ def test_a_frame_of_the_encoders(
 @settings(max_examples=examples(200))
 def test_a_wheel_that_is_watched(readings: list[tuple[float, float, float]]) -> None:
     """Whatever it is driven with and however it turns."""
-    params, state, plain = WheelWatchParameters(), wheels.at_rest(1), Push()
+    params, state, plain = WheelWatchParameters(), wheels.at_rest(1), PushedWheel()
     for effort, travel_rad, dt_s in readings:
         state, _ = wheels.watch(params, ("left",), state, (effort,), (travel_rad,), dt_s, 0.019)
         plain = plain_wheels.push(params, plain, effort, travel_rad, dt_s, 0.019)

@@ -2,12 +2,17 @@
 
 from chefbotd.safety import wheels
 from chefbotd.safety.overspeed import LEAP_SHARE, Excess, OverspeedParameters
-from chefbotd.safety.wheels import FULL_WEIGHT_SHARE, LEAP_S, Push, WheelWatchParameters
+from chefbotd.safety.wheels import FULL_WEIGHT_SHARE, LEAP_S, PushedWheel, WheelWatchParameters
 
 
 def push(
-    params: WheelWatchParameters, before: Push, effort: float, travel_rad: float, dt_s: float, play_rad: float
-) -> Push:
+    params: WheelWatchParameters,
+    before: PushedWheel,
+    effort: float,
+    travel_rad: float,
+    dt_s: float,
+    play_rad: float,
+) -> PushedWheel:
     """A reading later."""
     reached = before.play_rad + travel_rad
     play = min(max(reached, -play_rad / 2), play_rad / 2)
@@ -29,7 +34,7 @@ def push(
     turned = max(0.0, before.turned_rad + (abs(moved) if rolls_on or not driven else ahead))
     if pushed_s == 0.0 or turned >= params.turned_rad:
         pushed_s = turned = 0.0
-    return Push(direction, pushed_s, turned, against, coast_s - dt_s if rolls_on else 0.0, play)
+    return PushedWheel(direction, pushed_s, turned, against, coast_s - dt_s if rolls_on else 0.0, play)
 
 
 def add(

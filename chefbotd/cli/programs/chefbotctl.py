@@ -21,7 +21,7 @@ from chefbotd.cli.look.scan import scan
 from chefbotd.cli.maps.commands import map_group
 from chefbotd.cli.maps.places import places
 from chefbotd.cli.navigate import commands as navigating
-from chefbotd.cli.programs.program import Program, completion, example, wants_json
+from chefbotd.cli.programs.program import CommandGroup, completion, example, wants_json
 from chefbotd.cli.record.commands import log_group, record
 from chefbotd.cli.tune.commands import pid
 
@@ -36,7 +36,7 @@ ROLES = ("observe", "guest", "agent", "drive", "admin")
 EXITS = list(MEANING)
 
 
-@click.group(cls=Program, name="chefbotctl", epilog=exit_table(*EXITS))
+@click.group(cls=CommandGroup, name="chefbotctl", epilog=exit_table(*EXITS))
 @click.option(
     "--connect",
     "where",

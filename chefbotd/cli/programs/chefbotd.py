@@ -18,7 +18,7 @@ from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError, exit_table, require
 from chefbotd.cli.programs.load import load_valid
 from chefbotd.cli.programs.load import simulation as simulation_of
-from chefbotd.cli.programs.program import Program, completion, wants_json
+from chefbotd.cli.programs.program import CommandGroup, completion, wants_json
 from chefbotd.process import signals
 
 if TYPE_CHECKING:
@@ -91,7 +91,7 @@ WHICH_PHYSICS = "What moves the simulated robot, instead of what is configured; 
 FILE_OR_ROBOT = "The robot's TOML file, or the name of a packaged one; ChefBot by default."
 
 
-@click.group(cls=Program, name="chefbotd", epilog=exit_table(*EXITS))
+@click.group(cls=CommandGroup, name="chefbotd", epilog=exit_table(*EXITS))
 @click.version_option(__version__, prog_name="chefbotd")
 def main() -> None:
     """Drive a small wheeled robot over its serial board, and serve its command socket."""

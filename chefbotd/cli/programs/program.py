@@ -43,7 +43,7 @@ def _json_option() -> click.Option:
     return click.Option(["--json"], is_flag=True, expose_value=False, callback=_set_json, help=JSON_HELP)
 
 
-class Program(click.Group):
+class CommandGroup(click.Group):
     """A group of commands whose failures and interruptions become exit codes; it and each of them take ``--json``.
 
     The message goes to stderr; as one JSON object where ``--json`` was asked for.

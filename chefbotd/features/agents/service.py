@@ -52,7 +52,7 @@ SAY_PER_S, MOST_SAID = 2.0, 10.0
 """How often an agent may speak: a token bucket."""
 
 
-class Agent(Record, frozen=True):
+class RegisteredAgent(Record, frozen=True):
     """An agent, the number of its client, and how often it might still speak at ``stamp_s``."""
 
     data: AgentData
@@ -64,7 +64,7 @@ class Agent(Record, frozen=True):
 class AgentsState(Record, frozen=True):
     """The agents, their buttons, what waits for an answer, and the last number that was given."""
 
-    agents: list[Agent]
+    agents: list[RegisteredAgent]
     buttons: list[ButtonData]
     waits: PendingState
     last_number: int
@@ -75,7 +75,7 @@ class AgentsService:
 
     def __init__(self, bus: Bus, clock: Clock) -> None:
         self._bus, self._entries = bus, entries_of(clock)
-        self._agents: dict[int, Agent] = {}  # by client
+        self._agents: dict[int, RegisteredAgent] = {}  # by client
         self._buttons: dict[int, ButtonData] = {}
         self.waits = PendingRequests(self._entries, self._tell)
         self._last_number = 0
@@ -106,7 +106,7 @@ class AgentsService:
             raise Refused(RefusalKind.AGENT_EXISTS, f"another agent is called {params.name!a} already")
         _require_room("agents", len(self._agents) - (own is not None), MOST_AGENTS)
         data = AgentData(params.name, params.version, tuple(params.methods))
-        self._agents[client] = Agent(data, client, MOST_SAID, self._entries.now_s())
+        self._agents[client] = RegisteredAgent(data, client, MOST_SAID, self._entries.now_s())
         self._tell()
         return DONE
 
@@ -118,7 +118,7 @@ class AgentsService:
         if may_say < 1.0:
             raise Unserved(ErrorKind.RATE_LIMITED, f"the agent {agent.data.name!a} speaks too often")
         data = replace(agent.data, text=params.text)
-        self._agents[agent.client] = Agent(data, agent.client, may_say - 1.0, now_s)
+        self._agents[agent.client] = RegisteredAgent(data, agent.client, may_say - 1.0, now_s)
         self._tell()
         self._bus.publish(AgentSaid(now_s, data.name, params.text))
         return DONE
@@ -227,7 +227,7 @@ class AgentsService:
         self._last_number += 1
         return self._last_number
 
-    def _agent(self, session: Session) -> Agent:
+    def _agent(self, session: Session) -> RegisteredAgent:
         agent = self._agents.get(session.number)
         if agent is None:
             raise Refused(RefusalKind.NOT_AN_AGENT, "this connection is no agent; it has to register first")

@@ -13,7 +13,7 @@ from typing import Final, TypeAlias
 
 from msgspec import json
 
-from chefbotd.calibration.step import Measurements, Robot, Status, StepResult
+from chefbotd.calibration.step import ConfiguredRobot, Measurements, Status, StepResult
 
 TIMEOUT_S: Final = 300.0
 """The longest fit, of 40 stops with a lidar, takes a tenth of that on a small computer (assumed)."""
@@ -21,11 +21,11 @@ TIMEOUT_S: Final = 300.0
 NICENESS: Final = 10
 LAST_BYTES: Final = 500
 
-Fitter: TypeAlias = Callable[[str, Robot, Measurements], Awaitable[StepResult]]
+Fitter: TypeAlias = Callable[[str, ConfiguredRobot, Measurements], Awaitable[StepResult]]
 """Fits a step, by its name, to what was measured."""
 
 
-async def fit_in_process(step: str, robot: Robot, measured: Measurements) -> StepResult:
+async def fit_in_process(step: str, robot: ConfiguredRobot, measured: Measurements) -> StepResult:
     """The step's result; ``refused`` where the process fails or takes longer than ``TIMEOUT_S``."""
     given = await asyncio.to_thread(pickle.dumps, (step, robot, measured))
     process = await asyncio.create_subprocess_exec(
@@ -52,7 +52,7 @@ async def fit_in_process(step: str, robot: Robot, measured: Measurements) -> Ste
     return json.decode(answer, type=StepResult)
 
 
-async def fit_here(step: str, robot: Robot, measured: Measurements) -> StepResult:
+async def fit_here(step: str, robot: ConfiguredRobot, measured: Measurements) -> StepResult:
     """The same in this process, for tests on a virtual clock and for programs without a control loop."""
     from chefbotd.calibration.steps import fitted
 

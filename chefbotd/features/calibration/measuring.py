@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Mapping
 from typing import Any
 
 from chefbotd.bus import Bus
-from chefbotd.calibration.step import Measurements, Robot
+from chefbotd.calibration.step import ConfiguredRobot, Measurements
 from chefbotd.core.events import (
     BatteryMeasured,
     DutyEchoed,
@@ -50,7 +50,7 @@ def joined(parts: Iterable[Measurements]) -> Measurements:
     return Measurements(**lists, answers=answers)
 
 
-def as_calibrated(measured: Measurements, running: Robot, robot: Robot) -> Measurements:
+def as_calibrated(measured: Measurements, running: ConfiguredRobot, robot: ConfiguredRobot) -> Measurements:
     """The measurements of a ``running`` robot as one with the results of other steps would have made them.
 
     The battery's voltage grows with the divider; a wheel's turn shrinks with the counts that make one.

@@ -9,7 +9,7 @@ from collections.abc import Callable, Iterable, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from typing import TypeAlias, TypeVar
 
-from chefbotd.calibration.step import Robot, Step
+from chefbotd.calibration.step import ConfiguredRobot, StepDefinition
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.entries import Entries
 from chefbotd.features.calibration.models import CalibrationApplied, CalibrationStep
@@ -17,7 +17,7 @@ from chefbotd.features.calibration.models import CalibrationApplied, Calibration
 T = TypeVar("T")
 
 Values: TypeAlias = Mapping[str, float]
-RobotWith: TypeAlias = Callable[[Values], Robot]
+RobotWith: TypeAlias = Callable[[Values], ConfiguredRobot]
 """The robot as it is configured, with these values; raises ``Refused`` where they do not fit."""
 
 Save: TypeAlias = Callable[[Values], CalibrationApplied]
@@ -31,13 +31,13 @@ class CalibrationThread:
         self._entries, self._robot_with, self._save = entries, robot_with, save
         self._threads = ThreadPoolExecutor(1, "calibration")
 
-    async def robot(self, values: Values) -> Robot:
+    async def robot(self, values: Values) -> ConfiguredRobot:
         """The robot with these values; afterwards the steps are loaded. A replay makes the same of the same values.
 
         Raises:
             Refused: the values do not fit the configuration.
         """
-        robots: list[Robot] = []
+        robots: list[ConfiguredRobot] = []
 
         def prepare() -> str:
             _load_steps()
@@ -87,7 +87,7 @@ class CalibrationThread:
         return await asyncio.get_running_loop().run_in_executor(self._threads, function)
 
 
-def step_named(name: str) -> Step:
+def step_named(name: str) -> StepDefinition:
     """The step of this name; raises ``Refused``: there is none. Call it where the steps are loaded."""
     steps = _load_steps()
     if name not in steps:
@@ -97,7 +97,7 @@ def step_named(name: str) -> Step:
     return steps[name]
 
 
-def _load_steps() -> Mapping[str, Step]:
+def _load_steps() -> Mapping[str, StepDefinition]:
     """The steps, loaded when somebody asks: a robot that is not calibrated does without their numerics."""
     from chefbotd.calibration.steps import STEPS
 

@@ -12,7 +12,16 @@ from typing import Final
 from msgspec import json
 
 from chefbotd.bus import Bus
-from chefbotd.calibration.step import Action, Ask, Estimate, Measurements, Robot, Status, Step, StepResult
+from chefbotd.calibration.step import (
+    Action,
+    Ask,
+    ConfiguredRobot,
+    Estimate,
+    Measurements,
+    Status,
+    StepDefinition,
+    StepResult,
+)
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import BatteryMeasured
@@ -157,7 +166,7 @@ class CalibrationService:
             raise Refused(RefusalKind.NOT_CALIBRATED, "no step has passed yet, so there is nothing to write")
         return await self._thread.save(values)
 
-    def _require(self, step: Step, robot: Robot, space_m: float | None) -> None:
+    def _require(self, step: StepDefinition, robot: ConfiguredRobot, space_m: float | None) -> None:
         """Check what must hold before anything moves.
 
         Raises:
@@ -173,7 +182,7 @@ class CalibrationService:
         if step.space_m:
             self._require_space(step, robot, space_m)
 
-    def _require_space(self, step: Step, robot: Robot, told_m: float | None) -> None:
+    def _require_space(self, step: StepDefinition, robot: ConfiguredRobot, told_m: float | None) -> None:
         from chefbotd.calibration.space import free_space  # loads numpy
 
         now_s = self._entries.now_s()
@@ -195,7 +204,7 @@ class CalibrationService:
             await asyncio.sleep(ALIVE_S)
             self._report(1.0, 1.0, "computes the parameters")
 
-    async def _fitted(self, step: str, robot: Robot, measured: Measurements) -> StepResult:
+    async def _fitted(self, step: str, robot: ConfiguredRobot, measured: Measurements) -> StepResult:
         """The result as the other process computed it; a replay has it from the recording."""
 
         async def ask() -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from chefbotd.calibration.least_squares import Floats
-from chefbotd.calibration.step import Ask, Measurements, Move, Procedure, Robot
+from chefbotd.calibration.step import Ask, ConfiguredRobot, Measurements, Move, Procedure
 from chefbotd.calibration.wheel_model import NOMINAL, WheelModel
 from chefbotd.core.events import WheelsMeasured
 from chefbotd.core.events.lidars import ScanMeasured
@@ -37,10 +37,10 @@ class Truth(Record, frozen=True):
     swapped: bool = False
 
 
-def configured(path: Path = CONFIG) -> Robot:
+def configured(path: Path = CONFIG) -> ConfiguredRobot:
     """The robot as this file says."""
     settings = load(path)
-    return Robot(
+    return ConfiguredRobot(
         settings.chassis,
         settings.encoders,
         settings.drive,
@@ -58,7 +58,9 @@ def configured(path: Path = CONFIG) -> Robot:
 class World:
     """Performs actions one after the other; ``pose`` is the robot's, ``now_s`` the time, ``trail`` both of each step."""
 
-    def __init__(self, robot: Robot, truth: Truth, seed: int = 0, walls: Floats | None = None) -> None:
+    def __init__(
+        self, robot: ConfiguredRobot, truth: Truth, seed: int = 0, walls: Floats | None = None
+    ) -> None:
         self.robot, self.truth = robot, truth
         self.now_s, self.pose = 100.0, np.array(MIDDLE)
         self._random = np.random.default_rng(seed)

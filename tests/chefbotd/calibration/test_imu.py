@@ -11,9 +11,9 @@ from chefbotd.calibration.imu import IMU
 from chefbotd.calibration.imu_fit import _reference
 from chefbotd.calibration.rolling import Rolling
 from chefbotd.calibration.scan_motion import Matched
-from chefbotd.calibration.step import Measurements, Robot, Status, StepResult
-from chefbotd.calibration.wheel_fit import Drive
-from chefbotd.calibration.wheel_views import View, _drive
+from chefbotd.calibration.step import ConfiguredRobot, Measurements, Status, StepResult
+from chefbotd.calibration.wheel_fit import RecordedDrive
+from chefbotd.calibration.wheel_views import LidarView, _drive
 from chefbotd.core.events import ImuMeasured, WheelsDriven
 from chefbotd.core.record import replace
 from chefbotd.sensing.imu import ImuParameters
@@ -187,7 +187,7 @@ def test_what_is_missing_is_named(world: tuple[World, Measurements]) -> None:
         result = IMU.fit(ROBOT, lacking)
         assert (result.status, result.estimates) == (Status.NOT_ENOUGH, ())
         assert reason in result.reason
-    robot: Robot = replace(ROBOT, imu=None)
+    robot: ConfiguredRobot = replace(ROBOT, imu=None)
     assert IMU.missing(robot) == "the robot has no IMU"
 
 
@@ -196,9 +196,13 @@ def test_a_lidar_puts_right_what_wheels_say_of_a_turn(monkeypatch: pytest.Monkey
     rolled = Rolling(np.arange(5.0), np.zeros(5), np.arange(5.0) * SEEN.chassis.effective_track_m)
     motion = np.array([[0.0, 0.0, 0.9], [0.0, 0.0, 1.0], [0.0, 0.0, 1.1], [0.0, 0.0, 1.2]])[::-1]
     rows = np.arange(4)[::-1]
-    drive = Drive("", "", np.zeros(4), np.ones(4), rows, rows + 1, motion, np.ones((4, 3)), np.ones(4))
+    drive = RecordedDrive(
+        "", "", np.zeros(4), np.ones(4), rows, rows + 1, motion, np.ones((4, 3)), np.ones(4)
+    )
     matched = Matched(np.zeros((5, 3)), np.ones((5, 3)), np.ones(5, bool), 0.01)
-    monkeypatch.setattr(wheel_views, "lidar_view", lambda *given: View(drive, matched, is_stop_and_go=True))
+    monkeypatch.setattr(
+        wheel_views, "lidar_view", lambda *given: LidarView(drive, matched, is_stop_and_go=True)
+    )
     seen = Measurements(scans=(World(SEEN, Truth())._look(),))
     heading_rad, by_lidar = _reference(SEEN, seen, rolled)
     assert by_lidar

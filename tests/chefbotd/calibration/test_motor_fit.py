@@ -5,27 +5,29 @@ import random
 
 import pytest
 
-from chefbotd.calibration.motor_fit import DELAY, SPIN, Input, Run, Sample, advance, fit, simulated
+from chefbotd.calibration.motor_fit import DELAY, SPIN, AngleSample, Input, MotorRun, advance, fit, simulated
 
 TRUE = (0.04, 20.0, 0.1, 0.036, 25.0, 0.08, 0.01, 0.9)
 START = (0.03, 15.0, 0.03, 0.03, 15.0, 0.03, 0.0, 1.0)
 COUNT_RAD = math.tau / 4200
 
 
-def run(*duties: float, begin_s: float, spins: bool = False, noise_rad: float = 0.0, seed: int = 1) -> Run:
+def run(
+    *duties: float, begin_s: float, spins: bool = False, noise_rad: float = 0.0, seed: int = 1
+) -> MotorRun:
     """Each duty for 0.7 s, then none; a reading every 50 ms of whole counts."""
     inputs = [Input(begin_s + 0.7 * number, duty) for number, duty in enumerate((*duties, 0.0))]
     stamps = [begin_s - 0.1 + 0.05 * number for number in range(14 * len(duties) + 2)]
-    empty = Run(spins, tuple(inputs), tuple(Sample(stamp_s, 0.0) for stamp_s in stamps))
+    empty = MotorRun(spins, tuple(inputs), tuple(AngleSample(stamp_s, 0.0) for stamp_s in stamps))
     chance, wandered = random.Random(seed), 0.0
     samples = []
     for stamp_s, angle_rad in zip(stamps, simulated(TRUE, empty), strict=True):
         wandered += chance.gauss(0.0, noise_rad)
-        samples.append(Sample(stamp_s, math.floor((angle_rad + wandered) / COUNT_RAD) * COUNT_RAD))
-    return Run(spins, tuple(inputs), tuple(samples))
+        samples.append(AngleSample(stamp_s, math.floor((angle_rad + wandered) / COUNT_RAD) * COUNT_RAD))
+    return MotorRun(spins, tuple(inputs), tuple(samples))
 
 
-def runs(noise_rad: float = 0.0, *, spins: bool = True) -> list[Run]:
+def runs(noise_rad: float = 0.0, *, spins: bool = True) -> list[MotorRun]:
     """Both directions on the spot, and both straight on."""
     kinds = ((1, spins), (-1, spins), (1, False), (-1, False))
     return [

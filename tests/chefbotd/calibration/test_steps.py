@@ -8,14 +8,14 @@ import pytest
 from chefbotd.calibration import steps
 from chefbotd.calibration.least_squares import solve
 from chefbotd.calibration.step import (
+    ConfiguredRobot,
     Estimate,
     Measurements,
     Plot,
     Residual,
-    Robot,
     Series,
     Status,
-    Step,
+    StepDefinition,
     StepResult,
 )
 from tests.chefbotd.calibration.synthetic import configured
@@ -27,7 +27,7 @@ PASSED = StepResult("fake", Status.PASSED, "", (Estimate(KEY, "", 1.0, 1.01, 0.0
 
 def _result(monkeypatch: pytest.MonkeyPatch, fit: object) -> StepResult:
     """What comes of a step with this fit."""
-    step = Step("fake", "", "", 0.0, lambda robot: "", lambda robot: iter(()), fit)  # type: ignore[arg-type]
+    step = StepDefinition("fake", "", "", 0.0, lambda robot: "", lambda robot: iter(()), fit)  # type: ignore[arg-type]
     monkeypatch.setattr(steps, "STEPS", {"fake": step})
     return steps.fitted("fake", ROBOT, Measurements())
 
@@ -65,7 +65,7 @@ def test_a_number_that_is_not_finite_refuses_the_result(
 def test_a_fit_without_a_solution_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     """Least squares of residuals that are NaN raise; the step ends with the reason."""
 
-    def fit(robot: Robot, measured: Measurements) -> StepResult:
+    def fit(robot: ConfiguredRobot, measured: Measurements) -> StepResult:
         solve(lambda values: np.full((3, 1), math.nan), np.zeros(1))
         return PASSED
 

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from chefbotd.calibration.step import Ask, Measurements, Move, Procedure, Robot, Status
+from chefbotd.calibration.step import Ask, ConfiguredRobot, Measurements, Move, Procedure, Status
 from chefbotd.calibration.umbmark import LOOPS, UMBMARK
 from chefbotd.calibration.wheel_model import WheelModel
 from chefbotd.core.events import WheelsDriven, WheelsMeasured
@@ -101,7 +101,7 @@ def test_errors_that_no_wheels_can_cause_are_no_result(drive: Measurements) -> N
 
 def test_a_robot_with_a_lidar_does_not_need_it() -> None:
     """Who has a lidar is sent to ``wheels``."""
-    robot: Robot = configured()
+    robot: ConfiguredRobot = configured()
     assert "wheels" in UMBMARK.missing(robot)
     assert not UMBMARK.missing(ROBOT)
 

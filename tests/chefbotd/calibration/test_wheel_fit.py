@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from chefbotd.calibration.least_squares import Floats
-from chefbotd.calibration.wheel_fit import Drive, fit, in_pieces, needs_rich
+from chefbotd.calibration.wheel_fit import RecordedDrive, fit, in_pieces, needs_rich
 from chefbotd.calibration.wheel_model import NOMINAL, WheelModel, reckoned
 from chefbotd.mapping.poses import between, compose
 
@@ -37,7 +37,7 @@ def _drive(
     yaw_rad: float = 0.0,
     scatter: float = 0.0,
     seed: int = 0,
-) -> Drive:
+) -> RecordedDrive:
     """A drive whose truth is ``model``; ``scatter`` is how far each step's turn is off (a share of what wheels do)."""
     left_m, right_m = _rolled(path, sign)
     random = np.random.default_rng(seed)
@@ -46,7 +46,9 @@ def _drive(
     poses = reckoned(model, TRACK_M, left_m - slip_m, right_m + slip_m)
     seen = compose(poses, mount if mount is not None else np.array([0.0, 0.0, yaw_rad]))
     first, last, motion, shares = in_pieces(seen, (40, 120), 10)
-    return Drive(kind, kind, left_m, right_m, first, last, motion, np.full((len(first), 3), 1e-3), shares)
+    return RecordedDrive(
+        kind, kind, left_m, right_m, first, last, motion, np.full((len(first), 3), 1e-3), shares
+    )
 
 
 def test_a_quarter_turn_about_the_standing_left_wheel() -> None:
@@ -88,7 +90,7 @@ TO_AND_FRO = [
 """Travel in m and turn in rad from stop to stop."""
 
 
-def _with_play(play_m: float) -> Drive:
+def _with_play(play_m: float) -> RecordedDrive:
     """Stop and go by ``WRONG``: the first step of a side that turns round is in vain by the play."""
     sides = [np.array([way + sign * turn * TRACK_M / 2 for way, turn in TO_AND_FRO]) for sign in (-1, 1)]
     steps = [np.repeat(side / 20, 20) for side in sides]
@@ -99,7 +101,9 @@ def _with_play(play_m: float) -> Drive:
     stops = np.arange(0, len(steps[0]) + 1, 20)
     first, last, motion, shares = in_pieces(poses[stops], (1,), 1)
     sigmas = np.full((len(first), 3), 1e-3)
-    return Drive("", "", steps[0], steps[1], stops[first], stops[last], motion, sigmas, shares * len(shares))
+    return RecordedDrive(
+        "", "", steps[0], steps[1], stops[first], stops[last], motion, sigmas, shares * len(shares)
+    )
 
 
 def test_play_between_encoders_and_wheels_does_not_make_radii_smaller() -> None:

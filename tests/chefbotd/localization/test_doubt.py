@@ -7,7 +7,7 @@ from chefbotd.core.record import replace
 from chefbotd.localization.localizer import LocalizationReport
 from chefbotd.localization.searching import LocalizationMap, localization_map
 from chefbotd.localization.state import PoseState, set_pose
-from chefbotd.localization.tracking import Estimate
+from chefbotd.localization.tracking import PoseEstimate
 from tests.chefbotd.localization.buildings import Robot, corridor_of_mirrored_rooms, drawn, off
 from tests.chefbotd.mapping.slam.flat import Floats, Lidar
 
@@ -56,7 +56,7 @@ def test_a_robot_that_sees_nothing_of_the_map_is_uncertain_after_ten_seconds(
     assert states[-1] is PoseState.LOST
 
 
-def _estimate(robot: Robot) -> Estimate:
+def _estimate(robot: Robot) -> PoseEstimate:
     assert robot.now.estimate is not None
     return robot.now.estimate
 

@@ -9,7 +9,7 @@ from chefbotd.localization.state import Localization, Odometry, carried
 from chefbotd.localization.tracking import (
     LASER_NOISE_M,
     MAP_SIGMA_M,
-    Estimate,
+    PoseEstimate,
     fused,
     predicted,
     sigmas,
@@ -20,7 +20,7 @@ from chefbotd.mapping.refine import Fit
 
 def test_what_is_uncertain_grows_with_the_way() -> None:
     """Four metres straight ahead at 0.1 m for the root of a metre: 0.2 m, and what the heading adds across."""
-    last = Estimate(np.array([1.0, 2.0, math.pi / 2]), np.diag([0.0, 0.0, 0.01]))
+    last = PoseEstimate(np.array([1.0, 2.0, math.pi / 2]), np.diag([0.0, 0.0, 0.01]))
     found = predicted(last, np.array([4.0, 0.0, 0.0]))
     assert found.pose == pytest.approx([1.0, 6.0, math.pi / 2])
     assert found.covariance[1, 1] == pytest.approx(0.04)
@@ -30,7 +30,7 @@ def test_what_is_uncertain_grows_with_the_way() -> None:
 
 def test_standing_adds_nothing() -> None:
     """A robot that stands for an hour is as sure as before."""
-    last = Estimate(np.array([1.0, 2.0, 0.4]), np.diag([0.01, 0.02, 0.003]))
+    last = PoseEstimate(np.array([1.0, 2.0, 0.4]), np.diag([0.01, 0.02, 0.003]))
     found = predicted(last, np.zeros(3))
     assert (found.covariance == last.covariance).all()
 
@@ -43,14 +43,14 @@ def test_the_odometry_s_own_covariance_is_used_in_the_robot_s_frame() -> None:
     noise = motion_covariance(before, told, after, told + np.diag([0.01**2, 0.03**2, 0.0]))
     assert noise is not None
     assert np.diag(noise) == pytest.approx([0.03**2, 0.01**2, 0.0])
-    last = Estimate(np.array([0.0, 0.0, 0.0]), np.zeros((3, 3)))
+    last = PoseEstimate(np.array([0.0, 0.0, 0.0]), np.zeros((3, 3)))
     assert predicted(last, np.array([0.5, 0, 0]), noise).covariance[0, 0] == pytest.approx(0.03**2)
 
 
 def test_odometry_that_doubts_itself_makes_the_pose_less_certain_and_never_more() -> None:
     """Two metres ahead: 0.5 m by a slip counts, and 1 mm by odometry that knows of none does not."""
     start = Localization(
-        estimate=Estimate(np.zeros(3), np.zeros((3, 3))), odometry=Odometry(np.zeros(3), np.zeros((3, 3)))
+        estimate=PoseEstimate(np.zeros(3), np.zeros((3, 3))), odometry=Odometry(np.zeros(3), np.zeros((3, 3)))
     )
     after = np.array([2.0, 0.0, 0.0])
 
@@ -65,7 +65,7 @@ def test_odometry_that_doubts_itself_makes_the_pose_less_certain_and_never_more(
 
 def test_odometry_that_jumps_is_not_believed() -> None:
     """Nobody drives 7 m between two scans."""
-    last = Estimate(np.array([1.0, 2.0, 0.4]), np.diag([0.01, 0.01, 0.01]))
+    last = PoseEstimate(np.array([1.0, 2.0, 0.4]), np.diag([0.01, 0.01, 0.01]))
     assert predicted(last, np.array([5.0, 5.0, 0.0])) is last
 
 
@@ -80,7 +80,7 @@ def test_a_wall_corrects_across_itself_only() -> None:
     """The match is 0.1 m off in both; 200 beams on a wall along x tell y, and of x only what noisy normals pretend."""
     per_beam = LASER_NOISE_M**-2
     information = np.diag([200 * per_beam * math.sin(0.05) ** 2, 200 * per_beam, 200 * per_beam])
-    expected = Estimate(np.array([3.0, 4.0, 0.0]), np.diag([0.04, 0.04, 0.01]))
+    expected = PoseEstimate(np.array([3.0, 4.0, 0.0]), np.diag([0.04, 0.04, 0.01]))
     fit = Fit(np.array([3.1, 4.1, 0.0]), information, 200, 200, 200, 0, 0.01)
     found = fused(expected, fit, np.linalg.inv(expected.covariance))
     assert found.pose[:2] == pytest.approx([3.0, 4.1], abs=0.002)

@@ -7,8 +7,8 @@ import pytest
 
 from chefbotd.motion.edge_speed import (
     START,
+    EdgeRun,
     QuadratureParameters,
-    Run,
     TimedEdge,
     extend,
     rate_counts_s,
@@ -30,7 +30,7 @@ def times_s(rate_counts_s: float, widths: tuple[float, ...], counts: int, from_s
     return list(accumulate((widths[k % 4] / rate_counts_s for k in range(counts)), initial=from_s))
 
 
-def run_of(direction: int, edges_s: list[float], run: Run = START, first: int = 0) -> Run:
+def run_of(direction: int, edges_s: list[float], run: EdgeRun = START, first: int = 0) -> EdgeRun:
     """A run with an edge at each of these times."""
     run = turned(run, direction) if run.direction != direction else run
     for k, at_s in enumerate(edges_s):
@@ -175,7 +175,7 @@ def test_edges_of_another_cycle_say_nothing_of_the_widest_phase() -> None:
     The rate is from the edge that is like the newest, 8 counts in 0.15 s; a phase of 30 ms was seen a cycle before.
     """
     marks = tuple(TimedEdge(*mark) for mark in ((0, 0.0), (1, 0.01), (2, 0.04), (3, 0.05), (10, 0.19)))
-    run = Run(1, marks)
+    run = EdgeRun(1, marks)
     assert rate_counts_s(PARAMETERS, run, 0.19) == pytest.approx(8 / 0.15)
     assert rate_counts_s(PARAMETERS, run, 0.22) == pytest.approx(1 / 0.03)
 
@@ -183,6 +183,6 @@ def test_edges_of_another_cycle_say_nothing_of_the_widest_phase() -> None:
 def test_three_phases_leave_the_fourth_the_rest_of_the_cycle() -> None:
     """10, 15 and 5 ms are 3 counts in 30 ms, which leaves 10 ms: after 30 ms without an edge it is 1.5 / 0.03 s."""
     marks = tuple(TimedEdge(*mark) for mark in ((0, 0.0), (-1, 0.01), (-2, 0.025), (-3, 0.03)))
-    run = Run(-1, marks)
+    run = EdgeRun(-1, marks)
     assert rate_counts_s(PARAMETERS, run, 0.03) == pytest.approx(-100.0)
     assert rate_counts_s(PARAMETERS, run, 0.06) == pytest.approx(-50.0)

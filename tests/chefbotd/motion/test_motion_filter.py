@@ -12,7 +12,7 @@ from chefbotd.core.geometry import Pose2D
 from chefbotd.motion.motion_filter import (
     Considered,
     MotionEstimate,
-    Step,
+    MotionStep,
     at_pose,
     predicted,
     surprise,
@@ -39,7 +39,7 @@ def matrix(now: MotionEstimate, considered: Considered = CONSIDERED) -> Matrix:
     return full
 
 
-def moved(now: MotionEstimate, before: Matrix, step: Step) -> Matrix:
+def moved(now: MotionEstimate, before: Matrix, step: MotionStep) -> Matrix:
     """The covariance after a step: ``F P F^T + G Q G^T``."""
     half = step.turned_rad / 2
     chord, middle = step.travel_m * (1 - half * half / 6), now.heading_rad + half
@@ -70,7 +70,7 @@ def random_drive(seed: int, steps: int = 30, *, bias_turns: bool) -> tuple[Motio
     by_matrix = matrix(now)
     for _ in range(steps):
         travel_m, turned_rad = chance.gauss(0, 0.1), chance.gauss(0, 0.2)
-        step = Step(travel_m, turned_rad, 0.05, 1e-5, 2e-5, 3e-6, 1e-6, 1e-7, bias_turns)
+        step = MotionStep(travel_m, turned_rad, 0.05, 1e-5, 2e-5, 3e-6, 1e-6, 1e-7, bias_turns)
         by_matrix = moved(now, by_matrix, step)
         now = predicted(now, CONSIDERED, step)
     return now, by_matrix
@@ -107,7 +107,7 @@ def test_what_is_constant_is_never_averaged_away() -> None:
     """A heading scale that is off by 2 % (1 sigma): ten radians are off by 0.2, however many headings say the same."""
     now = with_new_offset(MotionEstimate(), 0.0, 1e-8)
     considered = Considered(turn=1.0, imu_heading=4e-4)
-    now = predicted(now, considered, Step(0.0, 10.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, bias_turns=False))
+    now = predicted(now, considered, MotionStep(0.0, 10.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, bias_turns=False))
     for _ in range(1000):
         now = with_imu_heading(now, 10.0, 1e-6)
     assert math.sqrt(now.pose_covariance.hh) == pytest.approx(0.2, rel=0.01)
@@ -117,7 +117,7 @@ def test_an_arc_ends_where_geometry_says() -> None:
     """A quarter of a circle of radius 1 m in a hundred steps ends at (1, 1), to the chord's second order."""
     now = MotionEstimate()
     for _ in range(100):
-        step = Step(math.pi / 200, math.pi / 200, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0, bias_turns=True)
+        step = MotionStep(math.pi / 200, math.pi / 200, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0, bias_turns=True)
         now = predicted(now, Considered(), step)
     assert (now.x_m, now.y_m, now.heading_rad) == pytest.approx((1.0, 1.0, math.pi / 2), abs=1e-8)
 

@@ -11,13 +11,13 @@ from click.testing import CliRunner
 from chefbotd.calibration import steps
 from chefbotd.calibration.step import (
     Ask,
+    ConfiguredRobot,
     Estimate,
     Measurements,
     Move,
     Procedure,
-    Robot,
     Status,
-    Step,
+    StepDefinition,
     StepResult,
 )
 from chefbotd.cli.calibrate import recorded as from_recording
@@ -30,13 +30,13 @@ from chefbotd.testing.daemon import SimulatedRobot
 from tests.chefbotd.replay.recordings import recorded, recorded_file, replayed
 
 
-def _procedure(robot: Robot) -> Procedure:
+def _procedure(robot: ConfiguredRobot) -> Procedure:
     yield Move(Twist2D(0.2, 0.5), 1.3, "drives", 0.5)
     yield Ask("voltage_v", "What does a voltmeter say?", "V", 5.0, 20.0, 0.9)
     yield Move(Twist2D(-0.1, 0.0), 0.7, "drives back", 1.0)
 
 
-def _fit(robot: Robot, measured: Measurements) -> StepResult:
+def _fit(robot: ConfiguredRobot, measured: Measurements) -> StepResult:
     """As many counts as there were readings: another recording is another number."""
     value = 1 + len(measured.wheels) / 1e4 + sum(wheels.travel_rad[0] for wheels in measured.wheels) / 1e3
     return StepResult(
@@ -46,7 +46,7 @@ def _fit(robot: Robot, measured: Measurements) -> StepResult:
 
 @pytest.fixture(autouse=True)
 def _steps(monkeypatch: pytest.MonkeyPatch) -> None:
-    step = Step("wheels", "nothing", "nothing", 0.0, lambda robot: "", _procedure, _fit)
+    step = StepDefinition("wheels", "nothing", "nothing", 0.0, lambda robot: "", _procedure, _fit)
     monkeypatch.setattr(steps, "STEPS", {"wheels": step})
     monkeypatch.setattr(from_recording, "STEPS", {"wheels": step})
 

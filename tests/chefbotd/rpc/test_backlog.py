@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from chefbotd.rpc.arrivals import Arrival
-from chefbotd.rpc.backlog import Backlog, Line
+from chefbotd.rpc.backlog import Backlog, ReceivedLine
 
 NOW = Arrival(1.0, 0)
 
@@ -65,7 +65,7 @@ def test_what_stands_behind_a_stop_was_sent_after_it() -> None:
     waiting.record_own_stop(0, 1)
     assert stops_before(waiting) == [(b"a", 0), (b"b", 0), (b"d", 1)]
     waiting = backlog(b"a\nb\nc!\nd\ne!\nf\n")
-    assert waiting.take_line() == Line(bytearray(b"a"), NOW)
+    assert waiting.take_line() == ReceivedLine(bytearray(b"a"), NOW)
     for stops in range(2):
         assert waiting.find_urgent() is not None
         waiting.remove_found()
@@ -81,7 +81,7 @@ def test_a_stop_that_was_the_first_line_has_all_others_behind_it() -> None:
             assert waiting.find_urgent() == b"a!"
             waiting.remove_found()
         else:
-            assert waiting.take_line() == Line(bytearray(b"a!"), NOW)
+            assert waiting.take_line() == ReceivedLine(bytearray(b"a!"), NOW)
         waiting.record_own_stop(0, 1)
         assert stops_before(waiting) == [(b"b", 1)]
 
@@ -102,13 +102,13 @@ def test_a_line_is_as_old_as_its_first_byte() -> None:
     waiting.add(b"a\nb", Arrival(1.0, 0))
     waiting.add(b"bb\nc\nd!\n", Arrival(1.5, 1))
     waiting.add(b"e\n", Arrival(2.5, 2))
-    assert waiting.take_line() == Line(bytearray(b"a"), Arrival(1.0, 0))
+    assert waiting.take_line() == ReceivedLine(bytearray(b"a"), Arrival(1.0, 0))
     assert waiting.find_urgent() == b"d!"
     waiting.remove_found()
     assert [waiting.take_line() for _ in range(3)] == [
-        Line(bytearray(b"bbb"), Arrival(1.0, 0)),
-        Line(bytearray(b"c"), Arrival(1.5, 1)),
-        Line(bytearray(b"e"), Arrival(2.5, 2)),
+        ReceivedLine(bytearray(b"bbb"), Arrival(1.0, 0)),
+        ReceivedLine(bytearray(b"c"), Arrival(1.5, 1)),
+        ReceivedLine(bytearray(b"e"), Arrival(2.5, 2)),
     ]
 
 

@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks import estimation, slipping
 from chefbotd.calibration.lidar import LIDAR
-from chefbotd.calibration.step import Measurements, Move, Procedure, Robot, Status, StepResult
+from chefbotd.calibration.step import ConfiguredRobot, Measurements, Move, Procedure, Status, StepResult
 from chefbotd.calibration.wheel_model import WheelModel
 from chefbotd.calibration.wheels import WHEELS
 from chefbotd.core.events import TruthSimulated
@@ -22,13 +22,13 @@ MOUNT = (0.012, -0.008, 0.03)
 
 
 @pytest.fixture(scope="module")
-def robot() -> Robot:
+def robot() -> ConfiguredRobot:
     """ChefBot with a lidar in the middle."""
     return configured()
 
 
 @pytest.fixture(scope="module")
-def drive(robot: Robot) -> Measurements:
+def drive(robot: ConfiguredRobot) -> Measurements:
     """All that is measured while a robot that is wrong carries out the procedure."""
     return World(robot, Truth(MODEL, MOUNT), seed=3).perform(WHEELS.procedure(robot))
 
@@ -37,7 +37,7 @@ def _after(result: StepResult) -> dict[str, float]:
     return {estimate.key.rpartition(".")[2]: estimate.after for estimate in result.estimates}
 
 
-def test_wheels_and_mount_are_recovered(robot: Robot, drive: Measurements) -> None:
+def test_wheels_and_mount_are_recovered(robot: ConfiguredRobot, drive: Measurements) -> None:
     """Ratio to 0.15 %, track and size to 0.2 %, the mount to 1 mm and 0.1 deg, all within 4 standard deviations."""
     result = WHEELS.fit(robot, drive)
     assert result.status is Status.PASSED, result.reason
@@ -56,7 +56,7 @@ def test_wheels_and_mount_are_recovered(robot: Robot, drive: Measurements) -> No
 
 
 def test_what_is_left_uncertain_is_what_odometry_takes_into_account(
-    robot: Robot, drive: Measurements
+    robot: ConfiguredRobot, drive: Measurements
 ) -> None:
     """Ten robots that are off by what the result says: their NEES is within bounds, and nearer to 3 than by defaults."""
     left = {
@@ -86,7 +86,7 @@ def _nees(true: FusionParameters, stated: FusionParameters) -> float:
 
 @pytest.mark.parametrize("offset_m", [-0.009, 0.009])
 def test_a_lidar_that_reads_too_far_leaves_the_sizes_as_they_are(
-    robot: Robot, drive: Measurements, offset_m: float
+    robot: ConfiguredRobot, drive: Measurements, offset_m: float
 ) -> None:
     """9 mm on every beam move track and size by less than 0.1 % from what they are without, and it is said."""
     scans = tuple(
@@ -103,12 +103,12 @@ def test_a_lidar_that_reads_too_far_leaves_the_sizes_as_they_are(
     assert f"mm too {'far' if offset_m > 0 else 'near'}, which is taken into account" in result.reason
 
 
-def test_the_same_measurements_give_the_same_result(robot: Robot, drive: Measurements) -> None:
+def test_the_same_measurements_give_the_same_result(robot: ConfiguredRobot, drive: Measurements) -> None:
     """To the last bit: a recorded drive can be calibrated from afterwards."""
     assert WHEELS.fit(robot, drive) == WHEELS.fit(robot, drive)
 
 
-def test_the_procedure_stays_near_its_start(robot: Robot) -> None:
+def test_the_procedure_stays_near_its_start(robot: ConfiguredRobot) -> None:
     """Where there is much space, the middle of the axle stays within 0.7 m, and it takes at most 200 s."""
     world = World(robot, Truth(slip=0.0))
     world.perform(WHEELS.procedure(robot))
@@ -127,7 +127,7 @@ def test_the_procedure_stays_near_its_start(robot: Robot) -> None:
         (Truth(WheelModel(left=0.5, right=0.5)), "times as much as its radius and the track say"),
     ],
 )
-def test_wrong_wiring_is_refused_and_named(robot: Robot, truth: Truth, reason: str) -> None:
+def test_wrong_wiring_is_refused_and_named(robot: ConfiguredRobot, truth: Truth, reason: str) -> None:
     """The first small motions show it; no negative radius is ever a result."""
     result = WHEELS.fit(robot, World(robot, truth).perform(WHEELS.procedure(robot), most=13))
     assert (result.status, result.estimates) == (Status.REFUSED, ())
@@ -146,7 +146,7 @@ def _look_after(*motions: tuple[Twist2D, float]) -> Procedure:
     yield Move(None, 0.6, "")
 
 
-def test_straights_alone_are_not_enough(robot: Robot) -> None:
+def test_straights_alone_are_not_enough(robot: ConfiguredRobot) -> None:
     """To and fro says nothing of the track."""
     straights = [(Twist2D(sign * 0.3), 1.5) for sign in (1, -1) * 4]
     result = WHEELS.fit(robot, World(robot, Truth()).perform(_look_after(*straights)))
@@ -154,7 +154,7 @@ def test_straights_alone_are_not_enough(robot: Robot) -> None:
     assert "turns" in result.reason
 
 
-def test_turns_alone_are_not_enough(robot: Robot) -> None:
+def test_turns_alone_are_not_enough(robot: ConfiguredRobot) -> None:
     """On the spot says nothing of the radii."""
     turns = [(Twist2D(0.0, sign * 1.0), 2.0) for sign in (1, -1) * 4]
     result = WHEELS.fit(robot, World(robot, Truth()).perform(_look_after(*turns)))
@@ -162,7 +162,7 @@ def test_turns_alone_are_not_enough(robot: Robot) -> None:
     assert "travel" in result.reason
 
 
-def test_scans_that_are_noise_are_no_result(robot: Robot, drive: Measurements) -> None:
+def test_scans_that_are_noise_are_no_result(robot: ConfiguredRobot, drive: Measurements) -> None:
     """Ranges drawn at random are refused, or said to be too little."""
     random = np.random.default_rng(0)
     scans = tuple(
@@ -174,7 +174,7 @@ def test_scans_that_are_noise_are_no_result(robot: Robot, drive: Measurements) -
 
 
 @pytest.mark.parametrize("kind", ["wheels", "scans", "both"])
-def test_what_was_not_measured_is_named(robot: Robot, drive: Measurements, kind: str) -> None:
+def test_what_was_not_measured_is_named(robot: ConfiguredRobot, drive: Measurements, kind: str) -> None:
     """Without readings or scans there is no result, and no exception."""
     wheels = () if kind != "scans" else drive.wheels
     scans = () if kind != "wheels" else drive.scans
@@ -184,7 +184,7 @@ def test_what_was_not_measured_is_named(robot: Robot, drive: Measurements, kind:
 
 
 @pytest.mark.slow
-def test_a_recorded_drive_without_stops_is_enough(robot: Robot) -> None:
+def test_a_recorded_drive_without_stops_is_enough(robot: ConfiguredRobot) -> None:
     """Curves through the room, scans corrected by the wheels: ratio, track and size to 0.6 %, and an honest sigma."""
     world = World(robot, Truth(MODEL, MOUNT), seed=5)
     curves = [
@@ -203,7 +203,7 @@ def test_a_recorded_drive_without_stops_is_enough(robot: Robot) -> None:
         assert abs(estimate.after - true) < 4 * estimate.sigma
 
 
-def test_truth_serves_where_there_is_no_lidar(robot: Robot) -> None:
+def test_truth_serves_where_there_is_no_lidar(robot: ConfiguredRobot) -> None:
     """A simulator's truth beside the wheels gives radii and track."""
     world = World(replace(robot), Truth(MODEL), seed=2)
     drive = world.perform(WHEELS.procedure(robot))
@@ -215,7 +215,7 @@ def test_truth_serves_where_there_is_no_lidar(robot: Robot) -> None:
     assert _after(result)["track_multiplier"] == pytest.approx(MODEL.track, rel=3e-3)
 
 
-def test_the_mount_alone_is_recovered_where_the_wheels_are_right(robot: Robot) -> None:
+def test_the_mount_alone_is_recovered_where_the_wheels_are_right(robot: ConfiguredRobot) -> None:
     """Half of the motions give x and y to 2 mm and the yaw to 0.1 deg, within four standard deviations."""
     drive = World(robot, Truth(mount=MOUNT), seed=4).perform(LIDAR.procedure(robot))
     result = LIDAR.fit(robot, drive)
@@ -227,7 +227,7 @@ def test_the_mount_alone_is_recovered_where_the_wheels_are_right(robot: Robot) -
         assert abs(estimate.after - true) < 4 * estimate.sigma
 
 
-def test_a_mount_without_scans_is_not_enough(robot: Robot, drive: Measurements) -> None:
+def test_a_mount_without_scans_is_not_enough(robot: ConfiguredRobot, drive: Measurements) -> None:
     """A second lidar that was silent is named."""
     second = robot.lidars[0].model_copy(update={"name": "rear"})
     result = LIDAR.fit(replace(robot, lidars=(second,)), drive)

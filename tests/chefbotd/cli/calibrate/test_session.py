@@ -11,15 +11,15 @@ from click.testing import CliRunner
 from chefbotd.calibration import steps
 from chefbotd.calibration.step import (
     Ask,
+    ConfiguredRobot,
     Estimate,
     Measurements,
     Plot,
     Procedure,
     Residual,
-    Robot,
     Series,
     Status,
-    Step,
+    StepDefinition,
     StepResult,
 )
 from chefbotd.cli.calibrate import recorded
@@ -35,11 +35,11 @@ from chefbotd.testing.daemon import simulated_robot
 KEY = "battery.divider_ratio"
 
 
-def _asks(robot: Robot) -> Procedure:
+def _asks(robot: ConfiguredRobot) -> Procedure:
     yield Ask("voltage_v", "What does a voltmeter say?", "V", 5.0, 20.0, 1.0)
 
 
-def _fit(robot: Robot, measured: Measurements) -> StepResult:
+def _fit(robot: ConfiguredRobot, measured: Measurements) -> StepResult:
     volts = measured.answers.get("voltage_v")
     if volts is None:
         return StepResult("battery", Status.NOT_ENOUGH, "nobody read a voltmeter")
@@ -55,8 +55,10 @@ def _fit(robot: Robot, measured: Measurements) -> StepResult:
 @pytest.fixture(autouse=True)
 def _steps(monkeypatch: pytest.MonkeyPatch) -> None:
     """A step that asks, and one that this robot cannot take."""
-    ready = Step("battery", "the divider", "Take a voltmeter.", 0.0, lambda robot: "", _asks, _fit)
-    other = Step("lidar", "the mount", "Nothing.", 0.0, lambda robot: "it has no lidar", _asks, _fit)
+    ready = StepDefinition("battery", "the divider", "Take a voltmeter.", 0.0, lambda robot: "", _asks, _fit)
+    other = StepDefinition(
+        "lidar", "the mount", "Nothing.", 0.0, lambda robot: "it has no lidar", _asks, _fit
+    )
     both = {step.name: step for step in (ready, other)}
     monkeypatch.setattr(steps, "STEPS", both)
     monkeypatch.setattr(recorded, "STEPS", both)

@@ -16,7 +16,7 @@ from chefbotd.cli.common.echo import need_terminal
 from chefbotd.cli.common.exits import Exit
 from chefbotd.cli.programs.chefbotctl import main as chefbotctl
 from chefbotd.cli.programs.chefbotd import main as chefbotd
-from chefbotd.cli.programs.program import Program
+from chefbotd.cli.programs.program import CommandGroup
 from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
 
@@ -170,11 +170,11 @@ def test_a_mistyped_command_is_answered_with_the_one_that_was_meant() -> None:
 def test_a_command_of_an_add_on_that_is_absent_says_how_to_install_it() -> None:
     """It is not listed; typed all the same, its words are not looked at, and the exit code is 7."""
 
-    @click.group(cls=Program)
+    @click.group(cls=CommandGroup)
     def program() -> None:
         """A program."""
 
-    assert isinstance(program, Program)
+    assert isinstance(program, CommandGroup)
     program.add_late("chefbot_absent.commands", "fly")
     assert "fly" not in CliRunner().invoke(program, ["--help"]).stdout
     refused = CliRunner().invoke(program, ["fly", "--high"])

@@ -12,7 +12,15 @@ import pytest
 import chefbotd.calibration
 from chefbotd.bus import Bus
 from chefbotd.calibration import steps
-from chefbotd.calibration.step import Estimate, Measurements, Procedure, Robot, Status, Step, StepResult
+from chefbotd.calibration.step import (
+    ConfiguredRobot,
+    Estimate,
+    Measurements,
+    Procedure,
+    Status,
+    StepDefinition,
+    StepResult,
+)
 from chefbotd.clock import LoopClock
 from chefbotd.composition.calibration import robot_with
 from chefbotd.core.commands import Refused
@@ -50,7 +58,7 @@ class Calibration:
         )
         self.bus.publish(SafetyChanged(0.0, "armed", "", None))
 
-    def _robot_with(self, values: Mapping[str, float]) -> Robot:
+    def _robot_with(self, values: Mapping[str, float]) -> ConfiguredRobot:
         self.prepared.append(threading.current_thread().name)
         self.driver.stops += self.stops_meanwhile
         return robot_with(SETTINGS, values)
@@ -59,21 +67,21 @@ class Calibration:
         self.saved.append(threading.current_thread().name)
         return CalibrationApplied("robot.toml", "robot.toml.before", "", tuple(values))
 
-    async def _fit(self, step: str, robot: Robot, measured: Measurements) -> StepResult:
+    async def _fit(self, step: str, robot: ConfiguredRobot, measured: Measurements) -> StepResult:
         return StepResult(step, Status.PASSED, "", (Estimate(KEY, "", 1.0, 1.01, 0.001),))
 
 
-def _nothing(robot: Robot) -> Procedure:
+def _nothing(robot: ConfiguredRobot) -> Procedure:
     yield from ()
 
 
-def _fit_nothing(robot: Robot, measured: Measurements) -> StepResult:
+def _fit_nothing(robot: ConfiguredRobot, measured: Measurements) -> StepResult:
     raise AssertionError("another process does that")
 
 
 @pytest.fixture
 def _fake_step(monkeypatch: pytest.MonkeyPatch) -> None:
-    step = Step("fake", "nothing", "nothing", 0.0, lambda robot: "", _nothing, _fit_nothing)
+    step = StepDefinition("fake", "nothing", "nothing", 0.0, lambda robot: "", _nothing, _fit_nothing)
     monkeypatch.setattr(steps, "STEPS", {"fake": step})
 
 

@@ -9,13 +9,13 @@ import pytest
 from chefbotd.calibration import steps
 from chefbotd.calibration.step import (
     Ask,
+    ConfiguredRobot,
     Estimate,
     Measurements,
     Move,
     Procedure,
-    Robot,
     Status,
-    Step,
+    StepDefinition,
     StepResult,
 )
 from chefbotd.client import CallError, Client
@@ -31,7 +31,7 @@ from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 KEY = "chassis.track_multiplier"
 
 
-def _forward(robot: Robot) -> Procedure:
+def _forward(robot: ConfiguredRobot) -> Procedure:
     """Half a metre on, and a question."""
     measured = yield Move(Twist2D(0.2, 0.0), 2.0, "drives", 0.5)
     assert max(event.velocity_rad_s[0] for event in measured.wheels) > 1.0
@@ -47,7 +47,7 @@ class FakeStep:
         self.status, self.reason = Status.PASSED, ""
         self.got: Measurements | None = None
 
-    def fit(self, robot: Robot, measured: Measurements) -> StepResult:
+    def fit(self, robot: ConfiguredRobot, measured: Measurements) -> StepResult:
         self.got = measured
         estimate = Estimate(KEY, "", robot.chassis.track_multiplier, self.after, self.sigma)
         return StepResult("fake", self.status, self.reason, (estimate,))
@@ -57,9 +57,11 @@ class FakeStep:
 def fake(monkeypatch: pytest.MonkeyPatch) -> FakeStep:
     """Steps that a robot can begin, and one that it cannot."""
     fake = FakeStep()
-    step = Step("fake", "nothing", "nothing", 0.0, lambda robot: "", _forward, fake.fit)
-    wide = Step("wide", "nothing", "nothing", 0.4, lambda robot: "", _forward, fake.fit)
-    none = Step("none", "nothing", "nothing", 0.0, lambda robot: "it has no wings", _forward, fake.fit)
+    step = StepDefinition("fake", "nothing", "nothing", 0.0, lambda robot: "", _forward, fake.fit)
+    wide = StepDefinition("wide", "nothing", "nothing", 0.4, lambda robot: "", _forward, fake.fit)
+    none = StepDefinition(
+        "none", "nothing", "nothing", 0.0, lambda robot: "it has no wings", _forward, fake.fit
+    )
     monkeypatch.setattr(steps, "STEPS", {step.name: step for step in (step, wide, none)})
     return fake
 
