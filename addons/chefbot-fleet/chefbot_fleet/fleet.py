@@ -226,8 +226,34 @@ class Fleet:
             self._replace_deleted(vehicle, state, now_s)
         elif vehicle.order_id:
             self._find_again(vehicle, state, now_s)
+        self._follow(vehicle, state, now_s)
         if self.traffic.robots[name].lost_s is not None:
             self.traffic.find(name, now_s)
+
+    def _follow(self, vehicle: Vehicle, state: State, now_s: float) -> None:
+        """A robot that stands without an order of ours, and far from where it stood: carried, or it was wrong before.
+
+        Whatever was released to it is not in its hands, and it takes no order that begins so far away.
+        """
+        has_order = bool(vehicle.base) and state.order_id == vehicle.order_id
+        if has_order or vehicle.action_id is not None or state.driving or state.node_states:
+            return
+        if self._nearest(state, [vehicle.node, *vehicle.base]) is not None:
+            return
+        node = self._nearest(state, range(len(self.roadmap.points_m)))
+        if node is None:
+            return
+        others = [other for other in self.vehicles.values() if other is not vehicle]
+        why = self._reserved(node, others)
+        if why is not None:
+            self.ignored[vehicle.name] = f"it has been moved, and {why}"
+            return
+        self.ignored.pop(vehicle.name, None)
+        self.traffic.remove(vehicle.name)
+        vehicle.node, vehicle.base, vehicle.order_id, vehicle.update_id = node, [], "", 0
+        self._store.save(vehicle)
+        self._place(vehicle, now_s)
+        self._plan_around(now_s)
 
     def _adopt(self, name: str, state: State, now_s: float) -> Vehicle | None:
         used = {vehicle.home for vehicle in self.vehicles.values()}
@@ -243,10 +269,14 @@ class Fleet:
         self.contacts[name] = Contact(now_s)
         self._store.save(vehicle)
         self.traffic.add(name, node, home)
-        planned = [robot.name for robot in self.traffic.robots.values() if robot.released < len(robot.moves)]
-        if planned:  # their plans know nothing of a robot here
-            self.traffic.resolve(planned, now_s)
+        self._plan_around(now_s)
         return vehicle
+
+    def _plan_around(self, now_s: float) -> None:
+        """New plans for all that have one: theirs know nothing of a robot that is in a new place."""
+        planned = [robot.name for robot in self.traffic.robots.values() if robot.released < len(robot.moves)]
+        if planned:
+            self.traffic.resolve(planned, now_s)
 
     def _obstacle(self, state: State, node: int | None, homes: list[int]) -> str | None:
         """Why a robot cannot be taken into the fleet; it must stand idle where nobody else is or will be."""
@@ -261,7 +291,11 @@ class Fleet:
             return "it is on its way by an order that is not ours"
         if any(action.action_status not in ENDED for action in state.action_states):
             return "it is at work by an order that is not ours"
-        for other in self.vehicles.values():
+        return self._reserved(node, self.vehicles.values())
+
+    def _reserved(self, node: int, others: Iterable[Vehicle]) -> str | None:
+        """Whose this place is now."""
+        for other in others:
             nodes = [other.node, *other.base]
             edges = {edge for a, b in pairwise(nodes) for edge, end in self.roadmap.exits[a] if end == b}
             if self.roadmap.nodes_at_node[node] & set(nodes) or self.roadmap.edges_at_node[node] & edges:

@@ -118,3 +118,40 @@ def test_corrections_by_hand_are_kept_and_used(world: World) -> None:
     world.fleet.correct(Correction("add edge", 1, 2), world.now_s)
     world.run(100.0)
     assert world.fleet.orders["a"].stage is Stage.DONE
+
+
+def test_a_robot_that_was_carried_elsewhere_brings_its_order_from_there(tmp_path: Path) -> None:
+    """It stands idle at home; somebody puts it at the corridor's other end, where nobody is, and gives it work."""
+    world = World(small_roadmap(), tmp_path / "fleet.db", robots=1)
+    world.step()
+    assert world.fleet.vehicles["r0"].node == 0
+    world.robots["r0"].point = world.roadmap.points_m[3]
+    world.robots["r0"].restart()
+    world.give(1)
+    world.run(200.0)
+    assert world.work() == ["o0-0", "o0-1"]
+    assert not world.robots["r0"].refused
+
+
+def test_a_robot_that_was_wrong_about_its_place_is_followed_to_the_right_one(tmp_path: Path) -> None:
+    """What was released to it from the wrong place is given up, as it never took that order."""
+    world = World(small_roadmap(), tmp_path / "fleet.db", robots=1)
+    robot = world.robots["r0"]
+    robot.point = world.roadmap.points_m[3]
+    world.fleet.on_state("r0", robot.state(), 0.0)
+    world.give(1)
+    assert world.fleet.tick(0.5)  # and that message is lost
+    robot.point = world.roadmap.points_m[0]
+    world.run(200.0)
+    assert world.work() == ["o0-0", "o0-1"]
+    assert not robot.refused
+
+
+def test_nobody_is_put_where_another_robot_has_reserved(tmp_path: Path) -> None:
+    """r0 says that it stands where r1 is: it stays in the manager's memory where it was, and the page says why."""
+    world = World(small_roadmap(), tmp_path / "fleet.db")
+    world.step()
+    world.robots["r0"].point = world.roadmap.points_m[world.fleet.vehicles["r1"].node]
+    world.step()
+    assert world.fleet.vehicles["r0"].node == 0
+    assert world.fleet.ignored["r0"] == "it has been moved, and its place is reserved for r1"
