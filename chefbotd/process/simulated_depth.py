@@ -16,8 +16,8 @@ from chefbotd.link.depth.process import DepthChild, spawn_program
 from chefbotd.link.depth.sources import Frame
 from chefbotd.perception.depth_camera import DepthSourceParameters
 from chefbotd.sim.depth_image import DepthRenderer
-from chefbotd.sim.embedded import TruthReader
 from chefbotd.sim.rooms import scene_of
+from chefbotd.sim.truth_file import TruthReader
 from chefbotd.sim_parameters.simulation import SimulationParameters
 
 RETRY_S = 0.001

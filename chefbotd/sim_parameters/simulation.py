@@ -110,7 +110,8 @@ class WorldParameters(Parameters):
 
     ``map_path`` is a map's YAML file, or the name of a building that comes with chefbotd: ``flat`` or ``office``.
     Without a map it is the small furnished room. The default start is that of the building, or (0, 0, 0). The doors of
-    a building are open, except those named in ``closed_doors``.
+    a building are open, except those named in ``closed_doors``. Simulated robots whose files ``shared_truth`` are in one
+    folder (``/tmp/floor/r1.truth``) stand on one floor, seen and touched by each other.
     """
 
     map_path: Path | None = None
@@ -118,6 +119,7 @@ class WorldParameters(Parameters):
     start_y_m: float | None = None
     start_heading_rad: float | None = None
     closed_doors: tuple[str, ...] = ()
+    shared_truth: Path | None = None
 
 
 class Physics(StrEnum):
@@ -132,7 +134,8 @@ class SimulationParameters(Parameters):
 
     In a configuration ``world`` may be its ``map_path`` alone: ``world = "flat"``.
     ``true`` is where the robot differs from the rest of the configuration. A ``floor`` with bumps and ramps needs the
-    physics of MuJoCo.
+    physics of MuJoCo. ``shared_clock`` is the socket of the clock that this robot shares with others, instead of the
+    computer's (``python -m chefbotd.shared_clock SOCKET``).
     """
 
     seed: int = Field(1, ge=0)
@@ -150,6 +153,7 @@ class SimulationParameters(Parameters):
     people: tuple[PersonParameters, ...] = ()
     things: tuple[ThingParameters, ...] = ()
     floor: tuple[FloorParameters, ...] = ()
+    shared_clock: Path | None = None
 
     @model_validator(mode="after")
     def _has_a_floor(self) -> Self:

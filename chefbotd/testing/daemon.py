@@ -31,6 +31,7 @@ from chefbotd.sim.depth_image import DepthRenderer
 from chefbotd.sim.lidar import LidarRunner
 from chefbotd.sim.rooms import scene_of
 from chefbotd.sim.scene import Scene
+from chefbotd.sim.shared_floor import floor_of, left_where_it_stands
 from chefbotd.sim.simulation import board_sender, build_launchpad, build_lidars
 from chefbotd.sim.spinning import SpinningLidar
 from chefbotd.sim_parameters.simulation import SimulationParameters
@@ -163,12 +164,14 @@ async def simulated_robot(
     """
     settings = _on_free_port(settings or load())
     device = FakeSerialDevice()
-    simulation = simulation_of(settings)
+    simulation = left_where_it_stands(simulation_of(settings))
     send = board_sender(simulation, lambda data: device.feed(data), lambda: device.transport)
     board = BoardRunner(build_launchpad(simulation), send, LoopClock())
     device.on_write = board.receive
     lidars = {name: _in_memory(lidar, board, settings) for name, lidar in build_lidars(simulation).items()}
     loops = [board.run(), *[lidar.runner.run() for lidar in lidars.values()]]
+    if (floor := floor_of(simulation)) is not None:
+        loops.append(floor.run(board, LoopClock()))
     living = [asyncio.create_task(loop) for loop in loops]
     daemon = build(
         settings,

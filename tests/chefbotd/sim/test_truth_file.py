@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 
 from chefbotd.core.geometry import Pose2D
-from chefbotd.sim.embedded import Truth, TruthReader, TruthWriter
+from chefbotd.sim.truth_file import Truth, TruthReader, TruthWriter
 
 
 def test_what_is_written_is_read(tmp_path: Path) -> None:
