@@ -13,7 +13,7 @@ import structlog
 import uvloop
 
 from chefbotd.app import Daemon, Loop
-from chefbotd.clock import SystemClock
+from chefbotd.clock import Clock, SystemClock
 from chefbotd.composition.context import StartWriter
 from chefbotd.process import keep_alive, signals
 from chefbotd.process.build import build
@@ -22,10 +22,12 @@ from chefbotd.process.watchdog import Watchdog, log_priority, raise_priority
 from chefbotd.rpc.access import AccessError
 from chefbotd.safety.latch import LatchParameters
 from chefbotd.settings import Settings
+from chefbotd.shared_clock import SharedClock
 from chefbotd.transport.tcp import CannotListen
 
 if TYPE_CHECKING:
     from chefbotd.process.service import DaemonService, Load
+    from chefbotd.worker.spawn import Spawn
 
 log = structlog.get_logger(component="app")
 
@@ -43,9 +45,10 @@ def run(
 
     0, 1 after a failure, or 78 when the socket cannot be guarded as configured.
     """
+    clock, new_loop = _time_of(settings, simulated=simulated)
     try:
-        with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-            runner.run(_until_signalled(settings, load, config_file, simulated=simulated))
+        with asyncio.Runner(loop_factory=new_loop) as runner:
+            runner.run(_until_signalled(settings, load, config_file, clock, simulated=simulated))
     except BaseExceptionGroup as failures:
         for failure in _leaves(failures):
             if isinstance(failure, CannotListen):
@@ -57,6 +60,16 @@ def run(
         log.error("cannot serve", error=str(problem))
         return os.EX_CONFIG
     return 0
+
+
+def _time_of(settings: Settings, *, simulated: bool) -> tuple[Clock, Callable[[], asyncio.AbstractEventLoop]]:
+    """The clock, and how to make its loop; a simulated robot may share one with others."""
+    if not simulated or settings.sim.shared_clock is None:
+        return SystemClock(), uvloop.new_event_loop
+    from chefbotd.process.shared_loop import SharedClockLoop  # not in the memory of a daemon on a real robot
+
+    clock = SharedClock(settings.sim.shared_clock)
+    return clock, partial(SharedClockLoop, clock)
 
 
 def _leaves(group: BaseExceptionGroup[BaseException]) -> Iterator[BaseException]:
@@ -78,7 +91,7 @@ class _Hangup:
 
 
 async def _until_signalled(
-    settings: Settings, load: "Load | None", config_file: Path | None, *, simulated: bool
+    settings: Settings, load: "Load | None", config_file: Path | None, clock: Clock, *, simulated: bool
 ) -> None:
     task = asyncio.current_task()
     assert task is not None  # noqa: S101 - a coroutine that runs has a task
@@ -100,7 +113,7 @@ async def _until_signalled(
 
     try:
         serve = _serve_simulated if simulated else _serve_real
-        await serve(settings, as_service, config_file)
+        await serve(settings, as_service, config_file, clock)
     except asyncio.CancelledError:
         if not received:
             raise
@@ -109,7 +122,9 @@ async def _until_signalled(
     log.info("stopped", signal=received[0])
 
 
-async def _serve(daemon: Daemon, settings: Settings, as_service: AsService, *more: Loop) -> None:
+async def _serve(
+    daemon: Daemon, settings: Settings, as_service: AsService, clock: Clock, *more: Loop
+) -> None:
     service = as_service(daemon)
     control = settings.control
     priority = raise_priority(control.realtime_priority, lock_memory=control.lock_memory)
@@ -126,7 +141,7 @@ async def _serve(daemon: Daemon, settings: Settings, as_service: AsService, *mor
 
     watchdog = Watchdog(
         settings.watchdog,
-        SystemClock(),
+        clock,
         daemon.driving,
         daemon.session.stop_from_thread,
         daemon.driving.keeper.report_from_thread,
@@ -136,28 +151,30 @@ async def _serve(daemon: Daemon, settings: Settings, as_service: AsService, *mor
         await daemon.run(report_ready, *(service.loops if service else ()), *more)
 
 
-async def _serve_real(settings: Settings, as_service: AsService, config_file: Path | None) -> None:
+async def _serve_real(
+    settings: Settings, as_service: AsService, config_file: Path | None, clock: Clock
+) -> None:
     """On the robot's port; its latch is kept where systemd offers room, unless the configuration says where."""
     folder = settings.latch.folder or keep_alive.runtime_folder()
     settings = settings.model_copy(update={"latch": LatchParameters(folder=folder)})
-    daemon = build(
-        settings, clock=SystemClock(), start_writer=_start_writer(settings), config_file=config_file
-    )
+    daemon = build(settings, clock=clock, start_writer=_start_writer(settings), config_file=config_file)
     if folder is None:
         log.info(
             "a restart forgets an e-stop or a fault: neither [latch] folder nor RuntimeDirectory= is set"
         )
     async with stop_guard(settings):
-        await _serve(daemon, settings, as_service)
+        await _serve(daemon, settings, as_service, clock)
 
 
-async def _serve_simulated(settings: Settings, as_service: AsService, config_file: Path | None) -> None:
+async def _serve_simulated(
+    settings: Settings, as_service: AsService, config_file: Path | None, clock: Clock
+) -> None:
     from chefbotd.process.simulated_robot import (
         simulation_of,  # not in the memory of a daemon on a real robot
     )
     from chefbotd.sim.embedded import EmbeddedBoard
 
-    with EmbeddedBoard(simulation_of(settings), SystemClock()) as board:
+    with EmbeddedBoard(simulation_of(settings), clock) as board:
         link = settings.link.model_copy(update={"device": str(board.device)})
         lidars = tuple(
             [
@@ -173,15 +190,29 @@ async def _serve_simulated(settings: Settings, as_service: AsService, config_fil
             depth_spawn = spawn_with(board.share_truth(), settings.sim)
         daemon = build(
             plugged,
-            clock=SystemClock(),
+            clock=clock,
             simulated=True,
+            spawn_worker=_spawn_worker(settings),
             depth_spawn=depth_spawn,
             start_writer=_start_writer(settings),
             config_file=config_file,
         )
         await _serve(
-            daemon, settings, as_service, lambda: board.run(partial(daemon.entries.observe, daemon.bus))
+            daemon,
+            settings,
+            as_service,
+            clock,
+            lambda: board.run(partial(daemon.entries.observe, daemon.bus)),
         )
+
+
+def _spawn_worker(settings: Settings) -> "Spawn | None":
+    """Starts a worker on the clock that the robot shares; None: one on the computer's."""
+    if settings.sim.shared_clock is None:
+        return None
+    from chefbotd.worker.spawn import spawn
+
+    return partial(spawn, shared_clock=settings.sim.shared_clock)
 
 
 def _start_writer(settings: Settings) -> StartWriter | None:

@@ -11,8 +11,9 @@ import threading
 import time
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Final, NoReturn
+from typing import Final, NoReturn, TypeAlias
 
+from chefbotd.shared_clock import SHARED_CLOCK, SharedClock
 from chefbotd.worker.messages import TO_WORKER, Alive, Configure, FrameReader, FromWorker, framed, packed
 from chefbotd.worker.runner import Runner
 
@@ -33,7 +34,7 @@ def main(arguments: list[str]) -> int:
     os.nice(niceness)
     with contextlib.suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text(OUT_OF_MEMORY_SCORE, encoding="ascii")
-    clock = _Clock()
+    clock = SharedClock(Path(path)) if (path := os.environ.get(SHARED_CLOCK)) else _Clock()
     with socket.socket(fileno=descriptor) as theirs:
         theirs.setblocking(True)
         line = _Line(theirs)
@@ -46,7 +47,7 @@ def main(arguments: list[str]) -> int:
         with contextlib.suppress(BrokenPipeError, ConnectionResetError):
             for message in arguments[3:]:
                 line.send_all(runner.take_message(TO_WORKER.decode(base64.b64decode(message))))
-            _work(theirs, line, runner)
+            _work(theirs, line, runner, clock)
         runner.close()
     return 0
 
@@ -79,6 +80,13 @@ class _Clock:
         """Seconds since an arbitrary instant, never going back."""
         return time.clock_gettime(time.CLOCK_BOOTTIME)
 
+    def sleep(self, seconds: float) -> None:
+        """Wait so long."""
+        time.sleep(seconds)
+
+
+AnyClock: TypeAlias = _Clock | SharedClock
+
 
 class _Line:
     """Where both threads write, a whole message at a time."""
@@ -96,7 +104,7 @@ class _Line:
             self.send(message)
 
 
-def _say_alive(line: _Line, runner: Runner, clock: _Clock) -> None:
+def _say_alive(line: _Line, runner: Runner, clock: AnyClock) -> None:
     pause = threading.Event()
     with contextlib.suppress(OSError):
         while True:
@@ -105,11 +113,11 @@ def _say_alive(line: _Line, runner: Runner, clock: _Clock) -> None:
             pause.wait(ALIVE_S)
 
 
-def _work(theirs: socket.socket, line: _Line, runner: Runner) -> None:
+def _work(theirs: socket.socket, line: _Line, runner: Runner, clock: AnyClock) -> None:
     """Take, at each turn, all that has come: to wake up for each message costs more than most of them do."""
     reader = FrameReader()
     while True:
-        time.sleep(runner.wait_s)
+        clock.sleep(runner.wait_s)
         try:
             data = theirs.recv(READ_BYTES, socket.MSG_DONTWAIT)
         except BlockingIOError:

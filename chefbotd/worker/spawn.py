@@ -12,6 +12,7 @@ from typing import Final, Protocol, TypeAlias
 
 import structlog
 
+from chefbotd.shared_clock import SHARED_CLOCK
 from chefbotd.worker.parameters import WorkerParameters
 
 log = structlog.get_logger(component="worker")
@@ -117,8 +118,10 @@ def _content(path: Path) -> str:
         return ""
 
 
-async def spawn(theirs: socket.socket, parameters: WorkerParameters) -> Child:
-    """Start the real one; it dies with the daemon (``main.tie_to_daemon``).
+async def spawn(
+    theirs: socket.socket, parameters: WorkerParameters, *, shared_clock: Path | None = None
+) -> Child:
+    """Start the real one; it dies with the daemon (``main.tie_to_daemon``). ``shared_clock`` is that of a simulation.
 
     Raises:
         OSError: it cannot be started.
@@ -135,16 +138,21 @@ async def spawn(theirs: socket.socket, parameters: WorkerParameters) -> Child:
         stdout=asyncio.subprocess.DEVNULL,
         stderr=asyncio.subprocess.PIPE,
         pass_fds=(descriptor,),
-        env=environment(dict(os.environ), parameters.cache_folder),
+        env=environment(dict(os.environ), parameters.cache_folder, shared_clock),
         start_new_session=True,  # a Ctrl-C in the terminal is for the daemon
     )
     return ChildProcess(process)
 
 
-def environment(daemons: dict[str, str], cache_folder: Path | None) -> dict[str, str]:
+def environment(
+    daemons: dict[str, str], cache_folder: Path | None, shared_clock: Path | None = None
+) -> dict[str, str]:
     """The worker's environment: one thread for arrays, a folder for compiled code, and nothing of systemd's."""
-    mine = {name: value for name, value in daemons.items() if name not in ("NOTIFY_SOCKET", "WATCHDOG_USEC")}
+    excluded = ("NOTIFY_SOCKET", "WATCHDOG_USEC", SHARED_CLOCK)
+    mine = {name: value for name, value in daemons.items() if name not in excluded}
     mine["OPENBLAS_NUM_THREADS"] = mine["OMP_NUM_THREADS"] = "1"
+    if shared_clock is not None:
+        mine[SHARED_CLOCK] = str(shared_clock)
     if cache_folder is not None:
         mine["NUMBA_CACHE_DIR"] = str(cache_folder)
     elif "CACHE_DIRECTORY" in daemons:
