@@ -111,3 +111,7 @@ def _fleet(map_file: Path, places_file: Path, options: dict[str, Any], now_s: fl
     )
     store = Store(Path(str(options["database"])))
     return Fleet(roadmap, homes, store, Pace(number("speed_m_s")), parameters, now_s)
+
+
+if __name__ == "__main__":
+    main()

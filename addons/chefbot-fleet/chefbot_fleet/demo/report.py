@@ -1,0 +1,89 @@
+"""What the demonstration measures from the robots' true poses, and the table at its end."""
+
+import itertools
+import math
+import time
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from typing import Final
+
+import click
+
+from chefbot_fleet.roadmap import Point
+from chefbotd.sim.truth_file import Truth
+
+AT_PLACE_M: Final = 0.5
+"""So near its place a robot is to be loaded and unloaded."""
+
+Worked = Sequence[tuple[str, Point]]
+
+
+class Measured:
+    """Of each robot how far it has driven, how long it waited for others, what it touched; and how near two came.
+
+    Seconds are those of the robots' clock.
+    """
+
+    def __init__(self, serials: Sequence[str]) -> None:
+        self.driven_m, self.waited_s = dict.fromkeys(serials, 0.0), dict.fromkeys(serials, 0.0)
+        self.touches = Counter[str]()
+        self.nearest_m, self.seconds = math.inf, 0.0
+        self._begun_s, self._begun = -math.inf, time.monotonic()
+        self._points: dict[str, Point] = {}
+        self._touched: dict[str, int] = {}
+        self._waits: set[str] = set()
+
+    @property
+    def pace(self) -> float:
+        """How fast the robots' clock went, by real time."""
+        return self.seconds / max(time.monotonic() - self._begun, 1e-6)
+
+    def waits(self, serials: set[str]) -> None:
+        """These robots wait from now on."""
+        self._waits = serials
+
+    def take(self, truths: Mapping[str, Truth | None]) -> None:
+        """The truth now; None where it is not known at the moment."""
+        known = {serial: truth for serial, truth in truths.items() if truth is not None}
+        if not known:
+            return
+        now_s = max(truth.stamp_s for truth in known.values())
+        self._begun_s = now_s if self._begun_s == -math.inf else self._begun_s
+        passed_s, self.seconds = now_s - self._begun_s - self.seconds, now_s - self._begun_s
+        for serial in self._waits:
+            self.waited_s[serial] += passed_s
+        for serial, truth in known.items():
+            point = truth.world_from_base.x_m, truth.world_from_base.y_m
+            self.driven_m[serial] += math.dist(point, self._points.get(serial, point))
+            self._points[serial] = point
+            self.touches[serial] += max(truth.touches - self._touched.get(serial, truth.touches), 0)
+            self._touched[serial] = truth.touches
+        for one, other in itertools.combinations(self._points.values(), 2):
+            self.nearest_m = min(self.nearest_m, math.dist(one, other))
+
+
+def report(
+    measured: Measured,
+    orders: Mapping[str, tuple[str, str]],
+    worked: Mapping[str, Worked],
+    places: Mapping[str, Point],
+) -> bool:
+    """Print the table; whether every order was done once, where it was to be done, and nothing touched."""
+    done = [entry for one in worked.values() for entry in one]
+    lost, twice, elsewhere = 0, 0, 0
+    for name, ends in orders.items():
+        for word, place in zip(("load", "take"), ends, strict=True):
+            points = [point for question, point in done if f" {word} {name} " in f"{question} "]
+            lost, twice = lost + (not points), twice + (len(points) > 1)
+            elsewhere += any(math.dist(point, places[place]) > AT_PLACE_M for point in points)
+    touches = measured.touches.total()
+    click.echo(f"\n{'robot':8}{'driven (m)':>12}{'waited (s)':>12}{'loads, unloads':>16}{'touches':>9}")
+    for serial, one in worked.items():
+        driven_m, waited_s = measured.driven_m[serial], measured.waited_s[serial]
+        click.echo(f"{serial:8}{driven_m:12.0f}{waited_s:12.0f}{len(one):16}{measured.touches[serial]:9}")
+    click.echo(
+        f"\n{len(orders)} orders in {measured.seconds:.0f} s of the robots' clock, which went at {measured.pace:.2f} "
+        f"times real time:\n{lost} loads and unloads lost, {twice} done twice, {elsewhere} elsewhere; {touches} "
+        f"touches, the nearest two robots {measured.nearest_m:.2f} m from middle to middle"
+    )
+    return not (lost or twice or elsewhere or touches)

@@ -1,0 +1,174 @@
+"""What happens in the demonstration, and what is counted meanwhile."""
+
+import asyncio
+import contextlib
+import itertools
+import json
+import sys
+import urllib.request
+from collections.abc import AsyncIterator, Callable
+from pathlib import Path
+from typing import Any, Final, Protocol
+
+import click
+import yaml
+
+from chefbot_fleet.demo.programs import Program, mosquitto
+from chefbot_fleet.demo.report import Measured, report
+from chefbot_fleet.roadmap import Point
+from chefbotd.sim.truth_file import Truth
+from chefbotd.sim.worlds import draw
+
+MAP: Final = Path(draw.__file__).with_name("office.yaml")
+PLACES: Final[dict[str, Point]] = {
+    **{f"room {k + 1}": (6 * k + 2.9, 1.6) for k in range(4)},
+    **{f"room {k + 5}": (6 * k + 4.6, 8.0) for k in range(3)},
+    "room 8": (21.5, 8.3),
+}
+STARTS: Final[tuple[Point, ...]] = ((1.5, 4.4), (4.5, 4.4), (8.5, 4.4), (12.0, 4.4), (15.5, 4.4), (20.0, 4.4))
+SPEED_M_S: Final = 0.2
+"""What a ChefBot makes on the average, with its stops and turns."""
+
+GONE_S: Final = 60.0
+MEASURES_EVERY_S: Final = 0.05
+TOKEN: Final = "demonstration"  # noqa: S105 - it is told to everybody
+
+
+class Robot(Protocol):
+    """A robot that can be switched on and off."""
+
+    serial: str
+    worked: list[tuple[str, Point]]
+
+    async def switch_on(self) -> None:
+        """Start its programs."""
+
+    async def switch_off(self) -> None:
+        """Kill its programs; its body stays where it is."""
+
+    async def remove(self) -> None:
+        """The end of it."""
+
+    def truth(self) -> Truth | None:
+        """Where it truly is, by the robots' clock."""
+
+
+MakeRobot = Callable[[str, Point, Path, int], Robot]
+"""By its serial number, its start, a folder for its files, and the broker's port."""
+
+
+class Demonstration:
+    """A broker, a manager and so many robots, who bring ``count`` orders whatever is killed."""
+
+    def __init__(
+        self, folder: Path, make: MakeRobot, *, robots: int, count: int, page_port: int,
+        speed_m_s: float = SPEED_M_S, gone_s: float = GONE_S,
+    ) -> None:  # fmt: skip
+        self._count, self._gone_s, self._url = count, gone_s, f"http://127.0.0.1:{page_port}"
+        (folder / "places.yaml").write_text(yaml.safe_dump({name: list(at) for name, at in PLACES.items()}))
+        (folder / "token").write_text(TOKEN)
+        self._broker = mosquitto(folder)
+        port = self._broker.port or 0
+        self._manager = Program(
+            folder / "manager.log", sys.executable, "-P", "-m", "chefbot_fleet.cli", "run",
+            str(MAP), str(folder / "places.yaml"), f"127.0.0.1:{port}", "--robots", str(robots),
+            "--database", str(folder / "fleet.db"), "--token-file", str(folder / "token"),
+            "--port", str(page_port), "--speed-m-s", str(speed_m_s), "--lost-after-s", "40",
+            port=page_port,
+        )  # fmt: skip
+        self.robots = [make(f"r{k + 1}", STARTS[k], folder, port) for k in range(robots)]
+        self._measured = Measured([robot.serial for robot in self.robots])
+        self._orders: dict[str, tuple[str, str]] = {}
+
+    async def run(self) -> bool:
+        """All of it; whether every order was done once, where it was to be done, and nothing touched."""
+        await self._broker.start()
+        await self._manager.start()
+        try:
+            async with asyncio.TaskGroup() as tasks:
+                for robot in self.robots:
+                    tasks.create_task(robot.switch_on())
+            async with self._measuring():
+                await self._until(lambda fleet: len(fleet["robots"]) == len(self.robots))
+                click.echo("All robots know where they are, and are in the fleet.")
+                await self._order()
+                await self._disturb()
+                await self._until(lambda fleet: fleet["done"] >= self._count)
+            return report(
+                self._measured, self._orders, {one.serial: one.worked for one in self.robots}, PLACES
+            )
+        finally:
+            await asyncio.gather(*[robot.remove() for robot in self.robots])
+            await self._manager.kill()
+            await self._broker.kill()
+
+    async def _disturb(self) -> None:
+        """Switch a robot off and on, kill the broker, kill the manager."""
+        gone = self.robots[len(self.robots) // 2]
+        await self._until(lambda fleet: fleet["done"] >= self._share(1))
+        click.echo(f"Robot {gone.serial} is switched off for {self._gone_s:g} s, wherever it is.")
+        await gone.switch_off()
+        back_s = self._measured.seconds + self._gone_s
+        await self._until(lambda fleet: self._measured.seconds >= back_s)
+        click.echo(f"Robot {gone.serial} is switched on.")
+        await gone.switch_on()
+        await self._until(lambda fleet: fleet["done"] >= self._share(2))
+        click.echo("The broker is killed, and started again after five seconds.")
+        await self._broker.kill()
+        await asyncio.sleep(5.0)
+        await self._broker.start()
+        await self._until(lambda fleet: fleet["done"] >= self._share(3))
+        click.echo("The manager is killed, and started again.")
+        await self._manager.kill()
+        await self._manager.start()
+
+    def _share(self, quarters: int) -> int:
+        """So many quarters of all orders, and one at least."""
+        return max(self._count * quarters // 4, 1)
+
+    async def _order(self) -> None:
+        pairs = itertools.cycle(itertools.islice(itertools.permutations(PLACES, 2), 0, None, 5))
+        for number, (pick, drop) in zip(range(self._count), pairs, strict=False):
+            name = f"order {number + 1}"
+            self._orders[name] = pick, drop
+            body = json.dumps({"id": name, "pick": pick, "drop": drop}).encode()
+            request = urllib.request.Request(  # noqa: S310 - our own port
+                f"{self._url}/api/orders", body, {"Authorization": f"Bearer {TOKEN}"}
+            )
+            await asyncio.to_thread(_fetch, request)
+
+    async def _until(self, condition: Callable[[dict[str, Any]], bool]) -> None:
+        shown = -1
+        while True:
+            with contextlib.suppress(OSError):
+                fleet = await asyncio.to_thread(_fetch, f"{self._url}/api/fleet")
+                if fleet["done"] // 5 != shown:
+                    shown = fleet["done"] // 5
+                    self._show(fleet)
+                self._measured.waits({one["name"].split("/")[-1] for one in fleet["robots"] if one["waits"]})
+                if condition(fleet):
+                    return
+            await asyncio.sleep(1.0)
+
+    def _show(self, fleet: dict[str, Any]) -> None:
+        click.echo(f"\n{fleet['done']} of {self._count} orders done after {self._measured.seconds:.0f} s")
+        for one in fleet["robots"]:
+            click.echo(f"  {one['name']:12} {one['doing']:32} {'; '.join(one['waits'])}")
+
+    @contextlib.asynccontextmanager
+    async def _measuring(self) -> AsyncIterator[None]:
+        async def measure() -> None:
+            while True:
+                self._measured.take({robot.serial: robot.truth() for robot in self.robots})
+                await asyncio.sleep(MEASURES_EVERY_S)
+
+        task = asyncio.create_task(measure())
+        try:
+            yield
+        finally:
+            task.cancel()
+
+
+def _fetch(request: Any) -> Any:
+    with urllib.request.urlopen(request, timeout=30.0) as answer:  # noqa: S310 - our own port
+        return json.loads(answer.read())
