@@ -36,6 +36,9 @@ class DiscRobot:
         self._changed: Callable[[], None] = lambda: None
 
     async def switch_on(self) -> None:
+        """It knows where it is."""
+
+    async def join(self) -> None:
         """Start its agent."""
         self._task = asyncio.create_task(self._run())
 

@@ -54,6 +54,7 @@ class ChefBot:
             f"127.0.0.1:{broker_port}", serial, "--daemon", f"127.0.0.1:{self.port}", "--carries-kg", "2",
         )  # fmt: skip
         self._people: asyncio.Task[None] | None = None
+        self._is_localized = asyncio.Event()
 
     def _settings(self, folder: Path) -> dict[str, str]:
         values = {
@@ -73,11 +74,16 @@ class ChefBot:
         return {f"CHEFBOTD_{key.upper().replace('.', '__')}": str(value) for key, value in values.items()}
 
     async def switch_on(self) -> None:
-        """Start its programs. The first time it is told where it stands, as by who has unpacked it."""
+        """Start its daemon, and wait until it knows where it is; the first time somebody tells it."""
+        self._is_localized.clear()
         await self._daemon.start()
-        await self._agent.start()
         if self._people is None:
             self._people = asyncio.create_task(self._attend())
+        await self._is_localized.wait()
+
+    async def join(self) -> None:
+        """Start its agent, which puts it into the fleet."""
+        await self._agent.start()
 
     async def switch_off(self) -> None:
         """Kill daemon, worker and agent; its body stays where it is."""
@@ -116,8 +122,9 @@ class ChefBot:
         if not self.told:
             await client.load_map(BUILDING)
             await self._tell(client)
-        while not await _is_localized(client):
+        while not await _finds_itself(client):
             await self._tell(client)
+        self._is_localized.set()
 
     async def _tell(self, client: Client) -> None:
         truth = self.truth()
@@ -140,7 +147,7 @@ class ChefBot:
                         self.worked.append((question.question, (place.x_m, place.y_m)))
 
 
-async def _is_localized(client: Client) -> bool:
+async def _finds_itself(client: Client) -> bool:
     """Whether the robot finds out where it is, in the time that people leave it."""
     with contextlib.suppress(TimeoutError):
         async with asyncio.timeout(SEARCHES_S), client.subscribe("localization") as events:

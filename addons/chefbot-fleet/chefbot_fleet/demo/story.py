@@ -41,7 +41,10 @@ class Robot(Protocol):
     worked: list[tuple[str, Point]]
 
     async def switch_on(self) -> None:
-        """Start its programs."""
+        """Start it, and wait until it knows where it is."""
+
+    async def join(self) -> None:
+        """Put it into the fleet."""
 
     async def switch_off(self) -> None:
         """Kill its programs; its body stays where it is."""
@@ -85,12 +88,14 @@ class Demonstration:
         await self._broker.start()
         await self._manager.start()
         try:
-            async with asyncio.TaskGroup() as tasks:
-                for robot in self.robots:
-                    tasks.create_task(robot.switch_on())
+            await asyncio.gather(*[robot.switch_on() for robot in self.robots])
+            click.echo(
+                "All robots know where they are."
+            )  # before the first one drives: nobody knows of the others yet
+            await asyncio.gather(*[robot.join() for robot in self.robots])
             async with self._measuring():
                 await self._until(lambda fleet: len(fleet["robots"]) == len(self.robots))
-                click.echo("All robots know where they are, and are in the fleet.")
+                click.echo("All robots are in the fleet.")
                 await self._order()
                 await self._disturb()
                 await self._until(lambda fleet: fleet["done"] >= self._count)
@@ -112,6 +117,7 @@ class Demonstration:
         await self._until(lambda fleet: self._measured.seconds >= back_s)
         click.echo(f"Robot {gone.serial} is switched on.")
         await gone.switch_on()
+        await gone.join()
         await self._until(lambda fleet: fleet["done"] >= self._share(2))
         click.echo("The broker is killed, and started again after five seconds.")
         await self._broker.kill()
