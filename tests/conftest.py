@@ -94,10 +94,7 @@ def pytest_collection() -> Generator[None, object, object]:
 
 @pytest.hookimpl(trylast=True)
 def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item]) -> None:
-    """Compiling counts for no test's time limit. With ``TEST_TIER=rest``: leave out what `make test` runs alike."""
-    for item in items:
-        if group_of(item.path) == COMPILED:
-            item.add_marker(pytest.mark.timeout(func_only=True))
+    """With ``TEST_TIER=rest``: leave out what `make test` runs alike."""
     if TIER == "rest":
         done = [item for item in items if not is_left(item)]
         items[:] = [item for item in items if is_left(item)]

@@ -24,7 +24,6 @@ WITHIN = {
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
 def test_every_step_passes_and_comes_near_the_truth(tmp_path: Path) -> None:
     """The configuration that is written has the true values, and a square of 1 m ends five times nearer."""
     said: list[str] = []

@@ -15,7 +15,7 @@ from tests.firmware.qemu import Qemu
 TIMES = int(os.environ.get("KILLS", "2"))
 
 # Starting a daemon takes seconds, and half a minute on a busy computer.
-pytestmark = [pytest.mark.realtime, pytest.mark.slow, pytest.mark.timeout(600 * TIMES)]
+pytestmark = [pytest.mark.realtime, pytest.mark.slow, pytest.mark.timeout(1800 * TIMES)]
 
 
 @pytest.mark.parametrize("fault", FAULTS)

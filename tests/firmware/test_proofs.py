@@ -7,8 +7,6 @@ from math import comb
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 from tests.firmware import host, tools
 
 LINES = 1_000_000
@@ -61,7 +59,6 @@ def test_all_errors_of_up_to_three_bits_are_refused() -> None:
     assert done.stdout == f"errors of 1, 2 and 3 bits: {errors}, obeyed: 0\n"
 
 
-@pytest.mark.timeout(300)
 def test_the_fuzzer_finds_nothing_under_sanitizers(tmp_path: Path) -> None:
     """Interrupts, time and bytes in any order: no undefined behaviour, no duty in spite of a stop, no lock left."""
     tools.need("gcc", "make", "clang")

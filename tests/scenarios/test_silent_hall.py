@@ -12,7 +12,7 @@ from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from tests.scenarios.on_the_way import Drive, in_flat
 from tests.scenarios.robots import AS_CONFIGURED
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(400)]
+pytestmark = pytest.mark.slow
 
 CELL_M = 0.05
 START = {"sim.world.start_x_m": 5.0, "sim.world.start_y_m": 6.0, "sim.world.start_heading_rad": 0.0}

@@ -147,7 +147,6 @@ def test_every_robot_is_replayed_from_the_middle_of_a_drive(robot: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
 def test_a_recording_that_began_on_the_way_to_a_goal_is_replayed_bit_for_bit(tmp_path: Path) -> None:
     """The client waits for the goal's end when recording begins, and gives it up later: that ends the goal."""
     save(MapStore(tmp_path, 3), "flat", FLAT.grid())

@@ -20,7 +20,7 @@ from tests.chefbotd.replay.recordings import recorded, replayed
 
 START = {"sim.world.start_x_m": 2.45, "sim.world.start_y_m": 2.6, "sim.world.start_heading_rad": 2.1}
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(300)]
+pytestmark = pytest.mark.slow
 
 
 def test_a_drive_to_goals_is_replayed_bit_for_bit_without_a_worker(tmp_path: Path) -> None:

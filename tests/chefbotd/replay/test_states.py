@@ -237,7 +237,6 @@ def test_every_attribute_of_a_driven_robot_is_in_its_state(robot: str) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(300)
 def test_every_attribute_of_a_robot_on_its_way_is_in_its_state(tmp_path: Path) -> None:
     """The same with a worker: localization, a turn, goals, mapping."""
     save(MapStore(tmp_path, 3), "flat", FLAT.grid())

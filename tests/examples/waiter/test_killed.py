@@ -41,7 +41,6 @@ async def make_ready(robot: Client, *, first: bool) -> None:
 
 @pytest.mark.slow
 @pytest.mark.realtime
-@pytest.mark.timeout(2 * GENEROUS_S)
 def test_an_order_is_served_once_though_the_daemon_is_killed_on_the_way(tmp_path: Path) -> None:
     """SIGKILL while the robot drives: the next daemon is armed by a person, and the order is served once."""
     start = dict(zip(("X_M", "Y_M", "HEADING_RAD"), START, strict=True))

@@ -319,7 +319,6 @@ def test_every_order_is_served_once_or_refused_though_the_daemon_ends_and_begins
 
 
 @pytest.mark.slow
-@pytest.mark.timeout(600)
 def test_in_the_flat_it_serves_though_it_and_its_worker_are_killed(tmp_path: Path) -> None:
     """The real worker and the simulated lidar: two tables; the waiter is killed on the way, then the worker."""
     children: list[Child] = []

@@ -220,8 +220,8 @@ def some(number: int) -> Iterator[tuple[Step, ...]]:
     "sequences",
     [
         every("ab", 2),
-        pytest.param(every("ab", 4), marks=[pytest.mark.slow, pytest.mark.timeout(600)]),
-        pytest.param(every("abc", 3), marks=[pytest.mark.slow, pytest.mark.timeout(600)]),
+        pytest.param(every("ab", 4), marks=pytest.mark.slow),
+        pytest.param(every("abc", 3), marks=pytest.mark.slow),
     ],
     ids=["two clients", "two clients, longer", "three clients"],
 )
@@ -230,9 +230,7 @@ def test_whoever_a_stop_holds_moves_nothing(sequences: Iterator[tuple[Step, ...]
     check(sequences)
 
 
-@pytest.mark.parametrize(
-    "number", [100, pytest.param(30_000, marks=[pytest.mark.slow, pytest.mark.timeout(600)])]
-)
+@pytest.mark.parametrize("number", [100, pytest.param(30_000, marks=pytest.mark.slow)])
 def test_long_sequences_of_everything_keep_the_rule(number: int) -> None:
     """Also with zeros, wheels, a second source and navigation's own goals."""
     check(some(number))
