@@ -48,6 +48,8 @@ STATE_PAUSE_S: Final = 0.05
 
 RETRY_S: Final = 3.0
 MOST_WAITING: Final = 64
+AT_ONCE: Final = 8
+"""So many ways are planned in one turn of the robot's worker."""
 
 Publish = Callable[[Kind, bytes], Awaitable[None]]
 MakeFactsheet = Callable[[dict[str, Any]], Message]
@@ -182,18 +184,21 @@ class Agent:
     async def _without_route(self, waiting: "_Waiting") -> Problem | None:
         """6.1.4.8 of version 3.0: a node that the robot cannot reach on its map."""
         message = waiting.order
-        for node in message.nodes[1:]:
+        nodes = [(one, one.node_position) for one in message.nodes[1:] if one.node_position is not None]
+        for some in (nodes[first : first + AT_ONCE] for first in range(0, len(nodes), AT_ONCE)):
+            found = await asyncio.gather(*(self._robot.unreachable(position) for _, position in some))
             if waiting.is_cancelled:
                 return None
-            why = "" if node.node_position is None else await self._robot.unreachable(node.node_position)
-            if why:
-                about = (
-                    ("topic", "order"),
-                    ("orderId", message.order_id),
-                    ("orderUpdateId", str(message.order_update_id)),
-                    ("nodeId", node.node_id),
-                )
-                return Problem(Reason.NO_ROUTE, f"node {node.node_id!a} cannot be reached: {why}", about)
+            for (node, _), why in zip(some, found, strict=True):
+                if why:
+                    about = (
+                        ("topic", "order"),
+                        ("orderId", message.order_id),
+                        ("orderUpdateId", str(message.order_update_id)),
+                        ("nodeId", node.node_id),
+                    )
+                    text = f"node {node.node_id!a} cannot be reached: {why}"
+                    return Problem(Reason.NO_ROUTE, text, about)
         return None
 
     def _reject(self, rejection: Problem) -> None:

@@ -12,6 +12,7 @@ import structlog
 from msgspec.structs import replace
 
 from chefbot_vda5050 import versions
+from chefbot_vda5050.known_ways import KnownWays
 from chefbot_vda5050.messages import EStop, NodePosition, OperatingMode
 from chefbot_vda5050.robot import CannotDo, DriveFailed
 from chefbot_vda5050.state import is_driving
@@ -65,6 +66,7 @@ class ChefBot:
         self._connect, self._tells_path = connect, version is versions.V3
         self._by_hand = OperatingMode.INTERVENED if version is versions.V3 else OperatingMode.MANUAL
         self._facts = Facts(missing="not connected yet")
+        self._ways = KnownWays()
         self._client: Client | None = None
         self._drives: list[
             asyncio.Task[str]
@@ -93,6 +95,7 @@ class ChefBot:
                 why = "; ".join(str(problem) for problem in problems.exceptions)
                 log.warning("no connection to the robot's daemon", why=why)
             self._client = None
+            self._ways.clear()
             self._set(Facts(missing=why))
             await asyncio.sleep(AGAIN_S)
 
@@ -162,6 +165,8 @@ class ChefBot:
         except asyncio.CancelledError:
             raise DriveFailed("it was given up") from None
         except GoalNotReached as ended:
+            if ended.end != "cancelled":
+                self._ways.clear()
             hint = AFTER_STOP if ended.cause == "not_armed" else HINTS.get(ended.end, OTHERWISE)
             raise DriveFailed(ended.reason, hint, by_people=ended.cause in BY_PEOPLE) from ended
         except CallError as refused:
@@ -199,16 +204,22 @@ class ChefBot:
                         return
 
     async def unreachable(self, position: NodePosition) -> str:
-        """Why there is no path there on the map; empty: there is one."""
+        """Why there is no path there on the map; empty: there is one, or there was lately."""
         if self._client is None:
             return self._facts.missing
+        now_s = asyncio.get_running_loop().time()
+        if self._ways.has(position, now_s):
+            return ""
         try:
             plan = await self._client.plan_to(
                 position.x, position.y, position.theta, tolerance_m=position.allowed_deviation_xy or 0.0
             )
         except ChefbotError as error:
             return str(error)
-        return "" if plan.possible else plan.reason
+        if not plan.possible:
+            return plan.reason
+        self._ways.add(position, now_s)
+        return ""
 
     async def set_pose(self, position: NodePosition) -> None:
         """Tell the robot where it is on the map in use."""

@@ -6,7 +6,7 @@ from collections.abc import AsyncIterator
 from types import SimpleNamespace
 from typing import Any
 
-from chefbotd.client import CallError, GoalCancelled
+from chefbotd.client import CallError, GoalCancelled, GoalUnreachable
 from chefbotd.client.models import LocalizationData, MapPoseData, OdometryData
 
 STEP_S = 0.05
@@ -14,12 +14,17 @@ ACCEPTING_S = 0.2
 
 
 class FakeDaemon:
-    """Its robot drives straight along x at ``speed_m_s`` while there is a goal; ``refusals`` are for the next goals."""
+    """Its robot drives straight along x at ``speed_m_s`` while there is a goal.
+
+    ``refusals`` and ``ends`` are for the next goals.
+    """
 
     def __init__(self, speed_m_s: float = 0.5) -> None:
         self.speed_m_s, self.x_m = speed_m_s, 0.0
         self.calls: list[str] = []
         self.refusals: list[str] = []
+        self.ends: list[str] = []
+        self.planned, self.closed = 0, ""
         self._goal: tuple[float, asyncio.Future[str]] | None = None
         self._topics: dict[str, asyncio.Queue[Any]] = {}
 
@@ -72,8 +77,9 @@ class FakeDaemon:
         yield told()
 
     async def plan_to(self, *pose: Any, **options: Any) -> SimpleNamespace:
-        """There is always a path."""
-        return SimpleNamespace(possible=True, reason="")
+        """There is a path, unless it is ``closed``."""
+        self.planned += 1
+        return SimpleNamespace(possible=not self.closed, reason=self.closed)
 
     async def navigate_to(self, x_m: float, *pose: Any, **options: Any) -> str:
         """Accepted after 0.2 s, it replaces the goal before it; cancelled earlier, that one goes on."""
@@ -81,6 +87,8 @@ class FakeDaemon:
         await asyncio.sleep(ACCEPTING_S)
         if self.refusals:
             raise CallError(-1, self.refusals.pop(0), "refused")
+        if self.ends:
+            raise GoalUnreachable(1, "there is no path", self.ends.pop(0))
         if self._goal is not None:
             self._goal[1].set_exception(
                 GoalCancelled(1, "cancelled: a new goal replaced it", "cancelled", "replaced")

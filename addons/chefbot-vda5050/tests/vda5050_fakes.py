@@ -47,6 +47,7 @@ class FakeRobot:
         self.fails: list[DriveFailed] = []
         self.closed: set[tuple[float, float]] = set()
         self.planning_s = 0.0
+        self._planner = asyncio.Lock()
         self._goal = 0
         self.changed: Callable[[], None] = lambda: None
         self.go_on: Callable[[], None] = lambda: None
@@ -92,7 +93,8 @@ class FakeRobot:
 
     async def unreachable(self, position: NodePosition) -> str:
         """Where it is closed; the planner takes its time."""
-        await asyncio.sleep(self.planning_s)
+        async with self._planner:
+            await asyncio.sleep(self.planning_s)
         return "a wall is in the way" if (position.x, position.y) in self.closed else ""
 
     async def set_pose(self, position: NodePosition) -> None:
