@@ -131,6 +131,8 @@ class Agent:
             self._changed.set()
         elif was and self.vehicle.base:
             self._tell("I have lost my fleet. I drive to the end of my way, and wait there.")
+        elif was:
+            self._say_if_waiting()
 
     # messages
 

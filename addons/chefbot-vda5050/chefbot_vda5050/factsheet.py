@@ -3,7 +3,7 @@
 from typing import Any, Final
 
 from chefbot_vda5050.actions import ACTIONS, UNUSED
-from chefbot_vda5050.messages import Factsheet
+from chefbot_vda5050.messages import LONGEST_ID, LONGEST_MESSAGE, Factsheet
 from chefbotd.settings import Settings
 
 SUPPORTED: Final = (
@@ -29,7 +29,7 @@ def factsheet(
         type_specification=_type(settings, carries_kg),
         physical_parameters=physical(settings),
         protocol_limits={
-            "maxStringLens": {},
+            "maxStringLens": {"msgLen": LONGEST_MESSAGE, "idLen": LONGEST_ID},
             "maxArrayLens": {},
             "timing": {
                 "minOrderInterval": 0.0,

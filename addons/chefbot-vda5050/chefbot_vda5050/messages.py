@@ -18,6 +18,12 @@ Count = Annotated[int, Meta(ge=0)]
 Angle = Annotated[float, Meta(ge=-pi - 1e-6, le=pi + 1e-6)]
 NotNegative = Annotated[float, Meta(ge=0)]
 
+LONGEST_ID: Final = 256
+LONGEST_MESSAGE: Final = 4 << 20
+"""Letters and bytes: what is longer is malformed. An order of a thousand nodes has 400 kB."""
+
+Id = Annotated[str, Meta(max_length=LONGEST_ID)]
+
 
 class Message(Struct, frozen=True, kw_only=True, omit_defaults=True, rename="camel"):
     """The base of all messages and of their parts."""
@@ -52,8 +58,8 @@ class ActionParameter(Message, frozen=True, kw_only=True):
 class Action(Message, frozen=True, kw_only=True):
     """Something that a robot does on a node or an edge, or at once; ``retriable`` is of version 3.0."""
 
-    action_type: str
-    action_id: str
+    action_type: Id
+    action_id: Id
     blocking_type: BlockingType
     action_description: str | None = None
     action_parameters: tuple[ActionParameter, ...] | None = None
@@ -69,7 +75,7 @@ class NodePosition(Message, frozen=True, kw_only=True):
 
     x: float
     y: float
-    map_id: str
+    map_id: Id
     theta: Angle | None = None
     allowed_deviation_xy: NotNegative | None = field(default=None, name="allowedDeviationXY")
     allowed_deviation_theta: NotNegative | None = None
@@ -79,7 +85,7 @@ class NodePosition(Message, frozen=True, kw_only=True):
 class Node(Message, frozen=True, kw_only=True):
     """A node of an order; ``released``: it belongs to the base."""
 
-    node_id: str
+    node_id: Id
     sequence_id: Count
     released: bool
     actions: tuple[Action, ...]
@@ -90,11 +96,11 @@ class Node(Message, frozen=True, kw_only=True):
 class Edge(Message, frozen=True, kw_only=True):
     """An edge of an order. ``reach_orientation_before_entering`` is what 3.0 has for ``rotation_allowed``."""
 
-    edge_id: str
+    edge_id: Id
     sequence_id: Count
     released: bool
-    start_node_id: str
-    end_node_id: str
+    start_node_id: Id
+    end_node_id: Id
     actions: tuple[Action, ...]
     edge_description: str | None = None
     max_speed: float | None = None
@@ -114,7 +120,7 @@ class Edge(Message, frozen=True, kw_only=True):
 class Order(Header, frozen=True, kw_only=True):
     """The topic ``order`` (6.6)."""
 
-    order_id: str
+    order_id: Id
     order_update_id: Count
     nodes: tuple[Node, ...]
     edges: tuple[Edge, ...]
@@ -130,7 +136,7 @@ class InstantActions(Header, frozen=True, kw_only=True):
 class NodeState(Message, frozen=True, kw_only=True):
     """A node that the robot has still to reach."""
 
-    node_id: str
+    node_id: Id
     sequence_id: Count
     released: bool
     node_position: NodePosition | None = None
@@ -139,7 +145,7 @@ class NodeState(Message, frozen=True, kw_only=True):
 class EdgeState(Message, frozen=True, kw_only=True):
     """An edge that the robot has still to drive along."""
 
-    edge_id: str
+    edge_id: Id
     sequence_id: Count
     released: bool
 
@@ -162,9 +168,9 @@ ENDED: Final = frozenset({ActionStatus.FINISHED, ActionStatus.FAILED})
 class ActionState(Message, frozen=True, kw_only=True):
     """An action of the order or an instant one, and how far it is."""
 
-    action_id: str
+    action_id: Id
     action_status: ActionStatus
-    action_type: str | None = None
+    action_type: Id | None = None
     action_description: str | None = None
     result_description: str | None = None
 
@@ -175,7 +181,7 @@ class Position(Message, frozen=True, kw_only=True):
     x: float
     y: float
     theta: float
-    map_id: str
+    map_id: Id
     position_initialized: bool
     localization_score: float | None = None
     deviation_range: float | None = None
@@ -283,9 +289,9 @@ class State(Header, frozen=True, kw_only=True):
     Version 2.1 has the states of instant actions among ``action_states``; the paths are of 3.0 (6.8).
     """
 
-    order_id: str
+    order_id: Id
     order_update_id: Count
-    last_node_id: str
+    last_node_id: Id
     last_node_sequence_id: Count
     driving: bool
     operating_mode: OperatingMode
@@ -359,9 +365,11 @@ def decode(data: bytes, kind: type[M]) -> M:
     """The message in these bytes, of the version that it names.
 
     Raises:
-        MalformedMessage: they are no JSON, a field is missing, or it has another type or range.
+        MalformedMessage: they are no JSON or too many, a field is missing, or it has another type, range or length.
     """
     version = versions.V2
+    if len(data) > LONGEST_MESSAGE:
+        raise MalformedMessage(f"it has {len(data)} bytes, expected at most {LONGEST_MESSAGE}")
     try:
         value = msgspec.json.decode(data)
         if kind is InstantActions and isinstance(value, dict) and "actions" not in value:

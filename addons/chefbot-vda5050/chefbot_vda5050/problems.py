@@ -11,7 +11,7 @@ from typing import Final
 from msgspec import Struct
 
 from chefbot_vda5050 import versions
-from chefbot_vda5050.messages import Error, Level, Reference
+from chefbot_vda5050.messages import LONGEST_ID, Error, Level, Reference
 
 
 class Reason(StrEnum):
@@ -221,6 +221,9 @@ ROWS: Final = {
     ),
 }
 
+LONGEST_TEXT, MOST_REFERENCES = 1000, 20
+"""A state has to stay small, whatever somebody writes into an order."""
+
 OF_ORDERS: Final = frozenset(list(Reason)[: list(Reason).index(Reason.NO_ORDER_TO_CANCEL)])
 """Refusals of orders: they are reported until an order is accepted."""
 
@@ -246,12 +249,13 @@ class Problem(Struct, frozen=True):
         """As it is reported in the state of a version."""
         row, is_3 = ROWS[self.reason], versions.of(version) is versions.V3
         references = tuple(
-            Reference(reference_key=key, reference_value=value) for key, value in self.references
+            Reference(reference_key=key, reference_value=value[:LONGEST_ID])
+            for key, value in self.references[:MOST_REFERENCES]
         )
         return Error(
             error_type=row.type_3_0 if is_3 else row.type_2_1,
             error_level=row.level_3_0 if is_3 else row.level_2_1,
-            error_description=self.text,
+            error_description=self.text[:LONGEST_TEXT],
             error_hint=self.hint or row.hint,
             error_references=references or None,
         )

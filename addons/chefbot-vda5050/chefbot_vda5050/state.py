@@ -18,7 +18,7 @@ from chefbot_vda5050.messages import (
     Visualization,
 )
 from chefbot_vda5050.paths import intermediate_path, planned_path
-from chefbot_vda5050.problems import Problem, Reason
+from chefbot_vda5050.problems import LONGEST_TEXT, Problem, Reason
 from chefbot_vda5050.vehicle import Facts, Limits, Vehicle
 
 STANDING_M_S, STANDING_RAD_S = 0.005, 0.01
@@ -126,7 +126,7 @@ def _action_state(one: Tracked) -> ActionState:
     return ActionState(
         action_id=one.action.action_id,
         action_type=one.action.action_type,
-        action_description=one.action.action_description,
+        action_description=(one.action.action_description or "")[:LONGEST_TEXT] or None,
         action_status=one.status,
         result_description=one.result,
     )

@@ -1,6 +1,7 @@
 """The agent on the virtual clock, with a robot that drives 1 m/s: what a master sees of an order."""
 
 import asyncio
+import re
 from collections.abc import Awaitable, Callable
 from typing import Any
 
@@ -391,6 +392,39 @@ def test_without_a_broker_the_robot_drives_to_its_last_released_node_and_says_so
         now.agent.set_online(True)
         await now.order(line(2, 4, update=1))
         await now.until(lambda state: state.last_node_id == "n4" and is_idle(state))
+
+    with_fleet(scenario)
+
+
+def test_without_a_broker_the_robot_at_the_end_of_its_base_says_that_it_waits() -> None:
+    """It was there already when the broker was lost; an idle robot says nothing."""
+
+    async def scenario(now: Fleet) -> None:
+        now.agent.set_online(False)
+        await asyncio.sleep(1.0)
+        assert now.robot.said == []
+        now.agent.set_online(True)
+        await now.order(line(0, 2, base=1))
+        await now.until(lambda state: state.last_node_id == "n1" and not state.driving)
+        now.agent.set_online(False)
+        await asyncio.sleep(1.0)
+        assert now.robot.said == ["I wait here until my fleet is back."]
+
+    with_fleet(scenario)
+
+
+@pytest.mark.parametrize("field", ["orderId", "nodeId", "actionType"])
+def test_what_is_written_into_an_order_does_not_swell_the_state(field: str) -> None:
+    """A megabyte of text is refused, and the state stays below 10 kB."""
+
+    async def scenario(now: Fleet) -> None:
+        order = replace(line(0, 1, actions={1: (action(),)}), timestamp=timestamp_of(now.now_s()))
+        data = re.sub(
+            rf'"{field}":"[^"]*"'.encode(), f'"{field}":"{"x" * 1_000_000}"'.encode(), encode(order)
+        )
+        now.agent.receive(Kind.ORDER, data)
+        await now.until(lambda state: error_types(state) == ["validationError"])
+        assert max(len(sent) for kind, sent in now.sent if kind is Kind.STATE) < 10_000
 
     with_fleet(scenario)
 

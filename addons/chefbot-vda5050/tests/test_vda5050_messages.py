@@ -36,6 +36,8 @@ def test_an_order_with_everything_is_valid_and_comes_back_as_it_was() -> None:
         (("nodes", 0, "nodePosition", "theta"), 4.0, "theta"),
         (("nodes", 0, "actions", 0, "blockingType"), "MAYBE", "blockingType"),
         (("edges", 0, "startNodeId"), None, "startNodeId"),
+        (("orderId",), "x" * 257, "length <= 256 - at `\\$.orderId`"),
+        (("nodes", 0, "actions", 0, "actionId"), "x" * 257, "actionId"),
     ],
 )
 def test_a_field_of_another_type_or_range_is_named(path: tuple[Any, ...], value: Any, where: str) -> None:
@@ -47,6 +49,12 @@ def test_a_field_of_another_type_or_range_is_named(path: tuple[Any, ...], value:
     part[path[-1]] = value
     with pytest.raises(MalformedMessage, match=where):
         decode(json.dumps(content).encode(), Order)
+
+
+def test_a_message_of_more_than_4_mib_is_not_even_read() -> None:
+    """It would keep the robot's side busy for a second or more."""
+    with pytest.raises(MalformedMessage, match="has 4194305 bytes, expected at most 4194304"):
+        decode(b" " * (4 * 2**20 + 1), Order)
 
 
 @pytest.mark.parametrize("data", [b"", b"{", b"[]", b"null", b"\xff\xfe", b'"order"', b"[" * 100_000])
