@@ -111,11 +111,11 @@ class GeneratedMethods(MethodCaller):
         return await self._ask("GoalReport", "get_goal", goal=goal, goal_id=goal_id)
 
     async def plan_to(self, x_m: float | None = None, y_m: float | None = None, heading_rad: float | None = None,
-        place: str | None = None, tolerance_m: float = 0.0,
+        place: str | None = None, tolerance_m: float = 0.0, max_speed_m_s: float | None = None,
         on_progress: ProgressListener | None = None) -> m.PlanResult:
         """Plan a path without driving: whether there is one, its length, and the time it takes."""
         return await self._ask("PlanResult", "plan_to", x_m=x_m, y_m=y_m, heading_rad=heading_rad, place=place,
-            tolerance_m=tolerance_m, on_progress=on_progress)
+            tolerance_m=tolerance_m, max_speed_m_s=max_speed_m_s, on_progress=on_progress)
 
     async def cancel_navigation(self) -> None:
         """End all goals; the robot comes to rest."""

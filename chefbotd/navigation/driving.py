@@ -106,6 +106,8 @@ def follow_trip(
         end = Pose2D(goal.x_m, goal.y_m, goal.heading_rad)
         heading_rad = trip.path.frame.pose_to_grid(end).heading_rad
     limit_m_s = speed_limit_m_s(params, world, now, near.grid_from_base)
+    if goal.max_speed_m_s is not None:
+        limit_m_s = min(limit_m_s, goal.max_speed_m_s)
     track = Track(trip.path.points_m, heading_rad, limit_m_s)
     control = Control(params.follower, params.outline, near, now.last, now.dt_s)
     return follow(control, trip.follow, track)

@@ -66,7 +66,7 @@ def follow(control: Control, state: FollowState, track: Track) -> Followed:
         return _final_turn(control, state, track, to_end_m)
     if to_end_m < APPROACH_M and left_m < 2 * APPROACH_M:
         state = _held(replace(state, phase=Phase.APPROACHING), pose, last, control.dt_s)
-        return _approach(control, state, end)
+        return _approach(control, state, track)
     return _pursue(control, state, track)
 
 
@@ -149,12 +149,12 @@ def _held(state: FollowState, pose: Pose2D, last: Twist2D, dt_s: float) -> Follo
     return replace(state, held=state.held + 1, from_m=here, asked_m=0.0)
 
 
-def _approach(control: Control, state: FollowState, end: Floats) -> Followed:
+def _approach(control: Control, state: FollowState, track: Track) -> Followed:
     """Straight to the end: turn towards it and drive, or drive backwards if it lies just behind.
 
     A robot that was held back on its way forwards turns round and backs in: the sensors ahead keep the most distance.
     """
-    limits, goal = control.limits, control.in_base(end)
+    limits, goal = control.limits, control.in_base(track.points_m[-1])
     away_m, bearing_rad = math.hypot(goal.x_m, goal.y_m), math.atan2(goal.y_m, goal.x_m)
     if state.held >= MOST_HELD:
         return Followed(state, control.standing, is_blocked=True)
@@ -174,7 +174,8 @@ def _approach(control: Control, state: FollowState, end: Floats) -> Followed:
     if stopping < limits.least_speed_m_s:
         return Followed(state, control.standing, is_blocked=True)
     most = limits.max_speed_m_s if direction > 0 else limits.max_reverse_m_s
-    speed = max(min(arriving, most, arc.speed_m_s, stopping), limits.least_speed_m_s)
+    speed = min(most, track.speed_limit_m_s, arc.speed_m_s, stopping, arriving)
+    speed = max(speed, limits.least_speed_m_s)
     return Followed(state, on_arc(control, direction * speed, curvature))
 
 

@@ -20,13 +20,14 @@ ESCAPE_M: Final = 0.4
 class Goal(Record, frozen=True):
     """A pose in the map; without a heading any will do.
 
-    ``tolerance_m`` allows the nearest free pose instead, if it is no farther away.
+    ``tolerance_m`` allows the nearest free pose instead, if it is no farther away. ``max_speed_m_s`` holds on the way.
     """
 
     x_m: float
     y_m: float
     heading_rad: float | None = None
     tolerance_m: float = 0.0
+    max_speed_m_s: float | None = None
 
 
 class Path(Record, frozen=True):

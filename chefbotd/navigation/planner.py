@@ -51,7 +51,7 @@ def plan(outline: Footprint, costs: Costmap, start: Pose2D, goal: Goal) -> Path 
     offered = costs.frame.pose_to_map(nearest)
     if away_m <= goal.tolerance_m:
         heading_rad = None if goal.heading_rad is None else offered.heading_rad
-        other = Goal(offered.x_m, offered.y_m, heading_rad, goal.tolerance_m)
+        other = Goal(offered.x_m, offered.y_m, heading_rad, goal.tolerance_m, goal.max_speed_m_s)
         path = _between(outline, costs, here, nearest, other, is_substitute=True)
         if path is not None:
             return path

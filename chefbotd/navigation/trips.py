@@ -204,12 +204,14 @@ def duration_s(params: FollowerLimits, path: Path, grid_from_base: Pose2D, costs
     if len(path.points_m) < 2:
         return 0.0
     lengths = np.hypot(*np.diff(path.points_m, axis=0).T)
-    speed = np.full(len(lengths), params.max_speed_m_s)
+    most_m_s = min(params.max_speed_m_s, path.goal.max_speed_m_s or math.inf)
+    speed = np.full(len(lengths), most_m_s)
     if costs is not None:
         columns, rows = np.floor(path.points_m[1:] / path.frame.resolution_m).astype(np.int64).T
         room = np.maximum(costs.distance_m[rows, columns] - costs.inflation.inner_m, 0.0)
         share = np.minimum(room / FULL_SPEED_ROOM_M, 1.0)
-        speed = np.minimum(CREEP_M_S + (speed - CREEP_M_S) * share, costs.speed_limit_m_s[rows, columns])
+        roomy = CREEP_M_S + (params.max_speed_m_s - CREEP_M_S) * share
+        speed = np.minimum.reduce((speed, roomy, costs.speed_limit_m_s[rows, columns]))
     first = float(path.heading_rad[min(4, len(path.heading_rad) - 1)])
     turned = abs(wrap_angle(first - grid_from_base.heading_rad))
     if path.goal.heading_rad is not None:

@@ -184,4 +184,6 @@ def _goal(number: int, waypoint: Waypoint, places: PlaceList | None) -> GoalAske
             why = f"the map {places.map!a} has no place {waypoint.place!a}; there are: {names}"
             raise Refused(RefusalKind.UNKNOWN_PLACE, why)
         x_m, y_m, heading_rad = place.x_m, place.y_m, place.heading_rad
-    return GoalAsked(number, x_m or 0.0, y_m or 0.0, heading_rad, waypoint.tolerance_m)
+    return GoalAsked(
+        number, x_m or 0.0, y_m or 0.0, heading_rad, waypoint.tolerance_m, waypoint.max_speed_m_s
+    )

@@ -35,6 +35,12 @@ class Waypoint(Params):
     tolerance_m: float = Field(
         0.0, ge=0, le=10, description="if the goal is occupied, how far from it the nearest free pose may be"
     )
+    max_speed_m_s: float | None = Field(
+        None,
+        gt=0,
+        le=10,
+        description="no faster on the way there, also where the robot and its zones would allow it",
+    )
 
     @model_validator(mode="after")
     def _is_one_goal(self) -> Self:

@@ -321,7 +321,7 @@ def _follower(parameters: NavigationSkillParameters) -> FollowerLimits:
 
 
 def _goal(asked: GoalAsked) -> Goal:
-    return Goal(asked.x_m, asked.y_m, asked.heading_rad, asked.tolerance_m)
+    return Goal(asked.x_m, asked.y_m, asked.heading_rad, asked.tolerance_m, asked.max_speed_m_s)
 
 
 def _pose2d(pose: Floats) -> Pose2D:

@@ -46,6 +46,7 @@ class GoalAsked(Message, frozen=True, tag="goal"):
     y_m: float
     heading_rad: float | None
     tolerance_m: float
+    max_speed_m_s: float | None = None
 
 
 # Requests

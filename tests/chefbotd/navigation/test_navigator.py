@@ -319,6 +319,18 @@ def test_late_scans_make_it_slow_and_a_gap_makes_it_wait_and_neither_ends_the_go
     assert [end.end for end in drive.ended] == [End.REACHED]
 
 
+def test_a_goal_with_a_speed_limit_is_driven_to_no_faster() -> None:
+    """At most 0.1 m/s; and the next goal, which has none, at more than 0.25 m/s."""
+    drive = hall()
+    drive.navigator.navigate_to((Goal(2.0, 1.5, max_speed_m_s=0.1), Goal(6.0, 1.5, 0.0)))
+    while not drive.ended:
+        drive.tick()
+    assert 0.09 < max(twist.linear_m_s for twist in drive.twists) <= 0.1
+    drive.run(30.0)
+    assert [end.end for end in drive.ended] == [End.REACHED] * 2
+    assert max(twist.linear_m_s for twist in drive.twists) > 0.25
+
+
 def test_without_scans_it_stands_and_gives_up() -> None:
     """A dead lidar: standing after 0.6 s, a fault after 10 s more."""
     drive = hall()

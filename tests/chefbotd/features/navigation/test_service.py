@@ -16,6 +16,19 @@ from chefbotd.worker.skills.navigation_requests import KeepGoals, NavigateTo, Pa
 from tests.chefbotd.features.navigation.bench import HERE, THERE, Bench, benched
 
 
+def test_the_speed_limit_of_each_goal_is_told() -> None:
+    """To a pose and to a place; a goal without one has none."""
+
+    async def scenario(bench: Bench) -> None:
+        slow = HERE.model_copy(update={"max_speed_m_s": 0.2})
+        await bench.navigate(slow, Waypoint(place="kitchen", max_speed_m_s=0.1), THERE)
+        told = bench.worker.received[0]
+        assert isinstance(told, NavigateTo)
+        assert [goal.max_speed_m_s for goal in told.goals] == [0.2, 0.1, None]
+
+    benched(scenario)
+
+
 def test_waypoints_are_told_together_and_the_wait_ends_with_the_last() -> None:
     """A pose, a place and another pose: three numbers in order; after two the request still waits."""
 
