@@ -64,7 +64,7 @@ class TimedRobot(FakeRobot):
 
     told: Callable[[], None] = staticmethod(lambda: None)
 
-    async def drive_to(self, position: NodePosition) -> None:
+    async def drive_to(self, position: NodePosition, max_speed_m_s: float | None = None) -> None:
         """Jump."""
         self.told()
         self.set(x_m=position.x, y_m=position.y)

@@ -10,7 +10,7 @@ from enum import StrEnum
 from chefbot_vda5050 import actions
 from chefbot_vda5050.messages import Action, Edge, Node, Order
 from chefbot_vda5050.problems import Problem, Reason
-from chefbot_vda5050.vehicle import FOR_ORDERS, Facts, Limits, Phase, Vehicle
+from chefbot_vda5050.vehicle import FOR_ORDERS, LEAST_SPEED_M_S, Facts, Limits, Phase, Vehicle
 
 
 class Accepted(StrEnum):
@@ -201,10 +201,11 @@ def unsupported_fields(edge: Edge, limits: Limits) -> list[str]:
         problems.append("edge.rotationAllowed: it turns on its way")
     if edge.reach_orientation_before_entering and edge.orientation is not None:
         problems.append("edge.reachOrientationBeforeEntering: it turns on its way")
+    if edge.max_speed is not None and edge.max_speed < LEAST_SPEED_M_S:
+        problems.append(f"edge.maxSpeed: it drives no slower than {LEAST_SPEED_M_S:g}")
     if edge.min_height:
         problems.append("edge.minHeight: it has no lift")
     for name, limit, own in (
-        ("maxSpeed", edge.max_speed, limits.speed_max_m_s),
         ("maxRotationSpeed", edge.max_rotation_speed, limits.turn_max_rad_s),
         ("maxHeight", edge.max_height, limits.height_m),
     ):

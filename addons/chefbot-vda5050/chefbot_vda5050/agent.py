@@ -16,7 +16,7 @@ import structlog
 from chefbot_vda5050 import acceptance, order, versions
 from chefbot_vda5050.inbox import Inbox
 from chefbot_vda5050.instant import instant_action
-from chefbot_vda5050.messages import Message, OperatingMode, Order, encode
+from chefbot_vda5050.messages import Message, Node, OperatingMode, Order, encode
 from chefbot_vda5050.problems import Problem, Reason
 from chefbot_vda5050.robot import CannotDo, DriveFailed, Robot, perform
 from chefbot_vda5050.state import is_driving, state, visualization
@@ -218,9 +218,9 @@ class Agent:
 
     def _carry_out(self, effect: Effect) -> None:
         match effect:
-            case DriveTo(node):
+            case DriveTo(node, max_speed_m_s):
                 self._drives += 1
-                self._spawn(self._drive(self._drives, node.sequence_id, node.node_position))
+                self._spawn(self._drive(self._drives, node, max_speed_m_s))
             case Stop():
                 self._drives += 1
                 self._spawn(self._stop())
@@ -239,10 +239,13 @@ class Agent:
                     self._spawn(self._send_factsheet())
                 self._changed.set()
 
-    async def _drive(self, number: int, sequence_id: int, position: Any) -> None:
+    async def _drive(self, number: int, node: Node, max_speed_m_s: float | None) -> None:
         """The end of a drive counts while it is the latest, and nobody has given it up."""
+        if node.node_position is None:
+            raise ValueError(f"node {node.node_id!a} has no position: such an order is refused")
+        sequence_id = node.sequence_id
         try:
-            await self._robot.drive_to(position)
+            await self._robot.drive_to(node.node_position, max_speed_m_s)
         except DriveFailed as failed:
             if number != self._drives:
                 return

@@ -140,14 +140,18 @@ class ChefBot:
         self._facts = facts
         self._changed()
 
-    async def drive_to(self, position: NodePosition) -> None:
-        """Drive there; a goal of ours that is under way is replaced."""
+    async def drive_to(self, position: NodePosition, max_speed_m_s: float | None = None) -> None:
+        """Drive there, and no faster; a goal of ours that is under way is replaced."""
         client = self._client
         if client is None:
             raise DriveFailed(self._facts.missing, OTHERWISE)
         driving = asyncio.create_task(
             client.navigate_to(
-                position.x, position.y, position.theta, tolerance_m=position.allowed_deviation_xy
+                position.x,
+                position.y,
+                position.theta,
+                tolerance_m=position.allowed_deviation_xy,
+                max_speed_m_s=max_speed_m_s,
             )
         )
         earlier = list(self._drives)

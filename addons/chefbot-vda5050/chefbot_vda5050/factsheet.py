@@ -4,6 +4,7 @@ from typing import Any, Final
 
 from chefbot_vda5050.actions import ACTIONS, UNUSED
 from chefbot_vda5050.messages import LONGEST_ID, LONGEST_MESSAGE, Factsheet
+from chefbot_vda5050.vehicle import LEAST_SPEED_M_S
 from chefbotd.settings import Settings
 
 SUPPORTED: Final = (
@@ -11,7 +12,7 @@ SUPPORTED: Final = (
     ("order.nodes.nodePosition.theta", "SUPPORTED", "without it any heading will do"),
     ("order.nodes.nodePosition.allowedDeviationXY", "SUPPORTED", "at the start, and where a node is passed"),
     ("order.nodes.nodePosition.allowedDeviationTheta", "SUPPORTED", "at the start"),
-    ("order.edges.maxSpeed", "SUPPORTED", "not below the robot's own: lower ones are refused"),
+    ("order.edges.maxSpeed", "SUPPORTED", f"from {LEAST_SPEED_M_S:g} m/s on"),
     ("order.edges.maxRotationSpeed", "SUPPORTED", "not below the robot's own: lower ones are refused"),
     ("order.edges.maxHeight", "SUPPORTED", "not below the robot's own: lower ones are refused"),
     ("order.edges.length", "SUPPORTED", "it changes nothing"),
@@ -71,6 +72,7 @@ def physical(settings: Settings | None) -> dict[str, float]:
         return values
     linear, body = settings.limits.linear, settings.body
     own_m_s = min(linear.max_forward_m_s, settings.drive.max_rim_speed_m_s)
+    values["speedMin"] = LEAST_SPEED_M_S
     values["speedMax"] = min(own_m_s, settings.navigation.max_speed_m_s)
     values["accelerationMax"] = values["decelerationMax"] = linear.acceleration_m_s2
     if body is not None:

@@ -191,7 +191,7 @@ def proceed(vehicle: Vehicle) -> Step:
     is_held = vehicle.paused or vehicle.stopping or vehicle.driving_to is not None
     if node is not None and vehicle.may_drive() and not is_held:
         vehicle = replace(vehicle, driving_to=node.sequence_id)
-        effects.append(DriveTo(node))
+        effects.append(DriveTo(node, vehicle.max_speed_m_s(node)))
     if not vehicle.nodes and not vehicle.has_open_actions():
         vehicle = replace(vehicle, phase=NEXT[vehicle.phase, OrderEvent.ALL_DONE])
     return vehicle, tuple(effects)

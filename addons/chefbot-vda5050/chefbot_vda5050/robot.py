@@ -36,8 +36,8 @@ class Robot(Protocol):
     def listen(self, changed: Callable[[], None], go_on: Callable[[], None]) -> None:
         """Have ``changed`` called after each change of the facts, and ``go_on`` when people press that button."""
 
-    async def drive_to(self, position: NodePosition) -> None:
-        """Drive there; a drive that is under way ends, without a stop where that is possible.
+    async def drive_to(self, position: NodePosition, max_speed_m_s: float | None = None) -> None:
+        """Drive there, and no faster; a drive that is under way ends, without a stop where that is possible.
 
         Raises:
             DriveFailed: the robot has not reached it.

@@ -142,6 +142,10 @@ class Vehicle(Struct, frozen=True):
         """The node to drive to; None: none is released."""
         return self.nodes[0] if self.nodes and self.nodes[0].released else None
 
+    def max_speed_m_s(self, node: Node) -> float | None:
+        """What the edge before a node allows; None: it does not say."""
+        return next((one.max_speed for one in self.edges if one.sequence_id == node.sequence_id - 1), None)
+
     def needs_base(self) -> bool:
         """Whether the base runs low while there is a horizon (6.10.3)."""
         return self.phase is Phase.ACTIVE and len(self.base) <= 1 and len(self.nodes) > len(self.base)
@@ -195,6 +199,10 @@ class Facts(Struct, frozen=True):
         return abs(math.remainder(heading_rad - self.heading_rad, math.tau))
 
 
+LEAST_SPEED_M_S: Final = 0.05
+"""Below it the wheels may not turn, or not evenly."""
+
+
 class Limits(Struct, frozen=True):
     """What the robot is and how exact it has to be; from its configuration."""
 
@@ -211,9 +219,10 @@ class Limits(Struct, frozen=True):
 
 
 class DriveTo(Struct, frozen=True):
-    """Drive to a node."""
+    """Drive to a node, no faster than the edge before it allows."""
 
     node: Node
+    max_speed_m_s: float | None = None
 
 
 class Stop(Struct, frozen=True):

@@ -87,7 +87,7 @@ CASES = {
     "6.1.4.2 zones": (Vehicle(), replace(line(0, 1), zone_set_id="z"), "orderError", "zoneSetId"),
     "6.1.4.2 trajectory": (Vehicle(), with_edge(trajectory={"degree": 1}), "orderError", "trajectory"),
     "6.1.4.2 corridor": (Vehicle(), with_edge(corridor={"leftWidth": 1}), "orderError", "corridor"),
-    "6.1.4.2 slower": (Vehicle(), with_edge(max_speed=0.1), "orderError", "maxSpeed"),
+    "6.1.4.2 slower": (Vehicle(), with_edge(max_speed=0.01), "orderError", "maxSpeed"),
     "6.1.4.2 slower turns": (Vehicle(), with_edge(max_rotation_speed=0.1), "orderError", "maxRotationSpeed"),
     "6.1.4.2 lower": (Vehicle(), with_edge(max_height=0.1), "orderError", "maxHeight"),
     "6.1.4.2 lift": (Vehicle(), with_edge(min_height=0.1), "orderError", "minHeight"),
@@ -224,7 +224,7 @@ def test_limits_above_the_robots_own_are_obeyed_anyway() -> None:
     """An edge that allows more than the robot can is accepted."""
     order = with_edge(max_speed=0.34, max_rotation_speed=2.0, max_height=2.0, orientation=0.0, length=1.0)
     assert receive(Vehicle(), order)[0].order_id == "o1"
-    unknown = replace(LIMITS, speed_max_m_s=None)
+    unknown = replace(LIMITS, turn_max_rad_s=None)
     vehicle, _ = receive(Vehicle(), order, AT_START, unknown)
     assert "is not known" in vehicle.problems[0].text
 

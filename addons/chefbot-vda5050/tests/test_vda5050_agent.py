@@ -46,6 +46,25 @@ def test_an_order_of_three_nodes_is_driven_and_each_node_is_reported() -> None:
     with_fleet(scenario)
 
 
+def test_each_edge_is_driven_no_faster_than_it_allows() -> None:
+    """0.25 m/s until the robot is within 0.3 m of the node, which it passes; then its own 1 m/s: 2.8 s and 1.3 s."""
+
+    async def scenario(now: Fleet) -> None:
+        order = line(0, 2)
+        slow = replace(order.edges[0], max_speed=0.25)
+        began_s = now.now_s()
+        await now.order(replace(order, edges=(slow, order.edges[1]), nodes=order.nodes))
+        speeds: dict[str, set[float]] = {}
+        while now.states()[-1].last_node_id != "n2":
+            await asyncio.sleep(0.05)
+            speeds.setdefault(now.agent.vehicle.last_node_id, set()).add(now.robot.facts.linear_m_s)
+        assert speeds["n0"] - {0.0} == {0.25}
+        assert max(speeds["n1"]) == 1.0
+        assert now.now_s() - began_s == pytest.approx(0.7 / 0.25 + 1.3, abs=0.4)
+
+    with_fleet(scenario)
+
+
 def test_the_robot_waits_at_the_end_of_the_base_and_drives_on_with_the_update() -> None:
     """It never comes beyond a node that is not released."""
 

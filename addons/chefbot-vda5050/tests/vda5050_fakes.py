@@ -61,18 +61,19 @@ class FakeRobot:
         self.facts = replace(self.facts, **changes)
         self.changed()
 
-    async def drive_to(self, position: NodePosition) -> None:
+    async def drive_to(self, position: NodePosition, max_speed_m_s: float | None = None) -> None:
         """In steps, until it is there or another goal comes."""
+        speed_m_s = min(self.speed_m_s, max_speed_m_s or self.speed_m_s)
         self._goal += 1
         goal = self._goal
         if self.fails:
             raise self.fails.pop(0)
         while (left_m := self.facts.distance_m(position)) > 1e-9:
-            self.set(linear_m_s=self.speed_m_s)
+            self.set(linear_m_s=speed_m_s)
             await asyncio.sleep(STEP_S)
             if goal != self._goal:
                 raise DriveFailed("replaced", by_people=True)
-            share = min(1.0, self.speed_m_s * STEP_S / left_m)
+            share = min(1.0, speed_m_s * STEP_S / left_m)
             x_m = self.facts.x_m + share * (position.x - self.facts.x_m)
             y_m = self.facts.y_m + share * (position.y - self.facts.y_m)
             self.set(x_m=x_m, y_m=y_m)
