@@ -88,21 +88,22 @@ class DiscRobot:
         self.facts = replace(self.facts, **changes)
         self._changed()
 
-    async def drive_to(self, position: NodePosition) -> None:
+    async def drive_to(self, position: NodePosition, max_speed_m_s: float | None = None) -> None:
         """In steps, until it is there or another drive begins."""
+        speed_m_s = min(SPEED_M_S, max_speed_m_s or SPEED_M_S)
         self._drive += 1
         drive = self._drive
         while (left_m := self.facts.distance_m(position)) > 1e-6:
             await asyncio.sleep(STEP_S)
             if drive != self._drive:
                 raise DriveFailed("another drive began")
-            step_m = min(SPEED_M_S * STEP_S, left_m)
+            step_m = min(speed_m_s * STEP_S, left_m)
             share = step_m / left_m
             x_m, y_m = self.facts.x_m, self.facts.y_m
             self._set(
                 x_m=x_m + share * (position.x - x_m),
                 y_m=y_m + share * (position.y - y_m),
-                linear_m_s=SPEED_M_S,
+                linear_m_s=speed_m_s,
             )
         self._set(linear_m_s=0.0)
 
