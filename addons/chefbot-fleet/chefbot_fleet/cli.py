@@ -13,10 +13,11 @@ import yaml
 from chefbot_vda5050.cli import broker_of, broker_options
 
 from chefbot_fleet.fleet import Fleet, FleetParameters
-from chefbot_fleet.lanes import LaneParameters, find_lanes
+from chefbot_fleet.lanes import LaneParameters, find_lanes, free_space
 from chefbot_fleet.routes import Pace
 from chefbot_fleet.store import Store
 from chefbotd.mapping.map_server import parse_description, parse_image
+from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.rpc.parameters import is_loopback
 
 PATH = click.Path(exists=True, dir_okay=False, path_type=Path)
@@ -60,14 +61,16 @@ def run(
     token = _token(token_file)
 
     from chefbot_fleet.manager import Manager, steady_clock
+    from chefbot_fleet.walls import walls_of
     from chefbot_fleet.web import FleetPage
 
     clock = steady_clock()
-    fleet = _fleet(map_file, places_file, options, clock())
+    grid = _grid(map_file)
+    fleet = _fleet(grid, map_file.stem, places_file, options, clock())
     manager = Manager(
         fleet, broker_of(options), clock, interface=options["interface"], major_version=options["major"]
     )
-    page = FleetPage(fleet, token, clock, names)
+    page = FleetPage(fleet, token, clock, names, walls_of(grid))
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(manager.run(page, host, port, _tls(page_certificate)))
 
@@ -91,12 +94,17 @@ def _tls(certificate: Path | None) -> ssl.SSLContext | None:
     return context
 
 
-def _fleet(map_file: Path, places_file: Path, options: dict[str, Any], now_s: float) -> Fleet:
+def _grid(map_file: Path) -> OccupancyGrid:
+    description = parse_description(map_file.read_text(encoding="utf-8"), str(map_file))
+    return parse_image((map_file.parent / description.image).read_bytes(), description)
+
+
+def _fleet(
+    grid: OccupancyGrid, map_name: str, places_file: Path, options: dict[str, Any], now_s: float
+) -> Fleet:
     def number(name: str) -> float:
         return float(str(options[name]))
 
-    description = parse_description(map_file.read_text(encoding="utf-8"), str(map_file))
-    grid = parse_image((map_file.parent / description.image).read_bytes(), description)
     places = yaml.safe_load(places_file.read_text(encoding="utf-8"))
     lanes = LaneParameters(radius_m=number("radius_m"), separation_m=number("separation_m"))
     try:
@@ -107,10 +115,10 @@ def _fleet(map_file: Path, places_file: Path, options: dict[str, Any], now_s: fl
     except (AttributeError, TypeError, ValueError) as error:
         raise click.ClickException(f"{places_file}: {error}") from error
     parameters = FleetParameters(
-        str(options["map_id"] or map_file.stem), number("lost_after_s"), number("lease_s")
+        str(options["map_id"] or map_name), number("lost_after_s"), number("lease_s")
     )
     store = Store(Path(str(options["database"])))
-    return Fleet(roadmap, homes, store, Pace(number("speed_m_s")), parameters, now_s)
+    return Fleet(roadmap, homes, store, Pace(number("speed_m_s")), parameters, now_s, free_space(grid, lanes))
 
 
 if __name__ == "__main__":

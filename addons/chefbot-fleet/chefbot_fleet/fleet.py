@@ -29,6 +29,7 @@ from msgspec import Struct
 
 from chefbot_fleet.assignment import Order as Errand
 from chefbot_fleet.assignment import assign
+from chefbot_fleet.lanes import Space
 from chefbot_fleet.roadmap import Roadmap
 from chefbot_fleet.routes import Pace, Stop
 from chefbot_fleet.store import Correction, FleetOrder, Stage, Store, Vehicle
@@ -48,6 +49,9 @@ MOST_REFUSALS = 10
 
 REFUSED_RESEND_S = 30.0
 """Then it is asked again so seldom; it gets no other work until it has accepted."""
+
+FARTHEST_M = 1e5
+"""No place of a map is farther from its origin."""
 
 ENDED = (ActionStatus.FINISHED, ActionStatus.FAILED)
 
@@ -97,7 +101,10 @@ class Fleet:
         pace: Pace,
         parameters: FleetParameters,
         now_s: float,
+        space: Space | None = None,
     ) -> None:
+        """``space`` is where corrections by hand may lead; None: anywhere."""
+        self._space = space
         self._plain, self._homes, self._store = roadmap, tuple(homes), store
         self._pace, self._parameters = pace, parameters
         self.orders = store.orders()
@@ -178,6 +185,7 @@ class Fleet:
 
     def correct(self, correction: Correction, now_s: float) -> None:
         """Change the roadmap by hand; robots get new plans on it."""
+        self._check_way(correction)
         changed = _corrected(self.roadmap, [correction])
         for vehicle in self.vehicles.values():
             nodes = [vehicle.node, *vehicle.base]
@@ -190,6 +198,22 @@ class Fleet:
         for name, lost_s in lost.items():
             if lost_s is not None:
                 self.traffic.lose(name, lost_s)
+
+    def _check_way(self, correction: Correction) -> None:
+        """A new edge, or the one to a new place, leads where a robot has its clearance, by the map."""
+        count = len(self.roadmap.points_m)
+        if self._space is None or correction.kind == "remove edge" or not 0 <= correction.a < count:
+            return
+        start, end = self.roadmap.points_m[correction.a], (correction.x_m, correction.y_m)
+        if correction.kind == "add edge":
+            if not 0 <= correction.b < count:
+                return
+            end = self.roadmap.points_m[correction.b]
+        if max(map(abs, end)) > FARTHEST_M or not self._space.has_way(start, end):
+            raise ValueError(
+                f"no robot can drive straight from ({start[0]:.2f}, {start[1]:.2f}) to ({end[0]:.6g}, {end[1]:.6g}): by the "
+                "map something is in the way"
+            )
 
     # What robots say
 

@@ -56,6 +56,11 @@ class Space(Struct, frozen=True):
         count = int(np.hypot(*(end - start)) / (self.cell_m / 2)) + 2
         return bool(self.is_free(start + np.linspace(0, 1, count)[:, None] * (end - start)).all())
 
+    def has_way(self, start: Point, end: Point) -> bool:
+        """Whether a robot can be at both points of the map, and drive straight from one to the other."""
+        ends = self.frame.to_grid(np.array([start, end], np.float64))
+        return bool(self.is_free(ends).all()) and self.sees(ends[0], ends[1])
+
 
 def find_lanes(grid: OccupancyGrid, parameters: LaneParameters, places: dict[str, Point] = {}) -> Roadmap:  # noqa: B006
     """The roadmap of a map: lanes, passing places, and the named ``places``, to each of which an edge leads.

@@ -4,18 +4,20 @@ from typing import Any
 
 from chefbot_fleet.fleet import Fleet
 from chefbot_fleet.store import Stage
+from chefbot_fleet.walls import Walls
 
 LATEST = 50
 """So many orders that are done are shown."""
 
 
-def roadmap_view(fleet: Fleet) -> dict[str, Any]:
-    """Nodes, edges, places to work and homes."""
+def roadmap_view(fleet: Fleet, walls: Walls | None = None) -> dict[str, Any]:
+    """Nodes, edges, places to work and homes, and where the picture of the walls lies."""
     roadmap = fleet.roadmap
     return {
         "points": roadmap.points_m,
         "edges": roadmap.edges,
         "names": roadmap.names,
+        "walls": walls and [walls.left_m, walls.bottom_m, walls.width_m, walls.height_m],
         "homes": [vehicle.home for vehicle in fleet.vehicles.values()],
     }
 

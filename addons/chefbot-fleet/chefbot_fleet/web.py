@@ -4,7 +4,7 @@ import hmac
 from collections.abc import Awaitable, Callable, Collection
 from http import HTTPStatus
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import msgspec
 from aiohttp import web
@@ -14,6 +14,7 @@ from prometheus_client import CollectorRegistry, Gauge, generate_latest
 from chefbot_fleet.fleet import Fleet
 from chefbot_fleet.store import Correction, Stage
 from chefbot_fleet.view import fleet_view, roadmap_view
+from chefbot_fleet.walls import Walls
 from chefbotd.transport.web.origin import is_own_host
 
 PAGE = Path(__file__).parent / "page"
@@ -31,7 +32,7 @@ Handler = Callable[[web.Request], Awaitable[web.StreamResponse]]
 class NewOrder(Struct, forbid_unknown_fields=True):
     """The body of ``POST /api/orders``; sent again with the same ``id`` it changes nothing."""
 
-    id: str
+    id: Annotated[str, msgspec.Meta(min_length=1, max_length=100)]
     pick: str
     drop: str
 
@@ -43,24 +44,33 @@ class Removed(Struct, forbid_unknown_fields=True):
 
 
 class FleetPage:
-    """The requests that the manager answers; ``names`` are host names of this computer, beside its addresses.
+    """The requests that the manager answers.
+
+    ``names`` are host names of this computer, beside its addresses; ``walls`` is a picture of the map.
 
     Raises:
         ValueError: the token is empty.
     """
 
     def __init__(
-        self, fleet: Fleet, token: str, clock: Callable[[], float], names: Collection[str] = ()
+        self,
+        fleet: Fleet,
+        token: str,
+        clock: Callable[[], float],
+        names: Collection[str] = (),
+        walls: Walls | None = None,
     ) -> None:
         if not token:
             raise ValueError("expected a token for commands, got an empty one")
         self._fleet, self._token, self._clock, self._names = fleet, token, clock, names
+        self._walls = walls
 
     def application(self) -> web.Application:
         """The server's routes."""
         application = web.Application(client_max_size=MOST_BYTES, middlewares=[self._guard])
         for path, file in FILES.items():
             application.router.add_get(path, self._file(file))
+        application.router.add_get("/walls.png", self._picture)
         application.router.add_get("/api/roadmap", self._roadmap)
         application.router.add_get("/api/fleet", self._state)
         application.router.add_get("/metrics", self._metrics)
@@ -93,7 +103,12 @@ class FleetPage:
         return serve
 
     async def _roadmap(self, request: web.Request) -> web.StreamResponse:
-        return _json(roadmap_view(self._fleet))
+        return _json(roadmap_view(self._fleet, self._walls))
+
+    async def _picture(self, request: web.Request) -> web.StreamResponse:
+        if self._walls is None:
+            return web.Response(status=HTTPStatus.NOT_FOUND)
+        return web.Response(body=self._walls.png, content_type="image/png")
 
     async def _state(self, request: web.Request) -> web.StreamResponse:
         return _json(fleet_view(self._fleet, self._clock()))
@@ -109,7 +124,7 @@ class FleetPage:
     async def _correct(self, request: web.Request) -> web.StreamResponse:
         correction = msgspec.json.decode(await request.read(), type=Correction)
         self._fleet.correct(correction, self._clock())
-        return _json(roadmap_view(self._fleet))
+        return _json(roadmap_view(self._fleet, self._walls))
 
     async def _metrics(self, request: web.Request) -> web.StreamResponse:
         data = metrics(self._fleet, self._clock())

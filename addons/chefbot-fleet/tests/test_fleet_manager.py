@@ -2,12 +2,19 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
+from chefbot_fleet.fleet import Fleet, FleetParameters
+from chefbot_fleet.lanes import LaneParameters, free_space
 from chefbot_fleet.roadmap import Roadmap
-from chefbot_fleet.store import Correction, Stage
+from chefbot_fleet.routes import Pace
+from chefbot_fleet.store import Correction, Stage, Store
 from chefbot_vda5050.messages import ConnectionState
 from fleet_robots import StandardRobot
 from fleet_world import VICTIMS, World, small_roadmap
+
+from chefbotd.core.geometry import Pose2D
+from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 
 
 @pytest.fixture
@@ -155,3 +162,29 @@ def test_nobody_is_put_where_another_robot_has_reserved(tmp_path: Path) -> None:
     world.step()
     assert world.fleet.vehicles["r0"].node == 0
     assert world.fleet.ignored["r0"] == "it has been moved, and its place is reserved for r1"
+
+
+@pytest.mark.parametrize(
+    "correction",
+    [
+        Correction("add place", 0, x_m=1.0, y_m=0.1),  # in the wall
+        Correction("add place", 0, x_m=4.0, y_m=30.0),  # beyond the map
+        Correction("add place", 0, x_m=1e308, y_m=1.0),
+        Correction("add edge", 0, 1),  # through the pillar
+    ],
+)
+def test_no_correction_leads_where_a_robot_cannot_be(tmp_path: Path, correction: Correction) -> None:
+    """A hall with a pillar in its middle and a node on either side: refused, with why, and nothing changes."""
+    cells = np.full((68, 200), OCCUPIED, np.int8)
+    cells[2:-2, 2:-2] = FREE
+    cells[2:40, 95:105] = OCCUPIED
+    space = free_space(OccupancyGrid(0.05, Pose2D(), cells), LaneParameters())
+    roadmap = Roadmap(((2.0, 1.0), (8.0, 1.0), (5.0, 2.7)), ((0, 2), (1, 2)), 0.6)
+    store = Store(tmp_path / "fleet.db")
+    fleet = Fleet(roadmap, (0,), store, Pace(0.5, 0.0), FleetParameters("map"), 0.0, space)
+    with pytest.raises(ValueError, match="by the map something is in the way"):
+        fleet.correct(correction, 0.0)
+    assert fleet.roadmap.points_m == roadmap.points_m
+    assert store.corrections() == []
+    fleet.correct(Correction("add place", 0, x_m=3.0, y_m=1.5), 0.0)
+    assert fleet.roadmap.points_m[-1] == (3.0, 1.5)

@@ -1,11 +1,13 @@
 """Who may ask the manager's page for what, and how the program guards it and the broker's connection."""
 
 import asyncio
+import io
 import ssl
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 import trustme
 from aiohttp.test_utils import TestClient, TestServer
@@ -14,10 +16,16 @@ from chefbot_fleet.fleet import Fleet, FleetParameters
 from chefbot_fleet.manager import Manager
 from chefbot_fleet.routes import Pace
 from chefbot_fleet.store import Store
+from chefbot_fleet.view import roadmap_view
+from chefbot_fleet.walls import SHADED, walls_of
 from chefbot_fleet.web import FleetPage
 from chefbot_vda5050.broker import BrokerParameters
 from click.testing import CliRunner, Result
 from fleet_world import HOMES, small_roadmap, write_map
+from PIL import Image
+
+from chefbotd.core.geometry import Pose2D
+from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 TOKEN = "a token for tests"
 ORDER = {"id": "a", "pick": "counter", "drop": "table"}
@@ -166,3 +174,40 @@ def test_the_connection_to_the_broker_is_encrypted_where_that_was_asked_for(
         assert broker.port == 8883
         assert broker.tls is not None
         assert broker.tls.verify_mode is ssl.CERT_REQUIRED
+
+
+def test_the_page_has_a_picture_of_the_walls(fleet: Fleet) -> None:
+    """Two walls, free floor and what nobody has seen, with the y axis up, where the map lies; Pillow reads it."""
+    percent = np.full((2, 3), FREE, np.int8)
+    percent[0, 0] = percent[1, 2] = OCCUPIED
+    percent[1, 0] = UNKNOWN
+    walls = walls_of(OccupancyGrid(0.5, Pose2D(-1.0, 2.0, 0.0), percent))
+    assert walls is not None
+    alpha = np.asarray(Image.open(io.BytesIO(walls.png)).convert("LA"))[..., 1]
+    assert alpha.tolist() == [[SHADED, 0, 255], [255, 0, 0]]
+    view = roadmap_view(fleet, walls)
+    assert view["walls"] == [-1.0, 2.0, 1.5, 1.0]
+
+    async def picture(page: FleetPage) -> tuple[int, str, bytes]:
+        async with TestClient(TestServer(page.application())) as client:
+            answer = await client.get("/walls.png")
+            return answer.status, answer.content_type, await answer.read()
+
+    page = FleetPage(fleet, TOKEN, lambda: 0.0, walls=walls)
+    assert asyncio.run(picture(page)) == (200, "image/png", walls.png)
+    assert asyncio.run(picture(FleetPage(fleet, TOKEN, lambda: 0.0)))[0] == 404
+    assert walls_of(OccupancyGrid(0.5, Pose2D(0.0, 0.0, 0.1), percent)) is None
+
+
+def test_an_order_without_a_name_or_with_a_novel_for_one_is_refused(fleet: Fleet) -> None:
+    """It goes into messages, questions and the page."""
+
+    async def give(identifier: str) -> int:
+        page = FleetPage(fleet, TOKEN, lambda: 0.0)
+        async with TestClient(TestServer(page.application())) as client:
+            headers = {"Authorization": f"Bearer {TOKEN}"}
+            answer = await client.post("/api/orders", headers=headers, json={**ORDER, "id": identifier})
+            return answer.status
+
+    assert asyncio.run(give("")) == asyncio.run(give("a" * 101)) == 400
+    assert asyncio.run(give("a" * 100)) == 200

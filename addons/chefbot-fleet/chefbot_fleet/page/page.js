@@ -13,14 +13,20 @@ function element(name, attributes, text) {
   return made;
 }
 
-function row(cells) {
-  const made = document.createElement("tr");
-  for (const cell of cells) {
-    const data = document.createElement("td");
-    if (cell instanceof Node) data.append(cell); else data.textContent = cell ?? "";
-    made.append(data);
-  }
-  return made;
+// One row for each key, changed in place: what is being clicked or has the focus must not be replaced every second.
+function fill(body, rows) {
+  const kept = new Map([...body.rows].map((row) => [row.dataset.key, row]));
+  body.replaceChildren(...rows.map(({ key, cells }) => {
+    const made = kept.get(key) ?? document.createElement("tr");
+    made.dataset.key = key;
+    cells.forEach((cell, k) => {
+      const data = made.cells[k] ?? made.insertCell();
+      if (cell.title) data.dataset.title = cell.title;
+      data.className = cell.wide ? "wide" : "";
+      if (cell.node) { if (!data.firstChild) data.append(cell.node()); } else if (data.textContent !== cell.text) data.textContent = cell.text;
+    });
+    return made;
+  }));
 }
 
 async function command(path, body) {
@@ -43,6 +49,7 @@ function choose(node) {
   addEdge.disabled = removeEdge.disabled = chosen.length < 2 || chosen[0] === chosen[1];
   addPlace.disabled = chosen.length === 0;
   byId("chosen").textContent = chosen.length ? `Nodes ${chosen.join(" and ")}` : "Click a node, then another, to correct lanes.";
+  drawLanes();
 }
 
 async function loadRoadmap() {
@@ -50,45 +57,89 @@ async function loadRoadmap() {
   const xs = roadmap.points.map((point) => point[0]), ys = roadmap.points.map((point) => point[1]);
   const left = Math.min(...xs) - 1, top = Math.max(...ys) + 1;
   byId("map").setAttribute("viewBox", `${left} ${-top} ${Math.max(...xs) + 1 - left} ${top + 1 - Math.min(...ys)}`);
-  for (const select of [byId("order").elements.pick, byId("order").elements.drop]) {
-    select.replaceChildren(...Object.keys(roadmap.names).map((name) => new Option(name, name)));
-  }
+  const { pick, drop } = byId("order").elements;
+  for (const select of [pick, drop]) select.replaceChildren(...Object.keys(roadmap.names).map((name) => new Option(name, name)));
+  drop.selectedIndex = Math.min(1, drop.options.length - 1);
+  drawLanes();
 }
 
-function draw(fleet) {
+const at = (node) => roadmap.points[node];
+const colour = (k) => COLOURS[k % COLOURS.length];
+
+// What does not move: drawn once, and when lanes or what is chosen change.
+function drawLanes() {
   const parts = [];
-  const at = (node) => roadmap.points[node];
+  if (roadmap.walls) {
+    const [x, bottom, width, height] = roadmap.walls;
+    parts.push(element("image", { href: "/walls.png", x, y: -bottom - height, width, height }));
+  }
   for (const [a, b] of roadmap.edges) parts.push(element("line", { class: "edge", x1: at(a)[0], y1: -at(a)[1], x2: at(b)[0], y2: -at(b)[1] }));
-  fleet.robots.forEach((robot, k) => {
-    const points = robot.reserved.map((node) => `${at(node)[0]},${-at(node)[1]}`).join(" ");
-    parts.push(element("polyline", { class: "reserved", points, stroke: COLOURS[k % COLOURS.length] }));
-  });
   roadmap.points.forEach((point, node) => {
-    const dot = element("circle", { class: chosen.includes(node) ? "node chosen" : "node", cx: point[0], cy: -point[1], r: 0.09 });
+    const dot = element("circle", { class: chosen.includes(node) ? "node chosen" : "node", cx: point[0], cy: -point[1], r: 0.1 });
+    dot.append(element("title", {}, `node ${node}`));
     dot.addEventListener("click", (event) => { event.stopPropagation(); choose(node); });
     parts.push(dot);
   });
-  for (const [name, node] of Object.entries(roadmap.names)) parts.push(element("text", { class: "label", x: at(node)[0], y: -at(node)[1] - 0.15 }, name));
-  fleet.robots.forEach((robot, k) => {
-    parts.push(element("circle", { class: robot.lost ? "robot lost" : "robot", cx: robot.x, cy: -robot.y, r: 0.2, fill: COLOURS[k % COLOURS.length] }));
-    parts.push(element("text", { class: "label", x: robot.x + 0.25, y: -robot.y }, robot.name));
-  });
-  byId("map").replaceChildren(...parts);
+  for (const [name, node] of Object.entries(roadmap.names)) parts.push(element("text", { class: "label place", x: at(node)[0], y: -at(node)[1] - 0.25 }, name));
+  byId("lanes").replaceChildren(...parts);
 }
 
+function drawRobots(fleet) {
+  const parts = [];
+  fleet.robots.forEach((robot, k) => {
+    const points = robot.reserved.map((node) => `${at(node)[0]},${-at(node)[1]}`).join(" ");
+    parts.push(element("polyline", { class: "reserved", points, stroke: colour(k) }));
+  });
+  fleet.robots.forEach((robot, k) => parts.push(element("circle", { class: robot.lost ? "robot lost" : "robot", cx: robot.x, cy: -robot.y, r: 0.2, fill: colour(k) })));
+  for (const robot of fleet.robots) parts.push(element("text", { class: "label", x: robot.x + 0.26, y: -robot.y + 0.12 }, robot.name.split("/").at(-1)));
+  byId("robots-drawn").replaceChildren(...parts);
+}
+
+function nameOf(robot, k) {
+  const made = document.createElement("span"), swatch = document.createElement("span");
+  swatch.className = "swatch";
+  swatch.style.background = colour(k);
+  made.append(swatch, robot.name);
+  return made;
+}
+
+function removeButton(robot) {
+  const made = document.createElement("button");
+  made.textContent = "It was taken away";
+  made.addEventListener("click", () => command("/api/robots/remove", { name: robot.name }));
+  return made;
+}
+
+const percent = (charge) => (charge === null ? "" : `${Math.round(charge)} %`);
+
 function list(fleet) {
-  byId("robots").replaceChildren(...fleet.robots.map((robot) => {
-    const remove = document.createElement("button");
-    remove.textContent = "It was taken away";
-    remove.hidden = !robot.lost;
-    remove.addEventListener("click", () => command("/api/robots/remove", { name: robot.name }));
-    const waits = [...robot.waits, ...robot.errors].join("; ");
-    return row([robot.name, robot.doing, waits, robot.task, robot.battery === null ? "" : `${robot.battery} %`, `${robot.age_s} s`, remove]);
-  }));
-  byId("orders").replaceChildren(...fleet.orders.map((order) => row([order.id, order.pick, order.drop, order.why ? `${order.stage}: ${order.why}` : order.stage, order.robot, `${order.age_s} s`])));
+  fill(byId("robots"), fleet.robots.map((robot, k) => ({
+    key: `${robot.name} ${robot.lost}`,
+    cells: [
+      { node: () => nameOf(robot, k) },
+      { text: robot.doing },
+      { text: [...robot.waits, ...robot.errors].join("; "), wide: true },
+      { text: robot.task ?? "", wide: true },
+      { text: percent(robot.battery), title: "Battery" },
+      { text: `${Math.round(robot.age_s)} s`, title: "Last state" },
+      robot.lost ? { node: () => removeButton(robot), wide: true } : { text: "" },
+    ],
+  })));
+  fill(byId("orders"), fleet.orders.map((order) => ({
+    key: order.id,
+    cells: [
+      { text: order.id },
+      { text: order.stage },
+      { text: order.pick, title: "From" },
+      { text: order.drop, title: "To" },
+      { text: order.robot ?? "" },
+      { text: `${order.age_s} s`, title: "Age" },
+      { text: order.why ?? "", wide: true },
+    ],
+  })));
   byId("ignored").replaceChildren(...Object.entries(fleet.ignored).map(([name, why]) => {
     const item = document.createElement("li");
-    item.textContent = `${name} is not in the fleet: ${why}`;
+    item.textContent = `${name}: ${why}`;
     return item;
   }));
 }
@@ -97,7 +148,7 @@ async function refresh() {
   try {
     if (roadmap === null) await loadRoadmap();
     const fleet = await (await fetch("/api/fleet")).json();
-    draw(fleet);
+    drawRobots(fleet);
     list(fleet);
   } catch (error) {
     byId("message").textContent = `The manager does not answer: ${error.message}`;
