@@ -210,10 +210,8 @@ class Fleet:
                 return
             end = self.roadmap.points_m[correction.b]
         if max(map(abs, end)) > FARTHEST_M or not self._space.has_way(start, end):
-            raise ValueError(
-                f"no robot can drive straight from ({start[0]:.2f}, {start[1]:.2f}) to ({end[0]:.6g}, {end[1]:.6g}): by the "
-                "map something is in the way"
-            )
+            from_to = f"from ({start[0]:.2f}, {start[1]:.2f}) to ({end[0]:.6g}, {end[1]:.6g})"
+            raise ValueError(f"no robot can drive straight {from_to}: by the map something is in the way")
 
     # What robots say
 

@@ -12,9 +12,9 @@ from chefbot_fleet.roadmap import Point
 from chefbot_vda5050.agent import VERSION, Agent
 from chefbot_vda5050.broker import Broker, BrokerParameters
 from chefbot_vda5050.factsheet import factsheet
-from chefbot_vda5050.messages import NodePosition
+from chefbot_vda5050.messages import NodePosition, Order, decode
 from chefbot_vda5050.robot import DriveFailed
-from chefbot_vda5050.topics import Headers, RobotName
+from chefbot_vda5050.topics import Headers, Kind, RobotName, seconds_of
 from chefbot_vda5050.vehicle import Facts, Limits
 from msgspec.structs import replace
 
@@ -25,7 +25,7 @@ RADIUS_M, SPEED_M_S, STEP_S, WORK_S = 0.18, 4.0, 0.05, 0.1
 
 
 class DiscRobot:
-    """Drives at ``SPEED_M_S``; people load and unload it after ``WORK_S``."""
+    """Drives at ``SPEED_M_S``; people load and unload it after ``WORK_S``. ``late``: orders that it drove too late."""
 
     def __init__(self, serial: str, start: Point, folder: Path, broker_port: int) -> None:
         self.serial, self._port = serial, broker_port
@@ -33,6 +33,9 @@ class DiscRobot:
         self.worked: list[tuple[str, Point]] = []
         self._task: asyncio.Task[None] | None = None
         self._drive = 0
+        self.ages_s: dict[tuple[str, int], float] = {}
+        self.late: set[tuple[str, int]] = set()
+        self._agent: Agent | None = None
         self._changed: Callable[[], None] = lambda: None
 
     async def switch_on(self) -> None:
@@ -71,12 +74,29 @@ class DiscRobot:
             BrokerParameters(port=self._port),
             name,
             headers,
-            receive=lambda kind, data, retained: agent.receive(kind, data, retained=retained),
+            receive=lambda kind, data, retained: self._receive(agent, kind, data, retained=retained),
             online=agent.set_online,
         )
         async with asyncio.TaskGroup() as tasks:
             tasks.create_task(agent.run())
             tasks.create_task(broker.run())
+
+    def _receive(self, agent: Agent, kind: Kind, data: bytes, *, retained: bool) -> None:
+        """Note how old the orders are that come."""
+        agent.receive(kind, data, retained=retained)
+        if kind is Kind.ORDER:
+            order = decode(data, Order)
+            key, age_s = (order.order_id, order.order_update_id), time.time() - seconds_of(order.timestamp)
+            self.ages_s[key] = min(age_s, self.ages_s.get(key, age_s))
+            self._agent = agent
+
+    def _note_if_late(self) -> None:
+        """It drives by an order, or the latest update that it has taken, which was too old whenever it came."""
+        if self._agent is not None:
+            vehicle = self._agent.vehicle
+            key = vehicle.order_id, vehicle.order_update_id
+            if self.ages_s.get(key, 0.0) > Limits().order_max_age_s:
+                self.late.add(key)
 
     # its body, as its agent sees it
 
@@ -91,6 +111,7 @@ class DiscRobot:
     async def drive_to(self, position: NodePosition, max_speed_m_s: float | None = None) -> None:
         """In steps, until it is there or another drive begins."""
         speed_m_s = min(SPEED_M_S, max_speed_m_s or SPEED_M_S)
+        self._note_if_late()
         self._drive += 1
         drive = self._drive
         while (left_m := self.facts.distance_m(position)) > 1e-6:

@@ -62,6 +62,18 @@ class Program:
                 os.killpg(self._process.pid, signal.SIGKILL)
             await self._process.wait()
 
+    def pause(self) -> None:
+        """Stop it where it is (SIGSTOP)."""
+        self._signal(signal.SIGSTOP)
+
+    def go_on(self) -> None:
+        """Let it go on."""
+        self._signal(signal.SIGCONT)
+
+    def _signal(self, number: signal.Signals) -> None:
+        if self._process is not None and self._process.returncode is None:
+            os.killpg(self._process.pid, number)
+
 
 async def listens(port: int) -> bool:
     """Whether somebody listens at this port of this computer."""

@@ -6,7 +6,7 @@ import itertools
 import json
 import sys
 import urllib.request
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Iterator
 from pathlib import Path
 from typing import Any, Final, Protocol
 
@@ -70,9 +70,9 @@ class Demonstration:
         self._count, self._gone_s, self._url = count, gone_s, f"http://127.0.0.1:{page_port}"
         (folder / "places.yaml").write_text(yaml.safe_dump({name: list(at) for name, at in PLACES.items()}))
         (folder / "token").write_text(TOKEN)
-        self._broker = mosquitto(folder)
-        port = self._broker.port or 0
-        self._manager = Program(
+        self.broker = mosquitto(folder)
+        port = self.broker.port or 0
+        self.manager = Program(
             folder / "manager.log", sys.executable, "-P", "-m", "chefbot_fleet.cli", "run",
             str(MAP), str(folder / "places.yaml"), f"127.0.0.1:{port}", "--robots", str(robots),
             "--database", str(folder / "fleet.db"), "--token-file", str(folder / "token"),
@@ -85,8 +85,8 @@ class Demonstration:
 
     async def run(self) -> bool:
         """All of it; whether every order was done once, where it was to be done, and nothing touched."""
-        await self._broker.start()
-        await self._manager.start()
+        await self.broker.start()
+        await self.manager.start()
         try:
             await asyncio.gather(*[robot.switch_on() for robot in self.robots])
             click.echo(
@@ -104,8 +104,8 @@ class Demonstration:
             )
         finally:
             await asyncio.gather(*[robot.remove() for robot in self.robots])
-            await self._manager.kill()
-            await self._broker.kill()
+            await self.manager.kill()
+            await self.broker.kill()
 
     async def _disturb(self) -> None:
         """Switch a robot off and on, kill the broker, kill the manager."""
@@ -120,34 +120,42 @@ class Demonstration:
         await gone.join()
         await self._until(lambda fleet: fleet["done"] >= self._share(2))
         click.echo("The broker is killed, and started again after five seconds.")
-        await self._broker.kill()
+        await self.broker.kill()
         await asyncio.sleep(5.0)
-        await self._broker.start()
+        await self.broker.start()
         await self._until(lambda fleet: fleet["done"] >= self._share(3))
         click.echo("The manager is killed, and started again.")
-        await self._manager.kill()
-        await self._manager.start()
+        await self.manager.kill()
+        await self.manager.start()
 
     def _share(self, quarters: int) -> int:
         """So many quarters of all orders, and one at least."""
         return max(self._count * quarters // 4, 1)
 
     async def _order(self) -> None:
-        pairs = itertools.cycle(itertools.islice(itertools.permutations(PLACES, 2), 0, None, 5))
-        for number, (pick, drop) in zip(range(self._count), pairs, strict=False):
+        for number, (pick, drop) in zip(range(self._count), pairs(), strict=False):
             name = f"order {number + 1}"
             self._orders[name] = pick, drop
-            body = json.dumps({"id": name, "pick": pick, "drop": drop}).encode()
-            request = urllib.request.Request(  # noqa: S310 - our own port
-                f"{self._url}/api/orders", body, {"Authorization": f"Bearer {TOKEN}"}
-            )
-            await asyncio.to_thread(_fetch, request)
+            await self.order(name, pick, drop)
+
+    async def order(self, name: str, pick: str, drop: str) -> None:
+        """Give an order to the manager. Raises ``OSError`` if it is not there."""
+        body = json.dumps({"id": name, "pick": pick, "drop": drop}).encode()
+        request = urllib.request.Request(  # noqa: S310 - our own port
+            f"{self._url}/api/orders", body, {"Authorization": f"Bearer {TOKEN}"}
+        )
+        await asyncio.to_thread(_fetch, request)
+
+    async def fleet(self) -> dict[str, Any]:
+        """What the manager's page shows. Raises ``OSError`` if it is not there."""
+        shown: dict[str, Any] = await asyncio.to_thread(_fetch, f"{self._url}/api/fleet")
+        return shown
 
     async def _until(self, condition: Callable[[dict[str, Any]], bool]) -> None:
         shown = -1
         while True:
             with contextlib.suppress(OSError):
-                fleet = await asyncio.to_thread(_fetch, f"{self._url}/api/fleet")
+                fleet = await self.fleet()
                 if fleet["done"] // 5 != shown:
                     shown = fleet["done"] // 5
                     self._show(fleet)
@@ -173,6 +181,11 @@ class Demonstration:
             yield
         finally:
             task.cancel()
+
+
+def pairs() -> Iterator[tuple[str, str]]:
+    """Where orders begin and end, again and again."""
+    return itertools.cycle(itertools.islice(itertools.permutations(PLACES, 2), 0, None, 5))
 
 
 def _fetch(request: Any) -> Any:
