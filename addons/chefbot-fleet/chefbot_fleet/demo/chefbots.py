@@ -10,6 +10,8 @@ import sys
 from pathlib import Path
 from typing import Final
 
+import click
+
 from chefbot_fleet.demo.programs import Program, free_port
 from chefbot_fleet.roadmap import Point
 from chefbotd.client import ChefbotError, Client
@@ -131,6 +133,8 @@ class ChefBot:
         if truth is not None:
             pose = truth.world_from_base
             await client.set_pose(pose.x_m, pose.y_m, pose.heading_rad)
+            if self.told:
+                click.echo(f"Somebody tells {self.serial} where it stands.")
             self.told += 1
 
     async def _answer(self, client: Client) -> None:
