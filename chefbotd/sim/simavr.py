@@ -186,7 +186,7 @@ class SimavrBoard:
         return [SentByte(entry.at_cycle, entry.byte) for entry in self._bytes[:count]]
 
     def take_duties(self) -> list[DutyChange]:
-        """The changes of the duty since the last call, seen within 50 us."""
+        """The changes of the duty since the last call that have lasted 25 us at least; their times are within 50 us."""
         count = self._library.board_take_duties(self._board, self._duties, MOST_TAKEN)
         return [DutyChange(entry.at_cycle, (entry.left, entry.right)) for entry in self._duties[:count]]
 

@@ -16,6 +16,7 @@ enum {
     FREQUENCY_HZ = 16000000,
     BYTE_CYCLES = 1389, /* ten bits at 115200 baud */
     POLL_CYCLES = 800,  /* 50 us */
+    SETTLED_CYCLES = 400, /* of a duty: the program takes the PWM off for microseconds while it changes the inputs */
     PING_TO_ECHO_CYCLES = 7200, /* 450 us: HC-SR04, from the trigger's end to the echo's begin */
     QUEUE = 8192,
     WHEELS = 2,
@@ -47,7 +48,9 @@ struct board {
     size_t bytes_in, bytes_out;
     board_duty_t duties[QUEUE];
     size_t duties_in, duties_out;
-    int16_t duty[WHEELS];
+    int16_t duty[WHEELS]; /* that has settled */
+    int16_t seen[WHEELS]; /* at the last look, since seen_cycle */
+    uint64_t seen_cycle;
     uint64_t bites_at_cycle;
     uint64_t slept_cycles;
     uint32_t pings;
@@ -172,7 +175,12 @@ static void note_duty(board_t *board)
 {
     int16_t duty[WHEELS];
     read_duty(board, duty);
-    if (memcmp(duty, board->duty, sizeof duty) == 0) {
+    if (memcmp(duty, board->seen, sizeof duty) != 0) {
+        memcpy(board->seen, duty, sizeof duty);
+        board->seen_cycle = board->avr->cycle;
+        return;
+    }
+    if (memcmp(duty, board->duty, sizeof duty) == 0 || board->avr->cycle - board->seen_cycle < SETTLED_CYCLES) {
         return;
     }
     memcpy(board->duty, duty, sizeof duty);
@@ -181,7 +189,7 @@ static void note_duty(board_t *board)
         return;
     }
     board_duty_t *entry = &board->duties[board->duties_in++ % QUEUE];
-    entry->at_cycle = board->avr->cycle;
+    entry->at_cycle = board->seen_cycle;
     memcpy(entry->duty, duty, sizeof duty);
 }
 
@@ -416,7 +424,7 @@ size_t board_take_duties(board_t *board, board_duty_t *duties, size_t capacity)
 
 void board_duty(const board_t *board, int16_t duty[WHEELS])
 {
-    read_duty(board, duty);
+    memcpy(duty, board->duty, sizeof board->duty);
 }
 
 uint64_t board_slept_cycles(const board_t *board)

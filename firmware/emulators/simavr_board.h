@@ -55,7 +55,10 @@ void board_reset(board_t *board, bool power_on);
 /* What has left since the last call, each with the cycle at which it left; at most capacity entries. */
 size_t board_take_bytes(board_t *board, board_byte_t *bytes, size_t capacity);
 
-/* Changes of what the motor drivers get, signed PWM of 255, oldest first; a change is seen within 50 us. */
+/*
+ * Changes of what the motor drivers get, signed PWM of 255, oldest first: those that last 25 us at least, each with its time
+ * within 50 us.
+ */
 size_t board_take_duties(board_t *board, board_duty_t *duties, size_t capacity);
 
 /* What the drivers get now. */

@@ -25,10 +25,10 @@ def test_a_main_loop_that_hangs_is_restarted(how: int, cause: int) -> None:
 
 
 def test_the_dead_man_stops_at_whatever_moment_the_host_falls_silent() -> None:
-    """100 silences of 100, in a line, a cycle or a turn: 0 on the pins within 0.26 s of the last whole line."""
+    """100 silences of 100, in a line, a cycle or a turn: 0 on the pins 0.25 to 0.26 s after the last whole line."""
     took_s = limits.silences_s(100)
     assert len(took_s) == 100
-    assert max(took_s) <= 0.26
+    assert 0.249 <= min(took_s) <= max(took_s) <= 0.26
 
 
 def test_the_processor_is_idle_half_of_the_time_in_its_busiest_tenth_of_a_second() -> None:
