@@ -39,6 +39,8 @@ CRAWLS_S, CRAWLS_M_S = 8.0, 0.06 * OVERSHOOT
 
 GPS = b"$GPGGA,123519,4807.038,N,01131.000,E,1,08,0.9,545.4,M,46.9,M,,*47\r\n"
 NOT_THE_BOARD = "the link to the board is not healthy"
+TWICE_JUDGED_S = 5.0
+"""What comes in is judged every 2 s: the first time by what came before the fault, too."""
 
 
 @asynccontextmanager
@@ -231,6 +233,7 @@ FAULTS = (
         "board silent for longer",
         silent,
         latched("encoders_silent", STALE_S, NOT_THE_BOARD),
+        lasts_s=TWICE_JUDGED_S,
         on_wire=True,
     ),
     Fault(
@@ -238,6 +241,7 @@ FAULTS = (
         "another device talks",
         other_device,
         latched("encoders_silent", STALE_S, NOT_THE_BOARD),
+        lasts_s=TWICE_JUDGED_S,
         on_wire=True,
     ),
     *(
@@ -246,6 +250,7 @@ FAULTS = (
             f"board talks at {baud} baud",
             partial(wrong_baud, baud),
             latched("encoders_silent", STALE_S, NOT_THE_BOARD),
+            lasts_s=TWICE_JUDGED_S,
             on_wire=True,
         )
         for baud in (9600, 57_600, 230_400)
