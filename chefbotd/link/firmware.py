@@ -11,19 +11,10 @@ import structlog
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events import FirmwareReported, SafetyChanged
-from chefbotd.core.record import MutableState
 from chefbotd.entries import entries_of
 from chefbotd.link.board_clock import BoardClock
 from chefbotd.link.board_writer import BoardWriter
-from chefbotd.link.firmware_names import (
-    BOARDS,
-    CAPABILITIES,
-    LATCHED_STOPS,
-    REFUSALS,
-    RESET_CAUSES,
-    STOPS,
-    names,
-)
+from chefbotd.link.firmware_state import REFUSALS, FirmwareState, report
 from chefbotd.link.send_window import SendWindow
 from chefbotd.link.wheel_loop import CAPABILITY, WheelLoop
 from chefbotd.logs import RateLimitedLog
@@ -54,9 +45,6 @@ Where the robot was armed in the classic mode, in which the board tells no stops
 STOP_AGAIN_S = 0.1
 """A latched stop that the board lacks, or an end of one, is written again so often at most."""
 
-SMOOTHING = 0.1
-"""The share of the newest round trip in the mean."""
-
 ESTOP = b"estop\r"
 HELLO_BYTES = len(b"hello 1 2000 255*29B1\r")
 PARAMETER_BYTES = len(b"g 0 65535 255*29B1\r")
@@ -68,35 +56,6 @@ NO_ANSWER = (
 UNKNOWN_DEADMAN = (
     f"the board sends checked lines, but answered none of {MOST_HELLOS} hellos: its dead-man is not known"
 )
-
-
-class FirmwareState(MutableState):
-    """What is known of the board's firmware, and of the checked lines on their way to it.
-
-    ``written_s`` has the times at which checked commands were written, by their numbers, until their echo.
-    """
-
-    is_checked: bool = False
-    is_known: bool = False
-    named: wire.Firmware | None = None
-    answer: wire.HelloAnswer | None = None
-    board: wire.BoardState | None = None
-    counters: wire.BoardCounters | None = None
-    due_s: float = math.inf
-    unanswered: int = 0
-    hello_s: float = -math.inf
-    hello_sequence: int = -1
-    sequence: int = 0
-    newest_command: int = -1
-    echoed: int = -1
-    written_s: dict[int, float] = {}
-    round_trip_s: float | None = None
-    clock_late_s: float | None = None
-    armed: bool = False
-    estopped: bool = False
-    arming_until_s: float = -math.inf
-    latched_s: float = -math.inf
-    complaint: str = ""
 
 
 class BoardFirmware:
@@ -237,7 +196,7 @@ class BoardFirmware:
 
     def _arm_board(self, now_s: float) -> None:
         board = self.now.board
-        if self.now.is_checked and board is not None and board.stops & LATCHED_STOPS:
+        if self.now.is_checked and board is not None and self.now.has_latched:
             self._write(self._sealer.encode(wire.Arm(board.estop)), now_s)
 
     # What the board says
@@ -281,7 +240,7 @@ class BoardFirmware:
         else:
             is_first, now.complaint = is_first or bool(now.complaint), ""
         now.due_s = now.hello_s + HELLO_AGAIN_S
-        self._note_round_trip(now_s - now.hello_s)
+        now.note_round_trip(now_s - now.hello_s)
         taken_s = clock.time_of_s(message.micros)
         if taken_s is not None:
             now.clock_late_s = clock.relation.host_s(taken_s) - (now.hello_s + now_s) / 2
@@ -307,17 +266,13 @@ class BoardFirmware:
             now.echoed = of
             written_s = now.written_s.pop(of, None)
             if written_s is not None:
-                self._note_round_trip(now_s - written_s)
-
-    def _note_round_trip(self, round_trip_s: float) -> None:
-        now, mean_s = self.now, self.now.round_trip_s
-        now.round_trip_s = round_trip_s if mean_s is None else mean_s + SMOOTHING * (round_trip_s - mean_s)
+                now.note_round_trip(now_s - written_s)
 
     def told_state(self, message: wire.BoardState, now_s: float) -> FirmwareReported | None:
         """Which stops are in force; one that was lost on the wire is asked for again, and so is the end of one."""
         now = self.now
         is_new, now.board = now.board != message, message
-        is_latched = bool(message.stops & LATCHED_STOPS)
+        is_latched = now.has_latched
         if now_s - now.latched_s >= STOP_AGAIN_S:
             if now.estopped and not is_latched:
                 now.latched_s = now_s
@@ -339,33 +294,4 @@ class BoardFirmware:
 
     def report(self, now_s: float) -> FirmwareReported:
         """Everything that is known of it."""
-        now = self.now
-        named, board, counters = now.named, now.board, now.counters
-        cause = board.reset_cause if board is not None else named.reset_cause if named is not None else 0
-        return FirmwareReported(
-            now_s,
-            mode="checked" if now.is_checked else "classic",
-            version="" if named is None else f"{named.major}.{named.minor}",
-            board="" if named is None else BOARDS.get(named.board, str(named.board)),
-            capabilities=names(CAPABILITIES, 0 if named is None else named.capabilities),
-            deadman_ms=None if now.answer is None or not now.is_checked else now.answer.deadman_ms,
-            reset_cause=RESET_CAUSES.get(cause, ""),
-            stops=names(STOPS, 0 if board is None else board.stops),
-            stopped_itself=self._has_stopped_itself(now_s),
-            crc_errors=0 if counters is None else counters.crc,
-            refused=0 if counters is None else counters.refused,
-            overruns=0 if counters is None else counters.overrun,
-            gaps=0 if counters is None else counters.gaps,
-            deadman_stops=0 if counters is None else counters.deadman,
-            late_cycles=0 if counters is None else counters.late,
-            lines_lost=self.codec.lost,
-            round_trip_s=now.round_trip_s,
-            clock_late_s=now.clock_late_s,
-            reason=now.complaint,
-        )
-
-    def _has_stopped_itself(self, now_s: float) -> bool:
-        """Whether a stop is latched on the board that nobody here has asked for."""
-        now = self.now
-        latched = now.board is not None and bool(now.board.stops & LATCHED_STOPS)
-        return latched and now.armed and now_s >= now.arming_until_s
+        return report(self.now, now_s, lines_lost=self.codec.lost)

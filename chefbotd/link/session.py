@@ -23,7 +23,8 @@ from chefbotd.entries import entries_of
 from chefbotd.link.board_reader import BoardReader, BoardReaderState
 from chefbotd.link.board_writer import FIRST_STOPS, BoardWriter, LineRing, Port, WriterState
 from chefbotd.link.counting import Counting
-from chefbotd.link.firmware import BoardFirmware, FirmwareState
+from chefbotd.link.firmware import BoardFirmware
+from chefbotd.link.firmware_state import FirmwareState
 from chefbotd.link.health import Condition, LinkHealth, LinkMonitor, LinkMonitorState
 from chefbotd.link.restarts import Restarts, RestartsState
 from chefbotd.link.send_window import SendWindow, WindowState

@@ -1,0 +1,105 @@
+"""What is known of a board with our firmware, and its report in words (docs/firmware_wire.md has the numbers)."""
+
+import math
+from collections.abc import Mapping
+
+from chefbotd.core.events import FirmwareReported
+from chefbotd.core.record import MutableState
+from firmware_protocol import messages as wire
+
+BOARDS = {1: "atmega328p", 2: "tm4c123", 3: "lm3s6965", 4: "host"}
+CAPABILITIES = {1: "wheel_loop", 2: "ultrasonic", 4: "imu", 8: "battery", 16: "motor_current"}
+RESET_CAUSES = {
+    1: "power_on",
+    2: "reset_pin",
+    3: "brown_out",
+    4: "watchdog",
+    5: "command",
+    6: "hung_main_loop",
+}
+STOPS = {1: "dead_man", 2: "estop", 4: "stall"}
+LATCHED_STOPS = 2 | 4
+REFUSALS = {
+    1: "unknown word",
+    2: "wrong number of fields",
+    3: "a number is out of range",
+    4: "the board is stopped",
+    5: "the wheel loop is not set up",
+    6: "wrong number of the e-stop",
+    7: "unknown protocol",
+}
+
+
+def names(table: Mapping[int, str], flags: int) -> tuple[str, ...]:
+    """The names of the bits that are set."""
+    return tuple([name for flag, name in table.items() if flags & flag])
+
+
+SMOOTHING = 0.1
+"""The share of the newest round trip in the mean."""
+
+
+class FirmwareState(MutableState):
+    """What is known of the board's firmware, and of the checked lines on their way to it.
+
+    ``written_s`` has the times at which checked commands were written, by their numbers, until their echo.
+    """
+
+    is_checked: bool = False
+    is_known: bool = False
+    named: wire.Firmware | None = None
+    answer: wire.HelloAnswer | None = None
+    board: wire.BoardState | None = None
+    counters: wire.BoardCounters | None = None
+    due_s: float = math.inf
+    unanswered: int = 0
+    hello_s: float = -math.inf
+    hello_sequence: int = -1
+    sequence: int = 0
+    newest_command: int = -1
+    echoed: int = -1
+    written_s: dict[int, float] = {}
+    round_trip_s: float | None = None
+    clock_late_s: float | None = None
+    armed: bool = False
+    estopped: bool = False
+    arming_until_s: float = -math.inf
+    latched_s: float = -math.inf
+    complaint: str = ""
+
+    @property
+    def has_latched(self) -> bool:
+        """Whether a stop is latched on the board."""
+        return self.board is not None and bool(self.board.stops & LATCHED_STOPS)
+
+    def note_round_trip(self, round_trip_s: float) -> None:
+        """A line has come back after so long."""
+        mean_s = round_trip_s if self.round_trip_s is None else self.round_trip_s
+        self.round_trip_s = mean_s + SMOOTHING * (round_trip_s - mean_s)
+
+
+def report(now: FirmwareState, now_s: float, *, lines_lost: int) -> FirmwareReported:
+    """Everything that is known; ``lines_lost`` are the board's lines that did not come, or damaged."""
+    named, board, counters = now.named, now.board, now.counters
+    cause = board.reset_cause if board is not None else named.reset_cause if named is not None else 0
+    return FirmwareReported(
+        now_s,
+        mode="checked" if now.is_checked else "classic",
+        version="" if named is None else f"{named.major}.{named.minor}",
+        board="" if named is None else BOARDS.get(named.board, str(named.board)),
+        capabilities=names(CAPABILITIES, 0 if named is None else named.capabilities),
+        deadman_ms=None if now.answer is None or not now.is_checked else now.answer.deadman_ms,
+        reset_cause=RESET_CAUSES.get(cause, ""),
+        stops=names(STOPS, 0 if board is None else board.stops),
+        stopped_itself=now.has_latched and now.armed and now_s >= now.arming_until_s,
+        crc_errors=0 if counters is None else counters.crc,
+        refused=0 if counters is None else counters.refused,
+        overruns=0 if counters is None else counters.overrun,
+        gaps=0 if counters is None else counters.gaps,
+        deadman_stops=0 if counters is None else counters.deadman,
+        late_cycles=0 if counters is None else counters.late,
+        lines_lost=lines_lost,
+        round_trip_s=now.round_trip_s,
+        clock_late_s=now.clock_late_s,
+        reason=now.complaint,
+    )
