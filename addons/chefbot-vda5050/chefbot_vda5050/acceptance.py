@@ -4,6 +4,7 @@ Optional fields that this robot cannot obey are refused, as 6.1.1 asks for: it d
 no trajectory and keeps to no corridor.
 """
 
+from collections import Counter
 from collections.abc import Iterable
 from enum import StrEnum
 
@@ -19,6 +20,10 @@ class Accepted(StrEnum):
     NEW = "new"
     UPDATE = "update"
     REPEATED = "repeated"
+
+
+MOST_NODES = MOST_ACTIONS = 1000
+"""Of an order: what is decided about it takes time, and a stop must not wait for that."""
 
 
 def judge(vehicle: Vehicle, order: Order, facts: Facts, limits: Limits) -> Accepted | Problem:
@@ -105,6 +110,8 @@ def structure_problem(order: Order) -> str | None:
     nodes, edges = order.nodes, order.edges
     if not nodes:
         return "there is no node"
+    if len(nodes) > MOST_NODES:
+        return f"there are {len(nodes)} nodes, expected at most {MOST_NODES}"
     if len(edges) != len(nodes) - 1:
         return f"{len(nodes)} nodes need {len(nodes) - 1} edges, and there are {len(edges)}"
     if not nodes[0].released:
@@ -117,7 +124,9 @@ def structure_problem(order: Order) -> str | None:
         if (problem := _edge_problem(edge, nodes[index], nodes[index + 1])) is not None:
             return problem
     ids = [action.action_id for action in _actions(nodes, edges)]
-    repeated = sorted({one for one in ids if ids.count(one) > 1}) if len(set(ids)) < len(ids) else []
+    if len(ids) > MOST_ACTIONS:
+        return f"there are {len(ids)} actions, expected at most {MOST_ACTIONS}"
+    repeated = sorted(one for one, count in Counter(ids).items() if count > 1)
     return f"the actionId {repeated[0]!a} is there twice" if repeated else _released_problem(nodes, edges)
 
 

@@ -2,6 +2,7 @@
 
 from typing import Any, Final
 
+from chefbot_vda5050.acceptance import MOST_NODES
 from chefbot_vda5050.actions import ACTIONS, UNUSED
 from chefbot_vda5050.messages import LONGEST_ID, LONGEST_MESSAGE, Factsheet
 from chefbot_vda5050.vehicle import LEAST_SPEED_M_S
@@ -31,7 +32,7 @@ def factsheet(
         physical_parameters=physical(settings),
         protocol_limits={
             "maxStringLens": {"msgLen": LONGEST_MESSAGE, "idLen": LONGEST_ID},
-            "maxArrayLens": {},
+            "maxArrayLens": {"order.nodes": MOST_NODES, "order.edges": MOST_NODES - 1},
             "timing": {
                 "minOrderInterval": 0.0,
                 "minStateInterval": 0.1,

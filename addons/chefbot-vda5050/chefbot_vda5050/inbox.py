@@ -15,6 +15,10 @@ STOPS: Final = frozenset({"cancelOrder", "startPause"})
 """Instant actions that count whatever their age, unless the broker has kept them (retained)."""
 
 
+MOST_AT_ONCE: Final = 100
+"""Of more instant actions in one message only those are begun that stop the robot."""
+
+
 class Inbox:
     """The messages for one robot; ``version`` is the one that it speaks, ``max_age_s`` 0: any age will do."""
 
@@ -39,11 +43,14 @@ class Inbox:
             return (), _malformed(kind, error)
         if (foreign := self._foreign(kind, message)) is not None:
             return (), foreign
-        late = self._late(kind, message, retained=retained)
-        if late is None:
+        refused = self._late(kind, message, retained=retained)
+        if refused is None and len(message.actions) > MOST_AT_ONCE:
+            text = f"{len(message.actions)} instant actions in one message, expected at most {MOST_AT_ONCE}"
+            refused = _about(Reason.MALFORMED, kind, text)
+        if refused is None:
             return message.actions, None
         stops = () if retained else tuple(one for one in message.actions if one.action_type in STOPS)
-        return stops, None if stops == message.actions else late
+        return stops, None if stops == message.actions else refused
 
     def late_by_now(self, order: Order) -> Problem | None:
         """Why an order is too late that has waited since it came; None: it is not."""

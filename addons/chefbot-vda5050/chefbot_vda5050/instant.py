@@ -12,6 +12,7 @@ from chefbot_vda5050.order import Step, changed, give_up, proceed
 from chefbot_vda5050.problems import Problem, Reason
 from chefbot_vda5050.vehicle import NEXT, Cancel, OrderEvent, Pause, Resume, Send, Start, Vehicle
 
+MOST_RUNNING: Final = 16
 KEPT: Final = 32
 """So many instant actions that have ended are reported at most."""
 
@@ -25,8 +26,13 @@ def instant_action(vehicle: Vehicle, action: Action) -> Step:
     if text := actions.problem(action, Scope.INSTANT):
         return _refused(vehicle, action, Problem(Reason.INSTANT_ACTION, text))
     vehicle = replace(vehicle, problems=vehicle.without(Reason.INSTANT_ACTION))
-    step = INSTANT.get(action.action_type)
-    return step(vehicle, action) if step else (vehicle, (Start(action),))
+    if step := INSTANT.get(action.action_type):
+        return step(vehicle, action)
+    running = sum(one.sequence_id is None and one.status not in ENDED for one in vehicle.actions)
+    if running > MOST_RUNNING:
+        text = f"{MOST_RUNNING} instant actions run already"
+        return _refused(vehicle, action, Problem(Reason.INSTANT_ACTION, text))
+    return vehicle, (Start(action),)
 
 
 def _cancel_order(vehicle: Vehicle, action: Action) -> Step:

@@ -120,13 +120,14 @@ class Vehicle(Struct, frozen=True):
 
     def triggered(self) -> tuple[Tracked, ...]:
         """The actions of nodes that were reached and that have not begun, in their sequence."""
+        left = {node.sequence_id for node in self.nodes}
         return tuple(
             one
             for one in self.actions
             if one.sequence_id is not None
             and one.status is ActionStatus.WAITING
             and one.sequence_id <= self.last_node_sequence_id
-            and all(node.sequence_id != one.sequence_id for node in self.nodes)
+            and one.sequence_id not in left
         )
 
     def has_open_actions(self) -> bool:

@@ -65,6 +65,18 @@ CASES = {
         "validationError",
         "does not lead",
     ),
+    "6.1.4.1 too many nodes": (
+        Vehicle(),
+        line(0, 1000),
+        "validationError",
+        "1001 nodes, expected at most 1000",
+    ),
+    "6.1.4.1 too many actions": (
+        Vehicle(),
+        line(0, 1, actions={1: tuple(action(number=f"a{index}") for index in range(1001))}),
+        "validationError",
+        "1001 actions, expected at most 1000",
+    ),
     "6.1.4.1 not released": (Vehicle(), line(0, 1, base=-1), "validationError", "not released"),
     "6.1.4.1 released after the horizon": (
         Vehicle(),

@@ -306,6 +306,16 @@ def test_a_single_action_runs_alone_and_lets_the_robot_drive() -> None:
     assert (effects, statuses(vehicle)) == ((Start(todo[1]),), {"a": "FINISHED", "b": "RUNNING"})
 
 
+def test_no_more_than_16_instant_actions_run_at_once() -> None:
+    """One more fails; what stops the robot is taken all the same."""
+    vehicle = begun()
+    for number in range(17):
+        vehicle, effects = instant(vehicle, "say", f"s{number}", text="Hello")
+    assert (effects, statuses(vehicle)["s15"], statuses(vehicle)["s16"]) == ((), "RUNNING", "FAILED")
+    vehicle, _ = instant(vehicle, "cancelOrder", "c")
+    assert vehicle.phase is Phase.CANCELLING
+
+
 def test_instant_actions_that_have_ended_do_not_pile_up() -> None:
     """A hundred requests leave 32 states, the newest."""
     vehicle = Vehicle()

@@ -112,6 +112,19 @@ def test_of_a_late_message_only_what_stops_the_robot_is_done() -> None:
     with_fleet(scenario)
 
 
+def test_of_too_many_instant_actions_only_what_stops_the_robot_is_done() -> None:
+    """A message with a thousand, and the pause at its end."""
+
+    async def scenario(now: Fleet) -> None:
+        await driving(now)
+        says = (action("say", f"s{number}", "NONE", text="Hello") for number in range(1000))
+        await now.instant(*says, action("startPause", "p", "NONE"))
+        state = await now.until(lambda state: status(state, "p") == "FINISHED")
+        assert (error_types(state), state.driving, now.robot.said) == (["validationError"], False, [])
+
+    with_fleet(scenario)
+
+
 def test_a_stop_that_the_broker_has_kept_is_refused() -> None:
     """Else each new connection would cancel the order anew."""
 

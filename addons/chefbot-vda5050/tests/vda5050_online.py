@@ -135,7 +135,9 @@ class Master:
         self._headers += 1
         await self.until(lambda: self.client is not None)
         assert self.client is not None
-        await self.client.publish(name.topic(kind), encode(replace(message, **(header | changes))))
+        data = encode(replace(message, **(header | changes)))
+        self.problems += [f"{kind}: {one}" for one in strict_problems(kind, data)]
+        await self.client.publish(name.topic(kind), data)
 
     async def order(self, order: Order, name: RobotName = NAME, **changes: Any) -> None:
         """Send an order."""
