@@ -26,6 +26,7 @@ def outcomes(
     metres: float | None,
     before: Callable[[FakeRobot], Any] = lambda robot: None,
     patience_s: float = 30.0,
+    version: str | None = None,
 ) -> dict[str, str]:
     """The outcome of each case by its title, with the reason of those that failed."""
 
@@ -36,7 +37,7 @@ def outcomes(
             before(robot)
             async with robot_online(parameters, robot):
                 await now.until_state(lambda state: True)
-                async with session(parameters, NAME, patience_s, HEADER["version"]) as tried:
+                async with session(parameters, NAME, patience_s, version or HEADER["version"]) as tried:
                     results = await cases.run_all(tried, metres)
         return {one.case.title: f"{one.outcome} {one.text}".strip() for one in results}
 
@@ -53,6 +54,14 @@ def _soon(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_our_robot_passes_every_case(tmp_path: Path) -> None:
     """Also those that have it drive."""
     assert set(outcomes(tmp_path, 2.0).values()) == {"passed"}
+
+
+def test_a_robot_of_the_other_version_is_found_out(tmp_path: Path) -> None:
+    """It keeps to its own version, and that is not the one which was asked for."""
+    spoken, asked = HEADER["version"], {"2.1.0": "3.0.0", "3.0.0": "2.1.0"}[HEADER["version"]]
+    found = outcomes(tmp_path, None, patience_s=1.0, version=asked)
+    title = "headers: ids grow by one for each topic; version, clock and the robot's name are right"
+    assert found[title].endswith(f"is of version {spoken}")
 
 
 def test_without_move_the_robot_stands(tmp_path: Path) -> None:

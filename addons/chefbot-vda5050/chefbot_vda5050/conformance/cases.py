@@ -178,6 +178,9 @@ async def _drive(session: Session, metres: float) -> None:
     if [one.released for one in state.node_states] != [False]:
         raise Failed("nodeStates are not the horizon alone")
     await session.publish(Kind.ORDER, order)  # the same once more: nothing happens
+    if versions.of(session.version) is versions.V3:  # version 2.1 does not say what another content is
+        shorter = replace(order, nodes=order.nodes[:2], edges=order.edges[:1])
+        await session.refused(shorter, Reason.SAME_UPDATE)
     wrong = replace(order, order_update_id=1)  # it begins at the first node, not at the last of the base
     await session.refused(wrong, *CONTINUATION)
     update = replace(order, order_update_id=2, nodes=order.nodes[1:2], edges=())
@@ -221,7 +224,7 @@ async def _schemas(session: Session, _: float) -> None:
             raise Failed(f"{one.kind}: {problems[0]}")
 
 
-@case("6.4", "7.2", "headers: ids grow by one for each topic, the clock is right, the robot is named")
+@case("6.4", "7.2", "headers: ids grow by one for each topic; version, clock and the robot's name are right")
 async def _headers(session: Session, _: float) -> None:
     for kind in (Kind.STATE, Kind.VISUALIZATION):
         ids = [one.message.header_id for one in session.all(kind) if one.message is not None]
@@ -230,6 +233,8 @@ async def _headers(session: Session, _: float) -> None:
     for one in session.seen:
         if one.message is None:
             raise Failed(f"{one.kind} cannot be read")
+        if versions.of(one.message.version) is not versions.of(session.version):
+            raise Failed(f"{one.kind} is of version {one.message.version}")
         of = (one.message.manufacturer, one.message.serial_number)
         if of != (session.name.manufacturer, session.name.serial_number):
             raise Failed(f"{one.kind} is of {'/'.join(of)}")
