@@ -79,7 +79,7 @@ class WheelLoop:
         self._edges = edges
         self._set: dict[Parameter, int] = {Parameter.BATTERY: 256}
         self._wheels = [_Wheel(deque(maxlen=EDGES_KEPT)) for _ in range(wheels)]
-        self._now_us = 0
+        self._now_us, self._is_beginning = 0, False
         for wheel in self._wheels:
             self._stand(wheel, 0)
 
@@ -93,10 +93,8 @@ class WheelLoop:
         self._set[parameter] = value
 
     def begin(self) -> None:
-        """From the speed that the wheels have."""
-        for wheel in self._wheels:
-            wheel.ramp = between(self._measured(wheel), MOST_SPEED_MRAD_S) * RAMP_SCALE
-            wheel.integral = 0
+        """From the speed that the wheels have at the next millisecond."""
+        self._is_beginning = True
 
     def aim(self, mrad_s: Sequence[int]) -> None:
         """Set each wheel's speed."""
@@ -117,6 +115,11 @@ class WheelLoop:
 
     def run(self) -> tuple[int, ...]:
         """A millisecond's duty of each wheel."""
+        if self._is_beginning:
+            for wheel in self._wheels:
+                wheel.ramp = between(self._measured(wheel), MOST_SPEED_MRAD_S) * RAMP_SCALE
+                wheel.integral = 0
+        self._is_beginning = False
         return tuple([self._run(wheel) for wheel in self._wheels])
 
     def _run(self, wheel: _Wheel) -> int:
