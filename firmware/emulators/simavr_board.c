@@ -195,7 +195,7 @@ static void note_duty(board_t *board)
 
 /*
  * In its interrupt-and-reset mode the watchdog resets the part if its interrupt is not run before the next time-out (data
- * sheet, section 15.9.2). simavr 1.6 does not: it waits for the interrupt for ever.
+ * sheet, section 11.9.2). simavr 1.6 does not: it waits for the interrupt for ever.
  */
 static bool bites(board_t *board)
 {
