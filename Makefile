@@ -78,7 +78,7 @@ firmware:  ## Build the board's firmware for this computer, the boards and the e
 	$(MAKE) -C firmware
 
 # Distributions of their own beside the daemon: installed into the same environment, with what is locked.
-ADDONS := ros2[rosbridge,test] devtools[test] vda5050[test] fleet[test] speech[test]
+ADDONS := ros2[rosbridge,test] devtools[test] vda5050[test] fleet[test] speech[test,whisper]
 addons-test: $(VENV)/ready build/constraints.txt build/ros-venv/ready build/roslib/ready  ## Install the add-ons, and run their tests
 	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation $(foreach addon,$(ADDONS),--editable 'addons/chefbot-$(addon)')
 	$(BIN)/mypy $(foreach addon,$(ADDONS),--package chefbot_$(firstword $(subst [, ,$(addon))))

@@ -1,23 +1,27 @@
-"""How many phrases are understood, and how much other speech is taken for one: ``python -m benchmarks.phrases``.
+"""How many phrases are understood, and how much other speech is taken for one.
 
+    python -m benchmarks.phrases [--tuning] [MODULE:CLASS]
+
+measures the recognizer of that name, else the one that the program would take; all voices together, and each alone.
 Synthetic voices that were not tuned on, clean and with white noise at 20 dB; and people who read something else, from
 the Debian package pocketsphinx-testdata where it is installed. There are no recordings of people who say these phrases.
 """
 
+import importlib
 import subprocess
 import sys
 import tempfile
 import time
 import wave
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from pathlib import Path
 from typing import Final
 
 import numpy as np
 from chefbot_speech.commands import Command, Vocabulary
-from chefbot_speech.recognition import RATE_HZ, Samples, resampled
-from chefbot_speech.sphinx import PocketSphinx
+from chefbot_speech.ear import best_recognizer
+from chefbot_speech.recognition import RATE_HZ, Recognizer, Samples, resampled
 
 from benchmarks.corpus import HELD_OUT, TUNING, Corpus
 from chefbotd.client.models import PlaceData
@@ -41,6 +45,9 @@ class Count:
     wrong_goals: int = 0
     others: int = 0
     taken: int = 0
+
+    def __add__(self, other: "Count") -> "Count":
+        return Count(*(mine + theirs for mine, theirs in zip(astuple(self), astuple(other), strict=True)))
 
     def line(self) -> str:
         """Shares in percent."""
@@ -109,10 +116,11 @@ VOCABULARY: Final = Vocabulary.of(PLACES)
 GRAMMAR: Final = VOCABULARY.grammar(confirming=False)
 
 
-def measure(corpus: Corpus, snr_db: float | None, folder: Path, recognizer: PocketSphinx) -> Count:
-    """All of a corpus."""
-    count = Count()
+def measure(corpus: Corpus, snr_db: float | None, folder: Path, recognizer: Recognizer) -> dict[str, Count]:
+    """All of a corpus, by voice."""
+    counts = {voice: Count() for voice in corpus.voices}
     for seed, (voice, text, wanted) in enumerate(said(corpus)):
+        count = counts[voice]
         heard = recognizer.recognize(in_room(synthesized(voice, text, folder), snr_db, seed), GRAMMAR)
         got = name_of(VOCABULARY.understood(heard))
         if wanted:
@@ -122,10 +130,10 @@ def measure(corpus: Corpus, snr_db: float | None, folder: Path, recognizer: Pock
         else:
             count.others += 1
             count.taken += bool(got)
-    return count
+    return counts
 
 
-def people(recognizer: PocketSphinx) -> Count:
+def people(recognizer: Recognizer) -> Count:
     """Of people who read a novel, numbers and cards, nothing is a command."""
     count = Count()
     for path in sorted((*PEOPLE.rglob("*.wav"), *PEOPLE.rglob("*.raw"))):
@@ -142,22 +150,24 @@ def people(recognizer: PocketSphinx) -> Count:
 
 def main() -> None:
     """Print the figures; with ``--tuning`` those of the half that was tuned on."""
-    recognizer = PocketSphinx()
+    names = [word for word in sys.argv[1:] if not word.startswith("-")] or [best_recognizer()]
+    module, _, kind = names[0].partition(":")
+    recognizer: Recognizer = getattr(importlib.import_module(module), kind)()
+    print(names[0])
     corpus = TUNING if "--tuning" in sys.argv else HELD_OUT
     with tempfile.TemporaryDirectory() as folder:
         for snr_db in (None, 20.0):
             began_s = time.process_time()
-            count = measure(corpus, snr_db, Path(folder), recognizer)
-            cpu_s = (time.process_time() - began_s) / (count.phrases + count.others)
-            print(
-                f"{'clean' if snr_db is None else '20 dB'}: {count.line()}; {cpu_s:.2f} CPU s each",
-                flush=True,
-            )
-    print(
-        f"people: {people(recognizer).line()}"
-        if PEOPLE.is_dir()
-        else "people: apt-get install pocketsphinx-testdata"
-    )
+            counts = measure(corpus, snr_db, Path(folder), recognizer)
+            total = sum(counts.values(), Count())
+            cpu_s = (time.process_time() - began_s) / (total.phrases + total.others)
+            print(f"{'clean' if snr_db is None else '20 dB'}: {total.line()}; {cpu_s:.2f} CPU s each")
+            for voice, count in counts.items():
+                print(f"    {voice}: {count.line()}", flush=True)
+    if PEOPLE.is_dir():
+        print(f"people: {people(recognizer).line()}")
+    else:
+        print("people: apt-get install pocketsphinx-testdata")
 
 
 if __name__ == "__main__":

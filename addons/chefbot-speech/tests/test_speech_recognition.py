@@ -1,11 +1,10 @@
-"""The recognizer with the voice of espeak-ng, which was not tuned on, and the child process that it runs in."""
+"""pocketsphinx with the voice of espeak-ng, and the child process that a recognizer runs in."""
 
 import asyncio
 import os
 import subprocess
 import sys
 import time
-import wave
 from pathlib import Path
 
 import numpy as np
@@ -13,7 +12,9 @@ import pytest
 from chefbot_speech.commands import Action, Command, Vocabulary
 from chefbot_speech.ear import Ear
 from chefbot_speech.recognition import RATE_HZ, Heard, Samples, resampled
-from chefbot_speech.sphinx import PocketSphinx, Word, compare, prepared
+from chefbot_speech.sound import prepared
+from chefbot_speech.sphinx import PocketSphinx, Word, compare
+from speech_voices import said
 
 from chefbotd.client.models import PlaceData
 
@@ -27,16 +28,6 @@ GRAMMAR = VOCABULARY.grammar(confirming=True)
 def recognizer() -> PocketSphinx:
     """One for all: its model takes a while to load."""
     return PocketSphinx()
-
-
-def said(espeak: str, folder: Path, text: str) -> Samples:
-    """What espeak-ng says, as a microphone has it."""
-    path = folder / "said.wav"
-    subprocess.run([espeak, "-v", "en-us+m3", "-w", str(path), "--", text], check=True)
-    with wave.open(str(path)) as sound:
-        samples = np.frombuffer(sound.readframes(sound.getnframes()), dtype="<i2")
-        hiss = np.random.default_rng(1).normal(0.0, 5.0, len(samples))
-        return resampled((samples // 2 + hiss).astype(np.int16), sound.getframerate())
 
 
 @pytest.mark.parametrize(
