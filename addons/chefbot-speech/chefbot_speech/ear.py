@@ -62,6 +62,10 @@ class Ear:
         context = multiprocessing.get_context("spawn")
         return ProcessPoolExecutor(1, context, initializer=_begin, initargs=(self._path,))
 
+    def begin(self) -> None:
+        """Load the recognizer now, so that nobody has to wait for it later."""
+        self._process.submit(_words, frozenset())
+
     async def words(self, candidates: frozenset[str]) -> frozenset[str]:
         """Those that it can recognize; raises ``RuntimeError`` where there is no recognizer."""
         try:

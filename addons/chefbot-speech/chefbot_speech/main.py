@@ -117,6 +117,7 @@ async def _run(
     if (running := asyncio.current_task()) is not None:
         asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, running.cancel)
     ear = Ear(options["recognizer"])
+    ear.begin()
     speaker = Speaker(voice_of(options["voice"], options["language"]), player())
     talkers = Talkers()
     agent = SpeechAgent(with_token, speaker, ear, talkers.end_countdowns)

@@ -5,6 +5,7 @@ anybody may read. Who may talk is who may send the robot to goals: the token is 
 """
 
 import asyncio
+import contextlib
 import json
 import ssl
 from collections.abc import Awaitable, Callable, Collection
@@ -113,7 +114,7 @@ class PageServer:
 
     async def _talk(self, socket: web.WebSocketResponse) -> None:
         async def send(message: dict[str, Any]) -> None:
-            if not socket.closed:
+            with contextlib.suppress(ConnectionResetError):  # gone: that is told by what is read
                 await socket.send_str(json.dumps(message))
 
         try:

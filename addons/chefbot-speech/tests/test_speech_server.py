@@ -157,3 +157,35 @@ def test_a_token_of_an_agent_opens_the_page() -> None:
         assert talker.told == [{"event": "press"}, b"sound"]
 
     served(scenario)
+
+
+class Leaving:
+    """What a server needs of a WebSocket whose page greets, and is gone before anything is sent to it."""
+
+    closed = False
+
+    async def receive_json(self, timeout: float) -> dict[str, str]:
+        """The greeting."""
+        return {"token": "waits"}
+
+    async def send_str(self, text: str) -> None:
+        """As aiohttp does it."""
+        raise aiohttp.ClientConnectionResetError("Cannot write to closing transport")
+
+    def __aiter__(self) -> "Leaving":
+        return self
+
+    async def __anext__(self) -> aiohttp.WSMessage:
+        raise StopAsyncIteration
+
+
+def test_a_page_that_goes_while_it_is_admitted_has_left() -> None:
+    """What is shown to it is lost, and nothing else happens."""
+    talker = FakeTalker()
+
+    async def admitted(token: str | None, send: Send) -> Talker:
+        await send({"phase": "ready"})
+        return talker
+
+    asyncio.run(PageServer(admitted)._talk(Leaving()))  # type: ignore[arg-type]
+    assert talker.left.is_set()
