@@ -37,6 +37,12 @@ class FakeDriving:
         child.answer = self._answer
         live(child)
 
+    def die(self) -> None:
+        """As by SIGKILL."""
+        if self._timer is not None:
+            self._timer.cancel()
+        self._child.die("it was killed by SIGKILL")
+
     def _answer(self, message: ToWorker) -> None:
         if isinstance(message, Configure):
             self._child.say(Ready())

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import itertools
 import random
 from collections.abc import Awaitable, Callable
 from contextlib import AbstractAsyncContextManager
@@ -310,6 +311,46 @@ def test_every_order_is_served_once_or_refused_though_the_daemon_ends_and_begins
         await asyncio.wait(beside)
         orders = now.waiter.orders()
         assert len(drivings) > 1
+        assert len(orders) >= 3
+        assert {order.state for order in orders} <= {"served", "refused"}
+        assert all(order.reason for order in orders if order.state == "refused")
+        assert now.guests.taken == sum(order.state == "served" for order in orders)
+
+    shift(tmp_path, scenario, seed)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(1, 21))
+def test_every_order_is_served_once_or_refused_whatever_of_the_three_is_killed(
+    tmp_path: Path, seed: int
+) -> None:
+    """Ten presses at random; every 5 to 25 s the waiter, the worker or the daemon ends, by turns."""
+
+    async def scenario(now: Shift, drivings: list[FakeDriving]) -> None:
+        await begun(now)
+        killed: list[str] = []
+
+        async def kill() -> None:
+            for victim in itertools.cycle(now.chance.sample(("waiter", "worker", "daemon"), 3)):
+                await asyncio.sleep(now.chance.uniform(5.0, 25.0))
+                killed.append(victim)
+                if victim == "waiter":
+                    await now.waiter.kill()
+                    await asyncio.sleep(now.chance.uniform(0.1, 5.0))
+                    now.waiter.start()
+                elif victim == "worker":
+                    drivings[-1].die()
+                else:
+                    await now.restart(now.chance.uniform(0.1, 5.0))
+
+        beside = [asyncio.create_task(now.guests.take()), asyncio.create_task(kill())]
+        await now.guests.order(10)
+        await now.waiter.until_done(1500.0)
+        for task in beside:
+            task.cancel()
+        await asyncio.wait(beside)
+        orders = now.waiter.orders()
+        assert set(killed) == {"waiter", "worker", "daemon"}
         assert len(orders) >= 3
         assert {order.state for order in orders} <= {"served", "refused"}
         assert all(order.reason for order in orders if order.state == "refused")
