@@ -93,8 +93,9 @@ class Whisper:
         phrases = self._phrases(encoded, seconds)
         if not likeliest or not phrases:
             return Heard("", -1.0)
-        rivals = () if is_clear(phrases) else self._best_of_other_views(samples, sound)
-        return Heard(phrases[0].text, margin(likeliest[0], phrases[0]), rivals)
+        within = margin(likeliest[0], phrases[0])
+        rivals = () if within < 0.0 or is_clear(phrases) else self._best_of_other_views(samples, sound)
+        return Heard(phrases[0].text, within, rivals)
 
     def _best_of_other_views(self, samples: Samples, sound: Samples) -> tuple[str, ...]:
         """The likeliest phrase if it was said more slowly, and with its noise: what is certain is the same again."""

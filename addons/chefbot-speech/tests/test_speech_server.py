@@ -164,7 +164,7 @@ class Leaving:
 
     closed = False
 
-    async def receive_json(self, timeout: float) -> dict[str, str]:
+    async def receive_json(self, **options: float) -> dict[str, str]:
         """The greeting."""
         return {"token": "waits"}
 
