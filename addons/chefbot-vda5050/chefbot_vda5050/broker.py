@@ -119,12 +119,12 @@ class Broker:
     async def _serve(self, client: aiomqtt.Client) -> None:
         for topic, kind in self._takes.items():
             await client.subscribe(topic, qos=QOS[kind])
-        await self._say(client, ConnectionState.ONLINE)
-        raise_if_cancelled()
-        self._client = client
-        log.info("connected to the broker", host=self._parameters.host, port=self._parameters.port)
-        self._online(True)
         try:
+            await self._say(client, ConnectionState.ONLINE)
+            raise_if_cancelled()
+            self._client = client
+            log.info("connected to the broker", host=self._parameters.host, port=self._parameters.port)
+            self._online(True)
             async for message in client.messages:
                 self._take(message)
         except asyncio.CancelledError:

@@ -1,7 +1,10 @@
 """``chefbot-vda5050``: a robot in a fleet (``run``), and how well any robot keeps to the standard (``check``)."""
 
 import asyncio
+import contextlib
+import signal
 import ssl
+from collections.abc import Coroutine
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -124,10 +127,16 @@ def run(
         version=options["version"],
     )
     connect = partial(Client.connect, where.host, where.port, token=words[-1], name="fleet")
-    try:
-        asyncio.run(serve(parameters, connect))
-    except KeyboardInterrupt:
-        click.echo("The robot has left the fleet.")
+    with contextlib.suppress(KeyboardInterrupt, asyncio.CancelledError):
+        asyncio.run(_until_told(serve(parameters, connect)))
+    click.echo("The robot has left the fleet.")
+
+
+async def _until_told(work: Coroutine[Any, Any, None]) -> None:
+    """Work until SIGINT or SIGTERM, and leave the fleet in an orderly way."""
+    task = asyncio.ensure_future(work)
+    asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)
+    await task
 
 
 @main.command()

@@ -2,8 +2,10 @@
 
 import asyncio
 import random
+import signal
 import ssl
 import subprocess
+import sys
 from collections.abc import Awaitable, Callable
 from pathlib import Path
 from typing import Any
@@ -16,7 +18,7 @@ from chefbot_vda5050.topics import Kind
 from vda5050_fakes import NAME, FakeRobot, is_idle
 from vda5050_mosquitto import Mosquitto, mosquitto, program, relay
 from vda5050_online import Master, master, robot_online
-from vda5050_orders import line
+from vda5050_orders import HEADER, line
 
 pytestmark = pytest.mark.usefixtures("version")
 ONLINE, OFFLINE, BROKEN = ConnectionState.ONLINE, ConnectionState.OFFLINE, ConnectionState.BROKEN
@@ -56,6 +58,26 @@ def test_an_order_is_driven_over_the_broker(tmp_path: Path) -> None:
                     )
                 )
         await now.until(lambda: now.connections() == [ONLINE, OFFLINE])
+
+    on_broker(tmp_path, scenario)
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT])
+def test_the_program_leaves_the_fleet_when_it_is_told_to_end(number: signal.Signals, tmp_path: Path) -> None:
+    """OFFLINE, and not CONNECTIONBROKEN: systemd ends it by SIGTERM. Killed, it is CONNECTIONBROKEN."""
+
+    async def scenario(now: Master, broker: Mosquitto) -> None:
+        where, version = f"127.0.0.1:{broker.port}", HEADER["version"]
+        words = ("run", where, "r1", "--daemon", "127.0.0.1:1", "--version", version, "--interface", "uagv")
+        for sent, last in ((number, OFFLINE), (signal.SIGKILL, BROKEN)):
+            before = len(now.connections())
+            process = await asyncio.create_subprocess_exec(
+                sys.executable, "-m", "chefbot_vda5050.cli", *words, "--major", "v2"
+            )
+            await now.until(lambda before=before: now.connections()[before:] == [ONLINE])
+            process.send_signal(sent)
+            await now.until(lambda before=before, last=last: now.connections()[before:] == [ONLINE, last])
+            assert await process.wait() == (0 if sent is number else -signal.SIGKILL)
 
     on_broker(tmp_path, scenario)
 
