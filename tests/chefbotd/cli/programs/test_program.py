@@ -140,9 +140,9 @@ def test_a_terminal_is_one(monkeypatch: pytest.MonkeyPatch) -> None:
 DRAWS = """
 import click
 from chefbotd.cli.common.console import Printer
-from chefbotd.cli.programs.program import Program
+from chefbotd.cli.programs.program import CommandGroup
 
-program = Program("program")
+program = CommandGroup("program")
 program.add_command(click.Command("draw", callback=lambda: Printer().print("turned by 5\\u00b0")))
 program(["draw"])
 """
