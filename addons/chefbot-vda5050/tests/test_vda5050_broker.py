@@ -135,6 +135,36 @@ def test_a_broker_that_is_restarted_loses_no_order_and_the_robot_waits_at_its_ba
     on_broker(tmp_path, scenario)
 
 
+@pytest.mark.slow
+@pytest.mark.timeout(300)
+def test_an_update_that_a_broker_held_back_while_it_hung_is_not_driven(tmp_path: Path) -> None:
+    """SIGSTOP for as long as the robot takes to notice (30 s): it waits at the end of its base, and says so.
+
+    The update that was on its way meanwhile is late, and is not driven; the one after it is.
+    """
+
+    async def scenario(now: Master, broker: Mosquitto) -> None:
+        robot = FakeRobot(1.0)
+        async with robot_online(at(broker), robot) as agent:
+            await now.until_state(lambda state: True)
+            await now.order(line(0, 3, base=1))
+            await now.until_state(lambda state: state.order_id == "o1")
+            broker.send_signal(signal.SIGSTOP)
+            await now.order(line(1, 3, update=1))
+            async with asyncio.timeout(120.0):
+                while not robot.said:  # noqa: ASYNC110 - as a person hears it
+                    await asyncio.sleep(0.1)
+            assert robot.said == ["I wait here until my fleet is back."]
+            broker.send_signal(signal.SIGCONT)
+            await now.until(lambda: now.connections()[-2:] == [BROKEN, ONLINE])
+            await asyncio.sleep(2.0)
+            assert (robot.facts.x_m, agent.vehicle.order_update_id) == (pytest.approx(1.0), 0)
+            await now.order(line(1, 3, update=2))
+            await now.until_state(lambda state: state.last_node_id == "n3" and is_idle(state))
+
+    on_broker(tmp_path, scenario)
+
+
 async def deliver(now: Master, robot: FakeRobot, orders: int) -> None:
     """Send orders one after the other as a master does: again and again until the state shows it."""
     for number in range(orders):

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import os
 import shutil
+import signal
 import socket
 from collections.abc import AsyncIterator
 from pathlib import Path
@@ -54,6 +55,11 @@ class Mosquitto:
                     writer.close()
                     return
                 await asyncio.sleep(0.02)
+
+    def send_signal(self, number: signal.Signals) -> None:
+        """Stop it as it is (SIGSTOP), or let it go on (SIGCONT)."""
+        assert self._process is not None
+        self._process.send_signal(number)
 
     async def kill(self) -> None:
         """End it at once, without a word to its clients."""
