@@ -243,10 +243,9 @@ class BoardSession(asyncio.Protocol):
         if self.is_open:
             if self.restarts.holds_motion or self.firmware.now.is_known is self._kind_held:
                 duty = self._still
-            loop = self.firmware.loop
-            if loop.changes_over():
-                self.setpoints.forget()
-            self.setpoints.offer(loop.command(duty) if loop.drives else duty)
+            if self.firmware.loop.now.is_ready:
+                duty = self._command_of(duty)
+            self.setpoints.offer(duty)
 
     def repeat_duty(self, duty: tuple[int, ...]) -> None:
         """The control loop lives, and has nothing new to say: feeds the board's dead-man, where it has one."""
@@ -326,6 +325,13 @@ class BoardSession(asyncio.Protocol):
         """From now on commands are speeds; a duty that waits is dropped, and the next reading brings another."""
         self.setpoints.forget()
         log.info("the board's own wheel loop drives")
+
+    def _command_of(self, duty: tuple[int, ...]) -> tuple[int, ...]:
+        """What a board with a ready loop is told; a command of the other kind that waits is dropped."""
+        loop = self.firmware.loop
+        if loop.changes_over():
+            self.setpoints.forget()
+        return loop.command(duty) if loop.drives else duty
 
     def _command_line(self, command: tuple[int, ...]) -> bytes:
         is_speed = self.firmware.loop.drives and command != self._still

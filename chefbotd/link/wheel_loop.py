@@ -144,7 +144,7 @@ class WheelLoop:
     def changes_over(self) -> bool:
         """Whether the wheels are driven by duties from now on, or not any more: a command that waits is none now."""
         before, self.now.by_duty = self.now.by_duty, self._targets_rad_s() is None
-        return self.now.is_ready and self.now.by_duty is not before
+        return self.now.by_duty is not before
 
     def command(self, duty: Command) -> Command:
         """The wheels' setpoints in mrad/s, in the place of this duty; no duty is a stop."""
