@@ -10,6 +10,7 @@ from array import array
 from collections import Counter
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import ExitStack
+from functools import partial
 
 import pytest
 import uvloop
@@ -22,6 +23,7 @@ from tests.fakes.robot import FakeRobot
 
 GET_STATE = b'{"jsonrpc":"2.0","id":1,"method":"get_state"}\n'
 PING = b'{"jsonrpc":"2.0","id":1,"method":"ping"}\n'
+READY = PING.replace(b'"id":1', b'"id":0')
 ARM = b'{"jsonrpc":"2.0","id":9,"method":"arm"}\n'
 DRIVE = b'{"jsonrpc":"2.0","id":9,"method":"drive","params":{"linear_m_s":0.17,"angular_rad_s":-0.3}}\n'
 WHEELS = (
@@ -47,9 +49,17 @@ def serve(run: Callable[..., None], scenario: Scenario, **limits: object) -> Non
 
 
 def connect(served: Served, stack: ExitStack) -> socket.socket:
-    """A client that sends at once what it is given."""
+    """A client that sends at once what it is given; the daemon has yet to let it in."""
     client = stack.enter_context(socket.create_connection((served.host, served.port)))
     client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return client
+
+
+async def admitted(served: Served, stack: ExitStack) -> socket.socket:
+    """A client that the daemon serves already."""
+    client = connect(served, stack)
+    client.sendall(READY)
+    assert await answer(client, 0) == "ok"
     return client
 
 
@@ -89,6 +99,27 @@ async def accepted(client: socket.socket, command: bytes) -> None:
         client.sendall(command)
 
 
+async def authenticated(served: Served) -> asyncio.StreamWriter:
+    """An admin's client through TLS, which the daemon serves already."""
+    reader, writer = await asyncio.open_connection(served.host, served.port, ssl=trusting())
+    token = TOKENS["admin"].encode()
+    writer.write(b'{"jsonrpc":"2.0","id":1,"method":"authenticate","params":{"token":"%b"}}\n' % token)
+    while json.loads(await reader.readline()).get("id") != 1:
+        pass
+    return writer
+
+
+def judged(served: Served) -> int:
+    """How many commands to arm or to drive were carried out, or were void."""
+    calls = names(served)
+    return calls.count("arm") + calls.count("drive") + served.void_commands.total()
+
+
+def is_judged(served: Served, count: int) -> bool:
+    """Whether more than so many were."""
+    return judged(served) > count
+
+
 def names(served: Served) -> list[object]:
     """What the robot was asked to do, by name."""
     return [name for name, *_ in served.robot.calls]
@@ -100,9 +131,8 @@ def test_an_estop_voids_the_arm_that_others_sent_before_it(run: Callable[..., No
 
     async def scenario(served: Served) -> None:
         with ExitStack() as stack:
-            crowd = [connect(served, stack) for _ in range(20)]
-            stopper = connect(served, stack)
-            await asyncio.sleep(0.1)
+            crowd = [await admitted(served, stack) for _ in range(20)]
+            stopper = await admitted(served, stack)
             for client in crowd:
                 client.sendall(GET_STATE * 50 + ARM)
             stopper.sendall(ESTOP)
@@ -130,9 +160,7 @@ def test_what_waits_in_the_kernel_when_a_stop_is_carried_out_was_sent_before_it(
 
     async def scenario(served: Served) -> None:
         with ExitStack() as stack:
-            mover, stopper = connect(served, stack), connect(served, stack)
-            await asyncio.sleep(0.1)
-            served.robot.calls.clear()
+            mover, stopper = await admitted(served, stack), await admitted(served, stack)
             pair: Sequence[tuple[socket.socket, bytes]] = [(mover, PING * 60 + command), (stopper, stop)]
             for client, said in pair if mover_first else pair[::-1]:
                 deliver(client, said)
@@ -151,8 +179,7 @@ def test_who_waits_at_the_door_has_come_before_the_stop(run: Callable[..., None]
 
     async def scenario(served: Served) -> None:
         with ExitStack() as stack:
-            stopper = connect(served, stack)
-            await asyncio.sleep(0.1)
+            stopper = await admitted(served, stack)
             newcomers = [connect(served, stack) for _ in range(5)]
             for client in newcomers:
                 client.sendall(ARM)
@@ -176,15 +203,13 @@ def test_what_came_while_the_loop_stood_still_is_not_carried_out(
 
     async def scenario(served: Served) -> None:
         with ExitStack() as stack:
-            client = connect(served, stack)
-            await asyncio.sleep(0.1)
+            client = await admitted(served, stack)
             for _ in range(5):
                 client.sendall(command)
             time.sleep(0.7)  # noqa: ASYNC251 - the loop stands still
             assert await answer(client, 9) == "too_old"
             await until(lambda: served.void_commands == {"too_old": 5})
             assert served.robot.calls == []
-            await asyncio.sleep(0.1)
             await accepted(client, command)
             assert len(served.robot.calls) == 1
 
@@ -195,29 +220,21 @@ def test_and_so_through_tls() -> None:
     """Where what the kernel holds is encrypted."""
 
     async def scenario(served: Served) -> None:
-        _, mover = await asyncio.open_connection(served.host, served.port, ssl=trusting())
-        _, stopper = await asyncio.open_connection(served.host, served.port, ssl=trusting())
-        for writer in (mover, stopper):
-            writer.write(
-                b'{"jsonrpc":"2.0","id":1,"method":"authenticate","params":{"token":"%b"}}\n'
-                % TOKENS["admin"].encode()
-            )
-        await asyncio.sleep(0.2)
+        mover, stopper = await authenticated(served), await authenticated(served)
         mover.write(PING * 60 + ARM)
         stopper.write(ESTOP)
         time.sleep(0.1)  # noqa: ASYNC251 - the loop stands still
-        await asyncio.sleep(0.3)
+        await until(lambda: judged(served) == 1 and "estop" in names(served))
         calls = names(served)
         assert calls.count("arm") == len(calls[: calls.index("estop")])
-        mover.write(ARM)
-        await asyncio.sleep(0.2)
-        assert names(served)[-1] == "arm"
+        while names(served)[-1] != "arm":  # on a busy computer it may be too old when it is read
+            mover.write(ARM)
+            await until(partial(is_judged, served, judged(served)))
+        calls, too_old = names(served), served.void_commands["too_old"]
         mover.write(ARM + DRIVE)
         time.sleep(0.8)  # noqa: ASYNC251 - the loop stands still
-        count = len(served.robot.calls)
-        await asyncio.sleep(0.3)
-        assert len(served.robot.calls) == count
-        assert served.void_commands["too_old"] == 2
+        await until(lambda: served.void_commands["too_old"] == too_old + 2)
+        assert names(served) == calls
         for writer in (mover, stopper):
             writer.transport.abort()
 
