@@ -81,9 +81,10 @@ def test_every_state_is_told_in_words(page: Any, daemon: FakeDaemon) -> None:
         daemon.say("localization", state=state, map="flat", fit=0.5, reason=f"so {state}")
         sync_api.expect(page.locator("#map-told")).to_contain_text(f"so {state}")
     for condition in {str(each) for each in (*LidarCondition, *Condition)} - {"healthy"}:
-        lidar = {"lidar": "top", "healthy": False, "condition": condition, "reason": f"why {condition[:4]}"}
+        reason = f"why {condition}".replace("_", " ")
+        lidar = {"lidar": "top", "healthy": False, "condition": condition, "reason": reason}
         daemon.say("lidars", lidars=[lidar])
-        sync_api.expect(page.locator("#sensors")).to_contain_text(f"why {condition[:4]}")
+        sync_api.expect(page.locator("#sensors")).to_contain_text(reason)
         assert not FOR_PROGRAMS.search(shown(page)), condition
     for status in RangeStatus:
         measured = {"range_m": 1.0 if status == "ok" else None, "max_range_m": 4.0, "field_of_view_rad": 0.5}
