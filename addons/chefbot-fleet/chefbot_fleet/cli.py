@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import math
 import secrets
+import sqlite3
 import ssl
 from pathlib import Path
 from typing import Any
@@ -117,8 +118,15 @@ def _fleet(
     parameters = FleetParameters(
         str(options["map_id"] or map_name), number("lost_after_s"), number("lease_s")
     )
-    store = Store(Path(str(options["database"])))
+    store = _store(Path(str(options["database"])))
     return Fleet(roadmap, homes, store, Pace(number("speed_m_s")), parameters, now_s, free_space(grid, lanes))
+
+
+def _store(path: Path) -> Store:
+    try:
+        return Store(path)
+    except sqlite3.Error as error:
+        raise click.ClickException(f"{path}: {error}; does another manager use it?") from error
 
 
 if __name__ == "__main__":

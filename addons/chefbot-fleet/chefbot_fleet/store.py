@@ -75,10 +75,14 @@ T = TypeVar("T", bound=Struct)
 
 
 class Store:
-    """The database. Raises ``sqlite3.Error`` if it cannot be read or written."""
+    """The database, which one manager has at a time, until it closes it or dies.
+
+    Raises ``sqlite3.Error`` if it cannot be read or written, or another manager has it.
+    """
 
     def __init__(self, path: Path | str) -> None:
-        self._database = sqlite3.connect(path, isolation_level=None)
+        self._database = sqlite3.connect(path, timeout=0.0, isolation_level=None)
+        self._database.execute("PRAGMA locking_mode=EXCLUSIVE")
         self._database.execute("PRAGMA journal_mode=WAL")
         self._database.execute("PRAGMA synchronous=FULL")
         self._database.executescript(SCHEMA)

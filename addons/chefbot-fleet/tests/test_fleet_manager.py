@@ -1,5 +1,6 @@
 """The manager's decisions, with robots that keep to the standard, and with messages, robots and the manager failing."""
 
+import sqlite3
 from pathlib import Path
 
 import numpy as np
@@ -188,3 +189,12 @@ def test_no_correction_leads_where_a_robot_cannot_be(tmp_path: Path, correction:
     assert store.corrections() == []
     fleet.correct(Correction("add place", 0, x_m=3.0, y_m=1.5), 0.0)
     assert fleet.roadmap.points_m[-1] == (3.0, 1.5)
+
+
+def test_two_managers_do_not_share_a_database(tmp_path: Path) -> None:
+    """The second one is refused at its start, until the first has ended."""
+    first = Store(tmp_path / "fleet.db")
+    with pytest.raises(sqlite3.OperationalError, match="locked"):
+        Store(tmp_path / "fleet.db")
+    first.close()
+    Store(tmp_path / "fleet.db").close()
