@@ -15,6 +15,7 @@ FUZZ_S ?= 60
 SOAK_MINUTES ?= 60
 RUNS ?= 5
 SEED ?= 1
+ORDERS ?= 60
 JOBS_OF_FAULTS ?= 2
 CLOCK ?= both
 TIER ?= full
@@ -42,9 +43,9 @@ serve: $(VENV)/ready  ## Have a simulated ChefBot serve three tables in a flat, 
 waiter: $(VENV)/ready  ## Have a simulated ChefBot take orders on its page, and serve them in a flat
 	$(BIN)/python -m examples.waiter
 
-fleet: $(VENV)/ready build/constraints.txt  ## Have a manager drive six simulated robots through an office over MQTT, and kill what can be killed
+fleet: $(VENV)/ready build/constraints.txt  ## Have a manager drive six ChefBots through an office over MQTT, and kill what can be killed (ORDERS=60)
 	$(BIN)/pip install --quiet --constraint build/constraints.txt --no-build-isolation --editable addons/chefbot-vda5050 --editable addons/chefbot-fleet
-	$(BIN)/python -m chefbot_fleet.demo
+	$(BIN)/python -m chefbot_fleet.demo --orders $(ORDERS)
 
 map: $(VENV)/ready  ## Have a simulated ChefBot with a lidar map a flat of six rooms, and write the map to build/map
 	$(BIN)/chefbotctl map demo --out build/map
