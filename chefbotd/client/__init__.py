@@ -24,7 +24,7 @@ from chefbotd.client.errors import (
     SubscriptionConflict,
 )
 from chefbotd.client.event import Event, Gap
-from chefbotd.client.handshake import Greeting
+from chefbotd.client.handshake import DaemonGreeting
 from chefbotd.client.subscription import Subscription
 from chefbotd.client.sync import SyncClient
 
@@ -35,6 +35,7 @@ __all__ = [
     "ChefbotError",
     "Client",
     "ConnectionLost",
+    "DaemonGreeting",
     "Event",
     "Gap",
     "GoalBlocked",
@@ -42,7 +43,6 @@ __all__ = [
     "GoalFault",
     "GoalNotReached",
     "GoalUnreachable",
-    "Greeting",
     "IncompatibleProtocol",
     "NoGreeting",
     "NotReported",

@@ -29,9 +29,9 @@ from chefbotd.client.generated import Topics
 from chefbotd.client.handshake import (
     CLOSING_PATIENCE_S,
     RECOVERABLE,
+    DaemonGreeting,
     Endpoint,
     GreetedConnection,
-    Greeting,
     open_connection,
 )
 from chefbotd.client.map_methods import MapMethods, NavigationMethods
@@ -101,7 +101,7 @@ class Client(Methods, MapMethods, NavigationMethods, Topics):
         self._end_all(ConnectionLost("the client is closed"))
 
     @property
-    def hello(self) -> Greeting:
+    def hello(self) -> DaemonGreeting:
         """The daemon's latest greeting; ``session`` changes when the daemon restarts."""
         return self._connection.hello
 

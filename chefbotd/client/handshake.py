@@ -22,8 +22,11 @@ PROTOCOL_MAJOR = "1"
 CLOSING_PATIENCE_S = 1.0
 
 
-class Greeting(Record, frozen=True):
-    """The daemon's greeting; ``session`` changes when the daemon restarts."""
+class DaemonGreeting(Record, frozen=True):
+    """The daemon's greeting; ``session`` changes when the daemon restarts.
+
+    Not ``rpc.models.Greeting``: a stop does not wait until the models are loaded.
+    """
 
     protocol: str
     robot: str
@@ -51,7 +54,7 @@ class Endpoint(Record, frozen=True):
 class GreetedConnection:
     """An open connection and the greeting received on it."""
 
-    def __init__(self, wire: Wire, hello: Greeting) -> None:
+    def __init__(self, wire: Wire, hello: DaemonGreeting) -> None:
         self.wire, self.hello = wire, hello
 
 
@@ -117,7 +120,9 @@ async def _connect(endpoint: Endpoint, wire: Wire) -> None:
         raise CannotConnect(f"cannot connect to {where} ({error}){advice}") from error
 
 
-async def _greeting(greeting: "asyncio.Future[dict[str, Any]]", wire: Wire, timeout_s: float) -> Greeting:
+async def _greeting(
+    greeting: "asyncio.Future[dict[str, Any]]", wire: Wire, timeout_s: float
+) -> DaemonGreeting:
     try:
         async with asyncio.timeout(timeout_s):
             params = await greeting
@@ -132,9 +137,9 @@ async def _greeting(greeting: "asyncio.Future[dict[str, Any]]", wire: Wire, time
         )
     try:
         known_fields = {
-            field.name: params[field.name] for field in fields(Greeting)
+            field.name: params[field.name] for field in fields(DaemonGreeting)
         }  # a newer daemon may say more
-        return Greeting(**{**known_fields, "capabilities": tuple(known_fields["capabilities"])})
+        return DaemonGreeting(**{**known_fields, "capabilities": tuple(known_fields["capabilities"])})
     except (KeyError, TypeError) as problem:
         raise ProtocolError(
             f"the daemon's greeting is not understood: {problem!r}, in {params!r:.200}"

@@ -20,7 +20,7 @@ from chefbotd.client.blocking import BackgroundLoop
 from chefbotd.client.client import Client
 from chefbotd.client.errors import ConnectionLost
 from chefbotd.client.generated_sync import SyncMethods
-from chefbotd.client.handshake import Greeting
+from chefbotd.client.handshake import DaemonGreeting
 
 
 class SyncClient(SyncMethods):
@@ -80,7 +80,7 @@ class SyncClient(SyncMethods):
                 self._loop.close()
 
     @property
-    def hello(self) -> Greeting:
+    def hello(self) -> DaemonGreeting:
         """The daemon's latest greeting."""
         return self._client.hello
 
