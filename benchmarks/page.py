@@ -19,6 +19,7 @@ from benchmarks.figures import Figure, Outcome, percentile
 from benchmarks.latency import CYCLE_S, ECHO_S, command_to_wire
 from benchmarks.rpc import WebCaller
 from chefbotd.settings import packaged
+from chefbotd.transport.ports import reserve_port
 from chefbotd.transport.web.server import page_files
 
 COMMANDS_A_TURN, TURNS = 40, 5
@@ -58,7 +59,7 @@ def run(*, quick: bool = False) -> Outcome:
 
 def _latencies(commands: int) -> list[Figure]:
     """From ``drive`` to the first ``s`` that moves, over TCP and over the WebSocket."""
-    page_port, seconds = rig.free_port(), {"TCP": list[float](), "WebSocket": list[float]()}
+    page_port, seconds = reserve_port(), {"TCP": list[float](), "WebSocket": list[float]()}
     changes = {"page": {"enabled": True, "port": page_port}}
     with (
         board() as instrument,
@@ -86,7 +87,7 @@ def _latencies(commands: int) -> list[Figure]:
 def _simulated() -> Iterator[rig.Daemon]:
     """A simulated robot with a lidar in a flat, that serves the page on the port after its own."""
     with TemporaryDirectory(prefix="chefbotd-bench-") as folder:
-        text, port, page_port = packaged("chefbot_lidar").read_text(), rig.free_port(), rig.free_port()
+        text, port, page_port = packaged("chefbot_lidar").read_text(), reserve_port(), reserve_port()
         for old, new in (("port = 7333", port), ("port = 7380", page_port)):
             text = text.replace(old, f"port = {new}")
         config = Path(folder, "robot.toml")

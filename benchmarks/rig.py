@@ -18,6 +18,7 @@ import psutil
 
 from benchmarks.rpc import Caller, CallFailed
 from chefbotd.settings import packaged
+from chefbotd.transport.ports import reserve_port
 
 CHEFBOTD = (str(Path(sys.executable).with_name("chefbotd")),)
 READY_WITHIN_S = 10.0
@@ -53,7 +54,7 @@ def daemon(
 ) -> Iterator[Daemon]:
     """``chefbotd run`` on a device; ``changes`` replace keys of the packaged configuration, section by section."""
     with tempfile.TemporaryDirectory(prefix="chefbotd-bench-") as folder:
-        config, port = Path(folder, "robot.toml"), free_port()
+        config, port = Path(folder, "robot.toml"), reserve_port()
         config.write_text(to_toml(_changed(changes or {})))
         options = ["run", "--config", str(config), "--port", device, "--listen", f"127.0.0.1:{port}"]
         with running([*program, *options], port) as process:
@@ -144,13 +145,6 @@ def _listens(running: Daemon) -> bool:
     except ConnectionRefusedError:
         return False
     return True
-
-
-def free_port() -> int:
-    """A port of the loopback interface that nobody uses now."""
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        port: int = listener.getsockname()[1]
-        return port
 
 
 def _end(process: "subprocess.Popen[bytes]") -> None:

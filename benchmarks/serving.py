@@ -22,10 +22,11 @@ import psutil
 import chefbotd.sim.worlds
 from benchmarks.figures import Figure, Outcome, percentile
 from benchmarks.latency import answers_s
-from benchmarks.rig import CHEFBOTD, Daemon, connect, free_port, running, sent, to_toml, until
+from benchmarks.rig import CHEFBOTD, Daemon, connect, running, sent, to_toml, until
 from benchmarks.rpc import Caller
 from benchmarks.tap import Tap, tap
 from chefbotd.settings import packaged
+from chefbotd.transport.ports import reserve_port
 from examples.order import PATIENCE_S, START, TABLES
 from examples.order import PLACES as ALL_PLACES
 
@@ -133,7 +134,7 @@ def _turn(caller: Caller) -> None:
 def _serving() -> Iterator[tuple[Daemon, Caller, Tap]]:
     """A robot that knows where it is, in a map with two places."""
     with tempfile.TemporaryDirectory(prefix="chefbotd-bench-") as folder:
-        here, port = Path(folder), free_port()
+        here, port = Path(folder), reserve_port()
         config = here / "robot.toml"
         config.write_text(to_toml(_configured(here)))
         with _simulated(config, here / "board"), tap(here / "board") as wire:

@@ -6,7 +6,6 @@ import re
 import shlex
 import shutil
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -18,6 +17,7 @@ import click
 import pytest
 
 from chefbotd.cli.programs import chefbotctl, chefbotd
+from chefbotd.transport.ports import reserve_port
 
 ROOT = Path(__file__).parents[1]
 pytestmark = pytest.mark.skipif(not (ROOT / "CONTRIBUTING.md").exists(), reason="only the sources have it")
@@ -104,8 +104,7 @@ def test_what_readme_says_of_driving_recording_and_replaying_works(tmp_path: Pat
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     (block,) = (each for each in re.findall(r"```sh\n(.*?)```", text, re.DOTALL) if "--record" in each)
     lines = [shlex.split(line, comments=True) for line in block.splitlines()]
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        port = listener.getsockname()[1]
+    port = reserve_port()
     here = tmp_path
 
     def run(words: list[str]) -> str:

@@ -23,6 +23,7 @@ from benchmarks import rig
 from benchmarks.rpc import Caller, CallFailed
 from chefbotd.process import last_stop
 from chefbotd.settings import packaged
+from chefbotd.transport.ports import reserve_port
 from tests.firmware.emulator import built
 from tests.firmware.feeder import ran_on_us
 from tests.firmware.qemu import Qemu
@@ -96,7 +97,7 @@ class Board:
 @contextlib.contextmanager
 def driving(board: Board) -> Iterator[tuple[int, int]]:
     """A daemon that drives the board: the numbers of its process and of its guard's, which are killed at the end."""
-    port = rig.free_port()
+    port = reserve_port()
     words = ["--config", str(packaged("chefbot")), "--port", board.device, "--listen", f"127.0.0.1:{port}"]
     keys = {**BUSY_COMPUTER, "CHEFBOTD_ENCODERS__COUNTED_BY": "firmware"}
     environment = [f"{name}={value}" for name, value in keys.items()]

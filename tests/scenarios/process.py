@@ -17,6 +17,7 @@ from chefbotd.settings import packaged
 from chefbotd.sim.board import BoardRunner
 from chefbotd.sim.pty import PtyBoard
 from chefbotd.sim.simulation import board_sender, build_launchpad
+from chefbotd.transport.ports import reserve_port
 from tests.scenarios.robots import packaged_name, settings_of
 
 PATIENCE_S = 100.0
@@ -192,7 +193,7 @@ async def second_daemon(first: Program) -> AsyncIterator[Program]:
 async def _daemon(
     board: Board, log: Path, fault: str, host: str, environment: Mapping[str, str]
 ) -> AsyncIterator[Program]:
-    port = _free_port()
+    port = reserve_port()
     start = "from chefbotd.cli.programs.chefbotd import main\nmain()"
     program = f"from chefbotd.features.statistics import service\n{fault}\n{start}"
     where = ("--port", str(board.device), "--listen", f"{host}:{port}")
@@ -261,9 +262,3 @@ async def drive_once(client: Client) -> None:
     except CallError as refusal:
         if refusal.kind not in ("link_down", "too_old"):
             raise
-
-
-def _free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        port: int = listener.getsockname()[1]
-        return port

@@ -21,9 +21,10 @@ from typing import Any
 
 import structlog
 
+from chefbotd.transport.ports import reserve_port
+
 sys.path.insert(0, str(Path(__file__).parents[1] / "tests"))
 
-from chefbot_fleet.demo.programs import free_port
 from chefbot_fleet.demo.story import Demonstration, pairs
 from fleet_discs import SPEED_M_S, DiscRobot
 
@@ -35,7 +36,7 @@ class Run:
 
     def __init__(self, folder: Path) -> None:
         self.shown = Demonstration(
-            folder, DiscRobot, robots=ROBOTS, count=0, page_port=free_port(), speed_m_s=SPEED_M_S
+            folder, DiscRobot, robots=ROBOTS, count=0, page_port=reserve_port(), speed_m_s=SPEED_M_S
         )
         self.chance, self.given, self.is_over = random.Random(0), list[str](), False
 

@@ -6,7 +6,6 @@ import json
 import os
 import shutil
 import signal
-import socket
 import sys
 import urllib.error
 import urllib.request
@@ -17,17 +16,12 @@ from typing import Any
 import pytest
 from fleet_world import write_map
 
+from chefbotd.transport.ports import reserve_port
+
 sdk = pytest.importorskip("vda5050.client.agv.client")
 
 PATH = f"{os.environ.get('PATH', '')}:/usr/sbin"
 TOKEN = "a token for tests"
-
-
-def free_port() -> int:
-    """A port that nobody listens on."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        return int(free.getsockname()[1])
 
 
 async def until(condition: Callable[[], bool]) -> None:
@@ -67,7 +61,7 @@ async def mosquitto(folder: Path) -> AsyncIterator[int]:
         if os.environ.get("ADDONS_TESTS") == "required":
             pytest.fail("mosquitto is not installed: make addons-tools")
         pytest.skip("mosquitto is not installed")
-    port = free_port()
+    port = reserve_port()
     (folder / "mosquitto.conf").write_text(f"listener {port} 127.0.0.1\nallow_anonymous true\n")
     async with program(path, "-c", str(folder / "mosquitto.conf"), ready_port=port):
         yield port
@@ -151,7 +145,7 @@ async def everything(folder: Path) -> None:
     write_map(folder)
     (folder / "token").write_text(TOKEN)
     async with mosquitto(folder) as broker_port:
-        page_port = free_port()
+        page_port = reserve_port()
         requests = Requests(page_port)
         command = (
             sys.executable, "-c", "from chefbot_fleet.cli import main; main()", "run",

@@ -9,13 +9,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from chefbot_fleet.demo.programs import free_port
 from chefbot_fleet.demo.report import Measured, report
 from chefbot_fleet.demo.story import Demonstration
 from fleet_discs import SPEED_M_S, DiscRobot
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.sim.truth_file import Truth
+from chefbotd.transport.ports import reserve_port
 
 
 def need_mosquitto() -> None:
@@ -33,7 +33,7 @@ def test_every_order_is_done_once_whoever_is_killed(
     """Three discs, six orders; a robot, the broker and the manager are killed, and all of them come back."""
     need_mosquitto()
     shown = Demonstration(
-        tmp_path, DiscRobot, robots=3, count=6, page_port=free_port(), speed_m_s=SPEED_M_S, gone_s=3.0
+        tmp_path, DiscRobot, robots=3, count=6, page_port=reserve_port(), speed_m_s=SPEED_M_S, gone_s=3.0
     )
     assert asyncio.run(shown.run())
     told = capsys.readouterr().out
@@ -56,7 +56,7 @@ def test_simulated_chefbots_bring_their_orders(tmp_path: Path) -> None:
         "--pace",
         "100",
         "--port",
-        str(free_port()),
+        str(reserve_port()),
         "--logs",
         str(tmp_path / "logs"),
     )

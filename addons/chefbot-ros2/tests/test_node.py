@@ -3,7 +3,6 @@
 import asyncio
 import math
 import os
-import socket
 import sys
 from asyncio.subprocess import DEVNULL
 from collections.abc import AsyncIterator, Awaitable, Callable
@@ -15,6 +14,7 @@ from ros import Probe, bridge, probe, stamp_ns
 
 from chefbotd.cli.drive.simulated_daemon import simulated_daemon
 from chefbotd.client import Client
+from chefbotd.transport.ports import reserve_port
 
 SOURCE = {"CHEFBOTD_SAFETY__SOURCES__ROS2__PRIORITY": "4", "CHEFBOTD_SAFETY__SOURCES__ROS2__TIMEOUT_S": "0.5"}
 TWIST, TRIGGER = "geometry_msgs/msg/Twist", "std_srvs/srv/Trigger"
@@ -211,7 +211,7 @@ def test_it_finds_a_daemon_again_that_was_restarted(tmp_path: Path) -> None:
     """Meanwhile the diagnostics say that there is none; stamps are those of the new daemon."""
 
     async def scenario() -> None:
-        port = free_port()
+        port = reserve_port()
         async with probe() as other, bridge(port):
             await other.subscribe("/diagnostics", "diagnostic_msgs/msg/DiagnosticArray")
             await other.subscribe("/odom", "nav_msgs/msg/Odometry", "sensor")
@@ -230,13 +230,6 @@ def test_it_finds_a_daemon_again_that_was_restarted(tmp_path: Path) -> None:
 def is_lost(message: dict[str, object]) -> bool:
     """Whether the bridge says that it has no daemon."""
     return status_of(message, "bridge")["level"] == [2]
-
-
-def free_port() -> int:
-    """Nobody listens there."""
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        port: int = listener.getsockname()[1]
-    return port
 
 
 @asynccontextmanager

@@ -20,8 +20,8 @@ from chefbotd.client import SyncClient
 from chefbotd.maps.contents import save
 from chefbotd.maps.store import MapStore
 from chefbotd.settings import packaged
+from chefbotd.transport.ports import reserve_port
 from tests.chefbotd.maps.test_store import grid
-from tests.fakes.api import free_port
 
 CHROMIUM = shutil.which("chromium")
 PATIENCE_S = 60.0
@@ -47,7 +47,7 @@ class Restaurant:
     """A simulated robot with a map and three tables, and ``chefbot-speech`` before it."""
 
     def __init__(self, folder: Path) -> None:
-        self.api_port, self.page_port = free_port(), free_port()
+        self.api_port, self.page_port = reserve_port(), reserve_port()
         save(MapStore(folder / "maps"), "flat", grid(1))
         text = packaged("chefbot_lidar").read_text().replace("port = 7333", f"port = {self.api_port}")
         (folder / "robot.toml").write_text(text)

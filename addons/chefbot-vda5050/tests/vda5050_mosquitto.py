@@ -5,11 +5,12 @@ import contextlib
 import os
 import shutil
 import signal
-import socket
 from collections.abc import AsyncIterator
 from pathlib import Path
 
 import pytest
+
+from chefbotd.transport.ports import reserve_port
 
 PATH = f"{os.environ.get('PATH', '')}:/usr/sbin:/usr/local/sbin"
 
@@ -29,9 +30,7 @@ class Mosquitto:
     """The broker's process; ``port`` stays when it is started again. It keeps nothing on the disk."""
 
     def __init__(self, folder: Path, extra: str = "") -> None:
-        with socket.socket() as free:
-            free.bind(("127.0.0.1", 0))
-            self.port: int = free.getsockname()[1]
+        self.port = reserve_port()
         self._program = program("mosquitto")
         self._config = folder / "mosquitto.conf"
         lines = ("set_tcp_nodelay true", "persistence false", f"listener {self.port} 127.0.0.1")

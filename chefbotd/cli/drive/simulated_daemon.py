@@ -2,7 +2,6 @@
 
 import asyncio
 import os
-import socket
 import sys
 import tempfile
 from asyncio.subprocess import Process
@@ -15,6 +14,7 @@ from typing import IO, Final
 from chefbotd.cli.common.arguments import Address
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.client import Client
+from chefbotd.transport.ports import reserve_port
 
 LISTENING_PATIENCE_S = 20.0
 ENDING_PATIENCE_S = 5.0
@@ -34,7 +34,7 @@ async def simulated_daemon(
     Raises:
         ProgramError: it ended, or did not listen in time; its last log lines are in the message.
     """
-    address = Address("127.0.0.1", _free_port())
+    address = Address("127.0.0.1", reserve_port())
     with tempfile.TemporaryFile("w+") as log:
         words = ("run", "--sim", "--listen", str(address), "--config", str(robot))
         process = await asyncio.create_subprocess_exec(
@@ -54,12 +54,6 @@ async def simulated_daemon(
             code = await _end(process)
     if code != Exit.OK:
         raise ProgramError(Exit.FAILED, f"chefbotd ended with exit code {code}")
-
-
-def _free_port() -> int:
-    with socket.create_server(("127.0.0.1", 0)) as listener:
-        port: int = listener.getsockname()[1]
-    return port
 
 
 async def _listening(process: Process, address: Address, log: IO[str]) -> None:

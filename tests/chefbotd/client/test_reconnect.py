@@ -12,7 +12,8 @@ from chefbotd.client.caller import parse
 from chefbotd.client.models import OdometryData
 from chefbotd.clock import run_virtual
 from chefbotd.core.events import LineSeen, TextReceived
-from tests.fakes.api import Served, free_port, serving
+from chefbotd.transport.ports import reserve_port
+from tests.fakes.api import Served, serving
 from tests.fakes.daemon import HELLO, Daemon, scripted
 
 
@@ -20,7 +21,7 @@ def test_subscriptions_go_on_after_a_restart_and_tell_the_gap() -> None:
     """The daemon is away for 3 s: calls made then fail and are not repeated, and the next event tells the gap."""
 
     async def main() -> None:
-        port = free_port()
+        port = reserve_port()
         async with serving(port=port) as first:
             client = Client.connect(port=port, reconnect=True)
             robot = await client.__aenter__()

@@ -11,8 +11,8 @@ import pytest
 
 from chefbotd.client import CallError, CallTimeout, CannotConnect, Client, ConnectionLost, SyncClient
 from chefbotd.client.models import DATA_BY_TOPIC
+from chefbotd.transport.ports import reserve_port
 from tests.chefbotd.client.real_time import simulated_daemon
-from tests.fakes.api import free_port
 from tests.fakes.robot import topics_of
 
 
@@ -89,7 +89,7 @@ def test_nobody_listens() -> None:
     """Connecting to a closed port raises at once, and leaves no thread behind."""
     before = threading.active_count()
     with pytest.raises(CannotConnect):
-        SyncClient.connect(port=free_port())
+        SyncClient.connect(port=reserve_port())
     assert threading.active_count() == before
 
 

@@ -16,7 +16,7 @@ import pytest
 
 from chefbotd.client import SyncClient
 from chefbotd.settings import packaged
-from tests.fakes.api import free_port
+from chefbotd.transport.ports import reserve_port
 
 HERE = all(map(find_spec, ("playwright", "axe_playwright_python", "aiohttp")))
 if HERE:
@@ -44,7 +44,7 @@ class RunningRobot:
         name: str = "chefbot",
         device: Path | None = None,
     ) -> None:
-        self.api_port, self.page_port, self.token = free_port(), free_port(), token
+        self.api_port, self.page_port, self.token = reserve_port(), reserve_port(), token
         self._board = ["--sim"] if device is None else ["--port", str(device)]
         text = packaged(name).read_text()
         for old, new in (("port = 7333", self.api_port), ("port = 7380", self.page_port)):

@@ -12,7 +12,7 @@ from typing import Final
 
 import click
 
-from chefbot_fleet.demo.programs import Program, free_port
+from chefbot_fleet.demo.programs import Program
 from chefbot_fleet.roadmap import Point
 from chefbotd.client import ChefbotError, Client
 from chefbotd.core.geometry import Pose2D
@@ -20,6 +20,7 @@ from chefbotd.maps.contents import save
 from chefbotd.maps.store import MapStore
 from chefbotd.sim.rooms import BUILDINGS
 from chefbotd.sim.truth_file import Truth, TruthReader
+from chefbotd.transport.ports import reserve_port
 
 BUILDING: Final = "office"
 WORK_S: Final = 0.5
@@ -38,7 +39,7 @@ class ChefBot:
     """
 
     def __init__(self, serial: str, start: Point, folder: Path, broker_port: int) -> None:
-        self.serial, self.folder, self.port = serial, folder / serial, free_port()
+        self.serial, self.folder, self.port = serial, folder / serial, reserve_port()
         self.worked: list[tuple[str, Point]] = []
         self.told = 0
         self._truth_path = folder / f"{serial}.truth"

@@ -5,13 +5,14 @@ import contextlib
 import os
 import shutil
 import signal
-import socket
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
 from typing import Final
 
 import click
+
+from chefbotd.transport.ports import reserve_port
 
 NOTHING: Final[Mapping[str, str]] = MappingProxyType({})
 STARTS_WITHIN_S: Final = 300.0
@@ -85,13 +86,6 @@ async def listens(port: int) -> bool:
     return True
 
 
-def free_port() -> int:
-    """A port that nobody listens at."""
-    with socket.socket() as free:
-        free.bind(("127.0.0.1", 0))
-        return int(free.getsockname()[1])
-
-
 def mosquitto(folder: Path) -> Program:
     """Debian's broker, for this computer alone.
 
@@ -101,6 +95,6 @@ def mosquitto(folder: Path) -> Program:
     path = shutil.which("mosquitto", path=f"{os.environ.get('PATH', '')}:/usr/sbin")
     if path is None:
         raise click.ClickException("mosquitto is not installed: apt install mosquitto")
-    port, config = free_port(), folder / "mosquitto.conf"
+    port, config = reserve_port(), folder / "mosquitto.conf"
     config.write_text(f"listener {port} 127.0.0.1\nallow_anonymous true\nset_tcp_nodelay true\n")
     return Program(folder / "mosquitto.log", path, "-c", str(config), port=port)

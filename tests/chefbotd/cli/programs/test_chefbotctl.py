@@ -5,7 +5,6 @@ import contextlib
 import json
 import math
 import re
-import socket
 from collections.abc import Coroutine
 from functools import partial
 from typing import Any, TypeVar
@@ -19,6 +18,7 @@ from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.programs.chefbotctl import main
 from chefbotd.clock import run_virtual
+from chefbotd.transport.ports import reserve_port
 from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
 
@@ -284,8 +284,7 @@ def test_another_protocol(control: Control, daemon: FakeDaemon) -> None:
 
 def test_nobody_listens() -> None:
     """Without a daemon the message names the address and asks the right question."""
-    with socket.create_server(("127.0.0.1", 0)) as reserved:
-        port = reserved.getsockname()[1]
+    port = reserve_port()
     result = CliRunner().invoke(main, ["stop"], env={"CHEFBOTCTL_CONNECT": f"127.0.0.1:{port}"})
     assert result.exit_code == Exit.CANNOT_CONNECT
     assert f"cannot connect to 127.0.0.1:{port} (Connection refused); is chefbotd running" in result.stderr

@@ -14,7 +14,8 @@ from chefbotd.cli.common.exits import Exit
 from chefbotd.cli.programs.chefbotctl import main
 from chefbotd.clock import run_virtual
 from chefbotd.rpc.access import Guard, Keyring
-from tests.fakes.api import free_port, serving
+from chefbotd.transport.ports import reserve_port
+from tests.fakes.api import serving
 
 TOKEN = "d" * 32
 AUTHORITY = trustme.CA()
@@ -36,7 +37,7 @@ def stop(
     guarded: bool = True,
 ) -> Result:
     """``chefbotctl stop`` at a daemon that wants a token and speaks TLS, or neither."""
-    port = free_port()
+    port = reserve_port()
     args = [f"--connect=127.0.0.1:{port}"]
     if token is not None:
         (tmp_path / "token").write_text(token + "\n")

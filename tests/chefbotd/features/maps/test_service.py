@@ -91,8 +91,11 @@ def test_a_map_is_imported_loaded_and_sent(tmp_path: Path) -> None:
         assert same(image.grid(), grid(1))
 
     async def second(client: Client) -> None:
-        await asyncio.sleep(0.1)
-        listed = await client.list_maps()
+        async with asyncio.timeout(100.0):
+            while (
+                listed := await client.list_maps()
+            ).in_use is None:  # it is read beside, however long the disk takes
+                pass
         assert listed.in_use == "flat"
         (only,) = listed.maps
         assert (only.name, only.condition, only.in_use, only.can_go_on) == ("flat", "whole", True, False)
