@@ -32,8 +32,9 @@ from chefbot_fleet.assignment import assign
 from chefbot_fleet.lanes import Space
 from chefbot_fleet.roadmap import Roadmap
 from chefbot_fleet.routes import Pace, Stop
+from chefbot_fleet.schedule import Move
 from chefbot_fleet.store import Correction, FleetOrder, Stage, Store, Vehicle
-from chefbot_fleet.traffic import Move, Traffic
+from chefbot_fleet.traffic import Traffic
 from chefbotd.core.record import Record
 
 AT_NODE_M = 1.0

@@ -13,7 +13,8 @@ from msgspec import Struct
 from chefbot_fleet.assignment import Order, assign
 from chefbot_fleet.roadmap import Point, Roadmap
 from chefbot_fleet.routes import Pace, Stop
-from chefbot_fleet.traffic import Move, Traffic
+from chefbot_fleet.schedule import Move
+from chefbot_fleet.traffic import Traffic
 from chefbotd.core.record import Record
 
 STEP_S = 0.25
