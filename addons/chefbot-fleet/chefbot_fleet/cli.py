@@ -13,8 +13,9 @@ import click
 import yaml
 from chefbot_vda5050.cli import broker_of, broker_options
 
-from chefbot_fleet.fleet import Fleet, FleetParameters
+from chefbot_fleet.fleet import Fleet
 from chefbot_fleet.lanes import LaneParameters, find_lanes, free_space
+from chefbot_fleet.records import FleetParameters
 from chefbot_fleet.routes import Pace
 from chefbot_fleet.store import Store
 from chefbotd.mapping.map_server import parse_description, parse_image

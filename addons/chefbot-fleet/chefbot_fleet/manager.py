@@ -24,7 +24,8 @@ from chefbot_vda5050.messages import (
 )
 from chefbot_vda5050.topics import EVERY, QOS, Headers, Kind, RobotName, parse_topic
 
-from chefbot_fleet.fleet import Fleet, Outgoing
+from chefbot_fleet.fleet import Fleet
+from chefbot_fleet.orders import Outgoing
 from chefbot_fleet.web import FleetPage
 
 log = structlog.get_logger("fleet")

@@ -1,6 +1,6 @@
 """A robot of VDA 5050 that does exactly what the standard says, in simulated time, and keeps a record of it."""
 
-from chefbot_fleet.fleet import Outgoing
+from chefbot_fleet.orders import Outgoing
 from chefbot_fleet.roadmap import Roadmap
 from chefbot_vda5050.messages import (
     ActionState,

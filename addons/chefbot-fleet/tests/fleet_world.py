@@ -5,7 +5,8 @@ import random
 from pathlib import Path
 
 import numpy as np
-from chefbot_fleet.fleet import Fleet, FleetParameters
+from chefbot_fleet.fleet import Fleet
+from chefbot_fleet.records import FleetParameters
 from chefbot_fleet.roadmap import Roadmap
 from chefbot_fleet.routes import Pace
 from chefbot_fleet.store import Stage, Store

@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from chefbot_fleet.fleet import Fleet, FleetParameters
+from chefbot_fleet.fleet import Fleet
 from chefbot_fleet.lanes import LaneParameters, free_space
+from chefbot_fleet.records import FleetParameters
 from chefbot_fleet.roadmap import Roadmap
 from chefbot_fleet.routes import Pace
 from chefbot_fleet.store import Correction, Stage, Store

@@ -7,8 +7,9 @@ from typing import Any
 
 import aiomqtt
 import pytest
-from chefbot_fleet.fleet import Fleet, FleetParameters
+from chefbot_fleet.fleet import Fleet
 from chefbot_fleet.manager import Manager
+from chefbot_fleet.records import FleetParameters
 from chefbot_fleet.routes import Pace
 from chefbot_fleet.store import Store
 from chefbot_fleet.web import FleetPage

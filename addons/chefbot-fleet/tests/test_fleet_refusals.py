@@ -3,7 +3,7 @@
 from pathlib import Path
 
 import pytest
-from chefbot_fleet.fleet import MOST_REFUSALS
+from chefbot_fleet.sending import MOST_REFUSALS
 from chefbot_fleet.store import Stage
 from fleet_world import World, small_roadmap
 

@@ -12,8 +12,9 @@ import pytest
 import trustme
 from aiohttp.test_utils import TestClient, TestServer
 from chefbot_fleet.cli import main
-from chefbot_fleet.fleet import Fleet, FleetParameters
+from chefbot_fleet.fleet import Fleet
 from chefbot_fleet.manager import Manager
+from chefbot_fleet.records import FleetParameters
 from chefbot_fleet.routes import Pace
 from chefbot_fleet.store import Store
 from chefbot_fleet.view import roadmap_view

@@ -1,0 +1,101 @@
+"""What the manager knows: orders, robots and what they said last, the roadmap and traffic; kept in the store."""
+
+import math
+from collections.abc import Iterable
+from itertools import pairwise
+
+from chefbot_vda5050.messages import ConnectionState, State
+from msgspec import Struct
+
+from chefbot_fleet.corrections import corrected
+from chefbot_fleet.roadmap import Roadmap
+from chefbot_fleet.routes import Pace, Stop
+from chefbot_fleet.store import FleetOrder, Stage, Store, Vehicle
+from chefbot_fleet.traffic import Traffic
+from chefbotd.core.record import Record
+
+
+class FleetParameters(Record, frozen=True):
+    """``lost_after_s`` without a state a robot has vanished; a state comes at least every 30 s (VDA 5050, 6.10).
+
+    What a vanished robot has reserved is freed ``lease_s`` after; infinite: only when somebody says so.
+    """
+
+    map_id: str
+    lost_after_s: float = 45.0
+    lease_s: float = math.inf
+    resend_s: float = 3.0
+    dwell_s: float = 10.0
+
+
+class Contact(Struct):
+    """What a robot said last, and when it was last sent something."""
+
+    seen_s: float
+    connection: ConnectionState = ConnectionState.ONLINE
+    state: State | None = None
+    sent_s: float = -math.inf
+    sent: tuple[str, int] = ("", -1)
+    refusals: int = 0
+
+
+class FleetRecords:
+    """All robots and orders; ``ignored`` says why a robot is not in the fleet, or not where it says."""
+
+    def __init__(
+        self,
+        roadmap: Roadmap,
+        homes: Iterable[int],
+        store: Store,
+        pace: Pace,
+        parameters: FleetParameters,
+        now_s: float,
+    ) -> None:
+        self._plain, self.homes, self.store = roadmap, tuple(homes), store
+        self.pace, self.parameters = pace, parameters
+        self.orders = store.orders()
+        self.vehicles = {vehicle.name: vehicle for vehicle in store.vehicles()}
+        self.contacts: dict[str, Contact] = {}
+        self.ignored: dict[str, str] = {}
+        self.resume(now_s)
+
+    def resume(self, now_s: float) -> None:
+        """Take up traffic where the store has it: each robot at its node, with what was released to it."""
+        self.roadmap = corrected(self._plain, self.store.corrections())
+        self.traffic = Traffic(self.roadmap, self.pace)
+        for vehicle in self.vehicles.values():
+            self.contacts.setdefault(vehicle.name, Contact(now_s))
+            self.place(vehicle, now_s)
+
+    def place(self, vehicle: Vehicle, now_s: float) -> None:
+        """Put a robot into traffic: where it is, with what was released to it and the work that it has."""
+        robot = self.traffic.add(vehicle.name, vehicle.node, vehicle.home)
+        for number, (a, b) in enumerate(pairwise([vehicle.node, *vehicle.base])):
+            edge = next(k for k, end in self.roadmap.exits[a] if end == b)
+            at_s = now_s + number * self.pace.duration_s(self.roadmap.length_m[edge])
+            end_s = at_s + self.pace.duration_s(self.roadmap.length_m[edge])
+            self.traffic.resume(robot, edge, a, b, at_s, end_s)
+        task = self.orders.get(vehicle.task) if vehicle.task is not None else None
+        if task is not None:
+            robot.stops, robot.stops_done = self.stops(task), vehicle.stops_done
+        if robot.work is None:
+            vehicle.action_id = None
+
+    def stops(self, order: FleetOrder) -> tuple[Stop, ...]:
+        """Where an order's work is to be done."""
+        dwell_s = self.parameters.dwell_s
+        return Stop(self.roadmap.names[order.pick], dwell_s), Stop(self.roadmap.names[order.drop], dwell_s)
+
+    def give_back(self, vehicle: Vehicle, order: FleetOrder, why: str) -> None:
+        """For another robot, as long as this one has not begun to load: nobody fetches what was fetched already."""
+        if order.stage is Stage.PICKED or vehicle.action_id is not None:
+            order.stage, order.why = Stage.FAILED, f"{why}, perhaps with its load"
+        else:
+            order.stage, order.robot = Stage.WAITING, None
+        self.store.save(order)
+
+    def plan_around(self, now_s: float) -> None:
+        """New plans for all that have one: theirs know nothing of a robot that is in a new place."""
+        planned = [robot.name for robot in self.traffic.robots.values() if robot.released < len(robot.moves)]
+        if planned:
+            self.traffic.resolve(planned, now_s)

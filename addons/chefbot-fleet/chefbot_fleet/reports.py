@@ -1,0 +1,137 @@
+"""What robots say: a state brings the robot into the fleet, its order on, and work to its end."""
+
+import secrets
+
+from chefbot_vda5050.messages import ActionStatus, ConnectionState, OperatingMode, State
+
+from chefbot_fleet.places import nearest_node, reserved_for, why_not_taken
+from chefbot_fleet.records import Contact, FleetRecords
+from chefbot_fleet.sending import new_order
+from chefbot_fleet.store import Stage, Vehicle
+
+
+class Reports:
+    """Takes states into the fleet's records."""
+
+    def __init__(self, fleet: FleetRecords) -> None:
+        self._fleet = fleet
+
+    def take(self, name: str, state: State, now_s: float) -> None:
+        """A state; the first one of a new robot takes it into the fleet."""
+        vehicle = self._fleet.vehicles.get(name) or self._adopt(name, state, now_s)
+        if vehicle is None:
+            return
+        contact = self._fleet.contacts[name]
+        contact.seen_s, contact.state, contact.connection = now_s, state, ConnectionState.ONLINE
+        if state.order_id == vehicle.order_id:
+            self._progress(vehicle, state, now_s)
+            self._replace_deleted(vehicle, state, now_s)
+        elif vehicle.order_id:
+            self._find_again(vehicle, state, now_s)
+        self._follow(vehicle, state, now_s)
+        if self._fleet.traffic.robots[name].lost_s is not None:
+            self._fleet.traffic.find(name, now_s)
+
+    def _follow(self, vehicle: Vehicle, state: State, now_s: float) -> None:
+        """A robot that stands without an order of ours, and far from where it stood: carried, or it was wrong before.
+
+        Whatever was released to it is not in its hands, and it takes no order that begins so far away.
+        """
+        has_order = bool(vehicle.base) and state.order_id == vehicle.order_id
+        if has_order or vehicle.action_id is not None or state.driving or state.node_states:
+            return
+        if nearest_node(state, [vehicle.node, *vehicle.base], self._fleet.roadmap) is not None:
+            return
+        node = nearest_node(state, range(len(self._fleet.roadmap.points_m)), self._fleet.roadmap)
+        if node is None:
+            return
+        others = [other for other in self._fleet.vehicles.values() if other is not vehicle]
+        why = reserved_for(node, others, self._fleet.roadmap)
+        if why is not None:
+            self._fleet.ignored[vehicle.name] = f"it has been moved, and {why}"
+            return
+        self._fleet.ignored.pop(vehicle.name, None)
+        self._fleet.traffic.remove(vehicle.name)
+        vehicle.node, vehicle.base, vehicle.order_id, vehicle.update_id = node, [], "", 0
+        self._fleet.store.save(vehicle)
+        self._fleet.place(vehicle, now_s)
+        self._fleet.plan_around(now_s)
+
+    def _adopt(self, name: str, state: State, now_s: float) -> Vehicle | None:
+        used = {vehicle.home for vehicle in self._fleet.vehicles.values()}
+        homes = [home for home in self._fleet.homes if home not in used]
+        node = nearest_node(state, range(len(self._fleet.roadmap.points_m)), self._fleet.roadmap)
+        why = why_not_taken(
+            state,
+            node,
+            homes,
+            self._fleet.vehicles.values(),
+            self._fleet.roadmap,
+            self._fleet.parameters.map_id,
+        )
+        if why is not None or node is None:
+            self._fleet.ignored[name] = why or ""
+            return None
+        self._fleet.ignored.pop(name, None)
+        home = min(homes, key=lambda home: self._fleet.roadmap.distance_m[node, home])
+        vehicle = self._fleet.vehicles[name] = Vehicle(name, home, node, series=secrets.token_hex(4))
+        self._fleet.contacts[name] = Contact(now_s)
+        self._fleet.store.save(vehicle)
+        self._fleet.traffic.add(name, node, home)
+        self._fleet.plan_around(now_s)
+        return vehicle
+
+    def _progress(self, vehicle: Vehicle, state: State, now_s: float) -> None:
+        changed = False
+        while vehicle.base and state.last_node_sequence_id >= vehicle.sequence + 2:
+            vehicle.node, vehicle.sequence = vehicle.base.pop(0), vehicle.sequence + 2
+            self._fleet.traffic.arrived(vehicle.name, now_s)
+            changed = True
+        if changed:
+            self._fleet.store.save(vehicle)
+        for action in state.action_states:
+            if vehicle.action_id is not None and action.action_id == vehicle.action_id:
+                if action.action_status is ActionStatus.FINISHED:
+                    self._worked(vehicle)
+                elif action.action_status is ActionStatus.FAILED:
+                    self._failed(vehicle, action.result_description or "its action failed", now_s)
+
+    def _worked(self, vehicle: Vehicle) -> None:
+        order = self._fleet.orders[vehicle.task or ""]
+        self._fleet.traffic.worked(vehicle.name)
+        vehicle.stops_done, vehicle.action_id = vehicle.stops_done + 1, None
+        order.stage = Stage.PICKED if vehicle.stops_done == 1 else Stage.DONE
+        if order.stage is Stage.DONE:
+            vehicle.task = None
+        self._fleet.store.save(order, vehicle)
+
+    def _failed(self, vehicle: Vehicle, why: str, now_s: float) -> None:
+        order = self._fleet.orders[vehicle.task or ""]
+        order.stage, order.why = Stage.FAILED, why
+        vehicle.task, vehicle.action_id = None, None
+        self._fleet.store.save(order, vehicle)
+        self._fleet.traffic.withdraw(vehicle.name, now_s)
+
+    def _replace_deleted(self, vehicle: Vehicle, state: State, now_s: float) -> None:
+        """A robot that was driven by hand has deleted its order (6.10.6): when it may drive, it gets another."""
+        taken = (state.order_id, state.order_update_id) == (vehicle.order_id, vehicle.update_id)
+        if not taken or not vehicle.base or state.node_states or state.driving:
+            return
+        if state.operating_mode is OperatingMode.AUTOMATIC:
+            self._find_again(vehicle, state, now_s)
+            if vehicle.base:
+                new_order(vehicle, "drive")
+                self._fleet.store.save(vehicle)
+
+    def _find_again(self, vehicle: Vehicle, state: State, now_s: float) -> None:
+        """A robot that stands idle without our order has restarted, or not got it yet: see how far along it stands.
+
+        It is sent the same order again, from there on: so what it may still get of the first one changes nothing.
+        """
+        if state.driving or state.node_states or not vehicle.base:
+            return
+        nearest = nearest_node(state, [vehicle.node, *vehicle.base], self._fleet.roadmap)
+        while nearest is not None and vehicle.node != nearest:
+            vehicle.node, vehicle.sequence = vehicle.base.pop(0), vehicle.sequence + 2
+            self._fleet.traffic.arrived(vehicle.name, now_s)
+            self._fleet.store.save(vehicle)
