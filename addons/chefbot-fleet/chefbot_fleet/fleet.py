@@ -24,6 +24,7 @@ from chefbot_fleet.roadmap import Roadmap
 from chefbot_fleet.routes import Pace
 from chefbot_fleet.sending import MOST_REFUSALS, Sending
 from chefbot_fleet.store import Correction, FleetOrder, Stage, Store
+from chefbot_fleet.strangers import Strangers
 
 
 class Fleet(FleetRecords):
@@ -42,7 +43,8 @@ class Fleet(FleetRecords):
         """``space`` is where corrections by hand may lead; None: anywhere."""
         super().__init__(roadmap, homes, store, pace, parameters, now_s)
         self._space, self._is_connected = space, True
-        self._reports, self._sending = Reports(self), Sending(self)
+        self.strangers = Strangers(self)
+        self._reports, self._sending = Reports(self, self.strangers), Sending(self)
 
     # What people want
 
@@ -66,19 +68,29 @@ class Fleet(FleetRecords):
         self.orders[identifier] = order
         return order
 
-    def remove_robot(self, name: str) -> None:
+    def remove_robot(self, name: str, now_s: float) -> None:
         """A vanished robot is gone: free its place, and give its order to another, unless it may have the load."""
         vehicle = self.vehicles.get(name)
-        if vehicle is None:
+        if vehicle is None and name not in self.strangers.robots:
             raise ValueError(f"there is no robot {name!a}")
-        if self.traffic.robots[name].lost_s is None:
+        if not self.has_vanished(name, now_s):
             raise ValueError(f"{name} is there: switch it off first")
+        self.strangers.forget(name)
+        self.ignored.pop(name, None)
+        if vehicle is None:
+            return
         order = self.orders.get(vehicle.task) if vehicle.task is not None else None
         if order is not None:
             self.give_back(vehicle, order, f"{name} was removed")
         self.store.forget(vehicle)
         self.traffic.remove(name)
         del self.vehicles[name], self.contacts[name]
+
+    def has_vanished(self, name: str, now_s: float) -> bool:
+        """Whether nothing is heard of a robot."""
+        if name not in self.vehicles:
+            return self.strangers.is_silent(name, now_s)
+        return self.traffic.robots[name].lost_s is not None and self.contacts[name].foreign is None
 
     def correct(self, correction: Correction, now_s: float) -> None:
         """Change the roadmap by hand; robots get new plans on it."""
@@ -90,11 +102,14 @@ class Fleet(FleetRecords):
                 if not any(end == b for _, end in changed.exits[a]):
                     raise ValueError(f"{vehicle.name} is on its way from {a} to {b}")
         lost = {name: robot.lost_s for name, robot in self.traffic.robots.items()}
+        occupied = self.traffic.occupied
         self.store.correct(correction)
         self.resume(now_s)
         for name, lost_s in lost.items():
             if lost_s is not None:
                 self.traffic.lose(name, lost_s)
+        for name, path in occupied.items():
+            self.traffic.occupy(name, path, now_s)
 
     # What robots say
 
@@ -105,6 +120,7 @@ class Fleet(FleetRecords):
     def connected(self, now_s: float) -> None:
         """Robots can be heard again; each has all of its time from now on."""
         self._is_connected = True
+        self.strangers.connected(now_s)
         for name, contact in self.contacts.items():
             contact.seen_s = now_s
             robot = self.traffic.robots[name]
@@ -117,11 +133,16 @@ class Fleet(FleetRecords):
         if contact is not None:
             contact.connection = connection
             if connection is not ConnectionState.ONLINE:
+                contact.foreign = None
                 self.traffic.lose(name, now_s)
 
     def on_state(self, name: str, state: State, now_s: float) -> None:
         """A robot's topic ``state``; the first one of a new robot takes it into the fleet."""
         self._reports.take(name, state, now_s)
+
+    def on_order(self, name: str, order_id: str, now_s: float) -> None:
+        """A robot's topic ``order``: what this manager or another one sends."""
+        self.strangers.hear_order(name, order_id, now_s)
 
     # What follows
 
@@ -141,12 +162,14 @@ class Fleet(FleetRecords):
     def _watch(self, now_s: float) -> None:
         if not self._is_connected:
             return
+        self.strangers.watch(now_s)
         for name, contact in list(self.contacts.items()):
             robot = self.traffic.robots[name]
-            if robot.lost_s is None and now_s > contact.seen_s + self.parameters.lost_after_s:
+            if now_s > contact.seen_s + self.parameters.lost_after_s:
+                contact.foreign = None
                 self.traffic.lose(name, now_s)
             if robot.lost_s is not None and now_s > robot.lost_s + self.parameters.lease_s:
-                self.remove_robot(name)
+                self.remove_robot(name, now_s)
 
     def _assign(self, now_s: float) -> None:
         waiting = [

@@ -14,6 +14,7 @@ from chefbot_vda5050.messages import (
     Action,
     BlockingType,
     Connection,
+    ConnectionState,
     InstantActions,
     MalformedMessage,
     Message,
@@ -32,7 +33,7 @@ log = structlog.get_logger("fleet")
 
 VERSION: Final = "2.1.0"
 TICK_S: Final = 0.2
-LISTENS: Final = (Kind.STATE, Kind.CONNECTION)
+LISTENS: Final = (Kind.STATE, Kind.CONNECTION, Kind.ORDER)
 
 
 def steady_clock(
@@ -127,13 +128,25 @@ class Manager:
         name = f"{robot.manufacturer}/{robot.serial_number}"
         try:
             if kind is Kind.CONNECTION:
-                self.fleet.on_connection(name, decode(data, Connection).connection_state, self._clock())
+                connection = decode(data, Connection).connection_state
+                self.fleet.on_connection(name, connection, self._clock())
+                if connection is ConnectionState.ONLINE and name not in self.fleet.vehicles:
+                    await self._ask_for_state(name)
+            elif kind is Kind.ORDER:
+                self.fleet.on_order(name, decode(data, Order).order_id, self._clock())
             elif not retained:  # a state that the broker kept says nothing about now
                 self.fleet.on_state(name, decode(data, State), self._clock())
         except MalformedMessage as error:
             self.fleet.ignored[name] = f"its {kind} is malformed: {error}"
         except ValueError as error:  # what one robot says must not end the others' manager
             log.warning("a message does not fit what is known of its robot", robot=name, why=str(error))
+        self._tell()
+
+    def _tell(self) -> None:
+        """What people should know of."""
+        for notice in self.fleet.notices:
+            log.warning(notice)
+        self.fleet.notices.clear()
 
     async def _tick(self) -> None:
         while True:

@@ -29,7 +29,7 @@ class FleetParameters(Record, frozen=True):
 
 
 class Contact(Struct):
-    """What a robot said last, and when it was last sent something."""
+    """What a robot said last, and when it was last sent something; ``foreign`` is another's order that it is doing."""
 
     seen_s: float
     connection: ConnectionState = ConnectionState.ONLINE
@@ -37,10 +37,14 @@ class Contact(Struct):
     sent_s: float = -math.inf
     sent: tuple[str, int] = ("", -1)
     refusals: int = 0
+    foreign: str | None = None
 
 
 class FleetRecords:
-    """All robots and orders; ``ignored`` says why a robot is not in the fleet, or not where it says."""
+    """All robots and orders; ``ignored`` says why a robot is not in the fleet, or not where it says.
+
+    ``notices`` are sentences for the log.
+    """
 
     def __init__(
         self,
@@ -57,6 +61,7 @@ class FleetRecords:
         self.vehicles = {vehicle.name: vehicle for vehicle in store.vehicles()}
         self.contacts: dict[str, Contact] = {}
         self.ignored: dict[str, str] = {}
+        self.notices: list[str] = []
         self.resume(now_s)
 
     def resume(self, now_s: float) -> None:

@@ -8,21 +8,25 @@ from chefbot_fleet.places import nearest_node, reserved_for, why_not_taken
 from chefbot_fleet.records import Contact, FleetRecords
 from chefbot_fleet.sending import new_order
 from chefbot_fleet.store import Stage, Vehicle
+from chefbot_fleet.strangers import Strangers
 
 
 class Reports:
     """Takes states into the fleet's records."""
 
-    def __init__(self, fleet: FleetRecords) -> None:
-        self._fleet = fleet
+    def __init__(self, fleet: FleetRecords, strangers: Strangers) -> None:
+        self._fleet, self._strangers = fleet, strangers
 
     def take(self, name: str, state: State, now_s: float) -> None:
         """A state; the first one of a new robot takes it into the fleet."""
         vehicle = self._fleet.vehicles.get(name) or self._adopt(name, state, now_s)
         if vehicle is None:
+            self._strangers.hear(name, state, now_s)
             return
         contact = self._fleet.contacts[name]
         contact.seen_s, contact.state, contact.connection = now_s, state, ConnectionState.ONLINE
+        if self._strangers.leave_alone(vehicle, state, now_s):
+            return
         if state.order_id == vehicle.order_id:
             self._progress(vehicle, state, now_s)
             self._replace_deleted(vehicle, state, now_s)
@@ -37,8 +41,8 @@ class Reports:
 
         Whatever was released to it is not in its hands, and it takes no order that begins so far away.
         """
-        has_order = bool(vehicle.base) and state.order_id == vehicle.order_id
-        if has_order or vehicle.action_id is not None or state.driving or state.node_states:
+        is_at_work = bool(vehicle.base) or vehicle.action_id is not None
+        if (is_at_work and state.order_id == vehicle.order_id) or state.driving or state.node_states:
             return
         if nearest_node(state, [vehicle.node, *vehicle.base], self._fleet.roadmap) is not None:
             return
@@ -53,6 +57,7 @@ class Reports:
         self._fleet.ignored.pop(vehicle.name, None)
         self._fleet.traffic.remove(vehicle.name)
         vehicle.node, vehicle.base, vehicle.order_id, vehicle.update_id = node, [], "", 0
+        vehicle.action_id = None
         self._fleet.store.save(vehicle)
         self._fleet.place(vehicle, now_s)
         self._fleet.plan_around(now_s)
@@ -73,6 +78,7 @@ class Reports:
             self._fleet.ignored[name] = why or ""
             return None
         self._fleet.ignored.pop(name, None)
+        self._strangers.forget(name)
         home = min(homes, key=lambda home: self._fleet.roadmap.distance_m[node, home])
         vehicle = self._fleet.vehicles[name] = Vehicle(name, home, node, series=secrets.token_hex(4))
         self._fleet.contacts[name] = Contact(now_s)

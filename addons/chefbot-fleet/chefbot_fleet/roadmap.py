@@ -95,6 +95,16 @@ class Roadmap(Struct, frozen=True, dict=True):
         nodes = len(self.points_m)
         return _sets(self._excluded[:nodes, :nodes])
 
+    def excluded_by(self, path: Sequence[Point]) -> tuple[frozenset[int], frozenset[int]]:
+        """The nodes and edges that nobody else may use while a robot is anywhere on this path, or at its one point."""
+        ends = [*path[1:], path[-1]]
+        segments = np.array([(*a, *b) for a, b in zip(path, ends, strict=True)], np.float64)
+        nearest_m = segment_distances_m(self._segments, segments).min(axis=1)
+        close: Flags = nearest_m < self.separation_m - 1e-9
+        nodes = len(self.points_m)
+        (at_nodes,), (at_edges,) = _sets(close[None, :nodes]), _sets(close[None, nodes:])
+        return at_nodes, at_edges
+
     @cached_property
     def distance_m(self) -> Floats:
         """The shortest distance along edges between any two nodes; infinite where there is no route."""

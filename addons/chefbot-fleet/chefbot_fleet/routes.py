@@ -64,17 +64,18 @@ class Reservations(Struct):
 
     def stay(self, roadmap: Roadmap, node: int, span: Span) -> None:
         """A robot stands at a node."""
-        for other in roadmap.nodes_at_node[node]:
-            self.nodes[other].append(span)
-        for edge in roadmap.edges_at_node[node]:
+        self.exclude(roadmap.nodes_at_node[node], roadmap.edges_at_node[node], span)
+
+    def exclude(self, nodes: Iterable[int], edges: Iterable[int], span: Span) -> None:
+        """Nobody may be at these."""
+        for node in nodes:
+            self.nodes[node].append(span)
+        for edge in edges:
             self.edges[edge].append(span)
 
     def pass_along(self, roadmap: Roadmap, edge: int, span: Span) -> None:
         """A robot is on an edge."""
-        for node in roadmap.nodes_at_edge[edge]:
-            self.nodes[node].append(span)
-        for other in roadmap.edges_at_edge[edge]:
-            self.edges[other].append(span)
+        self.exclude(roadmap.nodes_at_edge[edge], roadmap.edges_at_edge[edge], span)
 
 
 class _Free(Struct):

@@ -10,11 +10,14 @@ from collections.abc import Iterable, Set
 
 from msgspec import Struct
 
-from chefbot_fleet.roadmap import Roadmap
+from chefbot_fleet.roadmap import Point, Roadmap
 from chefbot_fleet.routes import Pace, Reservations, Step, Stop, route
+from chefbotd.core.record import Record
 
 GUARD_S = 0.5
 """Plans leave so much time between two robots at a place, so that rounding decides nothing."""
+
+ALWAYS = (-math.inf, math.inf)
 
 
 class Move(Struct, eq=False):
@@ -75,12 +78,21 @@ class Robot(Struct, eq=False):
         return self.stops_done >= len(self.stops)
 
 
+class Occupied(Record, frozen=True):
+    """The path on which a robot without a plan here may be, and the nodes and edges that nobody else may use then."""
+
+    path: tuple[Point, ...]
+    nodes: frozenset[int]
+    edges: frozenset[int]
+
+
 class Schedule:
-    """The robots with their moves, and which move comes after which."""
+    """The robots with their moves, and which move comes after which; ``occupied`` is for ever."""
 
     def __init__(self, roadmap: Roadmap, pace: Pace) -> None:
         self.roadmap, self.pace = roadmap, pace
         self.robots: dict[str, Robot] = {}
+        self.occupied: dict[str, Occupied] = {}
         self._count = 0
 
     def resume(self, robot: Robot, edge: int, origin: int, target: int, start_s: float, end_s: float) -> None:
@@ -108,6 +120,9 @@ class Schedule:
     def reservations(self, own: Robot, without: Set[str] = frozenset()) -> Reservations:
         """What all others use, as planned; of a robot in ``without`` only what was released to it."""
         reserved = Reservations.none(self.roadmap)
+        for name, occupied in self.occupied.items():
+            if name != own.name:
+                reserved.exclude(occupied.nodes, occupied.edges, ALWAYS)
         for robot in self.robots.values():
             moves = robot.moves
             if robot is own:
@@ -130,11 +145,10 @@ class Schedule:
         return reserved
 
     def _reserve_for_ever(self, robot: Robot, reserved: Reservations) -> None:
-        always = (-math.inf, math.inf)
         if not robot.released:
-            reserved.stay(self.roadmap, robot.node, always)
+            reserved.stay(self.roadmap, robot.node, ALWAYS)
         for move in robot.moves[: robot.released]:
-            reserved.pass_along(self.roadmap, move.edge, always)
+            reserved.pass_along(self.roadmap, move.edge, ALWAYS)
 
     def set_plan(self, robot: Robot, steps: tuple[Step, ...]) -> None:
         """Make this the robot's plan behind what is released, and find its order among the others' moves."""
@@ -190,8 +204,13 @@ class Schedule:
     def drop_unreleased(self, robots: Iterable[Robot]) -> None:
         """Drop what is planned for these robots and not released."""
         for robot in robots:
-            self.forget({move.number for move in robot.moves[robot.released :]})
-            del robot.moves[robot.released :]
+            self.cut(robot, robot.released)
+
+    def cut(self, robot: Robot, keep: int) -> None:
+        """Drop a robot's moves but for the first ones, released or not."""
+        self.forget({move.number for move in robot.moves[keep:]})
+        del robot.moves[keep:]
+        robot.released = min(robot.released, keep)
 
     def forget(self, numbers: set[int]) -> None:
         """Nobody waits for these moves any more."""

@@ -12,9 +12,9 @@ import math
 from collections.abc import Iterable, Iterator, Sequence
 
 from chefbot_fleet.replanning import Replanning
-from chefbot_fleet.roadmap import Roadmap
-from chefbot_fleet.routes import Pace, Stop
-from chefbot_fleet.schedule import Move, Robot, Schedule
+from chefbot_fleet.roadmap import Point, Roadmap
+from chefbot_fleet.routes import Pace, Reservations, Stop
+from chefbot_fleet.schedule import Move, Occupied, Robot, Schedule
 from chefbotd.core.record import Record
 
 RETRY_S = 5.0
@@ -80,6 +80,10 @@ class Traffic:
         if steps is not None:
             self._schedule.set_plan(robot, steps)
 
+    def take_back(self, name: str, keep: int = 0) -> None:
+        """Tell that a robot does not have what was released to it, but for so many moves."""
+        self._schedule.cut(self.robots[name], keep)
+
     def arrived(self, name: str, now_s: float) -> None:
         """Tell that the first released move is over."""
         robot = self.robots[name]
@@ -141,8 +145,32 @@ class Traffic:
         self._schedule.forget({move.number for move in robot.moves})
         return robot
 
+    def occupy(self, name: str, path: Sequence[Point], now_s: float) -> None:
+        """Tell where a robot is that has no plan here; who was to pass there gets a new plan, as far as there is one."""
+        occupied = Occupied(tuple(path), *self.roadmap.excluded_by(path))
+        self._schedule.occupied[name] = occupied
+        passing = {
+            robot.name
+            for robot in self.robots.values()
+            if robot.lost_s is None and any(m.edge in occupied.edges for m in robot.moves[robot.released :])
+        }
+        if passing:
+            self.resolve(passing, now_s)
+
+    @property
+    def occupied(self) -> dict[str, tuple[Point, ...]]:
+        """The paths of robots that have no plan here."""
+        return {name: occupied.path for name, occupied in self._schedule.occupied.items()}
+
+    def vacate(self, name: str) -> None:
+        """Tell that such a robot is there no more."""
+        self._schedule.occupied.pop(name, None)
+
     def waits(self) -> list[Wait]:
-        """Who waits for whom: for each robot with a move that is not released, those that come first."""
+        """Who waits for whom: for each robot with a move that is not released, those that come first.
+
+        For one without a plan, those without a plan here that stand in its shortest way.
+        """
         user = {move.number: robot.name for robot in self.robots.values() for move in robot.moves}
         waits: list[Wait] = []
         for robot in self.robots.values():
@@ -150,7 +178,30 @@ class Traffic:
                 move = robot.moves[robot.released]
                 others = {user[number] for number in move.after}
                 waits.extend(Wait(robot.name, other, move.target) for other in sorted(others))
-        return waits
+        return waits + [wait for robot in self._stuck() for wait in self._blocked(robot)]
+
+    def _blocked(self, robot: Robot) -> list[Wait]:
+        if not self._schedule.occupied:
+            return []
+        free = Reservations.none(self.roadmap)
+        steps = self._schedule.steps(robot, robot.stops[robot.stops_done :], 0.0, free) or ()
+        first = {
+            name: next((step.target for step in steps if step.edge in occupied.edges), None)
+            for name, occupied in sorted(self._schedule.occupied.items())
+            if name != robot.name
+        }
+        return [Wait(robot.name, name, node) for name, node in first.items() if node is not None]
+
+    def _stuck(self) -> list[Robot]:
+        """Robots without a plan that are not where they are to be."""
+        return [
+            robot
+            for robot in self.robots.values()
+            if robot.lost_s is None
+            and robot.released == len(robot.moves)
+            and robot.work is None
+            and (robot.last_released_node != robot.home or not robot.is_idle)
+        ]
 
     def deadlock(self) -> tuple[str, ...]:
         """A cycle of robots that wait for each other and have nothing released; empty if there is none."""
@@ -165,14 +216,7 @@ class Traffic:
         self._replanning.replan(self._schedule.drop(set(names)), now_s)
 
     def _retry(self, now_s: float) -> None:
-        stuck = [
-            robot
-            for robot in self.robots.values()
-            if robot.lost_s is None
-            and robot.released == len(robot.moves)
-            and robot.work is None
-            and (robot.last_released_node != robot.home or not robot.is_idle)
-        ]
+        stuck = self._stuck()
         if stuck and now_s >= min(robot.tried_s for robot in stuck) + RETRY_S:
             self._replanning.replan(stuck, now_s)
             in_vain = any(robot.released == len(robot.moves) for robot in stuck)

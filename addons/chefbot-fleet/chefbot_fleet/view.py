@@ -45,7 +45,18 @@ def fleet_view(fleet: Fleet, now_s: float) -> dict[str, Any]:
         "done": len(finished),
         "deadlocks": fleet.traffic.deadlocks,
         "ignored": fleet.ignored,
+        "strangers": [_stranger(fleet, name, now_s) for name in fleet.strangers.robots],
+        "managers": {
+            name: f"another manager sends orders to it: {one.order_id!a}, {now_s - one.heard_s:.0f} s ago"
+            for name, one in fleet.strangers.managers.items()
+        },
     }
+
+
+def _stranger(fleet: Fleet, name: str, now_s: float) -> dict[str, Any]:
+    x_m, y_m = fleet.strangers.robots[name].point_m or (None, None)
+    why = fleet.ignored.get(name, "")
+    return {"name": name, "x": x_m, "y": y_m, "why": why, "lost": fleet.has_vanished(name, now_s)}
 
 
 def _robot(fleet: Fleet, name: str, names: dict[int, str], now_s: float) -> dict[str, Any]:
@@ -68,7 +79,7 @@ def _robot(fleet: Fleet, name: str, names: dict[int, str], now_s: float) -> dict
             for wait in waits
         ],
         "age_s": round(now_s - contact.seen_s, 1),
-        "lost": robot.lost_s is not None,
+        "lost": fleet.has_vanished(name, now_s),
         "battery": None if state is None else state.battery_state.battery_charge,
         "errors": []
         if state is None
@@ -81,6 +92,8 @@ def _robot(fleet: Fleet, name: str, names: dict[int, str], now_s: float) -> dict
 
 def _doing(fleet: Fleet, name: str, names: dict[int, str]) -> str:
     vehicle, robot = fleet.vehicles[name], fleet.traffic.robots[name]
+    if fleet.contacts[name].foreign is not None:
+        return "does another manager's order, and is left alone"
     if robot.lost_s is not None:
         return "vanished: its place stays reserved until it is back or removed"
     if vehicle.action_id is not None:

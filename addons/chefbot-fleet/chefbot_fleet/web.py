@@ -118,7 +118,7 @@ class FleetPage:
         return _json(self._fleet.add_order(order.id, order.pick, order.drop, self._clock()))
 
     async def _remove(self, request: web.Request) -> web.StreamResponse:
-        self._fleet.remove_robot(msgspec.json.decode(await request.read(), type=Removed).name)
+        self._fleet.remove_robot(msgspec.json.decode(await request.read(), type=Removed).name, self._clock())
         return _json({})
 
     async def _correct(self, request: web.Request) -> web.StreamResponse:
@@ -143,7 +143,7 @@ def metrics(fleet: Fleet, now_s: float) -> bytes:
     waits = fleet.traffic.waits()
     for name, contact in fleet.contacts.items():
         age.labels(name).set(now_s - contact.seen_s)
-        vanished.labels(name).set(fleet.traffic.robots[name].lost_s is not None)
+        vanished.labels(name).set(fleet.has_vanished(name, now_s))
         waiting.labels(name).set(sum(wait.robot == name for wait in waits))
     Gauge("chefbot_fleet_deadlocks", "Deadlocks resolved since the start", registry=registry).set(
         fleet.traffic.deadlocks

@@ -109,6 +109,15 @@ class StandardRobot:
                 self.last, self.point = (node.node_id, node.sequence_id), (position.x, position.y)
                 self._begun_s = None
 
+    def _open(self) -> list[ActionState]:
+        """The actions that are not over: the first one runs."""
+        statuses = [ActionStatus.RUNNING, *[ActionStatus.WAITING] * len(self._pending)]
+        ids = [action_id for action_id, _ in self._pending]
+        return [
+            ActionState(action_id=one, action_status=status)
+            for one, status in zip(ids, statuses, strict=False)
+        ]
+
     def state(self) -> State:
         """What it reports."""
         self._headers += 1
@@ -129,7 +138,7 @@ class StandardRobot:
                 for node in self.ahead
             ),
             edge_states=(),
-            action_states=tuple(self.actions),
+            action_states=(*self.actions, *self._open()),
             battery_state=BatteryState(battery_charge=80.0, charging=False),
             errors=self.errors,
             safety_state=SafetyState(e_stop=EStop.NONE, field_violation=False),

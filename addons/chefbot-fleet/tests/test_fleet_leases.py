@@ -85,7 +85,7 @@ def test_a_load_that_may_be_on_the_robot_is_not_fetched_again(world: World) -> N
     while world.fleet.vehicles[name].action_id is None:
         world.step()
     world.fleet.traffic.lose(name, world.now_s)
-    world.fleet.remove_robot(name)
+    world.fleet.remove_robot(name, world.now_s)
     assert world.fleet.orders["a"].stage is Stage.FAILED
 
 
@@ -97,7 +97,7 @@ def test_a_robot_that_is_removed_on_its_way_comes_back_when_it_stands(world: Wor
         world.step()
     first = robot.order[0]
     world.fleet.traffic.lose(name, world.now_s)
-    world.fleet.remove_robot(name)
+    world.fleet.remove_robot(name, world.now_s)
     world.fleet.on_state(name, robot.state(), world.now_s)
     assert world.fleet.ignored == {name: "it is on its way by an order that is not ours"}
     while robot.ahead:
@@ -148,7 +148,7 @@ def test_plans_through_the_place_of_a_new_robot_are_made_anew(world: World) -> N
     other = next(one for one in world.robots if one != name)
     world.robots.pop(other)
     world.fleet.traffic.lose(other, world.now_s)
-    world.fleet.remove_robot(other)
+    world.fleet.remove_robot(other, world.now_s)
     world.fleet.on_state("new", StandardRobot("new", world.roadmap, 3).state(), world.now_s)
     assert "new" in world.fleet.vehicles
     for move in robot.moves[robot.released :]:

@@ -83,13 +83,13 @@ def test_a_silent_robot_keeps_its_place_until_somebody_removes_it(world: World) 
     (name,) = [order.robot for order in world.fleet.orders.values()]
     assert name is not None
     with pytest.raises(ValueError, match="switch it off first"):
-        world.fleet.remove_robot(name)
+        world.fleet.remove_robot(name, world.now_s)
     del world.robots[name]
     for _ in range(60):
         world.step()
     assert world.fleet.traffic.robots[name].lost_s is not None
     assert world.fleet.orders["a"].robot == name
-    world.fleet.remove_robot(name)
+    world.fleet.remove_robot(name, world.now_s)
     world.run(200.0)
     assert world.fleet.orders["a"].stage is Stage.DONE
     assert world.fleet.orders["a"].robot != name

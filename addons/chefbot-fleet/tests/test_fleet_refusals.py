@@ -60,7 +60,7 @@ def test_an_order_that_one_robot_refuses_is_anothers(world: World) -> None:
     assert any(wait.waits_for == name for wait in world.fleet.traffic.waits())
     del world.robots[name]
     steps(world, 30.0)
-    world.fleet.remove_robot(name)
+    world.fleet.remove_robot(name, world.now_s)
     world.run(400.0)
     assert (world.lost(), world.done_by_two(), robot.worked) == (0, 0, [])
 

@@ -91,7 +91,9 @@ function drawRobots(fleet) {
     parts.push(element("polyline", { class: "reserved", points, stroke: colour(k) }));
   });
   fleet.robots.forEach((robot, k) => parts.push(element("circle", { class: robot.lost ? "robot lost" : "robot", cx: robot.x, cy: -robot.y, r: 0.2, fill: colour(k) })));
-  for (const robot of fleet.robots) parts.push(element("text", { class: "label", x: robot.x + 0.26, y: -robot.y + 0.12 }, robot.name.split("/").at(-1)));
+  const known = fleet.strangers.filter((one) => one.x !== null);
+  for (const one of known) parts.push(element("circle", { class: "robot lost", cx: one.x, cy: -one.y, r: 0.2, fill: "#555" }));
+  for (const robot of [...fleet.robots, ...known]) parts.push(element("text", { class: "label", x: robot.x + 0.26, y: -robot.y + 0.12 }, robot.name.split("/").at(-1)));
   byId("robots-drawn").replaceChildren(...parts);
 }
 
@@ -111,6 +113,22 @@ function removeButton(robot) {
 }
 
 const percent = (charge) => (charge === null ? "" : `${Math.round(charge)} %`);
+
+// Sentences, and a button for each robot that is silent and not in the fleet: a list that stays where it is.
+function fillList(list, sentences, gone) {
+  const shown = JSON.stringify([sentences, gone.map((one) => one.name)]);
+  if (list.dataset.shown === shown) return;
+  list.dataset.shown = shown;
+  list.replaceChildren(...sentences.map((text) => {
+    const item = document.createElement("li");
+    item.textContent = text;
+    return item;
+  }), ...gone.map((one) => {
+    const item = document.createElement("li");
+    item.append(`${one.name} is silent. `, removeButton(one));
+    return item;
+  }));
+}
 
 function list(fleet) {
   fill(byId("robots"), fleet.robots.map((robot, k) => ({
@@ -137,11 +155,8 @@ function list(fleet) {
       { text: order.why ?? "", wide: true },
     ],
   })));
-  byId("ignored").replaceChildren(...Object.entries(fleet.ignored).map(([name, why]) => {
-    const item = document.createElement("li");
-    item.textContent = `${name}: ${why}`;
-    return item;
-  }));
+  const gone = fleet.strangers.filter((one) => one.lost);
+  fillList(byId("ignored"), [...Object.entries(fleet.ignored), ...Object.entries(fleet.managers)].map(([name, why]) => `${name}: ${why}`), gone);
 }
 
 async function refresh() {
