@@ -18,6 +18,7 @@ from chefbotd.link.port import BriefSerial, LinkParameters, open_port
 from chefbotd.link.reconnect import PortLink
 from chefbotd.link.session import BoardSession
 from firmware_protocol.codec import CLASSIC
+from tests.waiting import PATIENCE_S, until
 
 pytestmark = pytest.mark.realtime
 
@@ -50,8 +51,11 @@ class Cable:
         os.close(self.masters.pop())
 
     def read(self) -> bytes:
-        """What the newest device was told."""
-        return os.read(self.masters[-1], 4096)
+        """What the newest device was told first."""
+        told = b""
+        while len(told) < len(OPENING):
+            told += os.read(self.masters[-1], 4096)
+        return told
 
 
 @pytest.fixture
@@ -79,13 +83,7 @@ def on_link(cable: Cable, story: Callable[[BoardSession], Awaitable[None]]) -> N
         await asyncio.wait([task])
 
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
-        runner.run(asyncio.wait_for(run(), timeout=60.0))
-
-
-async def until(condition: Callable[[], bool]) -> None:
-    """Wait for the kernel and the other threads: their time is not virtual."""
-    while not condition():  # noqa: ASYNC110 - nobody tells us
-        await asyncio.sleep(0.0005)
+        runner.run(asyncio.wait_for(run(), timeout=2 * PATIENCE_S))
 
 
 async def settled() -> None:
@@ -112,8 +110,7 @@ def test_a_hundred_replugs_leak_nothing(cable: Cable):
             await until(lambda: not session.is_open)
             cable.plug()
             await until(lambda opens=number + 2: session.opens == opens)
-        await settled()
-        assert held() == before
+        await until(lambda: held() == before)
 
     on_link(cable, story)
 
@@ -169,7 +166,7 @@ def test_a_device_in_use_is_refused_by_its_owners_name(cable: Cable):
             await open_port(LinkParameters(device=str(cable.path)), asyncio.Protocol())
         await other.communicate(b"\n")
 
-    asyncio.run(asyncio.wait_for(story(), timeout=60.0))
+    asyncio.run(asyncio.wait_for(story(), timeout=PATIENCE_S))
 
 
 def test_a_file_that_is_no_device_is_an_error_that_names_it(tmp_path: Path):

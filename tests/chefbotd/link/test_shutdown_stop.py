@@ -2,10 +2,13 @@
 
 import asyncio
 import contextlib
+import fcntl
 import os
+import termios
 import threading
 import time
 import tty
+from array import array
 from collections.abc import Awaitable, Callable, Iterator
 from dataclasses import dataclass, field
 
@@ -21,6 +24,7 @@ from firmware_protocol import messages as wire
 from firmware_protocol.codec import CLASSIC, to_board
 from firmware_protocol.decoder import Decoder
 from tests.fakes.classic_sketch import duty_in_force
+from tests.waiting import PATIENCE_S, until, wait_until
 
 pytestmark = pytest.mark.realtime
 
@@ -28,7 +32,8 @@ STOP = b"s 0 0\r"
 MOTION = b"s 203 -201\r"
 DUTY = (203, -201)
 UNSENT = b"s 111 -111\r"
-PATIENCE_S = 60.0
+MOST_UNREAD = 4095
+"""So many bytes the kernel keeps for who reads a terminal (N_TTY_BUF_SIZE - 1)."""
 
 
 @dataclass
@@ -46,19 +51,16 @@ class FarEnd:
                 self.heard += data
         return self.heard
 
-    async def reads_until_quiet(self) -> bytes:
-        """Read on until nothing has come for a while."""
-        quiet = 0
-        while quiet < 10:
-            before = len(self.heard)
-            quiet = quiet + 1 if len(self.read()) == before else 0
-            await asyncio.sleep(0.005)
-        return self.heard
+    async def reads_until(self, words: bytes) -> None:
+        """Read on until these are the last that have come."""
+        await until(lambda: self.read().endswith(words))
 
     @property
-    def last_line(self) -> bytes:
-        """The last complete line."""
-        return self.heard.split(b"\r")[-2]
+    def unread_bytes(self) -> int:
+        """How many bytes wait here to be read; a full line's other bytes wait behind them."""
+        count = array("i", [0])
+        fcntl.ioctl(self.master, termios.FIONREAD, count)
+        return count[0]
 
     @property
     def duties(self) -> set[tuple[int, ...]]:
@@ -100,10 +102,17 @@ def behind_a_full_port(runner: asyncio.Runner, far_end: FarEnd, story: Story) ->
         assert isinstance(transport, SerialPortTransport)
         await asyncio.sleep(0.01)
         session.send_duty(DUTY)
-        while not transport.get_write_buffer_size():
+        before = (0, 0)
+
+        def nothing_moves() -> bool:
+            """The kernel passes nothing on any more, and took nothing since the look before this one."""
+            nonlocal before
             while not transport.get_write_buffer_size():
                 transport.write(MOTION)
-            await asyncio.sleep(0.02)  # the kernel may find room after all
+            last, before = before, (far_end.unread_bytes, transport.get_write_buffer_size())
+            return before == last and before[0] == MOST_UNREAD
+
+        await until(nothing_moves)
         transport.write(UNSENT)
         await story(session, transport)
         session.close()
@@ -133,12 +142,10 @@ def test_a_stop_does_not_wait_for_what_is_unsent(runner: asyncio.Runner, far_end
 
     async def story(session: BoardSession, transport: SerialPortTransport) -> None:
         session.stop_motors()
-        far_end.read()
-        await far_end.reads_until_quiet()
-        assert far_end.last_line == STOP[:-1]
+        await far_end.reads_until(STOP)
         assert far_end.duties == {(0, 0)}
         session.send_duty((7, 7))
-        await far_end.reads_until_quiet()
+        await far_end.reads_until(b"s 7 7\r")
         assert far_end.duties == {(7, 7)}
 
     behind_a_full_port(runner, far_end, story)
@@ -154,11 +161,10 @@ def test_what_a_thread_has_overtaken_never_goes(runner: asyncio.Runner, far_end:
         thread.start()
         thread.join()
         assert stopped == [True]
-        await far_end.reads_until_quiet()
-        assert far_end.last_line == STOP[:-1]
+        await far_end.reads_until(STOP)
         assert far_end.duties == {(0, 0)}
         session.send_duty((8, 8))
-        await far_end.reads_until_quiet()
+        await far_end.reads_until(b"s 8 8\r")
         assert far_end.duties == {(8, 8)}
 
     behind_a_full_port(runner, far_end, story)
@@ -210,8 +216,10 @@ class RealPort(BriefSerial):
         return 6 if self.kernel.looks >= 0 else 0
 
     def reset_output_buffer(self) -> None:
-        """Note what the far end has been given up to now."""
-        self.kernel.dropped.append(self.far_end.read())
+        """Note what the far end has been given up to now: at least one more stop."""
+        least = (len(self.kernel.dropped) + 1) * len(STOP)
+        wait_until(lambda: len(self.far_end.read()) >= least)
+        self.kernel.dropped.append(self.far_end.heard)
 
 
 class Ending(asyncio.Protocol):
@@ -246,7 +254,7 @@ def test_a_board_that_reads_in_time_is_told_once(far_end: FarEnd, monkeypatch: p
     monkeypatch.setattr(port_module, "STALE_S", PATIENCE_S)
     kernel = Kernel(looks=10)
     closed_with(far_end, kernel)
-    assert far_end.read() == STOP
+    wait_until(lambda: far_end.read() == STOP)
     assert kernel.dropped == []
 
 

@@ -3,7 +3,6 @@
 import asyncio
 import os
 import threading
-import time
 
 import pytest
 
@@ -13,6 +12,7 @@ from chefbotd.link.port import LinkParameters, open_port
 from chefbotd.link.session import BoardSession
 from chefbotd.testing.transport import FakeSerialDevice
 from firmware_protocol.codec import CLASSIC
+from tests.waiting import PATIENCE_S, wait_until
 
 pytestmark = pytest.mark.realtime
 
@@ -23,7 +23,6 @@ def new_session(setpoints_per_s: float = 200.0) -> BoardSession:
 
 
 STOP = b"s 0 0\rs 0 0\r"
-PATIENCE_S = 60.0
 
 
 async def heard(master: int, line: bytes) -> bool:
@@ -50,22 +49,22 @@ def test_a_thread_stops_the_motors_while_the_loop_stands_still():
 
     async def run() -> None:
         master, slave = os.openpty()
-        session = new_session(setpoints_per_s=1.0)
+        session = new_session(setpoints_per_s=0.001)
         session.expect_connection()
         transport = await open_port(LinkParameters(device=os.ttyname(slave)), session)
         await asyncio.sleep(0.01)
         for duty in (200, 201, 202):
             session.send_duty((duty, duty))
-        assert await heard(master, STOP + b"s 200 200\rs 201 201\r")  # the third waits for a second
+        assert await heard(master, STOP + b"s 200 200\rs 201 201\r")  # the third waits for its time
         stopped: list[bool] = []
         thread = threading.Thread(target=lambda: stopped.append(session.stop_from_thread()))
         thread.start()
-        time.sleep(0.1)  # noqa: ASYNC251 - the loop that stands still
-        thread.join()
+        thread.join()  # the loop stands still
         assert stopped == [True]
         assert await heard(master, STOP)
-        await asyncio.sleep(1.1)
-        assert drained(master) == b""
+        session.setpoints.resume()  # as its timer does when the time has come
+        assert session.stop_from_thread()
+        assert await heard(master, STOP)
         transport.abort()
         await session.wait_closed()
         os.close(master)
@@ -83,12 +82,23 @@ def test_a_board_that_takes_nothing_is_told():
         session.expect_connection()
         transport = await open_port(LinkParameters(device=os.ttyname(slave)), session)
         await asyncio.sleep(0.01)
+        stops = 1
         while session.stop_from_thread():
-            pass
-        while drained(master):
-            time.sleep(0.01)  # noqa: ASYNC251 - the kernel moves what is left; the loop must not write meanwhile
-        assert session.stop_from_thread()
-        assert await heard(master, STOP)
+            stops += 1
+        told = b""
+
+        def goes_once_there_is_room() -> bool:
+            nonlocal told
+            told += drained(master)
+            return session.stop_from_thread()
+
+        wait_until(
+            goes_once_there_is_room
+        )  # which the kernel makes in its own time; the loop must not write meanwhile
+        async with asyncio.timeout(PATIENCE_S):
+            while len(told) < stops * len(STOP) or not told.endswith(STOP):
+                await asyncio.sleep(0.01)
+                told += drained(master)
         transport.abort()
         while drained(master):
             pass
