@@ -32,9 +32,9 @@ from chefbotd.worker.skills.mapping_requests import (
     Start,
 )
 from tests.chefbotd.worker.skills.drives import measured
+from tests.waiting import PATIENCE_S, until
 
 pytestmark = pytest.mark.realtime
-PATIENCE_S = 90.0
 T = TypeVar("T")
 
 
@@ -50,14 +50,14 @@ class Bench:
             mapping=MappingParameters(autosave_period_s=autosave_period_s, publish_period_s=0.2),
         )
         skills = {SKILL: parameters.model_dump_json().encode()}
-        bounds = WorkerParameters(restart_delay_s=0.05, max_memory_mb=2000)
+        bounds = WorkerParameters(restart_delay_s=0.05, max_memory_mb=2000, silence_timeout_s=60.0)
         self.worker = Worker(bounds, SystemClock(), skills, lambda status: None)
         for kind in (MapPoseUpdated, MappingChanged, MapChanged):
             self.worker.add_listener(SKILL, kind, lambda event: None)
 
     async def ask(self, request: Start | ResumeMapping) -> MappingChanged:
         """Have something done."""
-        return await self.worker.request(SKILL, request, MappingChanged, deadline_s=60.0)
+        return await self.worker.request(SKILL, request, MappingChanged, deadline_s=PATIENCE_S)
 
     async def drive(self, first: int, last: int) -> None:
         """A part of the tour."""
@@ -84,13 +84,6 @@ async def running(folder: Path, autosave_period_s: float = 0.1) -> AsyncIterator
             await task
 
 
-async def until(condition: Callable[[], bool]) -> None:
-    """Wait for it, with patience for a machine that is busy, or that has to compile first."""
-    async with asyncio.timeout(PATIENCE_S):
-        while not condition():  # noqa: ASYNC110 - a condition of another process
-            await asyncio.sleep(0.01)
-
-
 def run(scene: Callable[[], object]) -> None:
     """On the loop that the daemon runs on."""
     with asyncio.Runner(loop_factory=uvloop.new_event_loop) as runner:
@@ -108,6 +101,7 @@ def test_killed_at_any_moment_what_was_saved_is_whole(tmp_path: Path) -> None:
             at, kept = 0, 0
             for _ in range(4):
                 feeding = asyncio.create_task(bench.drive(at, at + 40))
+                await until(lambda: MapStore(tmp_path).read_autosave() is not None)
                 await asyncio.sleep(chance.uniform(0.1, 0.45))
                 restarts, pid = bench.worker.status.restarts, bench.worker.status.pid
                 assert pid is not None
@@ -123,7 +117,7 @@ def test_killed_at_any_moment_what_was_saved_is_whole(tmp_path: Path) -> None:
                 status = await bench.ask(ResumeMapping(paused=False))
                 assert (status.state, status.keyframes) == ("mapping", kept)
             await bench.drive(at, at + 20)
-            saved = await bench.worker.request(SKILL, Finish("flat"), MapSaved, deadline_s=60.0)
+            saved = await bench.worker.request(SKILL, Finish("flat"), MapSaved, deadline_s=PATIENCE_S)
             assert saved.keyframes >= kept
         assert MapStore(tmp_path).names() == ["flat"]
         assert MapStore(tmp_path).read_autosave() is None
@@ -142,9 +136,10 @@ def test_killed_while_it_finishes_the_map_is_there_or_goes_on(tmp_path: Path) ->
                 if store.read_autosave() is None:
                     await bench.ask(Start())
                 await bench.drive(60 * k, 60 * k + 60)
+                await until(lambda store=store: store.read_autosave() is not None)
                 before = len(store.describe("flat").versions) if "flat" in store.names() else 0
                 asking = asyncio.create_task(
-                    bench.worker.request(SKILL, Finish("flat"), MapSaved, deadline_s=60.0)
+                    bench.worker.request(SKILL, Finish("flat"), MapSaved, deadline_s=PATIENCE_S)
                 )
                 await asyncio.sleep(0.06 * k)
                 restarts, pid = bench.worker.status.restarts, bench.worker.status.pid
