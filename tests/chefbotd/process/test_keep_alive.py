@@ -2,7 +2,6 @@
 
 import asyncio
 import os
-import time
 import tty
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,6 +14,7 @@ from chefbotd.clock import run_virtual
 from chefbotd.link.port import SerialPortTransport
 from chefbotd.process.keep_alive import KeepAlive, watchdog_s_of
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+from tests.waiting import wait_until
 
 FED = "WATCHDOG=1"
 
@@ -180,11 +180,9 @@ def test_a_serial_port_says_how_many_bytes_wait():
             transport = SerialPortTransport(asyncio.get_running_loop(), asyncio.Protocol(), port)
             await asyncio.sleep(0.01)  # it reads from now on
             os.write(board, b"e\t1\t2\r\n")
-            for _ in range(100):  # the kernel hands them over in its own time
-                if transport.unread_bytes() == 7:
-                    break
-                time.sleep(0.01)  # noqa: ASYNC251 - the loop reads nothing meanwhile
-            assert transport.unread_bytes() == 7
+            wait_until(
+                lambda: transport.unread_bytes() == 7
+            )  # by the kernel; the loop reads nothing meanwhile
             transport.abort()
             await asyncio.sleep(0)
             assert transport.unread_bytes() == 0

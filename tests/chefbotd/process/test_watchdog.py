@@ -1,17 +1,18 @@
 """The watchdog thread, beside a control loop that stands still for as long as the test says."""
 
 import threading
-import time
 from dataclasses import dataclass, field
+from types import SimpleNamespace
 
 import pytest
 
-from chefbotd.clock import ManualClock, SystemClock
+from chefbotd.clock import ManualClock
+from chefbotd.process import watchdog as watchdog_module
 from chefbotd.process.watchdog import Watchdog
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.watchdog import WatchdogParameters
+from tests.waiting import PATIENCE_S
 
-SOON_S = 5.0
 LOOKS_S = 0.1
 
 
@@ -44,7 +45,7 @@ def test_a_loop_that_stands_still_while_driving_is_stopped(takes_stop: bool, tol
     """The stop is written first; after a second the fault is reported with the time and whether the stop went."""
     loop = StandingLoop(takes_stop)
     with watchdog(loop, now_s=1.02):
-        assert loop.stopped.wait(SOON_S)
+        assert loop.stopped.wait(PATIENCE_S)
     assert loop.reported[0].kind is FaultKind.LOOP_BLOCKED
     assert loop.reported[0].reason.startswith(f"the control loop did not run for 1.02 s and {told}")
 
@@ -53,7 +54,7 @@ def test_a_short_pause_while_driving_is_stopped_and_left_to_the_loop():
     """The motors are stopped at once; whether it is a fault, the loop knows, which counts its pauses."""
     loop = StandingLoop()
     with watchdog(loop, now_s=0.12):
-        assert loop.stopped.wait(SOON_S)
+        assert loop.stopped.wait(PATIENCE_S)
     assert not loop.reported
 
 
@@ -69,7 +70,7 @@ def test_a_loop_that_stands_still_at_rest_is_no_fault():
     """Its last stop may be unsent, or lost, so there are more of them; but nothing was driven, and nothing latches."""
     loop = StandingLoop(is_driving=False)
     with watchdog(loop, now_s=100.0):
-        assert loop.stopped.wait(SOON_S)
+        assert loop.stopped.wait(PATIENCE_S)
     assert not loop.reported
 
 
@@ -81,35 +82,51 @@ def test_the_thread_ends_with_its_context():
     assert threading.active_count() == before
 
 
-class CountingClock(ManualClock):
-    """Counts how often it is read."""
+class Passing:
+    """In place of the event that ends the thread: time passes while it is waited for; it comes at the third wait."""
 
-    reads = 0
+    def __init__(self, clock: ManualClock) -> None:
+        self.clock = clock
+        self.waits_s: list[float] = []
 
-    def now_s(self) -> float:
-        self.reads += 1
-        return super().now_s()
+    def wait(self, seconds: float) -> bool:
+        """The time passes at once."""
+        self.waits_s.append(seconds)
+        self.clock.advance(seconds)
+        return len(self.waits_s) == 3
 
-
-def test_a_loop_at_rest_is_looked_at_when_it_can_have_stood_too_long():
-    """It acted 0.02 s ago, of a patience of 2 s: nothing for a while; while it drives, eight looks in that time."""
-    looks = []
-    for is_driving in (False, True):
-        clock, loop = CountingClock(10.0), StandingLoop(is_driving=is_driving, acted_s=9.98)
-        parameters = WatchdogParameters(timeout_s=2.0)
-        with Watchdog(parameters, clock, loop, loop.stop, loop.reported.append):
-            time.sleep(0.6)
-        looks.append(clock.reads)
-    assert looks[0] == 1
-    assert looks[1] >= 1
-    assert not loop.reported
+    def set(self) -> None:
+        """It comes by itself."""
 
 
-def test_a_loop_at_rest_that_stands_still_is_stopped_within_its_patience():
-    """Acted at 0, looked at first 0.06 s later: the stop comes after 0.1 s, not after a whole patience more."""
-    clock, loop = SystemClock(), StandingLoop(is_driving=False)
-    loop.acted_s = clock.now_s() - 0.06
-    with Watchdog(WatchdogParameters(timeout_s=0.4), clock, loop, loop.stop, loop.reported.append):
-        assert not loop.stopped.wait(0.2)
-        assert loop.stopped.wait(SOON_S)
-        assert clock.now_s() - loop.acted_s > 0.4
+def looks_of(
+    loop: StandingLoop, timeout_s: float, monkeypatch: pytest.MonkeyPatch
+) -> tuple[list[float], list[float]]:
+    """How long the thread waits before each of three looks from 10 s on, and when it stops the motors."""
+    passing, stops_s = Passing(ManualClock(10.0)), list[float]()
+
+    def stop() -> bool:
+        stops_s.append(passing.clock.now_s())
+        return True
+
+    threads = SimpleNamespace(Thread=threading.Thread, Event=lambda: passing)
+    monkeypatch.setattr(watchdog_module, "threading", threads)
+    parameters = WatchdogParameters(timeout_s=timeout_s)
+    with Watchdog(parameters, passing.clock, loop, stop, loop.reported.append):
+        pass
+    return passing.waits_s, stops_s
+
+
+def test_a_loop_at_rest_is_looked_at_when_it_can_have_stood_too_long(monkeypatch: pytest.MonkeyPatch):
+    """It acted 0.02 s ago, of a patience of 2 s: nothing for 1.98 s; while it drives, eight looks in that time."""
+    resting, _ = looks_of(StandingLoop(is_driving=False, acted_s=9.98), 2.0, monkeypatch)
+    assert resting[0] == pytest.approx(1.981)
+    driving, stops_s = looks_of(StandingLoop(is_driving=True, acted_s=9.98), 2.0, monkeypatch)
+    assert driving == [0.25, 0.25, 0.25]
+    assert stops_s == []
+
+
+def test_a_loop_at_rest_that_stands_still_is_stopped_within_its_patience(monkeypatch: pytest.MonkeyPatch):
+    """Acted 0.06 s before: of a patience of 0.4 s the rest is waited for, not a whole patience more."""
+    _, stops_s = looks_of(StandingLoop(is_driving=False, acted_s=9.94), 0.4, monkeypatch)
+    assert stops_s[0] == pytest.approx(9.94 + 0.401)
