@@ -9,6 +9,7 @@ from chefbotd.core.events.navigation import GoalResult
 from chefbotd.rpc.jobs import ProgressReporter
 from tests.fakes.api import serving
 from tests.fakes.robot import FakeNavigation
+from tests.waiting import until
 
 
 def test_goals_are_queued_as_asked() -> None:
@@ -32,11 +33,13 @@ def test_giving_up_a_goal_cancels_that_request_and_nobody_elses_goals(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Two programs wait; the second is ended by Ctrl-C. ``cancel_navigation`` would end the first one's goal too."""
+    waited_for: list[list[int]] = []
     given_up: list[list[int]] = []
 
     async def waits(
         self: FakeNavigation, goals: list[int], progress: ProgressReporter, client: int
     ) -> GoalResult:
+        waited_for.append(goals)
         try:
             await asyncio.Event().wait()
         except asyncio.CancelledError:
@@ -50,14 +53,17 @@ def test_giving_up_a_goal_cancels_that_request_and_nobody_elses_goals(
         async with serving() as served, Client.connect(served.host, served.port) as robot:
             first = asyncio.create_task(robot.navigate_to(place="table 3"))
             second = asyncio.create_task(robot.navigate_to(place="hall", queue=True))
-            await asyncio.sleep(0.2)
+            await until(lambda: waited_for == [[1], [2]])
             second.cancel()
             with pytest.raises(asyncio.CancelledError):
                 await second
-            await asyncio.sleep(0.1)
-            assert given_up == [[2]]
+            await until(lambda: given_up == [[2]])
+            await robot.get_state()  # answered after whatever else was asked for
             assert ("cancel_navigation",) not in served.robot.calls
             assert not first.done()
+            first.cancel()
+            with pytest.raises(asyncio.CancelledError):
+                await first
 
     asyncio.run(ask())
 

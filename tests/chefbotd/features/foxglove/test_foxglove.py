@@ -20,6 +20,7 @@ from chefbotd.recording.classes import class_of, event_names
 from chefbotd.settings import SettingsError, load, packaged
 from chefbotd.transport.parameters import FoxgloveParameters
 from tests.chefbotd.recording.events import cycle, example, fault
+from tests.waiting import PATIENCE_S
 
 LAYOUT = Path(__file__).parents[4] / "config" / "foxglove_layout.json"
 SUBPROTOCOL = "foxglove.sdk.v1"
@@ -30,7 +31,7 @@ async def channels_of(socket: ClientConnection, wanted: set[str]) -> dict[str, d
     """What is advertised, until all of these are."""
     found: dict[str, dict[str, Any]] = {}
     while not wanted <= found.keys():
-        message = json.loads(await asyncio.wait_for(socket.recv(), 60.0))
+        message = json.loads(await asyncio.wait_for(socket.recv(), PATIENCE_S))
         found |= {each["topic"]: each for each in message.get("channels", ())}
     return found
 
@@ -44,7 +45,7 @@ def test_a_client_sees_the_channels_and_what_happens() -> None:
         service = FoxgloveService(bus, clock, lambda: FoxgloveServer(FREE, "fox"), None, lambda _: None)
         serving = asyncio.create_task(service.run())
         try:
-            await asyncio.sleep(0.1)
+            await asyncio.sleep(0)  # it begins, and serves at once
             assert service.port is not None
             telling = asyncio.create_task(tell(bus, clock))
             async with connect(f"ws://127.0.0.1:{service.port}", subprotocols=[SUBPROTOCOL]) as socket:  # type: ignore[list-item]
@@ -56,7 +57,7 @@ def test_a_client_sees_the_channels_and_what_happens() -> None:
                 await socket.send(
                     json.dumps({"op": "subscribe", "subscriptions": [{"id": 7, "channelId": number}]})
                 )
-                while not isinstance(data := await asyncio.wait_for(socket.recv(), 60.0), bytes):
+                while not isinstance(data := await asyncio.wait_for(socket.recv(), PATIENCE_S), bytes):
                     pass
             kind, subscription, log_ns = struct.unpack_from("<BIQ", data)
             event = json.loads(data[13:])
@@ -81,7 +82,7 @@ def test_who_comes_late_is_told_what_still_holds() -> None:
         service = FoxgloveService(bus, clock, lambda: FoxgloveServer(FREE, "fox"), None, lambda _: None)
         serving = asyncio.create_task(service.run())
         try:
-            await asyncio.sleep(0.1)
+            await asyncio.sleep(0)  # it begins, and serves at once
             for reason in ("stalled", "overspeed"):
                 bus.publish(fault(clock.now_s(), reason))
             telling = asyncio.create_task(tell(bus, clock))
@@ -91,7 +92,7 @@ def test_who_comes_late_is_told_what_still_holds() -> None:
                 await socket.send(
                     json.dumps({"op": "subscribe", "subscriptions": [{"id": 7, "channelId": number}]})
                 )
-                while not isinstance(data := await asyncio.wait_for(socket.recv(), 60.0), bytes):
+                while not isinstance(data := await asyncio.wait_for(socket.recv(), PATIENCE_S), bytes):
                     pass
             telling.cancel()
             event: dict[str, Any] = json.loads(data[13:])
@@ -117,9 +118,9 @@ def test_every_channel_has_messages_that_hold_by_its_schema() -> None:
         offered, subscribed, held = dict[int, dict[str, Any]](), dict[int, int](), set[str]()
         wanted = {"/tf", "/pose", "/scan", "/path", "/log"}
         try:
-            await asyncio.sleep(0.1)
+            await asyncio.sleep(0)  # it begins, and serves at once
             async with (
-                asyncio.timeout(60.0),
+                asyncio.timeout(PATIENCE_S),
                 connect(f"ws://127.0.0.1:{service.port}", subprotocols=[SUBPROTOCOL]) as socket,  # type: ignore[list-item]
             ):
                 while not wanted <= held or len(held) < len(events) or len(held) < len(offered):
@@ -175,7 +176,7 @@ def test_a_port_that_is_taken_is_told_and_harms_nobody() -> None:
             bus, SystemClock(), lambda: FoxgloveServer(taken, "second"), None, lambda _: None
         )
         serving = asyncio.create_task(service.run())
-        await asyncio.sleep(0.3)
+        await asyncio.sleep(0)  # it begins, and has tried at once
         assert not serving.done()
         assert service.port is None
         assert not bus.has_listeners(EventsDropped)
