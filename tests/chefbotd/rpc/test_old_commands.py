@@ -20,6 +20,7 @@ from tests.budget import sample
 from tests.chefbotd.rpc.test_guarded import TOKENS, tls_guard, trusting
 from tests.fakes.api import Served, line_client, serving
 from tests.fakes.robot import FakeRobot
+from tests.waiting import PATIENCE_S, until
 
 GET_STATE = b'{"jsonrpc":"2.0","id":1,"method":"get_state"}\n'
 PING = b'{"jsonrpc":"2.0","id":1,"method":"ping"}\n'
@@ -75,20 +76,13 @@ async def answer(client: socket.socket, request_id: int) -> str:
     """``ok``, or the kind of the error, of the answer to one request."""
     client.setblocking(False)
     seen = b""
-    async with asyncio.timeout(60.0):
+    async with asyncio.timeout(PATIENCE_S):
         while True:
             seen += await asyncio.get_running_loop().sock_recv(client, 1 << 20)
             for line in seen.split(b"\n")[:-1]:
                 message = json.loads(line)
                 if message.get("id") == request_id:
                     return str(message["error"]["data"]["kind"]) if "error" in message else "ok"
-
-
-async def until(happens: Callable[[], bool]) -> None:
-    """Wait for it."""
-    async with asyncio.timeout(60.0):
-        while not happens():  # noqa: ASYNC110 - what is waited for has no event
-            await asyncio.sleep(0.01)
 
 
 async def accepted(client: socket.socket, command: bytes) -> None:
@@ -174,17 +168,19 @@ def test_what_waits_in_the_kernel_when_a_stop_is_carried_out_was_sent_before_it(
 
 
 @LOOPS
-def test_who_waits_at_the_door_has_come_before_the_stop(run: Callable[..., None]) -> None:
+def test_who_waits_at_the_door_has_come_before_the_stop(
+    monkeypatch: pytest.MonkeyPatch, run: Callable[..., None]
+) -> None:
     """Five clients connect and arm while the loop stands still, and another one stops: none of them arms it again."""
+    monkeypatch.setattr(FakeRobot, "command_timeout_s", PATIENCE_S)  # their order counts here, not their age
 
     async def scenario(served: Served) -> None:
         with ExitStack() as stack:
             stopper = await admitted(served, stack)
             newcomers = [connect(served, stack) for _ in range(5)]
             for client in newcomers:
-                client.sendall(ARM)
-            stopper.sendall(ESTOP)
-            time.sleep(0.05)  # noqa: ASYNC251 - the loop stands still
+                deliver(client, ARM)
+            deliver(stopper, ESTOP)
             assert await answer(stopper, 2) == "ok"
             told = [await answer(client, 9) for client in newcomers]
             calls = names(served)

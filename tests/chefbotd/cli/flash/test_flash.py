@@ -23,6 +23,7 @@ from chefbotd.cli.flash.images import Image
 from chefbotd.cli.programs.chefbotctl import main
 from chefbotd.doctor.listening.ports import SerialPort
 from tests.chefbotd.cli.flash.board import OLD_PROGRAM, Duemilanove
+from tests.waiting import PATIENCE_S, wait_until
 
 pytestmark = pytest.mark.realtime
 
@@ -49,6 +50,7 @@ def flash(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Flash:
     monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path / "state"))
     monkeypatch.delenv("STATE_DIRECTORY", raising=False)
     monkeypatch.setattr(procedure, "STOP_S", 0.2)
+    monkeypatch.setattr(procedure, "HEAR_S", PATIENCE_S)
     monkeypatch.setattr(
         command, "_image", lambda board, own: Image(own) if own is not None else Image(image, "0.1")
     )
@@ -101,12 +103,25 @@ def test_a_write_that_fails_is_tried_again(flash: Flash) -> None:
         board.close()
 
 
+class CountingLine(serial.Serial):  # type: ignore[misc]
+    """Its time is what was read: a second for each reading, and hardly any for one that got nothing."""
+
+    now_s = 0.0
+
+    def read(self, size: int = 1) -> bytes:
+        data = bytes(super().read(size))
+        CountingLine.now_s += 1.0 if data else 0.1
+        return data
+
+
 @needs_avrdude
 def test_a_board_that_does_not_name_itself_afterwards_is_an_error_that_says_how_to_go_back(
     flash: Flash, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """It was programmed, but what runs on it is not what was written, as far as can be heard."""
-    monkeypatch.setattr(procedure, "HEAR_S", 0.5)
+    """It was programmed, but what runs on it is not what was written, as far as can be heard: by ten readings."""
+    monkeypatch.setattr(procedure.serial, "Serial", CountingLine)
+    monkeypatch.setattr(procedure, "time", SimpleNamespace(monotonic=lambda: CountingLine.now_s))
+    monkeypatch.setattr(procedure, "HEAR_S", 10.0)
     board = Duemilanove({NEW_PROGRAM: b"hello\n"})
     try:
         result = flash("--board", "duemilanove", "--port", board.device)
@@ -302,18 +317,10 @@ def test_a_write_ends_whole_where_this_program_is_killed(tmp_path: Path) -> None
     command = [sys.executable, "-c", TALKATIVE, str(tmp_path)]
     code = f"from chefbotd.cli.flash.procedure import run; run({command!r})"
     with subprocess.Popen([sys.executable, "-c", code]) as program:
-        wait_for(tmp_path / "began")
+        wait_until((tmp_path / "began").exists)
         program.kill()
     (tmp_path / "go_on").touch()
-    wait_for(tmp_path / "whole")
-
-
-def wait_for(file: Path) -> None:
-    """Until it is there; fails after 30 s."""
-    until_s = time.monotonic() + 30.0
-    while not file.exists():
-        assert time.monotonic() < until_s, f"{file.name} did not come"
-        time.sleep(0.01)
+    wait_until((tmp_path / "whole").exists)
 
 
 def test_after_three_failures_the_error_says_what_state_the_board_is_in(
@@ -397,7 +404,7 @@ def test_a_stop_is_waited_for_until_the_board_shows_it(
     before: bytes, after: bytes, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A sketch that waits for an echo reads the stop late: its motors are off before anything else is done to it."""
-    monkeypatch.setattr(procedure, "STOP_S", 60.0)
+    monkeypatch.setattr(procedure, "STOP_S", PATIENCE_S)
     is_shown = threading.Event()
 
     def speak(line: int) -> None:

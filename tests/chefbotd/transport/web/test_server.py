@@ -17,6 +17,7 @@ from chefbotd.rpc.access import Guard, Keyring
 from chefbotd.rpc.parameters import Role
 from tests.fakes.api import Served
 from tests.fakes.web import HANDSHAKE, frame, frame_client, get, serving_page
+from tests.waiting import until
 
 ADMIN, OBSERVER = "admin-token-0123456789", "observe-token-0123456789"
 GUARD = Guard(Keyring({ADMIN: Role.ADMIN, OBSERVER: Role.OBSERVE}))
@@ -38,13 +39,6 @@ def serve(
             await scenario(page)
 
     run(served())
-
-
-async def until(happens: Callable[[], bool]) -> None:
-    """Wait for it, a minute at most."""
-    async with asyncio.timeout(60.0):
-        while not happens():  # noqa: ASYNC110 - what is waited for has no event
-            await asyncio.sleep(0.005)
 
 
 @BOTH_LOOPS
