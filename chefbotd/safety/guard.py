@@ -3,6 +3,9 @@
 Only the part of the motion that shortens a beam is limited. Backing off, turning on the spot and turning away stay
 allowed, so the robot is never trapped by what it has stopped for. Wheels that are each asked for a speed of their own
 keep their proportions: they are slowed together.
+
+There is a hysteresis: what has brought the robot to a stand lets it go on only when the way is free by a margin
+(``release_distance_m``), or else a driver who goes on asking would creep ahead with the noise of the readings.
 """
 
 import math
@@ -37,13 +40,16 @@ class GuardParameters(Parameters):
     ``deceleration_m_s2`` must not exceed what the motion limits allow: the configuration is refused otherwise.
     ``reaction_s`` passes between a reading and the first braking, in addition to the age of the reading. A sensor that
     is silent for longer than ``max_age_s`` counts as a free way, or, where ``silent_is_obstacle``, as an obstacle at
-    distance zero.
+    distance zero. What has brought the robot to a stand, seen by a range sensor or by a lidar, lets it go on from
+    ``hysteresis_m`` beyond the distance that it stands for. The default is twice the step of the ultrasonic sensor,
+    whose reading of a thing that stands still changes by one step either way, and the noise of a lidar twice over.
     """
 
     enabled: bool = True
     stop_distance_m: float = Field(default=0.15, ge=0, le=5)
     deceleration_m_s2: float = Field(default=0.5, gt=0, le=100)
     reaction_s: float = Field(default=0.1, ge=0, le=2)
+    hysteresis_m: float = Field(default=0.02, ge=0, le=1)
     max_age_s: float = Field(default=0.5, gt=0, le=10)
     silent_is_obstacle: bool = False
     scan: ScanGuardParameters = section()
@@ -54,11 +60,20 @@ def later(params: GuardParameters, late_s: float) -> GuardParameters:
     return params if late_s == 0 else params.model_copy(update={"reaction_s": params.reaction_s + late_s})
 
 
+def release_distance_m(params: GuardParameters, stop_distance_m: float, *, blocked: bool) -> float:
+    """The distance up to which the robot stands: the stop distance, and the hysteresis where it stands (``blocked``).
+
+    Rounded, so that the last bit of a sum is not a step of the sensor.
+    """
+    return round(stop_distance_m + params.hysteresis_m, 9) if blocked else stop_distance_m
+
+
 class Beam(Record, frozen=True):
     """The last reading of a sensor; infinity is a free way.
 
     The beam shortens by ``per_linear`` metres for each metre that the robot goes forward, and by ``per_angular_m`` for
-    each radian that it turns left. Its distance was measured at ``stamp_s`` and received at ``arrival_s``.
+    each radian that it turns left. Its distance was measured at ``stamp_s`` and received at ``arrival_s``. One that is
+    ``blocked`` has been within the stop distance, and not beyond the release distance since.
     """
 
     sensor: str
@@ -67,6 +82,7 @@ class Beam(Record, frozen=True):
     distance_m: float = math.inf
     stamp_s: float = -math.inf
     arrival_s: float = -math.inf
+    blocked: bool = False
 
 
 Beams = tuple[Beam, ...]
@@ -83,16 +99,23 @@ def _mounted(name: str, pose: Pose2D) -> Beam:
     return Beam(name, round(cos, 9), round(pose.x_m * sin - pose.y_m * cos, 9))
 
 
-def update(beams: Beams, measured: RangeMeasured) -> Beams:
+def update(params: GuardParameters, beams: Beams, measured: RangeMeasured) -> Beams:
     """The beams with a new reading; a sensor without a mount does not guard."""
-    distance_m = _distance_m(measured)
     return tuple(
-        [
-            replace(beam, distance_m=distance_m, stamp_s=measured.stamp_s, arrival_s=measured.arrival_s)
-            if beam.sensor == measured.sensor
-            else beam
-            for beam in beams
-        ]
+        [_measured(params, beam, measured) if beam.sensor == measured.sensor else beam for beam in beams]
+    )
+
+
+def _measured(params: GuardParameters, beam: Beam, measured: RangeMeasured) -> Beam:
+    """With this reading. A sensor that reads nothing nearer than its band stops the robot at the edge of the band."""
+    distance_m = _distance_m(measured)
+    stop_m = max(params.stop_distance_m, measured.min_range_m) if beam.blocked else params.stop_distance_m
+    return replace(
+        beam,
+        distance_m=distance_m,
+        stamp_s=measured.stamp_s,
+        arrival_s=measured.arrival_s,
+        blocked=distance_m <= release_distance_m(params, stop_m, blocked=beam.blocked),
     )
 
 
@@ -155,6 +178,8 @@ def closing_limit_m_s(params: GuardParameters, distance_m: float, age_s: float) 
 def _allowed_m_s(params: GuardParameters, beam: Beam, now_s: float) -> float:
     if now_s - beam.arrival_s > params.max_age_s:
         return 0.0 if params.silent_is_obstacle else math.inf
+    if beam.blocked:
+        return 0.0
     if beam.distance_m == math.inf:
         return math.inf
     age_s = now_s - beam.stamp_s

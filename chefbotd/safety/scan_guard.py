@@ -3,7 +3,8 @@
 In the robot's frame every point that a lidar sees moves on a circle about the centre of the robot's turn. The robot
 may be as fast as it can brake along the same arc before the first point touches its outline. Points that the outline
 never touches slow nothing: a wall at the side, a table that is passed. Where the whole motion is not allowed, its
-allowed part goes on: turning, or driving straight.
+allowed part goes on: turning, or driving straight. A direction in which the robot was brought to a stand has the
+hysteresis of ``guard``.
 """
 
 import math
@@ -13,9 +14,9 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from chefbotd.core.geometry import Motion, Twist2D, WheelVelocities
+from chefbotd.core.geometry import STANDING, Motion, Twist2D, WheelVelocities
 from chefbotd.core.record import Record
-from chefbotd.safety.guard import GuardParameters
+from chefbotd.safety.guard import GuardParameters, release_distance_m
 from chefbotd.safety.outline import Outline
 
 Floats: TypeAlias = NDArray[np.float64]
@@ -56,15 +57,20 @@ NOT_SEEN: Floats = np.zeros((0, 2))
 
 
 def limit(
-    params: GuardParameters, outline: Outline, views: Sequence[View], motion: Motion, now_s: float
+    params: GuardParameters,
+    outline: Outline,
+    views: Sequence[View],
+    motion: Motion,
+    now_s: float,
+    blocked: Twist2D = STANDING,
 ) -> tuple[Motion, str | None]:
     """The motion that may be driven, and what it was limited for (None: it is ``wanted``).
 
     The reason is ``obstacle:`` and the name of the lidar that sees it, or ``silent:`` and that of a lidar without a
-    recent scan.
+    recent scan. ``blocked`` is what ``blocked_after`` the motion before says.
     """
-    look = _Look(params, outline, views, now_s)
-    twist = motion.twist if isinstance(motion, WheelVelocities) else motion
+    look = _Look(params, outline, views, now_s, blocked)
+    twist = _twist(motion)
     share, limited_by = look.share_of(twist)
     if share >= WHOLE:
         return motion, None
@@ -77,13 +83,43 @@ def limit(
     return look.most_of(motion, share), limited_by
 
 
+def blocked_after(blocked: Twist2D, asked: Motion, allowed: Motion) -> Twist2D:
+    """The directions in which the robot was brought to a stand: by its sign each axis that was asked for, and is zero.
+
+    An axis that moves is free again, and one that nobody asked for stays as it was. So does the turning of an arc of
+    which nothing is allowed: what is ahead of it may be no obstacle to turning on the spot.
+    """
+    was_asked, is_allowed = _twist(asked), _twist(allowed)
+    linear = _axis_after(blocked.linear_m_s, was_asked.linear_m_s, is_allowed.linear_m_s)
+    if was_asked.linear_m_s and is_allowed == STANDING:
+        return Twist2D(linear, blocked.angular_rad_s)
+    return Twist2D(
+        linear, _axis_after(blocked.angular_rad_s, was_asked.angular_rad_s, is_allowed.angular_rad_s)
+    )
+
+
+def _axis_after(blocked: float, asked: float, allowed: float) -> float:
+    if asked == 0:
+        return blocked
+    return 0.0 if allowed else math.copysign(1.0, asked)
+
+
+def _twist(motion: Motion) -> Twist2D:
+    return motion.twist if isinstance(motion, WheelVelocities) else motion
+
+
 class _Look:
     """One look at what is around, for as many motions as are tried."""
 
     def __init__(
-        self, params: GuardParameters, outline: Outline, views: Sequence[View], now_s: float
+        self,
+        params: GuardParameters,
+        outline: Outline,
+        views: Sequence[View],
+        now_s: float,
+        blocked: Twist2D,
     ) -> None:
-        self._params, self._outline = params, outline
+        self._params, self._outline, self._blocked = params, outline, blocked
         self._heard = [view for view in views if now_s - view.arrival_s <= params.max_age_s]
         self._silent = [view.lidar for view in views if now_s - view.arrival_s > params.max_age_s]
         self._delays_s = [
@@ -102,11 +138,20 @@ class _Look:
         share, limited_by = 1.0, ""
         if self._silent:
             share, limited_by = self._params.scan.silent_speed_m_s / rim_m_s, SILENT + self._silent[0]
+        stop_m = self._stop_m(twist)
         for view, delay_s in zip(self._heard, self._delays_s, strict=True):
-            allowed = _share(self._params, self._outline, view.points_m, twist, delay_s)
+            allowed = _share(self._params, self._outline, view.points_m, twist, delay_s, stop_m)
             if allowed < share:
                 share, limited_by = allowed, OBSTACLE + view.lidar
         return share, limited_by
+
+    def _stop_m(self, twist: Twist2D) -> float:
+        """How far before what is in its way this motion ends."""
+        is_blocked = (
+            twist.linear_m_s * self._blocked.linear_m_s > 0
+            or twist.angular_rad_s * self._blocked.angular_rad_s > 0
+        )
+        return release_distance_m(self._params, self._params.scan.stop_distance_m, blocked=is_blocked)
 
     def most_of(self, whole: Twist2D, share: float) -> Twist2D:
         """As much of the motion as is allowed: a tighter or a wider turn where that is free, else all of it more slowly.
@@ -139,9 +184,14 @@ def _scaled(twist: Twist2D, share: float) -> Twist2D:
 
 
 def _share(
-    params: GuardParameters, outline: Outline, points_m: Floats, twist: Twist2D, delay_s: float
+    params: GuardParameters,
+    outline: Outline,
+    points_m: Floats,
+    twist: Twist2D,
+    delay_s: float,
+    stop_m: float,
 ) -> float:
-    """The share of its speed that the motion may have before these points; infinity where none is in the way.
+    """The share of its speed that the motion may have ``stop_m`` before these points; infinity where none is in the way.
 
     Room is counted in seconds of the whole motion. After a delay ``d`` a share ``s`` falls by ``k`` each second, and
     so takes ``s d + s^2 / 2k`` of the room.
@@ -152,7 +202,7 @@ def _share(
         params.scan.turn_deceleration_rad_s2 / angular_rad_s if angular_rad_s else math.inf,
     )
     look_s = delay_s + 1 / (2 * k)
-    reach_m = (linear_m_s + angular_rad_s * outline.radius_m) * look_s + params.scan.stop_distance_m
+    reach_m = (linear_m_s + angular_rad_s * outline.radius_m) * look_s + stop_m
     x, y = points_m[:, 0], points_m[:, 1]
     reach_m += outline.radius_m + 2 * params.scan.clearance_m
     close = np.flatnonzero((x * x + y * y) < reach_m * reach_m)
@@ -165,23 +215,22 @@ def _share(
     near = outside_m <= params.scan.clearance_m
     if near.any() and outline.closing(x[near], y[near], twist).max() > CLOSING_M_S:
         return 0.0
-    room_s = _room_s(params, outline, x[~near], y[~near], twist)
+    room_s = _room_s(outline.grown(params.scan.clearance_m), x[~near], y[~near], twist, stop_m)
     if room_s == math.inf:
         return math.inf
     return k * (math.sqrt(delay_s * delay_s + 2 * max(room_s, 0.0) / k) - delay_s)
 
 
-def _room_s(params: GuardParameters, outline: Outline, x: Floats, y: Floats, twist: Twist2D) -> float:
-    """Seconds of the whole motion until the first point is at the stop distance before the grown outline."""
+def _room_s(grown: Outline, x: Floats, y: Floats, twist: Twist2D, stop_m: float) -> float:
+    """Seconds of the whole motion until the first point is ``stop_m`` before the grown outline."""
     if not len(x):
         return math.inf
-    grown = outline.grown(params.scan.clearance_m)
     linear_m_s, angular_rad_s = twist.linear_m_s, twist.angular_rad_s
     if abs(angular_rad_s) < STRAIGHT_RAD_S:
         way_m = grown.straight_ways(x, y, forward=linear_m_s > 0)
-        return float(way_m.min() - params.scan.stop_distance_m) / abs(linear_m_s)
+        return float(way_m.min() - stop_m) / abs(linear_m_s)
     centre_m = linear_m_s / angular_rad_s
     angle_rad = grown.arc_angles(x, y, centre_m, left=angular_rad_s > 0)
     radius_m = np.hypot(x, y - centre_m)
-    before_rad = params.scan.stop_distance_m / np.maximum(radius_m, 1e-3)
+    before_rad = stop_m / np.maximum(radius_m, 1e-3)
     return float((angle_rad - before_rad).min()) / abs(angular_rad_s)

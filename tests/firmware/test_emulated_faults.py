@@ -12,6 +12,8 @@ FAULTS = (
     "board reads nothing, estop",
     "estop behind half a line",
     "board's clock wraps",
+    "wall ahead",
+    "wall ahead, wheels commanded",
 )
 
 

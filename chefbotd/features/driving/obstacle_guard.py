@@ -82,4 +82,4 @@ class ObstacleGuard:
         return again if scans.limit(again, now_s, late_s)[1] is None else STANDING
 
     def _on_range(self, event: RangeMeasured) -> None:
-        self._beams = guard.update(self._beams, event)
+        self._beams = guard.update(self._parameters, self._beams, event)

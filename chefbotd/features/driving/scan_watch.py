@@ -14,7 +14,7 @@ from chefbotd.bus import Bus, OnError
 from chefbotd.clock import Clock
 from chefbotd.core.events import WheelsMeasured
 from chefbotd.core.events.lidars import ScanMeasured
-from chefbotd.core.geometry import Motion, Pose2D
+from chefbotd.core.geometry import STANDING, Motion, Pose2D, Twist2D
 from chefbotd.core.record import Record
 from chefbotd.mapping.poses import row_of, transform
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
@@ -86,11 +86,12 @@ class GuardSensor(Protocol):
 
 
 class ScanWatchState(Record, frozen=True):
-    """The last turns of each sensor, and the trail: stamps and poses, and the newest pose."""
+    """The last turns of each sensor, the trail (stamps and poses, and the newest pose), and what is blocked."""
 
     seen: dict[str, list[_Seen]]
     trail: list[tuple[float, float, float, float]]
     pose: Pose2D
+    blocked: Twist2D = STANDING
 
 
 class ScanWatch:
@@ -117,7 +118,7 @@ class ScanWatch:
         self._bands_m = bands = {sensor.name: sensor.band_m for sensor in sensors if sensor.guards}
         self._near_m = {name: bands[name][0] + NEAR_MARGIN_M for name in blind_near if name in bands}
         self._seen: dict[str, deque[_Seen]] = {name: deque(maxlen=TURNS_KEPT) for name in bands}
-        self._pose = Pose2D()
+        self._pose, self._blocked = Pose2D(), STANDING
         self._trail: deque[tuple[float, float, float, float]] = deque(maxlen=TRAIL)
         bus.add_handler(self._on_wheels, WheelsMeasured, on_error=on_error)
         bus.add_handler(self._on_scan, ScanMeasured, on_error=on_error)
@@ -125,7 +126,7 @@ class ScanWatch:
     def state(self) -> ScanWatchState:
         """Return the state of this part."""
         seen = {name: list(turns) for name, turns in self._seen.items()}
-        return ScanWatchState(seen, list(self._trail), self._pose)
+        return ScanWatchState(seen, list(self._trail), self._pose, self._blocked)
 
     def restore(self, state: ScanWatchState) -> None:
         """Restore this state."""
@@ -134,12 +135,15 @@ class ScanWatch:
             turns.extend(state.seen.get(name, ()))
         self._trail.clear()
         self._trail.extend(state.trail)
-        self._pose = state.pose
+        self._pose, self._blocked = state.pose, state.blocked
 
     def limit(self, motion: Motion, now_s: float, late_s: float = 0.0) -> tuple[Motion, str | None]:
         """The motion that may be driven, and what it was limited for; the board obeys ``late_s`` later than usual."""
         views = [self._view(name) for name in self._seen]
-        return scan_guard.limit(guard.later(self._parameters, late_s), self._outline, views, motion, now_s)
+        params = guard.later(self._parameters, late_s)
+        allowed, limited_by = scan_guard.limit(params, self._outline, views, motion, now_s, self._blocked)
+        self._blocked = scan_guard.blocked_after(self._blocked, motion, allowed)
+        return allowed, limited_by
 
     def _on_wheels(self, event: WheelsMeasured) -> None:
         """Interpolate the trail linearly: between two readings a robot turns by only a degree or two."""

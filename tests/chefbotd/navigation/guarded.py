@@ -5,9 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.core.events import RangeMeasured, RangeStatus
+from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.safety import guard, scan_guard
-from chefbotd.safety.guard import Beam, GuardParameters
+from chefbotd.safety.guard import GuardParameters
 from chefbotd.safety.outline import Disc, Outline
 from chefbotd.safety.scan_guard import View
 from tests.chefbotd.mapping.slam.flat import Floats, cast
@@ -31,18 +32,23 @@ class Guarded(Drive):
     def __post_init__(self) -> None:
         super().__post_init__()
         self.limited_by: set[str] = set()
+        self._beams, self._blocked = guard.from_mounts({"front": NOSE}), STANDING
 
     def allowed(self, wanted: Twist2D) -> Twist2D:
         """As the daemon's obstacle guard does it, with readings of this moment."""
         motion = wanted
         if self.has_sonar:
-            beam = Beam("front", 1.0, 0.0, self._echo_m(), self.now_s, self.now_s)
-            motion, sensor = guard.limit(GUARD, (beam,), wanted, self.now_s)
+            measured = RangeMeasured(
+                self.now_s, self.now_s, "front", RangeStatus.OK, self._echo_m(), 0.02, 4.0, 0.26
+            )
+            self._beams = guard.update(GUARD, self._beams, measured)
+            motion, sensor = guard.limit(GUARD, self._beams, wanted, self.now_s)
             self.limited_by |= {sensor} - {None}
         view = View("lidar", self._points(), self.now_s, self.now_s, TURN_S)
-        motion, seen = scan_guard.limit(GUARD, self.shape, (view,), motion, self.now_s)
+        allowed, seen = scan_guard.limit(GUARD, self.shape, (view,), motion, self.now_s, self._blocked)
+        self._blocked = scan_guard.blocked_after(self._blocked, motion, allowed)
         self.limited_by |= {seen} - {None}
-        return motion
+        return allowed
 
     def _echo_m(self) -> float:
         sensor = self.pose.compose(NOSE)

@@ -27,6 +27,7 @@ DEFAULTS: list[tuple[Parameters, dict[str, object]]] = [
             "stop_distance_m": 0.15,
             "deceleration_m_s2": 0.5,
             "reaction_s": 0.1,
+            "hysteresis_m": 0.02,
             "max_age_s": 0.5,
             "silent_is_obstacle": False,
         },

@@ -23,10 +23,11 @@ def reading(
     status: RangeStatus = RangeStatus.OK,
     stamp_s: float = 10.0,
     arrival_s: float | None = None,
+    min_range_m: float = 0.02,
 ) -> RangeMeasured:
     """A beam's reading."""
     return RangeMeasured(
-        stamp_s, stamp_s if arrival_s is None else arrival_s, sensor, status, range_m, 0.02, 4.0, 0.26
+        stamp_s, stamp_s if arrival_s is None else arrival_s, sensor, status, range_m, min_range_m, 4.0, 0.26
     )
 
 
@@ -34,7 +35,7 @@ def seeing(mounts: dict[str, Pose2D], **ranges_m: float) -> Beams:
     """Mounted sensors that have just seen these."""
     beams = from_mounts(mounts)
     for sensor, range_m in ranges_m.items():
-        beams = update(beams, reading(sensor, range_m))
+        beams = update(PARAMETERS, beams, reading(sensor, range_m))
     return beams
 
 
@@ -82,7 +83,7 @@ def test_far_away_nothing_is_limited():
 )
 def test_a_reading_without_a_distance(status: RangeStatus, expected: tuple[Twist2D, str | None]):
     """Too near is no distance at all; too far and no echo are a free way."""
-    beams = update(from_mounts(FRONT), reading("front", None, status))
+    beams = update(PARAMETERS, from_mounts(FRONT), reading("front", None, status))
     assert limit(PARAMETERS, beams, AHEAD, 10.0) == expected
 
 
@@ -103,7 +104,7 @@ def test_a_reading_that_was_long_on_its_way_counts_from_when_it_was_measured():
 
     0.5 (sqrt(0.3^2 + 2 0.09 / 0.5) - 0.3) = 0.5 (0.6708204 - 0.3).
     """
-    beams = update(from_mounts(FRONT), reading("front", 0.24, stamp_s=9.8, arrival_s=10.0))
+    beams = update(PARAMETERS, from_mounts(FRONT), reading("front", 0.24, stamp_s=9.8, arrival_s=10.0))
     twist, sensor = limit(PARAMETERS, beams, AHEAD, 10.0)
     assert (twist.linear_m_s, sensor) == (pytest.approx(0.1854102, abs=1e-6), "front")
 
@@ -111,14 +112,14 @@ def test_a_reading_that_was_long_on_its_way_counts_from_when_it_was_measured():
 def test_a_sensor_is_silent_by_when_it_was_last_heard():
     """One whose readings take 0.6 s to arrive is not silent, however old they are; 0.5 s after the last it is."""
     strict = PARAMETERS.model_copy(update={"silent_is_obstacle": True})
-    beams = update(from_mounts(FRONT), reading("front", 3.0, stamp_s=9.4, arrival_s=10.0))
+    beams = update(PARAMETERS, from_mounts(FRONT), reading("front", 3.0, stamp_s=9.4, arrival_s=10.0))
     assert limit(strict, beams, AHEAD, 10.49) == (AHEAD, None)
     assert limit(strict, beams, AHEAD, 10.51) == (STANDING, "front")
 
 
 def test_a_sensor_that_is_not_mounted_guards_nothing():
     """Its reading changes no beam."""
-    assert update(from_mounts(FRONT), reading("rear", 0.01)) == from_mounts(FRONT)
+    assert update(PARAMETERS, from_mounts(FRONT), reading("rear", 0.01)) == from_mounts(FRONT)
 
 
 def test_a_sensor_at_the_corner_limits_turning_into_the_wall():
@@ -133,6 +134,53 @@ def test_between_two_obstacles_neither_is_approached():
     beams = seeing({"front": Pose2D(0.15), "rear": Pose2D(-0.15, 0.0, math.pi)}, front=0.1, rear=0.1)
     assert limit(PARAMETERS, beams, Twist2D(0.3, 1.0), 10.0) == (SPIN, "front")
     assert limit(PARAMETERS, beams, Twist2D(-0.3, 1.0), 10.0) == (SPIN, "rear")
+
+
+def after(*ranges_m: float | None, min_range_m: float = 0.02) -> float:
+    """How fast the robot may go ahead after these readings, in their order; None is one that is too near."""
+    beams = from_mounts(FRONT)
+    for range_m in ranges_m:
+        status = RangeStatus.TOO_NEAR if range_m is None else RangeStatus.OK
+        beams = update(PARAMETERS, beams, reading("front", range_m, status, min_range_m=min_range_m))
+    motion, _ = limit(PARAMETERS, beams, AHEAD, 10.0)
+    assert isinstance(motion, Twist2D)
+    return motion.linear_m_s
+
+
+@pytest.mark.parametrize("later_m", [(0.16,), (0.17,), (0.14, 0.16, 0.15, 0.17)])
+def test_a_stand_does_not_end_with_the_noise_of_a_reading(later_m: tuple[float, ...]):
+    """At 0.15 m it stands; up to 2 cm more, two steps of the ultrasonic, it stands on."""
+    assert after(0.16, 0.15, *later_m) == 0.0
+
+
+def test_a_stand_ends_at_once_when_the_way_is_free():
+    """From 3 cm more it drives, as fast as it can brake: 0.5 (sqrt(0.01 + 0.12) - 0.1); and so without an echo."""
+    assert after(0.15, 0.16, 0.18) == pytest.approx(0.1302776, abs=1e-6)
+    beams = update(PARAMETERS, seeing(FRONT, front=0.15), reading("front", None, RangeStatus.NO_ECHO))
+    assert limit(PARAMETERS, beams, AHEAD, 10.0) == (AHEAD, None)
+
+
+def test_before_a_stand_it_drives_up_to_the_stop_distance():
+    """At 0.16 m, 1 cm before a stand: 0.5 (sqrt(0.01 + 0.04) - 0.1) = 0.0618 m/s. Once free it does so again."""
+    assert after(0.2, 0.17, 0.16) == pytest.approx(0.0618034, abs=1e-6)
+    assert after(0.15, 0.18, 0.16) == pytest.approx(0.0618034, abs=1e-6)
+
+
+@pytest.mark.parametrize("twist", [BACK, SPIN, Twist2D(-0.1, -2.0)])
+def test_out_of_a_stand_it_backs_off_and_turns(twist: Twist2D):
+    """Whatever does not bring it closer is as it was asked for, within the hysteresis as well."""
+    beams = update(PARAMETERS, seeing(FRONT, front=0.15), reading("front", 0.16))
+    assert limit(PARAMETERS, beams, twist, 10.0) == (twist, None)
+
+
+def test_a_sensor_that_reads_nothing_nearer_stops_the_robot_there():
+    """An infrared sensor's band begins at 0.2 m: too near, then 0.21 and 0.22 m are a stand, 0.23 m is not.
+
+    Without a stand 0.21 m is a way: 0.5 (sqrt(0.01 + 0.24) - 0.1) = 0.2 m/s.
+    """
+    assert after(None, 0.21, 0.22, min_range_m=0.2) == 0.0
+    assert after(None, 0.21, 0.23, min_range_m=0.2) > 0.2
+    assert after(0.21, min_range_m=0.2) == pytest.approx(0.2)
 
 
 coordinate = st.floats(-0.3, 0.3)

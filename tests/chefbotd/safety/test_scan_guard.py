@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from chefbotd.core.geometry import STANDING, Twist2D, WheelVelocities
 from chefbotd.safety.guard import GuardParameters, ScanGuardParameters
 from chefbotd.safety.outline import Box, Disc, Outline
-from chefbotd.safety.scan_guard import NOT_SEEN, View, limit
+from chefbotd.safety.scan_guard import NOT_SEEN, View, blocked_after, limit
 from tests.budget import examples, sample
 
 PARAMS = GuardParameters(deceleration_m_s2=0.5, reaction_s=0.1, max_age_s=0.5)
@@ -65,6 +65,64 @@ def test_at_the_stop_distance_it_stands_and_may_leave(outline: Outline) -> None:
     assert driven(outline, Twist2D(-0.3, 0.0), ahead) == (Twist2D(-0.3, 0.0), None)
     turning, _ = driven(ROUND, Twist2D(0.0, -1.1), ahead)
     assert turning == Twist2D(0.0, -1.1)
+
+
+def stands(outline: Outline, steps: list[tuple[Twist2D, View]]) -> list[Twist2D]:
+    """What is left of each motion, in their order, before what is seen then."""
+    allowed, blocked = [], STANDING
+    for wanted, seen in steps:
+        motion, _ = limit(PARAMS, outline, [seen], wanted, NOW_S, blocked)
+        assert isinstance(motion, Twist2D)
+        blocked = blocked_after(blocked, wanted, motion)
+        allowed.append(motion)
+    return allowed
+
+
+def ahead_m(room_m: float) -> View:
+    """A wall so far beyond where a disc of 0.18 m stands: 0.18 + 0.02 + 0.05 = 0.25 m from its middle."""
+    return view(*wall(0.25 + room_m, -1, 0.25 + room_m, 1))
+
+
+@pytest.mark.parametrize("wanted", [Twist2D(0.3, 0.0), Twist2D(0.3, 0.02), Twist2D(0.15, -0.03)])
+def test_a_stand_does_not_end_with_the_noise_of_a_scan(wanted: Twist2D) -> None:
+    """Up to 2 cm more it does not go ahead, whatever it turns meanwhile; from there on it does, and anew to the end."""
+    readings = [ahead_m(room_m) for room_m in (0.0, 0.012, -0.01, 0.018, 0.04, 0.018)]
+    linear_m_s = [motion.linear_m_s for motion in stands(ROUND, [(wanted, seen) for seen in readings])]
+    assert linear_m_s[:4] == [0.0] * 4
+    assert all(0.01 < speed_m_s <= 0.3 for speed_m_s in linear_m_s[4:])
+
+
+def test_a_stand_ends_at_once_when_the_way_is_free_of_it() -> None:
+    """Who stood in the way has stepped aside: all of the motion."""
+    ahead = Twist2D(0.3, 0.0)
+    assert stands(ROUND, [(ahead, ahead_m(0.0)), (ahead, view((3.0, 0.0)))])[-1] == ahead
+
+
+def test_out_of_a_stand_every_other_direction_is_free() -> None:
+    """Ahead it stands; turning, backing off, and after that ahead again go on as if it had not stood."""
+    ahead, near = Twist2D(0.3, 0.0), ahead_m(0.0)
+    for other in (Twist2D(-0.3, 0.0), Twist2D(0.0, 0.7), Twist2D(-0.2, 0.4)):
+        assert stands(ROUND, [(ahead, near), (other, near)])[-1] == other
+    assert stands(ROUND, [(ahead, near), (Twist2D(0.0, 0.7), near), (ahead, ahead_m(0.015))])[-1] == STANDING
+    moved_off = stands(ROUND, [(ahead, near), (Twist2D(-0.3, 0.0), near), (ahead, ahead_m(0.015))])[-1]
+    assert moved_off.linear_m_s > 0.01
+
+
+def test_a_turn_that_was_brought_to_a_stand_has_the_hysteresis_too() -> None:
+    """A point 0.32 m from a long robot's middle touches the flank, 0.17 m with what is around it, at asin(17 / 32).
+
+    That is 0.56 rad; 0.05 m before that, 0.156 rad, it stands, and up to 0.07 m, 0.219 rad, it stands on. An arc of
+    which nothing was allowed does not bar the turn.
+    """
+    left, right, arc = Twist2D(0.0, 0.7), Twist2D(0.0, -0.7), Twist2D(0.02, 0.7)
+    within, just, beyond = (
+        view((0.32 * math.cos(0.56 + rad), 0.32 * math.sin(0.56 + rad))) for rad in (0.15, 0.2, 0.26)
+    )
+    assert stands(LONG, [(left, within), (left, just), (left, within)]) == [STANDING] * 3
+    assert stands(LONG, [(left, just)])[0].angular_rad_s > 0.05
+    assert stands(LONG, [(left, within), (left, beyond), (left, just)])[-1].angular_rad_s > 0.05
+    assert stands(LONG, [(left, within), (right, just), (left, just)])[-1].angular_rad_s > 0.05
+    assert blocked_after(STANDING, arc, STANDING) == Twist2D(1.0, 0.0)
 
 
 def test_a_wall_at_the_side_stops_nobody() -> None:

@@ -8,14 +8,11 @@ from functools import partial
 from chefbotd.sim.lidar import LidarFault
 from tests.scenarios.fault_run import Expected, Fault, FaultRun
 from tests.scenarios.faults.outcomes import DRIVES_ON
-from tests.scenarios.faults.wheels import wall
+from tests.scenarios.faults.wheels import OBSTACLE_S, wall
 
 LIDAR = {"name": "lidar", "model": "ld19", "device": "/dev/lidar", "mount_x_m": 0.05, "mount_z_m": 0.2}
 WITH_LIDAR = {"lidar": [LIDAR]}
 SOUNDS_WRONG = "the link to the lidar is not healthy"
-NOISE_SETTLED_S = 4.5
-"""Before a wall the nearest of many noisy readings counts: the robot moves on by millimetres for a while."""
-
 CRAWLS = Expected("armed", "silent:lidar", None, (SOUNDS_WRONG,))
 
 
@@ -66,7 +63,7 @@ _FAULTS = (
         "Obstacle that a lidar sees",
         "wall behind, seen by a lidar",
         wall,
-        Expected("armed", "obstacle:lidar", NOISE_SETTLED_S),
+        Expected("armed", "obstacle:lidar", OBSTACLE_S),
         twist=(-0.2, 0.0),
         leave=(0.2, 0.0),
         lasts_s=6.0,

@@ -223,7 +223,8 @@ BROKEN_ENCODERS = (
         latched("encoder_jumps", 0.5, "impossible encoder jump refused"),
     ),
 )
-OBSTACLE = Expected("armed", "obstacle:front", 3.0)
+OBSTACLE_S = 3.0
+OBSTACLE = Expected("armed", "obstacle:front", OBSTACLE_S)
 
 FAULTS = (
     *(

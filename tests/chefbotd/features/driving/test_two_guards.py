@@ -35,12 +35,15 @@ class Scans:
 LEFT = Pose2D(0.2, 0.0, math.pi / 2)
 
 
-def decided(
-    rule: Limit, wanted: Twist2D, *, enabled: bool = True, range_m: float = 3.0, mount: Pose2D = LEFT
-) -> Decision:
-    """The decision on a command, with a beam that looks left 0.2 m ahead of the base unless it is mounted elsewhere."""
-    bus, clock = Bus(), ManualClock(100.0)
-    parameters = SafetyParameters(guard=GuardParameters(enabled=enabled))
+def free(wanted: Twist2D) -> tuple[Twist2D, str | None]:
+    """Nothing in sight."""
+    return wanted, None
+
+
+def keeper_of(
+    bus: Bus, clock: ManualClock, parameters: SafetyParameters, mount: Pose2D, rule: Limit = free
+) -> SafetyKeeper:
+    """A keeper with an open link, one beam, and scans that allow what the rule says."""
     keeper = SafetyKeeper(
         bus,
         clock,
@@ -51,6 +54,16 @@ def decided(
         scans=lambda on_error: Scans(rule),
     )
     keeper.on_link(LinkOpened(100.0, "dev"))
+    return keeper
+
+
+def decided(
+    rule: Limit, wanted: Twist2D, *, enabled: bool = True, range_m: float = 3.0, mount: Pose2D = LEFT
+) -> Decision:
+    """The decision on a command, with a beam that looks left 0.2 m ahead of the base unless it is mounted elsewhere."""
+    bus, clock = Bus(), ManualClock(100.0)
+    parameters = SafetyParameters(guard=GuardParameters(enabled=enabled))
+    keeper = keeper_of(bus, clock, parameters, mount, rule)
     keeper.watch_wheels(100.0, (0.0, 0.0), FAST_M_S, reading((0.0, 0.0), 0.02))
     bus.publish(RangeMeasured(100.0, 100.0, "left", RangeStatus.OK, range_m, 0.02, 4.0, 0.1))
     keeper.accept(Command("teleop", wanted, 100.0), 1)
@@ -67,11 +80,6 @@ def no_right_turn(wanted: Twist2D) -> tuple[Twist2D, str | None]:
     if wanted.angular_rad_s >= 0:
         return wanted, None
     return Twist2D(wanted.linear_m_s, 0.0), "obstacle:top"
-
-
-def free(wanted: Twist2D) -> tuple[Twist2D, str | None]:
-    """Nothing in sight."""
-    return wanted, None
 
 
 def test_what_scans_allow_is_driven_and_the_lidar_is_named() -> None:
@@ -109,3 +117,22 @@ def test_a_guard_that_is_off_asks_nobody() -> None:
     """Neither beams nor scans."""
     decision = decided(no_driving, Twist2D(0.3, 0.4), enabled=False, range_m=0.15)
     assert (decision.motion, decision.limited_by) == (Twist2D(0.3, 0.4), None)
+
+
+def test_a_stand_before_a_wall_outlasts_the_noise_of_the_ultrasonic_while_the_driver_goes_on() -> None:
+    """0.2 m/s asked for all the time: from 0.15 m on it stands for 5 s, at 0.14 to 0.16 m; from 0.18 m on it drives."""
+    bus, clock = Bus(), ManualClock(100.0)
+    keeper = keeper_of(bus, clock, SafetyParameters(), Pose2D(0.15))
+
+    def driven(range_m: float) -> Decision:
+        clock.advance(0.05)
+        now_s = clock.now_s()
+        keeper.watch_wheels(now_s, (0.0, 0.0), FAST_M_S, reading((0.0, 0.0), 0.05))
+        bus.publish(RangeMeasured(now_s, now_s, "left", RangeStatus.OK, range_m, 0.02, 4.0, 0.1))
+        keeper.accept(Command("teleop", Twist2D(0.2, 0.0), now_s), 1)
+        return keeper.decide(now_s, driven=False)
+
+    assert driven(0.16).motion != STANDING
+    stands = [driven(0.15), *(driven(0.15 + 0.01 * (step % 3 - 1)) for step in range(100))]
+    assert {(decision.motion, decision.limited_by) for decision in stands} == {(STANDING, "obstacle:left")}
+    assert driven(0.18).motion != STANDING
