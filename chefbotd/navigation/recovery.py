@@ -98,18 +98,23 @@ def checked_progress(
     patience_s = WALKER_S if in_the_way.walks else STUCK_S * params.slower
     if now.now_s - since_s >= patience_s:
         return ProgressCheck(blocked, waits, stuck=why)
-    return _moved(params, ProgressCheck(blocked, waits), now)
+    return _moved(params, ProgressCheck(blocked, waits), now, why)
 
 
-def _moved(params: NavigationParameters, check: ProgressCheck, now: StepInput) -> ProgressCheck:
-    """The same, with the progress that the robot has made."""
+def _moved(
+    params: NavigationParameters,
+    check: ProgressCheck,
+    now: StepInput,
+    why: str = "the robot makes no progress",
+) -> ProgressCheck:
+    """The same, with the progress that the robot has made, or why it is stuck without any."""
     last = check.progress
     moved_m = math.hypot(now.pose.x_m - last.pose.x_m, now.pose.y_m - last.pose.y_m)
     turned_rad = abs(math.remainder(now.pose.heading_rad - last.pose.heading_rad, math.tau))
     if moved_m > MOVED_M or turned_rad > MOVED_RAD:
         return replace(check, progress=replace(last, moved_s=now.now_s, pose=now.pose))
     if now.now_s - last.moved_s > IDLE_S * params.slower:
-        return replace(check, stuck="the robot makes no progress")
+        return replace(check, stuck=why)
     return check
 
 

@@ -118,6 +118,15 @@ def test_a_robot_that_only_shivers_does_not_come_on() -> None:
     assert checked_progress(ROUND, here, at(7.1, turned), None).progress == LastProgress(7.1, turned)
 
 
+def test_a_robot_that_is_blocked_now_and_again_and_does_not_come_on_names_what_blocks_it() -> None:
+    """No progress for over 6 s, and blocked for a moment only: the place is known all the same."""
+    here = Pose2D(2.0, 1.0, 3.1)
+    check = checked_progress(
+        ROUND, LastProgress(1.0, here), at(7.1, here), InTheWay(" at (1.20, 0.40)", False)
+    )
+    assert check.stuck == "something is in the way at (1.20, 0.40)"
+
+
 def test_the_trail_holds_the_last_two_metres_forward() -> None:
     """A point each 0.06 m: 41 of 60 are kept; backwards, and nearer than 0.05 m, adds none."""
     trail: Trail = ()
