@@ -36,7 +36,10 @@ async def drive(robot: SimulatedRobot, linear_m_s: float, angular_rad_s: float, 
 
 
 def test_it_stands_before_what_is_behind_it_and_lets_itself_be_driven_away() -> None:
-    """A bag of 0.15 m, 0.9 m behind: backwards it stands 1 to 9 cm before it; then it drives off."""
+    """A bag of 0.15 m, 0.9 m behind: backwards it stands 1 to 10 cm before it; then it drives off.
+
+    5 cm, 2 cm of clearance, and what the nearest of many readings is too near by: 3 cm, three deviations.
+    """
 
     async def scenario() -> None:
         async with simulated_robot(robot_among((-0.9, 0.08, 0.15))) as robot:
@@ -46,7 +49,7 @@ def test_it_stands_before_what_is_behind_it_and_lets_itself_be_driven_away() -> 
             truth = robot.board.truth(0.0)
             backed_m = math.dist(START[:2], (truth.world_from_base.x_m, truth.world_from_base.y_m))
             gap_m = math.hypot(0.9 - backed_m, 0.08) - 0.15 - RADIUS_M
-            assert 0.01 < gap_m < 0.09
+            assert 0.01 < gap_m < 0.10
             assert abs(truth.twist.linear_m_s) < 0.005
             await drive(robot, 0.3, 0.0, 1.5)
             assert robot.board.truth(0.0).twist.linear_m_s == pytest.approx(0.3, abs=0.02)
