@@ -1,8 +1,8 @@
 """The manager's decisions: states of robots in, orders of VDA 5050 out. Time is an argument; the store is the memory.
 
 A robot drives by one order, whose base grows node by node as traffic releases moves: there is no horizon, and nothing is
-ever taken back. Its work (pick, drop) is an order of one node with one action. So a robot needs no more of the standard
-than orders, updates and actions.
+taken back but by ``cancelOrder``. Its work (pick, drop) is an order of one node with one action. So a robot needs no
+more of the standard than orders, updates, actions and ``cancelOrder``.
 
 Messages get lost. The robot's state says what it knows; what it lacks is sent again from there, under the same numbers,
 so that nothing is done twice. Only one update is on its way at a time.
@@ -15,9 +15,10 @@ from chefbot_vda5050.messages import ConnectionState, State
 
 from chefbot_fleet.assignment import Order as Errand
 from chefbot_fleet.assignment import assign
+from chefbot_fleet.cancellation import Cancellation
 from chefbot_fleet.corrections import check_way, corrected
 from chefbot_fleet.lanes import Space
-from chefbot_fleet.orders import Outgoing
+from chefbot_fleet.orders import CancelOrder, Outgoing
 from chefbot_fleet.records import FleetParameters, FleetRecords
 from chefbot_fleet.reports import Reports
 from chefbot_fleet.roadmap import Roadmap
@@ -44,7 +45,8 @@ class Fleet(FleetRecords):
         super().__init__(roadmap, homes, store, pace, parameters, now_s)
         self._space, self._is_connected = space, True
         self.strangers = Strangers(self)
-        self._reports, self._sending = Reports(self, self.strangers), Sending(self)
+        self._cancellation, self._sending = Cancellation(self), Sending(self)
+        self._reports = Reports(self, self.strangers, self._cancellation)
 
     # What people want
 
@@ -67,6 +69,10 @@ class Fleet(FleetRecords):
         self.store.save(order)
         self.orders[identifier] = order
         return order
+
+    def cancel_order(self, identifier: str) -> FleetOrder:
+        """Nobody wants an order any more; a robot that has begun is stopped. Again, it changes nothing."""
+        return self._cancellation.cancel(identifier)
 
     def remove_robot(self, name: str, now_s: float) -> None:
         """A vanished robot is gone: free its place, and give its order to another, unless it may have the load."""
@@ -146,7 +152,7 @@ class Fleet(FleetRecords):
 
     # What follows
 
-    def tick(self, now_s: float) -> list[Outgoing]:
+    def tick(self, now_s: float) -> list[Outgoing | CancelOrder]:
         """What is to be sent now; call it a few times a second."""
         self._watch(now_s)
         self._assign(now_s)
@@ -154,10 +160,16 @@ class Fleet(FleetRecords):
             self._sending.extend(self.vehicles[name], move)
         for vehicle in self.vehicles.values():
             robot = self.traffic.robots[vehicle.name]
-            if robot.work is not None and vehicle.action_id is None and robot.lost_s is None:
+            is_free = vehicle.action_id is None and robot.lost_s is None and not robot.held
+            if robot.work is not None and is_free:
                 self._sending.begin_work(vehicle)
-        outgoing = [self._sending.due(vehicle, now_s) for vehicle in self.vehicles.values()]
-        return [order for order in outgoing if order is not None]
+        outgoing = [
+            self._sending.due(vehicle, now_s)
+            if vehicle.cancel_id is None
+            else self._cancellation.due(vehicle, now_s)
+            for vehicle in self.vehicles.values()
+        ]
+        return [message for message in outgoing if message is not None]
 
     def _watch(self, now_s: float) -> None:
         if not self._is_connected:
@@ -185,7 +197,10 @@ class Fleet(FleetRecords):
         free = {
             robot.name: robot.last_released_node
             for robot in self.traffic.robots.values()
-            if robot.is_idle and robot.lost_s is None and self.contacts[robot.name].refusals < MOST_REFUSALS
+            if robot.is_idle
+            and robot.lost_s is None
+            and not robot.held
+            and self.contacts[robot.name].refusals < MOST_REFUSALS
         }
         for name, errand in assign(self.roadmap, free, waiting, now_s):
             order, vehicle = self.orders[errand.identifier], self.vehicles[name]

@@ -26,7 +26,7 @@ from chefbot_vda5050.messages import (
 from chefbot_vda5050.topics import EVERY, QOS, Headers, Kind, RobotName, parse_topic
 
 from chefbot_fleet.fleet import Fleet
-from chefbot_fleet.orders import Outgoing
+from chefbot_fleet.orders import CancelOrder, Outgoing
 from chefbot_fleet.web import FleetPage
 
 log = structlog.get_logger("fleet")
@@ -150,8 +150,12 @@ class Manager:
 
     async def _tick(self) -> None:
         while True:
-            for order in self.fleet.tick(self._clock()):
-                await self._send(order)
+            for message in self.fleet.tick(self._clock()):
+                if isinstance(message, CancelOrder):
+                    await self._send_action(message.robot, "cancelOrder", message.action_id)
+                else:
+                    await self._send(message)
+            self._tell()
             await asyncio.sleep(TICK_S)
 
     async def _send(self, order: Outgoing) -> None:
@@ -166,10 +170,11 @@ class Manager:
         await self._publish(order.robot, Kind.ORDER, message)
 
     async def _ask_for_state(self, name: str) -> None:
+        await self._send_action(name, "stateRequest", f"state-{time.time_ns()}")
+
+    async def _send_action(self, name: str, action_type: str, action_id: str) -> None:
         header = self._header(name).next(Kind.INSTANT_ACTIONS, time.time())
-        action = Action(
-            action_type="stateRequest", action_id=f"state-{time.time_ns()}", blocking_type=BlockingType.NONE
-        )
+        action = Action(action_type=action_type, action_id=action_id, blocking_type=BlockingType.NONE)
         await self._publish(name, Kind.INSTANT_ACTIONS, InstantActions(**header, actions=(action,)))
 
     async def _publish(self, name: str, kind: Kind, message: Message) -> None:

@@ -1,16 +1,14 @@
 """What a robot is sent: its order from where it has it, and what it says of an order that it refuses."""
 
+import math
 from itertools import pairwise
 
 from chefbot_vda5050.messages import Action, ActionParameter, BlockingType, Edge, Node, NodePosition, State
 
-from chefbot_fleet.places import AT_NODE_M
-from chefbot_fleet.roadmap import Roadmap
+from chefbot_fleet.places import AT_NODE_M, DEVIATION_M
+from chefbot_fleet.roadmap import Roadmap, distance_to_segment_m
 from chefbot_fleet.store import Vehicle
 from chefbotd.core.record import Record
-
-DEVIATION_M = 0.1
-"""So near a node a robot has passed it."""
 
 
 class Outgoing(Record, frozen=True):
@@ -23,6 +21,13 @@ class Outgoing(Record, frozen=True):
     edges: tuple[Edge, ...]
 
 
+class CancelOrder(Record, frozen=True):
+    """The instant action ``cancelOrder`` for a robot; the same ``action_id`` again changes nothing."""
+
+    robot: str
+    action_id: str
+
+
 def order_message(vehicle: Vehicle, state: State, roadmap: Roadmap, map_id: str) -> Outgoing:
     """The base from the last node on that the robot has of it."""
     nodes = [vehicle.node, *vehicle.base]
@@ -33,8 +38,9 @@ def order_message(vehicle: Vehicle, state: State, roadmap: Roadmap, map_id: str)
         begin = min(max((end - vehicle.sequence) // 2, 0), len(nodes) - 1)
     sequence = vehicle.sequence + 2 * begin
     nodes, is_known = nodes[begin:], state.order_id == vehicle.order_id
+    begin_m = DEVIATION_M if is_known else _beginning_m(state, nodes, roadmap)
     parts = tuple(
-        _node(vehicle, node, sequence + 2 * k, DEVIATION_M if k or is_known else AT_NODE_M, roadmap, map_id)
+        _node(vehicle, node, sequence + 2 * k, DEVIATION_M if k else begin_m, roadmap, map_id)
         for k, node in enumerate(nodes)
     )
     edges = tuple(
@@ -45,6 +51,18 @@ def order_message(vehicle: Vehicle, state: State, roadmap: Roadmap, map_id: str)
         for k, (a, b) in enumerate(pairwise(nodes))
     )  # fmt: skip
     return Outgoing(vehicle.name, vehicle.order_id, vehicle.update_id, parts, edges)
+
+
+def _beginning_m(state: State, nodes: list[int], roadmap: Roadmap) -> float:
+    """How far from its first node a robot may begin: as far as it is, where it stands on the first edge."""
+    position = state.agv_position
+    if position is None or len(nodes) < 2:
+        return AT_NODE_M
+    start, end = roadmap.points_m[nodes[0]], roadmap.points_m[nodes[1]]
+    point = (position.x, position.y)
+    if distance_to_segment_m(point, start, end) > AT_NODE_M:
+        return AT_NODE_M
+    return max(AT_NODE_M, math.dist(point, start) + DEVIATION_M)
 
 
 def _node(

@@ -6,21 +6,45 @@ from itertools import pairwise
 
 from chefbot_vda5050.messages import ENDED, State
 
-from chefbot_fleet.roadmap import Roadmap
+from chefbot_fleet.roadmap import Point, Roadmap, distance_to_segment_m
 from chefbot_fleet.store import Vehicle
 
 AT_NODE_M = 1.0
 """A robot that is new, or has lost its order, must be so near a node."""
 
+DEVIATION_M = 0.1
+"""So near a node a robot has passed it."""
+
 
 def nearest_node(state: State, nodes: Iterable[int], roadmap: Roadmap) -> int | None:
     """The node at which a robot is; None: it does not say where it is, or is at none of these."""
-    position = state.agv_position
-    if position is None or not position.position_initialized:
+    place = _point(state)
+    if place is None:
         return None
-    place = (position.x, position.y)
     node = min(nodes, key=lambda node: math.dist(roadmap.points_m[node], place))
     return node if math.dist(roadmap.points_m[node], place) <= AT_NODE_M else None
+
+
+def _point(state: State) -> Point | None:
+    position = state.agv_position
+    return None if position is None or not position.position_initialized else (position.x, position.y)
+
+
+def place_on_path(state: State, nodes: list[int], roadmap: Roadmap) -> tuple[int, int] | None:
+    """How many nodes of a path a robot has passed, and how many it needs ahead: 1 on an edge, 0 at a node.
+
+    None: it does not say where it is, or is beside the path.
+    """
+    point, path = _point(state), [roadmap.points_m[node] for node in nodes]
+    if point is None:
+        return None
+    nearest = min(range(len(path)), key=lambda k: math.dist(path[k], point))
+    if math.dist(path[nearest], point) <= (DEVIATION_M if len(path) > 1 else AT_NODE_M):
+        return nearest, 0
+    away_m = [distance_to_segment_m(point, *ends) for ends in pairwise(path)]
+    if not away_m or min(away_m) > AT_NODE_M:
+        return None
+    return away_m.index(min(away_m)), 1
 
 
 def reserved_for(node: int, others: Iterable[Vehicle], roadmap: Roadmap) -> str | None:

@@ -38,6 +38,8 @@ class Contact(Struct):
     sent: tuple[str, int] = ("", -1)
     refusals: int = 0
     foreign: str | None = None
+    cancel_sent_s: float = -math.inf
+    recalled_s: float = -math.inf
 
 
 class FleetRecords:
@@ -80,6 +82,7 @@ class FleetRecords:
             at_s = now_s + number * self.pace.duration_s(self.roadmap.length_m[edge])
             end_s = at_s + self.pace.duration_s(self.roadmap.length_m[edge])
             self.traffic.resume(robot, edge, a, b, at_s, end_s)
+        robot.held = vehicle.cancel_id is not None
         task = self.orders.get(vehicle.task) if vehicle.task is not None else None
         if task is not None:
             robot.stops, robot.stops_done = self.stops(task), vehicle.stops_done
@@ -91,9 +94,20 @@ class FleetRecords:
         dwell_s = self.parameters.dwell_s
         return Stop(self.roadmap.names[order.pick], dwell_s), Stop(self.roadmap.names[order.drop], dwell_s)
 
+    def advance(self, vehicle: Vehicle, count: int, now_s: float) -> None:
+        """A robot has reached so many more nodes of its base."""
+        for _ in range(count):
+            vehicle.node, vehicle.sequence = vehicle.base.pop(0), vehicle.sequence + 2
+            self.traffic.arrived(vehicle.name, now_s)
+        if count:
+            self.store.save(vehicle)
+
     def give_back(self, vehicle: Vehicle, order: FleetOrder, why: str) -> None:
         """For another robot, as long as this one has not begun to load: nobody fetches what was fetched already."""
-        if order.stage is Stage.PICKED or vehicle.action_id is not None:
+        has_load = vehicle.stops_done > 0 or vehicle.action_id is not None
+        if order.stage is Stage.CANCELLING:
+            order.stage, order.why = Stage.CANCELLED, f"{why}, perhaps with its load" if has_load else None
+        elif has_load:
             order.stage, order.why = Stage.FAILED, f"{why}, perhaps with its load"
         else:
             order.stage, order.robot = Stage.WAITING, None

@@ -4,7 +4,8 @@ import secrets
 
 from chefbot_vda5050.messages import ActionStatus, ConnectionState, OperatingMode, State
 
-from chefbot_fleet.places import nearest_node, reserved_for, why_not_taken
+from chefbot_fleet.cancellation import Cancellation
+from chefbot_fleet.places import nearest_node, place_on_path, reserved_for, why_not_taken
 from chefbot_fleet.records import Contact, FleetRecords
 from chefbot_fleet.sending import new_order
 from chefbot_fleet.store import Stage, Vehicle
@@ -14,27 +15,37 @@ from chefbot_fleet.strangers import Strangers
 class Reports:
     """Takes states into the fleet's records."""
 
-    def __init__(self, fleet: FleetRecords, strangers: Strangers) -> None:
-        self._fleet, self._strangers = fleet, strangers
+    def __init__(self, fleet: FleetRecords, strangers: Strangers, cancellation: Cancellation) -> None:
+        self._fleet, self._strangers, self._cancellation = fleet, strangers, cancellation
 
     def take(self, name: str, state: State, now_s: float) -> None:
         """A state; the first one of a new robot takes it into the fleet."""
         vehicle = self._fleet.vehicles.get(name) or self._adopt(name, state, now_s)
         if vehicle is None:
             self._strangers.hear(name, state, now_s)
+            self._cancellation.clear_way(name, now_s)
             return
         contact = self._fleet.contacts[name]
         contact.seen_s, contact.state, contact.connection = now_s, state, ConnectionState.ONLINE
         if self._strangers.leave_alone(vehicle, state, now_s):
+            self._cancellation.clear_way(name, now_s)
             return
         if state.order_id == vehicle.order_id:
             self._progress(vehicle, state, now_s)
+        if vehicle.cancel_id is not None:
+            self._cancellation.on_state(vehicle, state, now_s)
+        else:
+            self._put_right(vehicle, state, now_s)
+        if self._fleet.traffic.robots[name].lost_s is not None:
+            self._fleet.traffic.find(name, now_s)
+
+    def _put_right(self, vehicle: Vehicle, state: State, now_s: float) -> None:
+        """What the robot has lost, or is not where it was."""
+        if state.order_id == vehicle.order_id:
             self._replace_deleted(vehicle, state, now_s)
         elif vehicle.order_id:
             self._find_again(vehicle, state, now_s)
         self._follow(vehicle, state, now_s)
-        if self._fleet.traffic.robots[name].lost_s is not None:
-            self._fleet.traffic.find(name, now_s)
 
     def _follow(self, vehicle: Vehicle, state: State, now_s: float) -> None:
         """A robot that stands without an order of ours, and far from where it stood: carried, or it was wrong before.
@@ -88,27 +99,23 @@ class Reports:
         return vehicle
 
     def _progress(self, vehicle: Vehicle, state: State, now_s: float) -> None:
-        changed = False
-        while vehicle.base and state.last_node_sequence_id >= vehicle.sequence + 2:
-            vehicle.node, vehicle.sequence = vehicle.base.pop(0), vehicle.sequence + 2
-            self._fleet.traffic.arrived(vehicle.name, now_s)
-            changed = True
-        if changed:
-            self._fleet.store.save(vehicle)
+        passed = (state.last_node_sequence_id - vehicle.sequence) // 2
+        self._fleet.advance(vehicle, min(max(passed, 0), len(vehicle.base)), now_s)
         for action in state.action_states:
             if vehicle.action_id is not None and action.action_id == vehicle.action_id:
                 if action.action_status is ActionStatus.FINISHED:
                     self._worked(vehicle)
-                elif action.action_status is ActionStatus.FAILED:
+                elif action.action_status is ActionStatus.FAILED and vehicle.cancel_id is None:
                     self._failed(vehicle, action.result_description or "its action failed", now_s)
 
     def _worked(self, vehicle: Vehicle) -> None:
         order = self._fleet.orders[vehicle.task or ""]
         self._fleet.traffic.worked(vehicle.name)
         vehicle.stops_done, vehicle.action_id = vehicle.stops_done + 1, None
-        order.stage = Stage.PICKED if vehicle.stops_done == 1 else Stage.DONE
-        if order.stage is Stage.DONE:
-            vehicle.task = None
+        if vehicle.stops_done == 2:
+            order.stage, vehicle.task = Stage.DONE, None
+        elif order.stage is not Stage.CANCELLING:
+            order.stage = Stage.PICKED
         self._fleet.store.save(order, vehicle)
 
     def _failed(self, vehicle: Vehicle, why: str, now_s: float) -> None:
@@ -136,8 +143,5 @@ class Reports:
         """
         if state.driving or state.node_states or not vehicle.base:
             return
-        nearest = nearest_node(state, [vehicle.node, *vehicle.base], self._fleet.roadmap)
-        while nearest is not None and vehicle.node != nearest:
-            vehicle.node, vehicle.sequence = vehicle.base.pop(0), vehicle.sequence + 2
-            self._fleet.traffic.arrived(vehicle.name, now_s)
-            self._fleet.store.save(vehicle)
+        passed, _ = place_on_path(state, [vehicle.node, *vehicle.base], self._fleet.roadmap) or (0, 0)
+        self._fleet.advance(vehicle, passed, now_s)

@@ -187,6 +187,11 @@ class Roadmap(Struct, frozen=True, dict=True):
         return Roadmap((*self.points_m, point), (*self.edges, (neighbour, number)), self.separation_m, names)
 
 
+def distance_to_segment_m(point: Point, start: Point, end: Point) -> float:
+    """How far a point is from a segment."""
+    return float(to_segment_m(np.array(point), np.array(start), np.array(end)))
+
+
 def segment_distances_m(first: Floats, second: Floats) -> Floats:
     """The least distance between segments (n, 4) and (m, 4): (n, m); a point is a segment without length."""
     a, b = first[:, None, :2], first[:, None, 2:]

@@ -41,7 +41,7 @@ class Robot(Struct, eq=False):
     """A robot's place and plan: it stands at ``node`` or is on the first of the ``released`` moves.
 
     ``stops`` are the work that is left, the first one next. ``lost_s`` is when it vanished. Without moves and not at its
-    ``home`` it waits for a plan.
+    ``home`` it waits for a plan. Nothing is released to it while it is ``held``.
     """
 
     name: str
@@ -54,6 +54,7 @@ class Robot(Struct, eq=False):
     ready_s: float = -math.inf
     lost_s: float | None = None
     tried_s: float = -math.inf
+    held: bool = False
 
     @property
     def last_released_node(self) -> int:

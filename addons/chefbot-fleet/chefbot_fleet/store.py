@@ -24,6 +24,8 @@ class Stage(StrEnum):
     WAITING = "waiting"
     ASSIGNED = "assigned"
     PICKED = "picked"
+    CANCELLING = "cancelling"
+    CANCELLED = "cancelled"
     DONE = "done"
     FAILED = "failed"
 
@@ -45,6 +47,7 @@ class Vehicle(Struct):
 
     ``sequence`` is the sequenceId of ``node``, which it reached last; those of ``base`` follow in steps of two.
     ``series`` tells its orders from those of an earlier time in the fleet.
+    ``cancel_id`` is the ``cancelOrder`` that it has not answered yet.
     """
 
     name: str
@@ -59,6 +62,7 @@ class Vehicle(Struct):
     stops_done: int = 0
     action_id: str | None = None
     series: str = "0"
+    cancel_id: str | None = None
 
 
 class Correction(Struct):

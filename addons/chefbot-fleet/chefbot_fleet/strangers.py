@@ -1,7 +1,7 @@
 """Robots that the manager hears of and does not drive, and other managers that drive robots: told, and left alone.
 
 Where such a robot is, and what it says that it drives to, is taken as long as it is there: its place is not planned
-through. The manager cannot stop it, so what was released to others before stays released.
+through. Who was sent there before is stopped (``cancellation``).
 """
 
 from typing import Final

@@ -61,7 +61,7 @@ class Traffic:
     def assign(self, name: str, stops: Sequence[Stop], now_s: float) -> bool:
         """Give an idle robot work; False if it fits no plan yet, and the robot keeps the plan that it has."""
         robot = self.robots[name]
-        if robot.lost_s is not None or not robot.is_idle:
+        if robot.lost_s is not None or robot.held or not robot.is_idle:
             return False
         self._schedule.retime(now_s)
         steps = self._schedule.steps(robot, tuple(stops), now_s, self._schedule.reservations(robot))
@@ -116,7 +116,9 @@ class Traffic:
         return [(robot.name, move) for robot in self.robots.values() for move in self._released(robot, now_s)]
 
     def _released(self, robot: Robot, now_s: float) -> Iterator[Move]:
-        while robot.lost_s is None and robot.released < min(self._horizon, len(robot.moves)):
+        while (
+            robot.lost_s is None and not robot.held and robot.released < min(self._horizon, len(robot.moves))
+        ):
             move = robot.moves[robot.released]
             if move.after or move.stops_done > robot.stops_done:
                 return
@@ -161,6 +163,17 @@ class Traffic:
     def occupied(self) -> dict[str, tuple[Point, ...]]:
         """The paths of robots that have no plan here."""
         return {name: occupied.path for name, occupied in self._schedule.occupied.items()}
+
+    def released_into(self, name: str) -> list[str]:
+        """The robots to which a move was released that is not over and leads where this one is, without a plan here."""
+        occupied = self._schedule.occupied.get(name)
+        return [
+            robot.name
+            for robot in self.robots.values()
+            if occupied is not None
+            and robot.name != name
+            and any(move.edge in occupied.edges for move in robot.moves[: robot.released])
+        ]
 
     def vacate(self, name: str) -> None:
         """Tell that such a robot is there no more."""

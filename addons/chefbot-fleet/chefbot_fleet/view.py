@@ -26,8 +26,8 @@ def fleet_view(fleet: Fleet, now_s: float) -> dict[str, Any]:
     """All robots, what they have reserved and wait for, and all orders that are not done, with the latest that are."""
     names = {node: name for name, node in fleet.roadmap.names.items()}
     orders = list(fleet.orders.values())
-    finished = [order for order in orders if order.stage is Stage.DONE]
-    open_orders = [order for order in orders if order.stage is not Stage.DONE]
+    ended = [order for order in orders if order.stage in (Stage.DONE, Stage.CANCELLED)]
+    open_orders = [order for order in orders if order.stage not in (Stage.DONE, Stage.CANCELLED)]
     return {
         "robots": [_robot(fleet, name, names, now_s) for name in fleet.vehicles],
         "orders": [
@@ -40,9 +40,9 @@ def fleet_view(fleet: Fleet, now_s: float) -> dict[str, Any]:
                 "why": order.why,
                 "age_s": round(now_s - order.since_s),
             }
-            for order in [*open_orders, *finished[-LATEST:]]
+            for order in [*open_orders, *ended[-LATEST:]]
         ],
-        "done": len(finished),
+        "done": sum(order.stage is Stage.DONE for order in orders),
         "deadlocks": fleet.traffic.deadlocks,
         "ignored": fleet.ignored,
         "strangers": [_stranger(fleet, name, now_s) for name in fleet.strangers.robots],
@@ -96,6 +96,8 @@ def _doing(fleet: Fleet, name: str, names: dict[int, str]) -> str:
         return "does another manager's order, and is left alone"
     if robot.lost_s is not None:
         return "vanished: its place stays reserved until it is back or removed"
+    if vehicle.cancel_id is not None:
+        return "is stopped by cancelOrder"
     if vehicle.action_id is not None:
         return f"{'picks' if vehicle.stops_done == 0 else 'drops'} at {names.get(vehicle.node, vehicle.node)}"
     if not robot.moves:

@@ -37,6 +37,12 @@ class NewOrder(Struct, forbid_unknown_fields=True):
     drop: str
 
 
+class Cancelled(Struct, forbid_unknown_fields=True):
+    """The body of ``POST /api/orders/cancel``; sent again it changes nothing."""
+
+    id: str
+
+
 class Removed(Struct, forbid_unknown_fields=True):
     """The body of ``POST /api/robots/remove``."""
 
@@ -75,6 +81,7 @@ class FleetPage:
         application.router.add_get("/api/fleet", self._state)
         application.router.add_get("/metrics", self._metrics)
         application.router.add_post("/api/orders", self._order)
+        application.router.add_post("/api/orders/cancel", self._cancel)
         application.router.add_post("/api/robots/remove", self._remove)
         application.router.add_post("/api/corrections", self._correct)
         return application
@@ -116,6 +123,9 @@ class FleetPage:
     async def _order(self, request: web.Request) -> web.StreamResponse:
         order = msgspec.json.decode(await request.read(), type=NewOrder)
         return _json(self._fleet.add_order(order.id, order.pick, order.drop, self._clock()))
+
+    async def _cancel(self, request: web.Request) -> web.StreamResponse:
+        return _json(self._fleet.cancel_order(msgspec.json.decode(await request.read(), type=Cancelled).id))
 
     async def _remove(self, request: web.Request) -> web.StreamResponse:
         self._fleet.remove_robot(msgspec.json.decode(await request.read(), type=Removed).name, self._clock())

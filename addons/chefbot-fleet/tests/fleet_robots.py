@@ -33,7 +33,7 @@ class StandardRobot:
         self.refuses: str | None = None
         self.errors: tuple[Error, ...] = ()
         self.mode = OperatingMode.AUTOMATIC
-        self._headers = 0
+        self._headers = self.stops = 0
         self.restart()
 
     def restart(self) -> None:
@@ -42,9 +42,28 @@ class StandardRobot:
         self.ahead: list[Node] = []
         self.end: Node | None = None
         self.actions: list[ActionState] = []
+        self.instant: list[ActionState] = []
         self._begun_s: float | None = None
         self._work_s: float | None = None
         self._pending: list[tuple[str, str]] = []
+
+    def cancel(self, action_id: str) -> None:
+        """6.9.2: asked, and answered with the next step; the same id again changes nothing."""
+        if all(one.action_id != action_id for one in self.instant):
+            self.instant.append(ActionState(action_id=action_id, action_status=ActionStatus.RUNNING))
+
+    def _stop(self) -> None:
+        """Stand where it is, which is in the middle of an edge that it was on, and delete the order."""
+        ended = ActionStatus.FINISHED if self.ahead or self._pending else ActionStatus.FAILED
+        self.stops += ended is ActionStatus.FINISHED
+        if self.ahead and self._begun_s is not None and (position := self.ahead[0].node_position) is not None:
+            self.point = ((self.point[0] + position.x) / 2, (self.point[1] + position.y) / 2)
+        failed = [ActionState(action_id=one, action_status=ActionStatus.FAILED) for one, _ in self._pending]
+        self.actions += failed
+        self.ahead, self._pending, self._begun_s, self._work_s = [], [], None, None
+        running = [one for one in self.instant if one.action_status is ActionStatus.RUNNING]
+        self.instant = [one for one in self.instant if one not in running]
+        self.instant += [ActionState(action_id=one.action_id, action_status=ended) for one in running]
 
     def take_by_hand(self) -> None:
         """6.10.6: the order is deleted, and its id stays."""
@@ -92,8 +111,10 @@ class StandardRobot:
         self.order, self.end = (order.order_id, order.update_id), order.nodes[-1]
 
     def step(self, now_s: float) -> None:
-        """Drive and work."""
-        if self._pending:
+        """Stop if it was asked to, or drive and work."""
+        if any(one.action_status is ActionStatus.RUNNING for one in self.instant):
+            self._stop()
+        elif self._pending:
             self._work_s = now_s if self._work_s is None else self._work_s
             if now_s >= self._work_s + 3.0:
                 action_id, kind = self._pending.pop(0)
@@ -138,7 +159,7 @@ class StandardRobot:
                 for node in self.ahead
             ),
             edge_states=(),
-            action_states=(*self.actions, *self._open()),
+            action_states=(*self.instant, *self.actions, *self._open()),
             battery_state=BatteryState(battery_charge=80.0, charging=False),
             errors=self.errors,
             safety_state=SafetyState(e_stop=EStop.NONE, field_violation=False),

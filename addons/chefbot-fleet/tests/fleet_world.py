@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 from chefbot_fleet.fleet import Fleet
+from chefbot_fleet.orders import CancelOrder, Outgoing
 from chefbot_fleet.records import FleetParameters
 from chefbot_fleet.roadmap import Roadmap
 from chefbot_fleet.routes import Pace
@@ -90,7 +91,15 @@ class World:
                 self.fleet.on_state(robot.name, robot.state(), self.now_s)
         for outgoing in self.fleet.tick(self.now_s):
             if self.passes() and outgoing.robot in self.robots:
-                self.robots[outgoing.robot].receive(outgoing)
+                self.deliver(outgoing)
+
+    def deliver(self, outgoing: Outgoing | CancelOrder) -> None:
+        """A message reaches its robot."""
+        robot = self.robots[outgoing.robot]
+        if isinstance(outgoing, CancelOrder):
+            robot.cancel(outgoing.action_id)
+        else:
+            robot.receive(outgoing)
 
     def run(self, most_s: float) -> None:
         """Until every order is done."""

@@ -214,8 +214,9 @@ def test_a_robot_that_falls_silent_with_anothers_order_can_be_removed(world: Wor
 def test_another_manager_on_the_broker_is_said_once_and_shown_for_a_minute(world: World) -> None:
     """Whatever this one sends is its own."""
     sent = world.fleet.tick(world.now_s)
-    for order in sent:
-        world.fleet.on_order("r0", order.order_id, world.now_s)
+    for message in sent:
+        assert isinstance(message, Outgoing)
+        world.fleet.on_order("r0", message.order_id, world.now_s)
     assert sent
     assert world.fleet.notices == []
     for order_id in ("x1", "x2"):
@@ -242,9 +243,10 @@ def test_two_managers_with_databases_of_their_own_do_not_fight_for_a_robot(tmp_p
         second.now_s = first.now_s
         for robot in first.robots.values():
             second.fleet.on_state(robot.name, robot.state(), second.now_s)
-        for order in second.fleet.tick(second.now_s):
-            first.fleet.on_order(order.robot, order.order_id, first.now_s)
-            first.robots[order.robot].receive(order)
+        for message in second.fleet.tick(second.now_s):
+            if isinstance(message, Outgoing):
+                first.fleet.on_order(message.robot, message.order_id, first.now_s)
+            first.deliver(message)
     assert [robot.refused for robot in first.robots.values()] == [[], []]
     assert first.done_by_two() == 0
     assert sum(order.stage is Stage.DONE for order in first.fleet.orders.values()) >= 3

@@ -212,3 +212,23 @@ def test_an_order_without_a_name_or_with_a_novel_for_one_is_refused(fleet: Fleet
 
     assert asyncio.run(give("")) == asyncio.run(give("a" * 101)) == 400
     assert asyncio.run(give("a" * 100)) == 200
+
+
+def test_an_order_is_cancelled_with_the_token_and_unknown_ones_are_refused(fleet: Fleet) -> None:
+    """The answer is the order; without the token nothing changes."""
+    page = FleetPage(fleet, TOKEN, lambda: 0.0)
+    fleet.add_order("a", "counter", "table", 0.0)
+    right = {"Authorization": f"Bearer {TOKEN}"}
+
+    async def scenario() -> list[tuple[int, Any]]:
+        async with TestClient(TestServer(page.application())) as client:
+            answers = []
+            for name, headers in (("a", {}), ("b", right), ("a", right), ("a", right)):
+                answer = await client.post("/api/orders/cancel", headers=headers, json={"id": name})
+                answers.append((answer.status, await answer.json()))
+            return answers
+
+    answers = asyncio.run(scenario())
+    assert [status for status, _ in answers] == [401, 400, 200, 200]
+    assert answers[1][1] == {"error": "there is no order 'b'"}
+    assert [answer["stage"] for _, answer in answers[2:]] == ["cancelled", "cancelled"]

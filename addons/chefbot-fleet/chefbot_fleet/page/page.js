@@ -1,6 +1,7 @@
 // Draws the fleet once a second. Text from elsewhere is only ever set as text.
 const SVG = "http://www.w3.org/2000/svg";
 const COLOURS = ["#06c", "#c30", "#080", "#808", "#a60", "#088", "#555", "#c08", "#660", "#00a"];
+const CANCELLABLE = ["waiting", "assigned", "picked"];
 const byId = (id) => document.getElementById(id);
 let roadmap = null;
 let chosen = [];
@@ -112,6 +113,13 @@ function removeButton(robot) {
   return made;
 }
 
+function cancelButton(order) {
+  const made = document.createElement("button");
+  made.textContent = "Cancel";
+  made.addEventListener("click", () => command("/api/orders/cancel", { id: order.id }));
+  return made;
+}
+
 const percent = (charge) => (charge === null ? "" : `${Math.round(charge)} %`);
 
 // Sentences, and a button for each robot that is silent and not in the fleet: a list that stays where it is.
@@ -144,7 +152,7 @@ function list(fleet) {
     ],
   })));
   fill(byId("orders"), fleet.orders.map((order) => ({
-    key: order.id,
+    key: `${order.id} ${CANCELLABLE.includes(order.stage)}`,
     cells: [
       { text: order.id },
       { text: order.stage },
@@ -153,6 +161,7 @@ function list(fleet) {
       { text: order.robot ?? "" },
       { text: `${order.age_s} s`, title: "Age" },
       { text: order.why ?? "", wide: true },
+      CANCELLABLE.includes(order.stage) ? { node: () => cancelButton(order) } : { text: "" },
     ],
   })));
   const gone = fleet.strangers.filter((one) => one.lost);
