@@ -51,7 +51,6 @@ class Cancellation:
     def _ask(self, vehicle: Vehicle, order: FleetOrder | None = None) -> None:
         if vehicle.cancel_id is None:
             vehicle.cancel_id = f"cancel-{vehicle.series}.{vehicle.trips}"
-        self._fleet.traffic.robots[vehicle.name].held = True
         self._fleet.store.save(*([vehicle] if order is None else [order, vehicle]))
 
     def due(self, vehicle: Vehicle, now_s: float) -> CancelOrder | None:
@@ -85,12 +84,10 @@ class Cancellation:
 
     def _stand_still(self, vehicle: Vehicle, state: State, now_s: float) -> None:
         """Of what was released the robot keeps the edge on which it stands, and gets an order to drive to its end."""
-        traffic = self._fleet.traffic
         found = place_on_path(state, [vehicle.node, *vehicle.base], self._fleet.roadmap)
         begin, keep = found or (0, min(len(vehicle.base), 1))
         self._fleet.advance(vehicle, begin, now_s)
         vehicle.base, vehicle.order_id = vehicle.base[:keep], ""
         if vehicle.base:
             new_order(vehicle, "drive")
-        traffic.take_back(vehicle.name, keep)
-        traffic.robots[vehicle.name].held = False
+        self._fleet.traffic.take_back(vehicle.name, keep)

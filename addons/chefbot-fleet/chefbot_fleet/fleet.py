@@ -156,6 +156,9 @@ class Fleet(FleetRecords):
         """What is to be sent now; call it a few times a second."""
         self._watch(now_s)
         self._assign(now_s)
+        for vehicle in self.vehicles.values():  # who is at work ends it, though a new plan leads away first
+            is_busy = vehicle.action_id is not None or vehicle.cancel_id is not None
+            self.traffic.robots[vehicle.name].held = is_busy
         for name, move in self.traffic.release(now_s):
             self._sending.extend(self.vehicles[name], move)
         for vehicle in self.vehicles.values():

@@ -82,11 +82,10 @@ class FleetRecords:
             at_s = now_s + number * self.pace.duration_s(self.roadmap.length_m[edge])
             end_s = at_s + self.pace.duration_s(self.roadmap.length_m[edge])
             self.traffic.resume(robot, edge, a, b, at_s, end_s)
-        robot.held = vehicle.cancel_id is not None
         task = self.orders.get(vehicle.task) if vehicle.task is not None else None
         if task is not None:
             robot.stops, robot.stops_done = self.stops(task), vehicle.stops_done
-        if robot.work is None:
+        if not robot.is_at_stop:
             vehicle.action_id = None
 
     def stops(self, order: FleetOrder) -> tuple[Stop, ...]:

@@ -62,13 +62,14 @@ class Robot(Struct, eq=False):
         return self.moves[self.released - 1].target if self.released else self.node
 
     @property
+    def is_at_stop(self) -> bool:
+        """Whether it stands where it has work."""
+        return not self.released and not self.is_idle and self.stops[self.stops_done].node == self.node
+
+    @property
     def work(self) -> Stop | None:
-        """The work that is due where the robot stands."""
-        if (
-            self.released
-            or self.stops_done >= len(self.stops)
-            or self.stops[self.stops_done].node != self.node
-        ):
+        """The work that is due where the robot stands; None where it has to get out of somebody's way first."""
+        if not self.is_at_stop:
             return None
         leaves_first = bool(self.moves) and self.moves[0].stops_done <= self.stops_done
         return None if leaves_first else self.stops[self.stops_done]

@@ -100,7 +100,7 @@ class Traffic:
     def worked(self, name: str) -> None:
         """Tell that the work is done where the robot stands."""
         robot = self.robots[name]
-        if robot.work is None:
+        if not robot.is_at_stop:
             raise ValueError(f"{name}: no work is due at node {robot.node}")
         robot.stops_done += 1
         robot.ready_s = -math.inf

@@ -11,6 +11,7 @@ from chefbot_fleet.records import FleetParameters
 from chefbot_fleet.roadmap import Roadmap
 from chefbot_fleet.routes import Pace
 from chefbot_fleet.store import Stage, Store
+from chefbot_vda5050.messages import ConnectionState
 from fleet_robots import StandardRobot
 
 from chefbotd.core.geometry import Pose2D
@@ -128,6 +129,23 @@ class World:
             self.broker_down_until_s = self.now_s + self.chance.uniform(1.0, 40.0)
         else:
             self.robots["r0"].restart()
+        self.run(1000.0)
+
+    def kill_robots_and_go_on(self, times: int) -> None:
+        """A robot at a random moment, again and again; then on, until every order is done.
+
+        Its connection breaks, and up to two seconds later it is there again, without its order.
+        """
+        for _ in range(times):
+            for _ in range(self.chance.randrange(1, 8)):
+                self.step()
+            name = self.chance.choice(sorted(self.robots))
+            robot = self.robots.pop(name)
+            self.fleet.on_connection(name, ConnectionState.BROKEN, self.now_s)
+            for _ in range(self.chance.randrange(5)):
+                self.step()
+            robot.restart()
+            self.robots[name] = robot
         self.run(1000.0)
 
     def lost(self) -> int:

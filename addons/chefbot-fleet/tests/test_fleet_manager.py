@@ -63,6 +63,18 @@ def test_killed_at_a_random_moment_and_nothing_is_lost_or_doubled(
     assert world.repeated() <= (1 if victim == "robot" else 0)
 
 
+@pytest.mark.parametrize("seed", range(4))
+def test_robots_are_killed_again_and_again_and_nothing_is_lost_or_done_by_two(
+    roadmap: Roadmap, tmp_path: Path, seed: int
+) -> None:
+    """One of three, 25 times: plans are made anew while robots are at work, who end it before they drive on."""
+    world = World(roadmap, tmp_path / "fleet.db", robots=3, seed=seed)
+    world.give(6)
+    world.kill_robots_and_go_on(25)
+    assert (world.lost(), world.done_by_two()) == (0, 0)
+    assert all(robot.refused == [] for robot in world.robots.values())
+
+
 def test_an_order_sent_twice_is_one_order(world: World) -> None:
     """Another one of the same name, an unknown place and a way to nowhere are refused."""
     first = world.fleet.add_order("a", "counter", "table", 0.0)
