@@ -1,8 +1,8 @@
 """Kills at random moments: ``python addons/chefbot-fleet/benchmarks/kills.py`` (KILLS=50 of each kind).
 
 Two robots that keep to the standard bring four orders in simulated time; the manager, the broker or a robot is killed
-once at a random moment, and started again; in the last line one of three robots 25 times. The manager has nothing but its
-database then, the robot forgets its order.
+once at a random moment, and started again; in the last line one of three robots 25 times. The manager has nothing but
+its database then, the robot forgets its order.
 """
 
 import os
