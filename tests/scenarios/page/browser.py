@@ -17,17 +17,20 @@ import pytest
 from chefbotd.client import SyncClient
 from chefbotd.settings import packaged
 from chefbotd.transport.ports import reserve_port
+from tests.waiting import PATIENCE_S
 
 HERE = all(map(find_spec, ("playwright", "axe_playwright_python", "aiohttp")))
 if HERE:
     from axe_playwright_python.sync_playwright import Axe
     from playwright import sync_api
+
+    sync_api.expect.set_options(timeout=1000 * PATIENCE_S)
 CHROMIUM = shutil.which("chromium")
 NEEDS_BROWSER = pytest.mark.skipif(
     CHROMIUM is None or not HERE,
     reason="the page needs a browser (apt-get install chromium) and the extras 'dev' and 'page'",
 )
-PATIENCE_MS = 60_000
+PATIENCE_MS = 1000 * PATIENCE_S
 MOVES_M_S, STANDS_M_S = 0.05, 0.01
 PROGRAM = [sys.executable, "-c", "from chefbotd.start import chefbotd; chefbotd()"]
 
@@ -69,14 +72,15 @@ class RunningRobot:
             )
         try:
             with self.client() as robot:
-                robot.wait_until_armed(PATIENCE_MS / 1000)
+                robot.wait_until_armed(PATIENCE_S)
         except BaseException:
             self.end(signal.SIGKILL)
             raise
 
     def client(self) -> SyncClient:
         """A client of the command socket; the program has a while to begin listening."""
-        for _ in range(600):
+        ends_s = time.monotonic() + PATIENCE_S
+        while time.monotonic() < ends_s:
             try:
                 return SyncClient.connect("127.0.0.1", self.api_port, token=self.token)
             except OSError:
@@ -87,7 +91,7 @@ class RunningRobot:
     def end(self, number: int = signal.SIGINT) -> None:
         """End the program by a signal."""
         self.process.send_signal(number)
-        self.process.wait(20.0)
+        self.process.wait(PATIENCE_S)
 
     @property
     def url(self) -> str:
@@ -112,7 +116,7 @@ def mode_is(page: Any, words: "str | re.Pattern[str]") -> None:
     sync_api.expect(page.locator("#mode-word")).to_have_text(words, timeout=PATIENCE_MS)
 
 
-def until(happens: Callable[[], bool], within_s: float = 60.0) -> bool:
+def until(happens: Callable[[], bool], within_s: float = PATIENCE_S) -> bool:
     """Whether something happens in time."""
     end_s = time.monotonic() + within_s
     while time.monotonic() < end_s:
@@ -249,8 +253,8 @@ class FakeDaemon:
         return any(name == method for name, _ in self.asked)
 
     def last(self, method: str) -> dict[str, Any]:
-        """The parameters of the latest request of a method."""
-        self._page.wait_for_timeout(50)
+        """The parameters of the latest request of a method; waits until there is one."""
+        assert until(lambda: self.was_asked(method)), f"{method} was not asked"
         return [params for name, params in self.asked if name == method][-1]
 
     def opened(self, url: str) -> None:

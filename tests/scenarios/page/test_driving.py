@@ -67,9 +67,15 @@ def test_what_may_hide_the_end_of_a_key_ends_the_driving(page: Any, daemon: Fake
         page.keyboard.down(event.partition(" ")[2])
     else:
         page.evaluate("name => { document.body.dispatchEvent(new Event(name, { bubbles: true })) }", event)
-    page.wait_for_timeout(1500)
-    asked = [(name, params) for name, params in daemon.asked[before:] if name in ("drive", "release_control")]
-    assert asked[-2:] == [("drive", {"linear_m_s": 0, "angular_rad_s": 0}), ("release_control", {})]
+    ends = [("drive", {"linear_m_s": 0, "angular_rad_s": 0}), ("release_control", {})]
+
+    def last_asked() -> list[tuple[str, dict[str, Any]]]:
+        daemon.was_asked("drive")  # playwright hands over what has come
+        return [each for each in daemon.asked[before:] if each[0] in ("drive", "release_control")][-2:]
+
+    assert until(lambda: last_asked() == ends)
+    page.wait_for_timeout(1000)  # longer than a key that drives takes to ask again
+    assert last_asked() == ends
 
 
 def test_the_emergency_stop_is_a_key_and_a_button(page: Any, robot: RunningRobot) -> None:

@@ -138,7 +138,7 @@ def test_poses_are_typed_where_nobody_can_click(page: Any, daemon: FakeDaemon) -
     assert daemon.last("set_pose") == {"x_m": 1.5, "y_m": -0.25, "heading_rad": 2.0}
     page.locator("#place").fill("0.5, 2")
     is_here.press("Enter")
-    assert daemon.last("set_pose") == {"x_m": 0.5, "y_m": 2}
+    assert until(lambda: daemon.last("set_pose") == {"x_m": 0.5, "y_m": 2})
     page.locator("#place").fill("cellar")
     is_here.press("Enter")
     sync_api.expect(page.locator("#alert")).to_have_text("There is no place cellar on this map.")
