@@ -23,7 +23,7 @@ from chefbotd.client import Client
 
 HERE = Path(__file__).parent / "roslib"
 ROSLIB = Path(os.environ.get("ROSLIB", Path(__file__).parents[3] / "build" / "roslib"))
-PATIENCE_S = 60.0
+PATIENCE_S = 100.0
 AHEAD = {"linear": {"x": 0.2}, "angular": {"z": 0.1}}
 
 

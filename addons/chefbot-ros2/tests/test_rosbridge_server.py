@@ -15,7 +15,7 @@ from websockets.exceptions import ConnectionClosed
 
 from chefbotd.client import CannotConnect
 
-PATIENCE_S = 60.0
+PATIENCE_S = 100.0
 TOKEN = "d" * 32
 
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import roslibpy
 
-PATIENCE_S = 60.0
+PATIENCE_S = 100.0
 
 
 def main(url: str) -> None:
