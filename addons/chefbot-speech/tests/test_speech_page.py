@@ -24,7 +24,7 @@ from chefbotd.transport.ports import reserve_port
 from tests.chefbotd.maps.test_store import grid
 
 CHROMIUM = shutil.which("chromium")
-PATIENCE_S = 60.0
+PATIENCE_S = 100.0
 DAEMON = [sys.executable, "-c", "from chefbotd.start import chefbotd; chefbotd()", "run", "--sim"]
 SPEECH = [sys.executable, "-m", "chefbot_speech.main"]
 
@@ -76,7 +76,8 @@ class Restaurant:
 
     def client(self) -> SyncClient:
         """A client of the daemon, which has a while to begin listening."""
-        for _ in range(600):
+        ends_s = time.monotonic() + PATIENCE_S
+        while time.monotonic() < ends_s:
             try:
                 return SyncClient.connect("127.0.0.1", self.api_port)
             except OSError:
@@ -88,7 +89,7 @@ class Restaurant:
         for program in reversed(self._programs):
             program.send_signal(signal.SIGINT)
             try:
-                program.wait(20.0)
+                program.wait(PATIENCE_S)
             except subprocess.TimeoutExpired:
                 program.kill()
                 program.wait()

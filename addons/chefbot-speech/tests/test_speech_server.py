@@ -74,7 +74,7 @@ def served(scenario: Scenario, auth: str = "token", *, needs_tokens: bool = Fals
         listening: asyncio.Future[str] = asyncio.get_running_loop().create_future()
         server = PageServer(admit(FakeDaemon(auth).connect, make, needs_tokens=needs_tokens))
         task = asyncio.create_task(server.run("127.0.0.1", 0, listening.set_result))
-        async with aiohttp.ClientSession() as session, asyncio.timeout(30.0):
+        async with aiohttp.ClientSession() as session, asyncio.timeout(100.0):
             await scenario(session, await listening, talker)
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)

@@ -15,7 +15,7 @@ async def spoken(speaker: Speaker, *texts: str, heard: list[str], count: int) ->
     task = asyncio.create_task(speaker.run())
     for number, text in enumerate(texts):
         speaker.say(f"agent {number}", text)
-    async with asyncio.timeout(30.0):
+    async with asyncio.timeout(100.0):
         while len(heard) < count:  # noqa: ASYNC110 - the programs are real
             await asyncio.sleep(0.01)
     task.cancel()
@@ -64,7 +64,7 @@ def test_without_a_sound_device_it_is_said_once(espeak: str) -> None:
         task = asyncio.create_task(speaker.run())
         for text in ("one", "two", "three"):
             speaker.say(text, text)
-        async with asyncio.timeout(30.0):
+        async with asyncio.timeout(100.0):
             while speaker._waiting or speaker._process is not None:  # noqa: ASYNC110 - the programs are real
                 await asyncio.sleep(0.01)
         task.cancel()
@@ -86,7 +86,7 @@ def test_a_program_that_is_not_installed_is_named(tmp_path: Path, monkeypatch: p
         speaker = Speaker(Espeak(), ("true",))
         task = asyncio.create_task(speaker.run())
         speaker.say("waiter", "hello")
-        async with asyncio.timeout(30.0):
+        async with asyncio.timeout(100.0):
             while not speaker.problem:  # noqa: ASYNC110 - the program is looked for by the system
                 await asyncio.sleep(0.01)
         task.cancel()
@@ -107,7 +107,7 @@ def test_hushed_it_says_nothing_that_waits(espeak: str) -> None:
         task = asyncio.create_task(speaker.run())
         speaker.say("waiter", "a long story")
         speaker.say("other", "another")
-        async with asyncio.timeout(30.0):
+        async with asyncio.timeout(100.0):
             while speaker._process is None:  # noqa: ASYNC110 - the program is real
                 await asyncio.sleep(0.01)
             speaker.hush(is_hushed=True)
@@ -153,7 +153,7 @@ def test_nothing_new_is_said_while_it_is_hushed() -> None:
         await steps()
         assert voice.texts == []
         speaker.hush(is_hushed=False)
-        async with asyncio.timeout(60.0):
+        async with asyncio.timeout(100.0):
             while not heard:  # noqa: ASYNC110 - the programs are real
                 await asyncio.sleep(0.01)
         task.cancel()
@@ -177,7 +177,7 @@ def test_a_program_that_is_being_started_when_it_is_hushed_is_ended() -> None:
         assert speaker._process is None
         speaker.hush(is_hushed=True)
         speaker.hush(is_hushed=False)
-        async with asyncio.timeout(60.0):
+        async with asyncio.timeout(100.0):
             while not heard:
                 speaker.say("waiter", "next")
                 await asyncio.sleep(0.01)

@@ -121,7 +121,7 @@ def test_a_broker_that_is_restarted_loses_no_order_and_the_robot_waits_at_its_ba
             await now.order(line(0, 4, base=2))
             await now.until_state(lambda state: state.last_node_id == "n0")
             await broker.kill()
-            async with asyncio.timeout(30.0):
+            async with asyncio.timeout(100.0):
                 while agent.vehicle.last_node_id != "n2" or len(robot.said) < 2:  # noqa: ASYNC110 - as it is seen
                     await asyncio.sleep(0.02)
             assert robot.facts.x_m == pytest.approx(2.0)
@@ -254,6 +254,6 @@ user {subprocess.run(["id", "-un"], check=True, capture_output=True, text=True).
                     await asyncio.wait_for(online.wait(), 1.0)
             async with robot_online(parameters("secret"), FakeRobot()) as agent:
                 agent.set_online = lambda there: online.set()  # type: ignore[method-assign]
-                await asyncio.wait_for(online.wait(), 30.0)
+                await asyncio.wait_for(online.wait(), 100.0)
 
     asyncio.run(run())

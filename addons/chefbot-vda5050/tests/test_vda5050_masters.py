@@ -64,7 +64,7 @@ async def drive_by_sdk(sdk: MasterClient, robot: FakeRobot) -> None:
     sdk.on_vehicle_error(lambda event, key: rejections.append(event))
 
     async def until(condition: Any) -> Any:
-        assert await sdk.wait_for(ROBOT, lambda session: condition(session.state), timeout=30.0)
+        assert await sdk.wait_for(ROBOT, lambda session: condition(session.state), timeout=100.0)
         return (await sdk.session(ROBOT)).state
 
     await sdk.request_state(ROBOT)
@@ -87,7 +87,7 @@ async def drive_by_sdk(sdk: MasterClient, robot: FakeRobot) -> None:
     state = await until(lambda state: state.last_node_id == "n3" and not state.node_states)
     assert (state.order_update_id, state.errors) == (1, [])
     await sdk.request_factsheet(ROBOT)
-    assert await sdk.wait_for(ROBOT, lambda _: sdk.min_order_interval(ROBOT) == 0.0, timeout=30.0)
+    assert await sdk.wait_for(ROBOT, lambda _: sdk.min_order_interval(ROBOT) == 0.0, timeout=100.0)
     assert rejections == []
 
 

@@ -110,7 +110,7 @@ class Master:
             if (seen, kind) == (name, Kind.CONNECTION)
         ]
 
-    async def until(self, condition: Callable[[], Any], within_s: float = 60.0) -> None:
+    async def until(self, condition: Callable[[], Any], within_s: float = 100.0) -> None:
         """Wait for something to be true of what was seen."""
         async with asyncio.timeout(within_s):
             while not condition():
