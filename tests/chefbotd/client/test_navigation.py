@@ -5,6 +5,7 @@ import asyncio
 import pytest
 
 from chefbotd.client import CallError, Client, GoalBlocked
+from chefbotd.clock import run_virtual
 from chefbotd.core.events.navigation import GoalResult
 from chefbotd.rpc.jobs import ProgressReporter
 from tests.fakes.api import serving
@@ -26,7 +27,7 @@ def test_goals_are_queued_as_asked() -> None:
                 ("navigate_to", [{"place": "hall"}, {"place": "kitchen"}], True),
             ]
 
-    asyncio.run(ask())
+    run_virtual(ask())
 
 
 def test_giving_up_a_goal_cancels_that_request_and_nobody_elses_goals(
@@ -65,7 +66,7 @@ def test_giving_up_a_goal_cancels_that_request_and_nobody_elses_goals(
             with pytest.raises(asyncio.CancelledError):
                 await first
 
-    asyncio.run(ask())
+    run_virtual(ask())
 
 
 def test_an_end_is_raised_as_its_own_error(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -87,4 +88,4 @@ def test_an_end_is_raised_as_its_own_error(monkeypatch: pytest.MonkeyPatch) -> N
                 await robot.navigate_to(10001.0, 2.0)
             assert refused.value.kind == "invalid_params"
 
-    asyncio.run(ask())
+    run_virtual(ask())
