@@ -98,6 +98,15 @@ class PtyBoard:
             loop.add_reader(master, self._read, master)
         else:
             self._look_again = loop.call_later(HOST_POLL_S, self._await_host, master)
+            self._hear_who_has_gone(master)
+
+    def _hear_who_has_gone(self, master: int) -> None:
+        """Take what a host has written that has come and gone since the last look."""
+        try:
+            data = os.read(master, READ_BYTES)
+        except OSError:  # EIO: nothing
+            return
+        self._receive(data)
 
     def _read(self, master: int) -> None:
         try:

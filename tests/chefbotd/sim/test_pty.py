@@ -14,11 +14,11 @@ import pytest
 import uvloop
 
 from chefbotd.sim.pty import PtyBoard
+from tests.waiting import PATIENCE_S
 
 pytestmark = pytest.mark.realtime
 
 Run = Callable[[Coroutine[Any, Any, None]], None]
-PATIENCE_S = 60.0
 
 
 @pytest.fixture(params=["asyncio", "uvloop"])
@@ -166,6 +166,23 @@ def test_the_next_host_does_not_get_what_the_last_left_unread(run: Run) -> None:
             assert await ears.next() == b"here too"
             board.send(b"new")
             assert await readable(host) == b"new"
+        board.unplug()
+
+    run(scenario())
+
+
+def test_a_host_that_has_come_and_gone_between_two_looks_is_heard(run: Run) -> None:
+    """The loop was held up meanwhile: a board in life would have read it all the same."""
+
+    async def scenario() -> None:
+        ears = Ears()
+        board = PtyBoard(ears.receive)
+        with opened(board.plug()) as host:
+            os.write(host, b"s 0 0\r")
+        assert await ears.next() == b"s 0 0\r"
+        with opened(board.plug()) as host:
+            os.write(host, b"s 7 7\r")
+            assert await ears.next() == b"s 7 7\r"
         board.unplug()
 
     run(scenario())
