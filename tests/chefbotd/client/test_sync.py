@@ -14,6 +14,7 @@ from chefbotd.client.models import DATA_BY_TOPIC
 from chefbotd.transport.ports import reserve_port
 from tests.chefbotd.client.real_time import simulated_daemon
 from tests.fakes.robot import topics_of
+from tests.waiting import PATIENCE_S
 
 
 @pytest.fixture(scope="module")
@@ -78,7 +79,7 @@ def test_closing_ends_whoever_waits(port: int) -> None:
     robot.ping()
     robot.close()
     robot.close()
-    waiting.join(5.0)
+    waiting.join(PATIENCE_S)
     assert ended == [ConnectionLost]
     assert not robot.connected
     with pytest.raises(ConnectionLost, match="closed"):
@@ -87,10 +88,14 @@ def test_closing_ends_whoever_waits(port: int) -> None:
 
 def test_nobody_listens() -> None:
     """Connecting to a closed port raises at once, and leaves no thread behind."""
-    before = threading.active_count()
+
+    def of_clients() -> list[threading.Thread]:
+        return [thread for thread in threading.enumerate() if thread.name == "chefbotd-client"]
+
+    before = of_clients()
     with pytest.raises(CannotConnect):
         SyncClient.connect(port=reserve_port())
-    assert threading.active_count() == before
+    assert of_clients() == before
 
 
 def test_type_checkers_find_the_types() -> None:
