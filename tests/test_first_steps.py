@@ -18,6 +18,7 @@ import pytest
 
 from chefbotd.cli.programs import chefbotctl, chefbotd
 from chefbotd.transport.ports import reserve_port
+from tests.waiting import PATIENCE_S
 
 ROOT = Path(__file__).parents[1]
 pytestmark = pytest.mark.skipif(not (ROOT / "CONTRIBUTING.md").exists(), reason="only the sources have it")
@@ -85,14 +86,14 @@ def daemon(words: list[str], port: int, log: Path) -> Iterator[None]:
         subprocess.Popen([*words, *where], stderr=sink, env=environment) as process,
     ):
         try:
-            until_s = time.monotonic() + 60.0
+            until_s = time.monotonic() + PATIENCE_S
             while '"mode": "armed"' not in log.read_text() or "link opened" not in log.read_text():
                 assert time.monotonic() < until_s, log.read_text()
                 time.sleep(0.05)
             yield
         finally:
             process.send_signal(signal.SIGINT)
-            process.wait(60)
+            process.wait(PATIENCE_S)
 
 
 @pytest.mark.slow
@@ -121,7 +122,7 @@ def test_what_readme_says_of_driving_recording_and_replaying_works(tmp_path: Pat
             env=environment,
             capture_output=True,
             text=True,
-            timeout=60,
+            timeout=PATIENCE_S,
             check=False,
         )
         assert done.returncode == 0, done.stderr + done.stdout

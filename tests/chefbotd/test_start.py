@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 
 from tests.budget import sample
+from tests.waiting import PATIENCE_S
 
 SLOW_IMPORT = """
 import signal, sys, time
@@ -17,7 +18,7 @@ class Slow:
     def find_spec(self, name, *_):
         if name == "click":
             print("importing", flush=True)
-            time.sleep(20)
+            time.sleep(1000)
 sys.meta_path.insert(0, Slow())
 from chefbotd import start
 start.%s()
@@ -35,7 +36,7 @@ def test_ctrl_c_while_it_is_still_importing_says_so_in_a_word(program: str) -> N
         assert process.stdout is not None
         assert process.stdout.readline() == b"importing\n"
         process.send_signal(signal.SIGINT)
-        _, said = process.communicate(timeout=60)
+        _, said = process.communicate(timeout=PATIENCE_S)
     assert (process.returncode, said) == (130, b"Interrupted.\n")
 
 
@@ -59,7 +60,7 @@ start.chefbotd()
 def test_a_daemon_on_a_real_robot_loads_no_simulator_and_nothing_else_that_it_does_not_use() -> None:
     """Until the board is told to stop: no simulator, numpy, images, screens, clients, other formats, recorder."""
     said = subprocess.run(
-        [sys.executable, "-c", LOADED], capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-c", LOADED], capture_output=True, text=True, timeout=PATIENCE_S, check=False
     )
     assert said.returncode == 0, said.stderr
     loaded = set(said.stdout.split())
@@ -122,12 +123,12 @@ def test_the_daemon_starts_and_ends_in_order_without_standard_streams(closed: st
         stdout=subprocess.DEVNULL,
         stderr=subprocess.DEVNULL,
     ) as process:
-        deadline_s = time.monotonic() + 60
+        deadline_s = time.monotonic() + PATIENCE_S
         while not _handles_sigterm(process.pid):
             assert time.monotonic() < deadline_s
             time.sleep(0.1)
         process.terminate()
-        assert process.wait(timeout=60) == 0
+        assert process.wait(timeout=PATIENCE_S) == 0
 
 
 def _handles_sigterm(pid: int) -> bool:

@@ -12,6 +12,7 @@ from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.programs.chefbotctl import main
 from examples.commands import only_one_in
 from tests.missing import PILLOW, hide
+from tests.waiting import PATIENCE_S
 
 COMMANDS = [("map", "demo"), ("serve",)]
 WITHOUT = """
@@ -32,7 +33,7 @@ def without(package: str, *words: str) -> subprocess.CompletedProcess[str]:
     """The program run in a process of its own that cannot import this package."""
     program = WITHOUT.format(package=package, words=words)
     return subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=PATIENCE_S, check=False
     )
 
 

@@ -18,7 +18,7 @@ from chefbot_vda5050.messages import State, encode
 from fleet_robots import StandardRobot
 from fleet_world import HOMES, small_roadmap
 
-PATIENCE_S = 60.0
+PATIENCE_S = 100.0
 
 
 class ListedMessages:

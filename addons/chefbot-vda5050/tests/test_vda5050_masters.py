@@ -114,7 +114,7 @@ def test_the_javascript_library_drives_our_robot(tmp_path: Path) -> None:
                     stderr=asyncio.subprocess.PIPE,
                 )
                 try:
-                    out, err = await asyncio.wait_for(process.communicate(), 60.0)
+                    out, err = await asyncio.wait_for(process.communicate(), 100.0)
                 finally:
                     if process.returncode is None:
                         process.kill()

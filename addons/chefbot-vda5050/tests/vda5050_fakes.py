@@ -169,7 +169,7 @@ class Fleet:
         """Send instant actions in one message."""
         await self.send(Kind.INSTANT_ACTIONS, InstantActions(**HEADER, actions=actions))
 
-    async def until(self, condition: Callable[[State], bool], within_s: float = 60.0) -> State:
+    async def until(self, condition: Callable[[State], bool], within_s: float = 100.0) -> State:
         """The first state that fulfils this, of those that come and the latest one."""
         async with asyncio.timeout(within_s):
             while True:

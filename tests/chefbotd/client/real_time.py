@@ -7,6 +7,7 @@ from contextlib import contextmanager
 
 from chefbotd.settings import load
 from chefbotd.testing.daemon import simulated_robot
+from tests.waiting import PATIENCE_S
 
 
 @contextmanager
@@ -33,9 +34,9 @@ def simulated_daemon() -> Iterator[int]:
     thread = threading.Thread(target=lambda: loop.run_until_complete(serve()), daemon=True)
     thread.start()
     try:
-        assert started.wait(30.0), "the simulated daemon did not start"
+        assert started.wait(PATIENCE_S), "the simulated daemon did not start"
         yield ports[0]
     finally:
         loop.call_soon_threadsafe(over.set)
-        thread.join(30.0)
+        thread.join(PATIENCE_S)
         loop.close()

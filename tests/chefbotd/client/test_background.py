@@ -8,8 +8,7 @@ import pytest
 
 from chefbotd.client.blocking import BackgroundLoop
 from chefbotd.client.errors import ConnectionLost
-
-PATIENCE_S = 60.0
+from tests.waiting import PATIENCE_S
 
 
 class Caller(threading.Thread):

@@ -6,6 +6,8 @@ import sys
 
 import pytest
 
+from tests.waiting import PATIENCE_S
+
 pytestmark = pytest.mark.realtime
 
 # Every signal of signal(7) on Linux, by hand. SIGIOT is SIGABRT, SIGPOLL is SIGIO, SIGCLD is SIGCHLD.
@@ -79,7 +81,9 @@ VANISHED_MEMORY = (
 def told(numbers: list[int], *, looks: int = 1000, then: str = "") -> tuple[list[str], int]:
     """What the process noted for each of these signals, sent to itself, and how it ended."""
     program = PROGRAM.format(numbers=numbers, looks=looks, then=then)
-    ended = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, timeout=60)
+    ended = subprocess.run(
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=PATIENCE_S
+    )
     return ended.stdout.split(), ended.returncode
 
 

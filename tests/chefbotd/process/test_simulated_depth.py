@@ -15,6 +15,7 @@ from chefbotd.process.simulated_robot import simulation_of
 from chefbotd.settings import load, packaged
 from chefbotd.sim.embedded import EmbeddedBoard
 from tests.scenarios.test_depth_camera import EYE
+from tests.waiting import PATIENCE_S
 
 pytestmark = pytest.mark.realtime
 
@@ -34,7 +35,7 @@ def test_it_draws_what_is_before_the_robot_and_the_things_that_are_put_there() -
             running = asyncio.create_task(board.run(lambda _: None))
             reader, scans = MessageReader(), []  # type: ignore[var-annotated]
             try:
-                async with asyncio.timeout(60):
+                async with asyncio.timeout(PATIENCE_S):
                     while len(scans) < 3:
                         scans += [each for each in reader.feed_bytes(await child.read()) if each.kind == SCAN]
             finally:

@@ -18,8 +18,7 @@ from chefbotd.settings import Settings, load, packaged
 from chefbotd.sim.embedded import EmbeddedBoard
 from chefbotd.testing.worker import no_worker
 from tests.chefbotd.replay.recordings import BusRecorder, replayed
-
-PATIENCE_S = 60.0
+from tests.waiting import PATIENCE_S
 
 pytestmark = [pytest.mark.slow, pytest.mark.realtime]
 

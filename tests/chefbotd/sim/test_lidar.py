@@ -17,6 +17,7 @@ from chefbotd.sim.simulation import Simulation, build_launchpad, build_lidars
 from chefbotd.sim.spinning import LidarMount
 from chefbotd.sim_parameters.simulation import SimulationParameters
 from firmware_protocol.lidar.ld19 import Ld19Decoder
+from tests.waiting import PATIENCE_S
 
 IN_FLAT = SimulationParameters.model_validate({"world": {"map_path": Path("flat")}})
 TWO = (LidarMount("front", Pose2D(0.1, 0.0, 0.3)), LidarMount("rear one/2", Pose2D(-0.1, 0.0, 3.0)))
@@ -54,7 +55,7 @@ async def packets_on(device: Path, count: int) -> Ld19Decoder:
     """Open a lidar's device and read until so many packets have come."""
     decoder, descriptor = Ld19Decoder(), os.open(device, os.O_RDONLY | os.O_NONBLOCK | os.O_NOCTTY)
     try:
-        async with asyncio.timeout(60):
+        async with asyncio.timeout(PATIENCE_S):
             while decoder.packets < count:
                 await asyncio.sleep(0.02)
                 try:

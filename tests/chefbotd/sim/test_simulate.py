@@ -17,10 +17,10 @@ from chefbotd.sim.simulate import simulate, stdin_lines
 from chefbotd.sim.simulation import Simulation
 from chefbotd.sim_parameters.simulation import SimulationParameters
 from tests.budget import sample
+from tests.waiting import PATIENCE_S
 
 pytestmark = pytest.mark.realtime
 
-PATIENCE_S = 60.0
 PROGRAM = """
 import asyncio, sys
 from pathlib import Path

@@ -13,6 +13,8 @@ from pathlib import Path
 
 import pytest
 
+from tests.waiting import PATIENCE_S
+
 pytestmark = [pytest.mark.slow, pytest.mark.realtime]
 
 NOBODY = "--connect=127.0.0.1:9"
@@ -60,7 +62,7 @@ def doctor(*words: str) -> list[str]:
 def run(*words: str) -> "subprocess.CompletedProcess[str]":
     """Run it with nobody at its keyboard."""
     return subprocess.run(
-        doctor(*words), capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=90
+        doctor(*words), capture_output=True, text=True, stdin=subprocess.DEVNULL, timeout=3 * PATIENCE_S
     )
 
 
@@ -120,10 +122,10 @@ def test_a_signal_in_mid_drive_stops_the_motors(board: Board, number: signal.Sig
         process.stdin.flush()
         with contextlib.ExitStack() as stack:
             stack.callback(process.kill)
-            assert _until(lambda: any(board.truth()["duty"]), 60.0)  # type: ignore[call-overload]
+            assert _until(lambda: any(board.truth()["duty"]), PATIENCE_S)  # type: ignore[call-overload]
             process.send_signal(number)
-            assert _until(lambda: not any(board.truth()["duty"]), 60.0)  # type: ignore[call-overload]
-            assert process.wait(60) == code
+            assert _until(lambda: not any(board.truth()["duty"]), PATIENCE_S)  # type: ignore[call-overload]
+            assert process.wait(PATIENCE_S) == code
         time.sleep(0.3)
         assert board.truth()["duty"] == [0, 0]
 

@@ -12,6 +12,7 @@ from chefbotd.cli.drive.joystick import JoystickPilot
 from chefbotd.client import Client, ConnectionLost
 from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
+from tests.waiting import PATIENCE_S
 
 HELD = PadReading(1.0, 0.0, frozenset({Button.ENABLE}))
 
@@ -208,7 +209,7 @@ def test_no_pad(daemon: FakeDaemon) -> None:
     async def main() -> None:
         pad = FakePad()
         pad.reading = None
-        async with asyncio.timeout(60.0), Client.connect("127.0.0.1", daemon.port) as robot:
+        async with asyncio.timeout(PATIENCE_S), Client.connect("127.0.0.1", daemon.port) as robot:
             await JoystickPilot(robot, pad, lambda _text: None, StickScale()).run()
 
     with pytest.raises(ProgramError, match="no gamepad found"):
@@ -221,7 +222,7 @@ def test_a_lost_connection_ends_it(daemon: FakeDaemon) -> None:
 
     async def main() -> None:
         pad = FakePad()
-        async with asyncio.timeout(60.0), Client.connect("127.0.0.1", daemon.port) as robot:
+        async with asyncio.timeout(PATIENCE_S), Client.connect("127.0.0.1", daemon.port) as robot:
             asyncio.get_running_loop().call_later(0.1, setattr, pad, "reading", HELD)
             await JoystickPilot(robot, pad, lambda _text: None, StickScale()).run()
 

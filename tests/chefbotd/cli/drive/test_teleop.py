@@ -18,6 +18,7 @@ from chefbotd.client import Client, ConnectionLost
 from tests.budget import sample
 from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
+from tests.waiting import PATIENCE_S
 
 
 def on_screen(
@@ -228,7 +229,7 @@ async def seen(screen: Teleop, user: Pilot[None], *words: str) -> None:
 
 
 async def _until(user: Pilot[None], condition: Callable[[], bool]) -> None:
-    async with asyncio.timeout(60.0):
+    async with asyncio.timeout(PATIENCE_S):
         while not condition():
             await user.pause(0.01)
 

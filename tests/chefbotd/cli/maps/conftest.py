@@ -17,6 +17,7 @@ from chefbotd.process.build import build
 from chefbotd.settings import load
 from chefbotd.testing.transport import FakeSerialDevice
 from tests.chefbotd.cli.conftest import Control
+from tests.waiting import PATIENCE_S
 
 
 @pytest.fixture
@@ -59,13 +60,13 @@ def _daemon(maps: MapsParameters | None) -> Iterator[int]:
 
     thread = threading.Thread(target=lambda: loop.run_until_complete(serve()), daemon=True)
     thread.start()
-    assert started.wait(30.0), "the daemon did not start"
+    assert started.wait(PATIENCE_S), "the daemon did not start"
     port, running = ports[0]
     try:
         with capture_logs():  # the log would be in the output of the commands
             yield port
     finally:
         loop.call_soon_threadsafe(running.cancel)
-        thread.join(30.0)
+        thread.join(PATIENCE_S)
         loop.run_until_complete(loop.shutdown_default_executor())
         loop.close()

@@ -7,6 +7,7 @@ import pytest
 
 from chefbotd.cli.common.exits import Exit
 from tests.budget import sample
+from tests.waiting import PATIENCE_S
 
 WITHOUT = """
 import sys
@@ -21,7 +22,7 @@ def chefbotctl(*command: str) -> tuple[int, str]:
     """Exit code and stderr of a command; no daemon answers."""
     program = WITHOUT.format(command=command)
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=PATIENCE_S, check=False
     )
     return done.returncode, done.stderr
 

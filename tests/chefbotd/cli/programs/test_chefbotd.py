@@ -21,6 +21,7 @@ from chefbotd.cli.programs.chefbotd import main
 from chefbotd.client import Client
 from chefbotd.settings import packaged
 from tests.missing import hide
+from tests.waiting import PATIENCE_S
 
 pytestmark = pytest.mark.realtime
 
@@ -147,7 +148,7 @@ def test_a_port_that_is_taken() -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         where = f"127.0.0.1:{taken.getsockname()[1]}"
         command = (*PROGRAM, "run", "--sim", "--listen", where)
-        ended = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+        ended = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE_S, check=False)
     (told,) = ended.stderr.splitlines()
     assert (ended.returncode, ended.stdout) == (Exit.FAILED, "")
     assert (
@@ -181,7 +182,7 @@ def test_a_simulated_board_as_a_process(tmp_path: Path) -> None:
         assert json.loads(board.stdout.readline())["x_m"] == 0.0
         board.stdin.write("quit\n")
         board.stdin.flush()
-        assert board.wait(10) == 0
+        assert board.wait(PATIENCE_S) == 0
     assert not link.is_symlink()
 
 
@@ -200,7 +201,7 @@ def test_a_published_sketch_on_a_device(tmp_path: Path) -> None:
                 heard += port.read(100)
         board.stdin.write("quit\n")
         board.stdin.flush()
-        assert board.wait(10) == 0
+        assert board.wait(PATIENCE_S) == 0
     first, *lines = heard.split(b"\n")[:100]
     assert first[:2] not in (b"e\t", b"s\t", b"b\t")
     kinds = b"".join(line[:1] for line in lines)

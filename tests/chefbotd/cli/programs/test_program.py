@@ -19,6 +19,7 @@ from chefbotd.cli.programs.chefbotd import main as chefbotd
 from chefbotd.cli.programs.program import CommandGroup
 from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
+from tests.waiting import PATIENCE_S
 
 
 @pytest.fixture
@@ -154,7 +155,7 @@ def test_a_terminal_that_knows_no_degree_sign() -> None:
         (sys.executable, "-c", DRAWS),
         capture_output=True,
         env={**os.environ, "PYTHONIOENCODING": "ascii"},
-        timeout=20,
+        timeout=PATIENCE_S,
         check=False,
     )
     assert (ended.returncode, ended.stdout, ended.stderr) == (0, b"turned by 5?\n", b"")

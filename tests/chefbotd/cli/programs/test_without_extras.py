@@ -13,6 +13,7 @@ from chefbotd.cli.programs.chefbotd import main
 from chefbotd.settings import MissingExtraError, load, packaged
 from tests.budget import sample
 from tests.missing import PILLOW, URDF_PARSER, hide
+from tests.waiting import PATIENCE_S
 
 URDF_ADVICE = "pip install 'chefbotd[urdf]'"
 ROBOTS = ["chefbot", "khan", "chefbot_lidar"]
@@ -136,6 +137,6 @@ def test_a_simulated_robot_starts(robot: str) -> None:
     """The daemon listens, with the simulator in it."""
     program = STARTED.format(packages=(*PILLOW, *URDF_PARSER), robot=robot)
     done = subprocess.run(
-        [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, check=False
+        [sys.executable, "-c", program], capture_output=True, text=True, timeout=PATIENCE_S, check=False
     )
     assert (done.returncode, done.stdout.split()[-1:]) == (0, ["True"]), done.stderr

@@ -23,6 +23,7 @@ from chefbotd.settings import load, packaged
 from tests.budget import sample
 from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import WHEELS, FakeDaemon
+from tests.waiting import PATIENCE_S
 
 Script = Callable[[Tune, Pilot[None]], Awaitable[None]]
 
@@ -257,7 +258,7 @@ def test_without_the_extra(control: Control, monkeypatch: pytest.MonkeyPatch) ->
 
 async def until(user: Pilot[None], condition: Callable[[], bool]) -> None:
     """Wait, at most a minute."""
-    async with asyncio.timeout(60.0):
+    async with asyncio.timeout(PATIENCE_S):
         while not condition():
             await user.pause(0.01)
 

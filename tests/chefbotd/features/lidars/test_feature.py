@@ -19,6 +19,7 @@ from chefbotd.settings import load
 from chefbotd.testing.daemon import running_daemon
 from chefbotd.testing.transport import FakeSerialDevice
 from tests.fakes.lidar import ld19_packets, noisy_box
+from tests.waiting import PATIENCE_S
 
 TOP = {"name": "top", "model": "ld19", "device": "/dev/top", "mount_x_m": 0.11, "mount_yaw_rad": 0.7}
 LOW = {"name": "low", "model": "rplidar_a1", "device": "/dev/low"}
@@ -132,6 +133,6 @@ def test_what_the_client_reads_loads_no_numpy() -> None:
     """The models of the topics are for programs that may have none."""
     code = "import sys, chefbotd.client.models; print('numpy' in sys.modules)"
     said = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=60
+        [sys.executable, "-c", code], capture_output=True, text=True, check=True, timeout=PATIENCE_S
     )
     assert said.stdout.strip() == "False"

@@ -59,7 +59,7 @@ def test_the_client_waits_for_their_ends() -> None:
             told = [call for call in served.robot.calls if call[0] == "navigate_to"]
             assert [call[1] for call in told] == [[{"place": "home"}], [{"place": "dock"}]]
 
-    asyncio.run(ask())
+    run_virtual(ask())
 
 
 def test_a_patrol_reads_the_places_once() -> None:

@@ -13,6 +13,7 @@ import pytest
 
 from chefbotd.link.depth.process import BEARINGS, SCAN, MessageReader
 from chefbotd.perception.depth_camera import DepthSourceParameters
+from tests.waiting import PATIENCE_S
 
 SOURCE = Path(__file__).parents[3] / "fakes" / "openni2.c"
 COMPILER = shutil.which("cc") or ""
@@ -57,7 +58,7 @@ def looked(library: Path, fault: str = "", **told: Any) -> list[str]:
     """What the source gives, a line an image, or why it gives none; the process has its own library."""
     run = subprocess.run(
         [sys.executable, "-c", LOOK, camera(library, **told)],
-        capture_output=True, text=True, timeout=60, check=True, env={"FAKE_ONI": fault},
+        capture_output=True, text=True, timeout=PATIENCE_S, check=True, env={"FAKE_ONI": fault},
     )  # fmt: skip
     return run.stdout.splitlines()
 
@@ -108,10 +109,10 @@ def test_the_cameras_process_gives_scans_of_it_and_one_that_hangs_is_killed(libr
                 assert len(message.values) == 320
                 assert np.isfinite(message.values).all()
         process.stdin.close()  # type: ignore[union-attr]
-        assert process.wait(10) == 0
+        assert process.wait(PATIENCE_S) == 0
     assert kinds[:4] == [BEARINGS, SCAN, SCAN, SCAN]
     with subprocess.Popen(program, env={"FAKE_ONI": "hang"}, **pipes) as process:
         time.sleep(1.0)
         assert process.poll() is None
         process.stdin.close()  # type: ignore[union-attr]
-        assert process.wait(10) == 0  # the daemon's end is heard though the library hangs
+        assert process.wait(PATIENCE_S) == 0  # the daemon's end is heard though the library hangs

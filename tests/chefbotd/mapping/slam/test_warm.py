@@ -7,6 +7,7 @@ from pathlib import Path
 import pytest
 
 from chefbotd.core.compiled import _unwritten, release_libraries
+from tests.waiting import PATIENCE_S
 
 WORKER = """
 import numpy as np
@@ -34,7 +35,9 @@ def test_a_worker_is_warm_and_small() -> None:
     """Nothing is compiled during a drive after ``warm``, and the process takes less than 120 MB."""
     command = [sys.executable, "-c", WORKER]
     subprocess.run(command, check=True, capture_output=True, timeout=110)  # fills the cache
-    told = subprocess.run(command, check=True, capture_output=True, text=True, timeout=60).stdout.splitlines()
+    told = subprocess.run(
+        command, check=True, capture_output=True, text=True, timeout=PATIENCE_S
+    ).stdout.splitlines()
     assert told[0] == str([1] * 6) + " " + str([1] * 6)
     assert int(told[1]) < 120_000
 
