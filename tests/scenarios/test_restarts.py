@@ -51,10 +51,12 @@ async def refused_until_armed(program: Program, client: Client, kind: str) -> No
     await board_there(client)
     while program.board.told_to_move:  # noqa: ASYNC110 - the first stop is on its way, and nobody tells us
         await asyncio.sleep(PERIOD_S)
-    for _ in range(5):
+    refusals: list[str] = []
+    while refusals.count(kind) < 5:
         with pytest.raises(CallError) as refusal:
             await client.drive(SPEED_M_S, 0.0)
-        assert refusal.value.kind == kind
+        refusals.append(refusal.value.kind)
+        assert refusals[-1] in (kind, "too_old")  # too old on a busy computer
     assert not program.board.told_to_move
     await client.arm()
     await drive_until_told(program.board, client)
