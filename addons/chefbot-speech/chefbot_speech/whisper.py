@@ -30,7 +30,11 @@ LONGEST_S: Final = 9.0
 FRAMES_PER_S: Final = 50
 """What the encoder makes of a second."""
 
-MOST_PROMPT_TOKENS, MOST_TEXT_TOKENS = 120, 24
+MOST_PROMPT_TOKENS: Final = 120
+LEAST_TEXT_TOKENS: Final = 11
+"""So much of any text is searched for, and as much as the longest phrase has: the model likes to repeat a phrase, and
+each token takes time. Of a longer text its beginning counts, which is likelier than the whole."""
+
 FREE_BEAM, BEAM = 5, 10
 MOST_PHRASES: Final = 4
 """So many phrases are compared; those behind them are far less likely."""
@@ -61,11 +65,12 @@ class Scored:
 
 @dataclass(frozen=True, slots=True)
 class Grammar:
-    """``suppressed`` are the tokens that no phrase has."""
+    """``suppressed`` are the tokens that no phrase has; ``most_tokens``: those of the longest phrase, and its end."""
 
     phrases: frozenset[str] = frozenset()
     prompt: tuple[int, ...] = ()
     suppressed: tuple[int, ...] = ()
+    most_tokens: int = 1
 
 
 class Whisper:
@@ -89,7 +94,8 @@ class Whisper:
         if not LEAST_S <= len(sound) / RATE_HZ <= LONGEST_S:
             return Heard("", -1.0)
         encoded, seconds = self._encoded(sound)
-        likeliest = self._likelihoods(encoded, self._search(encoded, FREE_BEAM, ())[:1], seconds)
+        most_tokens = max(LEAST_TEXT_TOKENS, self._grammar.most_tokens)
+        likeliest = self._likelihoods(encoded, self._search(encoded, FREE_BEAM, 1, most_tokens), seconds)
         phrases = self._phrases(encoded, seconds)
         if not likeliest or not phrases:
             return Heard("", -1.0)
@@ -111,23 +117,26 @@ class Whisper:
     def _phrases(self, encoded: Any, seconds: float) -> list[Scored]:
         """Phrases of the grammar, the likeliest first."""
         phrases: dict[str, list[int]] = {}
-        for tokens in self._search(encoded, BEAM, self._grammar.suppressed):
+        found = self._search(encoded, BEAM, BEAM, self._grammar.most_tokens, self._grammar.suppressed)
+        for tokens in found:
             text = spoken(self._tokenizer.decode(tokens))
             if text in self._grammar.phrases and len(phrases) < MOST_PHRASES:
                 phrases.setdefault(text, tokens)
         scored = self._likelihoods(encoded, list(phrases.values()), seconds)
         return sorted(scored, key=lambda phrase: phrase.score, reverse=True)
 
-    def _search(self, encoded: Any, beam: int, suppressed: Iterable[int]) -> list[list[int]]:
+    def _search(
+        self, encoded: Any, beam: int, count: int, most_tokens: int, suppressed: Iterable[int] = ()
+    ) -> list[list[int]]:
         """The likeliest texts, as tokens; -1 stands for those that are no text."""
         prompt = [PREVIOUS, *self._grammar.prompt, START, NO_TIMES]
         (result,) = self._model.generate(
             encoded,
             [prompt],
             beam_size=beam,
-            num_hypotheses=beam,
+            num_hypotheses=count,
             length_penalty=0.0,
-            max_length=len(prompt) + MOST_TEXT_TOKENS,
+            max_length=len(prompt) + most_tokens,
             suppress_tokens=[-1, *suppressed],
         )
         return list(result.sequences_ids)
@@ -158,7 +167,8 @@ class Whisper:
         written_words = [form for word in words | numbers for form in (f" {word}", f" {word.capitalize()}")]
         used = {token for text in (*written_words, ".", ",", "!") for token in self._tokenizer.encode(text)}
         suppressed = tuple(token for token in range(END) if token not in used)
-        return Grammar(frozenset(phrases), tuple(self._prompt(phrases)), suppressed)
+        most_tokens = 1 + max((len(self._tokenizer.encode(written(phrase))) for phrase in phrases), default=0)
+        return Grammar(frozenset(phrases), tuple(self._prompt(phrases)), suppressed, most_tokens)
 
     def _prompt(self, phrases: Iterable[str]) -> list[int]:
         """Phrases with all words of the grammar, as many as there is room for, the shortest first."""
