@@ -32,13 +32,29 @@ def prepared(samples: Samples) -> Samples:
     clean = without_noise(samples.astype(float))
     window = int(WINDOW_S * RATE_HZ)
     loud = np.convolve(np.abs(clean), np.ones(window) / window, mode="same")
-    speech = np.flatnonzero(loud > max(QUIET * loud.max(), ABOVE_NOISE * np.percentile(loud, 5)))
+    speech = np.flatnonzero(loud > _limit(loud))
     if len(speech) == 0:
         return samples[:0]
     margin = int(MARGIN_S * RATE_HZ)
     cut = clean[max(0, speech[0] - margin) : speech[-1] + margin]
     noise = np.random.default_rng(1).normal(0.0, DITHER, len(cut))
     return as_samples(cut + noise)
+
+
+def speech_end(samples: Samples, rate_hz: int) -> int:
+    """How many samples it takes until nobody speaks any more, in steps of a window; 0: nobody has spoken."""
+    window = int(WINDOW_S * rate_hz)
+    whole = samples[: len(samples) // window * window].astype(float)
+    if len(whole) == 0:
+        return 0
+    loud = np.abs(whole.reshape(-1, window)).mean(axis=1)
+    speech = np.flatnonzero(loud > _limit(loud))
+    return int(speech[-1] + 1) * window if len(speech) else 0
+
+
+def _limit(loud: NDArray[np.float64]) -> float:
+    """What is quieter is no speech."""
+    return float(max(QUIET * loud.max(), ABOVE_NOISE * np.percentile(loud, 5)))
 
 
 def without_noise(sound: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -4,26 +4,20 @@ A yes confirms only what the same page has proposed.
 """
 
 import asyncio
-from collections.abc import Awaitable, Callable
 from typing import Any, Final, Protocol
 
-import numpy as np
 import structlog
 
 from chefbot_speech import dialogue
 from chefbot_speech.commands import Action, Command, Vocabulary
 from chefbot_speech.dialogue import Dialogue, Phase, Step
-from chefbot_speech.recognition import RATE_HZ, Heard, Samples, resampled
+from chefbot_speech.listening import Listening, Recognize
 from chefbot_speech.server import Send
 
 log = structlog.get_logger("speech")
-LONGEST_S: Final = 8.0
-"""What is said after this time is not listened to, and then nothing of it counts."""
-
 LOOK_S: Final = 0.1
 RATES_HZ: Final = (8_000, 192_000)
 ANSWERS: Final = {"yes": Action.YES, "no": Action.NO}
-Recognize = Callable[[Samples, str], Awaitable[Heard]]
 
 
 class Robot(Protocol):
@@ -92,8 +86,7 @@ class PageTalker:
         self._send, self._robot, self._recognize, self._countdown_s = send, robot, recognize, countdown_s
         self._talkers = talkers
         self._dialogue, self._text = Dialogue(), ""
-        self._sound = bytearray()
-        self._rate_hz = RATE_HZ
+        self._listening = Listening(recognize)
         self._places: asyncio.Task[Vocabulary] | None = None
         self._hearing: asyncio.Task[None] | None = None
         self._looking: asyncio.Task[None] | None = None
@@ -116,11 +109,15 @@ class PageTalker:
 
     def add_sound(self, data: bytes) -> None:
         """A piece of what is said: 16 bits a sample, little-endian, one channel."""
-        if self.is_listening and len(self._sound) <= self._most_bytes():
-            self._sound += data
+        if self.is_listening:
+            self._listening.add(data, self._grammar())
 
-    def _most_bytes(self) -> int:
-        return int(2 * LONGEST_S * self._rate_hz)
+    def _grammar(self) -> str | None:
+        """What can be said now; None: the places are not known yet."""
+        places = self._places
+        if places is None or not places.done() or places.cancelled() or places.exception() is not None:
+            return None
+        return places.result().grammar(confirming=bool(self._dialogue.proposal))
 
     async def take(self, message: dict[str, Any]) -> None:
         """Something was pressed, released or touched."""
@@ -141,6 +138,7 @@ class PageTalker:
         """The page is gone, and what it proposed with it."""
         self._talkers.discard(self)
         self._robot.hush(is_hushed=self._talkers.is_listening())
+        self._listening.cancel()
         own = (self._places, self._hearing, self._looking, self._showing)
         tasks = [task for task in own if task is not None]
         for task in tasks:
@@ -154,20 +152,17 @@ class PageTalker:
             self._hearing.cancel()
         self._robot.hush(is_hushed=True)
         await self._do(dialogue.press(self._dialogue))
-        self._sound.clear()
-        self._rate_hz = rate_hz
+        self._listening.cancel()
+        self._listening = Listening(self._recognize, rate_hz)
         self._places = asyncio.create_task(self._robot.vocabulary())
 
     async def _hear(self) -> None:
         """What was said, or None where that is not certain."""
         command: Command | None = None
-        if self._places is not None and len(self._sound) <= self._most_bytes():
+        if self._places is not None and not self._listening.is_too_long:
             vocabulary = await self._places
-            samples = np.frombuffer(bytes(self._sound[: len(self._sound) // 2 * 2]), dtype="<i2")
             confirming = bool(self._dialogue.proposal)
-            heard = await self._recognize(
-                resampled(samples, self._rate_hz), vocabulary.grammar(confirming=confirming)
-            )
+            heard = await self._listening.heard(vocabulary.grammar(confirming=confirming))
             command = vocabulary.understood(heard)
             log.info("heard", text=heard.text, margin=round(heard.margin, 2), understood=command is not None)
         now_s = asyncio.get_running_loop().time()
