@@ -71,7 +71,9 @@ class SimulatedBoard(ABC):
             if row[0] <= since_s:
                 break
         trail = np.array(rows[::-1])
-        trail[:, 3] = np.unwrap(trail[:, 3])
+        heading = trail[:, 3]
+        if heading.max() - heading.min() >= math.pi:  # else unwrapping changes nothing, and takes longer than all the rest
+            trail[:, 3] = np.unwrap(heading)
         return trail
 
     @abstractmethod

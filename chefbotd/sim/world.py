@@ -42,11 +42,11 @@ class RayCaster:
 
     def cast(self, origins: Vector, bearings_rad: Vector) -> Hits:
         """Where beams end that leave from ``origins`` (B x 2) at rising or falling bearings of the world frame."""
-        rays = np.empty((len(bearings_rad), 2))
-        rays[:, 0], rays[:, 1] = np.cos(bearings_rad), np.sin(bearings_rad)
         count, chosen = len(bearings_rad), self._in_sight(origins, bearings_rad)
         if not len(chosen):
             return Hits(np.full(count, np.inf), np.full(count, NOTHING), np.ones(count))
+        rays = np.empty((count, 2))
+        rays[:, 0], rays[:, 1] = np.cos(bearings_rad), np.sin(bearings_rad)
         start, along = self._start[chosen], self._along[chosen]
         across = (along[:, ::-1] * FLIP).T
         turn = rays @ across

@@ -5,8 +5,9 @@ Everything runs on the clock of the running loop. Inside ``chefbotd.clock.run_vi
 
 import asyncio
 import contextlib
+import gc
 import tempfile
-from collections.abc import AsyncIterator, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any, Final
@@ -77,7 +78,18 @@ async def localized_robot(
             await _localize(robot.client, start)
             for place, pose in places.items():
                 await robot.client.save_place(place, pose.x_m, pose.y_m, pose.heading_rad)
-            yield robot
+            with _excluded_from_gc():
+                yield robot
+
+
+@contextlib.contextmanager
+def _excluded_from_gc() -> Iterator[None]:
+    """No garbage collection looks at what is there already, as in the daemon's own process; that takes a while."""
+    gc.freeze()
+    try:
+        yield
+    finally:
+        gc.unfreeze()
 
 
 def _keys(pose: Pose2D) -> dict[str, float]:
