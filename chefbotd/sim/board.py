@@ -72,7 +72,9 @@ class SimulatedBoard(ABC):
                 break
         trail = np.array(rows[::-1])
         heading = trail[:, 3]
-        if heading.max() - heading.min() >= math.pi:  # else unwrapping changes nothing, and takes longer than all the rest
+        if (
+            heading.max() - heading.min() >= math.pi
+        ):  # else unwrapping changes nothing, and takes longer than all the rest
             trail[:, 3] = np.unwrap(heading)
         return trail
 

@@ -57,6 +57,8 @@ def map_bag(bag: Path, folder: Path, name: str, topics: tuple[str, ...] = ()) ->
     Raises:
         CannotMapBagError: the bag cannot be read, or lacks something; the map cannot be saved.
     """
+    if not bag.exists():
+        raise CannotMapBagError(f"{bag}: cannot be read: there is no such file or folder")
     try:
         with AnyReader([bag], default_typestore=TYPESTORE) as reader:
             return map_events(_Bag(reader, topics).events(), folder, name)

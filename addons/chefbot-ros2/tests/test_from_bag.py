@@ -105,7 +105,7 @@ def test_what_is_missing_in_a_bag_is_said(drive: list[Any], bag: Path, tmp_path:
         "no scan with odometry": (tmp_path / "blind_bag",),
         "no scans on /scan/front": (bag, "--scans", "/scan/front"),
         "no transform from base_footprint to top_link": (without(bag, "/tf_static", tmp_path / "frameless"),),
-        "cannot be read": (tmp_path / "nowhere",),
+        "there is no such file or folder": (tmp_path / "nowhere",),
     }
     for message, (path, *words) in cases.items():
         result = from_bag(path, folder, *words)
