@@ -12,6 +12,9 @@ from chefbot_fleet.records import FleetRecords
 from chefbot_fleet.sending import new_order
 from chefbot_fleet.store import FleetOrder, Stage, Vehicle
 
+MOST_ASKED = 10
+"""So often a robot is asked to give up its way; an order that people do not want is asked for without end."""
+
 RECALL_EVERY_S = 30.0
 """A robot is not stopped more often than this for others that are in its way."""
 
@@ -51,6 +54,7 @@ class Cancellation:
     def _ask(self, vehicle: Vehicle, order: FleetOrder | None = None) -> None:
         if vehicle.cancel_id is None:
             vehicle.cancel_id = f"cancel-{vehicle.series}.{vehicle.trips}"
+            self._fleet.contacts[vehicle.name].cancels_sent = 0
         self._fleet.store.save(*([vehicle] if order is None else [order, vehicle]))
 
     def due(self, vehicle: Vehicle, now_s: float) -> CancelOrder | None:
@@ -59,7 +63,12 @@ class Cancellation:
         again_s = contact.cancel_sent_s + self._fleet.parameters.resend_s
         if vehicle.cancel_id is None or contact.state is None or robot.lost_s is not None or now_s < again_s:
             return None
-        contact.cancel_sent_s = now_s
+        if contact.cancels_sent >= MOST_ASKED and not self._is_cancelling(vehicle):
+            self._fleet.notices.append(f"{vehicle.name} does not answer cancelOrder, and keeps its way")
+            vehicle.cancel_id = None
+            self._fleet.store.save(vehicle)
+            return None
+        contact.cancel_sent_s, contact.cancels_sent = now_s, contact.cancels_sent + 1
         return CancelOrder(vehicle.name, vehicle.cancel_id)
 
     def on_state(self, vehicle: Vehicle, state: State, now_s: float) -> None:
@@ -67,20 +76,25 @@ class Cancellation:
         answers = [one for one in state.action_states if one.action_id == vehicle.cancel_id]
         if not any(one.action_status in ENDED for one in answers):
             return
-        order = self._fleet.orders.get(vehicle.task or "")
+        is_cancelling = self._is_cancelling(vehicle)
         was_at_work = vehicle.action_id is not None
         vehicle.action_id, vehicle.cancel_id = None, None
         self._stand_still(vehicle, state, now_s)
-        if order is None or order.stage is not Stage.CANCELLING:
+        if not is_cancelling:
             self._fleet.store.save(vehicle)
             self._fleet.traffic.resolve({vehicle.name}, now_s)
             return
+        order = self._fleet.orders[vehicle.task or ""]
         order.stage = Stage.CANCELLED
         if vehicle.stops_done or was_at_work:
             order.why = f"{vehicle.name} {'has' if vehicle.stops_done else 'may have'} its load"
         vehicle.task = None
         self._fleet.store.save(order, vehicle)
         self._fleet.traffic.withdraw(vehicle.name, now_s)
+
+    def _is_cancelling(self, vehicle: Vehicle) -> bool:
+        order = self._fleet.orders.get(vehicle.task or "")
+        return order is not None and order.stage is Stage.CANCELLING
 
     def _stand_still(self, vehicle: Vehicle, state: State, now_s: float) -> None:
         """Of what was released the robot keeps the edge on which it stands, and gets an order to drive to its end."""

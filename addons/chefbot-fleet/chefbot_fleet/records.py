@@ -39,6 +39,7 @@ class Contact(Struct):
     refusals: int = 0
     foreign: str | None = None
     cancel_sent_s: float = -math.inf
+    cancels_sent: int = 0
     recalled_s: float = -math.inf
 
 

@@ -174,6 +174,21 @@ def test_a_robot_is_stopped_where_another_one_stands_in_what_was_released_to_it(
     assert (world.done_by_two(), world.repeated()) == (0, 0)
 
 
+def test_a_robot_that_does_not_answer_keeps_the_way_that_it_has(
+    world: World, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After ten times; it goes on, and brings its order when the other one has gone."""
+    robot = until_driving(world)
+    monkeypatch.setattr(robot, "cancel", lambda action_id: None)
+    new = StandardRobot("new", world.roadmap, 6)
+    world.fleet.on_state("new", new.state(), world.now_s)
+    steps(world, 35.0)
+    assert world.fleet.notices[-1] == "r0 does not answer cancelOrder, and keeps its way"
+    world.fleet.remove_robot("new", world.now_s)
+    world.run(200.0)
+    assert world.fleet.orders["a"].stage is Stage.DONE
+
+
 def test_what_is_asked_again_has_the_same_number(world: World) -> None:
     """Every 3 s, until the robot has answered."""
     until_driving(world)
