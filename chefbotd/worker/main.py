@@ -4,22 +4,37 @@ import base64
 import contextlib
 import ctypes
 import os
+import select
 import signal
 import socket
 import sys
 import threading
 import time
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
-from typing import Final, NoReturn, TypeAlias
+from typing import Final, NamedTuple, NoReturn, TypeAlias
 
 from chefbotd.shared_clock import SHARED_CLOCK, SharedClock
-from chefbotd.worker.messages import TO_WORKER, Alive, Configure, FrameReader, FromWorker, framed, packed
+from chefbotd.worker.messages import (
+    TO_WORKER,
+    Alive,
+    Answer,
+    Configure,
+    FrameReader,
+    FromWorker,
+    SkillRequest,
+    framed,
+    packed,
+)
 from chefbotd.worker.runner import Runner
 
 PR_SET_PDEATHSIG: Final = 1  # prctl(2)
 ALIVE_S: Final = 0.5
 READ_BYTES: Final = 1 << 16
+FOLLOWS_WITHIN_S: Final = 0.01
+"""So long a turn waits for the next request of whoever has just got a result; the turns are 50 ms apart."""
+
+NO_RESULT: Final = packed(None)
 OUT_OF_MEMORY_SCORE: Final = "800"
 """When the computer is out of memory, the kernel ends the worker long before the daemon (0): proc(5), oom_score_adj."""
 
@@ -115,15 +130,62 @@ def _say_alive(line: _Line, runner: Runner, clock: AnyClock) -> None:
 
 def _work(theirs: socket.socket, line: _Line, runner: Runner, clock: AnyClock) -> None:
     """Take, at each turn, all that has come: to wake up for each message costs more than most of them do."""
-    reader = FrameReader()
-    while True:
-        clock.sleep(runner.wait_s)
+    inbox = _Inbox(theirs, line, runner)
+    with contextlib.suppress(_Closed):
+        while True:
+            clock.sleep(runner.wait_s)
+            if inbox.take().has_result:
+                inbox.take_what_follows()
+            line.send_all(runner.take_turn())
+
+
+class _Closed(Exception):
+    """The daemon has closed the socket."""
+
+
+class _ReadMessages(NamedTuple):
+    """Whether there were requests among the messages, and whether one was answered with more than that it was taken."""
+
+    has_request: bool = False
+    has_result: bool = False
+
+
+def _can_read(theirs: socket.socket, within_s: float) -> bool:
+    return bool(select.select([theirs], [], [], within_s)[0])
+
+
+class _Inbox:
+    """What the daemon sends. Raises ``_Closed`` at its end."""
+
+    def __init__(
+        self,
+        theirs: socket.socket,
+        line: _Line,
+        runner: Runner,
+        can_read: Callable[[socket.socket, float], bool] = _can_read,
+    ) -> None:
+        self._socket, self._line, self._runner, self._can_read = theirs, line, runner, can_read
+        self._reader = FrameReader()
+
+    def take(self) -> _ReadMessages:
+        """All messages that have come."""
         try:
-            data = theirs.recv(READ_BYTES, socket.MSG_DONTWAIT)
+            data = self._socket.recv(READ_BYTES, socket.MSG_DONTWAIT)
         except BlockingIOError:
-            data = None
-        if data == b"":
-            return
-        for frame in reader.feed(data or b""):
-            line.send_all(runner.take_message(TO_WORKER.decode(frame)))
-        line.send_all(runner.take_turn())
+            return _ReadMessages()
+        if not data:
+            raise _Closed
+        has_request = has_result = False
+        for frame in self._reader.feed(data):
+            message = TO_WORKER.decode(frame)
+            has_request = has_request or isinstance(message, SkillRequest)
+            for answer in self._runner.take_message(message):
+                self._line.send(answer)
+                has_result = has_result or (isinstance(answer, Answer) and answer.body != NO_RESULT)
+        return _ReadMessages(has_request, has_result)
+
+    def take_what_follows(self) -> None:
+        """Whoever has got a result may ask for more at once, a plan and then the drive: that is of the same turn."""
+        until_s, left_s = time.monotonic() + FOLLOWS_WITHIN_S, FOLLOWS_WITHIN_S
+        while self._can_read(self._socket, left_s) and not self.take().has_request:
+            left_s = max(until_s - time.monotonic(), 0.0)
