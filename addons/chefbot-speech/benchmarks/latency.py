@@ -1,7 +1,8 @@
 """How soon the robot brakes when talk is pressed, and the echo comes: ``python -m benchmarks.latency``.
 
 On the real clock, before a simulated daemon: from the press on the page's WebSocket to the motors' commands on the
-board's wire, as the topic ``raw`` tells them, which is later than they were written; and from the release to the echo.
+board's wire, as the topic ``raw`` tells them, which is later than they were written; and from the release to the echo,
+for a release with the end of the last word, and for a later one, as recognition begins with the pause before it.
 """
 
 import asyncio
@@ -16,6 +17,8 @@ from typing import Any, Final
 
 import aiohttp
 import numpy as np
+from chefbot_speech.recognition import RATE_HZ
+from chefbot_speech.sound import speech_end
 
 from benchmarks.phrases import in_room, synthesized
 from chefbotd.cli.drive.simulated_daemon import simulated_daemon
@@ -31,6 +34,7 @@ TIMES: Final = 10
 SPEED_M_S: Final = 0.2
 PIECE: Final = 2048
 VOICE, TEXT = "flite:rms", "go to table three"
+RELEASED_AFTER_S: Final = (0.0, 0.1, 0.25)
 
 
 async def drive(robot: Client) -> None:
@@ -68,11 +72,12 @@ async def braking(robot: Client, page: aiohttp.ClientWebSocketResponse) -> tuple
 
 
 async def echo(page: aiohttp.ClientWebSocketResponse, sound: bytes) -> float:
-    """Milliseconds from the release to the proposal; what is said takes its time before."""
+    """Milliseconds from the release to the proposal; each piece is sent when it has been said, as a page does it."""
     await page.send_json({"event": "press", "rate_hz": 16_000})
     for first in range(0, len(sound), 2 * PIECE):
-        await page.send_bytes(sound[first : first + 2 * PIECE])
-        await asyncio.sleep(PIECE / 16_000)
+        piece = sound[first : first + 2 * PIECE]
+        await asyncio.sleep(len(piece) / 2 / RATE_HZ)
+        await page.send_bytes(piece)
     released_s = time.perf_counter()
     await page.send_json({"event": "release"})
     while True:
@@ -118,7 +123,8 @@ async def measure(folder: Path) -> None:
     """Print the figures."""
     cells = np.zeros((200, 200), np.int8)
     save(MapStore(folder / "maps"), "flat", OccupancyGrid(0.05, Pose2D(-5.0, -5.0, 0.0), cells))
-    sound = in_room(synthesized(VOICE, TEXT, folder), None, 1).tobytes()
+    sound = in_room(synthesized(VOICE, TEXT, folder), None, 1)
+    end = speech_end(sound, RATE_HZ)
     environment = {"CHEFBOTD_MAPS__FOLDER": str(folder / "maps")}
     async with (
         simulated_daemon("chefbot_lidar", environment) as (where, _),
@@ -130,12 +136,20 @@ async def measure(folder: Path) -> None:
             await robot.save_place(f"table {number}", float(number) - 3.0, 1.0, 0.0, kind="table")
         async with speech(where.port) as page:
             await asyncio.sleep(2.0)
-            echoes_ms = [await echo(page, sound) for _ in range(TIMES)]
+            echoes_ms = {
+                after_s: [
+                    await echo(page, sound[: end + int(after_s * RATE_HZ)].tobytes()) for _ in range(TIMES)
+                ]
+                for after_s in RELEASED_AFTER_S
+            }
             stops = [await braking(robot, page) for _ in range(TIMES)]
     for name, values in (
         ("press to the first slower command", [slower for slower, _ in stops]),
         ("press to zero (at the limit of deceleration)", [zero for _, zero in stops]),
-        ("release to the echo", echoes_ms),
+        *(
+            (f"release {after_s:g} s after the last word to the echo", took)
+            for after_s, took in echoes_ms.items()
+        ),
     ):
         print(f"{name}: median {median(values):.0f} ms, longest {max(values):.0f} ms of {len(values)}")
 
