@@ -86,9 +86,9 @@ def _is_left_to_us(descriptor: int, daemon: int, until_s: float) -> bool:
 
     The pipe ends before the daemon does: it, and a child that it was just starting, hold the lock until the kernel has
     taken all of it apart, which a busy computer puts off. Until then it is this program's parent, and no other program
-    can have the lock. From then on a port in use is waited for, until that time in all.
+    can have the lock that it holds. Any other port in use is waited for, until that time in all.
     """
-    while os.getppid() != daemon and not _is_free(descriptor):
+    while not _is_free(descriptor) and (os.getppid() != daemon or _is_held_by_another(descriptor, daemon)):
         if time.monotonic() >= until_s:
             return False
         time.sleep(APART_S)
@@ -103,6 +103,18 @@ def _is_free(descriptor: int) -> bool:
         return False
     fcntl.flock(descriptor, fcntl.LOCK_UN)
     return True
+
+
+def _is_held_by_another(descriptor: int, daemon: int) -> bool:
+    """Whether another process than the daemon, which may have waited for the port itself, holds the lock (proc(5))."""
+    device = os.fstat(descriptor)
+    inode = f"{os.major(device.st_dev):02x}:{os.minor(device.st_dev):02x}:{device.st_ino}"
+    with contextlib.suppress(OSError), open("/proc/locks") as locks:  # noqa: PTH123 (this program imports next to nothing)
+        for line in locks:
+            _, kind, _, _, holder, place, *_ = line.split()
+            if (kind, place) == ("FLOCK", inode):
+                return int(holder) != daemon
+    return False
 
 
 def main() -> None:

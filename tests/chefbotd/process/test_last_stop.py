@@ -126,14 +126,27 @@ def test_the_lock_of_the_daemon_that_dies_is_waited_for(port_in_use: PortInUse, 
     assert port_in_use.written == b"s 0 0\r" * last_stop.STOPS
 
 
-def test_a_daemon_that_cannot_end_is_stopped_all_the_same(port_in_use: PortInUse):
+def test_a_daemon_that_cannot_end_is_stopped_all_the_same(
+    port_in_use: PortInUse, monkeypatch: pytest.MonkeyPatch
+):
     """It holds the lock for ever, and is still this program's parent, so nobody else drives: no stop is late."""
+    daemon = os.getpid()
+    monkeypatch.setattr(last_stop.os, "getppid", lambda: daemon)
     assert (
-        last_stop.stop_motors(port_in_use.path, 115200, True, True, b"s 0 0\r", None, os.getppid())
+        last_stop.stop_motors(port_in_use.path, 115200, True, True, b"s 0 0\r", None, daemon)
         == last_stop.WRITTEN
     )
     assert port_in_use.written == b"s 0 0\r" * last_stop.STOPS
     assert port_in_use.slept_s == pytest.approx(last_stop.STOPS * last_stop.APART_S)
+
+
+def test_a_daemon_that_dies_while_it_waits_for_the_port_stops_nobody(port_in_use: PortInUse):
+    """It is still this program's parent, but another process has the lock: that one's robot drives on."""
+    assert (
+        last_stop.stop_motors(port_in_use.path, 115200, True, True, b"s 0 0\r", None, os.getppid())
+        == last_stop.IN_USE
+    )
+    assert port_in_use.written == b""
 
 
 def test_a_port_that_another_program_keeps_is_left_to_it(port_in_use: PortInUse):
