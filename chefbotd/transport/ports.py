@@ -1,9 +1,7 @@
 """Ports for programs that somebody starts and then connects to, such as the daemon of a test or a demonstration."""
 
+import atexit
 import socket
-from typing import Final
-
-_RESERVED: Final[list[socket.socket]] = []
 
 
 def reserve_port() -> int:
@@ -19,6 +17,6 @@ def reserve_port() -> int:
     kept = socket.socket()
     kept.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
     kept.bind(("127.0.0.1", 0))
-    _RESERVED.append(kept)
+    atexit.register(kept.close)
     port: int = kept.getsockname()[1]
     return port
