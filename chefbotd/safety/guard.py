@@ -60,12 +60,12 @@ def later(params: GuardParameters, late_s: float) -> GuardParameters:
     return params if late_s == 0 else params.model_copy(update={"reaction_s": params.reaction_s + late_s})
 
 
-def release_distance_m(params: GuardParameters, stop_distance_m: float, *, blocked: bool) -> float:
-    """The distance up to which the robot stands: the stop distance, and the hysteresis where it stands (``blocked``).
+def release_distance_m(params: GuardParameters, stop_distance_m: float) -> float:
+    """The distance up to which a robot that has been brought to a stand stands on.
 
     Rounded, so that the last bit of a sum is not a step of the sensor.
     """
-    return round(stop_distance_m + params.hysteresis_m, 9) if blocked else stop_distance_m
+    return round(stop_distance_m + params.hysteresis_m, 9)
 
 
 class Beam(Record, frozen=True):
@@ -108,14 +108,15 @@ def update(params: GuardParameters, beams: Beams, measured: RangeMeasured) -> Be
 
 def _measured(params: GuardParameters, beam: Beam, measured: RangeMeasured) -> Beam:
     """With this reading. A sensor that reads nothing nearer than its band stops the robot at the edge of the band."""
-    distance_m = _distance_m(measured)
-    stop_m = max(params.stop_distance_m, measured.min_range_m) if beam.blocked else params.stop_distance_m
+    distance_m, stop_m = _distance_m(measured), params.stop_distance_m
+    if beam.blocked:
+        stop_m = release_distance_m(params, max(stop_m, measured.min_range_m))
     return replace(
         beam,
         distance_m=distance_m,
         stamp_s=measured.stamp_s,
         arrival_s=measured.arrival_s,
-        blocked=distance_m <= release_distance_m(params, stop_m, blocked=beam.blocked),
+        blocked=distance_m <= stop_m,
     )
 
 
@@ -158,10 +159,13 @@ def _limit_twist(
     """
     allowed_m_s = [(beam, _allowed_m_s(params, beam, now_s)) for beam in beams]
     twist, limiting = motion, None
-    for beam, most_m_s in allowed_m_s + allowed_m_s:
-        if _closing_m_s(beam, twist) > most_m_s:
-            twist, limiting = _slowed(beam, twist, most_m_s), beam.sensor
-    if limiting and any(_closing_m_s(beam, twist) > most_m_s + 1e-9 for beam, most_m_s in allowed_m_s):
+    for _ in 1, 2:
+        for beam, most_m_s in allowed_m_s:
+            if _closing_m_s(beam, twist) > most_m_s:
+                twist, limiting = _slowed(beam, twist, most_m_s), beam.sensor
+        if limiting is None:
+            return motion, None
+    if any(_closing_m_s(beam, twist) > most_m_s + 1e-9 for beam, most_m_s in allowed_m_s):
         return STANDING, limiting
     return twist, limiting
 

@@ -151,7 +151,8 @@ class _Look:
             twist.linear_m_s * self._blocked.linear_m_s > 0
             or twist.angular_rad_s * self._blocked.angular_rad_s > 0
         )
-        return release_distance_m(self._params, self._params.scan.stop_distance_m, blocked=is_blocked)
+        stop_m = self._params.scan.stop_distance_m
+        return release_distance_m(self._params, stop_m) if is_blocked else stop_m
 
     def most_of(self, whole: Twist2D, share: float) -> Twist2D:
         """As much of the motion as is allowed: a tighter or a wider turn where that is free, else all of it more slowly.
