@@ -1,8 +1,11 @@
-"""Roadmaps small enough to work out by hand."""
+"""Roadmaps small enough to work out by hand, and a manager with one robot on one of them."""
+
+from pathlib import Path
 
 import pytest
 from chefbot_fleet.roadmap import Roadmap
 from chefbot_fleet.routes import Pace
+from fleet_world import World, small_roadmap
 
 
 @pytest.fixture
@@ -23,3 +26,12 @@ def corridor() -> Roadmap:
 def pace() -> Pace:
     """Half a metre a second and no time for the nodes: two seconds an edge."""
     return Pace(0.5, 0.0)
+
+
+@pytest.fixture
+def world(tmp_path: Path) -> World:
+    """One robot, at home at 0, and one order: from the counter at 6, beside 1, to the table at 7, beside 3."""
+    world = World(small_roadmap(), tmp_path / "fleet.db", robots=1)
+    world.step()
+    world.fleet.add_order("a", "counter", "table", 0.0)
+    return world

@@ -166,3 +166,10 @@ class World:
             action_id.rsplit("-", 1)[0] for robot in self.robots.values() for action_id, _ in robot.worked
         ]
         return len(done) - len(set(done))
+
+
+def steps(world: World, seconds: float) -> None:
+    """Let so much time pass."""
+    end_s = world.now_s + seconds
+    while world.now_s < end_s:
+        world.step()

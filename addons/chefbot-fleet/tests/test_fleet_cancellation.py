@@ -9,23 +9,7 @@ from chefbot_fleet.store import Stage
 from chefbot_fleet.view import fleet_view
 from chefbot_vda5050.messages import State
 from fleet_robots import StandardRobot
-from fleet_world import World, small_roadmap
-
-
-@pytest.fixture
-def world(tmp_path: Path) -> World:
-    """One robot, at home at 0, and one order: from the counter at 6, beside 1, to the table at 7, beside 3."""
-    world = World(small_roadmap(), tmp_path / "fleet.db", robots=1)
-    world.step()
-    world.fleet.add_order("a", "counter", "table", 0.0)
-    return world
-
-
-def steps(world: World, seconds: float) -> None:
-    """Let so much time pass."""
-    end_s = world.now_s + seconds
-    while world.now_s < end_s:
-        world.step()
+from fleet_world import World, small_roadmap, steps
 
 
 def until_driving(world: World) -> StandardRobot:

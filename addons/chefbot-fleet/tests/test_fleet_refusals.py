@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 from chefbot_fleet.sending import MOST_REFUSALS
 from chefbot_fleet.store import Stage
-from fleet_world import World, small_roadmap
+from fleet_world import World, small_roadmap, steps
 
 
 @pytest.fixture
@@ -15,13 +15,6 @@ def world(tmp_path: Path) -> World:
     world.step()
     world.fleet.add_order("a", "counter", "table", 0.0)
     return world
-
-
-def steps(world: World, seconds: float) -> None:
-    """Let so much time pass."""
-    end_s = world.now_s + seconds
-    while world.now_s < end_s:
-        world.step()
 
 
 def test_why_a_robot_refuses_is_said_of_the_order_until_it_accepts(world: World) -> None:

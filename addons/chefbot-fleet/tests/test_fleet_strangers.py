@@ -8,17 +8,8 @@ from chefbot_fleet.store import Correction, Stage
 from chefbot_fleet.view import fleet_view
 from chefbot_vda5050.messages import Action, BlockingType, ConnectionState, Node, NodePosition
 from fleet_robots import StandardRobot
-from fleet_world import World, small_roadmap
+from fleet_world import World, small_roadmap, steps
 from msgspec.structs import replace
-
-
-@pytest.fixture
-def world(tmp_path: Path) -> World:
-    """One robot, at home at 0, and one order: from the counter at 6, beside 1, to the table at 7, beside 3."""
-    world = World(small_roadmap(), tmp_path / "fleet.db", robots=1)
-    world.step()
-    world.fleet.add_order("a", "counter", "table", 0.0)
-    return world
 
 
 def stranger_at(world: World, node: int) -> StandardRobot:
@@ -55,13 +46,6 @@ def between(world: World, node: int, other: int) -> tuple[float, float]:
     """The middle of an edge."""
     (x_m, y_m), (to_x_m, to_y_m) = world.roadmap.points_m[node], world.roadmap.points_m[other]
     return (x_m + to_x_m) / 2, (y_m + to_y_m) / 2
-
-
-def steps(world: World, seconds: float) -> None:
-    """Let so much time pass."""
-    end_s = world.now_s + seconds
-    while world.now_s < end_s:
-        world.step()
 
 
 def test_nobody_is_sent_through_the_place_of_a_robot_that_is_not_in_the_fleet(world: World) -> None:
