@@ -196,7 +196,11 @@ class Navigator:
             raise NoMapError("there is no map to plan on: load or make one first")
         here = self.world.frame.pose_to_grid(start)
         costs = self.world.costs(now_s, here, with_closed=False)
-        return self._planner(self._params.outline, costs, start, goal)
+        path, ground = self._planner(self._params.outline, costs, start, goal), self.world.ground
+        if isinstance(path, NoPath) and costs is not ground:
+            on_map = self._planner(self._params.outline, ground, start, goal)
+            return replace(path, only_for_now=isinstance(on_map, Path))
+        return path
 
     def time_s(self, path: Path, start: Pose2D) -> float:
         """How long a path will take, if nothing gets in the way."""

@@ -208,7 +208,10 @@ class ChefBot:
                         return
 
     async def unreachable(self, position: NodePosition) -> str:
-        """Why there is no path there on the map; empty: there is one, or there was lately."""
+        """Why there is no path there on the map; empty: there is one, or there was lately.
+
+        What is not on the map may leave: for that the robot waits when it drives.
+        """
         if self._client is None:
             return self._facts.missing
         now_s = asyncio.get_running_loop().time()
@@ -220,10 +223,9 @@ class ChefBot:
             )
         except ChefbotError as error:
             return str(error)
-        if not plan.possible:
-            return plan.reason
-        self._ways.add(position, now_s)
-        return ""
+        if plan.possible:
+            self._ways.add(position, now_s)
+        return "" if plan.possible or plan.only_for_now else plan.reason
 
     async def set_pose(self, position: NodePosition) -> None:
         """Tell the robot where it is on the map in use."""

@@ -50,7 +50,7 @@ class Robot(Protocol):
         """Go on, where somebody at the robot has halted it."""
 
     async def unreachable(self, position: NodePosition) -> str:
-        """Why the robot cannot drive there on its map; empty: it can."""
+        """Why the robot cannot drive there on its map; empty: it can, though something that passes may be in the way."""
 
     async def set_pose(self, position: NodePosition) -> None:
         """Tell the robot where it is; raises ``CannotDo``."""

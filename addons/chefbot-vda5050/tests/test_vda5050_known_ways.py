@@ -54,7 +54,10 @@ def test_of_too_many_the_oldest_is_forgotten() -> None:
 
 
 def test_the_robot_plans_once_and_anew_when_a_drive_has_failed_or_the_daemon_was_away() -> None:
-    """What may have changed is looked at again; a node without a way is looked at each time."""
+    """What may have changed is looked at again; a node without a way is looked at each time.
+
+    One is refused where the map has no way, and not where somebody stands in it.
+    """
 
     async def run() -> None:
         daemon = FakeDaemon()
@@ -77,6 +80,9 @@ def test_the_robot_plans_once_and_anew_when_a_drive_has_failed_or_the_daemon_was
         other = NodePosition(x=9.0, y=9.0, map_id="flat")
         assert [await robot.unreachable(other) for _ in range(2)] == ["a wall", "a wall"]
         assert daemon.planned == 4
+        daemon.closed = "a passer-by"
+        assert [await robot.unreachable(other) for _ in range(2)] == ["", ""]
+        assert daemon.planned == 6
         for task in tasks:
             task.cancel()
         with contextlib.suppress(asyncio.CancelledError):

@@ -77,9 +77,11 @@ class FakeDaemon:
         yield told()
 
     async def plan_to(self, *pose: Any, **options: Any) -> SimpleNamespace:
-        """There is a path, unless it is ``closed``."""
+        """There is a path, unless it is ``closed``; "a passer-by" is not on the map."""
         self.planned += 1
-        return SimpleNamespace(possible=not self.closed, reason=self.closed)
+        return SimpleNamespace(
+            possible=not self.closed, reason=self.closed, only_for_now=self.closed == "a passer-by"
+        )
 
     async def navigate_to(self, x_m: float, *pose: Any, **options: Any) -> str:
         """Accepted after 0.2 s, it replaces the goal before it; cancelled earlier, that one goes on."""

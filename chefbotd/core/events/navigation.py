@@ -114,7 +114,10 @@ class GoalReport(GoalResult, frozen=True):
 
 
 class PlanResult(Record, frozen=True):
-    """The path that would be driven. Without one, ``reason`` says why, and there may be a free pose near the goal."""
+    """The path that would be driven. Without one, ``reason`` says why, and there may be a free pose near the goal.
+
+    ``only_for_now``: without what was seen since the map was made there would be a path.
+    """
 
     possible: bool
     reason: str = ""
@@ -125,3 +128,4 @@ class PlanResult(Record, frozen=True):
     nearest_x_m: float | None = None
     nearest_y_m: float | None = None
     nearest_heading_rad: float | None = None
+    only_for_now: bool = False

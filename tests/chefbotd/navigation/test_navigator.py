@@ -372,6 +372,20 @@ def test_plan_to_drives_nothing() -> None:
     assert drive.navigator.state is GoalState.IDLE
 
 
+@pytest.mark.parametrize(
+    ("goal", "only_for_now"), [(Goal(2.25, 1.5), True), (Goal(7.0, 1.5), False)], ids=["a box", "a wall"]
+)
+def test_plan_to_tells_what_stands_there_for_now_from_what_is_on_the_map(
+    goal: Goal, *, only_for_now: bool
+) -> None:
+    """A goal where the lidar sees a box that is not on the map can be reached again; one in a wall cannot."""
+    drive = hall(box(2.3, 1.3, 0.4, 0.4))
+    drive.run(0.2)
+    found = drive.navigator.plan_to(drive.pose, goal, drive.now_s)
+    assert isinstance(found, NoPath)
+    assert found.only_for_now is only_for_now
+
+
 def test_without_a_map_no_goal_is_accepted() -> None:
     """And the message says what to do."""
     with pytest.raises(NoMapError, match="load or make one"):
