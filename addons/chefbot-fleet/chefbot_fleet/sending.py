@@ -1,12 +1,12 @@
 """What is sent to robots, and when: orders, one update at a time, again where it was lost, and not for ever."""
 
 from chefbot_fleet.orders import Outgoing, order_message, refusal
-from chefbot_fleet.records import Contact, FleetRecords
+from chefbot_fleet.records import Contact, FleetRecords, may_have_load
 from chefbot_fleet.schedule import Move
 from chefbot_fleet.store import Vehicle
 
 MOST_REFUSALS = 10
-"""So often a robot may refuse an order before somebody else's turn comes."""
+"""So often a robot may refuse an order before it is another's, unless this one has begun to load."""
 
 REFUSED_RESEND_S = 30.0
 """Then it is asked again so seldom; it gets no other work until it has accepted."""
@@ -68,13 +68,13 @@ class Sending:
         contact.refusals = 0
 
     def _refused(self, vehicle: Vehicle, contact: Contact, why: str, now_s: float) -> None:
-        """Once more; too often, and the work is another robot's."""
+        """Once more; too often, and the work is another robot's: but no other can bring what this one has loaded."""
         contact.refusals += 1
         order = self._fleet.orders.get(vehicle.task) if vehicle.task is not None else None
         if order is None:
             return
         order.why = why
-        if contact.refusals < MOST_REFUSALS:
+        if contact.refusals < MOST_REFUSALS or may_have_load(vehicle):
             self._fleet.store.save(order)
             return
         self._fleet.give_back(vehicle, order, why)

@@ -33,6 +33,7 @@ class DiscRobot:
         self.worked: list[tuple[str, Point]] = []
         self._task: asyncio.Task[None] | None = None
         self._drive = 0
+        self.barred = ""
         self.ages_s: dict[tuple[str, int], float] = {}
         self.late: set[tuple[str, int]] = set()
         self._agent: Agent | None = None
@@ -138,8 +139,8 @@ class DiscRobot:
         self._set(paused=False)
 
     async def unreachable(self, position: NodePosition) -> str:
-        """Everything on the lanes can be reached."""
-        return ""
+        """Everything on the lanes can be reached, unless it is ``barred``."""
+        return self.barred
 
     async def set_pose(self, position: NodePosition) -> None:
         """It knows where it is."""

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from chefbot_fleet.demo.report import Measured, report
 from chefbot_fleet.demo.story import Demonstration
+from chefbot_fleet.roadmap import Point
 from fleet_discs import SPEED_M_S, DiscRobot
 
 from chefbotd.core.geometry import Pose2D
@@ -41,6 +42,27 @@ def test_every_order_is_done_once_whoever_is_killed(
         assert what in told
     assert "6 orders in" in told
     assert "0 loads and unloads lost, 0 done twice, 0 elsewhere; 0 touches" in told
+
+
+@pytest.mark.realtime
+def test_an_order_that_does_not_end_fails_the_demonstration(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The one robot refuses every way: after five seconds without an end to any order, it is given up and counted."""
+    need_mosquitto()
+
+    def refusing(serial: str, start: Point, folder: Path, broker_port: int) -> DiscRobot:
+        robot = DiscRobot(serial, start, folder, broker_port)
+        robot.barred = "a test"
+        return robot
+
+    shown = Demonstration(
+        tmp_path, refusing, robots=1, count=2, page_port=reserve_port(), speed_m_s=SPEED_M_S, gives_up_s=5.0
+    )
+    assert not asyncio.run(shown.run())
+    told = capsys.readouterr().out
+    assert "Given up: no order has ended for 5 s" in told
+    assert "4 loads and unloads lost" in told
 
 
 @pytest.mark.slow

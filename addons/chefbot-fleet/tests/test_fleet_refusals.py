@@ -5,6 +5,7 @@ from pathlib import Path
 import pytest
 from chefbot_fleet.sending import MOST_REFUSALS
 from chefbot_fleet.store import Stage
+from fleet_robots import StandardRobot
 from fleet_world import World, small_roadmap, steps
 
 
@@ -58,8 +59,9 @@ def test_an_order_that_one_robot_refuses_is_anothers(world: World) -> None:
     assert (world.lost(), world.done_by_two(), robot.worked) == (0, 0, [])
 
 
-def test_a_load_that_a_robot_does_not_bring_is_not_fetched_again(world: World) -> None:
-    """It fetched it and refuses to go on: the order has failed, with the reason."""
+@pytest.fixture
+def loaded(world: World) -> tuple[World, StandardRobot]:
+    """A robot that has fetched the load, and refused to go on for two minutes."""
     while world.fleet.orders["a"].stage is not Stage.PICKED:
         world.step()
     order = world.fleet.orders["a"]
@@ -67,9 +69,35 @@ def test_a_load_that_a_robot_does_not_bring_is_not_fetched_again(world: World) -
     robot = world.robots[order.robot]
     robot.refuses = "orderError"
     steps(world, 120.0)
-    assert order.stage is Stage.FAILED
-    assert order.why == f"{order.robot} refuses it: orderError - a test, perhaps with its load"
-    assert world.done_by_two() == 0
+    return world, robot
+
+
+def test_a_load_that_a_robot_does_not_bring_is_not_fetched_again(loaded: tuple[World, StandardRobot]) -> None:
+    """The order stays its own, with the reason; the robot is asked every 30 s, and brings the load when it accepts."""
+    world, robot = loaded
+    order, refused = world.fleet.orders["a"], len(robot.refused)
+    assert order.stage is Stage.PICKED
+    assert order.why == f"{order.robot} refuses it: orderError - a test"
+    steps(world, 300.0)
+    assert 5 <= len(robot.refused) - refused <= 300 // 30 + 1
+    robot.refuses = None
+    world.run(300.0)
+    assert (order.stage, order.why) == (Stage.DONE, None)
+    assert (world.lost(), world.done_by_two(), world.repeated()) == (0, 0, 0)
+
+
+def test_a_load_that_a_robot_does_not_bring_can_be_given_up(loaded: tuple[World, StandardRobot]) -> None:
+    """Somebody cancels the order, and gets the load from the robot, which does the next order when it accepts."""
+    world, robot = loaded
+    world.fleet.cancel_order("a")
+    steps(world, 40.0)
+    order = world.fleet.orders["a"]
+    assert order.stage is Stage.CANCELLED
+    assert "load" in (order.why or "")
+    robot.refuses = None
+    world.fleet.add_order("b", "counter", "table", world.now_s)
+    world.run(300.0)
+    assert world.fleet.orders["b"].stage is Stage.DONE
 
 
 def test_a_robot_that_accepts_again_gets_work_again(world: World) -> None:

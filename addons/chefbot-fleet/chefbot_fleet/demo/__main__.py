@@ -11,7 +11,7 @@ import click
 import structlog
 
 from chefbot_fleet.demo.chefbots import ChefBot
-from chefbot_fleet.demo.programs import Program
+from chefbot_fleet.demo.programs import shared_clock
 from chefbot_fleet.demo.story import STARTS, TOKEN, Demonstration
 
 
@@ -38,10 +38,7 @@ async def _run(folder: Path, orders: int, robots: int, port: int, pace: float) -
     task = asyncio.current_task()
     if task is not None:
         asyncio.get_running_loop().add_signal_handler(signal.SIGTERM, task.cancel)
-    clock = Program(
-        folder / "clock.log", sys.executable, "-P", "-m", "chefbotd.shared_clock", str(folder / "clock"), str(pace),
-        socket_path=folder / "clock",
-    )  # fmt: skip
+    clock = shared_clock(folder, pace)
     await clock.start()
     try:
         return await Demonstration(folder, ChefBot, robots=robots, count=orders, page_port=port).run()

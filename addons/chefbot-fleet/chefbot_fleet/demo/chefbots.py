@@ -47,12 +47,12 @@ class ChefBot:
         self._start = Pose2D(*start)
         self.folder.mkdir()
         save(MapStore(self.folder, 3), BUILDING, BUILDINGS[BUILDING].grid())
-        self._daemon = Program(
+        self.daemon = Program(
             folder / f"{serial}.daemon.log", sys.executable, "-P", "-m", "chefbotd.cli.programs.chefbotd",
             "run", "--sim", "--config", "chefbot_lidar", "--sketch", "chefbot",
             port=self.port, environment=self._settings(folder),
         )  # fmt: skip
-        self._agent = Program(
+        self.agent = Program(
             folder / f"{serial}.agent.log", sys.executable, "-P", "-m", "chefbot_vda5050.cli", "run",
             f"127.0.0.1:{broker_port}", serial, "--daemon", f"127.0.0.1:{self.port}", "--carries-kg", "2",
         )  # fmt: skip
@@ -79,19 +79,19 @@ class ChefBot:
     async def switch_on(self) -> None:
         """Start its daemon, and wait until it knows where it is; the first time somebody tells it."""
         self._is_localized.clear()
-        await self._daemon.start()
+        await self.daemon.start()
         if self._people is None:
             self._people = asyncio.create_task(self._attend())
         await self._is_localized.wait()
 
     async def join(self) -> None:
         """Start its agent, which puts it into the fleet."""
-        await self._agent.start()
+        await self.agent.start()
 
     async def switch_off(self) -> None:
         """Kill daemon, worker and agent; its body stays where it is."""
-        await self._agent.kill()
-        await self._daemon.kill()
+        await self.agent.kill()
+        await self.daemon.kill()
 
     async def remove(self) -> None:
         """The end of it."""
@@ -147,9 +147,9 @@ class ChefBot:
                         answered.add(question.question_id)
                         await asyncio.sleep(WORK_S)
                         truth = self.truth()
-                        await client.answer_agent(question.question_id, question.choices[0])
                         place = Pose2D() if truth is None else truth.world_from_base
                         self.worked.append((question.question, (place.x_m, place.y_m)))
+                        await client.answer_agent(question.question_id, question.choices[0])
 
 
 async def _finds_itself(client: Client) -> bool:

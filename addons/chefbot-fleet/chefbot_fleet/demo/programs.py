@@ -5,6 +5,7 @@ import contextlib
 import os
 import shutil
 import signal
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -84,6 +85,13 @@ async def listens(port: int) -> bool:
         return False
     writer.close()
     return True
+
+
+def shared_clock(folder: Path, pace: float) -> Program:
+    """The robots' clock, ``clock`` in the folder; it goes at ``pace`` times real time at most."""
+    path = folder / "clock"
+    words = (sys.executable, "-P", "-m", "chefbotd.shared_clock", str(path), str(pace))
+    return Program(folder / "clock.log", *words, socket_path=path)
 
 
 def mosquitto(folder: Path) -> Program:

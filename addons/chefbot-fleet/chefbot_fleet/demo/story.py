@@ -30,6 +30,10 @@ SPEED_M_S: Final = 0.2
 """What a ChefBot makes on the average, with its stops and turns."""
 
 GONE_S: Final = 60.0
+ENDED: Final = frozenset({"done", "failed", "cancelled"})
+GIVES_UP_S: Final = 1800.0
+"""When no order has ended for so long, in real time, none is waited for any more."""
+
 MEASURES_EVERY_S: Final = 0.05
 TOKEN: Final = "demonstration"  # noqa: S105 - it is told to everybody
 
@@ -56,6 +60,10 @@ class Robot(Protocol):
         """Where it truly is, by the robots' clock."""
 
 
+class _GivenUp(Exception):
+    """Nothing more is to be expected; the text says why."""
+
+
 MakeRobot = Callable[[str, Point, Path, int], Robot]
 """By its serial number, its start, a folder for its files, and the broker's port."""
 
@@ -65,9 +73,10 @@ class Demonstration:
 
     def __init__(
         self, folder: Path, make: MakeRobot, *, robots: int, count: int, page_port: int,
-        speed_m_s: float = SPEED_M_S, gone_s: float = GONE_S,
+        speed_m_s: float = SPEED_M_S, gone_s: float = GONE_S, gives_up_s: float = GIVES_UP_S,
     ) -> None:  # fmt: skip
         self._count, self._gone_s, self._url = count, gone_s, f"http://127.0.0.1:{page_port}"
+        self._gives_up_s = gives_up_s
         (folder / "places.yaml").write_text(yaml.safe_dump({name: list(at) for name, at in PLACES.items()}))
         (folder / "token").write_text(TOKEN)
         self.broker = mosquitto(folder)
@@ -80,7 +89,7 @@ class Demonstration:
             port=page_port,
         )  # fmt: skip
         self.robots = [make(f"r{k + 1}", STARTS[k], folder, port) for k in range(robots)]
-        self._measured = Measured([robot.serial for robot in self.robots])
+        self.measured = Measured([robot.serial for robot in self.robots])
         self._orders: dict[str, tuple[str, str]] = {}
 
     async def run(self) -> bool:
@@ -93,15 +102,17 @@ class Demonstration:
                 "All robots know where they are."
             )  # before the first one drives: nobody knows of the others yet
             await asyncio.gather(*[robot.join() for robot in self.robots])
-            async with self._measuring():
-                await self._until(lambda fleet: len(fleet["robots"]) == len(self.robots))
-                click.echo("All robots are in the fleet.")
-                await self._order()
-                await self._disturb()
-                await self._until(lambda fleet: fleet["done"] >= self._count)
-            return report(
-                self._measured, self._orders, {one.serial: one.worked for one in self.robots}, PLACES
-            )
+            async with self.measuring():
+                try:
+                    await self._until(lambda fleet: len(fleet["robots"]) == len(self.robots))
+                    click.echo("All robots are in the fleet.")
+                    await self._order()
+                    await self._disturb()
+                    await self._until_ended(self._count)
+                except _GivenUp as why:
+                    click.echo(f"\nGiven up: {why}")
+            worked = {one.serial: one.worked for one in self.robots}
+            return report(self.measured, self._orders, worked, PLACES)
         finally:
             await asyncio.gather(*[robot.remove() for robot in self.robots])
             await self.manager.kill()
@@ -110,20 +121,20 @@ class Demonstration:
     async def _disturb(self) -> None:
         """Switch a robot off and on, kill the broker, kill the manager."""
         gone = self.robots[len(self.robots) // 2]
-        await self._until(lambda fleet: fleet["done"] >= self._share(1))
+        await self._until_ended(self._share(1))
         click.echo(f"Robot {gone.serial} is switched off for {self._gone_s:g} s, wherever it is.")
         await gone.switch_off()
-        back_s = self._measured.seconds + self._gone_s
-        await self._until(lambda fleet: self._measured.seconds >= back_s)
+        back_s = self.measured.seconds + self._gone_s
+        await self._until(lambda fleet: self.measured.seconds >= back_s)
         click.echo(f"Robot {gone.serial} is switched on.")
         await gone.switch_on()
         await gone.join()
-        await self._until(lambda fleet: fleet["done"] >= self._share(2))
+        await self._until_ended(self._share(2))
         click.echo("The broker is killed, and started again after five seconds.")
         await self.broker.kill()
         await asyncio.sleep(5.0)
         await self.broker.start()
-        await self._until(lambda fleet: fleet["done"] >= self._share(3))
+        await self._until_ended(self._share(3))
         click.echo("The manager is killed, and started again.")
         await self.manager.kill()
         await self.manager.start()
@@ -151,29 +162,44 @@ class Demonstration:
         shown: dict[str, Any] = await asyncio.to_thread(_fetch, f"{self._url}/api/fleet")
         return shown
 
+    async def _until_ended(self, count: int) -> None:
+        await self._until(lambda fleet: self._count_ended(fleet) >= count)
+
+    def _count_ended(self, fleet: dict[str, Any]) -> int:
+        """So many of the given orders are done, or have failed or been cancelled."""
+        return len(self._orders) - sum(order["stage"] not in ENDED for order in fleet["orders"])
+
     async def _until(self, condition: Callable[[dict[str, Any]], bool]) -> None:
-        shown = -1
+        """Raises ``_GivenUp`` when no order has ended for too long."""
+        shown, ended, loop = -1, -1, asyncio.get_running_loop()
+        ended_s = loop.time()
         while True:
             with contextlib.suppress(OSError):
                 fleet = await self.fleet()
                 if fleet["done"] // 5 != shown:
                     shown = fleet["done"] // 5
                     self._show(fleet)
-                self._measured.waits({one["name"].split("/")[-1] for one in fleet["robots"] if one["waits"]})
+                if (count := self._count_ended(fleet)) != ended:
+                    ended, ended_s = count, loop.time()
+                self.measured.waits({one["name"].split("/")[-1] for one in fleet["robots"] if one["waits"]})
                 if condition(fleet):
                     return
+            if loop.time() - ended_s > self._gives_up_s:
+                raise _GivenUp(f"no order has ended for {self._gives_up_s:g} s")
             await asyncio.sleep(1.0)
 
     def _show(self, fleet: dict[str, Any]) -> None:
-        click.echo(f"\n{fleet['done']} of {self._count} orders done after {self._measured.seconds:.0f} s")
+        click.echo(f"\n{fleet['done']} of {self._count} orders done after {self.measured.seconds:.0f} s")
         for one in fleet["robots"]:
             click.echo(f"  {one['name']:12} {one['doing']:32} {'; '.join(one['waits'])}")
 
     @contextlib.asynccontextmanager
-    async def _measuring(self) -> AsyncIterator[None]:
+    async def measuring(self) -> AsyncIterator[None]:
+        """Measure the robots' true poses and touches meanwhile."""
+
         async def measure() -> None:
             while True:
-                self._measured.take({robot.serial: robot.truth() for robot in self.robots})
+                self.measured.take({robot.serial: robot.truth() for robot in self.robots})
                 await asyncio.sleep(MEASURES_EVERY_S)
 
         task = asyncio.create_task(measure())
