@@ -238,10 +238,21 @@ class ChefBot:
         await self._call("say", text=text)
 
     async def ask(self, question: str, choices: list[str], timeout_s: float) -> str | None:
-        """Ask on the robot's page; the answer, or None."""
-        answer = await self._call("ask", question=question, choices=choices, timeout_s=timeout_s)
-        choice: str | None = answer.get("choice")
-        return choice
+        """Ask on the robot's page; the answer, or None: also while the daemon is away, after ``AGAIN_S``."""
+        if self._client is not None:
+            try:
+                answer = await self._client.call(
+                    "ask", question=question, choices=choices, timeout_s=timeout_s
+                )
+            except CallError as refused:
+                raise CannotDo(refused.message) from refused
+            except (ChefbotError, OSError) as error:
+                log.warning("a question is asked again", question=question, why=str(error))
+            else:
+                choice: str | None = answer.get("choice")
+                return choice
+        await asyncio.sleep(AGAIN_S)
+        return None
 
     async def _call(self, method: str, **params: Any) -> dict[str, Any]:
         if self._client is None:

@@ -12,13 +12,15 @@ import pytest
 from chefbot_vda5050 import versions
 from chefbot_vda5050.chefbot import ChefBot
 from chefbot_vda5050.messages import EStop, Node, NodePosition, OperatingMode, Order, State
+from chefbot_vda5050.robot import Performed, perform
 from chefbot_vda5050.service import limits
 from chefbot_vda5050.vehicle import Facts
 from msgspec.structs import replace
+from vda5050_daemon import FakeDaemon
 from vda5050_fakes import Fleet, is_idle
 from vda5050_orders import HEADER, action, edge
 
-from chefbotd.client import Client
+from chefbotd.client import CallError, Client, ConnectionLost
 from chefbotd.clock import run_virtual
 from chefbotd.settings import load, packaged
 from chefbotd.sim.worlds.flat import FLAT
@@ -187,6 +189,28 @@ async def arming_alone_moves_nothing(now: RealFleet, simulated: SimulatedRobot) 
 def error_types(state: State) -> list[str]:
     """Of a state's errors."""
     return [one.error_type for one in state.errors]
+
+
+def test_a_question_is_asked_again_when_the_daemon_was_away() -> None:
+    """Nobody's load is given up for it; a daemon that refuses to ask fails the action."""
+    performed: list[Performed] = []
+
+    async def run() -> None:
+        daemon = FakeDaemon()
+        robot = ChefBot(daemon.connect)
+        daemon.answers = [ConnectionLost("killed"), "Loaded", CallError(-1, "too_many", "too many questions")]
+        asking = asyncio.create_task(perform(robot, action()))
+        await asyncio.sleep(5.0)
+        assert not daemon.calls
+        running = [asyncio.create_task(work) for work in (daemon.run(), robot.run())]
+        performed.extend([await asking, await perform(robot, action())])
+        for task in running:
+            task.cancel()
+        await asyncio.gather(*running, return_exceptions=True)
+        assert daemon.calls == ["ask Please load the load on me."] * 3
+
+    run_virtual(run())
+    assert [(one.failed, one.result) for one in performed] == [("", "Loaded"), ("too many questions", None)]
 
 
 def test_without_its_daemon_the_robot_says_so_and_connects_again() -> None:

@@ -16,7 +16,7 @@ ACCEPTING_S = 0.2
 class FakeDaemon:
     """Its robot drives straight along x at ``speed_m_s`` while there is a goal.
 
-    ``refusals`` and ``ends`` are for the next goals.
+    ``refusals`` and ``ends`` are for the next goals, ``answers`` for the next questions.
     """
 
     def __init__(self, speed_m_s: float = 0.5) -> None:
@@ -24,6 +24,7 @@ class FakeDaemon:
         self.calls: list[str] = []
         self.refusals: list[str] = []
         self.ends: list[str] = []
+        self.answers: list[str | Exception] = []
         self.planned, self.closed = 0, ""
         self._goal: tuple[float, asyncio.Future[str]] | None = None
         self._topics: dict[str, asyncio.Queue[Any]] = {}
@@ -82,6 +83,14 @@ class FakeDaemon:
         return SimpleNamespace(
             possible=not self.closed, reason=self.closed, only_for_now=self.closed == "a passer-by"
         )
+
+    async def call(self, method: str, **params: Any) -> dict[str, Any]:
+        """A question's answer, or how the connection ended meanwhile."""
+        self.calls.append(f"{method} {params['question']}")
+        answer = self.answers.pop(0)
+        if isinstance(answer, Exception):
+            raise answer
+        return {"choice": answer}
 
     async def navigate_to(self, x_m: float, *pose: Any, **options: Any) -> str:
         """Accepted after 0.2 s, it replaces the goal before it; cancelled earlier, that one goes on."""
