@@ -4,7 +4,7 @@ import itertools
 import math
 import time
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Final
 
 import click
@@ -16,6 +16,8 @@ AT_PLACE_M: Final = 0.5
 """So near its place a robot is to be loaded and unloaded."""
 
 Worked = Sequence[tuple[str, Point]]
+Task = tuple[str, str]
+"""``load`` or ``take``, and an order."""
 
 
 class Measured:
@@ -69,13 +71,10 @@ def report(
     places: Mapping[str, Point],
 ) -> bool:
     """Print the table; whether every order was done once, where it was to be done, and nothing touched."""
-    done = [entry for one in worked.values() for entry in one]
-    lost, twice, elsewhere = 0, 0, 0
-    for name, ends in orders.items():
-        for word, place in zip(("load", "take"), ends, strict=True):
-            points = [point for question, point in done if f" {word} {name} " in f"{question} "]
-            lost, twice = lost + (not points), twice + (len(points) > 1)
-            elsewhere += any(math.dist(point, places[place]) > AT_PLACE_M for point in points)
+    lost, twice = 0, 0
+    for by in tasks(orders, worked).values():
+        lost, twice = lost + (not by), twice + (len(by) > 1)
+    elsewhere = count_elsewhere(orders, worked, places)
     touches = measured.touches.total()
     click.echo(f"\n{'robot':8}{'driven (m)':>12}{'waited (s)':>12}{'loads, unloads':>16}{'touches':>9}")
     for serial, one in worked.items():
@@ -87,3 +86,27 @@ def report(
         f"touches, the nearest two robots {measured.nearest_m:.2f} m from middle to middle"
     )
     return not (lost or twice or elsewhere or touches)
+
+
+def tasks(orders: Iterable[str], worked: Mapping[str, Worked]) -> dict[Task, list[tuple[str, Point]]]:
+    """Of each order the loads and unloads: which robots people did them for, and where those stood."""
+    return {
+        (word, name): [
+            (serial, point)
+            for serial, done in worked.items()
+            for question, point in done
+            if f" {word} {name} " in f"{question} "
+        ]
+        for name in orders
+        for word in ("load", "take")
+    }
+
+
+def count_elsewhere(
+    orders: Mapping[str, tuple[str, str]], worked: Mapping[str, Worked], places: Mapping[str, Point]
+) -> int:
+    """How many loads and unloads were done more than ``AT_PLACE_M`` from where they were to be done."""
+    return sum(
+        any(math.dist(point, places[orders[name][word == "take"]]) > AT_PLACE_M for _, point in by)
+        for (word, name), by in tasks(orders, worked).items()
+    )
