@@ -241,16 +241,11 @@ class ChefBot:
         """Ask on the robot's page; the answer, or None: also while the daemon is away, after ``AGAIN_S``."""
         if self._client is not None:
             try:
-                answer = await self._client.call(
-                    "ask", question=question, choices=choices, timeout_s=timeout_s
-                )
+                return (await self._client.ask(question, choices, timeout_s)).choice
             except CallError as refused:
                 raise CannotDo(refused.message) from refused
             except (ChefbotError, OSError) as error:
-                log.warning("a question is asked again", question=question, why=str(error))
-            else:
-                choice: str | None = answer.get("choice")
-                return choice
+                log.warning("the daemon is away, with a question", question=question, why=str(error))
         await asyncio.sleep(AGAIN_S)
         return None
 

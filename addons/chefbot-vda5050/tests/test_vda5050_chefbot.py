@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import itertools
 import math
 from collections.abc import Awaitable, Callable
 from functools import partial
@@ -24,7 +25,7 @@ from chefbotd.client import CallError, Client, ConnectionLost
 from chefbotd.clock import run_virtual
 from chefbotd.settings import load, packaged
 from chefbotd.sim.worlds.flat import FLAT
-from chefbotd.testing.daemon import SimulatedRobot
+from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from chefbotd.testing.on_map import localized_robot
 
 START = (FLAT.start.x_m, FLAT.start.y_m)
@@ -211,6 +212,35 @@ def test_a_question_is_asked_again_when_the_daemon_was_away() -> None:
 
     run_virtual(run())
     assert [(one.failed, one.result) for one in performed] == [("", "Loaded"), ("too many questions", None)]
+
+
+def test_a_question_stays_the_same_until_somebody_answers() -> None:
+    """For a minute there is one question with one number on the page; then it is answered, and is gone."""
+    shown: list[list[int]] = []
+    performed: list[Performed] = []
+
+    async def watch(client: Client) -> None:
+        async with client.subscribe("agents", policy="ordered") as events:
+            async for event in events:
+                shown[:] = [*shown, [question.question_id for question in event.data.questions]]
+
+    async def run() -> None:
+        async with simulated_robot(load(packaged("chefbot_lidar"))) as simulated:
+            robot = ChefBot(partial(Client.connect, *simulated.client.address, name="fleet"))
+            running = [asyncio.create_task(work) for work in (robot.run(), watch(simulated.client))]
+            asking = asyncio.create_task(perform(robot, action()))
+            await asyncio.sleep(60.0)
+            await simulated.client.answer_agent(shown[-1][0], "Loaded")
+            performed.append(await asking)
+            await asyncio.sleep(1.0)
+            for task in running:
+                task.cancel()
+            await asyncio.gather(*running, return_exceptions=True)
+
+    run_virtual(run())
+    numbers = [one for one, _ in itertools.groupby(shown)]
+    assert [len(each) for each in numbers] == [0, 1, 0]
+    assert performed[0].result == "Loaded"
 
 
 def test_without_its_daemon_the_robot_says_so_and_connects_again() -> None:

@@ -84,13 +84,13 @@ class FakeDaemon:
             possible=not self.closed, reason=self.closed, only_for_now=self.closed == "a passer-by"
         )
 
-    async def call(self, method: str, **params: Any) -> dict[str, Any]:
+    async def ask(self, question: str, choices: list[str], timeout_s: float) -> SimpleNamespace:
         """A question's answer, or how the connection ended meanwhile."""
-        self.calls.append(f"{method} {params['question']}")
+        self.calls.append(f"ask {question}")
         answer = self.answers.pop(0)
         if isinstance(answer, Exception):
             raise answer
-        return {"choice": answer}
+        return SimpleNamespace(choice=answer)
 
     async def navigate_to(self, x_m: float, *pose: Any, **options: Any) -> str:
         """Accepted after 0.2 s, it replaces the goal before it; cancelled earlier, that one goes on."""
