@@ -27,7 +27,7 @@ from chefbotd.navigation.path import Goal, NoPath, Path, Planner
 from chefbotd.navigation.planner import plan
 from chefbotd.navigation.states import End, GoalEvent, GoalState, next_state
 from chefbotd.navigation.steering import slewed
-from chefbotd.navigation.trips import Trip, duration_s
+from chefbotd.navigation.trips import Trip, duration_s, plan_now
 from chefbotd.navigation.world_model import WorldModel
 from chefbotd.navigation.zones import NO_ZONES, Zones
 
@@ -196,11 +196,7 @@ class Navigator:
             raise NoMapError("there is no map to plan on: load or make one first")
         here = self.world.frame.pose_to_grid(start)
         costs = self.world.costs(now_s, here, with_closed=False)
-        path, ground = self._planner(self._params.outline, costs, start, goal), self.world.ground
-        if isinstance(path, NoPath) and costs is not ground:
-            on_map = self._planner(self._params.outline, ground, start, goal)
-            return replace(path, only_for_now=isinstance(on_map, Path))
-        return path
+        return plan_now(self._planner, self._params.outline, costs, self.world.ground, start, goal)
 
     def time_s(self, path: Path, start: Pose2D) -> float:
         """How long a path will take, if nothing gets in the way."""

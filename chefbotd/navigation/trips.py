@@ -59,6 +59,20 @@ class Trip(Record, frozen=True):
         )
 
 
+def plan_now(
+    planner: Planner, outline: Footprint, costs: Costmap, ground: Costmap, pose: Pose2D, goal: Goal
+) -> Path | NoPath:
+    """A path by what is known now (``costs``).
+
+    Without one, ``only_for_now`` says that the map alone (``ground``) would allow one; else the reason is the map's.
+    """
+    path = planner(outline, costs, pose, goal)
+    if isinstance(path, Path) or costs is ground:
+        return path
+    on_map = planner(outline, ground, pose, goal)
+    return on_map if isinstance(on_map, NoPath) else replace(path, only_for_now=True)
+
+
 def find(
     planner: Planner, outline: Footprint, costs: Costmap, ground: Costmap, pose: Pose2D, goal: Goal
 ) -> Trip | NoPath:
@@ -66,15 +80,13 @@ def find(
 
     Without a path, ``only_for_now`` says that the map alone (``ground``) would allow one.
     """
-    path = planner(outline, costs, pose, goal)
+    path = plan_now(planner, outline, costs, ground, pose, goal)
     if isinstance(path, Path):
         return Trip(path, FollowState())
-    on_map = path if costs is ground else planner(outline, ground, pose, goal)
-    if isinstance(on_map, NoPath):
-        return on_map
     offered = path.nearest
-    if offered is None or math.hypot(offered.x_m - goal.x_m, offered.y_m - goal.y_m) > NEAR_GOAL_M:
-        return replace(path, only_for_now=True)
+    is_far = offered is None or math.hypot(offered.x_m - goal.x_m, offered.y_m - goal.y_m) > NEAR_GOAL_M
+    if is_far or not path.only_for_now:
+        return path
     if math.hypot(goal.x_m - pose.x_m, goal.y_m - pose.y_m) > NEAR_GOAL_M:
         near = planner(outline, costs, pose, replace(goal, tolerance_m=math.inf))
         if isinstance(near, Path):
