@@ -58,7 +58,6 @@ class Run:
             folder, bodies.make, robots=bodies.robots, count=0, page_port=reserve_port(),
             speed_m_s=bodies.speed_m_s,
         )  # fmt: skip
-        self.given: dict[str, tuple[str, str]] = {}
         self.chance, self.is_over = random.Random(0), False
 
     async def give_orders(self) -> None:
@@ -72,18 +71,17 @@ class Run:
                         < WAITING
                     ):
                         await self.shown.order(name, pick, drop)
-                        self.given[name] = pick, drop
                         break
                 await asyncio.sleep(0.2)
             if self.is_over:
                 return
 
     async def until_done(self) -> dict[str, Any]:
-        """When nothing is left to do, or has not been done in half an hour."""
+        """When every order has ended, or after half an hour."""
         fleet: dict[str, Any] = {}
         with suppress(TimeoutError):
             async with asyncio.timeout(UNTIL_DONE_S):
-                while fleet.get("done", -1) < len(self.given):
+                while not fleet or self.shown.count_ended(fleet) < len(self.shown.orders):
                     await asyncio.sleep(1.0)
                     with suppress(OSError):
                         fleet = await self.shown.fleet()
@@ -172,19 +170,24 @@ async def one(name: str, kind: Kind, times: int) -> bool:
             await orders
             fleet = await run.until_done()
     worked = {robot.serial: robot.worked for robot in shown.robots}
-    by = [Counter(serial for serial, _ in done) for done in tasks(run.given, worked).values()]
+    given, done = len(shown.orders), fleet.get("done", 0)
+    by = [Counter(serial for serial, _ in work) for work in tasks(shown.orders, worked).values()]
     lost, two = sum(not robots for robots in by), sum(len(robots) > 1 for robots in by)
     again = sum(robots.total() - len(robots) for robots in by)
-    elsewhere = count_elsewhere(run.given, worked, PLACES)
-    late = sum(len(robot.late) for robot in shown.robots if isinstance(robot, DiscRobot))
+    elsewhere = count_elsewhere(shown.orders, worked, PLACES)
+    late = [len(robot.late) for robot in shown.robots if isinstance(robot, DiscRobot)]
     touches = shown.measured.touches.total()
     print(
-        f"{name:15}{times:6}{len(run.given):8}{fleet.get('done', 0):6}{lost:6}{two:13}{again:25}{late:13}"
+        f"{name:15}{times:6}{given:8}{done:6}{lost:6}{two:13}{again:25}{sum(late) if late else '-':>13}"
         f"{elsewhere:11}{touches:9}{fleet.get('deadlocks', 0):11}",
         flush=True,
     )
     may_repeat = kill in (Run.kill_robot, Run.kill_daemon)
-    return not (lost or two or late or elsewhere or touches) and (again == 0 or may_repeat)
+    return (
+        done == given
+        and not (lost or two or any(late) or elsewhere or touches)
+        and (again == 0 or may_repeat)
+    )
 
 
 def main() -> None:

@@ -25,7 +25,10 @@ RADIUS_M, SPEED_M_S, STEP_S, WORK_S = 0.18, 4.0, 0.05, 0.1
 
 
 class DiscRobot:
-    """Drives at ``SPEED_M_S``; people load and unload it after ``WORK_S``. ``late``: orders that it drove too late."""
+    """Drives at ``SPEED_M_S``; people load and unload it after ``WORK_S``. ``late``: orders that it drove too late.
+
+    ``barred``: why it refuses every way; empty: it does not.
+    """
 
     def __init__(self, serial: str, start: Point, folder: Path, broker_port: int) -> None:
         self.serial, self._port = serial, broker_port

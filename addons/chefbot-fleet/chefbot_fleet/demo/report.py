@@ -16,8 +16,11 @@ AT_PLACE_M: Final = 0.5
 """So near its place a robot is to be loaded and unloaded."""
 
 Worked = Sequence[tuple[str, Point]]
+WORDS: Final = ("load", "take")
+"""What people are asked for at an order's first place, and at its second."""
+
 Task = tuple[str, str]
-"""``load`` or ``take``, and an order."""
+"""One of ``WORDS``, and an order."""
 
 
 class Measured:
@@ -72,8 +75,8 @@ def report(
 ) -> bool:
     """Print the table; whether every order was done once, where it was to be done, and nothing touched."""
     lost, twice = 0, 0
-    for by in tasks(orders, worked).values():
-        lost, twice = lost + (not by), twice + (len(by) > 1)
+    for done in tasks(orders, worked).values():
+        lost, twice = lost + (not done), twice + (len(done) > 1)
     elsewhere = count_elsewhere(orders, worked, places)
     touches = measured.touches.total()
     click.echo(f"\n{'robot':8}{'driven (m)':>12}{'waited (s)':>12}{'loads, unloads':>16}{'touches':>9}")
@@ -98,7 +101,7 @@ def tasks(orders: Iterable[str], worked: Mapping[str, Worked]) -> dict[Task, lis
             if f" {word} {name} " in f"{question} "
         ]
         for name in orders
-        for word in ("load", "take")
+        for word in WORDS
     }
 
 
@@ -107,6 +110,6 @@ def count_elsewhere(
 ) -> int:
     """How many loads and unloads were done more than ``AT_PLACE_M`` from where they were to be done."""
     return sum(
-        any(math.dist(point, places[orders[name][word == "take"]]) > AT_PLACE_M for _, point in by)
-        for (word, name), by in tasks(orders, worked).items()
+        any(math.dist(point, places[orders[name][WORDS.index(word)]]) > AT_PLACE_M for _, point in done)
+        for (word, name), done in tasks(orders, worked).items()
     )

@@ -4,6 +4,7 @@ import asyncio
 import contextlib
 import itertools
 import json
+import math
 import sys
 import urllib.request
 from collections.abc import AsyncIterator, Callable, Iterator
@@ -76,7 +77,7 @@ class Demonstration:
         speed_m_s: float = SPEED_M_S, gone_s: float = GONE_S, gives_up_s: float = GIVES_UP_S,
     ) -> None:  # fmt: skip
         self._count, self._gone_s, self._url = count, gone_s, f"http://127.0.0.1:{page_port}"
-        self._gives_up_s = gives_up_s
+        self._gives_up_s, self._ended, self._ended_s = gives_up_s, 0, math.inf
         (folder / "places.yaml").write_text(yaml.safe_dump({name: list(at) for name, at in PLACES.items()}))
         (folder / "token").write_text(TOKEN)
         self.broker = mosquitto(folder)
@@ -90,7 +91,7 @@ class Demonstration:
         )  # fmt: skip
         self.robots = [make(f"r{k + 1}", STARTS[k], folder, port) for k in range(robots)]
         self.measured = Measured([robot.serial for robot in self.robots])
-        self._orders: dict[str, tuple[str, str]] = {}
+        self.orders: dict[str, tuple[str, str]] = {}
 
     async def run(self) -> bool:
         """All of it; whether every order was done once, where it was to be done, and nothing touched."""
@@ -112,7 +113,7 @@ class Demonstration:
                 except _GivenUp as why:
                     click.echo(f"\nGiven up: {why}")
             worked = {one.serial: one.worked for one in self.robots}
-            return report(self.measured, self._orders, worked, PLACES)
+            return report(self.measured, self.orders, worked, PLACES)
         finally:
             await asyncio.gather(*[robot.remove() for robot in self.robots])
             await self.manager.kill()
@@ -127,7 +128,11 @@ class Demonstration:
         back_s = self.measured.seconds + self._gone_s
         await self._until(lambda fleet: self.measured.seconds >= back_s)
         click.echo(f"Robot {gone.serial} is switched on.")
-        await gone.switch_on()
+        try:
+            async with asyncio.timeout(self._gives_up_s):
+                await gone.switch_on()
+        except TimeoutError:
+            raise _GivenUp(f"{gone.serial} does not know where it is after {self._gives_up_s:g} s") from None
         await gone.join()
         await self._until_ended(self._share(2))
         click.echo("The broker is killed, and started again after five seconds.")
@@ -145,9 +150,7 @@ class Demonstration:
 
     async def _order(self) -> None:
         for number, (pick, drop) in zip(range(self._count), pairs(), strict=False):
-            name = f"order {number + 1}"
-            self._orders[name] = pick, drop
-            await self.order(name, pick, drop)
+            await self.order(f"order {number + 1}", pick, drop)
 
     async def order(self, name: str, pick: str, drop: str) -> None:
         """Give an order to the manager. Raises ``OSError`` if it is not there."""
@@ -156,6 +159,7 @@ class Demonstration:
             f"{self._url}/api/orders", body, {"Authorization": f"Bearer {TOKEN}"}
         )
         await asyncio.to_thread(_fetch, request)
+        self.orders[name] = pick, drop
 
     async def fleet(self) -> dict[str, Any]:
         """What the manager's page shows. Raises ``OSError`` if it is not there."""
@@ -163,28 +167,28 @@ class Demonstration:
         return shown
 
     async def _until_ended(self, count: int) -> None:
-        await self._until(lambda fleet: self._count_ended(fleet) >= count)
+        await self._until(lambda fleet: self.count_ended(fleet) >= count)
 
-    def _count_ended(self, fleet: dict[str, Any]) -> int:
-        """So many of the given orders are done, or have failed or been cancelled."""
-        return len(self._orders) - sum(order["stage"] not in ENDED for order in fleet["orders"])
+    def count_ended(self, fleet: dict[str, Any]) -> int:
+        """So many of the orders that were given are done, or have failed or been cancelled."""
+        return len(self.orders) - sum(order["stage"] not in ENDED for order in fleet["orders"])
 
     async def _until(self, condition: Callable[[dict[str, Any]], bool]) -> None:
         """Raises ``_GivenUp`` when no order has ended for too long."""
-        shown, ended, loop = -1, -1, asyncio.get_running_loop()
-        ended_s = loop.time()
+        shown, loop = -1, asyncio.get_running_loop()
+        self._ended_s = min(self._ended_s, loop.time())
         while True:
             with contextlib.suppress(OSError):
                 fleet = await self.fleet()
                 if fleet["done"] // 5 != shown:
                     shown = fleet["done"] // 5
                     self._show(fleet)
-                if (count := self._count_ended(fleet)) != ended:
-                    ended, ended_s = count, loop.time()
+                if (count := self.count_ended(fleet)) != self._ended:
+                    self._ended, self._ended_s = count, loop.time()
                 self.measured.waits({one["name"].split("/")[-1] for one in fleet["robots"] if one["waits"]})
                 if condition(fleet):
                     return
-            if loop.time() - ended_s > self._gives_up_s:
+            if loop.time() - self._ended_s > self._gives_up_s:
                 raise _GivenUp(f"no order has ended for {self._gives_up_s:g} s")
             await asyncio.sleep(1.0)
 
