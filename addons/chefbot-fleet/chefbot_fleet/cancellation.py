@@ -85,7 +85,7 @@ class Cancellation:
             self._fleet.traffic.resolve({vehicle.name}, now_s)
             return
         order = self._fleet.orders[vehicle.task or ""]
-        order.stage = Stage.CANCELLED
+        order.stage, order.why = Stage.CANCELLED, None
         if vehicle.stops_done or was_at_work:
             order.why = f"{vehicle.name} {'has' if vehicle.stops_done else 'may have'} its load"
         vehicle.task = None

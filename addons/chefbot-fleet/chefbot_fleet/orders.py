@@ -85,10 +85,14 @@ def _node(
     )
 
 
-def refusal(state: State, order_id: str) -> str | None:
-    """Why a robot does not take an order, if it says so (6.6.5: the error refers to ``orderId``)."""
+def refusal(state: State, sent: tuple[str, int]) -> str | None:
+    """Why a robot does not take the order and update that it was sent, if it says so.
+
+    The error refers to ``orderId`` (6.6.5); where it names an update too, it is about that one alone.
+    """
+    order_id, update_id = sent
     for error in state.errors:
-        references = error.error_references or ()
-        if any((one.reference_key, one.reference_value) == ("orderId", order_id) for one in references):
+        about = {one.reference_key: one.reference_value for one in error.error_references or ()}
+        if about.get("orderId") == order_id and about.get("orderUpdateId", str(update_id)) == str(update_id):
             return " - ".join(filter(None, (error.error_type, error.error_description)))
     return None

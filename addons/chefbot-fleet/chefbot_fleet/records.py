@@ -104,7 +104,7 @@ class FleetRecords:
 
     def give_back(self, vehicle: Vehicle, order: FleetOrder, why: str) -> None:
         """For another robot, as long as this one has not begun to load: nobody fetches what was fetched already."""
-        has_load = may_have_load(vehicle)
+        has_load = vehicle.stops_done > 0 or vehicle.action_id is not None
         if order.stage is Stage.CANCELLING:
             order.stage, order.why = Stage.CANCELLED, f"{why}, perhaps with its load" if has_load else None
         elif has_load:
@@ -118,8 +118,3 @@ class FleetRecords:
         planned = [robot.name for robot in self.traffic.robots.values() if robot.released < len(robot.moves)]
         if planned:
             self.traffic.resolve(planned, now_s)
-
-
-def may_have_load(vehicle: Vehicle) -> bool:
-    """Whether a robot has begun to load what it is to bring."""
-    return vehicle.stops_done > 0 or vehicle.action_id is not None

@@ -101,6 +101,9 @@ class Reports:
     def _progress(self, vehicle: Vehicle, state: State, now_s: float) -> None:
         passed = (state.last_node_sequence_id - vehicle.sequence) // 2
         self._fleet.advance(vehicle, min(max(passed, 0), len(vehicle.base)), now_s)
+        if vehicle.action_id is not None and not vehicle.has_work:
+            vehicle.has_work = True
+            self._fleet.store.save(vehicle)
         for action in state.action_states:
             if vehicle.action_id is not None and action.action_id == vehicle.action_id:
                 if action.action_status is ActionStatus.FINISHED:
@@ -111,7 +114,7 @@ class Reports:
     def _worked(self, vehicle: Vehicle) -> None:
         order = self._fleet.orders[vehicle.task or ""]
         self._fleet.traffic.worked(vehicle.name)
-        vehicle.stops_done, vehicle.action_id = vehicle.stops_done + 1, None
+        vehicle.stops_done, vehicle.action_id, order.why = vehicle.stops_done + 1, None, None
         if vehicle.stops_done == 2:
             order.stage, vehicle.task = Stage.DONE, None
         elif order.stage is not Stage.CANCELLING:
@@ -126,9 +129,13 @@ class Reports:
         self._fleet.traffic.withdraw(vehicle.name, now_s)
 
     def _replace_deleted(self, vehicle: Vehicle, state: State, now_s: float) -> None:
-        """A robot that was driven by hand has deleted its order (6.10.6): when it may drive, it gets another."""
-        taken = (state.order_id, state.order_update_id) == (vehicle.order_id, vehicle.update_id)
-        if not taken or not vehicle.base or state.node_states or state.driving:
+        """A robot that was driven by hand has deleted its order (6.10.6): when it may drive, it gets another.
+
+        So too where it was sent an update meanwhile, and refuses it.
+        """
+        taken = state.order_update_id == vehicle.update_id
+        refused = self._fleet.contacts[vehicle.name].refusals > 0
+        if not (taken or refused) or not vehicle.base or state.node_states or state.driving:
             return
         if state.operating_mode is OperatingMode.AUTOMATIC:
             self._find_again(vehicle, state, now_s)

@@ -1,12 +1,12 @@
-"""What is sent to robots, and when: orders, one update at a time, again where it was lost, and not for ever."""
+"""What is sent to robots, and when: one update at a time, again where it was lost, and seldom where it is refused."""
 
 from chefbot_fleet.orders import Outgoing, order_message, refusal
-from chefbot_fleet.records import Contact, FleetRecords, may_have_load
+from chefbot_fleet.records import Contact, FleetRecords
 from chefbot_fleet.schedule import Move
 from chefbot_fleet.store import Vehicle
 
 MOST_REFUSALS = 10
-"""So often a robot may refuse an order before it is another's, unless this one has begun to load."""
+"""After so many refusals another robot gets the order, unless the load may be on this one."""
 
 REFUSED_RESEND_S = 30.0
 """Then it is asked again so seldom; it gets no other work until it has accepted."""
@@ -34,6 +34,7 @@ class Sending:
             return
         new_order(vehicle, "work")
         vehicle.action_id = f"{vehicle.task}-{vehicle.stops_done}-{vehicle.series}.{vehicle.trips}"
+        vehicle.has_work = False
         self._fleet.store.save(vehicle)
 
     def due(self, vehicle: Vehicle, now_s: float) -> Outgoing | None:
@@ -54,7 +55,7 @@ class Sending:
         pause_s = self._fleet.parameters.resend_s if contact.refusals < MOST_REFUSALS else REFUSED_RESEND_S
         if not is_first and now_s < contact.sent_s + pause_s:
             return None
-        why = refusal(state, vehicle.order_id) if contact.seen_s > contact.sent_s else None
+        why = refusal(state, current) if contact.seen_s > contact.sent_s else None
         if why is not None:
             self._refused(vehicle, contact, f"{vehicle.name} refuses it: {why}", now_s)
         contact.sent, contact.sent_s = current, now_s
@@ -62,23 +63,25 @@ class Sending:
 
     def _accepted(self, vehicle: Vehicle, contact: Contact) -> None:
         order = self._fleet.orders.get(vehicle.task) if vehicle.task is not None else None
-        if contact.refusals and order is not None:
+        if order is not None and order.why is not None:
             order.why = None
             self._fleet.store.save(order)
         contact.refusals = 0
 
     def _refused(self, vehicle: Vehicle, contact: Contact, why: str, now_s: float) -> None:
-        """Once more; too often, and the work is another robot's: but no other can bring what this one has loaded."""
+        """Once more; too often, and the work is another robot's. No other can bring what this one may have loaded."""
         contact.refusals += 1
         order = self._fleet.orders.get(vehicle.task) if vehicle.task is not None else None
         if order is None:
             return
         order.why = why
-        if contact.refusals < MOST_REFUSALS or may_have_load(vehicle):
+        may_have_load = vehicle.stops_done > 0 or (vehicle.action_id is not None and vehicle.has_work)
+        if contact.refusals < MOST_REFUSALS or may_have_load:
             self._fleet.store.save(order)
             return
+        vehicle.action_id = None
         self._fleet.give_back(vehicle, order, why)
-        vehicle.task, vehicle.action_id = None, None
+        vehicle.task = None
         self._fleet.store.save(vehicle)
         self._fleet.traffic.withdraw(vehicle.name, now_s)
 

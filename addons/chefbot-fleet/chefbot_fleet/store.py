@@ -47,6 +47,7 @@ class Vehicle(Struct):
 
     ``sequence`` is the sequenceId of ``node``, which it reached last; those of ``base`` follow in steps of two.
     ``series`` tells its orders from those of an earlier time in the fleet.
+    ``has_work``: it has reported the order of the work ``action_id``.
     ``cancel_id`` is the ``cancelOrder`` that it has not answered yet.
     """
 
@@ -61,6 +62,7 @@ class Vehicle(Struct):
     task: str | None = None
     stops_done: int = 0
     action_id: str | None = None
+    has_work: bool = False
     series: str = "0"
     cancel_id: str | None = None
 

@@ -150,10 +150,14 @@ def metrics(fleet: Fleet, now_s: float) -> bytes:
     age = Gauge("chefbot_fleet_robot_state_age_seconds", "Since the last state", ["robot"], registry=registry)
     vanished = Gauge("chefbot_fleet_robot_vanished", "1: vanished", ["robot"], registry=registry)
     waiting = Gauge("chefbot_fleet_robot_waits", "How many robots it waits for", ["robot"], registry=registry)
+    refusals = Gauge(
+        "chefbot_fleet_robot_refusals", "How often it has refused its order", ["robot"], registry=registry
+    )
     waits = fleet.traffic.waits()
     for name, contact in fleet.contacts.items():
         age.labels(name).set(now_s - contact.seen_s)
         vanished.labels(name).set(fleet.has_vanished(name, now_s))
+        refusals.labels(name).set(contact.refusals)
         waiting.labels(name).set(sum(wait.robot == name for wait in waits))
     Gauge("chefbot_fleet_deadlocks", "Deadlocks resolved since the start", registry=registry).set(
         fleet.traffic.deadlocks

@@ -22,7 +22,8 @@ from chefbot_vda5050.messages import (
 class StandardRobot:
     """Two seconds an edge and three an action. ``worked`` lists the actions that it has finished.
 
-    With ``refuses`` it takes no order, for this reason.
+    With ``refuses`` it takes no order, for this reason; one that ``cannot_work`` takes none with an action. Driven by
+    hand it takes none at all, and afterwards no update of the order that it has deleted.
     """
 
     def __init__(self, name: str, roadmap: Roadmap, node: int) -> None:
@@ -31,6 +32,7 @@ class StandardRobot:
         self.worked: list[tuple[str, str]] = []
         self.refused: list[str] = []
         self.refuses: str | None = None
+        self.cannot_work = False
         self.errors: tuple[Error, ...] = ()
         self.mode = OperatingMode.AUTOMATIC
         self._headers = self.stops = 0
@@ -46,6 +48,7 @@ class StandardRobot:
         self._begun_s: float | None = None
         self._work_s: float | None = None
         self._pending: list[tuple[str, str]] = []
+        self._deleted = ""
 
     def cancel(self, action_id: str) -> None:
         """6.9.2: asked, and answered with the next step; the same id again changes nothing."""
@@ -68,47 +71,49 @@ class StandardRobot:
     def take_by_hand(self) -> None:
         """6.10.6: the order is deleted, and its id stays."""
         self.mode, self.ahead, self._pending, self._begun_s = OperatingMode.MANUAL, [], [], None
+        self._deleted = self.order[0]
+
+    def _refuse(self, order: Outgoing, why: str) -> None:
+        self.refused.append(order.order_id)
+        about = (Reference(reference_key="orderId", reference_value=order.order_id),)
+        error = Error(
+            error_type=why, error_level=Level.WARNING, error_references=about, error_description="a test"
+        )
+        self.errors = (error,)
 
     def receive(self, order: Outgoing) -> None:
         """6.6.2: a new order where none is active, or an update that continues the base."""
         if self.refuses is not None:
-            self.refused.append(order.order_id)
-            about = (Reference(reference_key="orderId", reference_value=order.order_id),)
-            error = Error(
-                error_type=self.refuses,
-                error_level=Level.WARNING,
-                error_references=about,
-                error_description="a test",
-            )
-            self.errors = (error,)
-            return
+            return self._refuse(order, self.refuses)
+        if self.cannot_work and any(node.actions for node in order.nodes):
+            return self._refuse(order, "unsupportedAction")
+        if self.mode is not OperatingMode.AUTOMATIC or order.order_id == self._deleted:
+            return self._refuse(order, "orderError")
         self.errors = ()
         first, known = order.nodes[0], self.order[0] == order.order_id
         if known and order.update_id <= self.order[1]:
-            return
+            return None
         if known:
             if self.end is None or (first.node_id, first.sequence_id) != (
                 self.end.node_id,
                 self.end.sequence_id,
             ):
-                self.refused.append("no continuation")
-                return
+                return self._refuse(order, "no continuation")
             self.ahead += order.nodes[1:]
         else:
             if self.ahead or self._pending:
-                self.refused.append("another order is active")
-                return
+                return self._refuse(order, "another order is active")
             assert first.node_position is not None
             x_m, y_m = self.point
             position = first.node_position
             if (position.x - x_m) ** 2 + (position.y - y_m) ** 2 > (position.allowed_deviation_xy or 0) ** 2:
-                self.refused.append("the first node is too far")
-                return
+                return self._refuse(order, "the first node is too far")
             self.last, self.ahead = (first.node_id, first.sequence_id), list(order.nodes[1:])
             self._pending = [(action.action_id, action.action_type) for action in first.actions]
             self.actions = []
             self._begun_s = self._work_s = None
         self.order, self.end = (order.order_id, order.update_id), order.nodes[-1]
+        return None
 
     def step(self, now_s: float) -> None:
         """Stop if it was asked to, or drive and work."""

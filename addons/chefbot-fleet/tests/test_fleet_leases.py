@@ -8,7 +8,7 @@ from chefbot_fleet.roadmap import Roadmap
 from chefbot_fleet.store import Stage
 from chefbot_vda5050.messages import ActionState, ActionStatus, OperatingMode
 from fleet_robots import StandardRobot
-from fleet_world import World, small_roadmap
+from fleet_world import World, small_roadmap, steps
 from msgspec.structs import replace
 
 LEASE_S = 30.0
@@ -170,6 +170,22 @@ def test_a_robot_that_was_driven_by_hand_goes_on_with_its_work(world: World) -> 
     robot.mode = OperatingMode.AUTOMATIC
     until(world, Stage.DONE)
     assert (world.lost(), world.done_by_two(), world.repeated(), robot.refused) == (0, 0, 0, [])
+
+
+def test_a_robot_that_was_sent_an_update_while_it_was_driven_by_hand_goes_on(world: World) -> None:
+    """With its load: it refuses the update, and each later one of the order that it has deleted; it gets another."""
+    name = until(world, Stage.PICKED)
+    robot, vehicle = world.robots[name], world.fleet.vehicles[name]
+    while not vehicle.update_id or not robot.ahead:
+        world.step()
+    robot.take_by_hand()
+    vehicle.update_id += 1
+    steps(world, 60.0)
+    assert robot.refused
+    assert set(robot.refused) == {robot.order[0]}
+    robot.mode = OperatingMode.AUTOMATIC
+    world.run(200.0)
+    assert (world.lost(), world.done_by_two(), world.repeated()) == (0, 0, 0)
 
 
 def test_the_fleets_clock_goes_on_evenly_when_the_computers_is_set() -> None:

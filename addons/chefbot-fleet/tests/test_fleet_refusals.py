@@ -87,7 +87,7 @@ def test_a_load_that_a_robot_does_not_bring_is_not_fetched_again(loaded: tuple[W
 
 
 def test_a_load_that_a_robot_does_not_bring_can_be_given_up(loaded: tuple[World, StandardRobot]) -> None:
-    """Somebody cancels the order, and gets the load from the robot, which does the next order when it accepts."""
+    """Somebody cancels the order, and takes the load off the robot, which does the next order when it accepts."""
     world, robot = loaded
     world.fleet.cancel_order("a")
     steps(world, 40.0)
@@ -98,6 +98,31 @@ def test_a_load_that_a_robot_does_not_bring_can_be_given_up(loaded: tuple[World,
     world.fleet.add_order("b", "counter", "table", world.now_s)
     world.run(300.0)
     assert world.fleet.orders["b"].stage is Stage.DONE
+
+
+def test_why_a_robot_refused_is_forgotten_when_it_accepts_after_the_managers_death(
+    loaded: tuple[World, StandardRobot],
+) -> None:
+    """The manager that starts again has counted no refusal, and still takes back what was said of the order."""
+    world, robot = loaded
+    world.kill_manager()
+    assert world.fleet.orders["a"].why == f"{robot.name} refuses it: orderError - a test"
+    robot.refuses = None
+    world.run(300.0)
+    assert (world.fleet.orders["a"].stage, world.fleet.orders["a"].why) == (Stage.DONE, None)
+
+
+def test_a_robot_that_refuses_to_load_frees_the_place_for_another(world: World) -> None:
+    """It has loaded nothing, since it never took that order: after ten refusals another robot loads and brings it."""
+    while world.fleet.orders["a"].robot is None:
+        world.step()
+    name = world.fleet.orders["a"].robot or ""
+    world.robots[name].cannot_work = True
+    world.run(600.0)
+    order = world.fleet.orders["a"]
+    assert (order.stage, order.why) == (Stage.DONE, None)
+    assert order.robot not in (None, name)
+    assert (world.done_by_two(), world.robots[name].worked) == (0, [])
 
 
 def test_a_robot_that_accepts_again_gets_work_again(world: World) -> None:

@@ -91,7 +91,11 @@ def drive_failed(
     """The robot has not reached the node; ``by_people``: somebody at it has stopped it, and it waits."""
     if vehicle.driving_to != sequence_id:
         return vehicle, ()
-    references = (("orderId", vehicle.order_id), ("nodeId", vehicle.nodes[0].node_id))
+    references = (
+        ("orderId", vehicle.order_id),
+        ("orderUpdateId", str(vehicle.order_update_id)),
+        ("nodeId", vehicle.nodes[0].node_id),
+    )
     vehicle = vehicle.with_problem(Problem(Reason.DRIVE, reason, references, hint))
     paused = vehicle.paused or by_people
     return replace(vehicle, driving_to=None, paused=paused), ()

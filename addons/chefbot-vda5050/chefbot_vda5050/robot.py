@@ -50,7 +50,7 @@ class Robot(Protocol):
         """Go on, where somebody at the robot has halted it."""
 
     async def unreachable(self, position: NodePosition) -> str:
-        """Why the robot cannot drive there on its map; empty: it can, though something that passes may be in the way."""
+        """Why the robot cannot drive there on its map; empty: it can, or something that is not on it is in the way."""
 
     async def set_pose(self, position: NodePosition) -> None:
         """Tell the robot where it is; raises ``CannotDo``."""
@@ -59,7 +59,7 @@ class Robot(Protocol):
         """Say a sentence to people; raises ``CannotDo``."""
 
     async def ask(self, question: str, choices: list[str], timeout_s: float) -> str | None:
-        """Ask people; None: nobody has answered. Raises ``CannotDo``."""
+        """Ask people; None: nobody has answered, and they are to be asked again. Raises ``CannotDo``."""
 
 
 class Performed(Struct, frozen=True):
