@@ -170,7 +170,9 @@ class NavigationSkill:
         if isinstance(path, NoPath):
             near = path.nearest
             nearest = (None, None, None) if near is None else (near.x_m, near.y_m, near.heading_rad)
-            return PlanResult(False, path.reason, None, None, (), (), *nearest, path.only_for_now)
+            return PlanResult(
+                False, path.reason, None, None, (), (), *nearest, only_for_now=path.only_for_now
+            )
         reason = "the nearest free place within the tolerance" if path.is_substitute else ""
         time_s = self._navigator.time_s(path, pose)
         return PlanResult(True, reason, path.length_m, time_s, *_points(path))
