@@ -11,6 +11,7 @@ from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.navigation import GoalResult, NavigationData, PathData, PlanResult
 from chefbotd.core.events.robot import OdometryUpdated, RangeMeasured
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import replace
 from chefbotd.localization.state import PoseState
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.poses import Floats, compose, row_of
@@ -168,11 +169,11 @@ class NavigationSkill:
             raise Refused(RefusalKind.POSE_UNKNOWN, "where the robot is in the map is not known yet")
         path = self._navigator.plan_to(pose, _goal(goal), now_s)
         if isinstance(path, NoPath):
-            near = path.nearest
-            nearest = (None, None, None) if near is None else (near.x_m, near.y_m, near.heading_rad)
-            return PlanResult(
-                False, path.reason, None, None, (), (), *nearest, only_for_now=path.only_for_now
-            )
+            none, near = PlanResult(False, path.reason, only_for_now=path.only_for_now), path.nearest
+            if near is None:
+                return none
+            x_m, y_m, heading_rad = near.x_m, near.y_m, near.heading_rad
+            return replace(none, nearest_x_m=x_m, nearest_y_m=y_m, nearest_heading_rad=heading_rad)
         reason = "the nearest free place within the tolerance" if path.is_substitute else ""
         time_s = self._navigator.time_s(path, pose)
         return PlanResult(True, reason, path.length_m, time_s, *_points(path))
