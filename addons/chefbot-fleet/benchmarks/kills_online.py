@@ -182,6 +182,8 @@ async def one(name: str, kind: Kind, times: int) -> bool:
         f"{elsewhere:11}{touches:9}{fleet.get('deadlocks', 0):11}",
         flush=True,
     )
+    for sentence in shown.measured.touched:
+        print(sentence, flush=True)
     may_repeat = kill in (Run.kill_robot, Run.kill_daemon)
     return (
         done == given

@@ -140,9 +140,11 @@ def test_ways_waits_and_touches_are_measured_by_the_robots_clock() -> None:
 
 
 def test_a_touch_fails_the_demonstration(capsys: pytest.CaptureFixture[str]) -> None:
-    """Though every order was done."""
-    measured = Measured(["r1"])
-    measured.take({"r1": at(0.0, 0.0)})
-    measured.take({"r1": at(1.0, 0.0, touches=1)})
+    """Though every order was done; it says when, and where all robots were."""
+    measured = Measured(["r1", "r2"])
+    measured.take({"r1": at(0.0, 0.0), "r2": at(0.0, 2.0)})
+    measured.take({"r1": at(3.0, 1.6, touches=1), "r2": None})
     assert not report(measured, ORDERS, {"r1": [LOADED, TAKEN]}, PLACES)
-    assert "1 touches" in capsys.readouterr().out
+    told = capsys.readouterr().out
+    assert "1 touches" in told
+    assert "r1 touched something after 3 s: r1 (1.60, 0.00), r2 (2.00, 0.00)" in told

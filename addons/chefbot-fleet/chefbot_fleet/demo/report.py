@@ -31,7 +31,8 @@ class Measured:
 
     def __init__(self, serials: Sequence[str]) -> None:
         self.driven_m, self.waited_s = dict.fromkeys(serials, 0.0), dict.fromkeys(serials, 0.0)
-        self.touches = Counter[str]()
+        self.touches = Counter(dict.fromkeys(serials, 0))
+        self.touched: list[str] = []  # a sentence for each touch
         self.nearest_m, self.seconds = math.inf, 0.0
         self._begun_s, self._begun = -math.inf, time.monotonic()
         self._points: dict[str, Point] = {}
@@ -61,7 +62,12 @@ class Measured:
             point = truth.world_from_base.x_m, truth.world_from_base.y_m
             self.driven_m[serial] += math.dist(point, self._points.get(serial, point))
             self._points[serial] = point
-            self.touches[serial] += max(truth.touches - self._touched.get(serial, truth.touches), 0)
+            if touches := max(truth.touches - self._touched.get(serial, truth.touches), 0):
+                self.touches[serial] += touches
+                places = ", ".join(
+                    f"{one} ({x_m:.2f}, {y_m:.2f})" for one, (x_m, y_m) in self._points.items()
+                )
+                self.touched.append(f"{serial} touched something after {self.seconds:.0f} s: {places}")
             self._touched[serial] = truth.touches
         for one, other in itertools.combinations(self._points.values(), 2):
             self.nearest_m = min(self.nearest_m, math.dist(one, other))
@@ -83,6 +89,8 @@ def report(
     for serial, one in worked.items():
         driven_m, waited_s = measured.driven_m[serial], measured.waited_s[serial]
         click.echo(f"{serial:8}{driven_m:12.0f}{waited_s:12.0f}{len(one):16}{measured.touches[serial]:9}")
+    for sentence in measured.touched:
+        click.echo(sentence)
     click.echo(
         f"\n{len(orders)} orders in {measured.seconds:.0f} s of the robots' clock, which went at {measured.pace:.2f} "
         f"times real time:\n{lost} loads and unloads lost, {twice} done twice, {elsewhere} elsewhere; {touches} "
