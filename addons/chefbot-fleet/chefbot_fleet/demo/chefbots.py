@@ -52,7 +52,7 @@ class ChefBot:
             "run", "--sim", "--config", "chefbot_lidar", "--sketch", "chefbot",
             port=self.port, environment=self._settings(folder),
         )  # fmt: skip
-        self.agent = Program(
+        self._agent = Program(
             folder / f"{serial}.agent.log", sys.executable, "-P", "-m", "chefbot_vda5050.cli", "run",
             f"127.0.0.1:{broker_port}", serial, "--daemon", f"127.0.0.1:{self.port}", "--carries-kg", "2",
         )  # fmt: skip
@@ -86,11 +86,11 @@ class ChefBot:
 
     async def join(self) -> None:
         """Start its agent, which puts it into the fleet."""
-        await self.agent.start()
+        await self._agent.start()
 
     async def switch_off(self) -> None:
         """Kill daemon, worker and agent; its body stays where it is."""
-        await self.agent.kill()
+        await self._agent.kill()
         await self.daemon.kill()
 
     async def remove(self) -> None:
