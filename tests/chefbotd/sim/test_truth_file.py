@@ -4,9 +4,18 @@ import struct
 from pathlib import Path
 
 import numpy as np
+import pytest
 
 from chefbotd.core.geometry import Pose2D
+from chefbotd.sim import truth_file
 from chefbotd.sim.truth_file import Truth, TruthReader, TruthWriter
+
+
+class _Killed(struct.Struct):
+    """The counter of a writer that is killed when all but the counter is written."""
+
+    def pack_into(self, *_: object) -> None:
+        raise KeyboardInterrupt
 
 
 def test_what_is_written_is_read(tmp_path: Path) -> None:
@@ -28,13 +37,28 @@ def test_what_is_written_is_read(tmp_path: Path) -> None:
     reader.close()
 
 
-def test_what_is_being_written_is_not_read(tmp_path: Path) -> None:
-    """An odd counter at the head."""
-    writer = TruthWriter(tmp_path / "truth")
-    writer.write(Truth(1.0, Pose2D(), np.zeros((0, 3))))
-    reader = TruthReader(tmp_path / "truth")
-    with (tmp_path / "truth").open("r+b") as file:
-        file.write(struct.pack("<Q", 3))
-    assert reader.read() is None
+@pytest.mark.parametrize("writes", [1, 2])
+def test_a_writer_killed_while_it_writes_leaves_the_truth_before(
+    tmp_path: Path, writes: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The counter has not moved yet: that is read, and the next writer goes on from there."""
+    path = tmp_path / "truth"
+    writer = TruthWriter(path)
+    for number in range(writes):
+        writer.write(Truth(float(number), Pose2D(0.1, 0.2, 0.3), np.zeros((0, 3))))
+    with monkeypatch.context() as patch:
+        patch.setattr(truth_file, "COUNTER", _Killed("<Q"))
+        with pytest.raises(KeyboardInterrupt):
+            writer.write(Truth(99.0, Pose2D(9.0, 9.0, 0.9), np.ones((2, 3))))
     writer.close()
+    reader = TruthReader(path)
+    left = reader.read()
+    assert left is not None
+    assert (left.stamp_s, left.world_from_base) == (writes - 1.0, Pose2D(0.1, 0.2, 0.3))
+    again = TruthWriter(path)
+    again.write(Truth(100.0, Pose2D(), np.zeros((0, 3))))
+    after = reader.read()
+    assert after is not None
+    assert after.stamp_s == 100.0
+    again.close()
     reader.close()

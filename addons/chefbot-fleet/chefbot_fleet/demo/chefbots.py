@@ -101,7 +101,7 @@ class ChefBot:
         await self.switch_off()
 
     def truth(self) -> Truth | None:
-        """Where it truly is; None: it has not been there yet, or that is being written."""
+        """Where it truly is; None: it has not been there yet."""
         if self._reader is None and self._truth_path.exists():
             with contextlib.suppress(ValueError):  # the file is being made
                 self._reader = TruthReader(self._truth_path)
