@@ -2,9 +2,10 @@
 
 In the robot's frame every point that a lidar sees moves on a circle about the centre of the robot's turn. The robot
 may be as fast as it can brake along the same arc before the first point touches its outline. Points that the outline
-never touches slow nothing: a wall at the side, a table that is passed. Where the whole motion is not allowed, its
-allowed part goes on: turning, or driving straight. A direction in which the robot was brought to a stand has the
-hysteresis of ``guard``.
+never touches slow nothing: a wall at the side, a table that is passed. Of the room before it, what comes towards it,
+such as another robot, is counted on to take as much as it took lately, until the robot stands. Where the whole motion is
+not allowed, its allowed part goes on: turning, or driving straight. A direction in which the robot was brought to a
+stand has the hysteresis of ``guard``.
 """
 
 import math
@@ -38,11 +39,24 @@ CLOSING_M_S = 1e-3
 
 WHOLE = 1 - 1e-9
 
+NOISE_M = 0.03
+"""What came closer by less from look to look may not have moved: the nearest of many readings shifts (LD19: 1 cm)."""
+
+FASTEST_M_S = 2.0
+"""What seems to have come faster than this was not seen before."""
+
+LOOKED_FOR_M_S = 0.5
+"""What comes no faster than this is seen in time: as fast as the robot itself."""
+
+NOT_SEEN: Floats = np.zeros((0, 2))
+"""The points of a lidar that was never heard."""
+
 
 class View(Record, frozen=True):
     """The recent points of a lidar: ``points_m`` (n, 2) in the robot's frame at its present pose.
 
     The newest was measured at ``stamp_s`` and received at ``arrival_s``; a turn of the lidar takes ``turn_s``.
+    ``before_m`` (m, 2) are the points of as many turns before, in the same frame, ``before_s`` older.
     """
 
     lidar: str
@@ -50,10 +64,8 @@ class View(Record, frozen=True):
     stamp_s: float
     arrival_s: float
     turn_s: float
-
-
-NOT_SEEN: Floats = np.zeros((0, 2))
-"""The points of a lidar that was never heard."""
+    before_m: Floats = NOT_SEEN
+    before_s: float = 0.0
 
 
 def limit(
@@ -140,7 +152,7 @@ class _Look:
             share, limited_by = self._params.scan.silent_speed_m_s / rim_m_s, SILENT + self._silent[0]
         stop_m = self._stop_m(twist)
         for view, delay_s in zip(self._heard, self._delays_s, strict=True):
-            allowed = _share(self._params, self._outline, view.points_m, twist, delay_s, stop_m)
+            allowed = _share(self._params, self._outline, view, twist, delay_s, stop_m)
             if allowed < share:
                 share, limited_by = allowed, OBSTACLE + view.lidar
         return share, limited_by
@@ -187,43 +199,56 @@ def _scaled(twist: Twist2D, share: float) -> Twist2D:
 def _share(
     params: GuardParameters,
     outline: Outline,
-    points_m: Floats,
+    view: View,
     twist: Twist2D,
     delay_s: float,
     stop_m: float,
 ) -> float:
-    """The share of its speed that the motion may have ``stop_m`` before these points; infinity where none is in the way.
+    """The share of its speed that the motion may have ``stop_m`` before what is in its way; infinity: nothing is.
 
     Room is counted in seconds of the whole motion. After a delay ``d`` a share ``s`` falls by ``k`` each second, and
-    so takes ``s d + s^2 / 2k`` of the room.
+    so takes ``s d + s^2 / 2k`` of the room. Of what is left, ``c`` is lost each second to what comes until the robot
+    stands: ``c (d + s / k)``.
     """
     linear_m_s, angular_rad_s = abs(twist.linear_m_s), abs(twist.angular_rad_s)
     k = min(
         params.deceleration_m_s2 / linear_m_s if linear_m_s else math.inf,
         params.scan.turn_deceleration_rad_s2 / angular_rad_s if angular_rad_s else math.inf,
     )
-    look_s = delay_s + 1 / (2 * k)
-    reach_m = (linear_m_s + angular_rad_s * outline.radius_m) * look_s + stop_m
+    rim_m_s = linear_m_s + angular_rad_s * outline.radius_m
+    reach_m = rim_m_s * (delay_s + 1 / (2 * k)) + LOOKED_FOR_M_S * (delay_s + 1 / k) + stop_m
+    room_s = _room_s(params, outline, view.points_m, reach_m, twist, stop_m)
+    if room_s == math.inf:
+        return math.inf
+    if len(view.before_m):
+        could_be_m = FASTEST_M_S * view.before_s
+        lost_s = _room_s(params, outline, view.before_m, reach_m + could_be_m, twist, stop_m) - room_s
+        if NOISE_M < lost_s * rim_m_s <= could_be_m:
+            comes = lost_s / view.before_s
+            room_s -= comes * delay_s
+            delay_s += comes / k
+    return k * (math.sqrt(delay_s * delay_s + 2 * room_s / k) - delay_s) if room_s > 0 else 0.0
+
+
+def _room_s(
+    params: GuardParameters, outline: Outline, points_m: Floats, reach_m: float, twist: Twist2D, stop_m: float
+) -> float:
+    """Seconds of the whole motion until the first point within reach is ``stop_m`` before the outline and its clearance.
+
+    Infinity: there is none. Minus infinity: the motion brings the robot closer to what is within its clearance.
+    """
+    clearance_m = params.scan.clearance_m
     x, y = points_m[:, 0], points_m[:, 1]
-    reach_m += outline.radius_m + 2 * params.scan.clearance_m
+    reach_m += outline.radius_m + 2 * clearance_m
     close = np.flatnonzero((x * x + y * y) < reach_m * reach_m)
     x, y = x[close], y[close]
     outside_m = outline.distances(x, y)
     around = outside_m > 0  # what is within the outline is the robot itself
     x, y, outside_m = x[around], y[around], outside_m[around]
-    if not len(x):
-        return math.inf
-    near = outside_m <= params.scan.clearance_m
+    near = outside_m <= clearance_m
     if near.any() and outline.closing(x[near], y[near], twist).max() > CLOSING_M_S:
-        return 0.0
-    room_s = _room_s(outline.grown(params.scan.clearance_m), x[~near], y[~near], twist, stop_m)
-    if room_s == math.inf:
-        return math.inf
-    return k * (math.sqrt(delay_s * delay_s + 2 * max(room_s, 0.0) / k) - delay_s)
-
-
-def _room_s(grown: Outline, x: Floats, y: Floats, twist: Twist2D, stop_m: float) -> float:
-    """Seconds of the whole motion until the first point is ``stop_m`` before the grown outline."""
+        return -math.inf
+    x, y, grown = x[~near], y[~near], outline.grown(clearance_m)
     if not len(x):
         return math.inf
     linear_m_s, angular_rad_s = twist.linear_m_s, twist.angular_rad_s

@@ -1,4 +1,4 @@
-"""Two simulated robots on one floor, each with its own daemon and worker: they see each other by lidar alone."""
+"""Two simulated robots on one floor, each with its own daemon: they see each other by lidar alone."""
 
 import asyncio
 import math
@@ -10,7 +10,8 @@ import pytest
 from chefbotd.client import GoalNotReached
 from chefbotd.clock import run_virtual
 from chefbotd.core.geometry import Pose2D
-from chefbotd.testing.daemon import SimulatedRobot
+from chefbotd.settings import load, packaged
+from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from chefbotd.testing.on_map import localized_robot
 
 BODIES_M = 2 * 0.18
@@ -66,3 +67,41 @@ def test_two_robots_that_meet_head_on_pass_without_a_touch(tmp_path: Path) -> No
     assert not touched
     assert nearest_m > BODIES_M
     assert all("reached" in end for end in ends), ends
+
+
+async def _drive_at_each_other(folder: Path, speeds_m_s: tuple[float, float]) -> tuple[float, bool]:
+    """Both face the same way in the office's corridor, 2 m apart, and are driven for 10 s."""
+    apart_m: list[float] = []
+    touches: list[bool] = []
+    async with AsyncExitStack() as stack:
+        robots = []
+        for number, x_m in enumerate((7.5, 9.5)):
+            own = {
+                "robot.name": f"r{number}",
+                "sim.seed": number,
+                "sim.world.map_path": "office",
+                "sim.world.start_x_m": x_m,
+                "sim.world.start_y_m": 4.4,
+                "sim.world.start_heading_rad": 0.0,
+                "sim.world.shared_truth": str(folder / f"r{number}.truth"),
+            }
+            settings = load(packaged("chefbot_lidar"), overrides=own)
+            robots.append(await stack.enter_async_context(simulated_robot(settings)))
+        await asyncio.sleep(2.5)
+        watching = asyncio.create_task(_watch(robots, apart_m, touches))
+        for _ in range(200):
+            for robot, speed_m_s in zip(robots, speeds_m_s, strict=True):
+                await robot.client.drive(speed_m_s, 0.0)
+            await asyncio.sleep(0.05)
+        watching.cancel()
+    return min(apart_m), any(touches)
+
+
+@pytest.mark.parametrize("speeds_m_s", [(0.2, -0.4), (0.3, -0.3), (0.5, -0.2)])
+def test_robots_that_are_driven_at_each_other_stand_apart(
+    tmp_path: Path, speeds_m_s: tuple[float, float]
+) -> None:
+    """One of them backwards: that has no ultrasonic sensor there. Each leaves the 5 cm that it leaves before a wall."""
+    nearest_m, touched = run_virtual(_drive_at_each_other(tmp_path, speeds_m_s))
+    assert not touched
+    assert nearest_m > BODIES_M + 0.05

@@ -30,8 +30,11 @@ TRAIL = 200
 NEAR_MARGIN_M, NEAR_CELL_M = 0.02, 0.02
 """Points up to this far beyond the nearest reading may become invisible; they are kept in cells of this size."""
 
-TURNS_KEPT = 2
-"""The number of turns that are kept: a point that one turn misses is in the one before."""
+TURNS_LOOKED_AT = 2
+"""The number of turns that are looked at: a point that one turn misses is in the one before."""
+
+TURNS_KEPT = 2 * TURNS_LOOKED_AT
+"""As many before show what has come closer."""
 
 
 class _Seen(Record, frozen=True):
@@ -186,12 +189,23 @@ class ScanWatch:
         seen = self._seen[name]
         if not seen:
             return View(name, NOT_SEEN, -math.inf, -math.inf, 0.0)
-        newest = seen[-1]
-        recent = [scan.points_m for scan in seen if newest.stamp_s - scan.stamp_s <= 2 * newest.turn_s]
-        points_m = transform(
-            row_of(self._pose.inverse()), np.concatenate(recent) if recent else newest.points_m
-        )
-        return View(name, points_m, newest.stamp_s, newest.arrival_s, newest.turn_s)
+        turns, newest = list(seen), seen[-1]
+        recent = [
+            turn for turn in turns[-TURNS_LOOKED_AT:] if newest.stamp_s - turn.stamp_s <= 2 * newest.turn_s
+        ]
+        before = turns[: -len(recent)][-len(recent) :]
+        before_s = newest.stamp_s - before[-1].stamp_s if before else math.inf
+        if before_s > 2 * len(recent) * newest.turn_s:  # no turns, or old ones
+            before, before_s = [], 0.0
+        here = row_of(self._pose.inverse())
+        return View(
+            name, _points_m(recent, here), newest.stamp_s, newest.arrival_s, newest.turn_s,
+            _points_m(before, here), before_s,
+        )  # fmt: skip
+
+
+def _points_m(turns: Sequence[_Seen], here: Floats) -> Floats:
+    return transform(here, np.concatenate([turn.points_m for turn in turns])) if turns else NOT_SEEN
 
 
 def _pose_at(trail: Floats, stamp_s: float) -> Pose2D:
