@@ -97,11 +97,14 @@ async def _drive_at_each_other(folder: Path, speeds_m_s: tuple[float, float]) ->
     return min(apart_m), any(touches)
 
 
-@pytest.mark.parametrize("speeds_m_s", [(0.2, -0.4), (0.3, -0.3), (0.5, -0.2)])
+@pytest.mark.parametrize(
+    "speeds_m_s",
+    [(0.2, -0.4), *[pytest.param(pair, marks=pytest.mark.slow) for pair in ((0.3, -0.3), (0.5, -0.2))]],
+)
 def test_robots_that_are_driven_at_each_other_stand_apart(
     tmp_path: Path, speeds_m_s: tuple[float, float]
 ) -> None:
-    """One of them backwards: that has no ultrasonic sensor there. Each leaves the 5 cm that it leaves before a wall."""
+    """One of them backwards, where it has no ultrasonic sensor: they leave the 5 cm that each leaves before a wall."""
     nearest_m, touched = run_virtual(_drive_at_each_other(tmp_path, speeds_m_s))
     assert not touched
     assert nearest_m > BODIES_M + 0.05
