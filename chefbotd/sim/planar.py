@@ -73,13 +73,13 @@ class PlanarRobot(Robot):
         )
 
     def _let_through(self, state: RobotState, target: Pose2D) -> tuple[Pose2D, float]:
-        """Where the walls let the robot go (``wanted`` itself if there), and how far it may go from there.
+        """Where the walls let the robot go (``target`` itself if there), and how far it may go from there.
 
         The walls are looked at only when the robot may have used up its last clearance.
         """
         before = state.world_from_base
         travel_m = _distance_m(before, target)
-        if travel_m < state.free_m or travel_m == 0:
+        if travel_m <= state.free_m - TOUCH_M or travel_m == 0:  # less would count as a touch
             return target, state.free_m - travel_m
         radius_m = self._body.radius_m
         place = self._world.settle((before.x_m, before.y_m), (target.x_m, target.y_m), radius_m)

@@ -131,6 +131,24 @@ def test_backing_off_ends_the_contact() -> None:
     assert robot.truth(0.0).world_from_base.x_m < 0.3
 
 
+def test_a_robot_far_from_walls_is_not_in_contact_wherever_it_stops() -> None:
+    """It began so far from the wall behind it as it drives away, and half a micrometre: now it is twice as far off."""
+
+    def driven(world: World) -> PlanarRobot:
+        robot = robot_in(world)
+        robot.drive((0.5, 0.5))
+        robot.advance(0.5)
+        robot.drive((0.0, 0.0))
+        robot.advance(3.0)
+        return robot
+
+    way_m = driven(FAR_WALL).truth(0.0).world_from_base.x_m
+    behind_m = -(SimBodyParameters().radius_m + way_m + 5e-7)
+    truth = driven(World([(behind_m, -50.0, behind_m, 50.0)])).truth(0.0)
+    assert truth.world_from_base.x_m == pytest.approx(way_m)
+    assert not truth.in_contact
+
+
 def test_at_an_angle_the_robot_slides_along_the_wall() -> None:
     """Heading 60 degrees from the wall's normal, it keeps moving along the wall and not into it."""
     robot = robot_in(NEAR_WALL, Pose2D(0.3, 0.0, math.pi / 3))
