@@ -9,7 +9,7 @@ stand has the hysteresis of ``guard``.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import TypeAlias
 
 import numpy as np
@@ -48,15 +48,12 @@ FASTEST_M_S = 2.0
 LOOKED_FOR_M_S = 0.5
 """What comes no faster than this is seen in time: as fast as the robot itself."""
 
-NOT_SEEN: Floats = np.zeros((0, 2))
-"""The points of a lidar that was never heard."""
-
 
 class View(Record, frozen=True):
     """The recent points of a lidar: ``points_m`` (n, 2) in the robot's frame at its present pose.
 
     The newest was measured at ``stamp_s`` and received at ``arrival_s``; a turn of the lidar takes ``turn_s``.
-    ``before_m`` (m, 2) are the points of as many turns before, in the same frame, ``before_s`` older.
+    ``before_m`` works out the points of as many turns before, in the same frame; they are ``before_s`` older.
     """
 
     lidar: str
@@ -64,8 +61,12 @@ class View(Record, frozen=True):
     stamp_s: float
     arrival_s: float
     turn_s: float
-    before_m: Floats = NOT_SEEN
+    before_m: Callable[[], Floats] | None = None
     before_s: float = 0.0
+
+
+NOT_SEEN: Floats = np.zeros((0, 2))
+"""The points of a lidar that was never heard."""
 
 
 def limit(
@@ -220,9 +221,9 @@ def _share(
     room_s = _room_s(params, outline, view.points_m, reach_m, twist, stop_m)
     if room_s == math.inf:
         return math.inf
-    if len(view.before_m):
+    if view.before_m is not None:
         could_be_m = FASTEST_M_S * view.before_s
-        lost_s = _room_s(params, outline, view.before_m, reach_m + could_be_m, twist, stop_m) - room_s
+        lost_s = _room_s(params, outline, view.before_m(), reach_m + could_be_m, twist, stop_m) - room_s
         if NOISE_M < lost_s * rim_m_s <= could_be_m:
             comes = lost_s / view.before_s
             room_s -= comes * delay_s

@@ -6,6 +6,7 @@ Only a robot with a lidar loads this: it needs numpy.
 import math
 from collections import deque
 from collections.abc import Collection, Sequence
+from functools import cache, partial
 from typing import Protocol
 
 import numpy as np
@@ -15,7 +16,7 @@ from chefbotd.clock import Clock
 from chefbotd.core.events import WheelsMeasured
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.geometry import STANDING, Motion, Pose2D, Twist2D
-from chefbotd.core.record import Record
+from chefbotd.core.record import Record, replace
 from chefbotd.mapping.poses import row_of, transform
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.perception.laser_scan import OdometryTrack, points_in_base
@@ -189,23 +190,20 @@ class ScanWatch:
         seen = self._seen[name]
         if not seen:
             return View(name, NOT_SEEN, -math.inf, -math.inf, 0.0)
-        turns, newest = list(seen), seen[-1]
+        turns, newest, here = list(seen), seen[-1], row_of(self._pose.inverse())
         recent = [
             turn for turn in turns[-TURNS_LOOKED_AT:] if newest.stamp_s - turn.stamp_s <= 2 * newest.turn_s
         ]
+        view = View(name, _points_m(recent, here), newest.stamp_s, newest.arrival_s, newest.turn_s)
         before = turns[: -len(recent)][-len(recent) :]
         before_s = newest.stamp_s - before[-1].stamp_s if before else math.inf
         if before_s > 2 * len(recent) * newest.turn_s:  # no turns, or old ones
-            before, before_s = [], 0.0
-        here = row_of(self._pose.inverse())
-        return View(
-            name, _points_m(recent, here), newest.stamp_s, newest.arrival_s, newest.turn_s,
-            _points_m(before, here), before_s,
-        )  # fmt: skip
+            return view
+        return replace(view, before_m=cache(partial(_points_m, before, here)), before_s=before_s)
 
 
 def _points_m(turns: Sequence[_Seen], here: Floats) -> Floats:
-    return transform(here, np.concatenate([turn.points_m for turn in turns])) if turns else NOT_SEEN
+    return transform(here, np.concatenate([turn.points_m for turn in turns]))
 
 
 def _pose_at(trail: Floats, stamp_s: float) -> Pose2D:

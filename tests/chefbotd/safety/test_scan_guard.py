@@ -63,7 +63,7 @@ def test_what_comes_takes_its_part_of_the_room_by_hand() -> None:
     At 0.3 m/s the robot takes 0.3 * 0.2 + 0.3^2 = 0.15 m of the 0.35 m in 0.2 s + 0.3 / 0.5 s, and that takes
     0.25 * 0.8 = 0.2 m meanwhile.
     """
-    coming = replace(view((0.6, 0.0)), before_m=np.array([[0.65, 0.0]]), before_s=0.2)
+    coming = replace(view((0.6, 0.0)), before_m=lambda: np.array([[0.65, 0.0]]), before_s=0.2)
     motion, limited_by = driven(ROUND, Twist2D(1.0, 0.0), coming)
     assert (motion.linear_m_s, limited_by) == (pytest.approx(0.3), "obstacle:top")
 
@@ -71,13 +71,13 @@ def test_what_comes_takes_its_part_of_the_room_by_hand() -> None:
 @pytest.mark.parametrize("before_m", [0.62, 0.5, 2.0], ids=["noise", "goes away", "was not seen"])
 def test_what_does_not_come_takes_no_room(before_m: float) -> None:
     """2 cm is noise, what goes away comes no closer, and nothing comes 1.4 m in 0.2 s: 0.5 m/s as by hand above."""
-    still = replace(view((0.6, 0.0)), before_m=np.array([[before_m, 0.0]]), before_s=0.2)
+    still = replace(view((0.6, 0.0)), before_m=lambda: np.array([[before_m, 0.0]]), before_s=0.2)
     assert driven(ROUND, Twist2D(1.0, 0.0), still)[0].linear_m_s == pytest.approx(0.5)
 
 
 def test_who_comes_faster_than_the_robot_could_stand_lets_it_not_begin() -> None:
     """He comes 0.3 m in 0.2 s: in the 0.2 s before it can brake he takes 0.3 m of the 0.25 m of room."""
-    coming = replace(view((0.5, 0.0)), before_m=np.array([[0.8, 0.0]]), before_s=0.2)
+    coming = replace(view((0.5, 0.0)), before_m=lambda: np.array([[0.8, 0.0]]), before_s=0.2)
     assert driven(ROUND, Twist2D(0.3, 0.0), coming) == (STANDING, "obstacle:top")
 
 
