@@ -2,14 +2,14 @@
 
 In the robot's frame every point that a lidar sees moves on a circle about the centre of the robot's turn. The robot
 may be as fast as it can brake along the same arc before the first point touches its outline. Points that the outline
-never touches slow nothing: a wall at the side, a table that is passed. Of the room before it, what comes towards it,
-such as another robot, is counted on to take as much as it took lately, until the robot stands. Where the whole motion is
-not allowed, its allowed part goes on: turning, or driving straight. A direction in which the robot was brought to a
-stand has the hysteresis of ``guard``.
+never touches slow nothing: a wall at the side, a table that is passed. What comes towards the robot, such as another
+robot, is expected to come on as fast until the robot stands. Where the whole motion is not allowed, its allowed part goes
+on: turning, or driving straight. A direction in which the robot was brought to a stand has the hysteresis of ``guard``.
 """
 
 import math
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TypeAlias
 
 import numpy as np
@@ -40,20 +40,21 @@ CLOSING_M_S = 1e-3
 WHOLE = 1 - 1e-9
 
 NOISE_M = 0.03
-"""What came closer by less from look to look may not have moved: the nearest of many readings shifts (LD19: 1 cm)."""
+"""What came closer by less in two turns may not have moved: the nearest of many readings shifts (LD19: 1 cm)."""
 
 FASTEST_M_S = 2.0
-"""What seems to have come faster than this was not seen before."""
+"""Nothing is expected to come faster: what seems to was hidden before, or is faster than people walk."""
 
-LOOKED_FOR_M_S = 0.5
-"""What comes no faster than this is seen in time: as fast as the robot itself."""
+STEADY = 1 / 8
+"""What comes does at least so much of its way in each of two turns; what was only missed does all of it in one."""
 
 
 class View(Record, frozen=True):
     """The recent points of a lidar: ``points_m`` (n, 2) in the robot's frame at its present pose.
 
     The newest was measured at ``stamp_s`` and received at ``arrival_s``; a turn of the lidar takes ``turn_s``.
-    ``before_m`` works out the points of as many turns before, in the same frame; they are ``before_s`` older.
+    ``earlier`` works out, in the same frame, the points that a look one turn earlier had, and one ``before_s`` earlier,
+    which is about two turns; None: too few turns are known.
     """
 
     lidar: str
@@ -61,7 +62,7 @@ class View(Record, frozen=True):
     stamp_s: float
     arrival_s: float
     turn_s: float
-    before_m: Callable[[], Floats] | None = None
+    earlier: tuple[Callable[[], Floats], Callable[[], Floats]] | None = None
     before_s: float = 0.0
 
 
@@ -77,7 +78,7 @@ def limit(
     now_s: float,
     blocked: Twist2D = STANDING,
 ) -> tuple[Motion, str | None]:
-    """The motion that may be driven, and what it was limited for (None: it is ``wanted``).
+    """The motion that may be driven, and what it was limited for (None: it is ``motion``).
 
     The reason is ``obstacle:`` and the name of the lidar that sees it, or ``silent:`` and that of a lidar without a
     recent scan. ``blocked`` is what ``blocked_after`` the motion before says.
@@ -217,22 +218,30 @@ def _share(
         params.scan.turn_deceleration_rad_s2 / angular_rad_s if angular_rad_s else math.inf,
     )
     rim_m_s = linear_m_s + angular_rad_s * outline.radius_m
-    reach_m = rim_m_s * (delay_s + 1 / (2 * k)) + LOOKED_FOR_M_S * (delay_s + 1 / k) + stop_m
-    room_s = _room_s(params, outline, view.points_m, reach_m, twist, stop_m)
+    reach_m = rim_m_s * (delay_s + 1 / (2 * k)) + FASTEST_M_S * (delay_s + 1 / k) + stop_m
+    room_of = partial(_room_s, params, outline, twist, stop_m)
+    room_s = room_of(reach_m, view.points_m)
     if room_s == math.inf:
         return math.inf
-    if view.before_m is not None:
-        could_be_m = FASTEST_M_S * view.before_s
-        lost_s = _room_s(params, outline, view.before_m(), reach_m + could_be_m, twist, stop_m) - room_s
-        if NOISE_M < lost_s * rim_m_s <= could_be_m:
-            comes = lost_s / view.before_s
-            room_s -= comes * delay_s
-            delay_s += comes / k
-    return k * (math.sqrt(delay_s * delay_s + 2 * room_s / k) - delay_s) if room_s > 0 else 0.0
+    comes = _comes(view, partial(room_of, reach_m + FASTEST_M_S * view.before_s), room_s, rim_m_s)
+    left_s, slope_s = room_s - comes * delay_s, delay_s + comes / k
+    return k * (math.sqrt(slope_s * slope_s + 2 * left_s / k) - slope_s) if left_s > 0 else 0.0
+
+
+def _comes(view: View, room_of: Callable[[Floats], float], room_s: float, rim_m_s: float) -> float:
+    """How many seconds of room are lost in a second to what comes closer from turn to turn."""
+    if view.earlier is None:
+        return 0.0
+    between, before = view.earlier
+    lost_s = room_of(before()) - room_s
+    if not NOISE_M < lost_s * rim_m_s <= FASTEST_M_S * view.before_s:
+        return 0.0
+    lately_s = room_of(between()) - room_s
+    return lost_s / view.before_s if STEADY * lost_s <= lately_s <= (1 - STEADY) * lost_s else 0.0
 
 
 def _room_s(
-    params: GuardParameters, outline: Outline, points_m: Floats, reach_m: float, twist: Twist2D, stop_m: float
+    params: GuardParameters, outline: Outline, twist: Twist2D, stop_m: float, reach_m: float, points_m: Floats
 ) -> float:
     """Seconds of the whole motion until the first point within reach is ``stop_m`` before the outline and its clearance.
 

@@ -34,8 +34,8 @@ NEAR_MARGIN_M, NEAR_CELL_M = 0.02, 0.02
 TURNS_LOOKED_AT = 2
 """The number of turns that are looked at: a point that one turn misses is in the one before."""
 
-TURNS_KEPT = 2 * TURNS_LOOKED_AT
-"""As many before show what has come closer."""
+TURNS_KEPT = TURNS_LOOKED_AT + 2
+"""Looks one and two turns earlier show what comes closer."""
 
 
 class _Seen(Record, frozen=True):
@@ -194,12 +194,15 @@ class ScanWatch:
         recent = [
             turn for turn in turns[-TURNS_LOOKED_AT:] if newest.stamp_s - turn.stamp_s <= 2 * newest.turn_s
         ]
-        view = View(name, _points_m(recent, here), newest.stamp_s, newest.arrival_s, newest.turn_s)
-        before = turns[: -len(recent)][-len(recent) :]
-        before_s = newest.stamp_s - before[-1].stamp_s if before else math.inf
-        if before_s > 2 * len(recent) * newest.turn_s:  # no turns, or old ones
-            return view
-        return replace(view, before_m=cache(partial(_points_m, before, here)), before_s=before_s)
+        points_m = _points_m(recent or [newest], here)
+        view = View(name, points_m, newest.stamp_s, newest.arrival_s, newest.turn_s)
+        if len(turns) < TURNS_KEPT or newest.stamp_s - turns[0].stamp_s > (TURNS_KEPT + 1) * newest.turn_s:
+            return view  # too few turns, or old ones
+        between, before = (
+            cache(partial(_points_m, turns[first : first + TURNS_LOOKED_AT], here)) for first in (1, 0)
+        )
+        before_s = newest.stamp_s - turns[TURNS_LOOKED_AT - 1].stamp_s
+        return replace(view, earlier=(between, before), before_s=before_s)
 
 
 def _points_m(turns: Sequence[_Seen], here: Floats) -> Floats:

@@ -11,7 +11,7 @@ from chefbotd.core.geometry import STANDING, Twist2D, WheelVelocities
 from chefbotd.core.record import replace
 from chefbotd.safety.guard import GuardParameters, ScanGuardParameters
 from chefbotd.safety.outline import Box, Disc, Outline
-from chefbotd.safety.scan_guard import NOT_SEEN, View, blocked_after, limit
+from chefbotd.safety.scan_guard import CREEPING_M_S, NOT_SEEN, View, blocked_after, limit
 from tests.budget import examples, sample
 
 PARAMS = GuardParameters(deceleration_m_s2=0.5, reaction_s=0.1, max_age_s=0.5)
@@ -57,28 +57,46 @@ def test_the_age_of_a_scan_lowers_the_speed() -> None:
     assert motion.linear_m_s == pytest.approx(0.4245, abs=1e-4)
 
 
+def coming(now_m: float, between_m: float, before_m: float) -> View:
+    """A point so far ahead, and how far ahead it was 0.1 s and 0.2 s ago."""
+    between, before = np.array([[between_m, 0.0]]), np.array([[before_m, 0.0]])
+    return replace(view((now_m, 0.0)), earlier=(lambda: between, lambda: before), before_s=0.2)
+
+
 def test_what_comes_takes_its_part_of_the_room_by_hand() -> None:
     """The same point was 0.05 m farther away 0.2 s ago: until the robot stands, it comes on at 0.25 m/s.
 
     At 0.3 m/s the robot takes 0.3 * 0.2 + 0.3^2 = 0.15 m of the 0.35 m in 0.2 s + 0.3 / 0.5 s, and that takes
     0.25 * 0.8 = 0.2 m meanwhile.
     """
-    coming = replace(view((0.6, 0.0)), before_m=lambda: np.array([[0.65, 0.0]]), before_s=0.2)
-    motion, limited_by = driven(ROUND, Twist2D(1.0, 0.0), coming)
+    motion, limited_by = driven(ROUND, Twist2D(1.0, 0.0), coming(0.6, 0.625, 0.65))
     assert (motion.linear_m_s, limited_by) == (pytest.approx(0.3), "obstacle:top")
 
 
-@pytest.mark.parametrize("before_m", [0.62, 0.5, 2.0], ids=["noise", "goes away", "was not seen"])
-def test_what_does_not_come_takes_no_room(before_m: float) -> None:
-    """2 cm is noise, what goes away comes no closer, and nothing comes 1.4 m in 0.2 s: 0.5 m/s as by hand above."""
-    still = replace(view((0.6, 0.0)), before_m=lambda: np.array([[before_m, 0.0]]), before_s=0.2)
-    assert driven(ROUND, Twist2D(1.0, 0.0), still)[0].linear_m_s == pytest.approx(0.5)
+@pytest.mark.parametrize(
+    ("between_m", "before_m"),
+    [(0.61, 0.62), (0.55, 0.5), (1.3, 2.0), (0.9, 0.9), (0.6, 0.9)],
+    ids=["noise", "goes away", "faster than anybody", "missed until now", "missed at first"],
+)
+def test_what_does_not_come_takes_no_room(between_m: float, before_m: float) -> None:
+    """2 cm is noise; nothing comes 1.4 m in 0.2 s, nor 0.3 m in one turn and none in the other: 0.5 m/s as by hand."""
+    motion, _ = driven(ROUND, Twist2D(1.0, 0.0), coming(0.6, between_m, before_m))
+    assert motion.linear_m_s == pytest.approx(0.5)
 
 
 def test_who_comes_faster_than_the_robot_could_stand_lets_it_not_begin() -> None:
     """He comes 0.3 m in 0.2 s: in the 0.2 s before it can brake he takes 0.3 m of the 0.25 m of room."""
-    coming = replace(view((0.5, 0.0)), before_m=lambda: np.array([[0.8, 0.0]]), before_s=0.2)
-    assert driven(ROUND, Twist2D(0.3, 0.0), coming) == (STANDING, "obstacle:top")
+    assert driven(ROUND, Twist2D(0.3, 0.0), coming(0.5, 0.65, 0.8)) == (STANDING, "obstacle:top")
+
+
+@given(st.floats(0.3, 3.0), st.floats(0.0, 2.0), st.floats(0.05, 1.0), st.floats(0.05, 1.0))
+@settings(max_examples=examples(100))
+def test_who_asks_for_less_gets_no_more(ahead_m: float, comes_m_s: float, asked: float, less: float) -> None:
+    """Before something that comes at up to a runner's speed, a slower command is limited by it as a faster one is."""
+    assume(less <= asked)
+    there = coming(ahead_m, ahead_m + 0.1 * comes_m_s, ahead_m + 0.2 * comes_m_s)
+    (faster, _), (slower, _) = (driven(ROUND, Twist2D(speed, 0.0), there) for speed in (asked, less))
+    assert slower.linear_m_s <= max(faster.linear_m_s, CREEPING_M_S) + 1e-9
 
 
 @pytest.mark.parametrize("outline", [ROUND, LONG], ids=str)

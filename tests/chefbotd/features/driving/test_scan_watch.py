@@ -121,6 +121,33 @@ def test_what_one_turn_missed_the_one_before_has_seen() -> None:
     assert rig.allowed_m_s() == 2.0
 
 
+def test_what_comes_from_turn_to_turn_leaves_less_room() -> None:
+    """It comes 0.03 m in each 0.1 s, to 0.8 m: of its 0.55 m of room it takes 0.3 m/s until the robot stands.
+
+    ``v (d + c / a) + v^2 / 2a = room - c d`` with c = 0.3 and a = 0.5: as if 0.6 s more passed with 0.054 m less.
+    """
+    rig = Rig()
+    for x_m in (0.89, 0.86, 0.83, 0.8):
+        rig.roll(0, 0, 0.1)
+        rig.scan(x_m, 0.0)
+    assert rig.allowed_m_s() == pytest.approx(speed_m_s(0.55 - 0.3 * 0.18, 0.18 + 0.6), abs=0.01)
+
+
+@pytest.mark.parametrize(
+    "seen",
+    [(0.86, 0.83, 0.8), (1.1, 1.1, 1.1, 0.8), (1.1, 1.1, 0.8, 0.8), (0.89, 0.86, None, None, None, 0.83, 0.8)],
+    ids=["three turns", "missed until now", "missed at first", "silent between"],
+)
+def test_what_is_not_known_to_come_takes_no_room(seen: tuple[float | None, ...]) -> None:
+    """The robot may go as fast as before what stands there: three turns are too few, and so are those of long ago."""
+    rig = Rig()
+    for x_m in seen:
+        rig.roll(0, 0, 0.1)
+        if x_m is not None:
+            rig.scan(x_m, 0.0)
+    assert rig.allowed_m_s() == pytest.approx(speed_m_s(0.55, 0.18), abs=0.002)
+
+
 def test_a_silent_lidar_is_told_and_leaves_a_crawl() -> None:
     """Never heard, and 0.6 s after its last scan."""
     rig = Rig()
