@@ -57,6 +57,36 @@ def test_it_stands_before_what_is_behind_it_and_lets_itself_be_driven_away() -> 
     run_virtual(scenario())
 
 
+@pytest.mark.parametrize("walks_m_s", [0.5, 0.8, 1.2, 1.6])
+@pytest.mark.parametrize("drives_m_s", [0.2, 0.3])
+def test_who_walks_up_to_it_finds_it_standing(walks_m_s: float, drives_m_s: float) -> None:
+    """It drives towards somebody who walks at it and does not stop: where they meet, it stands."""
+    ahead_m = 2.6 + 4.0 * walks_m_s  # it looks for 2.5 s, and drives for 1.5 s at least
+    who = {"path_m": ((2.0, 4.4), (14.0, 4.4)), "speed_m_s": walks_m_s, "stops_for_robot": False}
+    overrides = {
+        "sim.world.map_path": "office",
+        "sim.world.start_x_m": 9.5,
+        "sim.world.start_y_m": 4.4,
+        "sim.world.start_heading_rad": math.pi,
+        "sim.people": [{**who, "start_m": max(0.0, 9.5 - ahead_m - 2.0)}],
+    }
+
+    async def scenario() -> None:
+        async with simulated_robot(load(packaged("chefbot_lidar"), overrides=overrides)) as robot:
+            await asyncio.sleep(2.5)
+            for _ in range(200):
+                await robot.client.drive(drives_m_s, 0.0)
+                for _ in range(5):
+                    before = robot.board.truth(robot.now_s()).twist.linear_m_s
+                    await asyncio.sleep(0.01)
+                    if robot.board.truth(robot.now_s()).in_contact:
+                        assert abs(before) < 0.005
+                        return
+            pytest.fail("they never met")
+
+    run_virtual(scenario())
+
+
 @pytest.mark.slow
 def test_what_it_passes_at_the_side_does_not_slow_it() -> None:
     """Two things 0.06 m beside its way, left and right."""
