@@ -135,7 +135,12 @@ def test_what_comes_from_turn_to_turn_leaves_less_room() -> None:
 
 @pytest.mark.parametrize(
     "seen",
-    [(0.86, 0.83, 0.8), (1.1, 1.1, 1.1, 0.8), (1.1, 1.1, 0.8, 0.8), (0.89, 0.86, None, None, None, 0.83, 0.8)],
+    [
+        (0.86, 0.83, 0.8),
+        (1.1, 1.1, 1.1, 0.8),
+        (1.1, 1.1, 0.8, 0.8),
+        (0.89, 0.86, None, None, None, 0.83, 0.8),
+    ],
     ids=["three turns", "missed until now", "missed at first", "silent between"],
 )
 def test_what_is_not_known_to_come_takes_no_room(seen: tuple[float | None, ...]) -> None:
