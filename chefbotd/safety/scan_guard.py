@@ -3,8 +3,9 @@
 In the robot's frame every point that a lidar sees moves on a circle about the centre of the robot's turn. The robot
 may be as fast as it can brake along the same arc before the first point touches its outline. Points that the outline
 never touches slow nothing: a wall at the side, a table that is passed. What comes towards the robot, such as another
-robot, is expected to come on as fast until the robot stands. Where the whole motion is not allowed, its allowed part goes
-on: turning, or driving straight. A direction in which the robot was brought to a stand has the hysteresis of ``guard``.
+robot, is expected to come on as fast until the robot stands. Where the whole motion is not allowed, its allowed part
+goes on: turning, or driving straight. A direction in which the robot was brought to a stand has the hysteresis of
+``guard``.
 """
 
 import math
