@@ -12,6 +12,7 @@ from typing import Final, Protocol, TypeAlias
 
 import structlog
 
+from chefbotd.child import send_signal
 from chefbotd.shared_clock import SHARED_CLOCK
 from chefbotd.worker.parameters import WorkerParameters
 
@@ -76,8 +77,7 @@ class ChildProcess:
 
     def kill(self) -> None:
         """SIGKILL: it may be stopped, or stuck in a library."""
-        if self._process.returncode is None:
-            self._process.kill()
+        send_signal(self._process, signal.SIGKILL)
 
     async def wait(self) -> str:
         """Wait for its end; by which signal, or with which exit code and last line."""

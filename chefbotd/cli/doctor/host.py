@@ -4,9 +4,11 @@ import asyncio
 import contextlib
 import os
 import re
+import signal
 from collections.abc import Mapping
 from pathlib import Path
 
+from chefbotd.child import send_signal
 from chefbotd.core.record import Record
 from chefbotd.doctor.host import PortFound
 from chefbotd.doctor.listening.ports import holder, permission_problem
@@ -54,7 +56,7 @@ async def command_output(*command: str) -> str | None:
         async with asyncio.timeout(PATIENCE_S):
             output, _ = await process.communicate()
     except TimeoutError:
-        process.kill()
+        send_signal(process, signal.SIGKILL)
         await process.wait()
         return None
     return output.decode(errors="replace") if process.returncode == 0 else None

@@ -2,6 +2,7 @@
 
 import asyncio
 import os
+import signal
 import sys
 import tempfile
 from asyncio.subprocess import Process
@@ -11,6 +12,7 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import IO, Final
 
+from chefbotd.child import send_signal
 from chefbotd.cli.common.arguments import Address
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.client import Client
@@ -78,13 +80,12 @@ async def _accepts(address: Address) -> bool:
 
 async def _end(process: Process) -> int:
     """Ask it to end, wait, and give its exit code."""
-    if process.returncode is None:
-        process.terminate()
+    send_signal(process, signal.SIGTERM)
     try:
         async with asyncio.timeout(ENDING_PATIENCE_S):
             return await process.wait()
     except TimeoutError:
-        process.kill()
+        send_signal(process, signal.SIGKILL)
         await process.wait()
         raise ProgramError(
             Exit.FAILED, f"chefbotd did not end within {ENDING_PATIENCE_S:g} s of SIGTERM"

@@ -4,9 +4,9 @@ What goes to the process is pickled, and the result comes back as JSON; both end
 """
 
 import asyncio
-import contextlib
 import os
 import pickle
+import signal
 import sys
 from collections.abc import Awaitable, Callable
 from typing import Final, TypeAlias
@@ -14,6 +14,7 @@ from typing import Final, TypeAlias
 from msgspec import json
 
 from chefbotd.calibration.step import ConfiguredRobot, Measurements, Status, StepResult
+from chefbotd.child import send_signal
 
 TIMEOUT_S: Final = 300.0
 """The longest fit, of 40 stops with a lidar, takes a tenth of that on a small computer (assumed)."""
@@ -42,10 +43,8 @@ async def fit_in_process(step: str, robot: ConfiguredRobot, measured: Measuremen
     except TimeoutError:
         return StepResult(step, Status.REFUSED, f"the computation took longer than {TIMEOUT_S:.0f} s")
     finally:
-        if process.returncode is None:
-            with contextlib.suppress(ProcessLookupError):
-                process.kill()
-            await asyncio.shield(process.wait())
+        send_signal(process, signal.SIGKILL)
+        await asyncio.shield(process.wait())
     if process.returncode:
         why = errors.decode(errors="replace").strip()[-LAST_BYTES:]
         return StepResult(step, Status.REFUSED, f"the computation failed ({process.returncode}): {why}")

@@ -3,11 +3,13 @@
 import asyncio
 import json
 import os
+import signal
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
 
+from chefbotd.child import send_signal
 from chefbotd.core.commands import RefusalKind
 from chefbotd.maps.disk import MapStoreError
 from chefbotd.maps.importing import Order
@@ -44,9 +46,8 @@ async def run_import(order: Order, report: Report) -> int:
                     tell(message["done"], message["total"], message["text"])
             code = await process.wait()
     finally:
-        if process.returncode is None:
-            process.kill()
-            await process.wait()
+        send_signal(process, signal.SIGKILL)
+        await process.wait()
     if "version" in message:
         return int(message["version"])
     if "error" in message:

@@ -1,6 +1,7 @@
 """A depth camera's process: how the daemon starts it, reads from it, and ends it."""
 
 import asyncio
+import signal
 import struct
 import sys
 from collections import deque
@@ -10,6 +11,7 @@ from typing import Any, Protocol, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from chefbotd.child import send_signal
 from chefbotd.core.record import Record
 from chefbotd.perception.depth_camera import DepthSourceParameters
 
@@ -111,12 +113,10 @@ class CameraProcess:
         waiting = asyncio.create_task(self._process.wait(), name="depth camera's end")
         try:
             await asyncio.wait({waiting}, timeout=0.1)  # it may have ended by itself, and have said why
-            if not waiting.done():
-                self._process.kill()
+            send_signal(self._process, signal.SIGKILL)
             await asyncio.wait({waiting, self._hearing}, timeout=ENDING_S)
         finally:
-            if self._process.returncode is None:
-                self._process.kill()
+            send_signal(self._process, signal.SIGKILL)
             self._hearing.cancel()
         if not waiting.done():
             return f"process {self._process.pid} cannot be ended: it hangs in the kernel"
