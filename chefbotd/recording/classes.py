@@ -39,7 +39,7 @@ def _classes_in(module_name: str) -> dict[str, type[Any]]:
 
 
 def decode(event_class: type[Any], data: bytes) -> Any:
-    """An event from its JSON; raises ``msgspec.DecodeError`` for what is none."""
+    """An event from its JSON; raises ``ValueError`` for what is none."""
     if event_class.__name__ == "ScanMeasured":
         return _decode_scan(event_class, data)
     return msgspec.json.decode(data, type=event_class)

@@ -7,7 +7,6 @@ from io import BytesIO
 from pathlib import Path
 from typing import Any, BinaryIO
 
-import msgspec
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
@@ -81,7 +80,7 @@ class RecordingReader:
                 continue
             try:
                 yield decode(event_class, message.data)
-            except msgspec.DecodeError as error:
+            except ValueError as error:
                 raise UnreadableRecording(
                     f"{self.path}: event {message.sequence} on {message.topic} is none: {error}"
                 ) from error

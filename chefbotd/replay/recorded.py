@@ -5,8 +5,6 @@ from itertools import chain
 from pathlib import Path
 from typing import Any
 
-import msgspec
-
 from chefbotd import __version__
 from chefbotd.core.events.inputs import ANSWERS, ENTRIES, DaemonStarted, DaemonStopping, StateRecorded
 from chefbotd.core.record import Record
@@ -66,7 +64,7 @@ def decoded(recorded: Recorded) -> Any:
         raise NotReplayable(f"message {recorded.sequence}: this version of chefbotd has no {recorded.kind}")
     try:
         return decode(event_class, recorded.payload)
-    except (msgspec.DecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         reason = f"message {recorded.sequence}: not a {recorded.kind} of this version of chefbotd: {error}"
         raise NotReplayable(reason) from error
 

@@ -155,7 +155,7 @@ def settings_of(configuration: str) -> Settings:
             f"the configuration in the recording is not one of this version: {wrong[:500]}; "
             "the version that recorded it replays it ('chefbotctl log info' tells which)"
         ) from error
-    except (msgspec.DecodeError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
         raise NotReplayable(f"the configuration in the recording is no JSON: {error}") from error
 
 

@@ -71,7 +71,7 @@ def read(left: bytes) -> GateState:
     """
     try:
         latch = msgspec.json.decode(left, type=Latch)
-    except msgspec.DecodeError as error:
+    except ValueError as error:
         raise ValueError(f"not what a daemon wrote: {error}") from error
     if latch.mode is Mode.ARMED:
         return UNCLEAN_SHUTDOWN

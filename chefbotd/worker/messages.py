@@ -210,5 +210,5 @@ def decoded(decoder: "msgspec.msgpack.Decoder[FromWorker]", data: bytes) -> From
     """
     try:
         return decoder.decode(data)
-    except msgspec.DecodeError as error:
+    except ValueError as error:
         raise NotAMessage(f"not a message: {error}") from error

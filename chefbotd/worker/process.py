@@ -314,7 +314,7 @@ class Worker:
             return
         try:
             listener(message.body)
-        except (msgspec.DecodeError, ValueError) as error:
+        except ValueError as error:
             self._end(f"its skill {message.skill} sent what is no message: {error}")
 
     def _set(self, happened: Happened, **fields: object) -> bool:

@@ -98,7 +98,7 @@ class FleetPage:
                 return web.json_response({"error": "this needs the token"}, status=401, headers=HEADERS)
         try:
             response = await handler(request)
-        except (msgspec.ValidationError, msgspec.DecodeError, ValueError) as error:
+        except ValueError as error:
             return web.json_response({"error": str(error)}, status=400, headers=HEADERS)
         response.headers.update(HEADERS)
         return response

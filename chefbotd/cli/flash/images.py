@@ -104,7 +104,7 @@ def packaged_image(board: str, folder: Path | None = None) -> Image:
         data = (folder / listed.file).read_bytes()
     except OSError as error:
         raise BadImageError(f"{error.filename}: {error.strerror}") from error
-    except msgspec.ValidationError as error:
+    except ValueError as error:
         raise BadImageError(f"{folder / LIST}: {error}") from error
     except KeyError:
         raise BadImageError(f"{folder / LIST}: lists no image for {board}") from None

@@ -106,7 +106,15 @@ def test_a_length_that_no_message_has_is_refused_at_once(length: int) -> None:
 
 @pytest.mark.parametrize(
     "body",
-    [b"\xc1", b"\x91\xa5ready\x00", b"\x92\xa5alive\x01", b"\x91\xa4nope", b"\x81\x01\x02", b"\xff" * 9],
+    [
+        b"\x91\xa6read\x80y",
+        b"\xc1",
+        b"\x91\xa5ready\x00",
+        b"\x92\xa5alive\x01",
+        b"\x91\xa4nope",
+        b"\x81\x01\x02",
+        b"\xff" * 9,
+    ],
 )
 def test_what_is_no_message_of_the_worker_is_refused(body: bytes) -> None:
     """Bytes that are not MessagePack, or not one of the worker's messages, are told apart."""
