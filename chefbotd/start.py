@@ -3,7 +3,7 @@
 import gc
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from types import ModuleType
@@ -74,7 +74,8 @@ def light_imports() -> Iterator[None]:
 
     - pydantic looks for plugins in every installed package, and loads what reads their metadata, parsers of mail and
       tables among it; chefbotd uses none.
-    - structlog imports rich wherever it is installed, to lay out tracebacks; it does without where that import fails.
+    - structlog imports rich, to lay out tracebacks, and twisted wherever they are installed, and does without where that
+      fails.
 
     Neither has a setting that keeps these modules away: ``PYDANTIC_DISABLE_PLUGINS`` keeps away plugins only.
     Without the stand-ins both take half as much time again to import, and 6 MB more.
@@ -82,25 +83,25 @@ def light_imports() -> Iterator[None]:
     os.environ.setdefault("PYDANTIC_DISABLE_PLUGINS", "__all__")
     with no_collections():
         if "structlog" not in sys.modules:
-            _import_beside("structlog", "rich", None)
+            _import_beside("structlog", {"rich": None, "twisted": None})
         if "pydantic" not in sys.modules and "importlib.metadata" not in sys.modules:
             no_plugins = ModuleType("importlib.metadata")
             no_plugins.entry_points = tuple  # type: ignore[attr-defined]
-            _import_beside("pydantic.plugin._loader", "importlib.metadata", no_plugins)
+            _import_beside("pydantic.plugin._loader", {"importlib.metadata": no_plugins})
         yield
 
 
-def _import_beside(module: str, other: str, instead: ModuleType | None) -> None:
-    """Import a module while another one has a stand-in; None as if it were not installed (see ``sys.modules``).
+def _import_beside(module: str, instead: Mapping[str, ModuleType | None]) -> None:
+    """Import a module while others have stand-ins; None as if one were not installed (see ``sys.modules``).
 
-    A module that has changed and asks more of the stand-in is imported as usual.
+    A module that has changed and asks more of a stand-in is imported as usual.
     """
-    hidden = sys.modules.get(other)
-    sys.modules[other] = instead  # type: ignore[assignment]
+    hidden = {name: sys.modules[name] for name in instead if name in sys.modules}
+    sys.modules.update(instead)  # type: ignore[arg-type]
     try:
         with suppress(ImportError):
             import_module(module)
     finally:
-        del sys.modules[other]
-        if hidden is not None:
-            sys.modules[other] = hidden
+        for name in instead:
+            del sys.modules[name]
+        sys.modules.update(hidden)
