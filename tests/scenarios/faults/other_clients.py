@@ -28,10 +28,17 @@ BADLY_FORMED_ESTOP = b'{"method":"estop","id":[1],"colour":"red","params":{"reas
 
 
 @asynccontextmanager
-async def stranger(fault_run: FaultRun) -> AsyncIterator[Streams]:
-    """A connection that speaks what it likes; cut at the end, whatever it has left to say."""
-    host, port = await fault_run.robot.daemon.server.address()
-    reader, writer = await asyncio.open_connection(host, port)
+async def stranger(fault_run: FaultRun, holds_bytes: int | None = None) -> AsyncIterator[Streams]:
+    """A connection that speaks what it likes; cut at the end, whatever it has left to say.
+
+    ``holds_bytes``: so many its kernel holds for it, which is what the other side hears of it as they connect.
+    """
+    plain = socket.socket()
+    plain.setblocking(False)
+    if holds_bytes is not None:
+        plain.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, holds_bytes)
+    await asyncio.get_running_loop().sock_connect(plain, await fault_run.robot.daemon.server.address())
+    reader, writer = await asyncio.open_connection(sock=plain)
     try:
         yield reader, writer
     finally:
@@ -102,10 +109,9 @@ async def unread(fault_run: FaultRun) -> AsyncIterator[None]:
     """Ten clients ask for everything and read none of it."""
     async with contextlib.AsyncExitStack() as stack:
         for _ in range(DEAF):
-            _, writer = await stack.enter_async_context(stranger(fault_run))
+            # Else some kernels hold megabytes for a client that reads nothing.
+            _, writer = await stack.enter_async_context(stranger(fault_run, holds_bytes=8192))
             writer.transport.pause_reading()
-            # Otherwise some kernels hold megabytes for a client that reads nothing.
-            writer.get_extra_info("socket").setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 8192)
             writer.write(LISTEN_TO_ALL + DESCRIBE * 200)
         yield
         left = (await fault_run.robot.client.call("get_stats"))["clients"] - 2
