@@ -6,6 +6,7 @@ out. Where there is no program or no sound device, that is said once, and everyt
 
 import asyncio
 import shutil
+import signal
 import tempfile
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,6 +14,8 @@ from pathlib import Path
 from typing import Final, Protocol
 
 import structlog
+
+from chefbotd.child import send_signal
 
 log = structlog.get_logger("speech")
 STALE_S: Final = 8.0
@@ -101,8 +104,8 @@ class Speaker:
             self._has_some.set()
             return
         self._waiting, self._is_cut = (), True
-        if self._process is not None and self._process.returncode is None:
-            self._process.kill()
+        if self._process is not None:
+            send_signal(self._process, signal.SIGKILL)
 
     async def run(self) -> None:
         """Speak until cancelled."""
@@ -136,7 +139,7 @@ class Speaker:
                 *command, stdout=asyncio.subprocess.DEVNULL, stderr=asyncio.subprocess.PIPE
             )
             if self._is_cut:  # while it was being started
-                self._process.kill()
+                send_signal(self._process, signal.SIGKILL)
             async with asyncio.timeout(LONGEST_S):
                 _, errors = await self._process.communicate()
         except FileNotFoundError:
@@ -145,8 +148,8 @@ class Speaker:
             return self._has_problem(problem, f"{command[0]} hangs")
         finally:
             process, self._process = self._process, None
-            if process is not None and process.returncode is None:
-                process.kill()
+            if process is not None:
+                send_signal(process, signal.SIGKILL)
                 await process.wait()
         code = process.returncode if process is not None else None
         if code is not None and code > 0:
