@@ -74,12 +74,15 @@ def test_who_walks_up_to_it_finds_it_standing(walks_m_s: float, drives_m_s: floa
     async def scenario() -> None:
         async with simulated_robot(load(packaged("chefbot_lidar"), overrides=overrides)) as robot:
             await asyncio.sleep(2.5)
+            fastest_m_s = 0.0
             for _ in range(200):
                 await robot.client.drive(drives_m_s, 0.0)
                 for _ in range(5):
                     before = robot.board.truth(robot.now_s()).twist.linear_m_s
                     await asyncio.sleep(0.01)
+                    fastest_m_s = max(fastest_m_s, before)
                     if robot.board.truth(robot.now_s()).in_contact:
+                        assert fastest_m_s > 0.9 * drives_m_s
                         assert abs(before) < 0.005
                         return
             pytest.fail("they never met")
