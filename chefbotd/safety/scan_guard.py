@@ -224,12 +224,12 @@ def _share(
     room_s = room_of(reach_m, view.points_m)
     if room_s == math.inf:
         return math.inf
-    comes = _comes(view, partial(room_of, reach_m + FASTEST_M_S * view.before_s), room_s, rim_m_s)
-    left_s, slope_s = room_s - comes * delay_s, delay_s + comes / k
+    closing = _closing_rate(view, partial(room_of, reach_m + FASTEST_M_S * view.before_s), room_s, rim_m_s)
+    left_s, slope_s = room_s - closing * delay_s, delay_s + closing / k
     return k * (math.sqrt(slope_s * slope_s + 2 * left_s / k) - slope_s) if left_s > 0 else 0.0
 
 
-def _comes(view: View, room_of: Callable[[Floats], float], room_s: float, rim_m_s: float) -> float:
+def _closing_rate(view: View, room_of: Callable[[Floats], float], room_s: float, rim_m_s: float) -> float:
     """How many seconds of room are lost in a second to what comes closer from turn to turn."""
     if view.earlier is None:
         return 0.0

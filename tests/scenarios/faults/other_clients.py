@@ -31,7 +31,7 @@ BADLY_FORMED_ESTOP = b'{"method":"estop","id":[1],"colour":"red","params":{"reas
 async def stranger(fault_run: FaultRun, holds_bytes: int | None = None) -> AsyncIterator[Streams]:
     """A connection that speaks what it likes; cut at the end, whatever it has left to say.
 
-    ``holds_bytes``: so many its kernel holds for it, which is what the other side hears of it as they connect.
+    ``holds_bytes``: the size of its kernel's receive buffer, which has to be set before it connects.
     """
     plain = socket.socket()
     plain.setblocking(False)
