@@ -28,6 +28,7 @@ from chefbot_vda5050.topics import EVERY, QOS, Headers, Kind, RobotName, parse_t
 from chefbot_fleet.fleet import Fleet
 from chefbot_fleet.orders import CancelOrder, Outgoing
 from chefbot_fleet.web import FleetPage
+from chefbotd.transport.web.http_server import HttpServer
 
 log = structlog.get_logger("fleet")
 
@@ -70,14 +71,22 @@ class Manager:
         self.fleet.disconnected()
         runner = web.AppRunner(page.application(), access_log=None)
         await runner.setup()
+        application = runner.server
+        if application is None:
+            raise RuntimeError("the page's application has not begun")
+        server = HttpServer(
+            application.request_handler, "fleet", tls, make_request=application.request_factory
+        )
         try:
-            await web.TCPSite(runner, host, port, ssl_context=tls).start()
-            log.info("serving the page", host=host, port=port)
             async with asyncio.TaskGroup() as tasks:
+                tasks.create_task(server.run(host, port, self._say_where))
                 tasks.create_task(self._stay_connected())
                 tasks.create_task(self._tick())
         finally:
             await runner.cleanup()
+
+    def _say_where(self, host: str, port: int) -> None:
+        log.info("serving the page", host=host, port=port)
 
     async def _stay_connected(self) -> None:
         pause_s = FIRST_RETRY_S

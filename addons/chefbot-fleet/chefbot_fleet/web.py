@@ -94,7 +94,7 @@ class FleetPage:
             return web.json_response(why, status=HTTPStatus.MISDIRECTED_REQUEST, headers=HEADERS)
         if request.method not in ("GET", "HEAD"):
             given = request.headers.get("Authorization", "").removeprefix("Bearer ")
-            if not hmac.compare_digest(given.encode(), self._token.encode()):
+            if not hmac.compare_digest(given.encode(errors="surrogateescape"), self._token.encode()):
                 return web.json_response({"error": "this needs the token"}, status=401, headers=HEADERS)
         try:
             response = await handler(request)

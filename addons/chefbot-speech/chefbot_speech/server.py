@@ -4,7 +4,6 @@ It listens on a port of its own, so what people say goes to this program alone, 
 anybody may read. Who may talk is who may send the robot to goals: the token is shown to the daemon.
 """
 
-import asyncio
 import contextlib
 import json
 import ssl
@@ -16,6 +15,7 @@ from typing import Any, Final, Protocol
 import structlog
 from aiohttp import WSMsgType, web
 
+from chefbotd.transport.web.http_server import HttpServer
 from chefbotd.transport.web.origin import is_own_host, is_own_origin
 from chefbotd.transport.web.server import HEADERS, TYPES
 
@@ -25,7 +25,7 @@ MOST_MESSAGE_BYTES: Final = 64 * 1024
 HEARTBEAT_S: Final = 5.0
 """A page that does not answer for this time is gone; what it proposed is forgotten."""
 
-GREETING_S: Final = 10.0
+GREETING_S: Final = 5.0
 Send = Callable[[dict[str, Any]], Awaitable[None]]
 
 
@@ -69,19 +69,16 @@ class PageServer:
     def __init__(self, admit: Admit, tls: ssl.SSLContext | None = None, names: Collection[str] = ()) -> None:
         self._admit, self._tls, self._names = admit, tls, names
         self._files, self._talkers = files(), 0
+        self._server = HttpServer(self._serve, "speech", tls)
 
     async def run(self, host: str, port: int, listening: Callable[[str], None] = lambda url: None) -> None:
         """Serve until cancelled; ``listening`` is called with the page's address."""
-        runner = web.ServerRunner(web.Server(self._serve, access_log=None))
-        await runner.setup()
-        try:
-            await web.TCPSite(runner, host, port, ssl_context=self._tls).start()
-            own_host, own_port = runner.addresses[0][:2]
+
+        def tell(own_host: str, own_port: int) -> None:
             shown = f"[{own_host}]" if ":" in own_host else own_host
             listening(f"{'https' if self._tls else 'http'}://{shown}:{own_port}/")
-            await asyncio.Event().wait()
-        finally:
-            await runner.cleanup()
+
+        await self._server.run(host, port, tell)
 
     async def _serve(self, request: web.BaseRequest) -> web.StreamResponse:
         if not is_own_host(request.headers.get("Host", ""), self._names):
@@ -99,20 +96,18 @@ class PageServer:
         headers = request.headers
         if not is_own_origin(headers.get("Origin"), headers.get("Host", ""), tls=self._tls is not None):
             return _refuse(HTTPStatus.FORBIDDEN, "a page of another site may not talk to this robot")
-        if self._talkers >= MOST_TALKERS:
-            return _refuse(HTTPStatus.SERVICE_UNAVAILABLE, "too many people talk to this robot")
         response = web.WebSocketResponse(heartbeat=HEARTBEAT_S, max_msg_size=MOST_MESSAGE_BYTES)
         if not response.can_prepare(request).ok:
             return _refuse(HTTPStatus.UPGRADE_REQUIRED, "this is a WebSocket")
-        self._talkers += 1
-        try:
-            await response.prepare(request)
-            await self._talk(response)
-        finally:
-            self._talkers -= 1
+        await response.prepare(request)
+        await self._talk(response, lambda: self._server.show_proof(request))
         return response
 
-    async def _talk(self, socket: web.WebSocketResponse) -> None:
+    async def _talk(
+        self, socket: web.WebSocketResponse, show_proof: Callable[[], None] = lambda: None
+    ) -> None:
+        """Who has not shown a token within ``GREETING_S`` is sent away, and never counts as one who talks."""
+
         async def send(message: dict[str, Any]) -> None:
             with contextlib.suppress(ConnectionResetError):  # gone: that is told by what is read
                 await socket.send_str(json.dumps(message))
@@ -127,7 +122,15 @@ class PageServer:
         except (TimeoutError, TypeError, ValueError):  # silent, gone, or no page of ours
             return
         try:
-            await _relay(socket, talker)
+            if self._talkers >= MOST_TALKERS:
+                await send({"refused": "too many people talk to this robot"})
+                return
+            show_proof()
+            self._talkers += 1
+            try:
+                await _relay(socket, talker)
+            finally:
+                self._talkers -= 1
         finally:
             await talker.leave()
 

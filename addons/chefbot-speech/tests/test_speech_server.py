@@ -1,7 +1,7 @@
 """Who is served, and who may talk."""
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Coroutine
 from contextlib import asynccontextmanager
 from types import SimpleNamespace
 from typing import Any
@@ -9,9 +9,10 @@ from typing import Any
 import aiohttp
 import pytest
 from chefbot_speech.main import admit
-from chefbot_speech.server import PageServer, Send, Talker
+from chefbot_speech.server import GREETING_S, MOST_TALKERS, PageServer, Send, Talker
 
 from chefbotd.client import CallError
+from chefbotd.clock import run_virtual
 
 
 class FakeTalker:
@@ -62,10 +63,19 @@ class FakeDaemon:
 Scenario = Callable[[aiohttp.ClientSession, str, FakeTalker], Awaitable[None]]
 
 
-def served(scenario: Scenario, auth: str = "token", *, needs_tokens: bool = False) -> None:
+CLOSED = {aiohttp.WSMsgType.CLOSE, aiohttp.WSMsgType.CLOSED, aiohttp.WSMsgType.ERROR}
+
+
+def served(
+    scenario: Scenario,
+    auth: str = "token",
+    *,
+    needs_tokens: bool = False,
+    run: Callable[[Coroutine[Any, Any, None]], None] = asyncio.run,
+) -> None:
     """Run a scenario before the server."""
 
-    async def run() -> None:
+    async def serve() -> None:
         talker = FakeTalker()
 
         def make(send: Send) -> Talker:
@@ -79,7 +89,7 @@ def served(scenario: Scenario, auth: str = "token", *, needs_tokens: bool = Fals
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)
 
-    asyncio.run(run())
+    run(serve())
 
 
 def test_the_page_allows_its_own_files_alone() -> None:
@@ -157,6 +167,40 @@ def test_a_token_of_an_agent_opens_the_page() -> None:
         assert talker.told == [{"event": "press"}, b"sound"]
 
     served(scenario)
+
+
+def test_pages_that_show_no_token_keep_nobody_from_talking() -> None:
+    """Ten sockets that are open and silent take no place of those who talk, and are closed after a while."""
+
+    async def scenario(session: aiohttp.ClientSession, url: str, talker: FakeTalker) -> None:
+        silent = [await session.ws_connect(f"{url}socket") for _ in range(MOST_TALKERS + 2)]
+        async with session.ws_connect(f"{url}socket") as page:
+            await page.send_json({"token": "waits"})
+            await page.send_json({"event": "press"})
+        await talker.left.wait()
+        assert talker.told == [{"event": "press"}]
+        await asyncio.sleep(GREETING_S)
+        assert {(await page.receive()).type for page in silent} <= CLOSED
+
+    served(scenario, run=run_virtual)
+
+
+def test_a_ninth_who_talks_is_told_that_it_is_too_many() -> None:
+    """Eight have shown a token and stay."""
+
+    async def scenario(session: aiohttp.ClientSession, url: str, talker: FakeTalker) -> None:
+        pages = [await session.ws_connect(f"{url}socket") for _ in range(MOST_TALKERS)]
+        for page in pages:
+            await page.send_json({"token": "waits"})
+            await page.send_json({"event": "press"})
+        await asyncio.sleep(1.0)
+        assert len(talker.told) == MOST_TALKERS
+        async with session.ws_connect(f"{url}socket") as ninth:
+            await ninth.send_json({"token": "waits"})
+            assert await ninth.receive_json() == {"refused": "too many people talk to this robot"}
+        assert not any(page.closed for page in pages)
+
+    served(scenario, run=run_virtual)
 
 
 class Leaving:
