@@ -29,6 +29,11 @@ class SystemClock:
         return time.clock_gettime(time.CLOCK_BOOTTIME)
 
 
+def suspended_s() -> float:
+    """How long the computer has been suspended since it was started, in seconds: what ``time.monotonic`` leaves out."""
+    return time.clock_gettime(time.CLOCK_BOOTTIME) - time.clock_gettime(time.CLOCK_MONOTONIC)
+
+
 class LoopClock:
     """The running event loop's time: virtual on a ``VirtualLoop``."""
 

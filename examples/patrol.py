@@ -1,14 +1,17 @@
 """Drives to every place of the map in turn, and says which it did not reach: ``python -m examples.patrol``."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
-from chefbotd.client import CallError, Client, GoalNotReached
+from chefbotd.client import CallError, Client, GoalNotReached, SleepWatch
 from chefbotd.client.agent import BY_PEOPLE
 from chefbotd.core.geometry import Pose2D
 from examples.program import run
 
 ROUNDS = 2
+LONGEST_SLEEP_S = 2.0
+"""A patrol whose program, or computer, slept for longer is over: nobody expects it to go on."""
 
 
 async def main(robot: Client) -> str:
@@ -17,6 +20,8 @@ async def main(robot: Client) -> str:
     if not places:
         return "The map has no places: save some with 'chefbotctl places save'."
     missed: list[str] = []
+    watch = SleepWatch()
+    watch.renew(math.inf)
     for number in range(1, ROUNDS + 1):
         for place in places:
             try:
@@ -27,6 +32,8 @@ async def main(robot: Client) -> str:
                 missed.append(f"{place} in round {number}: {error.reason}")
             except CallError as error:
                 return f"The patrol ended in round {number}: {error.message}"
+            if (slept_s := watch.slept_s()) > LONGEST_SLEEP_S:
+                return f"The patrol ended in round {number}: this program did not run for {slept_s:.0f} s."
     reached = ROUNDS * len(places) - len(missed)
     return "\n".join([f"{reached} of {ROUNDS * len(places)} visits were made.", *missed])
 

@@ -17,6 +17,7 @@ from chefbotd.client.errors import (
     GoalNotReached,
     GoalUnreachable,
     IncompatibleProtocol,
+    MotionInterrupted,
     NoGreeting,
     NotReported,
     ProtocolError,
@@ -25,6 +26,7 @@ from chefbotd.client.errors import (
 )
 from chefbotd.client.event import Event, Gap
 from chefbotd.client.handshake import DaemonGreeting
+from chefbotd.client.sleep_watch import SleepWatch
 from chefbotd.client.subscription import Subscription
 from chefbotd.client.sync import SyncClient
 
@@ -44,10 +46,12 @@ __all__ = [
     "GoalNotReached",
     "GoalUnreachable",
     "IncompatibleProtocol",
+    "MotionInterrupted",
     "NoGreeting",
     "NotReported",
     "ProtocolError",
     "RobotLost",
+    "SleepWatch",
     "Subscription",
     "SubscriptionConflict",
     "SyncClient",

@@ -36,6 +36,7 @@ from chefbotd.client.handshake import (
 )
 from chefbotd.client.map_methods import MapMethods, NavigationMethods
 from chefbotd.client.methods import Methods
+from chefbotd.client.sleep_watch import SleepWatch
 from chefbotd.client.subscription import SubscribeOptions, Subscription, SubscriptionRequest
 from chefbotd.client.wire import ProgressListener
 
@@ -53,6 +54,7 @@ class Client(Methods, MapMethods, NavigationMethods, Topics):
         self._connected_again = asyncio.Event()
         self._closing = False
         self._loop = asyncio.get_running_loop()
+        self._sleep_watch = SleepWatch()
         self.dropped: Counter[str] = Counter()
 
     @classmethod
@@ -94,6 +96,7 @@ class Client(Methods, MapMethods, NavigationMethods, Topics):
 
     async def _close(self) -> None:
         self._closing = True
+        self._sleep_watch.stop()
         if self._reconnecting is not None:
             self._reconnecting.cancel()
             await asyncio.gather(self._reconnecting, return_exceptions=True)

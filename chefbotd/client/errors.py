@@ -24,6 +24,13 @@ class CallTimeout(ChefbotError, TimeoutError):
     """What was waited for did not come in time. A call may or may not have been carried out by the daemon."""
 
 
+class MotionInterrupted(ChefbotError):
+    """The program did not run for longer than the robot obeys a command: the robot has braked, and the motion is over.
+
+    The next command moves the robot again.
+    """
+
+
 class CallError(ChefbotError):
     """The daemon refused: ``kind`` is stable (docs/api.md lists them), ``message`` is for people."""
 

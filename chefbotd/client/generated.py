@@ -129,14 +129,6 @@ class GeneratedMethods(MethodCaller):
         """Continue with the goals from the robot's present pose."""
         await self._ask(None, "resume_navigation")
 
-    async def drive(self, linear_m_s: float, angular_rad_s: float, source: str | None = None) -> m.Driven:
-        """Drive at this velocity until the command is replaced or too old; repeat it to keep moving.
-
-        It is too old after the dead-man time (0.5 s, KHAN 0.25 s). Without ``source`` it is one of the robot's default
-        source. The answer is what the limits allow of it.
-        """
-        return await self._ask("Driven", "drive", linear_m_s=linear_m_s, angular_rad_s=angular_rad_s, source=source)
-
     async def arm(self, latch: int | None = None) -> None:
         """Allow motion after an emergency stop or a fault; with ``latch``, only if that one is the newest."""
         await self._ask(None, "arm", latch=latch)

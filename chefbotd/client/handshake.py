@@ -25,6 +25,8 @@ CLOSING_PATIENCE_S = 1.0
 class DaemonGreeting(Record, frozen=True):
     """The daemon's greeting; ``session`` changes when the daemon restarts.
 
+    A command to move is obeyed for ``command_timeout_s``, which an older daemon does not tell: ChefBot's, then.
+
     Not ``rpc.models.Greeting``: a stop does not wait until the models are loaded.
     """
 
@@ -34,6 +36,7 @@ class DaemonGreeting(Record, frozen=True):
     link: Literal["up", "down"]
     auth: str
     capabilities: tuple[str, ...]
+    command_timeout_s: float = 0.5
 
 
 class Endpoint(Record, frozen=True):
@@ -137,7 +140,9 @@ async def _greeting(
         )
     try:
         known_fields = {
-            field.name: params[field.name] for field in fields(DaemonGreeting)
+            field.name: params[field.name]
+            for field in fields(DaemonGreeting)
+            if field.required or field.name in params
         }  # a newer daemon may say more
         return DaemonGreeting(**{**known_fields, "capabilities": tuple(known_fields["capabilities"])})
     except (KeyError, TypeError) as problem:

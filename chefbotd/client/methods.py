@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+from abc import abstractmethod
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from chefbotd.client.caller import parse
-from chefbotd.client.errors import CallError, CallTimeout, ConnectionLost
+from chefbotd.client.errors import CallError, CallTimeout, ConnectionLost, MotionInterrupted
 from chefbotd.client.generated import GeneratedMethods
+from chefbotd.client.handshake import DaemonGreeting
+from chefbotd.client.sleep_watch import SleepWatch
 
 if TYPE_CHECKING:
     from chefbotd.client import models
@@ -48,6 +51,44 @@ class Gains(TypedDict, total=False):
 class Methods(GeneratedMethods):
     """The methods of the robot itself."""
 
+    _sleep_watch: SleepWatch
+
+    @property
+    @abstractmethod
+    def hello(self) -> DaemonGreeting:
+        """The daemon's latest greeting."""
+
+    async def drive(
+        self, linear_m_s: float, angular_rad_s: float, source: str | None = None
+    ) -> models.Driven:
+        """Drive at this velocity until the command is replaced or too old; repeat it to keep moving.
+
+        It is too old after the dead-man time (``hello.command_timeout_s``: 0.5 s, KHAN 0.25 s). Without ``source`` it is
+        one of the robot's default source. The answer is what the limits allow of it.
+
+        Raises:
+            MotionInterrupted: this program did not run for longer than that since an earlier command to move. Nothing
+                was sent. The next call drives.
+        """
+        self._check_motion(moves=linear_m_s != 0.0 or angular_rad_s != 0.0)
+        driven: models.Driven = await self._ask(
+            "Driven", "drive", linear_m_s=linear_m_s, angular_rad_s=angular_rad_s, source=source
+        )
+        return driven
+
+    def _check_motion(self, *, moves: bool) -> None:
+        """A command is about to be sent: raise ``MotionInterrupted`` if the motion that it belongs to is over."""
+        slept_s, longest_s = self._sleep_watch.slept_s(), self.hello.command_timeout_s
+        if not moves or slept_s > longest_s:
+            self._sleep_watch.stop()
+        if moves and slept_s > longest_s:
+            raise MotionInterrupted(
+                f"this program did not run for {slept_s:.1f} s, and the robot obeys a command for {longest_s:g} s: "
+                "it has braked, and the motion is over"
+            )
+        if moves:
+            self._sleep_watch.renew()
+
     async def drive_for(
         self,
         seconds: float,
@@ -57,7 +98,7 @@ class Methods(GeneratedMethods):
     ) -> models.Driven:
         """Drive for ``seconds`` by repeating ``drive`` within the dead-man time, then brake and wait for standstill.
 
-        The robot also brakes after an error or a cancellation.
+        The robot also brakes after an error or a cancellation. ``MotionInterrupted`` is one: the program slept.
         """
         loop = asyncio.get_running_loop()
         ends_s = loop.time() + seconds
@@ -90,6 +131,7 @@ class Methods(GeneratedMethods):
     ) -> models.WheelSpeedsSet:
         """Command wheel speeds by wheel name, in rad/s. Other wheels stand. It expires as ``drive`` does."""
         names, velocities = list(velocity_rad_s), list(velocity_rad_s.values())
+        self._check_motion(moves=any(velocities))
         driven: models.WheelSpeedsSet = await self._ask(
             "WheelSpeedsSet", "set_wheel_velocities", name=names, velocity_rad_s=velocities, source=source
         )

@@ -153,7 +153,10 @@ class TopicState(Record, frozen=True):
 
 
 class Greeting(Record, frozen=True, kw_only=True):
-    """The greeting; ``session`` changes when the daemon restarts, ``auth`` is what a client must do first."""
+    """The greeting; ``session`` changes when the daemon restarts, ``auth`` is what a client must do first.
+
+    A command to move is obeyed for ``command_timeout_s``.
+    """
 
     protocol: Literal["1.0"] = PROTOCOL
     robot: str
@@ -161,6 +164,7 @@ class Greeting(Record, frozen=True, kw_only=True):
     link: Literal["up", "down"]
     auth: Literal["none", "token"]
     capabilities: tuple[str, ...]
+    command_timeout_s: float
 
 
 class TelemetryEvent(TopicState, frozen=True):

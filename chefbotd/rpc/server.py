@@ -54,6 +54,7 @@ class RpcServer:
     ) -> None:
         self._bus, self._clock, self._keyring = bus, clock, keyring
         self._robot_name, self._session, self._link_is_up = robot_name, session, link_is_up
+        self._command_timeout_s = command_timeout_s
         self._fanout = Fanout(topics, clock, self._tap)
         self.arrivals, self._ticks_with_beat = (
             Arrivals(clock, resumed_s),
@@ -180,5 +181,6 @@ class RpcServer:
             link="up" if self._link_is_up() else "down",
             auth="none" if self._keyring is None else "token",
             capabilities=self._capabilities,
+            command_timeout_s=self._command_timeout_s,
         )
         return jsonrpc.notification("hello", encode(hello))

@@ -4,6 +4,8 @@ import asyncio
 import math
 import re
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import numpy as np
 import pytest
@@ -11,7 +13,7 @@ import pytest
 from chefbotd.cli.common.context import beside
 from chefbotd.client import Client
 from chefbotd.client.models import ScanData
-from chefbotd.clock import run_virtual
+from chefbotd.clock import run_virtual, suspended_s
 from chefbotd.core.events import TruthSimulated
 from chefbotd.core.geometry import Pose2D
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
@@ -163,3 +165,31 @@ def test_the_readme_lists_seven_programs_that_there_are() -> None:
     linked = re.findall(r"^\| \[\S+\]\((\S+)\)", README.read_text(), re.MULTILINE)
     assert len(linked) == 7
     assert all((README.parent / path).exists() for path in linked)
+
+
+class RobotOfThreePlaces:
+    """A robot that reaches every place at once; while it goes to the second one, the computer is suspended."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
+        self.visited: list[str] = []
+        self._monkeypatch = monkeypatch
+
+    async def list_places(self) -> SimpleNamespace:
+        """Three of them."""
+        return SimpleNamespace(places=[SimpleNamespace(name=name) for name in ("sofa", "kitchen", "desk")])
+
+    async def navigate_to(self, place: str) -> None:
+        """Be there."""
+        self.visited.append(place)
+        if place == "kitchen":
+            self._monkeypatch.setattr(
+                "chefbotd.client.sleep_watch.suspended_s", lambda: suspended_s() + 600.0
+            )
+
+
+def test_a_patrol_whose_computer_slept_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It sends the robot to no further place, and says why."""
+    robot = RobotOfThreePlaces(monkeypatch)
+    said = run_virtual(patrol.main(cast(Client, robot)))
+    assert said == "The patrol ended in round 1: this program did not run for 600 s."
+    assert robot.visited == ["sofa", "kitchen"]

@@ -10,7 +10,7 @@ from contextlib import asynccontextmanager, suppress
 from dataclasses import dataclass
 from pathlib import Path
 
-from chefbotd.client import CallError, Client
+from chefbotd.client import CallError, Client, MotionInterrupted
 from chefbotd.clock import SystemClock
 from chefbotd.process.simulated_robot import simulation_of
 from chefbotd.settings import packaged
@@ -262,3 +262,5 @@ async def drive_once(client: Client) -> None:
     except CallError as refusal:
         if refusal.kind not in ("link_down", "too_old"):
             raise
+    except MotionInterrupted:
+        return

@@ -4,15 +4,18 @@ import asyncio
 import json
 import os
 import signal
+import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
 
+from chefbotd.cli.common.exits import Exit
 from chefbotd.client import Client
 from tests.budget import sample
 from tests.scenarios.process import (
+    PATIENCE_S,
     PERIOD_S,
     REST_M_S,
     SPEED_M_S,
@@ -20,6 +23,7 @@ from tests.scenarios.process import (
     Program,
     drive_once,
     driving,
+    started,
     stopped,
 )
 
@@ -153,5 +157,37 @@ def test_a_freeze_in_mid_drive_ends_in_a_stop(tmp_path: Path, frozen_s: float):
             assert await fastest_m_s(program.board, 0.5) <= REST_M_S
             assert await told(client) == ("disarmed", "loop_blocked")
             assert not program.board.told_to_move
+
+    asyncio.run(scenario())
+
+
+CTL = "from chefbotd.cli.programs.chefbotctl import main\nmain()"
+FAST_RAD_S = "3.0"
+
+
+@pytest.mark.parametrize("command", sample(["drive 0.2 0", f"wheels left={FAST_RAD_S} right={FAST_RAD_S}"]))
+def test_a_command_whose_program_slept_is_over(tmp_path: Path, command: str):
+    """It has the robot driven for two minutes, and is stopped for two seconds: it drives no more, and ends with 6."""
+
+    async def scenario() -> None:
+        async with asyncio.timeout(PATIENCE_S), started(tmp_path) as program, program.client() as client:
+            await client.wait_until_armed(PATIENCE_S)
+            address = ("--connect", f"127.0.0.1:{program.port}")
+            process = await asyncio.create_subprocess_exec(
+                sys.executable,
+                *("-c", CTL, *address, *command.split(), "--for", "120"),
+                stderr=asyncio.subprocess.PIPE,
+            )
+            while program.board.speed_m_s < SPEED_M_S / 2:  # noqa: ASYNC110 - nobody tells us
+                await asyncio.sleep(PERIOD_S)
+            os.kill(process.pid, signal.SIGSTOP)
+            await stopped(program.board)
+            await asyncio.sleep(2.0)
+            os.kill(process.pid, signal.SIGCONT)
+            heard = len(program.board.heard)
+            _, errors = await process.communicate()
+            assert process.returncode == Exit.NOT_DONE, errors
+            assert b"did not run for" in errors
+            assert all(program.board.is_stop(line) for _, line in program.board.heard[heard:])
 
     asyncio.run(scenario())

@@ -18,6 +18,7 @@ from chefbotd.client import (
     Client,
     ConnectionLost,
     IncompatibleProtocol,
+    MotionInterrupted,
     NoGreeting,
 )
 from chefbotd.core.record import Record, replace
@@ -124,6 +125,8 @@ class CommandContext(Record, frozen=True):
             raise refusal(error, absent) from error
         except (ConnectionLost, CallTimeout) as error:
             raise ProgramError(Exit.CONNECTION_LOST, f"lost the daemon: {error}") from error
+        except MotionInterrupted as error:
+            raise ProgramError(Exit.NOT_DONE, str(error)) from error
         except IncompatibleProtocol as error:
             raise ProgramError(Exit.CANNOT_CONNECT, str(error)) from error
 

@@ -10,7 +10,7 @@ import click
 
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.drive.keys import MOVES, SCALES, Keys, press, released
-from chefbotd.client import CallError, Client
+from chefbotd.client import CallError, Client, MotionInterrupted
 from chefbotd.core.geometry import STANDING, Twist2D
 
 T = TypeVar("T")
@@ -143,6 +143,9 @@ class Pilot:
         except CallError as error:
             self.keys, self.asked = released(self.keys), STANDING
             self._report_refusal(f"{error.kind}: {error.message}")
+        except MotionInterrupted as error:
+            self.keys, self.asked = released(self.keys), STANDING
+            self._report_refusal(str(error))
 
     async def _wait(self) -> None:
         """Wait for the next key, the next period, or the moment at which the key counts as released."""

@@ -10,7 +10,7 @@ from typing import Protocol
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.drive.control import arm_seen, describe_stop, release_source
 from chefbotd.cli.drive.gamepad import INITIAL_PAD, Order, PadReading, PadRequest, StickScale, disabled, step
-from chefbotd.client import CallError, Client
+from chefbotd.client import CallError, Client, MotionInterrupted
 
 POLL_PERIOD_S = 0.01
 OWN_SOURCE = "joystick"
@@ -104,6 +104,9 @@ class JoystickPilot:
                 return
             self._pad = disabled(self._pad)
             self._say(f"{error.kind}: {error.message}")
+        except MotionInterrupted as error:
+            self._pad = disabled(self._pad)
+            self._say(str(error))
 
     async def _ask(self, order: Order) -> None:
         if order is PadRequest.RELEASE:

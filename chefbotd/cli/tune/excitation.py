@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import Callable
 
 from chefbotd.cli.drive.control import release_source
-from chefbotd.client import CallError, Client
+from chefbotd.client import CallError, Client, MotionInterrupted
 from chefbotd.core.record import Record
 
 PERIOD_S = 0.05
@@ -77,6 +77,9 @@ class Exciter:
         except CallError as error:
             self.on = False
             self._report_refusal(f"{error.kind}: {error.message}")
+        except MotionInterrupted as error:
+            self.on = False
+            self._report_refusal(str(error))
 
     async def _pause(self) -> None:
         try:

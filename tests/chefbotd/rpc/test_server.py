@@ -48,6 +48,7 @@ def test_the_greeting_comes_unasked() -> None:
                 "session": "s1",
                 "link": "down",
                 "auth": "none",
+                "command_timeout_s": 0.5,
             }
 
     run_virtual(main())

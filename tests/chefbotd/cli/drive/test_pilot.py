@@ -160,3 +160,19 @@ def test_a_lost_connection_ends_it(daemon: FakeDaemon) -> None:
 
     with pytest.raises(ConnectionLost):
         daemon.run(main())
+
+
+def test_a_key_held_while_the_computer_was_suspended_drives_no_more(
+    daemon: FakeDaemon, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The loop's clock stood meanwhile, so that the key still counts as held: the pilot says why it drives no more."""
+
+    async def script(pilot: Pilot) -> None:
+        await hold(pilot, "i", 1.0)
+        monkeypatch.setattr("chefbotd.client.sleep_watch.suspended_s", lambda: 3600.0)
+        await asyncio.sleep(1.0)
+
+    complaints: list[str] = []
+    asked = fly(daemon, script, complaints)
+    assert max(at_s for at_s, name in asked if name == "drive") <= 1.06
+    assert [text for text in complaints if "did not run for 3599.9 s" in text]
