@@ -18,7 +18,13 @@ INT32_MAX = 2**31 - 1
 NO_NUMBER = -(2**31)
 SEAL_CHARACTERS = len(b"*29B1")
 LINE_BYTES = 64
-RING_BYTES, MOST_ENDS = 128, 8
+RING_BYTES, MOST_ENDS = 128, 32
+PAUSE_US = 1_000_000
+"""A line that was cut ends with a pause so long."""
+
+ESTOP = b"estop"
+"""The word that the receive interrupt knows."""
+
 CR, LF, DAMAGE = 0x0D, 0x0A, 0x00
 
 _NUMBER = re.compile(rb"-?[0-9]+")
@@ -81,14 +87,19 @@ class Line(Record, frozen=True):
 
 
 class Receiver:
-    """The receive ring: bytes come in at any time, and a pass of the main loop takes one line."""
+    """The receive ring: bytes come in at any time, and a pass of the main loop takes the lines that wait.
+
+    ``estops`` counts the lines that ended in the e-stop's word, of which the receive interrupt tells. ``cut_lines``
+    counts those that a pause has ended.
+    """
 
     def __init__(self) -> None:
         self._ring: deque[int] = deque()
         self._ends_us: deque[int] = deque()
         self._line = b""
-        self._has_lost = self._has_line_feed = False
-        self.overrun = 0
+        self._has_lost = self._has_line_feed = self._is_inside = False
+        self._heard, self._taken_us = b"", 0
+        self.estops = self.overrun = self.cut_lines = 0
 
     def lose(self) -> None:
         """A byte was lost: its line is damaged."""
@@ -98,24 +109,38 @@ class Receiver:
     def receive(self, data: bytes, now_us: int) -> None:
         """Bytes that came in now; those for which there is no room are lost."""
         for byte in data:
+            self._listen(byte)
             if self._has_lost and len(self._ring) <= RING_BYTES - 2:
-                self._ring.append(DAMAGE)
+                self._store(DAMAGE)
                 self._has_lost = False
+            if byte in (CR, LF) and not self._has_lost and not self._is_inside:
+                continue
             is_too_many = byte == CR and len(self._ends_us) >= MOST_ENDS
             if self._has_lost or len(self._ring) >= RING_BYTES or is_too_many:
                 self.lose()
                 continue
             if byte == CR:
                 self._ends_us.append(now_us)
-            self._ring.append(byte)
+            self._store(byte)
 
-    @property
-    def has_line(self) -> bool:
-        """Whether a whole line waits."""
-        return bool(self._ends_us)
+    def _store(self, byte: int) -> None:
+        self._ring.append(byte)
+        self._is_inside = byte != CR
 
-    def next_line(self) -> Line | None:
+    def _listen(self, byte: int) -> None:
+        if byte == CR:
+            self.estops += self._heard == ESTOP
+            self._heard = b""
+        elif byte != LF:
+            self._heard = (self._heard + bytes((byte,)))[-len(ESTOP) :]
+
+    def next_line(self, now_us: int) -> Line | None:
         """The next line that is not empty; what is no whole line yet leaves the ring, too."""
+        if self._ring:
+            if self._line and now_us - self._taken_us >= PAUSE_US:
+                self._line, self._has_line_feed = b"", False
+                self.cut_lines += 1
+            self._taken_us = now_us
         while self._ring:
             byte = self._ring.popleft()
             if byte == LF:

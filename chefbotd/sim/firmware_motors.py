@@ -76,7 +76,7 @@ class Motors:
         self.duty, self.mode, self.of = self._still, DUTY_MODE, NO_SEQUENCE
         self.stops = Stops.ESTOP if kept.is_stopped else Stops.NONE
         self.deadman_us, self.fed_us = 0, 0
-        self.deadman_stops = 0
+        self.deadman_stops = self._heard = 0
         self._put(self._still)
 
     @property
@@ -122,6 +122,12 @@ class Motors:
         self._stop(Stops.ESTOP)
         self._kept.estop = (self._kept.estop + 1) % UINT16_SPAN or 1
         self._kept.is_stopped = True
+
+    def hear(self, heard: int) -> None:
+        """Latch for each e-stop that was heard since the last call, of so many since the start."""
+        while self._heard < heard:
+            self._heard += 1
+            self.estop()
 
     def arm(self, number: int) -> bool:
         """End e-stop and stall; False if it is not the newest e-stop's number."""

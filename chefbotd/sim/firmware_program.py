@@ -7,6 +7,7 @@ the real one (``tests/vectors/firmware``).
 from typing import Protocol
 
 from chefbotd.sim.firmware_lines import (
+    ESTOP,
     SEAL_CHARACTERS,
     Line,
     Printer,
@@ -40,7 +41,6 @@ RESET_DELAY_US = 50_000
 DEADMAN_MS = 50, 2000
 PING_US = 50_000
 ECHO_US_PER_CM = 58
-PASS_US = 100
 NO_SEQUENCE = 255
 INT16 = -(1 << 15), (1 << 15) - 1
 
@@ -138,8 +138,6 @@ class FirmwareProgram:
             due_us.append(self._pinged_us + PING_US)
         if self.motors.loop.is_set_up:
             due_us.append(next_tick_us(self._passed_us + 1))
-        if self.receiver.has_line:
-            due_us.append(self._passed_us + PASS_US)
         return min(due_us)
 
     def run(self, now_us: int) -> None:
@@ -148,13 +146,12 @@ class FirmwareProgram:
             self._ticked_us = now_us
             self.motors.tick(now_us)
         self._passed_us = now_us
-        line = self.receiver.next_line()
+        self.motors.hear(self.receiver.estops)
         if self._reset_us is not None:
             if now_us >= self._reset_us:
                 self._hardware.restart()
             return
-        if line is not None:
-            self._take(line, now_us)
+        self._take_lines(now_us)
         if self.is_checked and now_us - self._valid_us >= SILENCE_US:
             self.motors.end_deadman()
             self._report.begin(False, self._valid_us + SILENCE_US)
@@ -190,11 +187,19 @@ class FirmwareProgram:
     # What comes in
 
     def receive(self, data: bytes, now_us: int) -> None:
-        """Bytes that came in now; ``run`` is to follow, which reads one line at a time."""
+        """Bytes that came in now; ``run`` is to follow, which reads the lines."""
         self.receiver.receive(data, now_us)
+
+    def _take_lines(self, now_us: int) -> None:
+        while self._reset_us is None and (line := self.receiver.next_line(now_us)) is not None:
+            self._take(line, now_us)
+        self.counters.refused += self.receiver.cut_lines
+        self.receiver.cut_lines = 0
 
     def _take(self, line: Line, now_us: int) -> None:
         seal = seal_of(line.text)
+        if line.text.endswith(ESTOP):
+            return  # the receive interrupt has heard it
         if line.is_damaged:
             self.counters.refused += 1
         elif seal is Seal.NONE:
@@ -208,8 +213,7 @@ class FirmwareProgram:
         request = parse(line.text)
         is_allowed = line.text == self._stop_line if self.is_checked else request.word in ("s", "r")
         is_complete = len(request.numbers) == self._count_of(request.word)
-        is_meant = (is_allowed or request.word == "estop") and is_complete
-        if not is_meant or self._obey(request, Received(line.at_us), now_us) is not None:
+        if not is_allowed or not is_complete or self._obey(request, Received(line.at_us), now_us) is not None:
             self.counters.refused += 1
 
     @property

@@ -256,6 +256,17 @@ static void take_sealed(const struct line *line)
     }
 }
 
+/* The receive interrupt has heard it. */
+static bool ends_in_estop(const struct line *line)
+{
+    static const char word[] = {'e', 's', 't', 'o', 'p'};
+    bool is_same = line->length >= sizeof(word);
+    for (uint8_t index = 0; is_same && (index < sizeof(word)); index++) {
+        is_same = line->text[line->length - sizeof(word) + index] == word[index];
+    }
+    return is_same;
+}
+
 static bool is_plain_stop(const struct line *line)
 {
     static const char stop[] = {'s', ' ', '0', ' ', '0'};
@@ -273,7 +284,7 @@ static void take_plain(const struct line *line)
     const bool is_allowed = session.is_checked ? is_plain_stop(line) : is_of_classic;
     const struct received received = {line->at_us, false, 0};
     const bool is_complete = request.count == request_numbers(request.word);
-    if ((!is_allowed && (request.word != WORD_ESTOP)) || !is_complete || (obey(&request, received) != OBEYED)) {
+    if (!is_allowed || !is_complete || (obey(&request, received) != OBEYED)) {
         counters.refused++;
     }
 }
@@ -282,6 +293,9 @@ void commands_take(const struct line *line)
 {
     const enum seal seal = request_seal(line->text, line->length);
     if (session.is_resetting) {
+        return;
+    }
+    if (ends_in_estop(line)) {
         return;
     }
     if (line->is_damaged) {

@@ -28,9 +28,16 @@ static void note_cycle(void)
     hal_unlock(lock);
 }
 
+/* What the receive interrupt has heard is in force a millisecond later at most, whatever the main loop does. */
+static void obey_estops(void)
+{
+    motors_hear(receive_estops());
+}
+
 static void restart(uint8_t cause)
 {
     life.is_over = true;
+    obey_estops();
     motors_off_and_restart(cause);
 }
 
@@ -41,7 +48,7 @@ void firmware_start(uint8_t reset_cause)
     wheel_loop_start();
     const uint8_t cause = motors_start(reset_cause);
     transmit_start();
-    receive_start();
+    receive_start(reset_cause == (uint8_t)RESET_SOFTWARE);
     encoder_start();
     sensors_start();
     commands_start();
@@ -61,12 +68,29 @@ static void run_cycle(void)
     }
 }
 
-/* The cycle comes before the line, which takes longer: so cycles begin with their millisecond. */
+/* The lines that wait now, each in its turn; a cycle that becomes due comes in between. */
+static void take_lines(void)
+{
+    uint8_t left = receive_waiting();
+    const struct line *line = receive_line(); /* also without a whole one: what came of it makes room */
+    while (line != NULL) {
+        commands_take(line);
+        line = NULL;
+        if ((left > 1U) && !commands_is_resetting()) {
+            run_cycle();
+            line = receive_line();
+        }
+        left--;
+    }
+}
+
+/* The cycle comes before the lines, which take longer: so cycles begin with their millisecond. */
 void firmware_pass(void)
 {
     if (life.is_over) {
         return;
     }
+    obey_estops();
     commands_run();
     sensors_run();
     if (commands_is_resetting()) {
@@ -76,10 +100,7 @@ void firmware_pass(void)
         return;
     }
     run_cycle();
-    const struct line *line = receive_line();
-    if (line != NULL) {
-        commands_take(line);
-    }
+    take_lines();
 }
 
 void firmware_tick(void)
@@ -90,6 +111,7 @@ void firmware_tick(void)
     }
     life.has_ticked = true;
     report_tick();
+    obey_estops();
     motors_tick(now_us);
     const hal_lock_t lock = hal_lock();
     const uint32_t silent_us = now_us - life.cycle_us;

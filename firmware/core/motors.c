@@ -19,6 +19,7 @@ static struct {
     struct motors_state now;
     uint32_t fed_us;
     uint32_t deadman_us; /* 0: none */
+    uint8_t heard;       /* e-stops by the receive interrupt that are in force */
 } motors;
 
 static uint16_t check_of(const struct kept *value)
@@ -68,6 +69,7 @@ uint8_t motors_start(uint8_t reset_cause)
     motors.now.of = NO_SEQUENCE;
     motors.deadman_us = 0;
     motors.fed_us = 0;
+    motors.heard = 0;
     put(0, 0);
     return cause;
 }
@@ -131,15 +133,30 @@ enum motion motors_speed(const int32_t mrad_s[WHEELS], struct received received)
     return motion;
 }
 
-void motors_estop(void)
+static void latch(void)
 {
-    const hal_lock_t lock = hal_lock();
     stop(STOP_ESTOP);
     motors.now.estop++;
     if (motors.now.estop == 0U) {
         motors.now.estop = 1;
     }
     keep(motors.now.estop, true, kept.cause);
+}
+
+void motors_estop(void)
+{
+    const hal_lock_t lock = hal_lock();
+    latch();
+    hal_unlock(lock);
+}
+
+void motors_hear(uint8_t heard)
+{
+    const hal_lock_t lock = hal_lock();
+    while (motors.heard != heard) {
+        motors.heard++;
+        latch();
+    }
     hal_unlock(lock);
 }
 

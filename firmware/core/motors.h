@@ -52,6 +52,9 @@ enum motion motors_speed(const int32_t mrad_s[WHEELS], struct received received)
 /* Latches, with the next number; also over a restart. */
 void motors_estop(void);
 
+/* Latches for each e-stop that was heard since the last call, of so many since the start. */
+void motors_hear(uint8_t heard);
+
 /* Ends e-stop and stall. False, and nothing else, if it is not the newest e-stop's number. */
 bool motors_arm(int32_t number);
 

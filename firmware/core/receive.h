@@ -1,4 +1,7 @@
-/* Bytes from the host to lines: a ring that the receive interrupt fills, and a line of bounded length. */
+/* Bytes from the host to lines: a ring that the receive interrupt fills, and a line of bounded length.
+ *
+ * A line that ends in the e-stop's word is known to the interrupt itself, so that it needs neither room nor the main loop.
+ */
 #ifndef RECEIVE_H
 #define RECEIVE_H
 
@@ -15,8 +18,14 @@ struct line {
     uint32_t at_us;  /* when its CR came in */
 };
 
-/* Forgets all that was received. */
-void receive_start(void);
+/* Forgets all that was received; of the e-stop's word too, unless the program has restarted itself. */
+void receive_start(bool is_continued);
+
+/* How many lines ended in the e-stop's word since the start; wraps. Callable from everywhere. */
+uint8_t receive_estops(void);
+
+/* How many whole lines wait. Main loop only. */
+uint8_t receive_waiting(void);
 
 /* The next line that is not empty, until the next call; null while there is none. Main loop only. */
 const struct line *receive_line(void);

@@ -63,8 +63,8 @@ def test_the_mode_is_agreed_on_and_told() -> None:
     scenarios.on(scenario)
 
 
-def test_an_estop_that_a_flood_of_lines_swallows_is_said_until_the_board_has_latched_it() -> None:
-    """For 0.6 s two thirds of the line are lines of one letter, faster than the image reads them: bytes get lost."""
+def test_an_estop_in_a_flood_of_short_lines_is_latched() -> None:
+    """For 0.6 s two thirds of the line are lines of one letter: the image reads them all, and the stop among them."""
 
     async def scenario(robot: scenarios.SimulatedRobot) -> None:
         await scenarios.drive(robot, 0.2, 0.1, 0.5)
@@ -77,7 +77,6 @@ def test_an_estop_that_a_flood_of_lines_swallows_is_said_until_the_board_has_lat
         told = await scenarios.firmware(robot)
         assert told["stops"] == ["estop"]
         assert robot.board.duty == (0, 0)
-        assert told["overruns"] > 0
-        assert [line for _, line in robot.daemon.session.lines.said].count(b"estop") > 1
+        assert told["overruns"] == 0
 
     scenarios.on(scenario)

@@ -86,16 +86,45 @@ def test_the_loss_is_not_forgotten_before_its_line(board: host.Board) -> None:
     assert board.duty == (1, 2)
 
 
+def test_all_lines_that_wait_are_read_in_one_pass(board: host.Board) -> None:
+    """Nine lines in one write; the last one's duty is in force after the next pass."""
+    board.receive(b"".join(b"s %d %d\r" % (number, number) for number in range(1, 10)))
+    board.step()
+    assert board.duty == (9, 9)
+
+
+def test_empty_lines_take_no_room(board: host.Board) -> None:
+    """Neither 300 lone CRs, nor CR LF as often, cost the line behind them."""
+    board.receive(b"\r" * 300 + b"\r\n" * 300 + b"s 3 4\r")
+    board.step()
+    assert board.duty == (3, 4)
+    assert counters(board)[:3] == [0, 0, 0]
+
+
 def test_more_line_ends_than_are_stamped_are_a_loss(board: host.Board) -> None:
-    """Eight ends may wait; the ninth line and the next are refused, as neither has its time."""
-    board.receive(b"s 1 1\rs 2 2\rs 3 3\rs 4 4\rs 5 5\rs 6 6\rs 7 7\rs 8 8\rs 9 9\r")
-    for expected in (*range(1, 9), 8):
-        board.step()
-        assert board.duty == (expected, expected)
-    board.write("s 10 10")
-    assert board.duty == (8, 8)
-    board.write("s 11 11")
-    assert board.duty == (11, 11)
+    """32 ends may wait; the 33rd line and the next are refused, as neither has its time."""
+    board.receive(b"x\r" * 31 + b"s 1 1\rs 2 2\r")
+    board.step()
+    assert board.duty == (1, 1)
+    board.write("s 3 3")
+    assert board.duty == (1, 1)
+    board.write("s 4 4")
+    assert board.duty == (4, 4)
+
+
+def test_a_pause_of_a_second_ends_a_line_that_was_cut(board: host.Board) -> None:
+    """A host that died in a line spoils nothing of the next one's; a hand at a terminal may type slowly."""
+    board.write("s 5 5")
+    board.receive(b"s 12")
+    board.run(0.9)
+    board.receive(b"0 7\r")
+    board.step()
+    assert board.duty == (120, 7)
+    board.receive(b"s 1")
+    board.run(1.1)
+    board.write("s 0 0")
+    assert board.duty == (0, 0)
+    assert counters(board)[:2] == [0, 1]
 
 
 def test_no_byte_can_restart_or_hang_the_board(board: host.Board) -> None:
