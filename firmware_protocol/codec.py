@@ -4,7 +4,7 @@ The daemon decodes ``from_board`` and encodes ``to_board``; the simulated board 
 with the same tables. Another robot is another ``Variant``: another number of wheels, more rows.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from firmware_protocol.line_codec import RESET_DONE, Framing, LineCodec
@@ -129,9 +129,9 @@ def phrases(variant: Variant) -> dict[str, Message]:
 def rows_from_board(variant: Variant) -> tuple[LineKind, ...]:
     """The board's kinds of lines."""
     classic = (
-        LineKind("t", BoardTime, (Field("micros", UINT32), Field("cycle_s", CYCLE_SECONDS))),
-        LineKind("e", EncoderCounts, (Field("counts", INT32, variant.wheels),)),
-        LineKind("u", UltrasonicDistance, (Field("distance_cm", CENTIMETRES),)),
+        LineKind("t", BoardTime, (Field("micros", _lenient(UINT32)), Field("cycle_s", CYCLE_SECONDS))),
+        LineKind("e", EncoderCounts, (Field("counts", _lenient(INT32), variant.wheels),)),
+        LineKind("u", UltrasonicDistance, (Field("distance_cm", _lenient(CENTIMETRES)),)),
         LineKind("s", DutyEcho, (Field("duty", DUTY, variant.wheels),)),
         LineKind("i", Orientation, tuple(Field(axis, COMPONENT) for axis in "xyzw"), unit=True),
         LineKind(
@@ -140,6 +140,10 @@ def rows_from_board(variant: Variant) -> tuple[LineKind, ...]:
         LineKind("b", BatteryLevel, (Field("adc", ADC_12_BIT),)),
     )
     return (*(row for row in classic if row.message not in variant.excluded), *variant.extra_from_board)
+
+
+def _lenient(number: Number) -> Number:
+    return replace(number, lenient=True)
 
 
 def to_board(variant: Variant) -> LineCodec:

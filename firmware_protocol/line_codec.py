@@ -101,7 +101,8 @@ class LineCodec:
             return Malformed(Reason.NOT_ASCII, line, what)
         kind, *texts = line.split(self.framing.separator)
         if kind in self._rows:
-            return self._decode_packed(kind, texts, line) or _explain(self._rows[kind], line, texts)
+            meant = self._decode_packed(kind, texts, line) or self._decode_leniently(kind, texts)
+            return meant or _explain(self._rows[kind], line, texts)
         if _CUT_NUMBERS.fullmatch(line):
             return Malformed(Reason.UNKNOWN, line, "numbers without a kind")
         if self._text_end is None:
@@ -115,6 +116,21 @@ class LineCodec:
             return None
         try:
             message: Message = reader(line)
+        except ValueError:
+            return None
+        return message
+
+    def _decode_leniently(self, kind: bytes, texts: list[bytes]) -> Message | None:
+        """What a line means whose numbers are written in another way; None when it is refused."""
+        row = self._rows[kind].get(len(texts))
+        rewritten = row.rewrite(texts) if row is not None and row.is_lenient else None
+        if rewritten is None:
+            return None
+        separator = self.framing.separator
+        try:
+            message: Message = self._readers[kind + separator * len(texts)](
+                separator.join((kind, *rewritten))
+            )
         except ValueError:
             return None
         return message

@@ -4,6 +4,10 @@ A number on the wire is digits with an optional minus before them, and with at m
 has decimals. Python's ``int`` and ``float`` take more than that (``1_0``, ``+1``, ``1e3``, ``nan``); the
 codec lets nothing but ``NUMERIC`` come near them, and ``explain`` names what else stood there.
 
+Boards of other makes write whole numbers with decimals (``57.3`` centimetres, counts as ``1204.00``), and counts without
+a sign. Where a number is ``lenient`` such a line is read, if all its numbers have as many decimals: half of another
+line, glued to this one where bytes were lost, looks otherwise.
+
 Levels of an encoder's two lines are text, three edges per character. A character is a number in bijective base 4, each
 level being a digit from 1 to 4: one level is 1 to 4, two are 5 to 20, three are 21 to 84. So they never read alike, and
 the text needs no count. Added to ``OFFSET`` all of it is printable.
@@ -59,6 +63,7 @@ NUMERIC = b"0123456789.-"
 UNIT_NORM = (0.9, 1.1)  # rounding to two decimals moves the norm of four components by 0.01 at most
 
 _WHOLE = re.compile(rb"-?[0-9]{1,64}")
+_LENIENT = re.compile(rb"(-?[0-9]{1,64})(?:\.([0-9]{1,64}))?")
 _DECIMAL = re.compile(rb"-?(?=.?[0-9])[0-9]{0,64}\.?[0-9]{0,64}")
 _UNIT = f"from {UNIT_NORM[0]} to {UNIT_NORM[1]}"
 
@@ -72,11 +77,16 @@ def is_unit(components: Iterable[float]) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class Number:
-    """The values that a field can take, and with how many decimals it is written; none: a whole number."""
+    """The values that a field can take, and with how many decimals it is written; none: a whole number.
+
+    ``lenient``: a whole number may come with decimals, which are rounded down as the published sketch does, and a signed
+    one may come as the unsigned number of the same bits.
+    """
 
     low: float
     high: float
     decimals: int = 0
+    lenient: bool = False
 
     @property
     def parse(self) -> Callable[[bytes], float]:
@@ -90,6 +100,19 @@ class Number:
         if not self.low <= float(text) <= self.high:
             return Reason.OUT_OF_RANGE, f"expected {self.describe()}, got {text.decode()}"
         return None
+
+    def rewrite(self, text: bytes) -> tuple[bytes, int] | None:
+        """A whole number as it should have been written, and how many decimals it had; None where it is no number."""
+        match = _LENIENT.fullmatch(text)
+        if match is None:
+            return None
+        whole, fraction = int(match[1]), match[2] or b""
+        if match[1].startswith(b"-") and fraction.strip(b"0"):
+            whole -= 1
+        span = int(self.high - self.low) + 1
+        if self.low < 0 and self.high < whole < span:
+            whole -= span
+        return str(whole).encode(), len(fraction)
 
     def write(self, value: float) -> str:
         """The value's digits; raises ``ValueError`` when it is out of range or loses a fraction."""
@@ -207,6 +230,25 @@ class LineKind:
             slots.append(start if field.times is None else slice(start, stop))
             start = stop
         return tuple(slots)
+
+    @cached_property
+    def is_lenient(self) -> bool:
+        """Whether a number of it may be written in another way."""
+        return any(number.lenient for number in self.plain)
+
+    def rewrite(self, texts: list[bytes]) -> list[bytes] | None:
+        """The texts after the kind, right in number, as they should have been written; None where they mean nothing."""
+        rewritten: list[bytes] = []
+        decimals: set[int] = set()
+        for number, text in zip(self.plain, texts, strict=True):
+            if not number.lenient:
+                rewritten.append(text)
+            elif (strict := number.rewrite(text)) is None:
+                return None
+            else:
+                rewritten.append(strict[0])
+                decimals.add(strict[1])
+        return rewritten if len(decimals) == 1 else None
 
     def explain(self, texts: list[bytes]) -> Refusal:
         """Why the texts after the kind, right in number, were refused by this row's reader."""

@@ -218,7 +218,7 @@ def test_four_wheels_are_the_same_lines_with_four_numbers() -> None:
     assert commands.encode(SetDuty((1, 2, 3, 4))) == b"s 1 2 3 4\r"
     assert commands.decode(b"s 1 2 3 4") == SetDuty((1, 2, 3, 4))
     assert isinstance(codec.decode(b"e\t1\t2"), Malformed)
-    assert isinstance(codec.decode(b"e\t1\t2\t3\t2147483648"), Malformed)
+    assert isinstance(codec.decode(b"e\t1\t2\t3\t4294967296"), Malformed)
     assert codec.decode(b"1e\t1\t2\t3\t4") == Text("1e\t1\t2\t3\t4")
 
 
