@@ -13,13 +13,11 @@ from typing import Final
 import numpy as np
 
 from chefbotd.core.compiled import kernel
-from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
+from chefbotd.core.geometry import STANDING, Twist2D
 from chefbotd.core.record import Record
 from chefbotd.navigation.arcs import KEEP_M, along_arc, check_arc
 from chefbotd.navigation.grid import Flags, Floats
-from chefbotd.navigation.interface import NavigationParameters, StepInput
 from chefbotd.navigation.outline import Footprint, clearance_m
-from chefbotd.navigation.steering import slewed
 from chefbotd.navigation.surroundings import Surroundings, standing_only
 
 CURVATURES = (0.0, -1.5, 1.5, -4.0, 4.0)
@@ -206,48 +204,14 @@ def _least_m(hull: Floats, points: Floats, velocity: Floats, waits: Flags, numbe
     return least
 
 
-CALM_S = 3.0
-"""After so long without an evasion the next one is counted from its own start."""
+def drives_clear(outline: Footprint, near: Surroundings, last: Twist2D, twist: Twist2D) -> bool:
+    """Whether nobody comes too near if the robot drives on like this for as long as people are foreseen."""
+    search = _Search(outline, last, _walking(near), near)
+    length_m, curvature = SPEED_M_S * FORESIGHT_S, twist.angular_rad_s / twist.linear_m_s
+    return search.least_m(curvature, length_m, FORESIGHT_S) >= ROOM_M
 
 
-class Evasion(Record, frozen=True):
-    """Whether the robot evades now, when it last did, and from where (in the grid's frame)."""
-
-    is_active: bool = False
-    last_s: float = -math.inf
-    grid_from_start: Pose2D | None = None
-
-
-def evade(
-    params: NavigationParameters,
-    evasion: Evasion,
-    now: StepInput,
-    near: Surroundings,
-    twist: Twist2D | None,
-    *,
-    is_blocked: bool,
-) -> tuple[Evasion, Twist2D | None]:
-    """Evade who comes nearer while the robot stands, or brakes because it ``is_blocked``; else drive ``twist``.
-
-    None is standing, which is best where a person would touch the moving robot at once.
-    """
-    here, start = near.grid_from_base, evasion.grid_from_start
-    goes = twist is not None and twist.linear_m_s > 0.0 and not is_blocked
-    if goes and not evasion.is_active:
-        return evasion, _safest(params.outline, near, now.last, twist)
-    moves = goes or (not evasion.is_active and now.last.linear_m_s > 0.01)
-    if start is None or now.now_s - evasion.last_s > CALM_S:
-        start = here
-    away_m = math.hypot(here.x_m - start.x_m, here.y_m - start.y_m)
-    is_stuck = evasion.is_active or twist is None or abs(twist.angular_rad_s) < 0.05
-    evading = evading_twist(params.outline, near, now.last, away_m, is_stuck=is_stuck, only_touch=moves)
-    evasion = Evasion(evading is not None, evasion.last_s if evading is None else now.now_s, start)
-    if evading is not None:
-        twist = slewed(params.follower, now.last, evading, now.dt_s)
-    return evasion, _safest(params.outline, near, now.last, twist)
-
-
-def _safest(outline: Footprint, near: Surroundings, last: Twist2D, twist: Twist2D | None) -> Twist2D | None:
+def safest(outline: Footprint, near: Surroundings, last: Twist2D, twist: Twist2D | None) -> Twist2D | None:
     """The twist; None, to brake, if a person would soon touch a robot that drives so, and comes no nearer then."""
     people = _walking(near, FAST_M_S)
     if twist is None or abs(twist.linear_m_s) < 1e-3 or not len(people.points_m):

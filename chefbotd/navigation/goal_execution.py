@@ -4,10 +4,12 @@ Poses are ``map_from_base``.
 """
 
 import math
+from typing import Final
 
 from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.core.record import replace
 from chefbotd.navigation.driving import LOST_S, Missing, can_begin, checked_inputs, follow_trip
-from chefbotd.navigation.evade import Evasion, evade
+from chefbotd.navigation.evasion import Evasion, evade
 from chefbotd.navigation.interface import NavigationParameters, PoseStatus, StepInput
 from chefbotd.navigation.path import Goal, NoPath, Planner
 from chefbotd.navigation.recovery import (
@@ -30,6 +32,12 @@ from chefbotd.navigation.surroundings import Surroundings
 from chefbotd.navigation.trips import REPLAN_S, Choice, Trip, Waiting, choice, find, is_due, waiting
 from chefbotd.navigation.world_model import WorldModel
 
+RENEWED_M: Final = 0.5
+"""A goal that replaces one so near to it is the same one renewed, as by a program that follows somebody."""
+
+
+AT_GOAL: Final = (Phase.APPROACHING, Phase.FINAL_TURN)
+
 
 class GoalExecution:
     """Holds what the pure steps take and return for one goal; ``reason`` says what is done, ``ended`` how it ended."""
@@ -49,6 +57,7 @@ class GoalExecution:
         self._evasion = Evasion()
         self._is_blocked = False
         self._waiting: Waiting | None = None
+        self._is_renewed = self._was_turning = False
         self._recovery: Recovery | None = None
         self._why_stuck = ""
         self._backed_from = Pose2D()
@@ -56,6 +65,20 @@ class GoalExecution:
     def use(self, params: NavigationParameters, *, has_to_rest: bool) -> None:
         """Go on with these; with ``has_to_rest`` the robot is still on its way, and has not arrived yet."""
         self._params, self._has_to_rest = params, has_to_rest
+
+    def retarget(self, goal: Goal) -> bool:
+        """Go on to a goal that replaced this one; whether it is about the same place.
+
+        The robot drives on until the new path is found. What was tried to reach the same place counts further.
+        """
+        self._is_renewed = math.dist((goal.x_m, goal.y_m), (self._goal.x_m, self._goal.y_m)) <= RENEWED_M
+        self._was_turning = self.trip is not None and self.trip.follow.phase is Phase.TURNING
+        self._goal = goal
+        if not self._is_renewed:
+            self._recovery, self._evasion, self._waiting, self._why_stuck = None, Evasion(), None, ""
+        if not self._is_renewed or self.state is not GoalState.RECOVERING:
+            self._change(GoalEvent.GOAL_REPLACED)
+        return self._is_renewed
 
     def pause(self, reason: str) -> None:
         """Stand; what follows is a new execution."""
@@ -75,13 +98,12 @@ class GoalExecution:
             self.state = GoalState.PLANNING
 
     def prepare(self, world: WorldModel, now: StepInput) -> bool:
-        """Whether the robot can drive in this step: pose and scans are there, and it is not planned first."""
+        """Whether the robot can drive in this step: pose and scans are there, and a path, which is planned first."""
         if not self._has_input(world, now):
             return False
         if self.state is GoalState.PLANNING:
             self._plan(world, now)
-            return False
-        return True
+        return self.ended is None and self.state is not GoalState.PLANNING
 
     def drive(self, world: WorldModel, now: StepInput, near: Surroundings) -> Twist2D | None:
         """The twist to drive, or to recover, with; None is standing."""
@@ -92,9 +114,25 @@ class GoalExecution:
 
     def evade(self, now: StepInput, near: Surroundings, twist: Twist2D | None) -> Twist2D | None:
         """The same twist or, while the robot stands, one that evades a person."""
-        blocked = self._is_blocked
-        self._evasion, twist = evade(self._params, self._evasion, now, near, twist, is_blocked=blocked)
+        arrives = self.trip is not None and self.trip.follow.phase in AT_GOAL and not self.trip.is_interim
+        was_said = self._evasion.who is not None
+        self._evasion, twist = evade(
+            self._params, self._evasion, now, near, twist, is_blocked=self._is_blocked, arrives=arrives
+        )
+        if self._evasion.who is not None:
+            self.reason = self._makes_way(self._evasion.who)
+        elif was_said and self.state is GoalState.DRIVING:
+            self.reason = self._drives()
         return twist
+
+    def _makes_way(self, who: tuple[float, float]) -> str:
+        place = self.trip.path.frame.pose_to_map(Pose2D(*who)) if self.trip is not None else Pose2D(*who)
+        where = f"somebody at ({place.x_m:.2f}, {place.y_m:.2f})"
+        if not self._evasion.is_used_up:
+            return f"makes way for {where}"
+        return (
+            f"stands for {where}: it has made way for {self._evasion.evaded_m:.0f} m on the way to this goal"
+        )
 
     def _change(self, event: GoalEvent) -> None:
         self.state = next_state(self.state, event)
@@ -145,8 +183,12 @@ class GoalExecution:
     def _set_out(self, trip: Trip, now: StepInput) -> None:
         self._change(GoalEvent.PATH_FOUND)
         self._unsure_since_s = None
-        self.trip, self._last_progress = trip, LastProgress(now.now_s, now.pose)
-        self.reason = self._drives()
+        if self._was_turning:
+            trip = replace(trip, follow=replace(trip.follow, phase=Phase.TURNING))
+        if not self._is_renewed:
+            self._last_progress = LastProgress(now.now_s, now.pose)
+        self._is_renewed = self._was_turning = False
+        self.trip, self.reason = trip, self._drives()
 
     def _drives(self) -> str:
         return f"drives to ({self._goal.x_m:.2f}, {self._goal.y_m:.2f})"

@@ -6,6 +6,7 @@ the rate of the control.
 
 import math
 from collections.abc import Collection
+from typing import Final
 
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.core.record import Record, replace
@@ -30,6 +31,8 @@ from chefbotd.navigation.steering import slewed
 from chefbotd.navigation.trips import Trip, duration_s, plan_now
 from chefbotd.navigation.world_model import WorldModel
 from chefbotd.navigation.zones import NO_ZONES, Zones
+
+REPLACED: Final = "a new goal replaced it"
 
 
 class NoMapError(RuntimeError):
@@ -142,16 +145,25 @@ class Navigator:
     def navigate_to(self, goals: tuple[Goal, ...], *, queue: bool = False) -> tuple[int, ...]:
         """Accept goals, to be reached one after the other; those before are cancelled unless ``queue``. Their numbers.
 
+        A goal that replaces another under way is planned while the robot drives on.
+
         Raises:
             NoMapError: no map was given.
         """
         if self.world is None:
             raise NoMapError("there is no map to navigate on: load or make one first")
-        if not queue:
-            self.cancel("a new goal replaced it")
+        if queue or not goals or self._execution is None:
+            if not queue:
+                self.cancel(REPLACED)
+            self._queue, numbers = added(self._queue, goals)
+            if self._execution is None:
+                self._execute_next()
+            return numbers
+        self._queue, ended = kept(self._queue, (), f"cancelled: {REPLACED}")
+        self._ended += ended
         self._queue, numbers = added(self._queue, goals)
-        if self._execution is None:
-            self._execute_next()
+        if not self._execution.retarget(goals[0]):
+            self._open_all()
         return numbers
 
     def cancel(self, reason: str = "as asked") -> None:

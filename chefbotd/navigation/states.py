@@ -29,6 +29,7 @@ class GoalEvent(StrEnum):
     STUCK = "stuck"
     PAUSED = "paused"
     RESUMED = "resumed"
+    GOAL_REPLACED = "goal_replaced"
     GOAL_ENDED = "goal_ended"
 
 
@@ -49,6 +50,10 @@ NEXT = {
     (GoalState.PLANNING, GoalEvent.STUCK): GoalState.RECOVERING,
     (GoalState.PLANNING, GoalEvent.PAUSED): GoalState.PAUSED,
     (GoalState.PLANNING, GoalEvent.GOAL_ENDED): GoalState.IDLE,
+    (GoalState.PLANNING, GoalEvent.GOAL_REPLACED): GoalState.PLANNING,
+    (GoalState.DRIVING, GoalEvent.GOAL_REPLACED): GoalState.PLANNING,
+    (GoalState.RECOVERING, GoalEvent.GOAL_REPLACED): GoalState.PLANNING,
+    (GoalState.PAUSED, GoalEvent.GOAL_REPLACED): GoalState.PLANNING,
     (GoalState.DRIVING, GoalEvent.PATH_FOUND): GoalState.DRIVING,
     (GoalState.DRIVING, GoalEvent.STUCK): GoalState.RECOVERING,
     (GoalState.DRIVING, GoalEvent.PAUSED): GoalState.PAUSED,

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
-from chefbotd.navigation.evade import Evasion, evade, evading_twist
+from chefbotd.navigation.evade import evading_twist
+from chefbotd.navigation.evasion import Evasion, evade
 from chefbotd.navigation.grid import Singles
 from chefbotd.navigation.interface import NavigationParameters, PoseStatus, StepInput
 from chefbotd.navigation.outline import Footprint

@@ -7,12 +7,13 @@ import pytest
 from chefbotd.navigation.recovery import ORDER, Action, Recovery, after, is_over, stuck
 from chefbotd.navigation.states import NEXT, GoalEvent, GoalState, next_state
 
+ENDED, REPLACED = {"goal_ended": "idle"}, {"goal_replaced": "planning"}
 ALLOWED = {
     "idle": {"goal_accepted": "planning"},
-    "planning": {"path_found": "driving", "stuck": "recovering", "paused": "paused", "goal_ended": "idle"},
-    "driving": {"path_found": "driving", "stuck": "recovering", "paused": "paused", "goal_ended": "idle"},
-    "recovering": {"path_found": "driving", "paused": "paused", "goal_ended": "idle"},
-    "paused": {"resumed": "planning", "goal_ended": "idle"},
+    "planning": {"path_found": "driving", "stuck": "recovering", "paused": "paused", **REPLACED, **ENDED},
+    "driving": {"path_found": "driving", "stuck": "recovering", "paused": "paused", **REPLACED, **ENDED},
+    "recovering": {"path_found": "driving", "paused": "paused", **REPLACED, **ENDED},
+    "paused": {"resumed": "planning", **REPLACED, **ENDED},
 }
 
 
