@@ -23,7 +23,7 @@ from chefbotd.rpc.access import AccessError
 from chefbotd.safety.latch import LatchParameters
 from chefbotd.settings import Settings
 from chefbotd.shared_clock import SharedClock
-from chefbotd.transport.tcp import CannotListen
+from chefbotd.transport.tcp import CannotListen, raise_descriptor_limit, require_descriptors
 
 if TYPE_CHECKING:
     from chefbotd.process.service import DaemonService, Load
@@ -43,10 +43,12 @@ def run(
 
     ``config_file`` is the one that it was read from, None: the packaged one, which calibration does not write to.
 
-    0, 1 after a failure, or 78 when the socket cannot be guarded as configured.
+    0, 1 after a failure, or 78 when the socket cannot be guarded as configured, or has too few descriptors.
     """
     clock, new_loop = _time_of(settings, simulated=simulated)
     try:
+        raise_descriptor_limit()
+        require_descriptors(settings.api.reserved_stop_connections)
         with asyncio.Runner(loop_factory=new_loop) as runner:
             runner.run(_until_signalled(settings, load, config_file, clock, simulated=simulated))
     except BaseExceptionGroup as failures:
@@ -56,7 +58,7 @@ def run(
             else:
                 log.error("cannot go on", error=repr(failure), exc_info=failure)
         return 1
-    except AccessError as problem:
+    except (AccessError, CannotListen) as problem:
         log.error("cannot serve", error=str(problem))
         return os.EX_CONFIG
     return 0

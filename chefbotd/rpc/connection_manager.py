@@ -1,8 +1,11 @@
 """Manages all clients: admits them while there is room, checks their time limits, and disconnects them at the end.
 
-Where there is no room, a few places remain in which a client may only stop the robot. Filling all other places
-therefore keeps nobody from the emergency stop. When these places are taken too, the oldest client in them has to
-go, even during its TLS handshake.
+A new connection has one of the slots that addresses share fairly until it is identified: it has shown its token, or,
+where none is asked for, sent a request. Only new connections give way to new ones.
+
+An identified client takes a place among the clients. Where there is none, a few places remain in which a client may
+only stop the robot, and the oldest client in them gives way to the next. So neither a crowd that shows nothing nor too
+many clients keep anybody from the emergency stop.
 """
 
 import asyncio
@@ -21,6 +24,7 @@ from chefbotd.core.events.inputs import ClientLeft, TimerFired
 from chefbotd.entries import entries_of
 from chefbotd.logs import RateLimitedLog
 from chefbotd.rpc.arrivals import Arrival, Arrivals
+from chefbotd.rpc.connection_slots import ConnectionSlots, NoSlot, address_group
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.dispatch import Dispatcher
 from chefbotd.rpc.fanout import Fanout
@@ -97,12 +101,15 @@ IDLE_S = 5.0
 """A client that has sent nothing for this long may be disconnected to make room for a new one."""
 
 
+REPLACED = "replaced by a new client"
+
+
 class Headroom(Enum):
     """Whether a transport has resources (descriptors, memory) for one more client."""
 
     ENOUGH = auto()
     LOW = auto()
-    """For a client that only stops the robot, or after another one is disconnected."""
+    """For a client for which others are disconnected."""
     NONE = auto()
 
 
@@ -157,6 +164,10 @@ class ConnectionManager:
             Session, Connection | None
         ] = {}  # by arrival; None: not connected yet, as during TLS
         self._handshakes: dict[Session, Callable[[], object]] = {}
+        self._new = ConnectionSlots[Session](parameters.max_new_connections)
+        self._stop_places = ConnectionSlots[Session](parameters.reserved_stop_connections, hold_s=0.0)
+        self._clients: dict[Session, None] = {}  # that may do everything
+        self._replaced = set[Session]()  # before they were connected
         self._log = RateLimitedLog(structlog.get_logger(__name__))
         self._entries, self._numbers = entries_of(clock), count(1)
 
@@ -167,66 +178,92 @@ class ConnectionManager:
         self, host: str, port: int, arrival: Arrival | None = None, headroom: Headroom = Headroom.ENOUGH
     ) -> Session | Failure:
         """A new client's session, or why there is no room; ``arrival`` is the earliest for its first byte."""
-        session = Session(self.parameters, host, port, self._role, self.clock.now_s())
+        now_s = self.clock.now_s()
+        session = Session(self.parameters, host, port, self._role, now_s, self._place)
         session.arrival, session.number = arrival, next(self._numbers)
-        no_room = self._no_room(host, headroom)
-        if no_room and headroom is not Headroom.NONE and self._disconnect_idle(host):
-            no_room = ""
-        session.stops_only = no_room
-        if no_room and (headroom is Headroom.NONE or not self._make_stop_place()):
-            failure = Failure(ErrorKind.TOO_MANY_CLIENTS, no_room)
+        try:
+            if headroom is Headroom.NONE:
+                raise NoSlot("the daemon is short of file descriptors")
+            evicted = self._new.add(session, host, now_s, scarce=headroom is Headroom.LOW)
+        except NoSlot as problem:
+            failure = Failure(ErrorKind.TOO_MANY_CLIENTS, str(problem))
             self.count_ended(session, failure)
             return failure
+        for gives_way in evicted:
+            self.disconnect(gives_way)
         self._sessions[session] = None
         return session
 
-    def _no_room(self, host: str, headroom: Headroom) -> str:
+    def _place(self, session: Session) -> None:
+        """Give an identified client a place; where there is none, its connection ends after what it has sent."""
+        self._new.remove(session)
+        if session not in self._sessions:
+            return  # it has gone; what it had sent is still searched for stops
+        no_room = self._no_room(session.host)
+        if not no_room or self._disconnect_idle(session.host):
+            self._clients[session] = None
+            return
+        session.stops_only = no_room
+        try:
+            evicted = self._stop_places.add(session, session.host, self.clock.now_s())
+        except NoSlot:
+            asyncio.get_running_loop().call_soon(self._end, session, no_room)
+        else:
+            for gives_way in evicted:
+                self.disconnect(gives_way)
+
+    def _end(self, session: Session, no_room: str) -> None:
+        connection = self._sessions.get(session)
+        if connection is not None and not connection.closing:
+            connection.end(Failure(ErrorKind.TOO_MANY_CLIENTS, no_room))
+
+    def _no_room(self, host: str) -> str:
         """Why a client could only stop the robot; empty when it may do everything."""
-        hosts = [s.host for s in self._sessions if not s.stops_only and not self._is_closing(s)]
-        if len(hosts) >= self.parameters.max_clients:
-            return f"already {len(hosts)} clients"
-        if hosts.count(host) >= self.parameters.max_clients_per_address:
-            return f"already {hosts.count(host)} clients from {host}"
-        return "" if headroom is Headroom.ENOUGH else "the daemon is short of file descriptors"
+        groups = [address_group(s.host) for s in self._clients if not self._is_closing(s)]
+        if len(groups) >= self.parameters.max_clients:
+            return f"already {len(groups)} clients"
+        own = groups.count(address_group(host))
+        if own >= self.parameters.max_clients_per_address:
+            return f"already {own} clients from {host}"
+        return ""
 
     def _is_closing(self, session: Session) -> bool:
-        connection = self._sessions[session]
+        connection = self._sessions.get(session)
         return connection is not None and connection.closing
 
     def _disconnect_idle(self, host: str) -> bool:
         """Disconnect the client that has been idle longest, neither drives nor is subscribed; whether there was one.
 
-        Where one address has too many clients, it is one of that address.
+        It is one of the newcomer's address where that has too many clients, else of the address with the most that are
+        idle.
         """
-        now_s, sessions = self.clock.now_s(), self._sessions
-        own = [s for s in sessions if s.host == host and not s.stops_only]
-        candidates = own if len(own) >= self.parameters.max_clients_per_address else list(sessions)
-        idle = [s for s in candidates if self._is_idle(s, now_s)]
-        return bool(idle) and self._make_room(max(idle, key=lambda s: s.idle_s(now_s)))
+        now_s, group = self.clock.now_s(), address_group(host)
+        own = [s for s in self._clients if address_group(s.host) == group]
+        crowded = len(own) >= self.parameters.max_clients_per_address
+        idle = [s for s in (own if crowded else self._clients) if self._is_idle(s, now_s)]
+        by_group = Counter(address_group(s.host) for s in idle)
+        if not idle:
+            return False
+        return self.disconnect(max(idle, key=lambda s: (by_group[address_group(s.host)], s.idle_s(now_s))))
 
     def _is_idle(self, session: Session, now_s: float) -> bool:
-        connection = self._sessions[session]
-        if connection is None or connection.closing or session.stops_only or session.idle_s(now_s) < IDLE_S:
+        connection = self._sessions.get(session)
+        if connection is None or connection.closing or session.idle_s(now_s) < IDLE_S:
             return False
         return not self._fanout.is_subscribed(connection) and not self._control.has(session)
 
-    def _make_stop_place(self) -> bool:
-        """Whether there is a place for a client that may only stop. May disconnect the oldest one for it."""
-        occupants = [s for s in self._sessions if s.stops_only and not self._is_closing(s)]
-        return len(occupants) < self.parameters.reserved_stop_connections or any(
-            self._make_room(session) for session in occupants
-        )
-
-    def _make_room(self, session: Session) -> bool:
-        """Disconnect a client; False for one that is neither connected nor in its handshake."""
-        failure = Failure(ErrorKind.TOO_MANY_CLIENTS, "replaced by a new client")
-        connection, cancel = self._sessions[session], self._handshakes.get(session)
+    def disconnect(self, session: Session) -> bool:
+        """Disconnect a client for a new one; False for one that is not connected yet, which ends once it is."""
+        failure = Failure(ErrorKind.TOO_MANY_CLIENTS, REPLACED)
+        connection, cancel = self._sessions.get(session), self._handshakes.get(session)
         if connection is not None:
             connection.end(failure, at_once=True)
         elif cancel is not None:
             self.count_ended(session, failure)
             self.remove(session)
             cancel()
+        else:
+            self._replaced.add(session)
         return connection is not None or cancel is not None
 
     def add_handshake(self, session: Session, cancel: Callable[[], object]) -> None:
@@ -235,14 +272,24 @@ class ConnectionManager:
 
     def add(self, connection: Connection) -> bytes:
         """An admitted client is connected; the greeting for it."""
-        self._sessions[connection.session] = connection
-        self._handshakes.pop(connection.session, None)
+        session = connection.session
+        self._sessions[session] = connection
+        self._handshakes.pop(session, None)
+        if session in self._replaced:
+            self._replaced.remove(session)
+            asyncio.get_running_loop().call_soon(self.disconnect, session)
         return self._greeting()
 
     def remove(self, session: Session) -> None:
         """A client is gone, with its subscriptions, its leases and its jobs."""
         connection = self._sessions.pop(session, None)
         self._handshakes.pop(session, None)
+        self._replaced.discard(session)
+        self._new.remove(session)
+        self._stop_places.remove(session)
+        self._clients.pop(session, None)
+        if not session.identified:
+            return
         if connection is not None:
             self._fanout.unsubscribe(connection)
         with self._entries.entry(ClientLeft, session.number):

@@ -109,7 +109,7 @@ class Dispatcher:
 
     def serve_request(self, caller: Caller, request: Request, arrival: Arrival | None = None) -> None:
         """Carry out a request that was read already, as ``serve`` does."""
-        caller.session.proven = True
+        caller.session.record_request()
         failure = self._carry_out(caller, request, arrival)
         if failure is not None:
             self._refuse(caller, failure, wants_answer=request.wants_answer)

@@ -113,8 +113,7 @@ class ServerMethods:
         role = session.role if keyring is None else keyring.role_of(params.token.get_secret_value())
         if role is None:
             raise Unserved(ErrorKind.WRONG_TOKEN, "this token is not valid")
-        session.role = role
-        session.token_digest = None if keyring is None else digest(params.token.get_secret_value())
+        session.show_token(role, None if keyring is None else digest(params.token.get_secret_value()))
         log.info("client_authenticated", client=str(session), role=str(role))
         return models.Authenticated(client=str(session), role=role)
 

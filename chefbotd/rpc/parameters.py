@@ -57,6 +57,12 @@ class ApiParameters(Parameters):
     reserved_stop_connections: int = Field(
         8, ge=0, le=16, description="reserved for stop and estop when all others are taken"
     )
+    max_new_connections: int = Field(
+        2048,
+        ge=1,
+        le=8192,
+        description="that have shown no token yet, or sent no request where none is asked for",
+    )
     max_request_bytes: int = Field(4096, ge=256, le=1 << 20, description="a longer line ends the connection")
     backlog_bytes: int = Field(
         65_536, ge=4096, le=131_072, description="answers that may wait for a client that does not read"

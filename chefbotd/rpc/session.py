@@ -40,10 +40,17 @@ class Session:
 
     ``role`` is None until the client has shown a token, ``client`` is what it calls itself, ``proven`` says whether it
     has ever sent a request, and ``stops_only`` why it may do nothing but stop the robot (empty: it may do more).
+    ``on_identified`` is called once the client has shown its token, or, where none is asked for, sent a request.
     """
 
     def __init__(
-        self, parameters: ApiParameters, host: str, port: int, role: Role | None, now_s: float
+        self,
+        parameters: ApiParameters,
+        host: str,
+        port: int,
+        role: Role | None,
+        now_s: float,
+        on_identified: Callable[["Session"], None] | None = None,
     ) -> None:
         self._parameters = parameters
         self.host, self._port = host, port
@@ -51,6 +58,7 @@ class Session:
         self.token_digest: bytes | None = None  # of the token that it has shown
         self.number = 0  # of the connections that were admitted
         self.arrival: Arrival | None = None  # the earliest at which its connection can have been opened
+        self._on_identified = on_identified
         self._arrived_s = self._active_s = now_s
         self._incomplete_s: float | None = None
         self._requests = TokenBucket(parameters.requests_per_s, parameters.requests_burst, now_s)
@@ -74,6 +82,26 @@ class Session:
     def where(self) -> str:
         """Its address."""
         return f"[{self.host}]:{self._port}" if ":" in self.host else f"{self.host}:{self._port}"
+
+    def record_request(self) -> None:
+        """Note that a request has come."""
+        self.proven = True
+        self._identify()
+
+    def show_token(self, role: Role, token_digest: bytes | None) -> None:
+        """Note the client's token, and what it may do with it."""
+        self.role, self.token_digest = role, token_digest
+        self._identify()
+
+    def _identify(self) -> None:
+        if self.role is not None and self._on_identified is not None:
+            on_identified, self._on_identified = self._on_identified, None
+            on_identified(self)
+
+    @property
+    def identified(self) -> bool:
+        """Whether the client has shown its token, or, where none is asked for, sent a request."""
+        return self._on_identified is None
 
     def admit_request(self, now_s: float) -> bool:
         """Whether the client may send another request now."""

@@ -8,11 +8,13 @@ of the event loop, and survives the kernel's errors.
 import asyncio
 import contextlib
 import errno
+import fcntl
 import os
 import resource
 import select
 import socket
 import ssl
+import sys
 
 import structlog
 
@@ -20,6 +22,7 @@ from chefbotd.logs import RateLimitedLog
 from chefbotd.rpc import jsonrpc
 from chefbotd.rpc.arrivals import Arrival, Arrivals
 from chefbotd.rpc.connection_manager import ConnectionManager, Headroom
+from chefbotd.rpc.connection_slots import ConnectionSlots, NoSlot
 from chefbotd.rpc.jsonrpc import Failure
 from chefbotd.rpc.parameters import ApiParameters, is_loopback
 from chefbotd.rpc.server import RpcServer
@@ -27,11 +30,20 @@ from chefbotd.rpc.session import Session
 from chefbotd.transport.connection import SocketConnection
 from chefbotd.transport.unread import UnreadSockets
 
-BACKLOG = 128
+BACKLOG = 1024
+"""What may wait while the event loop is busy: beyond it the kernel drops a client, which tries again after a second."""
 RESERVED_DESCRIPTORS = 32
 """Left for the serial link to reopen its device, for the places kept for stops, and for all that is no client."""
 CLOSING_DESCRIPTORS = 8
 """Left for new clients until those that were disconnected for them have closed their own."""
+LEAST_CLIENT_DESCRIPTORS = 16
+"""With fewer nobody could be served."""
+MAX_HANDSHAKES = 256
+"""Handshakes of TLS that have begun: each holds some 100 kB."""
+FIRST_CLIENT_DESCRIPTOR = 1024
+"""Clients' descriptors begin here where the limit allows: ``select``, as of pyserial, knows only those below."""
+CLIENT_DESCRIPTORS = 8192
+"""As many as all clients of the socket and of the page can have by default, and as many again."""
 
 
 class CannotListen(OSError):
@@ -41,12 +53,50 @@ class CannotListen(OSError):
         return str(self.strerror)
 
 
+def raise_descriptor_limit() -> None:
+    """Let this process have as many descriptors as its clients may need, as far as its hard limit allows."""
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = FIRST_CLIENT_DESCRIPTOR + CLIENT_DESCRIPTORS
+    if soft != resource.RLIM_INFINITY and soft < wanted:
+        most = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
+        resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, most), hard))
+
+
+def require_descriptors(reserved_stop_connections: int) -> None:
+    """Raise ``CannotListen`` where the limit leaves no descriptors for clients."""
+    limit = _descriptor_limit()
+    least = RESERVED_DESCRIPTORS + CLOSING_DESCRIPTORS + LEAST_CLIENT_DESCRIPTORS + reserved_stop_connections
+    if limit < least:
+        raise CannotListen(
+            errno.EMFILE,
+            f"this process may open {limit} files, and needs {least} to serve anybody: raise the limit with "
+            f"ulimit -n {FIRST_CLIENT_DESCRIPTOR}, or LimitNOFILE={FIRST_CLIENT_DESCRIPTOR} in a systemd unit",
+        )
+
+
+def _descriptor_limit() -> int:
+    soft = resource.getrlimit(resource.RLIMIT_NOFILE)[0]
+    return sys.maxsize if soft == resource.RLIM_INFINITY else soft
+
+
 class DescriptorLimit:
     """How many file descriptors are left for clients, by the number of a new one: it is the lowest that is free."""
 
     def __init__(self, reserved_stop_connections: int) -> None:
-        self._low = resource.getrlimit(resource.RLIMIT_NOFILE)[0] - RESERVED_DESCRIPTORS
+        limit = _descriptor_limit()
+        self._low = limit - RESERVED_DESCRIPTORS
         self._none = self._low + reserved_stop_connections + CLOSING_DESCRIPTORS
+        self._moves = self._low >= FIRST_CLIENT_DESCRIPTOR + CLIENT_DESCRIPTORS // 4
+
+    def move_up(self, accepted: socket.socket) -> socket.socket:
+        """The same connection with a descriptor that leaves the low ones to others, where there are enough."""
+        if not self._moves:
+            return accepted
+        with accepted:
+            descriptor = fcntl.fcntl(accepted.fileno(), fcntl.F_DUPFD_CLOEXEC, FIRST_CLIENT_DESCRIPTOR)
+            moved = socket.socket(accepted.family, accepted.type, accepted.proto, fileno=descriptor)
+            moved.setblocking(False)
+            return moved
 
     def headroom(self, descriptor: int) -> Headroom:
         """What a client with this descriptor finds."""
@@ -83,6 +133,32 @@ def listen(host: str, port: int, receive_bytes: int, option: str) -> list[socket
     return listeners
 
 
+async def first_bytes(accepted: socket.socket, within_s: float) -> None:
+    """Wait until a client of a protocol in which it speaks first has done so; closes the socket where it does not.
+
+    Until then it costs a descriptor and little more: what TLS or HTTP hold for a client are hundreds of kilobytes.
+
+    Raises:
+        TimeoutError: it has said nothing ``within_s``.
+    """
+    loop = asyncio.get_running_loop()
+    spoken = loop.create_future()
+    loop.add_reader(accepted, _resolve, spoken)
+    try:
+        async with asyncio.timeout(within_s):
+            await spoken
+    except BaseException:
+        loop.remove_reader(accepted)
+        accepted.close()
+        raise
+    loop.remove_reader(accepted)
+
+
+def _resolve(future: "asyncio.Future[None]") -> None:
+    if not future.done():
+        future.set_result(None)
+
+
 ACCEPT_AGAIN_S = 0.1
 
 log = structlog.get_logger(__name__)
@@ -117,6 +193,7 @@ class Listener:
     ) -> None:
         self._manager, self._unread, self._tls = connections, unread, tls
         self._descriptors = DescriptorLimit(connections.parameters.reserved_stop_connections)
+        self._handshakes = ConnectionSlots[Session](MAX_HANDSHAKES)
         self._listeners: list[socket.socket] = []
         self._log = RateLimitedLog(structlog.get_logger(__name__))
 
@@ -147,6 +224,7 @@ class Listener:
         while True:
             try:
                 accepted, address = await loop.sock_accept(listener)
+                accepted = self._descriptors.move_up(accepted)
             except OSError as error:  # out of descriptors or of memory; the client waits in the kernel
                 self._log.warning("client_not_accepted", error=str(error))
                 await asyncio.sleep(ACCEPT_AGAIN_S)
@@ -170,6 +248,9 @@ class Listener:
     async def _connect(self, accepted: socket.socket, session: Session) -> None:
         handshake_timeout_s = None if self._tls is None else self._manager.parameters.authenticate_timeout_s
         try:
+            if handshake_timeout_s is not None:
+                await first_bytes(accepted, handshake_timeout_s)
+                self._begin_handshake(session, accepted)
             await asyncio.get_running_loop().connect_accepted_socket(
                 lambda: SocketConnection(
                     self._manager, self._unread, session, accepted if self._tls is None else None
@@ -181,6 +262,18 @@ class Listener:
         except OSError as error:  # no TLS, a handshake that took too long, or the client has gone
             self._log.warning("client_not_admitted", client=str(session), error=str(error))
             self._manager.remove(session)
+        finally:
+            self._handshakes.remove(session)
+
+    def _begin_handshake(self, session: Session, accepted: socket.socket) -> None:
+        """Raise ``ConnectionAbortedError`` where too many handshakes of this address are under way."""
+        try:
+            evicted = self._handshakes.add(session, session.host, self._manager.clock.now_s())
+        except NoSlot as problem:
+            accepted.close()
+            raise ConnectionAbortedError(f"{problem} in their handshake") from None
+        for gives_way in evicted:
+            self._manager.disconnect(gives_way)
 
 
 class TcpServer:

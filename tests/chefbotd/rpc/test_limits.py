@@ -187,9 +187,11 @@ def test_one_address_cannot_take_all_the_room() -> None:
 
     async def main() -> None:
         async with serving(max_clients_per_address=2, reserved_stop_connections=0) as served:
-            async with line_client(served), line_client(served) as second:
-                async with line_client(served, greeted=False) as third:
-                    error = (await third.read())["error"]
+            async with line_client(served) as first, line_client(served) as second:
+                assert "result" in await first.ask("ping")
+                assert "result" in await second.ask("ping")
+                async with line_client(served) as third:
+                    error = (await third.ask("ping"))["error"]
                     assert error["data"]["kind"] == "too_many_clients"
                     assert "2 clients from 127.0.0.1" in error["message"]
                 elsewhere = await asyncio.open_connection(
@@ -215,6 +217,11 @@ def test_an_estop_finds_a_place_where_everything_is_taken(limits: dict[str, int]
     async def scenario(served: Served, client: LineClient) -> None:
         async with contextlib.AsyncExitStack() as stack:
             everyone = [await stack.enter_async_context(line_client(served)) for _ in range(4)]
+            assert "result" in await client.ask("ping")
+            for one in everyone[:2]:
+                assert "result" in await one.ask("ping")
+            for one in everyone[2:]:
+                assert "result" in await one.ask("set_client_name", client="Ann")
             assert served.clients == 5
             late = await stack.enter_async_context(line_client(served))
             assert "result" in await late.ask("estop", reason="smoke")
@@ -234,6 +241,7 @@ def test_a_place_kept_for_stops_is_for_nothing_else() -> None:
     """
 
     async def scenario(served: Served, client: LineClient) -> None:
+        assert "result" in await client.ask("ping")
         async with line_client(served) as late:
             assert "result" in await late.ask("set_client_name", client="Ann")
             late.request("arm")
@@ -249,11 +257,12 @@ def test_a_place_kept_for_stops_is_for_nothing_else() -> None:
 
 
 def test_who_has_been_idle_longest_gives_way_before_anyone_is_refused() -> None:
-    """Of four clients, one subscribes, one drives, one asks; the fourth says nothing for 5 s and makes room for all."""
+    """Of four clients, one subscribes, one drives, one asks; the fourth asks nothing for 5 s and makes room for all."""
 
     async def scenario(served: Served, client: LineClient) -> None:
         async with contextlib.AsyncExitStack() as stack:
             idle, driver, asker = [await stack.enter_async_context(line_client(served)) for _ in range(3)]
+            assert "result" in await idle.ask("ping")
             assert "result" in await client.ask("subscribe", topics=["text"])
             assert "result" in await driver.ask("take_control")
             for _ in range(6):
@@ -330,7 +339,7 @@ async def crowd(served: Served, count: int) -> AsyncIterator[list[socket.socket]
 
 @pytest.mark.parametrize("run", [run_virtual, uvloop.run])
 def test_descriptors_are_kept_for_the_serial_link(run: Callable[..., None]) -> None:
-    """Clients are refused while 32 descriptors are left, and let in again when others have gone."""
+    """New clients give way to newer ones while 32 descriptors are left, and come in again when others have gone."""
 
     async def main() -> None:
         async with serving() as served:
@@ -342,7 +351,7 @@ def test_descriptors_are_kept_for_the_serial_link(run: Callable[..., None]) -> N
 
     with capture_logs() as logs, descriptors(lowest_free() + 60):
         run(main())
-    assert "short of file descriptors" in logs[1]["reason"]
+    assert logs[1]["reason"] == "replaced by a new client"
 
 
 @pytest.mark.parametrize("run", [run_virtual, uvloop.run])

@@ -170,12 +170,13 @@ def test_the_truth_is_a_topic_of_simulated_robots_only() -> None:
 
 
 def test_one_client_too_many_is_told_so() -> None:
-    """Beyond the limit a connection gets an error and is closed; a leaving client makes room."""
+    """Beyond the limit a client gets an error and its connection is closed; a leaving client makes room."""
 
     async def main() -> None:
         async with serving(max_clients=1, reserved_stop_connections=0) as served:
-            async with line_client(served), line_client(served, greeted=False) as second:
-                assert (await second.read())["error"]["data"]["kind"] == "too_many_clients"
+            async with line_client(served) as first, line_client(served) as second:
+                assert "result" in await first.ask("ping")
+                assert (await second.ask("ping"))["error"]["data"]["kind"] == "too_many_clients"
                 with pytest.raises(EOFError):
                     await second.read()
             await asyncio.sleep(0.01)

@@ -232,9 +232,11 @@ def test_when_there_is_no_room_a_browser_hears_so() -> None:
     """The limits are those of the command socket, its places for stops too."""
 
     async def scenario(served: Served) -> None:
-        async with frame_client(served), frame_client(served) as second:
+        async with frame_client(served) as first, frame_client(served) as second:
+            assert "result" in await first.ask("ping")
             assert (await second.ask("ping"))["error"]["data"]["kind"] == "too_many_clients"
-        async with frame_client(served), frame_client(served) as second:
+        async with frame_client(served) as first, frame_client(served) as second:
+            assert "result" in await first.ask("ping")
             assert "result" in await second.ask("stop")
 
     serve(scenario, max_clients=1)
