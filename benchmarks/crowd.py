@@ -26,7 +26,7 @@ from benchmarks.board import board
 from benchmarks.figures import Figure, Outcome, percentile, table
 from benchmarks.rig import READY_WITHIN_S, Daemon, daemon
 
-TOKEN = "observe-token-of-the-crowd"  # noqa: S105 - of this benchmark's own daemon
+TOKEN = "observe-token-of-the-crowd"
 AWAY_S = 0.02
 ADDRESSES = 4
 HELD = 2500

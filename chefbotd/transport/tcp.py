@@ -56,9 +56,9 @@ class CannotListen(OSError):
 def raise_descriptor_limit() -> None:
     """Let this process have as many descriptors as its clients may need, as far as its hard limit allows."""
     soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
-    wanted = FIRST_CLIENT_DESCRIPTOR + CLIENT_DESCRIPTORS
-    if soft != resource.RLIM_INFINITY and soft < wanted:
-        most = wanted if hard == resource.RLIM_INFINITY else min(wanted, hard)
+    target = FIRST_CLIENT_DESCRIPTOR + CLIENT_DESCRIPTORS
+    if soft != resource.RLIM_INFINITY and soft < target:
+        most = target if hard == resource.RLIM_INFINITY else min(target, hard)
         resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, most), hard))
 
 
