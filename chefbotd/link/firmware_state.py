@@ -16,6 +16,7 @@ RESET_CAUSES = {
     4: "watchdog",
     5: "command",
     6: "hung_main_loop",
+    7: "memory_damaged",
 }
 STOPS = {1: "dead_man", 2: "estop", 4: "stall"}
 LATCHED_STOPS = 2 | 4

@@ -30,6 +30,7 @@
 #define RESET_WATCHDOG 4
 #define RESET_COMMAND 5
 #define RESET_HUNG 6
+#define RESET_DAMAGED 7 /* by software, and the note of its cause is damaged */
 
 /* Starts with the motors off and the interrupts shut; starts the watchdog. */
 void firmware_start(uint8_t reset_cause);

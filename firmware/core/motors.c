@@ -5,12 +5,14 @@
 #include "hal.h"
 #include "wheel_loop.h"
 
-/* What a restart leaves as it is, with the sum that tells it from what memory holds after the power comes on. */
+#define ARMED 0x5A3CU
+
+/* What a restart leaves as it is, with the sum that tells whether it is whole. One of both alone does not unlatch. */
 struct kept {
     uint16_t estop;
-    uint8_t is_stopped;
-    uint8_t cause;
+    uint16_t armed; /* ARMED, and nothing else, where no e-stop is in force */
     uint16_t check;
+    uint8_t cause;
 };
 
 static struct kept kept HAL_KEPT;
@@ -26,16 +28,22 @@ static uint16_t check_of(const struct kept *value)
 {
     uint16_t crc = crc_add(CRC_START, (uint8_t)(value->estop >> 8));
     crc = crc_add(crc, (uint8_t)(value->estop & 0xFFU));
-    crc = crc_add(crc, value->is_stopped);
+    crc = crc_add(crc, (uint8_t)(value->armed >> 8));
+    crc = crc_add(crc, (uint8_t)(value->armed & 0xFFU));
     return crc_add(crc, value->cause);
 }
 
 static void keep(uint16_t estop, bool is_stopped, uint8_t cause)
 {
     kept.estop = estop;
-    kept.is_stopped = is_stopped ? 1U : 0U;
+    kept.armed = is_stopped ? 0U : ARMED;
     kept.cause = cause;
     kept.check = check_of(&kept);
+}
+
+static bool is_kept_stopped(void)
+{
+    return kept.armed != ARMED;
 }
 
 static void put(int16_t left, int16_t right)
@@ -55,16 +63,20 @@ static void stop(uint8_t stops)
 
 uint8_t motors_start(uint8_t reset_cause)
 {
-    const bool is_kept = (reset_cause != RESET_POWER_ON) && (kept.check == check_of(&kept));
+    const bool is_whole = kept.check == check_of(&kept);
     uint8_t cause = reset_cause;
-    if (reset_cause == RESET_SOFTWARE) {
-        cause = is_kept ? kept.cause : RESET_POWER_ON;
+    if (reset_cause == (uint8_t)RESET_SOFTWARE) {
+        cause = is_whole ? kept.cause : (uint8_t)RESET_DAMAGED;
     }
-    if (!is_kept) {
+    if (reset_cause == (uint8_t)RESET_POWER_ON) {
         keep(0, false, cause);
+    } else if (!is_whole) {
+        keep(1, true, cause); /* nobody knows whether an e-stop was in force */
+    } else {
+        /* As it was left. */
     }
     motors.now.estop = kept.estop;
-    motors.now.stops = (kept.is_stopped != 0U) ? STOP_ESTOP : 0U;
+    motors.now.stops = is_kept_stopped() ? STOP_ESTOP : 0U;
     motors.now.mode = MODE_DUTY;
     motors.now.of = NO_SEQUENCE;
     motors.deadman_us = 0;
@@ -225,7 +237,7 @@ void motors_off_and_restart(uint8_t cause)
 {
     const hal_lock_t lock = hal_lock();
     hal_motors_off();
-    keep(kept.estop, kept.is_stopped != 0U, cause);
+    keep(kept.estop, is_kept_stopped(), cause);
     hal_unlock(lock);
     hal_restart();
 }

@@ -40,7 +40,8 @@ struct received {
 /* What became of a command. */
 enum motion { MOTION_OBEYED, MOTION_STOPPED, MOTION_STALE };
 
-/* All off; the e-stop as it was left, unless the cause is the power. Returns the cause, with the note of a software restart. */
+/* All off; the e-stop as it was left, unless the cause is the power. Where the note of it is damaged, stopped by e-stop 1.
+ * Returns the cause, with the note of a software restart. */
 uint8_t motors_start(uint8_t reset_cause);
 
 /* Duty for each wheel, limited to FULL_DUTY. 0 for all ends a stall, and is obeyed whatever is in force. */

@@ -8,7 +8,7 @@
 #define HAL_CAPABILITIES                                                                                  \
     (CAPABILITY_WHEEL_LOOP + CAPABILITY_ULTRASONIC + CAPABILITY_IMU + CAPABILITY_BATTERY +                \
      CAPABILITY_CURRENT)
-#define HAL_KEPT
+#define HAL_KEPT __attribute__((section("hal_kept"))) /* together, so that a test can damage it */
 #define HAL_FLASH
 #define HAL_READ_CHAR(p) (*(p))
 #define HAL_READ_U32(p) (*(p))

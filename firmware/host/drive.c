@@ -47,3 +47,18 @@ uint32_t host_fake_size(void)
 {
     return sizeof(fake);
 }
+
+/* The linker's, for a section that is named like an identifier. */
+extern uint8_t __start_hal_kept[] __attribute__((visibility("hidden")));
+extern uint8_t __stop_hal_kept[] __attribute__((visibility("hidden")));
+
+uint32_t host_kept_bytes(void)
+{
+    // cppcheck-suppress comparePointers
+    return (uint32_t)(__stop_hal_kept - __start_hal_kept);
+}
+
+void host_flip_kept(uint32_t bit)
+{
+    __start_hal_kept[bit / 8U] = (uint8_t)(__start_hal_kept[bit / 8U] ^ (1U << (bit % 8U)));
+}

@@ -48,6 +48,10 @@ uint32_t host_drain(uint8_t *bytes, uint32_t most);
 void host_run(uint32_t micros);
 
 
+/* What HAL_KEPT holds: how many bytes, and one of its bits that is flipped. */
+uint32_t host_kept_bytes(void);
+void host_flip_kept(uint32_t bit);
+
 /* Bytes of struct fake_hal, for those who have it in another language. */
 uint32_t host_fake_size(void);
 

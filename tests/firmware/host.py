@@ -13,7 +13,7 @@ from types import MappingProxyType
 
 from tests.firmware import tools
 
-SOFTWARE, POWER_ON, PIN, BROWN_OUT, WATCHDOG, COMMAND, HUNG = range(7)
+SOFTWARE, POWER_ON, PIN, BROWN_OUT, WATCHDOG, COMMAND, HUNG, DAMAGED = range(8)
 """Reset causes; the first is no hardware's: the firmware itself knows why."""
 
 TURN = ((0, 2), (2, 3), (3, 1), (1, 0))
@@ -81,6 +81,16 @@ class Board:
         """Run the program from its beginning; what HAL_KEPT holds stays."""
         self._library.firmware_start(cause)
         self._drain()
+
+    @property
+    def kept_bits(self) -> int:
+        """How many bits HAL_KEPT holds."""
+        return 8 * int(self._library.host_kept_bytes())
+
+    def damage(self, *bits: int) -> None:
+        """Flip bits of what HAL_KEPT holds."""
+        for bit in bits:
+            self._library.host_flip_kept(bit)
 
     # What comes in
 

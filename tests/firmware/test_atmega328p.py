@@ -1,8 +1,13 @@
 """The image of the Duemilanove in simavr: from boot to a stop, pin by pin."""
 
+import random
+
 import pytest
 
 from tests.firmware.emulator import Emulated
+from tests.firmware.limits import RAM_BEGIN, RAM_END
+
+MCUSR_AT, BROWN_OUT_FLAG = 0x54, 1 << 2
 
 
 def test_the_board_boots_with_its_motors_off_and_says_who_it_is() -> None:
@@ -93,6 +98,32 @@ def test_the_reset_pin_keeps_the_estop_and_the_power_does_not() -> None:
         board.hello(2000)
         board.run(0.25)
         assert board.fields("state")[-1] == state
+
+
+@pytest.mark.parametrize("bits", [100, 1_000])
+def test_a_brown_out_that_damages_the_memory_starts_stopped(bits: int) -> None:
+    """60 times flipped bits anywhere in the 2 KB, with an e-stop in force: none is lost, and the cause is 3."""
+    luck = random.Random(bits)
+    board = Emulated()
+    states = set()
+    for _ in range(60):
+        board.board.reset(power_on=True)
+        board.run(0.1)
+        board.write("estop")
+        board.run(0.02)
+        for _ in range(bits):
+            address = luck.randrange(RAM_BEGIN, RAM_END + 1)
+            board.board.poke(address, board.board.peek(address) ^ (1 << luck.randrange(8)))
+        board.board.reset()
+        board.board.poke(MCUSR_AT, BROWN_OUT_FLAG)
+        board.run(0.1)
+        board.write("s 90 90")
+        board.run(0.02)
+        assert board.board.duty == (0, 0)
+        board.hello(2000)
+        board.run(0.25)
+        states.add(tuple(board.fields("state")[-1]))
+    assert states == {("1", "2", "1", "3")}
 
 
 def test_the_command_r_restarts_by_software() -> None:

@@ -1,7 +1,8 @@
 """An e-stop is obeyed behind anything and after anything: the receive interrupt itself knows its word.
 
 Each backlog comes in while the main loop reads nothing, as it does behind a long line, and the tick follows a
-millisecond later. So many of them are tried that a promise of "always" means something; a share of them runs on the emulated board.
+millisecond later. So many of them are tried that a promise of "always" means something; a share of them runs on the
+emulated board.
 """
 
 import random

@@ -1,5 +1,6 @@
 """What stops the motors on the board: dead-man, hung main loop, watchdog, boot, e-stop, stall."""
 
+import random
 from collections.abc import Callable
 
 import pytest
@@ -320,6 +321,57 @@ def test_power_ends_an_e_stop(checked: host.Board) -> None:
     checked.start(host.POWER_ON)
     checked.write("s 50 50")
     assert checked.duty == (50, 50)
+
+
+CAUSES = (host.SOFTWARE, host.PIN, host.BROWN_OUT, host.WATCHDOG)
+
+
+@pytest.mark.parametrize("cause", CAUSES)
+def test_damaged_memory_never_unlatches(board: host.Board, cause: int) -> None:
+    """2,500 times one to a hundred flipped bits in what a restart keeps: the e-stop holds, and the cause is named."""
+    luck = random.Random(cause)
+    for _ in range(2_500):
+        board.start(host.POWER_ON)
+        board.write("estop")
+        board.damage(*[luck.randrange(board.kept_bits) for _ in range(luck.randrange(1, 101))])
+        board.start(cause)
+        named = int(board.sent[-1].split("\t")[-1])
+        board.write("s 50 50")
+        assert board.duty == (0, 0)
+        assert named in ((host.DAMAGED, host.POWER_ON) if cause == host.SOFTWARE else (cause,))
+
+
+@pytest.mark.parametrize("cause", CAUSES)
+def test_a_start_whose_note_does_not_check_is_stopped(board: host.Board, cause: int) -> None:
+    """Each of the note's 56 bits, in a board that was armed; a counter of letters and a byte of padding lie beside it."""
+    stopped = 0
+    for bit in range(board.kept_bits):
+        board.start(host.POWER_ON)
+        board.damage(bit)
+        board.start(cause)
+        board.write("s 50 50")
+        stopped += board.duty == (0, 0)
+    assert (stopped, board.kept_bits) == (56, 72)
+
+
+def test_a_board_with_a_damaged_note_is_armed_by_its_number(board: host.Board) -> None:
+    """The state says e-stop 1 and the cause; `arm 1` ends it."""
+    board.damage(0, 9, 18)
+    board.start(host.BROWN_OUT)
+    board.hello()
+    board.run(0.01)
+    assert state(board) == [1, ESTOP, 1, host.BROWN_OUT]
+    board.seal("arm 1")
+    board.seal("s 50 50")
+    assert board.duty == (50, 50)
+
+
+def test_a_power_on_needs_no_note(board: host.Board) -> None:
+    """Its memory holds anything: not stopped."""
+    board.damage(*range(board.kept_bits))
+    board.start(host.POWER_ON)
+    board.write("s 50 50")
+    assert board.duty == (50, 50)
 
 
 # The stall

@@ -26,7 +26,7 @@ void stop_everything(void)
     WDTCSR = 0U;
 }
 
-/* A boot loader may have cleared the flags: then the e-stop stays latched, as after the reset pin. */
+/* A boot loader may have cleared the flags: then it counts as the reset pin, and a note that does not check as a stop. */
 static uint8_t reset_cause(void)
 {
     if (restarted == RESTARTED_BY_SOFTWARE) {

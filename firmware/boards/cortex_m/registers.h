@@ -45,6 +45,7 @@
 #define RESC_POWER_ON 2U
 #define RESC_BROWN_OUT 4U
 #define RESC_WATCHDOG 8U
+#define RESC_SOFTWARE 16U
 
 /* Serial line 0: 14.5 */
 #define UART0_DATA REGISTER(0x4000C000U)

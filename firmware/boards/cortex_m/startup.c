@@ -30,7 +30,7 @@ static uint8_t reset_cause(void)
     if ((flags & RESC_POWER_ON) != 0U) {
         return RESET_POWER_ON;
     }
-    if (note == RESTARTED_BY_SOFTWARE) {
+    if ((note == RESTARTED_BY_SOFTWARE) || ((flags & RESC_SOFTWARE) != 0U)) {
         return RESET_SOFTWARE;
     }
     if ((flags & RESC_BROWN_OUT) != 0U) {
@@ -42,7 +42,10 @@ static uint8_t reset_cause(void)
     if ((flags & RESC_EXTERNAL) != 0U) {
         return RESET_PIN;
     }
-    return (ran == HAS_RUN) ? RESET_WATCHDOG : RESET_POWER_ON;
+    if (ran == HAS_RUN) {
+        return RESET_WATCHDOG;
+    }
+    return (ran == 0U) ? RESET_POWER_ON : RESET_PIN; /* memory that was damaged is no power-on */
 }
 
 void on_reset(void)
