@@ -343,7 +343,7 @@ def test_damaged_memory_never_unlatches(board: host.Board, cause: int) -> None:
 
 @pytest.mark.parametrize("cause", CAUSES)
 def test_a_start_whose_note_does_not_check_is_stopped(board: host.Board, cause: int) -> None:
-    """Each of the note's 56 bits, in a board that was armed; a counter of letters and a byte of padding lie beside it."""
+    """Each of the 56 bits of an armed board's note; a counter of letters and a byte of padding lie beside it."""
     stopped = 0
     for bit in range(board.kept_bits):
         board.start(host.POWER_ON)
