@@ -5,6 +5,7 @@ heard. Everything happens in the calls that bring bytes or commands; there is no
 """
 
 import math
+from collections.abc import Callable
 
 import structlog
 
@@ -14,7 +15,7 @@ from chefbotd.core.events import FirmwareReported, SafetyChanged
 from chefbotd.entries import entries_of
 from chefbotd.link.board_clock import BoardClock
 from chefbotd.link.board_writer import BoardWriter
-from chefbotd.link.firmware_state import REFUSALS, FirmwareState, report
+from chefbotd.link.firmware_state import REFUSALS, FirmwareState, LineQuality, no_answer, report
 from chefbotd.link.send_window import SendWindow
 from chefbotd.link.wheel_loop import CAPABILITY, WheelLoop
 from chefbotd.logs import RateLimitedLog
@@ -28,10 +29,10 @@ ANSWER_S = 0.3
 """How long an answer to a hello is waited for; the next one follows then."""
 
 MOST_HELLOS = 3
-"""After so many without an answer the link stays classic, until ``AGAIN_S`` have passed or the board restarts."""
+"""After so many without an answer the line counts as bad, which is said; the board is asked again."""
 
-AGAIN_S = 30.0
-"""A line that was damaged for a while must not cost the dead-man for ever."""
+AGAIN_S = 1.0
+"""After the hellos without an answer it is asked again as often: it stands until it has answered."""
 
 HELLO_AGAIN_S = 0.5
 """The stops that a robot at rest is sent are not checked, and two seconds without a checked line end the mode."""
@@ -49,10 +50,8 @@ ESTOP = b"estop\r"
 HELLO_BYTES = len(b"hello 1 2000 255*29B1\r")
 PARAMETER_BYTES = len(b"g 0 65535 255*29B1\r")
 
-NO_ANSWER = (
-    f"the board's firmware did not answer {MOST_HELLOS} hellos: it does not stop by itself now; "
-    "is the line to the board damaged? It is asked again every 30 s"
-)
+STRANGER_LINES, STRANGER_S, STRANGER_SHARE = 40, 4.0, 0.02
+"""So many lines, for so long, of which fewer are damaged, and no name among them: ours would have said it four times."""
 UNKNOWN_DEADMAN = (
     f"the board sends checked lines, but answered none of {MOST_HELLOS} hellos: its dead-man is not known"
 )
@@ -62,6 +61,7 @@ class BoardFirmware:
     """The firmware on the other end of a session.
 
     ``codec`` decodes the board's lines, and so knows their mode. Unless it ``negotiates``, nothing is ever written.
+    ``quality`` tells how whole the board's lines have come since the port was opened.
     Call ``look_at_mode`` and ``greet`` after each read.
     """
 
@@ -75,12 +75,14 @@ class BoardFirmware:
         *,
         negotiates: bool,
         deadman_ms: int,
+        quality: Callable[[], LineQuality],
     ) -> None:
         self._bus, self._clock, self._writer, self._window = bus, entries_of(clock), writer, window
         self._negotiates, self._hello = negotiates, wire.Hello(PROTO, deadman_ms)
         self.codec = FirmwareCodec(variant)
         self._sealer = Sealer(checked_to_board(variant))
         self._log = RateLimitedLog(log)
+        self._quality = quality
         self.now = FirmwareState()
         self.loop = WheelLoop()
         bus.add_handler(self._on_safety, SafetyChanged)
@@ -99,7 +101,7 @@ class BoardFirmware:
     def begin(self) -> None:
         """A port was opened, or is gone: nothing is known of the board behind it."""
         was_known, armed, estopped = self.now.is_known, self.now.armed, self.now.estopped
-        self.now = FirmwareState(armed=armed, estopped=estopped)
+        self.now = FirmwareState(armed=armed, estopped=estopped, was_ours=was_known or self.now.was_ours)
         self.codec.reset()
         self.loop.reset()
         self._window.set_mode(is_checked=False)
@@ -110,9 +112,29 @@ class BoardFirmware:
         """The board has restarted: it is in the classic mode, and may be asked again."""
         self.codec.reset()
         self.look_at_mode(now_s)
-        self.now.complaint = ""
+        self.now.complaint = self.now.complaint_kind = ""
         if self.now.is_known:
             self._ask_soon(now_s)
+
+    @property
+    def holds_motion(self) -> bool:
+        """Whether the board is ours and its checked mode is not in force: it stands then.
+
+        On the classic wire a damaged line may be another command, and nothing would stop the board by itself.
+        """
+        now = self.now
+        return self._negotiates and (now.is_known or now.was_ours) and not now.is_checked
+
+    def judge_stranger(self) -> None:
+        """Whether another board was plugged in where ours was: its classic lines are whole, and none is a name."""
+        now, heard = self.now, self._quality()
+        if (
+            now.was_ours
+            and not now.is_known
+            and heard.seconds >= STRANGER_S
+            and heard.lines >= STRANGER_LINES
+        ):
+            now.was_ours = heard.damaged > STRANGER_SHARE * heard.lines
 
     # What is written
 
@@ -137,7 +159,7 @@ class BoardFirmware:
             if not now.is_checked:
                 self._give_up(now_s)
                 return
-            self._complain(UNKNOWN_DEADMAN, now_s)
+            self._complain(UNKNOWN_DEADMAN, UNKNOWN_DEADMAN, now_s)
         now.hello_sequence, now.hello_s = self._sealer.sequence, now_s
         now.unanswered, now.due_s = now.unanswered + 1, now_s + ANSWER_S
         self._write(self._sealer.encode(self._hello), now_s)
@@ -165,12 +187,12 @@ class BoardFirmware:
     def _give_up(self, now_s: float) -> None:
         now = self.now
         now.due_s, now.unanswered = now_s + AGAIN_S, 0
-        self._complain(NO_ANSWER, now_s)
+        self._complain("no answer", no_answer(self._quality(), now.counters_before, MOST_HELLOS), now_s)
 
-    def _complain(self, reason: str, now_s: float) -> None:
+    def _complain(self, kind: str, reason: str, now_s: float) -> None:
         """Say once what is wrong with the negotiation."""
-        if self.now.complaint != reason:
-            self.now.complaint = reason
+        if self.now.complaint_kind != kind:
+            self.now.complaint_kind, self.now.complaint = kind, reason
             log.warning("the board does not agree on the checked mode", reason=reason)
             self._bus.publish(self.report(now_s))
 
@@ -212,6 +234,7 @@ class BoardFirmware:
         self.loop.reset()
         now.written_s, now.newest_command, now.echoed = {}, -1, -1
         if not is_checked:
+            now.counters_before = now.counters or now.counters_before
             now.answer = now.board = now.counters = None
         elif now.arming_until_s == math.inf:
             now.arming_until_s = now_s + ARMING_S
@@ -236,9 +259,10 @@ class BoardFirmware:
         is_first, now.answer = now.answer is None, message
         now.unanswered = 0
         if disagreement := self._disagreement(message):
-            self._complain(disagreement, now_s)
+            self._complain(disagreement, disagreement, now_s)
         else:
             is_first, now.complaint = is_first or bool(now.complaint), ""
+            now.complaint_kind = ""
         now.due_s = now.hello_s + HELLO_AGAIN_S
         now.note_round_trip(now_s - now.hello_s)
         taken_s = clock.time_of_s(message.micros)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping
 
 from chefbotd.core.events import FirmwareReported
-from chefbotd.core.record import MutableState
+from chefbotd.core.record import MutableState, Record
 from firmware_protocol import messages as wire
 
 BOARDS = {1: "atmega328p", 2: "tm4c123", 3: "lm3s6965", 4: "host"}
@@ -40,18 +40,41 @@ SMOOTHING = 0.1
 """The share of the newest round trip in the mean."""
 
 
+class LineQuality(Record, frozen=True):
+    """Of a connection: how long it has lasted, how many lines have come in, and how many of them damaged."""
+
+    seconds: float
+    lines: int
+    damaged: int
+
+
+def no_answer(heard: LineQuality, counters: wire.BoardCounters | None, hellos: int) -> str:
+    """What is known of a line on which our board does not answer; ``counters`` are the board's of an earlier time."""
+    there = "" if counters is None else f"; the board has counted {counters.crc} damaged lines of ours"
+    share = f" ({100 * heard.damaged / heard.lines:.0f} %)" if heard.lines else ""
+    return (
+        f"the cable is bad, or only one way of it is whole: the board is ours, and answered none of {hellos} hellos. Of "
+        f"its {heard.lines} lines since the port was opened {heard.damaged} came damaged{share}{there}. The motors stay "
+        "off, as a line without a checksum can be a wrong command, and nothing would stop the board by itself; it is "
+        "asked again every second"
+    )
+
+
 class FirmwareState(MutableState):
     """What is known of the board's firmware, and of the checked lines on their way to it.
 
-    ``written_s`` has the times at which checked commands were written, by their numbers, until their echo.
+    ``written_s`` has the times at which checked commands were written, by their numbers, until their echo. ``was_ours``:
+    the board of an earlier connection was ours. ``counters_before`` are the newest of an earlier checked mode.
     """
 
     is_checked: bool = False
     is_known: bool = False
+    was_ours: bool = False
     named: wire.Firmware | None = None
     answer: wire.HelloAnswer | None = None
     board: wire.BoardState | None = None
     counters: wire.BoardCounters | None = None
+    counters_before: wire.BoardCounters | None = None
     due_s: float = math.inf
     unanswered: int = 0
     hello_s: float = -math.inf
@@ -67,6 +90,7 @@ class FirmwareState(MutableState):
     arming_until_s: float = -math.inf
     latched_s: float = -math.inf
     complaint: str = ""
+    complaint_kind: str = ""
 
     @property
     def has_latched(self) -> bool:

@@ -9,6 +9,7 @@ from enum import StrEnum
 from msgspec import field
 
 from chefbotd.core.record import MutableState, Record
+from chefbotd.link.firmware_state import LineQuality
 from firmware_protocol.decoder import Decoder
 from firmware_protocol.messages import Text
 
@@ -118,6 +119,8 @@ class LinkMonitorState(Record, frozen=True):
     sample: bytes
     opened: Heard
     watch: HealthWatch
+    opened_s: float = 0.0
+    damaged_before: int = 0
 
 
 class LinkMonitor:
@@ -131,22 +134,31 @@ class LinkMonitor:
 
     def begin(self, now_s: float) -> None:
         """A port was opened: nothing is known of it yet."""
+        self._opened_s, self._damaged_before = now_s, self._decoder.malformed.total()
         self._before = self._heard()
         self._watch = HealthWatch(now_s, self._before)
 
     def state(self) -> LinkMonitorState:
         """Return the state of this part."""
-        return LinkMonitorState(self.bytes_in, self._sample, self._before, self._watch)
+        return LinkMonitorState(
+            self.bytes_in, self._sample, self._before, self._watch, self._opened_s, self._damaged_before
+        )
 
     def restore(self, state: LinkMonitorState) -> None:
         """Restore this state."""
         self.bytes_in, self._sample, self._before = state.bytes_in, state.sample, state.opened
         self._watch = state.watch
+        self._opened_s, self._damaged_before = state.opened_s, state.damaged_before
 
     def count_bytes(self, data: bytes) -> None:
         """Bytes that have come in."""
         self.bytes_in += len(data)
         self._sample = (self._sample + data)[-SAMPLE_BYTES:]
+
+    def quality(self, now_s: float) -> LineQuality:
+        """How whole the lines have come since the port was opened."""
+        refused = self._decoder.malformed.total() - self._damaged_before
+        return LineQuality(now_s - self._opened_s, self._heard().since(self._before).lines, refused)
 
     @property
     def proven(self) -> bool:

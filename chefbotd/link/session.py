@@ -91,7 +91,14 @@ class BoardSession(asyncio.Protocol):
         self.restarts = Restarts(bus, clock, self.writer, self._reset_line)
         self._window = SendWindow(board_buffer_bytes, variant.wheels, size_of)
         self.firmware = BoardFirmware(
-            bus, clock, self.writer, self._window, variant, negotiates=negotiates, deadman_ms=deadman_ms
+            bus,
+            clock,
+            self.writer,
+            self._window,
+            variant,
+            negotiates=negotiates,
+            deadman_ms=deadman_ms,
+            quality=lambda: self.monitor.quality(clock.now_s()),
         )
         self.setpoints = SetpointWriter(
             self._write_duty,
@@ -203,6 +210,7 @@ class BoardSession(asyncio.Protocol):
     def judge_health(self) -> None:
         """Look at what has come in lately; a change is published and logged. Call it a few times a second."""
         now_s = self._clock.now_s()
+        self.firmware.judge_stranger()
         health = self.monitor.judge(now_s, self._complaint(now_s))
         if health is None or not self.is_open:
             return
@@ -238,10 +246,16 @@ class BoardSession(asyncio.Protocol):
 
     # What the robot tells the board
 
+    @property
+    def _holds_motion(self) -> bool:
+        """Whether the board may not be moved: it restarts, counts otherwise than is configured, or is unchecked."""
+        firmware = self.firmware
+        return self.restarts.holds_motion or firmware.now.is_known is self._kind_held or firmware.holds_motion
+
     def send_duty(self, duty: tuple[int, ...]) -> None:
         """Put a motor command on the wire, replacing one that still waits; without a link it is dropped."""
         if self.is_open:
-            if self.restarts.holds_motion or self.firmware.now.is_known is self._kind_held:
+            if self._holds_motion:
                 duty = self._still
             if self.firmware.loop.now.is_ready:
                 duty = self._command_of(duty)
@@ -256,7 +270,7 @@ class BoardSession(asyncio.Protocol):
         """The largest duty of each wheel while the board accepts no larger one; None: no such limit."""
         if not self.is_open:
             return None
-        if self.restarts.holds_motion or self.firmware.now.is_known is self._kind_held:
+        if self._holds_motion:
             return self._still
         ceiling = self.setpoints.ceiling(now_s)
         if ceiling is not None and self.firmware.loop.drives:

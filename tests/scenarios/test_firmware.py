@@ -3,6 +3,7 @@
 import asyncio
 import random
 from collections.abc import Awaitable, Callable
+from contextlib import suppress
 from itertools import pairwise
 from typing import Any
 
@@ -149,6 +150,47 @@ def test_one_flipped_byte_in_a_hundred_moves_nothing_wrongly(seed: int):
         assert told["crc_errors"] > 30
 
     on(scenario)
+
+
+@pytest.mark.parametrize("seed", range(examples(2)))
+def test_a_line_of_which_a_byte_in_twenty_is_damaged_is_never_driven_without_checksums(seed: int):
+    """Both ways, 20 s from the start on: no motion without a seal since the board named itself, and none on the motors.
+
+    A stop without a seal whose zero became another digit is a duty of 9 of 255 at most: it turns no wheel.
+    """
+
+    async def run() -> None:
+        async with simulated_robot(settings_of(ROBOT, {"safety.guard.enabled": False})) as robot:
+            session = robot.daemon.session
+            written, unsealed, greeted_s = {(0, 0)}, [], []
+
+            def note(data: bytes) -> None:
+                for line in data.split(b"\r"):
+                    body, sequence = opened(line, b" ")
+                    kind, *fields = body.split(b" ")
+                    if kind == b"s":
+                        written.add((int(fields[0]), int(fields[1])))
+                    if kind == b"s" and sequence is None and session.firmware.now.is_known:
+                        unsealed.append(line)
+                    if kind == b"hello":
+                        greeted_s.append(asyncio.get_running_loop().time())
+                arrive(data)
+
+            damage(robot, {"flip_share": 0.05}, seed)
+            arrive, robot.device.on_write = robot.device.on_write, note
+            on_motors = set()
+            for step in range(10_000):
+                await asyncio.sleep(0.002)
+                on_motors.add(robot.board.duty)
+                if step % 25 == 0:
+                    with suppress(CallError):
+                        await robot.client.arm()
+                        await robot.client.drive(0.2, 0.0)
+            assert set(unsealed) <= {b"s 0 0"}
+            assert all(abs(value) < 10 for duty in on_motors - written for value in duty)
+            assert max(after - before for before, after in pairwise(greeted_s)) < 2.0
+
+    run_virtual(run())
 
 
 def test_a_board_that_went_back_to_classic_is_won_again():
