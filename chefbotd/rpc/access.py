@@ -63,7 +63,8 @@ class Keyring:
 
 def digest(token: str) -> bytes:
     """What is kept of a token."""
-    return hashlib.sha256(token.encode()).digest()
+    # Headers of HTTP that are not UTF-8 come with surrogates.
+    return hashlib.sha256(token.encode(errors="surrogatepass")).digest()
 
 
 def _entry(words: list[str], where: str) -> tuple[Role, str]:

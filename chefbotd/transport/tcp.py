@@ -133,7 +133,7 @@ def listen(host: str, port: int, receive_bytes: int, option: str) -> list[socket
     return listeners
 
 
-async def first_bytes(accepted: socket.socket, within_s: float) -> None:
+async def first_bytes(accepted: socket.socket, within_s: float | None) -> None:
     """Wait until a client of a protocol in which it speaks first has done so; closes the socket where it does not.
 
     Until then it costs a descriptor and little more: what TLS or HTTP hold for a client are hundreds of kilobytes.

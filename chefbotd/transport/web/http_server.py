@@ -1,6 +1,6 @@
-"""An HTTP server for programs beside the daemon, with the daemon's limits. Anybody on the network may try to fill it.
+"""An HTTP server for the daemon's page and for programs beside it. Anybody on the network may try to fill it.
 
-It bounds the connections in total and of one address, the time until a request is complete, the time until a token is
+It bounds the connections, which addresses share fairly, the time until a request is complete, the time until a token is
 shown, and the file descriptors, so that the program's own connections (to a broker, to the daemon) always find one. A
 request whose handler fails is answered, counted and logged once, and ends nothing else.
 """
@@ -21,8 +21,8 @@ from msgspec import Struct
 from chefbotd.core.record import Record
 from chefbotd.logs import RateLimitedLog
 from chefbotd.rpc.connection_manager import Headroom
-from chefbotd.transport.tcp import ACCEPT_AGAIN_S, DescriptorLimit, listen
-from chefbotd.transport.web.places import NoPlace, Places
+from chefbotd.rpc.connection_slots import ConnectionSlots, NoSlot
+from chefbotd.transport.tcp import ACCEPT_AGAIN_S, DescriptorLimit, first_bytes, listen
 
 SILENT = logging.Logger("aiohttp", logging.CRITICAL + 1)
 """Any client can send bytes that are not HTTP; aiohttp would log a traceback each time."""
@@ -33,14 +33,14 @@ Handle = Callable[[web.BaseRequest], Awaitable[web.StreamResponse]]
 
 
 class HttpLimits(Record, frozen=True):
-    """Of connections that have shown no token: how many, and of one address; how long each step may take.
+    """Of connections that have shown no token: how many that are silent or have spoken, how long each step may take.
 
-    ``least_s``: so long each keeps its place. ``header_s``: until a request is complete, ``idle_s``: between two,
+    ``least_s``: so long each keeps its slot. ``header_s``: until a request is complete, ``idle_s``: between two,
     ``request_s``: for its body, its answer, or the token. ``receive_bytes`` bounds what the kernel holds of each.
     """
 
-    connections: int = 64
-    per_address: int = 48
+    silent: int = 2048
+    connections: int = 256
     least_s: float = 1.0
     header_s: float = 5.0
     idle_s: float = 15.0
@@ -52,6 +52,7 @@ class HttpLimits(Record, frozen=True):
 class _Connection(Struct, eq=False):
     """One accepted socket; ``end`` ends it, whatever it does."""
 
+    host: str
     plain: socket.socket | None
     end: Callable[[], object]
     is_connected: bool = False
@@ -72,26 +73,32 @@ class HttpServer:
         tls: ssl.SSLContext | None = None,
         limits: HttpLimits | None = None,
         make_request: Callable[..., web.BaseRequest] | None = None,
+        reserved_descriptors: int = 0,
     ) -> None:
         self._make_request = make_request or self._new_request
         self._handler, self.tls, self._limits = handle, tls, limits or HttpLimits()
         limits = self._limits
-        self._places: Places[_Connection] = Places(limits.connections, limits.per_address, limits.least_s)
+        self._silent = ConnectionSlots[_Connection](limits.silent, limits.least_s)
+        self._speaking = ConnectionSlots[_Connection](limits.connections, limits.least_s)
         self._connections: dict[asyncio.Protocol, _Connection] = {}
-        self._descriptors = DescriptorLimit(0)
+        self._descriptors = DescriptorLimit(reserved_descriptors)
         self._log = RateLimitedLog(structlog.get_logger(name))
         self.refused: Counter[str] = Counter()
         self.faults: Counter[str] = Counter()
 
     async def run(
-        self, host: str, port: int, listening: Callable[[str, int], None] = lambda host, port: None
+        self,
+        host: str,
+        port: int,
+        listening: Callable[[str, int], None] = lambda host, port: None,
+        option: str = "--port",
     ) -> None:
-        """Serve until cancelled; ``listening`` is told where.
+        """Serve until cancelled; ``listening`` is told where, ``option`` chooses another port, for the message.
 
         Raises:
             CannotListen: the address cannot be listened on.
         """
-        listeners = listen(host, port, self._limits.receive_bytes, "--port")
+        listeners = listen(host, port, self._limits.receive_bytes, option)
         server = web.Server(
             self._handle,
             request_factory=self._make_request,
@@ -117,7 +124,7 @@ class HttpServer:
         """
         connection = self._connections.get(cast(asyncio.Protocol, request.protocol))
         if connection is not None:
-            self._places.leave(connection)
+            self._speaking.remove(connection)
             if connection.limit is not None:
                 connection.limit.reschedule(None)
 
@@ -133,6 +140,7 @@ class HttpServer:
         while True:
             try:
                 accepted, address = await loop.sock_accept(listener)
+                accepted = self._descriptors.move_up(accepted)
             except OSError as error:  # out of descriptors or of memory; the client waits in the kernel
                 self._log.warning("client_not_accepted", error=str(error))
                 await asyncio.sleep(ACCEPT_AGAIN_S)
@@ -143,62 +151,74 @@ class HttpServer:
     def _admit(
         self, accepted: socket.socket, host: str, server: web.Server, group: asyncio.TaskGroup
     ) -> None:
-        connection = _Connection(accepted if self.tls is None else None, accepted.close)
-        now_s = asyncio.get_running_loop().time()
-        self._forget_gone()
+        connection = _Connection(host, accepted if self.tls is None else None, accepted.close)
+        headroom = self._descriptors.headroom(accepted.fileno())
         try:
-            if self._descriptors.headroom(accepted.fileno()) is not Headroom.ENOUGH:
-                raise NoPlace("short of file descriptors")
-            replaced = self._places.take(connection, host, now_s)
-        except NoPlace as why:
+            if headroom is Headroom.NONE:
+                raise NoSlot("short of file descriptors")
+            self._take_slot(self._silent, connection, scarce=headroom is Headroom.LOW)
+        except NoSlot as why:
             self._refuse(host, "no place", str(why))
             accepted.close()
             return
-        if replaced is not None:
-            self._refuse(host, "replaced", "an older connection without a token was replaced by a new one")
-            replaced.end()
         task = group.create_task(self._connect(accepted, connection, server))
         connection.end = task.cancel
         connection.timer = asyncio.get_running_loop().call_later(
-            self._limits.header_s, self._end_late, connection, host
+            self._limits.header_s, self._end_late, connection
         )
+
+    def _take_slot(
+        self, slots: ConnectionSlots[_Connection], connection: _Connection, *, scarce: bool = False
+    ) -> None:
+        now_s = asyncio.get_running_loop().time()
+        for replaced in slots.add(connection, connection.host, now_s, scarce=scarce):
+            self._refuse(replaced.host, "replaced", "a connection without a token was replaced by a new one")
+            replaced.end()
 
     def _refuse(self, host: str, kind: str, why: str) -> None:
         self.refused[kind] += 1
         self._log.warning("client_refused", host=host, why=why, refused=self.refused.total())
 
-    def _end_late(self, connection: _Connection, host: str) -> None:
-        why = f"no complete request within {self._limits.header_s:g} s"
-        self._refuse(host, "late", why)
-        self._places.leave(connection)
+    def _end_late(self, connection: _Connection) -> None:
+        self._refuse(connection.host, "late", f"no complete request within {self._limits.header_s:g} s")
+        self._give_back(connection)
         connection.end()
 
+    def _give_back(self, connection: _Connection) -> None:
+        self._silent.remove(connection)
+        self._speaking.remove(connection)
+        if connection.timer is not None:
+            connection.timer.cancel()
+
     async def _connect(self, accepted: socket.socket, connection: _Connection, server: web.Server) -> None:
-        handler = cast(asyncio.Protocol, server())
-        self._connections[handler] = connection
+        handler: asyncio.Protocol | None = None
         try:
+            await first_bytes(accepted, None)
+            self._silent.remove(connection)
+            self._forget_gone()
+            self._take_slot(self._speaking, connection)
+            handler = cast(asyncio.Protocol, server())
+            self._connections[handler] = connection
             transport, _ = await asyncio.get_running_loop().connect_accepted_socket(
                 lambda: handler,
                 accepted,
                 ssl=self.tls,
                 ssl_handshake_timeout=None if self.tls is None else self._limits.header_s,
             )
+            connection.end, connection.is_connected = transport.abort, True
+        except NoSlot as why:
+            self._refuse(connection.host, "no place", str(why))
         except OSError as error:  # no TLS, a handshake that took too long, or the client has gone
             self._log.warning("client_not_admitted", error=str(error))
-            self._forget(handler)
-            accepted.close()
-            return
-        except asyncio.CancelledError:
-            self._forget(handler)
-            accepted.close()
-            raise
-        connection.end, connection.is_connected = transport.abort, True
+        finally:
+            if not connection.is_connected:
+                self._give_back(connection)
+                if handler is not None:
+                    del self._connections[handler]
+                accepted.close()
 
     def _forget(self, handler: asyncio.Protocol) -> None:
-        connection = self._connections.pop(handler)
-        self._places.leave(connection)
-        if connection.timer is not None:
-            connection.timer.cancel()
+        self._give_back(self._connections.pop(handler))
 
     def _forget_gone(self) -> None:
         for handler, connection in list(self._connections.items()):
@@ -215,9 +235,10 @@ class HttpServer:
 
     async def _handle(self, request: web.BaseRequest) -> web.StreamResponse:
         handler = cast(asyncio.Protocol, request.protocol)
-        connection = self._connections.get(handler) or _Connection(None, lambda: None)
+        connection = self._connections.get(handler) or _Connection("", None, lambda: None)
         if connection.timer is not None:
             connection.timer.cancel()
+        self._speaking.renew(connection, asyncio.get_running_loop().time())
         try:
             async with asyncio.timeout(self._limits.request_s) as connection.limit:
                 return await self._answer(request)

@@ -5,7 +5,6 @@ The WebSocket's handshake is HTTP. After it the transport is handed to a connect
 
 import asyncio
 import json
-import logging
 import socket
 from http import HTTPStatus
 from importlib import resources
@@ -16,19 +15,17 @@ from aiohttp import web
 from msgspec import Struct
 from websockets.utils import accept_key
 
-from chefbotd.logs import RateLimitedLog
 from chefbotd.metrics import Metrics
 from chefbotd.rpc.access import Guard
-from chefbotd.rpc.connection_manager import Headroom
 from chefbotd.rpc.jsonrpc import Failure
 from chefbotd.rpc.parameters import is_loopback
 from chefbotd.rpc.server import RpcServer
 from chefbotd.rpc.session import Session
 from chefbotd.transport.connection import SocketConnection
 from chefbotd.transport.parameters import PageParameters
-from chefbotd.transport.tcp import DescriptorLimit, listen
 from chefbotd.transport.unread import UnreadSockets
 from chefbotd.transport.web.framing import WebSocketFraming
+from chefbotd.transport.web.http_server import HttpLimits, HttpServer
 from chefbotd.transport.web.origin import is_own_host, is_own_origin
 from chefbotd.transport.web.prometheus import CONTENT_TYPE, exposition
 
@@ -58,10 +55,6 @@ def page_files() -> dict[str, PageFile]:
     return {"/": files["/index.html"], **files}
 
 
-ACCEPT_AGAIN_S = 0.1
-MAX_HTTP_CONNECTIONS = 64
-"""Of those that are no WebSocket; the oldest gives way."""
-END_S = 0.5
 SOCKET_PATH = "/socket"
 HEADERS = {
     "Content-Security-Policy": (
@@ -75,9 +68,6 @@ HEADERS = {
     "Cross-Origin-Resource-Policy": "same-origin",
     "Cache-Control": "no-cache",
 }
-
-SILENT = logging.Logger("aiohttp", logging.CRITICAL + 1)
-"""Any client can send bytes that are not HTTP; aiohttp would log a traceback each time."""
 
 log = structlog.get_logger(__name__)
 
@@ -114,13 +104,20 @@ class PageServer:
         self.unread = UnreadSockets()
         rpc.arrivals.add_transport(self.unread.mark)
         self._files = page_files()
-        self._descriptors = DescriptorLimit(rpc.connections.parameters.reserved_stop_connections)
-        self._sockets: dict[asyncio.Protocol, socket.socket] = {}
-        self._upgraded: set[asyncio.Protocol] = set()
-        self._handshakes = 0
+        limits = rpc.connections.parameters
+        self._http = HttpServer(
+            self._serve,
+            __name__,
+            guard.tls,
+            HttpLimits(
+                silent=limits.max_new_connections,
+                header_s=limits.authenticate_timeout_s,
+                receive_bytes=limits.backlog_bytes,
+            ),
+            reserved_descriptors=limits.reserved_stop_connections,
+        )
         self._listening = asyncio.Event()
         self._address = ("", 0)
-        self._log = RateLimitedLog(log)
 
     async def run(self) -> None:
         """Serve until cancelled.
@@ -128,24 +125,10 @@ class PageServer:
         Raises:
             CannotListen: the address cannot be listened on.
         """
-        receive_bytes = self._rpc.connections.parameters.backlog_bytes
-        listeners = listen(self._parameters.host, self._parameters.port, receive_bytes, "page.port")
-        # A body is never read, and access is not logged: an address could tell what it should not.
-        server = web.Server(
-            self._handle, access_log=None, logger=SILENT, keepalive_timeout=15.0, lingering_time=0.0
-        )
-        try:
-            self._announce(listeners[0].getsockname())
-            async with asyncio.TaskGroup() as group:
-                for listener in listeners:
-                    group.create_task(self._accept(listener, server, group))
-        finally:
-            for listener in listeners:
-                listener.close()
-            await server.shutdown(END_S)
+        await self._http.run(self._parameters.host, self._parameters.port, self._announce, "page.port")
 
-    def _announce(self, name: tuple[str, int]) -> None:
-        self._address = host, port = name[0], name[1]
+    def _announce(self, host: str, port: int) -> None:
+        self._address = host, port
         self._listening.set()
         shown = f"[{host}]" if ":" in host else host
         tls = self._guard.tls is not None
@@ -159,65 +142,6 @@ class PageServer:
         """Where the page is; waits until it is there."""
         await self._listening.wait()
         return self._address
-
-    async def _accept(self, listener: socket.socket, server: web.Server, group: asyncio.TaskGroup) -> None:
-        loop = asyncio.get_running_loop()
-        while True:
-            try:
-                accepted, _ = await loop.sock_accept(listener)
-            except OSError as error:  # out of descriptors or of memory; the client waits in the kernel
-                self._log.warning("client_not_accepted", error=str(error))
-                await asyncio.sleep(ACCEPT_AGAIN_S)
-                continue
-            enough = self._descriptors.headroom(accepted.fileno()) is Headroom.ENOUGH
-            if enough and self._handshakes < MAX_HTTP_CONNECTIONS:
-                self._make_room(server)
-                group.create_task(self._connect(accepted, server))
-            else:
-                accepted.close()
-            await asyncio.sleep(0)
-
-    def _make_room(self, server: web.Server) -> None:
-        waiting = [connection for connection in server.connections if connection not in self._upgraded]
-        if len(waiting) >= MAX_HTTP_CONNECTIONS and waiting[0].transport is not None:
-            waiting[0].transport.abort()
-
-    async def _connect(self, accepted: socket.socket, server: web.Server) -> None:
-        tls = self._guard.tls
-        self._handshakes += 1
-
-        def protocol() -> asyncio.Protocol:
-            handler = cast(asyncio.Protocol, server())
-            if tls is None:
-                self._sockets[handler] = accepted
-            return handler
-
-        try:
-            await asyncio.get_running_loop().connect_accepted_socket(
-                protocol,
-                accepted,
-                ssl=tls,
-                ssl_handshake_timeout=None
-                if tls is None
-                else self._rpc.connections.parameters.authenticate_timeout_s,
-            )
-        except OSError as error:  # no TLS, a handshake that took too long, or the client has gone
-            self._log.warning("client_not_admitted", error=str(error))
-        finally:
-            self._handshakes -= 1
-            self._forget_sockets(server)
-
-    def _forget_sockets(self, server: web.Server) -> None:
-        alive = set(server.connections)
-        for handler in [connection for connection in self._sockets if connection not in alive]:
-            del self._sockets[handler]
-
-    async def _handle(self, request: web.BaseRequest) -> web.StreamResponse:
-        try:
-            return await self._serve(request)
-        except Exception as problem:  # noqa: BLE001 - told and logged: the page must not take the robot along
-            self._log.warning("page_fault", path=request.path, error=repr(problem))
-            return _answer(HTTPStatus.INTERNAL_SERVER_ERROR, "a fault in the daemon; it is in the log")
 
     async def _serve(self, request: web.BaseRequest) -> web.StreamResponse:
         if not is_own_host(request.headers.get("Host", ""), self._parameters.allowed_hosts):
@@ -260,17 +184,14 @@ class PageServer:
             text = json.dumps({"kind": str(session.kind), "message": session.message})
             return _answer(HTTPStatus.SERVICE_UNAVAILABLE, text)
         handler = cast(asyncio.Protocol, request.protocol)
-        connection = WebSocketConnection(self._rpc, self.unread, session, self._sockets.get(handler), handler)
-        self._upgraded.add(handler)
+        plain = self._http.plain_socket(request)
+        self._http.show_proof(request)  # its limits are those of the connection manager now
+        connection = WebSocketConnection(self._rpc, self.unread, session, plain, handler)
         transport.write(_switching(key))
         transport.set_protocol(connection)
         connection.connection_made(transport)
         transport.resume_reading()
-        try:
-            await connection.gone.wait()
-        finally:
-            self._upgraded.discard(handler)
-            self._sockets.pop(handler, None)
+        await connection.gone.wait()
         return web.Response()
 
 

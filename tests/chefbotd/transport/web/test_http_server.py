@@ -17,7 +17,7 @@ from chefbotd.transport.web.http_server import HttpLimits, HttpServer
 from tests.waiting import until
 
 GET = b"GET / HTTP/1.1\r\nHost: localhost\r\n\r\n"
-LIMITS = HttpLimits(connections=8, per_address=6)
+LIMITS = HttpLimits(silent=8, connections=6)
 
 
 async def answer(request: web.BaseRequest) -> web.StreamResponse:
@@ -88,13 +88,13 @@ def serve(scenario: Callable[[Bench], Awaitable[None]], **options: Any) -> None:
 
 
 def test_silent_connections_of_one_address_keep_nobody_out() -> None:
-    """1,100 of them: at most 6 are kept, another address is served at once, the same one after a second."""
+    """1,100 of them: at most 8 are kept, another address is served at once, the same one after a second."""
 
     async def scenario(bench: Bench) -> None:
         for _ in range(1100):
             await bench.connect("127.0.0.2")
         assert b"hello" in await bench.ask(host="127.0.0.3")
-        assert len(bench.server._places) <= 6 + 1
+        assert len(bench.server._silent) <= 8
         await asyncio.sleep(LIMITS.least_s)
         assert b"hello" in await bench.ask(host="127.0.0.2")
 
@@ -112,7 +112,7 @@ def test_what_is_not_a_complete_request_in_time_ends() -> None:
         writer.write(b"more")
         assert await until_closed(silent) == await until_closed(slow) == b""
         assert bench.server.refused["late"] == 2
-        assert len(bench.server._places) == 0
+        assert len(bench.server._silent) == len(bench.server._speaking) == 0
 
     serve(scenario)
 

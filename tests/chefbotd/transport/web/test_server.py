@@ -294,6 +294,7 @@ def test_figures_need_a_token_where_there_are_tokens() -> None:
     async def scenario(served: Served) -> None:
         assert (await get(served, "/metrics")).status == 401
         assert (await get(served, "/metrics", Authorization="Bearer wrong")).status == 401
+        assert (await get(served, "/metrics", Authorization="Bearer r\u00e9seau")).status == 401
         assert (await get(served, "/metrics", Authorization=f"Bearer {OBSERVER}")).status == 200
         assert (await get(served, "/")).status == 200
 
@@ -301,13 +302,34 @@ def test_figures_need_a_token_where_there_are_tokens() -> None:
 
 
 def test_idle_visitors_give_way() -> None:
-    """Who opens connections and asks nothing keeps nobody from the page: the oldest of 64 goes."""
+    """Who opens connections and asks nothing keeps nobody from the page: the oldest goes after a second."""
 
     async def scenario(served: Served) -> None:
-        idle = [await asyncio.open_connection(served.host, served.port) for _ in range(70)]
+        idle = [await asyncio.open_connection(served.host, served.port) for _ in range(80)]
+        await asyncio.sleep(1.0)
         assert (await get(served, "/")).status == 200
         assert await idle[0][0].read() == b""
         for _, writer in idle:
+            writer.close()
+
+    serve(scenario, max_new_connections=64)
+
+
+def test_a_request_that_never_ends_is_cut_off() -> None:
+    """A header line that goes on byte by byte has five seconds, and keeps nobody from the page meanwhile."""
+
+    async def scenario(served: Served) -> None:
+        slow = [await asyncio.open_connection(served.host, served.port) for _ in range(100)]
+        for _, writer in slow:
+            writer.write(b"GET / HTTP/1.1\r\nX-Slow: ")
+        for _ in range(12):
+            await asyncio.sleep(0.4)
+            for _, writer in slow:
+                writer.write(b"x")
+        assert (await get(served, "/")).status == 200
+        await asyncio.sleep(0.3)
+        for reader, writer in slow:
+            assert await reader.read() == b""
             writer.close()
 
     serve(scenario)
