@@ -110,6 +110,9 @@ class Daemon:
         self.features = self._make_features(context, features, board_feature)
         guard = load_guard(settings.api, os.environ)
         self.rpc = self._rpc_server(settings, guard)
+        driving.keeper.call_on_latched(
+            lambda: self.rpc.arrivals.record_stop(None, "the robot itself, for a fault")
+        )
         self.server = TcpServer(self.rpc, settings.api, guard.tls)
         self.page = page_server(settings, self.rpc, guard, self.metrics)
         self.features += discovery(settings, self.server, self.page)
@@ -154,11 +157,12 @@ class Daemon:
             sources=Sources(
                 settings.safety.offered,
                 settings.safety.default_source,
-                self.driving.acknowledge_stops,
+                self.driving.take_over,
             ),
             command_timeout_s=settings.safety.command_timeout_s,
             link_is_up=lambda: self.session.is_open,
             resumed_s=lambda: self.driving.resumed_s,
+            stop_number=lambda: self.driving.stop_number,
             keyring=guard.keyring,
             plugins=self._plugins,
         )

@@ -102,9 +102,11 @@ class GeneratedMethods(MethodCaller):
         return await self._ask("LocalizationData", "set_pose", x_m=x_m, y_m=y_m, heading_rad=heading_rad,
             on_progress=on_progress)
 
-    async def localize(self, *, turn: bool = False, on_progress: ProgressListener | None = None) -> m.LocalizationData:
+    async def localize(self, *, turn: bool = False, if_stop_number: int | None = None,
+        on_progress: ProgressListener | None = None) -> m.LocalizationData:
         """Search the whole map for the robot's pose; the robot does not move, unless ``turn`` allows one turn."""
-        return await self._ask("LocalizationData", "localize", turn=turn, on_progress=on_progress)
+        return await self._ask("LocalizationData", "localize", turn=turn, if_stop_number=if_stop_number,
+            on_progress=on_progress)
 
     async def get_goal(self, goal: int | None = None, goal_id: str | None = None) -> m.GoalReport:
         """What became of a goal; the ends of the last 400 are remembered until the daemon ends."""
@@ -125,9 +127,9 @@ class GeneratedMethods(MethodCaller):
         """Stop the robot, and keep its goals."""
         await self._ask(None, "pause_navigation")
 
-    async def resume_navigation(self) -> None:
+    async def resume_navigation(self, *, if_stop_number: int | None = None) -> None:
         """Continue with the goals from the robot's present pose."""
-        await self._ask(None, "resume_navigation")
+        await self._ask(None, "resume_navigation", if_stop_number=if_stop_number)
 
     async def arm(self, latch: int | None = None) -> None:
         """Allow motion after an emergency stop or a fault; with ``latch``, only if that one is the newest."""
@@ -189,10 +191,11 @@ class GeneratedMethods(MethodCaller):
         """Return every step that can be calibrated, and the newest result of each."""
         return await self._ask("CalibrationReport", "get_calibration", on_progress=on_progress)
 
-    async def calibrate(self, step: str, space_m: float | None = None,
+    async def calibrate(self, step: str, space_m: float | None = None, *, if_stop_number: int | None = None,
         on_progress: ProgressListener | None = None) -> m.StepResult:
         """Carry out a step of the calibration; the robot moves. Nothing is written before ``apply_calibration``."""
-        return await self._ask("StepResult", "calibrate", step=step, space_m=space_m, on_progress=on_progress)
+        return await self._ask("StepResult", "calibrate", step=step, space_m=space_m, if_stop_number=if_stop_number,
+            on_progress=on_progress)
 
     async def answer_calibration(self, key: str, value: float) -> None:
         """Answer the question that the calibration asks."""

@@ -155,6 +155,7 @@ class NavigationMethods(MethodCaller):
         queue: bool | None = None,
         goal_id: str | None = None,
         on_client_left: Literal["cancel", "keep"] | None = None,
+        if_stop_number: int | None = None,
         on_progress: ProgressListener | None = None,
     ) -> str:
         """Drive to a place, or to a pose in the map in use, and wait for the end; the sentence about it.
@@ -163,7 +164,8 @@ class NavigationMethods(MethodCaller):
         so is the goal, with those that were queued behind it; the robot stands, unless a goal comes before.
         ``on_progress`` is told the metres that are done, all of them, and what the robot does.
         Of a ``goal_id`` that the daemon knows already nothing begins anew: the end of that goal is waited for. With
-        ``on_client_left`` "keep" the goal outlives this client, which can wait for it again by its ``goal_id``.
+        ``on_client_left`` "keep" the goal outlives this client, which can wait for it again by its ``goal_id``. With
+        ``if_stop_number`` it is refused as ``stopped_since`` where the robot was stopped after this was its number.
 
         Raises:
             GoalNotReached: the goal ended otherwise; its subclass and ``reason`` say how.
@@ -179,23 +181,35 @@ class NavigationMethods(MethodCaller):
             queue=queue,
             goal_id=goal_id,
             on_client_left=on_client_left,
+            if_stop_number=if_stop_number,
         )
         return await self._until_reached("navigate_to", goal, on_progress)
 
     async def follow_waypoints(
-        self, places: list[str], *, queue: bool | None = None, on_progress: ProgressListener | None = None
+        self,
+        places: list[str],
+        *,
+        queue: bool | None = None,
+        if_stop_number: int | None = None,
+        on_progress: ProgressListener | None = None,
     ) -> str:
         """Drive to places one after the other, and wait for the end; queued and raises as ``navigate_to``."""
-        waypoints = given(waypoints=[{"place": place} for place in places], queue=queue)
+        waypoints = given(
+            waypoints=[{"place": place} for place in places], queue=queue, if_stop_number=if_stop_number
+        )
         return await self._until_reached("follow_waypoints", waypoints, on_progress)
 
-    async def go_home(self, *, on_progress: ProgressListener | None = None) -> str:
+    async def go_home(
+        self, *, if_stop_number: int | None = None, on_progress: ProgressListener | None = None
+    ) -> str:
         """Drive to the place that is the robot's home, and wait for the end; raises as ``navigate_to`` does."""
-        return await self._until_reached("go_home", {}, on_progress)
+        return await self._until_reached("go_home", given(if_stop_number=if_stop_number), on_progress)
 
-    async def dock(self, *, on_progress: ProgressListener | None = None) -> str:
+    async def dock(
+        self, *, if_stop_number: int | None = None, on_progress: ProgressListener | None = None
+    ) -> str:
         """Drive to the place where the robot is charged, and wait for the end; raises as ``navigate_to`` does."""
-        return await self._until_reached("dock", {}, on_progress)
+        return await self._until_reached("dock", given(if_stop_number=if_stop_number), on_progress)
 
     async def _until_reached(
         self, method: str, params: dict[str, Any], on_progress: ProgressListener | None

@@ -22,6 +22,7 @@ class RefusalKind(StrEnum):
     DISARMED = "disarmed"
     ESTOPPED = "estopped"
     STOPPED = "stopped"
+    STOPPED_SINCE = "stopped_since"
     LINK_DOWN = "link_down"
     UNKNOWN_SOURCE = "unknown_source"
     UNKNOWN_WHEEL = "unknown_wheel"

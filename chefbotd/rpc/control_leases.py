@@ -5,6 +5,7 @@ its client or is taken over, the source's last command is withdrawn: nobody answ
 """
 
 from collections.abc import Callable
+from typing import Protocol
 
 from msgspec import Struct
 
@@ -15,12 +16,20 @@ from chefbotd.rpc.method import Unserved
 from chefbotd.rpc.session import Session, SessionState
 
 
+class TakeOver(Protocol):
+    """Is told that a client takes control of a source."""
+
+    def __call__(self, client: int, source: str, *, from_another: bool) -> None:
+        """``from_another``: another client had it until now."""
+        ...
+
+
 class Sources(Struct, frozen=True):
-    """The sources of velocity commands; ``acknowledge_stops`` frees a client, by its number, of what holds a source."""
+    """The sources of velocity commands; ``take_over`` is told of each client, by its number, that takes control."""
 
     names: tuple[str, ...]
     default: str
-    acknowledge_stops: Callable[[int, str], None]
+    take_over: TakeOver
 
 
 class Lease(Struct):

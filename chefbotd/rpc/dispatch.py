@@ -12,7 +12,7 @@ from pydantic import ValidationError
 from pydantic_core import ErrorDetails
 
 from chefbotd.clock import Clock
-from chefbotd.core.commands import Refused
+from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.inputs import RequestHandled
 from chefbotd.entries import entries_of
 from chefbotd.logs import RateLimitedLog
@@ -22,7 +22,7 @@ from chefbotd.rpc.encoding import encode
 from chefbotd.rpc.jobs import Jobs
 from chefbotd.rpc.jsonrpc import ERRORS, ErrorKind, Failure, Request
 from chefbotd.rpc.method import Caller, Method, Unserved
-from chefbotd.rpc.models import Params
+from chefbotd.rpc.models import MotionParams, Params
 from chefbotd.rpc.session import Session
 
 
@@ -77,6 +77,7 @@ class Dispatcher:
         arrivals: Arrivals,
         command_timeout_s: float,
         jobs: Jobs | None = None,
+        stop_number: Callable[[], int] = lambda: 0,
     ) -> None:
         self.jobs = jobs or Jobs()
         self._async_methods = {name for name, m in methods.items() if iscoroutinefunction(m.handle)}
@@ -87,6 +88,7 @@ class Dispatcher:
         self._methods, self._clock = methods, entries_of(clock)
         self._handled = 0
         self._arrivals, self._command_timeout_s = arrivals, command_timeout_s
+        self._stop_number = stop_number
         self.faults: Counter[str] = Counter()
         self.void: Counter[str] = Counter()
         self._limited_log = RateLimitedLog(log)
@@ -154,6 +156,8 @@ class Dispatcher:
             if method.moves and arrival is not None:
                 self._require_fresh(caller.session, request.method, arrival)
             params = _checked(method, request)
+            if isinstance(params, MotionParams):
+                self._require_unstopped(caller.session, request.method, params)
             self._handled += 1  # also while nothing is recorded: it names the task of a request
             if request.method in self._async_methods:
                 handler = partial(method.handle, caller, params)
@@ -245,10 +249,19 @@ class Dispatcher:
             return
         raise self._void(session, method, kind, message)
 
+    def _require_unstopped(self, session: Session, method: str, params: MotionParams) -> None:
+        """Raise ``Unserved`` for what was decided before the last stop or fault, also in another run of the daemon."""
+        if params.if_stop_number not in (None, self._stop_number()):
+            message = (
+                "the robot was stopped, had a fault, or its daemon was started again after this was decided "
+                f"(if_stop_number is {params.if_stop_number}); look at the robot, and ask again if it is still wanted"
+            )
+            raise self._void(session, method, RefusalKind.STOPPED_SINCE, message)
+
     def _overtaken(self) -> str:
         return f"a stop by {self._arrivals.stopped_by} came before the command; give it again if it is still wanted"
 
-    def _void(self, session: Session, method: str, kind: ErrorKind, message: str) -> Unserved:
+    def _void(self, session: Session, method: str, kind: ErrorKind | RefusalKind, message: str) -> Unserved:
         """Count and log a command that is not carried out. Returns the error for its client."""
         self.void[kind] += 1
         self._limited_log.warning(

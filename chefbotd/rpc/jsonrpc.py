@@ -109,6 +109,10 @@ ERRORS: Mapping[str, ErrorClass] = {
     RefusalKind.STOPPED: ErrorClass(
         -32029, "another client's stop blocks this source until its driver releases the controls or sends arm"
     ),
+    RefusalKind.STOPPED_SINCE: ErrorClass(
+        -32033,
+        "the robot was stopped, or had a fault, after this was decided or sent; decide again, and send it again",
+    ),
     RefusalKind.LINK_DOWN: ErrorClass(-32003, "the board is not connected"),
     RefusalKind.UNKNOWN_SOURCE: ErrorClass(-32004, "no such source of commands is configured"),
     RefusalKind.UNKNOWN_WHEEL: ErrorClass(-32005, "no such wheel"),

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, Protocol, TypeVar
 from msgspec import Struct
 from msgspec.structs import replace
 
+from chefbotd.core.commands import RefusalKind
 from chefbotd.core.record import Record
 from chefbotd.rpc.encoding import Sent, UnknownData
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
@@ -49,7 +50,9 @@ class Caller(Receiver, Protocol):
 class Unserved(Exception):
     """A well-formed request that the socket itself cannot carry out."""
 
-    def __init__(self, kind: ErrorKind, message: str, details: Mapping[str, object] | None = None) -> None:
+    def __init__(
+        self, kind: ErrorKind | RefusalKind, message: str, details: Mapping[str, object] | None = None
+    ) -> None:
         super().__init__(message)
         self.kind, self.details = kind, details or {}
 

@@ -180,7 +180,11 @@ class ServerMethods:
 
     @method(role=Role.DRIVE, moves=False)
     def take_control(self, caller: Caller, params: models.TakeControlParams) -> models.ControlTaken:
-        """Take control of a source of commands, also from another client, whose motion then stops."""
+        """Take control of a source of commands, also from another client, whose motion then stops.
+
+        From another client it counts as a decision to drive after a stop, unless this client has tried to drive, or
+        took control, within the last second: then it only repeats itself.
+        """
         source, names = params.source or self._sources.default, self._sources.names
         if source not in names:
             raise Refused(
@@ -188,8 +192,7 @@ class ServerMethods:
             )
         before = self._leases.take_source(source, caller.session, self._clock.now_s())
         others = None if before is None or before is caller.session else str(before)
-        if others is not None:
-            self._sources.acknowledge_stops(caller.session.number, source)
+        self._sources.take_over(caller.session.number, source, from_another=others is not None)
         return models.ControlTaken(source=source, taken_from=others)
 
     @method(role=Role.DRIVE, moves=False)

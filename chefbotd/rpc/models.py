@@ -28,6 +28,16 @@ class Params(BaseModel):
     confidential: ClassVar[bool] = False
 
 
+class MotionParams(Params):
+    """What a request that may move the robot takes for granted: that nothing has stopped the robot since."""
+
+    if_stop_number: int | None = Field(
+        None,
+        ge=0,
+        description="the stop_number from the topic safety when this was decided; refused after any later stop or fault",
+    )
+
+
 class NoParams(Params):
     """Nothing."""
 

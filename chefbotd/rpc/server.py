@@ -32,6 +32,7 @@ class RpcServer:
 
     ``methods`` and ``topics`` are those of the robot's features; the server adds its own. ``session`` names this run of
     the daemon. A command holds for ``command_timeout_s``. ``keyring`` has the tokens (None: no client needs one).
+    ``stop_number`` is the number of the robot's last stop or fault.
     """
 
     def __init__(
@@ -49,6 +50,7 @@ class RpcServer:
         command_timeout_s: float,
         link_is_up: Callable[[], bool],
         resumed_s: Callable[[], float] = lambda: -math.inf,
+        stop_number: Callable[[], int] = lambda: 0,
         keyring: Keyring | None = None,
         plugins: tuple[PluginDescription, ...] = (),
     ) -> None:
@@ -69,7 +71,9 @@ class RpcServer:
             *(f"topic.{name}" for name in self._fanout.topics),
             *(f"feature.{name}" for name in FEATURES),
         )
-        dispatcher = Dispatcher(self._methods, clock, self.arrivals, command_timeout_s, jobs)
+        dispatcher = Dispatcher(
+            self._methods, clock, self.arrivals, command_timeout_s, jobs, stop_number=stop_number
+        )
         role = parameters.default_role if keyring is None else None
         self.connections = ConnectionManager(
             parameters,

@@ -9,20 +9,23 @@ From a held source nobody drives but the clients that know of the stop: the one 
 itself, and those that asked to drive after it. The others may be the same driver on a new connection, so they are all
 held, whoever tried first. A source is free when no held client has tried for ``stop_hold_s``. What those do who know
 of the stop neither ends the hold of the others nor makes it longer.
+
+Taking control of a source is a try of it. From another client it also asks to drive after the stop, but only for a
+client that has not tried within ``stop_hold_s``: a program that repeats it decides nothing.
 """
 
 from chefbotd.core.record import Record, replace
 
 NEVER_S = float("-inf")
-MOST_KNOWING = 64
-"""So many clients that know of a stop are remembered, the latest ones; who is forgotten asks again."""
+MOST_KNOWING = MOST_TRYING = 64
+"""So many clients that know of a stop, or that try, are remembered, the latest ones; who is forgotten asks again."""
 
 
 class Tries(Record, frozen=True, array_like=True):
     """The last try to drive a source and its client, the last one of any other client, and the stop that holds it.
 
     ``stopped_by`` is empty where none does. ``knowing`` are the clients that are not held, and ``held_s`` is when a
-    held one has tried last.
+    held one has tried last. ``trying`` has the last try of each client that has tried lately.
     """
 
     source: str
@@ -32,6 +35,7 @@ class Tries(Record, frozen=True, array_like=True):
     stopped_by: str = ""
     knowing: tuple[int, ...] = ()
     held_s: float = NEVER_S
+    trying: tuple[tuple[int, float], ...] = ()
 
 
 State = tuple[Tries, ...]
@@ -51,7 +55,11 @@ def note_try(
         stopped_by, knowing = latched_by, ()
     if stopped_by and client not in knowing:
         held_s = now_s
-    after = Tries(source, client, now_s, others_s, stopped_by, knowing, held_s)
+    trying = tuple(
+        [o for o in before.trying if o[0] != client and now_s - o[1] < stop_hold_s][1 - MOST_TRYING :]
+    )
+    trying = (*trying, (client, now_s))
+    after = Tries(source, client, now_s, others_s, stopped_by, knowing, held_s, trying)
     return (*(tries for tries in state if tries.source != source), after)
 
 
@@ -82,6 +90,26 @@ def acknowledge(state: State, client: int, source: str | None = None) -> State:
             for tries in state
         ]
     )
+
+
+def take_over(
+    state: State,
+    source: str,
+    client: int,
+    now_s: float,
+    stop_hold_s: float,
+    latched_by: str,
+    *,
+    from_another: bool,
+) -> State:
+    """A client takes control of a source, perhaps from another one; what is taken during a latch counts for nothing."""
+    before = _of(state, source)
+    has_tried = before is not None and any(
+        other == client and now_s - at_s < stop_hold_s for other, at_s in before.trying
+    )
+    if from_another and not has_tried:
+        state = acknowledge(state, client, source)
+    return note_try(state, source, client, now_s, stop_hold_s, latched_by)
 
 
 def holder_of(state: State, source: str, client: int) -> str:

@@ -72,9 +72,10 @@ def new_server(
         leases,
         robot_name="testbot",
         session="s1",
-        sources=Sources(robot.sources, robot.default_source, robot.acknowledge_stops),
+        sources=Sources(robot.sources, robot.default_source, robot.take_over),
         command_timeout_s=robot.command_timeout_s,
         link_is_up=lambda: robot.link_is_up,
+        stop_number=lambda: robot.stop_number,
         keyring=guard.keyring if guard is not None else None,
     )
     return server, robot, bus

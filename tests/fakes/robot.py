@@ -117,6 +117,7 @@ class FakeRobot:
 
     command_timeout_s = 0.5
     stop_hold_s = 1.0
+    stop_number = 0
     link_is_up = False
     arm_role = Role.DRIVE
     default_source = "teleop"
@@ -173,6 +174,11 @@ class FakeRobot:
     def stop(self, by: str, client: int) -> None:
         """Remember it."""
         self._record("stop")
+
+    def take_over(self, client: int, source: str, *, from_another: bool) -> None:
+        """Remember who takes over, apart from the commands."""
+        if from_another:
+            self.acknowledged.append((client, source))
 
     def acknowledge_stops(self, client: int, source: str | None = None) -> None:
         """Remember who asks anew, apart from the commands."""
@@ -289,7 +295,7 @@ def table_of(robot: FakeRobot, fanout: Fanout, clock: Clock, leases: ControlLeas
         fanout,
         clock,
         leases,
-        Sources(robot.sources, robot.default_source, robot.acknowledge_stops),
+        Sources(robot.sources, robot.default_source, robot.take_over),
     )
 
 

@@ -72,6 +72,9 @@ class AgentEventData(Record, frozen=True):
     call_id: Annotated[int | None, Meta(description="to be answered with answer_call")] = None
     method: str | None = None
     params: dict[str, Any] = {}
+    stop_number: Annotated[
+        int, Meta(description="that of the topic safety when it happened, for if_stop_number")
+    ] = 0
 
 
 class AgentNotified(AgentEventData, frozen=True, kw_only=True):

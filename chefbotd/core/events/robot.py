@@ -178,7 +178,8 @@ class SafetyChanged(Record, frozen=True):
 
     ``fault`` is the stable name of the fault that latched (None: none did). ``limited_by`` says what keeps the command
     from being followed as it was given: ``encoders_stale``, ``no_echo``, ``obstacle:`` and the sensor that sees it, or
-    ``silent:`` and the lidar that sees nothing any more. ``latch`` counts the e-stops and faults that have latched.
+    ``silent:`` and the lidar that sees nothing any more. ``latch`` counts the e-stops and faults that have latched,
+    ``stop_number`` those and the stops.
     """
 
     retained: ClassVar[bool] = True
@@ -190,6 +191,7 @@ class SafetyChanged(Record, frozen=True):
     fault: str | None = None
     limited_by: str | None = None
     latch: int = 0
+    stop_number: int = 0
 
     def log_line(self) -> LogLine:
         """The line in the log."""

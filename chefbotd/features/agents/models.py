@@ -111,6 +111,7 @@ class AskResult(Record, frozen=True):
 
     choice: str | None
     by: str = ""
+    stop_number: Annotated[int, Meta(description="that of the topic safety when it was chosen")] = 0
 
 
 class ButtonAdded(Record, frozen=True):

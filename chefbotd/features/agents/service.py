@@ -9,7 +9,7 @@ from typing import Any, Literal
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.core.events import ClientDisconnected
+from chefbotd.core.events import ClientDisconnected, SafetyChanged
 from chefbotd.core.events.agents import (
     AgentData,
     AgentNotified,
@@ -68,6 +68,7 @@ class AgentsState(Record, frozen=True):
     buttons: list[ButtonData]
     waits: PendingState
     last_number: int
+    stop_number: int = 0
 
 
 class AgentsService:
@@ -78,19 +79,20 @@ class AgentsService:
         self._agents: dict[int, RegisteredAgent] = {}  # by client
         self._buttons: dict[int, ButtonData] = {}
         self.waits = PendingRequests(self._entries, self._tell)
-        self._last_number = 0
+        self._last_number = self._stop_number = 0
         bus.add_handler(self._take_client_left, ClientDisconnected)
+        bus.add_handler(self._take_safety, SafetyChanged)
 
     def state(self) -> AgentsState:
         """Return the state of this part."""
         agents, buttons = list(self._agents.values()), list(self._buttons.values())
-        return AgentsState(agents, buttons, self.waits.state(), self._last_number)
+        return AgentsState(agents, buttons, self.waits.state(), self._last_number, self._stop_number)
 
     def restore(self, state: AgentsState) -> None:
         """Go on from there; the requests that wait are to begin again."""
         self._agents = {agent.client: agent for agent in state.agents}
         self._buttons = {button.button_id: button for button in state.buttons}
-        self._last_number = state.last_number
+        self._last_number, self._stop_number = state.last_number, state.stop_number
         self.waits.restore(state.waits)
 
     # what an agent asks
@@ -195,7 +197,7 @@ class AgentsService:
         if params.choice not in choices:
             why = f"{params.choice!a} is none of the choices: {', '.join(choices)}"
             raise Refused(RefusalKind.OUT_OF_RANGE, why)
-        self.waits.end(pending.number, AskResult(params.choice, str(caller.session)))
+        self.waits.end(pending.number, AskResult(params.choice, str(caller.session), self._stop_number))
         return DONE
 
     @method(role=Role.AGENT, moves=False)
@@ -241,12 +243,16 @@ class AgentsService:
 
     def _notify(self, agent: str, event: Literal["pressed", "called"], by: Session, **details: Any) -> None:
         now_s = self._entries.now_s()
+        details["stop_number"] = self._stop_number  # what is decided now is decided before the next stop
         self._bus.publish(AgentNotified(agent, event, str(by), **details, stamp_s=now_s))
 
     def _tell(self) -> None:
         agents = tuple(agent.data for agent in self._agents.values())
         now_s, buttons = self._entries.now_s(), tuple(self._buttons.values())
         self._bus.publish(AgentsChanged(agents, buttons, self.waits.questions(), stamp_s=now_s))
+
+    def _take_safety(self, event: SafetyChanged) -> None:
+        self._stop_number = event.stop_number
 
     def _take_client_left(self, event: ClientDisconnected) -> None:
         """Everything of an agent vanishes with its connection."""

@@ -8,13 +8,13 @@ from pydantic import Field
 
 from chefbotd.core.events.calibration import CalibrationChanged, CalibrationData, StepResult
 from chefbotd.core.record import Record
-from chefbotd.rpc.models import Params
+from chefbotd.rpc.models import MotionParams, Params
 from chefbotd.rpc.topics import Topic
 
 StepName = Annotated[str, Field(min_length=1, max_length=40)]
 
 
-class CalibrateParams(Params):
+class CalibrateParams(MotionParams):
     """The step, and the free floor around the robot where nothing on it sees that."""
 
     step: StepName = Field(

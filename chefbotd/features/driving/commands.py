@@ -88,14 +88,14 @@ class DriveCommands:
         """Come to rest within the deceleration limit; sources that others drive are held until they let go."""
         drivers = self._leases.drivers(self._clock.now_s())
         self._service.stop(str(caller.session), caller.session.number)
-        return Stopped(drivers=drivers)
+        return Stopped(drivers=drivers, stop_number=self._service.stop_number)
 
     @method(role=Role.OBSERVE, urgent=True, when_crowded=True)
     def estop(self, caller: Caller, params: EstopParams) -> Stopped:
         """Stop the motors at once, and until armed again."""
         drivers = self._leases.drivers(self._clock.now_s())
         self._service.estop(params.reason)
-        return Stopped(drivers=drivers)
+        return Stopped(drivers=drivers, stop_number=self._service.stop_number)
 
     @method(role=Role.DRIVE, moves=True)
     def arm(self, caller: Caller, params: ArmParams) -> Done:

@@ -7,6 +7,7 @@ from collections.abc import Collection
 from typing import Final, Protocol
 
 from chefbotd.clock import Clock
+from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import Motion, WheelDuties
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.method import Unserved
@@ -28,6 +29,11 @@ class Gate(Protocol):
     @property
     def stopped_by(self) -> str:
         """Whose was the last of them."""
+        ...
+
+    @property
+    def stop_number(self) -> int:
+        """Changes with every stop, emergency stop and fault."""
         ...
 
     def command(self, source: str, motion: Motion | WheelDuties, client: int = 0) -> None:
@@ -105,6 +111,23 @@ class InnerDriver:
     def stopped_by(self) -> str:
         """Whose was the last of them."""
         return self._gate.stopped_by
+
+    @property
+    def stop_number(self) -> int:
+        """Changes with every stop, e-stop and fault: to be read when a request arrives, for ``require_unstopped``."""
+        return self._gate.stop_number
+
+    def require_unstopped(self, stop_number: int, what: str) -> None:
+        """Let begin what has waited since this was the number; ``what`` says so, as "this goal was sent".
+
+        Raises:
+            Refused: the robot was stopped or had a fault meanwhile, also where it is armed again.
+        """
+        if self.stop_number != stop_number:
+            raise Refused(
+                RefusalKind.STOPPED,
+                f"the robot was stopped after {what}; ask again if it is still wanted",
+            )
 
     def gives_way_to(self, source: str | None) -> bool:
         """Whether this source is a higher one; while a higher one is in force, this driver is not followed."""

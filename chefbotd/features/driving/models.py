@@ -9,7 +9,7 @@ from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from chefbotd.core import events
 from chefbotd.core.record import Record, replace
-from chefbotd.rpc.models import SOURCE, Done, Params
+from chefbotd.rpc.models import SOURCE, Done, MotionParams, Params
 from chefbotd.rpc.topics import Topic
 
 ARMED_MODE: Final = "armed"
@@ -19,7 +19,7 @@ MAX_REASON_CHARACTERS: Final = 200
 NO_REASON: Final = "asked by a client"
 
 
-class DriveParams(Params):
+class DriveParams(MotionParams):
     """A velocity in the robot's frame: forward in m/s, turning in rad/s (CCW positive)."""
 
     linear_m_s: float
@@ -27,7 +27,7 @@ class DriveParams(Params):
     source: str | None = SOURCE
 
 
-class SetWheelVelocitiesParams(Params):
+class SetWheelVelocitiesParams(MotionParams):
     """The speed of each named wheel (forward positive); other wheels stand."""
 
     name: list[WheelName] = Field(min_length=1, max_length=MOST_WHEELS)
@@ -82,6 +82,9 @@ class Stopped(Done, frozen=True, kw_only=True):
     """Who was driving: the clients' names by source, including the client that stopped the robot."""
 
     drivers: dict[str, str]
+    stop_number: Annotated[
+        int, Meta(description="that of this stop, or of a later one: see the topic safety")
+    ] = 0
 
 
 class Limited(Done, frozen=True):
@@ -143,6 +146,13 @@ class SafetyData(Record, frozen=True):
             description="number of the last emergency stop or fault, which no other start of the daemon has; for arm"
         ),
     ] = 0
+    stop_number: Annotated[
+        int,
+        Meta(
+            description="number of the last stop, emergency stop or fault, which no other start of the daemon has; "
+            "for if_stop_number"
+        ),
+    ] = 0
 
 
 def _wheels(names: tuple[str, ...], event: events.WheelsDriven) -> WheelsData:
@@ -187,6 +197,7 @@ def safety_data(state: SafetyState | None) -> SafetyData:
         fault=event.fault,
         limited_by=event.limited_by,
         latch=event.latch,
+        stop_number=event.stop_number,
     )
 
 

@@ -63,7 +63,7 @@ JUST_S = 0.001
 WAITING = "waiting for the board"
 
 LATCHES_PER_SESSION = 2**20
-"""A latch's number is the session times this, plus a count. With 32 bits of session it is exact as a float."""
+"""A latch's or a stop's number is the session times this, plus a count. With 32 bits of session a float holds it."""
 
 
 class KeeperState(Record, frozen=True):
@@ -85,13 +85,15 @@ class KeeperState(Record, frozen=True):
     reported: Fault | None
     announcer: tuple[SafetyChanged | None, dict[str, int]]
     announced: tuple[str | int | None, ...]
+    stop_number: int = 0
 
 
 class SafetyKeeper:
     """``mounts`` are the range sensors that guard: ``base_from_sensor`` by name.
 
     ``scans`` makes the guard by lidars. ``latch`` keeps the mode beyond the end of the process; latches are numbered
-    within the ``session``. ``motors`` judges whether board and wheels follow commands.
+    within the ``session``. ``motors`` judges whether board and wheels follow commands. ``stop_number`` is that of the
+    last stop, e-stop or fault: what waits compares it, and begins nothing where it has changed.
     """
 
     def __init__(
@@ -109,7 +111,7 @@ class SafetyKeeper:
         self._bus, self._clock, self._parameters = bus, entries_of(clock), parameters
         self.motors = motors
         self._gate, self._decision = latch.recall(), HALT
-        self._latched = session * LATCHES_PER_SESSION
+        self._latched = self.stop_number = session * LATCHES_PER_SESSION
         self._held = StopHold(parameters.held_until_silent_s)
         self._silence = EncoderTimeoutState()
         self._without_echo = ""  # the sensor that waits for echoes that do not come
@@ -121,6 +123,7 @@ class SafetyKeeper:
         self._announced: tuple[str | int | None, ...] = ()
         self._reading_error: Exception | None = None
         self._on_fault: Callable[[], None] = lambda: None
+        self._on_latched: Callable[[], None] = lambda: None
         bus.add_handler(self._on_range, RangeMeasured, on_error=self._keep_error)
         bus.add_handler(self._on_battery, BatteryMeasured, on_error=self._keep_error)
         bus.add_handler(self._on_echo, DutyEchoed, on_error=self._keep_error)
@@ -142,6 +145,7 @@ class SafetyKeeper:
             self._reported,
             self.announcer.state(),
             self._announced,
+            self.stop_number,
         )
 
     def restore(self, state: KeeperState) -> None:
@@ -154,7 +158,7 @@ class SafetyKeeper:
         self.obstacles.restore(state.beams)
         self._link_open, self._reported = state.link_open, state.reported
         self.announcer.restore(state.announcer)
-        self._announced = state.announced
+        self._announced, self.stop_number = state.announced, state.stop_number
 
     @property
     def gate(self) -> GateState:
@@ -174,6 +178,10 @@ class SafetyKeeper:
     def call_on_fault(self, callback: Callable[[], None]) -> None:
         """Have ``callback`` called when a reading other than the encoders' has led to a fault or an error."""
         self._on_fault = callback
+
+    def call_on_latched(self, callback: Callable[[], None]) -> None:
+        """Have ``callback`` called when a fault has latched: what was sent before it counts for nothing."""
+        self._on_latched = callback
 
     # What is asked of the robot
 
@@ -200,15 +208,26 @@ class SafetyKeeper:
         if source in self._parameters.sources and (source != CALIBRATION or client == OWN):
             self._held.note_try(source, client, now_s, self._latched_by())
 
+    def forget_commands(self) -> None:
+        """Forget every command; this is no stop."""
+        self._gate = gate.stop(self._gate)
+
     def stop(self, by: str = "", client: int = 0) -> None:
         """Forget every command. With a name ``by``, also hold the sources that other clients drive."""
-        self._gate = gate.stop(self._gate)
+        self.forget_commands()
+        self.stop_number += 1
         if by:
             self._held.stop(client, by, self._clock.now_s())
 
     def acknowledge_stops(self, client: int, source: str | None = None) -> None:
         """A client knows of the stops so far and asks to drive this source (None: any): they hold it no longer."""
         self._held.acknowledge(client, source)
+
+    def take_over(self, client: int, source: str, *, from_another: bool) -> None:
+        """A client takes control of a source, which counts as a try to drive it."""
+        if source in self._parameters.sources:
+            now_s = self._clock.now_s()
+            self._held.take_over(client, source, now_s, self._latched_by(), from_another=from_another)
 
     def release(self, source: str) -> None:
         """Forget a source's command."""
@@ -218,7 +237,7 @@ class SafetyKeeper:
         """Latch an emergency stop until ``arm``. Sources that are driven now are held longer."""
         self._held.latch(EMERGENCY_STOP, self._clock.now_s())
         self._gate = gate.change_mode(self._gate, Trigger.ESTOP, reason)
-        self._latched += 1
+        self._latched, self.stop_number = self._latched + 1, self.stop_number + 1
 
     def arm(self, latch: int | None = None) -> None:
         """Allow motion again, and reset every detector. If the gate is armed already, nothing changes.
@@ -253,9 +272,10 @@ class SafetyKeeper:
         before = self._gate
         self._gate = gate.change_mode(before, Trigger.FAULT, fault.reason, fault.kind)
         if self._gate is not before:
-            self._latched += 1
+            self._latched, self.stop_number = self._latched + 1, self.stop_number + 1
             if latched_by := self._latched_by():
                 self._held.latch(latched_by, self._clock.now_s())
+            self._on_latched()
 
     def _latched_by(self) -> str:
         """What holds whoever drives until ``arm`` and beyond; nothing does where a fault is over by itself."""
@@ -327,7 +347,15 @@ class SafetyKeeper:
             self._link_open or state.mode is not Mode.ARMED
         )  # before, it is armed and there is nothing to move
         mode, reason = (state.mode, state.reason) if is_settled else (NO_BOARD, WAITING)
-        said = (mode, reason, decision.source, state.fault, decision.limited_by, self._latched)
+        said = (
+            mode,
+            reason,
+            decision.source,
+            state.fault,
+            decision.limited_by,
+            self._latched,
+            self.stop_number,
+        )
         if said != self._announced:
             self._announced = said
             self.announcer.announce(SafetyChanged(now_s, *said), state)

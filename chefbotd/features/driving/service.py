@@ -169,7 +169,7 @@ class DriveService:
 
     def brake(self) -> None:
         """Zero on the wire now, every source's command forgotten, and no motion before the next one."""
-        self.keeper.stop()
+        self.keeper.forget_commands()
         self._halt()
 
     def stop(self, by: str = "", client: int = 0) -> None:
@@ -180,6 +180,15 @@ class DriveService:
         self.stops, self.stopped_by = self.stops + 1, by
         self.keeper.stop(by, client)
         self._obey(self._clock.now_s())
+
+    @property
+    def stop_number(self) -> int:
+        """That of the last stop, e-stop or fault; another one than before means that there was any."""
+        return self.keeper.stop_number
+
+    def take_over(self, client: int, source: str, *, from_another: bool) -> None:
+        """A client takes control of a source: it knows of the stops so far where it did not try to drive lately."""
+        self.keeper.take_over(client, source, from_another=from_another)
 
     def acknowledge_stops(self, client: int, source: str | None = None) -> None:
         """A client knows of the stops so far, and asks to drive this source (None: any)."""
@@ -332,7 +341,7 @@ class DriveService:
         stood_s, self.acted_s = now_s - self.acted_s, now_s
         if stood_s <= self._watchdog.timeout_s:
             return
-        self.keeper.stop()
+        self.keeper.forget_commands()
         if not self.is_driving:
             return
         self.pauses, self._resumed_s = self.pauses + 1, now_s

@@ -38,6 +38,14 @@ class StopHold:
         """A client knows of every stop so far, and asks to drive this source (None: any)."""
         self._tries = hold.acknowledge(self._tries, client, source)
 
+    def take_over(
+        self, client: int, source: str, now_s: float, latched_by: str, *, from_another: bool
+    ) -> None:
+        """A client takes control of a source; ``latched_by`` as for a try."""
+        self._tries = hold.take_over(
+            self._tries, source, client, now_s, self._stop_hold_s, latched_by, from_another=from_another
+        )
+
     def require_free(self, source: str, client: int) -> None:
         """Raise ``Refused`` if a stop holds this client, whose attempt was just noted."""
         stopped_by, stop_hold_s = hold.holder_of(self._tries, source, client), self._stop_hold_s

@@ -8,7 +8,7 @@ from pydantic import Field
 
 from chefbotd.core.events.mapping import LocalizationChanged
 from chefbotd.core.record import Record
-from chefbotd.rpc.models import Params
+from chefbotd.rpc.models import MotionParams, Params
 from chefbotd.rpc.topics import Topic
 
 MOST_M = 1e4
@@ -22,7 +22,7 @@ class SetPoseParams(Params):
     heading_rad: float = Field(0.0, ge=-math.tau, le=math.tau, description="CCW positive")
 
 
-class LocalizeParams(Params):
+class LocalizeParams(MotionParams):
     """Whether the robot may move."""
 
     turn: bool = Field(

@@ -7,7 +7,7 @@ import structlog
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
-from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.commands import Refused
 from chefbotd.core.events.mapping import (
     LocalizationChanged,
     MapLoaded,
@@ -153,12 +153,9 @@ class LocalizationService:
         if not params.turn:
             return await self._ask(Localize(), SHORT_S)
         driver = self._turning.require()
-        stops = driver.stops
+        stop_number = driver.stop_number
         await self._ask(Localize(), SHORT_S)
-        if driver.stops != stops:
-            raise Refused(
-                RefusalKind.STOPPED, "the robot was stopped after this turn was asked for; ask again"
-            )
+        driver.require_unstopped(stop_number, "this turn was asked for")
         self._turning.begin(is_asked=True)
         return await self._turned(progress)
 
@@ -304,6 +301,9 @@ class LocalizationService:
             self._turning.end("it knows where it is")
         elif self._may_turn and now.map is not None and now.state in ("searching", "lost"):
             self._may_turn = False
+            if self._turning.was_stopped:
+                log.info("the robot does not turn to find itself: it was stopped meanwhile; ask for a turn")
+                return
             try:
                 self._turning.begin(is_asked=False)
             except Refused as refusal:

@@ -18,7 +18,7 @@ from chefbotd.core.record import Record
 from chefbotd.entries import Timer, due_of, entries_of
 from chefbotd.features.driving.inner_driver import InnerDriver
 from chefbotd.rpc.method import Unserved
-from chefbotd.safety.gate import not_armed, why_not_armed
+from chefbotd.safety.gate import Mode, not_armed, why_not_armed
 from chefbotd.worker.requests import OnProgress as Report
 
 LOOKS_S: Final = 3.0
@@ -55,10 +55,14 @@ class TurningState(Record, frozen=True):
     stops: int
     heading_rad: float | None
     turned_rad: float
+    was_stopped: bool = False
 
 
 class Turning:
-    """One turn at a time; ``driver`` puts it through the gate. Without one this robot does not drive by itself."""
+    """One turn at a time; ``driver`` puts it through the gate. Without one this robot does not drive by itself.
+
+    ``was_stopped``: somebody has stopped the robot, or it had a fault, since the daemon started.
+    """
 
     def __init__(self, bus: Bus, clock: Clock, driver: InnerDriver | None, report: Report) -> None:
         """``report`` is called with how far it has turned."""
@@ -69,6 +73,7 @@ class Turning:
         self._end: asyncio.Future[str] | None = None
         self._turns_until_s = self._reported_s = 0.0
         self._stops = 0
+        self.was_stopped = False
         self._heading_rad: float | None = None
         self._turned_rad = 0.0
         bus.add_handler(self._take_odometry, OdometryUpdated)
@@ -90,6 +95,7 @@ class Turning:
             self._stops,
             self._heading_rad,
             self._turned_rad,
+            self.was_stopped,
         )
 
     def restore(self, state: TurningState) -> None:
@@ -103,6 +109,7 @@ class Turning:
             self._end.set_result(state.why_ended)
         self._turns_until_s, self._reported_s = state.turns_until_s, state.reported_s
         self._stops, self._heading_rad, self._turned_rad = state.stops, state.heading_rad, state.turned_rad
+        self.was_stopped = state.was_stopped
 
     def require(self) -> InnerDriver:
         """The driver, if the robot may turn now.
@@ -185,7 +192,9 @@ class Turning:
         self._heading_rad = event.after.heading_rad
 
     def _take_safety(self, event: SafetyChanged) -> None:
-        self._safety = event
+        before, self._safety = self._safety, event
+        has_stopped = before is not None and event.stop_number != before.stop_number
+        self.was_stopped = self.was_stopped or has_stopped or event.mode in (Mode.DISARMED, Mode.ESTOPPED)
         if event.mode != ARMED:
             self.end(f"it turns no more: {why_not_armed(event.mode, event.reason)}")
         elif self._driver is not None and self._driver.gives_way_to(event.source):

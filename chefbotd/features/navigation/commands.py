@@ -14,7 +14,7 @@ from chefbotd.features.navigation.models import (
 from chefbotd.features.navigation.service import NavigationService
 from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, method, methods_of
-from chefbotd.rpc.models import DONE, Done, NoParams
+from chefbotd.rpc.models import DONE, Done, MotionParams, NoParams
 from chefbotd.rpc.parameters import Role
 
 
@@ -81,7 +81,7 @@ class NavigationCommands:
         return DONE
 
     @method(role=Role.AGENT, moves=True)
-    def resume_navigation(self, caller: Caller, params: NoParams) -> Done:
+    def resume_navigation(self, caller: Caller, params: MotionParams) -> Done:
         """Continue with the goals from the robot's present pose."""
         self._service.resume()
         return DONE

@@ -17,7 +17,7 @@ from chefbotd.core.events.navigation import (
 )
 from chefbotd.core.record import Record
 from chefbotd.features.maps.models import GridPartData, grid_part
-from chefbotd.rpc.models import Params
+from chefbotd.rpc.models import MotionParams, Params
 from chefbotd.rpc.topics import Topic, same_names
 
 MOST_M: Final = 1e4
@@ -61,7 +61,7 @@ GOAL_ID: Final = Field(
 )
 
 
-class GoalParams(Params):
+class GoalParams(MotionParams):
     """When to drive to a goal, and when to answer.
 
     ``wait``: answer when it has ended. A goal that ends with its client also ends if a request that waits is cancelled.

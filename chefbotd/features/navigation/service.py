@@ -193,7 +193,7 @@ class NavigationService:
         Goals of an id that is known are those of then: nothing begins, and they are this client's from now on.
         """
         numbers: Sequence[int] = () if params.goal_id is None else self._goals.of_id(params.goal_id)
-        begins = not numbers
+        begins, stop_number = not numbers, self._driver.stop_number
         if begins:
             self._require_armed()
             self._end_if_stopped()
@@ -201,21 +201,23 @@ class NavigationService:
         for number in numbers:
             self._goals.set_client(number, session.number if params.ends_with_client else None)
         if begins:
-            await self._accept(numbers, waypoints, params, session)
+            await self._accept(numbers, waypoints, params, session, stop_number)
         return numbers
 
     async def _accept(
-        self, numbers: Sequence[int], waypoints: list[Waypoint], params: GoalParams, session: Session
+        self,
+        numbers: Sequence[int],
+        waypoints: list[Waypoint],
+        params: GoalParams,
+        session: Session,
+        stop_number: int,
     ) -> None:
-        stops, is_told = self._stops, False
+        is_told = False
         try:
             await self._requests.all_sent()  # or a cancel that waits for a busy worker would end these goals
             goals = await self._destinations.goals(numbers, waypoints)
             self._goals.require_room(len(goals))
-            if self._driver.stops != stops:
-                raise Refused(
-                    RefusalKind.STOPPED, "the robot was stopped after this goal was sent; choose it again"
-                )
+            self._driver.require_unstopped(stop_number, "this goal was sent")
             self._goals.add(goals)
             self._driver.begin()
             is_told = True

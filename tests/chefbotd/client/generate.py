@@ -125,12 +125,19 @@ def _annotation(kind: Any, where: str) -> str:
     )
 
 
+PRECONDITION = "if_stop_number"
+"""The parameter of every motion that is always given by its name."""
+
+
 def _method(method: Method, exported: Mapping[str, type[Any]]) -> str:
-    fields = sorted(method.params.model_fields.items(), key=lambda item: not item[1].is_required())
+    fields = sorted(
+        method.params.model_fields.items(),
+        key=lambda item: (item[0] == PRECONDITION, not item[1].is_required()),
+    )
     takes, gives = ["self"], []
     for name, field in fields:
         kind = _annotation(field.annotation, f"{method.name}: {name}")
-        takes += ["*"] if kind == "bool" and "*" not in takes else []
+        takes += ["*"] if (kind == "bool" or name == PRECONDITION) and "*" not in takes else []
         default = field.default.value if isinstance(field.default, Enum) else field.default
         if isinstance(default, list | dict):  # what is None is not sent, and the daemon has the default
             kind, default = f"{kind} | None", None

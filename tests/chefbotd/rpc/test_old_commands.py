@@ -16,10 +16,11 @@ import pytest
 import uvloop
 from structlog.testing import capture_logs
 
+from chefbotd.rpc.models import MotionParams
 from tests.budget import sample
 from tests.chefbotd.rpc.test_guarded import TOKENS, tls_guard, trusting
 from tests.fakes.api import Served, line_client, serving
-from tests.fakes.robot import FakeRobot
+from tests.fakes.robot import FakeRobot, methods_of_socket
 from tests.waiting import PATIENCE_S, until
 
 GET_STATE = b'{"jsonrpc":"2.0","id":1,"method":"get_state"}\n'
@@ -272,3 +273,31 @@ def test_what_a_client_sends_behind_its_own_stop_is_carried_out(
             assert calls[calls.index("estop") :] == ["estop", "arm", "drive"]
 
     serve(uvloop.run, scenario)
+
+
+def test_a_motion_that_was_decided_before_the_last_stop_is_refused() -> None:
+    """With the number of the topic safety from before it, or of another run of the daemon; with today's it is done."""
+
+    async def scenario(served: Served) -> None:
+        served.robot.stop_number = 1048577
+        with ExitStack() as stack:
+            client = await admitted(served, stack)
+            for number, expected in ((1048576, "stopped_since"), (7, "stopped_since"), (1048577, "ok")):
+                asked = DRIVE.replace(b'"params":{', b'"params":{"if_stop_number":%d,' % number)
+                if expected == "ok":
+                    await accepted(client, asked)
+                else:
+                    client.sendall(asked)
+                    assert await answer(client, 9) in (expected, "too_old")
+        assert len([call for call in served.robot.calls if call[0] == "drive"]) == 1
+
+    serve(asyncio.run, scenario)
+
+
+def test_every_method_that_moves_the_robot_takes_the_number_of_the_last_stop() -> None:
+    """But ``arm``, which takes the number of what it clears."""
+    methods = methods_of_socket()
+    moving = {name for name, method in methods.items() if method.moves}
+    taking = {name for name, method in methods.items() if issubclass(method.params, MotionParams)}
+    assert moving - taking == {"arm"}
+    assert taking <= moving

@@ -44,7 +44,7 @@ from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import SafetyParameters
 from chefbotd.safety.watchdog import ControlParameters, WatchdogParameters
 from tests.chefbotd.features.driving.rig import CHASSIS, GAINS, LIMITS
-from tests.chefbotd.features.driving.stop_rule import Deed, is_held
+from tests.chefbotd.features.driving.stop_rule import PAUSE_S, Deed, is_held
 
 DEED_S = 0.1
 FAULT = Fault(FaultKind.WHEEL_STALLED, "left_wheel is driven and does not turn")
@@ -103,10 +103,11 @@ class Robot:
             sources=sources,
             default_source="teleop",
         )
-        taking = Sources(sources, "teleop", self.service.acknowledge_stops)
+        taking = Sources(sources, "teleop", self.service.take_over)
         self.server = ServerMethods({}, cast("Any", None), self.clock, self.leases, taking)
         self.own = InnerDriver(self.service, self.leases, self.clock, "navigation")
         self.deeds: list[Deed] = []
+        self.moved_since_latch: list[str] = []
         self._connections = 0
         self._callers: dict[str, Any] = {}
 
@@ -118,6 +119,7 @@ class Robot:
         now_s, latched = self.clock.now_s(), not self.service.keeper.armed
         if what == "fault":
             self.service.fail(FAULT)
+            self.moved_since_latch.clear()
             if not latched:
                 self.deeds.append(Deed(now_s, -1, "fault"))
             return
@@ -133,16 +135,24 @@ class Robot:
             held = latched or is_held(tuple(self.deeds), number, source, now_s)
             self.deeds.append(Deed(now_s, number, "try", source, latched))
             assert not (held and problem is None), "it moved, though a stop holds it"
+            self.moved_since_latch += [who] if problem is None else []
             stopped = isinstance(problem, Refused) and problem.kind is RefusalKind.STOPPED
             assert held or not stopped, "it was refused, though no stop holds it"
         elif problem is None:
-            self._note(what, number, now_s, result)
+            self._note(what, number, now_s, result, latched=latched)
 
-    def _note(self, what: str, number: int, now_s: float, result: Any) -> None:
+    def _note(self, what: str, number: int, now_s: float, result: Any, *, latched: bool) -> None:
         if what in ("stop", "estop"):
             self.deeds.append(Deed(now_s, number, what))
-        elif what == "arm" or (what == "take" and result.taken_from is not None):
-            self.deeds.append(Deed(now_s, number, "ask", "teleop" if what == "take" else ""))
+            self.moved_since_latch.clear()
+        elif what == "arm":
+            self.deeds.append(Deed(now_s, number, "ask"))
+        elif what == "take":
+            tries = [deed for deed in self.deeds if (deed.what, deed.client) == ("try", number)]
+            is_anew = not any(deed.source == "teleop" and now_s - deed.at_s < PAUSE_S for deed in tries)
+            if result.taken_from is not None and is_anew and not latched:
+                self.deeds.append(Deed(now_s, number, "ask", "teleop"))
+            self.deeds.append(Deed(now_s, number, "try", "teleop", latched))
         elif what == "goal":
             self.deeds.append(Deed(now_s, number, "ask", "navigation"))
 
@@ -234,6 +244,24 @@ def test_whoever_a_stop_holds_moves_nothing(sequences: Iterator[tuple[Step, ...]
 def test_long_sequences_of_everything_keep_the_rule(number: int) -> None:
     """Also with zeros, wheels, a second source and navigation's own goals."""
     check(some(number))
+
+
+@pytest.mark.parametrize("latch", [("c", "estop"), ("robot", "fault")])
+def test_two_programs_that_repeat_taking_control_and_driving_do_not_move_after_a_latch(latch: Step) -> None:
+    """Nor does one that took control during the latch; who takes over once, after it, drives at once."""
+    both: tuple[Step, ...] = (("a", "take"), ("a", "drive"), ("b", "take"), ("b", "drive"))
+    robot = Robot()
+    for step in (*both, latch, *both, ("c", "arm"), *both * 9):
+        robot.do(*step)
+    assert robot.moved_since_latch == []
+    robot.do("d", "take")
+    robot.do("d", "drive")
+    assert robot.moved_since_latch == ["d"]
+
+    early = Robot()
+    for step in (("a", "drive"), latch, ("d", "take"), ("c", "arm"), ("d", "drive")):
+        early.do(*step)
+    assert early.moved_since_latch == []
 
 
 @pytest.mark.parametrize("latch", [("b", "estop"), ("robot", "fault")])

@@ -20,6 +20,7 @@ from chefbotd.features.localization.turning import LOOKS_S, Turning
 from chefbotd.features.worker.service import WorkerService
 from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller
+from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 
 
@@ -209,7 +210,11 @@ class BusyWorker:
         return LocalizationChanged(1.0, "searching", "flat", 0.0, (), 0.0, 0, "")
 
 
-@pytest.mark.parametrize("happens", [_stop, _estop])
+async def _fault(bench: Bench) -> None:
+    bench.robot.daemon.driving.fail(Fault(FaultKind.WHEEL_STALLED, "a test"))
+
+
+@pytest.mark.parametrize("happens", [_stop, _estop, _fault])
 def test_a_stop_while_the_worker_begins_to_search_is_not_undone(
     happens: Callable[[Bench], Awaitable[None]],
 ) -> None:

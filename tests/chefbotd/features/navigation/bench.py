@@ -13,6 +13,7 @@ from chefbotd.core.events.mapping import LocalizationChanged
 from chefbotd.core.events.navigation import GoalResult, NavigationChanged, NavigationData
 from chefbotd.core.events.robot import WorkerReported
 from chefbotd.core.geometry import Twist2D
+from chefbotd.features.driving.inner_driver import InnerDriver
 from chefbotd.features.maps.models import PlaceData, PlaceList
 from chefbotd.features.navigation.models import GoalParams, Waypoint
 from chefbotd.features.navigation.service import NavigationService
@@ -77,10 +78,15 @@ class FakeWorker:
 class FakeDriver:
     """The gate; ``wished`` is what came through."""
 
-    source, stops, stopped_by = "navigation", 0, ""
+    source, stops, stopped_by, faults = "navigation", 0, "", 0
+    require_unstopped = InnerDriver.require_unstopped
 
     def __init__(self) -> None:
         self.wished: list[Twist2D] = []
+
+    @property
+    def stop_number(self) -> int:
+        return self.stops + self.faults
 
     def gives_way_to(self, source: str | None) -> bool:
         return source in ("teleop", "safety")

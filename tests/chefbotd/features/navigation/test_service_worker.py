@@ -31,8 +31,9 @@ def test_while_the_worker_hangs_orders_do_not_pile_up_and_a_goal_does_not_overta
     benched(scenario)
 
 
-def test_a_stop_while_a_goal_waits_for_a_busy_worker_voids_it_whatever_the_worker_tells_meanwhile() -> None:
-    """A goal waits 5 s behind a cancel; a stop comes, and the worker tells of a step after it: nothing is driven."""
+@pytest.mark.parametrize("what", ["stops", "faults"])
+def test_a_stop_or_a_fault_while_a_goal_waits_for_a_busy_worker_voids_it(what: str) -> None:
+    """A goal waits 5 s behind a cancel; a stop, or a fault and an arm, comes, then a step of the worker."""
 
     async def scenario(bench: Bench) -> None:
         await bench.navigate(HERE)
@@ -40,7 +41,8 @@ def test_a_stop_while_a_goal_waits_for_a_busy_worker_voids_it_whatever_the_worke
         bench.service.cancel("by a key", GoalCause.ASKED)
         asked = asyncio.create_task(bench.navigate(THERE))
         await asyncio.sleep(1.0)
-        bench.driver.stops = 1
+        setattr(bench.driver, what, 1)
+        bench.safety()
         bench.worker.end(1, "cancelled")
         with pytest.raises(Refused, match="stopped after this goal was sent"):
             await asked
