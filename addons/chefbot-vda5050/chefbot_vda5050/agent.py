@@ -56,9 +56,13 @@ MakeFactsheet = Callable[[dict[str, Any]], Message]
 
 
 class _Waiting(msgspec.Struct):
-    """An order that has come and is not accepted yet; ``is_cancelled``: its cancellation has come as well."""
+    """An order that has come and is not accepted yet; ``is_cancelled``: its cancellation has come as well.
+
+    ``stops`` are the robot's when it came; None: the robot was stopped then.
+    """
 
     order: Order
+    stops: int | None
     is_cancelled: bool = False
 
 
@@ -86,6 +90,7 @@ class Agent:
         self._arrived = asyncio.Event()
         self._changed = asyncio.Event()
         self._was_armed, self._was_mode = True, OperatingMode.AUTOMATIC
+        self._stop_number = self._stops = 0  # the robot's, and how often it was stopped
         self._last_state = 0  # its headerId
         self._drives = 0  # that were begun or given up
         self._reported: object = None
@@ -143,7 +148,7 @@ class Agent:
         elif len(self._waiting) >= MOST_WAITING:
             log.warning("an order is dropped: too many wait", order=message.order_id)
         else:
-            self._waiting.append(_Waiting(message))
+            self._waiting.append(_Waiting(message, self._stops if self._robot.facts.armed else None))
             self._arrived.set()
 
     def _cancel_waiting(self, order_id: Any) -> None:
@@ -170,8 +175,10 @@ class Agent:
             self._apply(order.reject(self.vehicle, judged))
         else:
             log.info("an order is taken", order=message.order_id, update=message.order_update_id, how=judged)
+            is_old = waiting.stops != self._stops  # it came before a stop, or while the robot was stopped
             self._apply(
-                order.accept(self.vehicle, message, judged, self._robot.facts, self._limits), always=True
+                order.accept(self.vehicle, message, judged, self._robot.facts, self._limits, is_old=is_old),
+                always=True,
             )
 
     def _judge(self, waiting: "_Waiting") -> acceptance.Accepted | Problem:
@@ -220,7 +227,7 @@ class Agent:
         match effect:
             case DriveTo(node, max_speed_m_s):
                 self._drives += 1
-                self._spawn(self._drive(self._drives, node, max_speed_m_s))
+                self._spawn(self._drive(self._drives, node, max_speed_m_s, self._stops))
             case Stop():
                 self._drives += 1
                 self._spawn(self._stop())
@@ -239,12 +246,17 @@ class Agent:
                     self._spawn(self._send_factsheet())
                 self._changed.set()
 
-    async def _drive(self, number: int, node: Node, max_speed_m_s: float | None) -> None:
-        """The end of a drive counts while it is the latest, and nobody has given it up."""
+    async def _drive(self, number: int, node: Node, max_speed_m_s: float | None, stops: int) -> None:
+        """The end of a drive counts while it is the latest, and nobody has given it up.
+
+        It does not begin where the robot was stopped since there were so many ``stops``.
+        """
         if node.node_position is None:
             raise ValueError(f"node {node.node_id!a} has no position: such an order is refused")
         sequence_id = node.sequence_id
         try:
+            if stops != self._stops:
+                raise DriveFailed("the robot was stopped before it began", by_people=True)
             await self._robot.drive_to(node.node_position, max_speed_m_s)
         except DriveFailed as failed:
             if number != self._drives:
@@ -312,10 +324,12 @@ class Agent:
     # what is reported
 
     def _take_facts(self) -> None:
-        """Report what has changed of the robot, count a node that it drives over, and pause when it is disarmed."""
+        """Report what has changed of the robot, count a node that it drives over, and pause when it was stopped."""
         facts, was_armed, was_mode = self._robot.facts, self._was_armed, self._was_mode
         self._was_armed, self._was_mode = facts.armed, facts.mode
-        if was_armed and not facts.armed:
+        before, self._stop_number = self._stop_number, facts.stop_number
+        if (was_armed and not facts.armed) or (before and facts.stop_number != before):
+            self._stops += 1
             self._apply(order.robot_disarmed(self.vehicle))
         if facts.mode is not was_mode:
             self._apply(order.mode_changed(self.vehicle, facts.mode))

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from chefbot_vda5050 import versions
 from chefbot_vda5050.known_ways import KnownWays
 from chefbot_vda5050.messages import EStop, NodePosition, OperatingMode
+from chefbot_vda5050.problems import AFTER_STOP
 from chefbot_vda5050.robot import CannotDo, DriveFailed
 from chefbot_vda5050.state import is_driving
 from chefbot_vda5050.vehicle import Facts
@@ -38,7 +39,7 @@ STANDING_WITHIN_S: Final = 5.0
 POSE_HZ, SPEED_HZ, PATH_HZ, BATTERY_HZ = 10.0, 10.0, 2.0, 0.2
 GO_ON_BUTTON: Final = "Go on with the fleet's order"
 
-STOPPED: Final = frozenset({"disarmed", "estopped", "stopped"})
+STOPPED: Final = frozenset({"disarmed", "estopped", "overtaken", "stopped", "stopped_since"})
 """Kinds of a goal's refusal after which a person is to agree before the robot drives on, as after ``BY_PEOPLE``."""
 
 HINTS: Final = {
@@ -48,9 +49,6 @@ HINTS: Final = {
     "fault": "Look after the robot, then arm it.",
     "cancelled": "Send stopPause, or press 'Go on' on the robot's page.",
 }
-AFTER_STOP: Final = (
-    "Look after the robot and arm it, then send stopPause, or press 'Go on' on the robot's page."
-)
 OTHERWISE: Final = "Look after the robot; it tries again by itself."
 
 Connect = Callable[[], AbstractAsyncContextManager[Client]]
@@ -96,7 +94,7 @@ class ChefBot:
                 log.warning("no connection to the robot's daemon", why=why)
             self._client = None
             self._ways.clear()
-            self._set(Facts(missing=why))
+            self._set(Facts(missing=why, stop_number=self._facts.stop_number))
             await asyncio.sleep(AGAIN_S)
 
     async def _work(self, client: Client) -> None:
@@ -110,13 +108,15 @@ class ChefBot:
             if self._tells_path:
                 tasks.create_task(self._watch(client, "path", PATH_HZ))
             tasks.create_task(self._watch_button(client, button))
-            self._client = client
-            self._set(replace(self._facts, connected=True, missing=""))
 
     async def _watch_state(self, client: Client) -> None:
+        """The first of these is how the gate stands, so that a stop while nothing was heard counts before all else."""
         topics = ("safety", "localization", "navigation")
         async with client.subscribe(topics, policy="ordered") as events:
             async for event in events:
+                if self._client is None:
+                    self._client = client
+                    self._facts = replace(self._facts, connected=True, missing="")
                 self._take(event.data)
 
     async def _watch(self, client: Client, topic: str, rate_hz: float) -> None:
@@ -128,7 +128,8 @@ class ChefBot:
         async with client.subscribe("agent_events", policy="ordered") as events:
             async for event in events:
                 data: AgentEventData = event.data
-                if data.agent == AGENT and data.button_id == button:
+                is_ours = data.agent == AGENT and data.button_id == button
+                if is_ours and data.stop_number >= self._facts.stop_number:  # not stopped after the press
                     self._go_on()
 
     def _take(self, data: Any) -> None:
@@ -141,7 +142,10 @@ class ChefBot:
         self._changed()
 
     async def drive_to(self, position: NodePosition, max_speed_m_s: float | None = None) -> None:
-        """Drive there, and no faster; a goal of ours that is under way is replaced."""
+        """Drive there, and no faster; a goal of ours that is under way is replaced.
+
+        The daemon refuses it where the robot was stopped in a way that is not known here yet.
+        """
         client = self._client
         if client is None:
             raise DriveFailed(self._facts.missing, OTHERWISE)
@@ -152,6 +156,7 @@ class ChefBot:
                 position.theta,
                 tolerance_m=position.allowed_deviation_xy,
                 max_speed_m_s=max_speed_m_s,
+                if_stop_number=self._facts.stop_number or None,
             )
         )
         earlier = list(self._drives)
@@ -195,7 +200,7 @@ class ChefBot:
         """Go on, where somebody at the robot has paused navigation."""
         if self._client is not None and self._facts.paused:
             with suppress(ChefbotError):
-                await self._client.resume_navigation()
+                await self._client.resume_navigation(if_stop_number=self._facts.stop_number or None)
 
     async def _until_standing(self) -> None:
         """By odometry that came after the call; a robot that is silent is not waited for."""
@@ -286,6 +291,7 @@ def updated(facts: Facts, data: Any, by_hand: OperatingMode) -> Facts:
                 fault=data.fault or "",
                 missing="" if data.armed else data.reason,
                 held_back=data.limited_by is not None,
+                stop_number=data.stop_number,
             )
     return facts
 

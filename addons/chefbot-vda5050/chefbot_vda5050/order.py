@@ -11,7 +11,7 @@ from msgspec.structs import replace
 from chefbot_vda5050.acceptance import Accepted
 from chefbot_vda5050.actions import Event, Tracked
 from chefbot_vda5050.messages import ENDED, ActionStatus, Load, Node, OperatingMode, Order
-from chefbot_vda5050.problems import OF_ORDERS, Problem, Reason
+from chefbot_vda5050.problems import AFTER_STOP, OF_ORDERS, Problem, Reason
 from chefbot_vda5050.vehicle import (
     ALONE,
     BLOCKS_DRIVING,
@@ -34,10 +34,19 @@ from chefbot_vda5050.vehicle import (
 Step = tuple[Vehicle, tuple[Effect, ...]]
 
 
-def accept(vehicle: Vehicle, order: Order, accepted: Accepted, facts: Facts, limits: Limits) -> Step:
-    """Take over an order that was judged."""
+def accept(
+    vehicle: Vehicle,
+    order: Order,
+    accepted: Accepted,
+    facts: Facts,
+    limits: Limits,
+    *,
+    is_old: bool = False,
+) -> Step:
+    """Take over an order that was judged; where it came before a stop (``is_old``), it waits for a person."""
     if accepted is Accepted.REPEATED:
         return vehicle, ()
+    vehicle = replace(vehicle, paused=vehicle.paused or is_old)
     event = OrderEvent.NEW if accepted is Accepted.NEW else OrderEvent.UPDATE
     phase = NEXT[vehicle.phase, event]
     problems = vehicle.without(*OF_ORDERS, Reason.DRIVE)
@@ -68,6 +77,10 @@ def accept(vehicle: Vehicle, order: Order, accepted: Accepted, facts: Facts, lim
     )
     if accepted is Accepted.NEW and _stands_on(nodes[0], facts, limits):
         vehicle = _traverse(vehicle, nodes[0])
+    if is_old:
+        references = (("orderId", order.order_id), ("orderUpdateId", str(order.order_update_id)))
+        text = "the robot was stopped before the order began"
+        vehicle = vehicle.with_problem(Problem(Reason.DRIVE, text, references, AFTER_STOP))
     return proceed(vehicle)
 
 

@@ -41,6 +41,11 @@ class Reason(StrEnum):
     NOT_LOCALIZED = "not_localized"
 
 
+AFTER_STOP: Final = (
+    "Look after the robot and arm it, then send stopPause, or press 'Go on' on the robot's page."
+)
+
+
 class Row(Struct, frozen=True):
     """A reason in each version, its section there, and what to do about it."""
 

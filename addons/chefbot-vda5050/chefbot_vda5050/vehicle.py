@@ -168,7 +168,8 @@ class Facts(Struct, frozen=True):
     """What is known of the robot now. Without a position it does not know where it is.
 
     ``speed_max_m_s`` and ``height_m`` are 0 where they are not known. ``missing`` says why the robot cannot drive.
-    ``path`` is where it is going to drive: points in metres, on the map.
+    ``path`` is where it is going to drive: points in metres, on the map. ``stop_number`` changes with every stop,
+    emergency stop and fault, also while the robot could not be reached; 0: it is not known.
     """
 
     connected: bool = False
@@ -190,6 +191,7 @@ class Facts(Struct, frozen=True):
     fault: str = ""
     missing: str = ""
     path: tuple[tuple[float, float], ...] = ()
+    stop_number: int = 0
 
     def distance_m(self, position: NodePosition) -> float:
         """From the robot to a node."""

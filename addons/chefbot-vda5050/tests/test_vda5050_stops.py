@@ -5,6 +5,7 @@ from typing import Any
 
 import pytest
 from chefbot_vda5050.messages import InstantActions, OperatingMode, State, encode
+from chefbot_vda5050.robot import DriveFailed
 from chefbot_vda5050.topics import Kind, timestamp_of
 from msgspec.structs import replace
 from test_vda5050_agent import with_fleet
@@ -184,5 +185,73 @@ def test_an_order_is_refused_when_somebody_takes_the_robot_while_it_is_judged() 
         await now.until(is_refused)
         await asyncio.sleep(10.0)
         assert now.robot.facts.x_m == 0.0
+
+    with_fleet(scenario)
+
+
+def stop_and_arm(now: Fleet, *, is_heard: bool) -> None:
+    """Somebody stops the robot, and arms it at once; not ``is_heard``: only its number tells of that."""
+    if is_heard:
+        now.robot.set(armed=False)
+        now.robot.set(armed=True)
+    else:
+        now.robot.set(stop_number=now.robot.facts.stop_number + 1)
+
+
+async def waits_for_a_person(now: Fleet) -> None:
+    """The order is there and paused for 30 s, the robot stands, and "Go on" has it drive to the end."""
+    x_m = now.robot.facts.x_m
+    state = await now.until(lambda state: state.order_id == "o1" and state.paused)
+    assert error_types(state) == ["driveError"]
+    await asyncio.sleep(30.0)
+    assert now.robot.facts.x_m == x_m
+    now.robot.go_on()
+    await now.until(lambda state: state.last_node_id == "n3" and is_idle(state))
+
+
+@pytest.mark.parametrize("is_heard", [True, False])
+@pytest.mark.parametrize("at_s", [0.25, 1.5])
+def test_an_order_that_is_judged_while_somebody_stops_the_robot_waits_for_a_person(
+    is_heard: bool, at_s: float
+) -> None:
+    """An e-stop and an arm while the ways to its nodes are planned: it is taken, and begins nothing by itself."""
+
+    async def scenario(now: Fleet) -> None:
+        now.robot.set(stop_number=1048576)
+        now.robot.planning_s = 1.0
+        await now.order(line(0, 3))
+        await asyncio.sleep(at_s)
+        stop_and_arm(now, is_heard=is_heard)
+        await waits_for_a_person(now)
+
+    with_fleet(scenario)
+
+
+def test_an_order_that_came_while_the_robot_was_stopped_waits_for_a_person() -> None:
+    """Somebody arms the robot while the order is judged."""
+
+    async def scenario(now: Fleet) -> None:
+        now.robot.planning_s = 1.0
+        now.robot.set(armed=False)
+        await now.order(line(0, 3))
+        await asyncio.sleep(0.5)
+        now.robot.set(armed=True)
+        await waits_for_a_person(now)
+
+    with_fleet(scenario)
+
+
+def test_an_order_under_way_waits_when_the_robot_was_stopped_while_its_daemon_was_not_reached() -> None:
+    """Back again it is armed, and only its number is another one: somebody stopped it, or its daemon began anew."""
+
+    async def scenario(now: Fleet) -> None:
+        now.robot.set(stop_number=1048576)
+        now.robot.fails = [DriveFailed("the connection was lost")]
+        await now.order(line(0, 3))
+        await now.until(lambda state: error_types(state) == ["driveError"])
+        now.robot.set(connected=False)
+        await asyncio.sleep(1.0)
+        now.robot.set(connected=True, stop_number=1048578)
+        await waits_for_a_person(now)
 
     with_fleet(scenario)

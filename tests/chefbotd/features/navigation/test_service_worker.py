@@ -32,7 +32,9 @@ def test_while_the_worker_hangs_orders_do_not_pile_up_and_a_goal_does_not_overta
 
 
 @pytest.mark.parametrize("what", ["stops", "faults"])
-def test_a_stop_or_a_fault_while_a_goal_waits_for_a_busy_worker_voids_it(what: str) -> None:
+def test_a_stop_while_a_goal_waits_for_a_busy_worker_voids_it_whatever_the_worker_tells_meanwhile(
+    what: str,
+) -> None:
     """A goal waits 5 s behind a cancel; a stop, or a fault and an arm, comes, then a step of the worker."""
 
     async def scenario(bench: Bench) -> None:
