@@ -34,13 +34,21 @@ def test_the_address_with_most_gives_up_its_oldest() -> None:
 
 
 def test_a_slot_is_kept_for_a_second_from_its_own_address() -> None:
-    """A second one from the same address is refused until the first has had its slot for 1 s."""
-    slots = ConnectionSlots[str](1)
-    slots.add("first", "10.0.0.1", 0.0)
-    with pytest.raises(NoSlot, match=r"already 1 new connections from 10\.0\.0\.1"):
-        slots.add("second", "10.0.0.1", 0.99)
-    assert slots.add("third", "10.0.0.1", 1.0) == ["first"]
-    assert "second" not in slots
+    """Of 16 that came at once the newest two give way to others in turn; after a second the oldest does."""
+    slots = ConnectionSlots[int](16)
+    for number in range(16):
+        slots.add(number, "10.0.0.1", 0.0)
+    assert [slots.add(number, "10.0.0.1", 0.99) for number in (16, 17, 18)] == [[13], [14], [15]]
+    assert slots.add(19, "10.0.0.1", 1.0) == [0]
+
+
+def test_who_comes_when_a_burst_is_over_finds_a_slot() -> None:
+    """3,000 connections of an address at once, and one more: it gets in, and none of the first 1,700 has gone."""
+    slots = ConnectionSlots[int](2048)
+    for number in range(3001):
+        slots.add(number, "10.0.0.1", number / 30_000)
+    assert 3000 in slots
+    assert all(number in slots for number in range(1700))
 
 
 def test_who_is_renewed_counts_as_just_come() -> None:
