@@ -11,6 +11,7 @@ from chefbotd.core.record import replace
 from chefbotd.navigation.driving import LOST_S, Missing, can_begin, checked_inputs, follow_trip
 from chefbotd.navigation.evasion import Evasion, evade
 from chefbotd.navigation.interface import NavigationParameters, PoseStatus, StepInput
+from chefbotd.navigation.noise import noise_sentence
 from chefbotd.navigation.path import Goal, NoPath, Planner
 from chefbotd.navigation.recovery import (
     AGAIN_S,
@@ -59,7 +60,7 @@ class GoalExecution:
         self._waiting: Waiting | None = None
         self._is_renewed = self._was_turning = False
         self._recovery: Recovery | None = None
-        self._why_stuck = ""
+        self._why_stuck = self._noise = ""
         self._backed_from = Pose2D()
 
     def use(self, params: NavigationParameters, *, has_to_rest: bool) -> None:
@@ -92,13 +93,14 @@ class GoalExecution:
         self.ended = (end, reason)
 
     def forget_path(self) -> None:
-        """Plan again, since there is another map."""
+        """Plan again: there is another map, or the pose was wrong."""
         self.trip, self._recovery = None, None
         if self.state in (GoalState.DRIVING, GoalState.RECOVERING):
             self.state = GoalState.PLANNING
 
     def prepare(self, world: WorldModel, now: StepInput) -> bool:
         """Whether the robot can drive in this step: pose and scans are there, and a path, which is planned first."""
+        self._noise = noise_sentence(world.noise_share)
         if not self._has_input(world, now):
             return False
         if self.state is GoalState.PLANNING:
@@ -281,7 +283,8 @@ class GoalExecution:
 
     def _give_up(self, now: StepInput) -> None:
         began_s = now.now_s if self._recovery is None else self._recovery.began_s
-        self.end(End.BLOCKED, f"blocked for {now.now_s - began_s:.0f} s: {self._why_stuck}")
+        why = "; ".join(filter(None, (self._why_stuck, self._noise)))
+        self.end(End.BLOCKED, f"blocked for {now.now_s - began_s:.0f} s: {why}")
 
     def _try(self, world: WorldModel, recovery: Recovery, now: StepInput) -> None:
         self._recovery, self._backed_from = recovery, now.pose

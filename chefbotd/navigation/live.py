@@ -6,6 +6,7 @@ glass: it fades after a stated time; and where the map or the lidar already expl
 """
 
 import math
+from itertools import product
 from typing import Final
 
 import numpy as np
@@ -140,6 +141,39 @@ def _just_seen(scan_s: Floats, row: int, column: int, stamp_s: float) -> bool:
             if scan_s[r, c] == stamp_s:
                 return True
     return False
+
+
+def is_marked(live: LiveObstacles, frame: GridFrame, points_m: Floats) -> Flags:
+    """At which of the points (n, 2), or in the cells beside, a lidar saw something that no beam has cleared since."""
+    columns, rows = np.floor(points_m / frame.resolution_m).astype(np.int64).T
+    marked: Flags = np.zeros(len(points_m), np.bool_)
+    for down, across in product((-1, 0, 1), repeat=2):
+        row, column = rows + down, columns + across
+        inside = (row >= 0) & (row < frame.rows) & (column >= 0) & (column < frame.columns)
+        marked[inside] |= live.scan_s[row[inside], column[inside]] > NEVER_S
+    return marked
+
+
+def moved_with(
+    live: LiveObstacles, frame: GridFrame, around: Pose2D, correction: Pose2D, reach_m: float
+) -> LiveObstacles:
+    """Only what was seen within ``reach_m`` of a pose, where ``correction`` takes it (both of the grid's frame)."""
+    rows, columns = np.nonzero(live.scan_s > NEVER_S)
+    at_m = live.at_m[rows, columns]
+    near = np.hypot(at_m[:, 0] - around.x_m, at_m[:, 1] - around.y_m) <= reach_m
+    rows, columns, at_m = rows[near], columns[near], at_m[near]
+    cos, sin = math.cos(correction.heading_rad), math.sin(correction.heading_rad)
+    there = at_m @ np.array([[cos, sin], [-sin, cos]]) + [correction.x_m, correction.y_m]
+    to_columns, to_rows = np.floor(there / frame.resolution_m).astype(np.int64).T
+    inside = (to_rows >= 0) & (to_rows < frame.rows) & (to_columns >= 0) & (to_columns < frame.columns)
+    moved, to = nothing_seen(frame), (to_rows[inside], to_columns[inside])
+    since = (rows[inside], columns[inside])
+    moved.scan_s[to], moved.since_s[to], moved.at_m[to] = (
+        live.scan_s[since],
+        live.since_s[since],
+        there[inside],
+    )
+    return moved
 
 
 def see_range(

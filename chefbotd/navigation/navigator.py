@@ -24,6 +24,7 @@ from chefbotd.navigation.interface import (
     Step,
     StepInput,
 )
+from chefbotd.navigation.noise import noise_sentence
 from chefbotd.navigation.path import Goal, NoPath, Path, Planner
 from chefbotd.navigation.planner import plan
 from chefbotd.navigation.states import End, GoalEvent, GoalState, next_state
@@ -126,9 +127,9 @@ class Navigator:
             self._execution.forget_path()
 
     def take_scan(self, seen: Seen) -> None:
-        """A scan; without a map nothing is remembered of it."""
-        if self.world is not None:
-            self.world.take_scan(seen)
+        """A scan; without a map nothing is remembered of it. After a jump of the pose a path is planned again."""
+        if self.world is not None and self.world.take_scan(seen) and self._execution is not None:
+            self._execution.forget_path()
 
     def take_low_scan(self, seen: Seen) -> None:
         """What a depth camera sees; without a map nothing is remembered of it."""
@@ -256,6 +257,8 @@ class Navigator:
     def _progress(self, pose: Pose2D) -> Progress:
         number = self._queue.number
         reason = self._idle_reason if self._execution is None else self._execution.reason
+        if self.world is not None and self._execution is not None:
+            reason = "; ".join(filter(None, (reason, noise_sentence(self.world.noise_share))))
         if self._trip is None:
             return Progress(self.state, number, reason)
         left = self._trip.left

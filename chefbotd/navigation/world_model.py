@@ -23,7 +23,9 @@ from chefbotd.navigation.live import (
     EXPLAINED_M,
     RANGE_KEPT_S,
     LiveObstacles,
+    is_marked,
     is_occupied,
+    moved_with,
     nothing_seen,
     obstacles_seen,
     part_of,
@@ -31,6 +33,7 @@ from chefbotd.navigation.live import (
     see_scan,
 )
 from chefbotd.navigation.movers import SLOWEST_M_S, Mover, displaced, track, with_people
+from chefbotd.navigation.noise import BELIEVED_M, Noise, after_turn, find_confirmed
 from chefbotd.navigation.outline import clearance_m
 from chefbotd.navigation.recovery import CLOSED_RADIUS_M, LEAVES_S, Trail, extended
 from chefbotd.navigation.surroundings import Surroundings
@@ -51,6 +54,12 @@ BESIDE_M = 0.3
 JUMP_M = 0.06
 """A pose so much farther from the last one than the robot can have gone is a correction."""
 
+VOID_M, VOID_RAD = 0.3, 0.35
+"""After a correction of so much, what was seen before is not where it was thought to be: the pose was wrong."""
+
+KEPT_LOW_M = 1.0
+"""What depth cameras saw so near goes with the robot when its pose jumps: they do not see the floor beside it."""
+
 
 class WorldModel:
     """Takes the readings of sensors; gives the costs to plan with, and the points to drive by."""
@@ -66,6 +75,7 @@ class WorldModel:
             comfort_m=params.comfort_m,
         )
         self._live = nothing_seen(self.ground.frame)
+        self._noise = Noise()
         self._low: LiveObstacles | None = None  # what depth cameras see, which lidars look over or under
         self._movers: tuple[Mover, ...] = ()
         self._points_m = np.zeros((0, 2))
@@ -85,15 +95,26 @@ class WorldModel:
         """The map's."""
         return self.ground.frame
 
-    def take_scan(self, seen: Seen) -> None:
-        """Remember what lidars show."""
+    def take_scan(self, seen: Seen) -> bool:
+        """Remember what lidars show; whether the pose has jumped so far that what was seen before is forgotten."""
         pose = self.frame.pose_to_grid(seen.map_from_base)
-        if self._has_jumped(pose, seen.stamp_s):
+        is_void = self._is_void(pose, seen.stamp_s)
+        if is_void:
+            self._forget_seen(pose)
+        elif self._has_jumped(pose, seen.stamp_s):
             self._movers = displaced(self._movers)
         self._seen_from = pose
         points, sensor = placed(pose, seen.points_m), placed(pose, places(seen.sensor_m))
-        self._live = see_scan(self._live, self.frame, seen.stamp_s, sensor, points)
+        confirmed = find_confirmed(self._noise, points, sensor)
         away_m = between_cells_at(self.ground.fixed_m, self.frame.resolution_m, points)
+        is_known = np.asarray(away_m <= EXPLAINED_M) & self._is_on_map(points)
+        is_noise = ~confirmed & ~is_known & ~is_marked(self._live, self.frame, points)
+        self._noise = after_turn(self._noise, points, is_noise)
+        reach_m = self._params.outline.outer_radius_m + BELIEVED_M
+        near = np.hypot(points[:, 0] - pose.x_m, points[:, 1] - pose.y_m) <= reach_m
+        beams = sensor[confirmed] if len(sensor) == len(points) else sensor
+        self._live = see_scan(self._live, self.frame, seen.stamp_s, beams, points[confirmed])
+        points, away_m = points[confirmed | near], away_m[confirmed | near]
         self._is_unmapped = away_m > EXPLAINED_M
         self._velocity_m_s, self._is_walker = np.zeros_like(points), np.zeros(len(points), np.bool_)
         self._intent_m_s = np.zeros_like(points)
@@ -104,6 +125,37 @@ class WorldModel:
         self._is_walker[self._is_unmapped] = done.is_walker
         self._points_m, self.scan_stamp_s = points, seen.stamp_s
         self._mark_walked(points[self._is_walker], seen.stamp_s)
+        return is_void
+
+    def _is_on_map(self, points_m: Floats) -> NDArray[np.bool_]:
+        """Which points of the grid's frame are on it."""
+        most_m = np.array([self.frame.columns, self.frame.rows]) * self.frame.resolution_m
+        inside: NDArray[np.bool_] = ((points_m >= 0) & (points_m <= most_m)).all(axis=1)
+        return inside
+
+    def _is_void(self, here: Pose2D, stamp_s: float) -> bool:
+        """Whether the pose was corrected by so much that what was seen from it before is void."""
+        if self.scan_stamp_s == -math.inf:
+            return False
+        last, limits, passed_s = self._seen_from, self._params.follower, stamp_s - self.scan_stamp_s
+        gone_m = math.hypot(here.x_m - last.x_m, here.y_m - last.y_m)
+        turned_rad = abs(math.remainder(here.heading_rad - last.heading_rad, math.tau))
+        could_m, could_rad = 1.5 * limits.max_speed_m_s * passed_s, 1.5 * limits.max_turn_rad_s * passed_s
+        return gone_m > VOID_M + could_m or turned_rad > VOID_RAD + could_rad
+
+    def _forget_seen(self, pose: Pose2D) -> None:
+        """Forget what was seen from a pose that was wrong, and where the robot came from."""
+        self._live, self._movers, self._noise = nothing_seen(self.frame), (), Noise()
+        self._walked_s.fill(-math.inf)
+        self._closed, self.trail = [], ()
+        if self._low is not None:
+            correction = pose.compose(self._seen_from.inverse())
+            self._low = moved_with(self._low, self.frame, self._seen_from, correction, KEPT_LOW_M)
+
+    @property
+    def noise_share(self) -> float:
+        """The share of the lidars' points that neither other beams nor other turns confirm, lately."""
+        return self._noise.share
 
     def _has_jumped(self, here: Pose2D, stamp_s: float) -> bool:
         """Whether the pose is farther from that of the last scan than the robot can have gone."""
