@@ -107,6 +107,18 @@ class Kinematics:
             left, right = without(left, excluded), without(right, excluded)
         return _mean(rolled_m, left), _mean(rolled_m, right)
 
+    def travel_weights(self, excluded: tuple[int, ...] = ()) -> tuple[tuple[float, float], ...]:
+        """How far the robot comes ahead (m) and turns left (rad) for each radian of each wheel.
+
+        For short ways, on which metres ahead and radians may be added up. Wheels that are left out weigh nothing.
+        """
+        unit = (0.0,) * len(self.radii_m)
+        weights = []
+        for index in range(len(self.radii_m)):
+            left_m, right_m = self.side_travel_m((*unit[:index], 1.0, *unit[index + 1 :]), excluded)
+            weights.append(((left_m + right_m) / 2, (right_m - left_m) / self.track_width_m))
+        return tuple(weights)
+
     def twist(self, velocity_rad_s: Sequence[float], excluded: tuple[int, ...] = ()) -> Twist2D:
         """How the robot moves when its wheels turn so and none of them slips, but for those left out."""
         left_m_s, right_m_s = self.side_travel_m(velocity_rad_s, excluded)

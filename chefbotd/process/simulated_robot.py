@@ -118,7 +118,7 @@ def _lidar(real: LidarParameters, true: TrueLidar, height_m: float) -> LidarMoun
         height_m = real.mount_z_m
     wire = LidarWire.LD19 if real.model.is_ldrobot else LidarWire(real.model)
     place = Pose2D(_given(true.mount_x_m), _given(true.mount_y_m), _given(true.mount_yaw_rad))
-    errors = true.range_offset_m, true.range_scale
+    errors = true.range_offset_m, true.range_scale, true.lone_share
     return LidarMount(real.name, place, real.upside_down, height_m, wire, *errors)
 
 

@@ -9,14 +9,18 @@ There is a hysteresis: what has brought the robot to a stand lets it go on only 
 """
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from typing import TypeAlias
 
 from pydantic import Field
 
 from chefbotd.core.events import RangeMeasured, RangeStatus
 from chefbotd.core.geometry import STANDING, Motion, Pose2D, Twist2D, WheelVelocities
 from chefbotd.core.parameters import Parameters, section
-from chefbotd.core.record import Record, replace
+from chefbotd.core.record import Record
+from chefbotd.safety import range_memory
+from chefbotd.safety.encoder_timeout import OBEYS_AFTER_S, OVERSHOOT, WAIT_S
+from chefbotd.safety.range_memory import NOTHING, Believed, RangeMemoryParameters
 
 
 class ScanGuardParameters(Parameters):
@@ -38,11 +42,15 @@ class GuardParameters(Parameters):
     """The stop distance, measured from the sensor, and how the robot brakes before it.
 
     ``deceleration_m_s2`` must not exceed what the motion limits allow: the configuration is refused otherwise.
-    ``reaction_s`` passes between a reading and the first braking, in addition to the age of the reading. A sensor that
-    is silent for longer than ``max_age_s`` counts as a free way, or, where ``silent_is_obstacle``, as an obstacle at
-    distance zero. What has brought the robot to a stand, seen by a range sensor or by a lidar, lets it go on from
-    ``hysteresis_m`` beyond the distance that it stands for. The default is twice the step of the ultrasonic sensor,
-    whose reading of a thing that stands still changes by one step either way, and the noise of a lidar twice over.
+    ``reaction_s`` passes between a reading and the first braking, in addition to the age of the reading. ``memory`` says
+    when what a range sensor saw is gone. A sensor that is silent for longer than ``max_age_s`` still sees what it saw
+    last, until the robot has turned or driven away from it; where that was nothing, it counts as a free way. With
+    ``silent_is_obstacle`` it is an obstacle at distance zero, and so is one that hears no echo for so long: one that is
+    unplugged hears none either.
+
+    What has brought the robot to a stand, seen by a range sensor or by a lidar, lets it go on from ``hysteresis_m``
+    beyond the distance that it stands for. The default is twice the step of the ultrasonic sensor, whose reading of a
+    thing that stands still changes by one step either way, and the noise of a lidar twice over.
     """
 
     enabled: bool = True
@@ -52,6 +60,7 @@ class GuardParameters(Parameters):
     hysteresis_m: float = Field(default=0.02, ge=0, le=1)
     max_age_s: float = Field(default=0.5, gt=0, le=10)
     silent_is_obstacle: bool = False
+    memory: RangeMemoryParameters = section()
     scan: ScanGuardParameters = section()
 
 
@@ -68,12 +77,28 @@ def release_distance_m(params: GuardParameters, stop_distance_m: float) -> float
     return round(stop_distance_m + params.hysteresis_m, 9)
 
 
+WheelAngles: TypeAlias = tuple[float, ...]
+
+Moved: TypeAlias = Callable[[WheelAngles], tuple[float, float]]
+"""How far the robot has come since its wheels stood so: metres ahead, and radians to the left."""
+
+MISSES_REMEMBERED = 0.3
+"""A sensor whose faded count of misses is above this may miss again."""
+
+
+def stands_still(_: WheelAngles) -> tuple[float, float]:
+    """Where nothing is known of the wheels, the robot has not moved."""
+    return 0.0, 0.0
+
+
 class Beam(Record, frozen=True):
-    """The last reading of a sensor; infinity is a free way.
+    """What a sensor is believed to see; infinity is a free way.
 
     The beam shortens by ``per_linear`` metres for each metre that the robot goes forward, and by ``per_angular_m`` for
-    each radian that it turns left. Its distance was measured at ``stamp_s`` and received at ``arrival_s``. One that is
-    ``blocked`` has been within the stop distance, and not beyond the release distance since.
+    each radian that it turns left. Its distance is that of ``stamp_s``, when the wheels stood at ``wheels_rad``. The
+    last reading was received at ``arrival_s``, the last one with an echo at ``echo_s``. One that is ``blocked`` has
+    been within the stop distance, and not beyond the release distance since. The board is silent at a miss of a sensor
+    that ``silences_board``.
     """
 
     sensor: str
@@ -83,6 +108,11 @@ class Beam(Record, frozen=True):
     stamp_s: float = -math.inf
     arrival_s: float = -math.inf
     blocked: bool = False
+    echo_s: float = -math.inf
+    wheels_rad: WheelAngles = ()
+    believed: Believed = NOTHING
+    field_of_view_rad: float = 0.0
+    silences_board: bool = False
 
 
 Beams = tuple[Beam, ...]
@@ -99,65 +129,116 @@ def _mounted(name: str, pose: Pose2D) -> Beam:
     return Beam(name, round(cos, 9), round(pose.x_m * sin - pose.y_m * cos, 9))
 
 
-def update(params: GuardParameters, beams: Beams, measured: RangeMeasured) -> Beams:
-    """The beams with a new reading; a sensor without a mount does not guard."""
-    return tuple(
-        [_measured(params, beam, measured) if beam.sensor == measured.sensor else beam for beam in beams]
-    )
+def update(
+    params: GuardParameters,
+    beams: Beams,
+    measured: RangeMeasured,
+    wheels_rad: WheelAngles = (),
+    wheels_s: float = -math.inf,
+    moved: Moved = stands_still,
+) -> Beams:
+    """The beams with a new reading; a sensor without a mount does not guard.
+
+    The wheels stood at ``wheels_rad`` at ``wheels_s``, and have ``moved`` the robot so far since.
+    """
+    for index, beam in enumerate(beams):
+        if beam.sensor == measured.sensor:
+            read = _measured(params, beam, measured, wheels_rad, wheels_s, moved)
+            return (*beams[:index], read, *beams[index + 1 :])
+    return beams
 
 
-def _measured(params: GuardParameters, beam: Beam, measured: RangeMeasured) -> Beam:
+def _measured(
+    params: GuardParameters,
+    beam: Beam,
+    measured: RangeMeasured,
+    wheels_rad: WheelAngles,
+    wheels_s: float,
+    moved: Moved,
+) -> Beam:
     """With this reading. A sensor that reads nothing nearer than its band stops the robot at the edge of the band."""
-    distance_m, stop_m = _distance_m(measured), params.stop_distance_m
+    distance_m, stop_m, status = measured.range_m, params.stop_distance_m, measured.status
+    if distance_m is None:  # 0 for what may be near, infinity for what is too far and for no echo
+        distance_m = 0.0 if status in MAYBE_NEAR else math.inf
     if beam.blocked:
         stop_m = release_distance_m(params, max(stop_m, measured.min_range_m))
-    return replace(
-        beam,
-        distance_m=distance_m,
-        stamp_s=measured.stamp_s,
-        arrival_s=measured.arrival_s,
-        blocked=distance_m <= stop_m,
+    before, shortened_m, turned_rad = beam.believed, 0.0, 0.0
+    if before.distance_m != math.inf and beam.wheels_rad:
+        ahead_m, turned_rad = moved(beam.wheels_rad)
+        shortened_m = beam.per_linear * ahead_m + beam.per_angular_m * turned_rad
+    believed = range_memory.add_reading(
+        params.memory,
+        before,
+        distance_m,
+        shortened_m,
+        turned_rad,
+        stand_m=stop_m,
+        hysteresis_m=params.hysteresis_m,
+        max_range_m=measured.max_range_m,
+        field_of_view_rad=measured.field_of_view_rad,
+    )
+    is_echo, arrival_s = status is not RangeStatus.NO_ECHO, measured.arrival_s
+    waited = not is_echo and params.max_age_s < arrival_s - beam.arrival_s <= WAIT_S
+    return Beam(
+        beam.sensor,
+        beam.per_linear,
+        beam.per_angular_m,
+        believed.distance_m,
+        # what was not seen now is where the wheels have brought it
+        measured.stamp_s
+        if believed.distance_m == distance_m or not wheels_rad
+        else min(measured.stamp_s, wheels_s),
+        arrival_s,
+        believed.distance_m <= stop_m,
+        arrival_s if is_echo else beam.echo_s,
+        wheels_rad,
+        believed,
+        measured.field_of_view_rad,
+        waited or (beam.silences_board and believed.missed > MISSES_REMEMBERED),
     )
 
 
 MAYBE_NEAR = frozenset({RangeStatus.TOO_NEAR, RangeStatus.AMBIGUOUS})
 
 
-def _distance_m(measured: RangeMeasured) -> float:
-    """The distance to use: 0 for what may be near, infinity for what is too far and for no echo."""
-    if measured.range_m is not None:
-        return measured.range_m
-    return 0.0 if measured.status in MAYBE_NEAR else math.inf
+def limit(
+    params: GuardParameters,
+    beams: Beams,
+    motion: Motion,
+    now_s: float,
+    *,
+    late_s: float = 0.0,
+    moved: Moved = stands_still,
+) -> tuple[Motion, str | None]:
+    """The motion that may be driven, and the sensor that it was limited for (None: it is ``wanted``).
 
-
-def limit(params: GuardParameters, beams: Beams, motion: Motion, now_s: float) -> tuple[Motion, str | None]:
-    """The motion that may be driven, and the sensor that it was limited for (None: it is ``wanted``)."""
+    The board obeys ``late_s`` later than usual. ``moved`` is how the wheels have moved the robot.
+    """
+    allowed_m_s = [(beam, _allowed_m_s(params, beam, now_s, late_s, moved)) for beam in beams]
     if isinstance(motion, WheelVelocities):
-        return _limit_wheels(params, beams, motion, now_s)
-    return _limit_twist(params, beams, motion, now_s)
+        return _limit_wheels(allowed_m_s, motion)
+    return _limit_twist(allowed_m_s, motion)
 
 
-def _limit_wheels(
-    params: GuardParameters, beams: Beams, motion: WheelVelocities, now_s: float
-) -> tuple[WheelVelocities, str | None]:
+Allowed: TypeAlias = list[tuple[Beam, float]]
+"""The beams, and how fast each may be shortened."""
+
+
+def _limit_wheels(allowed_m_s: Allowed, motion: WheelVelocities) -> tuple[WheelVelocities, str | None]:
     share, limiting = 1.0, None
-    for beam in beams:
+    for beam, most_m_s in allowed_m_s:
         closing_m_s = _closing_m_s(beam, motion.twist)
-        allowed_m_s = _allowed_m_s(params, beam, now_s)
-        if closing_m_s * share > allowed_m_s:
-            share, limiting = allowed_m_s / closing_m_s, beam.sensor
+        if closing_m_s * share > most_m_s:
+            share, limiting = most_m_s / closing_m_s, beam.sensor
     return (motion, None) if limiting is None else (motion.slowed(share), limiting)
 
 
-def _limit_twist(
-    params: GuardParameters, beams: Beams, motion: Twist2D, now_s: float
-) -> tuple[Twist2D, str | None]:
+def _limit_twist(allowed_m_s: Allowed, motion: Twist2D) -> tuple[Twist2D, str | None]:
     """Limit each axis by what it adds to a beam's shortening.
 
     What shortens one beam less may shorten another more, so there is a second round; if a beam is still too fast after
     it, the robot stands.
     """
-    allowed_m_s = [(beam, _allowed_m_s(params, beam, now_s)) for beam in beams]
     twist, limiting = motion, None
     for _ in 1, 2:
         for beam, most_m_s in allowed_m_s:
@@ -179,15 +260,36 @@ def closing_limit_m_s(params: GuardParameters, distance_m: float, age_s: float) 
     return braking * (math.sqrt(delay_s * delay_s + 2 * room_m / braking) - delay_s)
 
 
-def _allowed_m_s(params: GuardParameters, beam: Beam, now_s: float) -> float:
-    if now_s - beam.arrival_s > params.max_age_s:
-        return 0.0 if params.silent_is_obstacle else math.inf
-    if beam.blocked:
+def _allowed_m_s(params: GuardParameters, beam: Beam, now_s: float, late_s: float, moved: Moved) -> float:
+    """How fast the beam may be shortened now."""
+    is_silent = now_s - beam.arrival_s > params.max_age_s
+    if params.silent_is_obstacle and (is_silent or now_s - beam.echo_s > params.max_age_s):
         return 0.0
-    if beam.distance_m == math.inf:
+    distance_m = beam.distance_m
+    if distance_m == math.inf:
         return math.inf
+    if beam.blocked and not is_silent:
+        return 0.0
     age_s = now_s - beam.stamp_s
-    return closing_limit_m_s(params, beam.distance_m, age_s if age_s > 0 else 0.0)
+    if is_silent:  # what it saw last is where the wheels have brought it
+        distance_m, age_s = _remembered_m(params, beam, moved), 0.0
+    if beam.silences_board and late_s < LATE_S:
+        late_s = LATE_S
+    return closing_limit_m_s(params, distance_m, (age_s if age_s > 0 else 0.0) + late_s)
+
+
+LATE_S = OVERSHOOT * OBEYS_AFTER_S
+"""Where a miss silences the board, any cycle may be the one in which it obeys so late."""
+
+
+def _remembered_m(params: GuardParameters, beam: Beam, moved: Moved) -> float:
+    """How far away is what a silent sensor saw last; infinity once the robot has turned away from it."""
+    ahead_m, turned_rad = moved(beam.wheels_rad) if beam.wheels_rad else (0.0, 0.0)
+    if abs(beam.believed.turned_rad + turned_rad) > beam.field_of_view_rad:
+        return math.inf
+    distance_m = beam.distance_m - beam.per_linear * ahead_m - beam.per_angular_m * turned_rad
+    is_held = beam.blocked and distance_m <= release_distance_m(params, params.stop_distance_m)
+    return 0.0 if is_held else distance_m
 
 
 def _closing_m_s(beam: Beam, twist: Twist2D) -> float:

@@ -94,22 +94,50 @@ class Fan:
 
 
 class Ultrasonic:
-    """The nearest hit in the sensor's cone is the echo."""
+    """The nearest hit in the sensor's cone is the echo; it may be lost, or be that of something farther."""
 
     def __init__(
-        self, parameters: SimUltrasonicParameters, mount: UltrasonicMount, world: World, offset_m: float = 0.0
+        self,
+        parameters: SimUltrasonicParameters,
+        mount: UltrasonicMount,
+        world: World,
+        offset_m: float = 0.0,
+        *,
+        far_echo_share: float = 0.0,
+        seed: int = 0,
     ) -> None:
-        """``offset_m`` is how much too far it reads."""
+        """``offset_m`` is how much too far it reads; ``far_echo_share`` counts beside the parameters' own."""
         self._parameters, self._offset_m = parameters, offset_m
         self._fan = Fan(world, mount.base_from_sensor, mount.field_of_view_rad, parameters.rays)
+        self._far_share = parameters.far_echo_share + far_echo_share
+        self._chance = np.random.default_rng((seed, ULTRASONIC_STREAM))
+        self._readings = self._to_lose = 0
 
     def distance_m(self, world_from_base: Pose2D, chance: np.random.Generator) -> float | None:
-        """Distance to what returns the first echo; None when nothing in range does."""
+        """Distance to what returns the first echo; None when nothing in range does, or the echo is lost."""
         noise, luck = chance.standard_normal(), chance.random()
         distance_m = self._fan.nearest_m(world_from_base) + float(noise) * self._parameters.noise_m
-        if distance_m > self._parameters.max_range_m or luck < self._parameters.lost_echo_share:
+        farthest_m = self._parameters.max_range_m
+        if self._is_lost(luck) or distance_m > farthest_m:
             return None
+        if self._far_share and self._chance.random() < self._far_share:
+            distance_m = self._chance.uniform(distance_m, farthest_m)
         return max(distance_m + self._offset_m, self._parameters.min_range_m)
+
+    def _is_lost(self, luck: float) -> bool:
+        """Whether this echo is lost: by chance, in a burst that began before, or because it is its turn."""
+        self._readings += 1
+        if self._to_lose == 0 and luck < self._parameters.lost_echo_share:
+            self._to_lose = self._parameters.lost_echo_burst
+        if self._to_lose:
+            self._to_lose -= 1
+            return True
+        every = self._parameters.lost_echo_every
+        return every > 0 and self._readings % every == 0
+
+
+ULTRASONIC_STREAM, INFRARED_STREAM = 71, 72
+"""Their random numbers are their own, so that what they misread changes no other sensor's noise."""
 
 
 class Tilt(Record, frozen=True):
@@ -248,8 +276,9 @@ FAR_V = np.array([2.75, 2.70, 2.40, 2.00, 1.55, 1.25, 1.03, 0.78, 0.62, 0.51, 0.
 INFRARED_RAYS = 3
 """The number of rays across its cone."""
 
-INFRARED_NOISE_V = 0.01
-"""One sigma; assumed."""
+
+GLITCH_V = 0.3
+"""What a sample shows that sees nothing in range."""
 
 
 class InfraredMount(Record, frozen=True):
@@ -270,17 +299,23 @@ class Infrared:
         world: World,
         *,
         rays: int = INFRARED_RAYS,
-        noise_v: float = INFRARED_NOISE_V,
+        noise_v: float = 0.01,
         offset_m: float = 0.0,
+        glitch_share: float = 0.0,
+        seed: int = 0,
     ) -> None:
-        """``offset_m`` is how much too far it reads."""
+        """``offset_m`` is how much too far it reads; ``glitch_share`` of the samples shows nothing in range."""
         self._reference_v, self._noise_v, self._offset_m = mount.reference_v, noise_v, offset_m
+        self._glitch_share = glitch_share
+        self._chance = np.random.default_rng((seed, INFRARED_STREAM, mount.channel))
         self._fan = Fan(world, mount.base_from_sensor, mount.field_of_view_rad, rays)
         self.channel = mount.channel
 
     def adc_counts(self, world_from_base: Pose2D, chance: np.random.Generator) -> int:
         """The 12-bit reading of the nearest object in its cone."""
         volts = voltage(max(self._fan.nearest_m(world_from_base) + self._offset_m, 0.0))
+        if self._glitch_share and self._chance.random() < self._glitch_share:
+            volts = GLITCH_V
         volts += float(chance.standard_normal()) * self._noise_v
         return min(max(round(volts / self._reference_v * ADC_MAX), 0), ADC_MAX)
 

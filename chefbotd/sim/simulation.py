@@ -90,11 +90,30 @@ def build_launchpad(simulation: Simulation, seed: int | None = None) -> Simulate
     wiring = Wiring(
         robot,
         simulation.chassis,
-        None if mount is None else Ultrasonic(parameters.ultrasonic, mount, seen, true.ultrasonic_offset_m),
+        None
+        if mount is None
+        else Ultrasonic(
+            parameters.ultrasonic,
+            mount,
+            seen,
+            true.ultrasonic_offset_m,
+            far_echo_share=true.far_echo_share,
+            seed=seed,
+        ),
         parameters.imu if simulation.has_imu else None,
         simulation.divider,
         simulation.variant,
-        tuple(Infrared(sensor, seen, offset_m=true.infrared_offset_m) for sensor in simulation.infrared),
+        tuple(
+            Infrared(
+                sensor,
+                seen,
+                noise_v=parameters.infrared.noise_v,
+                offset_m=true.infrared_offset_m,
+                glitch_share=parameters.infrared.glitch_share + true.infrared_glitch_share,
+                seed=seed,
+            )
+            for sensor in simulation.infrared
+        ),
         true.imu,
     )
     if parameters.board.sketch is SketchName.EMULATED:

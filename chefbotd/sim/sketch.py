@@ -212,14 +212,19 @@ class Sketch:
 
     def _report_infrared(self) -> Iterator[float]:
         for sensor in self._wiring.infrared:
-            level = sensor.adc_counts(self._robot.state.world_from_base, self._chance)
+            level = self._resolved(sensor.adc_counts(self._robot.state.world_from_base, self._chance))
             yield from self._print(AnalogueLevel(sensor.channel, float(level)))
 
     def _report_battery(self) -> Iterator[float]:
         state = self._robot.state
         noise = float(self._chance.standard_normal()) * state.battery.parameters.adc_noise_counts
-        counts = adc_counts(state.terminal_v, self._wiring.divider, noise)
+        counts = self._resolved(adc_counts(state.terminal_v, self._wiring.divider, noise))
         yield from self._print(BatteryLevel(float(counts)))
+
+    def _resolved(self, counts: int) -> int:
+        """The reading of this board's ADC, from one of 12 bits."""
+        bits = self._parameters.adc_bits
+        return counts >> 12 - bits if bits <= 12 else counts << bits - 12
 
     def _print_edges(self, wheels: list[CycleEdges]) -> Iterator[float]:
         """Every wheel's edges, as many a line as one holds; a line without any where it stood."""

@@ -76,7 +76,7 @@ class LidarMount(Record, frozen=True):
     """Where a lidar sits: its name, its axis seen from the base, and the height at which it looks; which one it is.
 
     The heading is where its zero mark points, seen from above, also if it hangs upside down. It reads ``range_scale``
-    times the range, and ``range_offset_m`` more.
+    times the range, and ``range_offset_m`` more; ``lone_share`` of its beams is noise, beside what its flaws say.
     """
 
     name: str = "lidar"
@@ -86,6 +86,7 @@ class LidarMount(Record, frozen=True):
     wire: LidarWire = LidarWire.LD19
     range_offset_m: float = 0.0
     range_scale: float = 1.0
+    lone_share: float = 0.0
 
 
 class SpinningLidar(ABC):
@@ -102,6 +103,7 @@ class SpinningLidar(ABC):
     def __init__(self, flaws: LidarFlaws, mount: LidarMount, sight: Sight, seed: int) -> None:
         self._flaws, self._mount, self._sight = flaws, mount, sight
         self._noise, self._luck, drawn = (np.random.default_rng((seed, number)) for number in range(3))
+        self._lone, self._lone_share = np.random.default_rng((seed, 3)), flaws.lone_share + mount.lone_share
         self._rate_hz = flaws.turns_per_s * (1 + flaws.rate_error_share * float(drawn.standard_normal()))
         self._first_turn = float(drawn.random())
         self._packets = 0
@@ -172,7 +174,10 @@ class SpinningLidar(ABC):
         turned = self._turned(point_s)
         seen = self._look(point_s, turned, trail, discs)
         distance_m = self._distances_m(seen)
-        return self._packed(point_s, turned, distance_m, np.where(distance_m > 0, seen.intensity, 0))
+        intensity = np.where(distance_m > 0, seen.intensity, 0)
+        if self._lone_share:
+            self._add_noise(distance_m, intensity)
+        return self._packed(point_s, turned, distance_m, intensity)
 
     @property
     def sends(self) -> bool:
@@ -188,6 +193,8 @@ class SpinningLidar(ABC):
         if points:
             self._noise.standard_normal(points)
             self._luck.random(points)
+            if self._lone_share:
+                self._lone.random((points, 3))
 
     def _turned(self, at_s: Vector) -> Vector:
         """The number of turns of the motor so far."""
@@ -216,3 +223,11 @@ class SpinningLidar(ABC):
         lost |= (range_m < flaws.min_range_m) | (range_m > flaws.max_range_m)
         measured: Vector = np.where(lost, 0.0, range_m)
         return measured
+
+    def _add_noise(self, distance_m: Vector, intensity: Vector) -> None:
+        """Replace some readings by lone weak ones, as sunlight does."""
+        drawn, flaws = self._lone.random((len(distance_m), 3)), self._flaws
+        is_lone = drawn[:, 0] < self._lone_share
+        nearest_m, farthest_m = flaws.lone_range_m
+        distance_m[is_lone] = nearest_m + (farthest_m - nearest_m) * drawn[is_lone, 1]
+        intensity[is_lone] = 1 + np.floor(drawn[is_lone, 2] * flaws.lone_intensity)

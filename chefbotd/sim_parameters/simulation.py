@@ -65,7 +65,8 @@ class LidarFlaws(Parameters):
     ``rate_wobble_share`` within ``wobble_s``; a share of the beams is lost. Glass returns a beam whose cosine to the
     pane's normal is above ``glass_square``, and lets others through. A black surface is seen from ``black_range_m`` at
     most. The USB converter hands over what has come every ``handover_s``. The shares, glass and black are assumed.
-    ``height_m`` is the height of a lidar without a ``mount_z_m`` of its own.
+    ``height_m`` is the height of a lidar without a ``mount_z_m`` of its own. A ``lone_share`` of the beams shows noise
+    instead, as in sunlight: evenly spread over ``lone_range_m``, as bright as ``lone_intensity`` at most.
     """
 
     turns_per_s: float = Field(10.0, ge=2, le=20)
@@ -82,16 +83,34 @@ class LidarFlaws(Parameters):
     handover_s: float = Field(0.01, ge=0.001, le=0.1)
     express: ExpressScan = ExpressScan.OFFERED
     height_m: float = Field(0.2, gt=0, le=2.4)
+    lone_share: float = Field(0.0, ge=0, le=1)
+    lone_range_m: tuple[float, float] = (0.05, 1.0)
+    lone_intensity: int = Field(12, ge=1, le=255)
 
 
 class SimUltrasonicParameters(Parameters):
-    """How well an HC-SR04 hears."""
+    """How well an HC-SR04 hears.
+
+    An echo is lost by chance (``lost_echo_share``), and with it the next ones of a burst of ``lost_echo_burst``; also
+    each ``lost_echo_every``-th one (0: none). A ``far_echo_share`` of the readings is of something farther, up to the
+    sensor's range.
+    """
 
     rays: int = Field(9, ge=1, le=361)
     min_range_m: float = Field(0.02, ge=0)
     max_range_m: float = Field(4.0, gt=0, le=20)
     noise_m: float = Field(0.002, ge=0, le=1)
     lost_echo_share: float = Field(0.0, ge=0, le=1)
+    lost_echo_burst: int = Field(1, ge=1, le=1000)
+    lost_echo_every: int = Field(0, ge=0, le=1000)
+    far_echo_share: float = Field(0.0, ge=0, le=1)
+
+
+class SimInfraredParameters(Parameters):
+    """A Sharp sensor's noise (one sigma, assumed), and the share of its samples that show nothing in range."""
+
+    noise_v: float = Field(0.01, ge=0, le=1)
+    glitch_share: float = Field(0.0, ge=0, le=1)
 
 
 class SimImuParameters(Parameters):
@@ -146,6 +165,7 @@ class SimulationParameters(Parameters):
     true: TrueParameters = section()
     world: WorldParameters = section()
     ultrasonic: SimUltrasonicParameters = section()
+    infrared: SimInfraredParameters = section()
     imu: SimImuParameters = section()
     battery: SimBatteryParameters = section()
     board: BoardParameters = section()

@@ -110,7 +110,7 @@ class BoardParameters(SketchParameters):
     """The board. Values that are not given are those of its ``sketch``, which is the published Tiva's unless told.
 
     Where it decodes no encoders, it keeps ``edge_buffer`` edges of each wheel from one cycle to the next. Its line is as
-    fast as the robot's, unless ``line_rate_bytes_s`` says another.
+    fast as the robot's, unless ``line_rate_bytes_s`` says another. Its analogue inputs have ``adc_bits``.
     """
 
     sketch: SketchName = SketchName.TIVA
@@ -118,6 +118,7 @@ class BoardParameters(SketchParameters):
     echo_timeout_s: float = Field(1.0, ge=0, le=1)
     blocking_ultrasonic: bool = True
     raw_imu: bool = False
+    adc_bits: int = Field(12, ge=8, le=16)
     edge_buffer: int = Field(512, ge=1)
     boot_s: float = Field(0.2, ge=0, le=60)
     reset_delay_s: float = Field(1.0, ge=0, le=60)

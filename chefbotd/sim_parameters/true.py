@@ -57,13 +57,17 @@ class TrueImu(Parameters):
 
 
 class TrueLidar(Parameters):
-    """A lidar's mount (None: as configured); it reads ``range_scale`` times the range, and ``range_offset_m`` more."""
+    """A lidar's mount (None: as configured); it reads ``range_scale`` times the range, and ``range_offset_m`` more.
+
+    ``lone_share`` of its beams is noise, beside what ``[sim.lidar]`` says.
+    """
 
     mount_x_m: float | None = Field(None, ge=-5, le=5)
     mount_y_m: float | None = Field(None, ge=-5, le=5)
     mount_yaw_rad: float | None = Field(None, ge=-math.tau, le=math.tau)
     range_offset_m: float = Field(0.0, ge=-0.5, le=0.5)
     range_scale: float = Field(1.0, ge=0.5, le=2)
+    lone_share: float = Field(0.0, ge=0, le=1)
 
 
 class Drawn(StrEnum):
@@ -80,8 +84,9 @@ class TrueParameters(Parameters):
     ``seed`` (None: that of ``[sim]``) is of what is drawn; a value given beside it stays as given. The track (None: the
     configured one, with its multiplier) is that of turning. A side's slip is the constant share of its rim travel that
     does not become motion over the ground. The variances are those of random slip, in travel per metre and in heading
-    per radian turned. The ultrasonic and infrared sensors read by an offset too far; ``divider_ratio`` None: as
-    configured. ``wheels`` and ``lidars`` are by their names.
+    per radian turned. The ultrasonic and infrared sensors read by an offset too far, and a share of their readings is of
+    something farther or of nothing, beside what ``[sim]`` says; ``divider_ratio`` None: as configured. ``wheels`` and
+    ``lidars`` are by their names.
     """
 
     drawn: Drawn = Drawn.PERFECT
@@ -96,6 +101,8 @@ class TrueParameters(Parameters):
     lidars: Mapping[str, TrueLidar] = {}
     ultrasonic_offset_m: float = Field(0.0, ge=-0.5, le=0.5)
     infrared_offset_m: float = Field(0.0, ge=-0.5, le=0.5)
+    far_echo_share: float = Field(0.0, ge=0, le=1)
+    infrared_glitch_share: float = Field(0.0, ge=0, le=1)
     divider_ratio: float | None = Field(None, gt=0, le=100)
 
 
@@ -120,6 +127,9 @@ class Bounds(Parameters):
     range_offset_m: float
     lidar_range_offset_m: float
     divider_share: float
+    far_echo_share: float
+    infrared_glitch_share: float
+    lone_share: float
     travel_variance_m2_per_m: float = 6e-7
     turn_variance_rad2_per_rad: float = 2.5e-5
 
@@ -139,6 +149,9 @@ _PLAUSIBLE_AND_IMPERFECT: Mapping[str, tuple[float, float]] = {
     "range_offset_m": (0.005, 0.02),
     "lidar_range_offset_m": (0.005, 0.01),
     "divider_share": (0.01, 0.03),
+    "far_echo_share": (0.02, 0.1),
+    "infrared_glitch_share": (0.02, 0.1),
+    "lone_share": (0.003, 0.02),
 }
 
 BOUNDS: Mapping[Drawn, Bounds] = MappingProxyType(
@@ -204,8 +217,10 @@ def _drawn(configured: TrueParameters, bounds: Bounds, chance: random.Random) ->
             mount_y_m=beside(own.mount_y_m, bounds.lidar_mount_m),
             mount_yaw_rad=beside(own.mount_yaw_rad, bounds.lidar_mount_rad),
             range_offset_m=off(bounds.lidar_range_offset_m),
+            lone_share=unkind.uniform(0, bounds.lone_share),
         )
 
+    unkind = random.Random(chance.getstate()[1][0])  # of its own, so that no other value depends on it
     most_m_s2 = bounds.acceleration_bias_m_s2
     return TrueParameters(
         track_width_m=near(configured.track_width_m, bounds.track_share),
@@ -221,6 +236,8 @@ def _drawn(configured: TrueParameters, bounds: Bounds, chance: random.Random) ->
         ),
         ultrasonic_offset_m=off(bounds.range_offset_m),
         infrared_offset_m=off(bounds.range_offset_m),
+        far_echo_share=unkind.uniform(0, bounds.far_echo_share),
+        infrared_glitch_share=unkind.uniform(0, bounds.infrared_glitch_share),
         divider_ratio=near(configured.divider_ratio, bounds.divider_share),
         lidars={name: lidar(own) for name, own in configured.lidars.items()},
     )

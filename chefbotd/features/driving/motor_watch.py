@@ -39,7 +39,7 @@ class MotorWatch:
     def __init__(
         self, parameters: SafetyParameters, chassis: ChassisParameters, counts_per_turn: float
     ) -> None:
-        self._parameters, self._kinematics = parameters, Kinematics(chassis)
+        self._parameters, self.kinematics = parameters, Kinematics(chassis)
         self._play_rad = wheels.play_of(counts_per_turn)
         self._names = tuple(wheel.name for wheel in chassis.wheels)
         self._dragged = len(self._names) > 2
@@ -71,8 +71,8 @@ class MotorWatch:
     def slowed(self, motion: Motion, rim_m_s: float) -> Motion:
         """The same motion, with no rim faster than this."""
         if isinstance(motion, Twist2D):
-            return self._kinematics.saturate(motion, rim_m_s)
-        fastest_m_s = max(map(abs, self._kinematics.rims_at_m_s(motion.rad_s)))
+            return self.kinematics.saturate(motion, rim_m_s)
+        fastest_m_s = max(map(abs, self.kinematics.rims_at_m_s(motion.rad_s)))
         return motion if fastest_m_s <= rim_m_s else motion.slowed(rim_m_s / fastest_m_s)
 
     def start_anew(self) -> None:
@@ -137,7 +137,7 @@ class MotorWatch:
                 unresponsive.DRIVEN, now_s, driven=self._unresponsive.told_s is None
             )
             return
-        travel_m = self._kinematics.rims_at_m_s(seen.reading.travel_rad)
+        travel_m = self.kinematics.rims_at_m_s(seen.reading.travel_rad)
         self._overspeed, fault = overspeed.watch(
             self._parameters.overspeed,
             self._names,
@@ -156,7 +156,7 @@ class MotorWatch:
             self._unresponsive,
             now_s,
             travel_m,
-            self._kinematics.rims_at_m_s(seen.reading.velocity_rad_s),
+            self.kinematics.rims_at_m_s(seen.reading.velocity_rad_s),
             seen.dt_s,
             echoes_motion=self._echoes_motion(now_s),
         )

@@ -1,13 +1,15 @@
 """Applies the obstacle guards of range sensors and lidars to a motion."""
 
+import math
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
 from chefbotd.bus import Bus, OnError
 from chefbotd.core.events import RangeMeasured
 from chefbotd.core.geometry import STANDING, Motion, Pose2D
+from chefbotd.motion.kinematics import Kinematics
 from chefbotd.safety import guard
-from chefbotd.safety.guard import GuardParameters
+from chefbotd.safety.guard import GuardParameters, WheelAngles
 
 OBSTACLE = "obstacle:"
 
@@ -34,7 +36,9 @@ class Scans(Protocol):
 class ObstacleGuard:
     """``mounts`` are the range sensors that guard: ``base_from_sensor`` by name.
 
-    ``scans`` makes the guard by lidars. It gets ``on_error``, which takes the errors of handlers.
+    ``scans`` makes the guard by lidars. It gets ``on_error``, which takes the errors of handlers. ``kinematics`` (None:
+    the robot counts as standing) says how far the wheels have moved the robot since a reading; who reads the encoders
+    sets ``wheels_rad``, ``wheels_s`` and ``excluded``.
     """
 
     def __init__(
@@ -44,8 +48,15 @@ class ObstacleGuard:
         mounts: Mapping[str, Pose2D],
         scans: Callable[[OnError], Scans] | None,
         on_error: OnError,
+        kinematics: Kinematics | None = None,
     ) -> None:
         self._parameters, self._beams = parameters, guard.from_mounts(mounts)
+        self._kinematics = kinematics
+        self.wheels_rad: WheelAngles = ()
+        self.wheels_s = -math.inf
+        self.excluded: tuple[int, ...] = ()
+        self._weights: tuple[tuple[float, float], ...] = ()
+        self._weighed_without: tuple[int, ...] | None = None
         self.scans = None if scans is None else scans(on_error)
         bus.add_handler(self._on_range, RangeMeasured, on_error=on_error)
 
@@ -62,24 +73,38 @@ class ObstacleGuard:
 
         ``late_s`` passes until the board obeys, in addition to ``reaction_s``.
         """
-        parameters = guard.later(self._parameters, late_s)
-        motion, sensor = guard.limit(parameters, self._beams, asked_motion, now_s)
+        motion, sensor = guard.limit(
+            self._parameters, self._beams, asked_motion, now_s, late_s=late_s, moved=self._moved
+        )
         limited_by = None if sensor is None else OBSTACLE + sensor
         if self.scans is None:
             return motion, limited_by
         free, seen = self.scans.limit(motion, now_s, late_s)
         if seen is None:
             return motion, limited_by
-        return self._agreed(self.scans, parameters, free, now_s, late_s), seen
+        return self._agreed(self.scans, free, now_s, late_s), seen
 
-    def _agreed(
-        self, scans: Scans, parameters: GuardParameters, motion: Motion, now_s: float, late_s: float
-    ) -> Motion:
+    def _agreed(self, scans: Scans, motion: Motion, now_s: float, late_s: float) -> Motion:
         """Limit a motion that was limited already: a part of it may bring a beam closer than the whole would."""
-        again, sensor = guard.limit(parameters, self._beams, motion, now_s)
+        again, sensor = guard.limit(
+            self._parameters, self._beams, motion, now_s, late_s=late_s, moved=self._moved
+        )
         if sensor is None:
             return motion
         return again if scans.limit(again, now_s, late_s)[1] is None else STANDING
 
     def _on_range(self, event: RangeMeasured) -> None:
-        self._beams = guard.update(self._parameters, self._beams, event)
+        self._beams = guard.update(
+            self._parameters, self._beams, event, self.wheels_rad, self.wheels_s, self._moved
+        )
+
+    def _moved(self, wheels_rad: WheelAngles) -> tuple[float, float]:
+        """How far the robot has come since its wheels stood so: metres ahead, and radians to the left."""
+        if self.excluded != self._weighed_without:
+            self._weighed_without = self.excluded
+            self._weights = () if self._kinematics is None else self._kinematics.travel_weights(self.excluded)
+        ahead_m = turned_rad = 0.0
+        for now_rad, then_rad, weight in zip(self.wheels_rad, wheels_rad, self._weights, strict=False):
+            ahead_m += (now_rad - then_rad) * weight[0]
+            turned_rad += (now_rad - then_rad) * weight[1]
+        return ahead_m, turned_rad

@@ -3,6 +3,7 @@
 It moves nothing itself: ``DriveService`` asks it before every duty and carries out the answer.
 """
 
+import math
 from collections.abc import Callable, Mapping
 
 import structlog
@@ -44,7 +45,7 @@ from chefbotd.safety.gate import (
     SafetyParameters,
     Trigger,
 )
-from chefbotd.safety.guard import Beams
+from chefbotd.safety.guard import Beams, WheelAngles
 from chefbotd.safety.latch import GateStore
 
 log = structlog.get_logger(component="safety")
@@ -69,7 +70,8 @@ LATCHES_PER_SESSION = 2**20
 class KeeperState(Record, frozen=True):
     """The gate's and the detectors' states, and the last announcement.
 
-    ``reported`` is a fault that a thread has reported and that has not latched yet.
+    ``reported`` is a fault that a thread has reported and that has not latched yet. ``wheels`` are the angles of the
+    wheels at the last reading, when it came, and the wheels that are left out.
     """
 
     gate: GateState
@@ -86,6 +88,7 @@ class KeeperState(Record, frozen=True):
     announcer: tuple[SafetyChanged | None, dict[str, int]]
     announced: tuple[str | int | None, ...]
     stop_number: int = 0
+    wheels: tuple[WheelAngles, float, tuple[int, ...]] = ((), -math.inf, ())
 
 
 class SafetyKeeper:
@@ -116,7 +119,9 @@ class SafetyKeeper:
         self._silence = EncoderTimeoutState()
         self._without_echo = ""  # the sensor that waits for echoes that do not come
         self._critical_since_s: float | None = None
-        self.obstacles = ObstacleGuard(bus, parameters.guard, mounts, scans, self._keep_error)
+        self.obstacles = ObstacleGuard(
+            bus, parameters.guard, mounts, scans, self._keep_error, motors.kinematics
+        )
         self._link_open = False
         self._reported: Fault | None = None
         self.announcer = GateAnnouncer(bus, latch)
@@ -146,6 +151,7 @@ class SafetyKeeper:
             self.announcer.state(),
             self._announced,
             self.stop_number,
+            (self.obstacles.wheels_rad, self.obstacles.wheels_s, self.obstacles.excluded),
         )
 
     def restore(self, state: KeeperState) -> None:
@@ -159,6 +165,7 @@ class SafetyKeeper:
         self._link_open, self._reported = state.link_open, state.reported
         self.announcer.restore(state.announcer)
         self._announced, self.stop_number = state.announced, state.stop_number
+        self.obstacles.wheels_rad, self.obstacles.wheels_s, self.obstacles.excluded = state.wheels
 
     @property
     def gate(self) -> GateState:
@@ -307,6 +314,9 @@ class SafetyKeeper:
     ) -> None:
         """A good encoder reading, and what each wheel and rim was asked for meanwhile (see ``MotorWatch.watch``)."""
         self._silence = encoder_timeout.heard(self._silence, now_s)
+        obstacles = self.obstacles
+        obstacles.wheels_rad, obstacles.wheels_s = seen.reading.position_rad, now_s
+        obstacles.excluded = seen.same_side.excluded
         for fault in self.motors.watch(now_s, effort, setpoint_m_s, seen):
             self.fail(fault)
 

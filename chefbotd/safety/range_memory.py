@@ -1,0 +1,128 @@
+"""What a range sensor is believed to see: a reading without an echo, or one too far, between good ones is a miss.
+
+An ultrasonic echo is lost on cloth, at a slant, or by chance; an infrared sensor glitches. So what was seen stays where
+it was, while the robot's own motion brings it nearer or farther, until
+
+- so many readings in a row do not show it that they cannot all be misses: then the nearest of them counts; or
+- the robot has turned away from it by more than the sensor's cone, or moved beyond the sensor's range from it.
+
+How many readings that takes depends on the sensor. Its share of misses is learned from readings that did not show a
+thing which the next ones showed again; with a share p, n misses in a row happen with probability p^n, which must be
+below ``CHANCE``. A nearer reading is believed at once.
+"""
+
+import math
+
+from pydantic import Field
+
+from chefbotd.core.parameters import Parameters
+from chefbotd.core.record import Record, replace
+
+CHANCE = 1e-6
+"""One run of misses in a million readings, 14 hours at 20 a second, is taken for a free way."""
+
+FIRST_SHARE, FIRST_READINGS = 0.05, 10.0
+"""Until a sensor is known it is taken for one that misses one reading in twenty; ten readings weigh as much as that."""
+
+FORGET_SHARE = 1 / 400
+"""Each judged reading takes this share of what was learned before it: after 20 s at 20 a second a third is left."""
+
+BEYOND_LONGEST = 2
+"""Misses that come in bursts are no chance: so many more readings than the longest burst are asked for."""
+
+ROUNDING_M = 1e-9
+"""The last bit of a sum is not a step of the sensor."""
+
+FARTHER_SHARE = 0.05
+"""How much farther a reading of the same thing may be, of what is beyond the place where the robot stands."""
+
+
+class RangeMemoryParameters(Parameters):
+    """An obstacle goes after ``free_readings`` readings in a row without it, and after ``most_free_readings`` at most.
+
+    In between it depends on how often the sensor misses. With 1 and 1 every reading is believed at once.
+    """
+
+    free_readings: int = Field(default=5, ge=1, le=100)
+    most_free_readings: int = Field(default=30, ge=1, le=1000)
+
+
+class Believed(Record, frozen=True):
+    """What is believed, and what speaks against it.
+
+    ``distance_m`` (infinity: a free way) is as of the last reading. ``run`` readings in a row did not show it, of which
+    the nearest was ``nearest_m``; since it was seen the robot has turned by ``turned_rad``. ``shown`` and ``missed``
+    count what the sensor did where a thing was, and fade; ``longest`` is its longest burst of misses, and fades too.
+    """
+
+    distance_m: float = math.inf
+    run: int = 0
+    nearest_m: float = math.inf
+    turned_rad: float = 0.0
+    shown: float = 0.0
+    missed: float = 0.0
+    longest: float = 0.0
+
+
+NOTHING = Believed()
+"""Of a sensor that was never heard: nothing is in its way."""
+
+
+def add_reading(
+    params: RangeMemoryParameters,
+    before: Believed,
+    distance_m: float,
+    shortened_m: float,
+    turned_rad: float,
+    *,
+    stand_m: float,
+    hysteresis_m: float,
+    max_range_m: float,
+    field_of_view_rad: float,
+) -> Believed:
+    """What is believed after a reading (infinity: nothing in range).
+
+    Since the reading before, the robot's motion has shortened the beam by ``shortened_m`` and turned it by
+    ``turned_rad``. A thing is still the same one where it reads farther by ``hysteresis_m``, and a little more beyond
+    ``stand_m``, the distance for which the robot stands.
+    """
+    expected_m = before.distance_m - shortened_m
+    beyond_m = expected_m - stand_m
+    alike_m = hysteresis_m + FARTHER_SHARE * beyond_m if beyond_m > 0 else hysteresis_m
+    if distance_m <= expected_m + alike_m + ROUNDING_M:
+        return _shown(before, distance_m)
+    if expected_m < 0:
+        expected_m = 0.0
+    run, nearest_m = before.run + 1, before.nearest_m - shortened_m
+    nearest_m, turned_rad = min(nearest_m, distance_m), before.turned_rad + turned_rad
+    is_gone = (
+        run >= readings_needed(params, before)
+        or abs(turned_rad) > field_of_view_rad
+        or expected_m > max_range_m
+    )
+    if is_gone:
+        return replace(before, distance_m=nearest_m, run=0, nearest_m=math.inf, turned_rad=0.0)
+    return replace(before, distance_m=expected_m, run=run, nearest_m=nearest_m, turned_rad=turned_rad)
+
+
+def _shown(before: Believed, distance_m: float) -> Believed:
+    """Something is where it was believed to be, or nearer: what did not show it was a miss."""
+    if before.distance_m == math.inf:
+        return before if distance_m == math.inf else replace(before, distance_m=distance_m)
+    keep = 1 - FORGET_SHARE
+    longest = before.longest * keep
+    return Believed(
+        distance_m,
+        shown=before.shown * keep + 1,
+        missed=before.missed * keep + before.run,
+        longest=longest if before.run < longest else float(before.run),
+    )
+
+
+def readings_needed(params: RangeMemoryParameters, believed: Believed) -> int:
+    """How many readings in a row must not show a thing until it is gone."""
+    missed = believed.missed + FIRST_SHARE * FIRST_READINGS
+    share = missed / (believed.shown + believed.missed + FIRST_READINGS)
+    needed = math.ceil(math.log(CHANCE) / math.log(share))
+    needed = max(needed, math.ceil(believed.longest) + BEYOND_LONGEST, params.free_readings)
+    return min(needed, params.most_free_readings)

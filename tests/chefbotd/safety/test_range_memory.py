@@ -1,0 +1,202 @@
+"""Missed readings: what a range sensor saw stays until readings agree, or the robot has turned or moved away."""
+
+import math
+import random
+from collections.abc import Callable
+
+import pytest
+
+from chefbotd.core.events import RangeMeasured, RangeStatus
+from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.safety import guard, range_memory
+from chefbotd.safety.guard import Beams, GuardParameters, from_mounts
+from chefbotd.safety.range_memory import NOTHING, Believed, RangeMemoryParameters
+
+PARAMETERS = GuardParameters(stop_distance_m=0.15, deceleration_m_s2=0.5, reaction_s=0.1, max_age_s=0.5)
+FRONT = {"front": Pose2D(0.15)}
+MEMORY = RangeMemoryParameters()
+
+
+def read(
+    before: Believed, *distances_m: float, shortened_m: float = 0.0, turned_rad: float = 0.0
+) -> Believed:
+    """What is believed after these readings, before each of which the robot moved so."""
+    for distance_m in distances_m:
+        before = range_memory.add_reading(
+            MEMORY,
+            before,
+            distance_m,
+            shortened_m,
+            turned_rad,
+            stand_m=0.15,
+            hysteresis_m=0.02,
+            max_range_m=4.0,
+            field_of_view_rad=0.26,
+        )
+    return before
+
+
+MISS = math.inf
+
+
+def test_a_miss_between_good_readings_is_no_free_way() -> None:
+    """0.5 m, nothing, 0.5 m: it is 0.5 m throughout; a nearer reading counts at once."""
+    assert read(NOTHING, 0.5, MISS).distance_m == 0.5
+    assert read(NOTHING, 0.5, MISS, 0.5).distance_m == 0.5
+    assert read(NOTHING, 0.5, MISS, 0.3).distance_m == 0.3
+
+
+def test_one_too_far_is_a_miss_as_well() -> None:
+    """3 m between readings of 0.5 m; a centimetre or two more is the same thing."""
+    assert read(NOTHING, 0.5, 3.0).distance_m == 0.5
+    assert read(NOTHING, 0.5, 0.52).distance_m == 0.52
+
+
+def test_five_readings_of_an_unknown_sensor_agree_on_a_free_way() -> None:
+    """0.05^5 is 3e-7, below one in a million; four are not enough. The nearest of them counts then."""
+    assert read(NOTHING, 0.5, *[MISS] * 4).distance_m == 0.5
+    assert read(NOTHING, 0.5, *[MISS] * 5).distance_m == math.inf
+    assert read(NOTHING, 0.5, MISS, 2.0, MISS, 1.8, MISS).distance_m == 1.8
+
+
+def test_a_sensor_that_misses_half_is_asked_for_twenty() -> None:
+    """0.5^20 is below one in a million; the count begins at 5 and grows with what was missed."""
+    known = read(NOTHING, *[0.5, MISS] * 300, 0.5)
+    assert range_memory.readings_needed(MEMORY, known) == 20
+    assert read(known, *[MISS] * 19).distance_m == 0.5
+    assert read(known, *[MISS] * 20).distance_m == math.inf
+
+
+def test_a_sensor_that_misses_no_more_is_asked_for_five_again() -> None:
+    """What was learned fades: after 3,000 good readings nothing is left of it."""
+    cured = read(NOTHING, *[0.5, MISS] * 300, *[0.5] * 3000)
+    assert range_memory.readings_needed(MEMORY, cured) == 5
+
+
+def test_a_burst_asks_for_two_more_than_itself() -> None:
+    """A burst of four among 400 readings: six."""
+    known = read(NOTHING, *[0.5] * 400, *[MISS] * 4, 0.5)
+    assert range_memory.readings_needed(MEMORY, known) == 6
+
+
+def test_driving_brings_what_was_missed_nearer() -> None:
+    """0.5 m, then 3 misses while the robot drives 0.1 m each: 0.2 m; backing off 0.1 m each: 0.8 m."""
+    seen = read(NOTHING, 0.5)
+    assert read(seen, *[MISS] * 3, shortened_m=0.1).distance_m == pytest.approx(0.2)
+    assert read(seen, *[MISS] * 3, shortened_m=-0.1).distance_m == pytest.approx(0.8)
+
+
+def test_turning_away_by_more_than_the_cone_frees_the_way() -> None:
+    """A cone of 0.26 rad: after 0.2 rad the thing may be in it, after 0.3 it cannot; no reading has to agree."""
+    assert read(NOTHING, 0.5, MISS, turned_rad=0.2).distance_m == 0.5
+    assert read(read(NOTHING, 0.5), MISS, MISS, turned_rad=0.15).distance_m == math.inf
+
+
+def test_what_has_left_the_range_is_gone() -> None:
+    """3.9 m away, and backed off by 0.2 m: beyond the 4 m of the sensor."""
+    assert read(read(NOTHING, 3.9), MISS, shortened_m=-0.2).distance_m == math.inf
+
+
+def test_the_first_reading_counts_whatever_it_is() -> None:
+    """Nothing seen, nothing to hold."""
+    assert read(NOTHING, MISS) == NOTHING
+    assert read(NOTHING, 0.7).distance_m == 0.7
+
+
+def test_with_one_and_one_each_reading_is_believed_at_once() -> None:
+    """For a sensor that never misses."""
+    plain = RangeMemoryParameters(free_readings=1, most_free_readings=1)
+    assert range_memory.readings_needed(plain, read(NOTHING, *[0.5, MISS] * 30)) == 1
+
+
+Missing = Callable[[int, random.Random], float | None]
+"""How far too far a reading is (0: right), and None for none, by its number."""
+
+KINDS: dict[str, Missing] = {
+    "none": lambda k, chance: 0.0,
+    "one in twenty": lambda k, chance: None if chance.random() < 0.05 else 0.0,
+    "one in five": lambda k, chance: None if chance.random() < 0.2 else 0.0,
+    "one in three": lambda k, chance: None if chance.random() < 0.35 else 0.0,
+    "half": lambda k, chance: None if chance.random() < 0.5 else 0.0,
+    "every second": lambda k, chance: None if k % 2 else 0.0,
+    "the twentieth": lambda k, chance: None if k % 20 == 7 else 0.0,
+    "bursts of three": lambda k, chance: None if k % 15 < 3 else 0.0,
+    "far spikes": lambda k, chance: chance.uniform(0.1, 3.0) if chance.random() < 0.35 else 0.0,
+    "every second too far": lambda k, chance: 1.5 if k % 2 else 0.0,
+}
+
+
+class Driven:
+    """A robot of one wheel with a sensor at its nose, driven at a wall; it brakes as the guard counts on."""
+
+    def __init__(self, missing: Missing, seed: int, *, wall_m: float = 1.2, cycle_s: float = 0.05) -> None:
+        self._missing, self._chance, self._wall_m, self._cycle_s = (
+            missing,
+            random.Random(seed),
+            wall_m,
+            cycle_s,
+        )
+        self.x_m = self.speed_m_s = self.now_s = 0.0
+        self.beams: Beams = from_mounts(FRONT)
+
+    def moved(self, wheels_rad: tuple[float, ...]) -> tuple[float, float]:
+        """A wheel whose angle is the way."""
+        return self.x_m - wheels_rad[0], 0.0
+
+    def step(self, number: int, asked_m_s: float) -> None:
+        """A cycle: a reading in whole centimetres, what the guard allows, and the way of it."""
+        too_far_m = self._missing(number, self._chance)
+        status, range_m = RangeStatus.NO_ECHO, None
+        if too_far_m is not None:
+            status, range_m = RangeStatus.OK, math.floor(100 * (self._wall_m - self.x_m + too_far_m)) / 100
+        measured = RangeMeasured(self.now_s, self.now_s, "front", status, range_m, 0.02, 4.0, 0.26)
+        self.beams = guard.update(PARAMETERS, self.beams, measured, (self.x_m,), self.now_s, self.moved)
+        motion, _ = guard.limit(PARAMETERS, self.beams, Twist2D(asked_m_s, 0.0), self.now_s, moved=self.moved)
+        assert isinstance(motion, Twist2D)
+        step_m_s = PARAMETERS.deceleration_m_s2 * self._cycle_s
+        self.speed_m_s += max(-step_m_s, min(step_m_s, motion.linear_m_s - self.speed_m_s))
+        self.x_m += self.speed_m_s * self._cycle_s
+        self.now_s += self._cycle_s
+
+
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("speed_m_s", [0.1, 0.2, 0.4])
+def test_no_contact_and_no_creeping(kind: str, speed_m_s: float) -> None:
+    """Each kind of misses, ten seeds: it stands before the wall, and is moved by nothing in 40 s of asking."""
+    for seed in range(10):
+        robot = Driven(KINDS[kind], seed)
+        for number in range(600):
+            robot.step(number, speed_m_s)
+        stood_m = robot.x_m
+        for number in range(600, 1400):
+            robot.step(number, speed_m_s)
+        assert robot.x_m == stood_m, (kind, seed)
+        assert 0.12 <= 1.2 - robot.x_m <= 0.20, (kind, seed)
+
+
+@pytest.mark.parametrize(("silent_s", "allowed"), [(0.4, True), (0.6, False)])  # max_age_s is 0.5
+def test_a_silent_sensor_still_sees_what_it_saw(silent_s: float, allowed: bool) -> None:
+    """At a wall the silence of the board for a second, or an unplugged sensor, frees nothing; turning away does."""
+    beams = from_mounts(FRONT)
+    seen = RangeMeasured(10.0, 10.0, "front", RangeStatus.OK, 0.16, 0.02, 4.0, 0.26)
+    beams = guard.update(PARAMETERS, beams, seen, (0.0,), 10.0, lambda wheels: (0.0, 0.0))
+    for turned_rad, speed in ((0.0, 0.1), (0.3, 0.3)):
+        moved = (lambda turned: lambda wheels: (0.0, turned))(turned_rad)
+        motion, _ = guard.limit(PARAMETERS, beams, Twist2D(0.3, 0.0), 10.0 + silent_s, moved=moved)
+        assert isinstance(motion, Twist2D)
+        assert motion.linear_m_s <= (speed if turned_rad == 0 or allowed else 0.3)
+        assert (motion.linear_m_s == 0.3) == (turned_rad > 0 and not allowed)
+
+
+def test_a_sensor_that_hears_no_echo_is_silent() -> None:
+    """``silent_is_obstacle``: unplugged it says "no echo" for ever; 0.5 s of it are an obstacle, too far is not."""
+    strict = PARAMETERS.model_copy(update={"silent_is_obstacle": True})
+    for status, expected in ((RangeStatus.NO_ECHO, 0.0), (RangeStatus.TOO_FAR, 0.3)):
+        beams = from_mounts(FRONT)
+        for number in range(20):
+            at_s = 10.0 + 0.05 * number
+            measured = RangeMeasured(at_s, at_s, "front", status, None, 0.02, 4.0, 0.26)
+            beams = guard.update(strict, beams, measured)
+        motion, _ = guard.limit(strict, beams, Twist2D(0.3, 0.0), 10.95)
+        assert isinstance(motion, Twist2D)
+        assert motion.linear_m_s == expected
