@@ -29,13 +29,18 @@ Connect = Callable[[], AbstractAsyncContextManager[Client]]
 
 
 class SpeechAgent:
-    """``run`` keeps it connected; a talker may use it meanwhile. ``stopped`` is called when somebody stops the robot."""
+    """``run`` keeps it connected; a talker may use it meanwhile.
+
+    ``stopped`` is called when the robot is stopped by anybody but this program, or has a fault.
+    """
 
     def __init__(
         self, connect: Connect, speaker: Speaker, ear: Ear, stopped: Callable[[], None] = lambda: None
     ) -> None:
         self._connect, self._speaker, self._ear, self._stopped = connect, speaker, ear, stopped
         self._robot: Client | None = None
+        self._stop_number: int | None = None  # of the last stop or fault that is known, or was our own
+        self._own_stops, self._heard_meanwhile = 0, 0  # under way, and the latest number since they began
         self._texts: dict[str, str] = {}
         self._questions: set[int] = set()
         self._tasks: set[asyncio.Task[None]] = set()
@@ -64,10 +69,19 @@ class SpeechAgent:
                 match event.data:
                     case AgentsData():
                         self.take_agents(event.data)
-                    case SafetyData(mode=mode) if mode != ARMED:
-                        self._stopped()
+                    case SafetyData(mode=mode, stop_number=stop_number):
+                        self._take_safety(mode, stop_number)
                     case NavigationData(cause=cause) if cause in BY_PEOPLE:
                         self._stopped()
+
+    def _take_safety(self, mode: str, stop_number: int) -> None:
+        if self._own_stops:
+            self._heard_meanwhile = stop_number
+        has_stopped = not self._own_stops and stop_number != self._stop_number
+        if has_stopped:
+            self._stop_number = stop_number
+        if has_stopped or mode != ARMED:
+            self._stopped()
 
     def take_agents(self, data: AgentsData) -> None:
         """Say what is new of the other agents: their sentences and their questions."""
@@ -87,15 +101,23 @@ class SpeechAgent:
         robot = self._robot
         if robot is None:
             return NOT_CONNECTED
+        self._own_stops += 1
         try:
-            await robot.stop()
+            own = int((await robot.call("stop")).get("stop_number", 0))
         except ChefbotError as problem:
+            self._stopped()  # nothing begins by itself
             return f"I could not stop: {problem}"
+        finally:
+            self._own_stops -= 1
+        heard, self._heard_meanwhile = self._heard_meanwhile, 0
+        self._stop_number = max(own, heard)
+        if heard > own:
+            self._stopped()
         return ""
 
     def go(self, place: str) -> None:
-        """Go to a place, and say what becomes of it."""
-        self._going = self._begin(self._go(place))
+        """Go to a place, and say what becomes of it; a stop that is not known here yet keeps the robot from it."""
+        self._going = self._begin(self._go(place, self._stop_number))
 
     def say(self, text: str) -> None:
         """Say it aloud, and on the robot's page."""
@@ -127,13 +149,15 @@ class SpeechAgent:
         task.add_done_callback(self._tasks.discard)
         return task
 
-    async def _go(self, place: str) -> None:
+    async def _go(self, place: str, stop_number: int | None) -> None:
         robot = self._robot
         if robot is None:
             return self.say("I cannot go: the robot's daemon is not connected.")
         try:
             goal_id = f"speech-{secrets.token_hex(4)}"
-            await robot.navigate_to(place=place, goal_id=goal_id, on_client_left="cancel")
+            await robot.navigate_to(
+                place=place, goal_id=goal_id, on_client_left="cancel", if_stop_number=stop_number
+            )
             text = f"I am at {place}."
         except GoalNotReached as ended:
             text = "" if ended.cause in QUIET_ENDS else f"I did not reach {place}: {ended.reason}"

@@ -86,6 +86,7 @@ class PageTalker:
         self._send, self._robot, self._recognize, self._countdown_s = send, robot, recognize, countdown_s
         self._talkers = talkers
         self._dialogue, self._text = Dialogue(), ""
+        self._was_stopped = False  # since talk was pressed, by somebody else
         self._listening = Listening(recognize)
         self._places: asyncio.Task[Vocabulary] | None = None
         self._hearing: asyncio.Task[None] | None = None
@@ -151,6 +152,7 @@ class PageTalker:
         if self._hearing is not None:
             self._hearing.cancel()
         self._robot.hush(is_hushed=True)
+        self._was_stopped = False
         await self._do(dialogue.press(self._dialogue))
         self._listening.cancel()
         self._listening = Listening(self._recognize, rate_hz)
@@ -166,10 +168,12 @@ class PageTalker:
             command = vocabulary.understood(heard)
             log.info("heard", text=heard.text, margin=round(heard.margin, 2), understood=command is not None)
         now_s = asyncio.get_running_loop().time()
-        await self._do(dialogue.hear(self._dialogue, command, now_s, self._countdown_s))
+        countdown_s = None if self._was_stopped else self._countdown_s
+        await self._do(dialogue.hear(self._dialogue, command, now_s, countdown_s))
 
     def end_countdown(self) -> None:
-        """Somebody talks on another page, or the robot was stopped."""
+        """Somebody talks on another page, or the robot was stopped: what is being said needs a yes, too."""
+        self._was_stopped = True
         step = dialogue.interrupt(self._dialogue)
         if step.dialogue != self._dialogue:
             self._dialogue, self._text = step.dialogue, step.text

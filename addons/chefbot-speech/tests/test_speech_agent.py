@@ -324,6 +324,51 @@ def test_whoever_stops_the_robot_ends_the_countdown(tmp_path: Path, *, is_estop:
     in_room(tmp_path, scenario, countdown_s=5.0)
 
 
+@pytest.mark.parametrize("what", ["estop", "stop"])
+def test_a_stop_while_the_sentence_is_recognized_leaves_no_countdown(tmp_path: Path, what: str) -> None:
+    """Somebody stops the robot, and arms it, before it is understood: it asks for a yes, and goes by that."""
+
+    async def scenario(room: Room) -> None:
+        understood = asyncio.Event()
+        hear = room.ear.recognize
+
+        async def late(samples: Samples, grammar: str) -> Heard:
+            await understood.wait()
+            return await hear(samples, grammar)
+
+        room.page._recognize = late
+        await room.say("go to table two")
+        await room.client.call(what)
+        await room.client.arm()
+        await asyncio.sleep(0.2)
+        understood.set()
+        await asyncio.sleep(20.0)
+        assert (room.driven, room.shown[-1]["proposal"]) == ([], "table 2")
+        assert room.shown[-1]["text"] == "Go to table 2? Say or touch yes."
+        await room.page.take(YES)
+        await asyncio.sleep(10.0)
+        assert room.driven == [2.0]
+
+    in_room(tmp_path, scenario, countdown_s=2.0)
+
+
+def test_a_goal_that_is_sent_before_a_stop_is_heard_of_is_refused(tmp_path: Path) -> None:
+    """A yes in the moment of an emergency stop that is armed at once: the daemon compares the number."""
+
+    async def scenario(room: Room) -> None:
+        await room.say("go to table two")
+        before = room.agent._stop_number
+        await room.client.estop("a child")
+        await room.client.arm()
+        room.agent._stop_number = before
+        await room.page.take(YES)
+        await asyncio.sleep(10.0)
+        assert room.driven == []
+        assert any("I cannot go to table 2" in text for _, text in room.speaker.said)
+
+    in_room(tmp_path, scenario)
+
+
 def test_a_page_that_is_gone_begins_nothing(tmp_path: Path) -> None:
     """Its countdown ends with it."""
 
