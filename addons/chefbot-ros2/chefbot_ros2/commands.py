@@ -28,7 +28,8 @@ class Commands:
     """Everything is asked on one connection, whose roles, leases and dead-man are the daemon's affair.
 
     Velocities count as those of the source ``source``. ``refused`` is the sentence about the last thing that was
-    refused, empty once something was not; ``on_refused`` is called with each.
+    refused, empty once something was not; ``on_refused`` is called with each. ``stop_number`` is that of the last
+    stop or fault of the robot when the present request came: the daemon refuses a motion after any later one.
     """
 
     def __init__(
@@ -41,7 +42,8 @@ class Commands:
         self._robot: Client | None = None
         self._tasks: asyncio.TaskGroup | None = None
         self._running: set[asyncio.Task[None]] = set()
-        self._velocity: tuple[Twist2D, float] | None = None
+        self._velocity: tuple[Twist2D, float, int | None] | None = None
+        self.stop_number: int | None = None
         self._has_velocity = asyncio.Event()
         self.refused = ""
 
@@ -78,7 +80,7 @@ class Commands:
         """
         if self._robot is not None and math.isfinite(linear_m_s) and math.isfinite(angular_rad_s):
             came_s = self._now_s() if since_s is None else since_s
-            self._velocity = Twist2D(linear_m_s, angular_rad_s), came_s
+            self._velocity = Twist2D(linear_m_s, angular_rad_s), came_s, self.stop_number
             self._has_velocity.set()
 
     async def _drive(self, robot: Client) -> None:
@@ -89,7 +91,7 @@ class Commands:
             newest, self._velocity = self._velocity, None
             if newest is None:
                 continue
-            velocity, came_s = newest
+            velocity, came_s, stop_number = newest
             if velocity != Twist2D() and self._now_s() - came_s > OLDEST_VELOCITY_S:
                 self._refuse(f"cmd_vel: a velocity waited for more than {OLDEST_VELOCITY_S:g} s")
                 continue
@@ -100,6 +102,7 @@ class Commands:
                     linear_m_s=velocity.linear_m_s,
                     angular_rad_s=velocity.angular_rad_s,
                     source=self._source,
+                    **({} if velocity == Twist2D() else known(stop_number)),
                 ),
             )
 
@@ -107,9 +110,13 @@ class Commands:
         """RViz says about where the robot is."""
         self._ask("initialpose", frame, lambda robot: robot.set_pose(pose.x_m, pose.y_m, pose.heading_rad))
 
-    def navigate(self, frame: str, pose: Pose2D) -> None:
-        """RViz says where it shall go; a goal before this one is cancelled."""
+    def navigate(self, frame: str, pose: Pose2D, stop_number: int | None = None) -> None:
+        """RViz says where it shall go; a goal before this one is cancelled.
+
+        ``stop_number`` is that of the moment in which the goal came, if that was not now.
+        """
         params = {"x_m": pose.x_m, "y_m": pose.y_m, "heading_rad": pose.heading_rad}
+        params |= known(self.stop_number if stop_number is None else stop_number)
         self._ask(
             "goal_pose",
             frame,
@@ -157,6 +164,11 @@ class Commands:
         if self._robot is None:
             raise NotConnected("there is no connection to the daemon")
         return self._robot
+
+
+def known(stop_number: int | None) -> dict[str, Any]:
+    """The parameter ``if_stop_number``, where a number is known."""
+    return {} if stop_number is None else {"if_stop_number": stop_number}
 
 
 SERVICES: dict[str, Callable[[Commands], Coroutine[Any, Any, None]]] = {

@@ -172,7 +172,10 @@ class Bridge(LifecycleNode):  # type: ignore[misc]  # rclpy tells no types
 
     def _take_goal(self, message: PoseStamped) -> None:
         frame, pose = message.header.frame_id, pose_in_plane(message.pose)
-        self._call(lambda commands: commands.navigate(frame, pose))
+        stop_number = (
+            None if self._commands is None else self._commands.stop_number
+        )  # not when the loop gets to it
+        self._call(lambda commands: commands.navigate(frame, pose, stop_number))
 
     def _call(self, call: Callable[[Commands], None]) -> None:
         commands = self._commands

@@ -55,6 +55,7 @@ class Session:
         self._connect, self._publish, self._name, self._version = connect, publish, name, version
         self._commands, self._is_wanted = commands, is_wanted
         self._robot: Client | None = None
+        self.stop_number: int | None = None  # of the robot's last stop or fault, as far as it is known
         self._why = "not connected yet"
         self._latest: dict[str, Any] = {}
         self._has_new_map = asyncio.Event()
@@ -96,6 +97,8 @@ class Session:
                 log.info("connected to the daemon", robot=robot.hello.robot)
                 tasks.create_task(self._follow(robot, [topic for topic in MEASURED if topic in offered]))
                 tasks.create_task(self._watch(robot, [topic for topic in STATES if topic in offered]))
+                if "safety" in offered:
+                    tasks.create_task(self._watch_stops(robot))
                 if self._commands is not None:
                     tasks.create_task(self._commands.serve(robot))
                 tasks.create_task(self._keep_clock(robot))
@@ -182,6 +185,14 @@ class Session:
                 if mark is not None and seen.get(event.topic) != getattr(event.data, mark):
                     seen[event.topic] = getattr(event.data, mark)
                     self._has_new_map.set()
+
+    async def _watch_stops(self, robot: Client) -> None:
+        """Each at once, for what is asked from now on."""
+        async with robot.subscribe("safety", policy="ordered") as events:
+            async for event in events:
+                self.stop_number = event.data.stop_number
+                if self._commands is not None:
+                    self._commands.stop_number = self.stop_number
 
     async def _publish_maps(self, robot: Client) -> None:
         while True:

@@ -14,11 +14,13 @@ class SlowDaemon:
 
     def __init__(self) -> None:
         self.driven: list[float] = []
+        self.params: dict[str, Any] = {}
         self.asked, self.answers = asyncio.Semaphore(0), asyncio.Semaphore(0)
 
     async def call(self, method: str, **params: Any) -> None:
         """Wait for the release."""
         self.driven.append(params["linear_m_s"])
+        self.params = params
         self.asked.release()
         await self.answers.acquire()
 
@@ -75,5 +77,25 @@ def test_the_wait_begins_when_it_came_and_not_when_it_was_passed_on() -> None:
             commands.drive(0.5, 0.0, 9.9)
             await settle()
             assert daemon.driven == [0.5]
+
+    asyncio.run(scenario())
+
+
+@pytest.mark.parametrize(("linear_m_s", "expected"), [(0.3, {"if_stop_number": 7}), (0.0, {})])
+def test_a_motion_names_the_stop_that_was_known_when_it_came_and_a_zero_none(
+    linear_m_s: float, expected: dict[str, int]
+) -> None:
+    """Another stop while it waits makes it void in the daemon; a robot that is to stand always may."""
+
+    async def scenario() -> None:
+        daemon = SlowDaemon()
+        commands = Commands("ros2", now_s=lambda: 10.0)
+        commands.stop_number = 7
+        async with commands.serving(cast("Client", daemon)):
+            commands.drive(linear_m_s, 0.0)
+            commands.stop_number = 8
+            await daemon.asked.acquire()
+        numbers = {key: value for key, value in daemon.params.items() if key == "if_stop_number"}
+        assert numbers == expected
 
     asyncio.run(scenario())

@@ -110,6 +110,7 @@ class Server:
             async with client.commands.serving(robot), asyncio.TaskGroup() as tasks:
                 sending = tasks.create_task(_send(socket, client))
                 async for text in socket:
+                    client.commands.stop_number = self._session.stop_number
                     await client.handle(text)
                 sending.cancel()
         finally:
