@@ -11,7 +11,7 @@ await run_agent(partial(Client.connect, name="waiter"), "waiter", "1.0", work)
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import AbstractAsyncContextManager
-from typing import Final, TypeVar
+from typing import Any, Final, TypeVar
 
 import structlog
 
@@ -25,7 +25,7 @@ LONGEST_TEXT, LONGEST_LABEL = 200, 40
 
 TEMPORARY: Final = frozenset(
     {
-        *("disarmed", "link_down", "no_map_loaded", "overtaken", "pose_unknown"),
+        *("link_down", "no_map_loaded", "pose_unknown"),
         *("rate_limited", "too_old", "worker_unavailable"),
     }
 )
@@ -37,15 +37,27 @@ ACCIDENTS: Final = frozenset(("client_left", "request_cancelled", "worker_lost")
 BY_PEOPLE: Final = frozenset(("asked", "control_lost", "not_armed", "replaced", "stopped"))
 """Causes of a goal's end after which no goal may be sent before a person agrees; arming alone is no agreement."""
 
-CAUSES: Final = {"estopped": "not_armed", "stopped": "stopped"}
-"""The causes that these kinds of refusals stand for: somebody stopped the robot while the goal was sent."""
+CAUSES: Final = {
+    "disarmed": "not_armed",
+    "estopped": "not_armed",
+    "overtaken": "stopped",
+    "stopped": "stopped",
+    "stopped_since": "stopped",
+}
+"""The causes that these kinds of refusals stand for: the robot was stopped, or had a fault, before the goal began."""
 
 
 class Agent:
-    """A registered agent; ``robot`` is its client."""
+    """A registered agent; ``robot`` is its client.
+
+    ``stop_number`` is that of the robot's last stop or fault; None: it is not known yet. ``pressed_number`` is what it
+    was when the last button was pressed.
+    """
 
     def __init__(self, robot: Client, name: str) -> None:
         self.robot, self.name = robot, name
+        self.stop_number: int | None = None
+        self.pressed_number: int | None = None
 
     async def say(self, text: str) -> None:
         """Say a sentence; a longer one is cut, and one too many within a second is not said."""
@@ -65,21 +77,31 @@ class Agent:
             }
             async for event in events:
                 if event.data.agent == self.name and event.data.button_id in numbers:
+                    self.pressed_number = event.data.stop_number
                     yield numbers[event.data.button_id]
 
-    async def drive_to(self, place: str, goal_id: str) -> None:
+    async def watch_stops(self) -> None:
+        """Keep ``stop_number`` true, until cancelled."""
+        async with self.robot.subscribe("safety", policy="ordered") as events:
+            async for event in events:
+                self.stop_number = event.data.stop_number
+
+    async def drive_to(self, place: str, goal_id: str, stop_number: int | None = None) -> None:
         """Drive to a place, or go on waiting for the goal of this id.
 
-        Where the robot cannot move now, say so, and ask again after 2 s. The goal outlives this program: sent again
-        after its restart, it does nothing twice.
+        Where the robot cannot move now, say so, and ask again after 2 s; but once it was stopped, nothing begins that
+        was decided before. ``stop_number`` is that of the decision, if it was not made now. The goal outlives this
+        program: sent again after its restart, it does nothing twice.
 
         Raises:
             GoalNotReached: it ended otherwise, or was refused for good (``end`` is ``refused``), or somebody stopped the
             robot (``cause`` is one of ``BY_PEOPLE``).
         """
+        decided = self.stop_number if stop_number is None else stop_number
+        condition: dict[str, Any] = {} if decided is None else {"if_stop_number": decided}
         while True:
             try:
-                await self.robot.navigate_to(place=place, goal_id=goal_id, on_client_left="keep")
+                await self.robot.navigate_to(place=place, goal_id=goal_id, on_client_left="keep", **condition)
                 return
             except CallError as refused:
                 if refused.kind not in TEMPORARY:
@@ -104,7 +126,13 @@ async def run_agent(
         try:
             async with connect() as robot:
                 await robot.register_agent(name, version)
-                await work(Agent(robot, name))
+                agent = Agent(robot, name)
+                watching = asyncio.create_task(agent.watch_stops())
+                try:
+                    await work(agent)
+                finally:  # a lost connection ends the work, too
+                    watching.cancel()
+                    await asyncio.gather(watching, return_exceptions=True)
                 return
         except* (ChefbotError, TimeoutError) as problems:
             log.warning(

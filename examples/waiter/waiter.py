@@ -46,7 +46,7 @@ class Waiter:
         async for table in agent.presses({f"Order to {table}": table for table in tables}):
             if self._is_low:
                 await self._say(agent, f"I cannot come to {table}: my battery is low")
-            elif self._notebook.take(table) is None:
+            elif self._notebook.take(table, agent.pressed_number) is None:
                 await self._say(agent, f"I know already that {table} has ordered")
             else:
                 self._has_order.set()
@@ -93,7 +93,7 @@ class Waiter:
     async def _ask_to_go_on(self, agent: Agent) -> None:
         answer = await agent.robot.ask(MAY_I_GO_ON, [GO_ON], ASK_AGAIN_S)
         if answer.choice is not None:
-            self._notebook.note_stopped(is_stopped=False)
+            self._notebook.note_agreed(answer.stop_number)
 
     async def _serve(self, agent: Agent, order: Order) -> None:
         """Drive there and wait until the food is taken; each step is noted before the next."""
@@ -104,7 +104,7 @@ class Waiter:
             await self._say(agent, f"I am coming to {order.table}")
             goal_id = f"waiter-{self._notebook.page.name}-{order.number}-{order.tries}"
             try:
-                await agent.drive_to(order.table, goal_id)
+                await agent.drive_to(order.table, goal_id, order.stop_number)
             except GoalNotReached as ended:
                 if ended.cause in BY_PEOPLE:
                     order.tries += 1
@@ -120,6 +120,7 @@ class Waiter:
         if answer.choice is None:
             await self._refuse(agent, order, "nobody took the food")
         else:
+            self._notebook.page.stop_number = answer.stop_number
             self._notebook.note(order, "served")
             await self._say(agent, f"Enjoy your meal at {order.table}")
 
@@ -127,7 +128,7 @@ class Waiter:
         """Whether it is at home; else the next one tries again, unless there is an order or somebody stopped it."""
         why, is_stopped = "", False
         try:
-            await agent.drive_to(home, self._home_id())
+            await agent.drive_to(home, self._home_id(), self._notebook.page.stop_number)
         except GoalNotReached as ended:
             why, is_stopped = ended.reason, ended.cause in BY_PEOPLE
         self._notebook.note_way_home(is_stopped=is_stopped)

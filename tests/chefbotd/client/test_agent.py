@@ -92,7 +92,7 @@ class RefusingRobot:
 
 def test_a_goal_waits_where_the_robot_cannot_move_now() -> None:
     """It says why each time, and asks with the same id every 2 s."""
-    robot = RefusingRobot("disarmed", "pose_unknown")
+    robot = RefusingRobot("link_down", "pose_unknown")
 
     async def scenario() -> float:
         began_s = asyncio.get_running_loop().time()
@@ -101,7 +101,24 @@ def test_a_goal_waits_where_the_robot_cannot_move_now() -> None:
 
     assert run_virtual(scenario()) == pytest.approx(4.0)
     assert robot.goals == ["goal-7"] * 3
-    assert robot.said == ["I have to wait: because of disarmed", "I have to wait: because of pose_unknown"]
+    assert robot.said == ["I have to wait: because of link_down", "I have to wait: because of pose_unknown"]
+
+
+def test_a_goal_that_waits_is_void_once_the_robot_was_stopped() -> None:
+    """Each try names the stop that was known when it was decided, also where the agent knows of a later one by then."""
+    numbers: list[int | None] = []
+
+    class Stopped(RefusingRobot):
+        async def navigate_to(self, *, if_stop_number: int | None = None, **goal: str) -> str:
+            numbers.append(if_stop_number)
+            agent.stop_number = 8
+            return await super().navigate_to(**goal)
+
+    agent = Agent(Stopped("pose_unknown", "stopped_since"), "a")  # type: ignore[arg-type]
+    agent.stop_number = 7
+    with pytest.raises(GoalNotReached) as ended:
+        run_virtual(agent.drive_to("table 1", "goal-1"))
+    assert (numbers, ended.value.cause) == ([7, 7], "stopped")
 
 
 def test_a_goal_that_is_refused_for_good_ends() -> None:
@@ -112,7 +129,7 @@ def test_a_goal_that_is_refused_for_good_ends() -> None:
     assert refused.value.end == "refused"
 
 
-@pytest.mark.parametrize(("kind", "cause"), [("stopped", "stopped"), ("estopped", "not_armed")])
+@pytest.mark.parametrize(("kind", "cause"), CAUSES.items())
 def test_a_goal_that_somebody_stopped_is_not_sent_again(kind: str, cause: str) -> None:
     """It ends as one that was stopped on the way."""
     robot = RefusingRobot(kind)

@@ -181,7 +181,16 @@ def _own(node: ast.AST) -> Iterator[str]:
         yield node.attr
 
 
-MAKE = {"__init__", "restore", "add_listener", "add_on_ready", "add_own", "call_on_fault", "call_on_latched", "call_on_limits"}
+MAKE = {
+    "__init__",
+    "restore",
+    "add_listener",
+    "add_on_ready",
+    "add_own",
+    "call_on_fault",
+    "call_on_latched",
+    "call_on_limits",
+}
 """Methods that make an object or wire it, and the one under test."""
 
 CHANGING = {
