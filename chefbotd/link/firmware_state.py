@@ -18,8 +18,16 @@ RESET_CAUSES = {
     6: "hung_main_loop",
     7: "memory_damaged",
 }
-STOPS = {1: "dead_man", 2: "estop", 4: "stall"}
-LATCHED_STOPS = 2 | 4
+STOPS = {
+    1: "dead_man",
+    2: "estop",
+    4: "stall",
+    8: "left_wheel_lost",
+    16: "right_wheel_lost",
+    32: "left_encoder_storm",
+    64: "right_encoder_storm",
+}
+LATCHED_STOPS = 127 - 1
 REFUSALS = {
     1: "unknown word",
     2: "wrong number of fields",

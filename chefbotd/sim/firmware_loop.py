@@ -19,6 +19,10 @@ INTEGRAL_SCALE = 4096
 HALF_TURN_NANORAD = 3_141_592_654
 UINT32_MAX = (1 << 32) - 1
 RAMP_SCALE = 1024
+TURN_MRAD = 6283
+LEAST_LOST_DUTY, LOST_DUTY_MS, LEAST_PROGRESS = 128, 63_750, 2
+MOST_EDGES_S = 100_000
+"""Of one wheel: what the host build counts."""
 
 Edges = Sequence[tuple[int, int]]
 """Of each wheel: its count, and the time of its newest edge in microseconds."""
@@ -70,16 +74,21 @@ class _Wheel(Struct):
     aim: int = 0
     ramp: int = 0
     integral: int = 0
+    lost_duty_ms: int = 0
+    lost_count: int = 0
 
 
 class WheelLoop:
-    """A speed control of each wheel, a step each millisecond; ``edges`` reads the encoders."""
+    """A speed control of each wheel, a step each millisecond; ``edges`` reads the encoders.
+
+    ``lost`` are the wheels that their duty has not turned its way for a while: 1 for a left one, 2 for a right one.
+    """
 
     def __init__(self, edges: Callable[[], Edges], wheels: int) -> None:
         self._edges = edges
         self._set: dict[Parameter, int] = {Parameter.BATTERY: 256}
         self._wheels = [_Wheel(deque(maxlen=EDGES_KEPT)) for _ in range(wheels)]
-        self._now_us, self._is_beginning = 0, False
+        self._now_us, self._is_beginning, self.lost = 0, False, 0
         for wheel in self._wheels:
             self._stand(wheel, 0)
 
@@ -91,6 +100,11 @@ class WheelLoop:
     def set(self, parameter: Parameter, value: int) -> None:
         """Give a parameter its value."""
         self._set[parameter] = value
+
+    @property
+    def most_mrad_s(self) -> int:
+        """The fastest that can be asked for: no wheel has more than ``MOST_EDGES_S`` then."""
+        return MOST_EDGES_S * TURN_MRAD // self._set[Parameter.COUNTS]
 
     def begin(self) -> None:
         """From the speed that the wheels have at the next millisecond."""
@@ -118,9 +132,12 @@ class WheelLoop:
         if self._is_beginning:
             for wheel in self._wheels:
                 wheel.ramp = between(self._measured(wheel), MOST_SPEED_MRAD_S) * RAMP_SCALE
-                wheel.integral = 0
+                wheel.integral = wheel.lost_duty_ms = 0
         self._is_beginning = False
-        return tuple([self._run(wheel) for wheel in self._wheels])
+        duties = tuple([self._run(wheel) for wheel in self._wheels])
+        lost = [_is_lost(wheel, duty) for wheel, duty in zip(self._wheels, duties, strict=True)]
+        self.lost = (1 if any(lost[::2]) else 0) + (2 if any(lost[1::2]) else 0)
+        return duties
 
     def _run(self, wheel: _Wheel) -> int:
         step, aim = binary(self._set.get(Parameter.ACCELERATION, 0)), wheel.aim * RAMP_SCALE
@@ -167,3 +184,16 @@ class WheelLoop:
         if not micros or counts > UINT32_MAX // mrad_us:
             return MOST_MEASURED
         return min(counts * mrad_us // micros, MOST_MEASURED)
+
+
+def _is_lost(wheel: _Wheel, duty: int) -> bool:
+    """Whether full duty has not turned a wheel its way for 250 ms, or half of it for 500."""
+    if abs(duty) < LEAST_LOST_DUTY:
+        wheel.lost_duty_ms = 0
+        return False
+    count = wheel.edges[-1][1]
+    step = (count - wheel.lost_count) * (1 if duty > 0 else -1)
+    if not wheel.lost_duty_ms or step >= LEAST_PROGRESS:
+        wheel.lost_duty_ms, wheel.lost_count = 0, count
+    wheel.lost_duty_ms += abs(duty)
+    return wheel.lost_duty_ms > LOST_DUTY_MS

@@ -21,9 +21,14 @@ class Stops(IntFlag):
     DEAD_MAN = 1
     ESTOP = 2
     STALL = 4
+    LEFT_LOST = 8
+    RIGHT_LOST = 16
+    LEFT_STORM = 32
+    RIGHT_STORM = 64
 
 
-LATCHED = Stops.ESTOP | Stops.STALL
+OF_WHEELS = Stops.LEFT_LOST | Stops.RIGHT_LOST | Stops.LEFT_STORM | Stops.RIGHT_STORM
+LATCHED = Stops.ESTOP | Stops.STALL | OF_WHEELS
 DUTY_MODE, LOOP_MODE = 1, 2
 
 
@@ -85,7 +90,7 @@ class Motors:
         return MotorsState(self.duty, self.mode, self.stops, self.of, self._kept.estop)
 
     def set_duty(self, duty: tuple[int, ...], received: Received, now_us: int) -> Motion:
-        """Duty for each wheel, limited. 0 for all ends a stall, and is obeyed whatever is in force."""
+        """Duty for each wheel, limited. 0 for all is always obeyed, and ends a stall and what a wheel has stopped."""
         motion = self._accept(not any(duty), received, now_us)
         if motion is Motion.OBEYED:
             self.mode = DUTY_MODE
@@ -107,7 +112,7 @@ class Motors:
         if is_stale and not is_stop:
             return Motion.STALE
         if is_stop:
-            self.stops &= ~Stops.STALL
+            self.stops &= ~(Stops.STALL | OF_WHEELS)
         elif self.stops & LATCHED:
             return Motion.STOPPED
         if (received.sequence is not None and not is_stale) or not self.deadman_us:
@@ -130,7 +135,7 @@ class Motors:
             self.estop()
 
     def arm(self, number: int) -> bool:
-        """End e-stop and stall; False if it is not the newest e-stop's number."""
+        """End e-stop, stall and what a wheel has stopped; False if it is not the newest e-stop's number."""
         if number != self._kept.estop:
             return False
         self.stops &= Stops.DEAD_MAN
@@ -166,7 +171,11 @@ class Motors:
             self._stop(Stops.DEAD_MAN)
             self.deadman_stops += 1
         if self.mode == LOOP_MODE:
-            self._put(self.loop.run())
+            duty = self.loop.run()
+            if self.loop.lost:
+                self._stop(Stops(self.loop.lost * Stops.LEFT_LOST))
+            else:
+                self._put(duty)
 
     def _stop(self, stops: Stops) -> None:
         self.stops |= stops

@@ -281,6 +281,8 @@ class FirmwareProgram:
             return RANGE
         if not self.motors.loop.is_set_up:
             return STOPPED if self.motors.stops & LATCHED else NOT_SET_UP
+        if not all(abs(speed) <= self.motors.loop.most_mrad_s for speed in mrad_s):
+            return RANGE
         return REFUSED_MOTIONS[self.motors.set_speeds(mrad_s, received, now_us)]
 
     def _take_parameter(self, parameter: int, value: int) -> int | None:

@@ -117,7 +117,11 @@ static enum refusal take_speed(const struct request *request, struct received re
         return REFUSED_RANGE;
     }
     if (!wheel_loop_is_set_up()) {
-        return ((motors_state().stops & (STOP_ESTOP | STOP_STALL)) != 0U) ? REFUSED_STOPPED : REFUSED_NOT_SET_UP;
+        return ((motors_state().stops & (uint8_t)~STOP_DEADMAN) != 0U) ? REFUSED_STOPPED : REFUSED_NOT_SET_UP;
+    }
+    const int32_t most = wheel_loop_most_mrad_s();
+    if (!are_within(request, most, -most)) {
+        return REFUSED_RANGE;
     }
     return refusal_of(motors_speed(request->numbers, received));
 }

@@ -13,11 +13,13 @@
 #include "wheel_loop.h"
 
 #define HUNG_US 200000U
+#define SHUT_MS 1000U
 
 /* The proof of life of each half for the other: both are needed to go on. */
 static struct {
     uint32_t cycle_us;       /* when the main loop completed a cycle; read by the tick */
     volatile bool has_ticked; /* since that cycle */
+    uint16_t shut_ms;        /* for how long an encoder has been shut out; the tick's */
     volatile bool is_over;   /* a restart was asked for */
 } life;
 
@@ -45,6 +47,7 @@ void firmware_start(uint8_t reset_cause)
 {
     life.is_over = false;
     life.has_ticked = false;
+    life.shut_ms = 0;
     wheel_loop_start();
     const uint8_t cause = motors_start(reset_cause);
     transmit_start();
@@ -103,6 +106,18 @@ void firmware_pass(void)
     take_lines();
 }
 
+/* A loose wire makes more edges than a processor can count: such a channel is shut out, and tried again after a second. */
+static void shed_storms(void)
+{
+    const uint8_t shut = hal_encoders_tick();
+    motors_shut(shut);
+    life.shut_ms = (shut != 0U) ? (uint16_t)(life.shut_ms + 1U) : 0U;
+    if (life.shut_ms >= SHUT_MS) {
+        life.shut_ms = 0;
+        hal_encoders_open();
+    }
+}
+
 void firmware_tick(void)
 {
     const uint32_t now_us = hal_micros();
@@ -111,6 +126,7 @@ void firmware_tick(void)
     }
     life.has_ticked = true;
     report_tick();
+    shed_storms();
     obey_estops();
     motors_tick(now_us);
     const hal_lock_t lock = hal_lock();

@@ -11,6 +11,7 @@
  *   hal_lock_t           type of the interrupts' state
  *   hal_lock(void)       static inline: shuts all interrupts out, returns the state before. A barrier for the compiler.
  *   hal_unlock(state)    static inline: puts that state back. Pairs may be nested, also in interrupts. A barrier, too.
+ *   HAL_MOST_EDGES_S     edges a second of one wheel that the board counts without a loss, both wheels at once
  *   hal_edge_micros()    static inline, with the wheel loop: low 16 bits of hal_micros(), for encoder_edge's time
  *
  * The board's own program, in this order:
@@ -20,7 +21,8 @@
  *   4. for (;;) firmware_pass().
  *
  * Interrupts: firmware_tick may be interrupted by encoder_edge, firmware_received, firmware_next_byte and firmware_echo
- * (on the AVR it must be: it is longer than two edges are apart), never by itself. These do not interrupt each other.
+ * (on the AVR it must be: it is longer than two edges are apart), never by itself. These do not interrupt each other, and
+ * encoder_edge may also come after the tick, where a board keeps its edges until then.
  */
 #ifndef HAL_H
 #define HAL_H
@@ -43,6 +45,14 @@ void hal_motors_off(void);
 
 /* Levels of a wheel's encoder now: A in bit 1, B in bit 0. */
 uint8_t hal_encoder_levels(uint8_t wheel);
+
+/* Each tick: every channel of the encoders may have as many edges again as two wheels of HAL_MOST_EDGES_S can make in two
+ * milliseconds. The interrupt of one that had more shuts itself, so that the tick runs whatever a loose wire does. Gives the
+ * wheels, a sum of bits (1 left, 2 right), that have a shut channel now. */
+uint8_t hal_encoders_tick(void);
+
+/* Opens all channels again, with the levels as the pins are. From the tick. */
+void hal_encoders_open(void);
 
 /* The transmit ring has bytes: enables the interrupt that fetches them with firmware_next_byte. Shuts no interrupts. */
 void hal_start_sending(void);

@@ -21,6 +21,7 @@ static struct {
     struct motors_state now;
     uint32_t fed_us;
     uint32_t deadman_us; /* 0: none */
+    uint8_t shut;        /* the stops of encoders that are shut out */
     uint8_t heard;       /* e-stops by the receive interrupt that are in force */
 } motors;
 
@@ -82,8 +83,15 @@ uint8_t motors_start(uint8_t reset_cause)
     motors.deadman_us = 0;
     motors.fed_us = 0;
     motors.heard = 0;
+    motors.shut = 0;
     put(0, 0);
     return cause;
+}
+
+/* With the interrupts shut. A stop whose reason is still there stays. */
+static void end_stops(uint8_t kept_stops)
+{
+    motors.now.stops = (uint8_t)((motors.now.stops & kept_stops) | motors.shut);
 }
 
 /* Whether a command may move the motors; it feeds the dead-man then. With the interrupts shut. */
@@ -95,9 +103,9 @@ static enum motion accept(bool is_stop, struct received received)
         return MOTION_STALE;
     }
     if (is_stop) {
-        motors.now.stops &= (uint8_t)~STOP_STALL;
+        end_stops((uint8_t)~(STOP_STALL | STOPS_OF_WHEELS));
     }
-    if (!is_stop && ((motors.now.stops & (STOP_ESTOP | STOP_STALL)) != 0U)) {
+    if (!is_stop && ((motors.now.stops & (uint8_t)~STOP_DEADMAN) != 0U)) {
         return MOTION_STOPPED;
     }
     if ((received.has_sequence && !is_stale) || !has_deadman) {
@@ -178,7 +186,7 @@ bool motors_arm(int32_t number)
         return false;
     }
     const hal_lock_t lock = hal_lock();
-    motors.now.stops &= STOP_DEADMAN;
+    end_stops(STOP_DEADMAN);
     keep(motors.now.estop, false, kept.cause);
     hal_unlock(lock);
     return true;
@@ -188,6 +196,16 @@ void motors_stall(void)
 {
     const hal_lock_t lock = hal_lock();
     stop(STOP_STALL);
+    hal_unlock(lock);
+}
+
+void motors_shut(uint8_t wheels)
+{
+    const hal_lock_t lock = hal_lock();
+    motors.shut = (uint8_t)(wheels * STOP_STORM);
+    if ((motors.now.stops & motors.shut) != motors.shut) {
+        stop(motors.shut);
+    }
     hal_unlock(lock);
 }
 
@@ -228,8 +246,12 @@ void motors_tick(uint32_t now_us)
     }
     if (motors.now.mode == MODE_WHEEL_LOOP) {
         int16_t duty[WHEELS];
-        wheel_loop_run(duty);
-        put(duty[0], duty[1]);
+        const uint8_t lost = wheel_loop_run(duty);
+        if (lost != 0U) {
+            stop((uint8_t)(lost * STOP_LOST));
+        } else {
+            put(duty[0], duty[1]);
+        }
     }
 }
 

@@ -19,6 +19,9 @@
 #define STOP_DEADMAN 1U
 #define STOP_ESTOP 2U
 #define STOP_STALL 4U
+#define STOP_LOST 8U   /* of the left wheel: its duty does not turn it its way; times 2 of the right one */
+#define STOP_STORM 32U /* of the left encoder: more edges than a wheel can make; times 2 of the right one */
+#define STOPS_OF_WHEELS ((STOP_LOST * 3U) | (STOP_STORM * 3U))
 
 #define NO_SEQUENCE 255U
 
@@ -44,7 +47,7 @@ enum motion { MOTION_OBEYED, MOTION_STOPPED, MOTION_STALE };
  * Returns the cause, with the note of a software restart. */
 uint8_t motors_start(uint8_t reset_cause);
 
-/* Duty for each wheel, limited to FULL_DUTY. 0 for all ends a stall, and is obeyed whatever is in force. */
+/* Duty for each wheel, limited to FULL_DUTY. 0 for all ends a stall and what a wheel has stopped, and is obeyed whatever is in force. */
 enum motion motors_duty(const int32_t duty[WHEELS], struct received received);
 
 /* Speeds for the wheel loop, in mrad/s. */
@@ -56,11 +59,14 @@ void motors_estop(void);
 /* Latches for each e-stop that was heard since the last call, of so many since the start. */
 void motors_hear(uint8_t heard);
 
-/* Ends e-stop and stall. False, and nothing else, if it is not the newest e-stop's number. */
+/* Ends e-stop, stall and what a wheel has stopped. False, and nothing else, if it is not the newest e-stop's number. */
 bool motors_arm(int32_t number);
 
 /* A motor has drawn too much current for too long. */
 void motors_stall(void);
+
+/* The wheels whose encoder is shut out now, for its edges: a sum of bits. They stop the motors. From the timer's interrupt. */
+void motors_shut(uint8_t wheels);
 
 /* Sets the dead-man. Where there was none, it counts from now_us, and no s or w has been obeyed yet. */
 void motors_begin_deadman(uint32_t deadman_us, uint32_t now_us);

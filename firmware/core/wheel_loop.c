@@ -16,6 +16,10 @@
 #define MOST_INTEGRATED 12500   /* mrad/s: a larger error is none of a load */
 #define INTEGRAL_SCALE 4096     /* of 1/256 duty */
 #define HALF_TURN_NANORAD 3141592654U
+#define TURN_MRAD 6283U
+#define LEAST_LOST_DUTY 128 /* less may not overcome the friction */
+#define LOST_DUTY_MS 63750U   /* full duty for 250 ms, half of it for 500 */
+#define LEAST_PROGRESS 2 /* counts: a channel that is dead leaves one, to and fro */
 
 struct edge {
     uint32_t at_us;
@@ -28,6 +32,8 @@ struct wheel {
     int32_t aim;      /* mrad/s */
     int32_t ramp;     /* 1/1024 mrad/s: what the acceleration allows by now */
     int32_t integral; /* 1/256 duty / INTEGRAL_SCALE */
+    uint16_t lost_duty_ms; /* duty times milliseconds that have not turned it their way, */
+    uint16_t lost_count;   /* from this count on */
 };
 
 static struct wheel wheels[WHEELS];
@@ -39,6 +45,7 @@ static struct {
      * 1/64 mrad/s. STATIC: 1/256 duty. ACCELERATION: the ramp's step in a millisecond; 0: at once. BATTERY: 1/256. */
     int32_t of[PARAMETERS];
     uint32_t most_counts; /* that can be multiplied with that of COUNTS */
+    int32_t most_mrad_s;
     uint8_t set;          /* a bit for each parameter */
 } gains;
 
@@ -97,14 +104,22 @@ void wheel_loop_set(enum parameter parameter, uint32_t value)
 {
     const uint32_t next = converted(parameter, value);
     uint32_t most_counts = gains.most_counts;
+    int32_t most_mrad_s = gains.most_mrad_s;
     if (parameter == PARAMETER_COUNTS) {
         most_counts = UINT32_MAX / next;
+        most_mrad_s = (int32_t)((HAL_MOST_EDGES_S * TURN_MRAD) / value);
     }
     const hal_lock_t lock = hal_lock();
     gains.of[parameter] = (int32_t)next;
     gains.most_counts = most_counts;
+    gains.most_mrad_s = most_mrad_s;
     gains.set = (uint8_t)(gains.set | (1U << (uint8_t)parameter));
     hal_unlock(lock);
+}
+
+int32_t wheel_loop_most_mrad_s(void)
+{
+    return gains.most_mrad_s;
 }
 
 void wheel_loop_measure(void)
@@ -187,6 +202,7 @@ static void begin(struct wheel *wheel)
 {
     wheel->ramp = between(measured(wheel), MOST_SPEED_MRAD_S) * 1024;
     wheel->integral = 0;
+    wheel->lost_duty_ms = 0;
 }
 
 void wheel_loop_aim(const int32_t mrad_s[WHEELS])
@@ -227,15 +243,39 @@ static int16_t run(struct wheel *wheel)
     return (int16_t)((compensated + ((compensated < 0) ? -128 : 128)) / 256);
 }
 
-void wheel_loop_run(int16_t duty[WHEELS])
+/* A wheel that coasts against its duty comes to rest sooner, and then goes its way. */
+static bool is_lost(struct wheel *wheel, int16_t duty)
 {
+    const uint16_t magnitude = (uint16_t)((duty < 0) ? -duty : duty);
+    const uint16_t count = wheel->edges[wheel->newest].count;
+    const int16_t step = (int16_t)(uint16_t)(count - wheel->lost_count);
+    const bool has_turned = (duty < 0) ? (step <= -LEAST_PROGRESS) : (step >= LEAST_PROGRESS);
+    if (magnitude < (uint16_t)LEAST_LOST_DUTY) {
+        wheel->lost_duty_ms = 0;
+        return false;
+    }
+    if ((wheel->lost_duty_ms == 0U) || has_turned) {
+        wheel->lost_duty_ms = 0;
+        wheel->lost_count = count;
+    }
+    wheel->lost_duty_ms = (uint16_t)(wheel->lost_duty_ms + magnitude);
+    return wheel->lost_duty_ms > LOST_DUTY_MS;
+}
+
+uint8_t wheel_loop_run(int16_t duty[WHEELS])
+{
+    uint8_t lost = 0;
     for (uint8_t index = 0; index < WHEELS; index++) {
         if (is_beginning) {
             begin(&wheels[index]);
         }
         duty[index] = run(&wheels[index]);
+        if (is_lost(&wheels[index], duty[index])) {
+            lost = (uint8_t)(lost | (1U << index));
+        }
     }
     is_beginning = false;
+    return lost;
 }
 
 #else
@@ -262,11 +302,17 @@ void wheel_loop_aim(const int32_t mrad_s[WHEELS])
 
 void wheel_loop_measure(void) {}
 
-void wheel_loop_run(int16_t duty[WHEELS])
+int32_t wheel_loop_most_mrad_s(void)
+{
+    return 0;
+}
+
+uint8_t wheel_loop_run(int16_t duty[WHEELS])
 {
     for (uint8_t index = 0; index < WHEELS; index++) {
         duty[index] = 0;
     }
+    return 0;
 }
 
 #endif

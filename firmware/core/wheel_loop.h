@@ -39,6 +39,9 @@ bool wheel_loop_is_set_up(void);
 /* Sets a parameter whose range was checked. */
 void wheel_loop_set(enum parameter parameter, uint32_t value);
 
+/* The fastest that can be asked for: by its parameters no wheel has more than HAL_MOST_EDGES_S edges a second then. */
+int32_t wheel_loop_most_mrad_s(void);
+
 /* With the interrupts shut: the next wheel_loop_run begins at the speeds that the wheels have then. */
 void wheel_loop_begin(void);
 
@@ -48,7 +51,8 @@ void wheel_loop_aim(const int32_t mrad_s[WHEELS]);
 /* Each millisecond, from the timer's interrupt, whether the loop is in force or not: notes edges. */
 void wheel_loop_measure(void);
 
-/* Each millisecond after that, while it is in force: the duty. */
-void wheel_loop_run(int16_t duty[WHEELS]);
+/* Each millisecond after that, while it is in force: the duty. Gives the wheels, a sum of bits (1 left, 2 right), that full
+ * duty has not turned its way for 250 ms, or half of it for 500: a dead encoder, one with the wrong sign, a wheel that is held. */
+uint8_t wheel_loop_run(int16_t duty[WHEELS]);
 
 #endif

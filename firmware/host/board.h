@@ -13,6 +13,8 @@
 #define HAL_READ_CHAR(p) (*(p))
 #define HAL_READ_U32(p) (*(p))
 
+#define HAL_MOST_EDGES_S 100000U
+
 typedef uint8_t hal_lock_t;
 
 /* Interrupts are plain calls here; fake_hal.c may let one in at each lock, as a real one could come in just before. */

@@ -52,6 +52,17 @@ uint8_t hal_encoder_levels(uint8_t wheel)
     return fake.levels[wheel];
 }
 
+uint8_t hal_encoders_tick(void)
+{
+    return fake.shut;
+}
+
+void hal_encoders_open(void)
+{
+    fake.shut = 0;
+    fake.opened++;
+}
+
 void hal_start_sending(void)
 {
     fake.is_sending = true;

@@ -28,6 +28,8 @@ struct fake_hal {
     bool is_new_imu;
     bool is_new_battery;
     bool is_new_current[WHEELS];
+    uint8_t shut; /* wheels whose encoder has a shut channel */
+    uint8_t opened; /* how often they were opened */
 };
 
 extern struct fake_hal fake;

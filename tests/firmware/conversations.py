@@ -187,7 +187,19 @@ def _wheel_loop() -> Iterator[Step]:
     yield checked(200, "w 1000 1000", 12)
     yield line(220, "s 0 0")
     yield checked(230, "w 50000 -50000", 13)
-    yield 500, {}
+    yield checked(440, "w 50000 -50000", 14)
+    yield checked(500, "w 1000 1000", 15)
+    yield line(510, "s 0 0")
+    yield checked(515, "g 0 65535", 16)
+    yield checked(520, "w 9588 0", 17)
+    yield checked(525, "w 9587 0", 18)
+    for edge in range(40):
+        yield 527 + 5 * edge, {"edges": [1 - 2 * (edge % 2), 0]}
+    yield checked(600, "w 9587 0", 19)
+    yield checked(800, "w 9587 0", 20)
+    yield checked(810, "arm 0", 21)
+    yield checked(815, "w 2000 0", 22)
+    yield 840, {}
 
 
 def _wraps() -> Iterator[Step]:

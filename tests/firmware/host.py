@@ -40,6 +40,8 @@ class Fake(ctypes.Structure):
             for name in ("is_sending", "has_imu", "has_watchdog", "is_new_imu", "is_new_battery")
         ],
         ("is_new_current", c_bool * 2),
+        ("shut", c_uint8),
+        ("opened", c_uint8),
     ]
 
 

@@ -113,10 +113,10 @@ def test_the_integral_grows_with_error_and_time(checked: host.Board) -> None:
 
 
 def test_the_integral_does_not_wind_up(checked: host.Board) -> None:
-    """A wheel that is held for 1.9 s at full duty: as soon as it is too fast, the duty goes down from there."""
+    """A wheel that hardly turns for 1.9 s at full duty: as soon as it is too fast, the duty goes down from there."""
     set_up(checked, {COUNTS: 6283, KI: 25_600})
     checked.seal("w 10000 10000")
-    checked.run(1.9)
+    turn(checked, (50_000, 50_000), 1.9)
     assert checked.duty == (255, 255)
     checked.seal("w 1000 1000")
     turn(checked, (500, 500), 0.1)  # 1 rad/s too fast for 0.1 s: 10 duty less

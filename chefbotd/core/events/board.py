@@ -86,10 +86,10 @@ class FirmwareReported(Record, frozen=True):
     """What the board's own firmware is and says of itself; nothing is known of a classic sketch.
 
     ``mode`` is ``classic`` or ``checked``, ``deadman_ms`` None where the board does not stop by itself. ``stops`` are
-    those in force on the board (``dead_man``, ``estop``, ``stall``); it ``stopped_itself`` where nobody here has asked
-    for the one that latched. The board's counters wrap at 2^16; ``lines_lost`` are its lines that did not arrive, or
-    were damaged. ``round_trip_s`` is a command's until its echo, ``clock_late_s`` by how much later than they were taken
-    the board's readings are stamped. ``reason`` says why the mode is not agreed on.
+    those in force on the board (``dead_man``, ``estop``, ``left_wheel_lost``, ...); it ``stopped_itself`` where nobody
+    here has asked for the one that latched. The board's counters wrap at 2^16; ``lines_lost`` are its lines that did not
+    arrive, or were damaged. ``round_trip_s`` is a command's until its echo, ``clock_late_s`` by how much later than they
+    were taken the board's readings are stamped. ``reason`` says why the mode is not agreed on.
     """
 
     retained: ClassVar[bool] = True

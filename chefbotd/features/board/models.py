@@ -41,7 +41,10 @@ class FirmwareData(Record, frozen=True):
         int | None, Meta(description="after how long without a command the board stops; null: it does not")
     ]
     reset_cause: str
-    stops: Annotated[tuple[str, ...], Meta(description="in force on the board: dead_man, estop, stall")]
+    stops: Annotated[
+        tuple[str, ...],
+        Meta(description="in force on the board: dead_man, estop, stall, left_wheel_lost, ..."),
+    ]
     stopped_itself: Annotated[bool, Meta(description="one of them latched that nobody here asked for")]
     crc_errors: Annotated[
         int, Meta(description="lines that arrived damaged at the board; wraps at 65536, as the next")

@@ -91,6 +91,16 @@ class KeeperState(Record, frozen=True):
     wheels: tuple[WheelAngles, float, tuple[int, ...]] = ((), -math.inf, ())
 
 
+BOARD_STOP_ADVICE = {
+    "stall": "what moves heavily",
+    "estop": "who else has its port open",
+    "dead-man": "what else the processor does",
+    "lost": "the wheel's encoder, its wires and its sign, and what holds the wheel",
+    "storm": "the encoder's wires: it sends more edges than a wheel can make",
+}
+"""Where to look first, by a word of the stop's name."""
+
+
 class SafetyKeeper:
     """``mounts`` are the range sensors that guard: ``base_from_sensor`` by name.
 
@@ -434,10 +444,8 @@ class SafetyKeeper:
     def _on_firmware(self, event: FirmwareReported) -> None:
         if event.stopped_itself and self.armed:
             stops = " and ".join(event.stops).replace("_", "-")
-            reason = (
-                f"the board has stopped its motors ({stops}), and nobody here asked for it; "
-                "see what moves heavily, or who else has its port open"
-            )
+            advice = " and ".join({text for word, text in BOARD_STOP_ADVICE.items() if word in stops})
+            reason = f"the board has stopped its motors ({stops}), and nobody here asked for it; see {advice}"
             self.fail(Fault(FaultKind.BOARD_STOPPED, reason))
             self._on_fault()
 

@@ -14,6 +14,8 @@
 #define HAL_READ_CHAR(p) ((char)pgm_read_byte(p))
 #define HAL_READ_U32(p) pgm_read_dword(p)
 
+#define HAL_MOST_EDGES_S 12500UL
+
 typedef uint8_t hal_lock_t;
 
 static inline hal_lock_t hal_lock(void)

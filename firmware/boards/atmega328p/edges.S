@@ -83,6 +83,14 @@ leave:
     pop r24
     reti
 
+/* One edge less of a channel in this millisecond: 6 cycles, and at the last one on to where it is shut. Uses r30. */
+.macro SPEND budget shut
+    lds r30, edge_budgets + \budget
+    dec r30
+    sts edge_budgets + \budget, r30
+    breq \shut
+.endm
+
 #define LEFT_LEVELS READ_LEVELS LEFT_ENCODER_B, LEFT_ENCODER_A
 #define RIGHT_LEVELS READ_LEVELS RIGHT_ENCODER_A, RIGHT_ENCODER_B
 #define LEFT encoders
@@ -91,9 +99,14 @@ leave:
 .global INT0_vect
 INT0_vect:
     ENTER
-    LEFT_LEVELS
+    SPEND LEFT_A_BUDGET shut_left_a
+1:  LEFT_LEVELS
     rcall count_left
     rjmp leave
+
+shut_left_a:
+    cbi _SFR_IO_ADDR(EIMSK), INT0
+    rjmp 1b
 
 count_left:
     COUNT_EDGE LEFT
@@ -102,21 +115,55 @@ count_left:
 .global INT1_vect
 INT1_vect:
     ENTER
-    RIGHT_LEVELS
+    SPEND RIGHT_A_BUDGET shut_right_a
+1:  RIGHT_LEVELS
 right_edge:
     COUNT_EDGE RIGHT
     rjmp leave
 
-/* One channel of each wheel: whichever has changed, or both. */
+shut_right_a:
+    cbi _SFR_IO_ADDR(EIMSK), INT1
+    rjmp 1b
+
+/* No interrupt of this channel any more. Uses r30. */
+.macro SHUT_B channel
+    lds r30, _SFR_MEM_ADDR(PCMSK2)
+    andi r30, ~(1 << \channel)
+    sts _SFR_MEM_ADDR(PCMSK2), r30
+.endm
+
+/* One channel of each wheel: whichever has changed, or both; or neither, of pulses that are over before they are read. */
 .global PCINT2_vect
 PCINT2_vect:
     ENTER
-    LEFT_LEVELS
+    SPEND BOTH_B_BUDGET shut_both_b
+1:  LEFT_LEVELS
     lds r30, LEFT + ENCODER_LEVELS_AT
     cpse r30, LEVELS
-    rcall count_left
+    rcall left_b
     RIGHT_LEVELS
     lds r30, RIGHT + ENCODER_LEVELS_AT
     cpse r30, LEVELS
-    rjmp right_edge
+    rjmp right_b
     rjmp leave
+
+shut_both_b:
+    SHUT_B LEFT_ENCODER_B
+    SHUT_B RIGHT_ENCODER_B
+    rjmp 1b
+
+left_b:
+    SPEND LEFT_B_BUDGET shut_left_b
+    rjmp count_left
+
+shut_left_b:
+    SHUT_B LEFT_ENCODER_B
+    rjmp count_left
+
+right_b:
+    SPEND RIGHT_B_BUDGET shut_right_b
+    rjmp right_edge
+
+shut_right_b:
+    SHUT_B RIGHT_ENCODER_B
+    rjmp right_edge

@@ -9,6 +9,8 @@
 #define HAL_READ_CHAR(p) (*(p))
 #define HAL_READ_U32(p) (*(p))
 
+#define HAL_MOST_EDGES_S 50000U
+
 typedef uint32_t hal_lock_t;
 
 static inline hal_lock_t hal_lock(void)
@@ -32,8 +34,9 @@ static inline uint16_t hal_edge_micros(void)
     return (uint16_t)hal_micros();
 }
 
-/* The encoders, the serial line and the echo interrupt the tick, and not each other. */
+/* The serial line and the echo interrupt the tick, and the tick the encoders: a storm of their edges cannot keep it off. */
 #define PRIORITY_EDGES 0x20U
+#define PRIORITY_ENCODERS 0x60U
 #define PRIORITY_TICK 0x40U
 #define PRIORITY_WATCHDOG 0x00U
 

@@ -14,6 +14,26 @@
 
 void on_encoder(void);
 
+struct channel {
+    uint32_t port;
+    uint32_t pin;
+    uint8_t wheel;
+};
+
+#define CHANNELS 4U
+#define CHANNEL_EDGES 64U /* in a millisecond: more than twice what a wheel at HAL_MOST_EDGES_S has of each of its two */
+
+static const struct channel channels[CHANNELS] = {
+    {PORT_F, LEFT_A, 0U}, {PORT_D, LEFT_B, 0U}, {PORT_D, RIGHT_A, 1U}, {PORT_C, RIGHT_B, 1U}};
+static volatile uint8_t budgets[CHANNELS];
+
+static void refill(void)
+{
+    for (uint32_t index = 0U; index < CHANNELS; index++) {
+        budgets[index] = CHANNEL_EDGES;
+    }
+}
+
 uint8_t hal_encoder_levels(uint8_t wheel)
 {
     if (wheel == 0U) {
@@ -46,14 +66,55 @@ void encoders_start(void)
     input(PORT_F, LEFT_A);
     input(PORT_D, LEFT_B | RIGHT_A);
     input(PORT_C, RIGHT_B);
-    interrupt_enable(IRQ_GPIO_F, PRIORITY_EDGES);
-    interrupt_enable(IRQ_GPIO_D, PRIORITY_EDGES);
-    interrupt_enable(IRQ_GPIO_C, PRIORITY_EDGES);
+    refill();
+    interrupt_enable(IRQ_GPIO_F, PRIORITY_ENCODERS);
+    interrupt_enable(IRQ_GPIO_D, PRIORITY_ENCODERS);
+    interrupt_enable(IRQ_GPIO_C, PRIORITY_ENCODERS);
+}
+
+uint8_t hal_encoders_tick(void)
+{
+    refill();
+    uint8_t shut = 0U;
+    for (uint32_t index = 0U; index < CHANNELS; index++) {
+        const struct channel *channel = &channels[index];
+        if ((GPIO_MASK(channel->port) & channel->pin) == 0U) {
+            shut = (uint8_t)(shut | (1U << channel->wheel));
+        }
+    }
+    return shut;
+}
+
+void hal_encoders_open(void)
+{
+    refill();
+    for (uint8_t wheel = 0U; wheel < WHEELS; wheel++) {
+        encoders[wheel].levels = hal_encoder_levels(wheel);
+    }
+    for (uint32_t index = 0U; index < CHANNELS; index++) {
+        GPIO_CLEAR(channels[index].port) = channels[index].pin;
+        GPIO_MASK(channels[index].port) |= channels[index].pin;
+    }
+}
+
+/* A channel that had all its edges of this millisecond is shut. */
+static void spend(void)
+{
+    for (uint32_t index = 0U; index < CHANNELS; index++) {
+        const struct channel *channel = &channels[index];
+        if ((GPIO_STATUS(channel->port) & channel->pin) != 0U) {
+            budgets[index]--;
+            if (budgets[index] == 0U) {
+                GPIO_MASK(channel->port) &= ~channel->pin;
+            }
+        }
+    }
 }
 
 /* The flags are cleared before the levels are read: an edge in between comes again. */
 void on_encoder(void)
 {
+    spend();
     GPIO_CLEAR(PORT_F) = LEFT_A;
     GPIO_CLEAR(PORT_D) = LEFT_B | RIGHT_A;
     GPIO_CLEAR(PORT_C) = RIGHT_B;
