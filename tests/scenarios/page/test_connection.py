@@ -28,6 +28,8 @@ from tests.scenarios.page.browser import (
 )
 from tests.waiting import PATIENCE_S
 
+DRIVES_PERHAPS = "The robot may still be driving"
+
 pytestmark = [pytest.mark.slow, pytest.mark.realtime, NEEDS_BROWSER]
 
 
@@ -36,7 +38,9 @@ def test_the_page_comes_back_with_the_daemon(page: Any, robot: RunningRobot) -> 
     open_page(page, robot)
     page.keyboard.down("KeyW")
     robot.end(signal.SIGKILL)
-    mode_is(page, "Not connected")
+    mode_is(page, DRIVES_PERHAPS)
+    sync_api.expect(page.locator("#mode-reason")).to_contain_text("Hold it or switch its motors off")
+    sync_api.expect(page.locator("#pose")).to_contain_text("speed not known")
     robot.start()
     mode_is(page, "Ready to drive")
     with robot.client() as client:
@@ -51,7 +55,8 @@ def test_a_stalled_daemon_is_told_and_gets_no_old_commands(page: Any, robot: Run
         assert moves(client)
     robot.process.send_signal(signal.SIGSTOP)
     sync_api.expect(page.locator("#connection")).to_have_text("no answer")
-    mode_is(page, "The robot does not answer")
+    mode_is(page, DRIVES_PERHAPS)
+    sync_api.expect(page.locator("#mode-reason")).to_contain_text("The daemon does not answer")
     robot.process.send_signal(signal.SIGCONT)
     sync_api.expect(page.locator("#connection")).to_have_text("connected")
     mode_is(page, "Stopped by a fault")
@@ -139,12 +144,19 @@ def test_a_pulled_cable_is_told_and_drives_nothing_when_it_is_back(
             page.keyboard.down("KeyW")
             assert moves(client)
             say("unplug")
-            mode_is(page, "Stopped by a fault")
-            sync_api.expect(page.locator("#mode-reason")).to_contain_text("the link was lost")
+            mode_is(page, DRIVES_PERHAPS)
+            sync_api.expect(page.locator("#mode-reason")).to_contain_text("The board is not connected")
+            sync_api.expect(page.locator("#pose")).to_contain_text("speed not known")
+            page.locator("#estop").click()
+            unreached = page.get_by_role("alert").filter(
+                has_text="The emergency stop did not reach the robot"
+            )
+            sync_api.expect(unreached).to_be_visible()
             sync_api.expect(page.locator("#link")).to_contain_text("not connected")
             say("plug")
             sync_api.expect(page.locator("#link")).to_have_text("connected")
-            mode_is(page, "Stopped by a fault")
+            mode_is(page, "Emergency stop")
+            sync_api.expect(unreached).to_be_hidden()
             page.locator("#arm").click()
             mode_is(page, "Ready to drive")
             assert only_a_new_press_drives(page, client)
@@ -161,11 +173,17 @@ def test_a_token_lets_in(page: Any, robot: RunningRobot) -> None:
     addresses: list[str] = []
     page.on("request", lambda request: addresses.append(request.url))
     page.goto(robot.url)
-    for _ in range(3):  # the dialog comes back: without a token there is nothing else to do
+    for _ in range(
+        3
+    ):  # the dialog stays: without a token there is nothing else to do, and no stop reaches the robot
         page.keyboard.press("Escape")
+    sync_api.expect(page.locator("#unreached")).to_contain_text("did not reach the robot Log in first.")
+    page.get_by_role("button", name="I have seen it").click()
     page.locator("#token").fill("another-token-0123456789")
     page.keyboard.press("Enter")
-    sync_api.expect(page.locator("#login-told")).to_have_text("This token opens nothing here.")
+    sync_api.expect(page.locator("#login-told")).to_have_text(
+        "The robot does not know this token. Copy one from its token file."
+    )
     page.locator("#token").fill(TOKEN)
     page.keyboard.press("Enter")
     mode_is(page, "Ready to drive")

@@ -128,7 +128,7 @@ export class Connection extends EventTarget {
     this.#pinged = 0;
     this.stalled = true;
     this.#say("closed", null);
-    for (const asked of waiting) asked.reject(new Refused({ message: "the connection ended before the robot answered" }));
+    for (const asked of waiting) asked.reject(new Refused({ message: "the connection ended before the robot answered", data: { kind: "connection_ended" } }));
     if (!retry) return;
     this.#timer = setTimeout(() => this.connect(), this.#retryMs);
     this.#retryMs = Math.min(2 * this.#retryMs, 4000);

@@ -1,5 +1,8 @@
 // Keys, joystick and gamepad to drive commands: repeated while something is held, ended when it is let go.
 
+import { $ } from "./dom.js";
+import { isText } from "./stops.js";
+
 const REPEAT_MS = 80;
 const MOST_UNANSWERED = 6;
 const STOOD_MS = 500;
@@ -12,6 +15,7 @@ export class Driver extends EventTarget {
   #stick = null;
   #pad = null;
   #pressed = new Set();
+  #pads = ""; // what is known of gamepads
   #moving = false;
   #blocked = false; // until everything was let go
   #ticked = Date.now();
@@ -21,8 +25,13 @@ export class Driver extends EventTarget {
     this.connection = connection;
     this.speeds = speeds;
     this.allowed = true;
-    addEventListener("keydown", (event) => this.#down(event));
-    addEventListener("keyup", (event) => { this.#held.delete(event.code); this.#tick(); });
+    // Before everybody else: no part of the page may keep a stop to itself.
+    addEventListener("keydown", (event) => { if (!this.#stops(event)) this.#down(event); }, { capture: true });
+    addEventListener("keyup", (event) => {
+      if (isSpace(event) && !isText(event.target)) event.preventDefault(); // some browsers press a button only now
+      this.#held.delete(event.code);
+      this.#tick();
+    }, { capture: true });
     addEventListener("blur", () => this.dead());
     addEventListener("pagehide", () => this.dead());
     // After these the browser may keep what is let go to itself.
@@ -53,12 +62,20 @@ export class Driver extends EventTarget {
     this.#tick();
   }
 
+  // Esc and Space, wherever the focus is: Space presses no button, but where it types it is typed.
+  #stops(event) {
+    const isEstop = event.code === "Escape" || event.key === "Escape";
+    if (!isEstop && (!isSpace(event) || isText(event.target))) return false;
+    event.preventDefault();
+    if (event.repeat) return true;
+    this.#ask(isEstop ? "estop" : "stop");
+    if (!isEstop && event.target === $("estop")) this.#ask("estop");
+    return true;
+  }
+
   #down(event) {
-    const typing = event.target.closest?.("input:not([type=range], [type=checkbox]), select, textarea, dialog");
-    if (event.code === "Escape" && !event.target.closest?.("dialog:modal")) return event.preventDefault(), this.#ask("estop");
-    if (typing) return undefined;
+    if (event.target.closest?.("input:not([type=range], [type=checkbox]), select, textarea, dialog")) return undefined;
     if (event.ctrlKey || event.metaKey || event.altKey) return this.dead(); // a shortcut, which may keep the key's end to itself
-    if (event.code === "Space" && !event.target.closest?.("button, [type=checkbox]")) return event.preventDefault(), this.#ask("stop");
     if (!AHEAD.has(event.code) || (event.target.type === "range" && event.code.startsWith("Arrow"))) return undefined;
     event.preventDefault();
     if (!event.repeat) this.#held.add(event.code), this.#tick();
@@ -81,17 +98,26 @@ export class Driver extends EventTarget {
   }
 
   #readPad() {
-    const pad = [...(navigator.getGamepads?.() ?? [])].find((each) => each?.connected && each.mapping === "standard");
-    const on = (index) => pad?.buttons[index]?.pressed ?? false;
+    const connected = gamepads();
+    const known = connected?.filter((each) => each.mapping === "standard") ?? [];
+    this.#tellOfPads(connected, known);
+    const on = (index, pads = known) => pads.some((each) => each.buttons[index]?.pressed);
     for (const [index, name] of [[PAD_ESTOP, "estop"], [PAD_STOP, "stop"]]) {
       if (on(index) && !this.#pressed.has(index)) this.#ask(name);
       if (on(index)) this.#pressed.add(index);
       else this.#pressed.delete(index);
     }
     if (!on(PAD_ENABLE)) this.#blocked = false;
-    const usable = on(PAD_ENABLE) && !this.#blocked && document.hasFocus() && !document.hidden;
+    const pad = known.find((each) => on(PAD_ENABLE, [each]));
+    const usable = pad && !this.#blocked && document.hasFocus() && !document.hidden;
     const value = (axis) => (Math.abs(axis) < DEAD_ZONE ? 0 : -axis);
     this.#pad = usable ? [value(pad.axes[1]), value(pad.axes[0])] : null;
+  }
+
+  // A page promises nothing of a gamepad that it cannot read.
+  #tellOfPads(connected, known) {
+    const state = connected === null ? "unavailable" : known.length ? "standard" : connected.length ? "unknown" : "none";
+    if (state !== this.#pads) this.dispatchEvent(new CustomEvent("gamepad", { detail: this.#pads = state }));
   }
 
   #tick() {
@@ -118,6 +144,17 @@ export class Driver extends EventTarget {
     this.connection.notify("drive", { linear_m_s: 0, angular_rad_s: 0 });
     this.connection.notify("release_control");
     this.dispatchEvent(new Event("released"));
+  }
+}
+
+const isSpace = (event) => event.code === "Space" || event.key === " ";
+
+// The gamepads that are connected; null where the browser gives none to this page.
+function gamepads() {
+  try {
+    return navigator.getGamepads ? [...navigator.getGamepads()].filter((pad) => pad?.connected) : null;
+  } catch {
+    return null; // forbidden by a policy of whoever shows this page
   }
 }
 

@@ -1,11 +1,11 @@
 // Where the robot is going, how far that is, and how it ended.
 
 import { $, text } from "./dom.js";
-import { because, GOAL } from "./words.js";
+import { because, GOAL, SEND } from "./words.js";
 
 export const GOING = ["planning", "driving", "recovering", "paused"];
-const NO_GOAL = "No goal. Click in the view to send the robot there.";
-const NO_MAP = "No map is in use: start one or choose one first. Then a click in the view sends the robot there.";
+const NO_GOAL = `No goal. ${SEND} to send the robot there.`;
+const NO_MAP = `No map is in use: start one or choose one first. Then: ${SEND.toLowerCase()} to send the robot there.`;
 
 export class Goal {
   #map; // undefined until it is told

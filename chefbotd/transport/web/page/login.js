@@ -14,12 +14,11 @@ export class Login {
   constructor(connection, begin) {
     Object.assign(this, { connection, begin });
     connection.addEventListener("hello", ({ detail }) => this.#greeted(detail));
-    // Without a token there is nothing else to do here: the dialog comes back.
-    $("login").addEventListener("close", () => { if (this.#token === null) $("login").showModal(); });
     $("login-form").addEventListener("submit", () => {
       this.#token = $("token").value.trim().split(/\s+/).at(-1); // a line of a token file, or the token alone
       $("token").value = "";
       text("login-told", "");
+      this.#setBehind(false);
       connection.connect();
     });
   }
@@ -47,7 +46,7 @@ export class Login {
       if (error.kind !== "wrong_token") return null;
       this.#token = null;
       sessionStorage.removeItem(TOKEN_KEY);
-      this.#askForToken("This token opens nothing here.");
+      this.#askForToken("The robot does not know this token. Copy one from its token file.");
       return null;
     }
   }
@@ -55,7 +54,13 @@ export class Login {
   #askForToken(words) {
     this.connection.disconnect();
     text("login-told", words);
-    if (!$("login").open) $("login").showModal();
+    this.#setBehind(true);
+    if (!$("login").open) $("login").show(); // not modal: the stops stay in reach, and say that they do not reach the robot
+  }
+
+  // Without a token there is nothing else to do on this page.
+  #setBehind(isBehind) {
+    for (const part of document.querySelectorAll("header, main, #guide")) part.inert = isBehind;
   }
 
   // The daemon's capabilities without the methods that this role may not use: those are as good as absent.

@@ -14,23 +14,27 @@ import { Maps } from "./maps.js";
 import { Places } from "./places.js";
 import { Recorder } from "./recorder.js";
 import { Route } from "./route.js";
+import { Proposal } from "./proposal.js";
 import { SafetyCard } from "./safety.js";
 import { Sensors } from "./sensors.js";
+import { Stopping } from "./stopping.js";
 import { View } from "./view.js";
 import { Wheels } from "./wheels.js";
-import { battery, firmware, firmwareFigures, limit, plain, refusal, sentence } from "./words.js";
+import { battery, board, firmware, firmwareFigures, GAMEPAD, GESTURE, limit, plain, refusal, sentence } from "./words.js";
 
 const connection = new Connection(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/socket`);
 const lately = new Lately(connection);
 const view = new View($("view"));
 const speeds = { linear_m_s: 0.2, angular_rad_s: 0.8 };
 const driver = new Driver(connection, speeds);
-const safety = new SafetyCard(connection, ask, driver);
+const safety = new SafetyCard(connection, ask, driver, (isInDoubt) => showDoubt(isInDoubt));
+const stopping = new Stopping(connection, driver, say, () => safety.isInDoubt);
 const route = new Route(connection, ask, say, view);
 const goal = new Goal(connection, ask, view);
 const places = new Places(ask, say, route);
 const sensors = new Sensors(connection, view);
-const parts = [safety, goal, places, sensors, new Wheels(connection, ask), new Costs(connection, ask, view),
+const wheels = new Wheels(connection, ask);
+const parts = [safety, stopping, goal, places, sensors, wheels, new Costs(connection, ask, view),
   new Recorder(connection, ask), new Calibration(connection, ask), new Maps(connection, view, say), new Agents(connection, ask)];
 
 function say(words) {
@@ -67,6 +71,7 @@ const delay = new History("latency-history", { name: "Delay", unit: "ms", digits
 
 connection.addEventListener("closed", () => {
   text("connection", "not connected");
+  for (const id of ["latency", "link", "battery", "clients", "drivers"]) text(id, "–"); // nothing of it is known any more
   voltage.gap();
   delay.gap();
 });
@@ -76,9 +81,9 @@ connection.addEventListener("latency", ({ detail }) => {
   text("latency", `${detail.toFixed(0)} ms`);
   delay.add(detail);
 });
-connection.on("link", ({ state, healthy, reason }) => {
-  const up = healthy === false ? `has a problem: ${plain(reason)}` : "connected";
-  text("link", state === "up" ? up : `not connected ${plain(reason)}`);
+connection.on("link", (link) => {
+  text("link", board(link));
+  const { state } = link;
   if (state === "up" && $("firmware").textContent === "–") text("firmware", firmware(null));
 });
 connection.on("firmware", (told) => {
@@ -95,7 +100,18 @@ connection.on("reset", ({ reason }) => say(sentence(plain(reason))));
 
 // Driving
 
-const NOT_DRIVING = "You have let go: the robot stops.";
+// Where nobody knows what the motors do, no speed is shown.
+function showDoubt(isInDoubt) {
+  sensors.doubt(isInDoubt);
+  wheels.doubt(isInDoubt);
+  if (!isInDoubt) stopping.settled();
+}
+
+const LET_GO = "You have let go.";
+driver.addEventListener("gamepad", ({ detail: state }) => {
+  text("gamepad", GAMEPAD[state]);
+  $("gamepad").classList.toggle("connected", ["standard", "unknown"].includes(state));
+});
 joystick($("joystick"), $("knob"), driver);
 driver.addEventListener("driven", ({ detail: { limited_by: by } }) => {
   $("take").hidden = true;
@@ -105,7 +121,7 @@ driver.addEventListener("refused", ({ detail: error }) => {
   $("take").hidden = error.kind !== "lease_held";
   text("drive-told", refusal(error));
 });
-driver.addEventListener("released", () => { if ($("take").hidden) text("drive-told", NOT_DRIVING); });
+driver.addEventListener("released", () => { if ($("take").hidden) text("drive-told", safety.isInDoubt ? LET_GO : `${LET_GO} The robot brakes.`); });
 $("take").addEventListener("click", async () => {
   if (await ask("take_control")) {
     $("take").hidden = true;
@@ -127,6 +143,7 @@ const GESTURES = [["pan", "moves the view"], ["navigate_to", "sends the robot th
 function offerGestures(can) {
   const there = GESTURES.filter(([method]) => method === "pan" || can.has(`method.${method}`));
   $("gesture-label").hidden = there.length === 1;
+  text("gesture-words", GESTURE);
   $("gesture").replaceChildren(...there.map(([value, words]) => new Option(words, value)));
   view.gesture = $("gesture").value = can.has("method.navigate_to") ? "navigate_to" : "pan";
 }
@@ -135,11 +152,14 @@ $("zoom-in").addEventListener("click", () => view.zoom(1.25));
 $("zoom-out").addEventListener("click", () => view.zoom(0.8));
 $("follow").addEventListener("change", () => view.setFollow($("follow").checked));
 view.onFollow = (follow) => { $("follow").checked = follow; };
-$("gesture").addEventListener("change", () => { view.gesture = $("gesture").value; });
-view.onPose = ({ x_m, y_m, heading_rad }) => {
+$("gesture").addEventListener("change", () => { view.gestures.cancel(); view.gesture = $("gesture").value; });
+function usePose({ x_m, y_m, heading_rad }) {
   const pose = { x_m, y_m, ...(heading_rad === null ? {} : { heading_rad }) };
   if (view.gesture === "follow_waypoints") route.add(`x ${x_m.toFixed(2)} m, y ${y_m.toFixed(2)} m`, pose, pose);
   else ask(view.gesture, pose);
-};
+}
+view.onPose = usePose;
+new Proposal(view, usePose);
+driver.addEventListener("dead", () => view.gestures.cancel()); // a stop: what is aimed at is not wanted any more
 
 connection.connect();

@@ -1,62 +1,111 @@
-// The card at the top: whether the robot may move, why not, and who drives; and the buttons that stop and arm it.
+// The card at the top: whether the robot may move, why not, and who drives. It says "stopped" only where that is known.
 
 import { $, text } from "./dom.js";
-import { limit, me, MODES, plain } from "./words.js";
+import { doubt, full, limit, MODES, plain, sentence, unplugged } from "./words.js";
 
 const UNKNOWN = ["warn", "Waiting for the robot", "it has not said yet how it is"];
-const STALLED = ["warn", "The robot does not answer", "what is shown may be old; it brakes by itself when nobody drives it"];
-const LOST = ["warn", "Not connected", "trying again; the robot brakes by itself when nobody drives it"];
+const NOT_HEARD = new Set(["down", "silent", "wrong_baud", "wrong_device", "echo_stuck"]); // conditions in which a board may not obey
+const SAME_TIME_S = 0.1;
 
 export class SafetyCard {
-  #state = UNKNOWN;
+  #safety = null;
   #latch = null; // what the person who presses "arm" has seen
-  #armed = false;
+  #link = null;
+  #connection = "begins"; // "works", "stalled", "closed"
+  #deadman_ms = null; // of a board that stops by itself, as it was while it was connected
+  #before = { deadman_ms: null, until_s: -Infinity };
+  #mayArm = true;
 
-  constructor(connection, ask, driver) {
-    Object.assign(this, { driver, mayArm: true });
-    connection.addEventListener("closed", () => { this.#state = UNKNOWN; this.#show(LOST); });
-    connection.addEventListener("stalled", ({ detail }) => this.#show(detail ? STALLED : this.#state));
+  // ``told`` is called with whether it is unknown what the motors do.
+  constructor(connection, ask, driver, told) {
+    Object.assign(this, { driver, told });
+    connection.addEventListener("closed", () => { this.#safety = this.#link = null; this.#connection = "closed"; this.#show(); });
+    connection.addEventListener("stalled", ({ detail }) => this.#heard(!detail));
+    connection.on("link", (link, { stamp_s }) => this.#takeLink(link, stamp_s));
+    connection.on("firmware", ({ deadman_ms }, { stamp_s }) => this.#takeFirmware(deadman_ms ?? null, stamp_s));
     connection.on("safety", (safety) => this.#take(safety));
-    const estop = () => ask("estop", { reason: `by ${me}` });
-    const stop = () => ask("stop");
-    driver.addEventListener("estop", estop);
-    driver.addEventListener("stop", stop);
-    $("estop").addEventListener("click", () => { estop(); driver.dead(); });
-    $("stop").addEventListener("click", () => { stop(); driver.dead(); });
     $("arm").addEventListener("click", () => ask("arm", this.#latch === null ? {} : { latch: this.#latch }));
   }
 
   begin(can) {
-    $("arm").hidden = !(this.mayArm = can.has("method.arm"));
+    $("arm").hidden = !(this.#mayArm = can.has("method.arm"));
+  }
+
+  // Whether it is unknown what the motors do.
+  get isInDoubt() {
+    return this.#doubt() !== null;
+  }
+
+  #heard(isHeard) {
+    if (isHeard && this.#connection === "closed") this.#deadman_ms = null; // another board may be there now
+    this.#connection = isHeard ? "works" : "stalled";
+    this.#show();
   }
 
   #take(safety) {
-    if (this.#armed && !safety.armed) this.driver.dead(); // what is still pressed is no wish to go on once it is armed
-    [this.#latch, this.#armed] = [safety.latch ?? null, safety.armed];
-    const [kind, word] = MODES[safety.mode] ?? ["warn", safety.mode];
-    this.#state = [kind, word, safety.armed ? limited(safety) : this.#why(safety)];
-    this.#show(this.#state);
+    if (this.#safety?.armed && !safety.armed) this.driver.dead(); // what is still pressed is no wish to go on once it is armed
+    [this.#safety, this.#latch] = [safety, safety.latch ?? null];
     const drivers = Object.entries(safety.control).map(([source, client]) => `${plain(client)} (${source})`);
     text("drivers", drivers.join(", ") || (safety.source ?? "nobody"));
     $("arm").disabled = safety.armed;
     $("arm").classList.toggle("wanted", !safety.armed && safety.mode !== "no_board");
+    this.#show();
+  }
+
+  // A board that is gone says last that it does not stop by itself any more: what counts is what it said before.
+  #takeFirmware(deadman_ms, stamp_s) {
+    if (this.#link?.state === "down") return;
+    this.#before = { deadman_ms: this.#deadman_ms, until_s: stamp_s };
+    this.#deadman_ms = deadman_ms;
+    this.#show();
+  }
+
+  #takeLink(link, stamp_s) {
+    const isLost = link.state === "down" && this.#link?.state === "up";
+    if (isLost && stamp_s - this.#before.until_s < SAME_TIME_S) this.#deadman_ms ??= this.#before.deadman_ms;
+    if (link.state === "up" && this.#link?.state === "down") this.#deadman_ms = null;
+    this.#link = link;
+    this.#show();
+  }
+
+  // Why it is unknown what the motors do; null where it is known.
+  #doubt() {
+    if (this.#connection === "closed") return "Not connected, trying again.";
+    if (this.#connection === "stalled" && this.#safety) return "The daemon does not answer: what is shown is old.";
+    if (!this.#safety || this.#safety.mode === "no_board") return null;
+    if (this.#safety.fault === "board_unresponsive") return full(sentence(plain(this.#safety.reason)));
+    const isHeard = !this.#link || (this.#link.state === "up" && !NOT_HEARD.has(this.#link.condition));
+    if (isHeard || this.#deadman_ms !== null) return null;
+    return this.#link.state === "down" ? unplugged(this.#link.reason) : full(sentence(plain(this.#link.reason)));
+  }
+
+  #show() {
+    const why = this.#doubt();
+    if (why !== null) this.#write(doubt(why, this.#connection === "works" ? null : this.#deadman_ms));
+    else if (this.#safety) this.#write(this.#known(this.#safety));
+    else this.#write(UNKNOWN);
+    document.body.classList.toggle("old", why !== null || !this.#safety);
+    this.told(why !== null);
+  }
+
+  #known(safety) {
+    const [kind, word] = MODES[safety.mode] ?? ["warn", safety.mode];
+    if (safety.armed) return [kind, word, safety.limited_by ? `slower than asked: ${limit(safety.limited_by)}` : ""];
+    return [kind, word, this.#why(safety)];
   }
 
   #why({ mode, reason }) {
-    const arm = this.mayArm ? "When it is safe, press Arm." : "Somebody who may drive has to arm it.";
-    return `${plain(reason)}. ${mode === "no_board" ? "" : arm}`;
+    if (mode === "no_board") return `${full(plain(reason))} Until it answers nothing is known of its motors: if the robot moves, hold it or switch them off.`;
+    const isItself = this.#link?.state === "down" && this.#deadman_ms !== null;
+    const itself = isItself ? ` Its board stops by itself ${this.#deadman_ms} ms after the last command.` : "";
+    return `${full(plain(reason))}${itself} ${this.#mayArm ? "When it is safe, press Arm." : "Somebody who may drive has to arm it."}`;
   }
 
   // A fault interrupts a screen reader; everything else waits for its turn.
-  #show([kind, word, reason]) {
+  #write([kind, word, reason]) {
     $("mode-told").setAttribute("aria-live", kind === "bad" ? "assertive" : "polite");
     if ($("mode").className !== `mode ${kind}`) $("mode").className = `mode ${kind}`;
     text("mode-word", word);
     text("mode-reason", reason ? `– ${reason}` : "");
-    document.body.classList.toggle("old", this.#state === UNKNOWN || [STALLED[1], LOST[1]].includes(word));
   }
-}
-
-function limited({ limited_by: by }) {
-  return by ? `slower than asked: ${limit(by)}` : "";
 }

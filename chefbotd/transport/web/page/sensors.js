@@ -7,6 +7,8 @@ import { scanPoints } from "./view.js";
 
 export class Sensors {
   #lines = new Map();
+  #pose = null;
+  #isInDoubt = false;
 
   constructor(connection, view) {
     this.view = view;
@@ -33,10 +35,23 @@ export class Sensors {
   }
 
   #showPose(pose) {
+    this.#pose = pose;
     this.view.setPose(pose, false);
-    const robot = this.view.robot;
-    text("pose", `x ${robot.x_m.toFixed(2)} m, y ${robot.y_m.toFixed(2)} m, heading ${((robot.heading_rad * 180) / Math.PI).toFixed(0)}°, `
-      + `${pose.linear_m_s.toFixed(2)} m/s, ${pose.angular_rad_s.toFixed(2)} rad/s`);
+    this.#write();
+  }
+
+  // Where nobody knows what the motors do, the last speed that was measured is no speed of now.
+  doubt(isInDoubt) {
+    if (isInDoubt === this.#isInDoubt) return;
+    this.#isInDoubt = isInDoubt;
+    this.#write();
+  }
+
+  #write() {
+    if (!this.#pose) return;
+    const { robot } = this.view;
+    const speed = this.#isInDoubt ? "speed not known" : `${this.#pose.linear_m_s.toFixed(2)} m/s, ${this.#pose.angular_rad_s.toFixed(2)} rad/s`;
+    text("pose", `${this.#isInDoubt ? "last seen at " : ""}x ${robot.x_m.toFixed(2)} m, y ${robot.y_m.toFixed(2)} m, heading ${((robot.heading_rad * 180) / Math.PI).toFixed(0)}°, ${speed}`);
   }
 
   #devices(devices, key) {

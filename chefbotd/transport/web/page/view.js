@@ -1,5 +1,7 @@
 // The surroundings from above, x forward to the right at first: map, trail, scan, ranges and robot; zoom and pan.
 
+import { Gestures } from "./gestures.js";
+
 const TRAIL_STEP_M = 0.05;
 const TRAIL_POINTS = 2000;
 const [MIN_SCALE, MAX_SCALE] = [5, 600];
@@ -12,7 +14,8 @@ export class View {
     this.centre = [0, 0];
     this.follow = true;
     this.gesture = "pan";
-    this.onPose = () => {};
+    this.onPose = () => {}; // a mouse has aimed at a pose
+    this.onProposal = () => {}; // a finger has proposed one, which is to be confirmed; null: not any more
     this.mounts = new Map();
     this.body = { radius: 0.18 };
     this.pose = this.mapPose = this.grid = this.costs = this.obstacles = this.aim = null;
@@ -29,7 +32,7 @@ export class View {
       this.draw();
     });
     new ResizeObserver(() => this.draw()).observe(canvas);
-    this.#listen();
+    this.gestures = new Gestures(this);
   }
 
   #readColours() {
@@ -224,59 +227,6 @@ export class View {
     c.fillRect(10, height - 12, metres * this.scale, 3);
     c.font = "12px system-ui, sans-serif";
     c.fillText(`${metres} m`, 10, height - 18);
-  }
-
-  // One pointer pans, or aims; two always pan and zoom; so do the wheel and the right button.
-  #listen() {
-    const { canvas } = this;
-    const pointers = new Map();
-    const at = (event) => [event.offsetX, event.offsetY];
-    canvas.addEventListener("wheel", (event) => {
-      event.preventDefault();
-      this.zoom(Math.exp(-event.deltaY / 400), ...at(event));
-    }, { passive: false });
-    canvas.addEventListener("contextmenu", (event) => event.preventDefault());
-    canvas.addEventListener("pointerdown", (event) => {
-      canvas.setPointerCapture(event.pointerId);
-      pointers.set(event.pointerId, at(event));
-      const aims = this.gesture !== "pan" && event.button === 0 && !event.shiftKey && pointers.size === 1;
-      const place = this.toWorld(...at(event));
-      this.aim = aims ? { from: place, to: place } : null;
-    });
-    canvas.addEventListener("pointermove", (event) => {
-      const before = pointers.get(event.pointerId);
-      if (!before) return;
-      const now = at(event);
-      pointers.set(event.pointerId, now);
-      if (this.aim) this.aim.to = this.toWorld(...now);
-      else this.#pan(now[0] - before[0], now[1] - before[1], pointers.size);
-      if (pointers.size === 2) this.#pinch([...pointers.values()], now, before);
-      this.draw();
-    });
-    const up = (event) => {
-      if (!pointers.delete(event.pointerId) || !this.aim) return;
-      const { from: [x, y], to: [toX, toY] } = this.aim;
-      this.aim = null;
-      this.draw();
-      const dragged = Math.hypot(toX - x, toY - y) * this.scale > 12;
-      if (event.type === "pointerup") this.onPose({ x_m: x, y_m: y, heading_rad: dragged ? Math.atan2(toY - y, toX - x) : null });
-    };
-    for (const name of ["pointerup", "pointercancel"]) canvas.addEventListener(name, up);
-    canvas.addEventListener("keydown", (event) => {
-      if (event.key === "+" || event.key === "-") this.zoom(event.key === "+" ? 1.25 : 0.8);
-    });
-  }
-
-  #pan(right, down, fingers) {
-    if (!right && !down) return;
-    this.setFollow(false);
-    this.centre = [this.centre[0] - right / this.scale / fingers, this.centre[1] + down / this.scale / fingers];
-  }
-
-  #pinch([one, other], now, before) {
-    const still = one === now ? other : one;
-    const apart = (point) => Math.hypot(point[0] - still[0], point[1] - still[1]);
-    if (apart(before) > 10) this.zoom(apart(now) / apart(before), (now[0] + still[0]) / 2, (now[1] + still[1]) / 2);
   }
 
   setFollow(follow) {

@@ -11,6 +11,7 @@ const FIRST_GAIN = 4;
 
 export class Wheels {
   #plot = new Plot($("plot"));
+  #isInDoubt = false;
 
   constructor(connection, ask) {
     this.ask = ask;
@@ -28,7 +29,14 @@ export class Wheels {
     if (can.has("method.get_pid")) this.#change("get_pid");
   }
 
+  // Where nobody knows what the motors do, neither speed nor duty is shown.
+  doubt(isInDoubt) {
+    this.#isInDoubt = isInDoubt;
+    if (isInDoubt) for (const row of $("wheels").children) for (const cell of [...row.children].slice(1, FIRST_GAIN)) cell.textContent = "–";
+  }
+
   #show(wheels, stamp_s) {
+    if (this.#isInDoubt) return;
     this.#plot.add(stamp_s, wheels);
     wheels.name.forEach((name, index) => {
       const cells = this.#row(name).children;

@@ -8,12 +8,20 @@ export const wheelName = (wheel) => wheel.replace(/_wheel$/, "").replaceAll("_",
 
 export const sentence = (words) => (words ? words[0].toUpperCase() + words.slice(1) : "");
 
+// With the sign that ends a sentence, if it has none yet.
+export const full = (words) => (words && !/[.?!]$/.test(words.trim()) ? `${words.trim()}.` : words.trim());
+
 // A sentence of the daemon: of pages only "this page" and "another page", and wheels without underscores.
 export function plain(reason) {
   return (reason ?? "")
     .replace(/\bpage #([a-z0-9]+)( \([^)]*\))?/g, (_, name) => (`page #${name}` === me ? "this page" : "another page"))
     .replace(/\b[a-z]+(?:_[a-z]+)*_wheel\b/g, (wheel) => `the ${wheelName(wheel)} wheel`);
 }
+
+// A finger has no pointer that hovers: it proposes, and a button confirms.
+const HAS_FINGERS = matchMedia("(hover: none) and (pointer: coarse)").matches;
+export const SEND = HAS_FINGERS ? "Tap in the view, then Go here" : "Click in the view";
+export const GESTURE = HAS_FINGERS ? "A tap" : "Click and drag";
 
 const FIELDS = {
   x_m: "x", y_m: "y", heading_rad: "the heading", name: "the name", place: "the place", token: "the token",
@@ -55,6 +63,33 @@ export function limit(by) {
   if (by === "encoders_stale") return "the wheels are not measured at present";
   return "the robot's top speed";
 }
+
+// The board's link is down: why, if the daemon says more than that.
+export function unplugged(reason) {
+  const why = plain(reason);
+  return why && why !== "closed" ? full(`The board is not connected: ${why}`) : "The board is not connected.";
+}
+
+// The board in a few words.
+export function board({ state, healthy, reason }) {
+  if (state === "up") return healthy === false ? `has a problem: ${plain(reason)}` : "connected";
+  return reason && reason !== "closed" ? `not connected: ${plain(reason)}` : "not connected";
+}
+
+// What the safety card says where nobody knows what the motors do; ``deadman_ms`` of a board that stops by itself.
+export function doubt(why, deadman_ms) {
+  const itself = deadman_ms === null ? "" : ` If its daemon has ended, its board stops by itself after ${deadman_ms} ms; `
+    + "if only this page has lost it, it may drive on to a goal, or for another driver.";
+  return ["bad", "The robot may still be driving", `Hold it or switch its motors off: its speed is not known. ${why}${itself}`];
+}
+
+// What a gamepad may promise: browsers give none to a page without https, and of a layout that is not standard no button is known.
+export const GAMEPAD = {
+  none: "A gamepad drives too: press one of its buttons.",
+  unavailable: "Gamepad: the browser gives none to this page. By https, or on the robot's own computer as localhost, it does.",
+  unknown: "Gamepad: the browser does not know the layout of this one, so that it neither drives nor stops the robot.",
+  standard: "Gamepad: hold LB and move the left stick; X stops, B is the emergency stop.",
+};
 
 const CLASSIC = "classic, does not stop by itself";
 
@@ -109,5 +144,5 @@ export const battery = ({ voltage_v, percentage, status }) => (
 
 // What a daemon's reason adds to a state: it may begin with the state's own name, or with its verb.
 export function because(state, reason) {
-  return plain((reason ?? "").replace(new RegExp(`^(${state}:? ?)+`), "").replace(/^drives (?=to )/, ""));
+  return plain((reason ?? "").replace(new RegExp(`^(${state}[:,]? ?)+`), "").replace(/^drives (?=to )/, ""));
 }
