@@ -8,7 +8,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 from abc import abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
 from chefbotd.client.caller import parse
@@ -70,11 +70,24 @@ class Methods(GeneratedMethods):
             MotionInterrupted: this program did not run for longer than that since an earlier command to move. Nothing
                 was sent. The next call drives.
         """
-        self._check_motion(moves=linear_m_s != 0.0 or angular_rad_s != 0.0)
-        driven: models.Driven = await self._ask(
-            "Driven", "drive", linear_m_s=linear_m_s, angular_rad_s=angular_rad_s, source=source
-        )
+        with self._watched_motion(moves=linear_m_s != 0.0 or angular_rad_s != 0.0):
+            driven: models.Driven = await self._ask(
+                "Driven", "drive", linear_m_s=linear_m_s, angular_rad_s=angular_rad_s, source=source
+            )
         return driven
+
+    @contextlib.contextmanager
+    def _watched_motion(self, *, moves: bool) -> Iterator[None]:
+        """Around a command. Raises ``MotionInterrupted`` if the motion that it belongs to is over.
+
+        What is refused is no motion.
+        """
+        self._check_motion(moves=moves)
+        try:
+            yield
+        except CallError:
+            self._sleep_watch.stop()
+            raise
 
     def _check_motion(self, *, moves: bool) -> None:
         """A command is about to be sent: raise ``MotionInterrupted`` if the motion that it belongs to is over."""
@@ -131,10 +144,14 @@ class Methods(GeneratedMethods):
     ) -> models.WheelSpeedsSet:
         """Command wheel speeds by wheel name, in rad/s. Other wheels stand. It expires as ``drive`` does."""
         names, velocities = list(velocity_rad_s), list(velocity_rad_s.values())
-        self._check_motion(moves=any(velocities))
-        driven: models.WheelSpeedsSet = await self._ask(
-            "WheelSpeedsSet", "set_wheel_velocities", name=names, velocity_rad_s=velocities, source=source
-        )
+        with self._watched_motion(moves=any(velocities)):
+            driven: models.WheelSpeedsSet = await self._ask(
+                "WheelSpeedsSet",
+                "set_wheel_velocities",
+                name=names,
+                velocity_rad_s=velocities,
+                source=source,
+            )
         return driven
 
     async def stop(self) -> dict[str, str]:

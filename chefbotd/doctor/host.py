@@ -102,10 +102,12 @@ def check_governor(governors: Sequence[str]) -> Finding:
     )
 
 
-def check_priority(realtime: int | None, nice: int, locked_kb: int) -> Finding:
-    """The priority and memory that the computer gives the control loop; ``realtime`` None: no daemon runs."""
+def check_priority(realtime: int | None, nice: int, locked_kb: int, *, daemon_answers: bool) -> Finding:
+    """The priority and memory that the computer gives the control loop; ``realtime`` None: its process is not known."""
+    if realtime is None and daemon_answers:
+        return skipped("priority", "a daemon answers, but its process cannot be told from the others here")
     if realtime is None:
-        return skipped("priority", "no daemon runs on this computer")
+        return skipped("priority", "no daemon answers on this computer")
     memory = "its memory is locked" if locked_kb else "its memory may be swapped out"
     if realtime:
         return ok("priority", f"the control loop has real-time priority {realtime}, and {memory}")

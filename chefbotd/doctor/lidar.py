@@ -152,14 +152,23 @@ def _appeared_at_rad(before: ScanTaken, after: ScanTaken) -> float | None:
     return float(np.angle(np.exp(1j * bearing[shorter]).mean()))
 
 
+ADVICE = {
+    "wrong_baud": "set its baud in [[lidar]]: 'chefbotctl ports --listen' finds the rate",
+    "wrong_device": "set its device and model in [[lidar]]: 'chefbotctl ports --listen' names what is behind each port",
+    "motor_stalled": "does its motor turn, and has it 5 V? A weak USB port cannot start it",
+    "frozen": "switch its power off and on",
+}
+"""What to do about each condition; about any other, look at power and plug."""
+
+
 def check_lidar(name: str, condition: str, reason: str, scans_hz: float, covered: float) -> Finding:
     """A lidar's link and its scans; ``covered`` is the share of beams that measured something."""
     check = f"lidar {name}"
     if condition != "healthy":
         return problem(
             check,
-            f"{name} is {condition.replace('_', ' ')}: {reason or 'no reason is told'}",
-            "check its power and its plug; 'chefbotctl ports --listen' finds its port",
+            f"{name} is {condition.replace('_', ' ')}" + (f": {reason}" if reason else ""),
+            ADVICE.get(condition, "check its power and its plug; 'chefbotctl ports --listen' finds its port"),
         )
     text = f"{name} sends {scans_hz:.1f} turns a second, {covered:.0%} of its beams measure"
     if not scans_hz:

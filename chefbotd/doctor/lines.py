@@ -38,7 +38,9 @@ class LinesHeard(Record, frozen=True):
     others by reason (``example`` is one of them). ``texts`` are the lines of text, oldest first. ``wire`` is the variant
     that fits best and ``wheels`` how many it has. ``clock_ppm`` is how much faster than ours the board's clock runs,
     over ``clock_s``. ``duty`` is the last echo, ``counted`` how far each encoder went. ``firmware`` is the version of
-    our own firmware, where the board has named it or sends checked lines (``?`` then).
+    our own firmware, where the board has named it or sends checked lines (``?`` then). ``formats`` has a sentence about
+    each kind that is always refused, none of whose lines count as damaged; ``clock_unit`` one about a clock that counts
+    something else than microseconds.
     """
 
     seconds: float
@@ -58,6 +60,12 @@ class LinesHeard(Record, frozen=True):
     duty: tuple[float, ...] = ()
     counted: tuple[int, ...] = ()
     firmware: str = ""
+    formats: Mapping[str, str] = {}
+    clock_unit: str = ""
+
+    def sends(self, kind: str) -> bool:
+        """Whether lines of this kind come, be they understood or not."""
+        return kind in self.kinds or kind in self.formats
 
     @property
     def frames(self) -> int:
@@ -92,7 +100,7 @@ def check_heard(heard: LinesHeard) -> Finding:
     if heard.is_garbled:
         share = f"{heard.garbled_share:.0%} of {heard.bytes} bytes are not text"
         return problem("lines", f"{share}: {heard.sample}", "the baud rate is wrong: see above")
-    if not heard.is_board:
+    if not heard.is_board and not heard.formats:
         return problem(
             "lines",
             f"text was received, but hardly any valid line of a board: {heard.sample}",
@@ -103,6 +111,10 @@ def check_heard(heard: LinesHeard) -> Finding:
         for letter in heard.kinds
         if letter in NAMES
     )
+    if "e" in heard.formats:
+        return problem(
+            "lines", f"no encoder line is understood; heard: {text or 'nothing else'}", "see the next finding"
+        )
     if not heard.kinds.get("e") and not heard.kinds.get("q"):
         return problem(
             "lines",
@@ -110,6 +122,18 @@ def check_heard(heard: LinesHeard) -> Finding:
             "without encoders the robot cannot be driven: load the right sketch",
         )
     return ok("lines", f"heard: {text}")
+
+
+def check_formats(heard: LinesHeard) -> list[Finding]:
+    """Each kind of line that the board writes in another format."""
+    return [
+        problem(
+            f"line_format {kind}",
+            sentence,
+            f"change how the board's program prints its {kind!r} lines ({NAMES.get(kind, 'other')}); the cable is good",
+        )
+        for kind, sentence in heard.formats.items()
+    ]
 
 
 def check_damaged(heard: LinesHeard) -> Finding:
@@ -139,6 +163,8 @@ def check_clock(heard: LinesHeard) -> Finding:
         return skipped("board_clock", "nothing was received from a board")
     if "t" not in heard.kinds:
         return ok("board_clock", "the board sends no time (no 't' lines), so the daemon uses its own clock")
+    if heard.clock_unit:
+        return problem("board_clock", heard.clock_unit, "mend the board's program: 't' begins with micros()")
     if heard.clock_ppm is None or heard.clock_s < LEAST_CLOCK_S:
         return skipped(
             "board_clock",

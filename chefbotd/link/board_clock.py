@@ -200,6 +200,12 @@ class BoardClock(MutableState):
         """Board time of the last good reading; None before the first."""
         return None if self._last is None else self._last.board_s
 
+    @property
+    def newest(self) -> tuple[int, float] | None:
+        """The newest reading, believed or not, in us, and when it was read; None before the first."""
+        reading = self._suspect or self._last
+        return None if reading is None else (reading.micros, reading.host_s)
+
     def _accept(self, reading: _Reading) -> None:
         self._last, self._suspect = reading, None
         self.relation.observe(reading.board_s, reading.host_s)

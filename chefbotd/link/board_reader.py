@@ -145,6 +145,7 @@ class BoardReader:
         self.board_clock, self._cycle_clock = BoardClock(), CycleClock()
         self._cycle_has_time = False
         self.on_loop_ready: Callable[[], None] = lambda: None
+        self.on_refused: Callable[[wire.Malformed], None] = lambda line: None
         self._edges = BurstBuffer(self.board_clock) if variant.speaks(wire.QuadratureEdges) else None
         self._log = RateLimitedLog(log)
         self.events: dict[type[Any], Reading] = {
@@ -264,6 +265,7 @@ class BoardReader:
         self._log.warning(
             "line refused", reason=message.reason, line=show(message.line), detail=message.detail
         )
+        self.on_refused(message)
         return refusal(message, now_s)
 
     def _restarted(self, now_s: float, cause: str) -> None:

@@ -10,6 +10,7 @@ import os
 import stat
 from collections.abc import Iterator
 from pathlib import Path
+from typing import NamedTuple
 
 from serial.tools import list_ports
 
@@ -67,10 +68,73 @@ def names_by_device(by_id: Path = BY_ID) -> dict[Path, str]:
 
 def owner_of(device: str, proc: Path = PROC) -> str:
     """The programs and pids that hold the device open or locked, for people; symlinks are followed."""
-    owners = sorted({*_lockers(device, proc), *_openers(device, proc)} - {os.getpid()})
-    if not owners:
-        return UNKNOWN
-    return ", ".join(f"{_program(pid, proc)} (pid {pid})" for pid in owners)
+    return _named(owners_of(device, proc), proc) or UNKNOWN
+
+
+def owners_of(device: str, proc: Path = PROC) -> list[int]:
+    """The processes, ours left out, that hold the device open or locked, as far as we may see.
+
+    Raises:
+        OSError: there is no such device.
+    """
+    return sorted({*_lockers(device, proc), *_openers(device, proc)} - {os.getpid()})
+
+
+MEDDLERS = {
+    "ModemManager": "which opens serial ports to look for modems: the udev rule of docs/service.md tells it off",
+    "brltty": "which takes USB adapters for Braille displays: 'sudo apt remove brltty', where nobody needs one",
+}
+"""Programs that open ports of their own accord, and what to do about each."""
+
+
+class Sharers(NamedTuple):
+    """Who else reads a port that we have open, and who may do so, both for people; empty: nobody.
+
+    Of another user's process only root sees the files. So programs that are known to open every port are ``suspects``
+    where they run.
+    """
+
+    seen: str = ""
+    suspects: str = ""
+
+
+def sharers_of(device: str, proc: Path = PROC) -> Sharers:
+    """Look through the processes; ours and those that it has started do not count."""
+    try:
+        sharers = [pid for pid in owners_of(device, proc) if _parent(pid, proc) != os.getpid()]
+    except OSError:
+        return Sharers()
+    if sharers:
+        known = {advice for pid in sharers if (advice := MEDDLERS.get(_program(pid, proc)))}
+        does = f", {known.pop()}" if len(known) == 1 else ""
+        seen = (
+            f"{_named(sharers, proc)} has {device} open too{does}: two readers each get a part of the bytes"
+        )
+        return Sharers(seen=seen)
+    suspects = [f"{name} (pid {pid}) runs here, {MEDDLERS[name]}" for pid, name in _meddlers(proc)]
+    return Sharers(suspects="; ".join(suspects))
+
+
+def _meddlers(proc: Path) -> list[tuple[int, str]]:
+    named = (
+        (int(entry.name), _program(int(entry.name), proc))
+        for entry in proc.iterdir()
+        if entry.name.isdecimal()
+    )
+    return sorted((pid, name) for pid, name in named if name in MEDDLERS)
+
+
+def _parent(pid: int, proc: Path) -> int:
+    """The process that started it; 0 where that cannot be told."""
+    try:
+        fields = (proc / str(pid) / "stat").read_text().rpartition(")")[2].split()
+        return int(fields[1])
+    except (OSError, IndexError, ValueError):
+        return 0
+
+
+def _named(pids: list[int], proc: Path) -> str:
+    return ", ".join(f"{_program(pid, proc)} (pid {pid})" for pid in pids)
 
 
 def _lockers(device: str, proc: Path) -> Iterator[int]:

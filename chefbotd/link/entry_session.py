@@ -10,6 +10,7 @@ from chefbotd.core.events.inputs import (
     PortLost,
     PortNotOpened,
     PortOpened,
+    PortShared,
     TimerFired,
 )
 from chefbotd.entries import entries_of
@@ -97,6 +98,16 @@ class EntrySession(asyncio.Protocol):
         """The port cannot be opened."""
         with self._entries.entry(PortNotOpened, self._link, reason):
             self._session.report_not_opened(reason)
+
+    @property
+    def refused_lines(self) -> int:
+        """How many lines, or packets, were refused so far."""
+        return self._session.refused_lines
+
+    def report_sharers(self, sharers: str) -> None:
+        """Who else has the port open."""
+        with self._entries.entry(PortShared, self._link, sharers):
+            self._session.report_sharers(sharers)
 
     def close(self) -> None:
         """Say the last words, and give the port up."""

@@ -10,8 +10,10 @@ from msgspec import field
 
 from chefbotd.core.record import MutableState, Record
 from chefbotd.link.firmware_state import LineQuality
+from chefbotd.link.line_format import FormatWatch, TimeUnitWatch, has_other_separator, kinds_of
+from firmware_protocol.codec import Variant
 from firmware_protocol.decoder import Decoder
-from firmware_protocol.messages import Text
+from firmware_protocol.messages import Malformed, Text
 
 ENOUGH_LINES = 20
 LEAST_FRAME_SHARE = 0.1
@@ -29,6 +31,20 @@ class Condition(StrEnum):
     ECHO_STUCK = "echo_stuck"
     NOT_NEGOTIATED = "not_negotiated"
     COUNTS_DIFFER = "counts_differ"
+    LINES_REFUSED = "lines_refused"
+    WRONG_TIME_UNIT = "wrong_time_unit"
+    SHARED_PORT = "shared_port"
+
+
+ONLY_HEALTHY = frozenset({Condition.HEALTHY})
+_EXPLAINED = {
+    Condition.LINES_REFUSED: frozenset({Condition.HEALTHY, Condition.WRONG_DEVICE}),
+    Condition.SHARED_PORT: frozenset(Condition),
+}
+"""What a complaint is said in the place of, where that is more than a healthy link.
+
+Where all kinds of lines are refused, no frame comes at all, and of a port that is read by two there may come nothing.
+"""
 
 
 class Heard(Record, frozen=True):
@@ -75,7 +91,7 @@ class HealthWatch(MutableState):
             return None
         self.from_s, self.before = now_s, heard
         health = _judge(new, waited_s, sample)
-        if complaint is not None and health.condition is Condition.HEALTHY:
+        if complaint is not None and health.condition in _EXPLAINED.get(complaint.condition, ONLY_HEALTHY):
             health = complaint
         if health.condition is self._reported:
             return None
@@ -90,6 +106,11 @@ def _judge(new: Heard, waited_s: float, sample: bytes) -> LinkHealth:
     if new.frames and new.frames >= LEAST_FRAME_SHARE * new.lines:
         return LinkHealth(Condition.HEALTHY, "")
     received = f"{new.bytes} bytes, {new.lines} lines, {new.frames} of them frames; received: {show(sample)}"
+    if has_other_separator(sample):
+        return LinkHealth(
+            Condition.LINES_REFUSED,
+            f"the lines look like a board's, but their fields are not separated by one TAB each: {received}",
+        )
     if _garbled_share(sample) > GARBLED_SHARE:
         return LinkHealth(
             Condition.WRONG_BAUD, f"mostly bytes that are no text: is the baud rate right? {received}"
@@ -121,15 +142,21 @@ class LinkMonitorState(Record, frozen=True):
     watch: HealthWatch
     opened_s: float = 0.0
     damaged_before: int = 0
+    formats: FormatWatch = field(default_factory=FormatWatch)
+    time_unit: TimeUnitWatch = field(default_factory=TimeUnitWatch)
+    sharers: str = ""
 
 
 class LinkMonitor:
     """Listens beside the decoder, which has seen the same bytes."""
 
-    def __init__(self, decoder: Decoder, *, health_after_s: float) -> None:
+    def __init__(self, decoder: Decoder, variant: Variant, *, health_after_s: float) -> None:
         self._decoder, self._judged_after_s = decoder, health_after_s
+        self._kinds = kinds_of(variant)
+        self._kind_names = frozenset(self._kinds)
+        self._formats, self._time_unit = FormatWatch(), TimeUnitWatch()
         self._sample = b""
-        self.bytes_in = 0
+        self.bytes_in, self.sharers = 0, ""
         self.begin(0.0)
 
     def begin(self, now_s: float) -> None:
@@ -137,18 +164,29 @@ class LinkMonitor:
         self._opened_s, self._damaged_before = now_s, self._decoder.malformed.total()
         self._before = self._heard()
         self._watch = HealthWatch(now_s, self._before)
+        self._formats = FormatWatch()
+        self._time_unit.begin()
 
     def state(self) -> LinkMonitorState:
         """Return the state of this part."""
         return LinkMonitorState(
-            self.bytes_in, self._sample, self._before, self._watch, self._opened_s, self._damaged_before
+            self.bytes_in,
+            self._sample,
+            self._before,
+            self._watch,
+            self._opened_s,
+            self._damaged_before,
+            self._formats,
+            self._time_unit,
+            self.sharers,
         )
 
     def restore(self, state: LinkMonitorState) -> None:
         """Restore this state."""
         self.bytes_in, self._sample, self._before = state.bytes_in, state.sample, state.opened
-        self._watch = state.watch
         self._opened_s, self._damaged_before = state.opened_s, state.damaged_before
+        self._watch, self._formats, self._time_unit = state.watch, state.formats, state.time_unit
+        self.sharers = state.sharers
 
     def count_bytes(self, data: bytes) -> None:
         """Bytes that have come in."""
@@ -159,6 +197,28 @@ class LinkMonitor:
         """How whole the lines have come since the port was opened."""
         refused = self._decoder.malformed.total() - self._damaged_before
         return LineQuality(now_s - self._opened_s, self._heard().since(self._before).lines, refused)
+
+    def note_refused(self, line: Malformed) -> None:
+        """A line was refused."""
+        self._formats.note_refused(line, show(line.line), self._kind_names, self._accepted_of)
+
+    def _accepted_of(self, kind: str) -> int:
+        accepted = self._decoder.accepted
+        return sum(accepted.get(name, 0) for name in self._kinds[kind])
+
+    def shared_complaint(self) -> LinkHealth | None:
+        """Who else has the port open, as a complaint."""
+        return LinkHealth(Condition.SHARED_PORT, self.sharers) if self.sharers else None
+
+    def format_complaint(self, clock: tuple[int, float] | None) -> LinkHealth | None:
+        """What is wrong with how the board writes; ``clock`` is its newest reading (us) and when it was read."""
+        if clock is not None:
+            self._time_unit.observe(*clock)
+        if unit := self._time_unit.complaint:
+            return LinkHealth(Condition.WRONG_TIME_UNIT, unit)
+        if refused := self._formats.refused_kind(self._accepted_of):
+            return LinkHealth(Condition.LINES_REFUSED, refused)
+        return None
 
     @property
     def proven(self) -> bool:

@@ -3,12 +3,16 @@
 import asyncio
 import random
 from collections.abc import Awaitable, Callable, Iterator
-from typing import Protocol, cast
+from typing import TYPE_CHECKING, Protocol, cast
 
 import structlog
 
 from chefbotd.clock import Clock
 from chefbotd.link.port import LinkParameters
+from chefbotd.logs import RateLimitedLog
+
+if TYPE_CHECKING:
+    from chefbotd.link.cannot_open import Sharers
 
 log = structlog.get_logger(component="link")
 
@@ -19,6 +23,20 @@ REMIND_EVERY_S = 60.0
 """How often the log mentions a device that stays away."""
 
 LISTEN_EVERY_S = 0.25
+
+LOOK_EVERY_S, MANY_REFUSED = 5.0, 5
+"""So often, and where so many lines were refused meanwhile, it is looked up who else has the port open."""
+
+FindSharers = Callable[[str], "Sharers"]
+"""Who else has a device open."""
+
+
+def find_sharers(device: str) -> "Sharers":
+    """As ``cannot_open.sharers_of``, which is loaded where a link is in trouble."""
+    from chefbotd.link.cannot_open import sharers_of
+
+    return sharers_of(device)
+
 
 OPENING_S = 2.0
 """How long the shutdown waits for a port that is being opened, to stop the board behind it."""
@@ -61,6 +79,15 @@ class LinkSession(Protocol):
         """The port cannot be opened."""
         ...
 
+    @property
+    def refused_lines(self) -> int:
+        """How many lines, or packets, were refused so far."""
+        ...
+
+    def report_sharers(self, sharers: str) -> None:
+        """Who else has the port open, for people; empty: nobody any more."""
+        ...
+
     def close(self) -> None:
         """Say the last words, and give the port up."""
         ...
@@ -76,10 +103,13 @@ class PortLink:
         opener: Opener,
         clock: Clock,
         rng: random.Random,
+        sharers_of: FindSharers = find_sharers,
     ) -> None:
         self._parameters, self._session, self._opener = parameters, session, opener
         self._clock, self._rng = clock, rng
         self._waits_s = waits_s(parameters, rng)
+        self._log = RateLimitedLog(log)
+        self._sharers_of, self._sharers = sharers_of, ""
 
     async def run(self) -> None:
         """Keep the link open until cancelled; then say the last words (the board's are a stop) and close it."""
@@ -89,6 +119,7 @@ class PortLink:
                 log.info("link opened", device=self._parameters.device)
                 await self._watch()
                 log.warning("link lost", device=self._parameters.device)
+                await self._look_for_sharers()
                 await self._back_off()
         finally:
             if self._session.is_open:
@@ -98,11 +129,27 @@ class PortLink:
     async def _watch(self) -> None:
         """Judge until the link is lost whether the right device is connected."""
         closed = asyncio.ensure_future(self._session.wait_closed())
+        looked_s, refused = self._clock.now_s(), self._session.refused_lines
         try:
             while not (await asyncio.wait([closed], timeout=LISTEN_EVERY_S))[0]:
                 self._session.judge_health()
+                now_s = self._clock.now_s()
+                if now_s - looked_s >= LOOK_EVERY_S:
+                    if self._sharers or self._session.refused_lines - refused >= MANY_REFUSED:
+                        await self._look_for_sharers()
+                    looked_s, refused = now_s, self._session.refused_lines
         finally:
             closed.cancel()
+
+    async def _look_for_sharers(self) -> None:
+        """Who else has the port open is looked up in a thread: there are many processes."""
+        device = self._parameters.device
+        seen, suspects = await asyncio.get_running_loop().run_in_executor(None, self._sharers_of, device)
+        if seen != self._sharers:
+            self._sharers = seen
+            self._session.report_sharers(seen)
+        if seen or suspects:
+            self._log.warning("others may read this port", device=device, who=seen or suspects)
 
     async def _back_off(self) -> None:
         """Only a device that has spoken is opened again soon: a server may accept and close all day."""

@@ -115,7 +115,8 @@ class BoardSession(asyncio.Protocol):
         self.board_clock = self._reader.board_clock
         self._closed = asyncio.Event()
         self._closed.set()
-        self.monitor = LinkMonitor(self._decoder, health_after_s=health_after_s)
+        self.monitor = LinkMonitor(self._decoder, variant, health_after_s=health_after_s)
+        self._reader.on_refused = self.monitor.note_refused
         self._counting = counting
         self._kind_held = None if counting is None else not counting.by_firmware
         self.is_open = False  # whether a port is connected
@@ -224,17 +225,28 @@ class BoardSession(asyncio.Protocol):
             )
 
     def _complaint(self, now_s: float) -> LinkHealth | None:
+        if shared := self.monitor.shared_complaint():
+            return shared
         if self._counting is not None and self.firmware.now.is_known is self._kind_held:
             return LinkHealth(Condition.COUNTS_DIFFER, self._counting.difference)
         if echo := self._window.complaint(now_s):
             return LinkHealth(Condition.ECHO_STUCK, echo)
         if unanswered := self.firmware.now.complaint:
             return LinkHealth(Condition.NOT_NEGOTIATED, unanswered)
-        return None
+        return self.monitor.format_complaint(self.board_clock.newest)
 
     def report_not_opened(self, reason: str) -> None:
         """Publish why the port cannot be opened."""
         self._bus.publish(LinkNotOpened(self._clock.now_s(), self._device, reason))
+
+    @property
+    def refused_lines(self) -> int:
+        """How many lines were refused so far."""
+        return self._decoder.malformed.total()
+
+    def report_sharers(self, sharers: str) -> None:
+        """Other programs have the port open: ``judge_health`` says so from now on."""
+        self.monitor.sharers = sharers
 
     def expect_connection(self) -> None:
         """A port is about to be opened: ``wait_closed`` is to wait for its end."""

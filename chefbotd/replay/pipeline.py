@@ -61,6 +61,7 @@ class Pipeline:
             inputs.PortOpened: lambda entry: self._open(entry.link),
             inputs.PortLost: self._lose,
             inputs.PortNotOpened: lambda entry: self._session(entry.link).report_not_opened(entry.reason),
+            inputs.PortShared: lambda entry: self._session(entry.link).report_sharers(entry.sharers),
             inputs.PortDrained: lambda entry: self._session(entry.link).resume_writing(),
             inputs.LinkBytesRead: self._read,
             inputs.RequestHandled: self._request,

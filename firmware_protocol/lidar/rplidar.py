@@ -15,6 +15,11 @@ from operator import xor
 from typing import NamedTuple, TypeAlias
 
 BAUD = 115_200
+OTHER_BAUDS = (256_000, 460_800, 1_000_000)
+"""What other models than A1 and A2M8 speak, as the launch files of the maker's ROS driver have it.
+
+256000: A2M7, A2M12, A3, S1; 460800: C1; 1000000: S2, S3.
+"""
 START = 0xA5
 DESCRIPTOR = struct.Struct("<HIB")
 DESCRIPTOR_START = b"\xa5\x5a"

@@ -5,7 +5,7 @@ import contextlib
 from collections.abc import Awaitable, Callable
 from typing import Any
 
-from chefbotd.client import CallError, Client
+from chefbotd.client import CallError, Client, MotionInterrupted
 from chefbotd.testing.daemon import SimulatedRobot
 
 PERIOD_S = 0.05
@@ -47,6 +47,6 @@ class Driver:
         async with Client.connect(host, port, name="driver", **self._key) as client:
             while True:
                 if self.says is not None:
-                    with contextlib.suppress(CallError):
+                    with contextlib.suppress(CallError, MotionInterrupted):
                         await self.says(client)
                 await asyncio.sleep(PERIOD_S)

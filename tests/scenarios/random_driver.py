@@ -7,7 +7,7 @@ import random
 from collections import Counter
 from collections.abc import Awaitable, Callable
 
-from chefbotd.client import CallError
+from chefbotd.client import CallError, MotionInterrupted
 from chefbotd.clock import LoopClock
 from chefbotd.core.geometry import Pose2D
 from chefbotd.testing.daemon import SimulatedRobot
@@ -94,7 +94,7 @@ class RandomDriver:
         """Go on commanding for so long, whatever is answered."""
         twist = twist or self._somewhere()
         for _ in range(round(seconds / PERIOD_S)):
-            with contextlib.suppress(CallError):
+            with contextlib.suppress(CallError, MotionInterrupted):
                 await self._robot.client.drive(*twist)
                 self._invariants.commanded()
             await asyncio.sleep(PERIOD_S)

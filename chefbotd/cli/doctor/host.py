@@ -12,7 +12,7 @@ from chefbotd.child import send_signal
 from chefbotd.core.record import Record
 from chefbotd.doctor.host import PortFound
 from chefbotd.doctor.listening.ports import holder, permission_problem
-from chefbotd.link.cannot_open import ports_there
+from chefbotd.link.cannot_open import owners_of, ports_there
 from chefbotd.link.port import LinkParameters
 
 CPUS = Path("/sys/devices/system/cpu")
@@ -106,8 +106,11 @@ def running_daemons(proc: Path = PROC) -> list[RunningDaemon]:
     return sorted(daemons, key=lambda daemon: daemon.pid)
 
 
-def pid_at(port: int, proc: Path = PROC) -> int | None:
-    """The daemon that listens at this port, by its command line; where none names it, the only one there is."""
+def pid_at(port: int, device: str, proc: Path = PROC) -> int | None:
+    """The daemon that answers at this port and has this device: by what it has open, or by its command line."""
+    with contextlib.suppress(OSError):
+        if len(holders := owners_of(device, proc)) == 1:
+            return holders[0]
     daemons = running_daemons(proc)
     named = [daemon for daemon in daemons if daemon.listen.rpartition(":")[2] == str(port)]
     candidates = named or daemons

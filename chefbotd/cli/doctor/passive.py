@@ -18,7 +18,14 @@ from chefbotd.doctor.firmware import Firmware, check_firmware
 from chefbotd.doctor.host import check_baud
 from chefbotd.doctor.latency import check_latency
 from chefbotd.doctor.lidar import check_lidar
-from chefbotd.doctor.lines import LinesHeard, check_at_rest, check_clock, check_damaged, check_heard
+from chefbotd.doctor.lines import (
+    LinesHeard,
+    check_at_rest,
+    check_clock,
+    check_damaged,
+    check_formats,
+    check_heard,
+)
 from chefbotd.doctor.listening.line_survey import LineSurvey, line_bytes
 from chefbotd.doctor.sensors import Beams, check_battery, check_beams, check_imu
 from chefbotd.doctor.sketches import Expected, check_expected, check_sketch
@@ -47,7 +54,7 @@ async def examine_robot(diagnosis: Diagnosis, robot: Client, *, rate_is_known: b
             diagnosis.find(_rate(diagnosis, heard, state))
         diagnosis.find(*line_findings(diagnosis, heard, of_topic(events, "firmware")))
     diagnosis.find(_safety(state))
-    diagnosis.find(*_sensor_findings(diagnosis, heard, events))
+    diagnosis.find(*_sensor_findings(diagnosis, heard, events, await robot.get_state()))
     diagnosis.find(_odometry(of_topic(events, "odometry"), diagnosis.seconds))
     diagnosis.find(check_latency(await _round_trips_s(robot), _loop_lag_s(of_topic(events, "stats"))))
     return heard
@@ -94,6 +101,7 @@ def line_findings(
         firmware = convert(reports[-1].data, Firmware, from_attributes=True)
     return [
         check_heard(heard),
+        *check_formats(heard),
         check_damaged(heard),
         check_sketch(heard),
         check_firmware(firmware, is_board=heard.is_board),
@@ -114,17 +122,19 @@ def _safety(state: State) -> Finding:
     )
 
 
-def _sensor_findings(diagnosis: Diagnosis, heard: LinesHeard, events: Sequence[Event[Any]]) -> list[Finding]:
+def _sensor_findings(
+    diagnosis: Diagnosis, heard: LinesHeard, events: Sequence[Event[Any]], state: State
+) -> list[Finding]:
     settings, findings = diagnosis.settings, [_battery(diagnosis, heard, of_topic(events, "battery"))]
     attitudes = [attitude(event.data) for event in of_topic(events, "imu")]
-    findings.append(check_imu(attitudes, configured=settings.imu is not None, sends_imu="i" in heard.kinds))
+    findings.append(check_imu(attitudes, configured=settings.imu is not None, sends_imu=heard.sends("i")))
     beams = _beams(of_topic(events, "ranges"))
     if settings.ultrasonic is not None:
-        findings.append(check_ultrasonic(settings.ultrasonic.name, beams, sends="u" in heard.kinds))
+        findings.append(check_ultrasonic(settings.ultrasonic.name, beams, sends=heard.sends("u")))
     findings += [
         check_beams(sensor.name, beams.get(sensor.name), kind="infrared") for sensor in settings.infrared
     ]
-    return [*findings, *_lidars(diagnosis, events)]
+    return [*findings, *_lidars(diagnosis, events, state)]
 
 
 def check_ultrasonic(name: str, beams: dict[str, Beams], *, sends: bool) -> Finding:
@@ -143,7 +153,7 @@ def _battery(diagnosis: Diagnosis, heard: LinesHeard, events: Sequence[Event[Any
     return check_battery(
         events[-1].data.voltage_v if events else None,
         events[-1].data.status if events else "",
-        sends_battery="b" in heard.kinds,
+        sends_battery=heard.sends("b"),
         absent_below_v=diagnosis.settings.safety.battery.absent_below_v,
         low_v=parameters.low_v,
         critical_v=parameters.critical_v,
@@ -164,15 +174,24 @@ def _beams(events: Sequence[Event[Any]]) -> dict[str, Beams]:
     }
 
 
-def _lidars(diagnosis: Diagnosis, events: Sequence[Event[Any]]) -> list[Finding]:
-    conditions = {row.lidar: row for event in of_topic(events, "lidars") for row in event.data.lidars}
+def _lidars(diagnosis: Diagnosis, events: Sequence[Event[Any]], state: State) -> list[Finding]:
+    """Each lidar's condition as the daemon tells it, with the same reason as ``status``."""
+    told = state.lidars.lidars if "lidars" in state.topics else ()
+    conditions = {row.lidar: row for row in told}
     findings = []
     for lidar in diagnosis.settings.lidar:
         turns = [event for event in of_topic(events, "scan") if event.data.lidar == lidar.name]
         condition = conditions.get(lidar.name)
-        how, why = "healthy" if turns else "silent", ""
-        if condition is not None:
-            how, why = condition.condition, condition.reason
+        if condition is None:
+            findings.append(
+                problem(
+                    f"lidar {lidar.name}",
+                    f"the daemon knows no lidar {lidar.name}",
+                    "start the daemon again: its configuration has changed",
+                )
+            )
+            continue
+        how, why = condition.condition, condition.reason
         covered = 0.0
         if turns:
             ranges = scan(turns[-1].data).range_m

@@ -94,7 +94,10 @@ async def _examine_computer(diagnosis: Diagnosis, context: CommandContext, robot
     diagnosis.find(
         check_service(await host.service_unit()),
         check_governor(host.governors()),
-        check_priority(*host.priority_of(None if robot is None else host.pid_at(context.address.port))),
+        check_priority(
+            *host.priority_of(None if robot is None else host.pid_at(context.address.port, link.device)),
+            daemon_answers=robot is not None,
+        ),
         check_time_sync(await host.is_synchronized()),
     )
     return is_free

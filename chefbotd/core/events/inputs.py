@@ -67,6 +67,14 @@ class PortNotOpened(Record, frozen=True):
     reason: str
 
 
+class PortShared(Record, frozen=True):
+    """Other programs have the port open; ``sharers`` is for people, empty where nobody has any more."""
+
+    stamp_s: float
+    link: str
+    sharers: str
+
+
 class PortDrained(Record, frozen=True):
     """An entry: the port accepts bytes again."""
 
@@ -215,6 +223,7 @@ Entry: TypeAlias = (
     | PortOpened
     | PortLost
     | PortNotOpened
+    | PortShared
     | PortDrained
     | LinkBytesRead
     | TimerFired

@@ -7,10 +7,12 @@ from typing import Any
 
 from chefbotd.doctor.lines import LinesHeard
 from chefbotd.link.health import show
+from chefbotd.link.line_format import FormatWatch, TimeUnitWatch, describe_refused, kinds_of
 from firmware_protocol import messages as wire
 from firmware_protocol.checked import FirmwareCodec, unseal
 from firmware_protocol.codec import VARIANTS, Variant
 from firmware_protocol.decoder import Decoder
+from firmware_protocol.messages import Reason
 
 LETTERS: Mapping[type[Any], str] = {
     wire.BoardTime: "t",
@@ -33,6 +35,9 @@ ORDER = "teusibaq"
 UNNAMED = "?"
 """Our firmware's version, where only its checked lines were heard."""
 
+FEWEST_REFUSED = 10
+"""So many lines of a kind, and not a good one among them: half a second of a board's."""
+
 TEXTS_KEPT, SAMPLE_BYTES = 20, 48
 UNSTEADY_PPM = 3000.0
 MICROS_SPAN = 1 << 32
@@ -52,6 +57,8 @@ class _Ear:
         self.last_s: dict[str, float] = {}
         self.texts: deque[str] = deque(maxlen=TEXTS_KEPT)
         self.example = ""
+        self.formats = FormatWatch()
+        self._kind_names = frozenset(kinds_of(variant))
         self.raw_imu = False
         self.firmware = ""
         self.duty: tuple[float, ...] = ()
@@ -85,8 +92,9 @@ class _Ear:
                 self.raw_imu = True
             case wire.Text(text=text) | wire.Banner(text=text):
                 self.texts.append(text)
-            case wire.Malformed():
+            case wire.Malformed() as malformed:
                 self.example = self.example or show(line)
+                self.formats.note_refused(malformed, show(line), self._kind_names, self.kinds.__getitem__)
 
     def _tick(self, micros: int, now_s: float) -> None:
         """The board's seconds beside ours; a restart, or a damaged line, begins anew."""
@@ -99,6 +107,22 @@ class _Ear:
             self.clock = [(0.0, now_s)]
         else:
             self.clock.append((self.clock[-1][0] + step * 1e-6, now_s))
+
+    def refused_kinds(self) -> dict[str, str]:
+        """A sentence about each kind none of whose lines was understood."""
+        return {
+            kind: describe_refused(kind, known.refused, known.detail, known.example)
+            for kind, known in self.formats.refusals().items()
+            if not self.kinds[kind] and known.refused >= FEWEST_REFUSED
+        }
+
+    def damaged(self) -> dict[str, int]:
+        """How many lines were refused for each reason, without those of refused kinds."""
+        counts = Counter(self.decoder.malformed)
+        for kind in self.refused_kinds():
+            known = self.formats.refusals()[kind]
+            counts[Reason(known.reason)] -= known.refused
+        return {str(reason): n for reason, n in counts.items() if n > 0}
 
     def rate_hz(self, letter: str) -> float:
         """The time between the first and the last reading."""
@@ -126,7 +150,9 @@ class LineSurvey:
 
     def heard(self, now_s: float) -> LinesHeard:
         """Everything so far, decoded as the variant that fits best."""
-        ear = max(self._ears, key=lambda candidate: candidate.kinds.total())
+        ear = max(
+            self._ears, key=lambda candidate: candidate.kinds.total()
+        )  # the first of those that are equal
         drift = _drift(ear.clock)
         return LinesHeard(
             seconds=now_s - self._from_s,
@@ -135,7 +161,7 @@ class LineSurvey:
             sample=show(self._sample),
             kinds={letter: ear.kinds[letter] for letter in ORDER if letter in ear.kinds},
             rates_hz={letter: ear.rate_hz(letter) for letter in ear.kinds},
-            damaged={str(reason): n for reason, n in ear.decoder.malformed.items()},
+            damaged=ear.damaged(),
             example=ear.example,
             texts=tuple(ear.texts),
             wire=ear.variant.name,
@@ -146,11 +172,21 @@ class LineSurvey:
             duty=ear.duty,
             counted=_between(ear.first_counts, ear.counts),
             firmware=ear.firmware,
+            formats=ear.refused_kinds(),
+            clock_unit=_clock_unit(ear.clock),
         )
 
 
 def _between(first: tuple[int, ...], last: tuple[int, ...]) -> tuple[int, ...]:
     return tuple([after - before for before, after in zip(first, last, strict=True)])
+
+
+def _clock_unit(clock: list[tuple[float, float]]) -> str:
+    """A sentence about a board's clock that does not count microseconds; empty where it does, or cannot be told."""
+    watch = TimeUnitWatch()
+    for board_s, host_s in clock:
+        watch.observe(round(board_s * 1e6) % MICROS_SPAN, host_s)
+    return watch.complaint or ""
 
 
 def _drift(clock: list[tuple[float, float]]) -> float | None:

@@ -107,9 +107,9 @@ RPLIDAR_QUESTION = rplidar.request(rplidar.RequestCode.GET_INFO)
 """A5 50: no line of any board's, which ends at CR. It is asked only where nothing was heard (assumed to be harmless)."""
 
 
-def rplidar_link(device: str) -> LinkParameters:
+def rplidar_link(device: str, baud: int = rplidar.BAUD) -> LinkParameters:
     """How an RPLIDAR's port is opened."""
-    return LinkParameters(device=device, baud=rplidar.BAUD, dtr=False)
+    return LinkParameters(device=device, baud=baud, dtr=False)
 
 
 FIRST_S, NEXT_S = 2.5, 1.0
@@ -231,10 +231,10 @@ def _understood(device: str, listened: Listened) -> Behind | None:
 
 async def _ask(device: str, opener: Opener, clock: Clock) -> Behind:
     """The question to an RPLIDAR: two bytes that are no line to a board, and no board is silent for so long."""
-    link = rplidar_link(device)
-    answer = await listen(opener, link, clock, ANSWER_S, question=RPLIDAR_QUESTION)
-    if model := rplidar_model(answer):
-        return Behind(device, "rplidar", f"a lidar {model}", link.baud)
+    for baud in (rplidar.BAUD, *rplidar.OTHER_BAUDS):
+        answer = await listen(opener, rplidar_link(device, baud), clock, ANSWER_S, question=RPLIDAR_QUESTION)
+        if model := rplidar_model(answer):
+            return Behind(device, "rplidar", f"a lidar {model}", baud)
     return Behind(
         device, "silent", "nothing is heard: is it powered? (a board without power, another device)"
     )

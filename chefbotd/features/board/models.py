@@ -22,8 +22,8 @@ class LinkData(Record, frozen=True):
     condition: Annotated[
         str,
         Meta(
-            description="healthy, silent, wrong_baud, wrong_device, echo_stuck, not_negotiated, counts_differ, unknown "
-            "or down"
+            description="healthy, silent, wrong_baud, wrong_device, echo_stuck, not_negotiated, counts_differ, "
+            "lines_refused, wrong_time_unit, shared_port, unknown or down"
         ),
     ] = "down"
 

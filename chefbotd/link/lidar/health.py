@@ -18,6 +18,8 @@ QUIET_S = 1.0
 """A lidar that sends nothing for this long is silent."""
 
 TEXT_SHARE = 0.9
+RATES = "LD06, LD19: 230400; RPLIDAR A1, A2M8: 115200; A2M7, A2M12, A3, S1: 256000; C1: 460800"
+"""The models' own rates, by their makers' manuals and drivers."""
 
 
 class LidarCondition(StrEnum):
@@ -93,7 +95,10 @@ def judge(new: LidarTotals, quiet_s: float, sample: bytes, complaint: str) -> Li
             LidarCondition.MOTOR_STALLED, "it answers, but sends no scan: does its motor turn?"
         )
     if quiet_s >= QUIET_S and not new.turns:
-        reason = f"nothing received for {quiet_s:.1f} s: does the lidar have power, is this its port, and its baud rate?"
+        reason = (
+            f"nothing received for {quiet_s:.1f} s: does the lidar have power, is this its port, and its baud rate? "
+            f"({RATES})"
+        )
         return LidarHealth(LidarCondition.SILENT, reason)
     received = f"{new.bytes} bytes, {new.packets} packets; received: {show(sample)}"
     if not new.packets:
@@ -132,5 +137,5 @@ def _judge_foreign(sample: bytes, received: str) -> LidarHealth:
         )
     return LidarHealth(
         LidarCondition.WRONG_BAUD,
-        f"no packets: is the baud rate right, and is this the lidar's port? {received}",
+        f"no packets: is the baud rate right ({RATES}), and is this the lidar's port? {received}",
     )

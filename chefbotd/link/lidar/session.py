@@ -85,6 +85,7 @@ class LidarSessionState(Record, frozen=True):
     scans_before: int
     repeated: int
     turn_s: float | None
+    sharers: str = ""
 
 
 class LidarSession(asyncio.Protocol):
@@ -99,7 +100,7 @@ class LidarSession(asyncio.Protocol):
         self._transport: asyncio.Transport | None = None
         self._closed = asyncio.Event()
         self._closed.set()
-        self._sample = b""
+        self._sample, self._sharers = b"", ""
         self._poll_timer: Timer | None = None
         self._scans_before, self._heard_s = 0, 0.0
         self._health = LidarHealthWatch(0.0, LidarTotals())
@@ -122,6 +123,7 @@ class LidarSession(asyncio.Protocol):
             self._scans_before,
             self.repeated,
             self.turn_s,
+            self._sharers,
         )
 
     def restore(self, state: LidarSessionState) -> None:
@@ -137,6 +139,7 @@ class LidarSession(asyncio.Protocol):
         self._sample, self._heard_s = state.sample, state.heard_s
         self.bytes_in, self.opens, self.repeated = state.bytes_in, state.opens, state.repeated
         self.scans, self._scans_before, self.turn_s = state.scans, state.scans_before, state.turn_s
+        self._sharers = state.sharers
         self._poll_timer = self._clock.resume(state.due_s, self._poll, self._poll_name)
 
     # What asyncio tells us
@@ -200,18 +203,28 @@ class LidarSession(asyncio.Protocol):
         if health is None or not self.is_open:
             return
         healthy = health.condition is LidarCondition.HEALTHY
-        self._tell(str(health.condition), health.reason, healthy=healthy)
+        reason = "; ".join(text for text in (health.reason, self._sharers) if text and not healthy)
+        self._tell(str(health.condition), reason, healthy=healthy)
         if not healthy:
             log.warning(
                 "the link to the lidar is not healthy",
                 lidar=self.lidar.name,
                 condition=str(health.condition),
-                reason=health.reason,
+                reason=reason,
             )
 
     def report_not_opened(self, reason: str) -> None:
         """Publish why the port cannot be opened."""
         self._tell(DOWN, reason, healthy=False)
+
+    @property
+    def refused_lines(self) -> int:
+        """How many packets were refused so far."""
+        return self.reader.refused.total()
+
+    def report_sharers(self, sharers: str) -> None:
+        """Other programs have the port open: that is told beside what is wrong with the lidar."""
+        self._sharers = sharers
 
     def expect_connection(self) -> None:
         """A port is about to be opened: ``wait_closed`` is to wait for its end."""

@@ -94,12 +94,24 @@ def test_the_service(unit: Mapping[str, str] | None, verdict: Verdict, said: str
 
 
 def test_the_loops_priority():
-    """Real time is well, ordinary is a warning with what to do, and no daemon is nothing to judge."""
-    assert check_priority(10, 0, 50_000).verdict is Verdict.OK
-    assert "real-time priority 10, and its memory is locked" in check_priority(10, 0, 50_000).measured
-    assert check_priority(0, -10, 0).verdict is Verdict.WARNING
-    assert "nice -10" in check_priority(0, -10, 0).measured
-    assert check_priority(None, 0, 0).verdict is Verdict.SKIPPED
+    """Real time is well, ordinary is a warning with what to do, and what is not known is not judged."""
+    real_time = check_priority(10, 0, 50_000, daemon_answers=True)
+    assert real_time.verdict is Verdict.OK
+    assert "real-time priority 10, and its memory is locked" in real_time.measured
+    ordinary = check_priority(0, -10, 0, daemon_answers=True)
+    assert ordinary.verdict is Verdict.WARNING
+    assert "nice -10" in ordinary.measured
+
+
+@pytest.mark.parametrize(
+    ("answers", "said"),
+    [(True, "a daemon answers, but its process cannot be told"), (False, "no daemon answers")],
+)
+def test_a_daemon_that_answers_is_not_said_to_be_missing(answers: bool, said: str):
+    """Which process it is may be unknown all the same."""
+    finding = check_priority(None, 0, 0, daemon_answers=answers)
+    assert finding.verdict is Verdict.SKIPPED
+    assert said in finding.measured
 
 
 def test_governor_clock_and_configuration():

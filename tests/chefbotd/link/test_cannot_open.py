@@ -12,7 +12,7 @@ from types import SimpleNamespace
 import pytest
 from serial.tools import list_ports
 
-from chefbotd.link.cannot_open import UNKNOWN, advice, owner_of
+from chefbotd.link.cannot_open import UNKNOWN, Sharers, advice, owner_of, sharers_of
 
 ABSENT = OSError(errno.ENOENT, "No such file or directory")
 DENIED = OSError(errno.EACCES, "Permission denied")
@@ -141,3 +141,60 @@ def test_a_file_of_the_same_name_in_another_namespace_is_not_ours(
     (proc / "9" / "fd" / "3").symlink_to(tmp_path / there)
     monkeypatch.setattr(Path, "readlink", lambda _self: device)
     assert owner_of(str(device), proc) == ("chefbotd (pid 9)" if there == "board" else UNKNOWN)
+
+
+def process(proc: Path, pid: int, name: str, *open_files: Path, parent: int = 1) -> None:
+    """A process that /proc tells of."""
+    files = proc / str(pid) / "fd"
+    files.mkdir(parents=True)
+    (proc / str(pid) / "comm").write_text(f"{name}\n")
+    (proc / str(pid) / "stat").write_text(f"{pid} ({name}) S {parent} 1 1 0")
+    for number, path in enumerate(open_files):
+        (files / str(number)).symlink_to(path)
+
+
+@pytest.fixture
+def proc(tmp_path: Path) -> Path:
+    """A /proc without locks."""
+    folder = tmp_path / "proc"
+    folder.mkdir()
+    (folder / "locks").write_text("")
+    return folder
+
+
+def test_a_second_program_on_our_port_is_named(proc: Path, tmp_path: Path) -> None:
+    """By its name and pid; those that we have started do not count, nor who has other files open."""
+    port = tmp_path / "ttyACM0"
+    port.touch()
+    process(proc, 501, "minicom", port)
+    process(proc, 502, "bash", tmp_path / "other")
+    process(proc, 503, "python", port, parent=os.getpid())
+    assert sharers_of(str(port), proc) == Sharers(
+        seen=f"minicom (pid 501) has {port} open too: two readers each get a part of the bytes"
+    )
+
+
+def test_what_is_known_of_a_second_program_is_said(proc: Path, tmp_path: Path) -> None:
+    """ModemManager is told off by a udev rule."""
+    port = tmp_path / "ttyACM0"
+    port.touch()
+    process(proc, 501, "ModemManager", port)
+    assert "udev rule" in sharers_of(str(port), proc).seen
+
+
+def test_who_cannot_be_seen_is_a_suspect(proc: Path, tmp_path: Path) -> None:
+    """Of another user's process no file is seen: one that opens every port is named as running, not as the reader."""
+    port = tmp_path / "ttyACM0"
+    port.touch()
+    process(proc, 501, "ModemManager")
+    process(proc, 502, "bash")
+    sharers = sharers_of(str(port), proc)
+    assert sharers.seen == ""
+    assert sharers.suspects.startswith("ModemManager (pid 501) runs here")
+
+
+@pytest.mark.parametrize("device", ["/dev/no-such-device", "socket://127.0.0.1:1"])
+def test_what_is_no_device_has_no_sharers(proc: Path, device: str) -> None:
+    """It may have been unplugged, or be another computer's."""
+    process(proc, 501, "ModemManager")
+    assert sharers_of(device, proc) == Sharers()

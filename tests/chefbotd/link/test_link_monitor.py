@@ -8,7 +8,7 @@ from firmware_protocol.decoder import Decoder
 def hearing(*chunks: bytes) -> LinkMonitor:
     """Listening to these since time 10."""
     decoder = Decoder(from_board(CLASSIC))
-    listening = LinkMonitor(decoder, health_after_s=2.0)
+    listening = LinkMonitor(decoder, CLASSIC, health_after_s=2.0)
     listening.begin(10.0)
     for chunk in chunks:
         decoder.feed(chunk)
@@ -45,7 +45,7 @@ def test_bytes_without_a_line_end_are_judged_by_their_looks():
 
 def test_before_the_first_port_nothing_is_proven():
     """Whoever asks is answered, though nothing was opened yet."""
-    assert not LinkMonitor(Decoder(from_board(CLASSIC)), health_after_s=2.0).proven
+    assert not LinkMonitor(Decoder(from_board(CLASSIC)), CLASSIC, health_after_s=2.0).proven
 
 
 def test_lines_that_were_refused_are_lines():

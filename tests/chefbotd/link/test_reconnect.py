@@ -7,7 +7,8 @@ import pytest
 
 from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, run_virtual
-from chefbotd.core.events import LinkClosed, LinkNotOpened, LinkOpened
+from chefbotd.core.events import LinkClosed, LinkHealthChanged, LinkNotOpened, LinkOpened
+from chefbotd.link.cannot_open import Sharers
 from chefbotd.link.port import LinkParameters
 from chefbotd.link.reconnect import PortLink, waits_s
 from chefbotd.link.session import BoardSession
@@ -183,3 +184,71 @@ def test_why_a_device_cannot_be_opened_is_told_once_for_each_reason():
     assert [type(event) for event in told] == [LinkNotOpened, LinkOpened, LinkNotOpened]
     assert [event.device for event in told] == ["fake"] * 3
     assert told[0].reason == "could not open port /dev/ttyACM0: no such device"
+
+
+@pytest.mark.parametrize(
+    ("line", "loses"), [(b"u\t120\n", True), (b"u\t1\xf00\n", False)], ids=["link lost", "lines damaged"]
+)
+def test_a_second_reader_of_the_port_is_named_until_it_is_gone(line: bytes, loses: bool):
+    """It is looked for when the link is lost, and where lines are refused: the link's condition says who it is."""
+    told: list[tuple[str, str]] = []
+    readers = ["minicom (pid 7) has it open too"]
+
+    async def scenario() -> None:
+        bus, device = Bus(), FakeSerialDevice()
+        bus.add_handler(lambda event: told.append((event.condition, event.reason)), LinkHealthChanged)
+        session = BoardSession(bus, LoopClock(), CLASSIC, device="fake", setpoints_per_s=200.0)
+        link = PortLink(
+            PARAMETERS,
+            session,
+            device.open,
+            LoopClock(),
+            random.Random(1),
+            sharers_of=lambda path: Sharers(seen=readers[0]),
+        )
+        task = asyncio.create_task(link.run())
+        await asyncio.sleep(0.1)
+        for half in range(2):
+            for _ in range(200):
+                device.feed(b"e\t0\t0\nu\t120\n" if half else b"e\t0\t0\n" + line)
+                await asyncio.sleep(0.05)
+            if loses and not half:
+                device.unplug()
+                device.plug()
+                await asyncio.sleep(1.0)
+                for _ in range(60):
+                    device.feed(b"e\t0\t0\n" + line)
+                    await asyncio.sleep(0.05)
+            readers[0] = ""
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    run_virtual(scenario())
+    shared = ("shared_port", "minicom (pid 7) has it open too")
+    assert told[-2:] == [shared, ("healthy", "")]
+    assert told.count(shared) == 1
+
+
+def test_nobody_is_looked_for_while_all_is_well():
+    """The look through all processes costs time: a link without trouble is not worth it."""
+    looks: list[str] = []
+
+    async def scenario() -> None:
+        device = FakeSerialDevice()
+        session = BoardSession(Bus(), LoopClock(), CLASSIC, device="fake", setpoints_per_s=200.0)
+
+        def find(path: str) -> Sharers:
+            looks.append(path)
+            return Sharers()
+
+        link = PortLink(PARAMETERS, session, device.open, LoopClock(), random.Random(1), sharers_of=find)
+        task = asyncio.create_task(link.run())
+        await asyncio.sleep(0.1)
+        for _ in range(600):
+            device.feed(b"e\t0\t0\nu\t120\n")
+            await asyncio.sleep(0.05)
+        task.cancel()
+        await asyncio.gather(task, return_exceptions=True)
+
+    run_virtual(scenario())
+    assert looks == []

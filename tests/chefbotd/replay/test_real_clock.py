@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 import uvloop
 
-from chefbotd.client import CallError, Client
+from chefbotd.client import CallError, Client, MotionInterrupted
 from chefbotd.clock import SystemClock
 from chefbotd.process.build import build
 from chefbotd.process.simulated_robot import simulation_of
@@ -27,7 +27,7 @@ async def drive(client: Client, linear_m_s: float, angular_rad_s: float, seconds
     """Drive at moments that no clock is in step with."""
     ends_s = time.monotonic() + seconds
     while time.monotonic() < ends_s:
-        with contextlib.suppress(CallError):  # refused where the computer is busy, or a fault has latched
+        with contextlib.suppress(CallError, MotionInterrupted):  # a busy computer, or a fault
             await client.drive(linear_m_s, angular_rad_s)
         await asyncio.sleep(random.uniform(0.005, 0.09))
 

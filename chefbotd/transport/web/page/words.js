@@ -130,6 +130,8 @@ export const MAPPING = { mapping: "Making a map", paused: "Making of the map is 
 
 const DEVICE = {
   unknown: "not known yet", healthy: "works", silent: "sends nothing", wrong_baud: "speaks at another speed", wrong_device: "is another device",
+  lines_refused: "writes lines in another format", wrong_time_unit: "tells the time in another unit",
+  shared_port: "is read by another program too",
   echo_stuck: "does not confirm commands", motor_stalled: "does not turn", frozen: "repeats itself", device_error: "reports an error",
   down: "not connected",
 };

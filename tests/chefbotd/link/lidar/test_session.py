@@ -119,7 +119,7 @@ def frozen() -> Iterable[tuple[float, bytes]]:
     ("chunks", "condition", "told"),
     [
         ((), "silent", "nothing received for 2.0 s: does the lidar have power"),
-        (timed(b"\x8f\x01\xfe\x30"), "wrong_baud", "is the baud rate right, and is this the lidar's port?"),
+        (timed(b"\x8f\x01\xfe\x30"), "wrong_baud", "is the baud rate right (LD06, LD19: 230400;"),
         (timed(b"e\t12\t13\r\n"), "wrong_device", "this is text: is this the port of the board?"),
         (
             timed(b"\xa5\x5a\x05\x00\x00\x40\x81"),
