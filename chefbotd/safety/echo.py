@@ -69,12 +69,12 @@ def note_echo(
     params: EchoParameters, state: EchoState, now_s: float, shown: tuple[float, ...]
 ) -> tuple[EchoState, Fault | None]:
     """Judge an echo: the next state, and the fault once the score is too high."""
-    state = replace(state, shown=shown, shown_s=now_s)
-    if not any(shown):
-        return replace(state, score=max(0.0, state.score - params.decay_per_match)), None
-    if _was_said(state, shown, now_s - params.memory_s):
+    is_motion = any(shown)
+    if not is_motion or _was_said(state, shown, now_s - params.memory_s):
         score = max(0.0, state.score - params.decay_per_match)
-        return replace(state, fitting=state.fitting + 1, score=score), None
+        fitting = state.fitting + is_motion
+        return replace(state, shown=shown, shown_s=now_s, fitting=fitting, score=score), None
+    state = replace(state, shown=shown, shown_s=now_s)
     if not is_believed(params, state):
         return state, None
     score = state.score + 1

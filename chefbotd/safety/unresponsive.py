@@ -38,7 +38,8 @@ class UnresponsiveState(Record, frozen=True):
 
     Since then ``readings`` have come. The wheels may roll ``coasting_m`` (None: the board need not have obeyed yet)
     and have rolled ``moved_m``, forwards less backwards. They have been slow for ``slow_s``; ``rested`` says whether
-    that was once long enough. ``beyond`` readings in a row showed too long a way.
+    that was once long enough. ``beyond`` readings, less those that did not, showed
+    too long a way.
     """
 
     told_s: float | None = None
@@ -64,21 +65,23 @@ def commanded(state: UnresponsiveState, now_s: float, *, driven: bool) -> Unresp
 def watch(
     params: UnresponsiveParameters,
     state: UnresponsiveState,
-    now_s: float,
+    taken_s: float,
     travel_m: tuple[float, ...],
     speed_m_s: tuple[float, ...],
     dt_s: float,
     *,
     echoes_motion: bool,
 ) -> tuple[UnresponsiveState, Fault | None]:
-    """A good reading, ``dt_s`` after the last one; ``speed_m_s`` are the rims' mean speeds lately.
+    """A good reading, taken at ``taken_s``, ``dt_s`` after the last one; ``speed_m_s`` are the rims' mean speeds lately.
+
+    One that was taken before zero was sent, and waited on the line, says nothing.
 
     ``echoes_motion``: the board, whose echo follows its commands, says that a motor is driven. A fault is told once
     until the next command that is not zero.
     """
-    if state.told_s is None:
+    if state.told_s is None or taken_s <= state.told_s:
         return state, None
-    waited_s = now_s - state.told_s
+    waited_s = taken_s - state.told_s
     fastest_m_s, readings = max(map(abs, speed_m_s)), state.readings + 1
     slow_s = state.slow_s + max(dt_s, 0.0) if fastest_m_s < params.rest_m_s else 0.0
     state = replace(state, readings=readings, slow_s=slow_s)
@@ -92,13 +95,17 @@ def watch(
         ), None
     moved_m = tuple([moved + travel for moved, travel in zip(state.moved_m, travel_m, strict=True)])
     too_far = max(map(abs, moved_m)) > state.coasting_m + params.tolerance_m
-    beyond = state.beyond + 1 if too_far and (echoes_motion or not state.rested) else 0
-    fault = _explain(waited_s, fastest_m_s, echoes_motion) if beyond == CONFIRMED else None
+    is_beyond = too_far and (echoes_motion or not state.rested)
+    beyond = state.beyond + 1 if is_beyond else state.beyond
+    if not is_beyond and 0 < beyond < CONFIRMED:
+        beyond -= 1
+    fault = _explain(waited_s, fastest_m_s, echoes_motion) if is_beyond and beyond == CONFIRMED else None
     return replace(state, moved_m=moved_m, beyond=beyond), fault
 
 
 CONFIRMED = 3
-"""So many readings in a row: a damaged one can look like a way, and a damaged echo like a motor that is driven."""
+"""So many readings, less those that say otherwise: a damaged one can look like a way, and a damaged echo like a motor
+that is driven."""
 
 
 def _explain(told_s: float, fastest_m_s: float, echoes_motion: bool) -> Fault:

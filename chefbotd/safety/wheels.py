@@ -101,13 +101,16 @@ def watch(
     travel_rad: tuple[float, ...],
     dt_s: float,
     play_rad: float,
+    may_turn_round: tuple[bool, ...] = (),
 ) -> tuple[WheelWatchState, Fault | None]:
     """A good reading, ``dt_s`` after the last one.
 
-    ``effort`` is the duty that was in force since, as a share of the range, and ``travel_rad`` what came of it: both
-    positive when the wheel rolls forward. ``play_rad`` is the play to allow its encoders.
+    ``effort`` is the least duty that can have been in force since, as a share of the range, and ``travel_rad`` what came
+    of it: both positive when the wheel rolls forward. ``play_rad`` is the play to allow its encoders. A wheel that
+    ``may_turn_round`` can have been driven either way (empty: none of them): whichever way it went, it was as it should.
     """
-    wheels = zip(state.pushes, effort, travel_rad, strict=True)
+    either_way = may_turn_round or (False,) * len(effort)
+    wheels = zip(state.pushes, effort, travel_rad, either_way, strict=True)
     pushes = tuple([_push(params, *wheel, dt_s, play_rad / 2) for wheel in wheels])
     jumps = state.jumps
     if any(jumps):
@@ -130,6 +133,7 @@ def _push(
     push: PushedWheel,
     effort: float,
     travel_rad: float,
+    turns_round: bool,
     dt_s: float,
     half_play_rad: float,
 ) -> PushedWheel:
@@ -144,8 +148,9 @@ def _push(
     if direction != push.direction:
         coast_s = params.coast_s if push.direction else 0.0
     ahead_rad = direction * moved_rad
-    rolls_on = ahead_rad < 0 < coast_s
-    coast_s = coast_s - dt_s if rolls_on else 0.0
+    rolls_on = turns_round or ahead_rad < 0 < coast_s
+    if not turns_round:
+        coast_s = coast_s - dt_s if rolls_on else 0.0
     pushed_s, against_rad = _charge(params, push, effort, 0.0 if rolls_on else ahead_rad, dt_s)
     if rolls_on or -params.driven_duty_share < effort < params.driven_duty_share:  # any way clears it
         turned_rad = push.turned_rad + (moved_rad if moved_rad > 0 else -moved_rad)

@@ -1,8 +1,10 @@
 """Compares the wheels' motion with their commands: stuck, backwards, too fast, or moving although told to stand."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
-from chefbotd.core.events import DutyEchoed
+from msgspec import field
+
+from chefbotd.core.events import DutyEchoed, EncodersCounted
 from chefbotd.core.geometry import Motion, Twist2D
 from chefbotd.core.record import Record
 from chefbotd.features.driving.wheel_reader import WheelsRead
@@ -10,10 +12,13 @@ from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.safety import echo, overspeed, unresponsive, wheels
 from chefbotd.safety.faults import Fault
 from chefbotd.safety.gate import SafetyParameters
+from chefbotd.safety.in_force import Command, InForce
 
 ECHO_AGE_S = 1.5
 """An older echo does not show the present duty; the sketch's cycle lasts a second at most."""
 
+Credit = Callable[[WheelsRead, tuple[float, ...]], tuple[float, ...]]
+"""The effort of each wheel, with that of its substitute where a wheel is not believed (``WheelReader.effort``)."""
 
 PAUSE_S = 0.25
 """A control loop that has not run for this long was blocked, or the whole program was frozen."""
@@ -23,7 +28,7 @@ LATE_READINGS_S = 1.0
 
 
 class MotorWatchState(Record, frozen=True):
-    """The detectors' states, when the control loop last ran, and until when readings may be old."""
+    """The detectors' states, when the control loop last ran, until when readings may be old, and the commands."""
 
     wheels: wheels.WheelWatchState
     overspeed: tuple[overspeed.Excess, ...]
@@ -31,10 +36,14 @@ class MotorWatchState(Record, frozen=True):
     echo: echo.EchoState
     ran_s: float
     blind_until_s: float
+    in_force: InForce = field(default_factory=InForce)
 
 
 class MotorWatch:
-    """Runs the detectors, and keeps their states."""
+    """Runs the detectors, and keeps their states.
+
+    Each of them asks ``in_force`` which commands the board can have obeyed while a reading was taken.
+    """
 
     def __init__(
         self, parameters: SafetyParameters, chassis: ChassisParameters, counts_per_turn: float
@@ -44,19 +53,21 @@ class MotorWatch:
         self._names = tuple(wheel.name for wheel in chassis.wheels)
         self._dragged = len(self._names) > 2
         self._echo = echo.UNKNOWN
+        self.in_force = InForce()
         self._blind_until_s = self._ran_s = float("-inf")
         self.start_anew()
 
     def state(self) -> MotorWatchState:
         """Return the state of this part."""
         judged = self._wheels, self._overspeed, self._unresponsive, self._echo
-        return MotorWatchState(*judged, self._ran_s, self._blind_until_s)
+        return MotorWatchState(*judged, self._ran_s, self._blind_until_s, self.in_force)
 
     def restore(self, state: MotorWatchState) -> None:
         """Restore this state."""
         self._wheels, self._overspeed = state.wheels, state.overspeed
         self._unresponsive, self._echo = state.unresponsive, state.echo
         self._ran_s, self._blind_until_s = state.ran_s, state.blind_until_s
+        self.in_force = state.in_force
 
     def loop_runs(self, now_s: float) -> bool:
         """The control loop runs; returns whether it had paused.
@@ -87,6 +98,7 @@ class MotorWatch:
     def connected(self) -> None:
         """A board was connected: its echo must be confirmed again."""
         self._echo = echo.UNKNOWN
+        self.in_force = InForce()
         self._forget_motion()
 
     def note_jump(self, jumped: tuple[int, ...]) -> Fault | None:
@@ -94,25 +106,36 @@ class MotorWatch:
         self._wheels, fault = wheels.note_jump(self._parameters.wheels, self._names, self._wheels, jumped)
         return fault
 
-    def note_command(self, now_s: float, duty: tuple[int, ...]) -> None:
-        """A command goes to the board."""
+    def note_command(self, command: Command, *, is_held_back: bool = False) -> None:
+        """A command goes to the board; ``is_held_back``: it may still wait on this side of the wire."""
+        now_s, duty = command.since_s, command.duty
         self._unresponsive = unresponsive.commanded(self._unresponsive, now_s, driven=any(duty))
         self._echo = echo.note_command(self._echo, now_s, duty)
+        self.in_force.note_command(command, is_held_back=is_held_back)
+
+    def note_line(self, event: EncodersCounted) -> None:
+        """An encoder line has come, whether or not it is believed."""
+        has_clock = event.stamp_s not in (event.board_s, event.arrival_s)
+        self.in_force.note_line(event.stamp_s, event.arrival_s, has_clock=has_clock)
 
     def note_echo(self, event: DutyEchoed) -> Fault | None:
         """Take an echo. One that may have waited on the line is not judged."""
         if event.arrival_s < self._blind_until_s:
             return None
         self._echo, fault = echo.note_echo(self._parameters.echo, self._echo, event.arrival_s, event.duty)
+        if self._echo.fitting >= self._parameters.echo.min_confirmations:
+            self.in_force.note_echo(event.stamp_s, event.duty)
         return fault
 
-    def watch(
-        self, now_s: float, effort: tuple[float, ...], setpoint_m_s: tuple[float, ...], seen: WheelsRead
-    ) -> Iterator[Fault]:
-        """A good reading, after a while with this effort (see ``chefbotd.safety.wheels``) and setpoint of each rim.
+    def watch(self, now_s: float, seen: WheelsRead, credit: Credit) -> Iterator[Fault]:
+        """A good reading. ``credit`` gives wheels that are not believed the effort of those that stand in for them.
 
         What the wheels did in a pause without readings is unknown; the pause counts as ``max_age_s`` at most.
         """
+        envelope = self.in_force.over_reading()
+        if envelope is None:  # nothing has been said to this board yet
+            return
+        effort = credit(seen, envelope.effort) if seen.same_side.substitutes else envelope.effort
         longest_s = self._parameters.encoders.max_age_s
         self._wheels, fault = wheels.watch(
             self._parameters.wheels,
@@ -122,14 +145,13 @@ class MotorWatch:
             seen.reading.travel_rad,
             seen.dt_s if seen.dt_s < longest_s else longest_s,
             self._play_rad,
+            envelope.may_turn_round,
         )
         if fault is not None:
             yield fault
-        yield from self._watch_motion(now_s, setpoint_m_s, seen)
+        yield from self._watch_motion(now_s, envelope.asked_m_s, seen)
 
-    def _watch_motion(
-        self, now_s: float, setpoint_m_s: tuple[float, ...], seen: WheelsRead
-    ) -> Iterator[Fault]:
+    def _watch_motion(self, now_s: float, asked_m_s: tuple[float, ...], seen: WheelsRead) -> Iterator[Fault]:
         """Whether the robot is too fast, or moves although it must stand; None if neither can be decided."""
         if now_s < self._blind_until_s:
             self._overspeed = overspeed.at_rest(len(self._names))
@@ -138,11 +160,13 @@ class MotorWatch:
             )
             return
         travel_m = self.kinematics.rims_at_m_s(seen.reading.travel_rad)
+        if self._dragged:  # the others may drag a wheel along at their speed
+            asked_m_s = (max(map(abs, asked_m_s)),) * len(asked_m_s)
         self._overspeed, fault = overspeed.watch(
             self._parameters.overspeed,
             self._names,
             self._overspeed,
-            self._asked_m_s(setpoint_m_s),
+            asked_m_s,
             travel_m,
             seen.dt_s,
             seen.same_side.excluded,
@@ -154,7 +178,7 @@ class MotorWatch:
         self._unresponsive, fault = unresponsive.watch(
             self._parameters.unresponsive,
             self._unresponsive,
-            now_s,
+            self.in_force.taken_s,
             travel_m,
             self.kinematics.rims_at_m_s(seen.reading.velocity_rad_s),
             seen.dt_s,
@@ -162,12 +186,6 @@ class MotorWatch:
         )
         if fault is not None:
             yield fault
-
-    def _asked_m_s(self, setpoint_m_s: tuple[float, ...]) -> tuple[float, ...]:
-        """With more than two wheels, the others may drag a wheel along at their speed."""
-        if not self._dragged:
-            return setpoint_m_s
-        return (max(map(abs, setpoint_m_s)),) * len(setpoint_m_s)
 
     def _echoes_motion(self, now_s: float) -> bool:
         state = self._echo

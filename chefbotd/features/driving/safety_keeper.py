@@ -27,7 +27,7 @@ from chefbotd.core.geometry import STANDING, Pose2D
 from chefbotd.core.record import Record, replace
 from chefbotd.entries import entries_of
 from chefbotd.features.driving.gate_announcer import GateAnnouncer
-from chefbotd.features.driving.motor_watch import MotorWatch, MotorWatchState
+from chefbotd.features.driving.motor_watch import Credit, MotorWatch, MotorWatchState
 from chefbotd.features.driving.obstacle_guard import ObstacleGuard, Scans
 from chefbotd.features.driving.stop_hold import EMERGENCY_STOP, FAULT, StopHold
 from chefbotd.features.driving.wheel_reader import WheelsRead
@@ -82,13 +82,13 @@ class KeeperState(Record, frozen=True):
     silence: EncoderTimeoutState
     without_echo: str
     beams: Beams
-    critical_since_s: float | None
     link_open: bool
     reported: Fault | None
     announcer: tuple[SafetyChanged | None, dict[str, int]]
     announced: tuple[str | int | None, ...]
     stop_number: int = 0
     wheels: tuple[WheelAngles, float, tuple[int, ...]] = ((), -math.inf, ())
+    battery: battery_monitor.BatteryWatch = battery_monitor.CHARGED
 
 
 BOARD_STOP_ADVICE = {
@@ -128,7 +128,7 @@ class SafetyKeeper:
         self._held = StopHold(parameters.held_until_silent_s)
         self._silence = EncoderTimeoutState()
         self._without_echo = ""  # the sensor that waits for echoes that do not come
-        self._critical_since_s: float | None = None
+        self._battery = battery_monitor.CHARGED
         self.obstacles = ObstacleGuard(
             bus, parameters.guard, mounts, scans, self._keep_error, motors.kinematics
         )
@@ -155,13 +155,13 @@ class SafetyKeeper:
             self._silence,
             self._without_echo,
             self.obstacles.state(),
-            self._critical_since_s,
             self._link_open,
             self._reported,
             self.announcer.state(),
             self._announced,
             self.stop_number,
             (self.obstacles.wheels_rad, self.obstacles.wheels_s, self.obstacles.excluded),
+            self._battery,
         )
 
     def restore(self, state: KeeperState) -> None:
@@ -169,7 +169,7 @@ class SafetyKeeper:
         self._gate, self._decision, self._latched = state.gate, state.decision, state.latched
         self._held.restore(state.held)
         self.motors.restore(state.motors)
-        self._silence, self._critical_since_s = state.silence, state.critical_since_s
+        self._silence, self._battery = state.silence, state.battery
         self._without_echo = state.without_echo
         self.obstacles.restore(state.beams)
         self._link_open, self._reported = state.link_open, state.reported
@@ -319,15 +319,13 @@ class SafetyKeeper:
             self.fail(Fault(FaultKind.BOARD_RESTARTED, f"the board restarted: {event.cause}"))
             self._recover("the board is back")
 
-    def watch_wheels(
-        self, now_s: float, effort: tuple[float, ...], setpoint_m_s: tuple[float, ...], seen: WheelsRead
-    ) -> None:
-        """A good encoder reading, and what each wheel and rim was asked for meanwhile (see ``MotorWatch.watch``)."""
+    def watch_wheels(self, now_s: float, seen: WheelsRead, credit: Credit) -> None:
+        """A good encoder reading (see ``MotorWatch.watch``)."""
         self._silence = encoder_timeout.heard(self._silence, now_s)
         obstacles = self.obstacles
         obstacles.wheels_rad, obstacles.wheels_s = seen.reading.position_rad, now_s
         obstacles.excluded = seen.same_side.excluded
-        for fault in self.motors.watch(now_s, effort, setpoint_m_s, seen):
+        for fault in self.motors.watch(now_s, seen, credit):
             self.fail(fault)
 
     def loop_runs(self, now_s: float) -> None:
@@ -385,6 +383,8 @@ class SafetyKeeper:
         if encoder_timeout.awaits_echo(self._parameters.encoders, self._silence, now_s):
             return self._crawling(decision, now_s)
         if encoder_timeout.is_stale(self._parameters.encoders, self._silence, now_s):
+            if encoder_timeout.may_await_echo(self._parameters.encoders, self._silence, now_s):
+                return self._crawling(decision, now_s)
             self._silence, fault = encoder_timeout.update(
                 self._parameters.encoders, self._silence, now_s, driven=driven
             )
@@ -428,9 +428,7 @@ class SafetyKeeper:
             self.fail(fault)
 
     def _on_battery(self, event: BatteryMeasured) -> None:
-        self._critical_since_s, fault = battery_monitor.judge(
-            self._parameters.battery, self._critical_since_s, event
-        )
+        self._battery, fault = battery_monitor.judge(self._parameters.battery, self._battery, event)
         if fault is not None:
             self.fail(fault)
             self._on_fault()

@@ -32,8 +32,10 @@ from chefbotd.features.driving.wheel_reader import WheelReader, WheelReaderState
 from chefbotd.metrics import Histogram
 from chefbotd.motion.drive import Drive
 from chefbotd.motion.drive_state import DriveState
+from chefbotd.safety import gate
 from chefbotd.safety.faults import Fault, FaultKind
-from chefbotd.safety.gate import Command, Decision
+from chefbotd.safety.gate import Decision
+from chefbotd.safety.in_force import Command
 from chefbotd.safety.watchdog import ControlParameters, WatchdogParameters, judge_pause
 
 STEP_BOUNDS_S = (0.0002, 0.0005, 0.001, 0.002, 0.005, 0.01, 0.02, 0.05, 0.1)
@@ -155,7 +157,7 @@ class DriveService:
         self._note_run(now_s)
         if isinstance(motion, WheelDuties):
             motion = self.wheels.wheel_duties(motion)
-        self.keeper.accept(Command(source, motion, now_s), client)
+        self.keeper.accept(gate.Command(source, motion, now_s), client)
         self._obey(now_s)
 
     def note_try(self, source: str, client: int) -> None:
@@ -266,6 +268,7 @@ class DriveService:
         seen = self.reader.read(event, self.wheels.drive_state.setpoint_m_s)
         reading = seen.reading
         self.keeper.loop_runs(now_s)
+        self.keeper.motors.note_line(event)
         if reading.refused:
             self._watch_timer.restart(now_s)
             if reading.jumped:
@@ -273,8 +276,7 @@ class DriveService:
             self._watch_timer.note_activity(now_s)
             self._act(now_s)
             return
-        effort = self.reader.effort(seen, self.wheels.effort)
-        self.keeper.watch_wheels(now_s, effort, self.wheels.drive_state.setpoint_m_s, seen)
+        self.keeper.watch_wheels(now_s, seen, self.reader.effort)
         self.wheels.regulate(self.keeper.decide(now_s, driven=self.is_driving), now_s, seen)
         self._send_duty(now_s, self.wheels.drive_state.duty)
         self._watch_timer.restart(now_s)
@@ -394,7 +396,12 @@ class DriveService:
         self.keeper.announce(self._clock.now_s())
 
     def _send_duty(self, now_s: float, duty: tuple[int, ...]) -> None:
-        self.keeper.motors.note_command(now_s, duty)
+        motors, setpoint_m_s = self.keeper.motors, self.wheels.drive_state.setpoint_m_s
+        commands = motors.in_force.commands
+        last = commands[0] if commands else None
+        is_same = last is not None and last.duty == duty and last.setpoint_m_s == setpoint_m_s
+        effort = last.effort if last is not None and is_same else self.wheels.effort
+        motors.note_command(Command(now_s, duty, effort, setpoint_m_s), is_held_back=self.wheels.is_held_back)
         self._write_duty(duty)
 
     def _halt(self) -> None:

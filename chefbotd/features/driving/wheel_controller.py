@@ -6,6 +6,7 @@ from chefbotd.core.geometry import WheelDuties, WheelVelocities
 from chefbotd.core.record import Record
 from chefbotd.features.driving.wheel_reader import WheelsRead
 from chefbotd.motion.drive import Drive
+from chefbotd.motion.drive_state import DriveState
 from chefbotd.motion.held import obeyed, offered
 from chefbotd.motion.limits import AT_REST, MotionLimits
 from chefbotd.motion.pid import PidParameters
@@ -27,7 +28,8 @@ class WheelController:
     """Steps the drive; ``drive_state`` has the setpoints and duties that are in force.
 
     ``wheel_names`` has the drive's order.
-    ``duty_ceiling`` is the highest duty of each wheel while faster commands are held back on the way to the board.
+    ``duty_ceiling`` is the highest duty of each wheel while faster commands are held back on the way to the board, as
+    ``is_held_back`` says of the last step.
     """
 
     def __init__(
@@ -39,6 +41,7 @@ class WheelController:
         self._drive, self._wheel_names, self._duty_ceiling = drive, wheel_names, duty_ceiling
         self.drive_state = drive.at_rest
         self._knows_its_motors = drive.knows_its_motors
+        self.is_held_back = False
         self._waiting: tuple[MotionLimits, Callable[[], None]] | None = None
         self._on_limits: Callable[[MotionLimits], None] = lambda limits: None
         self._on_gains: Callable[[Mapping[str, PidParameters]], None] = lambda gains: None
@@ -63,7 +66,7 @@ class WheelController:
 
     def regulate(self, decision: Decision, now_s: float, seen: WheelsRead) -> None:
         """Make a control step with a measurement."""
-        before = self.drive_state
+        before, self.is_held_back = self.drive_state, False
         if decision.halted:
             self.drive_state = self._drive.halt(before)
             return
@@ -80,14 +83,14 @@ class WheelController:
             apart=decision.limited_by is not None,
             substitutes=seen.same_side.substitutes,
         )
-        carried_out = under(self._duty_ceiling(now_s), before, after)
+        carried_out = self._under_ceiling(now_s, before, after)
         if self._knows_its_motors and carried_out.duty == after.duty:
             carried_out = offered(carried_out)
         self.drive_state = carried_out
 
     def retarget(self, decision: Decision, now_s: float) -> None:
         """Make a control step without a measurement."""
-        before = self.drive_state
+        before, self.is_held_back = self.drive_state, False
         if decision.halted:
             self.drive_state = self._drive.halt(before)
             return
@@ -96,7 +99,7 @@ class WheelController:
             return
         apart = decision.limited_by is not None
         after = self._drive.retarget(before, decision.motion, now_s, apart=apart)
-        carried_out = under(self._duty_ceiling(now_s), before, after)
+        carried_out = self._under_ceiling(now_s, before, after)
         if self._knows_its_motors and carried_out.duty == after.duty:
             carried_out = offered(carried_out)
         self.drive_state = carried_out
@@ -104,7 +107,13 @@ class WheelController:
     def _force(self, motion: WheelVelocities, now_s: float) -> None:
         """Drive by duties."""
         before = self.drive_state
-        self.drive_state = under(self._duty_ceiling(now_s), before, self._drive.force(before, motion, now_s))
+        self.drive_state = self._under_ceiling(now_s, before, self._drive.force(before, motion, now_s))
+
+    def _under_ceiling(self, now_s: float, before: DriveState, after: DriveState) -> DriveState:
+        """The step ``after``, with what is held back on the way to the board."""
+        ceiling = self._duty_ceiling(now_s)
+        self.is_held_back = ceiling is not None
+        return under(ceiling, before, after)
 
     def halt(self) -> None:
         """Set duty and setpoint of every wheel to zero."""

@@ -1,7 +1,10 @@
 """A battery that is critically low."""
 
+import random
+from collections.abc import Callable
+
 from chefbotd.core.events import BatteryLevelStatus, BatteryMeasured
-from chefbotd.safety.battery_monitor import BatteryMonitorParameters, judge
+from chefbotd.safety.battery_monitor import CHARGED, BatteryMonitorParameters, judge
 from chefbotd.safety.faults import Fault, FaultKind
 
 PARAMETERS = BatteryMonitorParameters(critical_s=5.0, absent_below_v=3.0)
@@ -9,11 +12,11 @@ PARAMETERS = BatteryMonitorParameters(critical_s=5.0, absent_below_v=3.0)
 
 def story(*readings: tuple[float, float, BatteryLevelStatus]) -> list[Fault | None]:
     """What each reading (seconds, volts, status) comes to."""
-    since_s, faults = None, []
+    state, faults = CHARGED, []
     for stamp_s, voltage_v, status in readings:
-        since_s, fault = judge(
+        state, fault = judge(
             PARAMETERS,
-            since_s,
+            state,
             BatteryMeasured(voltage_v, 0.0, status, stamp_s=stamp_s - 0.01, arrival_s=stamp_s),
         )
         faults.append(fault)
@@ -52,3 +55,34 @@ def test_a_battery_begins_at_three_volts():
     """At 3.0 V it is one that is all but empty, at 2.99 V none."""
     assert story((0.0, 3.0, CRITICAL), (5.0, 3.0, CRITICAL))[1] is not None
     assert story((0.0, 2.99, CRITICAL), (5.0, 2.99, CRITICAL))[1] is None
+
+
+def flat(seed: int, charged: Callable[[int], bool], noise_v: float = 0.0) -> float | None:
+    """When 11.3 V, read twenty times a second, is a fault; readings that are ``charged`` show 12.5 V."""
+    chance, readings = random.Random(seed), []
+    for count in range(600):
+        voltage_v = 12.5 if charged(count) else 11.3 + chance.uniform(-noise_v, noise_v)
+        status = CRITICAL if voltage_v < 11.7 else LOW if voltage_v < 12.0 else BatteryLevelStatus.OK
+        readings.append((count * 0.05, voltage_v, status))
+    return next((at_s for (at_s, *_), fault in zip(readings, story(*readings), strict=True) if fault), None)
+
+
+def test_good_readings_among_many_keep_no_flat_battery_alive() -> None:
+    """One of eighty, of ten, of four: five seconds after it is critical for most of the time, a second at most."""
+    for every in (80, 10, 4):
+        found_s = flat(0, lambda count, every=every: count % every == 0)  # type: ignore[misc]
+        assert found_s is not None
+        assert 5.0 <= found_s <= 6.1
+
+
+def test_a_noisy_reading_of_a_flat_battery_is_a_fault() -> None:
+    """0.6 V to either side at 11.3 V, where 11.7 V is critical: within 7 s for each of 200 seeds."""
+    for seed in range(200):
+        found_s = flat(seed, lambda count: False, noise_v=0.6)
+        assert found_s is not None
+        assert found_s <= 7.0
+
+
+def test_low_readings_among_good_ones_are_no_fault() -> None:
+    """Three of ten readings of a charged battery are critical, for half a minute."""
+    assert flat(0, lambda count: count % 10 >= 3) is None

@@ -7,9 +7,10 @@ from chefbotd.features.driving.motor_watch import MotorWatch
 from chefbotd.features.driving.wheel_reader import WheelReader
 from chefbotd.motion.kinematics import ChassisParameters, Side, WheelParameters
 from chefbotd.safety.faults import FaultKind
+from chefbotd.safety.in_force import Command
 from chefbotd.settings import load
 
-CYCLE_S, STEP_COUNTS = 0.05, 60
+CYCLE_S, STEP_COUNTS, LATE_S = 0.05, 60, 0.002
 
 
 class Rig:
@@ -30,15 +31,14 @@ class Rig:
         self.watch.loop_runs(now_s)
         self.cycles += 1
         self.counts = [count + step for count, step in zip(self.counts, self.steps, strict=True)]
-        event = EncodersCounted(now_s, now_s, self.cycles * CYCLE_S, tuple(self.counts))
+        event = EncodersCounted(now_s - LATE_S, now_s, self.cycles * CYCLE_S, tuple(self.counts))
         seen = self.reader.read(event, setpoint_m_s)
-        faults = [
-            fault.kind for fault in self.watch.watch(now_s, (0.0,) * len(self.counts), setpoint_m_s, seen)
-        ]
+        self.watch.note_line(event)
+        faults = [fault.kind for fault in self.watch.watch(now_s, seen, self.reader.effort)]
         echoed = None
         if self.echo is not None:
             echoed = self.watch.note_echo(DutyEchoed(now_s - 0.004, now_s, self.echo))
-        self.watch.note_command(now_s, duty)
+        self.watch.note_command(Command(now_s, duty, (0.0,) * len(self.counts), setpoint_m_s))
         return faults if echoed is None else [*faults, echoed.kind]
 
     def drive(self, seconds: float) -> float:

@@ -12,6 +12,7 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import (
     BoardRestarted,
     DutyEchoed,
+    EncodersCounted,
     LinkClosed,
     LinkOpened,
     RangeMeasured,
@@ -26,6 +27,7 @@ from chefbotd.features.driving.wheel_reader import WheelsRead
 from chefbotd.motion.encoder import Reading
 from chefbotd.motion.same_side import SameSideState
 from chefbotd.process.latch_file import LatchFile
+from chefbotd.safety import in_force
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import Command, Mode, Rearm, SafetyParameters
 from tests.chefbotd.features.driving.rig import CHASSIS
@@ -78,8 +80,13 @@ class Kept:
         self, dt_s: float, travel_rad: tuple[float, ...], effort: tuple[float, ...] = (0.6, 0.4)
     ) -> None:
         """A good reading after ``dt_s``, in which the wheels were driven so."""
+        motors, began_s = self.keeper.motors, self.clock.now_s()
+        motors.note_command(in_force.Command(began_s - 1.0, (60, 40), effort, FAST_M_S))
+        motors.note_line(EncodersCounted(began_s - 0.001, began_s, 0.0, (0, 0)))
         self.clock.advance(dt_s)
-        self.keeper.watch_wheels(self.clock.now_s(), effort, FAST_M_S, reading(travel_rad, dt_s))
+        now_s = self.clock.now_s()
+        motors.note_line(EncodersCounted(now_s - 0.001, now_s, dt_s, (0, 0)))
+        self.keeper.watch_wheels(now_s, reading(travel_rad, dt_s), lambda seen, effort: effort)
 
     def fault(self, *, driven: bool) -> FaultKind | None:
         """What has latched by now."""
@@ -249,7 +256,9 @@ def echo_story(kept: Kept, reconnect: bool) -> FaultKind | None:
             kept.keeper.on_link(LinkOpened(kept.clock.now_s(), "dev"))
             kept.keeper.arm()
         kept.clock.advance(0.02)
-        kept.keeper.motors.note_command(kept.clock.now_s(), (40, -9))
+        kept.keeper.motors.note_command(
+            in_force.Command(kept.clock.now_s(), (40, -9), (0.0, 0.0), (0.0, 0.0))
+        )
         kept.bus.publish(DutyEchoed(kept.clock.now_s(), kept.clock.now_s(), duty))
     return kept.keeper._gate.fault
 

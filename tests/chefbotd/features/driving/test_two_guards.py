@@ -15,7 +15,7 @@ from chefbotd.process.latch_file import LatchFile
 from chefbotd.safety.gate import Command, Decision, SafetyParameters
 from chefbotd.safety.guard import GuardParameters
 from tests.chefbotd.features.driving.rig import CHASSIS
-from tests.chefbotd.features.driving.test_safety_keeper import FAST_M_S, reading
+from tests.chefbotd.features.driving.test_safety_keeper import reading
 
 Limit = Callable[[Twist2D], tuple[Twist2D, str | None]]
 
@@ -64,7 +64,7 @@ def decided(
     bus, clock = Bus(), ManualClock(100.0)
     parameters = SafetyParameters(guard=GuardParameters(enabled=enabled))
     keeper = keeper_of(bus, clock, parameters, mount, rule)
-    keeper.watch_wheels(100.0, (0.0, 0.0), FAST_M_S, reading((0.0, 0.0), 0.02))
+    keeper.watch_wheels(100.0, reading((0.0, 0.0), 0.02), lambda seen, effort: effort)
     bus.publish(RangeMeasured(100.0, 100.0, "left", RangeStatus.OK, range_m, 0.02, 4.0, 0.1))
     keeper.accept(Command("teleop", wanted, 100.0), 1)
     return keeper.decide(100.0, driven=False)
@@ -127,7 +127,7 @@ def test_a_stand_before_a_wall_outlasts_the_noise_of_the_ultrasonic_while_the_dr
     def driven(range_m: float) -> Decision:
         clock.advance(0.05)
         now_s = clock.now_s()
-        keeper.watch_wheels(now_s, (0.0, 0.0), FAST_M_S, reading((0.0, 0.0), 0.05))
+        keeper.watch_wheels(now_s, reading((0.0, 0.0), 0.05), lambda seen, effort: effort)
         bus.publish(RangeMeasured(now_s, now_s, "left", RangeStatus.OK, range_m, 0.02, 4.0, 0.1))
         keeper.accept(Command("teleop", Twist2D(0.2, 0.0), now_s), 1)
         return keeper.decide(now_s, driven=False)
