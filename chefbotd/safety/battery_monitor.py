@@ -56,6 +56,8 @@ def judge(
     """
     critical = measured.status is BatteryLevelStatus.CRITICAL and measured.voltage_v >= params.absent_below_v
     now_s = measured.arrival_s
+    if not critical and state.share == 0.0 and not state.was_critical:  # as it nearly always is
+        return CHARGED, None
     kept = math.exp(-max(0.0, now_s - state.stamp_s) / params.filter_s)
     share = kept * state.share + (1 - kept) * state.was_critical
     since_s = state.since_s

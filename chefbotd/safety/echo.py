@@ -71,7 +71,7 @@ def note_echo(
     """Judge an echo: the next state, and the fault once the score is too high."""
     is_motion = any(shown)
     if not is_motion or _was_said(state, shown, now_s - params.memory_s):
-        score = max(0.0, state.score - params.decay_per_match)
+        score = state.score - params.decay_per_match if state.score > params.decay_per_match else 0.0
         fitting = state.fitting + is_motion
         return replace(state, shown=shown, shown_s=now_s, fitting=fitting, score=score), None
     state = replace(state, shown=shown, shown_s=now_s)

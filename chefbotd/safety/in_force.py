@@ -127,19 +127,17 @@ class InForce(MutableState):
             self.settled_s = read_s if read_s < self.written_s else self.written_s
         elif self.shown_s is not None:
             self.settled_s = self.shown_s
-        possible = []
+        envelope: Envelope | None = None
         for command in self.commands:
-            if command.since_s <= until_s or command.since_s <= from_s:
-                possible.append(command)
-                if command.since_s <= from_s:
-                    break
-        if not possible:
-            return None
-        newest = possible[0]
-        envelope = Envelope(newest.effort, (), newest.setpoint_m_s)
-        for command in possible[1:]:
-            envelope = _widened(envelope, command)
-        if is_shown and self.shown_s is None:  # what the board was not sent may drive no wheel
+            if envelope is not None:
+                envelope = _widened(envelope, command)
+            elif command.since_s <= until_s or command.since_s <= from_s:
+                envelope = Envelope(command.effort, (), command.setpoint_m_s)
+            if command.since_s <= from_s:
+                break
+        if (
+            envelope is not None and is_shown and self.shown_s is None
+        ):  # what it was not sent may drive no wheel
             return replace(envelope, effort=(0.0,) * len(envelope.effort))
         return envelope
 
