@@ -109,7 +109,9 @@ class MotorWatch:
     def note_command(self, command: Command, *, is_held_back: bool = False) -> None:
         """A command goes to the board; ``is_held_back``: it may still wait on this side of the wire."""
         now_s, duty = command.since_s, command.duty
-        self._unresponsive = unresponsive.commanded(self._unresponsive, now_s, driven=any(duty))
+        is_driven = any(duty)
+        if not is_driven or self._unresponsive is not unresponsive.DRIVEN:
+            self._unresponsive = unresponsive.commanded(self._unresponsive, now_s, driven=is_driven)
         self._echo = echo.note_command(self._echo, now_s, duty)
         self.in_force.note_command(command, is_held_back=is_held_back)
 

@@ -83,7 +83,9 @@ class WheelController:
             apart=decision.limited_by is not None,
             substitutes=seen.same_side.substitutes,
         )
-        carried_out = self._under_ceiling(now_s, before, after)
+        ceiling = self._duty_ceiling(now_s)
+        self.is_held_back = ceiling is not None
+        carried_out = under(ceiling, before, after)
         if self._knows_its_motors and carried_out.duty == after.duty:
             carried_out = offered(carried_out)
         self.drive_state = carried_out
