@@ -9,10 +9,13 @@ import os
 import queue
 import sys
 import threading
+from io import StringIO
+from typing import TextIO
 
 import structlog
-from structlog.typing import EventDict, FilteringBoundLogger, Processor
+from structlog.typing import EventDict, ExcInfo, FilteringBoundLogger, Processor
 
+from chefbotd.core.printable import plain
 from chefbotd.settings.model import Level
 
 ROOM_FOR_LINES = 2000
@@ -131,7 +134,25 @@ def _shorten_lists(_logger: object, _method: str, event: EventDict) -> EventDict
     return {**event, "lines": len(lines), "stack": "\n".join(text)}  # what is printed below the line
 
 
+def _print_plainly(_logger: object, _method: str, event: EventDict) -> EventDict:
+    """Show what a terminal would take for a command, whoever wrote it, as what it is not."""
+    return {
+        key: value if isinstance(value, bool | int | float | None) or key == "exc_info" else plain(str(value))
+        for key, value in event.items()
+    }
+
+
+def _plain_traceback(stream: TextIO, exc_info: ExcInfo) -> None:
+    text = StringIO()
+    structlog.dev.plain_traceback(text, exc_info)
+    stream.write(plain(text.getvalue()))
+
+
 def _renderers(*, on_terminal: bool) -> list[Processor]:
     if on_terminal:
-        return [_shorten_lists, structlog.dev.ConsoleRenderer()]
+        return [
+            _shorten_lists,
+            _print_plainly,
+            structlog.dev.ConsoleRenderer(exception_formatter=_plain_traceback),
+        ]
     return [structlog.processors.format_exc_info, structlog.processors.JSONRenderer(default=str)]

@@ -14,6 +14,7 @@ from pydantic_core import ErrorDetails
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.inputs import RequestHandled
+from chefbotd.core.printable import find_unprintable
 from chefbotd.entries import entries_of
 from chefbotd.logs import RateLimitedLog
 from chefbotd.rpc import jsonrpc, lenient
@@ -303,7 +304,20 @@ def _is_foreign(line: bytes | bytearray, failure: Failure) -> bool:
     return failure.kind is ErrorKind.PARSE_ERROR and FOREIGN.search(line) is not None
 
 
+def _refuse_unprintable(method: Method, params: object) -> None:
+    """Others print what a client says. A stop is carried out whatever its reason holds, and makes that printable."""
+    text = None if method.urgent else find_unprintable(params)
+    if text is not None:
+        got = "what is not repeated here" if method.params.confidential else _shortened(ascii(text))
+        expected = (
+            "expected text without control characters and without characters for the direction of writing"
+        )
+        problem = {"field": "params", "expected": expected, "got": got}
+        raise Unserved(ErrorKind.INVALID_PARAMS, _sentence(problem), {"fields": [problem]})
+
+
 def _checked(method: Method, request: Request) -> Params:
+    _refuse_unprintable(method, request.params)
     try:
         return method.params.model_validate(request.params)
     except ValidationError as problem:

@@ -7,12 +7,13 @@ from chefbotd.calibration.step import Measurements, Status, StepResult
 from chefbotd.calibration.steps import STEPS, fitted
 from chefbotd.cli.calibrate.report import draw_plots, finish, require_plots, show_result
 from chefbotd.cli.common.context import CommandContext
-from chefbotd.cli.common.echo import echo, plain
+from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError, extra
 from chefbotd.cli.programs.load import bad_configuration
 from chefbotd.cli.record.info import opened
 from chefbotd.client.models import CalibrationApplied
 from chefbotd.composition.calibration import robot_with
+from chefbotd.core.printable import plain
 from chefbotd.core.record import replace
 from chefbotd.features.calibration.measuring import as_calibrated, measurements
 from chefbotd.replay.recorded import NotReplayable

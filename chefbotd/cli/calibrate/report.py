@@ -7,9 +7,10 @@ from typing import Any
 
 from chefbotd.cli.common import output
 from chefbotd.cli.common.context import CommandContext
-from chefbotd.cli.common.echo import echo, plain
+from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError, extra, require
 from chefbotd.core.events.calibration import Estimate, Plot, Status, StepResult
+from chefbotd.core.printable import plain
 
 WIDTHS = (10, 12, 9, 12, 6)
 INCHES, DOTS_PER_INCH = (9.0, 5.0), 110

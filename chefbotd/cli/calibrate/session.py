@@ -5,17 +5,16 @@ import contextlib
 from collections.abc import AsyncIterator
 from pathlib import Path
 
-import click
-
 from chefbotd.cli.calibrate.report import draw_plots, finish, require_plots, show_result
 from chefbotd.cli.common.context import CommandContext
-from chefbotd.cli.common.echo import echo, plain
+from chefbotd.cli.common.echo import echo, tell
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.doctor.diagnosis import TerminalAsker
 from chefbotd.cli.maps.asking import progress_bar
 from chefbotd.client import CallError, Client
 from chefbotd.client.models import CalibrationApplied, CalibrationReport, CalibrationStep
 from chefbotd.core.events.calibration import Ask, StepResult
+from chefbotd.core.printable import plain
 
 NO_FILE = (
     "the daemon runs with the packaged configuration, which is not written to: 'chefbotd init FOLDER' makes one of your "
@@ -128,9 +127,9 @@ class CalibrationSession:
             try:
                 await robot.answer_calibration(question.key, float(text.replace(",", ".")))
             except ValueError:
-                click.echo(f"{text!r} is no number", err=True)
+                tell(f"{text!r} is no number")
             except CallError as refused:
-                click.echo(refused.message, err=True)
+                tell(refused.message)
             else:
                 return
 

@@ -1,10 +1,23 @@
 """The console on which tables and progress are drawn."""
 
-from rich.console import Console
+from collections.abc import Iterable
+
+from rich.console import Console, ConsoleOptions, RenderableType
+from rich.segment import Segment
+
+from chefbotd.core.printable import plain
 
 
 class Printer(Console):
-    """rich's console without its own exit when the output is closed: the program decides."""
+    """rich's console without its own exit when the output is closed: the program decides.
+
+    Of what it draws, a terminal takes nothing for a command but what rich itself means as one.
+    """
+
+    def render(self, renderable: RenderableType, options: ConsoleOptions | None = None) -> Iterable[Segment]:
+        """rich: the pieces that are written."""
+        for segment in super().render(renderable, options):
+            yield segment if segment.control else Segment(plain(segment.text), segment.style)
 
     @property
     def draws_color(self) -> bool:

@@ -1,7 +1,6 @@
 """Printing on standard output, with an exit code for a full disk and for closed output."""
 
 import os
-import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -9,6 +8,7 @@ from contextlib import contextmanager
 import click
 
 from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.core.printable import plain
 
 
 @contextmanager
@@ -33,15 +33,15 @@ def _discard_buffered_output() -> None:
     os.close(void)
 
 
-def plain(text: str) -> str:
-    """The text without what a terminal would take for a command: somebody else may have written it."""
-    return re.sub("[\x00-\x08\x0b-\x1f\x7f-\x9f]", "\N{REPLACEMENT CHARACTER}", text)
-
-
-def echo(text: str) -> None:
-    """Print a line; raises as ``writing`` does."""
+def echo(text: str, *, styled: str = "") -> None:
+    """Print a line, behind what is ``styled`` by the program itself; raises as ``writing`` does."""
     with writing():
-        click.echo(text)
+        click.echo(styled + plain(text))
+
+
+def tell(text: str, *, line_end: bool = True) -> None:
+    """Print a line on standard error."""
+    click.echo(plain(text), nl=line_end, err=True)
 
 
 def need_terminal() -> None:

@@ -5,10 +5,12 @@ import contextlib
 from collections.abc import Callable, Coroutine
 from typing import Any, ClassVar
 
+from rich.text import Text
 from textual.app import App
 from textual.widgets import Static
 
 from chefbotd.client import CallError, CallTimeout, ChefbotError, Client, ConnectionLost
+from chefbotd.core.printable import one_line
 
 MAYBE_NOT_RECEIVED = "The connection is lost: the daemon may not have got this."
 
@@ -26,7 +28,7 @@ class RobotScreen(App[None]):
         """``reconnects``: the client opens a lost connection again, and the screen waits for it."""
         super().__init__()
         self.reconnects = reconnects
-        self.robot, self.heading = robot, f"{robot.hello.robot} at {address}"
+        self.robot, self.heading = robot, one_line(f"{robot.hello.robot} at {address}")
         self.failure: ChefbotError | None = None
         self._background_tasks: list[asyncio.Task[None]] = []
 
@@ -81,7 +83,7 @@ class RobotScreen(App[None]):
     def say(self, text: str) -> None:
         """Show a text on the message line."""
         if self.is_running:
-            self.query_one("#message", Static).update(text, layout=False)
+            self.query_one("#message", Static).update(Text(one_line(text)), layout=False)
 
     def draw_at(self, rate_hz: float, draw: Callable[[], None]) -> None:
         """Draw ``rate_hz`` times a second while the screen runs: its widgets are removed one by one at the end."""

@@ -8,7 +8,10 @@ from collections.abc import Callable, Mapping, Sequence
 from enum import StrEnum
 from typing import Any
 
+from msgspec.structs import force_setattr
+
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.printable import one_line
 from chefbotd.core.record import Record, replace
 
 Data = Mapping[str, Any]
@@ -34,6 +37,9 @@ class Fact(Record, frozen=True):
     text: str
     style: Style = Style.PLAIN
     age_s: float | None = None
+
+    def __post_init__(self) -> None:
+        force_setattr(self, "text", one_line(self.text))  # the board, or another client, may have written it
 
 
 def link(data: Data) -> Fact:

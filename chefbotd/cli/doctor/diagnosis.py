@@ -7,9 +7,9 @@ import threading
 from collections.abc import Callable
 from typing import Protocol
 
-import click
 from msgspec import Struct, field
 
+from chefbotd.cli.common.echo import tell
 from chefbotd.clock import Clock
 from chefbotd.doctor.finding import Finding
 from chefbotd.doctor.wheels import WheelSetting
@@ -49,7 +49,7 @@ class TerminalAsker:
         if self._gone:
             return None
         self._drop_early_answers()
-        click.echo(f"\n{question}\n> ", nl=False, err=True)
+        tell(f"\n{question}\n> ", line_end=False)
         if self._reader is None:
             loop = asyncio.get_running_loop()
             self._reader = threading.Thread(target=self._read, args=(loop,), name="stdin", daemon=True)

@@ -24,7 +24,7 @@ def show(finding: Finding) -> None:
     word = click.style(
         f"{finding.verdict:8}", fg=COLOURS[finding.verdict], bold=finding.verdict == Verdict.PROBLEM
     )
-    echo(f"{word} {finding.check}: {finding.measured}.")
+    echo(f" {finding.check}: {finding.measured}.", styled=word)
     if finding.advice:
         echo(f"{'':8} -> {_sentence(finding.advice)}")
 

@@ -17,7 +17,7 @@ from chefbotd.cli.common.arguments import (
     wheel_speed,
 )
 from chefbotd.cli.common.context import CommandContext
-from chefbotd.cli.common.echo import need_terminal
+from chefbotd.cli.common.echo import need_terminal, tell
 from chefbotd.cli.common.exits import Exit, ProgramError, extra
 from chefbotd.cli.drive.control import run_as_driver, take_over
 from chefbotd.client import Client
@@ -47,12 +47,11 @@ def drive(
     It always ends with a stop. Negative numbers go backwards and to the right. A speed beyond the
     robot's limits is reduced, with a message. Exit code 6 means that odometry saw next to no motion.
     """
-    from rich.console import Console
-
+    from chefbotd.cli.common.console import Printer
     from chefbotd.cli.drive.timed_drive import drive_for
 
     twist = Twist2D(linear_m_s, angular_rad_s)
-    with output.countdown(seconds, Console(stderr=True, quiet=context.as_json)) as report:
+    with output.countdown(seconds, Printer(stderr=True, quiet=context.as_json)) as report:
         done = run_as_driver(
             context, "drive", lambda robot: drive_for(robot, twist, seconds, report), takes_over=takes_over
         )
@@ -147,7 +146,7 @@ def joystick(
 
     scale = StickScale(linear_m_s=linear_m_s, angular_rad_s=angular_rad_s, turbo=turbo, dead_zone=dead_zone)
     with SdlPad() as pad:
-        click.echo(HELP, err=True)
+        tell(HELP)
         run_as_driver(
             context,
             "joystick",
@@ -157,7 +156,7 @@ def joystick(
 
 
 def _say(text: str) -> None:
-    click.echo(text, err=True)
+    tell(text)
 
 
 SUFFIX = "_wheel"
@@ -178,8 +177,7 @@ def wheels(
     It always ends with a stop. A speed beyond the robot's limits is reduced, with a message. Exit code 6 means that
     a wheel turned far less than the limits allow.
     """
-    from rich.console import Console
-
+    from chefbotd.cli.common.console import Printer
     from chefbotd.cli.drive.timed_drive import turn_for
 
     if len(dict(asked)) < len(asked):
@@ -190,7 +188,7 @@ def wheels(
         speeds.update(_by_wheel(asked, list(await robot.get_pid())))
         return await turn_for(robot, speeds, seconds, report)
 
-    with output.countdown(seconds, Console(stderr=True, quiet=context.as_json)) as report:
+    with output.countdown(seconds, Printer(stderr=True, quiet=context.as_json)) as report:
         done = run_as_driver(context, "wheels", turn, takes_over=takes_over)
     allowed = ", ".join(f"{name} {speed:+.2f} rad/s" for name, speed in done.allowed_rad_s.items())
     turned = ", ".join(f"{name} {done.turned_rad_s.get(name, 0.0):+.2f} rad/s" for name in speeds)

@@ -8,7 +8,7 @@ import click
 
 from chefbotd.cli.common.arguments import Address
 from chefbotd.cli.common.context import CommandContext, CoroutineRunner
-from chefbotd.cli.common.echo import echo
+from chefbotd.cli.common.echo import echo, tell
 from chefbotd.cli.common.exits import Exit, ProgramError, extra
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ def robots(obj: CommandContext, seconds: float) -> None:
     if obj.as_json:
         echo(json.dumps([_plain(robot) for robot in announcements]))
     elif not announcements:
-        click.echo(NOBODY, err=True)
+        tell(NOBODY)
     else:
         echo("\n".join(_rows(announcements)))
 

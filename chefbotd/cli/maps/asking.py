@@ -44,9 +44,9 @@ def write_file(path: Path, data: bytes, *, force: bool) -> None:
 @contextmanager
 def progress_bar(doing: str, *, quiet: bool = False) -> Iterator[ProgressListener]:
     """Draw what the listener is told, where there is a terminal; it is gone when the block ends."""
-    from rich.console import Console
+    from chefbotd.cli.common.console import Printer
 
-    console = Console(stderr=True)
+    console = Printer(stderr=True)
     if quiet or not console.is_terminal:
         yield lambda done, total, text: None
         return

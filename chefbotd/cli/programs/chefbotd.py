@@ -14,7 +14,7 @@ import click
 
 from chefbotd import __version__, start
 from chefbotd.cli.common.arguments import PHYSICS, Address, address, configuration
-from chefbotd.cli.common.echo import echo
+from chefbotd.cli.common.echo import echo, tell
 from chefbotd.cli.common.exits import Exit, ProgramError, exit_table, require
 from chefbotd.cli.programs.load import load_valid
 from chefbotd.cli.programs.load import simulation as simulation_of
@@ -256,7 +256,7 @@ def check_config(ctx: click.Context, path: Path | None) -> None:
     try:
         simulation_of(settings)
     except ProgramError as problem:
-        click.echo(f"Note: {problem}", err=True)
+        tell(f"Note: {problem}")
     values = settings.model_dump(mode="json", by_alias=True)
     if wants_json(ctx):
         echo(json.dumps(values))

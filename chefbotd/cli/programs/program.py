@@ -11,7 +11,7 @@ from typing import Any, Protocol, Self, runtime_checkable
 
 import click
 
-from chefbotd.cli.common.echo import echo, plain
+from chefbotd.cli.common.echo import echo, tell
 from chefbotd.cli.common.exits import Exit, ProgramError
 
 JSON_HELP = "Print JSON for scripts; failures too, on stderr."
@@ -91,15 +91,15 @@ class CommandGroup(click.Group):
                 self._report(failure, wants_json(ctx))
             ctx.exit(failure.code)
         except KeyboardInterrupt:
-            click.echo("Interrupted.", err=True)
+            tell("Interrupted.")
             ctx.exit(Exit.INTERRUPTED)
 
     def _report(self, failure: ProgramError, as_json: bool) -> None:
         if as_json:
             error = {"exit_code": int(failure.code), "message": str(failure), **failure.details}
-            click.echo(json.dumps({"error": error}), err=True)
+            tell(json.dumps({"error": error}))
         else:
-            click.echo(plain(f"Error: {failure}"), err=True)
+            tell(f"Error: {failure}")
 
 
 def _with_json(command: click.Command) -> click.Command:

@@ -11,8 +11,9 @@ from msgspec import Struct
 
 from chefbotd.cli.common import output
 from chefbotd.cli.common.context import CommandContext
-from chefbotd.cli.common.echo import echo, plain
+from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError, extra
+from chefbotd.core.printable import plain
 from chefbotd.recording.encoder import REPEATED
 from chefbotd.recording.reader import RecordingReader
 

@@ -120,9 +120,9 @@ def _size(count: int) -> str:
 @contextmanager
 def _line(*, quiet: bool) -> Iterator[Show]:
     """A line on stderr that changes, where there is a terminal."""
-    from rich.console import Console
+    from chefbotd.cli.common.console import Printer
 
-    console = Console(stderr=True, highlight=False)
+    console = Printer(stderr=True, highlight=False)
     if quiet or not console.is_terminal:
         yield lambda text: None
         return

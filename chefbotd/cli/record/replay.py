@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from chefbotd.cli.common.arguments import Address, address, configuration
-from chefbotd.cli.common.echo import echo, plain
+from chefbotd.cli.common.echo import echo, tell
 from chefbotd.cli.common.exits import Exit, ProgramError, require
 from chefbotd.cli.programs.load import load_valid
 from chefbotd.cli.programs.program import wants_json
+from chefbotd.core.printable import plain
 
 if TYPE_CHECKING:
     from chefbotd.replay.replay import ReplayOutcome
@@ -71,7 +72,7 @@ def replay(
     listen = (shown_at.host, shown_at.port) if serves else None
     configured = None if other is None else load_valid(other)
     if serves:
-        click.echo(f"Shown on {shown_at}, and on the page where it is installed; Ctrl-C ends it.", err=True)
+        tell(f"Shown on {shown_at}, and on the page where it is installed; Ctrl-C ends it.")
     try:
         replayed = replay_files(files, Wishes(configured, rate, listen, any_version))
     except NotReplayable as problem:

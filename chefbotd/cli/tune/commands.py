@@ -8,7 +8,7 @@ import click
 from chefbotd.cli.common import output
 from chefbotd.cli.common.arguments import gain
 from chefbotd.cli.common.context import CommandContext
-from chefbotd.cli.common.echo import need_terminal
+from chefbotd.cli.common.echo import need_terminal, tell
 from chefbotd.cli.common.exits import Exit, ProgramError, extra
 
 FILE = click.Path(exists=True, dir_okay=False, writable=True, path_type=Path)
@@ -105,4 +105,4 @@ def tune(context: CommandContext, path: Path | None, amplitude_m_s: float, half_
 
 
 def _tell_unsaved(commands: list[str]) -> None:
-    click.echo("\n".join([UNSAVED, *commands]), err=True)
+    tell("\n".join([UNSAVED, *commands]))

@@ -8,6 +8,7 @@ from msgspec import Meta
 from pydantic import ConfigDict, Field, field_validator, model_validator
 
 from chefbotd.core import events
+from chefbotd.core.printable import one_line
 from chefbotd.core.record import Record, replace
 from chefbotd.rpc.models import SOURCE, Done, MotionParams, Params
 from chefbotd.rpc.topics import Topic
@@ -75,7 +76,7 @@ class EstopParams(StopParams):
     @classmethod
     def _readable(cls, reason: Any) -> str:
         text = reason.encode(errors="replace").decode() if isinstance(reason, str) else ""
-        return text.strip()[:MAX_REASON_CHARACTERS] or NO_REASON
+        return one_line(text).strip()[:MAX_REASON_CHARACTERS] or NO_REASON
 
 
 class Stopped(Done, frozen=True, kw_only=True):
