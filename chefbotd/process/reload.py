@@ -135,7 +135,9 @@ def _outcome(keys: Sequence[str], at_once: bool, *, has_tokens: bool) -> ReloadO
 
 
 def _plain(settings: Settings) -> dict[str, Any]:
-    return settings.model_dump(mode="json", by_alias=True)
+    plain = settings.model_dump(mode="json", by_alias=True)
+    plain["plugins"]["settings"] = settings.plugins.settings  # which JSON leaves out
+    return plain
 
 
 def _differences(key: str, before: object, after: object) -> Iterator[str]:

@@ -6,7 +6,7 @@ from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
-from pydantic import Field, ValidationInfo, field_validator
+from pydantic import Field, ValidationInfo, field_serializer, field_validator
 
 from chefbotd.core.parameters import Parameters
 
@@ -113,10 +113,18 @@ class ApiParameters(Parameters):
 
 
 class PluginsParameters(Parameters):
-    """The plug-ins that run: a package that is installed does nothing before it is allowed."""
+    """The plug-ins that run: a package that is installed does nothing before it is allowed.
+
+    As JSON, which recordings and support bundles hold, ``settings`` is empty.
+    """
 
     allow: tuple[str, ...] = Field((), description="entry points of the group chefbotd.features, by name")
     settings: Mapping[str, Mapping[str, Any]] = Field({}, description="for each plug-in, its own keys")
+
+    @field_serializer("settings", when_used="json")
+    def _left_out(self, _: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:
+        """In no file that is passed on: only the plug-in knows which of its keys hold a secret."""
+        return {}
 
     @field_validator("allow")
     @classmethod

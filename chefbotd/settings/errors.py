@@ -1,5 +1,6 @@
 """Error messages for a configuration: a line for each refused value, with its key and its source."""
 
+import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, TypeAlias, get_args
@@ -114,9 +115,18 @@ def explain(
         if not loc:  # of the whole configuration, which nobody wants to read again
             lines.append(f"{origin}{expected}")
             continue
-        given = "" if problem["type"] == "missing" else f" (got {problem['input']!r})"
+        given = f" (got {problem['input']!r})" if _is_repeated(problem["type"], loc) else ""
         lines.append(f"{origin}{dotted(values, loc)}: {expected}{given}")
     return "\n".join(lines)
+
+
+_SECRET_KEY = re.compile(r"(token|passw|secret|credential|api_?key)", re.IGNORECASE)
+
+
+def _is_repeated(kind: str, keys: Keys) -> bool:
+    """Whether a refused value is shown: one of an unknown key, of a plug-in, or of a key for secrets may be a secret."""
+    is_secret = any(_SECRET_KEY.search(key) for key in keys) or keys[:2] == ("plugins", "settings")
+    return kind not in ("missing", "extra_forbidden") and not is_secret
 
 
 _RENAMED = {

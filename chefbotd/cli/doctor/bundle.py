@@ -72,6 +72,16 @@ def secrets_in(*files: Path | None) -> list[str]:
     return words
 
 
+def texts_in(values: Any) -> list[str]:
+    """Every text in the settings of plug-ins, of which only they know what is a secret; they log it, perhaps."""
+    if isinstance(values, str):
+        return [values]
+    inner = (
+        values.values() if isinstance(values, Mapping) else values if isinstance(values, list | tuple) else ()
+    )
+    return [text for value in inner for text in texts_in(value)]
+
+
 def without_secrets(values: Any) -> Any:
     """Configuration values with those removed whose key names a secret itself; a path to one stays."""
     if isinstance(values, Mapping):
@@ -208,6 +218,7 @@ async def gather_bundle(
     if problem := figures.get("not_asked"):
         files["daemon.txt"] = f"{problem}\n"
     secrets = [context.credentials.token or "", *secrets_in(settings.api.token_file, settings.api.tls_key)]
+    secrets += texts_in(settings.plugins.settings)
     write_bundle(bundle, files, Redactor(secrets), recordings)
 
 

@@ -23,7 +23,7 @@ from tests.chefbotd.settings.robot_file import spoil
         (
             "baud = 115200",
             "bawd = 115200",
-            r"link.bawd: unknown key, did you mean baud\? \(got 115200\)",
+            r"link.bawd: unknown key, did you mean baud\?",
         ),
         ("counts_per_turn = 4200", "", "encoders.counts_per_turn: this key is required"),
         ("radius_m = 0.045", "radius_m = nan", r"chassis.wheels.left_wheel.radius_m: .*finite"),
@@ -95,7 +95,7 @@ def test_a_section_that_is_mistyped_is_told_with_the_one_that_was_meant(chefbot:
     """``[ultrasonics]`` comes near ``[ultrasonic]``; what comes near nothing gets no guess."""
     with pytest.raises(SettingsError, match=r"ultrasonics: unknown key, did you mean ultrasonic\?"):
         load(spoil(chefbot, "[ultrasonic]", "[ultrasonics]"))
-    with pytest.raises(SettingsError, match=r"zebra: unknown key \(got"):
+    with pytest.raises(SettingsError, match=r"zebra: unknown key$"):
         load(spoil(chefbot, "[imu]", "[zebra]"))
 
 
@@ -110,7 +110,8 @@ def test_a_renamed_key_is_refused_with_its_new_name(old: tuple[str, ...], new: s
         with pytest.raises(ValidationError) as refused:
             Settings.model_validate(values)
         told.append(explain(refused.value, Settings, values, {}, ""))
-    assert f"{old[-1]}: unknown key, it is now called {new} (got 12)" in told[0]
+    assert f"{old[-1]}: unknown key, it is now called {new}" in told[0]
+    assert "got 12" not in told[0]
     assert "unknown key" not in told[1]
 
 
