@@ -112,11 +112,11 @@ def check_imu(attitudes: Sequence[Attitude], *, configured: bool, sends_imu: boo
     return ok("imu", text)
 
 
-def check_imu_turn(imu_rad: float | None, odometry_rad: float) -> Finding:
-    """The robot was turned to the left: the IMU's heading grows, as much as odometry's."""
+def check_imu_turn(imu_rad: float | None, encoders_rad: float) -> Finding:
+    """The robot was turned to the left: the IMU's heading grows, as much as the encoders say."""
     if imu_rad is None:
         return skipped("imu_turn", "the IMU reports no heading")
-    text = f"turned to the left, the IMU says {math.degrees(imu_rad):+.0f}°, odometry {math.degrees(odometry_rad):+.0f}°"
+    text = f"turned to the left, the IMU says {math.degrees(imu_rad):+.0f}°, the encoders {math.degrees(encoders_rad):+.0f}°"
     if imu_rad < -TURNED_RAD:
         return problem(
             "imu_turn", f"{text}: the IMU is upside down or its axes are exchanged", "mount its z axis up"
@@ -127,7 +127,7 @@ def check_imu_turn(imu_rad: float | None, odometry_rad: float) -> Finding:
             f"{text}: the IMU hardly measured the turn",
             "its z axis does not point up, or it has frozen",
         )
-    if odometry_rad > TURNED_RAD and abs(imu_rad / odometry_rad - 1) > AGREEMENT:
+    if encoders_rad > TURNED_RAD and abs(imu_rad / encoders_rad - 1) > AGREEMENT:
         return warning(
             "imu_turn",
             text,

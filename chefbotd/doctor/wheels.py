@@ -96,12 +96,12 @@ def _check_pushed(wheel: WheelSetting, turned_rad: float) -> Finding:
     )
 
 
-def check_distance(odometry_m: float, real_m: float, counts_per_turn: float) -> Finding:
+def check_distance(encoders_m: float, real_m: float, counts_per_turn: float) -> Finding:
     """Whether the counts make the right distance."""
     if real_m <= 0:
         return skipped("distance", "the distance was not measured")
-    ratio = odometry_m / real_m
-    text = f"odometry says {odometry_m:.3f} m, you measured {real_m:.3f} m"
+    ratio = encoders_m / real_m
+    text = f"the encoders say {encoders_m:.3f} m, you measured {real_m:.3f} m"
     if not ratio > 0:
         return skipped("distance", f"{text}: see the encoders first")
     if 1 / COUNTS_RATIO < ratio < COUNTS_RATIO:
@@ -115,8 +115,8 @@ def check_distance(odometry_m: float, real_m: float, counts_per_turn: float) -> 
 
 
 def check_turn(turned_rad: float, wheels: Sequence[WheelSetting], by_wheel_rad: Speeds) -> Finding:
-    """The robot was turned to the left: odometry must say so, or the sides are exchanged."""
-    text = f"odometry turned by {math.degrees(turned_rad):+.0f}° as the robot was turned to the left"
+    """The robot was turned to the left: the encoders must say so, or the sides are exchanged."""
+    text = f"the encoders say {math.degrees(turned_rad):+.0f}° as the robot was turned to the left"
     if turned_rad > MOVED_RAD:
         return ok("turn", text)
     if turned_rad < -MOVED_RAD:

@@ -14,6 +14,7 @@ from chefbotd.doctor.finding import Finding, skipped
 from chefbotd.doctor.lidar import ScanTaken, check_ahead, check_motion
 from chefbotd.doctor.sensors import AHEAD_M, check_beam_ahead, check_imu_lift, check_imu_turn
 from chefbotd.doctor.wheels import check_distance, check_push, check_turn
+from chefbotd.motion.kinematics import Kinematics
 
 SKIP = "skip"
 FORWARD_M, FORWARD_M_S = 0.3, 0.1
@@ -63,7 +64,7 @@ async def _push(diagnosis: Diagnosis, robot: Client) -> None:
         return
     after = await snapshot(robot)
     diagnosis.find(*check_push(diagnosis.wheels, _turned(before, after)))
-    motion = _motion(before, after)
+    motion = _motion(diagnosis, before, after)
     diagnosis.find(*_lidar_motion(before, after, motion))
     answer = await diagnosis.asker.ask(
         "How far did it go, in centimetres? Press Enter if you did not measure."
@@ -82,7 +83,7 @@ async def _turn(diagnosis: Diagnosis, robot: Client) -> None:
         diagnosis.find(skipped("turn", "the robot was not turned", SOMEBODY))
         return
     after = await snapshot(robot)
-    motion = _motion(before, after)
+    motion = _motion(diagnosis, before, after)
     diagnosis.find(check_turn(motion.heading_rad, diagnosis.wheels, _turned(before, after)))
     if diagnosis.settings.imu is not None:
         diagnosis.find(check_imu_turn(_imu_turned(before, after), motion.heading_rad))
@@ -133,11 +134,13 @@ def _turned(before: Snapshot, after: Snapshot) -> Mapping[str, float]:
     return {name: angle - old.get(name, angle) for name, angle in after.position_rad.items()}
 
 
-def _motion(before: Snapshot, after: Snapshot) -> Pose2D:
-    """``before_from_after``, by odometry."""
-    if before.pose is None or after.pose is None:
-        return Pose2D()
-    return before.pose.inverse().compose(after.pose)
+def _motion(diagnosis: Diagnosis, before: Snapshot, after: Snapshot) -> Pose2D:
+    """``before_from_after`` by the encoders alone, as an arc: the odometry's heading may be the IMU's."""
+    chassis, turned = diagnosis.settings.chassis, _turned(before, after)
+    travel = Kinematics(chassis).twist([turned.get(wheel.name, 0.0) for wheel in chassis.wheels])
+    half_rad = travel.angular_rad_s / 2
+    chord_m = travel.linear_m_s * (math.sin(half_rad) / half_rad if half_rad else 1.0)
+    return Pose2D(chord_m * math.cos(half_rad), chord_m * math.sin(half_rad), travel.angular_rad_s)
 
 
 def _imu_turned(before: Snapshot, after: Snapshot) -> float | None:
