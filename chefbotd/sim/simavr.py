@@ -53,6 +53,7 @@ _ARGUMENTS = {
     "turn": (c_uint, c_double, c_double, c_uint64, c_uint64),
     "set_battery_mv": (c_uint32,),
     "set_imu": (c_bool,),
+    "hold_sda": (c_uint8,),
     "reset": (c_bool,),
     "take_bytes": (POINTER(_Byte), c_size_t),
     "take_duties": (POINTER(_Duty), c_size_t),
@@ -179,6 +180,10 @@ class SimavrBoard:
         self._library.board_set_imu(self._board, present)
 
     # What comes out
+
+    def hold_sda(self, clocks: int) -> None:
+        """The MPU-6050 holds SDA low for so many clocks of SCL."""
+        self._library.board_hold_sda(self._board, clocks)
 
     def take_bytes(self) -> list[SentByte]:
         """What was sent since the last call; some may be on the wire still."""

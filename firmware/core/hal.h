@@ -60,12 +60,13 @@ void hal_start_sending(void);
 /* Sends the sensor its pulse of 10 us; the echo comes by firmware_echo. Without the capability: does nothing. */
 void hal_ultrasonic_trigger(void);
 
-/* Whether the IMU answers: asked once, in firmware_start. May wait 5 ms at most. */
+/* Whether the IMU answers: asked once, at the start. Frees its bus, and wakes it. May wait 5 ms at most. */
 bool hal_imu_present(void);
 
 /* These never block. True with a reading that was not fetched before.
  * hal_battery, hal_current: 0 to 4095, whatever the width of the ADC (10 bits: times 4).
- * hal_imu: ax ay az gx gy gz in raw counts, and the hal_micros of the reading. */
+ * hal_imu: ax ay az gx gy gz in raw counts, and the hal_micros of the reading. One that answers again is woken first, and one
+ * that has nothing but zeros sleeps: that is no reading. */
 bool hal_battery(uint16_t *adc);
 bool hal_current(uint8_t wheel, uint16_t *adc);
 bool hal_imu(int16_t counts[6], uint32_t *at_us);

@@ -56,6 +56,7 @@ struct board {
     uint32_t pings;
     uint32_t lost;
     bool trigger;
+    bool scl_driven;
     uint8_t levels[WHEELS];
 };
 
@@ -70,6 +71,7 @@ typedef struct {
 static const pin_t A_PIN[WHEELS] = {{'D', 2}, {'D', 3}};
 static const pin_t B_PIN[WHEELS] = {{'D', 5}, {'D', 4}};
 static const pin_t ECHO_PIN = {'B', 4};
+static const pin_t SDA_PIN = {'C', 4}, SCL_PIN = {'C', 5};
 static const pin_t TRIGGER_PIN = {'C', 1};
 
 static avr_irq_t *pin_irq(const board_t *board, pin_t pin)
@@ -275,6 +277,28 @@ static void be_quiet(avr_t *avr, const int level, const char *format, va_list ar
     (void)avr, (void)level, (void)format, (void)arguments;
 }
 
+/* The level of SDA, which is high but for the IMU: the program never drives it while it reads it. */
+static void put_sda(board_t *board)
+{
+    const uint8_t mask = (uint8_t)(1U << SDA_PIN.pin);
+    avr_ioport_external_t external = {.name = 'C', .mask = mask, .value = board->imu.held_clocks == 0 ? mask : 0};
+    avr_ioctl(board->avr, AVR_IOCTL_IOPORT_SET_EXTERNAL('C'), &external);
+    avr_raise_irq(pin_irq(board, SDA_PIN), board->imu.held_clocks == 0);
+}
+
+/* SCL is an open drain: it rises when the program stops driving it. */
+static void on_direction(avr_irq_t *irq, uint32_t value, void *param)
+{
+    (void)irq;
+    board_t *board = param;
+    const bool driven = (value >> SCL_PIN.pin & 1U) != 0;
+    if (board->scl_driven && !driven && board->imu.held_clocks > 0) {
+        board->imu.held_clocks--;
+        put_sda(board);
+    }
+    board->scl_driven = driven;
+}
+
 static void wire(board_t *board)
 {
     avr_t *avr = board->avr;
@@ -287,6 +311,8 @@ static void wire(board_t *board)
     for (unsigned wheel = 0; wheel < WHEELS; wheel++) {
         board_turn(board, wheel, 0.0, 0.0, 0, 0);
     }
+    avr_irq_register_notify(avr_io_getirq(avr, AVR_IOCTL_IOPORT_GETIRQ('C'), IOPORT_IRQ_DIRECTION_ALL), on_direction,
+                            board);
     mpu6050_attach(&board->imu, avr);
 }
 
@@ -389,7 +415,13 @@ void board_set_battery_mv(board_t *board, uint32_t millivolts)
 
 void board_set_imu(board_t *board, bool present)
 {
-    board->imu.present = present;
+    mpu6050_power(&board->imu, present);
+}
+
+void board_hold_sda(board_t *board, uint8_t clocks)
+{
+    board->imu.held_clocks = clocks;
+    put_sda(board);
 }
 
 void board_reset(board_t *board, bool power_on)

@@ -46,8 +46,11 @@ void board_turn(board_t *board, unsigned wheel, double from_counts, double to_co
 /* The voltage at the battery's ADC pin. */
 void board_set_battery_mv(board_t *board, uint32_t millivolts);
 
-/* Whether an MPU-6050 answers. */
+/* Whether an MPU-6050 answers; one that comes anew sleeps. */
 void board_set_imu(board_t *board, bool present);
+
+/* The MPU-6050 holds SDA low for so many clocks of SCL, as one that a reset has cut off in a byte. */
+void board_hold_sda(board_t *board, uint8_t clocks);
 
 /* The reset pin, or with power_on the power: RAM keeps its content in the first case only. */
 void board_reset(board_t *board, bool power_on);

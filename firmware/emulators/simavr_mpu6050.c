@@ -5,7 +5,7 @@
 #include <simavr/avr_twi.h>
 
 /* Register map RM-MPU-6000A: section 4.19 (readings), 4.32 (power), 4.35 (identity). */
-enum { ADDRESS = 0x68, ACCEL_XOUT_H = 0x3B, PWR_MGMT_1 = 0x6B, WHO_AM_I = 0x75, ASLEEP = 0x40 };
+enum { ADDRESS = 0x68, ACCEL_XOUT_H = 0x3B, TEMP_OUT_H = 0x41, PWR_MGMT_1 = 0x6B, WHO_AM_I = 0x75, ASLEEP = 0x40 };
 
 static void sample(mpu6050_t *imu)
 {
@@ -13,6 +13,10 @@ static void sample(mpu6050_t *imu)
     if (imu->read != NULL && (imu->registers[PWR_MGMT_1] & ASLEEP) == 0) {
         imu->read(readings);
     }
+    /* Its temperature: 0 is 36.53 degrees. One that sleeps has zeros in all of them. */
+    bool awake = (imu->registers[PWR_MGMT_1] & ASLEEP) == 0;
+    imu->registers[TEMP_OUT_H] = awake ? 0xF0 : 0;
+    imu->registers[TEMP_OUT_H + 1] = 0;
     for (unsigned number = 0; number < 6; number++) {
         /* The temperature stands between accelerations and rates. */
         unsigned at = ACCEL_XOUT_H + 2 * number + (number < 3 ? 0 : 2);
@@ -35,7 +39,7 @@ static void on_message(avr_irq_t *irq, uint32_t value, void *param)
         imu->selected = false;
     }
     if ((message.u.twi.msg & TWI_COND_START) != 0) {
-        imu->selected = imu->present && message.u.twi.addr >> 1 == ADDRESS;
+        imu->selected = imu->present && imu->held_clocks == 0 && message.u.twi.addr >> 1 == ADDRESS;
         imu->has_pointer = false;
         if (imu->selected) {
             answer(imu, TWI_COND_ACK, 1);
@@ -59,6 +63,15 @@ static void on_message(avr_irq_t *irq, uint32_t value, void *param)
         }
         answer(imu, TWI_COND_READ, imu->registers[imu->pointer++ & 0x7F]);
     }
+}
+
+void mpu6050_power(mpu6050_t *imu, bool present)
+{
+    if (present && !imu->present) {
+        imu->registers[PWR_MGMT_1] = ASLEEP;
+    }
+    imu->present = present;
+    imu->selected = imu->selected && present;
 }
 
 void mpu6050_attach(mpu6050_t *imu, avr_t *avr)

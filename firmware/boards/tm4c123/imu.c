@@ -1,6 +1,8 @@
 /*
  * An MPU-6050 on I2C 3 (SCL is PD0, SDA is PD1: assumed), at its power-on ranges, read 100 times a second by the bus's
- * interrupt. A bus that hangs costs the readings, never time: after 10 ms it is given up until the next one is due.
+ * interrupt. A bus that hangs costs the readings, never time: after 10 ms it is given up until the next one is due. It sleeps
+ * from its power-on until its power register is written, and reads as zeros then: whenever it does not answer, or has nothing
+ * but zeros, it is woken before it is read again.
  */
 #include "hal.h"
 #include "registers.h"
@@ -32,16 +34,55 @@
 #define PERIOD_US 10000U
 #define GIVE_UP_US 10000U
 #define MOST_WAIT_US 1000U /* a byte takes 23 us */
+#define WAKE_AGAIN_US 100000U
+#define SETTLES_US 50000U /* its rates after a sleep: 30 ms (PS-MPU-6000A, 6.1) */
+#define MOST_CLOCKS 9U    /* a byte and its acknowledgement */
+#define HALF_CLOCK_US 5U
 
-enum state { IDLE, POINTING, READING, READY };
+enum state { IDLE, POINTING, READING, READY, WAKING, WOKEN, BROKEN };
 
 static volatile uint8_t progress;
 static volatile uint8_t received;
 static uint8_t bytes[READING_BYTES];
 static uint32_t begun_us;
+static uint32_t wait_us = PERIOD_US; /* from begun_us until the next reading, or the next try to wake it */
+static bool is_awake;
+
+/* As an open drain: a pin is pulled low, or left to its pull-up. */
+static void drive(uint32_t pin, bool is_low)
+{
+    const uint32_t from_us = hal_micros();
+    GPIO_DATA(PORT_D, pin) = 0U;
+    if (is_low) {
+        GPIO_DIR(PORT_D) |= pin;
+    } else {
+        GPIO_DIR(PORT_D) &= ~pin;
+    }
+    while ((uint32_t)(hal_micros() - from_us) <= HALF_CLOCK_US) {
+    }
+}
+
+/* A reset in the middle of a reading leaves the IMU in its byte, with SDA low: clocks end that byte, and a stop ends the reading. */
+static void free_bus(void)
+{
+    GPIO_AFSEL(PORT_D) &= ~(SCL | SDA);
+    GPIO_PULL_UP(PORT_D) |= SCL | SDA;
+    GPIO_DIGITAL(PORT_D) |= SCL | SDA;
+    drive(SDA, false);
+    drive(SCL, false);
+    for (uint32_t clock = 0U; (clock < MOST_CLOCKS) && (GPIO_DATA(PORT_D, SDA) == 0U); clock++) {
+        drive(SCL, true);
+        drive(SCL, false);
+    }
+    drive(SCL, true);
+    drive(SDA, true);
+    drive(SCL, false);
+    drive(SDA, false);
+}
 
 static void bus_start(void)
 {
+    free_bus();
     GPIO_PCTL(PORT_D) = (GPIO_PCTL(PORT_D) & ~0xFFU) | PCTL_I2C;
     GPIO_AFSEL(PORT_D) |= SCL | SDA;
     REGISTER(PORT_D + 0x50CU) |= SDA; /* open drain, of the data line only */
@@ -71,19 +112,20 @@ static bool wrote(uint8_t byte, uint32_t control)
     return (I2C_CONTROL & FAILED) == 0U;
 }
 
-/* It sleeps from power-on until its power register is written. */
 bool hal_imu_present(void)
 {
     bus_start();
     I2C_ADDRESS = WRITE_TO;
-    const bool is_present = wrote(PWR_MGMT_1, START | RUN) && wrote(0U, RUN | STOP);
-    if (!is_present) {
+    is_awake = wrote(PWR_MGMT_1, START | RUN) && wrote(0U, RUN | STOP);
+    if (!is_awake) {
         I2C_CONTROL = STOP;
     }
+    begun_us = hal_micros();
+    wait_us = is_awake ? SETTLES_US : WAKE_AGAIN_US;
     I2C_CLEAR = 1U;
     I2C_MASK = 1U;
     interrupt_enable(IRQ_I2C3, PRIORITY_TICK);
-    return is_present;
+    return is_awake;
 }
 
 static int16_t word_at(uint32_t at)
@@ -91,32 +133,78 @@ static int16_t word_at(uint32_t at)
     return (int16_t)(uint16_t)(((uint32_t)bytes[at] << 8U) | bytes[at + 1U]);
 }
 
+/* The temperature stands between accelerations and rates. Not all of it is 0 in one that is awake. */
+static bool take(int16_t counts[6])
+{
+    uint32_t any = 0U;
+    for (uint32_t at = 0U; at < READING_BYTES; at++) {
+        any |= bytes[at];
+    }
+    if (any == 0U) {
+        return false;
+    }
+    for (uint32_t number = 0U; number < 6U; number++) {
+        counts[number] = word_at((2U * number) + ((number < 3U) ? 0U : 2U));
+    }
+    return true;
+}
+
+static void fall_asleep(void)
+{
+    is_awake = false;
+    wait_us = WAKE_AGAIN_US;
+    bus_start();
+    I2C_MASK = 1U;
+}
+
+static void begin(uint32_t now_us)
+{
+    begun_us = now_us;
+    wait_us = PERIOD_US;
+    received = 0U;
+    progress = is_awake ? POINTING : WAKING;
+    I2C_ADDRESS = WRITE_TO;
+    I2C_DATA = is_awake ? ACCEL_XOUT_H : PWR_MGMT_1;
+    I2C_CONTROL = START | RUN;
+}
+
 bool hal_imu(int16_t counts[6], uint32_t *at_us)
 {
     const uint32_t now_us = hal_micros();
     const uint32_t since_us = now_us - begun_us;
-    const bool is_ready = progress == (uint8_t)READY;
-    if (is_ready) {
-        for (uint32_t number = 0U; number < 6U; number++) {
-            counts[number] = word_at((2U * number) + ((number < 3U) ? 0U : 2U));
-        }
+    const uint8_t done = progress;
+    bool is_new = false;
+    if (done == (uint8_t)READY) {
+        is_new = take(counts);
         *at_us = begun_us;
         progress = IDLE;
-    } else if ((progress != (uint8_t)IDLE) && (since_us > GIVE_UP_US)) {
-        bus_start();
-        I2C_MASK = 1U;
+        if (!is_new) {
+            fall_asleep();
+        }
+    } else if (done == (uint8_t)WOKEN) {
+        is_awake = true;
+        wait_us = SETTLES_US;
+        progress = IDLE;
+    } else if ((done == (uint8_t)BROKEN) || ((done != (uint8_t)IDLE) && (since_us > GIVE_UP_US))) {
+        fall_asleep();
+    } else if ((done == (uint8_t)IDLE) && (since_us >= wait_us)) {
+        begin(now_us);
     } else {
         /* It is being read, or not due. */
     }
-    if ((progress == (uint8_t)IDLE) && (since_us >= PERIOD_US)) {
-        begun_us = now_us;
-        received = 0U;
-        progress = POINTING;
-        I2C_ADDRESS = WRITE_TO;
-        I2C_DATA = ACCEL_XOUT_H;
-        I2C_CONTROL = START | RUN;
+    return is_new;
+}
+
+/* The second byte of a wake is its register's new value. */
+static void wake_on(void)
+{
+    if (received == 0U) {
+        received = 1U;
+        I2C_DATA = 0U;
+        I2C_CONTROL = RUN | STOP;
+    } else {
+        progress = WOKEN;
     }
-    return is_ready;
 }
 
 static void read_on(void)
@@ -135,7 +223,9 @@ void on_i2c3(void)
     I2C_CLEAR = 1U;
     if ((I2C_CONTROL & FAILED) != 0U) {
         I2C_CONTROL = STOP;
-        progress = IDLE;
+        progress = BROKEN;
+    } else if (progress == (uint8_t)WAKING) {
+        wake_on();
     } else if (progress == (uint8_t)POINTING) {
         progress = READING;
         I2C_ADDRESS = READ_FROM;
