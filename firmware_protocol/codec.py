@@ -9,7 +9,7 @@ from typing import Any
 
 from firmware_protocol.line_codec import RESET_DONE, Framing, LineCodec
 from firmware_protocol.lines import (
-    ADC_12_BIT,
+    ADC,
     CENTIMETRES,
     COMPONENT,
     CYCLE_SECONDS,
@@ -90,9 +90,7 @@ MOST_TIMES_A_LINE = 4
 
 ANALOGUE_INPUTS = 16
 
-ANALOGUE = LineKind(
-    "a", AnalogueLevel, (Field("channel", Number(0, ANALOGUE_INPUTS - 1)), Field("adc", ADC_12_BIT))
-)
+ANALOGUE = LineKind("a", AnalogueLevel, (Field("channel", Number(0, ANALOGUE_INPUTS - 1)), Field("adc", ADC)))
 
 
 def quadrature(wheels: int) -> tuple[LineKind, ...]:
@@ -137,7 +135,7 @@ def rows_from_board(variant: Variant) -> tuple[LineKind, ...]:
         LineKind(
             "i", RawImu, (Field("acceleration", INT16, 3), Field("angular_rate", INT16, 3)), end=b"\r\n\n"
         ),
-        LineKind("b", BatteryLevel, (Field("adc", ADC_12_BIT),)),
+        LineKind("b", BatteryLevel, (Field("adc", ADC),)),
     )
     return (*(row for row in classic if row.message not in variant.excluded), *variant.extra_from_board)
 

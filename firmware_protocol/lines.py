@@ -133,6 +133,7 @@ DUTY = Number(-(2**15), 2**15 - 1, decimals=2)
 CYCLE_SECONDS = Number(0, 4295, decimals=2)  # the sketch's difference of two uint32 µs is at most 2^32 µs
 COMPONENT = Number(-math.inf, math.inf, decimals=2)  # bounded by the norm of all four
 ADC_12_BIT = Number(0, 4095, decimals=2)
+ADC = Number(0, 2**16 - 1, decimals=2)  # the published boards have 12 bits, others 10 to 16
 UINT16 = Number(0, 2**16 - 1)
 UINT8 = Number(0, 2**8 - 1)
 

@@ -58,14 +58,14 @@ class RawImu:
 
 @dataclass(frozen=True, slots=True)
 class BatteryLevel:
-    """``b``: the raw 12-bit ADC reading, 0 to 4095, as the wire's float."""
+    """``b``: the raw ADC reading, 0 to 4095 of the published boards' 12 bits, as the wire's float; up to 16 bits."""
 
     adc: float
 
 
 @dataclass(frozen=True, slots=True)
 class AnalogueLevel:
-    """``a``, an extension: the raw 12-bit ADC reading of one analogue input, 0 to 4095."""
+    """``a``, an extension: the raw ADC reading of one analogue input, as ``b``."""
 
     channel: int
     adc: float

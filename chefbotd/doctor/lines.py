@@ -40,7 +40,8 @@ class LinesHeard(Record, frozen=True):
     over ``clock_s``. ``duty`` is the last echo, ``counted`` how far each encoder went. ``firmware`` is the version of
     our own firmware, where the board has named it or sends checked lines (``?`` then). ``formats`` has a sentence about
     each kind that is always refused, none of whose lines count as damaged; ``clock_unit`` one about a clock that counts
-    something else than microseconds.
+    something else than microseconds. ``analogue`` is the highest reading of each analogue input, ``battery`` that of the
+    battery's.
     """
 
     seconds: float
@@ -62,6 +63,8 @@ class LinesHeard(Record, frozen=True):
     firmware: str = ""
     formats: Mapping[str, str] = {}
     clock_unit: str = ""
+    analogue: Mapping[int, float] = {}
+    battery: float | None = None
 
     def sends(self, kind: str) -> bool:
         """Whether lines of this kind come, be they understood or not."""

@@ -88,8 +88,6 @@ def _end_slope(width: float, next_width: float, rise: float, next_rise: float) -
     return slope
 
 
-ADC_MAX = 4095
-
 DATASHEET_CURVE_V_M = (
     (2.75, 0.15),
     (2.70, 0.20),
@@ -115,6 +113,7 @@ MARGIN_V = 0.2
 class InfraredParameters(Parameters):
     """The analogue input and its reference, the calibrated curves, the trusted band, the cone and the mount.
 
+    A reading of ``adc_bits`` ones is ``reference_v``: 12 bits of a Tiva, 10 of an Arduino Uno (at 5 V), 16 of others.
     ``curve_v_m`` are (volts, metres) from the fold outwards, ``near_curve_v_m`` those from the sensor to the fold.
     ``setback_m`` is how far the sensor sits behind the foremost part of the robot, along its beam: no object gets
     nearer to the sensor than that. With 0.10 m, an ambiguous reading is trusted again below 2.0 V (from 0.30 m on);
@@ -127,6 +126,7 @@ class InfraredParameters(Parameters):
     name: str = Field(default="front", min_length=1)
     channel: int = Field(default=0, ge=0, le=15)
     reference_v: float = Field(default=3.3, gt=0, le=10)
+    adc_bits: int = Field(default=12, ge=8, le=24)
     curve_v_m: tuple[tuple[float, float], ...] = DATASHEET_CURVE_V_M
     near_curve_v_m: tuple[tuple[float, float], ...] = DATASHEET_NEAR_CURVE_V_M
     setback_m: float = Field(ge=0, le=2)
@@ -171,6 +171,11 @@ class InfraredParameters(Parameters):
         return Pose2D(self.mount_x_m, self.mount_y_m, self.mount_heading_rad)
 
     @cached_property
+    def volts_per_count(self) -> float:
+        """What one step of the ADC is."""
+        return self.reference_v / ((1 << self.adc_bits) - 1)
+
+    @cached_property
     def metres_by_volts(self) -> MonotoneCurve:
         """The curve from volts to metres."""
         return MonotoneCurve(self.curve_v_m[::-1])
@@ -202,11 +207,11 @@ START = InfraredState()
 def interpret(
     params: InfraredParameters, state: InfraredState, counted: AnalogueCounted
 ) -> tuple[InfraredState, RangeMeasured]:
-    """The next state and what a 12-bit reading says; outside the trusted band it is never a distance."""
+    """The next state and what a reading says; outside the trusted band it is never a distance."""
     stamp_s = counted.stamp_s
     if state.recent and stamp_s - state.recent[-1].stamp_s > params.max_gap_s:
         state = START
-    sample = InfraredSample(counted.adc / ADC_MAX * params.reference_v, stamp_s)
+    sample = InfraredSample(counted.adc * params.volts_per_count, stamp_s)
     recent = (*state.recent, sample)[-params.median_window :]
     middle_v = median([earlier.volts for earlier in recent])
     is_certain = max(middle_v, sample.volts) < params.certain_below_v

@@ -119,7 +119,7 @@ FROM_BOARD_MESSAGES = st.one_of(
     st.builds(DutyEcho, st.tuples(hundredths(-32768, 32767), hundredths(-32768, 32767))),
     rounded_unit_quaternions(),
     st.builds(RawImu, st.tuples(INT16S, INT16S, INT16S), st.tuples(INT16S, INT16S, INT16S)),
-    st.builds(BatteryLevel, hundredths(0, 4095)),
+    st.builds(BatteryLevel, hundredths(0, 65535)),
     st.builds(Banner, st.sampled_from(PUBLISHED_BANNER)),
     st.just(ResetDone()),
     st.text(st.characters(min_codepoint=0x20, max_codepoint=0x7E), max_size=250).map(
@@ -180,7 +180,7 @@ def test_a_quaternion_off_its_norm_says_which_norm_it_has() -> None:
         (HOST, SetDuty((40000, 0)), "duty: expected a whole number from -32768 to 32767, got 40000"),
         (HOST, SetDuty((0, 0, 0, 0)), "duty: expected 2 numbers, got"),
         (BOARD, EncoderCounts((2**31, 0)), "counts: expected .* to 2147483647, got 2147483648"),
-        (BOARD, BatteryLevel(4095.5), "adc: expected a number from 0 to 4095, got 4095.5"),
+        (BOARD, BatteryLevel(65535.5), "adc: expected a number from 0 to 65535, got 65535.5"),
         (BOARD, BatteryLevel(math.nan), "adc: expected .*, got nan"),
         (BOARD, DutyEcho((math.inf, 0.0)), "duty: expected .*, got inf"),
         (BOARD, Orientation(math.inf, 0.0, 0.0, 0.0), "Orientation: expected a norm from 0.9 to 1.1"),

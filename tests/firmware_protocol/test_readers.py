@@ -179,6 +179,7 @@ AT_THE_LIMITS: list[tuple[bytes, Message]] = [
     (b"u\t32767", UltrasonicDistance(32767)),
     (b"b\t0.00", BatteryLevel(0.0)),
     (b"b\t4095.00", BatteryLevel(4095.0)),
+    (b"b\t65535.00", BatteryLevel(65535.0)),
     (b"t\t0\t0.00", BoardTime(0, 0.0)),
     (b"t\t4294967295\t4295.00", BoardTime(4294967295, 4295.0)),
     (b"e\t-2147483648\t2147483647", EncoderCounts((-2147483648, 2147483647))),
@@ -194,7 +195,7 @@ def test_the_limits_of_each_number_are_within_it(line: bytes, message: Message):
     assert from_board(CLASSIC).decode(line) == message
 
 
-@pytest.mark.parametrize("line", [b"u\t32768", b"b\t4095.01", b"t\t4294967296\t0.02", b"t\t1\t4295.01"])
+@pytest.mark.parametrize("line", [b"u\t32768", b"b\t65535.01", b"t\t4294967296\t0.02", b"t\t1\t4295.01"])
 def test_what_is_beyond_its_limit_is_refused(line: bytes):
     """By one, or by a hundredth."""
     refused = from_board(CLASSIC).decode(line)

@@ -116,3 +116,21 @@ def test_in_front_of_the_cupboard_it_believes_nothing_after_an_interruption(inte
         assert (await watch(robot, 0.1, 1.0))[-1].distance_m < before_m - 0.03
 
     facing_the_cupboard(scenario, sim__world__start_x_m=CUPBOARD_X_M - SENSOR_X_M - 0.12)
+
+
+@pytest.mark.parametrize("bits", [10, 12, 16])
+def test_a_board_with_another_adc_stops_before_the_cupboard(bits: int):
+    """``adc_bits`` says how many bits a reading has; at 0.5 m/s it stands 0.15 to 0.25 m from the sensor."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        seen = await watch(robot, 0.5, 8.0)
+        assert not any(each.in_contact for each in seen)
+        assert 0.15 < seen[-1].distance_m < 0.25
+
+    infrared = load(packaged("khan")).infrared[0].model_dump(exclude_unset=True, mode="json")
+    facing_the_cupboard(
+        scenario,
+        sim__board__adc_bits=bits,
+        infrared=[infrared | {"adc_bits": bits}],
+        battery__adc_full_scale=2**bits - 1,
+    )

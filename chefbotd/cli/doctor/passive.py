@@ -13,6 +13,7 @@ from chefbotd.cli.doctor.collecting import attitude, collected, of_topic, scan
 from chefbotd.cli.doctor.diagnosis import Diagnosis
 from chefbotd.client import Client, Event
 from chefbotd.client.state import State
+from chefbotd.doctor.analogue import AnalogueInput, check_adc
 from chefbotd.doctor.finding import Finding, ok, problem, skipped, warning
 from chefbotd.doctor.firmware import Firmware, check_firmware
 from chefbotd.doctor.host import check_baud
@@ -29,6 +30,7 @@ from chefbotd.doctor.lines import (
 from chefbotd.doctor.listening.line_survey import LineSurvey, line_bytes
 from chefbotd.doctor.sensors import Beams, check_battery, check_beams, check_imu
 from chefbotd.doctor.sketches import Expected, check_expected, check_sketch
+from chefbotd.settings import Settings
 
 TOPICS = ("raw", "firmware", "imu", "ranges", "battery", "scan", "lidars", "odometry", "stats")
 PINGS, PING_EVERY_S = 50, 0.02
@@ -134,7 +136,25 @@ def _sensor_findings(
     findings += [
         check_beams(sensor.name, beams.get(sensor.name), kind="infrared") for sensor in settings.infrared
     ]
-    return [*findings, *_lidars(diagnosis, events, state)]
+    adc = check_adc_of(diagnosis.settings, heard)
+    return [*findings, *([] if adc is None else [adc]), *_lidars(diagnosis, events, state)]
+
+
+def check_adc_of(settings: Settings, heard: LinesHeard) -> Finding | None:
+    """Whether the analogue readings fit the bits that the configuration says."""
+    battery = settings.battery
+    return check_adc(
+        heard.battery,
+        battery.adc_full_scale,
+        battery.reference_v * battery.divider_ratio / battery.adc_full_scale,
+        (battery.critical_v, battery.full_v),
+        [
+            AnalogueInput(
+                sensor.name, heard.analogue.get(sensor.channel), sensor.adc_bits, sensor.reference_v
+            )
+            for sensor in settings.infrared
+        ],
+    )
 
 
 def check_ultrasonic(name: str, beams: dict[str, Beams], *, sends: bool) -> Finding:

@@ -201,7 +201,7 @@ class UltrasonicEchoed(Record, frozen=True):
 
 
 class AnalogueCounted(Record, frozen=True):
-    """The raw 12-bit ADC reading of one analogue input."""
+    """The raw ADC reading of one analogue input."""
 
     stamp_s: float
     arrival_s: float

@@ -65,6 +65,8 @@ class _Ear:
         self.first_counts: tuple[int, ...] = ()
         self.counts: tuple[int, ...] = ()
         self.clock: list[tuple[float, float]] = []
+        self.analogue: dict[int, float] = {}
+        self.battery: float | None = None
         self._micros: int | None = None
 
     def feed(self, data: bytes, now_s: float) -> None:
@@ -88,6 +90,10 @@ class _Ear:
                 self.duty, self.firmware = duty, self.firmware or UNNAMED
             case wire.Firmware(major=major, minor=minor):
                 self.firmware = f"{major}.{minor}"
+            case wire.AnalogueLevel(channel=channel, adc=adc):
+                self.analogue[channel] = max(adc, self.analogue.get(channel, 0.0))
+            case wire.BatteryLevel(adc=adc):
+                self.battery = max(adc, self.battery or 0.0)
             case wire.RawImu() | wire.AgedImu():
                 self.raw_imu = True
             case wire.Text(text=text) | wire.Banner(text=text):
@@ -174,6 +180,8 @@ class LineSurvey:
             firmware=ear.firmware,
             formats=ear.refused_kinds(),
             clock_unit=_clock_unit(ear.clock),
+            analogue=ear.analogue,
+            battery=ear.battery,
         )
 
 
