@@ -52,6 +52,10 @@ GAP_CYCLES = 2
 """A gap of lost lines allows no more than so many cycles: the longer it is, the more damaged counts look possible."""
 
 
+NARROW_BITS, ENOUGH_WRAPS = 16, 2
+"""A board of 8 bits may count in an int of 16. The first wrap loses travel; from the second one on it is recognised."""
+
+
 class Sample(Record, frozen=True):
     """All wheels' counts at one board time."""
 
@@ -65,7 +69,8 @@ class EncodersState(Record, frozen=True):
     ``base`` is the last good reading as on the wire (None: the next reading becomes the reference). ``totals`` are the
     signed counts since the start, integers so that positions are exact. ``window`` holds the latest totals, newest
     last, and ``velocity_rad_s`` is the mean over it. ``suspect`` is the last refused reading, and ``agreeing`` the
-    number of refused readings that agree, itself included.
+    number of refused readings that agree, itself included. ``narrow_wraps`` counts what looked like counters of
+    ``NARROW_BITS`` bits that wrapped.
     """
 
     base: Sample | None = None
@@ -74,6 +79,11 @@ class EncodersState(Record, frozen=True):
     velocity_rad_s: tuple[float, ...] = ()
     suspect: Sample | None = None
     agreeing: int = 0
+    narrow_wraps: int = 0
+
+    def width_bits(self, params: EncoderParameters) -> int:
+        """How many bits the counters have: as configured, or as was recognised."""
+        return NARROW_BITS if self.narrow_wraps >= ENOUGH_WRAPS else params.width_bits
 
 
 START = EncodersState()
@@ -85,7 +95,7 @@ class Reading(Record, frozen=True):
     The velocity is a mean over the last ``measured_over_s`` of the board's time, 0 where nothing could be measured. A
     refused reading has no travel and keeps the last position and velocity; ``jumped`` are the indices of the wheels to
     blame, none when it is merely ``unconfirmed``. ``rebased``: the counters were taken as a new reference, without
-    travel.
+    travel. ``recognised_narrow``: from now on the counters are taken to wrap at ``NARROW_BITS`` bits.
     """
 
     travel_rad: tuple[float, ...]
@@ -95,6 +105,7 @@ class Reading(Record, frozen=True):
     rebased: bool = False
     unconfirmed: bool = False
     measured_over_s: float = 0.0
+    recognised_narrow: bool = False
 
     @property
     def refused(self) -> bool:
@@ -104,7 +115,7 @@ class Reading(Record, frozen=True):
 
 def rebase(state: EncodersState) -> EncodersState:
     """Take the next reading as the new reference, without travel: after a board reset. Positions go on."""
-    return EncodersState(totals=state.totals)
+    return EncodersState(totals=state.totals, narrow_wraps=state.narrow_wraps)
 
 
 def decode(
@@ -125,12 +136,19 @@ def decode(
     if base is None:
         return _take_reference(params, signs, state, sample)
     most = _most_counts(params, board_s - base.board_s)
-    if most >= 1 << (params.width_bits - 1):
+    bits = params.width_bits if not state.narrow_wraps else state.width_bits(params)
+    if most >= 1 << (bits - 1):
         return _take_reference(params, signs, state, sample)
-    deltas = _deltas(params, base, sample)
+    deltas = _deltas(bits, base, sample)
     if max(map(abs, deltas)) > most:
-        return _refuse(params, state, sample, tuple([i for i, d in enumerate(deltas) if abs(d) > most]))
-    if _surprises(params, signs, state, deltas, board_s) and not _fits(params, state.suspect, sample):
+        jumped = tuple([i for i, d in enumerate(deltas) if abs(d) > most])
+        refused = _refuse(params, state, sample, jumped)
+        if refused[0].narrow_wraps == ENOUGH_WRAPS > state.narrow_wraps:
+            known = replace(state, narrow_wraps=ENOUGH_WRAPS)
+            turned, reading = decode(params, signs, known, counts, board_s, rate_counts_s)
+            return turned, replace(reading, recognised_narrow=True)
+        return refused
+    if _surprises(params, signs, state, deltas, board_s) and not _fits(params, state, sample):
         waiting = replace(state, suspect=sample, agreeing=0)
         return waiting, replace(_no_travel(params, waiting), unconfirmed=True)
     turned, reading = _accept(params, signs, state, sample, deltas)
@@ -148,7 +166,7 @@ def _take_reference(
     if len(sample.counts) != len(signs):
         raise ValueError(f"expected {len(signs)} counts, got {sample.counts}")
     totals = state.totals or (0,) * len(signs)
-    rebased = _standing(sample, totals)
+    rebased = _standing(sample, totals, state.narrow_wraps)
     return rebased, _no_travel(params, rebased, rebased=True)
 
 
@@ -169,22 +187,37 @@ def _accept(
         velocity_rad_s,
         measured_over_s=sample.board_s - window[0].board_s,
     )
-    return EncodersState(sample, totals, window, velocity_rad_s), reading
+    turned = EncodersState(sample, totals, window, velocity_rad_s, narrow_wraps=state.narrow_wraps)
+    return turned, reading
 
 
-def _standing(sample: Sample, totals: tuple[int, ...]) -> EncodersState:
+def _standing(sample: Sample, totals: tuple[int, ...], narrow_wraps: int) -> EncodersState:
     """The state after a reading that is a new reference."""
-    return EncodersState(sample, totals, (Sample(sample.board_s, totals),), (0.0,) * len(totals))
+    still = (0.0,) * len(totals)
+    return EncodersState(sample, totals, (Sample(sample.board_s, totals),), still, narrow_wraps=narrow_wraps)
 
 
 def _refuse(
     params: EncoderParameters, state: EncodersState, sample: Sample, jumped: tuple[int, ...]
 ) -> tuple[EncodersState, Reading]:
-    agreeing = 1 + (state.agreeing if _fits(params, state.suspect, sample) else 0)
+    agreeing = 1 + (state.agreeing if _fits(params, state, sample) else 0)
     if agreeing < params.confirmations:
         waiting = replace(state, suspect=sample, agreeing=agreeing)
         return waiting, _no_travel(params, waiting, jumped)
-    return _standing(sample, state.totals), replace(_no_travel(params, state, jumped), rebased=True)
+    wraps = state.narrow_wraps + _wrapped_narrowly(params, state.base, sample)
+    return _standing(sample, state.totals, wraps), replace(_no_travel(params, state, jumped), rebased=True)
+
+
+def _wrapped_narrowly(params: EncoderParameters, base: Sample | None, sample: Sample) -> bool:
+    """Whether counters of ``NARROW_BITS`` bits, signed or not, may have come from ``base`` to ``sample`` by wrapping."""
+    if base is None or params.width_bits <= NARROW_BITS:
+        return False
+    span, counts = 1 << NARROW_BITS, (*base.counts, *sample.counts)
+    least, most_counts = min(counts), max(counts)
+    if not any(start <= least and most_counts < start + span for start in (0, -span // 2)):
+        return False
+    most = _most_counts(params, sample.board_s - base.board_s)
+    return max(map(abs, _deltas(NARROW_BITS, base, sample))) <= most
 
 
 def _no_travel(
@@ -196,9 +229,9 @@ def _no_travel(
     return Reading(nothing, position_rad, state.velocity_rad_s, jumped, rebased)
 
 
-def _deltas(params: EncoderParameters, before: Sample, after: Sample) -> tuple[int, ...]:
-    """Change of each counter the short way round, in [-half, half) of its range."""
-    half = 1 << (params.width_bits - 1)
+def _deltas(bits: int, before: Sample, after: Sample) -> tuple[int, ...]:
+    """Change of each counter of so many bits the short way round, in [-half, half) of its range."""
+    half = 1 << (bits - 1)
     mask = (half << 1) - 1
     pairs = zip(before.counts, after.counts, strict=True)
     return tuple([((new - old + half) & mask) - half for old, new in pairs])
@@ -239,12 +272,13 @@ def _surprises(
     return False
 
 
-def _fits(params: EncoderParameters, before: Sample | None, after: Sample) -> bool:
+def _fits(params: EncoderParameters, state: EncodersState, after: Sample) -> bool:
+    """Whether a reading agrees with the one that was refused last."""
+    before = state.suspect
     if before is None:
         return False
-    return max(map(abs, _deltas(params, before, after))) <= _most_counts(
-        params, after.board_s - before.board_s
-    )
+    deltas = _deltas(state.width_bits(params), before, after)
+    return max(map(abs, deltas)) <= _most_counts(params, after.board_s - before.board_s)
 
 
 def _extend(window: tuple[Sample, ...], newest: Sample, size: int) -> tuple[Sample, ...]:

@@ -64,6 +64,11 @@ class WheelReader:
         if reading.refused:
             self._refuse(event, reading)
             return WheelsRead(reading, 0.0, self._compared)
+        if reading.recognised_narrow:
+            log.warning(
+                "the encoders' counters wrap at 16 bits: set [encoders] width_bits = 16, or each start loses travel",
+                counts=event.counts,
+            )
         dt_s = 0.0 if self._board_s is None else event.board_s - self._board_s
         self._board_s = event.board_s
         before = self._compared.substitutes

@@ -346,3 +346,46 @@ def test_only_who_went_too_far_is_to_blame() -> None:
     state, _ = feed(params, (0, 0))
     _, reading = encoder.decode(params, FORWARD, state, (-4, 5), 0.0)
     assert reading.jumped == (1,)
+
+
+def narrow(count: int, *, signed: bool) -> int:
+    """A count as a counter of 16 bits shows it."""
+    return (count + 2**15) % 2**16 - 2**15 if signed else count % 2**16
+
+
+@pytest.mark.parametrize("signed", [True, False])
+@pytest.mark.parametrize("direction", [1, -1])
+def test_counters_of_16_bits_are_recognised_at_their_second_wrap(signed: bool, direction: int) -> None:
+    """100 counts a frame, round and round: the first wrap loses the travel of three frames, those after it nothing."""
+    params = parameters(width_bits=32)
+    frames = [direction * 100 * number for number in range(3000)]
+    state, recognised = encoder.START, []
+    for number, count in enumerate(frames):
+        shown = narrow(count + 32000, signed=signed), narrow(count, signed=signed)
+        state, reading = encoder.decode(params, (1, 1), state, shown, number * 0.05)
+        if reading.recognised_narrow:
+            recognised.append(number)
+    assert len(recognised) == 1
+    assert [abs(total - frames[-1]) for total in state.totals] == [300, 300]
+
+
+def test_a_board_that_restarts_has_no_narrow_counters() -> None:
+    """Its counters fall from anywhere to 0 and near it, again and again: 32 bits stay 32 bits."""
+    params, state = parameters(width_bits=32), encoder.START
+    for start in (5_000, 40_000, 1_000, 33_000, 60_000):
+        for frame, count in enumerate((start, start + 100, start + 200, 0, 100, 200, 300)):
+            state, reading = encoder.decode(params, (1, 1), state, (count, count), frame * 0.05 + start)
+            assert not reading.recognised_narrow
+    assert state.narrow_wraps == 0
+
+
+def test_damaged_numbers_are_no_wraps() -> None:
+    """Single readings that lost digits are refused; none is taken for a wrap."""
+    params, state = parameters(width_bits=32), encoder.START
+    for number in range(1, 400):
+        count = 20_000 + 50 * number
+        shown = count if number % 7 else count // 10
+        state, reading = encoder.decode(params, (1, 1), state, (count, shown), number * 0.05)
+        assert not reading.recognised_narrow
+    assert state.narrow_wraps == 0
+    assert state.totals == (50 * 397, 50 * 397)  # from the first frame to the last good one
