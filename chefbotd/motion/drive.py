@@ -152,17 +152,21 @@ class Drive:
         measured_over_s: float = 0.0,
         apart: bool = False,
         substitutes: Sequence[tuple[int, int]] = (),
+        obeyed_m_s: tuple[float, ...] | None = None,
     ) -> DriveState:
         """A step after an encoder frame, board time ``dt_s`` after the one before.
 
         ``velocity_rad_s`` are the mean speeds of the wheels over the last ``measured_over_s`` (0: their present
         speeds). ``substitutes`` are wheels whose reading is not believed, each with the one that it is driven like.
+        ``obeyed_m_s`` is what the commands in force asked for meanwhile, where that is not the last setpoint.
         """
         delay_s = self._parameters.response_delay_s
         reached_m_s = mean_m_s = state.setpoint_m_s
         if self.knows_its_motors:
             reached_m_s = held.reached_m_s(state, now_s)
             mean_m_s = reference.midway(state.held_m_s, reached_m_s)
+        if obeyed_m_s is not None:
+            mean_m_s = obeyed_m_s
         cycle_s = dt_s if dt_s >= pid.SHORTEST_S else state.cycle_s
         history = reference.remember(state.asked, Asked(dt_s, mean_m_s), measured_over_s + delay_s)
         state = self._setpoints.step(state, target, now_s, apart)

@@ -32,6 +32,7 @@ from chefbotd.features.driving.wheel_reader import WheelReader, WheelReaderState
 from chefbotd.metrics import Histogram
 from chefbotd.motion.drive import Drive
 from chefbotd.motion.drive_state import DriveState
+from chefbotd.motion.encoder import LOST_LINES_S
 from chefbotd.safety import gate
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import Decision
@@ -277,7 +278,10 @@ class DriveService:
             self._act(now_s)
             return
         self.keeper.watch_wheels(now_s, seen, self.reader.effort)
-        self.wheels.regulate(self.keeper.decide(now_s, driven=self.is_driving), now_s, seen)
+        obeyed_m_s = None
+        if seen.dt_s > LOST_LINES_S:  # the board waited for an echo, and obeyed an older command
+            obeyed_m_s = self.keeper.motors.in_force.likely_m_s()
+        self.wheels.regulate(self.keeper.decide(now_s, driven=self.is_driving), now_s, seen, obeyed_m_s)
         self._send_duty(now_s, self.wheels.drive_state.duty)
         self._watch_timer.restart(now_s)
         if self.wheels.change_waits:

@@ -64,8 +64,14 @@ class WheelController:
         """Call ``handler`` with the new gains, by wheel name, after each change."""
         self._on_gains = handler
 
-    def regulate(self, decision: Decision, now_s: float, seen: WheelsRead) -> None:
-        """Make a control step with a measurement."""
+    def regulate(
+        self,
+        decision: Decision,
+        now_s: float,
+        seen: WheelsRead,
+        obeyed_m_s: tuple[float, ...] | None = None,
+    ) -> None:
+        """Make a control step with a measurement (see ``Drive.regulate``)."""
         before, self.is_held_back = self.drive_state, False
         if decision.halted:
             self.drive_state = self._drive.halt(before)
@@ -82,6 +88,7 @@ class WheelController:
             measured_over_s=seen.reading.measured_over_s,
             apart=decision.limited_by is not None,
             substitutes=seen.same_side.substitutes,
+            obeyed_m_s=obeyed_m_s,
         )
         ceiling = self._duty_ceiling(now_s)
         self.is_held_back = ceiling is not None
