@@ -25,8 +25,9 @@ class RecordedLatch:
         """The state to begin in."""
         return self._state
 
-    def keep(self, state: GateState) -> None:
+    def keep(self, state: GateState) -> str:
         """It is in the recording."""
+        return ""
 
     def end(self) -> None:
         """There is nothing to forget."""

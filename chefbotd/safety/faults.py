@@ -23,6 +23,7 @@ class FaultKind(StrEnum):
     SERVICE_FAILED = "service_failed"
     LOOP_BLOCKED = "loop_blocked"
     UNCLEAN_SHUTDOWN = "unclean_shutdown"
+    LATCH_UNWRITABLE = "latch_unwritable"
 
 
 RECOVERABLE = frozenset({FaultKind.LINK_LOST, FaultKind.BOARD_RESTARTED})

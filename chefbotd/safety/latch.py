@@ -27,6 +27,12 @@ UNREADABLE = GateState(
 )
 
 
+def unwritable(problem: str) -> GateState:
+    """Where a latch is configured and cannot be written, a restart would forget an e-stop: the robot stays disarmed."""
+    reason = f"the latch file cannot be written ({problem}); make room for it, then arm the robot"
+    return GateState(Mode.DISARMED, reason, fault=FaultKind.LATCH_UNWRITABLE)
+
+
 class LatchParameters(Parameters):
     """``folder`` is where the file is; without one the state of the gate does not outlive the daemon."""
 
@@ -40,8 +46,8 @@ class GateStore(Protocol):
         """The state to begin in."""
         ...
 
-    def keep(self, state: GateState) -> None:
-        """Store a state, in place of the one before."""
+    def keep(self, state: GateState) -> str:
+        """Store a state, in place of the one before. Why it cannot be stored; empty: it is."""
         ...
 
     def end(self) -> None:

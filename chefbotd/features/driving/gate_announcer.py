@@ -31,6 +31,10 @@ class GateAnnouncer:
         """Restore this state."""
         self._announced, self.faults = state[0], Counter(state[1])
 
+    def store(self, state: GateState) -> str:
+        """Keep a state for the next daemon before it is in force. Why it cannot be kept; empty: it is."""
+        return self._latch.keep(state)
+
     def announce(self, event: SafetyChanged, state: GateState) -> None:
         """Publish a change, keep ``state`` for the next daemon, and log the change."""
         before, self._announced = self._announced, event

@@ -32,6 +32,7 @@ from chefbotd.features.driving.obstacle_guard import ObstacleGuard, Scans
 from chefbotd.features.driving.stop_hold import EMERGENCY_STOP, FAULT, StopHold
 from chefbotd.features.driving.wheel_reader import WheelsRead
 from chefbotd.safety import battery_monitor, encoder_timeout, gate, hold
+from chefbotd.safety import latch as latch_file
 from chefbotd.safety.encoder_timeout import EncoderTimeoutState
 from chefbotd.safety.faults import RECOVERABLE, Fault, FaultKind
 from chefbotd.safety.gate import (
@@ -262,7 +263,8 @@ class SafetyKeeper:
         ``latch`` is the number of the e-stop or fault that is to be cleared; None: whatever has latched.
 
         Raises:
-            Refused: the link is down, or another e-stop or fault has latched after that one.
+            Refused: the link is down, another e-stop or fault has latched after that one, or the next one could not be
+                stored.
         """
         if latch is not None:
             self._take_report()
@@ -278,7 +280,10 @@ class SafetyKeeper:
             raise Refused(RefusalKind.LINK_DOWN, "the board is not connected, so the robot cannot be armed")
         if self.armed:
             return
-        self._gate = gate.change_mode(self._gate, Trigger.ARM, "armed")
+        armed = gate.change_mode(self._gate, Trigger.ARM, "armed")
+        if problem := self.announcer.store(armed):
+            raise Refused(RefusalKind.STORAGE_FAILED, latch_file.unwritable(problem).reason)
+        self._gate = armed
         self.motors.start_anew()
         self._silence = replace(self._silence, interrupted=False)
 
@@ -454,4 +459,6 @@ class SafetyKeeper:
 
     def _recover(self, reason: str) -> None:
         if self._parameters.rearm is Rearm.AUTO:
-            self._gate = gate.change_mode(self._gate, Trigger.RECOVERY, reason)
+            recovered = gate.change_mode(self._gate, Trigger.RECOVERY, reason)
+            if recovered is not self._gate and not self.announcer.store(recovered):
+                self._gate = recovered

@@ -1,5 +1,6 @@
 """The gate's memory in a file."""
 
+import errno
 import os
 from collections.abc import Callable
 from pathlib import Path
@@ -108,6 +109,11 @@ def no_folder(path: Path) -> None:
     path.parent.write_text("")
 
 
+def not_writable(path: Path) -> None:
+    """A folder with a folder where the file would be made."""
+    path.with_suffix(".probe").mkdir(parents=True)
+
+
 def not_a_file(path: Path) -> None:
     """A folder where the file should be."""
     path.mkdir(parents=True)
@@ -152,3 +158,37 @@ def test_each_robot_and_its_simulation_have_files_of_their_own(tmp_path: Path):
     assert len(set(paths)) == len(paths)
     assert {path.parent for path in paths if path} == {tmp_path}
     assert path_of(LatchParameters(), "chefbot", simulated=False) is None
+
+
+def test_where_the_latch_cannot_be_written_the_robot_does_not_arm(tmp_path: Path):
+    """It begins disarmed, and says which file it is and why; with room it begins armed, and leaves nothing behind."""
+    path = tmp_path / "folder" / "latch.json"
+    not_writable(path)
+    with capture_logs() as logged:
+        state = LatchFile(path).recall()
+    assert (state.mode, state.fault) == (Mode.DISARMED, FaultKind.LATCH_UNWRITABLE)
+    assert str(path.parent) in state.reason
+    assert logged[-1]["event"] == "starting disarmed: the latch file cannot be written"
+    other = tmp_path / "other" / "latch.json"
+    assert LatchFile(other).recall() == ARMED
+    assert list(other.parent.iterdir()) == []
+
+
+@pytest.mark.parametrize("code", [errno.ENOSPC, errno.EIO, errno.EDQUOT])
+def test_a_disk_that_becomes_full_forgets_no_estop(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, code: int
+):
+    """No other file can be made any more: the state is written into the old one, and nothing is left beside it."""
+    path = tmp_path / "latch.json"
+    latch = LatchFile(path)
+    assert latch.keep(ARMED) == ""
+
+    def full(self: Path, data: bytes) -> int:
+        self.touch()
+        raise OSError(code, os.strerror(code), str(self))
+
+    monkeypatch.setattr(Path, "write_bytes", full)
+    assert latch.keep(ESTOPPED) == ""
+    monkeypatch.undo()
+    assert LatchFile(path).recall() == ESTOPPED
+    assert [left.name for left in tmp_path.iterdir()] == ["latch.json"]

@@ -29,7 +29,8 @@ from chefbotd.motion.same_side import SameSideState
 from chefbotd.process.latch_file import LatchFile
 from chefbotd.safety import in_force
 from chefbotd.safety.faults import Fault, FaultKind
-from chefbotd.safety.gate import Command, Mode, Rearm, SafetyParameters
+from chefbotd.safety.gate import Command, GateState, Mode, Rearm, SafetyParameters
+from chefbotd.safety.latch import GateStore
 from tests.chefbotd.features.driving.rig import CHASSIS
 
 TWIST = Twist2D(0.2, -0.3)
@@ -55,6 +56,7 @@ class Kept:
         mounts: Mapping[str, Pose2D] | None = None,
         scans: Callable[[OnError], Scans] | None = None,
         session: int = 0,
+        latch: GateStore | None = None,
     ) -> None:
         self.clock, parameters = ManualClock(100.0), SafetyParameters(rearm=rearm)
         self.bus = Bus()
@@ -66,7 +68,7 @@ class Kept:
             parameters,
             mounts=mounts or {},
             scans=scans,
-            latch=LatchFile(None),
+            latch=latch or LatchFile(None),
             session=session,
             motors=MotorWatch(parameters, CHASSIS, 1000),
         )
@@ -156,6 +158,38 @@ def test_arm_clears_no_fault_that_a_thread_has_just_reported() -> None:
     with pytest.raises(Refused):
         kept.keeper.arm(kept.told()[-1].latch)
     assert not kept.keeper.armed
+
+
+class FullDisk(LatchFile):
+    """Takes nothing while it is ``full``; ``kept`` are the modes that it took."""
+
+    def __init__(self) -> None:
+        super().__init__(None)
+        self.full, self.kept = False, list[Mode]()
+
+    def keep(self, state: GateState) -> str:
+        """Not while it is full."""
+        if self.full:
+            return "no space left on device"
+        self.kept.append(state.mode)
+        return ""
+
+
+@pytest.mark.parametrize("rearm", list(Rearm))
+def test_a_robot_whose_latch_cannot_be_written_does_not_arm(rearm: Rearm) -> None:
+    """By a client or by itself; that it is armed is on the disk before it is so."""
+    disk = FullDisk()
+    kept = Kept(rearm, latch=disk)
+    kept.keeper.on_link(LinkClosed(101.0, "dev", "pulled"))
+    disk.full = True
+    kept.keeper.on_link(LinkOpened(102.0, "dev"))
+    with pytest.raises(Refused, match="no space left on device") as refused:
+        kept.keeper.arm()
+    assert (refused.value.kind, kept.keeper.armed) == (RefusalKind.STORAGE_FAILED, False)
+    disk.full = False
+    disk.kept.clear()
+    kept.keeper.arm()
+    assert (kept.keeper.armed, disk.kept) == (True, [Mode.ARMED])
 
 
 def test_a_fault_that_changes_nothing_is_not_counted_again() -> None:
