@@ -91,9 +91,9 @@ class Reports:
         self._fleet.ignored.pop(name, None)
         self._strangers.forget(name)
         home = min(homes, key=lambda home: self._fleet.roadmap.distance_m[node, home])
-        vehicle = self._fleet.vehicles[name] = Vehicle(name, home, node, series=secrets.token_hex(4))
-        self._fleet.contacts[name] = Contact(now_s)
+        vehicle = Vehicle(name, home, node, series=secrets.token_hex(4))
         self._fleet.store.save(vehicle)
+        self._fleet.vehicles[name], self._fleet.contacts[name] = vehicle, Contact(now_s)
         self._fleet.traffic.add(name, node, home)
         self._fleet.plan_around(now_s)
         return vehicle

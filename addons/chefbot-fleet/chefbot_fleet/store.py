@@ -83,6 +83,9 @@ T = TypeVar("T", bound=Struct)
 class Store:
     """The database, which one manager has at a time, until it closes it or dies.
 
+    What cannot be written is not so in memory either: a failed ``save`` gives its values the fields back that are on the
+    disk. So asked for again, the same change is written again.
+
     Raises ``sqlite3.Error`` if it cannot be read or written, or another manager has it.
     """
 
@@ -92,6 +95,7 @@ class Store:
         self._database.execute("PRAGMA journal_mode=WAL")
         self._database.execute("PRAGMA synchronous=FULL")
         self._database.executescript(SCHEMA)
+        self._written: dict[tuple[type[Struct], str], bytes] = {}
 
     def close(self) -> None:
         """Close the file."""
@@ -99,18 +103,31 @@ class Store:
 
     def save(self, *values: FleetOrder | Vehicle) -> None:
         """Write these at once or not at all."""
-        with self._database:
-            self._database.execute("BEGIN")
+        encoded = {_key(value): msgspec.json.encode(value) for value in values}
+        try:
+            with self._database:
+                self._database.execute("BEGIN")
+                for (kind, name), data in encoded.items():
+                    table = "orders" if kind is FleetOrder else "robots"
+                    self._database.execute(f"REPLACE INTO {table} VALUES (?, ?)", (name, data))  # noqa: S608 - ours
+        except sqlite3.Error:
             for value in values:
-                data = msgspec.json.encode(value)
-                if isinstance(value, FleetOrder):
-                    self._database.execute("REPLACE INTO orders VALUES (?, ?)", (value.identifier, data))
-                else:
-                    self._database.execute("REPLACE INTO robots VALUES (?, ?)", (value.name, data))
+                self._take_back(value)
+            raise
+        self._written |= encoded
+
+    def _take_back(self, value: FleetOrder | Vehicle) -> None:
+        """Make a value again what is on the disk; one that was never there stays as it is."""
+        data = self._written.get(_key(value))
+        if data is not None:
+            before = msgspec.json.decode(data, type=type(value))
+            for name in value.__struct_fields__:
+                setattr(value, name, getattr(before, name))
 
     def forget(self, vehicle: Vehicle) -> None:
         """Remove a robot."""
         self._database.execute("DELETE FROM robots WHERE name = ?", (vehicle.name,))
+        self._written.pop(_key(vehicle), None)
 
     def correct(self, correction: Correction) -> None:
         """Add a correction of the roadmap."""
@@ -121,11 +138,14 @@ class Store:
     def orders(self) -> dict[str, FleetOrder]:
         """All orders, the oldest first."""
         orders = self._all("SELECT value FROM orders", FleetOrder)
+        self._written |= {_key(order): msgspec.json.encode(order) for order in orders}
         return {order.identifier: order for order in sorted(orders, key=lambda order: order.since_s)}
 
     def vehicles(self) -> list[Vehicle]:
         """All robots."""
-        return self._all("SELECT value FROM robots ORDER BY name", Vehicle)
+        vehicles = self._all("SELECT value FROM robots ORDER BY name", Vehicle)
+        self._written |= {_key(vehicle): msgspec.json.encode(vehicle) for vehicle in vehicles}
+        return vehicles
 
     def corrections(self) -> list[Correction]:
         """All corrections, in the order in which they were made."""
@@ -134,3 +154,7 @@ class Store:
     def _all(self, query: str, kind: type[T]) -> list[T]:
         rows: list[tuple[Any]] = self._database.execute(query).fetchall()
         return [msgspec.json.decode(value, type=kind) for (value,) in rows]
+
+
+def _key(value: FleetOrder | Vehicle) -> tuple[type[Struct], str]:
+    return type(value), value.identifier if isinstance(value, FleetOrder) else value.name
