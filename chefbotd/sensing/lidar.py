@@ -34,6 +34,15 @@ RANGES_M = {
 }
 """The nearest and the farthest reading that each model's data sheet promises."""
 
+WEAK_BELOW = {
+    LidarModel.LD06: 15,
+    LidarModel.LD19: 15,
+    LidarModel.RPLIDAR_A1: 5,
+    LidarModel.RPLIDAR_A2: 5,
+}
+"""Weaker readings must have a neighbour: LDROBOT's intensity (0 to 255) and its driver's own bound; Slamtec's quality (0
+to 63, assumed)."""
+
 MAX_SECTOR_RAD = 2 * math.tau
 
 
@@ -46,7 +55,9 @@ class LidarParameters(Parameters):
     the robot's description needs ``mount_z_m``, the height above the floor; the default is that of the axles.
     ``blind_sectors_rad`` are spans (from, to) of bearings that are ignored, CCW seen from above, 0 at the zero mark:
     they hide parts of the robot beside the lidar. With ``guards`` the obstacle guard slows for what the lidar sees.
-    With ``express`` an RPLIDAR that offers the express scan is asked for it.
+    With ``express`` an RPLIDAR that offers the express scan is asked for it. A reading that is weaker than
+    ``weak_below`` (None: the model's own bound; 0: none is) counts only where a beam beside it confirms it: in sunlight
+    a lidar makes weak lone points.
     """
 
     name: str = Field(default="lidar", min_length=1, max_length=40)
@@ -64,6 +75,7 @@ class LidarParameters(Parameters):
     max_range_m: float | None = Field(default=None, gt=0, le=200)
     guards: bool = True
     express: bool = True
+    weak_below: int | None = Field(default=None, ge=0, le=256)
 
     @model_validator(mode="after")
     def _is_a_lidar(self) -> "LidarParameters":
@@ -86,6 +98,11 @@ class LidarParameters(Parameters):
     def base_from_lidar(self) -> Pose2D:
         """The lidar's mount; its zero mark is along its own x axis."""
         return Pose2D(self.mount_x_m, self.mount_y_m, self.mount_yaw_rad)
+
+    @property
+    def weakest(self) -> int:
+        """A reading must be so strong to count without a neighbour."""
+        return WEAK_BELOW[self.model] if self.weak_below is None else self.weak_below
 
     @property
     def band_m(self) -> tuple[float, float]:

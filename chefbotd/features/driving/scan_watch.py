@@ -10,6 +10,7 @@ from functools import cache, partial
 from typing import Protocol
 
 import numpy as np
+from msgspec import field
 
 from chefbotd.bus import Bus, OnError
 from chefbotd.clock import Clock
@@ -20,6 +21,7 @@ from chefbotd.core.record import Record, replace
 from chefbotd.mapping.poses import row_of, transform
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.perception.laser_scan import OdometryTrack, points_in_base
+from chefbotd.perception.lone_points import find_lone
 from chefbotd.safety import guard, scan_guard
 from chefbotd.safety.guard import GuardParameters
 from chefbotd.safety.outline import Box, Disc, Floats, Outline
@@ -39,12 +41,13 @@ TURNS_KEPT = TURNS_LOOKED_AT + 2
 
 
 class _Seen(Record, frozen=True):
-    """A scan's points in the frame of the trail."""
+    """A scan's points in the frame of the trail; ``lone_m`` are those that nothing has confirmed yet."""
 
     points_m: Floats
     stamp_s: float
     arrival_s: float
     turn_s: float
+    lone_m: Floats = field(default_factory=lambda: np.zeros((0, 2)))
 
 
 WHEEL_WIDTH_M = 0.025
@@ -101,8 +104,10 @@ class ScanWatchState(Record, frozen=True):
 class ScanWatch:
     """Keeps the last turns of each guarding lidar, and the robot's trail since.
 
-    It has its own trail, in which a pose that a client sets is no motion. A depth camera (in ``blind_near``) does not
-    see very near points. Those that it saw before are kept until the robot has moved away from them.
+    A lidar's lone points are no obstacles until the next turn confirms them: sunlight and dust make such. The first
+    turn is believed whole, and so is each one after a silence. A depth camera (in ``blind_near``) does not see very
+    near points. Those that it saw before are kept until the robot has moved away from them. The watch has its own
+    trail, in which a pose that a client sets is no motion.
     """
 
     def __init__(
@@ -171,9 +176,26 @@ class ScanWatch:
         after_s = event.scan.after_s
         turn_s = float(np.ptp(after_s)) if len(after_s) else 0.0
         points_m = transform(row_of(trail_from_base), in_base)
+        sensor, lone_m = trail_from_base.compose(event.base_from_lidar), NOT_SEEN
         if event.lidar in self._near_m:
-            points_m = self._with_near(event.lidar, points_m, trail_from_base.compose(event.base_from_lidar))
-        self._seen[event.lidar].append(_Seen(points_m, event.stamp_s, self._clock.now_s(), turn_s))
+            points_m = self._with_near(event.lidar, points_m, sensor)
+        else:
+            points_m, lone_m = self._without_lone(event, turn_s, points_m, sensor)
+        self._seen[event.lidar].append(_Seen(points_m, event.stamp_s, self._clock.now_s(), turn_s, lone_m))
+
+    def _without_lone(
+        self, event: ScanMeasured, turn_s: float, points_m: Floats, sensor: Pose2D
+    ) -> tuple[Floats, Floats]:
+        """The points that a beam beside them or an earlier turn confirms, and the others."""
+        oldest_s = event.stamp_s - (TURNS_LOOKED_AT + 1) * turn_s
+        earlier = [
+            turn for turn in list(self._seen[event.lidar])[-TURNS_LOOKED_AT:] if turn.stamp_s > oldest_s
+        ]
+        if not earlier or not len(points_m):
+            return points_m, NOT_SEEN
+        raw = [np.concatenate((turn.points_m, turn.lone_m)) for turn in earlier]
+        lone = find_lone(points_m, np.array([sensor.x_m, sensor.y_m]), earlier=raw)
+        return points_m[~lone], points_m[lone]
 
     def _with_near(self, name: str, points_m: Floats, sensor: Pose2D) -> Floats:
         """These points, and the earlier points that are too near to the sensor to be seen now."""

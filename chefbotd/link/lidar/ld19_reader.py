@@ -224,4 +224,5 @@ class Ld19Reader:
         stamp_s = np.minimum(sent_s[:, None] - packet_s[:, None] * (1 - share), now_s)
         range_m = np.array([packet.distance_mm for packet in packets]) * 1e-3
         beam_s = np.maximum.accumulate(stamp_s[inside])  # the lidar's milliseconds are whole ones
-        return LidarTurn(angle[inside] * (math.pi / HALF_TURN_CDEG), range_m[inside], beam_s)
+        strength = np.array([packet.intensity for packet in packets], float)[inside]
+        return LidarTurn(angle[inside] * (math.pi / HALF_TURN_CDEG), range_m[inside], beam_s, strength)

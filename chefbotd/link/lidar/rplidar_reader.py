@@ -76,6 +76,7 @@ class _TurnBuilder(MutableState):
     _began_s: float | None = None
     _angle_q6: list[float] = []
     _range_m: list[float] = []
+    _quality: list[int] = []  # one for each range in a standard scan, none in an express scan
     _point_s: float = 0.0
     _capsule: Capsule | None = None
     _axis_q6: float = 0.0  # where the lidar looked last, in an express scan
@@ -87,7 +88,8 @@ class _TurnBuilder(MutableState):
     def take_node(self, node: ScanNode, now_s: float, behind: int) -> LidarTurn | None:
         """A point of a standard scan; ``behind`` is how many came after it in the same read."""
         turn = self._end_turn(now_s - behind * self._point_s) if node.starts_turn else None
-        self._add(node.angle_q6, node.distance_q2 / 4000)
+        if self._add(node.angle_q6, node.distance_q2 / 4000):
+            self._quality.append(node.quality)
         return turn
 
     def take_capsule(self, capsule: Capsule, now_s: float, behind: int) -> LidarTurn | None:
@@ -106,16 +108,20 @@ class _TurnBuilder(MutableState):
             self._add(angle_q6 - 8 * offset_q3, range_mm / 1000)
         return turn
 
-    def _add(self, angle_q6: float, range_m: float) -> None:
-        if self._began_s is not None and len(self._angle_q6) < FULL_TURN_Q6:
+    def _add(self, angle_q6: float, range_m: float) -> bool:
+        """Whether the point is kept: it is of a turn that was heard from its beginning."""
+        is_kept = self._began_s is not None and len(self._angle_q6) < FULL_TURN_Q6
+        if is_kept:
             self._angle_q6.append(angle_q6)
             self._range_m.append(range_m)
+        return is_kept
 
     def _end_turn(self, now_s: float) -> LidarTurn | None:
         """The points since the zero mark was last passed."""
         began_s, self._began_s = self._began_s, now_s
         angle_q6, range_m = np.array(self._angle_q6), np.array(self._range_m)
-        self._angle_q6, self._range_m = [], []
+        quality = np.array(self._quality, float) if self._quality else None
+        self._angle_q6, self._range_m, self._quality = [], [], []
         if began_s is None:
             return None
         if len(angle_q6) < LEAST_NODES or np.ptp(angle_q6) < LEAST_COVERED * FULL_TURN_Q6:
@@ -127,7 +133,10 @@ class _TurnBuilder(MutableState):
         took_s = self._steadied_s(now_s - began_s, len(angle_q6))
         self._point_s = took_s / len(angle_q6)
         share = np.clip(angle_q6 / FULL_TURN_Q6, 0.0, 1.0)
-        return LidarTurn(angle_q6 * (math.tau / FULL_TURN_Q6), range_m, now_s - (1 - share) * took_s)
+        clockwise_rad = angle_q6 * (math.tau / FULL_TURN_Q6)
+        if quality is not None and len(quality) != len(range_m):
+            quality = None  # a part of the turn was of an express scan, or restored without it
+        return LidarTurn(clockwise_rad, range_m, now_s - (1 - share) * took_s, quality)
 
     def _steadied_s(self, took_s: float, points: int) -> float:
         """How long the turn took; where that is far from what the last ones did, as long as those."""

@@ -5,10 +5,12 @@ from hashlib import blake2b
 
 import numpy as np
 from msgspec import field
+from numpy.typing import NDArray
 
 from chefbotd.core.geometry import Twist2D
 from chefbotd.core.record import MutableState, Record
 from chefbotd.core.scan import Floats, LaserScan
+from chefbotd.perception.lone_points import Flags, has_neighbour
 from chefbotd.sensing.lidar import LidarParameters
 
 REMEMBERED_TURNS = 600
@@ -28,12 +30,14 @@ LEAST_COVERED = 0.75
 class LidarTurn(Record, frozen=True):
     """What a lidar measured in one turn, in that order: angles as it counts them, clockwise from its zero mark.
 
-    ``clockwise_rad`` rises, ``range_m`` is 0 where there was no reading, ``stamp_s`` is each beam's host time.
+    ``clockwise_rad`` rises, ``range_m`` is 0 where there was no reading, ``stamp_s`` is each beam's host time, and
+    ``strength`` how strong its echo was, by the lidar's own scale (None: it does not tell).
     """
 
     clockwise_rad: Floats
     range_m: Floats
     stamp_s: Floats
+    strength: Floats | None = None
 
 
 def scan_of(lidar: LidarParameters, turn: LidarTurn) -> LaserScan:
@@ -46,8 +50,26 @@ def scan_of(lidar: LidarParameters, turn: LidarTurn) -> LaserScan:
     good = (turn.range_m >= nearest_m) & (turn.range_m <= farthest_m)
     for begin, end in lidar.blind_sectors_rad:
         good &= (bearing_rad - begin) % math.tau > (end - begin) % math.tau
+    if turn.strength is not None and lidar.weakest:
+        good[_weak_and_lone(bearing_rad, turn.range_m, good, turn.strength < lidar.weakest)] = False
     stamp_s = float(turn.stamp_s[-1])
     return LaserScan(stamp_s, bearing_rad, np.where(good, turn.range_m, 0.0), turn.stamp_s - stamp_s)
+
+
+MOST_WEAK = 0.5
+"""Where more of the readings are weak, the lidar's scale is another one, or everything around is black."""
+
+
+def _weak_and_lone(bearing_rad: Floats, range_m: Floats, good: Flags, weak: Flags) -> NDArray[np.int64]:
+    """The indices of the good readings that are weak and have no neighbour: sunlight, dust."""
+    seen = np.flatnonzero(good)
+    is_weak = weak[seen]
+    if not is_weak.any() or is_weak.mean() > MOST_WEAK:
+        return np.zeros(0, np.int64)
+    bearings, ranges = bearing_rad[seen], range_m[seen]
+    points = np.stack([ranges * np.cos(bearings), ranges * np.sin(bearings)], axis=1)
+    lone: NDArray[np.int64] = seen[is_weak & ~has_neighbour(points, np.zeros(2))]
+    return lone
 
 
 class RepeatFinder(MutableState):

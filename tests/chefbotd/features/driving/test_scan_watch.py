@@ -48,12 +48,17 @@ class Rig:
         self.bus.publish(WheelsMeasured(now_s, now_s, now_s, (0.0, 0.0), travel, (0.0, 0.0)))
 
     def scan(self, x_m: float, y_m: float, *, lidar: str = "top", before_s: float = 0.0) -> None:
-        """The lidar sees one point, given in the robot's frame, ``before_s`` before the end of its turn."""
-        dx, dy = x_m - MOUNT.x_m, y_m
-        bearing = np.array([math.atan2(dy, dx) - MOUNT.heading_rad, 1.0, 2.0, 3.0])
-        ranges = np.array([math.hypot(dx, dy), 0.0, 0.0, 0.0])
+        """Two beams of the lidar see one thing, given in the robot's frame, ``before_s`` before the end of its turn."""
+        self.beams((x_m, y_m), (x_m, y_m + 0.001), lidar=lidar, before_s=before_s)
+
+    def beams(self, *points_m: tuple[float, float], lidar: str = "top", before_s: float = 0.0) -> None:
+        """The lidar sees these points, each with a beam of its own, and nothing else."""
+        seen = [(x_m - MOUNT.x_m, y_m) for x_m, y_m in points_m]
+        bearing = np.array([*(math.atan2(dy, dx) - MOUNT.heading_rad for dx, dy in seen), 1.0, 2.0, 3.0])
+        ranges = np.array([*(math.hypot(dx, dy) for dx, dy in seen), 0.0, 0.0, 0.0])
         now_s = self.clock.now_s()
-        scan = LaserScan(now_s, bearing, ranges, np.array([-before_s, -0.08, -0.05, 0.0]))
+        after_s = np.array([*(-before_s for _ in seen), -0.08, -0.05, 0.0])
+        scan = LaserScan(now_s, bearing, ranges, after_s)
         self.bus.publish(ScanMeasured(now_s, lidar, MOUNT, scan))
 
     def allowed_m_s(self, wanted: Twist2D | None = None) -> float:
@@ -200,3 +205,33 @@ def test_a_stand_outlasts_the_noise_of_scans_and_a_restored_state() -> None:
     assert rig.allowed_m_s() == pytest.approx(speed_m_s(0.02, 0.18), abs=0.002)
     rig.scan(0.265, 0.0)
     assert rig.allowed_m_s() > 0.01
+
+
+def test_a_lone_point_is_no_obstacle_until_the_next_turn_confirms_it() -> None:
+    """One beam on something 0.5 m ahead, for the first time in the third turn: free, and an obstacle in the fourth."""
+    rig = Rig()
+    for turn in range(4):
+        rig.roll(0, 0, 0.1)
+        rig.beams((0.5, 0.0)) if turn >= 2 else rig.beams((0.1, 2.0), (0.1, 2.01))
+        assert (rig.allowed_m_s(Twist2D(1.0, 0.0)) == 1.0) == (turn < 3), turn
+
+
+def test_noise_that_is_somewhere_else_in_each_turn_stops_nobody() -> None:
+    """A lone point in each turn, 10 cm from that of the turn before: never an obstacle after the first turn."""
+    rig = Rig()
+    for turn in range(20):
+        rig.roll(0, 0, 0.1)
+        rig.beams((0.4 + 0.1 * (turn % 5), 0.1 * (turn % 2)))
+        assert turn < 2 or rig.allowed_m_s(Twist2D(1.0, 0.0)) == 1.0, turn
+
+
+def test_two_beams_on_a_leg_stop_it_at_once() -> None:
+    """A leg of 2 cm, 0.5 m ahead, steps in front of the robot: an obstacle in the turn that sees it first."""
+    rig = Rig()
+    for _ in range(3):
+        rig.roll(0, 0, 0.1)
+        rig.beams((0.1, 2.0), (0.1, 2.01))
+    assert rig.allowed_m_s(Twist2D(1.0, 0.0)) == 1.0
+    rig.roll(0, 0, 0.1)
+    rig.beams((0.5, 0.0), (0.5, 0.006))
+    assert rig.allowed_m_s(Twist2D(1.0, 0.0)) < 0.6

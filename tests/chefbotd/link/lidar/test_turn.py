@@ -107,3 +107,23 @@ def test_memory_is_bounded() -> None:
         finder.is_repeated(varied(seed), 0.0)
     assert not finder.is_repeated(varied(50), 0.1)
     assert finder.is_repeated(varied(699), 0.1)
+
+
+def sunny(strength: list[float]) -> list[float]:
+    """The ranges of a scan of 1 m all round but for the second and the fifth and sixth beam, with these strengths."""
+    degrees = np.arange(8) * 0.8
+    metres = np.array([1.0, 0.4, 1.0, 1.0, 0.5, 0.5, 1.0, 1.0])
+    stamps = np.linspace(0, 0.1, 8)
+    turned = LidarTurn(np.radians(degrees), metres, stamps, np.array(strength))
+    return scan_of(LidarParameters(model="ld19", device="/dev/x"), turned).range_m.tolist()
+
+
+def test_a_weak_reading_counts_where_a_beam_beside_it_confirms_it() -> None:
+    """Of intensity 8, below LDROBOT's 15: alone it is sunlight, two side by side are a dark leg, a strong one stays."""
+    assert sunny([200, 8, 200, 200, 8, 8, 200, 200]) == [1.0, 0.0, 1.0, 1.0, 0.5, 0.5, 1.0, 1.0]
+    assert sunny([200, 200, 200, 200, 8, 8, 200, 200])[1] == 0.4
+
+
+def test_a_lidar_whose_readings_are_all_weak_has_another_scale() -> None:
+    """Nothing is left out then."""
+    assert sunny([3, 3, 3, 3, 3, 3, 3, 3])[1] == 0.4
