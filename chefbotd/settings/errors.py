@@ -3,6 +3,7 @@
 import re
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
 from typing import Any, TypeAlias, get_args
 
 from pydantic import BaseModel, ValidationError
@@ -97,6 +98,15 @@ class SettingsError(Exception):
 
 class MissingExtraError(SettingsError):
     """A configuration that cannot be checked without a package of an extra; the text names it."""
+
+
+def blamed(wrong: str, origins: Mapping[Keys, str], path: Path) -> str:
+    """The source of the value that a message begins with; where other sources are mentioned, with them."""
+    places = {(place, origins[keys]) for keys in origins if (place := wrong.find(".".join(keys))) >= 0}
+    overriding = [source.removesuffix(": ") for _, source in sorted(places) if source]
+    if not overriding:
+        return f"{path}: " if not any(place == 0 for place, _ in places) else ""
+    return f"{overriding[0]}: " if min(places)[0] == 0 else f"{path}, with {' and '.join(overriding)}: "
 
 
 def explain(

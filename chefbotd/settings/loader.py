@@ -22,6 +22,7 @@ from chefbotd.settings.errors import (
     MissingExtraError,
     SettingsError,
     UnknownKey,
+    blamed,
     explain,
     from_environment,
     place,
@@ -85,7 +86,7 @@ def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = N
     except ValidationError as error:
         raise SettingsError(explain(error, Settings, values, origins, f"{path}: ")) from error
     if wrong := "; ".join(check(settings)):
-        raise SettingsError(f"{path}: {wrong}")
+        raise SettingsError(f"{blamed(wrong, origins, path)}{wrong}")
     _check_description(settings)
     return settings
 

@@ -27,12 +27,16 @@ HANDSHAKE: dict[str, str | None] = {
 
 
 @asynccontextmanager
-async def serving_page(allowed_hosts: Sequence[str] = (), **options: Any) -> AsyncIterator[Served]:
+async def serving_page(
+    allowed_hosts: Sequence[str] = (), origins: Sequence[str] = (), **options: Any
+) -> AsyncIterator[Served]:
     """Serve a fake robot's page on a free port for as long as the block lasts; the options of ``new_server``."""
     server, robot, bus = new_server(**options)
     metrics = Metrics()
     server.add_metrics(metrics)
-    parameters = PageParameters(enabled=True, port=0, allowed_hosts=tuple(allowed_hosts))
+    parameters = PageParameters(
+        enabled=True, port=0, allowed_hosts=tuple(allowed_hosts), origins=tuple(origins)
+    )
     page = PageServer(server, parameters, options.get("guard") or Guard(), metrics)
     running = asyncio.gather(server.run(), page.run())
     try:

@@ -16,9 +16,14 @@ def is_own_host(host: str, allowed: Collection[str]) -> bool:
     return name == "localhost" or name in allowed or _is_address(name)
 
 
-def is_own_origin(origin: str | None, host: str, *, tls: bool) -> bool:
-    """Whether a request was made by a page of this server; one without an Origin is from no browser."""
-    return origin is None or origin.lower() == f"{'https' if tls else 'http'}://{host}".lower()
+def is_own_origin(origin: str | None, host: str, *, tls: bool, allowed: Collection[str] = ()) -> bool:
+    """Whether a request was made by a page of this server, or by one of a proxy whose origin is allowed.
+
+    One without an Origin is from no browser.
+    """
+    if origin is None or origin.lower() in allowed:
+        return True
+    return origin.lower() == f"{'https' if tls else 'http'}://{host}".lower()
 
 
 def _hostname(url: str) -> str | None:

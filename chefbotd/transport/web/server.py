@@ -15,6 +15,7 @@ from aiohttp import web
 from msgspec import Struct
 from websockets.utils import accept_key
 
+from chefbotd.logs import RateLimitedLog
 from chefbotd.metrics import Metrics
 from chefbotd.rpc.access import Guard
 from chefbotd.rpc.jsonrpc import Failure
@@ -55,6 +56,8 @@ def page_files() -> dict[str, PageFile]:
     return {"/": files["/index.html"], **files}
 
 
+MOST_SHOWN = 200
+"""Characters of a foreign header in the log."""
 SOCKET_PATH = "/socket"
 HEADERS = {
     "Content-Security-Policy": (
@@ -104,6 +107,7 @@ class PageServer:
         self.unread = UnreadSockets()
         rpc.arrivals.add_transport(self.unread.mark)
         self._files = page_files()
+        self._log = RateLimitedLog(log)
         limits = rpc.connections.parameters
         self._http = HttpServer(
             self._serve,
@@ -144,7 +148,10 @@ class PageServer:
         return self._address
 
     async def _serve(self, request: web.BaseRequest) -> web.StreamResponse:
-        if not is_own_host(request.headers.get("Host", ""), self._parameters.allowed_hosts):
+        host = request.headers.get("Host", "")
+        if not is_own_host(host, self._parameters.host_names):
+            hint = "if this is the robot's name, add it to page.allowed_hosts; of a proxy, its origin to page.origins"
+            self._log.warning("page_name_refused", name=host[:MOST_SHOWN], hint=hint)
             reason = "this name is not the robot's: add it to page.allowed_hosts, or use its address"
             return _answer(HTTPStatus.MISDIRECTED_REQUEST, reason)
         if request.method not in ("GET", "HEAD"):
@@ -169,7 +176,12 @@ class PageServer:
     async def _serve_socket(self, request: web.BaseRequest) -> web.Response:
         """The handshake (RFC 6455, section 4.2); then the connection lives on its own until it ends."""
         headers, transport = request.headers, request.transport
-        if not is_own_origin(headers.get("Origin"), headers.get("Host", ""), tls=self._guard.tls is not None):
+        origin, host = headers.get("Origin"), headers.get("Host", "")
+        own = self._parameters.origins
+        if not is_own_origin(origin, host, tls=self._guard.tls is not None, allowed=own):
+            shown = str(origin)[:MOST_SHOWN]
+            hint = f'if a proxy of yours shows the page there, set [page] origins = ["{shown}"]'
+            self._log.warning("page_origin_refused", origin=shown, name=host[:MOST_SHOWN], hint=hint)
             return _answer(HTTPStatus.FORBIDDEN, "a page of another site may not talk to this robot")
         key = headers.get("Sec-WebSocket-Key", "")
         asked = (

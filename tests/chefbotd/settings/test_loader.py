@@ -196,3 +196,15 @@ def test_a_folder_is_told_as_one(tmp_path: Path):
     """It is no file that cannot be read."""
     with pytest.raises(SettingsError, match="is a folder, expected a TOML file"):
         load(tmp_path)
+
+
+def test_a_variable_is_blamed_for_what_it_breaks_between_keys(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A page beyond this computer needs a token: where a variable has set its host, no file is to blame."""
+    monkeypatch.setenv("CHEFBOTD_PAGE__ENABLED", "true")
+    with pytest.raises(SettingsError) as refused:
+        load(overrides={"page.host": "0.0.0.0"})
+    assert str(refused.value).startswith("page.host '0.0.0.0' is beyond")
+    monkeypatch.setenv("CHEFBOTD_PAGE__HOST", "0.0.0.0")
+    with pytest.raises(SettingsError) as refused:
+        load()
+    assert str(refused.value).startswith("CHEFBOTD_PAGE__HOST: page.host '0.0.0.0' is beyond")

@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, ClassVar
@@ -46,6 +46,7 @@ class RunningRobot:
         role: str = "admin",
         name: str = "chefbot",
         device: Path | None = None,
+        origins: Sequence[str] = (),
     ) -> None:
         self.api_port, self.page_port, self.token = reserve_port(), reserve_port(), token
         self._board = ["--sim"] if device is None else ["--port", str(device)]
@@ -58,6 +59,8 @@ class RunningRobot:
             tokens.write_text(f"{role} {token}\n")
             tokens.chmod(0o600)
             text = text.replace("[api]\n", f'[api]\ntoken_file = "{tokens}"\n')
+        if origins:
+            text = text.replace("[page]\n", f"[page]\norigins = {json.dumps(list(origins))}\n")
         self._configuration, self._log_path = folder / "robot.toml", folder / "log"
         self._configuration.write_text(text)
         self.start()

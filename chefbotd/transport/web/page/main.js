@@ -22,7 +22,8 @@ import { View } from "./view.js";
 import { Wheels } from "./wheels.js";
 import { battery, board, firmware, firmwareFigures, GAMEPAD, GESTURE, limit, plain, refusal, sentence } from "./words.js";
 
-const connection = new Connection(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/socket`);
+// Beside the page, wherever a proxy shows it.
+const connection = new Connection(new URL("socket", location.href).href.replace(/^http/, "ws"));
 const lately = new Lately(connection);
 const view = new View($("view"));
 const speeds = { linear_m_s: 0.2, angular_rad_s: 0.8 };

@@ -54,3 +54,48 @@ def test_an_allowed_host_is_a_bare_name(name: str) -> None:
     """Anything else would never match, and its owner would wonder."""
     with pytest.raises(ValueError, match="expected names without scheme and port"):
         PageParameters(allowed_hosts=(name,))
+
+
+def test_an_allowed_origin_is_a_proxys_page() -> None:
+    """Exactly that one: not its name over http, on another port, or with more behind it; and its own stays its own."""
+    allowed = PageParameters(origins=("HTTPS://Robot.example:443/", "https://robot.example:8443")).origins
+    assert allowed == ("https://robot.example", "https://robot.example:8443")
+    for origin, own in (
+        ("https://robot.example", True),
+        ("https://Robot.example:8443", True),
+        ("http://127.0.0.1:7380", True),
+        ("http://robot.example", False),
+        ("https://robot.example:444", False),
+        ("https://robot.example.evil.example", False),
+        ("null", False),
+    ):
+        assert is_own_origin(origin, "127.0.0.1:7380", tls=False, allowed=allowed) is own, origin
+
+
+def test_a_proxy_may_pass_its_own_name_on() -> None:
+    """The names of the origins are names of the robot too."""
+    names = PageParameters(origins=("https://robot.example:8443",), allowed_hosts=("bot.local",)).host_names
+    assert [is_own_host(host, names) for host in ("robot.example", "bot.local", "evil.example")] == [
+        True,
+        True,
+        False,
+    ]
+
+
+@pytest.mark.parametrize(
+    "origin",
+    [
+        "robot.example",
+        "*",
+        "https://*.example",
+        "https://robot.example/page",
+        "ftp://a",
+        "https://",
+        "https://a:b",
+        "null",
+    ],
+)
+def test_an_origin_is_a_scheme_and_a_name(origin: str) -> None:
+    """Anything else would never match, or match too much."""
+    with pytest.raises(ValueError, match="expected scheme and name"):
+        PageParameters(origins=(origin,))
