@@ -11,7 +11,6 @@ import socket
 from collections.abc import Callable
 from typing import cast
 
-from chefbotd.rpc import jsonrpc
 from chefbotd.rpc.arrivals import Arrival
 from chefbotd.rpc.backlog import Backlog
 from chefbotd.rpc.connection_manager import ConnectionManager
@@ -78,8 +77,11 @@ class SocketConnection(asyncio.Protocol):
             self._manager.drops,
             self._end_stuck,
             self._framing.encode,
+            self._framing.describe_drops,
         )
-        self.reply(self._manager.add(self))
+        greeting = self._manager.add(self)
+        if greeting:
+            self.reply(greeting)
 
     def reply(self, message: bytes, *, keep: bool = False) -> None:
         """Send an answer; never waits. ``keep``: even if the client reads too little and the answer has no room."""
@@ -268,7 +270,7 @@ class SocketConnection(asyncio.Protocol):
             self._search.limit.exceeded = True
             return
         self._manager.count_ended(self.session, failure)
-        self.reply(jsonrpc.error(failure))
+        self.reply(self._framing.describe_failure(failure))
         if self._search.is_untrusted(failure):
             self.close()
         else:

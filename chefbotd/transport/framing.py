@@ -7,8 +7,9 @@ from functools import lru_cache
 from typing import Protocol
 
 from chefbotd.rpc import jsonrpc
-from chefbotd.rpc.encoding import EventPayload
+from chefbotd.rpc.encoding import EventPayload, encode
 from chefbotd.rpc.jsonrpc import Failure
+from chefbotd.rpc.models import Dropped
 
 
 class ConnectionFraming(Protocol):
@@ -45,15 +46,30 @@ class ConnectionFraming(Protocol):
         """An event as it goes to the client."""
         ...
 
+    def describe_failure(self, failure: Failure, /) -> bytes:
+        """The message that says why a connection ends."""
+        ...
+
+    def describe_drops(self, dropped: Dropped, /) -> bytes:
+        """The message that says what a client has lost because it read too little; empty: it is not told."""
+        ...
+
     def goodbye(self) -> bytes:
         """What is sent before our side closes."""
         ...
+
+
+def describe_drops(dropped: Dropped) -> bytes:
+    """The notification of JSON-RPC."""
+    return jsonrpc.notification("dropped", encode(dropped))
 
 
 class LineFraming:
     """A line is a message: the stream is what the backlog takes."""
 
     partial, ended, failure = False, False, None
+    describe_failure = staticmethod(jsonrpc.error)
+    describe_drops = staticmethod(describe_drops)
 
     def lines(self, data: bytes) -> bytes:
         """The bytes as they are."""

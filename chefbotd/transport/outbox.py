@@ -12,10 +12,9 @@ import itertools
 from collections import Counter, OrderedDict
 from collections.abc import Callable
 
-from chefbotd.rpc import jsonrpc
-from chefbotd.rpc.encoding import encode
 from chefbotd.rpc.models import Dropped
 from chefbotd.rpc.parameters import ApiParameters
+from chefbotd.transport.framing import describe_drops
 
 FULL_S = 1.0
 """How long a client may read nothing once as many of its requests wait as may."""
@@ -27,7 +26,8 @@ LOOKS = 10
 class Outbox:
     """The output of one client; ``drops`` counts, by topic, what all clients together have lost.
 
-    What comes in is encoded already; ``encode`` does so with what the outbox itself has to say.
+    What comes in is encoded already; ``encode`` does so with what the outbox itself has to say: ``describe_drops``
+    makes that, and where it is empty nothing is said.
     ``give_up`` is called when the client has read nothing for ``timeout_s``, and ends the connection.
     """
 
@@ -38,9 +38,10 @@ class Outbox:
         drops: Counter[str],
         give_up: Callable[[], None],
         encode: Callable[[bytes], bytes],
+        describe_drops: Callable[[Dropped], bytes] = describe_drops,
     ) -> None:
         self._transport, self._parameters, self._all_drops = transport, parameters, drops
-        self._give_up, self._encode = give_up, encode
+        self._give_up, self._encode, self._describe_drops = give_up, encode, describe_drops
         self._waiting: OrderedDict[tuple[str, int], bytes] = OrderedDict()
         self._waiting_bytes = 0
         self._order = itertools.count(1)
@@ -105,8 +106,9 @@ class Outbox:
         if self._dropped:
             notice = Dropped(topics=dict(self._dropped), total=self._dropped.total())
             self._dropped.clear()
-            message = jsonrpc.notification("dropped", encode(notice))
-            self._transport.write(self._encode(message))
+            message = self._describe_drops(notice)
+            if message:
+                self._transport.write(self._encode(message))
         while self._waiting and not self.blocked:
             _, line = self._waiting.popitem(last=False)
             self._waiting_bytes -= len(line)

@@ -84,3 +84,32 @@ def test_an_event_is_framed_once_for_all_clients() -> None:
     size = int.from_bytes(one[2:4], "big")
     assert size == len(one) - 4
     assert json.loads(one[4:])["params"]["topic"] == "text"
+
+
+def test_many_short_messages_are_read_without_the_packages_parser(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A crowd's thousand messages in one read cost a loop of our own: fragments and control frames are for the parser."""
+    parsed: list[bytes] = []
+    framing = WebSocketFraming(4096)
+    monkeypatch.setattr(framing._protocol, "receive_data", parsed.append)
+    assert framing.lines(frame(STOP) * 1000) == (STOP + b"\n") * 1000
+    assert parsed == []
+
+
+@pytest.mark.parametrize("size", [1, 7, 1000, 100_000])
+def test_a_message_that_is_too_long_can_be_read_over(size: int) -> None:
+    """A line stands for it, however it is cut, and what follows it counts; without such a line the connection ends."""
+    stream = frame(STOP) + frame(b"x" * 5000) + frame(LONG) + frame(b"y" * 70_000) + frame(STOP)
+    framing = WebSocketFraming(4096, placeholder=b'"too long"')
+    lines = b"".join(framing.lines(stream[start : start + size]) for start in range(0, len(stream), size))
+    assert lines == b"\n".join((STOP, b'"too long"', LONG, b'"too long"', STOP, b""))
+    assert (framing.partial, framing.failure) == (False, None)
+
+
+def test_of_a_message_that_is_too_long_nothing_is_held() -> None:
+    """A length of 4 GB is believed, and costs a counter."""
+    framing = WebSocketFraming(4096, placeholder=b"-")
+    assert framing.lines(b"\x81\xff" + (1 << 32).to_bytes(8, "big") + b"mask") == b"-\n"
+    for _ in range(100):
+        assert framing.lines(b"z" * 65_536) == b""
+    assert framing.partial
+    assert len(framing._held) == 0
