@@ -124,6 +124,12 @@ class Backlog:
             self.clear()
             self._skips_line = True
 
+    def take_searched(self) -> bytes:
+        """Remove and return the lines that were searched, in their order; none of them is urgent."""
+        lines = bytes(self._bytes[: self._searched])
+        self._remove(0, self._searched)
+        return lines
+
     def clear(self) -> None:
         """Drop everything."""
         self._bytes.clear()

@@ -27,9 +27,8 @@ from chefbotd.rpc.arrivals import Arrival, Arrivals
 from chefbotd.rpc.connection_slots import ConnectionSlots, NoSlot, address_group
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.dispatch import Dispatcher
-from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
-from chefbotd.rpc.method import Caller
+from chefbotd.rpc.method import Caller, Receiver
 from chefbotd.rpc.parameters import ApiParameters, Role
 from chefbotd.rpc.session import Session
 
@@ -134,8 +133,20 @@ class Connection(Caller, Protocol):
         ...
 
 
+class Subscriptions(Protocol):
+    """Who is subscribed to what."""
+
+    def is_subscribed(self, receiver: Receiver, /) -> bool:
+        """Whether a receiver takes any topic."""
+        ...
+
+    def unsubscribe(self, receiver: Receiver, /) -> None:
+        """Take a receiver out of all topics."""
+        ...
+
+
 class ConnectionManager:
-    """``greeting`` makes the first message; ``role`` is what a new client may do, None: nothing before its token.
+    """``greeting`` makes the first message, empty: there is none; ``role`` is what a new client may do, None: nothing before its token.
 
     ``announce_left`` is told of each client that leaves.
     ``drops`` counts telemetry that slow clients lost by topic, ``refused`` the connections that were refused or ended
@@ -148,7 +159,7 @@ class ConnectionManager:
         clock: Clock,
         dispatcher: Dispatcher,
         arrivals: Arrivals,
-        fanout: Fanout,
+        fanout: Subscriptions,
         control: ControlLeases,
         greeting: Callable[[], bytes],
         role: Role | None,

@@ -69,7 +69,10 @@ class Dispatcher:
 
     ``void`` counts, by the kind of error, commands that came too late; one moves the robot for ``command_timeout_s``.
     ``urgent_pattern`` is found in every line that ``urgent_request`` accepts, however it is escaped.
+    ``sheds``: what is more than may wait is refused by ``shed``; else its client is read no further until it is served.
     """
+
+    sheds = False
 
     def __init__(
         self,
@@ -116,6 +119,10 @@ class Dispatcher:
         failure = self._carry_out(caller, request, arrival)
         if failure is not None:
             self._refuse(caller, failure, wants_answer=request.wants_answer)
+
+    def shed(self, caller: Caller, lines: bytes) -> None:
+        """Refuse lines that are more than may wait; none of them is urgent."""
+        raise NotImplementedError
 
     def urgent_request(self, session: Session, line: bytes | bytearray) -> Request | None:
         """The request in a line that is served before others: a stop, or the token that it needs; else None."""

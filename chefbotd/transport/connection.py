@@ -154,8 +154,13 @@ class SocketConnection(asyncio.Protocol):
             self._enter(ConnectionEvent.SERVED)
             if ends_here:
                 self._finish()
+            if self._state is ConnectionState.CLOSED:
+                self.finish()
         self.session.set_incomplete(self._backlog.unfinished or self._framing.partial)
         self._limit_reading()
+
+    def finish(self) -> None:
+        """Nothing of it is left to be served."""
 
     def _schedule(self) -> None:
         if not self._scheduled:
@@ -206,7 +211,10 @@ class SocketConnection(asyncio.Protocol):
         """Pause reading while the backlog is full, or may hold stops: more bytes would only come after them."""
         if self._state not in READING:
             return
-        full = len(self._backlog) > self._manager.parameters.backlog_bytes
+        full = self._is_full()
+        if full and self._manager.dispatcher.sheds and not self._may_hold_stops:
+            self._manager.dispatcher.shed(self, self._backlog.take_searched())
+            full = self._is_full()
         if full and self._outbox.blocked:
             self._outbox.shorten_timeout()
         if full or self._may_hold_stops:
@@ -218,6 +226,9 @@ class SocketConnection(asyncio.Protocol):
             self._paused = False
             self._clear_unread_mark()
             self._transport.resume_reading()
+
+    def _is_full(self) -> bool:
+        return len(self._backlog) > self._manager.parameters.backlog_bytes
 
     def pause_writing(self) -> None:
         """Asyncio: the client does not read; only stops are served now."""

@@ -10,7 +10,7 @@ from typing import Any, Final
 import structlog
 
 from chefbot_ros2.messages import MAP
-from chefbotd.client import CallError, Client
+from chefbotd.client import CallError, CallTimeout, Client
 from chefbotd.client.caller import ignore_progress
 from chefbotd.core.geometry import Pose2D, Twist2D
 
@@ -18,6 +18,9 @@ log = structlog.get_logger("ros2")
 
 OLDEST_VELOCITY_S: Final = 0.2
 """An older one may be of a publisher that has died since; one at 10 Hz has a new one by then."""
+
+MOST_RUNNING: Final = 64
+"""Requests of a client that wait for the daemon."""
 
 
 class NotConnected(Exception):
@@ -66,19 +69,28 @@ class Commands:
         async with self.serving(robot):
             await asyncio.Event().wait()
 
-    def _start(self, work: Coroutine[Any, Any, None]) -> None:
+    def _start(self, work: Coroutine[Any, Any, None]) -> "asyncio.Task[None]":
         if self._tasks is None:
             raise NotConnected("there is no connection to the daemon")
-        task = self._tasks.create_task(work)
+        return self._keep(self._tasks.create_task(work))
+
+    def begin(self, work: Coroutine[Any, Any, None]) -> "asyncio.Task[None]":
+        """Have this done while there is a connection; without one it is done at once, and says so."""
+        return self._keep(asyncio.ensure_future(work)) if self._tasks is None else self._start(work)
+
+    def _keep(self, task: "asyncio.Task[None]") -> "asyncio.Task[None]":
         self._running.add(task)
         task.add_done_callback(self._running.discard)
+        return task
 
     def drive(self, linear_m_s: float, angular_rad_s: float, since_s: float | None = None) -> None:
         """Drive so, once: the daemon's dead-man ends it. Without a connection it is forgotten.
 
         ``since_s`` is when it came, if that was not now. A motion that had to wait too long is not carried out.
         """
-        if self._robot is not None and math.isfinite(linear_m_s) and math.isfinite(angular_rad_s):
+        if not (math.isfinite(linear_m_s) and math.isfinite(angular_rad_s)):
+            self._refuse(f"cmd_vel: expected finite numbers, got {linear_m_s} and {angular_rad_s}")
+        elif self._robot is not None:
             came_s = self._now_s() if since_s is None else since_s
             self._velocity = Twist2D(linear_m_s, angular_rad_s), came_s, self.stop_number
             self._has_velocity.set()
@@ -108,7 +120,7 @@ class Commands:
 
     def set_pose(self, frame: str, pose: Pose2D) -> None:
         """RViz says about where the robot is."""
-        self._ask("initialpose", frame, lambda robot: robot.set_pose(pose.x_m, pose.y_m, pose.heading_rad))
+        self._ask("initialpose", frame, pose, lambda robot: robot.set_pose(pose.x_m, pose.y_m, pose.heading_rad))
 
     def navigate(self, frame: str, pose: Pose2D, stop_number: int | None = None) -> None:
         """RViz says where it shall go; a goal before this one is cancelled.
@@ -120,14 +132,21 @@ class Commands:
         self._ask(
             "goal_pose",
             frame,
+            pose,
             lambda robot: robot.call("navigate_to", on_progress=ignore_progress, **params),
         )
 
-    def _ask(self, topic: str, frame: str, call: Callable[[Client], Coroutine[Any, Any, Any]]) -> None:
+    def _ask(
+        self, topic: str, frame: str, pose: Pose2D, call: Callable[[Client], Coroutine[Any, Any, Any]]
+    ) -> None:
         if self._robot is None or self._tasks is None:
             log.warning("not done, for there is no connection to the daemon", topic=topic)
+        elif not all(math.isfinite(value) for value in (pose.x_m, pose.y_m, pose.heading_rad)):
+            self._refuse(f"{topic}: expected finite numbers, got {pose.x_m}, {pose.y_m}, {pose.heading_rad}")
         elif frame != MAP:
             self._refuse(f"{topic}: expected the frame {MAP}, got {frame!a}")
+        elif len(self._running) >= MOST_RUNNING:
+            self._refuse(f"{topic}: {MOST_RUNNING} requests wait for the daemon already")
         else:
             self._start(self._carry_out(topic, call(self._robot)))
 
@@ -135,8 +154,8 @@ class Commands:
         try:
             await call
             self.refused = ""
-        except CallError as refused:
-            self._refuse(f"{topic}: {refused.message}")
+        except (CallError, CallTimeout) as refused:
+            self._refuse(f"{topic}: {refused}")
 
     def _refuse(self, why: str) -> None:
         if why != self.refused:

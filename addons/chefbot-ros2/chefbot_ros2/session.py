@@ -15,6 +15,7 @@ from chefbot_ros2.messages import MAP, NS, ODOM, TFMessage, frame_of, messages, 
 from chefbot_ros2.topic_events import events_of, pose_of
 from chefbotd.client import CallError, ChefbotError, Client
 from chefbotd.client.event import Event
+from chefbotd.client.models import SafetyData
 from chefbotd.core.geometry import Pose2D
 
 log = structlog.get_logger("ros2")
@@ -24,11 +25,10 @@ Publish = Callable[[str, Any], None]
 
 AGAIN_S, DIAGNOSTICS_S, CLOCK_S, MAP_S = 1.0, 1.0, 10.0, 2.0
 PINGS: Final = 5
-MEASURED: Final = ("odometry", "wheels", "imu", "ranges", "scan", "map_pose", "path")
+MEASURED: Final = ("odometry", "wheels", "imu", "ranges", "scan", "map_pose", "path", "safety")
 STATES: Final = (
     "battery",
     "link",
-    "safety",
     "worker",
     "lidars",
     "localization",
@@ -50,10 +50,14 @@ class Session:
         version: str,
         commands: Commands | None = None,
         is_wanted: Callable[[str], bool] = lambda topic: True,
+        on_safety: Callable[[SafetyData], None] = lambda safety: None,
     ) -> None:
-        """``commands`` are asked on the same connection; what is measured is published on topics that are wanted."""
+        """``commands`` are asked on the same connection; what is measured is published on topics that are wanted.
+
+        ``on_safety`` is told of each change of the gate.
+        """
         self._connect, self._publish, self._name, self._version = connect, publish, name, version
-        self._commands, self._is_wanted = commands, is_wanted
+        self._commands, self._is_wanted, self._on_safety = commands, is_wanted, on_safety
         self._robot: Client | None = None
         self.stop_number: int | None = None  # of the robot's last stop or fault, as far as it is known
         self._why = "not connected yet"
@@ -139,6 +143,9 @@ class Session:
     def _take(self, event: Event[Any]) -> None:
         if event.topic == "map_pose":
             self._map_from_odom.add_map_pose(event.stamp_s, pose_of(event.data))
+        elif event.topic == "safety":
+            self._latest[event.topic] = event.data
+            self._on_safety(event.data)
         elif event.topic == "path":
             self._publish(*path(event.data, stamped(event.stamp_s, self._offset_ns)))
         elif event.topic == "wheels":

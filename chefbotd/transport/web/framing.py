@@ -175,7 +175,7 @@ class WebSocketFraming:
 
     def encode(self, message: bytes) -> bytes:
         """A message as a text frame."""
-        return _text_frame(message)
+        return text_frame(message)
 
     def event(self, payload: EventPayload) -> bytes:
         """An event as a text frame."""
@@ -189,9 +189,10 @@ class WebSocketFraming:
 @lru_cache(maxsize=4)
 def _event_frame(payload: EventPayload) -> bytes:
     """An event as a frame, made once for all clients."""
-    return _text_frame(jsonrpc.event(payload))
+    return text_frame(jsonrpc.event(payload))
 
 
-def _text_frame(message: bytes) -> bytes:
+def text_frame(message: bytes) -> bytes:
+    """A whole text message, of a server."""
     framed: bytes = Frame(Opcode.TEXT, message).serialize(mask=False)
     return framed

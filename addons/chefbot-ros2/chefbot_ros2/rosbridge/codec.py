@@ -38,8 +38,10 @@ def to_json(value: Any) -> Any:
     return value
 
 
-def full_name(name: str) -> str:
-    """``geometry_msgs/msg/Twist``, also of ROS 1's ``geometry_msgs/Twist``."""
+def full_name(name: Any) -> str:
+    """``geometry_msgs/msg/Twist``, also of ROS 1's ``geometry_msgs/Twist``; raises ``NotAMessage`` for no text."""
+    if not isinstance(name, str):
+        raise NotAMessage("expected the name of a type")
     package, _, rest = name.partition("/")
     return f"{package}/msg/{rest.rpartition('/')[2]}"
 

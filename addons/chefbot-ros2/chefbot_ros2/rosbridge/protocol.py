@@ -1,45 +1,72 @@
 """A client of rosbridge: what it asks by JSON objects, and what it is sent. It knows no sockets.
 
-Version 2 of the protocol, without fragments, PNG and CBOR, services of the client's own, and actions; each is refused by
-a ``status``. A client's memory is bounded: of each topic only the newest message waits for a slow one.
+Version 2 of the protocol, without PNG, CBOR, services of the client's own, and actions. Whatever cannot be done is said
+by a ``status``; a call of a service is answered by its id. A client's memory is bounded by its connection.
 """
 
 import asyncio
+import itertools
 import json
+import math
 import time
-from collections import deque
-from collections.abc import Awaitable, Callable, Mapping
-from typing import Any, Final
+from collections.abc import Callable, Mapping
+from typing import Any, Final, Protocol
 
+import structlog
 from msgspec import Struct
+from msgspec.json import encode
 
 from chefbot_ros2.commands import SERVICES, Commands, NotConnected
 from chefbot_ros2.messages import LATCHED_TOPICS, NS, pose_in_plane
 from chefbot_ros2.rosbridge.codec import NotAMessage, from_json, full_name, to_json
 from chefbotd.client import ChefbotError
+from chefbotd.logs import RateLimitedLog
+from chefbotd.rpc.encoding import EventPayload
 
+log = structlog.get_logger("rosbridge")
 TRIGGER: Final = "std_srvs/srv/Trigger"
-MOST_WAITING, MOST_SUBSCRIPTIONS = 64, 64
+MOST_SUBSCRIPTIONS, MOST_NAMES, MOST_CALLS = 64, 64, 32
+"""Topics of a client, its own names for one of them, and calls that wait for the daemon."""
+
+LONGEST_THROTTLE_MS: Final = 3_600_000.0
+LONGEST_NAME: Final = 256
+EXCESS_EVERY_S: Final = 1.0
+STOP_S: Final = 2.0
 ROSAPI: Final = "/rosapi/"
 VELOCITY: Final = "/cmd_vel"
+ESTOP: Final = "estop"
+MOVES: Final = frozenset({"arm", "take_control"})
+"""Services that a stop makes void when they came before it."""
 
-TAKEN: Final[Mapping[str, tuple[str, Callable[[Commands, Any], None]]]] = {
+TAKEN: Final[Mapping[str, tuple[str, Callable[[Commands, Any, float], None]]]] = {
     VELOCITY: (
         "geometry_msgs/msg/Twist",
-        lambda commands, message: commands.drive(message.linear.x, message.angular.z),
+        lambda commands, message, since_s: commands.drive(message.linear.x, message.angular.z, since_s),
     ),
     "/initialpose": (
         "geometry_msgs/msg/PoseWithCovarianceStamped",
-        lambda commands, message: commands.set_pose(
+        lambda commands, message, _: commands.set_pose(
             message.header.frame_id, pose_in_plane(message.pose.pose)
         ),
     ),
     "/goal_pose": (
         "geometry_msgs/msg/PoseStamped",
-        lambda commands, message: commands.navigate(message.header.frame_id, pose_in_plane(message.pose)),
+        lambda commands, message, _: commands.navigate(message.header.frame_id, pose_in_plane(message.pose)),
     ),
 }
 """What clients may publish: its type, and what is done with it."""
+
+
+class Outlet(Protocol):
+    """Where messages for a client go; it never waits."""
+
+    def reply(self, message: bytes, /) -> None:
+        """Send an answer."""
+        ...
+
+    def send_event(self, payload: EventPayload, latest: bool, /) -> None:
+        """Send an event; ``latest``: while the client is behind, only the newest of its topic is kept."""
+        ...
 
 
 class Subscription(Struct):
@@ -56,7 +83,8 @@ class Hub:
     def __init__(self) -> None:
         self.types: dict[str, str] = {}
         self._clients: set[Client] = set()
-        self._last: dict[str, str] = {}
+        self._last: dict[str, EventPayload] = {}
+        self._numbers = itertools.count(1)
 
     def publish(self, topic: str, message: Any) -> None:
         """Encoded once, and only where somebody wants it or will."""
@@ -64,11 +92,12 @@ class Hub:
         listeners = [client for client in self._clients if client.listens(topic)]
         if not listeners and topic not in LATCHED_TOPICS:
             return
-        text = json.dumps({"op": "publish", "topic": topic, "msg": to_json(message)}, separators=(",", ":"))
+        data = encode({"op": "publish", "topic": topic, "msg": to_json(message)})
+        payload = EventPayload(topic, next(self._numbers), 0.0, 0.0, data)
         if topic in LATCHED_TOPICS:
-            self._last[topic] = text
+            self._last[topic] = payload
         for client in listeners:
-            client.offer(topic, text)
+            client.offer(topic, payload)
 
     def is_wanted(self, topic: str) -> bool:
         """Whether a client would be sent a message of this topic now, or nobody knows the topic yet."""
@@ -82,98 +111,150 @@ class Hub:
         """A client has gone."""
         self._clients.discard(client)
 
-    def last(self, topic: str) -> str | None:
+    def last(self, topic: str) -> EventPayload | None:
         """The last message of a topic that late clients get too."""
         return self._last.get(topic)
 
 
 class Client:
-    """One client; ``next_texts`` is what goes to it."""
+    """One client; ``outlet`` is its connection. ``now_s`` is the clock of the ages of what it sends."""
 
-    def __init__(self, hub: Hub, source: str, now_s: Callable[[], float] = time.monotonic) -> None:
-        self._hub, self._now_s = hub, now_s
+    def __init__(self, hub: Hub, source: str, outlet: Outlet, now_s: Callable[[], float]) -> None:
+        self._hub, self._outlet, self._now_s = hub, outlet, now_s
         self.commands = Commands(source, self._tell_refused, now_s)
         self._subscriptions: dict[str, Subscription] = {}
-        self._newest: dict[str, str] = {}
-        self._answers: deque[str] = deque(maxlen=MOST_WAITING)
-        self._has_news = asyncio.Event()
         self._refused = ""
+        self._calls = 0  # that wait for the daemon
+        self._stopping: asyncio.Task[None] | None = None
+        self._stops: list[Mapping[str, Any]] = []  # that wait for the daemon
+        self._excess, self._tell_excess_s = 0, 0.0
+        self._log = RateLimitedLog(log)
 
     # to the client
 
-    async def next_texts(self) -> list[str]:
-        """All that waits for it; waits until there is something."""
-        await self._has_news.wait()
-        self._has_news.clear()
-        texts = [*self._answers, *self._newest.values()]
-        self._answers.clear()
-        self._newest.clear()
-        return texts
+    @property
+    def is_subscribed(self) -> bool:
+        """Whether it takes any topic."""
+        return bool(self._subscriptions)
 
     def listens(self, topic: str) -> bool:
         """Whether it would be sent a message of this topic now."""
         subscription = self._subscriptions.get(topic)
         return subscription is not None and self._now_s() >= subscription.next_s
 
-    def offer(self, topic: str, text: str) -> None:
+    def offer(self, topic: str, payload: EventPayload) -> None:
         """A message; a newer one takes the place of one that still waits."""
         subscription = self._subscriptions[topic]
         subscription.next_s = self._now_s() + subscription.period_s
-        self._newest[topic] = text
-        self._has_news.set()
+        self._outlet.send_event(payload, True)
 
     def _answer(self, **words: Any) -> None:
-        self._answers.append(json.dumps(words, separators=(",", ":")))
-        self._has_news.set()
+        self._outlet.reply(json.dumps(words, separators=(",", ":")).encode())
 
-    def _status(self, text: str, request_id: object = None) -> None:
+    def tell(self, text: str, request_id: object = None, level: str = "error") -> None:
+        """Send a status; refusals are logged, the first at once and the rest as a count."""
         about = {} if request_id is None else {"id": request_id}
-        self._answer(op="status", level="error", msg=text, **about)
+        self._log.warning("rosbridge_status", level=level, text=text[:200])
+        self._answer(op="status", level=level, msg=text, **about)
 
     def _tell_refused(self, why: str) -> None:
         if why != self._refused:
-            self._status(why)
+            self.tell(why)
         self._refused = why
 
     # from the client
 
-    async def handle(self, text: str | bytes) -> None:
-        """One JSON object. Whatever is wrong with it is answered, and nothing is done."""
+    def refuse_excess(self, text: bytes) -> None:
+        """A message that is more than may wait, or came too soon: a call gets an answer, the rest a number."""
+        request = read_call(text) if b"call_service" in text else None
+        if request is not None:
+            self._answer_call(request, "too many messages: not done, call it again", result=False)
+        self._excess += 1
+        now_s = self._now_s()
+        if now_s >= self._tell_excess_s:
+            self.tell(f"{self._excess} messages were not looked at: they came too fast")
+            self._excess, self._tell_excess_s = 0, now_s + EXCESS_EVERY_S
+
+    def stop(self, request: Mapping[str, Any]) -> None:
+        """Have the robot stop, before whatever waits; those that come while one is under way share the next."""
+        if len(self._stops) >= MOST_CALLS:
+            self._answer_call(request, f"{MOST_CALLS} emergency stops are under way already", result=False)
+            return
+        self._stops.append(request)
+        if len(self._stops) == 1:
+            self._stopping = self.commands.begin(self._stop())
+
+    async def finish_stops(self) -> None:
+        """Wait for the stops that are under way: they count, even where their client is gone."""
+        if self._stopping is not None:
+            await asyncio.wait([self._stopping], timeout=STOP_S)
+
+    async def _stop(self) -> None:
+        while self._stops:
+            count = len(self._stops)
+            values = await self._trigger(ESTOP)
+            for request in self._stops[:count]:
+                self._answer_call(request, values, result=True)
+            del self._stops[:count]
+
+    def handle(self, text: bytes, age_s: float = 0.0, overtaken: str = "") -> None:
+        """One JSON object. Whatever is wrong with it is answered, and nothing is done.
+
+        It has waited for ``age_s``; ``overtaken`` says which stop came before it: then it does not move the robot.
+        """
         try:
             request = json.loads(text)
             operation = request["op"]
             handler = OPERATIONS[operation]
         except (ValueError, TypeError, KeyError, RecursionError):
             known = ", ".join(OPERATIONS)
-            self._status(f"expected a JSON object with one of these as op: {known}")
+            self.tell(f"expected a JSON object with one of these as op: {known}")
             return
         try:
-            await handler(self, request)
-        except (NotAMessage, KeyError, TypeError, ValueError) as problem:
+            handler(self, request, age_s, overtaken)
+        except (NotAMessage, NotConnected, KeyError, TypeError, ValueError, OverflowError) as problem:
             reason = f"{problem} is missing" if isinstance(problem, KeyError) else str(problem)
-            self._status(f"{operation}: {reason}", request.get("id"))
+            self._refuse(operation, request, reason)
+        except Exception as problem:  # noqa: BLE001 - told and logged: one message must not end a connection
+            self._log.warning("rosbridge_fault", operation=operation, error=repr(problem)[:500])
+            self._refuse(operation, request, "a fault in the bridge; it is in its log")
 
-    async def _subscribe(self, request: dict[str, Any]) -> None:
-        topic = absolute(request["topic"])
+    def _refuse(self, operation: str, request: Mapping[str, Any], reason: str) -> None:
+        try:
+            self.tell(f"{operation}: {reason[:500]}", request.get("id"))
+        except RecursionError:  # of its id
+            self.tell(f"{operation}: {reason[:500]}")
+
+    def _subscribe(self, request: dict[str, Any], age_s: float, overtaken: str) -> None:
+        topic, name = absolute(request["topic"]), request.get("id")
         published, wanted = self._hub.types.get(topic), request.get("type")
         if published and wanted and full_name(wanted) != published:
             raise NotAMessage(f"{topic} is {published}, not {wanted}")
-        if request.get("compression", "none") not in ("none", None):
-            raise NotAMessage("expected the compression none")
-        if len(self._subscriptions) >= MOST_SUBSCRIPTIONS:
-            raise NotAMessage(f"at most {MOST_SUBSCRIPTIONS} subscriptions are allowed")
-        period_s = float(request.get("throttle_rate") or 0) / 1000
+        period_s = throttle_s(request.get("throttle_rate"))
         known = self._subscriptions.get(topic)
         if known is None:
-            self._subscriptions[topic] = Subscription({request.get("id")}, period_s)
+            if len(self._subscriptions) >= MOST_SUBSCRIPTIONS:
+                raise NotAMessage(f"at most {MOST_SUBSCRIPTIONS} subscriptions are allowed")
+            self._subscriptions[topic] = Subscription({name}, period_s)
         else:
-            known.ids.add(request.get("id"))
+            if len(known.ids) >= MOST_NAMES and name not in known.ids:
+                raise NotAMessage(f"at most {MOST_NAMES} subscriptions of one topic are allowed")
+            known.ids.add(name)
             known.period_s = min(known.period_s, period_s)
+        self._explain_encoding(topic, request)
         last = self._hub.last(topic)
         if last is not None:
             self.offer(topic, last)
 
-    async def _unsubscribe(self, request: dict[str, Any]) -> None:
+    def _explain_encoding(self, topic: str, request: dict[str, Any]) -> None:
+        """What a client asked for and does not get: it gets plain JSON, whole."""
+        compression = request.get("compression")
+        if compression not in ("none", None):
+            self.tell(f"{topic} comes as plain JSON, not as {compression!a:.40}", request.get("id"), "warning")
+        if request.get("fragment_size") is not None:
+            self.tell(f"{topic} comes whole, not in fragments", request.get("id"), "warning")
+
+    def _unsubscribe(self, request: dict[str, Any], age_s: float, overtaken: str) -> None:
         topic = absolute(request["topic"])
         subscription = self._subscriptions.get(topic)
         if subscription is None:
@@ -181,37 +262,52 @@ class Client:
         subscription.ids.discard(request.get("id"))
         if "id" not in request or not subscription.ids:
             del self._subscriptions[topic]
-            self._newest.pop(topic, None)
 
-    async def _advertise(self, request: dict[str, Any]) -> None:
+    def _advertise(self, request: dict[str, Any], age_s: float, overtaken: str) -> None:
         topic, wanted = absolute(request["topic"]), full_name(request["type"])
         if topic not in TAKEN:
             raise NotAMessage(f"the robot does not take {topic}; it takes {', '.join(TAKEN)}")
         if TAKEN[topic][0] != wanted:
             raise NotAMessage(f"{topic} is {TAKEN[topic][0]}, not {wanted}")
 
-    async def _unadvertise(self, request: dict[str, Any]) -> None:
+    def _unadvertise(self, request: dict[str, Any], age_s: float, overtaken: str) -> None:
         """A client that no longer drives stands, at once."""
         if absolute(request["topic"]) == VELOCITY:
             self.commands.drive(0.0, 0.0)
 
-    async def _publish(self, request: dict[str, Any]) -> None:
+    def _publish(self, request: dict[str, Any], age_s: float, overtaken: str) -> None:
         topic = absolute(request["topic"])
         if topic not in TAKEN:
             raise NotAMessage(f"the robot does not take {topic}; it takes {', '.join(TAKEN)}")
         type_name, take = TAKEN[topic]
-        take(self.commands, from_json(type_name, request.get("msg", {})))
+        message = from_json(type_name, request.get("msg", {}))
+        if overtaken:
+            raise NotAMessage(f"{topic}: {overtaken}")
+        take(self.commands, message, self._now_s() - age_s)
 
-    async def _call_service(self, request: dict[str, Any]) -> None:
-        name, arguments = absolute(request["service"]), request.get("args") or {}
+    def _call_service(self, request: dict[str, Any], age_s: float, overtaken: str) -> None:
+        name = absolute(request["service"])
+        service = name.removeprefix("/")
         if name.startswith(ROSAPI):
-            values, result = self._about(name.removeprefix(ROSAPI), arguments)
-        elif name.removeprefix("/") in SERVICES:
-            values, result = await self._trigger(name.removeprefix("/")), True
+            self._answer_call(request, *self._ask_rosapi(name.removeprefix(ROSAPI), request))
+        elif service not in SERVICES:
+            self._answer_call(request, f"there is no service {name}", result=False)
+        elif service == ESTOP:
+            self.stop(request)
+        elif overtaken and service in MOVES:
+            self._answer_call(request, {"success": False, "message": overtaken}, result=True)
+        elif self._calls >= MOST_CALLS:
+            self._answer_call(request, f"{self._calls} calls wait already: not done", result=False)
         else:
-            values, result = f"there is no service {name}", False
-        about = {"id": request["id"]} if "id" in request else {}
-        self._answer(op="service_response", service=request["service"], values=values, result=result, **about)
+            self.commands.begin(self._call(request, service))
+
+    async def _call(self, request: Mapping[str, Any], service: str) -> None:
+        self._calls += 1
+        try:
+            values = await self._trigger(service)
+        finally:
+            self._calls -= 1
+        self._answer_call(request, values, result=True)
 
     async def _trigger(self, name: str) -> dict[str, object]:
         try:
@@ -219,6 +315,21 @@ class Client:
         except (ChefbotError, NotConnected) as problem:
             return {"success": False, "message": str(problem)}
         return {"success": True, "message": "done"}
+
+    def _answer_call(self, request: Mapping[str, Any], values: object, result: bool) -> None:
+        about = {"id": request["id"]} if "id" in request else {}
+        service = request["service"]
+        try:
+            self._answer(op="service_response", service=service, values=values, result=result, **about)
+        except RecursionError:  # of its id
+            self._answer(op="service_response", service=service, values=values, result=result)
+
+    def _ask_rosapi(self, name: str, request: dict[str, Any]) -> tuple[Any, bool]:
+        try:
+            return self._about(name, request.get("args") or {})
+        except (NotAMessage, KeyError, TypeError) as problem:
+            missing = isinstance(problem, KeyError)
+            return f"{problem} is missing" if missing else f"expected an object with names: {problem}", False
 
     def _about(self, name: str, arguments: Any) -> tuple[Any, bool]:
         """What roslib asks of the node rosapi."""
@@ -237,11 +348,11 @@ class Client:
             return f"there is no service {ROSAPI}{name}", False
         return answers[name](), True
 
-    async def _ignore(self, request: dict[str, Any]) -> None:
+    def _ignore(self, request: dict[str, Any], age_s: float, overtaken: str) -> None:
         """How much a client wants to be told."""
 
 
-OPERATIONS: Final[Mapping[str, Callable[[Client, dict[str, Any]], Awaitable[None]]]] = {
+OPERATIONS: Final[Mapping[str, Callable[[Client, dict[str, Any], float, str], None]]] = {
     "subscribe": Client._subscribe,
     "unsubscribe": Client._unsubscribe,
     "advertise": Client._advertise,
@@ -254,6 +365,27 @@ OPERATIONS: Final[Mapping[str, Callable[[Client, dict[str, Any]], Awaitable[None
 
 def absolute(topic: Any) -> str:
     """With a slash before it."""
-    if not isinstance(topic, str):
-        raise NotAMessage("expected a name")
+    if not isinstance(topic, str) or not 0 < len(topic) <= LONGEST_NAME:
+        raise NotAMessage(f"expected a name of at most {LONGEST_NAME} letters")
     return topic if topic.startswith("/") else f"/{topic}"
+
+
+def throttle_s(rate: Any) -> float:
+    """The least time between two messages, of ``throttle_rate`` in milliseconds."""
+    if rate is None:
+        return 0.0
+    if isinstance(rate, bool) or not isinstance(rate, int | float):
+        raise NotAMessage("throttle_rate: expected milliseconds")
+    if not 0 <= rate <= LONGEST_THROTTLE_MS or not math.isfinite(rate):
+        raise NotAMessage(f"throttle_rate: expected milliseconds from 0 to {LONGEST_THROTTLE_MS:g}")
+    return float(rate) / 1000
+
+
+def read_call(text: bytes) -> dict[str, Any] | None:
+    """The call of a service in a message; None: it is none."""
+    try:
+        request = json.loads(text)
+        is_call = request["op"] == "call_service" and isinstance(request["service"], str)
+    except (ValueError, TypeError, KeyError, RecursionError):
+        return None
+    return request if is_call else None

@@ -10,37 +10,78 @@ holds to the daemon's own rule: nobody without a token, and nobody at all if the
 import argparse
 import asyncio
 import signal
+import ssl
 from collections.abc import Callable, Coroutine
 from contextlib import AbstractAsyncContextManager
 from functools import partial
 from http import HTTPStatus
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 from urllib.parse import parse_qs, urlsplit
 
 import structlog
-from websockets.asyncio.server import ServerConnection, serve
-from websockets.exceptions import ConnectionClosed
-from websockets.http11 import Request, Response
-from websockets.typing import Origin
+from aiohttp import web
 
+from chefbot_ros2.rosbridge.dispatcher import LONGEST_BYTES, RosbridgeDispatcher, RosbridgeFraming
 from chefbot_ros2.rosbridge.protocol import Client, Hub
-from chefbot_ros2.session import Session
+from chefbot_ros2.session import Session as Robot
 from chefbotd import client as daemon
 from chefbotd.client import ChefbotError
-from chefbotd.rpc.parameters import is_loopback
+from chefbotd.client.models import SafetyData
+from chefbotd.clock import SystemClock
+from chefbotd.rpc.arrivals import SHORT_TICK_S, Arrivals
+from chefbotd.rpc.connection_manager import ConnectionManager
+from chefbotd.rpc.control_leases import ControlLeases
+from chefbotd.rpc.jsonrpc import Failure
+from chefbotd.rpc.method import Receiver
+from chefbotd.rpc.parameters import ApiParameters, Role, is_loopback
+from chefbotd.rpc.session import Session
+from chefbotd.transport.unread import UnreadSockets
+from chefbotd.transport.web.http_server import HttpLimits, HttpServer, plain_answer
+from chefbotd.transport.web.websocket import WebSocketConnection, is_websocket, switch, turn_away
 
 log = structlog.get_logger("rosbridge")
 ConnectAs = Callable[[str | None, str], AbstractAsyncContextManager[daemon.Client]]
 """Takes a token, and what the client is called."""
 
 VERSION = "0.1.0"
-PORT, MOST_CLIENTS, MOST_BYTES = 9090, 32, 1 << 16
+PORT = 9090
 POLICY_VIOLATION = 1008
+PARAMETERS = ApiParameters(
+    max_clients=32,
+    max_clients_per_address=28,
+    reserved_stop_connections=4,
+    max_request_bytes=LONGEST_BYTES,
+    backlog_bytes=LONGEST_BYTES,
+    requests_per_s=500.0,
+    requests_burst=500,
+    write_timeout_s=30.0,
+)
+"""The daemon's limits, with fewer clients and messages: each is a connection to the daemon, and longer work."""
 
 
 class NotAdmitted(Exception):
     """This client is not served; the message says what it lacks."""
+
+
+class Subscribers:
+    """Which connections take a topic."""
+
+    def __init__(self) -> None:
+        self._clients: dict[Receiver, Client] = {}
+
+    def add(self, receiver: Receiver, client: Client) -> None:
+        """A client has come."""
+        self._clients[receiver] = client
+
+    def is_subscribed(self, receiver: Receiver) -> bool:
+        """Whether a receiver takes any topic."""
+        client = self._clients.get(receiver)
+        return client is not None and client.is_subscribed
+
+    def unsubscribe(self, receiver: Receiver) -> None:
+        """A client has gone."""
+        self._clients.pop(receiver, None)
 
 
 class Server:
@@ -50,87 +91,133 @@ class Server:
     """
 
     def __init__(
-        self, connect_as: ConnectAs, token: str | None, source: str, *, needs_tokens: bool = False
+        self,
+        connect_as: ConnectAs,
+        token: str | None,
+        source: str,
+        *,
+        needs_tokens: bool = False,
+        tls: ssl.SSLContext | None = None,
     ) -> None:
-        self._connect_as, self._source, self._clients = connect_as, source, 0
-        self._needs_tokens = needs_tokens
-        self._hub = Hub()
-        self._session = Session(
+        self._connect_as, self._source, self._needs_tokens = connect_as, source, needs_tokens
+        self._hub, self._origins = Hub(), set[str]()
+        self._clock, self._latch = SystemClock(), 0
+        self._arrivals, self._unread = Arrivals(self._clock), UnreadSockets()
+        self._arrivals.add_transport(self._unread.mark)
+        self._dispatcher = RosbridgeDispatcher(self._clock, self._arrivals)
+        self._subscribers = Subscribers()
+        self._manager = ConnectionManager(
+            PARAMETERS,
+            self._clock,
+            self._dispatcher,
+            self._arrivals,
+            self._subscribers,
+            ControlLeases(PARAMETERS.lease_s, 0.0, lambda source: None, lambda change: None),
+            greeting=lambda: b"",
+            role=Role.OBSERVE,  # what it may do is what the daemon says to its token
+            announce_left=lambda client: None,
+        )
+        self._http = HttpServer(
+            self._serve, "rosbridge", tls, HttpLimits(receive_bytes=PARAMETERS.backlog_bytes)
+        )
+        self._robot = Robot(
             partial(connect_as, token, "rosbridge"),
             self._hub.publish,
             "rosbridge",
             VERSION,
             is_wanted=self._hub.is_wanted,
+            on_safety=self._take_safety,
         )
 
     async def run(self, host: str, port: int, origins: list[str], listening: Callable[[int], None]) -> None:
         """Serve until cancelled. A page of another site is refused unless its origin is allowed."""
-        async with serve(
-            self._serve,
-            host,
-            port,
-            origins=[None, *map(Origin, origins)],
-            process_request=self._admit,
-            max_size=MOST_BYTES,
-            compression=None,
-        ) as server:
-            listening(next(iter(server.sockets)).getsockname()[1])
-            await self._session.run()
+        self._origins = {origin.lower() for origin in origins}
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(self._http.run(host, port, lambda _, port: listening(port)))
+            tasks.create_task(self._robot.run())
+            tasks.create_task(self._tick())
 
-    def _admit(self, connection: ServerConnection, request: Request) -> Response | None:
-        if self._clients >= MOST_CLIENTS:
-            return connection.respond(HTTPStatus.SERVICE_UNAVAILABLE, "too many clients\n")
-        return None
+    async def _tick(self) -> None:
+        while True:
+            self._arrivals.tick()
+            self._manager.sweep()
+            await asyncio.sleep(SHORT_TICK_S)
 
-    async def _serve(self, socket: ServerConnection) -> None:
-        self._clients += 1
-        host, port, *_ = socket.remote_address
-        token = token_of(socket.request)
+    def _take_safety(self, safety: SafetyData) -> None:
+        """Whoever stopped the robot: what has been sent before that moves nothing any more."""
+        if safety.latch != self._latch:
+            self._latch = safety.latch
+            self._arrivals.record_stop(None, safety.reason or "somebody")
+
+    async def _serve(self, request: web.BaseRequest) -> web.StreamResponse:
+        origin = request.headers.get("Origin")
+        if origin is not None and origin.lower() not in self._origins:
+            return plain_answer(HTTPStatus.FORBIDDEN, "pages of this origin may not connect: see --origin")
+        if not is_websocket(request):
+            return plain_answer(HTTPStatus.UPGRADE_REQUIRED, "this is a WebSocket of version 13")
+        host, port = request.transport.get_extra_info("peername")[:2] if request.transport else ("", 0)
+        name, token, reason = f"rosbridge {host}:{port}", token_of(request), ""
         try:
             if self._needs_tokens and token is None:
                 raise NotAdmitted("show a token: Authorization: Bearer TOKEN, or ?token=TOKEN")
-            async with self._connect_as(token, f"rosbridge {host}:{port}") as robot:
+            async with self._connect_as(token, name) as robot:
                 if self._needs_tokens and robot.hello.auth != "token":
                     raise NotAdmitted("the daemon asks for no tokens, so only its own computer is served")
-                await self._converse(socket, robot)
-        except* ConnectionClosed:
-            pass
+                admitted = self._manager.admit(host, port)
+                if isinstance(admitted, Failure):
+                    raise NotAdmitted(admitted.message)
+                self._http.show_proof(request)
+                await self._converse(request, admitted, robot)
         except* (NotAdmitted, ChefbotError, OSError, TimeoutError) as problems:
-            reason = str(problems.exceptions[0])
-            log.warning("a client of rosbridge is sent away", client=f"{host}:{port}", why=reason)
-            await socket.close(POLICY_VIOLATION, reason.encode()[:120].decode(errors="ignore"))
-        finally:
-            self._clients -= 1
+            reason = str(first_of(problems))
+        if reason:
+            self._http.count_refused(host, "sent away", reason)
+            return turn_away(request, POLICY_VIOLATION, reason)
+        return web.Response()
 
-    async def _converse(self, socket: ServerConnection, robot: daemon.Client) -> None:
-        """Until the client leaves; each thing it asks is done before the next is read."""
-        client = Client(self._hub, self._source)
+    async def _converse(self, request: web.BaseRequest, session: Session, robot: daemon.Client) -> None:
+        """Until the client or the daemon leaves; a stop that had arrived is carried out to its end."""
+        connection = WebSocketConnection(
+            self._manager,
+            self._unread,
+            session,
+            self._http.plain_socket(request),
+            cast(asyncio.Protocol, request.protocol),
+            RosbridgeFraming(),
+        )
+        client = Client(self._hub, self._source, connection, self._clock.now_s)
+        self._dispatcher.add(session, client)
+        self._subscribers.add(connection, client)
         self._hub.add(client)
         try:
-            async with client.commands.serving(robot), asyncio.TaskGroup() as tasks:
-                sending = tasks.create_task(_send(socket, client))
-                async for text in socket:
-                    client.commands.stop_number = self._session.stop_number
-                    await client.handle(text)
-                sending.cancel()
+            async with client.commands.serving(robot):
+                switch(request, connection)
+                await connection.gone.wait()
+                self._hub.remove(client)
+                await connection.over.wait()
+                await client.finish_stops()
+        except* ChefbotError as problems:
+            connection.end(Failure("internal", str(first_of(problems))))
+            await connection.gone.wait()
         finally:
             self._hub.remove(client)
+            self._dispatcher.remove(session)
+            if not connection.gone.is_set():
+                self._manager.remove(session)
 
 
-async def _send(socket: ServerConnection, client: Client) -> None:
-    while True:
-        for text in await client.next_texts():
-            await socket.send(text)
+def first_of(problems: BaseExceptionGroup[Any]) -> BaseException:
+    """The first problem of a group of groups."""
+    first = problems.exceptions[0]
+    return first_of(first) if isinstance(first, BaseExceptionGroup) else first
 
 
-def token_of(request: Request | None) -> str | None:
+def token_of(request: web.BaseRequest) -> str | None:
     """``Authorization: Bearer TOKEN``; of a browser, which cannot send that, ``?token=TOKEN``."""
-    if request is None:
-        return None
     scheme, _, token = request.headers.get("Authorization", "").partition(" ")
     if scheme.lower() == "bearer" and token:
         return token
-    tokens = parse_qs(urlsplit(request.path).query).get("token", [])
+    tokens = parse_qs(urlsplit(request.raw_path).query).get("token", [])
     return tokens[0] if tokens else None
 
 
