@@ -146,7 +146,9 @@ class Subscriptions(Protocol):
 
 
 class ConnectionManager:
-    """``greeting`` makes the first message, empty: there is none; ``role`` is what a new client may do, None: nothing before its token.
+    """``greeting`` makes the first message, empty: there is none.
+
+    ``role`` is what a new client may do, None: nothing before its token.
 
     ``announce_left`` is told of each client that leaves.
     ``drops`` counts telemetry that slow clients lost by topic, ``refused`` the connections that were refused or ended

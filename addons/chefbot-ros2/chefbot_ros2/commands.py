@@ -120,7 +120,9 @@ class Commands:
 
     def set_pose(self, frame: str, pose: Pose2D) -> None:
         """RViz says about where the robot is."""
-        self._ask("initialpose", frame, pose, lambda robot: robot.set_pose(pose.x_m, pose.y_m, pose.heading_rad))
+        self._ask(
+            "initialpose", frame, pose, lambda robot: robot.set_pose(pose.x_m, pose.y_m, pose.heading_rad)
+        )
 
     def navigate(self, frame: str, pose: Pose2D, stop_number: int | None = None) -> None:
         """RViz says where it shall go; a goal before this one is cancelled.

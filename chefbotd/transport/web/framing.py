@@ -9,8 +9,13 @@ from typing import cast
 
 from msgspec import Struct
 from websockets.exceptions import PayloadTooBig
-from websockets.frames import Close, CloseCode, Frame, Opcode, apply_mask
+from websockets.frames import Close, CloseCode, Frame, Opcode
 from websockets.protocol import Protocol, Side, State
+
+try:
+    from websockets.speedups import apply_mask
+except ImportError:  # a platform without a wheel of it
+    from websockets.utils import apply_mask
 
 from chefbotd.rpc import jsonrpc
 from chefbotd.rpc.encoding import EventPayload
@@ -127,14 +132,15 @@ class WebSocketFraming:
     def _take_frame(self, head: FrameHead, start: int, lines: bytearray) -> int:
         """Take a frame if it is complete, or can only be refused; where the next one begins."""
         payload, end = start + head.head_bytes, start + head.head_bytes + head.payload_bytes
-        if head.is_sound and head.payload_bytes > self._longest_bytes and self._placeholder is not None:
-            if not self._in_fragments and head.first in WHOLE_MESSAGES:
-                lines += self._placeholder + b"\n"
-                self._skip_bytes = max(0, end - len(self._held))
-                return min(end, len(self._held))
-        if head.is_sound and head.payload_bytes <= self._longest_bytes and end > len(self._held):
+        is_message = head.is_sound and head.first in WHOLE_MESSAGES and not self._in_fragments
+        is_too_long = head.payload_bytes > self._longest_bytes
+        if is_message and is_too_long and self._placeholder is not None:
+            lines += self._placeholder + b"\n"
+            self._skip_bytes = max(0, end - len(self._held))
+            return min(end, len(self._held))
+        if head.is_sound and not is_too_long and end > len(self._held):
             return start
-        if head.is_sound and head.first in WHOLE_MESSAGES and end <= len(self._held) and not self._in_fragments:
+        if is_message and end <= len(self._held):
             mask = bytes(self._held[payload - MASK_BYTES : payload])
             lines += apply_mask(self._held[payload:end], mask).replace(b"\n", b" ") + b"\n"
             return end
@@ -193,6 +199,9 @@ def _event_frame(payload: EventPayload) -> bytes:
 
 
 def text_frame(message: bytes) -> bytes:
-    """A whole text message, of a server."""
-    framed: bytes = Frame(Opcode.TEXT, message).serialize(mask=False)
-    return framed
+    """A whole text message, of a server (RFC 6455, section 5.2)."""
+    size = len(message)
+    if size <= LONGEST_SHORT:
+        return bytes((FIN | Opcode.TEXT, size)) + message
+    code, length_bytes = (126, 2) if size < 1 << 16 else (127, 8)
+    return bytes((FIN | Opcode.TEXT, code)) + size.to_bytes(length_bytes, "big") + message

@@ -3,7 +3,6 @@
 import asyncio
 import socket
 from http import HTTPStatus
-from typing import cast
 
 from aiohttp import web
 from websockets.frames import Close, Frame, Opcode
@@ -69,11 +68,11 @@ def switch(request: web.BaseRequest, connection: WebSocketConnection) -> None:
     transport.write(_switching(request))
     transport.set_protocol(connection)
     connection.connection_made(transport)
-    cast(asyncio.Transport, transport).resume_reading()
+    transport.resume_reading()
 
 
 def turn_away(request: web.BaseRequest, code: int, reason: str) -> web.Response:
-    """Open the WebSocket only to close it with a code and a reason, which a browser shows; a failed handshake it hides."""
+    """Open the WebSocket to close it with a code and a reason: a browser shows these, and hides a failed handshake."""
     transport = request.transport
     if transport is not None:
         text = reason.encode()[:LONGEST_REASON_BYTES].decode(errors="ignore")

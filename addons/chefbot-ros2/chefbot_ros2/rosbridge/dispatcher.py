@@ -22,7 +22,7 @@ LONGEST_BYTES = 16_384
 
 TOO_LONG = b'{"op":"a message that is too long"}'
 VELOCITY_HOLDS_S = 0.5
-STOP = re.compile(rb'estop|\\u')
+STOP = re.compile(rb"estop|\\u")
 """Is in every call of the service, however it is escaped."""
 
 STOP_LEFT_OPEN = re.compile(rb'"service"\s*:\s*"/?estop"')
@@ -121,5 +121,4 @@ class RosbridgeDispatcher(Dispatcher):
         """Refuse messages that are more than may wait."""
         client = self._clients.get(caller.session)
         if client is not None:
-            for line in lines.splitlines():
-                client.refuse_excess(line)
+            client.refuse_excess(lines.removesuffix(b"\n"))

@@ -149,7 +149,11 @@ class Client:
         self._outlet.send_event(payload, True)
 
     def _answer(self, **words: Any) -> None:
-        self._outlet.reply(json.dumps(words, separators=(",", ":")).encode())
+        try:
+            message = encode(words)
+        except (OverflowError, TypeError, ValueError):  # an id of a thousand digits, or half a letter in it
+            message = json.dumps(words, separators=(",", ":")).encode()
+        self._outlet.reply(message)
 
     def tell(self, text: str, request_id: object = None, level: str = "error") -> None:
         """Send a status; refusals are logged, the first at once and the rest as a count."""
@@ -164,12 +168,14 @@ class Client:
 
     # from the client
 
-    def refuse_excess(self, text: bytes) -> None:
-        """A message that is more than may wait, or came too soon: a call gets an answer, the rest a number."""
-        request = read_call(text) if b"call_service" in text else None
-        if request is not None:
-            self._answer_call(request, "too many messages: not done, call it again", result=False)
-        self._excess += 1
+    def refuse_excess(self, lines: bytes) -> None:
+        """Messages that are more than may wait, or came too soon: a call gets an answer, the rest a number."""
+        self._excess += lines.count(b"\n") + 1
+        if b"call_service" in lines:
+            for line in lines.splitlines():
+                request = read_call(line) if b"call_service" in line else None
+                if request is not None:
+                    self._answer_call(request, "too many messages: not done, call it again", result=False)
         now_s = self._now_s()
         if now_s >= self._tell_excess_s:
             self.tell(f"{self._excess} messages were not looked at: they came too fast")
@@ -250,7 +256,9 @@ class Client:
         """What a client asked for and does not get: it gets plain JSON, whole."""
         compression = request.get("compression")
         if compression not in ("none", None):
-            self.tell(f"{topic} comes as plain JSON, not as {compression!a:.40}", request.get("id"), "warning")
+            self.tell(
+                f"{topic} comes as plain JSON, not as {compression!a:.40}", request.get("id"), "warning"
+            )
         if request.get("fragment_size") is not None:
             self.tell(f"{topic} comes whole, not in fragments", request.get("id"), "warning")
 

@@ -60,6 +60,10 @@ PARAMETERS = ApiParameters(
 """The daemon's limits, with fewer clients and messages: each is a connection to the daemon, and longer work."""
 
 
+RECEIVE_BYTES = 8192
+"""What the kernel holds of a client, and so what is read of it in one turn of the loop: at most twice this."""
+
+
 class NotAdmitted(Exception):
     """This client is not served; the message says what it lacks."""
 
@@ -117,9 +121,7 @@ class Server:
             role=Role.OBSERVE,  # what it may do is what the daemon says to its token
             announce_left=lambda client: None,
         )
-        self._http = HttpServer(
-            self._serve, "rosbridge", tls, HttpLimits(receive_bytes=PARAMETERS.backlog_bytes)
-        )
+        self._http = HttpServer(self._serve, "rosbridge", tls, HttpLimits(receive_bytes=RECEIVE_BYTES))
         self._robot = Robot(
             partial(connect_as, token, "rosbridge"),
             self._hub.publish,

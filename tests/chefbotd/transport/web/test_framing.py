@@ -7,7 +7,7 @@ from websockets.frames import Frame, Opcode
 
 from chefbotd.rpc.encoding import EventPayload
 from chefbotd.rpc.jsonrpc import ErrorKind
-from chefbotd.transport.web.framing import WebSocketFraming
+from chefbotd.transport.web.framing import WebSocketFraming, text_frame
 from tests.fakes.web import frame
 
 STOP = b'{"jsonrpc":"2.0","id":2,"method":"stop"}'
@@ -87,7 +87,7 @@ def test_an_event_is_framed_once_for_all_clients() -> None:
 
 
 def test_many_short_messages_are_read_without_the_packages_parser(monkeypatch: pytest.MonkeyPatch) -> None:
-    """A crowd's thousand messages in one read cost a loop of our own: fragments and control frames are for the parser."""
+    """A thousand in one read are taken in a loop of our own; the parser judges fragments and control frames."""
     parsed: list[bytes] = []
     framing = WebSocketFraming(4096)
     monkeypatch.setattr(framing._protocol, "receive_data", parsed.append)
@@ -113,3 +113,10 @@ def test_of_a_message_that_is_too_long_nothing_is_held() -> None:
         assert framing.lines(b"z" * 65_536) == b""
     assert framing.partial
     assert len(framing._held) == 0
+
+
+@pytest.mark.parametrize("size", [0, 1, 125, 126, 65_535, 65_536, 70_000])
+def test_a_message_is_framed_as_the_package_does(size: int) -> None:
+    """A length takes one, three or nine bytes."""
+    message = b"m" * size
+    assert text_frame(message) == Frame(Opcode.TEXT, message).serialize(mask=False)
