@@ -179,8 +179,8 @@ class SocketConnection(asyncio.Protocol):
         if line is None:
             return False
         self.session.set_incomplete(False)
-        if line.text:
-            dispatcher = self._manager.dispatcher
+        dispatcher = self._manager.dispatcher
+        if line.text or dispatcher.sheds:
             self._note_own_stop(lambda: dispatcher.serve(self, line.text, line.arrival))
         elif not self.session.admit_error(self._manager.clock.now_s()):
             self.end(Failure(ErrorKind.FLOODING, "empty lines without end"))

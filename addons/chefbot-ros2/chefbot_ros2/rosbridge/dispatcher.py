@@ -81,6 +81,8 @@ class RosbridgeDispatcher(Dispatcher):
             client.tell(f"{caller.session.stops_only}: this connection is reserved for the service /estop")
         elif not caller.session.admit_request(self._wall.now_s()):
             client.refuse_excess(bytes(line))
+        elif line == TOO_LONG:
+            client.tell(f"a message is too long: it has at most {LONGEST_BYTES} bytes")
         else:
             age_s = 0.0 if arrival is None else self._stops.age_s(arrival)
             client.handle(bytes(line), age_s, self._overtaken_by(arrival))

@@ -307,10 +307,10 @@ class Client:
         elif self._calls >= MOST_CALLS:
             self._answer_call(request, f"{self._calls} calls wait already: not done", result=False)
         else:
+            self._calls += 1
             self.commands.begin(self._call(request, service))
 
     async def _call(self, request: Mapping[str, Any], service: str) -> None:
-        self._calls += 1
         try:
             values = await self._trigger(service)
         finally:

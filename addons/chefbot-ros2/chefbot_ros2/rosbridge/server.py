@@ -118,7 +118,7 @@ class Server:
             self._subscribers,
             ControlLeases(PARAMETERS.lease_s, 0.0, lambda source: None, lambda change: None),
             greeting=lambda: b"",
-            role=Role.OBSERVE,  # what it may do is what the daemon says to its token
+            role=None,
             announce_left=lambda client: None,
         )
         self._http = HttpServer(self._serve, "rosbridge", tls, HttpLimits(receive_bytes=RECEIVE_BYTES))
@@ -169,6 +169,7 @@ class Server:
                 if isinstance(admitted, Failure):
                     raise NotAdmitted(admitted.message)
                 self._http.show_proof(request)
+                admitted.show_token(Role.OBSERVE, None)  # what it may do is what the daemon says to its token
                 await self._converse(request, admitted, robot)
         except* (NotAdmitted, ChefbotError, OSError, TimeoutError) as problems:
             reason = str(first_of(problems))
