@@ -25,7 +25,7 @@ Publish = Callable[[str, Any], None]
 
 AGAIN_S, DIAGNOSTICS_S, CLOCK_S, MAP_S = 1.0, 1.0, 10.0, 2.0
 PINGS: Final = 5
-MEASURED: Final = ("odometry", "wheels", "imu", "ranges", "scan", "map_pose", "path", "safety")
+MEASURED: Final = ("odometry", "wheels", "imu", "ranges", "scan", "map_pose", "path")
 STATES: Final = (
     "battery",
     "link",
@@ -143,9 +143,6 @@ class Session:
     def _take(self, event: Event[Any]) -> None:
         if event.topic == "map_pose":
             self._map_from_odom.add_map_pose(event.stamp_s, pose_of(event.data))
-        elif event.topic == "safety":
-            self._latest[event.topic] = event.data
-            self._on_safety(event.data)
         elif event.topic == "path":
             self._publish(*path(event.data, stamped(event.stamp_s, self._offset_ns)))
         elif event.topic == "wheels":
@@ -197,7 +194,9 @@ class Session:
         """Each at once, for what is asked from now on."""
         async with robot.subscribe("safety", policy="ordered") as events:
             async for event in events:
+                self._latest[event.topic] = event.data
                 self.stop_number = event.data.stop_number
+                self._on_safety(event.data)
                 if self._commands is not None:
                     self._commands.stop_number = self.stop_number
 

@@ -158,7 +158,7 @@ class HttpServer:
                 raise NoSlot("short of file descriptors")
             self._take_slot(self._silent, connection, scarce=headroom is Headroom.LOW)
         except NoSlot as why:
-            self._refuse(host, "no place", str(why))
+            self.count_refused(host, "no place", str(why))
             accepted.close()
             return
         task = group.create_task(self._connect(accepted, connection, server))
@@ -172,15 +172,18 @@ class HttpServer:
     ) -> None:
         now_s = asyncio.get_running_loop().time()
         for replaced in slots.add(connection, connection.host, now_s, scarce=scarce):
-            self._refuse(replaced.host, "replaced", "a connection without a token was replaced by a new one")
+            self.count_refused(
+                replaced.host, "replaced", "a connection without a token was replaced by a new one"
+            )
             replaced.end()
 
-    def _refuse(self, host: str, kind: str, why: str) -> None:
+    def count_refused(self, host: str, kind: str, why: str) -> None:
+        """Count a client that is not served, or no longer; the first is logged at once, the rest as a count."""
         self.refused[kind] += 1
         self._log.warning("client_refused", host=host, why=why, refused=self.refused.total())
 
     def _end_late(self, connection: _Connection) -> None:
-        self._refuse(connection.host, "late", f"no complete request within {self._limits.header_s:g} s")
+        self.count_refused(connection.host, "late", f"no complete request within {self._limits.header_s:g} s")
         self._give_back(connection)
         connection.end()
 
@@ -207,7 +210,7 @@ class HttpServer:
             )
             connection.end, connection.is_connected = transport.abort, True
         except NoSlot as why:
-            self._refuse(connection.host, "no place", str(why))
+            self.count_refused(connection.host, "no place", str(why))
         except OSError as error:  # no TLS, a handshake that took too long, or the client has gone
             self._log.warning("client_not_admitted", error=str(error))
         finally:
@@ -243,7 +246,7 @@ class HttpServer:
             async with asyncio.timeout(self._limits.request_s) as connection.limit:
                 return await self._answer(request)
         except TimeoutError:
-            self._refuse(str(request.remote), "late", f"not done within {self._limits.request_s:g} s")
+            self.count_refused(str(request.remote), "late", f"not done within {self._limits.request_s:g} s")
             connection.end()
             return plain_answer(HTTPStatus.REQUEST_TIMEOUT, "this took too long")
         finally:

@@ -5,7 +5,6 @@ The WebSocket's handshake is HTTP. After it the transport is handed to a connect
 
 import asyncio
 import json
-import socket
 from http import HTTPStatus
 from importlib import resources
 from typing import cast
@@ -13,7 +12,6 @@ from typing import cast
 import structlog
 from aiohttp import web
 from msgspec import Struct
-from websockets.utils import accept_key
 
 from chefbotd.logs import RateLimitedLog
 from chefbotd.metrics import Metrics
@@ -21,14 +19,13 @@ from chefbotd.rpc.access import Guard
 from chefbotd.rpc.jsonrpc import Failure
 from chefbotd.rpc.parameters import is_loopback
 from chefbotd.rpc.server import RpcServer
-from chefbotd.rpc.session import Session
-from chefbotd.transport.connection import SocketConnection
 from chefbotd.transport.parameters import PageParameters
 from chefbotd.transport.unread import UnreadSockets
 from chefbotd.transport.web.framing import WebSocketFraming
 from chefbotd.transport.web.http_server import HttpLimits, HttpServer
 from chefbotd.transport.web.origin import is_own_host, is_own_origin
 from chefbotd.transport.web.prometheus import CONTENT_TYPE, exposition
+from chefbotd.transport.web.websocket import WebSocketConnection, is_websocket, switch
 
 TYPES = {
     "html": "text/html; charset=utf-8",
@@ -73,30 +70,6 @@ HEADERS = {
 }
 
 log = structlog.get_logger(__name__)
-
-
-class WebSocketConnection(SocketConnection):
-    """A connection on an upgraded HTTP transport; HTTP is notified of its end."""
-
-    def __init__(
-        self,
-        rpc: RpcServer,
-        unread: UnreadSockets,
-        session: Session,
-        plain: socket.socket | None,
-        http: asyncio.Protocol,
-    ) -> None:
-        manager = rpc.connections
-        framing = WebSocketFraming(manager.parameters.backlog_bytes)
-        super().__init__(manager, unread, session, plain, framing)
-        self._http = http
-        self.gone = asyncio.Event()
-
-    def connection_lost(self, exc: Exception | None) -> None:
-        """Asyncio: the socket is gone."""
-        super().connection_lost(exc)
-        self._http.connection_lost(exc)
-        self.gone.set()
 
 
 class PageServer:
@@ -174,7 +147,7 @@ class PageServer:
         return web.Response(body=exposition(self._metrics), headers={**HEADERS, "Content-Type": CONTENT_TYPE})
 
     async def _serve_socket(self, request: web.BaseRequest) -> web.Response:
-        """The handshake (RFC 6455, section 4.2); then the connection lives on its own until it ends."""
+        """The handshake; then the connection lives on its own until it ends."""
         headers, transport = request.headers, request.transport
         origin, host = headers.get("Origin"), headers.get("Host", "")
         own = self._parameters.origins
@@ -183,35 +156,25 @@ class PageServer:
             hint = f'if a proxy of yours shows the page there, set [page] origins = ["{shown}"]'
             self._log.warning("page_origin_refused", origin=shown, name=host[:MOST_SHOWN], hint=hint)
             return _answer(HTTPStatus.FORBIDDEN, "a page of another site may not talk to this robot")
-        key = headers.get("Sec-WebSocket-Key", "")
-        asked = (
-            headers.get("Upgrade", "").lower() == "websocket"
-            and "upgrade" in headers.get("Connection", "").lower()
-        )
-        if not asked or len(key) != 24 or headers.get("Sec-WebSocket-Version") != "13" or transport is None:
+        if not is_websocket(request) or transport is None:
             return _answer(HTTPStatus.UPGRADE_REQUIRED, "this is a WebSocket of version 13")
-        host, port = transport.get_extra_info("peername")[:2]
-        session = self._rpc.connections.admit(host, port)
+        manager = self._rpc.connections
+        session = manager.admit(*transport.get_extra_info("peername")[:2])
         if isinstance(session, Failure):
             text = json.dumps({"kind": str(session.kind), "message": session.message})
             return _answer(HTTPStatus.SERVICE_UNAVAILABLE, text)
-        handler = cast(asyncio.Protocol, request.protocol)
-        plain = self._http.plain_socket(request)
+        connection = WebSocketConnection(
+            manager,
+            self.unread,
+            session,
+            self._http.plain_socket(request),
+            cast(asyncio.Protocol, request.protocol),
+            WebSocketFraming(manager.parameters.backlog_bytes),
+        )
         self._http.show_proof(request)  # its limits are those of the connection manager now
-        connection = WebSocketConnection(self._rpc, self.unread, session, plain, handler)
-        transport.write(_switching(key))
-        transport.set_protocol(connection)
-        connection.connection_made(transport)
-        transport.resume_reading()
+        switch(request, connection)
         await connection.gone.wait()
         return web.Response()
-
-
-def _switching(key: str) -> bytes:
-    return (
-        "HTTP/1.1 101 Switching Protocols\r\nUpgrade: websocket\r\nConnection: Upgrade\r\n"
-        f"Sec-WebSocket-Accept: {accept_key(key)}\r\n\r\n"
-    ).encode()
 
 
 def _answer(status: HTTPStatus, text: str) -> web.Response:

@@ -2,6 +2,7 @@
 
 import json
 import re
+from collections.abc import Callable
 from typing import Any
 
 from msgspec import json as msgspec_json
@@ -51,14 +52,14 @@ class RosbridgeFraming(WebSocketFraming):
 
 
 class RosbridgeDispatcher(Dispatcher):
-    """``add`` makes a session's messages those of a client."""
+    """``add`` makes a session a client; ``stop_number`` is that of the robot's last stop or fault."""
 
     sheds = True
 
-    def __init__(self, clock: Clock, arrivals: Arrivals) -> None:
+    def __init__(self, clock: Clock, arrivals: Arrivals, stop_number: Callable[[], int | None]) -> None:
         super().__init__({}, clock, arrivals, VELOCITY_HOLDS_S)
         self.urgent_pattern = STOP
-        self._wall, self._stops = clock, arrivals
+        self._wall, self._stops, self._stop_number = clock, arrivals, stop_number
         self._clients: dict[Session, Client] = {}
 
     def add(self, session: Session, client: Client) -> None:
@@ -84,6 +85,7 @@ class RosbridgeDispatcher(Dispatcher):
         elif line == TOO_LONG:
             client.tell(f"a message is too long: it has at most {LONGEST_BYTES} bytes")
         else:
+            client.commands.stop_number = self._stop_number()
             age_s = 0.0 if arrival is None else self._stops.age_s(arrival)
             client.handle(bytes(line), age_s, self._overtaken_by(arrival))
 

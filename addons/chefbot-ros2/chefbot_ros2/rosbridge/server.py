@@ -105,10 +105,10 @@ class Server:
     ) -> None:
         self._connect_as, self._source, self._needs_tokens = connect_as, source, needs_tokens
         self._hub, self._origins = Hub(), set[str]()
-        self._clock, self._latch = SystemClock(), 0
+        self._clock, self._stop_number = SystemClock(), -1
         self._arrivals, self._unread = Arrivals(self._clock), UnreadSockets()
         self._arrivals.add_transport(self._unread.mark)
-        self._dispatcher = RosbridgeDispatcher(self._clock, self._arrivals)
+        self._dispatcher = RosbridgeDispatcher(self._clock, self._arrivals, lambda: self._robot.stop_number)
         self._subscribers = Subscribers()
         self._manager = ConnectionManager(
             PARAMETERS,
@@ -147,8 +147,8 @@ class Server:
 
     def _take_safety(self, safety: SafetyData) -> None:
         """Whoever stopped the robot: what has been sent before that moves nothing any more."""
-        if safety.latch != self._latch:
-            self._latch = safety.latch
+        if safety.stop_number != self._stop_number:
+            self._stop_number = safety.stop_number
             self._arrivals.record_stop(None, safety.reason or "somebody")
 
     async def _serve(self, request: web.BaseRequest) -> web.StreamResponse:
