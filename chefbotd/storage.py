@@ -2,7 +2,9 @@
 
 import errno
 import os
+import stat
 from collections.abc import Mapping
+from io import BufferedReader, BufferedWriter
 from pathlib import Path
 
 _REASONS = {
@@ -13,11 +15,66 @@ _REASONS = {
     errno.EPERM: "this user has no permission",
     errno.EIO: "the disk cannot be read or written",
     errno.ENODEV: "the disk is gone",
+    errno.EFBIG: "the file is too large",
 }
+
+
+class NotRegular(OSError):
+    """A folder, a pipe, a socket or a device where a file is expected."""
+
+    def __str__(self) -> str:
+        return f"is no regular file: {self.filename}"
+
+
+def open_regular(path: Path) -> BufferedReader:
+    """A regular file for reading. Opening or reading anything else, such as a FIFO, could wait for ever (open(2)).
+
+    Raises:
+        OSError: it cannot be opened, or is no regular file.
+    """
+    file = open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK))  # noqa: SIM115
+    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        file.close()
+        raise NotRegular(errno.EINVAL, "no regular file", str(path))
+    return file
+
+
+def read_file(path: Path, most_bytes: int) -> bytes:
+    """The content of a regular file.
+
+    Raises:
+        OSError: it cannot be read, is no regular file, or is larger than that.
+    """
+    with open_regular(path) as file:
+        content = file.read(most_bytes + 1)
+    if len(content) > most_bytes:
+        raise OSError(errno.EFBIG, f"larger than {most_bytes} bytes", str(path))
+    return content
+
+
+def create_file(path: Path) -> BufferedWriter:
+    """A new or emptied regular file for writing; what else has that name is refused, and not waited for.
+
+    Raises:
+        OSError: it cannot be made, or is no regular file.
+    """
+    flags = os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NONBLOCK | os.O_CLOEXEC
+    try:
+        file = open(path, "wb", opener=lambda name, _: os.open(name, flags, 0o666))  # noqa: SIM115
+    except OSError as error:
+        if error.errno == errno.ENXIO:  # a FIFO that nobody reads
+            raise NotRegular(errno.EINVAL, "no regular file", str(path)) from error
+        raise
+    if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
+        file.close()
+        raise NotRegular(errno.EINVAL, "no regular file", str(path))
+    return file
 
 
 def explain(error: OSError) -> str:
     """The reason in words."""
+    if isinstance(error, NotRegular):
+        return "it is no regular file"
     number = error.errno or 0
     return _REASONS.get(number) or (os.strerror(number) if number else str(error))
 

@@ -16,6 +16,7 @@ import numpy.typing as npt
 import yaml
 from pydantic import Field, ValidationError, model_validator
 
+from chefbotd.core.bounded_yaml import load_first_document
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters
 from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
@@ -32,6 +33,9 @@ OCCUPIED_THRESH, FREE_THRESH = 0.65, 0.196
 """map_server's own. Grey 205 is 0.19608 occupied and stays unknown with 0.196; with Nav2's 0.25 it is free."""
 
 MOST_PIXELS = 1 << 28
+FINEST_M, COARSEST_M = 0.001, 10.0
+"""A map's cells: finer ones than a lidar can tell apart, and coarser ones than any robot fits between, are mistakes."""
+FARTHEST_M = 1e6
 
 
 class ImageMode(StrEnum):
@@ -46,13 +50,16 @@ class MapFileError(ValueError):
     """A map file that cannot be read; its text names the file, and is ready to be shown."""
 
 
+Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
+
+
 class MapDescription(Parameters):
     """The YAML file. ``origin`` is the pose of the image's lower left corner: x, y in metres, yaw in radians."""
 
     image: str = Field(min_length=1)
     mode: ImageMode = ImageMode.TRINARY
-    resolution: float = Field(gt=0)
-    origin: tuple[float, float, float]
+    resolution: float = Field(ge=FINEST_M, le=COARSEST_M)
+    origin: tuple[Coordinate, Coordinate, Coordinate]
     negate: Annotated[int, Field(ge=0, le=1)] = 0
     occupied_thresh: float = Field(OCCUPIED_THRESH, ge=0, le=1)
     free_thresh: float = Field(FREE_THRESH, ge=0, le=1)
@@ -73,9 +80,9 @@ def parse_description(text: str, name: str) -> MapDescription:
         MapFileError: it is no YAML, or no map's.
     """
     try:
-        values = next(yaml.safe_load_all(text), None)  # the first document, as yaml-cpp reads it
-    except yaml.YAMLError as error:
-        raise MapFileError(f"{name}: not valid YAML: {' '.join(str(error).split())}") from error
+        values = load_first_document(text)  # as yaml-cpp reads it
+    except ValueError as error:
+        raise MapFileError(f"{name}: {error}") from error
     if not isinstance(values, dict):
         raise MapFileError(f"{name}: a map's YAML is keys and values, got {type(values).__name__}")
     fields = {key: value for key, value in values.items() if key in MapDescription.model_fields}

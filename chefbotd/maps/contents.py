@@ -1,5 +1,6 @@
 """Converts a grid and SLAM's state to the files of a version, and back. Not for the daemon: it loads numpy."""
 
+import errno
 import zlib
 from collections.abc import Mapping
 from pathlib import Path
@@ -14,6 +15,7 @@ from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.maps.disk import Content, MapStoreError
 from chefbotd.maps.manifest import CELLS, DESCRIPTION, GRAPH, IMAGE, Extent
 from chefbotd.maps.store import MapStore
+from chefbotd.storage import NotRegular, open_regular, read_file
 
 Arrays = Mapping[str, NDArray[Any]]
 SLAM = "made by SLAM"
@@ -96,7 +98,7 @@ def read_slam(store: MapStore, name: str) -> dict[str, NDArray[Any]] | None:
 def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
     """The arrays of a file; raises ``MapStoreError``."""
     try:
-        with np.load(path, allow_pickle=False) as file:
+        with open_regular(path) as opened, np.load(opened, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
     except (OSError, ValueError, EOFError, zlib.error) as error:
         raise MapStoreError(RefusalKind.MAP_UNREADABLE, f"{path}: cannot be read: {error}") from error
@@ -128,8 +130,11 @@ def read_map_server(path: Path) -> OccupancyGrid:
 
 def _content(path: Path, most: int) -> bytes:
     """The bytes of a regular file; a FIFO or a device might never end."""
-    if path.exists() and not path.is_file():
-        raise MapFileError(f"{path.name}: expected a regular file")
-    if path.stat().st_size > most:
-        raise MapFileError(f"{path.name}: larger than the {most >> 20} MiB that are read")
-    return path.read_bytes()
+    try:
+        return read_file(path, most)
+    except NotRegular as error:
+        raise MapFileError(f"{path.name}: expected a regular file") from error
+    except OSError as error:
+        if error.errno != errno.EFBIG:
+            raise
+        raise MapFileError(f"{path.name}: larger than the {most >> 20} MiB that are read") from error

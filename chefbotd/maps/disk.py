@@ -49,7 +49,7 @@ class Disk:
 
     def write(self, path: Path, content: Content) -> None:
         """Write a new file, or a new content, and wait until it is on the disk."""
-        with path.open("wb") as file:
+        with storage.create_file(path) as file:
             if isinstance(content, bytes):
                 file.write(content)
             else:
@@ -88,7 +88,7 @@ def replace(disk: Disk, path: Path, content: Content) -> None:
 
 def sha256(path: Path) -> str:
     """The checksum of a file's content."""
-    with path.open("rb") as file:
+    with storage.open_regular(path) as file:
         return hashlib.file_digest(file, "sha256").hexdigest()
 
 
@@ -100,7 +100,8 @@ def locked(folder: Path) -> Iterator[None]:
         MapStoreError: another one has it for too long.
         OSError: the folder cannot be written.
     """
-    descriptor = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o644)
+    # A FIFO of that name can be locked as well, and is opened at once for reading and writing.
+    descriptor = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT | os.O_NONBLOCK | os.O_CLOEXEC, 0o644)
     try:
         ends_s = time.monotonic() + LOCK_PATIENCE_S
         while True:

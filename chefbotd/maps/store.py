@@ -18,7 +18,7 @@ from chefbotd.core.commands import RefusalKind
 from chefbotd.core.record import Record
 from chefbotd.maps import disk as disks
 from chefbotd.maps.disk import Content, Disk, MapStoreError, refusing_os_errors
-from chefbotd.maps.manifest import Extent, Manifest
+from chefbotd.maps.manifest import MAX_BYTES, Extent, Manifest
 from chefbotd.maps.names import map_name
 from chefbotd.maps.versions import (
     Version,
@@ -34,6 +34,7 @@ from chefbotd.maps.versions import (
     unpublish,
     versions,
 )
+from chefbotd.storage import read_file
 
 SUFFIX = ".map"
 AUTOSAVE = ".autosave"
@@ -51,6 +52,10 @@ class StoredMap(Record, frozen=True):
     versions: tuple[int, ...] = ()
     damage: Mapping[int, str] | None = None
     plain: bool = False
+
+
+LARGEST_BESIDE_BYTES = 1 << 20
+"""Of places or zones: three times as much as the most places take."""
 
 
 class MapStore:
@@ -98,7 +103,9 @@ class MapStore:
                 raise MapStoreError(RefusalKind.MAP_UNREADABLE, f"the map {name!r} has no {file}")
             with refusing_os_errors(f"read the map {name!r}", version.folder):
                 try:
-                    return version.manifest, (version.folder / file).read_bytes()
+                    return version.manifest, read_file(
+                        version.folder / file, version.manifest.files[file].bytes
+                    )
                 except FileNotFoundError:
                     if version.folder.exists():
                         raise
@@ -195,7 +202,7 @@ class MapStore:
 
     def _content_beside(self, name: str, file: str) -> bytes | None:
         try:
-            return (self._own(name) / file).read_bytes()
+            return read_file(self._own(name) / file, LARGEST_BESIDE_BYTES)
         except FileNotFoundError:
             return None
 
@@ -204,9 +211,9 @@ class MapStore:
     def current(self) -> str | None:
         """The map that was in use last, for the next start of the daemon; None too where that is unknown."""
         try:
-            name = json.loads((self.folder / CURRENT).read_bytes())["name"]
+            name = json.loads(read_file(self.folder / CURRENT, MAX_BYTES))["name"]
             return map_name(name) if isinstance(name, str) else None
-        except (OSError, ValueError, KeyError, TypeError, MapStoreError):
+        except (OSError, ValueError, KeyError, TypeError, RecursionError, MapStoreError):
             return None
 
     def set_current(self, name: str) -> None:
@@ -280,9 +287,9 @@ class MapStore:
 
     def _repair_renaming(self, own: Path, name: str) -> None:
         try:
-            note = json.loads((own / RENAMING).read_bytes())
+            note = json.loads(read_file(own / RENAMING, MAX_BYTES))
             old, new = map_name(note["from"]), map_name(note["to"])
-        except (ValueError, KeyError, TypeError, MapStoreError):
+        except (ValueError, KeyError, TypeError, RecursionError, MapStoreError):
             old = new = name
         if name == new != old:
             self._finish_renaming(old, new)

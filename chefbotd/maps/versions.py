@@ -4,6 +4,7 @@ import json
 import os
 import re
 import secrets
+import stat
 import time
 from collections.abc import Mapping
 from contextlib import suppress
@@ -23,6 +24,10 @@ from chefbotd.maps.manifest import (
     NotAManifest,
     parse_manifest,
 )
+from chefbotd.storage import open_regular, read_file
+
+LARGEST_FILE_BYTES = 1 << 30
+"""Of a map's file: more than the largest image that is imported."""
 
 NAME = re.compile(r"v(\d{6,})")
 
@@ -49,13 +54,16 @@ def check(number: int, folder: Path, *, thorough: bool = False) -> Version:
         NotAManifest: it is not; the text says why.
         OSError: a file cannot be read.
     """
-    with (folder / MANIFEST).open("rb") as file:
+    with open_regular(folder / MANIFEST) as file:
         manifest = parse_manifest(file.read(MAX_BYTES + 1))
     if manifest.version != number:
         raise NotAManifest(f"the manifest is version {manifest.version}'s")
     for name, entry in manifest.files.items():
         path = folder / name
-        size = path.stat().st_size
+        status = path.stat()
+        size = status.st_size
+        if not stat.S_ISREG(status.st_mode):
+            raise NotAManifest(f"{name} is no regular file")
         if size != entry.bytes:
             raise NotAManifest(f"{name} has {size} bytes instead of {entry.bytes}")
         if thorough and sha256(path) != entry.sha256:
@@ -170,13 +178,13 @@ def publish(disk: Disk, folder: Path, name: str, version: Version) -> None:
         return
     inside = os.path.relpath(version.folder / IMAGE, folder)
     replace(disk, description, naming(version, inside))
-    replace(disk, image, (version.folder / IMAGE).read_bytes())
+    replace(disk, image, read_file(version.folder / IMAGE, LARGEST_FILE_BYTES))
     replace(disk, description, beside(version, name))
 
 
 def naming(version: Version, image: str) -> bytes:
     """The YAML of a version with another image in it. What is quoted as in JSON is quoted so in YAML."""
-    text = (version.folder / DESCRIPTION).read_text(encoding="utf-8")
+    text = read_file(version.folder / DESCRIPTION, LARGEST_FILE_BYTES).decode("utf-8")
     quoted = image if PLAIN.fullmatch(image) else json.dumps(image)
     return IMAGE_LINE.sub(lambda _: f"image: {quoted}", text, count=1).encode()
 
@@ -200,7 +208,7 @@ def keep_edited(disk: Disk, folder: Path, name: str, version: Version) -> None:
     for suffix in (".yaml", ".pgm"):
         path = folder / f"{name}{suffix}"
         if path.is_file():
-            disk.write(kept / path.name, path.read_bytes())
+            disk.write(kept / path.name, read_file(path, LARGEST_FILE_BYTES))
     disk.sync_folder(kept)
     disk.sync_folder(kept.parent)
 
@@ -240,6 +248,6 @@ def _readable(own: Path) -> list[Version]:
 
 def _holds(path: Path, content: bytes) -> bool:
     try:
-        return path.stat().st_size == len(content) and path.read_bytes() == content
+        return path.stat().st_size == len(content) and read_file(path, len(content)) == content
     except OSError:
         return False

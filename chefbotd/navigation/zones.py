@@ -8,16 +8,24 @@
       - {name: by the counter, corners_m: [[3, 0], [5, 0], [5, 2]], max_speed_m_s: 0.1}
 """
 
-from typing import Annotated, Any
+from typing import Annotated
 
 import numpy as np
-import yaml
 from pydantic import Field, ValidationError
 
+from chefbotd.core.bounded_yaml import load_first_document
 from chefbotd.core.parameters import Parameters
 from chefbotd.navigation.grid import Flags, Floats, GridFrame
 
-Corners = Annotated[tuple[tuple[float, float], ...], Field(min_length=3, max_length=1000)]
+MOST_CELL_TESTS = 2_000_000_000
+"""Of an edge and a cell beside it: some seconds of one processor."""
+MOST_PROBLEMS = 5
+MOST_ZONES = 1000
+
+FARTHEST_M = 1e6
+
+Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
+Corners = Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=3, max_length=1000)]
 
 
 class Zone(Parameters):
@@ -36,8 +44,8 @@ class SlowZone(Zone):
 class Zones(Parameters):
     """All zones of a map; none by default."""
 
-    keep_out: tuple[Zone, ...] = ()
-    slow: tuple[SlowZone, ...] = ()
+    keep_out: tuple[Zone, ...] = Field((), max_length=MOST_ZONES)
+    slow: tuple[SlowZone, ...] = Field((), max_length=MOST_ZONES)
 
 
 NO_ZONES = Zones()
@@ -50,15 +58,33 @@ def parse_zones(text: str, name: str) -> Zones:
         ValueError: it is no YAML or holds no zones; its text names the file and what was expected.
     """
     try:
-        values: Any = yaml.safe_load(text) or {}
-        return Zones.model_validate(values)
-    except yaml.YAMLError as error:
-        raise ValueError(f"{name}: not valid YAML: {' '.join(str(error).split())}") from error
+        return Zones.model_validate(load_first_document(text) or {})
     except ValidationError as error:
         problems = [
             f"{'.'.join(map(str, e['loc']))}: {e['msg']} (got {e['input']!r})" for e in error.errors()
         ]
-        raise ValueError(f"{name}: {'; '.join(problems)}") from error
+        raise ValueError(f"{name}: {'; '.join(problems[:MOST_PROBLEMS])}") from error
+    except ValueError as error:
+        raise ValueError(f"{name}: {error}") from error
+
+
+def require_affordable(zones: Zones, frame: GridFrame) -> None:
+    """Check that the zones can be drawn on a map in a moment.
+
+    Raises:
+        ValueError: they have too many or too long edges for a map of this size.
+    """
+    height_m = frame.rows * frame.resolution_m
+    cost = 0
+    for zone in (*zones.keep_out, *zones.slow):
+        up_m = frame.to_grid(np.array(zone.corners_m))[:, 1]
+        spans_m = np.abs(np.clip(up_m, 0, height_m) - np.clip(np.roll(up_m, -1), 0, height_m))
+        cost += int(np.sum(spans_m / frame.resolution_m + 1.0)) * frame.columns
+    if cost > MOST_CELL_TESTS:
+        raise ValueError(
+            f"zones with {cost / MOST_CELL_TESTS:.0f} times as many and as long edges as can be drawn on a map of "
+            f"{frame.columns} by {frame.rows} cells: use fewer corners"
+        )
 
 
 def keep_out_cells(zones: Zones, frame: GridFrame) -> Flags:
@@ -79,11 +105,15 @@ def speed_limits_m_s(zones: Zones, frame: GridFrame) -> Floats:
 
 
 def _inside(corners: Floats, frame: GridFrame) -> Flags:
-    """Even-odd rule, for all cells at once."""
+    """Even-odd rule; of each edge for the rows that it crosses."""
     x = (np.arange(frame.columns)[None, :] + 0.5) * frame.resolution_m
     y = (np.arange(frame.rows)[:, None] + 0.5) * frame.resolution_m
     inside = np.zeros((frame.rows, frame.columns), np.bool_)
     for (ax, ay), (bx, by) in zip(corners, np.roll(corners, -1, axis=0), strict=True):
         if ay != by:
-            inside ^= ((ay > y) != (by > y)) & (x < ax + (y - ay) * (bx - ax) / (by - ay))
+            first, last = np.searchsorted(y[:, 0], sorted((ay, by)))
+            part = y[first:last]
+            inside[first:last] ^= ((ay > part) != (by > part)) & (
+                x < ax + (part - ay) * (bx - ax) / (by - ay)
+            )
     return inside

@@ -5,8 +5,6 @@ The file belongs in memory (tmpfs, as /run is), for the loop waits until it is w
 """
 
 import contextlib
-import os
-import stat
 from pathlib import Path
 from urllib.parse import quote
 
@@ -16,6 +14,7 @@ from chefbotd.safety import latch
 from chefbotd.safety.faults import FaultKind
 from chefbotd.safety.gate import GateState, Mode
 from chefbotd.safety.latch import LatchParameters
+from chefbotd.storage import create_file, read_file
 
 log = structlog.get_logger(component="safety")
 
@@ -82,7 +81,8 @@ class LatchFile:
         probe = self._path.with_suffix(".probe")
         try:
             self._path.parent.mkdir(parents=True, exist_ok=True)
-            probe.write_bytes(latch.write(GateState()))
+            with create_file(probe) as file:
+                file.write(latch.write(GateState()))
         except OSError as error:
             self._complain("the latch file cannot be written: the robot is not armed", error)
             return str(error)
@@ -111,7 +111,8 @@ def _write(path: Path, text: bytes) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     new = path.with_suffix(".new")
     try:
-        new.write_bytes(text)
+        with create_file(new) as file:
+            file.write(text)
         new.replace(path)
     except OSError:
         with contextlib.suppress(OSError):  # its room is needed
@@ -123,19 +124,11 @@ def _write(path: Path, text: bytes) -> None:
             file.truncate()
 
 
-def _content(path: Path) -> bytes:
-    """The bytes of a regular file. Reading anything else, such as a FIFO, could wait for ever (open(2))."""
-    with open(path, "rb", opener=lambda name, flags: os.open(name, flags | os.O_NONBLOCK)) as file:
-        if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
-            raise ValueError("expected a regular file")
-        return file.read(MAX_BYTES)
-
-
 def _read(path: Path) -> GateState:
     try:
-        return latch.read(_content(path))
+        return latch.read(read_file(path, MAX_BYTES))
     except FileNotFoundError:
         return GateState()
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, RecursionError) as error:
         log.warning("the latch file cannot be read: starting disarmed", path=str(path), error=str(error))
         return latch.UNREADABLE

@@ -2,6 +2,7 @@
 
 import os
 import shutil
+import stat
 import unicodedata
 from collections.abc import Iterable
 from pathlib import Path
@@ -83,14 +84,18 @@ class RecordingDisk:
         return shutil.disk_usage(folder).free
 
     def files(self, folder: Path, pattern: str) -> Iterable[tuple[Path, int, float]]:
-        """Path, size and time of change of each file; none where there is no folder."""
+        """Path, size and time of change of each regular file; none where there is no folder."""
         for path in folder.glob(pattern):
-            status = path.stat()
-            yield path, status.st_size, status.st_mtime
+            try:
+                status = path.stat()
+            except FileNotFoundError:  # a link that leads nowhere, or a file that was removed meanwhile
+                continue
+            if stat.S_ISREG(status.st_mode):
+                yield path, status.st_size, status.st_mtime
 
     def ends_with(self, path: Path, end: bytes) -> bool:
         """Whether these are a file's last bytes."""
-        with path.open("rb") as file:
+        with storage.open_regular(path) as file:
             file.seek(0, os.SEEK_END)
             if file.tell() < len(end):
                 return False

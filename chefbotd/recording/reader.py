@@ -19,7 +19,7 @@ from chefbotd.recording.chunk import MAGIC
 from chefbotd.recording.classes import class_of, decode
 from chefbotd.recording.encoder import REPEATED
 from chefbotd.recording.status import UnreadableRecording
-from chefbotd.storage import explain
+from chefbotd.storage import explain, open_regular
 
 RECORD_HEAD, MESSAGE_HEAD = struct.Struct("<BQ"), struct.Struct("<HIQQ")
 """Source: https://mcap.dev/spec."""
@@ -63,7 +63,7 @@ class RecordingReader:
         Raises:
             UnreadableRecording: nothing at all can be read.
         """
-        with self.path.open("rb") as file:
+        with open_regular(self.path) as file:
             yield from self._messages(file, schemas)
 
     def events(self) -> Iterator[Any]:
@@ -185,7 +185,7 @@ def _check(path: Path) -> int:
     try:
         if path.is_dir():
             raise UnreadableRecording(f"{path} is a folder, expected a recording (.mcap)")
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             start = file.read(len(MAGIC))
         size = path.stat().st_size
     except OSError as error:

@@ -16,6 +16,7 @@ from typing import Self
 from msgspec import Struct
 
 from chefbotd.rpc.parameters import ApiParameters, Role
+from chefbotd.storage import explain, open_regular
 
 MIN_TOKEN_CHARACTERS = 16
 MAX_FILE_BYTES = 65_536
@@ -114,13 +115,18 @@ def _credential(name: str, environment: Mapping[str, str]) -> Path:
 
 def _read(path: Path, *, private: bool) -> str:
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             if private:
                 _require_private(os.fstat(file.fileno()), path)
-            return file.read(MAX_FILE_BYTES).decode()
+            content = file.read(MAX_FILE_BYTES + 1)
+        if len(content) > MAX_FILE_BYTES:
+            raise AccessError(
+                f"{path}: is larger than {MAX_FILE_BYTES // 1024} KiB, expected a file of tokens"
+            )
+        return content.decode()
     except OSError as error:
         hint = f"; make it: {MAKE_ONE.format(path=path)}" if isinstance(error, FileNotFoundError) else ""
-        raise AccessError(f"{path}: cannot be read: {error.strerror}{hint}") from error
+        raise AccessError(f"{path}: cannot be read: {explain(error)}{hint}") from error
     except UnicodeDecodeError:
         raise AccessError(f"{path}: is not UTF-8 text") from None  # the error would hold the file's bytes
 
@@ -138,6 +144,8 @@ def _tls(parameters: ApiParameters) -> ssl.SSLContext | None:
     context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
     context.minimum_version = ssl.TLSVersion.TLSv1_2
     try:
+        for file in (certificate, key):
+            open_regular(file).close()
         _require_private(key.stat(), key)
         context.load_cert_chain(certificate, key)
     except OSError as error:  # ssl.SSLError is one

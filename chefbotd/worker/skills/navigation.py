@@ -16,13 +16,14 @@ from chefbotd.localization.state import PoseState
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.poses import Floats, compose, row_of
 from chefbotd.maps.store import MapStore
+from chefbotd.navigation.grid import GridFrame
 from chefbotd.navigation.interface import NavigationParameters, PoseStatus, Seen, Step
 from chefbotd.navigation.navigator import Navigator
 from chefbotd.navigation.outline import Footprint
 from chefbotd.navigation.path import Goal, NoPath, Path
 from chefbotd.navigation.steering import FollowerLimits
 from chefbotd.navigation.warm import warm
-from chefbotd.navigation.zones import NO_ZONES, Zones, parse_zones
+from chefbotd.navigation.zones import NO_ZONES, Zones, parse_zones, require_affordable
 from chefbotd.worker.skills import navigation_requests as requests
 from chefbotd.worker.skills.aligned_scans import AlignedScan, ScanAligner
 from chefbotd.worker.skills.localization import LocalizationSkill
@@ -285,6 +286,7 @@ class NavigationSkill:
             return
         try:
             zones = read_zones(self._folder, used[0])
+            require_affordable(zones, GridFrame.of(grid))
         except (ValueError, Refused) as problem:  # where not to go is not known: go nowhere
             self._map, self._problem = None, f"the zones of the map cannot be read: {problem}"
             self._navigator.fail(self._problem)

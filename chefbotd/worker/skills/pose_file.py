@@ -11,6 +11,7 @@ from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.maps.disk import TEMPORARY, Disk
+from chefbotd.storage import read_file
 
 MOVED_M, MOVED_RAD = 0.1, 0.1
 """One sigma of how far a robot may have been nudged while nobody watched."""
@@ -113,8 +114,7 @@ class PoseOnDisk:
     def read(self) -> SavedPose | None:
         """What was kept."""
         try:
-            with self._path.open(encoding="utf-8") as file:
-                return from_text(file.read(LARGEST_BYTES))
+            return from_text(read_file(self._path, LARGEST_BYTES).decode("utf-8"))
         except (OSError, UnicodeDecodeError, NotASavedPose):
             return None
 

@@ -179,7 +179,7 @@ def test_a_map_is_written_with_map_saver_s_shades_and_thresholds() -> None:
         ("- 1", "flat.yaml: a map's YAML is keys and values, got list"),
         ("", "flat.yaml: a map's YAML is keys and values, got NoneType"),
         ("image: a.pgm\nresolution: 0.05", "flat.yaml: origin: Field required"),
-        (YAML.replace("0.050000", "0"), r"resolution: Input should be greater than 0 \(got 0\)"),
+        (YAML.replace("0.050000", "0"), r"resolution: Input should be greater than or equal to 0.001 \(got 0\)"),
         (
             YAML.replace("0.650000", "x").replace("0.65", "0.1"),
             "free_thresh must be below occupied_thresh, 0.1, got 0.196",
