@@ -1,6 +1,9 @@
 """Loads the plug-ins that the configuration allows. One that cannot be loaded is said, and left out."""
 
-from collections.abc import Collection, Iterable
+import signal
+import threading
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 import structlog
@@ -21,6 +24,44 @@ log = structlog.get_logger(component="app")
 GROUP = "chefbotd.features"
 BUILT_LAST = "discovery"
 """The feature, and its service, that needs the sockets, which need every method first."""
+
+
+LOADED_WITHIN_S = 10.0
+"""For its import and its build: as long as it takes, nothing is served, and the board is not open."""
+
+
+class Hangs(BaseException):
+    """It takes too long; no ``Exception``, which a plug-in may catch."""
+
+
+@contextmanager
+def limited_time(name: str) -> Iterator[None]:
+    """Raise ``Hangs`` in this block after ``LOADED_WITHIN_S``, where Python runs or waits; and say so in any case."""
+    done, ident = threading.Event(), threading.get_ident()
+
+    def interrupt() -> None:
+        while not done.wait(LOADED_WITHIN_S):
+            log.error("a plug-in hangs at its start: nothing is served until it ends", plugin=name)
+            signal.pthread_kill(ident, INTERRUPTION)
+
+    def hangs(_number: int, _frame: object) -> None:
+        if not done.is_set():
+            raise Hangs(f"it was not ready within {LOADED_WITHIN_S:g} s")
+
+    if threading.current_thread() is not threading.main_thread():
+        yield  # only the main thread can be interrupted
+        return
+    before = signal.signal(INTERRUPTION, hangs)
+    threading.Thread(target=interrupt, name="plug-in's time", daemon=True).start()
+    try:
+        yield
+    finally:
+        done.set()
+        signal.signal(INTERRUPTION, before)
+
+
+INTERRUPTION = signal.SIGURG
+"""Nobody else uses it, and it ends nothing that does not expect it."""
 
 
 class _LeftOutError(Exception):
@@ -46,7 +87,8 @@ def plugins(
         package, version = _origin(entries)
         state, reason = PluginState.RUNNING, ""
         try:
-            feature = _feature(name, entries, context, [*others, *features])
+            with limited_time(name):
+                feature = _feature(name, entries, context, [*others, *features])
         except _LeftOutError as problem:
             state, reason = problem.state, str(problem)
             log.error("a plug-in is left out", plugin=name, state=str(state), reason=reason)
@@ -90,7 +132,7 @@ def _feature(
         methods, _ = methods_and_topics([*others, feature])
         if repeated := sorted(methods.keys() & OWN_METHODS):
             raise ValueError(f"method {', '.join(repeated)} belongs to the server")
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
         raise _LeftOutError(PluginState.FAILED, f"{type(error).__name__}: {error}") from error
     return replace(feature, add_metrics=lambda metrics: _add_metrics(name, feature, metrics))
 
@@ -127,7 +169,7 @@ def _plugin(name: str, entries: "Collection[EntryPoint]") -> Plugin:
     (entry,) = entries
     try:
         plugin = entry.load()
-    except (Exception, SystemExit) as error:
+    except BaseException as error:
         raise _LeftOutError(PluginState.FAILED, f"{type(error).__name__}: {error}") from error
     if not isinstance(plugin, Plugin):
         raise _LeftOutError(PluginState.FAILED, f"{entry.value}: expected a Plugin, got {plugin!r}")

@@ -17,6 +17,7 @@ from chefbotd.clock import Clock, SystemClock
 from chefbotd.composition.context import StartWriter
 from chefbotd.process import keep_alive, signals
 from chefbotd.process.build import build
+from chefbotd.process.exit_deadline import ExitDeadline
 from chefbotd.process.stop_guard import stop_guard
 from chefbotd.process.watchdog import Watchdog, log_priority, raise_priority
 from chefbotd.rpc.access import AccessError
@@ -98,10 +99,13 @@ async def _until_signalled(
     task = asyncio.current_task()
     assert task is not None  # noqa: S101 - a coroutine that runs has a task
     received: list[str] = []
+    deadline = ExitDeadline()
 
     def end(name: str) -> None:
         received.append(name)
         task.cancel()
+        if settings.plugins.allow:
+            deadline.start(task.get_loop())
 
     hangup = _Hangup()
     signals.handle(end, hangup if load is not None and keep_alive.is_listening() else None)
@@ -121,6 +125,8 @@ async def _until_signalled(
             raise
     finally:
         keep_alive.notify("STOPPING=1")
+        if settings.plugins.allow:
+            deadline.start(task.get_loop())
     log.info("stopped", signal=received[0])
 
 

@@ -16,6 +16,7 @@ from chefbotd.cli.common.state_text import Style, of_state
 from chefbotd.cli.programs.chefbotd import main
 from chefbotd.client import Client
 from chefbotd.clock import run_virtual
+from chefbotd.composition import plugins as composition
 from chefbotd.doctor.finding import Verdict
 from chefbotd.doctor.host import check_plugins
 from chefbotd.rpc.models import PluginDescription, PluginState
@@ -132,6 +133,14 @@ def test_a_new_plugin_works_as_it_stands(
             "failed",
             "TypeError: expected services with a name and a function",
         ),
+        ("raise KeyboardInterrupt('no')", "failed", "KeyboardInterrupt: no"),
+        ("import asyncio\nraise asyncio.CancelledError('no')", "failed", "CancelledError: no"),
+        ("class Odd(BaseException): pass\nraise Odd('no')", "failed", "Odd: no"),
+        (
+            "class Odd(BaseException): pass\ndef build(context): raise Odd('no')\nplugin = Plugin(api=1, build=build)",
+            "failed",
+            "Odd: no",
+        ),
         ("plugin = 7", "failed", "chefbot_bad:plugin: expected a Plugin, got 7"),
         (
             "plugin = Plugin(api=2, build=None)",
@@ -189,6 +198,31 @@ def test_a_plugin_that_cannot_be_loaded_is_said_and_left_out(
     assert states["bad"][1].startswith(reason)
     errors = [line for line in lines if line["event"] == "a plug-in is left out"]
     assert [(line["plugin"], line["reason"]) for line in errors] == [("bad", states["bad"][1])]
+
+
+@pytest.mark.parametrize(
+    "code",
+    [
+        "import time\ntime.sleep(1000)",
+        "while True:\n    pass",
+        "while True:\n    try:\n        __import__('time').sleep(1000)\n    except Exception:\n        pass",
+        "import time\nplugin = Plugin(api=1, build=lambda context: time.sleep(1000))",
+    ],
+    ids=["sleeps", "loops", "catches", "builds"],
+)
+def test_a_plugin_that_hangs_at_its_start_is_interrupted_said_and_left_out(
+    install: Install, monkeypatch: pytest.MonkeyPatch, code: str
+) -> None:
+    """The others run, and a client is told why this one does not."""
+    monkeypatch.setattr(composition, "LOADED_WITHIN_S", 0.5)
+    install("bad", code)
+    install("good", GREET.format(name="good"))
+    with capture_logs() as lines:
+        states = with_daemon(load(overrides={"plugins.allow": ["bad", "good"]}), plugins)
+    assert states == {"bad": ("failed", "Hangs: it was not ready within 0.5 s"), "good": ("running", "")}
+    assert "a plug-in hangs at its start: nothing is served until it ends" in [
+        line["event"] for line in lines
+    ]
 
 
 def test_a_plugin_that_is_not_installed_or_offered_twice_is_said_and_left_out(install: Install) -> None:
