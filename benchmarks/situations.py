@@ -162,3 +162,50 @@ def noisy(seed: int, share: float) -> Run:
         rasterised(walls, 9.0, 4.0), walls, Pose2D(1.5, 2.0), seed=seed, random_share=share, has_sonar=False
     )
     return drive.sent(Goal(6.5, 2.0, 0.0), 120.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Passing:
+    """Somebody who looks at nothing passes a robot that drives.
+
+    ``fast_s`` is how long it was faster than creeping with less than 0.1 m between them while the gap did not open,
+    ``moving_m`` the least gap while it moved, and ``touches`` how often it moved when they touched.
+    """
+
+    is_reached: bool
+    fast_s: float
+    moving_m: float
+    touches: int
+
+
+CREEPS_M_S, CLOSE_M, LOOK_S = 0.1, 0.1, 0.04
+CORRIDOR_M, DOOR_M = 1.6, 0.9
+
+
+def passed(seed: int) -> Passing:
+    """In a corridor of 1.6 m, along it or out of a door: somebody walks along it, anywhere in it, and never yields."""
+    chance = np.random.default_rng(seed)
+    walls = np.vstack(
+        [box(0, 0, 9.0, 3.6), wall((0, 2.0), (3.5, 2.0)), wall((3.5 + DOOR_M, 2.0), (9.0, 2.0))]
+    )
+    y_m, speed_m_s = 2.0 + float(chance.uniform(0.35, CORRIDOR_M - 0.35)), float(chance.uniform(0.4, 1.2))
+    way = np.array([[0.3, y_m], [8.7, y_m]])
+    if chance.random() < 0.5:
+        way = way[::-1]
+    through_door = seed % 2 == 0
+    if through_door:
+        start, goal = Pose2D(3.95 + float(chance.uniform(-0.3, 0.3)), 0.9, math.pi / 2), Goal(7.0, 2.8, 0.0)
+    else:
+        start, goal = Pose2D(2.0, 2.0 + float(chance.uniform(0.4, 1.2)), 0.0), Goal(7.5, 2.8, 0.0)
+    walker = Person(way, speed_m_s, 0.22, is_blind=True, along_m=float(chance.uniform(0.0, 1.0)))
+    if not through_door and way[0, 0] < 1.0:  # from behind: it begins behind the robot
+        walker.along_m = 0.0
+    drive = Situation(rasterised(walls, 9.0, 3.6), walls, start, [walker], seed=seed, scan_age_s=0.1)
+    run = drive.sent(goal, 60.0)
+    gaps = np.array([(each.people_m, abs(each.speed_m_s)) for each in drive.passed])
+    opens = np.diff(gaps[:, 0], append=gaps[-1, 0]) > 0
+    fast = (gaps[:, 0] < CLOSE_M) & (gaps[:, 1] > CREEPS_M_S) & ~opens
+    moving = gaps[:, 1] > 0.02
+    least_m = float(gaps[moving, 0].min()) if moving.any() else math.inf
+    touches = int(((gaps[:, 0] < 0) & moving).sum() > 0)
+    return Passing(run.is_reached, float(fast.sum()) * LOOK_S, least_m, touches)

@@ -126,6 +126,8 @@ def navigation_skill_parameters(settings: Settings, folder: Path) -> "Navigation
     outline = robot_outline(settings)
     box = outline if isinstance(outline, Box) else None
     speed_m_s = min(settings.navigation.max_speed_m_s, 0.9 * settings.drive.max_rim_speed_m_s)
+    guard = settings.safety.guard
+    guards = (guard.scan.stop_distance_m, guard.scan.clearance_m) if guard.enabled else (0.0, 0.0)
     return NavigationSkillParameters(
         folder=folder,
         radius_m=outline.radius_m if box is None else None,
@@ -133,6 +135,8 @@ def navigation_skill_parameters(settings: Settings, folder: Path) -> "Navigation
         half_width_m=0.0 if box is None else box.half_width_m,
         navigation=settings.navigation.model_copy(update={"max_speed_m_s": speed_m_s}),
         silent_speed_m_s=settings.safety.encoders.silent_speed_m_s,
+        guard_stop_m=guards[0],
+        guard_clearance_m=guards[1],
         cameras=tuple(camera.name for camera in settings.depth_camera),
         range_mounts={
             name: (mount.x_m, mount.y_m, mount.heading_rad) for name, mount in settings.range_mounts().items()

@@ -43,6 +43,16 @@ ROUNDING_CELLS: Final = 0.25
     door at an angle, 10 cm wider than the robot, might be closed in a grid of 5 cm."""
 
 
+class GuardDistances(Record, frozen=True):
+    """The obstacle guards stop the robot so far before what is ahead, on top of the room that they keep all round it."""
+
+    stop_m: float = 0.0
+    clearance_m: float = 0.0
+
+
+NO_GUARDS: Final = GuardDistances()
+
+
 class Inflation(Record, frozen=True):
     """The parameters, in metres from an obstacle, for one robot."""
 
@@ -53,6 +63,7 @@ class Inflation(Record, frozen=True):
     weight: float
     tight_m: float
     tight_weight: float
+    guards: GuardDistances = NO_GUARDS
 
     @property
     def reach_m(self) -> float:
@@ -86,6 +97,7 @@ def costmap(
     *,
     unknown_space: UnknownSpace = UnknownSpace.BLOCKED,
     comfort_m: float = COMFORT_M,
+    guards: GuardDistances = NO_GUARDS,
 ) -> Costmap:
     """The costs of a map and its zones.
 
@@ -106,7 +118,7 @@ def costmap(
     unmapped_below_m = inner_m + UNMAPPED_MARGIN_M
     inflation = Inflation(
         blocked_below_m, inner_m, unmapped_below_m,
-        comfort_m, WALL_WEIGHT, TIGHT_M, TIGHT_WEIGHT,
+        comfort_m, WALL_WEIGHT, TIGHT_M, TIGHT_WEIGHT, guards,
     )  # fmt: skip
     costs = np.empty_like(distance_m)
     _fill(distance_m, surcharges, _numbers(inflation, blocked_below_m), costs)

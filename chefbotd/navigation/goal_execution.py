@@ -37,6 +37,9 @@ RENEWED_M: Final = 0.5
 """A goal that replaces one so near to it is the same one renewed, as by a program that follows somebody."""
 
 
+HELD_BY_WALL: Final = 3
+"""After so many approaches that a guard held back before a wall of the map, the goal ends."""
+
 AT_GOAL: Final = (Phase.APPROACHING, Phase.FINAL_TURN)
 
 
@@ -259,6 +262,10 @@ class GoalExecution:
             in_the_way = InTheWay(where, world.meets_walker(near.grid_from_base))
         check = checked_progress(self._params, self._last_progress, now, in_the_way)
         self._last_progress = check.progress
+        at_goal = done.state.phase is Phase.APPROACHING and (check.stuck or done.state.held >= HELD_BY_WALL)
+        if at_goal and (wall := world.wall_beside(near)):
+            self._end_before_wall(wall, now)
+            return
         if self._waiting is not None:
             return
         if check.waits or check.drives_again:
@@ -266,6 +273,14 @@ class GoalExecution:
         if check.stuck:
             beside = "" if done.is_blocked else world.beside(near)
             self._become_stuck(world, now, check.stuck + beside)
+
+    def _end_before_wall(self, wall: str, now: StepInput) -> None:
+        """Nobody can clear a wall of the map out of the way."""
+        goal, pose = self._goal, now.pose
+        left_m = math.hypot(goal.x_m - pose.x_m, goal.y_m - pose.y_m)
+        why = f"the wall of the map{wall} is too near to the goal ({goal.x_m:.2f}, {goal.y_m:.2f})"
+        end = f"{why} for the obstacle guards, which stop the robot {left_m:.2f} m from it"
+        self.end(End.BLOCKED, f"blocked: {end}, at ({pose.x_m:.2f}, {pose.y_m:.2f})")
 
     # Recovering
 

@@ -4,7 +4,7 @@ from enum import StrEnum
 
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.core.record import Record
-from chefbotd.navigation.costmap import COMFORT_M
+from chefbotd.navigation.costmap import COMFORT_M, GuardDistances
 from chefbotd.navigation.grid import Floats, Singles
 from chefbotd.navigation.outline import Footprint
 from chefbotd.navigation.states import End, GoalState, UnknownSpace
@@ -16,13 +16,15 @@ class NavigationParameters(Record, frozen=True):
 
     Time limits are ``slower`` times as long. With a scan that is older than ``scan_late_s`` (a busy computer, a lidar
     that skips turns) the robot drives more slowly; without one for ``scan_silent_s`` it stands. The gate lets no rim go
-    faster than ``silent_speed_m_s`` while the board waits for echoes that do not come (0: it stands).
+    faster than ``silent_speed_m_s`` while the board waits for echoes that do not come (0: it stands). ``guards`` are the
+    distances at which the gate's guards stop it.
     """
 
     outline: Footprint
     follower: FollowerLimits = FollowerLimits()
     unknown_space: UnknownSpace = UnknownSpace.BLOCKED
     comfort_m: float = COMFORT_M
+    guards: GuardDistances = GuardDistances(stop_m=0.05, clearance_m=0.02)
     slower: float = 1.0
     scan_late_s: float = 0.3
     scan_silent_s: float = 0.6

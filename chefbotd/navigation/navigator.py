@@ -11,6 +11,7 @@ from typing import Final
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.core.record import Record, replace
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
+from chefbotd.navigation.beside_people import slowed_beside_people
 from chefbotd.navigation.costmap import Costmap
 from chefbotd.navigation.crawl import CYCLE_S, Crawl, slowed, watched
 from chefbotd.navigation.driving import POSE_SILENT_S, surroundings
@@ -280,7 +281,8 @@ class Navigator:
         self._settle(execution)
         if self._execution is None or crawls:  # a board that obeys so late evades nobody
             return None if self._execution is None else twist
-        return self._execution.evade(now, near, twist)
+        twist = self._execution.evade(now, near, twist)
+        return slowed_beside_people(self._params.outline, near, twist)
 
     def _settle(self, execution: GoalExecution) -> None:
         """Go on with the next goal if this one has ended."""

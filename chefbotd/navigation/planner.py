@@ -9,6 +9,7 @@ from scipy import ndimage
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import replace
 from chefbotd.navigation.costmap import Costmap
+from chefbotd.navigation.goal_room import wall_before_goal
 from chefbotd.navigation.grid import Flags, Floats, GridFrame, Singles
 from chefbotd.navigation.outline import Footprint, clearance_m
 from chefbotd.navigation.path import ESCAPE_M, SPACING_M, Goal, NoPath, Path
@@ -34,9 +35,12 @@ def plan(outline: Footprint, costs: Costmap, start: Pose2D, goal: Goal) -> Path 
     problem = _problem(outline, costs, end)
     if problem is None:
         path = _between(outline, costs, here, end, goal)
-        if path is not None:
+        wall_m = None if path is None else wall_before_goal(outline, costs, path)
+        if path is not None and wall_m is None:
             return path
         why = f"there is no way to ({goal.x_m:.2f}, {goal.y_m:.2f}) that is wide enough for the robot"
+        if wall_m is not None:
+            why = _kept_from(costs, goal, wall_m)
     else:
         why = f"the goal ({goal.x_m:.2f}, {goal.y_m:.2f}) {problem}"
     nearest = nearest_free(outline, costs, here, end, goal.tolerance_m)
@@ -57,6 +61,15 @@ def plan(outline: Footprint, costs: Costmap, start: Pose2D, goal: Goal) -> Path 
             return path
     near = f"the nearest place that can be reached is ({offered.x_m:.2f}, {offered.y_m:.2f})"
     return NoPath(f"{why}; {near}, {away_m:.2f} m from it", offered)
+
+
+def _kept_from(costs: Costmap, goal: Goal, wall_m: Floats) -> str:
+    guards = costs.inflation.guards
+    return (
+        f"the goal ({goal.x_m:.2f}, {goal.y_m:.2f}) is too near to the wall of the map at "
+        f"({wall_m[0]:.2f}, {wall_m[1]:.2f}): the obstacle guards stop the robot "
+        f"{guards.stop_m + guards.clearance_m:.2f} m before it"
+    )
 
 
 def _in_grid(frame: GridFrame, goal: Goal) -> Pose2D:
@@ -111,8 +124,10 @@ def nearest_free(
     Guards stop a robot that drives towards a wall. So a pose with more room is better, up to twice as much farther away
     as the other lacks, but no pose beyond ``tolerance_m`` is better than one within.
     """
-    rows, columns = np.nonzero(_reached(costs, here))
     cell_m, inflation = costs.frame.resolution_m, costs.inflation
+    reached, guards = _reached(costs, here), inflation.guards
+    roomy = reached & (costs.distance_m >= inflation.inner_m + guards.stop_m + guards.clearance_m)
+    rows, columns = np.nonzero(roomy if roomy.any() else reached)
     away = np.hypot((columns + 0.5) * cell_m - end.x_m, (rows + 0.5) * cell_m - end.y_m)
     lacking_m = np.maximum(inflation.inner_m + inflation.tight_m - costs.distance_m[rows, columns], 0.0)
     for k in np.lexsort((away + 2 * lacking_m, away > tolerance_m))[:5000]:

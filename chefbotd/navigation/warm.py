@@ -5,8 +5,9 @@ import math
 import numpy as np
 
 from chefbotd.core.compiled import release_libraries
-from chefbotd.core.geometry import ORIGIN, STANDING, Pose2D
+from chefbotd.core.geometry import ORIGIN, STANDING, Pose2D, Twist2D
 from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from chefbotd.navigation.beside_people import slowed_beside_people
 from chefbotd.navigation.evade import evading_twist
 from chefbotd.navigation.interface import NavigationParameters, Seen
 from chefbotd.navigation.navigator import Navigator
@@ -49,3 +50,4 @@ def _meet_somebody(params: NavigationParameters) -> None:
     near = world.surroundings(pose, 0.1 * WALKED)
     world.beside(near)
     evading_twist(params.outline, near, STANDING, 0.0, is_stuck=True)
+    slowed_beside_people(params.outline, near, Twist2D(0.2, 0.0))

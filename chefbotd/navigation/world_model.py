@@ -51,6 +51,9 @@ AT_PLACE_M = 0.45
 BESIDE_M = 0.3
 """A guard may stop the robot for an obstacle so near to its outline."""
 
+GUARDED_M = 0.12
+"""A guard that holds the robot back before its goal does so for what is so near to its outline."""
+
 JUMP_M = 0.06
 """A pose so much farther from the last one than the robot can have gone is a correction."""
 
@@ -73,6 +76,7 @@ class WorldModel:
             zones,
             unknown_space=params.unknown_space,
             comfort_m=params.comfort_m,
+            guards=params.guards,
         )
         self._live = nothing_seen(self.ground.frame)
         self._noise = Noise()
@@ -115,7 +119,7 @@ class WorldModel:
         beams = sensor[confirmed] if len(sensor) == len(points) else sensor
         self._live = see_scan(self._live, self.frame, seen.stamp_s, beams, points[confirmed])
         points, away_m = points[confirmed | near], away_m[confirmed | near]
-        self._is_unmapped = away_m > EXPLAINED_M
+        self._is_unmapped = np.asarray(away_m > EXPLAINED_M)
         self._velocity_m_s, self._is_walker = np.zeros_like(points), np.zeros(len(points), np.bool_)
         self._intent_m_s = np.zeros_like(points)
         done = track(self._movers, seen.stamp_s, points[self._is_unmapped])
@@ -130,7 +134,7 @@ class WorldModel:
     def _is_on_map(self, points_m: Floats) -> NDArray[np.bool_]:
         """Which points of the grid's frame are on it."""
         most_m = np.array([self.frame.columns, self.frame.rows]) * self.frame.resolution_m
-        inside: NDArray[np.bool_] = ((points_m >= 0) & (points_m <= most_m)).all(axis=1)
+        inside: NDArray[np.bool_] = np.asarray(((points_m >= 0) & (points_m <= most_m)).all(axis=1))
         return inside
 
     def _is_void(self, here: Pose2D, stamp_s: float) -> bool:
@@ -313,6 +317,19 @@ class WorldModel:
         if turns_rad:
             k = nearest_in_turn(self._params.outline, near, turns_rad)
         return self._where(near, k)
+
+    def wall_beside(self, near: Surroundings) -> str:
+        """Where in the map its own wall is that is nearest to the outline, and near enough for a guard; else empty."""
+        if not len(near.points_m):
+            return ""
+        outline = self._params.outline
+        k = nearest_in_turn(outline, near, 0.0)
+        x_m, y_m = (float(value) for value in near.points_m[k])
+        point = near.grid_from_base.compose(Pose2D(x_m, y_m))
+        at = np.array([[point.x_m, point.y_m]])
+        is_mapped = between_cells_at(self.ground.fixed_m, self.frame.resolution_m, at)[0] <= EXPLAINED_M
+        is_near = clearance_m(outline.hull, outline.pad_m, x_m, y_m) < GUARDED_M
+        return self._where(near, k) if is_mapped and is_near else ""
 
     def beside(self, near: Surroundings) -> str:
         """Where in the map a point is that a guard may stop the robot for, as a part of a sentence."""

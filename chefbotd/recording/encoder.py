@@ -6,6 +6,7 @@ from typing import Any, Protocol
 import msgspec
 from msgspec import Struct
 
+from chefbotd.core.events.mapping import POSE_ENDED
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import LogLine
 from chefbotd.recording import foxglove as fg
@@ -219,7 +220,7 @@ class Encoder:
         self._drawn_ns = 0
 
     def _draw_map_pose(self, event: Any, log_ns: int) -> None:
-        self._map_from_odom = event.map_from_odom
+        self._map_from_odom = None if event.state == POSE_ENDED else event.map_from_odom
 
     def _draw_scan(self, event: Any, log_ns: int) -> None:
         topic = "/scan" if event.lidar in (self._first_scanner, None) else f"/scan/{event.lidar}"

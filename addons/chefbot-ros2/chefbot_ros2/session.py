@@ -142,7 +142,10 @@ class Session:
 
     def _take(self, event: Event[Any]) -> None:
         if event.topic == "map_pose":
-            self._map_from_odom.add_map_pose(event.stamp_s, pose_of(event.data))
+            if event.data.state == "ended":  # the pose in the map before: another one is in use
+                self._map_from_odom.latest = None
+            else:
+                self._map_from_odom.add_map_pose(event.stamp_s, pose_of(event.data))
         elif event.topic == "path":
             self._publish(*path(event.data, stamped(event.stamp_s, self._offset_ns)))
         elif event.topic == "wheels":

@@ -268,7 +268,11 @@ class ChefBot:
 def updated(facts: Facts, data: Any, by_hand: OperatingMode) -> Facts:
     """The facts after what a topic has told; ``by_hand`` is the mode in which somebody else drives."""
     match data:
+        case MapPoseData() if data.state == "ended":
+            return replace(facts, localized=False)
         case MapPoseData():
+            if data.map is not None and facts.map_id and data.map != facts.map_id:
+                return facts  # of a map that is no longer in use, or not yet
             return replace(facts, x_m=data.x_m, y_m=data.y_m, heading_rad=data.heading_rad, fit=data.fit)
         case OdometryData():
             return replace(facts, linear_m_s=data.linear_m_s, angular_rad_s=data.angular_rad_s)

@@ -162,7 +162,12 @@ async def _robot_mark(robot: Client, name: str | None) -> "list[MapMark]":
     latest = topics.get("map_pose")
     is_making = "mapping" in topics and topics["mapping"]["data"]["state"] != "idle"
     its_map = None if is_making else (await robot.list_maps()).in_use
-    if latest is None or latest["age_s"] > MOST_AGE_S or its_map != name:
+    if (
+        latest is None
+        or latest["age_s"] > MOST_AGE_S
+        or its_map != name
+        or latest["data"]["state"] == "ended"
+    ):
         return []
     pose = latest["data"]
     return [MapMark(pose["x_m"], pose["y_m"], pose["heading_rad"], style="bold red")]

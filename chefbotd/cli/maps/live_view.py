@@ -78,7 +78,9 @@ class MapTracker:
 
     def take_map_pose(self, stamp_s: float, data: MapPoseData) -> None:
         """A scan says where it was at ``stamp_s``."""
-        if self._readings:
+        if data.state == "ended":
+            self._map_from_odom = None
+        elif self._readings:
             index = min(bisect_left([when for when, _ in self._readings], stamp_s), len(self._readings) - 1)
             odom_from_base = self._readings[index][1]
             self._map_from_odom = Pose2D(data.x_m, data.y_m, data.heading_rad).compose(

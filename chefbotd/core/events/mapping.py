@@ -14,7 +14,9 @@ class MapPoseUpdated(Record, frozen=True):
 
     ``map_from_odom`` holds until the next event: with it, odometry gives the present pose in the map. ``state`` is
     mapping, wheel_slip (the odometry was wrong just now), uncertain (scans do not fit, the pose follows odometry), lost,
-    or searching (lost, and looking for a known place); ``searched`` is the finished share of that search.
+    or searching (lost, and looking for a known place); ``searched`` is the finished share of that search. ``map`` is the
+    map that the pose is in; None: a new one that is being made. With the state ended, there is no pose in that map any
+    more: another one is in use, or none.
     """
 
     stamp_s: float
@@ -24,6 +26,11 @@ class MapPoseUpdated(Record, frozen=True):
     fit: float
     state: str
     searched: float = 0.0
+    map: str | None = None
+
+
+POSE_ENDED = "ended"
+"""The state of a pose that holds no longer."""
 
 
 class MapChanged(GridPatch, frozen=True):

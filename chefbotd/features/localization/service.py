@@ -9,6 +9,7 @@ from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.commands import Refused
 from chefbotd.core.events.mapping import (
+    POSE_ENDED,
     LocalizationChanged,
     MapLoaded,
     MappingChanged,
@@ -71,6 +72,7 @@ class LocalizationState(Record, frozen=True):
     has_told: bool
     problem: str
     told: LocalizationChanged | None
+    pose: MapPoseUpdated | None
     jumps_before: int
     turning: TurningState
     may_turn: bool
@@ -99,6 +101,7 @@ class LocalizationService:
         self._reports: list[OnProgress] = []
         self._problem = ""  # why the map cannot be used
         self._latest: LocalizationChanged | None = None
+        self._pose: MapPoseUpdated | None = None  # in the map in use
         self._jumps_before = 0  # by the workers before this one
         self._entries, self._turning = entries_of(clock), Turning(bus, clock, driver, self._report)
         self._may_turn = turns_at_start  # it has neither turned nor found itself yet
@@ -122,6 +125,7 @@ class LocalizationService:
             self._has_told.is_set(),
             self._problem,
             self._latest,
+            self._pose,
             self._jumps_before,
             self._turning.state(),
             self._may_turn,
@@ -135,6 +139,7 @@ class LocalizationService:
         set_event(self._has_to_tell, state.has_to_tell)
         set_event(self._has_told, state.has_told)
         self._problem, self._latest, self._jumps_before = state.problem, state.told, state.jumps_before
+        self._pose = state.pose
         self._turning.restore(state.turning)
         self._may_turn, self._waits = state.may_turn, set(state.waits)
 
@@ -236,11 +241,14 @@ class LocalizationService:
         is_told = self._renamed_from is None or before is None or before.name != event.renamed_from
         if event.renamed_from is None or is_told:
             self._renamed_from = event.renamed_from
+        if event.renamed_from is None and before is not None and before.name != event.name:
+            self._end_pose(event.stamp_s, f"the map {event.name} is loaded in place of {before.name}")
         self._has_told.clear()
         self._has_to_tell.set()
 
     def _take_unloaded(self, event: MapUnloaded) -> None:
         self._map, self._was_unloaded = None, True
+        self._end_pose(event.stamp_s, f"the map {event.name} was deleted")
         self._has_to_tell.set()
 
     def _take_mapping(self, event: MappingChanged) -> None:
@@ -260,8 +268,19 @@ class LocalizationService:
             self._publish(event)
 
     def _take_pose(self, event: MapPoseUpdated) -> None:
-        if not self._is_mapping:
-            self._bus.publish(self._feed.in_odom(event))
+        """A pose in a map that is no longer in use is void: the worker was still at it."""
+        names = () if self._map is None else (self._map.name, self._renamed_from)
+        if not self._is_mapping and (event.map is None or event.map in names):
+            self._pose = replace(self._feed.in_odom(event), map=None if self._map is None else self._map.name)
+            self._bus.publish(self._pose)
+
+    def _end_pose(self, stamp_s: float, reason: str) -> None:
+        """The pose in the map before ends at once; where the robot is in another one is not known yet."""
+        if self._pose is not None:
+            self._bus.publish(replace(self._pose, stamp_s=stamp_s, state=POSE_ENDED))
+            self._pose = None
+        if self._latest is not None and self._latest.state != "unknown":
+            self._publish_unknown(stamp_s, reason)
 
     def _take_ready(self) -> None:
         """A new worker counts its jumps from 0 on."""

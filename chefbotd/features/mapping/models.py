@@ -52,11 +52,15 @@ class MapPoseData(Record, frozen=True):
     state: Annotated[
         str,
         Meta(
-            description="mapping, wheel_slip, uncertain, lost, or searching (lost, and looking for a place)"
+            description="mapping, localized, wheel_slip, uncertain, lost, searching (lost, and looking for a place), "
+            "or ended (another map is in use: there is no pose)"
         ),
     ]
     searched: Annotated[float, Meta(description="the share of the search for a known place that is done")] = (
         0.0
+    )
+    map: Annotated[str | None, Meta(description="the map that it is in; none: a new one is being made")] = (
+        None
     )
     frame_id: Literal["map"] = "map"
     child_frame_id: Literal["base_footprint"] = "base_footprint"
@@ -77,6 +81,7 @@ def _map_pose(event: MapPoseUpdated) -> MapPoseData:
         fit=event.fit,
         state=event.state,
         searched=event.searched,
+        map=event.map,
     )
 
 

@@ -4,7 +4,7 @@ from typing import Final
 
 from chefbotd.bus import Bus
 from chefbotd.core.commands import RefusalKind
-from chefbotd.core.events.mapping import MappingChanged, MapPoseUpdated
+from chefbotd.core.events.mapping import POSE_ENDED, MappingChanged, MapPoseUpdated
 from chefbotd.core.geometry import Pose2D
 from chefbotd.maps.disk import MapStoreError
 
@@ -48,7 +48,7 @@ class RobotPose:
         pose = self._pose
         if (self.mapped if self.is_mapping else in_use) != of_map:
             why = "another map is being made" if self.is_mapping else "another map is in use"
-        elif pose is None or now_s - pose.stamp_s > MOST_AGE_S:
+        elif pose is None or pose.state == POSE_ENDED or now_s - pose.stamp_s > MOST_AGE_S:
             why = "nothing tells it at present"
         elif pose.state not in SURE:
             why = f"it is {pose.state}".replace("_", " ")

@@ -170,6 +170,7 @@ def pose_updated(
     fit: float,
     state: str,
     searched: float = 0.0,
+    of_map: str | None = None,
 ) -> MapPoseUpdated:
     """Where the robot was in the map; ``odom`` is the frame of the odometry that the worker is sent."""
     map_from_base = pose_of(map_pose)
@@ -182,6 +183,7 @@ def pose_updated(
         fit,
         state,
         searched,
+        of_map,
     )
 
 

@@ -253,7 +253,10 @@ class LocalizationSkill:
         if odometry is None or estimate is None or self.problem or report.map_from_odom is None:
             return
         pose, state = compose(report.map_from_odom, odometry.pose), self._state_told(report.state)
-        yield pose_updated(report.stamp_s, pose, odometry.pose, estimate.covariance, report.fit, state)
+        name = self._map[0] if self._map else None
+        yield pose_updated(
+            report.stamp_s, pose, odometry.pose, estimate.covariance, report.fit, state, of_map=name
+        )
 
     def _state_told(self, state: PoseState) -> str:
         """Without scans nobody is sure of a pose, and with a lidar that is turned nobody has one."""

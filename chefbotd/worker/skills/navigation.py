@@ -16,6 +16,7 @@ from chefbotd.localization.state import PoseState
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.mapping.poses import Floats, compose, row_of
 from chefbotd.maps.store import MapStore
+from chefbotd.navigation.costmap import GuardDistances
 from chefbotd.navigation.grid import GridFrame
 from chefbotd.navigation.interface import NavigationParameters, PoseStatus, Seen, Step
 from chefbotd.navigation.navigator import Navigator
@@ -70,6 +71,7 @@ class NavigationSkill:
             silent_speed_m_s=settings.silent_speed_m_s,
             unknown_space=settings.navigation.unknown_space,
             comfort_m=settings.navigation.comfort_m,
+            guards=GuardDistances(settings.guard_stop_m, settings.guard_clearance_m),
         )
         self._folder, self._clock = settings.folder, clock
         self._navigator = Navigator(self._params)

@@ -25,6 +25,7 @@ class NavigationSkillParameters(Parameters):
 
     ``cameras`` are the depth cameras whose scans count beside those by which localization finds the way;
     ``range_mounts`` are the ultrasonic and infrared sensors: ``base_from_sensor`` (x, y, heading) by name.
+    ``guard_stop_m`` before what is ahead, and ``guard_clearance_m`` all round: there the guards stop the robot.
     ``silent_speed_m_s`` is what the gate lets a rim go while the board waits for echoes that do not come.
     """
 
@@ -34,6 +35,8 @@ class NavigationSkillParameters(Parameters):
     half_width_m: float
     navigation: NavigationSection
     silent_speed_m_s: float
+    guard_stop_m: float = 0.0
+    guard_clearance_m: float = 0.0
     cameras: tuple[str, ...] = ()
     range_mounts: dict[str, tuple[float, float, float]] = {}
 

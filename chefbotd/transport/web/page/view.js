@@ -51,9 +51,10 @@ export class View {
   }
 
   setPose(pose, inMap) {
-    if (inMap && !this.mapPose) this.trail = [];
+    if (inMap && (!this.mapPose || this.mapPose.map !== pose?.map)) this.trail = [];
     if (inMap) this.mapPose = pose;
     else this.pose = pose;
+    if (!this.robot) return;
     const robot = this.robot;
     const last = this.trail.at(-1);
     if (!last || Math.hypot(robot.x_m - last[0], robot.y_m - last[1]) > TRAIL_STEP_M) {
