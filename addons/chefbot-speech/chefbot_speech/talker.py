@@ -130,10 +130,21 @@ class PageTalker:
                 await self._do(dialogue.release(self._dialogue))
                 self._robot.hush(is_hushed=self._talkers.is_listening())
                 self._hearing = asyncio.create_task(self._hear())
+            case {"event": "stop"}:
+                await self._stop()
             case {"event": "touch"}:
                 await self._do(dialogue.touch(self._dialogue))
             case {"event": "answer", "choice": str(choice)} if choice in ANSWERS:
                 await self._do(dialogue.answer(self._dialogue, ANSWERS[choice], loop.time()))
+
+    async def _stop(self) -> None:
+        """The robot first; then nothing begins by itself any more, and what was proposed is forgotten."""
+        problem = await self._robot.stop()
+        self._talkers.end_countdowns()
+        step = dialogue.answer(self._dialogue, Action.STOP, asyncio.get_running_loop().time())
+        self._dialogue, self._text = step.dialogue, problem or step.text
+        self._look_again()
+        await self._show(stopped=not problem)
 
     async def leave(self) -> None:
         """The page is gone, and what it proposed with it."""
@@ -211,12 +222,14 @@ class PageTalker:
             step = dialogue.look(now, loop.time())
         await self._do(step)
 
-    async def _show(self, vocabulary: Vocabulary | None = None) -> None:
+    async def _show(self, vocabulary: Vocabulary | None = None, *, stopped: bool | None = None) -> None:
         shown: dict[str, Any] = {
             "phase": self._dialogue.phase,
             "text": self._text,
             "proposal": self._dialogue.proposal,
         }
+        if stopped is not None:
+            shown["stopped"] = stopped
         if vocabulary is not None:
             shown |= {"places": sorted(set(vocabulary.goals.values())), "left_out": vocabulary.left_out}
         await self._send(shown)

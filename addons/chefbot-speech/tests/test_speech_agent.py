@@ -222,6 +222,26 @@ def test_a_spoken_yes_confirms_and_a_spoken_no_does_not(tmp_path: Path) -> None:
     in_room(tmp_path, scenario)
 
 
+def test_the_stop_of_the_page_ends_goal_countdown_and_proposal(tmp_path: Path) -> None:
+    """The page is told whether it has arrived; nothing that was proposed begins afterwards."""
+
+    async def scenario(room: Room) -> None:
+        await room.say("go to table one")
+        await room.page.take({"event": "answer", "choice": "yes"})
+        await asyncio.sleep(1.0)
+        assert await room.goals() == "driving"
+        await room.page.take({"event": "stop"})
+        assert (room.shown[-1]["stopped"], room.shown[-1]["text"]) == (True, "I stand.")
+        await asyncio.sleep(1.0)
+        assert await room.goals() == "cancelled"
+        await room.say("go to table two")
+        await room.page.take({"event": "stop"})
+        await asyncio.sleep(20.0)
+        assert room.driven == [1.0]
+
+    in_room(tmp_path, scenario, countdown_s=5.0)
+
+
 def test_a_countdown_begins_the_goal_and_a_touch_ends_it(tmp_path: Path) -> None:
     """5 s after the echo."""
 

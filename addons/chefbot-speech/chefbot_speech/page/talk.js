@@ -4,6 +4,11 @@ const $ = (id) => document.getElementById(id);
 const TOKEN_KEY = "chefbot-speech-token";
 const AGAIN_MS = 1000;
 const FLUSH_MS = 300;
+const SAME_CONTACT_MS = 80; // one contact comes as a pointer, as a touch and as a mouse
+const CLICK_AFTER_MS = 700;
+const ANSWER_MS = 800;
+const LOST = "not connected: the robot may still be driving, and nothing on this page stops it";
+const UNREACHED = "The stop did not reach the robot. Hold it or switch its motors off.";
 const NO_RATE_HZ = 48000; // while there is no microphone
 const NO_MICROPHONE = "The browser gives no microphone to a page without https. Open this page by https, "
   + "or on the robot's own computer as http://localhost. Touching and stopping work all the same.";
@@ -11,6 +16,7 @@ const NO_MICROPHONE = "The browser gives no microphone to a page without https. 
 let socket = null;
 let sound = null; // {context, node}, once the microphone is allowed
 let pressed = false;
+let unanswered = null; // the timer of a stop
 
 function connect() {
   socket = new WebSocket(`${location.protocol === "https:" ? "wss" : "ws"}://${location.host}/socket`);
@@ -18,7 +24,7 @@ function connect() {
   socket.onmessage = ({ data }) => show(JSON.parse(data));
   socket.onclose = () => {
     pressed = false;
-    $("connection").textContent = "not connected";
+    $("connection").textContent = LOST;
     $("talking").hidden = true;
     if ($("login").hidden) setTimeout(connect, AGAIN_MS);
   };
@@ -27,6 +33,40 @@ function connect() {
 function send(message) {
   const words = typeof message === "string" ? { event: message } : message;
   if (socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(words));
+}
+
+// Ask for a stop, and say so where it does not arrive.
+function stop() {
+  if (socket.readyState !== WebSocket.OPEN) return warn(true);
+  unanswered ??= setTimeout(() => warn(true), ANSWER_MS);
+  return send("stop");
+}
+
+function warn(isUnreached) {
+  clearTimeout(unanswered);
+  unanswered = null;
+  $("unreached").hidden = !isUnreached;
+  $("unreached").textContent = isUnreached ? UNREACHED : "";
+}
+
+// Act when a finger, a pen or a mouse goes down; and for a click of the keyboard or of a screen reader. While another
+// finger scrolls a browser tells of this one only as a touch.
+function onContact(button, act) {
+  let [acted_ms, ended_ms, isDown] = [-Infinity, -Infinity, false];
+  const begin = (event) => {
+    if (event.cancelable) event.preventDefault();
+    isDown = true;
+    if (event.timeStamp - acted_ms < SAME_CONTACT_MS) return;
+    acted_ms = event.timeStamp;
+    act();
+  };
+  const end = (event) => { if (isDown) [isDown, ended_ms] = [false, event.timeStamp]; };
+  for (const name of ["pointerdown", "touchstart", "mousedown"]) button.addEventListener(name, begin, { passive: false });
+  for (const name of ["pointerup", "pointercancel", "touchend", "touchcancel", "mouseup", "blur"]) addEventListener(name, end, { capture: true });
+  button.addEventListener("contextmenu", (event) => event.preventDefault());
+  button.addEventListener("click", (event) => {
+    if (event.detail === 0 || (!isDown && event.timeStamp - ended_ms > CLICK_AFTER_MS)) act();
+  });
 }
 
 function show(state) {
@@ -40,6 +80,7 @@ function show(state) {
   if ($("connection").textContent !== "connected") $("connection").textContent = "connected";
   if ($("text").textContent !== state.text) $("text").textContent = state.text;
   $("confirm").hidden = !state.proposal;
+  if (state.stopped !== undefined) warn(!state.stopped);
   document.body.dataset.phase = state.phase;
   if (state.places) showPlaces(state);
 }
@@ -107,13 +148,24 @@ async function release() {
 
 $("talk").addEventListener("pointerdown", (event) => { $("talk").setPointerCapture(event.pointerId); press(); });
 for (const name of ["pointerup", "pointercancel", "lostpointercapture", "blur"]) $("talk").addEventListener(name, release);
+// While another finger scrolls, no pointer is told of. Talking with such a touch only brakes.
+$("talk").addEventListener("touchstart", () => { if (!pressed) stop(); }, { passive: true });
 $("talk").addEventListener("keydown", (event) => { if (event.code === "Space" && !event.repeat) { event.preventDefault(); press(); } });
 $("talk").addEventListener("keyup", (event) => { if (event.code === "Space") release(); });
+onContact($("stop"), stop);
+// Esc everywhere, and Space everywhere but on the button to talk, whose press brakes too, and where it is typed.
+addEventListener("keydown", (event) => {
+  const isSpace = event.code === "Space" && !event.target.closest?.("#talk, input");
+  if (!isSpace && event.code !== "Escape") return;
+  event.preventDefault();
+  if (!event.repeat) stop();
+}, { capture: true });
+addEventListener("keyup", (event) => { if (event.code === "Space" && !event.target.closest?.("#talk, input")) event.preventDefault(); }, { capture: true });
 $("talk").addEventListener("contextmenu", (event) => event.preventDefault());
 document.addEventListener("visibilitychange", () => { if (document.hidden) release(); });
 document.addEventListener("pointerdown", (event) => { if (!event.target.closest("#talk, #confirm")) send("touch"); });
 $("yes").addEventListener("click", () => send({ event: "answer", choice: "yes" }));
-$("no").addEventListener("click", () => send({ event: "answer", choice: "no" }));
+onContact($("no"), () => send({ event: "answer", choice: "no" }));
 $("login").addEventListener("submit", (event) => {
   event.preventDefault();
   sessionStorage.setItem(TOKEN_KEY, $("token").value.trim().split(/\s+/).at(-1));
