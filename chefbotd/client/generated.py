@@ -248,6 +248,9 @@ class Topics(ABC):
     @overload
     def subscribe(self, topics: Literal["safety"], **options: Unpack[Options]) -> Subscription[m.SafetyData]: ...
     @overload
+    def subscribe(self, topics: Literal["drive_warning"],
+        **options: Unpack[Options]) -> Subscription[m.DriveWarningData]: ...
+    @overload
     def subscribe(self, topics: Literal["odometry"], **options: Unpack[Options]) -> Subscription[m.OdometryData]: ...
     @overload
     def subscribe(self, topics: Literal["odometry_condition"],

@@ -33,8 +33,8 @@ from chefbotd.features.calibration.models import (
 from chefbotd.features.depth_cameras.models import DepthCamerasData as DepthCamerasData
 from chefbotd.features.description.models import RobotDescription as RobotDescription
 from chefbotd.features.driving.models import (
-    Driven as Driven, Limited as Limited, SafetyData as SafetyData, Stopped as Stopped,
-    WheelSpeedsSet as WheelSpeedsSet, WheelsData as WheelsData
+    DriveWarningData as DriveWarningData, Driven as Driven, Limited as Limited, SafetyData as SafetyData,
+    Stopped as Stopped, WheelSpeedsSet as WheelSpeedsSet, WheelsData as WheelsData
 )
 from chefbotd.features.lidars.models import LidarData as LidarData, LidarsData as LidarsData, ScanData as ScanData
 from chefbotd.features.localization.models import LocalizationData as LocalizationData, PlaceCandidate as PlaceCandidate
@@ -71,10 +71,11 @@ DATA_BY_TOPIC: Mapping[str, type[Sent]] = {
     "recording": RecordingData, "scan": ScanData, "lidars": LidarsData, "worker": WorkerData, "mapping": MappingData,
     "map": MapData, "map_pose": MapPoseData, "localization": LocalizationData, "navigation": NavigationData,
     "path": PathData, "costmap": CostmapData, "obstacles": ObstaclesData, "depth_cameras": DepthCamerasData,
-    "wheels": WheelsData, "safety": SafetyData, "odometry": OdometryData, "odometry_condition": OdometryConditionData,
-    "imu": ImuData, "ranges": RangesData, "battery": BatteryData, "stats": StatsData, "agents": AgentsData,
-    "agent_events": AgentEventData, "agent_data": AgentMessageData, "calibration": CalibrationData, "sim": SimData,
-    "link": LinkData, "firmware": FirmwareData, "reset": ResetData, "text": TextData, "raw": RawData, "log": LogData
+    "wheels": WheelsData, "safety": SafetyData, "drive_warning": DriveWarningData, "odometry": OdometryData,
+    "odometry_condition": OdometryConditionData, "imu": ImuData, "ranges": RangesData, "battery": BatteryData,
+    "stats": StatsData, "agents": AgentsData, "agent_events": AgentEventData, "agent_data": AgentMessageData,
+    "calibration": CalibrationData, "sim": SimData, "link": LinkData, "firmware": FirmwareData, "reset": ResetData,
+    "text": TextData, "raw": RawData, "log": LogData
 }
 """What a client reads each topic as."""
 
@@ -98,6 +99,7 @@ class TopicsOfState:
     obstacles = Latest("obstacles", ObstaclesData)
     depth_cameras = Latest("depth_cameras", DepthCamerasData)
     wheels = Latest("wheels", WheelsData)
+    drive_warning = Latest("drive_warning", DriveWarningData)
     odometry = Latest("odometry", OdometryData)
     odometry_condition = Latest("odometry_condition", OdometryConditionData)
     imu = Latest("imu", ImuData)

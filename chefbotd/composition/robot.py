@@ -28,6 +28,7 @@ from chefbotd.link.wheel_loop import WheelLoop, WheelLoopParameters, wheel_loop_
 from chefbotd.link.wires import variant_of
 from chefbotd.metrics import Metrics
 from chefbotd.motion.drive import Drive
+from chefbotd.motion.drive_state import LOADED_SHARE
 from chefbotd.motion.encoder import CountedBy
 from chefbotd.motion.limit_preview import LimitPreview
 from chefbotd.motion.pid import PidParameters
@@ -68,7 +69,12 @@ def drive_service(context: Context, session: BoardSession, latch: GateStore) -> 
         mounts=settings.range_mounts(),
         latch=latch,
         session=int(context.session, 16),
-        motors=MotorWatch(settings.safety, settings.chassis, settings.encoders.counts_per_turn),
+        motors=MotorWatch(
+            settings.safety,
+            settings.chassis,
+            settings.encoders.counts_per_turn,
+            settings.drive.max_rim_speed_m_s / LOADED_SHARE,
+        ),
         scans=scan_guard(context),
     )
     service = DriveService(

@@ -21,11 +21,20 @@ class Counting(Record, frozen=True):
         if self.by_firmware:
             return (
                 f"the configured counts of a wheel's turn, {counts:g}, are our firmware's, which counts all four edges, "
-                "and the board has not named itself as that: the motors stay off. Of a published sketch they are "
-                f"{counts / EDGES:g}: put that into the configuration, as counted by the sketch"
+                "and the board has not named itself as that: the motors stay off. "
+                f"{_advice('sketch', counts / EDGES, 'our firmware')}"
             )
         return (
             "the board runs our firmware, which counts all four edges of the encoders, and the configured counts of a "
-            f"wheel's turn, {counts:g}, are a sketch's, which counts one: the motors stay off. Of our firmware they are "
-            f"{EDGES * counts:g}: put that into the configuration, as counted by the firmware"
+            f"wheel's turn, {counts:g}, are a sketch's, which counts one: the motors stay off. "
+            f"{_advice('firmware', EDGES * counts, 'the sketch')}"
         )
+
+
+def _advice(counted_by: str, counts: float, measured_with: str) -> str:
+    """What to do: nobody is to compute with a number that was never measured."""
+    return (
+        f'Set [encoders] counted_by = "{counted_by}", then turn a wheel ten times by hand with '
+        "'chefbotctl calibrate encoders', and set what that finds. Only if the configured counts were measured with "
+        f"{measured_with}, and not assumed, are they {counts:g} now"
+    )

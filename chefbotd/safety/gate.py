@@ -26,6 +26,7 @@ from chefbotd.safety.echo import EchoParameters
 from chefbotd.safety.encoder_timeout import EncoderTimeoutParameters
 from chefbotd.safety.faults import RECOVERABLE, UNSTOPPED, FaultKind
 from chefbotd.safety.guard import GuardParameters
+from chefbotd.safety.off_target import OffTargetParameters
 from chefbotd.safety.overspeed import OverspeedParameters
 from chefbotd.safety.unresponsive import UnresponsiveParameters
 from chefbotd.safety.wheels import WheelWatchParameters
@@ -72,6 +73,7 @@ class SafetyParameters(Parameters):
     encoders: EncoderTimeoutParameters = section()
     wheels: WheelWatchParameters = section()
     overspeed: OverspeedParameters = section()
+    off_target: OffTargetParameters = section()
     unresponsive: UnresponsiveParameters = section()
     echo: EchoParameters = section()
     battery: BatteryMonitorParameters = section()

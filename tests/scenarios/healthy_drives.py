@@ -21,7 +21,7 @@ import structlog
 
 from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
-from chefbotd.core.events import SafetyChanged
+from chefbotd.core.events import DriveWarned, SafetyChanged
 from chefbotd.core.geometry import Pose2D
 from chefbotd.mapping.map_server import to_description, to_image
 from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
@@ -140,6 +140,7 @@ async def accused(robot: SimulatedRobot, seed: int, hall: Hall, drives: int, *, 
     """Drive so often, and return each fault with what led to it; after a fault the robot is armed again."""
     found = []
     changes = robot.daemon.bus.subscribe(SafetyChanged, size=256)
+    warnings = robot.daemon.bus.subscribe(DriveWarned, size=256)
     for number in range(drives):
         chance = random.Random(seed * 1000 + number)
         try:
@@ -148,6 +149,7 @@ async def accused(robot: SimulatedRobot, seed: int, hall: Hall, drives: int, *, 
             found += [f"refused: {error}"[:200]]
         faults = [event for event in changes.take_all() if event.fault]
         found += [f"{event.fault}: {event.reason}" for event in faults[:1]]
+        found += [f"warning: {event.reason}" for event in warnings.take_all() if event.reason]
         if faults:
             await robot.client.call("arm")
     return found

@@ -22,8 +22,9 @@ if TYPE_CHECKING:
 YES = "yes"
 BOARD_NAMES = ("tiva", "duemilanove")
 COUNTS = (
-    "It counts all four edges of the encoders: in the robot's configuration set [encoders] counts_per_turn to four "
-    'times the sketch\'s, and counted_by = "firmware". chefbotd does not drive before.'
+    "It counts all four edges of the encoders: in the robot's configuration set [encoders] "
+    "counted_by = \"firmware\", and counts_per_turn to what 'chefbotctl calibrate encoders' finds as a wheel is turned "
+    "by hand (four times the sketch's, if that was measured and not assumed). chefbotd does not drive before."
 )
 
 

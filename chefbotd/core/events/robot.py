@@ -203,6 +203,21 @@ class SafetyChanged(Record, frozen=True):
         return LogLine(Level.INFO, "safety", text)
 
 
+class DriveWarned(Record, frozen=True):
+    """Wheels do not follow their commands, though nothing stops the robot; ``reason`` is empty once that is over."""
+
+    retained: ClassVar[bool] = True
+
+    stamp_s: float
+    reason: str
+
+    def log_line(self) -> LogLine:
+        """The line in the log."""
+        if self.reason:
+            return LogLine(Level.WARNING, "drive", self.reason)
+        return LogLine(Level.INFO, "drive", "the wheels follow their commands again")
+
+
 class ClientDisconnected(Record, frozen=True):
     """A client's connection has ended; ``client`` is its number. What the robot did for it alone ends."""
 

@@ -11,7 +11,7 @@ from chefbotd.core import events
 from chefbotd.core.printable import one_line
 from chefbotd.core.record import Record, replace
 from chefbotd.rpc.models import SOURCE, Done, MotionParams, Params
-from chefbotd.rpc.topics import Topic
+from chefbotd.rpc.topics import Topic, same_names
 
 ARMED_MODE: Final = "armed"
 MOST_WHEELS: Final = 64
@@ -127,6 +127,12 @@ class WheelsData(Record, frozen=True):
     ] = ()
 
 
+class DriveWarningData(Record, frozen=True):
+    """Wheels that do not follow their commands, though nothing stops the robot."""
+
+    reason: Annotated[str, Meta(description="what was measured and what to do; empty while nothing is wrong")]
+
+
 class SafetyData(Record, frozen=True):
     """The gate: its mode and reason, the source in force, whether the robot may move, and who drives."""
 
@@ -208,4 +214,5 @@ def topics(wheel_names: tuple[str, ...]) -> tuple[Topic, ...]:
     return (
         Topic("wheels", (events.WheelsDriven,), WheelsData, partial(_wheels, wheel_names)),
         Topic("safety", gate, SafetyData, safety_data, join=_join_safety, always_known=True),
+        Topic("drive_warning", (events.DriveWarned,), DriveWarningData, same_names(DriveWarningData)),
     )

@@ -9,7 +9,7 @@ from chefbotd.core.geometry import Motion, Twist2D
 from chefbotd.core.record import Record
 from chefbotd.features.driving.wheel_reader import WheelsRead
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
-from chefbotd.safety import echo, overspeed, unresponsive, wheels
+from chefbotd.safety import echo, off_target, overspeed, unresponsive, wheels
 from chefbotd.safety.faults import Fault
 from chefbotd.safety.gate import SafetyParameters
 from chefbotd.safety.in_force import Command, InForce
@@ -27,6 +27,22 @@ LATE_READINGS_S = 1.0
 """After a pause, readings may be older than the commands for this long."""
 
 
+OFF_TARGET_PERIOD_S = 0.25
+"""How often it is looked at whether wheels are off their target; a reading alone tells little of that."""
+
+
+LEVEL_M_S = 0.01
+"""Wheels that are asked for speeds no farther apart than this do not drag each other."""
+
+
+class SteadyWheels(Record, frozen=True):
+    """Since when the same speeds have been asked for, and where the wheels were then."""
+
+    asked_m_s: tuple[float, ...] = ()
+    since_s: float = float("-inf")
+    position_rad: tuple[float, ...] = ()
+
+
 class MotorWatchState(Record, frozen=True):
     """The detectors' states, when the control loop last ran, until when readings may be old, and the commands."""
 
@@ -37,6 +53,9 @@ class MotorWatchState(Record, frozen=True):
     ran_s: float
     blind_until_s: float
     in_force: InForce = field(default_factory=InForce)
+    pace: tuple[off_target.Pace, ...] = ()
+    steady: SteadyWheels = field(default_factory=SteadyWheels)
+    warning: str = ""
 
 
 class MotorWatch:
@@ -46,7 +65,11 @@ class MotorWatch:
     """
 
     def __init__(
-        self, parameters: SafetyParameters, chassis: ChassisParameters, counts_per_turn: float
+        self,
+        parameters: SafetyParameters,
+        chassis: ChassisParameters,
+        counts_per_turn: float,
+        free_m_s: float = 1.0,
     ) -> None:
         self._parameters, self.kinematics = parameters, Kinematics(chassis)
         self._play_rad = wheels.play_of(counts_per_turn)
@@ -54,20 +77,24 @@ class MotorWatch:
         self._dragged = len(self._names) > 2
         self._echo = echo.UNKNOWN
         self.in_force = InForce()
+        self._counts_per_turn, self._free_m_s = counts_per_turn, free_m_s
+        self._pace, self._steady, self.warning = off_target.at_rest(len(self._names)), SteadyWheels(), ""
         self._blind_until_s = self._ran_s = float("-inf")
         self.start_anew()
 
     def state(self) -> MotorWatchState:
         """Return the state of this part."""
         judged = self._wheels, self._overspeed, self._unresponsive, self._echo
-        return MotorWatchState(*judged, self._ran_s, self._blind_until_s, self.in_force)
+        pace = self._pace, self._steady, self.warning
+        return MotorWatchState(*judged, self._ran_s, self._blind_until_s, self.in_force, *pace)
 
     def restore(self, state: MotorWatchState) -> None:
         """Restore this state."""
         self._wheels, self._overspeed = state.wheels, state.overspeed
         self._unresponsive, self._echo = state.unresponsive, state.echo
         self._ran_s, self._blind_until_s = state.ran_s, state.blind_until_s
-        self.in_force = state.in_force
+        self.in_force, self.warning = state.in_force, state.warning
+        self._pace, self._steady = state.pace or self._pace, state.steady
 
     def loop_runs(self, now_s: float) -> bool:
         """The control loop runs; returns whether it had paused.
@@ -152,6 +179,29 @@ class MotorWatch:
         if fault is not None:
             yield fault
         yield from self._watch_motion(now_s, envelope.asked_m_s, seen)
+        if envelope.asked_m_s != self._steady.asked_m_s:
+            position_rad = seen.reading.position_rad
+            self._steady = SteadyWheels(envelope.asked_m_s, self.in_force.taken_s, position_rad)
+        elif self.in_force.taken_s - self._steady.since_s >= OFF_TARGET_PERIOD_S:
+            self._watch_pace(effort, seen)
+
+    def _watch_pace(self, effort: tuple[float, ...], seen: WheelsRead) -> None:
+        """Whether wheels that are asked for a steady speed have it; wheels that drag each other are not judged."""
+        steady, position_rad = self._steady, seen.reading.position_rad
+        turned_rad = tuple(
+            [now - before for now, before in zip(position_rad, steady.position_rad, strict=True)]
+        )
+        self._steady = SteadyWheels(steady.asked_m_s, self.in_force.taken_s, position_rad)
+        if self._dragged and max(steady.asked_m_s) - min(steady.asked_m_s) > LEVEL_M_S:
+            return
+        parameters, dt_s = self._parameters.off_target, self.in_force.taken_s - steady.since_s
+        travel_m = self.kinematics.rims_at_m_s(turned_rad)
+        self._pace = off_target.watch(
+            parameters, self._pace, steady.asked_m_s, effort, travel_m, dt_s, self._free_m_s
+        )
+        told = off_target.sentence(parameters, self._names, self._pace, self._free_m_s, self._counts_per_turn)
+        if bool(told) is not bool(self.warning):
+            self.warning = told
 
     def _watch_motion(self, now_s: float, asked_m_s: tuple[float, ...], seen: WheelsRead) -> Iterator[Fault]:
         """Whether the robot is too fast, or moves although it must stand; None if neither can be decided."""

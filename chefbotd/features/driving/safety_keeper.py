@@ -14,6 +14,7 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import (
     BatteryMeasured,
     BoardRestarted,
+    DriveWarned,
     DutyEchoed,
     FirmwareReported,
     LinkClosed,
@@ -129,7 +130,7 @@ class SafetyKeeper:
         self._held = StopHold(parameters.held_until_silent_s)
         self._silence = EncoderTimeoutState()
         self._without_echo = ""  # the sensor that waits for echoes that do not come
-        self._battery = battery_monitor.CHARGED
+        self._battery, self._warned = battery_monitor.CHARGED, ""
         self.obstacles = ObstacleGuard(
             bus, parameters.guard, mounts, scans, self._keep_error, motors.kinematics
         )
@@ -170,6 +171,7 @@ class SafetyKeeper:
         self._gate, self._decision, self._latched = state.gate, state.decision, state.latched
         self._held.restore(state.held)
         self.motors.restore(state.motors)
+        self._warned = self.motors.warning
         self._silence, self._battery = state.silence, state.battery
         self._without_echo = state.without_echo
         self.obstacles.restore(state.beams)
@@ -332,6 +334,11 @@ class SafetyKeeper:
         obstacles.excluded = seen.same_side.excluded
         for fault in self.motors.watch(now_s, seen, credit):
             self.fail(fault)
+        if self.motors.warning != self._warned:
+            self._warned = self.motors.warning
+            self._bus.publish(DriveWarned(now_s, self._warned))
+            if self._warned:
+                log.warning("the wheels are off their target", reason=self._warned)
 
     def loop_runs(self, now_s: float) -> None:
         """Note that the control loop runs. Call it at every run, before a reading is judged.

@@ -588,7 +588,8 @@ def test_our_firmware_gets_no_motion_while_a_sketchs_counts_are_configured():
         assert bench.session.duty_ceiling(0.0) == (0, 0)
         ((condition, reason),) = conditions(bench, health)
         assert condition == "counts_differ"
-        assert "they are 16800: put that into the configuration, as counted by the firmware" in reason
+        assert 'Set [encoders] counted_by = "firmware", then turn a wheel ten times by hand' in reason
+        assert "Only if the configured counts were measured with the sketch, and not assumed, are they 16800" in reason
 
     on_bench(scenario, counting=Counting(4200.0, by_firmware=False))
 
@@ -606,7 +607,8 @@ def test_a_sketch_gets_no_motion_while_our_firmwares_counts_are_configured():
         assert bench.session.duty_ceiling(0.0) == (0, 0)
         ((condition, reason),) = conditions(bench, health)
         assert condition == "counts_differ"
-        assert "they are 4200: put that into the configuration, as counted by the sketch" in reason
+        assert 'Set [encoders] counted_by = "sketch", then turn a wheel ten times by hand' in reason
+        assert "measured with our firmware, and not assumed, are they 4200" in reason
 
     on_bench(scenario, counting=Counting(16_800.0, by_firmware=True))
 
