@@ -23,12 +23,12 @@ def told(
 
 
 def test_a_wheel_that_counts_too_little_is_told_with_what_its_duty_gives() -> None:
-    """0.1 m/s is asked for, and 0.8 of the duty gives 0.32: 0.06 m/s is said within 3 s."""
-    at_s, text = told(4.0, 0.1, (0.06 - 0.01, 0.1), 0.8)
+    """0.1 m/s is asked for, and 0.8 of the duty gives 0.32: 0.05 and 0.1 are said within 3 s."""
+    at_s, text = told(4.0, 0.1, (0.05, 0.1), 0.8)
     assert at_s is not None
     assert at_s <= 3.0
     assert text.startswith(
-        "left turns at 0.05 m/s by the encoders, where 0.10 is asked for; at that duty a free"
+        "left and right turn at 0.05 m/s by the encoders, where 0.10 is asked for; at that duty a free"
     )
     assert "makes about 0.3" in text
     assert "Turn a wheel by hand first ('chefbotctl calibrate encoders'): the configured 4200 counts" in text
