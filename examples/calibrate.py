@@ -19,7 +19,7 @@ from chefbotd.client.models import CalibrationStep
 from chefbotd.core.events.calibration import Ask, StepResult
 from chefbotd.core.geometry import Pose2D, wrap_angle
 from chefbotd.core.record import Record
-from chefbotd.process.simulated_robot import true_of
+from chefbotd.process.simulated_robot import nominal_battery, true_of
 from chefbotd.process.true_values import true_values
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.sim_parameters.true import TrueParameters
@@ -87,7 +87,7 @@ async def calibrate(
         applied = await robot.client.apply_calibration()
     after = await _squares(load(config), true, side_m, out, say) if squares else ()
     estimates = {estimate.key: estimate.after for result in results for estimate in result.estimates}
-    divider = nominal.battery.divider_ratio
+    divider = nominal_battery(nominal).divider_ratio
     seen = divider / estimates.get(
         "battery.divider_ratio", divider
     )  # the motors' step has the battery's result

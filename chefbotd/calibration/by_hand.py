@@ -82,6 +82,8 @@ def _read_voltmeter(robot: ConfiguredRobot) -> Procedure:
 
 def _fit_divider(robot: ConfiguredRobot, measurements: Measurements) -> StepResult:
     """The divider that makes the mean of the readings what the voltmeter shows."""
+    if robot.battery is None:
+        return StepResult("battery", Status.REFUSED, NO_BATTERY)
     if VOLTAGE not in measurements.answers:
         return StepResult("battery", Status.NOT_ENOUGH, "nobody has typed what a voltmeter shows")
     read = [reading.voltage_v for reading in measurements.battery]
@@ -104,6 +106,13 @@ def _fit_divider(robot: ConfiguredRobot, measurements: Measurements) -> StepResu
     )
 
 
+NO_BATTERY = "no [battery] is configured"
+
+
+def _battery_missing(robot: ConfiguredRobot) -> str:
+    return NO_BATTERY if robot.battery is None else ""
+
+
 def _nothing_missing(robot: ConfiguredRobot) -> str:
     return ""
 
@@ -122,7 +131,7 @@ BATTERY = StepDefinition(
     "the voltage divider of the battery",
     "Have a voltmeter at hand.",
     0.0,
-    _nothing_missing,
+    _battery_missing,
     _read_voltmeter,
     _fit_divider,
 )

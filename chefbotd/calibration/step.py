@@ -69,7 +69,7 @@ class ConfiguredRobot(Record, frozen=True):
     drive: DriveParameters
     gains: Mapping[str, PidParameters]
     limits: MotionLimits
-    battery: BatteryParameters
+    battery: BatteryParameters | None
     outline_radius_m: float
     imu: ImuParameters | None = None
     ultrasonic: UltrasonicParameters | None = None

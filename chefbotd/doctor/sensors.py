@@ -116,7 +116,8 @@ def check_imu_turn(imu_rad: float | None, encoders_rad: float) -> Finding:
     """The robot was turned to the left: the IMU's heading grows, as much as the encoders say."""
     if imu_rad is None:
         return skipped("imu_turn", "the IMU reports no heading")
-    text = f"turned to the left, the IMU says {math.degrees(imu_rad):+.0f}°, the encoders {math.degrees(encoders_rad):+.0f}°"
+    imu_deg, encoders_deg = math.degrees(imu_rad), math.degrees(encoders_rad)
+    text = f"turned to the left, the IMU says {imu_deg:+.0f}°, the encoders {encoders_deg:+.0f}°"
     if imu_rad < -TURNED_RAD:
         return problem(
             "imu_turn", f"{text}: the IMU is upside down or its axes are exchanged", "mount its z axis up"

@@ -14,7 +14,7 @@ import serial_asyncio
 import structlog
 from pydantic import Field, field_validator, model_validator
 
-from chefbotd.core.parameters import Parameters
+from chefbotd.core.parameters import Parameters, check_device
 
 log = structlog.get_logger(component="link")
 
@@ -75,10 +75,7 @@ class LinkParameters(Parameters):
     @field_validator("device")
     @classmethod
     def _has_a_descriptor(cls, device: str) -> str:
-        """The other addresses of pyserial (``loop://``, ``rfc2217://``) have none that a loop could watch."""
-        if "://" in device and not device.startswith("socket://"):
-            raise ValueError(f"expected a path such as /dev/ttyACM0 or socket://host:port, got {device!r}")
-        return device
+        return check_device(device, "/dev/ttyACM0")
 
     @model_validator(mode="after")
     def _feeds_the_dead_man(self) -> Self:

@@ -5,7 +5,7 @@ from enum import StrEnum
 from operator import mul
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Field, field_validator, model_validator
 
 from chefbotd.core.geometry import Twist2D
 from chefbotd.core.parameters import Parameters
@@ -24,6 +24,12 @@ class Side(StrEnum):
     RIGHT = "right"
 
 
+ONLY_TWO_SIDES = (
+    "chefbotd drives robots whose wheels stand on two sides and do not steer (differential drive, skid steer); omni and "
+    "mecanum wheels and steered ones (Ackermann) it cannot drive"
+)
+
+
 class WheelParameters(Parameters):
     """One driven wheel; a sign of -1 turns round an encoder or a motor that was wired backwards."""
 
@@ -32,6 +38,14 @@ class WheelParameters(Parameters):
     radius_m: float = Field(gt=0, le=1)
     encoder_sign: Literal[1, -1] = 1
     motor_sign: Literal[1, -1] = 1
+
+    @field_validator("side", mode="before")
+    @classmethod
+    def _is_left_or_right(cls, side: object) -> object:
+        """Who describes a robot of another kind is told so at once."""
+        if side not in tuple(Side):
+            raise ValueError(f"expected left or right, got {side!r}: {ONLY_TWO_SIDES}")
+        return side
 
 
 class ChassisParameters(Parameters):

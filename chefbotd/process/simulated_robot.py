@@ -3,6 +3,7 @@
 from chefbotd.core.geometry import Pose2D
 from chefbotd.link.wires import BITS_A_BYTE, variant_of
 from chefbotd.motion.kinematics import Kinematics, Side
+from chefbotd.sensing.battery import BatteryParameters
 from chefbotd.sensing.infrared import InfraredParameters
 from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.settings import Settings
@@ -17,6 +18,17 @@ class CannotSimulateError(Exception):
     """A configuration of a robot that cannot be simulated; its text is ready to be shown."""
 
 
+SIMULATED_BATTERY = BatteryParameters(
+    reference_v=3.3, divider_ratio=5.0, full_v=12.9, empty_v=11.4, low_v=12.0, critical_v=11.7
+)
+"""ChefBot's, for a simulated robot without [battery]: a motor needs one all the same."""
+
+
+def nominal_battery(settings: Settings) -> BatteryParameters:
+    """The configured battery, or the one that a simulated robot without has."""
+    return settings.battery or SIMULATED_BATTERY
+
+
 def simulation_of(settings: Settings) -> Simulation:
     """What to simulate for this robot: its own wire, line, wheels, divider and sensors, the rest from ``[sim]``.
 
@@ -29,7 +41,7 @@ def simulation_of(settings: Settings) -> Simulation:
         variant_of(settings.robot.wire),
         _chassis(settings, true),
         settings.link.baud / BITS_A_BYTE,
-        Divider(settings.battery.reference_v, _given(true.divider_ratio)),
+        Divider(nominal_battery(settings).reference_v, _given(true.divider_ratio)),
         None
         if ultrasonic is None
         else UltrasonicMount(ultrasonic.base_from_sensor, ultrasonic.field_of_view_rad),
@@ -77,7 +89,7 @@ def true_of(settings: Settings) -> TrueParameters:
         wheels={name: TrueWheel(radius_m=radius_m) for name, radius_m in zip(names, radii_m, strict=True)},
         imu=TrueImu(mount_heading_rad=settings.imu.mount_heading_rad if settings.imu else 0.0),
         lidars={name: _as_configured(lidar) for name, lidar in lidars.items()},
-        divider_ratio=settings.battery.divider_ratio,
+        divider_ratio=nominal_battery(settings).divider_ratio,
     )
     return resolved(given, configured, settings.sim.seed)
 

@@ -1,6 +1,6 @@
 """What a perfect calibration of a simulated robot would find, by the keys of its configuration."""
 
-from chefbotd.process.simulated_robot import simulation_of, true_of
+from chefbotd.process.simulated_robot import nominal_battery, simulation_of, true_of
 from chefbotd.settings import Settings
 from chefbotd.sim.plant import Plant
 
@@ -37,7 +37,7 @@ def _motors(settings: Settings, voltage_v: float) -> dict[str, float]:
     simulation, full_duty = simulation_of(settings), settings.drive.max_duty
     parameters = simulation.parameters
     plant = Plant(parameters.motor, parameters.body, CURVE_STEP_S, simulation.chassis)
-    true_v = voltage_v * simulation.divider.ratio / settings.battery.divider_ratio
+    true_v = voltage_v * simulation.divider.ratio / nominal_battery(settings).divider_ratio
     values = {}
     for number, wheel in enumerate(settings.chassis.wheels):
         for direction in ("forward", "reverse"):

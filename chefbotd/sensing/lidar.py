@@ -9,7 +9,7 @@ from enum import StrEnum
 from pydantic import Field, model_validator
 
 from chefbotd.core.geometry import Pose2D
-from chefbotd.core.parameters import Parameters
+from chefbotd.core.parameters import Parameters, check_device
 
 
 class LidarModel(StrEnum):
@@ -79,10 +79,10 @@ class LidarParameters(Parameters):
 
     @model_validator(mode="after")
     def _is_a_lidar(self) -> "LidarParameters":
-        if "://" in self.device and not self.device.startswith("socket://"):
-            raise ValueError(
-                f"device: expected a path such as /dev/ttyUSB0 or socket://host:port, got {self.device!r}"
-            )
+        try:
+            check_device(self.device, "/dev/ttyUSB0")
+        except ValueError as error:
+            raise ValueError(f"device: {error}") from None
         for begin, end in self.blind_sectors_rad:
             if max(abs(begin), abs(end)) > MAX_SECTOR_RAD or begin == end:
                 raise ValueError(

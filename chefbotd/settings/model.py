@@ -107,7 +107,7 @@ class Settings(Parameters):
     lidar: tuple[LidarParameters, ...] = ()
     depth_camera: tuple[DepthSourceParameters, ...] = ()
     imu: ImuParameters | None = None
-    battery: BatteryParameters
+    battery: BatteryParameters | None = None
     maps: MapsParameters | None = None
     mapping: MappingParameters = section()
     localization: LocalizationSection = section()

@@ -143,11 +143,13 @@ def _sensor_findings(
 def check_adc_of(settings: Settings, heard: LinesHeard) -> Finding | None:
     """Whether the analogue readings fit the bits that the configuration says."""
     battery = settings.battery
+    full_scale = 4095 if battery is None else battery.adc_full_scale
+    volts_per_count = 0.0 if battery is None else battery.reference_v * battery.divider_ratio / full_scale
     return check_adc(
-        heard.battery,
-        battery.adc_full_scale,
-        battery.reference_v * battery.divider_ratio / battery.adc_full_scale,
-        (battery.critical_v, battery.full_v),
+        None if battery is None else heard.battery,
+        full_scale,
+        volts_per_count,
+        (0.0, 0.0) if battery is None else (battery.critical_v, battery.full_v),
         [
             AnalogueInput(
                 sensor.name, heard.analogue.get(sensor.channel), sensor.adc_bits, sensor.reference_v
@@ -170,6 +172,12 @@ def check_ultrasonic(name: str, beams: dict[str, Beams], *, sends: bool) -> Find
 
 def _battery(diagnosis: Diagnosis, heard: LinesHeard, events: Sequence[Event[Any]]) -> Finding:
     parameters = diagnosis.settings.battery
+    if parameters is None:
+        return skipped(
+            "battery",
+            "no [battery] is configured: the robot does not notice an empty one",
+            "measure it by hand, or wire a divider to the board and describe it in [battery]",
+        )
     return check_battery(
         events[-1].data.voltage_v if events else None,
         events[-1].data.status if events else "",

@@ -55,7 +55,9 @@ def as_calibrated(measured: Measurements, running: ConfiguredRobot, robot: Confi
 
     The battery's voltage grows with the divider; a wheel's turn shrinks with the counts that make one.
     """
-    volts = robot.battery.divider_ratio / running.battery.divider_ratio
+    volts = 1.0
+    if robot.battery is not None and running.battery is not None:
+        volts = robot.battery.divider_ratio / running.battery.divider_ratio
     turns = running.encoders.counts_per_turn / robot.encoders.counts_per_turn
     if volts == 1 == turns:
         return measured

@@ -44,12 +44,14 @@ class SensorService:
         *,
         ultrasonic_parameters: UltrasonicParameters | None,
         imu_parameters: ImuParameters | None,
-        battery_parameters: BatteryParameters,
+        battery_parameters: BatteryParameters | None,
         infrared_parameters: Sequence[InfraredParameters] = (),
     ) -> None:
-        self._bus, self._battery, self._battery_state = bus, battery_parameters, battery.START
+        self._bus, self._battery_state = bus, battery.START
         self._infrared = {sensor.channel: (sensor, infrared.START) for sensor in infrared_parameters}
-        self._interpret: dict[type[Any], Callable[[Any], object | None]] = {BatteryCounted: self._charge}
+        self._interpret: dict[type[Any], Callable[[Any], object | None]] = {}
+        if battery_parameters is not None:
+            self._interpret[BatteryCounted] = partial(self._charge, battery_parameters)
         if ultrasonic_parameters is not None:
             self._interpret[UltrasonicEchoed] = partial(ultrasonic.interpret, ultrasonic_parameters)
         interruptions = (BoardRestarted, LinkClosed) if infrared_parameters else ()
@@ -63,7 +65,8 @@ class SensorService:
             self._interpret[InertialCounted] = partial(imu.from_counts, imu_parameters)
         self.battery: BatteryMeasured | None = None
         self._failure = HandlerFailure()
-        bus.add_handler(self._on_reading, *self._interpret, on_error=self._failure.report)
+        if self._interpret:
+            bus.add_handler(self._on_reading, *self._interpret, on_error=self._failure.report)
 
     def state(self) -> SensorState:
         """Return the state of this part."""
@@ -102,8 +105,8 @@ class SensorService:
             channel: (sensor, infrared.START) for channel, (sensor, _) in self._infrared.items()
         }
 
-    def _charge(self, event: BatteryCounted) -> BatteryMeasured:
-        self._battery_state, self.battery = battery.measure(self._battery, self._battery_state, event)
+    def _charge(self, parameters: BatteryParameters, event: BatteryCounted) -> BatteryMeasured:
+        self._battery_state, self.battery = battery.measure(parameters, self._battery_state, event)
         return self.battery
 
 
