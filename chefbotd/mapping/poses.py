@@ -91,6 +91,10 @@ def carried_covariance(covariance: Floats, dx_m: float, dy_m: float) -> Floats:
     return result
 
 
+ROUNDING = 1e-9
+"""Of a difference of covariances, in their units."""
+
+
 def motion_covariance(
     before: Floats, before_covariance: Floats, after: Floats, after_covariance: Floats
 ) -> Floats | None:
@@ -99,7 +103,11 @@ def motion_covariance(
     None where it has shrunk: odometry began again, or another sensor has corrected it.
     """
     carried = carried_covariance(before_covariance, after[0] - before[0], after[1] - before[1])
-    grown = after_covariance - carried
-    if np.linalg.eigvalsh(grown)[0] < -1e-9:
+    grown = turned(after_covariance - carried, -float(before[2]))
+    variances, axes = np.linalg.eigh(grown)
+    if not variances[0] >= -ROUNDING:  # neither where it is not a number
         return None
-    return turned(grown, -float(before[2]))
+    noise: Floats = (
+        axes * np.maximum(variances, 0.0)
+    ) @ axes.T  # no variance is below 0, whatever was rounded
+    return noise

@@ -50,8 +50,8 @@ def tracked(
     """
     sigma_m, sigma_rad = odometry_sigmas(params, moved)
     if noise is not None:
-        sigma_m = max(sigma_m, math.sqrt(max(float(noise[0, 0]), float(noise[1, 1]))))
-        sigma_rad = max(sigma_rad, math.sqrt(float(noise[2, 2])))
+        sigma_m = max(sigma_m, math.sqrt(max(float(noise[0, 0]), float(noise[1, 1]), 0.0)))
+        sigma_rad = max(sigma_rad, math.sqrt(max(float(noise[2, 2]), 0.0)))
     if math.hypot(moved[0], moved[1]) > params.max_jump_m:
         return _jumped(params, grids, last, scan)
     guess = compose(last, moved)

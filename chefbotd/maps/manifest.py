@@ -33,7 +33,7 @@ class FileEntry(Parameters):
 class Extent(Parameters):
     """A grid without its cells: where its outer corner lies in ``map``, its cells' size, and how many there are."""
 
-    resolution_m: float = Field(gt=0)
+    resolution_m: float = Field(ge=0.001, le=10.0)  # as map_server's files are imported
     columns: int = Field(ge=1)
     rows: int = Field(ge=1)
     x_m: float

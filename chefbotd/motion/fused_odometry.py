@@ -194,7 +194,7 @@ class FusedOdometry:
         if self.anomaly is not MotionAnomaly.NONE:
             step = widened_step(step, self.anomaly)
         if now.climb_share:
-            level = math.sqrt(1 - now.climb_share**2)
+            level = math.sqrt(max(1 - now.climb_share**2, 0.0))
             step = replace(step, travel_m=step.travel_m * level, climb_m=step.travel_m * now.climb_share)
         considered = self._by_gyro if now.has_rates else self._by_wheels
         now.estimate = motion_filter.predicted(now.estimate, considered, step)

@@ -42,6 +42,20 @@ class RecordedMessage(Struct, frozen=True):
     data: bytes
 
 
+DAMAGE = (
+    McapError,
+    CRCValidationError,
+    struct.error,
+    zlib.error,
+    ValueError,
+    RuntimeError,
+    LookupError,
+    OverflowError,
+    MemoryError,
+)
+"""What the libraries raise for bytes that nobody wrote so; RecursionError is a RuntimeError."""
+
+
 class RecordingReader:
     """A recording. What stands in it is known once ``messages`` or ``events`` has come to its end.
 
@@ -80,7 +94,7 @@ class RecordingReader:
                 continue
             try:
                 yield decode(event_class, message.data)
-            except ValueError as error:
+            except (ValueError, RecursionError) as error:
                 raise UnreadableRecording(
                     f"{self.path}: event {message.sequence} on {message.topic} is none: {error}"
                 ) from error
@@ -105,7 +119,7 @@ class RecordingReader:
                     self._note(record)
         except EndOfFile:
             self.problem = CUT
-        except (McapError, CRCValidationError, struct.error, zlib.error, ValueError, RuntimeError) as error:
+        except DAMAGE as error:
             cut = isinstance(error, struct.error) and not file.read(1)  # within the head of a record
             self.problem = CUT if cut else f"it is damaged or was cut: {str(error) or type(error).__name__}"
         except Exception as error:

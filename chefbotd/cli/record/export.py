@@ -3,6 +3,7 @@
 import csv
 import json
 import re
+from collections import Counter
 from collections.abc import Collection, Iterable, Iterator
 from pathlib import Path
 from typing import Any, TextIO
@@ -15,7 +16,12 @@ from chefbotd.recording.reader import RecordedMessage
 WIDEST_LIST = 16
 """A longer list, such as a scan's ranges, is one cell, as JSON."""
 
+MOST_TABLES = 500
+"""Each is an open file while they are written; a recording of chefbotd has some 40."""
+DEEPEST = 16
+"""What is nested deeper is one cell as well."""
 MAX_NAME = 100
+FORMULA = ("=", "+", "-", "@", "\t", "\r", "\n")
 OWN_COLUMNS = ("log_time_s", "sequence")
 
 
@@ -36,7 +42,13 @@ def export_csv(path: Path, folder: Path, topics: Collection[str], *, force: bool
     if unknown := sorted(set(topics) - columns.keys()):
         available = ", ".join(sorted(columns))
         raise ProgramError(Exit.FAILED, f"{path} has no topic {', '.join(unknown)}; it has {available}")
-    files = _files(folder, [topic for topic in columns if not topics or topic in topics])
+    chosen = [topic for topic in columns if not topics or topic in topics]
+    if len(chosen) > MOST_TABLES:
+        problem = (
+            f"{path} has {len(chosen)} topics, more than {MOST_TABLES} tables: name some of them by --topic"
+        )
+        raise ProgramError(Exit.FAILED, problem)
+    files = _files(folder, chosen)
     for file in files.values():
         if file.exists() and not force:
             raise ProgramError(Exit.FAILED, f"{file} exists already; --force replaces it")
@@ -87,7 +99,7 @@ def _row(path: Path, message: RecordedMessage) -> dict[str, Any]:
 def _decoded(path: Path, message: RecordedMessage) -> Any:
     try:
         return json.loads(message.data)
-    except ValueError:
+    except (ValueError, RecursionError):
         raise ProgramError(
             Exit.FAILED,
             f"{path}: the messages on {message.topic} ({message.schema or 'without a schema'}) are not JSON, as those "
@@ -97,23 +109,36 @@ def _decoded(path: Path, message: RecordedMessage) -> Any:
 
 def _cells(value: Any, name: str = "") -> Iterator[tuple[str, Any]]:
     """The columns of a value, named by the way to each: ``velocity_rad_s.0``."""
-    if isinstance(value, dict):
+    depth = name.count(".")
+    if isinstance(value, dict) and depth < DEEPEST:
         for key, inner in value.items():
-            yield from _cells(inner, f"{name}.{key}" if name else key)
-    elif isinstance(value, list) and len(value) <= WIDEST_LIST:
+            yield from _cells(inner, f"{name}.{key}" if name else _as_text(key))
+    elif isinstance(value, dict):
+        yield name, json.dumps(value)
+    elif isinstance(value, list) and len(value) <= WIDEST_LIST and depth < DEEPEST:
         for index, inner in enumerate(value):
             yield from _cells(inner, f"{name}.{index}")
     elif isinstance(value, list):
         yield name, json.dumps(value)
     else:
-        yield name, value
+        yield name, _as_text(value) if isinstance(value, str) else value
+
+
+def _as_text(text: str) -> str:
+    """What a spreadsheet shows as the text that it is: with an apostrophe in front it is no formula.
+
+    Names and reasons are other people's (OWASP, "CSV Injection").
+    """
+    return f"'{text}" if text.startswith(FORMULA) else text
 
 
 def _files(folder: Path, topics: Iterable[str]) -> dict[str, Path]:
     """A file for each topic, whatever somebody has called it: no two are the same, and none is elsewhere."""
     files: dict[str, Path] = {}
+    numbers: Counter[str] = Counter()
     for topic in topics:
         name = re.sub(r"[^\w.-]+", "_", topic.strip("/"))[:MAX_NAME].strip(".") or "topic"
-        number = sum(file.stem.partition("~")[0].lower() == name.lower() for file in files.values())
+        number = numbers[name.lower()]
+        numbers[name.lower()] += 1
         files[topic] = folder / (f"{name}~{number + 1}.csv" if number else f"{name}.csv")
     return files

@@ -179,7 +179,10 @@ def test_a_map_is_written_with_map_saver_s_shades_and_thresholds() -> None:
         ("- 1", "flat.yaml: a map's YAML is keys and values, got list"),
         ("", "flat.yaml: a map's YAML is keys and values, got NoneType"),
         ("image: a.pgm\nresolution: 0.05", "flat.yaml: origin: Field required"),
-        (YAML.replace("0.050000", "0"), r"resolution: Input should be greater than or equal to 0.001 \(got 0\)"),
+        (
+            YAML.replace("0.050000", "0"),
+            r"resolution: Input should be greater than or equal to 0.001 \(got 0\)",
+        ),
         (
             YAML.replace("0.650000", "x").replace("0.65", "0.1"),
             "free_thresh must be below occupied_thresh, 0.1, got 0.196",
@@ -217,3 +220,20 @@ def test_a_grid_is_checked_when_it_is_made() -> None:
     ):
         with pytest.raises(ValueError, match=told):
             OccupancyGrid(resolution_m, Pose2D(), percent)
+
+
+@pytest.mark.parametrize("resolution", ["1e-320", "1e300", "1e-9", "1000"])
+def test_cells_that_no_map_has_are_refused(resolution: str) -> None:
+    """From 1 mm to 10 m: what is beside that is a mistake, and would end who plans on it."""
+    text = f"image: a.pgm\nresolution: {resolution}\norigin: [0, 0, 0]\n".replace("e3", ".0e+3")
+    text = text.replace("1e-", "1.0e-")
+    with pytest.raises(MapFileError, match="resolution"):
+        parse_description(text, "a.yaml")
+
+
+def test_aliases_are_refused_at_once() -> None:
+    """A list of lists of lists, each nine times: a billion texts in 400 bytes."""
+    lines = ["a0: &a0 [x, x, x, x, x, x, x, x, x]"]
+    lines += [f"a{n}: &a{n} [{', '.join([f'*a{n - 1}'] * 9)}]" for n in range(1, 9)]
+    with pytest.raises(MapFileError, match="aliases"):
+        parse_description("\n".join(lines), "a.yaml")

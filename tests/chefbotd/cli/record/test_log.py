@@ -249,3 +249,49 @@ def test_a_recording_without_motion_has_nothing_to_draw(tmp_path: Path) -> None:
     result = run("plot", path, "--out", tmp_path / "x.png")
     assert result.exit_code == Exit.FAILED
     assert "WheelsDriven" in result.output
+
+
+def stranger_file(path: Path, *messages: tuple[str, bytes]) -> Path:
+    """A recording of another program: a topic and its data for each message."""
+    with path.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start()
+        schema = writer.register_schema("any", "jsonschema", b"{}")
+        channels: dict[str, int] = {}
+        for topic, data in messages:
+            if topic not in channels:
+                channels[topic] = writer.register_channel(topic, "json", schema)
+            writer.add_message(channels[topic], 1, data, 1)
+        writer.finish()
+    return path
+
+
+def test_no_cell_is_a_formula(tmp_path: Path) -> None:
+    """A text that a spreadsheet would calculate has an apostrophe in front; numbers are numbers."""
+    texts = ['=HYPERLINK("http://x","y")', "+1", "-1", "@SUM(A1)", "\t=1", "plain"]
+    messages = [("/t", json.dumps({"reason": text, "=key": -1.5}).encode()) for text in texts]
+    path = stranger_file(tmp_path / "formulas.mcap", *messages)
+    assert run("export", path, "--csv", tmp_path / "tables").exit_code == Exit.OK
+    with (tmp_path / "tables" / "t.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    assert [row["reason"] for row in rows] == [*[f"'{text}" for text in texts[:-1]], "plain"]
+    assert {row["'=key"] for row in rows} == {"-1.5"}
+
+
+def test_what_is_nested_too_deep_is_told_or_is_one_cell(tmp_path: Path) -> None:
+    """50 levels are one cell; 100,000 are no JSON that is read."""
+    deep = stranger_file(tmp_path / "deep.mcap", ("/t", b'{"a":' * 50 + b"1" + b"}" * 50))
+    assert run("export", deep, "--csv", tmp_path / "deep").exit_code == Exit.OK
+    deepest = stranger_file(tmp_path / "deepest.mcap", ("/t", b"[" * 100_000 + b"]" * 100_000))
+    refused = run("export", deepest, "--csv", tmp_path / "deepest")
+    assert refused.exit_code == Exit.FAILED
+    assert "are not JSON" in refused.output
+
+
+def test_very_many_topics_are_refused_at_once(tmp_path: Path) -> None:
+    """20,000 of nearly the same name: no table is opened for any."""
+    path = stranger_file(tmp_path / "many.mcap", *((f"/t {number}", b"{}") for number in range(20_000)))
+    refused = run("export", path, "--csv", tmp_path / "many")
+    assert refused.exit_code == Exit.FAILED
+    assert "20000 topics, more than 500 tables" in refused.output
+    assert not (tmp_path / "many").exists()
