@@ -9,7 +9,15 @@ from typing import Final
 import aiomqtt
 import structlog
 from aiohttp import web
-from chefbot_vda5050.broker import FIRST_RETRY_S, KEEPALIVE_S, LONGEST_RETRY_S, NO_DELAY, BrokerParameters
+from chefbot_vda5050.broker import (
+    FIRST_RETRY_S,
+    KEEPALIVE_S,
+    LONGEST_RETRY_S,
+    NO_DELAY,
+    BrokerParameters,
+    SubscriptionRefused,
+    listen_to,
+)
 from chefbot_vda5050.messages import (
     Action,
     BlockingType,
@@ -28,6 +36,7 @@ from chefbot_vda5050.topics import EVERY, QOS, Headers, Kind, RobotName, parse_t
 from chefbot_fleet.fleet import Fleet
 from chefbot_fleet.orders import CancelOrder, Outgoing
 from chefbot_fleet.web import FleetPage
+from chefbotd.logs import RateLimitedLog
 from chefbotd.transport.web.http_server import HttpServer
 
 log = structlog.get_logger("fleet")
@@ -65,6 +74,8 @@ class Manager:
         self._broker, self._interface, self._major_version = broker, interface, major_version
         self._client: aiomqtt.Client | None = None
         self._headers: dict[str, Headers] = {}
+        self._pause_s = FIRST_RETRY_S
+        self._log = RateLimitedLog(log)
 
     async def run(self, page: FleetPage, host: str, port: int, tls: ssl.SSLContext | None = None) -> None:
         """Until cancelled; the page listens there."""
@@ -89,19 +100,21 @@ class Manager:
         log.info("serving the page", host=host, port=port)
 
     async def _stay_connected(self) -> None:
-        pause_s = FIRST_RETRY_S
         while True:
+            pause_s = self._pause_s
             try:
                 async with self._connect() as client:
-                    pause_s = FIRST_RETRY_S
                     await self._serve(client)
+            except SubscriptionRefused as refused:
+                log.error("the manager hears no robots", why=str(refused), again_in_s=pause_s)
             except (aiomqtt.MqttError, OSError) as error:
                 log.warning("no connection to the broker", why=str(error), again_in_s=pause_s)
             finally:
                 self._client = None
                 self.fleet.disconnected()
+            pause_s = self._pause_s
             await asyncio.sleep(pause_s)
-            pause_s = min(2 * pause_s, LONGEST_RETRY_S)
+            self._pause_s = min(2 * pause_s, LONGEST_RETRY_S)
 
     def _connect(self) -> aiomqtt.Client:
         broker = self._broker
@@ -119,8 +132,9 @@ class Manager:
     async def _serve(self, client: aiomqtt.Client) -> None:
         every = RobotName(EVERY, EVERY, self._interface, self._major_version)
         for kind in LISTENS:
-            await client.subscribe(every.topic(kind), qos=QOS[kind])
+            await listen_to(client, every.topic(kind), kind)
         self._client = client
+        self._pause_s = FIRST_RETRY_S
         self.fleet.connected(self._clock())
         log.info("connected to the broker", host=self._broker.host, port=self._broker.port)
         for name in self.fleet.vehicles:
@@ -135,6 +149,9 @@ class Manager:
             return
         robot, kind = parsed
         name = f"{robot.manufacturer}/{robot.serial_number}"
+        if not data:  # it clears what the broker had kept
+            self.fleet.ignored.pop(name, None)
+            return
         try:
             if kind is Kind.CONNECTION:
                 connection = decode(data, Connection).connection_state
@@ -149,6 +166,10 @@ class Manager:
             self.fleet.ignored[name] = f"its {kind} is malformed: {error}"
         except ValueError as error:  # what one robot says must not end the others' manager
             log.warning("a message does not fit what is known of its robot", robot=name, why=str(error))
+        except Exception as problem:  # noqa: BLE001 - told and counted: one message must not end the others' manager
+            self._log.warning(
+                "a message cannot be taken", robot=name, kind=str(kind), why=repr(problem)[:500]
+            )
         self._tell()
 
     def _tell(self) -> None:
@@ -159,13 +180,21 @@ class Manager:
 
     async def _tick(self) -> None:
         while True:
-            for message in self.fleet.tick(self._clock()):
-                if isinstance(message, CancelOrder):
-                    await self._send_action(message.robot, "cancelOrder", message.action_id)
-                else:
-                    await self._send(message)
+            try:
+                await self._send_what_is_due()
+            except Exception as problem:  # noqa: BLE001 - told and counted: one robot must not end the others' manager
+                self._log.warning("the manager sends nothing now", why=repr(problem)[:500])
             self._tell()
             await asyncio.sleep(TICK_S)
+
+    async def _send_what_is_due(self) -> None:
+        """Nothing is sent before the disk has what it follows from."""
+        self.fleet.store.save_again()
+        for message in self.fleet.tick(self._clock()):
+            if isinstance(message, CancelOrder):
+                await self._send_action(message.robot, "cancelOrder", message.action_id)
+            else:
+                await self._send(message)
 
     async def _send(self, order: Outgoing) -> None:
         header = self._header(order.robot).next(Kind.ORDER, time.time())

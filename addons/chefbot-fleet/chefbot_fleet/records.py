@@ -3,6 +3,7 @@
 import math
 from collections.abc import Iterable
 from itertools import pairwise
+from typing import Final
 
 from chefbot_vda5050.messages import ConnectionState, State
 from msgspec import Struct
@@ -13,6 +14,25 @@ from chefbot_fleet.routes import Pace, Stop
 from chefbot_fleet.store import FleetOrder, Stage, Store, Vehicle
 from chefbot_fleet.traffic import Traffic
 from chefbotd.core.record import Record
+
+MOST_NAMES: Final = 256
+"""Of robots that are not in the fleet: names come from the broker, where anybody may invent them."""
+
+LONGEST_REASON: Final = 300
+
+
+class Newest(dict[str, str]):
+    """So many sentences by name: a new name takes the place of the oldest."""
+
+    def __init__(self, most: int) -> None:
+        super().__init__()
+        self._most = most
+
+    def __setitem__(self, name: str, text: str) -> None:
+        """Keep a sentence, cut where it is long."""
+        if name not in self and len(self) >= self._most:
+            del self[next(iter(self))]
+        super().__setitem__(name, text if len(text) <= LONGEST_REASON else f"{text[: LONGEST_REASON - 1]}…")
 
 
 class FleetParameters(Record, frozen=True):
@@ -63,7 +83,7 @@ class FleetRecords:
         self.orders = store.orders()
         self.vehicles = {vehicle.name: vehicle for vehicle in store.vehicles()}
         self.contacts: dict[str, Contact] = {}
-        self.ignored: dict[str, str] = {}
+        self.ignored: dict[str, str] = Newest(MOST_NAMES)
         self.notices: list[str] = []
         self.resume(now_s)
 

@@ -90,6 +90,7 @@ class Store:
     """
 
     def __init__(self, path: Path | str) -> None:
+        self._unsaved: dict[int, FleetOrder | Vehicle] = {}
         self._database = sqlite3.connect(path, timeout=0.0, isolation_level=None)
         self._database.execute("PRAGMA locking_mode=EXCLUSIVE")
         self._database.execute("PRAGMA journal_mode=WAL")
@@ -126,6 +127,7 @@ class Store:
 
     def forget(self, vehicle: Vehicle) -> None:
         """Remove a robot."""
+        self._unsaved.pop(id(vehicle), None)
         self._database.execute("DELETE FROM robots WHERE name = ?", (vehicle.name,))
         self._written.pop(_key(vehicle), None)
 

@@ -15,6 +15,11 @@ from chefbot_fleet.store import Stage, Vehicle
 
 HEARD_FOR_S: Final = 60.0
 """So long after its last order another manager is said to be there."""
+MOST_STRANGERS: Final = 256
+"""Names come from the broker, where anybody may invent them."""
+
+MOST_AHEAD: Final = 64
+"""So many of the nodes that another manager has released to a robot are kept free: each costs a look at all lanes."""
 
 
 class Stranger(Struct):
@@ -41,6 +46,9 @@ class Strangers:
 
     def hear(self, name: str, state: State, now_s: float) -> None:
         """A state of a robot that is not in the fleet: its place is taken."""
+        if name not in self.robots and len(self.robots) >= MOST_STRANGERS:
+            self._fleet.ignored[name] = f"{MOST_STRANGERS} robots that are not in the fleet are known already"
+            return
         stranger = self.robots.setdefault(name, Stranger(now_s))
         stranger.seen_s = now_s
         if path := path_of(state, self._fleet.parameters.map_id):
@@ -56,6 +64,8 @@ class Strangers:
         """An order for a robot, by whomever."""
         vehicle = self._fleet.vehicles.get(name)
         if vehicle is not None and is_ours(vehicle, order_id):
+            return
+        if name not in self.managers and len(self.managers) >= MOST_STRANGERS:
             return
         if name not in self.managers:
             self._fleet.notices.append(f"another manager sends orders to {name}: {order_id!a}")
@@ -126,7 +136,7 @@ def path_of(state: State, map_id: str) -> tuple[Point, ...]:
     position = state.agv_position
     if position is None or not position.position_initialized or position.map_id != map_id:
         return ()
-    ahead = [node.node_position for node in state.node_states if node.released]
+    ahead = [node.node_position for node in state.node_states[:MOST_AHEAD] if node.released]
     nodes = [(one.x, one.y) for one in ahead if one is not None and one.map_id == map_id]
     return ((position.x, position.y), *nodes)
 

@@ -1,6 +1,7 @@
 """The page, its requests, and Prometheus. Reading is free to whoever reaches the port; commands need the token."""
 
 import hmac
+import sqlite3
 from collections.abc import Awaitable, Callable, Collection
 from http import HTTPStatus
 from pathlib import Path
@@ -100,6 +101,10 @@ class FleetPage:
             response = await handler(request)
         except ValueError as error:
             return web.json_response({"error": str(error)}, status=400, headers=HEADERS)
+        except sqlite3.Error as error:
+            why = {"error": f"the disk does not take it ({error}): nothing is sent before it does"}
+            status = HTTPStatus.INSUFFICIENT_STORAGE
+            return web.json_response(why, status=status, headers=HEADERS)
         response.headers.update(HEADERS)
         return response
 

@@ -1,24 +1,28 @@
 """The manager's process, on a broker that is only a list of messages."""
 
 import asyncio
+import sqlite3
 from collections.abc import AsyncIterator
 from pathlib import Path
 from typing import Any
 
 import aiomqtt
+import msgspec
 import pytest
 import structlog
 from chefbot_fleet.fleet import Fleet
-from chefbot_fleet.manager import VERSION, Manager
-from chefbot_fleet.records import FleetParameters
+from chefbot_fleet.manager import TICK_S, VERSION, Manager
+from chefbot_fleet.records import MOST_NAMES, FleetParameters
 from chefbot_fleet.routes import Pace
-from chefbot_fleet.store import Store
+from chefbot_fleet.store import FleetOrder, Store, Vehicle
 from chefbot_fleet.web import FleetPage
 from chefbot_vda5050.broker import BrokerParameters
 from chefbot_vda5050.messages import Connection, ConnectionState, InstantActions, Order, State, decode, encode
 from chefbot_vda5050.topics import Headers, Kind, RobotName
 from fleet_robots import StandardRobot
 from fleet_world import HOMES, small_roadmap
+
+from chefbotd.clock import run_virtual
 
 PATIENCE_S = 100.0
 
@@ -132,5 +136,85 @@ def test_a_robot_that_is_only_connected_is_asked_where_it_is_and_others_orders_a
         assert [one.action_type for one in decode(data, InstantActions).actions] == ["stateRequest"]
         assert fleet.strangers.managers["standard/r7"].order_id == "x1"
         assert "another manager sends orders to standard/r7: 'x1'" in [one["event"] for one in logged]
+
+    asyncio.run(scenario())
+
+
+class FullDisk(Store):
+    """A store whose first writes find no room."""
+
+    failures = 3
+
+    def _write(self, *values: FleetOrder | Vehicle) -> None:
+        if self.failures:
+            self.failures -= 1
+            raise sqlite3.OperationalError("database or disk is full")
+        super()._write(*values)
+
+
+def test_a_full_disk_ends_nothing_and_what_it_did_not_take_is_written_later(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The robot is taken into the fleet, and it is on the disk once there is room; nothing is sent before that."""
+    roadmap = small_roadmap()
+    robot = StandardRobot("r0", roadmap, HOMES[0])
+
+    async def scenario() -> None:
+        listed = ListedMessages([("uagv/v2/standard/r0/state", encode(robot.state()))])
+        monkeypatch.setattr("chefbot_fleet.manager.aiomqtt.Client", listed)
+        store = FullDisk(tmp_path / "fleet.db")
+        fleet = Fleet(roadmap, HOMES, store, Pace(0.5, 0.0), FleetParameters("map"), 0.0)
+        page = FleetPage(fleet, "a token for tests", lambda: 0.0)
+        manager = Manager(fleet, BrokerParameters(), lambda: 0.0)
+        running = asyncio.create_task(manager.run(page, "127.0.0.1", 0))
+        await listed.is_through.wait()
+        assert set(fleet.vehicles) == {"standard/r0"}
+        await asyncio.sleep(10 * TICK_S)
+        assert not running.done()
+        assert [vehicle.name for vehicle in store.vehicles()] == ["standard/r0"]
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+
+    run_virtual(scenario())
+
+
+def test_a_state_of_46000_nodes_and_names_without_end_cost_little(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The one is not gone through, and of the others the newest 256 are kept; the robot after them is taken."""
+    roadmap = small_roadmap()
+    robot = StandardRobot("r0", roadmap, HOMES[0])
+    state = encode(robot.state())
+    huge = msgspec.json.decode(state)
+    huge["nodeStates"] = [{"nodeId": f"n{k}", "sequenceId": 2 * k, "released": True} for k in range(46_000)]
+
+    async def scenario() -> None:
+        names = [(f"uagv/v2/standard/x{k}/state", b"{}") for k in range(2000)]
+        end = ("uagv/v2/standard/r0/state", state)
+        listed = ListedMessages([("uagv/v2/standard/big/state", msgspec.json.encode(huge)), *names, end])
+        monkeypatch.setattr("chefbot_fleet.manager.aiomqtt.Client", listed)
+        store = Store(tmp_path / "fleet.db")
+        fleet = Fleet(roadmap, HOMES, store, Pace(0.5, 0.0), FleetParameters("map"), 0.0)
+        await until_through(fleet, listed)
+        assert len(fleet.ignored) == MOST_NAMES
+        assert not fleet.strangers.robots
+        assert set(fleet.vehicles) == {"standard/r0"}
+
+    asyncio.run(scenario())
+
+
+def test_an_empty_message_clears_what_is_said_of_its_robot(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """So a retained message is deleted."""
+
+    async def scenario() -> None:
+        topic = "uagv/v2/standard/r9/connection"
+        listed = ListedMessages([(topic, b"{"), (topic, b"")])
+        monkeypatch.setattr("chefbot_fleet.manager.aiomqtt.Client", listed)
+        store = Store(tmp_path / "fleet.db")
+        fleet = Fleet(small_roadmap(), HOMES, store, Pace(0.5, 0.0), FleetParameters("map"), 0.0)
+        await until_through(fleet, listed)
+        assert fleet.ignored == {}
 
     asyncio.run(scenario())

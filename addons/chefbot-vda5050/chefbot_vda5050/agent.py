@@ -34,6 +34,7 @@ from chefbot_vda5050.vehicle import (
     Stop,
     Vehicle,
 )
+from chefbotd.logs import RateLimitedLog
 
 log = structlog.get_logger("vda5050")
 
@@ -97,6 +98,7 @@ class Agent:
         self._tasks: set[asyncio.Task[None]] = set()
         self._running: dict[str, asyncio.Task[None]] = {}
         self._online = False
+        self._log = RateLimitedLog(log)
 
     async def run(self) -> None:
         """Work until cancelled."""
@@ -115,8 +117,11 @@ class Agent:
     def receive(self, kind: Kind, data: bytes, *, retained: bool = False) -> None:
         """Take a message from the broker: instant actions at once, orders in turn.
 
-        Where too many orders wait, the newest is dropped, as a master sends it again.
+        Where too many orders wait, the newest is dropped, as a master sends it again. An empty message clears what the
+        broker had kept, and says nothing.
         """
+        if not data:
+            return
         if kind is Kind.ORDER:
             self._receive_order(data, retained=retained)
             return
@@ -161,9 +166,20 @@ class Agent:
         while True:
             await self._arrived.wait()
             while self._waiting:
-                await self._take_order(self._waiting[0])
+                await self._try_order(self._waiting[0])
                 self._waiting.popleft()
             self._arrived.clear()
+
+    async def _try_order(self, waiting: "_Waiting") -> None:
+        """Take it; a mistake of ours ends neither the program nor the orders that come after it."""
+        try:
+            await self._take_order(waiting)
+        except Exception as problem:
+            message = waiting.order
+            log.exception("an order cannot be judged", order=message.order_id)
+            about = (("topic", "order"), ("orderId", message.order_id))
+            text = f"the robot's program has a fault with this order, which is in its log: {problem!r:.200}"
+            self._reject(Problem(Reason.MALFORMED, text, about))
 
     async def _take_order(self, waiting: "_Waiting") -> None:
         """Judge it anew when it is known that there is a way: that takes its time."""
@@ -350,19 +366,32 @@ class Agent:
             except TimeoutError:
                 pass  # it is time
             self._changed.clear()
-            header = self.headers.next(Kind.STATE, self._clock())
-            self._last_state = header["header_id"]
-            message = state(self.vehicle, self._robot.facts, header, self._limits)
-            await self._publish(Kind.STATE, encode(message))
+            await self._send("state", self._send_state)
             await asyncio.sleep(STATE_PAUSE_S)
+
+    async def _send(self, what: str, send: Callable[[], Awaitable[None]]) -> None:
+        """Send a message; one that cannot be made is logged, and the next one tried."""
+        try:
+            await send()
+        except Exception as problem:  # noqa: BLE001 - told and counted: one message must not end the program
+            self._log.warning("a message cannot be sent", what=what, why=repr(problem)[:500])
+
+    async def _send_state(self) -> None:
+        header = self.headers.next(Kind.STATE, self._clock())
+        self._last_state = header["header_id"]
+        message = state(self.vehicle, self._robot.facts, header, self._limits)
+        await self._publish(Kind.STATE, encode(message))
 
     async def _visualize(self) -> None:
         while True:
             await asyncio.sleep(self._visualization_s)
             if self._online and self._robot.facts.map_id:
-                header = self.headers.next(Kind.VISUALIZATION, self._clock())
-                message = visualization(self._robot.facts, header, self._limits, self._last_state)
-                await self._publish(Kind.VISUALIZATION, encode(message))
+                await self._send("visualization", self._send_visualization)
+
+    async def _send_visualization(self) -> None:
+        header = self.headers.next(Kind.VISUALIZATION, self._clock())
+        message = visualization(self._robot.facts, header, self._limits, self._last_state)
+        await self._publish(Kind.VISUALIZATION, encode(message))
 
     async def _send_factsheet(self) -> None:
         header = self.headers.next(Kind.FACTSHEET, self._clock())

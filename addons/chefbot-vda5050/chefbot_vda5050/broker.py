@@ -30,6 +30,18 @@ FIRST_RETRY_S, LONGEST_RETRY_S = 0.25, 15.0
 NO_DELAY: Final = ((socket.IPPROTO_TCP, socket.TCP_NODELAY, 1),)
 """Without it a message waits for the acknowledgement of the one before, up to 40 ms."""
 
+STEADY_S: Final = 60.0
+"""A connection that has held so long was no accident: the next attempts begin with short pauses again."""
+
+TAKEN_OVER: Final = 3
+"""So many connections that each ended soon after they had begun are no accident."""
+
+LONGEST_PAUSE_S: Final = 120.0
+"""Between two attempts where another client takes the connection over, and where the broker refuses to let us listen."""
+
+REFUSED: Final = 0x80
+"""The least return code of a subscription that was refused: 3.9.3 of MQTT 3.1.1."""
+
 Receive = Callable[[Kind, bytes, bool], None]
 
 
@@ -42,6 +54,24 @@ class BrokerParameters(Struct, frozen=True):
     password: str | None = None
     tls: ssl.SSLContext | None = None
     websocket_path: str | None = None
+
+
+class SubscriptionRefused(Exception):
+    """The broker lets us in, and does not let us listen; the text says to what."""
+
+
+async def listen_to(client: aiomqtt.Client, topic: str, kind: Kind) -> None:
+    """Subscribe to a topic.
+
+    Raises:
+        SubscriptionRefused: the broker does not let us.
+    """
+    granted = await client.subscribe(topic, qos=QOS[kind])
+    codes = granted if isinstance(granted, tuple | list) else (granted,)
+    if any(code is not None and int(getattr(code, "value", code)) >= REFUSED for code in codes):
+        raise SubscriptionRefused(
+            f"the broker refuses the subscription of {topic!a}, so nothing of it would arrive: see its access list"
+        )
 
 
 class Broker:
@@ -60,6 +90,7 @@ class Broker:
         self._parameters, self._name, self._headers, self._clock = parameters, name, headers, clock
         self._receive, self._online = receive, online
         self._client: aiomqtt.Client | None = None
+        self._began_s: float | None = None  # the present connection, or the last one
         self._takes = {name.topic(kind): kind for kind in (Kind.ORDER, Kind.INSTANT_ACTIONS)}
 
     @property
@@ -69,17 +100,39 @@ class Broker:
 
     async def run(self) -> None:
         """Be connected until cancelled; then say so and leave."""
-        pause_s = FIRST_RETRY_S
+        pause_s, ended_soon, loop = FIRST_RETRY_S, 0, asyncio.get_running_loop()
         while True:
+            self._began_s, longest_s = None, LONGEST_RETRY_S
             try:
                 async with self._connect() as client:
-                    pause_s = FIRST_RETRY_S
                     await self._serve(client)
+            except SubscriptionRefused as refused:
+                raise_if_cancelled()
+                longest_s = LONGEST_PAUSE_S
+                log.error("the robot is not in the fleet", why=str(refused), again_in_s=round(pause_s, 2))
             except (aiomqtt.MqttError, OSError, ValueError) as error:
                 raise_if_cancelled()
                 log.warning("no connection to the broker", why=str(error), again_in_s=round(pause_s, 2))
+            held_s = 0.0 if self._began_s is None else loop.time() - self._began_s
+            if held_s >= STEADY_S:
+                pause_s, ended_soon = FIRST_RETRY_S, 0
+            elif self._began_s is not None:
+                ended_soon += 1
+            if ended_soon >= TAKEN_OVER:
+                longest_s = LONGEST_PAUSE_S
+                log.error(
+                    "another client takes this connection over: two robots have one serial number",
+                    robot=f"{self._name.manufacturer}/{self._name.serial_number}",
+                    client=self._identifier,
+                    times=ended_soon,
+                    hint="a copied card? give each robot its own SERIAL",
+                )
             await asyncio.sleep(pause_s * random.uniform(0.8, 1.2))
-            pause_s = min(2 * pause_s, LONGEST_RETRY_S)
+            pause_s = min(2 * pause_s, longest_s)
+
+    @property
+    def _identifier(self) -> str:
+        return f"{self._name.manufacturer}-{self._name.serial_number}"
 
     async def publish(self, kind: Kind, data: bytes) -> None:
         """Send a message; without a connection it is dropped, as the next one says more."""
@@ -103,7 +156,7 @@ class Broker:
         return aiomqtt.Client(
             parameters.host,
             parameters.port,
-            identifier=f"{self._name.manufacturer}-{self._name.serial_number}",
+            identifier=self._identifier,
             username=parameters.user,
             password=parameters.password,
             tls_context=parameters.tls,
@@ -117,10 +170,15 @@ class Broker:
         )
 
     async def _serve(self, client: aiomqtt.Client) -> None:
-        for topic, kind in self._takes.items():
-            await client.subscribe(topic, qos=QOS[kind])
+        try:
+            for topic, kind in self._takes.items():
+                await listen_to(client, topic, kind)
+        except SubscriptionRefused:
+            await self._say(client, ConnectionState.OFFLINE)
+            raise
         try:
             await self._say(client, ConnectionState.ONLINE)
+            self._began_s = asyncio.get_running_loop().time()
             raise_if_cancelled()
             self._client = client
             log.info("connected to the broker", host=self._parameters.host, port=self._parameters.port)
@@ -137,8 +195,12 @@ class Broker:
 
     def _take(self, message: aiomqtt.Message) -> None:
         kind = self._takes.get(str(message.topic))
-        if kind is not None and isinstance(message.payload, bytes | bytearray):
+        if kind is None or not isinstance(message.payload, bytes | bytearray):
+            return
+        try:
             self._receive(kind, bytes(message.payload), bool(message.retain))
+        except Exception:
+            log.exception("a message cannot be taken", kind=kind, bytes=len(message.payload))
 
     async def _say(self, client: aiomqtt.Client, connection: ConnectionState) -> None:
         topic = self._name.topic(Kind.CONNECTION)

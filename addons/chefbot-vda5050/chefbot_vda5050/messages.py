@@ -13,6 +13,7 @@ import msgspec
 from msgspec import Meta, Struct, field
 
 from chefbot_vda5050 import versions
+from chefbot_vda5050.unset import without_unset
 
 Count = Annotated[int, Meta(ge=0)]
 Angle = Annotated[float, Meta(ge=-pi - 1e-6, le=pi + 1e-6)]
@@ -22,7 +23,14 @@ LONGEST_ID: Final = 256
 LONGEST_MESSAGE: Final = 4 << 20
 """Letters and bytes: what is longer is malformed. An order of a thousand nodes has 400 kB."""
 
+LONGEST_LIST: Final = 2000
+"""Entries of a list: an order has at most 1000 nodes, and as many edges."""
+
+MOST_ENTRIES: Final = 20_000
+"""Of all lists of a message together."""
+
 Id = Annotated[str, Meta(max_length=LONGEST_ID)]
+Name = Annotated[str, Meta(min_length=1, max_length=LONGEST_ID)]
 
 
 class Message(Struct, frozen=True, kw_only=True, omit_defaults=True, rename="camel"):
@@ -120,7 +128,7 @@ class Edge(Message, frozen=True, kw_only=True):
 class Order(Header, frozen=True, kw_only=True):
     """The topic ``order`` (6.6)."""
 
-    order_id: Id
+    order_id: Name
     order_update_id: Count
     nodes: tuple[Node, ...]
     edges: tuple[Edge, ...]
@@ -377,9 +385,26 @@ def decode(data: bytes, kind: type[M]) -> M:
                 "instantActions"
             )  # what version 1.1, and some masters of 2.0, call it
         version = versions.of_message(value)
-        return msgspec.convert(version.read(value, kind.__name__), kind)
+        _check_lengths(value)
+        return msgspec.convert(without_unset(version.read(value, kind.__name__)), kind)
     except (msgspec.DecodeError, UnicodeDecodeError, RecursionError) as error:
         raise MalformedMessage(version.in_words(str(error))) from error
+
+
+def _check_lengths(content: Any) -> None:
+    """Raise ``MalformedMessage`` for lists that are longer than any that are meant: a reader goes through all."""
+    parts, entries = [("the message", content)], 0
+    while parts:
+        name, part = parts.pop()
+        if isinstance(part, dict):
+            parts.extend(part.items())
+        elif isinstance(part, list):
+            entries += len(part)
+            if len(part) > LONGEST_LIST or entries > MOST_ENTRIES:
+                most = LONGEST_LIST if len(part) > LONGEST_LIST else MOST_ENTRIES
+                count = len(part) if len(part) > LONGEST_LIST else entries
+                raise MalformedMessage(f"{name} has {count} entries, expected at most {most}")
+            parts.extend((name, one) for one in part)
 
 
 def encode(message: Message) -> bytes:

@@ -5,7 +5,9 @@ import contextlib
 from collections.abc import Awaitable, Callable
 
 import pytest
+from chefbot_vda5050 import acceptance
 from chefbot_vda5050.chefbot import ChefBot
+from chefbot_vda5050.problems import Problem
 from vda5050_daemon import ACCEPTING_S, STEP_S, FakeDaemon
 from vda5050_fakes import Fleet, error_types, is_idle
 from vda5050_orders import line
@@ -104,5 +106,23 @@ def test_the_robot_does_not_go_on_to_a_goal_whose_successor_is_refused() -> None
         assert not daemon.is_moving()
         state = await now.until(lambda state: state.last_node_id == "n3" and is_idle(state))
         assert not state.errors
+
+    with_daemon(scenario)
+
+
+def test_a_mistake_of_ours_in_judging_one_order_costs_that_order(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is reported as refused, and the next order is driven."""
+    judge = acceptance.judge
+
+    def fail_once(*about: object) -> acceptance.Accepted | Problem:
+        monkeypatch.setattr(acceptance, "judge", judge)
+        raise AssertionError("a mistake")
+
+    async def scenario(now: Fleet, daemon: FakeDaemon) -> None:
+        monkeypatch.setattr(acceptance, "judge", fail_once)
+        await now.order(line(0, 1))
+        await now.until(lambda state: bool(error_types(state)))
+        await now.order(line(0, 3))
+        await now.until(lambda state: state.last_node_id == "n3" and is_idle(state))
 
     with_daemon(scenario)
