@@ -6,7 +6,7 @@ import os
 import shutil
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import BinaryIO, TypeAlias
 
@@ -75,15 +75,30 @@ class Disk:
 
 
 def replace(disk: Disk, path: Path, content: Content) -> None:
-    """Write a file so that there is the old one or the new one at any moment, also after a power cut."""
-    new = path.with_name(f"{TEMPORARY}{path.name}")
+    """Write a file so that there is the old one or the new one at any moment, also after a power cut.
+
+    Raises:
+        OSError: it could not be written, or not made durable; the old one is there.
+    """
+    new, old = (path.with_name(f"{TEMPORARY}{prefix}{path.name}") for prefix in ("", "old-"))
+    old.unlink(missing_ok=True)
+    if path.exists():
+        os.link(path, old)  # needs no room, and so does its way back
+    has_new = False
     try:
         disk.write(new, content)
         disk.rename(new, path)
+        has_new = True
+        disk.sync_folder(path.parent)
     except OSError:
+        if old.exists():
+            old.replace(path)
+        elif has_new:
+            path.unlink(missing_ok=True)
         new.unlink(missing_ok=True)
         raise
-    disk.sync_folder(path.parent)
+    with suppress(OSError):  # the next change removes it
+        old.unlink(missing_ok=True)
 
 
 def sha256(path: Path) -> str:

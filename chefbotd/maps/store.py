@@ -6,18 +6,20 @@
     .autosave.map/                  what is being mapped, now and then
 
 Whatever is interrupted at whatever moment, also by `kill -9` or a power cut, leaves the old state or the new one.
+What the disk refuses has not been done: whoever is told so finds all as it was.
 Several processes may use a folder: one at a time changes it. Nothing here is for the event loop: it waits for the disk.
 """
 
 import json
+import secrets
 from collections.abc import Callable, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.record import Record
 from chefbotd.maps import disk as disks
-from chefbotd.maps.disk import Content, Disk, MapStoreError, refusing_os_errors
+from chefbotd.maps.disk import TEMPORARY, Content, Disk, MapStoreError, refusing_os_errors
 from chefbotd.maps.manifest import MAX_BYTES, Extent, Manifest
 from chefbotd.maps.names import map_name
 from chefbotd.maps.versions import (
@@ -31,6 +33,7 @@ from chefbotd.maps.versions import (
     prune,
     publish,
     require,
+    take_back,
     unpublish,
     versions,
 )
@@ -123,8 +126,13 @@ class MapStore:
         with self._changing(f"save the map {name!r}"):
             self._begin(own)
             version = add(self._disk, own, contents, extent, source)
-            self._publish(map_name(name))
-            prune(self._disk, own, self._kept)
+            try:
+                self._publish(map_name(name))
+            except OSError:
+                take_back(version, self.folder / f"{map_name(name)}.yaml")
+                raise
+            with suppress(OSError):  # the next save removes them
+                prune(self._disk, own, self._kept)
         return version
 
     def autosave(self, contents: Mapping[str, Content], extent: Extent, source: str) -> Version:
@@ -160,8 +168,14 @@ class MapStore:
             disks.replace(self._disk, note, json.dumps({"from": old, "to": new}).encode())
             unpublish(self._disk, self.folder, old)
             self._disk.rename(self._own(old), self._own(new))
-            self._disk.sync_folder(self.folder)
-            self._finish_renaming(old, new)
+            try:
+                self._disk.sync_folder(self.folder)
+                self._finish_renaming(old, new)
+            except OSError:  # the note has the next change publish its files again
+                for suffix in (".yaml", ".pgm"):
+                    (self.folder / f"{new}{suffix}").unlink(missing_ok=True)
+                self._own(new).rename(self._own(old))
+                raise
 
     def delete(self, name: str) -> None:
         """Remove a map with all its versions and its places."""
@@ -169,14 +183,36 @@ class MapStore:
         with self._changing(f"delete the map {name!r}"):
             if name not in self.names():
                 raise self._unknown(name)
-            if self.current() == name:
-                self._disk.remove(self.folder / CURRENT)
             if self._own(name).is_dir():
                 self._begin(self._own(name))
             unpublish(self._disk, self.folder, name)
-            if self._own(name).is_dir():
-                discard(self._disk, self._own(name))
-                self._disk.sync_folder(self.folder)
+            with self._not_in_use(name):
+                if self._own(name).is_dir():
+                    gone = self.folder / f"{TEMPORARY}{secrets.token_hex(4)}"
+                    self._disk.rename(self._own(name), gone)
+                    try:
+                        self._disk.sync_folder(self.folder)
+                    except OSError:
+                        gone.rename(self._own(name))
+                        raise
+                    with suppress(OSError):  # the next change removes the rest
+                        self._disk.remove_folder(gone)
+
+    @contextmanager
+    def _not_in_use(self, name: str) -> Iterator[None]:
+        """Forget that a map is in use; it is in use as before where this block fails."""
+        if self.current() != name:
+            yield
+            return
+        aside = self.folder / f"{TEMPORARY}{CURRENT}"
+        self._disk.rename(self.folder / CURRENT, aside)
+        try:
+            yield
+        except OSError:
+            aside.rename(self.folder / CURRENT)
+            raise
+        with suppress(OSError):  # the next change removes it
+            self._disk.remove(aside)
 
     def repair(self) -> None:
         """Finish or remove what a process that was killed has left; done before each change too."""
@@ -268,7 +304,8 @@ class MapStore:
             if edited(self.folder, own, name):
                 keep_edited(self._disk, self.folder, name, version)
             publish(self._disk, self.folder, name, version)
-        self._disk.remove(own / UNFINISHED)
+        with suppress(OSError):  # then the next change publishes them again
+            self._disk.remove(own / UNFINISHED)
 
     def _repair(self) -> None:
         for folder in (self.folder, self._autosaved):
@@ -299,10 +336,11 @@ class MapStore:
 
     def _finish_renaming(self, old: str, new: str) -> None:
         """The folder has its new name: so have the files beside it, and the map in use."""
+        self._publish(new)
         if self.current() == old:
             disks.replace(self._disk, self.folder / CURRENT, json.dumps({"name": new}).encode())
-        self._publish(new)
-        self._disk.remove(self._own(new) / RENAMING)
+        with suppress(OSError):  # then the next change finishes it again
+            self._disk.remove(self._own(new) / RENAMING)
 
 
 def _is_name(stem: str) -> bool:

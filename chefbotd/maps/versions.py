@@ -4,6 +4,7 @@ import json
 import os
 import re
 import secrets
+import shutil
 import stat
 import time
 from collections.abc import Mapping
@@ -106,8 +107,32 @@ def add(disk: Disk, folder: Path, contents: Mapping[str, Content], extent: Exten
     except OSError:
         clean(disk, folder)
         raise
-    disk.sync_folder(folder)
-    return Version(target, manifest)
+    version = Version(target, manifest)
+    try:
+        disk.sync_folder(folder)
+    except OSError:
+        take_back(version)
+        raise
+    return version
+
+
+def take_back(version: Version, published: Path | None = None) -> None:
+    """Remove a version that was added just now, and what of it was ``published`` (NAME.yaml); no room is needed."""
+    if published is not None:
+        image, named = (
+            published.with_suffix(".pgm"),
+            os.path.relpath(version.folder / IMAGE, published.parent),
+        )
+        is_its = image.is_file() and sha256(image) == version.manifest.files[IMAGE].sha256
+        if is_its or (
+            published.is_file() and named in published.read_text(encoding="utf-8", errors="replace")
+        ):
+            published.unlink(missing_ok=True)
+        if is_its:
+            image.unlink()
+    gone = version.folder.with_name(f"{TEMPORARY}{secrets.token_hex(4)}")
+    version.folder.rename(gone)
+    shutil.rmtree(gone, ignore_errors=True)
 
 
 def entry_of(path: Path) -> FileEntry:
@@ -133,7 +158,8 @@ def discard(disk: Disk, path: Path) -> None:
     """Remove a folder with all that is in it: out of sight in one step, then its files."""
     gone = path.with_name(f"{TEMPORARY}{secrets.token_hex(4)}")
     disk.rename(path, gone)
-    disk.remove_folder(gone)
+    with suppress(OSError):  # nobody sees it any more, and the next change removes the rest
+        disk.remove_folder(gone)
 
 
 def clean(disk: Disk, folder: Path) -> None:

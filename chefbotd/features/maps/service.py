@@ -83,7 +83,10 @@ class MapsService:
         if name is not None and self.in_use is None:
             async with self._order:
                 await self._changing(self.store.repair)
-                await self._use(name)
+                renamed = await self._in_thread(
+                    self.store.current
+                )  # a renaming that was cut off is finished by now
+                await self._use(renamed or name)
 
     # what clients ask: each runs as a job, because the disk may take its time
 
