@@ -7,6 +7,8 @@ from pathlib import Path
 
 import pytest
 
+from chefbotd.process.installation import plan
+
 ROOT = Path(__file__).parents[1]
 FOLDER = ROOT / "packaging" / "deb"
 pytestmark = pytest.mark.skipif(
@@ -39,3 +41,19 @@ def test_the_package_has_extras_that_there_are():
     assert (
         {"page", "discovery", "maps", "urdf"} <= set(said.split(",")) <= set(project["optional-dependencies"])
     )
+
+
+def test_a_purge_names_every_file_that_the_installation_writes() -> None:
+    """Where systemd did not run at the removal, they are there still."""
+    script = (FOLDER / "postrm").read_text()
+    for name in (
+        plan.UNIT,
+        plan.WANTED_BY,
+        plan.RULE,
+        plan.SYSUSERS,
+        plan.FOLDER,
+        plan.STATE,
+        plan.CACHE,
+        plan.RUNTIME,
+    ):
+        assert f" {name}" in script

@@ -9,7 +9,16 @@ from pathlib import Path
 from msgspec import Struct
 
 from chefbotd.process.installation import texts
-from chefbotd.process.installation.steps import Host, InstallationStep, command, file, folder, remove, write
+from chefbotd.process.installation.steps import (
+    Host,
+    InstallationStep,
+    command,
+    file,
+    folder,
+    refuse_link,
+    remove,
+    write,
+)
 from chefbotd.settings import load, packaged
 
 SERVICE = "chefbotd.service"
@@ -108,6 +117,7 @@ def _description(host: Host, source: Path) -> Iterator[InstallationStep]:
 def _tokens(host: Host) -> InstallationStep:
     """Create the tokens once; existing ones stay valid."""
     path = host.path(texts.TOKENS)
+    refuse_link(path)
     if not path.exists():
         doing = f"write {texts.TOKENS} ({TOKEN_MODE:04o}, root), a token for each role"
         return InstallationStep(doing, lambda: write(host, path, texts.tokens(), TOKEN_MODE))

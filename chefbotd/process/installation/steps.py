@@ -106,7 +106,8 @@ class Host:
 
     def _give(self, path: Path, user: str, group: str) -> None:
         """Change the owner, by the numbers that these names have in this system (not in the running one)."""
-        os.chown(path, self._number("/etc/passwd", user), self._number("/etc/group", group))
+        numbers = self._number("/etc/passwd", user), self._number("/etc/group", group)
+        os.chown(path, *numbers, follow_symlinks=False)
 
     def _number(self, file: str, name: str) -> int:
         if name == "root":
@@ -146,12 +147,14 @@ def carry_out(steps: Iterable[InstallationStep], tell: Callable[[InstallationSte
 def folder(host: Host, name: str, mode: int, owner: str = "root") -> InstallationStep:
     """Create a folder with this mode and owner, or set both; its content stays."""
     path = host.path(name)
+    refuse_link(path)
     right = path.is_dir() and stat.S_IMODE(path.stat().st_mode) == mode and _has_owner(host, path, owner)
     if right:
         return InstallationStep(f"{name}: unchanged")
 
     def make() -> None:
         path.mkdir(parents=True, exist_ok=True)
+        refuse_link(path)
         path.chmod(mode)
         host.give(path, owner, owner)
 
@@ -159,10 +162,16 @@ def folder(host: Host, name: str, mode: int, owner: str = "root") -> Installatio
     return InstallationStep(f"{verb} {name} ({mode:04o}, {owner})", make)
 
 
+def refuse_link(path: Path) -> None:
+    """Raise ``InstallError`` for a symbolic link: who is given it, or its mode, is given what it leads to."""
+    if path.is_symlink():
+        raise InstallError(f"{path} is a symbolic link to {path.readlink()}: remove it, or mount a folder there")
+
+
 def file(host: Host, name: str, text: str) -> InstallationStep:
     """Write a file with this text, owned by root."""
     path = host.path(name)
-    if _reads(path) == text and stat.S_IMODE(path.stat().st_mode) == FILE_MODE:
+    if not path.is_symlink() and _reads(path) == text and stat.S_IMODE(path.stat().st_mode) == FILE_MODE:
         return InstallationStep(f"{name}: unchanged")
     verb = "replace" if path.exists() else "write"
     return InstallationStep(f"{verb} {name}", lambda: write(host, path, text, FILE_MODE))

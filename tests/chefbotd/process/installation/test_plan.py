@@ -1,5 +1,6 @@
 """The service installed into a folder, and removed from it; commands are kept instead of run."""
 
+import os
 import stat
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -296,3 +297,27 @@ def test_a_path_is_quoted_as_systemd_reads_it():
     assert (
         line == 'ExecStart="/opt/my robots/100%% $$HOME/chefbotd" run --config /etc/chefbotd/chefbot.toml\n'
     )
+
+
+@pytest.mark.parametrize("name", ["/var/lib/chefbotd", "/etc/chefbotd", "/etc/chefbotd/tokens"])
+def test_what_a_link_leads_to_is_not_given_away(computer: Computer, name: str) -> None:
+    """A link where a folder or the tokens belong is refused by name, and its target keeps its mode and its owner."""
+    target = computer.root / "home"
+    target.mkdir(mode=0o700)
+    link = computer.root / name.removeprefix("/")
+    link.parent.mkdir(parents=True, exist_ok=True)
+    link.symlink_to(target)
+    with pytest.raises(InstallError, match=f"{name} is a symbolic link to .*home"):
+        computer.install()
+    assert stat.S_IMODE(target.stat().st_mode) == 0o700
+    assert "/home" not in computer.owners
+
+
+def test_the_owner_of_a_link_is_the_links_own(computer: Computer) -> None:
+    """One that is put there at the last moment: nobody gets what it leads to."""
+    etc = computer.root / "etc"
+    (etc / "passwd").write_text(f"root:x:0:0::/root:/bin/sh\nme:x:{os.getuid()}:{os.getgid()}::/:/bin/sh\n")
+    (etc / "group").write_text(f"me:x:{os.getgid()}:\n")
+    link = computer.root / "link"
+    link.symlink_to(computer.root / "nowhere")
+    Host(computer.root, computer.run).give(link, "me", "me")  # it would fail if it followed the link
