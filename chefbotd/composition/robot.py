@@ -159,6 +159,8 @@ def robot_description(settings: Settings) -> Callable[[], str | None]:
     if path is None:
         return cache(partial(_made_description, settings))
     try:
+        if path.exists() and not path.is_file():
+            raise OSError(f"{path} is no regular file")  # a FIFO would wait for who writes it, for ever
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         log.warning("the robot's description cannot be read", path=str(path), error=str(error))

@@ -15,6 +15,7 @@ import structlog
 from pydantic import Field, field_validator, model_validator
 
 from chefbotd.core.parameters import Parameters, check_device
+from chefbotd.link.device_threads import DEVICE_THREADS
 
 log = structlog.get_logger(component="link")
 
@@ -109,10 +110,12 @@ class SerialPortTransport(serial_asyncio.SerialTransport):  # type: ignore[misc]
 
     The library's own ``write`` waits for the loop to say that the device is writable, which costs a turn of the
     loop for every motor command; its ``read`` asks the kernel anew what the loop knows; its ``abort`` must not be called
-    twice.
+    twice. It closes the device in the loop: the kernel may wait there for a device that takes nothing, and pyserial
+    sleeps 0.3 s after each ``socket://``. This one closes in a thread.
     """
 
     _overtaken = False  # by another thread: what is unsent must not go
+    _is_lost = False  # and its device is being closed
 
     def __init__(
         self, loop: asyncio.AbstractEventLoop, protocol: asyncio.BaseProtocol, port: serial.Serial
@@ -198,12 +201,42 @@ class SerialPortTransport(serial_asyncio.SerialTransport):  # type: ignore[misc]
             log.debug("the device disappeared before the shutdown stop")
         self.abort()
 
-    def set_dtr(self, state: bool) -> None:
+    def close_behind(self, words: bytes, *, dtr: bool) -> None:
+        """Set DTR, say the last words and close, all in a thread: the loop goes on. Then the connection is lost."""
+        if self.is_closing():
+            return
+        self.flush()
+        self._closing = True
+        self._remove_reader()
+        self._loop.run_in_executor(DEVICE_THREADS, self._end_in_thread, self._loop, words, dtr)
+
+    def _end_in_thread(self, loop: asyncio.AbstractEventLoop, words: bytes, dtr: bool) -> None:
+        """What ``close_behind`` does; a device that is lost has heard enough."""
+        self._set_dtr(dtr)
+        try:
+            self._sent(words, LAST_WORDS_S)
+        except (OSError, termios.error):
+            log.debug("the device disappeared before its last words")
+        with contextlib.suppress(RuntimeError):  # the loop has ended
+            loop.call_soon_threadsafe(self._call_connection_lost, None)
+
+    def _set_dtr(self, state: bool) -> None:
         """Set or clear DTR, where the port has that line; a lost device has none."""
         try:
             self.serial.dtr = state
         except (AttributeError, OSError, termios.error):
             log.debug("the device has no DTR line, or disappeared")
+
+    def _call_connection_lost(self, exc: Exception | None) -> None:
+        """Tell the protocol, and close the device in a thread."""
+        if self._is_lost:
+            return
+        self._is_lost = True
+        self._write_buffer.clear()
+        try:
+            self._protocol.connection_lost(exc)
+        finally:
+            self._loop.run_in_executor(DEVICE_THREADS, _close_port, self.serial)
 
     def flush(self) -> None:
         """Drop what is unsent here."""
@@ -247,9 +280,18 @@ async def open_port(parameters: LinkParameters, protocol: asyncio.BaseProtocol) 
         OSError: the device is missing, busy or not a serial port; the message names it.
     """
     loop = asyncio.get_running_loop()
-    port = await loop.run_in_executor(None, _open, parameters)
+    port = await loop.run_in_executor(DEVICE_THREADS, _open, parameters)
     transport: asyncio.Transport = SerialPortTransport(loop, protocol, port)
     return transport
+
+
+def _close_port(port: serial.Serial) -> None:
+    """Close in a thread; what is unsent is dropped, and a lost device has nothing to close."""
+    try:
+        port.flush()
+        port.close()
+    except (OSError, termios.error, AttributeError):
+        log.debug("the device disappeared before it was closed")
 
 
 def _open(parameters: LinkParameters) -> Any:

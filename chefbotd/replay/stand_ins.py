@@ -77,8 +77,8 @@ class ReplayedPort(asyncio.Transport):
         """There is no other thread."""
         return False
 
-    def set_dtr(self, state: bool) -> None:
-        """There is no such line."""
+    def close_behind(self, words: bytes, *, dtr: bool) -> None:
+        """It goes nowhere."""
 
     def is_closing(self) -> bool:
         """Its end is in the recording."""

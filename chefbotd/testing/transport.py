@@ -67,10 +67,6 @@ class FakeSerialTransport(asyncio.Transport):
         """Not known to a device in memory: a test sets it."""
         return self.unread
 
-    def set_dtr(self, state: bool) -> None:
-        """The line is set or cleared."""
-        self.dtr = state
-
     def overtake(self, words: bytes) -> None:
         """Replace all unsent bytes by these."""
         self._unsent.clear()
@@ -80,6 +76,11 @@ class FakeSerialTransport(asyncio.Transport):
         """Replace all unsent bytes by these, and close. A stalled board may still read them."""
         self.overtake(words)
         self.abort()
+
+    def close_behind(self, words: bytes, *, dtr: bool) -> None:
+        """Set or clear the line, and do the same."""
+        self.dtr = dtr
+        self.close_saying(words)
 
     def write_from_thread(self, words: bytes) -> bool:
         """Return nothing: every byte goes through the loop."""

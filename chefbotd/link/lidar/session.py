@@ -32,12 +32,8 @@ POLL_EVERY_S = 0.05
 class MotorPort(Protocol):
     """A transport that knows DTR, and can say something before it closes."""
 
-    def set_dtr(self, state: bool) -> None:
-        """Set or clear the line."""
-        ...
-
-    def close_saying(self, words: bytes) -> None:
-        """Write, and close."""
+    def close_behind(self, words: bytes, *, dtr: bool) -> None:
+        """Set or clear the line, write, and close; the loop does not wait for it."""
         ...
 
 
@@ -240,8 +236,7 @@ class LidarSession(asyncio.Protocol):
         if transport is None:
             return
         if words and isinstance(transport, MotorPort):
-            transport.set_dtr(True)
-            transport.close_saying(words)
+            transport.close_behind(words, dtr=True)
         else:
             transport.abort()
 

@@ -1,5 +1,6 @@
 """Token files and certificates: what opens the socket, and what is refused before anything is served."""
 
+import os
 from functools import cache
 from pathlib import Path
 
@@ -139,3 +140,15 @@ def test_certificate_and_key_make_tls(tmp_path: Path) -> None:
     key.chmod(0o644)
     with pytest.raises(AccessError, match="chmod 600"):
         load_guard(ApiParameters(tls_certificate=certificate, tls_key=key), {})
+
+
+def test_a_fifo_holds_nobody_up(tmp_path: Path) -> None:
+    """A token file that is a FIFO nobody writes to is refused at once, and so is a certificate that is one."""
+    fifo = tmp_path / "tokens"
+    os.mkfifo(fifo, 0o600)
+    assert complaint(fifo) == f"{fifo}: is no regular file"
+    key = written(tmp_path / "key.pem", "")
+    with pytest.raises(AccessError, match="is no regular file"):
+        load_guard(
+            ApiParameters(tls_certificate=fifo, tls_key=key, token_file=written(tmp_path / "t", TOKENS)), {}
+        )
