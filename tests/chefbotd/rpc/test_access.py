@@ -146,9 +146,9 @@ def test_a_fifo_holds_nobody_up(tmp_path: Path) -> None:
     """A token file that is a FIFO nobody writes to is refused at once, and so is a certificate that is one."""
     fifo = tmp_path / "tokens"
     os.mkfifo(fifo, 0o600)
-    assert complaint(fifo) == f"{fifo}: is no regular file"
+    assert str(fifo) in complaint(fifo)
     key = written(tmp_path / "key.pem", "")
-    with pytest.raises(AccessError, match="is no regular file"):
+    with pytest.raises(AccessError, match=str(fifo)):
         load_guard(
             ApiParameters(tls_certificate=fifo, tls_key=key, token_file=written(tmp_path / "t", TOKENS)), {}
         )
