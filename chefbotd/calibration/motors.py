@@ -97,9 +97,9 @@ STEP = StepDefinition(
     name=NAME,
     purpose="how each motor turns its wheel: dead zone, speed by duty and time constant, and the gains that follow",
     preparation=(
-        "put a robot with two wheels on a level floor, where it turns on the spot and goes 15 cm ahead and back; put "
+        "Put a robot with two wheels on a level floor, where it turns on the spot and goes 15 cm ahead and back; put "
         "one with more wheels, which "
-        "skid when they turn, on blocks, so that they hang free"
+        "skid when they turn, on blocks, so that they hang free."
     ),
     space_m=0.3,
     missing=_missing,

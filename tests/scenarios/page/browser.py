@@ -205,6 +205,7 @@ class FakeDaemon:
     def __init__(self, page: Any) -> None:
         self.asked: list[tuple[str, dict[str, Any]]] = []
         self._socket: Any = None
+        self._more: tuple[str, ...] = ()
         self._page = page
         self.refusal: dict[str, Any] | None = None  # the answer to everything that is not in RESULTS
         self.held: set[str] = set()  # methods whose requests wait for ``answer``
@@ -214,7 +215,9 @@ class FakeDaemon:
     def _connected(self, socket: Any) -> None:
         self._socket = socket
         socket.on_message(self._take)
-        capabilities = [f"method.{name}" for name in self.METHODS] + [f"topic.{name}" for name in self.TOPICS]
+        capabilities = [f"method.{name}" for name in (*self.METHODS, *self._more)] + [
+            f"topic.{name}" for name in self.TOPICS
+        ]
         self._send("hello", {"robot": "fake", "auth": "none", "capabilities": capabilities})
 
     def _take(self, line: str) -> None:
@@ -236,6 +239,15 @@ class FakeDaemon:
         first = next(each for each in self._waiting if each[0] == method)
         self._waiting.remove(first)
         self._answer(first[1], {"result": result})
+
+    def capable_of(self, *methods: str) -> None:
+        """Offer more methods; before the page is opened."""
+        self._more = methods
+
+    def waits(self, method: str) -> bool:
+        """Whether a request of a method in ``held`` has come and is not answered."""
+        self._page.wait_for_timeout(50)
+        return any(name == method for name, _ in self._waiting)
 
     def disconnect(self) -> None:
         """End the connection; the page comes back by itself."""

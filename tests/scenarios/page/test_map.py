@@ -71,6 +71,55 @@ def test_the_map_is_drawn_where_it_is(page: Any, daemon: FakeDaemon) -> None:
     assert until(lambda: pixel(page, *wall) == [255, 255, 255])
 
 
+def test_a_part_of_a_new_map_never_goes_into_a_stored_one(page: Any, daemon: FakeDaemon) -> None:
+    """A stored map of 2 by 2 cells arrives while one of 3 by 2 is begun: the new one is shown, with its wall.
+
+    Nor does a late part change the stored map, once it is in use again.
+    """
+
+    def cells(*values: int) -> str:
+        return base64.b64encode(zlib.compress(struct.pack(f"{len(values)}b", *values))).decode()
+
+    mapping = {"name": None, "loops": 0, "path_m": 0.0, "unfinished": False, "reason": ""}
+    place = {"resolution_m": 0.5, "x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}
+    stored = {**place, "columns": 2, "rows": 2, "version": 1, "parts": 1, "data": cells(100, 100, 100, 100)}
+    new = {**place, "columns": 3, "rows": 2, "encoding": "zlib"}
+    part = {"column": 2, "row": 1, "part_columns": 1, "part_rows": 1, "whole": False, "cells": cells(100)}
+    whole = {
+        "column": 0,
+        "row": 0,
+        "part_columns": 3,
+        "part_rows": 2,
+        "whole": True,
+        "cells": cells(*[0] * 6),
+    }
+    daemon.held = {"list_maps", "get_map"}
+    daemon.say("map_pose", x_m=0.0, y_m=0.0, heading_rad=2.0, state="localized")
+    daemon.say("mapping", state="idle", **mapping)
+    daemon.say("localization", state="localized", map="flat", fit=0.97, reason="")
+    listed = {"in_use": "flat", "maps": [{"name": "flat", "in_use": True}]}
+    while daemon.waits("list_maps"):
+        daemon.answer("list_maps", **listed)
+    assert until(lambda: daemon.was_asked("get_map"))
+    daemon.say("mapping", state="mapping", **mapping)
+    daemon.say("map", revision=1, **new, **whole)
+    daemon.answer("get_map", **stored)
+    daemon.say("map", revision=2, **new, **part)
+    x, y = middle_of_view(page)
+    wall, free = (x + 1.25 * 90, y - 0.75 * 90), (x + 0.25 * 90, y - 0.75 * 90)
+    assert until(lambda: pixel(page, *wall) == [0x20, 0x26, 0x2D])
+    assert pixel(page, *free) == [255, 255, 255]
+    daemon.say("mapping", state="idle", **mapping)
+    daemon.answer("list_maps", **listed)
+    assert until(lambda: daemon.waits("get_map"))
+    daemon.answer("get_map", **stored)
+    assert until(lambda: pixel(page, *free) == [0x20, 0x26, 0x2D])
+    daemon.say("map", revision=3, **new, **{**part, "column": 0, "cells": cells(0)})
+    page.wait_for_timeout(300)
+    assert pixel(page, *free) == [0x20, 0x26, 0x2D]
+    sync_api.expect(page.locator("#alert")).to_be_empty()
+
+
 def test_costs_are_asked_for_while_they_are_shown(page: Any, daemon: FakeDaemon) -> None:
     """One cell of 1 m that is blocked, under the robot at its middle, is tinted until the box is unticked."""
     daemon.say("map_pose", x_m=0.25, y_m=0.75, heading_rad=0.0, state="localized")

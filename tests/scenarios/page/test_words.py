@@ -108,6 +108,52 @@ def test_a_cancelled_goal_says_once_by_whom(page: Any, daemon: FakeDaemon) -> No
         sync_api.expect(goal).to_have_text(words)
 
 
+def test_a_sentence_ends_once_and_is_said_once(page: Any, daemon: FakeDaemon) -> None:
+    """A pause that begins with its own state, a board without a reason, and a state that is logged twice."""
+    daemon.say("link", state="down", device="", reason="closed", healthy=False, condition="down")
+    sync_api.expect(page.locator("#link")).to_have_text("not connected")
+    paused = "paused, because teleop has control; it goes on by itself"
+    daemon.say("navigation", state="paused", goal=1, reason=paused, distance_m=1.0)
+    goal = page.locator("#goal")
+    sync_api.expect(goal).to_have_text("Paused, 1.0 m left: because teleop has control; it goes on by itself")
+    daemon.say("navigation", state="reached", goal=1, reason="reached (1.25, 3.00)", distance_m=0.0)
+    sync_api.expect(goal).to_have_text("Arrived: (1.25, 3.00)")
+    line = {"level": "info", "source": "mapping", "text": "mapping"}
+    again = {**line, "text": "mapping: the floor is level", "stamp_s": 2.0}
+    daemon.say("log", lines=[{**line, "stamp_s": 1.0}, again], stamp_s=2.0)
+    sync_api.expect(page.locator("#lately").get_by_text("Making a map.")).to_have_count(1)
+
+
+def test_calibration_speaks_of_parameters_and_asks_in_sentences(page: Any, served: str) -> None:
+    """No key of the configuration is shown, and the question has its ends; "Do not begin" begins nothing."""
+    step = {"name": "motors", "purpose": "the motors", "missing": "", "space_m": 0.3, "on_request": False}
+    estimate = {"key": "wheel_pid.left_wheel.ks", "before": 10.0, "after": 12.0, "sigma": 0.5, "unit": ""}
+    result = {
+        "step": "motors",
+        "status": "passed",
+        "reason": "well done",
+        "estimates": [estimate],
+        "plots": [],
+    }
+    daemon = FakeDaemon(page)
+    daemon.capable_of("get_calibration", "calibrate", "apply_calibration")
+    daemon.held = {"get_calibration"}
+    daemon.opened(served)
+    steps = [{**step, "preparation": "put it on blocks, so that they hang free"}]
+    daemon.answer("get_calibration", steps=steps, results=[result])
+    part = page.locator("#calibration-steps")
+    sync_api.expect(part).to_contain_text("ks (left)")
+    sync_api.expect(part).to_contain_text("Passed. Well done.")
+    assert not FOR_PROGRAMS.search(part.inner_text())
+    page.get_by_role("button", name="Again: motors").click()
+    sync_api.expect(page.locator("#confirm-question")).to_have_text(
+        "Put it on blocks, so that they hang free. It needs 0.3 m of free floor on every side. "
+        "The robot may move; any stop ends it."
+    )
+    page.get_by_role("button", name="Do not begin").click()
+    assert not daemon.was_asked("calibrate")
+
+
 def test_the_boards_firmware_is_told_in_words(page: Any, daemon: FakeDaemon) -> None:
     """A classic sketch does not stop by itself; ours says its version and its dead-man, or that it has none now."""
     daemon.say("link", state="up", device="/dev/ttyACM0", reason="", healthy=True, condition="healthy")

@@ -2,7 +2,7 @@
 
 import { confirmed } from "./confirm.js";
 import { $, element, text } from "./dom.js";
-import { plain, sentence } from "./words.js";
+import { full, parameter, plain, sentence } from "./words.js";
 
 const WORDS = { passed: "passed", not_enough: "not enough", refused: "no result" };
 const [WIDTH, HEIGHT, EDGE] = [320, 170, 12];
@@ -60,12 +60,12 @@ export class Calibration {
 
   async #calibrate(step) {
     const room = step.space_m ? ` It needs ${step.space_m} m of free floor on every side.` : "";
-    if (!await confirmed(`${step.preparation}${room} The robot may move; any stop ends it.`, "Begin")) return;
+    if (!await confirmed(`${full(sentence(plain(step.preparation)))}${room} The robot may move; any stop ends it.`, "Begin", "Do not begin")) return;
     await this.#ask("calibrate", { step: step.name, ...(step.space_m ? { space_m: step.space_m } : {}) });
   }
 
   async #apply() {
-    if (!await confirmed("Write the results that have passed into the robot's configuration? The old file is kept.", "Write")) return;
+    if (!await confirmed("Write the results that have passed into the robot's configuration? The old file is kept.", "Write", "Do not write")) return;
     const applied = await this.#ask("apply_calibration");
     if (!applied) return;
     text("calibration-told", `Written to ${applied.path}; the old file is ${applied.kept}. It counts from the daemon's next start.`);
@@ -96,7 +96,7 @@ export class Calibration {
 }
 
 function shown(result) {
-  const parts = [element("p", [WORDS[result.status], plain(result.reason)].filter(Boolean).map(sentence).join(". "))];
+  const parts = [element("p", [WORDS[result.status], plain(result.reason)].filter(Boolean).map((words) => full(sentence(words))).join(" "))];
   if (result.estimates.length) parts.push(table(result.estimates));
   if (result.plots.length) {
     const details = element("details");
@@ -113,7 +113,7 @@ function table(estimates) {
   head.append(...["parameter", "before", "after", "±"].map((name) => element("th", name, { scope: "col" })));
   const rows = estimates.map(({ key, before, after, sigma, unit }) => {
     const row = element("tr");
-    row.append(element("th", unit ? `${key} (${unit})` : key, { scope: "row" }),
+    row.append(element("th", unit ? `${parameter(key)} (${unit})` : parameter(key), { scope: "row", title: key }),
       ...[number(before), number(after), sigma.toPrecision(2)].map((words) => element("td", words)));
     return row;
   });

@@ -6,11 +6,12 @@ let settle = null;
 let back = null;
 
 // Whether the person says yes; a second question takes the first one back.
-export function confirmed(question, yes) {
+export function confirmed(question, yes, no = "Keep it") {
   dismiss();
   back = document.activeElement;
   text("confirm-question", question);
   text("confirm-yes", yes);
+  text("confirm-no", no);
   $("confirm").show();
   $("confirm-no").focus();
   return new Promise((resolve) => { settle = resolve; });

@@ -7,12 +7,18 @@ export async function inflate(base64) {
 }
 
 export class Grid {
-  constructor({ columns, rows, resolution_m, x_m, y_m, heading_rad }) {
-    Object.assign(this, { columns, rows, resolution_m, x_m, y_m, heading_rad, revision: 0 });
+  // ``name`` of a stored map; null of the one that is being made.
+  constructor({ columns, rows, resolution_m, x_m, y_m, heading_rad }, name = null) {
+    Object.assign(this, { columns, rows, resolution_m, x_m, y_m, heading_rad, name, revision: 0 });
     this.cells = new Int8Array(columns * rows).fill(-1);
     this.image = document.createElement("canvas");
     this.image.width = columns;
     this.image.height = rows;
+  }
+
+  // Whether a part belongs into this grid: it is of the map that is being made, with the same cells at the same place.
+  isOf(part) {
+    return this.name === null && ["columns", "rows", "resolution_m", "x_m", "y_m", "heading_rad"].every((key) => part[key] === this[key]);
   }
 
   put(cells, row, column, rows, columns, colours) {

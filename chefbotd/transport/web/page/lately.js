@@ -20,6 +20,7 @@ const STATES = {
 
 export class Lately {
   #last = new Map();
+  #states = new Map(); // what each part was last said to do
   #session = null;
   #shown_s = -Infinity;
 
@@ -27,7 +28,10 @@ export class Lately {
     connection.on("log", ({ lines }, { age_s, stamp_s }) => {
       const now_ms = Date.now();
       for (const line of lines.filter((each) => each.stamp_s > this.#shown_s)) {
-        this.#show(inWords(line), now_ms - 1000 * (age_s + stamp_s - line.stamp_s), line.level);
+        const words = inWords(line);
+        if (line.source in STATES && this.#states.get(line.source) === words) continue; // what is new in it is not in the words
+        this.#states.set(line.source, words);
+        this.#show(words, now_ms - 1000 * (age_s + stamp_s - line.stamp_s), line.level);
       }
       this.#shown_s = lines.at(-1).stamp_s;
     });

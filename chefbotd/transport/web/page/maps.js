@@ -21,7 +21,7 @@ export class Maps {
 
   constructor(connection, view, say) {
     Object.assign(this, { connection, view, say, can: new Set() });
-    connection.on("map", (part) => { this.#queue = this.#queue.then(() => this.#take(part)).catch((error) => say(String(error))); });
+    connection.on("map", (part) => this.#enqueue(() => this.#take(part)));
     connection.on("mapping", (mapping) => this.#show(mapping));
     connection.on("localization", (found) => this.#located(found));
     connection.addEventListener("closed", () => { this.#shown = null; });
@@ -47,6 +47,11 @@ export class Maps {
     if (this.#has("list_maps")) this.#list();
   }
 
+  // One after the other: what is loaded must not come between the parts of another map.
+  #enqueue(work) {
+    this.#queue = this.#queue.then(work).catch((error) => this.say(String(error)));
+  }
+
   #has(method) {
     return this.can.has(`method.${method}`);
   }
@@ -70,7 +75,10 @@ export class Maps {
     $("maps").replaceChildren(...options);
     this.#stored = stored.maps.length;
     $("maps-label").hidden = this.#stored === 0;
-    if (stored.in_use && this.#mapping.state === "idle" && this.#shown !== stored.in_use) this.#fetch(stored.in_use);
+    if (stored.in_use && this.#mapping.state === "idle" && this.#shown !== stored.in_use) {
+      this.#shown = stored.in_use;
+      this.#enqueue(() => this.#fetch(stored.in_use));
+    }
     this.#guide();
   }
 
@@ -95,6 +103,8 @@ export class Maps {
 
   // A stored map by its name; without one, the map that is being made.
   async #fetch(name = null) {
+    const isWanted = () => name === null || (this.#mapping.state === "idle" && this.#shown === name);
+    if (!isWanted()) return;
     this.#shown = name;
     const texts = [];
     let map = null;
@@ -105,8 +115,10 @@ export class Maps {
       else texts.push(next.data);
       map = texts.length ? next : null;
     } while (map === null || texts.length < map.parts);
-    const grid = new Grid(map);
-    grid.put(await inflate(texts.join("")), 0, 0, map.rows, map.columns, this.view.rgb);
+    const cells = await inflate(texts.join(""));
+    if (!isWanted()) return; // a map is being made meanwhile, or another one is in use
+    const grid = new Grid(map, name);
+    grid.put(cells, 0, 0, map.rows, map.columns, this.view.rgb);
     grid.revision = name ? 0 : map.version;
     this.view.grid = grid;
     $("legend-map").hidden = false;
@@ -115,15 +127,17 @@ export class Maps {
 
   async #take(part) {
     const cells = await inflate(part.cells);
-    let { grid } = this.view;
+    const isPart = () => this.view.grid?.isOf(part) ?? false;
     if (part.whole) {
       this.view.grid = new Grid(part);
       this.#shown = null;
       $("legend-map").hidden = false;
+    } else if (!isPart() || part.revision > this.view.grid.revision + 1) {
+      if (this.#mapping.state === "idle") return; // of a map that is not made any more
+      await this.#fetch(); // parts were missed
     }
-    else if (!grid || this.#shown !== null || part.revision > grid.revision + 1) await this.#fetch(); // parts were missed
-    ({ grid } = this.view);
-    if (!grid || (!part.whole && part.revision <= grid.revision)) return;
+    const { grid } = this.view;
+    if (!isPart() || (!part.whole && part.revision <= grid.revision)) return;
     grid.put(cells, part.row, part.column, part.part_rows, part.part_columns, this.view.rgb);
     grid.revision = part.revision;
     this.view.draw();

@@ -1,7 +1,7 @@
 // The recorder: whether it records, and what is kept in memory, to be saved after something has happened.
 
 import { $, text } from "./dom.js";
-import { plain, sentence } from "./words.js";
+import { full, plain, sentence } from "./words.js";
 
 export class Recorder {
   #can = new Set();
@@ -29,7 +29,7 @@ export class Recorder {
     const free = free_bytes === null ? "" : ` ${(free_bytes / 1e9).toFixed(1)} GB are free.`;
     const now = state === "recording"
       ? `Recording into ${file}: ${length(seconds)}, ${(bytes_written / 1e6).toFixed(1)} MB.${free}`
-      : `Not recording.${reason ? ` ${sentence(plain(reason))}.` : ""}`;
+      : `Not recording.${reason ? ` ${full(sentence(plain(reason)))}` : ""}`;
     const kept = ring_s > 0 ? ` The last ${length(ring_s)} are kept in memory.` : "";
     text("recorder", now + kept);
     const show = (id, method, wanted) => { $(id).hidden = !wanted || !this.#can.has(`method.${method}`); };

@@ -6,6 +6,14 @@ export const me = `page #${Math.random().toString(36).slice(2, 6)}`;
 // A wheel's name for people: "front left" for front_left_wheel.
 export const wheelName = (wheel) => wheel.replace(/_wheel$/, "").replaceAll("_", " ");
 
+// A parameter's key for people: "radius (left)" for chassis.wheels.left_wheel.radius_m.
+export function parameter(key) {
+  const [section, ...parts] = key.split(".");
+  const name = (parts.pop() ?? section).replace(/_(?:rad_s2?|m_s2?|rad|m|s|v)$/, "").replaceAll("_", " ");
+  const owner = parts.filter((part) => part !== "wheels").at(-1) ?? section;
+  return `${name} (${wheelName(owner)})`;
+}
+
 export const sentence = (words) => (words ? words[0].toUpperCase() + words.slice(1) : "");
 
 // With the sign that ends a sentence, if it has none yet.
