@@ -83,6 +83,10 @@ INDEX_BYTES = 40
 Compress = Callable[[bytes], bytes]
 
 
+CHUNK_BYTES, CHANNEL_BYTES = 800, 270
+"""An empty chunk and each of its channels, by ``sys.getsizeof`` of CPython 3.11: objects, dictionaries and numbers."""
+
+
 class Chunk(Struct, frozen=True):
     """Bytes that can be written into any file with the same channels: ``head``, ``data`` and ``indexes`` in this order.
 
@@ -108,6 +112,11 @@ class Chunk(Struct, frozen=True):
     def bytes_in_file(self) -> int:
         """What it takes on the disk."""
         return len(self.head) + len(self.data) + len(self.indexes)
+
+    @property
+    def bytes_held(self) -> int:
+        """What it takes of this process's memory: each channel has two entries in dictionaries."""
+        return self.bytes_in_file + CHUNK_BYTES + CHANNEL_BYTES * len(self.counts)
 
 
 class ChunkBuilder:
@@ -205,7 +214,7 @@ def compressor(compression: Literal["zstd", "lz4"]) -> Compress:
 
 
 class Ring:
-    """Chunks of the last ``seconds``, of ``most_bytes`` at most; the oldest give way."""
+    """Chunks of the last ``seconds``, which hold ``most_bytes`` of memory at most; the oldest give way."""
 
     def __init__(self, seconds: float, most_bytes: int) -> None:
         self._span_ns, self._most_bytes = round(seconds * 1e9), most_bytes
@@ -215,10 +224,10 @@ class Ring:
     def add(self, chunk: Chunk) -> None:
         """Add the newest one."""
         self._chunks.append(chunk)
-        self.size += chunk.bytes_in_file
+        self.size += chunk.bytes_held
         oldest_ns = chunk.end_ns - self._span_ns
         while self._chunks and (self.size > self._most_bytes or self._chunks[0].end_ns < oldest_ns):
-            self.size -= self._chunks.popleft().bytes_in_file
+            self.size -= self._chunks.popleft().bytes_held
 
     @property
     def chunks(self) -> tuple[Chunk, ...]:

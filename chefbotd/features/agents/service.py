@@ -20,7 +20,7 @@ from chefbotd.core.events.agents import (
     QuestionData,
 )
 from chefbotd.core.record import Record, replace
-from chefbotd.entries import entries_of
+from chefbotd.entries import Timer, due_of, entries_of
 from chefbotd.features.agents.models import (
     TOPICS,
     AddButtonParams,
@@ -51,6 +51,14 @@ MOST_AGENTS, MOST_BUTTONS, MOST_QUESTIONS, MOST_CALLS = 16, 32, 4, 16
 SAY_PER_S, MOST_SAID = 2.0, 10.0
 """How often an agent may speak: a token bucket."""
 
+TELL_PER_S, MOST_TOLD = 10.0, 50.0
+"""How often the topic ``agents`` is published: a token bucket. What changes more often is told by the next one: each
+holds everything of all agents, and a program can ask for two thousand changes a second."""
+
+TIMER = "agents"
+EARLY = 0.02
+"""A timer may fire 2 ms too early: so much of a token."""
+
 
 class RegisteredAgent(Record, frozen=True):
     """An agent, the number of its client, and how often it might still speak at ``stamp_s``."""
@@ -69,6 +77,9 @@ class AgentsState(Record, frozen=True):
     waits: PendingState
     last_number: int
     stop_number: int = 0
+    may_tell: float = MOST_TOLD
+    told_s: float = 0.0
+    due_s: float | None = None
 
 
 class AgentsService:
@@ -80,19 +91,32 @@ class AgentsService:
         self._buttons: dict[int, ButtonData] = {}
         self.waits = PendingRequests(self._entries, self._tell)
         self._last_number = self._stop_number = 0
+        self._may_tell, self._told_s = MOST_TOLD, 0.0
+        self._timer: Timer | None = None
         bus.add_handler(self._take_client_left, ClientDisconnected)
         bus.add_handler(self._take_safety, SafetyChanged)
 
     def state(self) -> AgentsState:
         """Return the state of this part."""
         agents, buttons = list(self._agents.values()), list(self._buttons.values())
-        return AgentsState(agents, buttons, self.waits.state(), self._last_number, self._stop_number)
+        return AgentsState(
+            agents,
+            buttons,
+            self.waits.state(),
+            self._last_number,
+            self._stop_number,
+            self._may_tell,
+            self._told_s,
+            due_of(self._timer),
+        )
 
     def restore(self, state: AgentsState) -> None:
         """Go on from there; the requests that wait are to begin again."""
         self._agents = {agent.client: agent for agent in state.agents}
         self._buttons = {button.button_id: button for button in state.buttons}
         self._last_number, self._stop_number = state.last_number, state.stop_number
+        self._may_tell, self._told_s = state.may_tell, state.told_s
+        self._timer = self._entries.resume(state.due_s, self._tell, TIMER)
         self.waits.restore(state.waits)
 
     # what an agent asks
@@ -247,8 +271,17 @@ class AgentsService:
         self._bus.publish(AgentNotified(agent, event, str(by), **details, stamp_s=now_s))
 
     def _tell(self) -> None:
+        """Tell how things stand, now or as soon as the rate allows it."""
+        if due_of(self._timer) is not None:
+            return
+        now_s = self._entries.now_s()
+        level = min(MOST_TOLD, self._may_tell + (now_s - self._told_s) * TELL_PER_S)
+        if level < 1.0 - EARLY:
+            self._timer = self._entries.call_later((1.0 - level) / TELL_PER_S, self._tell, TIMER)
+            return
+        self._may_tell, self._told_s = max(0.0, level - 1.0), now_s
         agents = tuple(agent.data for agent in self._agents.values())
-        now_s, buttons = self._entries.now_s(), tuple(self._buttons.values())
+        buttons = tuple(self._buttons.values())
         self._bus.publish(AgentsChanged(agents, buttons, self.waits.questions(), stamp_s=now_s))
 
     def _take_safety(self, event: SafetyChanged) -> None:

@@ -589,7 +589,10 @@ def test_our_firmware_gets_no_motion_while_a_sketchs_counts_are_configured():
         ((condition, reason),) = conditions(bench, health)
         assert condition == "counts_differ"
         assert 'Set [encoders] counted_by = "firmware", then turn a wheel ten times by hand' in reason
-        assert "Only if the configured counts were measured with the sketch, and not assumed, are they 16800" in reason
+        assert (
+            "Only if the configured counts were measured with the sketch, and not assumed, are they 16800"
+            in reason
+        )
 
     on_bench(scenario, counting=Counting(4200.0, by_firmware=False))
 

@@ -378,3 +378,36 @@ def test_a_guest_answers_and_presses_and_an_agent_neither_drives_nor_tunes(tmp_p
         await guest.stop()
 
     with_clients(scenario, tmp_path)
+
+
+def test_a_storm_of_registrations_is_told_ten_times_a_second() -> None:
+    """Of an agent with 32 buttons, 2,000 times: the topic has 50 at once and 10 a second at most, and the last state."""
+
+    async def scenario(connect: Connect) -> None:
+        watcher, agent = await connect(), await connect()
+        await agent.register_agent("storm", "0")
+        for number in range(32):
+            await agent.add_button(f"button {number}")
+        versions: list[str] = []
+
+        async def watch() -> None:
+            async with watcher.subscribe("agents", policy="ordered") as events:
+                async for event in events:
+                    versions.append(event.data.agents[0].version)  # noqa: PERF401 - it never ends
+
+        watching = asyncio.create_task(watch())
+        await asyncio.sleep(10.0)
+        versions.clear()
+        loop = asyncio.get_running_loop()
+        began_s = loop.time()
+        for number in range(2000):
+            await agent.register_agent("storm", str(number))
+            await asyncio.sleep(0.0005)
+        took_s = loop.time() - began_s
+        await asyncio.sleep(1.0)
+        assert versions[-1] == "1999"
+        assert len(versions) <= 50 + 10 * (took_s + 1.0) + 1
+        watching.cancel()
+        await asyncio.gather(watching, return_exceptions=True)
+
+    with_clients(scenario)
