@@ -22,6 +22,10 @@ LISTEN_TO_ALL = (
     b'{"jsonrpc":"2.0","id":1,"method":"subscribe","params":{"topics":["raw","wheels"],"policy":"ordered"}}\n'
 )
 DESCRIBE = b'{"jsonrpc":"2.0","id":1,"method":"describe"}\n'
+PING = b'{"jsonrpc":"2.0","id":1,"method":"ping"}\n'
+HOSTILE_NAME = (
+    rb'{"jsonrpc":"2.0","id":1,"method":"set_client_name","params":{"client":"\u001b]0;a title\u0007"}}' + b"\n"
+)
 STOP = b'{"jsonrpc":"2.0","id":1,"method":"stop"}\n'
 ESTOP = b'{"jsonrpc":"2.0","id":1,"method":"estop"}\n'
 BADLY_FORMED_ESTOP = b'{"method":"estop","id":[1],"colour":"red","params":{"reason":7,"again":NaN}}'
@@ -137,6 +141,28 @@ async def estop_in_a_crowd(fault_run: FaultRun) -> AsyncIterator[None]:
 
 
 @asynccontextmanager
+async def estop_of_who_waits(fault_run: FaultRun) -> AsyncIterator[None]:
+    """Who has sent a request and waits since then presses stop in earnest, when a crowd has come."""
+    async with stranger(fault_run) as (_, writer):
+        writer.write(PING)
+        await asyncio.sleep(0.01)
+        async with crowd(fault_run):
+            writer.write(ESTOP)
+            await asyncio.sleep(0.01)
+            yield
+
+
+@asynccontextmanager
+async def hostile_name(fault_run: FaultRun) -> AsyncIterator[None]:
+    """Somebody calls itself what a terminal would take for a command."""
+    async with stranger(fault_run) as (reader, writer):
+        writer.write(HOSTILE_NAME)
+        await reader.readline()
+        fault_run.check(b'"invalid_params"' in await reader.readline(), "its name was taken")
+        yield
+
+
+@asynccontextmanager
 async def unread_estop(fault_run: FaultRun) -> AsyncIterator[None]:
     """A client that reads none of its answers presses stop in earnest, behind all that it has asked for."""
     async with stranger(fault_run) as (_, writer):
@@ -186,6 +212,7 @@ def _row_of(shape: str) -> str:
 
 
 FLOOD = "Too many requests"
+FEW_SLOTS = {"api.max_new_connections": 64}
 UNREAD = "`stop` or `estop` of a client that does not read its answers"
 
 FAULTS = (
@@ -214,8 +241,22 @@ FAULTS = (
         overrides={"api.idle_timeout_s": 3.0},
     ),
     Fault("Client that reads nothing", "ten clients that read nothing", unread, CUT_OFF, lasts_s=7.0),
-    Fault("Too many clients", "two hundred clients at once", crowd, CUT_OFF),
-    Fault("Too many clients", "estop where there is no room", estop_in_a_crowd, estopped()),
+    Fault("Too many clients", "two hundred clients at once", crowd, CUT_OFF, overrides=FEW_SLOTS),
+    Fault(
+        "Too many clients",
+        "estop where there is no room",
+        estop_in_a_crowd,
+        estopped(),
+        overrides=FEW_SLOTS,
+    ),
+    Fault(
+        "Too many clients",
+        "estop of who waits beside a crowd",
+        estop_of_who_waits,
+        estopped(),
+        overrides=FEW_SLOTS,
+    ),
+    Fault("Text of a client", "name that commands a terminal", hostile_name, DRIVES_ON),
     Fault("`stop` or `estop` in a bad form", "estop in a bad form", badly_formed_estop, estopped()),
     Fault(UNREAD, "estop of a client that reads nothing", unread_estop, estopped(1.2 + SLACK_S)),
     Fault(UNREAD, "estop as the last word of a connection", last_estop, estopped()),
