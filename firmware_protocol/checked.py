@@ -26,8 +26,10 @@ from firmware_protocol.messages import (
     AgedImu,
     AnalogueLevel,
     Arm,
+    AskAbout,
     Banner,
     BatteryLevel,
+    BoardAbout,
     BoardCounters,
     BoardState,
     BoardTime,
@@ -115,6 +117,16 @@ def checked_from_board(variant: Variant) -> LineCodec:
             HelloAnswer,
             (Field("proto", UINT8), Field("deadman_ms", DEADMAN_MS), Field("micros", UINT32), of),
         ),
+        LineKind(
+            "about",
+            BoardAbout,
+            (
+                Field("edges", UINT8),
+                Field("most_edges_s", UINT32),
+                Field("build", UINT16),
+                Field("counts_per_turn", UINT16),
+            ),
+        ),
         LineKind("g", ParameterSet, (Field("parameter", UINT8), Field("value", INT32))),
         LineKind("refused", CommandRefused, (Field("what", UINT8), of)),
     )
@@ -134,6 +146,7 @@ def checked_to_board(variant: Variant) -> LineCodec:
         LineKind("arm", Arm, (Field("number", UINT16),)),
         LineKind("r", ResetBoard),
         LineKind("estop", EmergencyStop),
+        LineKind("about", AskAbout),
         LineKind("hello", Hello, (Field("proto", UINT8), Field("deadman_ms", UINT16))),
     )
     return LineCodec(TO_BOARD, rows)
@@ -218,8 +231,8 @@ class FirmwareCodec(LineCodec):
         if line[-CRC_BYTES:-4] == b"*" and (unsealed := unseal(line, self._separator)) is not None:
             message = self._sealed.decode(unsealed[0])
             if not isinstance(
-                message, CommandRefused | Malformed
-            ):  # a board in the classic mode refuses so, too
+                message, CommandRefused | BoardAbout | Malformed
+            ):  # a board in the classic mode answers so, too
                 self._expected = (unsealed[1] + 1) % SEQUENCE_SPAN
                 self._change_mode(True)
             return message

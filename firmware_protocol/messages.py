@@ -142,6 +142,17 @@ class HelloAnswer:
 
 
 @dataclass(frozen=True, slots=True)
+class BoardAbout:
+    """``about`` from the board: the edges of an encoder's period that it counts, and of a second at most, the build of
+    its program, and the counts of a wheel's turn that it was given (0: none)."""
+
+    edges: int
+    most_edges_s: int
+    build: int
+    counts_per_turn: int
+
+
+@dataclass(frozen=True, slots=True)
 class CommandRefused:
     """``refused``: line number ``of`` changed nothing, for the reason of this number."""
 
@@ -225,6 +236,11 @@ class Hello:
 
 
 @dataclass(frozen=True, slots=True)
+class AskAbout:
+    """``about`` to the board: what does it count, and which build is it? Firmware that does not know it refuses it (1)."""
+
+
+@dataclass(frozen=True, slots=True)
 class SetWheelSpeeds:
     """``w``: each wheel's speed in mrad/s, for the board's own wheel loop."""
 
@@ -289,6 +305,7 @@ FromBoard: TypeAlias = (
     | Text
     | Firmware
     | HelloAnswer
+    | BoardAbout
     | CommandRefused
     | SequencedEcho
     | AgedDistance
@@ -297,5 +314,7 @@ FromBoard: TypeAlias = (
     | BoardCounters
     | ParameterSet
 )
-ToBoard: TypeAlias = SetDuty | ResetBoard | Hello | SetWheelSpeeds | SetParameter | Arm | EmergencyStop
+ToBoard: TypeAlias = (
+    SetDuty | ResetBoard | Hello | AskAbout | SetWheelSpeeds | SetParameter | Arm | EmergencyStop
+)
 Message: TypeAlias = FromBoard | ToBoard

@@ -161,6 +161,7 @@ class BoardReader:
             wire.SequencedEcho: self._on_sequenced_echo,
             wire.Firmware: firmware.named,
             wire.HelloAnswer: lambda answer, s: firmware.answered(answer, s, self.board_clock),
+            wire.BoardAbout: firmware.told_about,
             wire.BoardState: firmware.told_state,
             wire.BoardCounters: firmware.counted,
             wire.CommandRefused: firmware.refused,

@@ -47,6 +47,8 @@ STOP_AGAIN_S = 0.1
 """A latched stop that the board lacks, or an end of one, is written again so often at most."""
 
 ESTOP = b"estop\r"
+MOST_ASKS = 3
+ABOUT_BYTES = len(b"about 255*29B1\r")
 HELLO_BYTES = len(b"hello 1 2000 255*29B1\r")
 PARAMETER_BYTES = len(b"g 0 65535 255*29B1\r")
 
@@ -269,7 +271,22 @@ class BoardFirmware:
         if taken_s is not None:
             now.clock_late_s = clock.relation.host_s(taken_s) - (now.hello_s + now_s) / 2
         self._window.all_read()
+        if not is_first:
+            self._ask_about(now_s)
         return self.report(now_s) if is_first else None
+
+    def _ask_about(self, now_s: float) -> None:
+        """Ask what it counts and which build it is, until it has answered; one that does not know that refuses it."""
+        now = self.now
+        if now.about is None and now.about_asks < MOST_ASKS and self._window.has_room(ABOUT_BYTES):
+            now.about_asks, now.about_sequence = now.about_asks + 1, self._sealer.sequence
+            self._write(self._sealer.encode(wire.AskAbout()), now_s)
+
+    def told_about(self, message: wire.BoardAbout, now_s: float) -> FirmwareReported:
+        """What the board counts, and which build it is."""
+        self.now.about = message
+        self.loop.limit(message.most_edges_s)
+        return self.report(now_s)
 
     def _disagreement(self, message: wire.HelloAnswer) -> str:
         """What the board has answered other than was asked for; empty if nothing."""
@@ -313,6 +330,9 @@ class BoardFirmware:
 
     def refused(self, message: wire.CommandRefused, now_s: float) -> None:
         """The board refuses a line that arrived whole."""
+        if message.of == self.now.about_sequence and self.now.about is None:
+            self.now.about_asks = MOST_ASKS  # an older firmware
+            return
         reason = REFUSALS.get(message.what, f"reason {message.what}")
         self._log.warning("the board refused a line", reason=reason, line=message.of)
 

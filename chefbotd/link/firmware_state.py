@@ -81,6 +81,9 @@ class FirmwareState(MutableState):
     named: wire.Firmware | None = None
     answer: wire.HelloAnswer | None = None
     board: wire.BoardState | None = None
+    about: wire.BoardAbout | None = None
+    about_asks: int = 0
+    about_sequence: int = -1
     counters: wire.BoardCounters | None = None
     counters_before: wire.BoardCounters | None = None
     due_s: float = math.inf
@@ -135,4 +138,7 @@ def report(now: FirmwareState, now_s: float, *, lines_lost: int) -> FirmwareRepo
         round_trip_s=now.round_trip_s,
         clock_late_s=now.clock_late_s,
         reason=now.complaint,
+        build="" if now.about is None else f"{now.about.build:04X}",
+        counted_edges=None if now.about is None else now.about.edges,
+        most_edges_s=None if now.about is None else now.about.most_edges_s,
     )

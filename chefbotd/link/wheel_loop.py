@@ -21,6 +21,7 @@ MOST_GAIN, MOST_INTEGRAL_GAIN, MOST_FRICTION = 20_000, 500_000, 65_280
 """What the board takes: `g` 1 and 3, 2, 4 in docs/firmware_wire.md."""
 
 MOST_MRAD_S = 50_000
+TURN_MRAD = 6283
 CAPABILITY = 1
 ASK_AGAIN_S = 0.3
 
@@ -85,6 +86,7 @@ class WheelLoop:
     def __init__(self) -> None:
         self._parameters = WheelLoopParameters((), ())
         self._targets_rad_s: Callable[[], tuple[float, ...] | None] = tuple
+        self._most_edges_s: int | None = None
         self.is_wanted = False
         self.now = WheelLoopState()
 
@@ -100,6 +102,16 @@ class WheelLoop:
     def change(self, parameters: WheelLoopParameters) -> None:
         """The board is to drive by other parameters from now on."""
         self._parameters = parameters
+
+    def limit(self, most_edges_s: int) -> None:
+        """The board counts no more edges of a wheel a second than these: it refuses a speed that would have more."""
+        self._most_edges_s = most_edges_s
+
+    @property
+    def _most_mrad_s(self) -> int:
+        if self._most_edges_s is None:
+            return MOST_MRAD_S
+        return min(MOST_MRAD_S, self._most_edges_s * TURN_MRAD // self._parameters.values[0])
 
     def reset(self) -> None:
         """The board knows no parameters: it is another one, or has another mode."""
@@ -150,10 +162,8 @@ class WheelLoop:
         """The wheels' setpoints in mrad/s, in the place of this duty; no duty is a stop."""
         speeds, targets_rad_s = duty, self._targets_rad_s()
         if any(duty) and targets_rad_s is not None:
-            wheels = zip(targets_rad_s, self._parameters.signs, strict=True)
-            limited = [
-                (max(-MOST_MRAD_S, min(MOST_MRAD_S, round(1000 * speed))), sign) for speed, sign in wheels
-            ]
+            wheels, most = zip(targets_rad_s, self._parameters.signs, strict=True), self._most_mrad_s
+            limited = [(max(-most, min(most, round(1000 * speed))), sign) for speed, sign in wheels]
             speeds = tuple([sign * speed for speed, sign in limited])
         self.now.offered = speeds, duty
         return speeds

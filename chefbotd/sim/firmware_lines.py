@@ -11,7 +11,7 @@ from enum import Enum
 from chefbotd.core.record import Record
 from firmware_protocol.checked import SEQUENCE_SPAN, crc_16, seal
 
-NUMBERS_OF = {"s": 2, "w": 2, "g": 2, "arm": 1, "r": 0, "hello": 2, "estop": 0}
+NUMBERS_OF = {"s": 2, "w": 2, "g": 2, "arm": 1, "r": 0, "hello": 2, "about": 0, "estop": 0}
 """The words, and how many numbers each has."""
 
 INT32_MAX = 2**31 - 1

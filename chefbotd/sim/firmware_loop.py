@@ -102,6 +102,11 @@ class WheelLoop:
         self._set[parameter] = value
 
     @property
+    def counts_per_turn(self) -> int:
+        """The counts of a wheel's turn that were set; 0: none."""
+        return self._set.get(Parameter.COUNTS, 0)
+
+    @property
     def most_mrad_s(self) -> int:
         """The fastest that can be asked for: no wheel has more than ``MOST_EDGES_S`` then."""
         return MOST_EDGES_S * TURN_MRAD // self._set[Parameter.COUNTS]

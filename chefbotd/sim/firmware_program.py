@@ -17,7 +17,7 @@ from chefbotd.sim.firmware_lines import (
     parse,
     seal_of,
 )
-from chefbotd.sim.firmware_loop import MOST_SPEED_MRAD_S, RANGES, Edges, Parameter, WheelLoop
+from chefbotd.sim.firmware_loop import MOST_EDGES_S, MOST_SPEED_MRAD_S, RANGES, Edges, Parameter, WheelLoop
 from chefbotd.sim.firmware_motors import (
     LATCHED,
     TICK_US,
@@ -32,6 +32,7 @@ from chefbotd.sim.firmware_report import Report
 from firmware_protocol.checked import PROTO, SEQUENCE_SPAN
 
 VERSION = 0, 1
+EDGES_A_PERIOD, BUILD = 4, 0
 HOST_BOARD = 4
 WHEEL_LOOP, ULTRASONIC, IMU, BATTERY, MOTOR_CURRENT = 1, 2, 4, 8, 16
 POWER_ON, RESET_PIN, COMMAND = 1, 2, 5
@@ -265,6 +266,10 @@ class FirmwareProgram:
                 self._printer.plain("Reset Done\r\n")
             case "hello":
                 return self._take_hello(numbers[0], numbers[1], received)
+            case "about":
+                self._printer.sealed(
+                    "about", EDGES_A_PERIOD, MOST_EDGES_S, BUILD, self.motors.loop.counts_per_turn
+                )
             case "estop":
                 self.motors.estop()
             case _:

@@ -209,6 +209,9 @@ static enum refusal obey(const struct request *request, struct received received
         return take_reset(received.at_us);
     case WORD_HELLO:
         return take_hello(request, received);
+    case WORD_ABOUT:
+        report_about();
+        return OBEYED;
     case WORD_ESTOP:
         return take_estop();
     default:

@@ -55,9 +55,10 @@ void firmware_start(uint8_t reset_cause)
     encoder_start();
     sensors_start();
     commands_start();
-    report_start(cause);
     note_cycle();
     hal_watchdog_start();
+    hal_let_interrupts_in(); /* before the IMU is asked: an e-stop may come in meanwhile */
+    report_start(cause);
 }
 
 static void run_cycle(void)

@@ -32,7 +32,7 @@
 #define RESET_HUNG 6
 #define RESET_DAMAGED 7 /* by software, and the note of its cause is damaged */
 
-/* Starts with the motors off and the interrupts shut; starts the watchdog. */
+/* Starts with the motors off and the interrupts shut, and lets them in; starts the watchdog. */
 void firmware_start(uint8_t reset_cause);
 
 /* One pass of the main loop: takes what was received, runs a cycle when it is due. Never blocks. */
@@ -43,6 +43,9 @@ void firmware_tick(void);
 
 /* The receive interrupt: one byte. */
 void firmware_received(uint8_t byte);
+
+/* A byte that comes in while the program restarts itself: no line, but an e-stop in it is obeyed after the start. */
+void firmware_received_early(uint8_t byte);
 
 /* The receive interrupt, when the UART lost a byte (overrun, framing): the line that it belongs to is refused. */
 void firmware_receive_lost(void);

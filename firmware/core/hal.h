@@ -5,9 +5,12 @@
  *   HAL_BOARD            one of enum board (firmware.h)
  *   HAL_CAPABILITIES     sum of enum capability (firmware.h), a constant expression of the preprocessor
  *   HAL_KEPT             attribute of a variable that no start of the program clears (`.noinit`): the e-stop
+ *   HAL_UNCLEARED        attribute of a large variable that need not be cleared by a start, to make it short
  *   HAL_FLASH            attribute of a constant that lives in program memory (AVR: PROGMEM; elsewhere empty)
  *   HAL_READ_CHAR(p)     reads a char of such a constant (AVR: (char)pgm_read_byte(p); elsewhere *(p))
  *   HAL_READ_U32(p)      reads a uint32_t of such a constant
+ *   HAL_READ_IMAGE(at)   reads a byte of the program's image, from its first on
+ *   HAL_IMAGE_OFFSET(p)  where in the image a constant of HAL_FLASH is
  *   hal_lock_t           type of the interrupts' state
  *   hal_lock(void)       static inline: shuts all interrupts out, returns the state before. A barrier for the compiler.
  *   hal_unlock(state)    static inline: puts that state back. Pairs may be nested, also in interrupts. A barrier, too.
@@ -17,7 +20,7 @@
  * The board's own program, in this order:
  *   1. its very first instructions turn the motors off;
  *   2. it sets up clocks, UART, timers, PWM, encoder pins, with the interrupts shut;
- *   3. firmware_start(cause); then it lets the interrupts in;
+ *   3. image_check(cause), firmware_start(cause), which lets the interrupts in;
  *   4. for (;;) firmware_pass().
  *
  * Interrupts: firmware_tick may be interrupted by encoder_edge, firmware_received, firmware_next_byte and firmware_echo
@@ -70,6 +73,13 @@ bool hal_imu_present(void);
 bool hal_battery(uint16_t *adc);
 bool hal_current(uint8_t wheel, uint16_t *adc);
 bool hal_imu(int16_t counts[6], uint32_t *at_us);
+
+/* The end of what has to be set up undisturbed: interrupts come from now on. */
+void hal_let_interrupts_in(void);
+
+/* For an image that is not whole: motors off, interrupts shut, and this text (HAL_FLASH) about once a second. Does not return
+ * on a board. Needs the serial line and nothing else. */
+void hal_say_for_ever(const char *text);
 
 /* The hardware watchdog, about 250 ms: its interrupt, if it has one, calls firmware_watchdog. */
 void hal_watchdog_start(void);

@@ -12,11 +12,16 @@
 #define END 13U   /* CR */
 #define LINE_FEED 10U
 #define WORD_LETTERS 5U
+#define HEARD_EARLY 6U /* in the place of letters: the word came while nothing could obey it */
+
+/* Not cleared, as a start is a time in which nothing is heard. Volatile: the order of these writes counts. */
+static struct {
+    volatile uint8_t bytes[RING_BYTES];
+    volatile uint32_t ends_us[MOST_ENDS]; /* when the CRs came in that are in the ring */
+} waiting HAL_UNCLEARED;
 
 static struct {
-    volatile uint8_t bytes[RING_BYTES]; /* volatile: the order of these writes counts */
-    volatile uint32_t ends_us[MOST_ENDS]; /* when the CRs came in that are in the ring */
-    volatile uint8_t head;       /* these two and ends_us are written by the receive interrupt */
+    volatile uint8_t head;       /* these two and the bytes are written by the receive interrupt */
     volatile uint8_t ends_head;
     volatile uint8_t tail; /* these two by the main loop; all four count on and wrap at 256 */
     volatile uint8_t ends_tail;
@@ -48,7 +53,7 @@ void receive_start(bool is_continued)
     ring.ends_tail = 0;
     ring.has_lost = false;
     ring.is_inside = false;
-    estops = 0;
+    estops = (is_continued && (letters == HEARD_EARLY)) ? 1U : 0U;
     if (!is_continued || (letters > WORD_LETTERS)) {
         letters = 0;
     }
@@ -85,7 +90,7 @@ static uint8_t room(void)
 
 static void store(uint8_t byte)
 {
-    ring.bytes[ring.head % RING_BYTES] = byte;
+    waiting.bytes[ring.head % RING_BYTES] = byte;
     ring.head = (uint8_t)(ring.head + 1U);
     ring.is_inside = byte != END;
 }
@@ -94,6 +99,17 @@ void firmware_receive_lost(void)
 {
     ring.has_lost = true;
     counters.overrun++;
+}
+
+void firmware_received_early(uint8_t byte)
+{
+    if (letters <= WORD_LETTERS) {
+        const uint8_t before = estops;
+        listen(byte);
+        if (estops != before) {
+            letters = HEARD_EARLY;
+        }
+    }
 }
 
 void firmware_received(uint8_t byte)
@@ -113,7 +129,7 @@ void firmware_received(uint8_t byte)
         return;
     }
     if (is_end) {
-        ring.ends_us[ring.ends_head % MOST_ENDS] = hal_micros();
+        waiting.ends_us[ring.ends_head % MOST_ENDS] = hal_micros();
         ring.ends_head = (uint8_t)(ring.ends_head + 1U);
     }
     store(byte);
@@ -159,13 +175,13 @@ const struct line *receive_line(void)
         taken_us = now_us;
     }
     for (uint8_t left = (uint8_t)(ring.head - ring.tail); left > 0U; left--) {
-        const uint8_t byte = ring.bytes[ring.tail % RING_BYTES];
+        const uint8_t byte = waiting.bytes[ring.tail % RING_BYTES];
         ring.tail = (uint8_t)(ring.tail + 1U);
         if (byte != END) {
             add(byte);
             continue;
         }
-        line.at_us = ring.ends_us[ring.ends_tail % MOST_ENDS];
+        line.at_us = waiting.ends_us[ring.ends_tail % MOST_ENDS];
         ring.ends_tail = (uint8_t)(ring.ends_tail + 1U);
         if ((line.length > 0U) || line.is_damaged) {
             is_done = true;

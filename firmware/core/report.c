@@ -4,10 +4,13 @@
 #include "counters.h"
 #include "encoder.h"
 #include "hal.h"
+#include "image.h"
 #include "motors.h"
 #include "sensors.h"
 #include "transmit.h"
+#include "wheel_loop.h"
 
+#define EDGES_A_PERIOD 4U /* of each period of an encoder all four edges count */
 #define CLASSIC_PERIOD_MS 20U
 #define CHECKED_PERIOD_MS 10U
 #define CLASSIC_CYCLES_A_SECOND 50U
@@ -41,6 +44,7 @@ static const char word_battery[] HAL_FLASH = "b";
 static const char word_current[] HAL_FLASH = "a";
 static const char word_state[] HAL_FLASH = "state";
 static const char word_counters[] HAL_FLASH = "counters";
+static const char word_about[] HAL_FLASH = "about";
 
 static void send_name(void)
 {
@@ -64,6 +68,16 @@ void report_start(uint8_t reset_cause)
     line_text(hal_imu_present() ? imu_answers : imu_silent);
     (void)line_end();
     send_name();
+}
+
+void report_about(void)
+{
+    line_begin(word_about);
+    line_unsigned(EDGES_A_PERIOD);
+    line_unsigned(HAL_MOST_EDGES_S);
+    line_unsigned(image_build());
+    line_unsigned(wheel_loop_counts());
+    (void)line_end_sealed();
 }
 
 void report_tick(void)

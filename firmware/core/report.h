@@ -8,6 +8,9 @@
 /* Banner and the board's name; the first cycle of the classic mode is due in 20 ms. */
 void report_start(uint8_t reset_cause);
 
+/* Sends a sealed line with what the board counts, and with which program. */
+void report_about(void);
+
 /* The mode has changed: its first cycle is due one period after this millisecond. */
 void report_begin(bool is_checked);
 

@@ -12,7 +12,8 @@ struct spelling {
 
 static const struct spelling words[WORD_ESTOP + 1] HAL_FLASH = {
     [WORD_UNKNOWN] = {"", 0}, [WORD_DUTY] = {"s", 2},  [WORD_SPEED] = {"w", 2}, [WORD_PARAMETER] = {"g", 2},
-    [WORD_ARM] = {"arm", 1},  [WORD_RESET] = {"r", 0}, [WORD_HELLO] = {"hello", 2}, [WORD_ESTOP] = {"estop", 0},
+    [WORD_ARM] = {"arm", 1},  [WORD_RESET] = {"r", 0}, [WORD_HELLO] = {"hello", 2}, [WORD_ABOUT] = {"about", 0},
+    [WORD_ESTOP] = {"estop", 0},
 };
 
 /* The value of an upper-case hexadecimal digit; 16 for another character. */

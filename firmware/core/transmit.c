@@ -5,8 +5,10 @@
 
 #define MOST_DIGITS 10U
 
+/* Not cleared at a start, in which nothing is heard. Indices of 8 bits wrap by themselves. */
+static volatile uint8_t waiting[256] HAL_UNCLEARED;
+
 static struct {
-    volatile uint8_t bytes[256]; /* indices of 8 bits wrap by themselves */
     volatile uint8_t head; /* written by the main loop */
     volatile uint8_t tail; /* written by the transmit interrupt */
     uint8_t writing;       /* where the line that is not ended goes on */
@@ -42,7 +44,7 @@ bool firmware_next_byte(uint8_t *byte)
     if (tail == ring.head) {
         return false;
     }
-    *byte = ring.bytes[tail];
+    *byte = waiting[tail];
     ring.tail = (uint8_t)(tail + 1U);
     return true;
 }
@@ -54,7 +56,7 @@ static void put(char character)
         ring.is_full = true;
         return;
     }
-    ring.bytes[ring.writing] = (uint8_t)character;
+    waiting[ring.writing] = (uint8_t)character;
     ring.writing = next;
     ring.crc = crc_add(ring.crc, (uint8_t)character);
 }

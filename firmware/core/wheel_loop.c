@@ -46,6 +46,7 @@ static struct {
     int32_t of[PARAMETERS];
     uint32_t most_counts; /* that can be multiplied with that of COUNTS */
     int32_t most_mrad_s;
+    uint16_t counts;
     uint8_t set;          /* a bit for each parameter */
 } gains;
 
@@ -113,8 +114,16 @@ void wheel_loop_set(enum parameter parameter, uint32_t value)
     gains.of[parameter] = (int32_t)next;
     gains.most_counts = most_counts;
     gains.most_mrad_s = most_mrad_s;
+    if (parameter == PARAMETER_COUNTS) {
+        gains.counts = (uint16_t)value;
+    }
     gains.set = (uint8_t)(gains.set | (1U << (uint8_t)parameter));
     hal_unlock(lock);
+}
+
+uint16_t wheel_loop_counts(void)
+{
+    return gains.counts;
 }
 
 int32_t wheel_loop_most_mrad_s(void)
@@ -301,6 +310,11 @@ void wheel_loop_aim(const int32_t mrad_s[WHEELS])
 }
 
 void wheel_loop_measure(void) {}
+
+uint16_t wheel_loop_counts(void)
+{
+    return 0;
+}
 
 int32_t wheel_loop_most_mrad_s(void)
 {

@@ -39,6 +39,9 @@ bool wheel_loop_is_set_up(void);
 /* Sets a parameter whose range was checked. */
 void wheel_loop_set(enum parameter parameter, uint32_t value);
 
+/* The counts of a wheel's turn that were set; 0: none. */
+uint16_t wheel_loop_counts(void);
+
 /* The fastest that can be asked for: by its parameters no wheel has more than HAL_MOST_EDGES_S edges a second then. */
 int32_t wheel_loop_most_mrad_s(void);
 

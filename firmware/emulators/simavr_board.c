@@ -291,12 +291,12 @@ static void on_direction(avr_irq_t *irq, uint32_t value, void *param)
 {
     (void)irq;
     board_t *board = param;
-    const bool driven = (value >> SCL_PIN.pin & 1U) != 0;
-    if (board->scl_driven && !driven && board->imu.held_clocks > 0) {
+    const bool is_driven = (value >> SCL_PIN.pin & 1U) != 0;
+    if (board->scl_driven && !is_driven && board->imu.held_clocks > 0) {
         board->imu.held_clocks--;
         put_sda(board);
     }
-    board->scl_driven = driven;
+    board->scl_driven = is_driven;
 }
 
 static void wire(board_t *board)

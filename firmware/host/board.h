@@ -9,9 +9,12 @@
     (CAPABILITY_WHEEL_LOOP + CAPABILITY_ULTRASONIC + CAPABILITY_IMU + CAPABILITY_BATTERY +                \
      CAPABILITY_CURRENT)
 #define HAL_KEPT __attribute__((section("hal_kept"))) /* together, so that a test can damage it */
+#define HAL_UNCLEARED
 #define HAL_FLASH
 #define HAL_READ_CHAR(p) (*(p))
 #define HAL_READ_U32(p) (*(p))
+#define HAL_READ_IMAGE(at) ((uint8_t)(at)) /* there is none */
+#define HAL_IMAGE_OFFSET(p) ((uint32_t)(uintptr_t)(p))
 
 #define HAL_MOST_EDGES_S 100000U
 

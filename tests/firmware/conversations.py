@@ -82,6 +82,8 @@ def _negotiation() -> Iterator[Step]:
     yield line(35, "s 80 81 202*0000")
     yield checked(47, "hello 1 100", 204)
     yield line(60, "r")
+    yield checked(100, "about", 203)
+    yield checked(105, "about 1", 204)
     yield checked(2000, "x", 205)
     yield line(3990, "s 3 4 205*ABCD")
     yield line(4050, "s 15 16")

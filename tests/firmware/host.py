@@ -100,6 +100,11 @@ class Board:
         """Bytes by the receive interrupt; the main loop has not seen them yet."""
         self._library.host_receive(data, len(data))
 
+    def receive_early(self, data: bytes) -> None:
+        """Bytes that come in while the program restarts itself."""
+        for byte in data:
+            self._library.firmware_received_early(byte)
+
     def receive_lost(self) -> None:
         """The UART lost a byte."""
         self._library.firmware_receive_lost()

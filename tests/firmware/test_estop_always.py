@@ -114,6 +114,20 @@ def test_a_restart_in_the_middle_of_the_word_loses_nothing(board: host.Board, sp
     assert board.duty == (7, 7)
 
 
+@pytest.mark.parametrize("split", range(7))
+def test_an_estop_that_comes_in_while_the_program_restarts_is_kept(board: host.Board, split: int) -> None:
+    """The letters before the restart, in it, and the rest after it."""
+    board.receive(b"x\r" + b"estop\r"[:split])
+    board.run(0.01)
+    board.write("r")
+    board.run(0.06)
+    board.receive(b"estop\r"[:split])
+    board.receive_early(b"estop\r"[split:])
+    board.start(host.SOFTWARE)
+    board.hold_up(1)
+    assert latched(board)
+
+
 def test_an_estop_just_before_a_restart_by_the_watchdog_is_kept(board: host.Board) -> None:
     """Neither tick nor main loop came to it: the restart itself does."""
     board.receive(b"estop\r")

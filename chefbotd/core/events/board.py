@@ -89,7 +89,9 @@ class FirmwareReported(Record, frozen=True):
     those in force on the board (``dead_man``, ``estop``, ``left_wheel_lost``, ...); it ``stopped_itself`` where nobody
     here has asked for the one that latched. The board's counters wrap at 2^16; ``lines_lost`` are its lines that did not
     arrive, or were damaged. ``round_trip_s`` is a command's until its echo, ``clock_late_s`` by how much later than they
-    were taken the board's readings are stamped. ``reason`` says why the mode is not agreed on.
+    were taken the board's readings are stamped. ``reason`` says why the mode is not agreed on. ``build``
+    names the program by its CRC; the board counts ``counted_edges`` of each period of an encoder (4: all), and
+    ``most_edges_s`` of a wheel at most; None: it does not say so.
     """
 
     retained: ClassVar[bool] = True
@@ -113,6 +115,9 @@ class FirmwareReported(Record, frozen=True):
     round_trip_s: float | None
     clock_late_s: float | None
     reason: str
+    build: str = ""
+    counted_edges: int | None = None
+    most_edges_s: int | None = None
 
 
 class DutyWritten(Record, frozen=True):

@@ -60,6 +60,15 @@ class FirmwareData(Record, frozen=True):
         float | None, Meta(description="by how much later than they were taken readings are stamped")
     ]
     reason: Annotated[str, Meta(description="why the checked mode is not agreed on, if it was tried")]
+    build: Annotated[
+        str, Meta(description="its program, by the CRC over it; empty: the board does not say so")
+    ] = ""
+    counted_edges: Annotated[
+        int | None, Meta(description="which edges of a period of its encoders it counts: 4 are all")
+    ] = None
+    most_edges_s: Annotated[
+        int | None, Meta(description="how many edges of a wheel a second it counts at most")
+    ] = None
 
 
 class RawData(Record, frozen=True):

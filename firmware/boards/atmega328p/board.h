@@ -10,9 +10,12 @@
 #define HAL_CAPABILITIES \
     (CAPABILITY_WHEEL_LOOP | CAPABILITY_ULTRASONIC | CAPABILITY_IMU | CAPABILITY_BATTERY)
 #define HAL_KEPT __attribute__((section(".noinit")))
+#define HAL_UNCLEARED HAL_KEPT
 #define HAL_FLASH PROGMEM
 #define HAL_READ_CHAR(p) ((char)pgm_read_byte(p))
 #define HAL_READ_U32(p) pgm_read_dword(p)
+#define HAL_READ_IMAGE(at) pgm_read_byte((uint16_t)(at))
+#define HAL_IMAGE_OFFSET(p) ((uint16_t)(p))
 
 #define HAL_MOST_EDGES_S 12500UL
 
@@ -49,6 +52,9 @@ void clock_start(void);
 void clock_await_tick(void);
 
 void serial_start(void);
+/* For a restart by software, in which the UART holds two bytes: what has come, and a wait for the line to be quiet. */
+void serial_drain(void);
+void serial_await_quiet(void);
 void encoders_start(void);
 void ultrasonic_start(void);
 void battery_start(void);

@@ -26,8 +26,9 @@ $(BUILD)/atmega328p/%.o: %.S $(AVR_DIR)/board.mk Makefile $(wildcard $(AVR_DIR)/
 # A thousand times a second: -Os would call a division for each shift.
 $(BUILD)/atmega328p/core/wheel_loop.o: AVR_FLAGS += -O2 -fno-inline
 
-$(BUILD)/atmega328p.elf: $(AVR_OBJECTS)
+$(BUILD)/atmega328p.elf: $(AVR_OBJECTS) | seal_image.py
 	$(AVR_CC) $(AVR_LINK) -o $@ $^
+	python3 seal_image.py avr-objcopy $@ .text .data
 
 $(BUILD)/atmega328p/startup_hangs.o: $(AVR_DIR)/startup.c $(CORE_HEADERS) $(wildcard $(AVR_DIR)/*.h)
 	@mkdir -p $(@D)
@@ -35,6 +36,7 @@ $(BUILD)/atmega328p/startup_hangs.o: $(AVR_DIR)/startup.c $(CORE_HEADERS) $(wild
 
 $(BUILD)/atmega328p_hangs.elf: $(filter-out %/startup.o,$(AVR_OBJECTS)) $(BUILD)/atmega328p/startup_hangs.o
 	$(AVR_CC) $(AVR_LINK) -o $@ $^
+	python3 seal_image.py avr-objcopy $@ .text .data
 
 # Nothing but what is in the sources goes into it: two builds are the same bytes.
 $(BUILD)/atmega328p.hex: $(BUILD)/atmega328p.elf

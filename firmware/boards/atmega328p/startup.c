@@ -1,7 +1,9 @@
 /* From the reset to the main loop, and the two ways back: the watchdog and the restart by software. */
 #include <avr/wdt.h>
+#include <util/delay.h>
 
 #include "hal.h"
+#include "image.h"
 
 #define RESTARTED_BY_SOFTWARE 0xA5U
 
@@ -59,13 +61,15 @@ static inline void hang_if_told(void) {}
 
 int main(void)
 {
-    clock_start();
+    const uint8_t cause = reset_cause();
+    serial_drain();
     serial_start();
+    image_check(cause);
+    clock_start();
     encoders_start();
     ultrasonic_start();
     battery_start();
-    firmware_start(reset_cause());
-    sei();
+    firmware_start(cause);
     SMCR = _BV(SE); /* idle: everything but the processor goes on */
     for (;;) {
         clock_await_tick();
@@ -74,10 +78,30 @@ int main(void)
     }
 }
 
+void hal_let_interrupts_in(void)
+{
+    sei();
+}
+
+void hal_say_for_ever(const char *text)
+{
+    for (;;) {
+        hal_motors_off();
+        for (const char *next = text; HAL_READ_CHAR(next) != '\0'; next++) {
+            while ((UCSR0A & _BV(UDRE0)) == 0U) {
+            }
+            UDR0 = (uint8_t)HAL_READ_CHAR(next);
+        }
+        _delay_ms(1000.0);
+    }
+}
+
 void hal_restart(void)
 {
     cli();
     hal_motors_off();
+    __asm__ volatile("wdr");
+    serial_await_quiet();
     GPIOR0 = RESTARTED_BY_SOFTWARE;
     __asm__ volatile("jmp 0");
     __builtin_unreachable();

@@ -5,9 +5,12 @@
 #include <stdint.h>
 
 #define HAL_KEPT __attribute__((section(".noinit")))
+#define HAL_UNCLEARED HAL_KEPT
 #define HAL_FLASH
 #define HAL_READ_CHAR(p) (*(p))
 #define HAL_READ_U32(p) (*(p))
+#define HAL_READ_IMAGE(at) (*(const volatile uint8_t *)(at))
+#define HAL_IMAGE_OFFSET(p) ((uint32_t)(p))
 
 #define HAL_MOST_EDGES_S 50000U
 

@@ -19,6 +19,7 @@ $$(BUILD)/$(1)/%.o: %.c $$(CORE_HEADERS) $$(wildcard $$(ARM_DIR)/*.h boards/$(1)
 
 $$(BUILD)/$(1).elf: $$($(1)_OBJECTS) $$(ARM_DIR)/memory.ld
 	$$(ARM_CC) $$($(1)_FLAGS) $$(ARM_LINK) -o $$@ $$($(1)_OBJECTS)
+	python3 seal_image.py arm-none-eabi-objcopy $$@
 endef
 
 $(eval $(call ARM_BOARD,lm3s6965,cortex-m3))
@@ -36,6 +37,7 @@ emulators: $(BUILD)/lm3s6965_hangs.elf
 $(BUILD)/lm3s6965_hangs.elf: $(lm3s6965_SOURCES) $(CORE_HEADERS) $(wildcard $(ARM_DIR)/*.h boards/lm3s6965/*.h)
 	@mkdir -p $(@D)
 	$(ARM_CC) $(lm3s6965_FLAGS) $(ARM_LINK) -DHANGS -o $@ $(lm3s6965_SOURCES)
+	python3 seal_image.py arm-none-eabi-objcopy $@
 
 # Every board's sources and the emulators', by the checker that the core's go through.
 .PHONY: lint-boards

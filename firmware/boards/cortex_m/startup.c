@@ -1,5 +1,6 @@
 /* From the reset to the main loop: motors off, memory, parts, program. */
 #include "hal.h"
+#include "image.h"
 #include "registers.h"
 
 #define RESTARTED_BY_SOFTWARE 0x5AFE2E57U
@@ -94,18 +95,41 @@ static inline void hang_if_told(void) {}
 
 int main(void)
 {
-    const hal_lock_t state = hal_lock();
+    const uint8_t cause = reset_cause();
+    (void)hal_lock();
     pins_start();
-    clock_start();
     serial_start();
+    image_check(cause);
+    clock_start();
     encoders_start();
     sensors_of_board_start();
-    firmware_start(reset_cause());
-    hal_unlock(state);
+    firmware_start(cause);
     for (;;) {
         hang_if_told();
         firmware_pass();
         __asm__ volatile("wfi");
+    }
+}
+
+void hal_let_interrupts_in(void)
+{
+    hal_unlock(0U);
+}
+
+#define LOOKS_A_SECOND 5000000U /* at 50 MHz, about */
+
+void hal_say_for_ever(const char *text)
+{
+    for (;;) {
+        hal_motors_off();
+        for (const char *next = text; *next != '\0'; next++) {
+            while ((UART0_FLAGS & FLAG_TX_FULL) != 0U) {
+            }
+            UART0_DATA = (uint32_t)*next;
+        }
+        for (uint32_t look = 0U; look < LOOKS_A_SECOND; look++) {
+            (void)UART0_FLAGS;
+        }
     }
 }
 

@@ -260,6 +260,31 @@ def test_a_board_that_went_back_to_classic_is_asked_again():
     on_own_board(scenario)
 
 
+@pytest.mark.parametrize("is_older", [False, True])
+def test_a_board_is_asked_once_what_it_counts_and_which_build_it_is(is_older: bool):
+    """With the second hello; its answer is told. A firmware of before refuses the word (1), and is not asked again."""
+
+    async def scenario(bench: Bench, board: OwnBoard) -> None:
+        await board.agree()
+        asked = 0
+        for _ in range(300):
+            await asyncio.sleep(0.01)
+            board.cycle()
+            for line in board.written():
+                body, number = unseal(line, b" ") or (line, 0)
+                if body.startswith(b"hello"):
+                    board.say(f"hello\t1\t250\t{board.micros}\t{number}")
+                if body == b"about":
+                    asked += 1
+                    board.say(f"refused\t1\t{number}" if is_older else "about\t4\t12500\t41394\t0")
+        report = board.report()
+        assert asked == 1
+        told = (report.build, report.counted_edges, report.most_edges_s)
+        assert told == (("", None, None) if is_older else ("A1B2", 4, 12_500))
+
+    on_own_board(scenario)
+
+
 def test_another_board_in_the_place_of_ours_is_driven_as_what_it_is():
     """After four seconds of whole classic lines without a name it is a sketch; on a damaged line it is still ours."""
 

@@ -55,3 +55,13 @@ def test_a_parameter_that_the_board_has_otherwise_is_told_again() -> None:
     assert loop.next_parameter(1.0) == (1, 11)
     assert not loop.confirm(1, 10)
     assert loop.next_parameter(1.0) == (1, 11)
+
+
+def test_no_speed_is_asked_for_that_the_board_cannot_count() -> None:
+    """12,500 edges a second at 8400 a turn are 9.349 rad/s; a board that has not said so gets what was wished."""
+    loop = WheelLoop()
+    loop.use(WheelLoopParameters((8400,), SIGNS), lambda: (12.0, -3.0))
+    loop.confirm(0, 8400)
+    assert loop.command((200, -50)) == (12_000, -3_000)
+    loop.limit(12_500)
+    assert loop.command((200, -50)) == (9_349, -3_000)

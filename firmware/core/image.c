@@ -1,0 +1,60 @@
+#include "image.h"
+
+#include "crc.h"
+#include "hal.h"
+
+/* seal_image.py finds the mark, and fills in the rest; it stands once in the program. */
+struct image {
+    uint8_t mark[8];
+    uint32_t length; /* of the image, from its first byte on */
+    uint16_t crc;
+};
+
+#define MARK {0xC5, 'i', 'm', 'a', 'g', 'e', 0x5C, 0xA3}
+#define MOST_BYTES 0x40000UL
+
+static const struct image image HAL_FLASH __attribute__((used)) = {MARK, 0, 0};
+
+static const char damaged[] HAL_FLASH = "Image damaged: flash the board again\r\n";
+
+/* Volatile: what the compiler sees here is not what the tool has put into the image. */
+static uint8_t own_byte(const uint8_t *address)
+{
+    return (uint8_t)HAL_READ_CHAR((const volatile char *)address);
+}
+
+static uint32_t own_number(const void *address, uint8_t bytes)
+{
+    uint32_t value = 0;
+    for (uint8_t index = bytes; index > 0U; index--) {
+        value = (value << 8) | own_byte((const uint8_t *)address + index - 1U);
+    }
+    return value;
+}
+
+uint16_t image_build(void)
+{
+    return (uint16_t)own_number(&image.crc, sizeof(image.crc));
+}
+
+static bool is_whole(void)
+{
+    const uint32_t length = own_number(&image.length, sizeof(image.length));
+    const uint32_t crc_at = HAL_IMAGE_OFFSET(&image.crc);
+    if ((length == 0U) || (length > MOST_BYTES)) {
+        return false;
+    }
+    uint16_t crc = CRC_START;
+    for (uint32_t at = 0; at < length; at++) {
+        const bool is_crc = (at - crc_at) < sizeof(image.crc);
+        crc = crc_add(crc, is_crc ? 0U : HAL_READ_IMAGE(at));
+    }
+    return crc == image_build();
+}
+
+void image_check(uint8_t reset_cause)
+{
+    if ((reset_cause != (uint8_t)RESET_SOFTWARE) && !is_whole()) {
+        hal_say_for_ever(damaged);
+    }
+}
