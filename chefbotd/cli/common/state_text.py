@@ -87,8 +87,13 @@ def _driver(source: str | None, control: Mapping[str, str]) -> str:
 
 
 def odometry(data: Data) -> Fact:
-    """The pose in ``odom``."""
-    return Fact("pose", pose(Pose2D(data["x_m"], data["y_m"], data["heading_rad"])))
+    """The pose in ``odom``: from where the robot stood at the start, by what its wheels have turned."""
+    return Fact("pose", f"{pose(Pose2D(data['x_m'], data['y_m'], data['heading_rad']))}, by odometry")
+
+
+def map_pose(data: Data) -> Fact:
+    """The pose on the map in use."""
+    return Fact("on the map", pose(Pose2D(data["x_m"], data["y_m"], data["heading_rad"])))
 
 
 def pose(value: Pose2D) -> str:
@@ -175,8 +180,9 @@ def navigation(data: Data) -> Fact:
     """The goal: its state, how far it is, and why it waits or has ended."""
     left = f"{data['distance_m']:.1f} m left" if data["distance_m"] is not None else ""
     failed = data["state"] in ("unreachable", "blocked", "lost", "fault")
-    parts = [part for part in (data["state"], left, *_reason(data)) if part]
-    return Fact("goal", ", ".join(parts), Style.NOTICE if failed else Style.PLAIN)
+    says_state = data["reason"].startswith(data["state"])  # such as "reached (1.25, 3.00)"
+    parts = [data["reason"], left] if says_state else [data["state"], left, data["reason"]]
+    return Fact("goal", ", ".join(filter(None, parts)), Style.NOTICE if failed else Style.PLAIN)
 
 
 def mapping(data: Data) -> Fact:
@@ -222,6 +228,7 @@ BY_TOPIC: tuple[tuple[str, Callable[[Data], Fact]], ...] = (
     ("link", link),
     ("firmware", firmware),
     ("odometry", odometry),
+    ("map_pose", map_pose),
     ("odometry", speed),
     ("wheels", wheels),
     ("imu", imu),
@@ -235,7 +242,7 @@ BY_TOPIC: tuple[tuple[str, Callable[[Data], Fact]], ...] = (
     ("recording", recording),
     ("sim", truth),
 )
-AGEING = {"odometry", "wheels", "imu", "ranges", "battery", "sim"}
+AGEING = {"odometry", "map_pose", "wheels", "imu", "ranges", "battery", "sim"}
 """Topics that are sent periodically. The others are sent when they change, and do not age."""
 
 

@@ -218,6 +218,28 @@ RECORDING = {"name": "walk", "seconds": 61.2, "bytes_written": 2_500_000, "dropp
             Style.PLAIN,
         ),
         (
+            state_text.navigation({"state": "reached", "distance_m": None, "reason": "reached (1.25, 3.00)"}),
+            "reached (1.25, 3.00)",
+            Style.PLAIN,
+        ),
+        (
+            state_text.navigation(
+                {"state": "paused", "distance_m": 1.0, "reason": "paused, because teleop drives"}
+            ),
+            "paused, because teleop drives, 1.0 m left",
+            Style.PLAIN,
+        ),
+        (
+            state_text.odometry({"x_m": 1.0, "y_m": -0.5, "heading_rad": 0.0}),
+            "x +1.000 m  y -0.500 m  heading +0.0°, by odometry",
+            Style.PLAIN,
+        ),
+        (
+            state_text.map_pose({"x_m": 3.0, "y_m": 2.0, "heading_rad": 0.0, "state": "localized"}),
+            "x +3.000 m  y +2.000 m  heading +0.0°",
+            Style.PLAIN,
+        ),
+        (
             state_text.navigation({"state": "blocked", "distance_m": None, "reason": "a chair"}),
             "blocked, a chair",
             Style.NOTICE,
