@@ -72,3 +72,10 @@ def test_a_fit_without_a_solution_is_refused(monkeypatch: pytest.MonkeyPatch) ->
     result = _result(monkeypatch, fit)
     assert (result.status, result.estimates) == (Status.REFUSED, ())
     assert result.reason.startswith("the fit has no solution: ")
+
+
+def test_every_preparation_is_a_whole_sentence() -> None:
+    """The page and the terminal put more sentences behind it."""
+    for step in steps.STEPS.values():
+        assert step.preparation[:1].isupper(), step.name
+        assert step.preparation.endswith("."), step.name

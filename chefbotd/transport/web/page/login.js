@@ -52,10 +52,10 @@ export class Login {
   }
 
   #askForToken(words) {
-    this.connection.disconnect();
     text("login-told", words);
     this.#setBehind(true);
     if (!$("login").open) $("login").show(); // not modal: the stops stay in reach, and say that they do not reach the robot
+    this.connection.disconnect();
   }
 
   // Without a token there is nothing else to do on this page.

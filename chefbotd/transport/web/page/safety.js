@@ -70,7 +70,7 @@ export class SafetyCard {
 
   // Why it is unknown what the motors do; null where it is known.
   #doubt() {
-    if (this.#connection === "closed") return "Not connected, trying again.";
+    if (this.#connection === "closed") return $("login").open ? "Log in first." : "Not connected, trying again.";
     if (this.#connection === "stalled" && this.#safety) return "The daemon does not answer: what is shown is old.";
     if (!this.#safety || this.#safety.mode === "no_board") return null;
     if (this.#safety.fault === "board_unresponsive") return full(sentence(plain(this.#safety.reason)));
