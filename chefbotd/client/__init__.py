@@ -23,6 +23,7 @@ from chefbotd.client.errors import (
     ProtocolError,
     RobotLost,
     SubscriptionConflict,
+    TokenWithheld,
 )
 from chefbotd.client.event import Event, Gap
 from chefbotd.client.handshake import DaemonGreeting
@@ -56,4 +57,5 @@ __all__ = [
     "SubscriptionConflict",
     "SyncClient",
     "SyncSubscription",
+    "TokenWithheld",
 ]

@@ -69,12 +69,15 @@ class Client(Methods, MapMethods, NavigationMethods, Topics):
         name: str | None = None,
         timeout_s: float = 5.0,
         reconnect: bool = False,
+        clear_token: bool | None = None,
     ) -> AsyncIterator[Self]:
         """Connect, wait for the greeting, show the token if one is asked for, and say our name if we have one.
 
         ``tls`` decides which certificates are trusted (``ssl.create_default_context(cafile=...)``); without it the
         connection is not encrypted. ``timeout_s`` also bounds every later call. When the block ends, the daemon
         withdraws what this client drove with: the robot brakes, unless another source drives it.
+
+        ``clear_token`` says whether the token may go to another computer without TLS; None: it goes, and is warned of.
 
         With ``reconnect`` a lost connection is opened again, and subscriptions go on; the first event of each topic
         has the ``gap``. Calls are never repeated: those under way, and those made meanwhile, raise ``ConnectionLost``.
@@ -85,8 +88,9 @@ class Client(Methods, MapMethods, NavigationMethods, Topics):
             NoGreeting: the connection was closed, or stayed silent, before the greeting.
             ConnectionLost: the same, and it was said why.
             IncompatibleProtocol: the daemon speaks another major version.
+            TokenWithheld: the connection is not encrypted, and ``clear_token`` is False.
         """
-        client = cls(Endpoint(host, port, token, tls, name, timeout_s), reconnect=reconnect)
+        client = cls(Endpoint(host, port, token, tls, name, timeout_s, clear_token), reconnect=reconnect)
         client._connection = await open_connection(client._endpoint, client._notified, client._lost)
         client._connected_again.set()
         try:

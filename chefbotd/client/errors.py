@@ -20,6 +20,10 @@ class NoGreeting(ConnectionLost):
     """The other end sent no greeting: it is no daemon, or it expects TLS."""
 
 
+class TokenWithheld(ChefbotError):
+    """The token was not shown: the connection is not encrypted, and leads to another computer."""
+
+
 class CallTimeout(ChefbotError, TimeoutError):
     """What was waited for did not come in time. A call may or may not have been carried out by the daemon."""
 

@@ -1,10 +1,12 @@
 """Opens a connection to the daemon: connects, waits for the greeting, authenticates, sets the client's name."""
 
 import asyncio
+import ipaddress
 import ssl
 from collections.abc import Callable
 from typing import Any, Literal
 
+import structlog
 from msgspec.structs import fields
 
 from chefbotd.client.errors import (
@@ -14,10 +16,12 @@ from chefbotd.client.errors import (
     IncompatibleProtocol,
     NoGreeting,
     ProtocolError,
+    TokenWithheld,
 )
 from chefbotd.client.wire import Wire
 from chefbotd.core.record import Record
 
+log = structlog.get_logger(__name__)
 PROTOCOL_MAJOR = "1"
 CLOSING_PATIENCE_S = 1.0
 
@@ -40,7 +44,10 @@ class DaemonGreeting(Record, frozen=True):
 
 
 class Endpoint(Record, frozen=True):
-    """Where the daemon listens, the credentials and name to present, and the time limit of each step in seconds."""
+    """Where the daemon listens, the credentials and name to present, and the time limit of each step in seconds.
+
+    ``clear_token`` says whether the token may go to another computer without TLS; None: it goes, and is warned of.
+    """
 
     host: str
     port: int
@@ -48,6 +55,7 @@ class Endpoint(Record, frozen=True):
     tls: ssl.SSLContext | None
     name: str | None
     timeout_s: float
+    clear_token: bool | None = None
 
     def __repr__(self) -> str:
         """Without the token."""
@@ -74,6 +82,7 @@ async def open_connection(
         NoGreeting: the connection was closed, or stayed silent, before the greeting.
         ConnectionLost: the daemon closed the connection and said why.
         IncompatibleProtocol: the daemon speaks another major version.
+        TokenWithheld: the connection is not encrypted, and ``clear_token`` is False.
     """
     greeting: asyncio.Future[dict[str, Any]] = asyncio.get_running_loop().create_future()
     is_admitted = False
@@ -95,6 +104,7 @@ async def open_connection(
     try:
         hello = await _greeting(greeting, wire, endpoint.timeout_s)
         if endpoint.token is not None and hello.auth == "token":
+            _check_way(endpoint, wire.peer_host)
             await wire.call("authenticate", {"token": endpoint.token}, endpoint.timeout_s)
         if endpoint.name is not None:
             await wire.call("set_client_name", {"client": endpoint.name}, endpoint.timeout_s)
@@ -105,6 +115,30 @@ async def open_connection(
         raise
     is_admitted = True
     return GreetedConnection(wire, hello)
+
+
+def _check_way(endpoint: Endpoint, peer_host: str) -> None:
+    """Whoever greets asks for a token: only a certificate tells who that is, and TLS keeps others from reading it."""
+    if endpoint.tls is not None or endpoint.clear_token or is_this_computer(peer_host):
+        return
+    why = f"the connection to {endpoint.host} is not encrypted: others can read the token, or ask for it"
+    if endpoint.clear_token is None:
+        log.warning("token_in_clear", why=why, hint="pass tls=ssl.create_default_context(cafile=CERTIFICATE)")
+        return
+    raise TokenWithheld(
+        f"{why}, so it was not sent; --ca names the daemon's certificate (its api.tls_certificate), and --clear-token "
+        "sends it all the same"
+    )
+
+
+def is_this_computer(address: str) -> bool:
+    """Whether an address is of the loopback interface, which nobody else can listen to."""
+    try:
+        found = ipaddress.ip_address(address.partition("%")[0])
+    except ValueError:
+        return False
+    mapped = getattr(found, "ipv4_mapped", None)
+    return bool((mapped or found).is_loopback)
 
 
 async def _connect(endpoint: Endpoint, wire: Wire) -> None:

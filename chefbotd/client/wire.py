@@ -46,6 +46,12 @@ class Wire(asyncio.Protocol):
         self._on_lost(self.lost)
 
     @property
+    def peer_host(self) -> str:
+        """The address of the daemon's end; empty: it is not known."""
+        name = self._transport.get_extra_info("peername")
+        return str(name[0]) if isinstance(name, tuple) and name else ""
+
+    @property
     def has_reason(self) -> bool:
         """Whether the reason for the loss is known."""
         return bool(self._lost_reason)

@@ -19,7 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from chefbot_ros2.node import Bridge
 from chefbot_ros2.session import Connect
-from chefbotd.client import Client
+from chefbotd.client.access import CA_HELP, CLEAR_TOKEN_HELP, daemon_access
 
 
 def main() -> None:
@@ -30,13 +30,20 @@ def main() -> None:
         "--connect", metavar="HOST:PORT", default="127.0.0.1:7333", help="the daemon's socket"
     )
     parser.add_argument("--token-file", type=Path, help="a file with a token of the role drive")
+    parser.add_argument("--ca", type=Path, help=CA_HELP)
+    parser.add_argument("--clear-token", action="store_true", help=CLEAR_TOKEN_HELP)
     parser.add_argument(
         "--unconfigured", action="store_true", help="leave configuring and activating to a lifecycle manager"
     )
     options = parser.parse_args(own)
     host, _, port = options.connect.rpartition(":")
-    words = options.token_file.read_text().split() if options.token_file else [None]
-    connect = partial(Client.connect, host, int(port), token=words[-1], name="ros2")
+    try:
+        access = daemon_access(
+            host, int(port), options.token_file, options.ca, clear_token=options.clear_token
+        )
+    except ValueError as error:
+        parser.error(str(error))
+    connect = partial(access.connect, "ros2")
     rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     try:
         code = asyncio.run(_run(connect, unconfigured=options.unconfigured))

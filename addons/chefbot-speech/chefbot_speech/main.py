@@ -17,7 +17,8 @@ from chefbot_speech.ear import Ear
 from chefbot_speech.server import NotAdmitted, PageServer, Send, Talker
 from chefbot_speech.speaker import Espeak, Flite, Speaker, Voice, player
 from chefbot_speech.talker import PageTalker, Talkers
-from chefbotd.client import CallError, ChefbotError, Client
+from chefbotd.client import CallError, ChefbotError
+from chefbotd.client.access import CA_HELP, CLEAR_TOKEN_HELP, daemon_access
 from chefbotd.rpc.parameters import is_loopback
 
 PORT = 7381
@@ -70,9 +71,8 @@ def tls_of(certificate: Path | None, key: Path | None) -> ssl.SSLContext | None:
 @click.command(help=(__doc__ or "").partition(": ")[2])
 @click.option("--connect", "where", default="127.0.0.1:7333", metavar="HOST:PORT", help="The robot's daemon.")
 @click.option("--token-file", type=click.Path(path_type=Path), help="A file with a token of the role agent.")
-@click.option(
-    "--trust", type=click.Path(path_type=Path), help="The daemon's certificate, where it speaks TLS."
-)
+@click.option("--ca", "--trust", "ca", type=click.Path(path_type=Path), help=CA_HELP)
+@click.option("--clear-token", is_flag=True, help=CLEAR_TOKEN_HELP)
 @click.option("--host", default="127.0.0.1", show_default=True, help="Where the page listens.")
 @click.option("--port", default=PORT, show_default=True, help="Where the page listens.")
 @click.option("--host-name", "names", multiple=True, help="A name of this computer, beside its addresses.")
@@ -87,26 +87,28 @@ def tls_of(certificate: Path | None, key: Path | None) -> ssl.SSLContext | None:
 )
 @click.option("--recognizer", metavar="MODULE:CLASS", help="Another recognizer than Whisper or pocketsphinx.")
 def main(
-    where: str, token_file: Path | None, trust: Path | None, host: str, port: int, **options: Any
+    where: str,
+    token_file: Path | None,
+    ca: Path | None,
+    host: str,
+    port: int,
+    *,
+    clear_token: bool,
+    **options: Any,
 ) -> None:
     """Run until Ctrl-C."""
     daemon_host, _, daemon_port = where.rpartition(":")
     certificate = options["certificate"]
-    words = token_file.read_text().split() if token_file is not None else [None]
-    if not words:
-        raise click.UsageError(f"{token_file} is empty: expected a token")
-    token = words[-1]
+    try:
+        access = daemon_access(daemon_host, int(daemon_port), token_file, ca, clear_token=clear_token)
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
+    token = access.token
     if not is_loopback(host) and (certificate is None or token is None):
         why = "beyond this computer the page needs --certificate (browsers give no microphone without https)"
         raise click.UsageError(f"{why} and the daemon tokens (--token-file)")
-    connect = partial(
-        Client.connect,
-        daemon_host,
-        int(daemon_port),
-        tls=ssl.create_default_context(cafile=trust) if trust is not None else None,
-        name="speech",
-    )
-    with_token = partial(connect, token=token)
+    connect = partial(access.connect_as, name="speech")
+    with_token = partial(access.connect, "speech")
     with contextlib.suppress(asyncio.CancelledError):  # ended by a signal
         asyncio.run(_run(connect, with_token, host, port, options))
 

@@ -14,6 +14,7 @@ import click
 from chefbot_vda5050 import versions
 from chefbot_vda5050.topics import RobotName
 from chefbotd.cli.common.arguments import Address, address
+from chefbotd.client.access import CA_HELP, CLEAR_TOKEN_HELP
 
 PATH = click.Path(exists=True, dir_okay=False, path_type=Path)
 
@@ -95,6 +96,8 @@ def name_of(options: dict[str, Any]) -> RobotName:
 @robot_options
 @click.option("--daemon", default="127.0.0.1:7333", show_default=True, help="the robot's command socket")
 @click.option("--token-file", type=PATH, help="a file with a token of the role agent")
+@click.option("--ca", type=PATH, help=CA_HELP)
+@click.option("--clear-token", is_flag=True, help=CLEAR_TOKEN_HELP)
 @click.option("--robot-config", type=PATH, help="the robot's TOML file, for its factsheet and its limits")
 @click.option("--carries-kg", type=float, default=0.0, help="for the factsheet")
 @click.option("--order-max-age-s", type=float, default=10.0, show_default=True, help="0: any age will do")
@@ -102,21 +105,25 @@ def name_of(options: dict[str, Any]) -> RobotName:
 def run(
     daemon: str,
     token_file: Path | None,
+    ca: Path | None,
     robot_config: Path | None,
     carries_kg: float,
     order_max_age_s: float,
     visualization_s: float,
+    *,
+    clear_token: bool,
     **options: Any,
 ) -> None:
     """Put the robot of a chefbotd into the fleet on BROKER, as SERIAL."""
     from chefbot_vda5050.service import Parameters, serve
-    from chefbotd.client import Client
+    from chefbotd.client.access import daemon_access
     from chefbotd.settings import load
 
     where = address_or(daemon, 7333)
-    words = token_file.read_text().split() if token_file else [None]
-    if not words:
-        raise click.UsageError(f"{token_file} is empty: expected a token")
+    try:
+        access = daemon_access(where.host, where.port, token_file, ca, clear_token=clear_token)
+    except ValueError as error:
+        raise click.UsageError(str(error)) from error
     parameters = Parameters(
         name_of(options),
         broker_of(options),
@@ -126,7 +133,7 @@ def run(
         visualization_s=visualization_s,
         version=options["version"],
     )
-    connect = partial(Client.connect, where.host, where.port, token=words[-1], name="fleet")
+    connect = partial(access.connect, "fleet")
     with contextlib.suppress(KeyboardInterrupt, asyncio.CancelledError):
         asyncio.run(_until_told(serve(parameters, connect)))
     click.echo("The robot has left the fleet.")

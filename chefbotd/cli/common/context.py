@@ -67,10 +67,14 @@ async def beside(*loops: Coroutine[Any, Any, None]) -> AsyncIterator[None]:
 
 
 class Credentials(Record, frozen=True):
-    """The token for the daemon, and the TLS context that verifies its certificate (None: not encrypted)."""
+    """The token for the daemon, and the TLS context that verifies its certificate (None: not encrypted).
+
+    ``clear_token``: it may go to another computer without TLS.
+    """
 
     token: str | None = None
     tls: ssl.SSLContext | None = None
+    clear_token: bool = False
 
     def __repr__(self) -> str:
         """Without the token."""
@@ -140,6 +144,7 @@ class CommandContext(Record, frozen=True):
             tls=credentials.tls,
             name=name,
             reconnect=reconnect,
+            clear_token=credentials.clear_token,
         )
         try:
             return await stack.enter_async_context(connection)

@@ -68,10 +68,23 @@ EXITS = list(MEANING)
     show_envvar=True,
     help="Speak TLS, and trust the certificates in this PEM file.",
 )
+@click.option(
+    "--clear-token",
+    is_flag=True,
+    envvar="CHEFBOTCTL_CLEAR_TOKEN",
+    show_envvar=True,
+    help="Send the token to another computer without --ca, where others can read it.",
+)
 @click.version_option(__version__, prog_name="chefbotctl")
 @click.pass_context
 def main(
-    ctx: click.Context, where: Address, name: str | None, token_file: TextIO | None, ca: str | None
+    ctx: click.Context,
+    where: Address,
+    name: str | None,
+    token_file: TextIO | None,
+    ca: str | None,
+    *,
+    clear_token: bool,
 ) -> None:
     """Watch, drive and configure a robot whose chefbotd is running."""
     run: CoroutineRunner = ctx.obj or run_until_signalled
@@ -79,13 +92,15 @@ def main(
         if ctx.get_parameter_source("where") is ParameterSource.COMMANDLINE:
             raise click.UsageError("--robot and --connect exclude each other: both say where the daemon is")
         where = address_of(name, run)
-    ctx.obj = CommandContext(where, wants_json(ctx), run, _credentials(token_file, ca))
+    ctx.obj = CommandContext(
+        where, wants_json(ctx), run, _credentials(token_file, ca, clear_token=clear_token)
+    )
 
 
-def _credentials(token_file: TextIO | None, ca: str | None) -> Credentials:
+def _credentials(token_file: TextIO | None, ca: str | None, *, clear_token: bool) -> Credentials:
     token = None if token_file is None else _token(token_file)
     try:
-        return Credentials(token, None if ca is None else ssl.create_default_context(cafile=ca))
+        return Credentials(token, None if ca is None else ssl.create_default_context(cafile=ca), clear_token)
     except OSError as error:
         raise click.UsageError(f"--ca {ca}: no certificates: {error}") from error
 

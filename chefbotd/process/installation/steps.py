@@ -165,7 +165,9 @@ def folder(host: Host, name: str, mode: int, owner: str = "root") -> Installatio
 def refuse_link(path: Path) -> None:
     """Raise ``InstallError`` for a symbolic link: who is given it, or its mode, is given what it leads to."""
     if path.is_symlink():
-        raise InstallError(f"{path} is a symbolic link to {path.readlink()}: remove it, or mount a folder there")
+        raise InstallError(
+            f"{path} is a symbolic link to {path.readlink()}: remove it, or mount a folder there"
+        )
 
 
 def file(host: Host, name: str, text: str) -> InstallationStep:

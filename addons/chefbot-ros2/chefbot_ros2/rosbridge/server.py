@@ -27,6 +27,7 @@ from chefbot_ros2.rosbridge.protocol import Client, Hub
 from chefbot_ros2.session import Session as Robot
 from chefbotd import client as daemon
 from chefbotd.client import ChefbotError
+from chefbotd.client.access import CA_HELP, CLEAR_TOKEN_HELP, daemon_access
 from chefbotd.client.models import SafetyData
 from chefbotd.clock import SystemClock
 from chefbotd.rpc.arrivals import SHORT_TICK_S, Arrivals
@@ -241,24 +242,42 @@ def main() -> None:
     parser.add_argument(
         "--source", default="ros2", help="the source of velocities in the daemon's [safety.sources]"
     )
+    parser.add_argument("--ca", type=Path, help=CA_HELP)
+    parser.add_argument("--clear-token", action="store_true", help=CLEAR_TOKEN_HELP)
+    parser.add_argument("--certificate", type=Path, help="the bridge's own (PEM): it speaks wss://")
+    parser.add_argument("--key", type=Path, help="its key (PEM), where that is in another file")
     options = parser.parse_args()
     host, _, port = options.connect.rpartition(":")
-    words = options.token_file.read_text().split() if options.token_file else [None]
-    if not words:
-        parser.error(f"{options.token_file} is empty: expected a token")
+    try:
+        access = daemon_access(
+            host, int(port), options.token_file, options.ca, clear_token=options.clear_token
+        )
+        tls = certified(options.certificate, options.key)
+    except ValueError as error:
+        parser.error(str(error))
     is_open = not is_loopback(options.host)
-    if is_open and words[-1] is None:
+    if is_open and access.token is None:
         parser.error("beyond this computer the bridge needs the daemon's tokens: --token-file")
-
-    def connect_as(token: str | None, name: str) -> AbstractAsyncContextManager[daemon.Client]:
-        return daemon.Client.connect(host, int(port), token=token, name=name)
-
-    server = Server(connect_as, words[-1], options.source, needs_tokens=is_open)
+    if is_open and tls is None:
+        log.warning("rosbridge_not_encrypted", hint="--certificate and --key: tokens can be overheard")
+    server = Server(access.connect_as, access.token, options.source, needs_tokens=is_open, tls=tls)
 
     def listening(at: int) -> None:
-        log.info("rosbridge listens", url=f"ws://{options.host}:{at}")
+        log.info("rosbridge listens", url=f"{'ws' if tls is None else 'wss'}://{options.host}:{at}")
 
     asyncio.run(_until_signalled(server.run(options.host, options.port, options.origin, listening)))
+
+
+def certified(certificate: Path | None, key: Path | None) -> ssl.SSLContext | None:
+    """What shows this certificate; None: nothing is encrypted. Raises ``ValueError``."""
+    if certificate is None:
+        return None
+    context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+    try:
+        context.load_cert_chain(certificate, key)
+    except (OSError, ssl.SSLError) as error:
+        raise ValueError(f"{certificate}: no certificate with its key: {error}") from error
+    return context
 
 
 async def _until_signalled(work: Coroutine[Any, Any, None]) -> None:
