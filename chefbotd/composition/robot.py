@@ -35,6 +35,7 @@ from chefbotd.motion.pid import PidParameters
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.safety.latch import GateStore
 from chefbotd.settings import Settings
+from chefbotd.settings.notes import guard_warning
 
 log = structlog.get_logger(component="app")
 
@@ -76,6 +77,7 @@ def drive_service(context: Context, session: BoardSession, latch: GateStore) -> 
             settings.drive.max_rim_speed_m_s / LOADED_SHARE,
         ),
         scans=scan_guard(context),
+        guard_warning=guard_warning(settings),
     )
     service = DriveService(
         bus,

@@ -12,6 +12,7 @@ from chefbotd.link.port import open_port
 from chefbotd.link.reconnect import Opener
 from chefbotd.process.latch_file import LatchFile, path_of
 from chefbotd.settings import Settings
+from chefbotd.settings.notes import notes
 
 if TYPE_CHECKING:
     from chefbotd.features.calibration.fit_process import Fitter
@@ -109,6 +110,8 @@ def build(
     fit: "Fitter | None" = None,
 ) -> Daemon:
     """The robot of this configuration, ready to run; the rest is as in ``Daemon``."""
+    for note in notes(settings):
+        log.warning("about the configuration", note=note)
     return Daemon(
         settings,
         clock=clock,

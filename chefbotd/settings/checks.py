@@ -150,7 +150,7 @@ def _guard(settings: Settings) -> Iterator[str]:
     if guard.enabled and "guard" in settings.safety.model_fields_set and not sensors:
         yield (
             "[safety.guard] has no sensor to guard with: configure [ultrasonic], [[infrared]] or [[lidar]], "
-            "or enabled = false"
+            "or delete the section"
         )
     for sensor in settings.infrared:
         stop_m = max(guard.stop_distance_m, sensor.min_range_m)

@@ -40,7 +40,10 @@ from chefbotd.worker.parameters import LocalizationSection, NavigationSection, W
 
 
 class BodyParameters(Parameters):
-    """The body's shape and masses; only the robot's description needs them.
+    """The body's shape and masses.
+
+    Its length and width, with all that sticks out, are the outline that a lidar's obstacle guard and navigation keep off
+    everything; where there is no body, the box about the wheels is. Only the robot's description needs the rest.
 
     The body is a box, or a cylinder of diameter ``length_m`` where ``width_m`` is left out. It is centred over the
     middle of the wheels, its underside ``ground_clearance_m`` above the floor. Without a mass a link has no inertia.

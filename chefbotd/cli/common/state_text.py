@@ -73,6 +73,8 @@ def safety(data: Data) -> Fact:
     if not data["armed"]:
         return Fact("mode", f"{data['mode']}: {data['reason']}", Style.ALARM)
     driver = _driver(data["source"], data.get("control", {}))
+    if warning := data.get("guard_warning"):
+        return Fact("mode", f"{data['mode']}, {driver}; {warning}", Style.ALARM)
     if data["limited_by"] is None:
         return Fact("mode", f"{data['mode']}, {driver}", Style.GOOD)
     return Fact("mode", f"{data['mode']}, {driver}, slowed by {data['limited_by']}", Style.NOTICE)

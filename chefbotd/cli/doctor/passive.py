@@ -56,6 +56,8 @@ async def examine_robot(diagnosis: Diagnosis, robot: Client, *, rate_is_known: b
             diagnosis.find(_rate(diagnosis, heard, state))
         diagnosis.find(*line_findings(diagnosis, heard, of_topic(events, "firmware")))
     diagnosis.find(_safety(state))
+    if state.safety.guard_warning:
+        diagnosis.find(warning("guard", state.safety.guard_warning, "delete it, and restart the daemon"))
     diagnosis.find(*_sensor_findings(diagnosis, heard, events, await robot.get_state()))
     diagnosis.find(_odometry(of_topic(events, "odometry"), diagnosis.seconds))
     diagnosis.find(check_latency(await _round_trips_s(robot), _loop_lag_s(of_topic(events, "stats"))))

@@ -257,6 +257,10 @@ def check_config(ctx: click.Context, path: Path | None) -> None:
         simulation_of(settings)
     except ProgramError as problem:
         tell(f"Note: {problem}")
+    from chefbotd.settings.notes import notes
+
+    for note in notes(settings):
+        tell(f"Note: {note}")
     values = settings.model_dump(mode="json", by_alias=True)
     if wants_json(ctx):
         echo(json.dumps(values))

@@ -179,7 +179,8 @@ class SafetyChanged(Record, frozen=True):
     ``fault`` is the stable name of the fault that latched (None: none did). ``limited_by`` says what keeps the command
     from being followed as it was given: ``encoders_stale``, ``no_echo``, ``obstacle:`` and the sensor that sees it, or
     ``silent:`` and the lidar that sees nothing any more. ``latch`` counts the e-stops and faults that have latched,
-    ``stop_number`` those and the stops.
+    ``stop_number`` those and the stops. ``guard_warning`` says that sensors see obstacles while the guard is off
+    (empty: they do not, or it is on).
     """
 
     retained: ClassVar[bool] = True
@@ -192,6 +193,7 @@ class SafetyChanged(Record, frozen=True):
     limited_by: str | None = None
     latch: int = 0
     stop_number: int = 0
+    guard_warning: str = ""
 
     def log_line(self) -> LogLine:
         """The line in the log."""

@@ -160,6 +160,12 @@ class SafetyData(Record, frozen=True):
             "for if_stop_number"
         ),
     ] = 0
+    guard_warning: Annotated[
+        str,
+        Meta(
+            description="that sensors see obstacles while the obstacle guard is off; empty: it is on, or none do"
+        ),
+    ] = ""
 
 
 def _wheels(names: tuple[str, ...], event: events.WheelsDriven) -> WheelsData:
@@ -205,6 +211,7 @@ def safety_data(state: SafetyState | None) -> SafetyData:
         limited_by=event.limited_by,
         latch=event.latch,
         stop_number=event.stop_number,
+        guard_warning=event.guard_warning,
     )
 
 

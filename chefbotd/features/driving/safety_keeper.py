@@ -108,7 +108,8 @@ class SafetyKeeper:
 
     ``scans`` makes the guard by lidars. ``latch`` keeps the mode beyond the end of the process; latches are numbered
     within the ``session``. ``motors`` judges whether board and wheels follow commands. ``stop_number`` is that of the
-    last stop, e-stop or fault: what waits compares it, and begins nothing where it has changed.
+    last stop, e-stop or fault: what waits compares it, and begins nothing where it has changed. ``guard_warning`` is
+    announced: that sensors see obstacles while the guard is off.
     """
 
     def __init__(
@@ -122,9 +123,10 @@ class SafetyKeeper:
         session: int = 0,
         motors: MotorWatch,
         scans: Callable[[OnError], Scans] | None = None,
+        guard_warning: str = "",
     ) -> None:
         self._bus, self._clock, self._parameters = bus, entries_of(clock), parameters
-        self.motors = motors
+        self.motors, self._guard_warning = motors, guard_warning
         self._gate, self._decision = latch.recall(), HALT
         self._latched = self.stop_number = session * LATCHES_PER_SESSION
         self._held = StopHold(parameters.held_until_silent_s)
@@ -385,6 +387,7 @@ class SafetyKeeper:
             decision.limited_by,
             self._latched,
             self.stop_number,
+            self._guard_warning,
         )
         if said != self._announced:
             self._announced = said

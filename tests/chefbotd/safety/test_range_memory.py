@@ -200,3 +200,56 @@ def test_a_sensor_that_hears_no_echo_is_silent() -> None:
         motion, _ = guard.limit(strict, beams, Twist2D(0.3, 0.0), 10.95)
         assert isinstance(motion, Twist2D)
         assert motion.linear_m_s == expected
+
+
+def test_a_sonar_that_spikes_for_three_readings_while_the_motors_run() -> None:
+    """As an XRP robot's 0.3 m before a thing: three readings 0.2 m too far, or too near, then right again."""
+    assert read(NOTHING, 0.3, 0.5, 0.5, 0.5, 0.3).distance_m == 0.3
+    near = read(NOTHING, 0.3, 0.1, 0.1, 0.1)
+    assert near.distance_m == 0.1  # it may be true, so it is believed,
+    assert read(near, *[0.3] * 5).distance_m == 0.3  # until five readings agree
+
+
+def test_a_sonar_that_hears_ghosts_in_a_free_room_holds_nobody() -> None:
+    """What a NewPing user printed with nothing in front: nothing nearer than was read, so room for 0.9 m/s at least."""
+    centimetres = (
+        144,
+        0,
+        0,
+        0,
+        105,
+        105,
+        94,
+        0,
+        378,
+        0,
+        0,
+        0,
+        0,
+        0,
+        0,
+        106,
+        106,
+        0,
+        0,
+        0,
+        106,
+        250,
+        0,
+        108,
+        0,
+        108,
+        0,
+    )
+    believed = NOTHING
+    for reading in centimetres:
+        believed = read(believed, reading / 100 if reading else MISS)
+        assert believed.distance_m >= 0.94
+
+
+def test_a_sonar_that_says_zero_every_fifty_milliseconds() -> None:
+    """A VEX sensor on PROS: every second reading is none; the thing stays where it is."""
+    believed = NOTHING
+    for number in range(200):
+        believed = read(believed, 0.42 if number % 2 else MISS)
+        assert number == 0 or believed.distance_m == 0.42

@@ -90,6 +90,7 @@ export class SafetyCard {
 
   #known(safety) {
     const [kind, word] = MODES[safety.mode] ?? ["warn", safety.mode];
+    if (safety.armed && safety.guard_warning) return ["warn", word, full(sentence(plain(safety.guard_warning)))];
     if (safety.armed) return [kind, word, safety.limited_by ? `slower than asked: ${limit(safety.limited_by)}` : ""];
     return [kind, word, this.#why(safety)];
   }

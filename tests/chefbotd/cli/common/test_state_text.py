@@ -269,3 +269,12 @@ RECORDING = {"name": "walk", "seconds": 61.2, "bytes_written": 2_500_000, "dropp
 def test_each_feature_has_a_line(fact: state_text.Fact, told: str, style: Style) -> None:
     """Its state, its figures, and the reason if something is wrong."""
     assert (fact.text, fact.style) == (told, style)
+
+
+def test_a_guard_that_is_off_alarms() -> None:
+    """Sensors that see obstacles for nothing are named beside the mode, armed or not followed by anybody."""
+    data = {"armed": True, "mode": "armed", "source": None, "limited_by": None}
+    fact = state_text.safety({**data, "guard_warning": "a lidar (top), and the guard is off"})
+    assert "a lidar (top), and the guard is off" in fact.text
+    assert fact.style is Style.ALARM
+    assert state_text.safety({**data, "guard_warning": ""}).style is Style.GOOD

@@ -344,3 +344,17 @@ def test_a_folder_is_no_configuration(tmp_path: Path) -> None:
     assert f"is a folder, expected a TOML file, such as {tmp_path}/chefbot.toml" in " ".join(
         told.stderr.split()
     )
+
+
+def test_a_lidar_with_the_guard_off_and_without_a_body_is_noted(tmp_path: Path) -> None:
+    """``check-config`` says on stderr what stops the robot for nothing, and asks for the robot's outline."""
+    text = packaged("chefbot_lidar").read_text(encoding="utf-8")
+    text = text.replace("\nenabled = true\nstop_distance_m", "\nenabled = false\nstop_distance_m")
+    body = text.index("[body]")
+    path = tmp_path / "off.toml"
+    path.write_text(text[:body] + text[text.index("[encoders]") :], encoding="utf-8")
+    result = chefbotd("check-config", path)
+    assert result.exit_code == 0
+    off, outline = result.stderr.splitlines()
+    assert "a lidar (lidar) and an ultrasonic (front), and the guard is off" in off
+    assert "no [body]" in outline

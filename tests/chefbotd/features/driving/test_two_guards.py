@@ -7,7 +7,7 @@ import pytest
 
 from chefbotd.bus import Bus
 from chefbotd.clock import ManualClock
-from chefbotd.core.events import LinkOpened, RangeMeasured, RangeStatus
+from chefbotd.core.events import LinkOpened, RangeMeasured, RangeStatus, SafetyChanged
 from chefbotd.core.geometry import STANDING, Motion, Pose2D, Twist2D
 from chefbotd.features.driving.motor_watch import MotorWatch
 from chefbotd.features.driving.safety_keeper import SafetyKeeper
@@ -136,3 +136,22 @@ def test_a_stand_before_a_wall_outlasts_the_noise_of_the_ultrasonic_while_the_dr
     stands = [driven(0.15), *(driven(0.15 + 0.01 * (step % 3 - 1)) for step in range(100))]
     assert {(decision.motion, decision.limited_by) for decision in stands} == {(STANDING, "obstacle:left")}
     assert [driven(0.18).motion == STANDING for _ in range(5)] == [True] * 4 + [False]
+
+
+def test_a_guard_that_is_off_is_announced_with_the_mode() -> None:
+    """The topic says all the time that sensors see obstacles for nothing."""
+    bus, clock = Bus(), ManualClock(100.0)
+    told: list[SafetyChanged] = []
+    bus.add_handler(told.append, SafetyChanged)
+    parameters = SafetyParameters(guard=GuardParameters(enabled=False))
+    keeper = SafetyKeeper(
+        bus,
+        clock,
+        parameters,
+        mounts={},
+        latch=LatchFile(None),
+        motors=MotorWatch(parameters, CHASSIS, 1000),
+        guard_warning="a lidar, and the guard is off",
+    )
+    keeper.announce(100.0)
+    assert [event.guard_warning for event in told] == ["a lidar, and the guard is off"]
