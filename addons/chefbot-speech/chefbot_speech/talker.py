@@ -132,6 +132,8 @@ class PageTalker:
                 self._hearing = asyncio.create_task(self._hear())
             case {"event": "stop"}:
                 await self._stop()
+            case {"event": "lost"} if self.is_listening:
+                await self._lose_microphone()
             case {"event": "touch"}:
                 await self._do(dialogue.touch(self._dialogue))
             case {"event": "answer", "choice": str(choice)} if choice in ANSWERS:
@@ -168,6 +170,14 @@ class PageTalker:
         self._listening.cancel()
         self._listening = Listening(self._recognize, rate_hz)
         self._places = asyncio.create_task(self._robot.vocabulary())
+
+    async def _lose_microphone(self) -> None:
+        """What was broken off is not understood: nobody said the end of it."""
+        self._listening.cancel()
+        await self._do(dialogue.release(self._dialogue))
+        self._robot.hush(is_hushed=self._talkers.is_listening())
+        now_s = asyncio.get_running_loop().time()
+        await self._do(dialogue.hear(self._dialogue, None, now_s, self._countdown_s))
 
     async def _hear(self) -> None:
         """What was said, or None where that is not certain."""

@@ -205,3 +205,32 @@ def test_a_page_without_https_says_why_there_is_no_microphone(page: Any) -> None
     page.evaluate("Object.defineProperty(navigator, 'mediaDevices', { value: undefined })")
     held(page, 0.1)
     page.get_by_text("no microphone to a page without https").wait_for()
+
+
+def test_a_microphone_that_is_unplugged_is_said_and_asked_for_again(page: Any) -> None:
+    """Not silence for ever: what was broken off is not understood, and the next press opens one again."""
+    page.evaluate(
+        """() => {
+          const open = navigator.mediaDevices.getUserMedia.bind(navigator.mediaDevices);
+          window.opened = [];
+          navigator.mediaDevices.getUserMedia = async (asked) => {
+            const stream = await open(asked);
+            window.opened.push(stream.getAudioTracks()[0]);
+            return stream;
+          };
+        }"""
+    )
+    held(page, 0.2)
+    page.locator("body[data-phase=ready]").wait_for()
+    page.locator("#talk").hover()
+    page.mouse.down()
+    page.locator("body[data-phase=listening]").wait_for()
+    page.evaluate("window.opened.at(-1).dispatchEvent(new Event('ended'))")
+    page.get_by_text("The microphone is gone").wait_for()
+    page.locator("body[data-phase=ready]").wait_for()
+    assert page.locator("#talk").get_attribute("aria-pressed") == "false"
+    page.mouse.up()
+    held(page, 0.2)
+    page.wait_for_function(
+        "window.opened.length === 2 && document.querySelector('#microphone').textContent === ''"
+    )

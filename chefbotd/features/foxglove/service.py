@@ -27,6 +27,10 @@ AGAIN_S = 5.0
 EXCLUDED = frozenset({"LineSeen", "StateRecorded"})
 
 
+SUBPROTOCOL = "foxglove.sdk.v1"
+"""The only one that the library serves; it refuses older clients (``foxglove.websocket.v1``) with HTTP 400."""
+
+
 class Server(Protocol):
     """The server to which Foxglove connects."""
 
@@ -86,7 +90,7 @@ class FoxgloveService:
             await asyncio.Event().wait()  # the robot drives on without
             return
         self.port = server.port
-        log.info("Foxglove can connect", port=server.port)
+        log.info("Foxglove can connect", port=server.port, subprotocol=SUBPROTOCOL)
         try:
             await self._serve(server, inbox)
         finally:

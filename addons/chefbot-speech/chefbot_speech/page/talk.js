@@ -12,9 +12,10 @@ const UNREACHED = "The stop did not reach the robot. Hold it or switch its motor
 const NO_RATE_HZ = 48000; // while there is no microphone
 const NO_MICROPHONE = "The browser gives no microphone to a page without https. Open this page by https, "
   + "or on the robot's own computer as http://localhost. Touching and stopping work all the same.";
+const GONE = "The microphone is gone: nothing more was heard. Plug it in, and hold the button again.";
 
 let socket = null;
-let sound = null; // {context, node}, once the microphone is allowed
+let sound = null; // {context, node, track}, once the microphone is allowed
 let pressed = false;
 let unanswered = null; // the timer of a stop
 
@@ -99,12 +100,28 @@ async function openMicrophone() {
   await context.audioWorklet.addModule("/microphone.js");
   const node = new AudioWorkletNode(context, "microphone", { numberOfOutputs: 0 });
   context.createMediaStreamSource(stream).connect(node);
-  const opened = { context, node, flushed: () => {} };
+  const [track] = stream.getAudioTracks();
+  const opened = { context, node, track, flushed: () => {} };
+  for (const name of ["ended", "mute"]) track.addEventListener(name, () => loseMicrophone(opened));
   node.port.onmessage = ({ data }) => {
     if (data === "flushed") opened.flushed();
     else if (opened.sends && socket.readyState === WebSocket.OPEN) socket.send(data);
   };
   return opened;
+}
+
+// One that is unplugged, or that the system takes away, would send silence for ever. The next press asks for one again.
+function loseMicrophone(lost) {
+  if (sound !== lost) return;
+  [sound, lost.sends] = [null, false];
+  lost.track.stop();
+  lost.context.close();
+  lost.flushed();
+  $("microphone").textContent = GONE;
+  if (!pressed) return;
+  pressed = false;
+  $("talk").setAttribute("aria-pressed", "false");
+  send("lost");
 }
 
 // What is on its way is handed over; the promise ends when it is, or after a while.
@@ -124,9 +141,11 @@ async function press() {
       sound = await openMicrophone();
       if (pressed) send({ event: "press", rate_hz: sound.context.sampleRate });
     }
-    await sound.context.resume();
+    const own = sound;
+    await own.context.resume();
     await flush(); // what was heard before the press is not sent
-    sound.sends = pressed;
+    if (sound !== own) return; // lost meanwhile
+    own.sends = pressed;
     $("microphone").textContent = "";
   } catch (problem) {
     sound = null;
@@ -138,9 +157,10 @@ async function release() {
   if (!pressed) return;
   pressed = false;
   $("talk").setAttribute("aria-pressed", "false");
-  if (sound?.sends) {
+  const own = sound;
+  if (own?.sends) {
     await flush();
-    sound.sends = pressed; // somebody may have pressed again meanwhile
+    if (sound === own) own.sends = pressed; // somebody may have pressed again meanwhile
     if (pressed) return;
   }
   send("release");
