@@ -109,6 +109,7 @@ class Daemon:
         board_feature = board(self.session, link, fault_log, driving.brake)
         self.features = self._make_features(context, features, board_feature)
         guard = load_guard(settings.api, os.environ)
+        self.tls = guard.tls
         self.rpc = self._rpc_server(settings, guard)
         driving.keeper.call_on_latched(
             lambda: self.rpc.arrivals.record_stop(None, "the robot itself, for a fault")

@@ -47,6 +47,10 @@ class ReloadTarget(Protocol):
         """The tokens as their file has them now, None where none are asked for; raises ``AccessError``."""
         ...
 
+    def renew_certificate(self, settings: Settings) -> bool:
+        """Take the certificate as its files have it now; False where there is none; raises ``AccessError``."""
+        ...
+
     def exchange_tokens(self, keyring: Keyring) -> None:
         """Let these tokens open the socket, and no others."""
         ...
@@ -79,16 +83,19 @@ class Reloader:
 
         Raises:
             SettingsError: what may change does not go with what may not; nothing has changed.
-            AccessError: the tokens cannot be read; nothing has changed.
+            AccessError: the tokens or the certificate cannot be read; nothing has changed.
         """
         before = self._settings
         merged = before.model_copy(update={name: getattr(settings, name) for name in CHANGEABLE})
         if wrong := "; ".join(check(merged)):
             raise SettingsError(f"does not fit the settings that only a restart changes: {wrong}")
         keyring = self._target.load_keyring(before)
+        has_tls = self._target.renew_certificate(before)
         self._settings = merged
         keys = list(_differences("", _plain(before), _plain(settings)))
-        return _outcome(keys, self._exchange(before, merged), has_tokens=self._open_to(keyring))
+        return _outcome(
+            keys, self._exchange(before, merged), has_tokens=self._open_to(keyring), has_tls=has_tls
+        )
 
     def _exchange(self, before: Settings, after: Settings) -> bool:
         """Apply gains, limits and the log's level where they differ; returns whether the limits hold at once."""
@@ -122,13 +129,17 @@ def _merged(was: PidParameters, running: PidParameters, new: PidParameters) -> P
         return new
 
 
-def _outcome(keys: Sequence[str], at_once: bool, *, has_tokens: bool) -> ReloadOutcome:
+def _outcome(keys: Sequence[str], at_once: bool, *, has_tokens: bool, has_tls: bool) -> ReloadOutcome:
     """Sort the keys that differ. ``at_once``: the limits did not have to wait until the robot stands."""
     mine = [key for key in keys if key.partition(".")[0] in CHANGEABLE]
     waiting = () if at_once else tuple(key for key in mine if key.startswith("limits"))
     changed = tuple(key for key in mine if key not in waiting)
     return ReloadOutcome(
-        changed=(*changed, "the tokens were read") if has_tokens else changed,
+        changed=(
+            *changed,
+            *(("the tokens were read",) if has_tokens else ()),
+            *(("the certificate was read",) if has_tls else ()),
+        ),
         waiting=waiting,
         refused=tuple(f"{key}: {RESTART}" for key in keys if key not in mine),
     )

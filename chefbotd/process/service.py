@@ -17,7 +17,7 @@ from chefbotd.motion.pid import PidParameters
 from chefbotd.process import keep_alive, logs
 from chefbotd.process.keep_alive import KeepAlive, watchdog_s_of
 from chefbotd.process.reload import CANNOT_RELOAD, Reloader
-from chefbotd.rpc.access import Keyring, load_guard
+from chefbotd.rpc.access import Keyring, load_guard, renew_certificate
 from chefbotd.settings import Settings
 from chefbotd.settings.model import Level
 
@@ -90,6 +90,13 @@ class DaemonTarget:
         if not self._daemon.rpc.asks_for_tokens:
             return None
         return load_guard(settings.api, os.environ).keyring
+
+    def renew_certificate(self, settings: Settings) -> bool:
+        """Read the certificate from where the daemon had it at its start."""
+        context = self._daemon.tls
+        if context is not None:
+            renew_certificate(context, settings.api)
+        return context is not None
 
 
 class DaemonService:

@@ -136,6 +136,22 @@ def _require_private(status: os.stat_result, path: Path) -> None:
         raise AccessError(f"{path}: users other than its owner can read it; run: chmod 600 {path}")
 
 
+def renew_certificate(context: ssl.SSLContext, parameters: ApiParameters) -> None:
+    """Show clients that connect from now on the certificate that is in the files now.
+
+    Raises:
+        AccessError: the files cannot be used, as while one of them has been replaced and the other not yet.
+    """
+    renewed = _tls(parameters)
+    if renewed is None:
+        return
+
+    def show(connection: ssl.SSLObject, _name: str | None, _context: ssl.SSLContext) -> None:
+        connection.context = renewed  # OpenSSL asks in each handshake, whether a name was sent or not
+
+    context.sni_callback = show
+
+
 def _tls(parameters: ApiParameters) -> ssl.SSLContext | None:
     """What proves to clients that they talk to this robot."""
     certificate, key = parameters.tls_certificate, parameters.tls_key

@@ -101,6 +101,6 @@ def _next_free(path: Path) -> Path:
     """A name beside the file that nothing has yet: ``robot.toml.before``, ``robot.toml.before-2``, ..."""
     for number in range(1, 10_000):
         kept = path.with_name(f"{path.name}.before{'' if number == 1 else f'-{number}'}")
-        if not kept.exists():
+        if not kept.exists() and not kept.is_symlink():  # a copy would be written where a link leads
             return kept
     raise FileExistsError(f"{path}.before-*: there are 10,000 old files already; remove some")

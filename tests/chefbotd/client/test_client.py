@@ -59,6 +59,7 @@ def test_a_full_daemon_can_still_be_stopped() -> None:
     """A client for which there is no room is told so when it asks for more, and its emergency stop is carried out."""
 
     async def scenario(served: Served, robot: Client) -> None:
+        await robot.ping()
         async with Client.connect(served.host, served.port, name="Ann") as late:
             await late.estop("smoke")
             assert served.robot.calls == [("estop", "smoke")]
@@ -362,12 +363,13 @@ def test_nobody_listens() -> None:
 
 
 def test_a_full_daemon_says_why() -> None:
-    """A connection that is refused with an error raises with the daemon's words."""
+    """A client for which there is no place is refused, with the daemon's words, as soon as it asks for something."""
 
     async def scenario(served: Served, robot: Client) -> None:
-        with pytest.raises(ConnectionLost, match="already 1 clients"):
-            async with Client.connect(served.host, served.port):
-                raise AssertionError("connected")
+        await robot.ping()
+        async with Client.connect(served.host, served.port) as second:
+            with pytest.raises(CallError, match="already 1 clients"):
+                await second.ping()
 
     with_robot(scenario, max_clients=1, reserved_stop_connections=0)
 

@@ -210,7 +210,7 @@ def test_from_a_client_that_makes_way(run: Run) -> None:
             assert b"replaced by a new client" in client.recv(10_000)
             assert client.recv(1) == b""
 
-    serve(run, scenario, max_clients=1, reserved_stop_connections=1)
+    serve(run, scenario, max_new_connections=1)
 
 
 def test_what_a_dead_client_asked_for_otherwise_is_not_done() -> None:

@@ -90,3 +90,12 @@ def test_settings_with_values_are_checked() -> None:
     assert settings.model_copy(update={"chassis": load().chassis}) == load()
     with pytest.raises(SettingsError, match="left_radius_multiplier"):
         calibrated(load(), {"chassis.left_radius_multiplier": -0.5})
+
+
+def test_the_old_file_is_not_kept_where_a_link_leads(chefbot: Path) -> None:
+    """A link of that name that leads nowhere is no free name: nothing appears elsewhere."""
+    elsewhere = chefbot.with_name("elsewhere")
+    chefbot.with_name("robot.toml.before").symlink_to(elsewhere)
+    saved = save(chefbot, {"battery.divider_ratio": 5.2})
+    assert saved.kept.endswith("robot.toml.before-2")
+    assert not elsewhere.exists()

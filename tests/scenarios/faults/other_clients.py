@@ -24,7 +24,8 @@ LISTEN_TO_ALL = (
 DESCRIBE = b'{"jsonrpc":"2.0","id":1,"method":"describe"}\n'
 PING = b'{"jsonrpc":"2.0","id":1,"method":"ping"}\n'
 HOSTILE_NAME = (
-    rb'{"jsonrpc":"2.0","id":1,"method":"set_client_name","params":{"client":"\u001b]0;a title\u0007"}}' + b"\n"
+    rb'{"jsonrpc":"2.0","id":1,"method":"set_client_name","params":{"client":"\u001b]0;a title\u0007"}}'
+    + b"\n"
 )
 STOP = b'{"jsonrpc":"2.0","id":1,"method":"stop"}\n'
 ESTOP = b'{"jsonrpc":"2.0","id":1,"method":"estop"}\n'
