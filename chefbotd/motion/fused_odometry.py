@@ -17,6 +17,7 @@ from chefbotd.core.record import replace
 from chefbotd.motion import motion_filter
 from chefbotd.motion.bias_evidence import EVIDENCE_S, NO_EVIDENCE, BiasEvidence, with_evidence
 from chefbotd.motion.heading_fusion import FusionState, note_cycle, note_refusal, take_headings
+from chefbotd.motion.imu_agreement import ImuAgreement
 from chefbotd.motion.imu_track import HeadingTrack, RateTrack
 from chefbotd.motion.motion_filter import Considered, MotionEstimate, MotionStep
 from chefbotd.motion.odometry import FusionParameters
@@ -34,6 +35,11 @@ REST_RAD_S: Final = 0.05
 
 LIFTED_COS: Final = math.cos(0.35)
 MOST_SPIKES: Final = 5
+LEFT_OUT_M2: Final = 0.05**2
+"""How uncertain the position is after an IMU was left out that the pose had followed for half a turn; assumed."""
+
+STILL_M: Final = 2e-4
+"""Wheels that roll less in a cycle dither by a count or two."""
 
 
 class FusedOdometry:
@@ -100,6 +106,7 @@ class FusedOdometry:
         now = self._memory
         now.has_offset, now.lag_s, now.irregular_cycles, now.imu_values = False, 0.0, 0, ()
         now.headings, now.rates, now.unchanged_rad = HeadingTrack(), RateTrack(), 0.0
+        now.agreement, now.by_wheels, now.rest_from = ImuAgreement(), None, None
         now.waiting.clear()
         now.readings.clear()
         now.turns.clear()
@@ -110,6 +117,8 @@ class FusedOdometry:
         now = self._memory
         if now.stamp_s is None or now.imu_s == -math.inf:
             return ImuTrust.UNUSED
+        if now.agreement.fault:
+            return ImuTrust.DISAGREES
         if now.stamp_s - now.imu_s > LOST_S:
             return ImuTrust.LOST
         if self._is_frozen:
@@ -143,6 +152,8 @@ class FusedOdometry:
         """Add a reading of the IMU; it takes effect with the next travel of the wheels that is not older."""
         now, stamp_s = self._memory, event.stamp_s - self._lag_s
         now.imu_s = event.stamp_s
+        if now.agreement.fault:
+            return
         rates, orientation = event.angular_velocity_rad_s, event.orientation
         values = (rates or ()) + (orientation or ())
         now.imu_repeats += 1
@@ -161,6 +172,7 @@ class FusedOdometry:
             now.climb_share = 2 * (x * z - w * y) if self._parameters.project_tilt else 0.0
             now.is_lifted = 1 - 2 * (x * x + y * y) < LIFTED_COS
         if event.heading_rad is not None:
+            now.agreement.add_heading(event.heading_rad, orientation)
             self._add_heading(stamp_s, event.heading_rad)
 
     def _add_heading(self, stamp_s: float, reading_rad: float) -> None:
@@ -191,6 +203,8 @@ class FusedOdometry:
             step = self._step_by_gyro(left_m, right_m, by_gyro_rad, dt_s)
         by_wheels_rad = (right_m - left_m) / self._track_m
         now.unchanged_rad += by_wheels_rad
+        if now.imu_s > -math.inf and not now.agreement.fault:
+            self._check_imu(stamp_s, (left_m + right_m) / 2, by_wheels_rad, by_gyro_rad)
         if self.anomaly is not MotionAnomaly.NONE:
             step = widened_step(step, self.anomaly)
         if now.climb_share:
@@ -202,6 +216,46 @@ class FusedOdometry:
         if now.waiting:
             take_headings(now, parameters.heading_noise_rad, self._limits, may_slip=self._may_slip)
         return now.estimate
+
+    def _check_imu(
+        self, stamp_s: float, travel_m: float, by_wheels_rad: float, by_gyro_rad: float | None
+    ) -> None:
+        """Compare the IMU's turns with the wheels'; leave one out that disagrees, with what it has done to the pose."""
+        now, agreement = self._memory, self._memory.agreement
+        if by_gyro_rad is not None:
+            agreement.add_rate(by_gyro_rad)
+        if now.by_wheels is None:
+            now.by_wheels = now.estimate.odom_from_base
+        before = now.by_wheels
+        middle_rad = before.heading_rad + by_wheels_rad / 2
+        now.by_wheels = Pose2D(
+            before.x_m + travel_m * math.cos(middle_rad),
+            before.y_m + travel_m * math.sin(middle_rad),
+            before.heading_rad + by_wheels_rad,
+        )
+        if now.irregular_cycles or now.stall.is_stalled:
+            agreement.forget_turn()
+        elif agreement.add_wheels(stamp_s, by_wheels_rad):
+            now.by_wheels = None
+        agreement.fault = agreement.judge(wheels_slip=not self._may_slip)
+        if agreement.fault:
+            self._leave_out_imu(now.by_wheels or now.estimate.odom_from_base)
+
+    def _leave_out_imu(self, by_wheels: Pose2D) -> None:
+        """Go on by the wheels alone, from the pose that they alone have led to."""
+        now = self._memory
+        agreement, by_wheels_rad = now.agreement, self._parameters.track_sigma
+        self.forget_imu()
+        now.agreement, now.has_rates, now.has_headings = agreement, False, False
+        now.is_lifted, now.climb_share = False, 0.0
+        now.estimate = motion_filter.at_pose(now.estimate, by_wheels)
+        now.estimate = motion_filter.with_new_turn_errors(now.estimate)
+        now.estimate = motion_filter.widened(now.estimate, LEFT_OUT_M2, (math.pi * by_wheels_rad) ** 2)
+
+    @property
+    def imu_reason(self) -> str:
+        """Why the IMU is left out; empty where it is not."""
+        return self._memory.agreement.reason()
 
     def _without_spike(
         self, left_m: float, right_m: float, dt_s: float, most_m_s2: float
@@ -216,7 +270,13 @@ class FusedOdometry:
         return left_m, right_m
 
     def _step_by_wheels(self, left_m: float, right_m: float, dt_s: float) -> MotionStep:
-        parameters, track_m = self._parameters, self._track_m
+        parameters, track_m, now = self._parameters, self._track_m, self._memory
+        if not now.has_rates:
+            stands = abs(left_m) < STILL_M and abs(right_m) < STILL_M and now.stall.is_unpowered
+            now.resting_s = now.resting_s + dt_s if stands else 0.0
+            now.drifted_rad += now.estimate.bias_rad_s * dt_s
+            if not stands:
+                now.rest_from = None
         left_m2, right_m2 = self._per_m * abs(left_m), self._per_m * abs(right_m)
         turned_rad = (right_m - left_m) / track_m
         turned_rad2 = (left_m2 + right_m2) / track_m**2 + self._per_rad * abs(turned_rad)

@@ -11,9 +11,11 @@ from typing import Final
 
 from msgspec import field
 
-from chefbotd.core.record import MutableState
+from chefbotd.core.geometry import Pose2D
+from chefbotd.core.record import MutableState, replace
 from chefbotd.motion import motion_filter
 from chefbotd.motion.bias_evidence import NO_EVIDENCE, BiasEvidence
+from chefbotd.motion.imu_agreement import ImuAgreement
 from chefbotd.motion.imu_track import Heading, HeadingTrack, RateTrack
 from chefbotd.motion.motion_filter import MotionEstimate
 from chefbotd.motion.turn_history import TurnHistory, best_lag, scatter
@@ -36,6 +38,12 @@ REGULAR_SHARE: Final = 0.9
 REGULAR_CYCLES: Final = 3
 """The queue is empty again when so many cycles have lasted as long as usual: the sketch then waits for a sample."""
 
+RESTS_S: Final = 0.5
+DRIFT_EVERY_S: Final = 1.0
+TURNED_BY_HAND_S: Final = 3.0
+MOST_DRIFT_RAD_S: Final = 0.08
+"""A motion processor that settles drifts by up to 3 degrees a second for 20 s; a robot that turns faster is turned."""
+
 FIRST_READINGS: Final = 9
 LAG_EVERY_S: Final = 0.5
 LAG_READINGS: Final = 20
@@ -50,6 +58,9 @@ class FusionState(MutableState):
     """What fused odometry remembers; ``imu_s`` is when the IMU was last heard.
 
     ``irregular_cycles`` is how many cycles of the usual duration, ``cycle_s``, are awaited before headings are used.
+    ``by_wheels`` is the pose by the wheels alone since the IMU agreed with them last, ``rest_from`` the time, the
+    IMU's heading and its offset from which on its drift is measured while the robot rests.
+    ``drifted_rad`` is how far the heading has drifted, as far as that is known.
     ``unchanged_rad`` is how far the wheels have turned the robot since the IMU's values last changed, ``imu_repeats``
     how often it has sent them since.
     """
@@ -84,6 +95,10 @@ class FusionState(MutableState):
     spikes: int = 0
     climb_share: float = 0.0
     is_lifted: bool = False
+    agreement: ImuAgreement = field(default_factory=ImuAgreement)
+    by_wheels: Pose2D | None = None
+    rest_from: tuple[float, float, float] | None = None
+    drifted_rad: float = 0.0
 
 
 def note_refusal(now: FusionState, *, refused: bool) -> None:
@@ -144,13 +159,15 @@ def _take(now: FusionState, heading: Heading, noise_rad: float) -> None:
     if then is None:
         return
     if not now.readings or heading.middle_s - now.readings[-1][0] >= LAG_SPACING_S:
-        now.readings.append((heading.middle_s, heading.middle_rad))
+        now.readings.append((heading.middle_s, heading.middle_rad - now.drifted_rad))
         if len(now.readings) > LAG_READINGS:
             del now.readings[0]
     heading_rad = heading.middle_rad + last[2] - then[2]
     variance = noise_rad * noise_rad + last[3] - then[3]
     if not now.has_offset:
         _begin(now, noise_rad)
+        return
+    if now.resting_s > RESTS_S and _hold(now, heading, heading_rad, variance, noise_rad):
         return
     off_rad, expected = motion_filter.surprise(now.estimate, heading_rad, variance)
     refused = off_rad * off_rad > GATE * expected
@@ -161,9 +178,34 @@ def _take(now: FusionState, heading: Heading, noise_rad: float) -> None:
         now.refused_in_a_row += 1
         if now.refused_in_a_row < REFUSED_IN_A_ROW or heading.stamp_s - now.refused_since_s < REFUSED_S:
             return
+        if now.agreement.contradicts:
+            return
         now.estimate = motion_filter.widened(now.estimate, 0.0, off_rad * off_rad)
     now.refused_in_a_row = 0
     now.estimate = motion_filter.with_imu_heading(now.estimate, heading_rad, variance)
+
+
+def _hold(now: FusionState, heading: Heading, heading_rad: float, variance: float, noise_rad: float) -> bool:
+    """Let a heading that changes at rest move the offset, and show the drift; False where the robot is being turned."""
+    estimate = now.estimate
+    if now.rest_from is None:
+        now.rest_from = heading.middle_s, heading.middle_rad, estimate.offset_rad
+    from_s, from_rad, offset_rad = now.rest_from
+    lasted_s, drifted_rad = heading.middle_s - from_s, heading.middle_rad - from_rad
+    if abs(drifted_rad) > MOST_DRIFT_RAD_S * lasted_s + 3 * noise_rad:
+        now.estimate = replace(estimate, offset_rad=offset_rad + estimate.bias_rad_s * lasted_s)
+        now.rest_from, now.resting_s = None, -TURNED_BY_HAND_S
+        return False
+    estimate = motion_filter.with_new_offset(estimate, heading_rad, variance)
+    if lasted_s >= DRIFT_EVERY_S:
+        drift_rad_s, sigma_rad_s = drifted_rad / lasted_s, math.sqrt(2) * noise_rad / lasted_s
+        off_rad_s = abs(drift_rad_s - estimate.bias_rad_s)
+        if off_rad_s > sigma_rad_s:  # more than it is expected to drift: it settles
+            estimate = motion_filter.with_unknown_bias(estimate, off_rad_s)
+        estimate = motion_filter.with_bias(estimate, drift_rad_s, sigma_rad_s * sigma_rad_s)
+        now.rest_from = heading.middle_s, heading.middle_rad, estimate.offset_rad
+    now.estimate = estimate
+    return True
 
 
 def _begin(now: FusionState, noise_rad: float) -> None:

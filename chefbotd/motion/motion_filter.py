@@ -166,7 +166,8 @@ def predicted(now: MotionEstimate, considered: Considered, step: MotionStep) -> 
     )  # fmt: skip
     x_m, y_m, heading_rad = now.x_m + dx, now.y_m + dy, now.heading_rad + turned_rad
     climb_m = now.climb_m + step.climb_m
-    return MotionEstimate(x_m, y_m, heading_rad, now.offset_rad, now.bias_rad_s, climb_m, covariance)
+    offset_rad = now.offset_rad + drifts_s * now.bias_rad_s
+    return MotionEstimate(x_m, y_m, heading_rad, offset_rad, now.bias_rad_s, climb_m, covariance)
 
 
 def surprise(now: MotionEstimate, imu_heading_rad: float, variance_rad2: float) -> tuple[float, float]:

@@ -14,8 +14,9 @@ STANDARD_GRAVITY_M_S2 = 9.80665
 class ImuParameters(Parameters):
     """How the sensor is mounted and scaled; the default scales are those of ±2 g and ±250 °/s.
 
-    ``mount_heading_rad`` is where the sensor's x axis points in ``base_footprint``, CCW positive; its z
-    axis is up. Only the robot's description needs ``mount_z_m``, the height above the floor.
+    ``mount_heading_rad`` is where the sensor's x axis points in ``base_footprint``, CCW positive. Its z axis is up, or
+    down where it is ``upside_down``: turned about its x axis. Only the robot's description needs ``mount_z_m``, the
+    height above the floor.
 
     A calibration finds the rest. The gyroscope shows ``gyro_scale`` times a turn, and about z ``gyro_bias_rad_s`` at
     rest; rates are corrected for both. A heading that the board sums up itself is reported as it is; odometry divides
@@ -23,6 +24,7 @@ class ImuParameters(Parameters):
     """
 
     mount_heading_rad: float = Field(default=0.0, ge=-math.pi, le=math.pi)
+    upside_down: bool = False
     mount_z_m: float | None = Field(default=None, ge=0, le=5)
     accel_counts_per_g: float = Field(default=16384.0, gt=0)
     gyro_counts_per_deg_s: float = Field(default=131.0, gt=0)
@@ -46,7 +48,10 @@ def from_quaternion(params: ImuParameters, reported: OrientationReported) -> Imu
     norm = math.hypot(x, y, z, w)
     if norm == 0:
         raise ValueError("the quaternion is zero")
-    x, y, z, w = _unmount(params, x / norm, y / norm, z / norm, w / norm)
+    x, y, z, w = x / norm, y / norm, z / norm, w / norm
+    if params.upside_down:
+        x, y, z, w = _turned_over(x, y, z, w)
+    x, y, z, w = _unmount(params, x, y, z, w)
     heading_rad = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
     return ImuMeasured(
         stamp_s=reported.stamp_s,
@@ -69,6 +74,17 @@ def from_counts(params: ImuParameters, counted: InertialCounted) -> ImuMeasured:
     )
 
 
+def _turned_over(x: float, y: float, z: float, w: float) -> tuple[float, float, float, float]:
+    """The orientation of a sensor beside this one that is not upside down.
+
+    One that knows where up is says that it lies on its back. One that takes its own z axis for up is right about
+    everything but the world: that is turned over as well.
+    """
+    if 1 - 2 * (x * x + y * y) < 0:
+        return -w, -z, y, x
+    return x, -y, -z, w
+
+
 def _unmount(
     params: ImuParameters, x: float, y: float, z: float, w: float
 ) -> tuple[float, float, float, float]:
@@ -80,4 +96,6 @@ def _unmount(
 def _to_base(params: ImuParameters, counts: tuple[int, int, int], scale: float) -> tuple[float, float, float]:
     cos, sin = math.cos(params.mount_heading_rad), math.sin(params.mount_heading_rad)
     x, y, z = (count * scale for count in counts)
+    if params.upside_down:
+        y, z = -y, -z
     return x * cos - y * sin, x * sin + y * cos, z

@@ -13,6 +13,7 @@ import multiprocessing
 import random
 import sys
 import tempfile
+from collections import deque
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 
@@ -42,6 +43,11 @@ NAVIGATED_SHARE = 0.1
 """Of the robots, those that are sent to goals."""
 
 SIDE_M, CELL_M = 40.0, 0.2
+WHEELS = {
+    "chefbot": ("left_wheel", "right_wheel"),
+    "khan": ("front_left_wheel", "front_right_wheel", "rear_left_wheel", "rear_right_wheel"),
+}
+STALL_S, STOOD_RAD = 2.0, 0.15
 GOAL_S = 40.0
 """A goal is given up after so long: in a silent hall a robot crawls."""
 
@@ -136,22 +142,55 @@ async def drive_to_goal(robot: SimulatedRobot, chance: random.Random, hall: Hall
     await asyncio.gather(leg, return_exceptions=True)
 
 
-async def accused(robot: SimulatedRobot, seed: int, hall: Hall, drives: int, *, to_goals: bool) -> list[str]:
+class TrueTravel:
+    """How far each wheel really turned lately: one that the ground holds is stalled, and that is no false fault."""
+
+    def __init__(self, robot: SimulatedRobot, names: tuple[str, ...]) -> None:
+        self._robot, self._names = robot, names
+        self._samples: deque[tuple[float, ...]] = deque(maxlen=round(STALL_S / PERIOD_S))
+
+    async def watch(self) -> None:
+        """Look every 50 ms until cancelled."""
+        while True:
+            self._samples.append(self._robot.board.wheel_speeds_rad_s())
+            await asyncio.sleep(PERIOD_S)
+
+    def stood(self, reason: str) -> bool:
+        """Whether a wheel that is named has hardly turned."""
+        turned_rad = [
+            sum(abs(speed) * PERIOD_S for speed in speeds) for speeds in zip(*self._samples, strict=True)
+        ]
+        return any(
+            name in reason and rad < STOOD_RAD for name, rad in zip(self._names, turned_rad, strict=True)
+        )
+
+
+async def accused(
+    robot: SimulatedRobot, seed: int, hall: Hall, drives: int, *, to_goals: bool, is_khan: bool
+) -> list[str]:
     """Drive so often, and return each fault with what led to it; after a fault the robot is armed again."""
     found = []
     changes = robot.daemon.bus.subscribe(SafetyChanged, size=256)
     warnings = robot.daemon.bus.subscribe(DriveWarned, size=256)
+    travel = TrueTravel(robot, WHEELS["khan" if is_khan else "chefbot"])
+    watching = asyncio.create_task(travel.watch())
     for number in range(drives):
         chance = random.Random(seed * 1000 + number)
         try:
             await (drive_to_goal if to_goals else drive_by_hand)(robot, chance, hall)
-        except CallError as error:
-            found += [f"refused: {error}"[:200]]
+        except CallError:  # after a fault, which is told by the topic
+            await asyncio.sleep(0.0)
         faults = [event for event in changes.take_all() if event.fault]
-        found += [f"{event.fault}: {event.reason}" for event in faults[:1]]
+        found += [
+            f"{event.fault}: {event.reason}"
+            for event in faults[:1]
+            if not (event.fault == "wheel_stalled" and travel.stood(event.reason))
+        ]
         found += [f"warning: {event.reason}" for event in warnings.take_all() if event.reason]
         if faults:
             await robot.client.call("arm")
+    watching.cancel()
+    await asyncio.gather(watching, return_exceptions=True)
     return found
 
 
@@ -169,13 +208,13 @@ def run_robot(seed: int, drives: int = DRIVES_A_ROBOT) -> tuple[int, list[str]]:
             where = {"sim.world.map_path": open_hall(Path(folder))}
             async with simulated_robot(settings_of(name, {**overrides, **where})) as robot:
                 await asyncio.sleep(1.5)
-                return await accused(robot, seed, hall, drives, to_goals=False)
+                return await accused(robot, seed, hall, drives, to_goals=False, is_khan=name == "khan")
 
     async def on_map() -> list[str]:
         start = Pose2D(chance.uniform(3, 11), chance.uniform(3, 7), chance.uniform(-math.pi, math.pi))
         board = {"sim.board.sketch": name.partition("/")[2]} if name != "chefbot/chefbot" else {}
         async with localized_robot(room(), start, overrides={**overrides, **board}) as robot:
-            return await accused(robot, seed, hall, drives, to_goals=True)
+            return await accused(robot, seed, hall, drives, to_goals=True, is_khan=False)
 
     how = "goals" if to_goals else "by hand"
     found = run_virtual(on_map() if to_goals else by_hand())

@@ -43,6 +43,8 @@ class WheelsDriven(Record, frozen=True):
 class ImuTrust(StrEnum):
     """What odometry makes of the IMU. Only ``OK`` and ``OUTLIERS`` are used.
 
+    ``DISAGREES``: it turns otherwise than the wheels, in every turn; it is left out until the board restarts.
+
     ``UNUSED``: there is none, or it is not asked. ``LATE``: the board was silent for long, so its IMU's queue hands out
     old samples. ``FROZEN``: its values do not change although the wheels turn. ``LOST``: it sends nothing.
     ``OUTLIERS``: some of its values are refused.
@@ -54,6 +56,7 @@ class ImuTrust(StrEnum):
     FROZEN = "frozen"
     LOST = "lost"
     OUTLIERS = "outliers"
+    DISAGREES = "disagrees"
 
 
 class MotionAnomaly(StrEnum):
@@ -85,6 +88,7 @@ class OdometryConditionData(Record, frozen=True):
 
     imu: ImuTrust = ImuTrust.UNUSED
     anomaly: MotionAnomaly = MotionAnomaly.NONE
+    reason: Annotated[str, Meta(description="why the IMU is left out, and what to do; empty otherwise")] = ""
 
 
 class OdometryConditionChanged(OdometryConditionData, frozen=True, kw_only=True):
@@ -98,7 +102,8 @@ class OdometryConditionChanged(OdometryConditionData, frozen=True, kw_only=True)
         """The line in the log."""
         usual = self.anomaly is MotionAnomaly.NONE and self.imu in (ImuTrust.OK, ImuTrust.UNUSED)
         level = Level.INFO if usual else Level.WARNING
-        return LogLine(level, "odometry", f"imu: {self.imu}; anomaly: {self.anomaly}")
+        text = f"imu: {self.imu}; anomaly: {self.anomaly}"
+        return LogLine(level, "odometry", f"{text}; {self.reason}" if self.reason else text)
 
 
 class OdometryReset(Record, frozen=True):

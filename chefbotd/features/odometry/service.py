@@ -166,7 +166,11 @@ class OdometryService:
         imu, anomaly = fused.imu_trust, fused.anomaly
         if imu is not self._imu or anomaly is not self._anomaly:
             self._imu, self._anomaly = imu, anomaly
-            self._bus.publish(OdometryConditionChanged(stamp_s=event.stamp_s, imu=imu, anomaly=anomaly))
+            self._bus.publish(
+                OdometryConditionChanged(
+                    stamp_s=event.stamp_s, imu=imu, anomaly=anomaly, reason=fused.imu_reason
+                )
+            )
         self._publish(event.stamp_s, event.arrival_s)
 
     def _publish(self, stamp_s: float, arrival_s: float) -> None:

@@ -297,3 +297,78 @@ def test_its_state_goes_on_elsewhere() -> None:
     other = Drive(drive.imu)
     other.odometry.restore(drive.odometry.state())
     assert other.odometry.estimate == drive.odometry.estimate
+
+
+def mirrored(stamp_s: float, rad: float, rad_s: float) -> ImuMeasured:
+    """A board's heading that turns the other way, as one mounted with its z axis down."""
+    return heading(stamp_s, -rad)
+
+
+def w_first(stamp_s: float, rad: float, rad_s: float) -> ImuMeasured:
+    """A quaternion printed as w x y z and read as x y z w: no heading comes of it."""
+    orientation = math.cos(rad / 2), 0.0, 0.0, math.sin(rad / 2)
+    x, y, z, w = orientation
+    read_rad = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
+    return ImuMeasured(stamp_s=stamp_s, arrival_s=stamp_s, orientation=orientation, heading_rad=read_rad)
+
+
+@pytest.mark.parametrize(
+    ("imu", "word"),
+    [
+        (mirrored, "upside_down = true"),
+        (lambda at_s, rad, rad_s: rate(at_s, -rad_s), "upside_down = true"),
+        (w_first, "w x y z"),
+    ],
+)
+def test_an_imu_that_never_agrees_with_the_wheels_is_left_out_and_named(
+    imu: Callable[[float, float, float], ImuMeasured], word: str
+) -> None:
+    """Three rad at 0.5 rad/s: the pose is never mirrored for long, and the wheels' in the end."""
+    drive = Drive(imu)
+    drive.go(1.0, 0.0, 0.0)
+    drive.go(6.0, 0.1, 0.5)
+    assert drive.odometry.imu_trust is ImuTrust.DISAGREES
+    assert word in drive.odometry.imu_reason
+    estimate = drive.odometry.estimate
+    assert wrap_angle(estimate.heading_rad - 3.0) == pytest.approx(0.0, abs=0.05)
+    assert (estimate.x_m, estimate.y_m) == pytest.approx(
+        (0.2 * math.sin(3.0), 0.2 * (1 - math.cos(3.0))), abs=0.03
+    )
+    assert math.sqrt(estimate.pose_covariance.row_by_row[8]) > 0.01
+
+
+def test_an_imu_of_another_scale_is_left_out_and_named() -> None:
+    """It shows twice of every turn."""
+    drive = Drive(lambda at_s, rad, rad_s: heading(at_s, 2 * rad))
+    for rad_s in (0.5, -0.6, 0.7, -0.5):
+        drive.go(4.0, 0.1, rad_s)
+    assert drive.odometry.imu_trust is ImuTrust.DISAGREES
+    assert "scale" in drive.odometry.imu_reason
+
+
+def test_a_blocked_robot_whose_wheels_spin_does_not_lose_its_imu() -> None:
+    """The wheels turn by twenty rad, the robot does not: its heading stays within 0.3 rad."""
+    drive = Drive(lambda at_s, rad, rad_s: heading(at_s, rad + 0.002 * math.sin(37 * at_s)))
+    drive.go(2.0, 0.1, 0.5)
+    drive.go(20.0, 0.0, 0.0, by_wheels_rad_s=1.0)
+    assert drive.odometry.imu_trust is not ImuTrust.DISAGREES
+    assert wrap_angle(drive.odometry.estimate.heading_rad - 1.0) == pytest.approx(0.0, abs=0.3)
+
+
+@pytest.mark.parametrize("drift_rad_s", [0.005, 0.052, -0.052])
+def test_a_heading_that_settles_turns_no_robot_that_rests(drift_rad_s: float) -> None:
+    """0.3 to 3 degrees a second for 8 s: the heading holds, and the drift is learned."""
+    drive = Drive(lambda at_s, rad, rad_s: heading(at_s, rad + drift_rad_s * (at_s - 100.0)))
+    drive.go(8.0, 0.0, 0.0)
+    assert drive.odometry.estimate.heading_rad == pytest.approx(0.0, abs=0.02)
+    assert drive.odometry.estimate.bias_rad_s == pytest.approx(drift_rad_s, abs=0.01)
+    drive.go(4.0, 0.1, 0.5)
+    assert drive.odometry.estimate.heading_rad == pytest.approx(2.0, abs=0.08)
+
+
+def test_a_robot_that_is_turned_by_hand_at_rest_turns() -> None:
+    """Its wheels stand, and the IMU shows 0.3 rad/s for 3 s."""
+    drive = Drive(lambda at_s, rad, rad_s: heading(at_s, rad))
+    drive.go(3.0, 0.0, 0.0)
+    drive.go(3.0, 0.0, 0.3, by_wheels_rad_s=0.0)
+    assert drive.odometry.estimate.heading_rad == pytest.approx(0.9, abs=0.1)

@@ -102,3 +102,22 @@ def test_a_calibrated_gyroscope_shows_the_true_rate() -> None:
     measured = from_counts(params, InertialCounted(0.0, 4.0, (0, 0, 0), (0, 0, counts)))
     assert measured.angular_velocity_rad_s is not None
     assert measured.angular_velocity_rad_s[2] == pytest.approx(0.2, abs=1e-4)
+
+
+@pytest.mark.parametrize("turned_over", [False, True])
+def test_a_sensor_that_is_mounted_upside_down_shows_the_robots_heading(turned_over: bool) -> None:
+    """0.7 rad to the left: it shows -0.7 by its own z axis, or that it lies on its back."""
+    sin, cos = math.sin(0.35), math.cos(0.35)
+    shown = (cos, sin, 0.0, 0.0) if turned_over else (0.0, 0.0, -sin, cos)
+    measured = from_quaternion(ImuParameters(upside_down=True), OrientationReported(1.0, 1.0, *shown))
+    assert measured.heading_rad == pytest.approx(0.7)
+    assert measured.orientation == pytest.approx((0.0, 0.0, sin, cos))
+
+
+def test_the_rates_of_a_sensor_that_is_mounted_upside_down_are_the_robots() -> None:
+    """Half a turn about its x axis: y and z change their signs."""
+    counted = InertialCounted(1.0, 1.0, (0, 0, -16384), (131, 131, -131))
+    measured = from_counts(ImuParameters(upside_down=True), counted)
+    degree = math.radians(1)
+    assert measured.angular_velocity_rad_s == pytest.approx((degree, -degree, degree))
+    assert measured.linear_acceleration_m_s2 == pytest.approx((0.0, 0.0, 9.80665))
