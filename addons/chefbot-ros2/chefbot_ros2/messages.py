@@ -233,7 +233,8 @@ def _laser_scan(event: ScanMeasured, stamp_ns: int, wheel_names: Sequence[str]) 
     np.minimum.at(ranges, places, scan.range_m[is_reading].astype(np.float32))
     time_s = float(np.ptp(scan.after_s))
     finite = ranges[np.isfinite(ranges)]
-    limits = (0.0, float(finite.max()) if finite.size else 0.0)
+    # others take a reading at range_max for none, so the limit is just beyond the farthest one
+    limits = (0.0, float(np.nextafter(finite.max(), np.float32(np.inf))) if finite.size else 0.0)
     first_ns = stamp_ns + round(float(scan.after_s.min()) * NS)
     return LaserScan(
         header(first_ns, frame_of(event.lidar)),

@@ -70,7 +70,7 @@ def without(bag: Path, prefix: str, folder: Path) -> Path:
 
 def test_a_bag_gives_the_map_of_its_recording(drive: list[Any], bag: Path, tmp_path: Path) -> None:
     """Cell for cell, with SLAM's state to go on from; a second time it is the next version."""
-    saved = map_events(drive, tmp_path / "own", "flat")
+    saved = map_events(drive, tmp_path / "own", "flat").saved
     result = from_bag(bag, tmp_path / "maps")
     assert result.exit_code == 0, result.output
     assert result.output == f"Saved flat, version 1: {saved.keyframes} scans on {saved.path_m:.0f} m.\n"
@@ -102,7 +102,7 @@ def test_what_is_missing_in_a_bag_is_said(drive: list[Any], bag: Path, tmp_path:
     assert deaf.exit_code == 0
     cases = {
         "no nav_msgs/msg/Odometry": (tmp_path / "deaf_bag",),
-        "no scan with odometry": (tmp_path / "blind_bag",),
+        "no sensor_msgs/msg/LaserScan": (tmp_path / "blind_bag",),
         "no scans on /scan/front": (bag, "--scans", "/scan/front"),
         "no transform from base_footprint to top_link": (without(bag, "/tf_static", tmp_path / "frameless"),),
         "there is no such file or folder": (tmp_path / "nowhere",),

@@ -1,5 +1,6 @@
 """The commands ``chefbotctl map``, for the maps that the daemon keeps, and for the one that is being made."""
 
+import math
 from collections.abc import Awaitable, Callable
 from datetime import datetime
 from pathlib import Path
@@ -14,6 +15,7 @@ from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError, require
 from chefbotd.cli.maps.asking import ask, progress_bar, write_file
 from chefbotd.client import Client
+from chefbotd.core.geometry import Pose2D
 
 if TYPE_CHECKING:
     from chefbotd.cli.maps.draw import MapMark
@@ -235,20 +237,45 @@ def delete(context: CommandContext, name: str, yes: bool) -> None:
     "--folder", type=click.Path(path_type=Path, file_okay=False), required=True, help="The folder of maps."
 )
 @click.option("--scans", "topics", multiple=True, metavar="TOPIC", help="Of these scans; default: all.")
+@click.option(
+    "--mount",
+    nargs=3,
+    type=float,
+    metavar="X Y YAW",
+    help="Where the lidar sits, if the bag does not say: metres ahead and to the left, degrees CCW.",
+)
+@click.option("--upside-down", is_flag=True, help="With --mount: the lidar hangs upside down.")
 @click.pass_obj
-def from_bag(context: CommandContext, bag: Path, name: str, folder: Path, topics: tuple[str, ...]) -> None:
+def from_bag(
+    context: CommandContext,
+    bag: Path,
+    name: str,
+    folder: Path,
+    topics: tuple[str, ...],
+    mount: tuple[float, float, float] | None,
+    upside_down: bool,
+) -> None:
     """Map the odometry and the scans of a ROS 2 BAG, and store it as NAME; needs the package chefbot-ros2.
 
     No daemon is asked: FOLDER is [maps] folder of the robot that is to use it.
     """
     require("navigation", "numba", "scipy")
     bags = ros2_add_on("from_bag")
+    if upside_down and mount is None:
+        raise click.UsageError("--upside-down says how the lidar of --mount hangs, and needs it")
+    given = None
+    if mount is not None:
+        x_m, y_m, yaw_deg = mount
+        given = bags.Mount(Pose2D(x_m, y_m, math.radians(yaw_deg)), upside_down)
     try:
-        saved = bags.map_bag(bag, folder, name, topics)
+        mapped = bags.map_bag(bag, folder, name, topics, given)
     except bags.CannotMapBagError as error:
         raise ProgramError(Exit.FAILED, str(error)) from error
+    saved = mapped.saved
     text = f"Saved {saved.name}, version {saved.version}: {saved.keyframes} scans on {saved.path_m:.0f} m."
     output.say(context.as_json, saved, text)
+    if mapped.doubt:
+        click.echo(f"Warning: {mapped.doubt}", err=True)
 
 
 @map_group.command()
