@@ -1,9 +1,13 @@
 """Addresses that cannot be listened on."""
 
+import resource
+import socket
+
 import pytest
 
 from chefbotd.clock import run_virtual
-from chefbotd.transport.tcp import CannotListen
+from chefbotd.transport import tcp
+from chefbotd.transport.tcp import CannotListen, DescriptorLimit, require_descriptors
 from tests.fakes.api import new_server, tcp_server
 
 
@@ -13,3 +17,29 @@ def test_a_host_that_is_not_there() -> None:
     with pytest.raises(CannotListen) as caught:
         run_virtual(tcp_server(server).run())
     assert str(caught.value).startswith("cannot listen on no-such-host.invalid:0: ")
+
+
+def test_too_few_descriptors_are_refused_at_the_start(monkeypatch: pytest.MonkeyPatch) -> None:
+    """24 files: nobody could be served. 64 are enough, and both numbers are said, and what to do."""
+    monkeypatch.setattr(tcp.resource, "getrlimit", lambda _: (24, 24))
+    with pytest.raises(CannotListen, match=r"may open 24 files, and needs 64 .*ulimit -n 1024.*LimitNOFILE"):
+        require_descriptors(8)
+    monkeypatch.setattr(tcp.resource, "getrlimit", lambda _: (64, 64))
+    require_descriptors(8)
+
+
+def test_clients_leave_the_low_descriptors_to_others(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where many files are allowed theirs begin at 1024, since ``select`` knows only those below; else they stay."""
+    near, far = socket.socketpair()
+    with far:
+        monkeypatch.setattr(tcp.resource, "getrlimit", lambda _: (1024, 1024))
+        assert DescriptorLimit(8).move_up(near) is near
+        monkeypatch.undo()
+        if (allowed := resource.getrlimit(resource.RLIMIT_NOFILE)[0]) <= tcp.FIRST_CLIENT_DESCRIPTOR + 1:
+            pytest.skip(f"this system allows {allowed} files only")
+        monkeypatch.setattr(tcp.resource, "getrlimit", lambda _: (20_000, 20_000))
+        with DescriptorLimit(8).move_up(near) as moved:
+            assert moved.fileno() >= 1024
+            assert near.fileno() == -1
+            far.send(b"over")
+            assert moved.recv(4) == b"over"
