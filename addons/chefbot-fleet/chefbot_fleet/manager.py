@@ -37,7 +37,7 @@ from chefbot_fleet.fleet import Fleet
 from chefbot_fleet.orders import CancelOrder, Outgoing
 from chefbot_fleet.web import FleetPage
 from chefbotd.logs import RateLimitedLog
-from chefbotd.transport.web.http_server import HttpServer
+from chefbotd.transport.web.http_server import ADD_ON_LIMITS, HttpServer
 
 log = structlog.get_logger("fleet")
 
@@ -86,7 +86,7 @@ class Manager:
         if application is None:
             raise RuntimeError("the page's application has not begun")
         server = HttpServer(
-            application.request_handler, "fleet", tls, make_request=application.request_factory
+            application.request_handler, "fleet", tls, ADD_ON_LIMITS, make_request=application.request_factory
         )
         try:
             async with asyncio.TaskGroup() as tasks:

@@ -11,6 +11,7 @@ from chefbot_ros2.map_messages import String
 from chefbot_ros2.messages import NS, Odometry, pose_message, ros_type
 from chefbot_ros2.rosbridge.codec import NotAMessage, from_json, to_json
 from chefbot_ros2.rosbridge.protocol import Client, Hub
+from msgspec.json import encode
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.rpc.encoding import EventPayload
@@ -102,6 +103,14 @@ def test_a_whole_number_is_finite(seconds: str) -> None:
         assert "msg.header.stamp.sec: this number does not fit int32" in status["msg"]
 
     asyncio.run(scenario())
+
+
+def test_the_cells_of_a_large_map_are_the_same_numbers() -> None:
+    """Every value of a byte, many times, those that no map has too; a small map is a list."""
+    for least in (-128, -99):
+        cells = np.tile(np.arange(least, 128, dtype=np.int8), 100)
+        assert json.loads(encode(to_json(cells))) == cells.tolist()
+    assert to_json(cells[:256]) == cells[:256].tolist()
 
 
 def test_what_is_not_given_is_zero_and_a_turn_that_is_not_given_is_none() -> None:

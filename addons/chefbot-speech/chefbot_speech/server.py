@@ -15,7 +15,7 @@ from typing import Any, Final, Protocol
 import structlog
 from aiohttp import WSMsgType, web
 
-from chefbotd.transport.web.http_server import HttpServer
+from chefbotd.transport.web.http_server import ADD_ON_LIMITS, HttpServer
 from chefbotd.transport.web.origin import is_own_host, is_own_origin
 from chefbotd.transport.web.server import HEADERS, TYPES
 
@@ -69,7 +69,7 @@ class PageServer:
     def __init__(self, admit: Admit, tls: ssl.SSLContext | None = None, names: Collection[str] = ()) -> None:
         self._admit, self._tls, self._names = admit, tls, names
         self._files, self._talkers = files(), 0
-        self._server = HttpServer(self._serve, "speech", tls)
+        self._server = HttpServer(self._serve, "speech", tls, ADD_ON_LIMITS)
 
     async def run(self, host: str, port: int, listening: Callable[[str], None] = lambda url: None) -> None:
         """Serve until cancelled; ``listening`` is called with the page's address."""

@@ -49,6 +49,10 @@ class HttpLimits(Record, frozen=True):
     receive_bytes: int = 65_536
 
 
+ADD_ON_LIMITS = HttpLimits(silent=256, connections=64)
+"""Of a program that has the usual 1024 descriptors, and few people in front of it."""
+
+
 class _Connection(Struct, eq=False):
     """One accepted socket; ``end`` ends it, whatever it does."""
 

@@ -30,6 +30,7 @@ from chefbotd.client import ChefbotError
 from chefbotd.client.access import CA_HELP, CLEAR_TOKEN_HELP, daemon_access
 from chefbotd.client.models import SafetyData
 from chefbotd.clock import SystemClock
+from chefbotd.core.record import replace
 from chefbotd.rpc.arrivals import SHORT_TICK_S, Arrivals
 from chefbotd.rpc.connection_manager import ConnectionManager
 from chefbotd.rpc.control_leases import ControlLeases
@@ -38,7 +39,7 @@ from chefbotd.rpc.method import Receiver
 from chefbotd.rpc.parameters import ApiParameters, Role, is_loopback
 from chefbotd.rpc.session import Session
 from chefbotd.transport.unread import UnreadSockets
-from chefbotd.transport.web.http_server import HttpLimits, HttpServer, plain_answer
+from chefbotd.transport.web.http_server import ADD_ON_LIMITS, HttpServer, plain_answer
 from chefbotd.transport.web.websocket import WebSocketConnection, is_websocket, switch, turn_away
 
 log = structlog.get_logger("rosbridge")
@@ -122,7 +123,9 @@ class Server:
             role=None,
             announce_left=lambda client: None,
         )
-        self._http = HttpServer(self._serve, "rosbridge", tls, HttpLimits(receive_bytes=RECEIVE_BYTES))
+        self._http = HttpServer(
+            self._serve, "rosbridge", tls, replace(ADD_ON_LIMITS, receive_bytes=RECEIVE_BYTES)
+        )
         self._robot = Robot(
             partial(connect_as, token, "rosbridge"),
             self._hub.publish,
