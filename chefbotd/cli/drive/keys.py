@@ -11,8 +11,12 @@ learned from the first key that is held. Any unknown key stops at once.
 from chefbotd.core.geometry import STANDING, Twist2D
 from chefbotd.core.record import Record, replace
 
-#: Which way each key drives, as signs of forward and of counter-clockwise turning.
+#: Which way each key drives, as signs of forward and of counter-clockwise turning: the page's keys, and the classic.
 MOVES: dict[str, tuple[int, int]] = {
+    "w": (1, 0),
+    "a": (0, 1),
+    "s": (-1, 0),
+    "d": (0, -1),
     "u": (1, 1),
     "i": (1, 0),
     "o": (1, -1),
@@ -29,14 +33,17 @@ MOVES: dict[str, tuple[int, int]] = {
 
 #: By how much each key multiplies the forward and the turning speed.
 SCALES: dict[str, tuple[float, float]] = {
-    "q": (1.1, 1.1),
-    "z": (0.9, 0.9),
-    "w": (1.1, 1.0),
-    "x": (0.9, 1.0),
-    "e": (1.0, 1.1),
-    "c": (1.0, 0.9),
+    "+": (1.1, 1.1),
+    "-": (0.9, 0.9),
+    "r": (1.1, 1.0),
+    "f": (0.9, 1.0),
+    "y": (1.0, 1.1),
+    "h": (1.0, 0.9),
 }
 
+
+ARM_KEY = "f2"
+"""No key that is hit by habit: the letters beside the driving keys, Enter and Space never arm."""
 
 #: How long a key counts as held, and how fast the robot may be asked to drive.
 LONGEST_FIRST_HOLD_S, FIRST_HOLD_MARGIN_S = 0.8, 0.06

@@ -16,7 +16,7 @@ from chefbotd.cli.common import state_text
 from chefbotd.cli.common.screen import RobotScreen
 from chefbotd.cli.common.state_text import Fact, Style
 from chefbotd.cli.drive.control import Pilot
-from chefbotd.cli.drive.keys import released
+from chefbotd.cli.drive.keys import ARM_KEY, released
 from chefbotd.client import Client, ConnectionLost, Event
 from chefbotd.core.record import replace
 from chefbotd.rpc.encoding import plain
@@ -25,21 +25,20 @@ TOPICS = ("odometry", "wheels", "imu", "ranges", "battery", "link", "safety")
 SHOWN_HZ = 10.0
 PING_PERIOD_S = 0.5
 LOST = Fact("daemon", "connection lost, trying again", Style.ALARM)
-ESTOP_KEYS = {"!", "backspace", "delete"}
+ESTOP_KEYS = {"escape", "!", "backspace", "delete"}
 HELP = """\
-     u   i   o
-     j   k   l
-     m   ,   .
-   or the arrow keys
+       w         u   i   o
+   a   s   d     j   k   l
+   the arrows    m   ,   .
 
   space k  stop
-  ! or ⌫   emergency stop
-  a        arm
+  Esc ! ⌫  emergency stop
+  F2       arm
   t        take control
-  q z      both speeds ±10 %
-  w x      forward speed
-  e c      turning speed
-  Esc Q    quit
+  + -      both speeds ±10 %
+  r f      forward speed
+  y h      turning speed
+  Ctrl-C Q quit
 
   Any other key stops, too."""
 
@@ -47,12 +46,12 @@ HELP = """\
 class Teleop(RobotScreen):
     """Drives one robot."""
 
-    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape,ctrl+c,ctrl+q,Q", "leave", priority=True)]
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("ctrl+c,ctrl+q,Q", "leave", priority=True)]
     CSS: ClassVar[str] = (
         RobotScreen.BASE_CSS
         + """
     #facts { width: 1fr; height: 1fr; padding: 1 0 1 1; }
-    #help { width: 30; padding: 1 0; color: $text-muted; border-left: solid $primary; height: 1fr; }
+    #help { width: 32; padding: 1 0; color: $text-muted; border-left: solid $primary; height: 1fr; }
     """
     )
 
@@ -85,8 +84,8 @@ class Teleop(RobotScreen):
         key = event.character if event.is_printable and event.character else event.key
         self.say("")
         if key in ESTOP_KEYS:
-            await self._interrupt(self.robot.estop("asked by teleop"), "Emergency stop; 'a' arms again.")
-        elif key == "a":
+            await self._interrupt(self.robot.estop("asked by teleop"), "Emergency stop; F2 arms again.")
+        elif key == ARM_KEY:
             safety = self._latest.get("safety")
             seen = None if safety is None else safety.data.latch
             await self._interrupt(self.robot.arm(seen), "Armed.")

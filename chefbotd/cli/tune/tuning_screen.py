@@ -16,6 +16,7 @@ from textual.widgets import Static
 from chefbotd.cli.common.screen import RobotScreen
 from chefbotd.cli.common.state_text import Style
 from chefbotd.cli.drive.control import arm_seen
+from chefbotd.cli.drive.keys import ARM_KEY
 from chefbotd.cli.tune.excitation import Exciter, Wave
 from chefbotd.cli.tune.gain_steps import COARSE, FINE, FIRST_STEP, Gain, restore_commands, stepped
 from chefbotd.cli.tune.plots import PANELS, SHOWN_S, Trace, WheelPlot, coloured
@@ -37,9 +38,9 @@ HELP = """\
 Tab  wheel    [ ] ±1 %
 u    undo     s   save
 e    excite   ␣   stop
-! e-stop  a arm  Esc quit"""
+! e-stop F2 arm  Esc quit"""
 STEPS = {"left": (-1, COARSE), "right": (1, COARSE), "[": (-1, FINE), "]": (1, FINE)}
-ON_THE_GROUND = "Are the wheels off the ground? 'e' again drives ±{:g} m/s; any other key does not."
+ON_THE_GROUND = "Wheels off the ground? 'e' again drives ±{:g} m/s, other keys do not."
 
 
 class Tune(RobotScreen):
@@ -124,11 +125,11 @@ class Tune(RobotScreen):
             await self.ask(self._undo(), "Undone.")
         elif key == "s":
             await self._save()
-        elif key == "a":
+        elif key == ARM_KEY:
             await self.ask(arm_seen(self.robot), "Armed.")
         elif key == "!":
             self._exciter.on = False
-            await self.ask(self.robot.estop("asked by pid tune"), "Emergency stop; 'a' arms again.")
+            await self.ask(self.robot.estop("asked by pid tune"), "Emergency stop; F2 arms again.")
         else:
             self._exciter.stop()
 

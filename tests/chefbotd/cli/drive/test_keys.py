@@ -108,7 +108,7 @@ def test_another_key_takes_over_at_once() -> None:
     assert pressed((0.0, "i"), (0.1, "j")).twist(0.1) == Twist2D(0.0, 0.8)
 
 
-@pytest.mark.parametrize("key", ["k", " ", "5", "escape", "I"])
+@pytest.mark.parametrize("key", ["k", " ", "5", "escape", "I", "q", "z", "x", "e", "c", "A", "W"])
 def test_any_other_key_stops(key: str) -> None:
     """Stop keys, and every key without a meaning, end the motion at once."""
     assert pressed((0.0, "i"), (0.1, key)).twist(0.1) == STANDING
@@ -116,7 +116,7 @@ def test_any_other_key_stops(key: str) -> None:
 
 def test_release_keeps_the_speeds() -> None:
     """Releasing forgets the key, not the chosen speeds."""
-    keys = released(pressed((0.0, "q"), (0.1, "i")))
+    keys = released(pressed((0.0, "+"), (0.1, "i")))
     assert keys.twist(0.1) == STANDING
     assert press(keys, "i", 0.2).twist(0.2).linear_m_s == pytest.approx(0.22)
 
@@ -124,12 +124,12 @@ def test_release_keeps_the_speeds() -> None:
 @pytest.mark.parametrize(
     ("key", "linear_m_s", "angular_rad_s"),
     [
-        ("q", 0.22, 0.88),
-        ("z", 0.18, 0.72),
-        ("w", 0.22, 0.8),
-        ("x", 0.18, 0.8),
-        ("e", 0.2, 0.88),
-        ("c", 0.2, 0.72),
+        ("+", 0.22, 0.88),
+        ("-", 0.18, 0.72),
+        ("r", 0.22, 0.8),
+        ("f", 0.18, 0.8),
+        ("y", 0.2, 0.88),
+        ("h", 0.2, 0.72),
     ],
 )
 def test_speed_keys(key: str, linear_m_s: float, angular_rad_s: float) -> None:
@@ -140,12 +140,12 @@ def test_speed_keys(key: str, linear_m_s: float, angular_rad_s: float) -> None:
 
 def test_a_speed_key_does_not_end_the_motion() -> None:
     """Changing the speed while driving takes effect on the motion under way."""
-    assert pressed((0.0, "i"), (0.1, "q")).twist(0.1).linear_m_s == pytest.approx(0.22)
+    assert pressed((0.0, "i"), (0.1, "+")).twist(0.1).linear_m_s == pytest.approx(0.22)
 
 
 def test_speeds_are_bounded() -> None:
     """However often q is pressed, the speeds stay within the robot's."""
-    keys = pressed(*((0.1 * n, "q") for n in range(100)))
+    keys = pressed(*((0.1 * n, "+") for n in range(100)))
     assert (keys.linear_m_s, keys.angular_rad_s) == (MAX_LINEAR_M_S, MAX_ANGULAR_RAD_S)
 
 
@@ -164,3 +164,13 @@ def test_motion_always_ends(steps: list[tuple[float, str]]) -> None:
         now_s += wait_s
         keys = press(keys, key, now_s)
     assert keys.twist(now_s + LONGEST_FIRST_HOLD_S) == STANDING
+
+
+@pytest.mark.parametrize(
+    ("key", "forward", "turn"),
+    [("w", 1, 0), ("a", 0, 1), ("s", -1, 0), ("d", 0, -1), ("up", 1, 0), ("right", 0, -1)],
+)
+def test_the_page_s_keys_drive_alike(key: str, forward: int, turn: int) -> None:
+    """W A S D and the arrows mean in the terminal what they mean on the page, so that no habit arms or speeds up."""
+    twist = pressed((0.0, key)).twist(0.1)
+    assert (twist.linear_m_s, twist.angular_rad_s) == pytest.approx((0.2 * forward, 0.8 * turn))

@@ -113,7 +113,7 @@ def test_a_speed_key_sends_nothing(daemon: FakeDaemon) -> None:
     """Choosing a speed at rest asks nothing of the robot, to its end."""
 
     async def script(pilot: Pilot) -> None:
-        pilot.press("q")
+        pilot.press("+")
         await asyncio.sleep(1.0)
 
     assert fly(daemon, script) == []

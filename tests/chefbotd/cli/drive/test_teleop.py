@@ -60,7 +60,7 @@ def test_keys_drive_and_stop(daemon: FakeDaemon) -> None:
         await called(daemon, user, "drive")
         await user.press("space")
         await called(daemon, user, "stop")
-        await user.press("escape")
+        await user.press("ctrl+q")
 
     screen = on_screen(daemon, script)
     asked = [name for _, name, _ in daemon.calls if name in ("drive", "stop")]
@@ -70,10 +70,11 @@ def test_keys_drive_and_stop(daemon: FakeDaemon) -> None:
 
 
 @pytest.mark.parametrize(
-    ("key", "method"), sample([("exclamation_mark", "estop"), ("backspace", "estop"), ("a", "arm")])
+    ("key", "method"),
+    sample([("exclamation_mark", "estop"), ("backspace", "estop"), ("escape", "estop"), ("f2", "arm")]),
 )
 def test_keys_lock_and_arm(daemon: FakeDaemon, key: str, method: str) -> None:
-    """``!`` and backspace are the emergency stop, ``a`` arms; neither moves the robot."""
+    """``!``, Esc and backspace are the emergency stop, F2 arms; neither moves the robot."""
 
     async def script(screen: Teleop, user: Pilot[None]) -> None:
         await user.press(key)
@@ -83,13 +84,13 @@ def test_keys_lock_and_arm(daemon: FakeDaemon, key: str, method: str) -> None:
     assert "drive" not in daemon.methods()
 
 
-def test_a_clears_what_the_screen_shows(daemon: FakeDaemon) -> None:
+def test_f2_clears_what_the_screen_shows(daemon: FakeDaemon) -> None:
     """It names the last latch that it has been told of, and so none that comes just before the key."""
     daemon.latch = 0x1F3A07C2 * 2**20 + 3
 
     async def script(screen: Teleop, user: Pilot[None]) -> None:
         await seen(screen, user, "armed")
-        await user.press("a")
+        await user.press("f2")
         await called(daemon, user, "arm")
 
     on_screen(daemon, script)
@@ -102,7 +103,7 @@ def test_refusals_are_shown(daemon: FakeDaemon) -> None:
     told: list[str] = []
 
     async def script(screen: Teleop, user: Pilot[None]) -> None:
-        for key in ("i", "a"):
+        for key in ("i", "f2"):
             await user.press(key)
             await called(daemon, user, "drive" if key == "i" else "arm")
             await user.pause(0.05)
@@ -124,7 +125,7 @@ def test_a_lost_focus_stops(daemon: FakeDaemon) -> None:
     on_screen(daemon, script)
 
 
-@pytest.mark.parametrize(("key", "method"), [("i", "drive"), ("a", "arm")])
+@pytest.mark.parametrize(("key", "method"), [("i", "drive"), ("f2", "arm")])
 def test_a_lost_connection_ends_it(daemon: FakeDaemon, key: str, method: str) -> None:
     """When the daemon goes away the screen closes and says why."""
     daemon.hang_up_on = method

@@ -180,7 +180,7 @@ def test_excitation_ends(daemon: FakeDaemon, end: str, last: str) -> None:
     assert ("stop" in asked) is (last == "stop")
 
 
-@pytest.mark.parametrize(("key", "method"), [("exclamation_mark", "estop"), ("a", "arm")])
+@pytest.mark.parametrize(("key", "method"), [("exclamation_mark", "estop"), ("f2", "arm")])
 def test_keys_lock_and_arm(daemon: FakeDaemon, key: str, method: str) -> None:
     """``!`` is the emergency stop, ``a`` clears what has latched by then, as in teleop."""
     daemon.latch = 0x1F3A07C2 * 2**20 + 3
