@@ -13,6 +13,7 @@ EXTRAS := teleop,tune,joystick,depth,discovery,maps,mujoco,navigation,page,recor
 DEB_EXTRAS ?= discovery,maps,page,recording,teleop,tune,urdf
 FUZZ_S ?= 60
 SOAK_MINUTES ?= 60
+SEQUENCES ?= 100000
 RUNS ?= 5
 SEED ?= 1
 ORDERS ?= 60
@@ -28,7 +29,7 @@ unexport PYTHONDONTWRITEBYTECODE
 JOBS ?= $(shell expr $$(nproc 2>/dev/null || echo 1) + 1)
 PARALLEL := -n $(JOBS) --dist loadgroup
 
-.PHONY: addons-test addons-tools fleet firmware firmware-test docs run serve waiter map calibrate test examples-test test-loaded test-all coverage check audit lock newest lint format client wheel deb wheel-test bench fuzz soak faults clean help
+.PHONY: addons-test addons-tools fleet firmware firmware-test docs run serve waiter map calibrate test examples-test test-loaded test-all coverage check audit lock newest lint format client wheel deb wheel-test bench fuzz soak faults sequences clean help
 
 help:  ## List the targets
 	@echo "make TARGET, one of:"
@@ -185,6 +186,13 @@ soak-%: $(VENV)/ready
 # is the same in every run.
 faults: $(VENV)/ready  ## Let every fault of docs/safety.md happen (CLOCK=virtual: without the real program)
 	$(BIN)/python -m tests.scenarios.matrix --clock $(CLOCK) --jobs $(JOBS_OF_FAULTS) --json build/faults.json
+
+# Random sequences of whoever drives, waits, stops, fails, arms and connects again, each with the rule beside it.
+sequences: $(VENV)/ready  ## Search sequences for a motion that nobody decided on since the last stop (SEQUENCES=100000)
+	SEQUENCES=$(SEQUENCES) $(BIN)/python -m pytest -q tests/chefbotd/features/driving/test_stop_sequences.py \
+	  tests/chefbotd/features/navigation/test_waiting_sequences.py
+	! $(BIN)/python -c "import chefbot_vda5050" 2>/dev/null || SEQUENCES=$(SEQUENCES) $(BIN)/python -m pytest -q \
+	  addons/chefbot-vda5050/tests/test_vda5050_sequences.py
 
 docs: $(VENV)/ready  ## Build the documentation as a site, build/site/index.html, and check its links
 	$(BIN)/sphinx-build -q -W --keep-going -b html -d build/doctrees docs build/site

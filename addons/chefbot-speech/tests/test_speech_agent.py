@@ -372,6 +372,31 @@ def test_a_stop_while_the_sentence_is_recognized_leaves_no_countdown(tmp_path: P
     in_room(tmp_path, scenario, countdown_s=2.0)
 
 
+@pytest.mark.slow
+def test_at_each_of_100_moments_an_estop_while_the_sentence_is_recognized_leaves_no_countdown(
+    tmp_path: Path,
+) -> None:
+    """It is recognized for 2 s; an e-stop and an arm in each 0.02 s of them: 100 of 100 ask for a yes."""
+
+    async def scenario(room: Room) -> None:
+        hear = room.ear.recognize
+
+        async def late(samples: Samples, grammar: str) -> Heard:
+            await asyncio.sleep(2.0)
+            return await hear(samples, grammar)
+
+        room.page._recognize = late
+        for number in range(100):
+            await room.say("go to table two")
+            await asyncio.sleep(0.015 * number)
+            await room.client.estop("a child")
+            await room.client.arm()
+            await asyncio.sleep(8.0)
+            assert (room.driven, room.shown[-1]["proposal"]) == ([], "table 2"), number
+
+    in_room(tmp_path, scenario, countdown_s=2.0)
+
+
 def test_a_goal_that_is_sent_before_a_stop_is_heard_of_is_refused(tmp_path: Path) -> None:
     """A yes in the moment of an emergency stop that is armed at once: the daemon compares the number."""
 

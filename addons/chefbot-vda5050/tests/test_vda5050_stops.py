@@ -255,3 +255,38 @@ def test_an_order_under_way_waits_when_the_robot_was_stopped_while_its_daemon_wa
         await waits_for_a_person(now)
 
     with_fleet(scenario)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("is_away", [False, True])
+@pytest.mark.parametrize("is_heard", [True, False])
+def test_at_each_of_100_moments_a_stop_leaves_an_order_waiting_for_a_person(
+    is_heard: bool, is_away: bool
+) -> None:
+    """While it is judged for 3 s, or on its way with the daemon out of reach: 100 of 100 begin nothing by themselves."""
+
+    async def scenario(now: Fleet) -> None:
+        now.robot.set(stop_number=1048576)
+        for number in range(100):
+            now.robot.planning_s = 0.0 if is_away else 1.0
+            now.robot.set(x_m=0.0)
+            await now.order(line(0, 3, order_id=f"o{number}"))
+            await asyncio.sleep(0.029 * number + 0.01)
+            if is_away:
+                now.robot.fails = [DriveFailed("the connection was lost")]
+                await now.robot.stop()
+                now.robot.set(connected=False)
+                now.robot.set(connected=True, stop_number=now.robot.facts.stop_number + 1)
+            else:
+                stop_and_arm(now, is_heard=is_heard)
+            name = f"o{number}"
+            await now.until(lambda state, name=name: state.order_id == name and state.paused)
+            x_m = now.robot.facts.x_m
+            await asyncio.sleep(5.0)
+            assert now.robot.facts.x_m == x_m
+            await now.act("cancelOrder", f"c{number}")
+            await now.until(is_idle)
+            await now.act("stopPause", f"p{number}")
+            await asyncio.sleep(1.0)
+
+    with_fleet(scenario)

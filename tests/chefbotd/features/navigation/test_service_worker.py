@@ -53,6 +53,31 @@ def test_a_stop_while_a_goal_waits_for_a_busy_worker_voids_it_whatever_the_worke
     benched(scenario)
 
 
+@pytest.mark.parametrize("what", ["stops", "faults"])
+def test_at_each_of_100_moments_a_stop_or_a_fault_voids_a_goal_that_waits_for_a_busy_worker(
+    what: str,
+) -> None:
+    """It waits for 2 s; the robot is stopped in each 0.02 s of them, and armed at once: 100 of 100 are refused."""
+
+    async def scenario(bench: Bench) -> None:
+        for number in range(100):
+            await bench.navigate(HERE)
+            bench.worker.busy_s = 2.0
+            bench.service.cancel("by a key", GoalCause.ASKED)
+            asked = asyncio.create_task(bench.navigate(THERE))
+            await asyncio.sleep(0.019 * number + 0.01)
+            setattr(bench.driver, what, getattr(bench.driver, what) + 1)
+            bench.safety()
+            with pytest.raises(Refused, match="stopped after this goal was sent"):
+                await asked
+            bench.worker.busy_s = 0.0
+            await asyncio.sleep(1.0)
+        goals = [goals[0] for goals in bench.worker.told_of()]
+        assert goals == [2 * number + 1 for number in range(100)]
+
+    benched(scenario)
+
+
 def test_a_goal_that_is_cancelled_while_the_worker_hangs_is_over_at_once_and_stays_so() -> None:
     """The worker answers nothing, and is killed for it 3 s later: the next one is told of no goal."""
 
