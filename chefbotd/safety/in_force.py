@@ -48,12 +48,13 @@ class Envelope(Record, frozen=True):
 
     ``effort`` is the least of each wheel, with the direction of the newest. A wheel that ``may_turn_round`` can have
     been driven either way at that; empty where none can. ``asked_m_s`` is the speed of each rim that is farthest from
-    rest.
+    rest; ``is_steady``: all of them asked for the same.
     """
 
     effort: tuple[float, ...]
     may_turn_round: tuple[bool, ...]
     asked_m_s: tuple[float, ...]
+    is_steady: bool = True
 
 
 class InForce(MutableState):
@@ -174,4 +175,6 @@ def _widened(envelope: Envelope, command: Command) -> Envelope:
             effort[wheel] = math.copysign(share, least)
         if setpoint_m_s * setpoint_m_s > asked_m_s[wheel] * asked_m_s[wheel]:
             asked_m_s[wheel] = setpoint_m_s
-    return Envelope(tuple(effort), tuple(may_turn_round) if any(may_turn_round) else (), tuple(asked_m_s))
+    is_steady = envelope.is_steady and command.setpoint_m_s == envelope.asked_m_s
+    either_way = tuple(may_turn_round) if any(may_turn_round) else ()
+    return Envelope(tuple(effort), either_way, tuple(asked_m_s), is_steady)

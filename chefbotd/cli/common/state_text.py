@@ -225,6 +225,16 @@ def counters(data: Data) -> Fact:
     return Fact("counters", text, Style.NOTICE if problems else Style.PLAIN)
 
 
+def drive_warning(data: Data) -> Fact:
+    """Wheels that do not follow their commands."""
+    return Fact("wheels", data["reason"], Style.ALARM)
+
+
+def left_out_imu(data: Data) -> Fact:
+    """Why odometry leaves the IMU out."""
+    return Fact("imu", data["reason"], Style.ALARM)
+
+
 BY_TOPIC: tuple[tuple[str, Callable[[Data], Fact]], ...] = (
     ("safety", safety),
     ("link", link),
@@ -233,7 +243,9 @@ BY_TOPIC: tuple[tuple[str, Callable[[Data], Fact]], ...] = (
     ("map_pose", map_pose),
     ("odometry", speed),
     ("wheels", wheels),
+    ("drive_warning", drive_warning),
     ("imu", imu),
+    ("odometry_condition", left_out_imu),
     ("ranges", ranges),
     ("lidars", lidars),
     ("battery", battery),
@@ -246,6 +258,9 @@ BY_TOPIC: tuple[tuple[str, Callable[[Data], Fact]], ...] = (
 )
 AGEING = {"odometry", "map_pose", "wheels", "imu", "ranges", "battery", "sim"}
 """Topics that are sent periodically. The others are sent when they change, and do not age."""
+
+WITH_REASON = {"drive_warning", "odometry_condition"}
+"""Topics that are shown only while they have a reason: nothing is wrong otherwise."""
 
 
 def plugins(values: Sequence[Data]) -> Fact:
@@ -262,7 +277,11 @@ def _plugin(data: Data) -> str:
 
 def of_topics(latest: Mapping[str, Data]) -> list[Fact]:
     """The latest values by topic, each with ``data`` and ``age_s``; what is stale is faint."""
-    return [_aged(topic, word, latest[topic]) for topic, word in BY_TOPIC if topic in latest]
+    return [
+        _aged(topic, word, latest[topic])
+        for topic, word in BY_TOPIC
+        if topic in latest and (topic not in WITH_REASON or latest[topic]["data"].get("reason"))
+    ]
 
 
 def _aged(topic: str, word: Callable[[Data], Fact], value: Data) -> Fact:

@@ -179,7 +179,9 @@ class MotorWatch:
         if fault is not None:
             yield fault
         yield from self._watch_motion(now_s, envelope.asked_m_s, seen)
-        if envelope.asked_m_s != self._steady.asked_m_s:
+        if not envelope.is_steady:
+            self._steady = SteadyWheels()
+        elif envelope.asked_m_s != self._steady.asked_m_s:
             position_rad = seen.reading.position_rad
             self._steady = SteadyWheels(envelope.asked_m_s, self.in_force.taken_s, position_rad)
         elif self.in_force.taken_s - self._steady.since_s >= OFF_TARGET_PERIOD_S:

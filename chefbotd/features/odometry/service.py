@@ -6,6 +6,8 @@ The source is the wheels alone, the wheels with the IMU, or the speeds that the 
 import math
 from functools import partial
 
+import structlog
+
 from chefbotd.bus import Bus, HandlerFailure
 from chefbotd.clock import Clock
 from chefbotd.core.events import (
@@ -32,6 +34,8 @@ from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.models import DONE, Done
 from chefbotd.rpc.parameters import Role
 from chefbotd.sensing.imu import ImuParameters
+
+log = structlog.get_logger(component="odometry")
 
 
 class OdometryServiceState(Record, frozen=True):
@@ -165,6 +169,8 @@ class OdometryService:
         self._state = OdometryState(estimate.odom_from_base, twist, estimate.pose_covariance)
         imu, anomaly = fused.imu_trust, fused.anomaly
         if imu is not self._imu or anomaly is not self._anomaly:
+            if imu is ImuTrust.DISAGREES and self._imu is not imu:
+                log.warning("the IMU is left out", reason=fused.imu_reason)
             self._imu, self._anomaly = imu, anomaly
             self._bus.publish(
                 OdometryConditionChanged(

@@ -91,8 +91,10 @@ def test_a_steady_command_is_all_that_can_be_in_force() -> None:
     board.hear(command(1.0, 100))
     seen = [board.cycle(1.01 + i * CYCLE_S, 1.03 + i * CYCLE_S, [])[0] for i in range(5)]
     assert seen[1:] == [
-        Envelope((0.0, 0.0), (), (0.1, 0.1)),  # read 1.01, in force from 1.03 s on
-        Envelope((0.0, 0.0), (), (0.1, 0.1)),  # the wire may have taken until the second cycle
+        Envelope((0.0, 0.0), (), (0.1, 0.1), is_steady=False),  # read 1.01, in force from 1.03 s on
+        Envelope(
+            (0.0, 0.0), (), (0.1, 0.1), is_steady=False
+        ),  # the wire may have taken until the second cycle
         Envelope((0.5, 0.5), (), (0.1, 0.1)),
         Envelope((0.5, 0.5), (), (0.1, 0.1)),
     ]
@@ -136,7 +138,7 @@ def test_a_command_that_is_held_back_may_not_be_in_force() -> None:
     for i in range(10):
         line.note_line(1.21 + i * CYCLE_S, 1.213 + i * CYCLE_S, has_clock=True)
         envelope = line.over_reading()
-    assert envelope == Envelope((0.2, 0.2), (), (0.16, 0.16))
+    assert envelope == Envelope((0.2, 0.2), (), (0.16, 0.16), is_steady=False)
     line.note_command(command(1.8, 160))
     for i in range(4):
         line.note_line(1.81 + i * CYCLE_S, 1.813 + i * CYCLE_S, has_clock=True)

@@ -278,3 +278,11 @@ def test_a_guard_that_is_off_alarms() -> None:
     assert "a lidar (top), and the guard is off" in fact.text
     assert fact.style is Style.ALARM
     assert state_text.safety({**data, "guard_warning": ""}).style is Style.GOOD
+
+
+@pytest.mark.parametrize(("topic", "label"), [("drive_warning", "wheels"), ("odometry_condition", "imu")])
+def test_what_is_wrong_with_wheels_and_imu_is_shown_while_there_is_a_reason(topic: str, label: str) -> None:
+    """Its sentence, in alarm; nothing while there is none."""
+    (fact,) = state_text.of_topics({topic: {"data": {"reason": "turn a wheel by hand"}}})
+    assert (fact.label, fact.text, fact.style) == (label, "turn a wheel by hand", Style.ALARM)
+    assert state_text.of_topics({topic: {"data": {"reason": ""}}}) == []
