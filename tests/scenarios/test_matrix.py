@@ -59,6 +59,7 @@ NOT_INJECTED = {
     "The worker cannot work here": "its test has another worker",
     "The daemon dies while it has a worker": "its test starts a program of its own",
     "A command of navigation": "its test is the driver",
+    "A lidar's or a board's port stalls": "its tests have ports that stall",
 }
 """Rows of docs/safety.md by how they begin, and where else they happen."""
 

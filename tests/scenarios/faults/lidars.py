@@ -37,7 +37,27 @@ async def unplugged(fault_run: FaultRun) -> AsyncIterator[None]:
     device.plug()
 
 
+@asynccontextmanager
+async def from_the_start(fault_run: FaultRun) -> AsyncIterator[None]:
+    """So it is all the time."""
+    yield
+
+
 _FAULTS = (
+    Fault(
+        "Lone points of a lidar",
+        "lidar in the sun",
+        from_the_start,
+        DRIVES_ON,
+        overrides={"sim.lidar.lone_share": 0.02},
+    ),
+    Fault(
+        "Sensors see obstacles, and the guard is off",
+        "guard off",
+        from_the_start,
+        DRIVES_ON,
+        overrides={"safety.guard.enabled": False},
+    ),
     Fault("A lidar that guards falls silent", "lidar silent", partial(befallen, LidarFault.SILENT), CRAWLS),
     Fault(
         "A lidar that guards falls silent",
@@ -70,4 +90,4 @@ _FAULTS = (
     ),
 )
 
-FAULTS = tuple(replace(fault, overrides=WITH_LIDAR) for fault in _FAULTS)
+FAULTS = tuple(replace(fault, overrides={**WITH_LIDAR, **fault.overrides}) for fault in _FAULTS)

@@ -202,6 +202,20 @@ def blind(fault_run: FaultRun) -> AbstractAsyncContextManager[None]:
     return rewired(RANGE_LINE[fault_run.robot.client.hello.robot], lambda _: None, fault_run)
 
 
+@asynccontextmanager
+async def wall_of_misses(fault_run: FaultRun) -> AsyncIterator[None]:
+    """A wall comes near, of which every second reading shows nothing: no echo, or a voltage of far away."""
+    said = itertools.count(1)
+    nothing = {b"u": b"0", b"a": b"300.00"}
+
+    def rewrite(fields: list[bytes]) -> list[bytes]:
+        return fields if next(said) % 2 else [*fields[:-1], nothing[kind]]
+
+    kind = RANGE_LINE[fault_run.robot.client.hello.robot]
+    async with rewired(kind, rewrite, fault_run), wall(fault_run):
+        yield
+
+
 def lost_edges(every: int, fault_run: FaultRun) -> AbstractAsyncContextManager[None]:
     """Of the lines that tell edges one in so many never comes."""
     said = itertools.count(1)
@@ -324,6 +338,16 @@ FAULTS = (
         wall,
         OBSTACLE,
         lasts_s=5.0,
+        leave=(-0.2, 0.0),
+        sketches=NO_RANGE_SENSOR,
+    ),
+    Fault(
+        "A range sensor misses",
+        "wall ahead, every second reading missing",
+        wall_of_misses,
+        OBSTACLE,
+        lasts_s=5.0,
+        on_wire=True,
         leave=(-0.2, 0.0),
         sketches=NO_RANGE_SENSOR,
     ),
