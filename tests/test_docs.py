@@ -43,7 +43,7 @@ def test_every_fault_has_a_test_that_there_is() -> None:
     for row in rows():
         assert len(row) == COLUMNS, row
         assert all(row), row
-        named = re.findall(r"`(tests/[\w/]+\.py)::(test_\w+)`", row[-1])
+        named = re.findall(r"`((?:addons/[\w-]+/)?tests/[\w/]+\.py)::(test_\w+)`", row[-1])
         assert len(named) == row[-1].count("::"), row
         for path, name in named:
             assert name in names_in(ROOT / path), (path, name)
@@ -67,7 +67,7 @@ def fast_names_in(path: Path) -> set[str]:
 def test_every_promise_has_a_test_that_belongs_to_every_change() -> None:
     """Of each row at least one test is not slow, so no change can break what the row says unseen until CI."""
     for row in rows():
-        named = re.findall(r"`(tests/[\w/]+\.py)::(test_\w+)`", row[-1])
+        named = re.findall(r"`((?:addons/[\w-]+/)?tests/[\w/]+\.py)::(test_\w+)`", row[-1])
         assert any(name in fast_names_in(ROOT / path) for path, name in named), row[0]
 
 

@@ -60,6 +60,7 @@ NOT_INJECTED = {
     "The daemon dies while it has a worker": "its test starts a program of its own",
     "A command of navigation": "its test is the driver",
     "A lidar's or a board's port stalls": "its tests have ports that stall",
+    "Add-on": "its tests have the add-on, and no robot",
 }
 """Rows of docs/safety.md by how they begin, and where else they happen."""
 
