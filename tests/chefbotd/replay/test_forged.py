@@ -342,9 +342,7 @@ def test_a_recording_with_keys_of_an_earlier_version_is_replayed_with_todays() -
     assert settings.worker.max_memory_mb == 777.5
     assert settings.safety.unresponsive.tolerance_m == deaf["slack_m"]
     told["worker"]["naps"] = 3
-    with pytest.raises(
-        NotReplayable, match=r"worker\.naps: unknown key \(got 3\).*the version that recorded it"
-    ):
+    with pytest.raises(NotReplayable, match=r"worker\.naps: unknown key.*the version that recorded it"):
         settings_of(msgspec.json.encode(told).decode())
     with pytest.raises(NotReplayable, match="no JSON"):
         settings_of("{")
