@@ -1,6 +1,7 @@
 """Whom rosbridge serves, with a daemon that is only a greeting."""
 
 import asyncio
+import ssl
 import sys
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -9,7 +10,8 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from chefbot_ros2.rosbridge.server import POLICY_VIOLATION, Server, main
+import trustme
+from chefbot_ros2.rosbridge.server import POLICY_VIOLATION, Server, certified, main
 from websockets.asyncio.client import connect
 from websockets.exceptions import ConnectionClosed
 
@@ -82,6 +84,31 @@ def test_who_shows_its_token_and_who_is_on_this_computer_is_served(
     assert code == 0
     assert "/chefbot" in answer
     assert daemon.clients == [token]
+
+
+def test_with_a_certificate_it_speaks_tls(tmp_path: Path) -> None:
+    """A client that trusts its authority is served; the file that is no certificate is named."""
+    authority, trusting = trustme.CA(), ssl.create_default_context()
+    authority.configure_trust(trusting)
+    file = tmp_path / "bridge.pem"
+    authority.issue_cert("127.0.0.1").private_key_and_cert_chain_pem.write_to_path(file)
+
+    async def scenario() -> str:
+        port: asyncio.Future[int] = asyncio.get_running_loop().create_future()
+        server = Server(Greeting("none").connect_as, None, "ros2", tls=certified(file, None))
+        running = asyncio.create_task(server.run("127.0.0.1", 0, [], port.set_result))
+        try:
+            async with connect(f"wss://127.0.0.1:{await port}", ssl=trusting) as socket:
+                await socket.send('{"op": "call_service", "service": "/rosapi/nodes"}')
+                return str(await socket.recv())
+        finally:
+            running.cancel()
+            await asyncio.gather(running, return_exceptions=True)
+
+    assert "/chefbot" in asyncio.run(asyncio.wait_for(scenario(), PATIENCE_S))
+    (tmp_path / "none.pem").write_text("nothing")
+    with pytest.raises(ValueError, match=r"none\.pem: no certificate"):
+        certified(tmp_path / "none.pem", None)
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::", "192.168.1.5", "robot.local"])
