@@ -144,7 +144,8 @@ class HelloAnswer:
 @dataclass(frozen=True, slots=True)
 class BoardAbout:
     """``about`` from the board: the edges of an encoder's period that it counts, and of a second at most, the build of
-    its program, and the counts of a wheel's turn that it was given (0: none)."""
+    its program, and the counts of a wheel's turn that it was given (0: none).
+    """
 
     edges: int
     most_edges_s: int

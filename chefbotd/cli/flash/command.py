@@ -16,16 +16,12 @@ from chefbotd.cli.common.exits import Exit, ProgramError
 if TYPE_CHECKING:
     from chefbotd.cli.flash.boards import Board, Programmer
     from chefbotd.cli.flash.images import Image
-    from chefbotd.cli.flash.procedure import Heard
+    from chefbotd.cli.flash.procedure import Heard, Tell
+    from chefbotd.cli.flash.turns import Turned
     from chefbotd.doctor.listening.ports import SerialPort
 
 YES = "yes"
 BOARD_NAMES = ("tiva", "duemilanove")
-COUNTS = (
-    "It counts all four edges of the encoders: in the robot's configuration set [encoders] "
-    "counted_by = \"firmware\", and counts_per_turn to what 'chefbotctl calibrate encoders' finds as a wheel is turned "
-    "by hand (four times the sketch's, if that was measured and not assumed). chefbotd does not drive before."
-)
 
 
 @click.command()
@@ -53,10 +49,11 @@ def flash(
 ) -> None:
     """Put the firmware that stops by itself on the robot's board.
 
-    Stops the motors, keeps the board's old program in a file, writes the new one and verifies it, and listens until the
-    board names itself. Says at the end how to go back. Needs openocd or lm4flash (Tiva), or avrdude (Duemilanove).
+    Stops the motors, keeps the board's old program in a file, writes the new one and verifies it, and listens until
+    the board names itself. Then it asks for ten turns of each wheel by hand, which measure what a turn counts. Says at
+    the end how to go back. Needs openocd or lm4flash (Tiva), or avrdude (Duemilanove).
     """
-    from chefbotd.cli.flash import old_program, procedure
+    from chefbotd.cli.flash import old_program, procedure, turns
 
     board, port = _board_and_port(board_name, device)
     image = _image(board, own_image)
@@ -88,7 +85,9 @@ def flash(
     _check_heard(image, heard, go_back)
     tell(_as_sentence(heard))
     if image.version:
-        tell(COUNTS)
+        turned = [] if confirmed or context.as_json else _measure_turns(port, tell)
+        _, advice = turns.judge_turns(turned)
+        tell(advice)
     tell(go_back)
     _print_json(context, board, port, programmer, image, kept=kept, heard=heard)
 
@@ -152,6 +151,27 @@ def _ask(port: "SerialPort") -> None:
         answer = ""
     if answer.strip().lower() != YES:
         raise ProgramError(Exit.FAILED, f"{YES!r} was not typed: nothing was touched")
+
+
+def _measure_turns(port: "SerialPort", tell: "Tell") -> "list[Turned]":
+    """The turns of both wheels; none where they cannot be counted, which is told: the board is flashed all the same."""
+    from chefbotd.cli.flash.turns import measure_turns
+
+    try:
+        return measure_turns(port, _ask_turn)
+    except ProgramError as error:
+        tell(str(error))
+        return []
+
+
+def _ask_turn(question: str) -> bool:
+    """Whether somebody has pressed Enter: not where nobody answers, or another word was typed."""
+    try:
+        return not click.prompt(
+            f"{question} (Enter; n: do not measure)", default="", show_default=False, err=True
+        ).strip()
+    except click.Abort:
+        return False
 
 
 def _kept_folder() -> Path:

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.flash.boards import Board, Programmer
-from chefbotd.cli.flash.procedure import ProgramFailed, Tell, run
+from chefbotd.cli.flash.procedure import ProgramFailed, Tell, run_again
 from chefbotd.doctor.listening.ports import SerialPort
 from chefbotd.storage import explain, sync_folder
 
@@ -36,7 +36,7 @@ def keep_old_program(
         folder.mkdir(parents=True, exist_ok=True)
         if shutil.disk_usage(folder).free < 2 * board.kept_bytes:  # not every programmer says that it ran out
             raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
-        run(programmer.read(port, unfinished))
+        run_again(programmer.read(port, unfinished), "Reading the old program", tell)
         data = unfinished.read_bytes()[: board.kept_bytes].rstrip(bytes([ERASED]))
         if not data:
             tell("The board's flash memory is empty: there is no old program to keep.")

@@ -22,7 +22,7 @@ BAUD = 115_200
 STOP_S = 1.5
 """A classic sketch's cycle takes up to a second where no echo comes back (docs/protocol.md), and tells its duty then."""
 
-WRITES = 3
+TRIES = 3
 PROGRAM_TIMEOUT_S = 180.0
 HEAR_S = 8.0
 """The boot loader waits up to 2 s, the classic boards take as long to start, and ours names itself once a second."""
@@ -70,19 +70,32 @@ def write(programmer: Programmer, port: SerialPort, image: Path, go_back: str, t
     Raises:
         ProgramError: no try succeeded; it says what state the board is in.
     """
-    for attempt in range(1, WRITES + 1):
+    try:
+        run_again(programmer.write(port, image), "Writing", tell)
+    except ProgramFailed as failure:
+        raise ProgramError(
+            Exit.FAILED,
+            f"the board was not programmed: {failure}. It may hold half a program, which may do anything: keep the "
+            "wheels off the ground. Its boot loader or debugger is not touched by this, so run the command again. "
+            f"{go_back}",
+        ) from failure
+
+
+def run_again(command: Sequence[str], what: str, tell: Tell) -> None:
+    """Run a programmer, up to three times: a boot loader may have missed the reset, or a byte.
+
+    Raises:
+        ProgramFailed: no try succeeded; of the last one.
+    """
+    for attempt in range(1, TRIES + 1):
         try:
-            run(programmer.write(port, image))
+            run(command)
         except ProgramFailed as error:
-            tell(f"Writing failed (try {attempt} of {WRITES}): {error}")
-            failure = error
+            tell(f"{what} failed (try {attempt} of {TRIES}): {error}")
+            if attempt == TRIES:
+                raise
         else:
             return
-    raise ProgramError(
-        Exit.FAILED,
-        f"the board was not programmed: {failure}. It may hold half a program, which may do anything: keep the wheels "
-        f"off the ground. Its boot loader or debugger is not touched by this, so run the command again. {go_back}",
-    )
 
 
 class ProgramFailed(Exception):

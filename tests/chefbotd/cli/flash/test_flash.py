@@ -224,11 +224,19 @@ def test_a_port_in_use_is_not_touched(talking: Duemilanove, flash: Flash, openoc
     assert not (openocd / "calls").exists()
 
 
+def test_a_read_that_fails_is_tried_again(talking: Duemilanove, flash: Flash, openocd: Path) -> None:
+    """Twice in a row, as a write: the third try keeps the old program."""
+    (openocd / "fail_read").write_text("2")
+    result = flash("--board", "tiva", "--port", talking.device)
+    assert "Reading the old program failed (try 2 of 3): openocd ended with exit code 1" in result.output
+    assert "The old program is kept in" in result.output
+
+
 def test_nothing_is_written_if_the_old_program_cannot_be_read(
     talking: Duemilanove, flash: Flash, openocd: Path, tmp_path: Path
 ) -> None:
     """There would be no way back."""
-    (openocd / "fail_read").write_text("1")
+    (openocd / "fail_read").write_text("9")
     result = flash("--board", "tiva", "--port", talking.device)
     assert result.exit_code == 1
     assert (
