@@ -253,10 +253,41 @@ def _fastest(sample: WheelSample) -> float:
     return max(sample.velocity_rad_s.values(), key=abs)
 
 
+HAND_TURNS = 10
+"""So often a wheel is turned by hand, to see whether the counts per turn are right."""
+
+TURNS_SHARE = 0.05
+"""Nobody turns a wheel more exactly by eye than to half a turn of ten."""
+
+
+def check_hand_turns(wheel: str, turned_rad: float, counts_per_turn: float) -> Finding:
+    """Whether ten turns by hand are ten by the encoder."""
+    turns = abs(turned_rad) / math.tau
+    text = f"{wheel} was turned {HAND_TURNS} times by hand: its encoder says {turns:.1f} turns"
+    if turns < 0.1:
+        return skipped("counts_per_turn", f"{text}, so it was not turned, or its encoder is unplugged")
+    if abs(turns / HAND_TURNS - 1) <= TURNS_SHARE:
+        return ok("counts_per_turn", text)
+    return problem(
+        "counts_per_turn",
+        text,
+        f"set [encoders] counts_per_turn = {counts_per_turn * turns / HAND_TURNS:.0f} (it is {counts_per_turn:.0f}; "
+        "'chefbotctl calibrate encoders' measures it exactly); then run the doctor again before any gain is changed",
+    )
+
+
 def check_scale(
-    wheels: Sequence[WheelSetting], runs: Sequence[WheelRun], *, max_duty: int, max_rim_speed_m_s: float
+    wheels: Sequence[WheelSetting],
+    runs: Sequence[WheelRun],
+    *,
+    max_duty: int,
+    max_rim_speed_m_s: float,
+    counts_are_right: bool = True,
 ) -> Finding:
-    """Whether a duty of ``max_duty`` is full on, by what the wheels reached."""
+    """Whether a duty of ``max_duty`` is full on, by what the wheels reached.
+
+    Unless the ``counts_are_right``, by a wheel that was turned by hand, a speed that does not fit blames neither.
+    """
     by_name = {wheel.name: wheel for wheel in wheels}
     estimates = [full_scale(run, by_name[run.wheel], max_rim_speed_m_s) for run in runs]
     scales = [scale for scale in estimates if scale is not None]
@@ -267,6 +298,13 @@ def check_scale(
     text = f"the wheels' speeds suggest a full scale of about {scale:.0f}, but [drive] max_duty is {max_duty}"
     if 1 / SCALE_RATIO < max_duty / scale < SCALE_RATIO:
         return ok("duty_scale", text)
+    if not counts_are_right:
+        return problem(
+            "duty_scale",
+            f"{text}; wrong counts per turn look the same",
+            "turn a wheel ten times by hand first ('chefbotctl calibrate encoders'), set what that finds, and run the "
+            "doctor again",
+        )
     gains = (
         f"set max_duty = {nearest}, and multiply every gain in [pid] whose name has 'duty' by {nearest / max_duty:.3g}; "
         "then 'chefbotctl pid tune'"

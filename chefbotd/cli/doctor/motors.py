@@ -1,6 +1,7 @@
 """Drives one wheel at a time, on blocks, after a typed yes. The motors stop however this ends."""
 
 import asyncio
+from functools import partial
 from typing import Any
 
 from chefbotd.cli.doctor.collecting import collected, of_topic
@@ -8,7 +9,7 @@ from chefbotd.cli.doctor.diagnosis import YES, Diagnosis
 from chefbotd.cli.drive.control import ignoring_too_old, release_source
 from chefbotd.client import CallError, Client, Event
 from chefbotd.core.record import replace
-from chefbotd.doctor.finding import skipped
+from chefbotd.doctor.finding import Finding, Verdict, skipped
 from chefbotd.doctor.latency import check_echo
 from chefbotd.doctor.listening.line_survey import echo_delays_s, line_bytes
 from chefbotd.doctor.wheels import (
@@ -17,6 +18,7 @@ from chefbotd.doctor.wheels import (
     WheelSample,
     WheelSetting,
     check_faults,
+    check_hand_turns,
     check_motor,
     check_scale,
 )
@@ -39,6 +41,10 @@ The doctor can turn each wheel forward, slowly, one after the other, for two sec
 Put the robot on blocks, so that all its wheels hang free, and keep hands and cables away from them.
 A fault that this provokes stops the motors; the doctor then arms the robot again for the next wheel.
 Ctrl-C stops everything. Type yes to begin, or press Enter to leave it out."""
+
+TURN_BY_HAND = """\
+The wheels' speeds do not fit the duty's scale. Wrong counts per turn of the encoders look the same.
+Mark {name}, turn it forward by hand, exactly ten turns, and then type yes; press Enter to leave it out."""
 
 ANSWERS = {
     "yes": "forward",
@@ -74,14 +80,39 @@ async def examine_motors(diagnosis: Diagnosis, robot: Client) -> None:
     finally:
         if robot.connected:
             await release_source(robot)
-    drive = diagnosis.settings.drive
-    diagnosis.find(
-        check_scale(
-            diagnosis.wheels, runs, max_duty=drive.max_duty, max_rim_speed_m_s=drive.max_rim_speed_m_s
-        ),
-        check_echo(delays_s),
-        *check_faults(runs),
+    await _examine_scale(diagnosis, robot, runs)
+    diagnosis.find(check_echo(delays_s), *check_faults(runs))
+
+
+async def _examine_scale(diagnosis: Diagnosis, robot: Client, runs: list[WheelRun]) -> None:
+    """Conclude about the duty's scale; where it does not fit, only after a wheel was turned by hand."""
+    drive, wheels = diagnosis.settings.drive, diagnosis.wheels
+    check = partial(
+        check_scale, wheels, runs, max_duty=drive.max_duty, max_rim_speed_m_s=drive.max_rim_speed_m_s
     )
+    finding = check()
+    if finding.verdict is Verdict.PROBLEM:
+        counted = await _turn_by_hand(diagnosis, robot, wheels[0].name)
+        if counted is not None:
+            diagnosis.find(counted)
+        finding = check(counts_are_right=counted is not None and counted.verdict is Verdict.OK)
+    diagnosis.find(finding)
+
+
+async def _turn_by_hand(diagnosis: Diagnosis, robot: Client, name: str) -> Finding | None:
+    """Have a wheel turned ten times by hand; None where nobody does so."""
+    before_rad = await _position_rad(robot, name)
+    if await diagnosis.asker.ask(TURN_BY_HAND.format(name=name)) != YES:
+        return None
+    turned_rad = await _position_rad(robot, name) - before_rad
+    return check_hand_turns(name, turned_rad, diagnosis.settings.encoders.counts_per_turn)
+
+
+async def _position_rad(robot: Client, name: str) -> float:
+    async with robot.subscribe("wheels") as events:
+        async for event in events:
+            return dict(zip(event.data.name, event.data.position_rad, strict=True))[name]
+    raise ConnectionError("the daemon has ended")
 
 
 async def _why_not(diagnosis: Diagnosis, robot: Client) -> tuple[str, str] | None:

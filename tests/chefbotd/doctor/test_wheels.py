@@ -1,5 +1,7 @@
 """Conclusions about encoders, motors and the duty's scale."""
 
+import math
+
 import pytest
 
 from chefbotd.doctor.finding import Verdict
@@ -8,6 +10,7 @@ from chefbotd.doctor.wheels import (
     WheelSample,
     WheelSetting,
     check_distance,
+    check_hand_turns,
     check_motor,
     check_push,
     check_scale,
@@ -115,6 +118,32 @@ def test_the_scale_that_is_configured(max_duty: int, duty: int, verdict: Verdict
     """At 0.55 of full, duty 130 tells 236 and duty 520 tells 945."""
     driven = run(left_rad=2.0, duty=duty, speed=4.0)
     finding = check_scale(BOTH, [driven], max_duty=max_duty, max_rim_speed_m_s=0.36)
+    assert finding.verdict is verdict
+    assert advice in finding.advice
+
+
+def test_a_speed_that_does_not_fit_blames_no_scale_before_a_wheel_was_turned_by_hand():
+    """Four times too many counts per turn look like a full scale of 1023: neither is told as the cause."""
+    driven = run(left_rad=2.0, duty=520, speed=4.0)
+    finding = check_scale(BOTH, [driven], max_duty=255, max_rim_speed_m_s=0.36, counts_are_right=False)
+    assert finding.verdict is Verdict.PROBLEM
+    assert "wrong counts per turn look the same" in finding.measured
+    assert "ten times by hand" in finding.advice
+    assert "max_duty =" not in finding.advice
+
+
+@pytest.mark.parametrize(
+    ("turns", "verdict", "advice"),
+    [
+        (10.3, Verdict.OK, ""),
+        (2.5, Verdict.PROBLEM, "counts_per_turn = 1050 (it is 4200"),
+        (20.0, Verdict.PROBLEM, "counts_per_turn = 8400"),
+        (0.0, Verdict.SKIPPED, ""),
+    ],
+)
+def test_ten_turns_by_hand_show_the_counts_per_turn(turns: float, verdict: Verdict, advice: str):
+    """What the encoder makes of ten turns, forwards or backwards."""
+    finding = check_hand_turns("left", -turns * math.tau, 4200.0)
     assert finding.verdict is verdict
     assert advice in finding.advice
 
