@@ -6,7 +6,6 @@ import ssl
 from collections.abc import Callable
 from typing import Any, Literal
 
-import structlog
 from msgspec.structs import fields
 
 from chefbotd.client.errors import (
@@ -21,7 +20,6 @@ from chefbotd.client.errors import (
 from chefbotd.client.wire import Wire
 from chefbotd.core.record import Record
 
-log = structlog.get_logger(__name__)
 PROTOCOL_MAJOR = "1"
 CLOSING_PATIENCE_S = 1.0
 
@@ -123,7 +121,11 @@ def _check_way(endpoint: Endpoint, peer_host: str) -> None:
         return
     why = f"the connection to {endpoint.host} is not encrypted: others can read the token, or ask for it"
     if endpoint.clear_token is None:
-        log.warning("token_in_clear", why=why, hint="pass tls=ssl.create_default_context(cafile=CERTIFICATE)")
+        import structlog  # not in the memory of who never needs it
+
+        structlog.get_logger(__name__).warning(
+            "token_in_clear", why=why, hint="pass tls=ssl.create_default_context(cafile=CERTIFICATE)"
+        )
         return
     raise TokenWithheld(
         f"{why}, so it was not sent; --ca names the daemon's certificate (its api.tls_certificate), and --clear-token "

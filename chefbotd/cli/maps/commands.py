@@ -11,7 +11,7 @@ import click
 from chefbotd.cli.common import output
 from chefbotd.cli.common.add_on import ros2_add_on
 from chefbotd.cli.common.context import CommandContext
-from chefbotd.cli.common.echo import echo
+from chefbotd.cli.common.echo import echo, tell
 from chefbotd.cli.common.exits import Exit, ProgramError, require
 from chefbotd.cli.maps.asking import ask, progress_bar, write_file
 from chefbotd.client import Client
@@ -275,7 +275,7 @@ def from_bag(
     text = f"Saved {saved.name}, version {saved.version}: {saved.keyframes} scans on {saved.path_m:.0f} m."
     output.say(context.as_json, saved, text)
     if mapped.doubt:
-        click.echo(f"Warning: {mapped.doubt}", err=True)
+        tell(f"Warning: {mapped.doubt}")
 
 
 @map_group.command()
