@@ -238,3 +238,26 @@ def test_a_stop_while_the_worker_begins_to_search_is_not_undone(
         assert bench.turn_rad_s < 0.005
 
     on_robot(scenario)
+
+
+@pytest.mark.parametrize("happens", [None, _stop, _estop, _fault])
+def test_a_robot_that_was_stopped_since_its_start_does_not_turn_by_itself(
+    happens: Callable[[Bench], Awaitable[None]] | None,
+) -> None:
+    """It is to turn once where it does not know where it is; what stopped it before, and an arm, end that permission."""
+
+    async def scenario(bench: Bench) -> None:
+        daemon, clock = bench.robot.daemon, LoopClock()
+        driver = InnerDriver(daemon.driving, daemon.leases, clock, "navigation", ("teleop", "safety"))
+        feed = cast(WorkerService, SimpleNamespace(worker=BusyWorker(lambda: asyncio.sleep(0))))
+        service = LocalizationService(daemon.bus, clock, feed, driver, turns_at_start=True)
+        await bench.robot.client.stop()  # whoever listens from now on hears how the gate stands
+        service._turning.was_stopped = False
+        if happens is not None:
+            await happens(bench)
+            await bench.robot.client.arm()
+        service._take_told(LocalizationChanged(1.0, "searching", "flat", 0.0, (), 0.0, 0, ""))
+        await asyncio.sleep(LOOKS_S + 2.0)
+        assert (bench.turn_rad_s > 0.3) is (happens is None)
+
+    on_robot(scenario)
