@@ -59,12 +59,18 @@ class Methods(GeneratedMethods):
         """The daemon's latest greeting."""
 
     async def drive(
-        self, linear_m_s: float, angular_rad_s: float, source: str | None = None
+        self,
+        linear_m_s: float,
+        angular_rad_s: float,
+        source: str | None = None,
+        *,
+        if_stop_number: int | None = None,
     ) -> models.Driven:
         """Drive at this velocity until the command is replaced or too old; repeat it to keep moving.
 
         It is too old after the dead-man time (``hello.command_timeout_s``: 0.5 s, KHAN 0.25 s). Without ``source`` it is
-        one of the robot's default source. The answer is what the limits allow of it.
+        one of the robot's default source. With ``if_stop_number`` it is refused as ``stopped_since`` where the robot was
+        stopped after this was its number. The answer is what the limits allow of it.
 
         Raises:
             MotionInterrupted: this program did not run for longer than that since an earlier command to move. Nothing
@@ -72,7 +78,12 @@ class Methods(GeneratedMethods):
         """
         with self._watched_motion(moves=linear_m_s != 0.0 or angular_rad_s != 0.0):
             driven: models.Driven = await self._ask(
-                "Driven", "drive", linear_m_s=linear_m_s, angular_rad_s=angular_rad_s, source=source
+                "Driven",
+                "drive",
+                linear_m_s=linear_m_s,
+                angular_rad_s=angular_rad_s,
+                source=source,
+                if_stop_number=if_stop_number,
             )
         return driven
 
@@ -140,7 +151,11 @@ class Methods(GeneratedMethods):
                 return
 
     async def set_wheel_velocities(
-        self, velocity_rad_s: Mapping[str, float], source: str | None = None
+        self,
+        velocity_rad_s: Mapping[str, float],
+        source: str | None = None,
+        *,
+        if_stop_number: int | None = None,
     ) -> models.WheelSpeedsSet:
         """Command wheel speeds by wheel name, in rad/s. Other wheels stand. It expires as ``drive`` does."""
         names, velocities = list(velocity_rad_s), list(velocity_rad_s.values())
@@ -151,6 +166,7 @@ class Methods(GeneratedMethods):
                 name=names,
                 velocity_rad_s=velocities,
                 source=source,
+                if_stop_number=if_stop_number,
             )
         return driven
 

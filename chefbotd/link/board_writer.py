@@ -18,6 +18,7 @@ from chefbotd.link.health import show
 log = structlog.get_logger(component="link")
 
 LINES_KEPT = 200
+LINES_LOGGED = 20
 SETTLE_S = 0.05
 """What came just after the fault belongs to its story: the dump waits for it."""
 
@@ -33,12 +34,15 @@ class LineRing:
         self.heard: deque[Seen] = deque(maxlen=LINES_KEPT)
         self.said: deque[Seen] = deque(maxlen=LINES_KEPT)
 
-    def as_text(self, now_s: float) -> list[str]:
-        """Both ways in the order of time: seconds from ``now_s``, ``<`` from the board or ``>`` to it, the line."""
+    def as_text(self, now_s: float, most: int = LINES_LOGGED) -> list[str]:
+        """The newest in the order of time: seconds from ``now_s``, ``<`` from the board or ``>`` to it, the line.
+
+        The ring of the recorder has all of them, and the doctor's bundle has that ring.
+        """
         lines = [(stamp_s, "<", line) for stamp_s, line in self.heard]
         lines += [(stamp_s, ">", line) for stamp_s, line in self.said]
         lines.sort(key=lambda seen: seen[0])
-        return [f"{stamp_s - now_s:.3f} {sign} {show(line)}" for stamp_s, sign, line in lines]
+        return [f"{stamp_s - now_s:.3f} {sign} {show(line)}" for stamp_s, sign, line in lines[-most:]]
 
 
 class FaultLog:

@@ -1,7 +1,8 @@
 """The named places of a map in their file: read, changed, written."""
 
+import difflib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from enum import StrEnum
 from typing import Literal
 
@@ -78,10 +79,21 @@ def with_place(places: Mapping[str, Place], name: str, place: Place) -> dict[str
     return changed
 
 
+def describe_unknown(name: str, names: Iterable[str]) -> str:
+    """What a map has in place of an unknown name, the most similar ones first, for people."""
+    names = list(names)
+    by_plain = {other.casefold(): other for other in names}
+    close = difflib.get_close_matches(name.casefold(), by_plain, n=2)
+    if close:
+        return f"did you mean {' or '.join(repr(by_plain[each]) for each in close)}?"
+    return f"there are: {', '.join(names) or 'none'}"
+
+
 def without_place(places: Mapping[str, Place], name: str) -> dict[str, Place]:
     """These places but one; raises ``MapStoreError`` if it is not among them."""
     name = place_name(name)
     if name not in places:
-        existing = f"there are {', '.join(places)}" if places else "there are none"
-        raise MapStoreError(RefusalKind.UNKNOWN_PLACE, f"no place named {name!r}; {existing}")
+        raise MapStoreError(
+            RefusalKind.UNKNOWN_PLACE, f"no place named {name!r}; {describe_unknown(name, places)}"
+        )
     return {other: place for other, place in places.items() if other != name}

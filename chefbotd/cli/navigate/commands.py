@@ -12,6 +12,7 @@ from chefbotd.cli.common import output
 from chefbotd.cli.common.arguments import NUMBERS_MAY_BE_NEGATIVE, finite
 from chefbotd.cli.common.context import CommandContext, beside
 from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.cli.navigate.completion import complete_places
 from chefbotd.client import Client
 from chefbotd.client.errors import GoalNotReached
 
@@ -27,7 +28,9 @@ NEEDS_LIDAR = "this robot does not navigate: its configuration has no [[lidar]],
 
 
 @click.command(context_settings=NUMBERS_MAY_BE_NEGATIVE)
-@click.argument("target", nargs=-1, required=True, metavar="PLACE | X Y [DEG]")
+@click.argument(
+    "target", nargs=-1, required=True, metavar="PLACE | X Y [DEG]", shell_complete=complete_places
+)
 @click.option(
     "--tolerance",
     "tolerance_m",
@@ -78,7 +81,7 @@ def _goal(target: tuple[str, ...]) -> dict[str, Any]:
 
 
 @click.command()
-@click.argument("places", nargs=-1, required=True, metavar="PLACE...")
+@click.argument("places", nargs=-1, required=True, metavar="PLACE...", shell_complete=complete_places)
 @click.option("--rounds", type=click.IntRange(1, 1000), default=1, show_default=True, help="How often.")
 @click.pass_obj
 def patrol(context: CommandContext, places: tuple[str, ...], rounds: int) -> None:

@@ -1,6 +1,5 @@
 """The program chefbotctl: shows, drives and configures a robot whose daemon runs."""
 
-import ssl
 from typing import TextIO
 
 import click
@@ -9,7 +8,8 @@ from click.core import ParameterSource
 from chefbotd import __version__
 from chefbotd.cli.calibrate.commands import calibrate
 from chefbotd.cli.common.arguments import Address, address
-from chefbotd.cli.common.context import CommandContext, CoroutineRunner, Credentials, run_until_signalled
+from chefbotd.cli.common.context import CommandContext, CoroutineRunner, run_until_signalled
+from chefbotd.cli.common.credentials import credentials
 from chefbotd.cli.common.exits import MEANING, exit_table
 from chefbotd.cli.doctor.doctor_command import doctor, ports
 from chefbotd.cli.drive import commands as driving
@@ -26,12 +26,6 @@ from chefbotd.cli.record.commands import log_group, record
 from chefbotd.cli.tune.commands import pid
 
 TOKEN = click.File(encoding="utf-8")
-LONGEST_TOKEN = 512
-"""The daemon's limit."""
-
-LONGEST_TOKEN_FILE = 65_536
-ROLES = ("observe", "guest", "agent", "drive", "admin")
-"""The daemon's roles, repeated here so that chefbotctl need not import them."""
 
 EXITS = list(MEANING)
 
@@ -93,36 +87,8 @@ def main(
             raise click.UsageError("--robot and --connect exclude each other: both say where the daemon is")
         where = address_of(name, run)
     ctx.obj = CommandContext(
-        where, wants_json(ctx), run, _credentials(token_file, ca, clear_token=clear_token)
+        where, wants_json(ctx), run, credentials(token_file, ca, clear_token=clear_token)
     )
-
-
-def _credentials(token_file: TextIO | None, ca: str | None, *, clear_token: bool) -> Credentials:
-    token = None if token_file is None else _token(token_file)
-    try:
-        return Credentials(token, None if ca is None else ssl.create_default_context(cafile=ca), clear_token)
-    except OSError as error:
-        raise click.UsageError(f"--ca {ca}: no certificates: {error}") from error
-
-
-def _token(file: TextIO) -> str:
-    """The first token in the file: alone on its line or after its role, as in the daemon's own file.
-
-    The token never appears in a message.
-    """
-    try:
-        lines = file.read(LONGEST_TOKEN_FILE + 1).splitlines()
-    except UnicodeDecodeError:
-        raise click.UsageError(f"--token-file {file.name}: is not text") from None
-    entries = [line.split() for line in lines if line.strip() and not line.lstrip().startswith("#")]
-    words = entries[0] if entries else []
-    has_role = len(words) == 2 and words[0] in ROLES
-    if not (len(words) == 1 or has_role) or len(words[-1]) > LONGEST_TOKEN:
-        raise click.UsageError(
-            f"--token-file {file.name}: expected a token of at most {LONGEST_TOKEN} characters, alone or after its "
-            f"role ({', '.join(ROLES)}), found {len(words)} words"
-        )
-    return words[-1]
 
 
 map_group.add_command(example("demo", "map"))

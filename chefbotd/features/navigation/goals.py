@@ -13,6 +13,7 @@ from chefbotd.core.record import Record, replace
 from chefbotd.entries import Entries
 from chefbotd.features.maps.models import PlaceList
 from chefbotd.features.navigation.models import Waypoint
+from chefbotd.maps.places import describe_unknown
 from chefbotd.rpc.encoding import encode
 from chefbotd.worker.skills.navigation_requests import GoalAsked
 
@@ -180,8 +181,8 @@ def _goal(number: int, waypoint: Waypoint, places: PlaceList | None) -> GoalAske
     if waypoint.place is not None and places is not None:
         place = next((place for place in places.places if place.name == waypoint.place), None)
         if place is None:
-            names = ", ".join(place.name for place in places.places) or "none"
-            why = f"the map {places.map!a} has no place {waypoint.place!a}; there are: {names}"
+            there = describe_unknown(waypoint.place, [place.name for place in places.places])
+            why = f"the map {places.map!a} has no place {waypoint.place!a}; {there}"
             raise Refused(RefusalKind.UNKNOWN_PLACE, why)
         x_m, y_m, heading_rad = place.x_m, place.y_m, place.heading_rad
     return GoalAsked(

@@ -246,3 +246,30 @@ def test_localize_has_the_robot_turn_only_if_it_is_asked_to(
     assert told in " ".join(result.output.split())
     assert searching.turns == [bool(arguments)]
     assert searching.looked is not bool(arguments)
+
+
+def completed(words: str) -> list[str]:
+    """What bash would offer."""
+    request = {
+        "_CHEFBOTCTL_COMPLETE": "bash_complete",
+        "COMP_WORDS": f"chefbotctl {words}",
+        "COMP_CWORD": str(len(words.split())),
+    }
+    lines = CliRunner().invoke(main, prog_name="chefbotctl", env=request).output.split("\n")
+    return [line.removeprefix("plain,") for line in lines if line]
+
+
+@pytest.mark.parametrize("command", ["go", "patrol sofa"])
+def test_the_shell_completes_places(robot: Robot, monkeypatch: pytest.MonkeyPatch, command: str) -> None:
+    """Those of the map in use that begin so, whatever their case."""
+
+    async def list_places() -> SimpleNamespace:
+        return SimpleNamespace(places=[SimpleNamespace(name=name) for name in ("kitchen", "Kiosk", "sofa")])
+
+    monkeypatch.setattr(robot, "list_places", list_places, raising=False)
+    assert completed(f"{command} ki") == ["kitchen", "Kiosk"]
+
+
+def test_without_a_daemon_the_shell_completes_nothing() -> None:
+    """It prints no error into the command line."""
+    assert completed("--connect 127.0.0.1:1 go ki") == []

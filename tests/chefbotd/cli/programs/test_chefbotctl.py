@@ -92,7 +92,7 @@ def test_gains_are_shown_by_wheel(control: Control) -> None:
 def test_describe_names_methods_and_topics(control: Control) -> None:
     """A row for each of what can be called and watched: its fields, none of them cut, and what it is for."""
     told = " ".join(control("describe").stdout.split())
-    assert re.search(r"method drive linear_m_s .*Drive at", told)
+    assert re.search(r"method drive if_stop_number .*Drive at this velocity linear_m_s", told)
     assert re.search(r"method ping .*Answer at once", told)
     assert re.search(r"topic battery voltage_v .*The battery", told)
     assert "…" not in told
