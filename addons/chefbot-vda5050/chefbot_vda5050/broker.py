@@ -100,7 +100,7 @@ class Broker:
 
     async def run(self) -> None:
         """Be connected until cancelled; then say so and leave."""
-        pause_s, ended_soon, loop = FIRST_RETRY_S, 0, asyncio.get_running_loop()
+        pause_s, ended_soon, was_away, loop = FIRST_RETRY_S, 0, False, asyncio.get_running_loop()
         while True:
             self._began_s, longest_s = None, LONGEST_RETRY_S
             try:
@@ -114,9 +114,11 @@ class Broker:
                 raise_if_cancelled()
                 log.warning("no connection to the broker", why=str(error), again_in_s=round(pause_s, 2))
             held_s = 0.0 if self._began_s is None else loop.time() - self._began_s
-            if held_s >= STEADY_S:
-                pause_s, ended_soon = FIRST_RETRY_S, 0
-            elif self._began_s is not None:
+            if self._began_s is None:  # it is away, or lets nobody in: that is not another client's doing
+                was_away, ended_soon = True, 0
+            elif was_away or held_s >= STEADY_S:
+                was_away, ended_soon, pause_s = False, 0, FIRST_RETRY_S
+            else:
                 ended_soon += 1
             if ended_soon >= TAKEN_OVER:
                 longest_s = LONGEST_PAUSE_S

@@ -22,7 +22,7 @@ class FakeClient:
 
     def __init__(self, codes: tuple[int, ...] = (0,), holds_s: float = 1e9) -> None:
         self._codes, self._holds_s = codes, holds_s
-        self.connections = 0
+        self.connections = self.away = 0  # ``away``: so many attempts fail before each connection
         self.said: list[ConnectionState] = []
         self.listed: list[tuple[str, bytes]] = []
 
@@ -32,6 +32,8 @@ class FakeClient:
         return self
 
     async def __aenter__(self) -> "FakeClient":
+        if self.connections % (self.away + 1):
+            raise aiomqtt.MqttError("[Errno 111] Connection refused")
         return self
 
     async def __aexit__(self, *problem: object) -> None:
@@ -109,6 +111,15 @@ def test_a_connection_that_held_is_made_again_at_once(monkeypatch: pytest.Monkey
     client = FakeClient(holds_s=120.0)
     lines = run(client, monkeypatch, 1205.0)
     assert client.connections == 11
+    assert not [line for line in lines if line["log_level"] == "error"]
+
+
+def test_a_broker_that_is_killed_again_and_again_is_no_other_robot(monkeypatch: pytest.MonkeyPatch) -> None:
+    """It is away before it comes back: the pauses begin anew each time."""
+    client = FakeClient(holds_s=2.0)
+    client.away = 2
+    lines = run(client, monkeypatch, 60.0)
+    assert len(client.said) >= 12
     assert not [line for line in lines if line["log_level"] == "error"]
 
 
