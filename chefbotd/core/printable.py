@@ -29,9 +29,9 @@ def find_unprintable(value: object) -> str | None:
     else:
         return None
     for part in parts:
-        found = find_unprintable(part)
-        if found is not None:
-            return found
+        text = find_unprintable(part)
+        if text is not None:
+            return text
     return None
 
 
