@@ -355,9 +355,9 @@ def test_a_blocked_robot_whose_wheels_spin_does_not_lose_its_imu() -> None:
     assert wrap_angle(drive.odometry.estimate.heading_rad - 1.0) == pytest.approx(0.0, abs=0.3)
 
 
-@pytest.mark.parametrize("drift_rad_s", [0.005, 0.052, -0.052])
+@pytest.mark.parametrize("drift_rad_s", [0.005, 0.052, -0.052, 0.064])
 def test_a_heading_that_settles_turns_no_robot_that_rests(drift_rad_s: float) -> None:
-    """0.3 to 3 degrees a second for 8 s: the heading holds, and the drift is learned."""
+    """0.3 to 3.7 degrees a second for 8 s: the heading holds, and the drift is learned."""
     drive = Drive(lambda at_s, rad, rad_s: heading(at_s, rad + drift_rad_s * (at_s - 100.0)))
     drive.go(8.0, 0.0, 0.0)
     assert drive.odometry.estimate.heading_rad == pytest.approx(0.0, abs=0.02)
