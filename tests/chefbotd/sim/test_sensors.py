@@ -133,3 +133,23 @@ def test_an_imu_that_is_turned_and_biased_feels_in_its_own_axes() -> None:
     true = TrueImu(mount_heading_rad=math.pi / 2, acceleration_bias_m_s2=(0.5, 0.0, 0.0))
     acceleration, _ = Imu(EXACT_IMU, 0, AT_REST, true).counts(Motion(0.0, 0.0, 1.0, 0.0), chance())
     assert acceleration == (round(0.5 / 9.80665 * 16384), round(-1 / 9.80665 * 16384), 16384)
+
+
+def test_echoes_are_lost_in_bursts_and_by_turns() -> None:
+    """Every third is lost; and once one is lost by chance, the burst's others follow it."""
+    every = exact(EAST_WALL, lost_echo_every=3)
+    luck = chance()
+    assert [every.distance_m(Pose2D(), luck) is None for _ in range(6)] == [False, False, True] * 2
+    burst = exact(EAST_WALL, lost_echo_share=0.1, lost_echo_burst=4)
+    lost = "".join("x" if burst.distance_m(Pose2D(), luck) is None else " " for _ in range(400))
+    assert lost.split()
+    assert all(len(run) >= 4 for run in lost.rstrip("x").split())
+
+
+def test_a_far_echo_is_farther_than_the_wall_and_within_the_range() -> None:
+    """Half of the readings, from what is 2 m away up to 4 m."""
+    far = exact(EAST_WALL, far_echo_share=0.5)
+    luck = chance()
+    readings = [far.distance_m(Pose2D(), luck) or 0.0 for _ in range(200)]
+    assert 60 < sum(reading > 2.01 for reading in readings) < 140
+    assert all(1.99 <= reading <= 4.0 for reading in readings)
