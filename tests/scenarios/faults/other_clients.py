@@ -27,6 +27,10 @@ HOSTILE_NAME = (
     rb'{"jsonrpc":"2.0","id":1,"method":"set_client_name","params":{"client":"\u001b]0;a title\u0007"}}'
     + b"\n"
 )
+DRIVE_FROM_BEFORE = (
+    b'{"jsonrpc":"2.0","id":1,"method":"drive",'
+    b'"params":{"linear_m_s":0.3,"angular_rad_s":0.0,"if_stop_number":1}}\n'
+)
 STOP = b'{"jsonrpc":"2.0","id":1,"method":"stop"}\n'
 ESTOP = b'{"jsonrpc":"2.0","id":1,"method":"estop"}\n'
 BADLY_FORMED_ESTOP = b'{"method":"estop","id":[1],"colour":"red","params":{"reason":7,"again":NaN}}'
@@ -78,6 +82,16 @@ async def babble(shape: str, fault_run: FaultRun) -> AsyncIterator[None]:
                 writer.write(body * (BODY_BYTES // 16 // len(body)))
                 await writer.drain()
         yield
+
+
+@asynccontextmanager
+async def decided_before(fault_run: FaultRun) -> AsyncIterator[None]:
+    """A program drives by what it decided before the last stop, or in another run of the daemon."""
+    async with stranger(fault_run) as (reader, writer):
+        writer.write(DRIVE_FROM_BEFORE)
+        writer.write_eof()
+        yield
+        await expect_end(fault_run, reader, "stopped_since")
 
 
 @asynccontextmanager
@@ -225,6 +239,7 @@ FAULTS = (
         estopped(),
         overrides={"api.requests_burst": 5},
     ),
+    Fault("A program sends what it decided", "a drive from before the last stop", decided_before, DRIVES_ON),
     Fault("Request that arrives slowly", "half a request", half_closed, DRIVES_ON),
     Fault(
         "Request that arrives slowly",
