@@ -136,11 +136,11 @@ def _check_way(endpoint: Endpoint, peer_host: str) -> None:
 def is_this_computer(address: str) -> bool:
     """Whether an address is of the loopback interface, which nobody else can listen to."""
     try:
-        found = ipaddress.ip_address(address.partition("%")[0])
+        parsed = ipaddress.ip_address(address.partition("%")[0])
     except ValueError:
         return False
-    mapped = getattr(found, "ipv4_mapped", None)
-    return bool((mapped or found).is_loopback)
+    mapped = getattr(parsed, "ipv4_mapped", None)
+    return bool((mapped or parsed).is_loopback)
 
 
 async def _connect(endpoint: Endpoint, wire: Wire) -> None:

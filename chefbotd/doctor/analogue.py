@@ -36,13 +36,17 @@ def check_adc(
     ``battery`` is the highest reading of the battery's input, of which ``full_scale`` is the highest possible and
     ``volts_per_count`` the volts of the battery; a healthy one is within ``battery_band_v`` (critical, full).
     """
-    heard = {each.sensor: each for each in inputs if each.highest is not None}
+    heard = {sensor_input.sensor: sensor_input for sensor_input in inputs if sensor_input.highest is not None}
     if battery is None and not heard:
         return None
-    beyond = {name: each for name, each in heard.items() if (each.highest or 0) >= 1 << each.adc_bits}
+    beyond = {
+        name: sensor_input
+        for name, sensor_input in heard.items()
+        if (sensor_input.highest or 0) >= 1 << sensor_input.adc_bits
+    }
     if beyond or (battery or 0) > full_scale:
         return _beyond(battery, full_scale, beyond)
-    low = {name: each for name, each in heard.items() if _volts(each) < SILENT_V}
+    low = {name: sensor_input for name, sensor_input in heard.items() if _volts(sensor_input) < SILENT_V}
     bits = _bits_of_battery(battery, full_scale, volts_per_count, battery_band_v)
     if bits is not None and battery is not None:
         others = f", and {', '.join(low)} at most {max(map(_volts, low.values())):.2f} V" if low else ""
@@ -54,7 +58,9 @@ def check_adc(
             f"has {(full_scale + 1).bit_length() - 1} bits, the divider is another one or not wired",
         )
     if low:
-        volts = ", ".join(f"{name} at most {_volts(each):.2f} V" for name, each in low.items())
+        volts = ", ".join(
+            f"{name} at most {_volts(sensor_input):.2f} V" for name, sensor_input in low.items()
+        )
         return warning(
             "adc",
             f"{volts}, less than such a sensor gives where it sees nothing",
@@ -64,8 +70,8 @@ def check_adc(
     return ok("adc", "the analogue readings fit the configured bits")
 
 
-def _volts(each: AnalogueInput) -> float:
-    return (each.highest or 0.0) * each.reference_v / ((1 << each.adc_bits) - 1)
+def _volts(sensor_input: AnalogueInput) -> float:
+    return (sensor_input.highest or 0.0) * sensor_input.reference_v / ((1 << sensor_input.adc_bits) - 1)
 
 
 def _bits_of_battery(
@@ -87,11 +93,12 @@ def _is_within(voltage_v: float, band_v: tuple[float, float]) -> bool:
 def _beyond(battery: float | None, full_scale: int, beyond: Mapping[str, AnalogueInput]) -> Finding:
     """Readings that the configured bits cannot give."""
     readings = [
-        f"{name} says {each.highest:g} of {(1 << each.adc_bits) - 1}" for name, each in beyond.items()
+        f"{name} says {sensor_input.highest:g} of {(1 << sensor_input.adc_bits) - 1}"
+        for name, sensor_input in beyond.items()
     ]
     if battery is not None and battery > full_scale:
         readings.append(f"the battery's input says {battery:g} of {full_scale}")
-    highest = max([each.highest or 0.0 for each in beyond.values()] + [battery or 0.0])
+    highest = max([sensor_input.highest or 0.0 for sensor_input in beyond.values()] + [battery or 0.0])
     bits = next((bits for bits in USUAL_BITS if highest < 1 << bits), USUAL_BITS[-1])
     return problem(
         "adc",

@@ -105,8 +105,8 @@ def sharers_of(device: str, proc: Path = PROC) -> Sharers:
     except OSError:
         return Sharers()
     if sharers:
-        known = {advice for pid in sharers if (advice := MEDDLERS.get(_program(pid, proc)))}
-        does = f", {known.pop()}" if len(known) == 1 else ""
+        remedies = {advice for pid in sharers if (advice := MEDDLERS.get(_program(pid, proc)))}
+        does = f", {remedies.pop()}" if len(remedies) == 1 else ""
         seen = (
             f"{_named(sharers, proc)} has {device} open too{does}: two readers each get a part of the bytes"
         )

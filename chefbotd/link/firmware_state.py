@@ -58,12 +58,12 @@ class LineQuality(Record, frozen=True):
 
 def no_answer(heard: LineQuality, counters: wire.BoardCounters | None, hellos: int) -> str:
     """What is known of a line on which our board does not answer; ``counters`` are the board's of an earlier time."""
-    there = "" if counters is None else f"; the board has counted {counters.crc} damaged lines of ours"
+    counted = "" if counters is None else f"; the board has counted {counters.crc} damaged lines of ours"
     share = f" ({100 * heard.damaged / heard.lines:.0f} %)" if heard.lines else ""
     return (
         f"the cable is bad, or only one way of it is whole: the board is ours, and answered none of {hellos} hellos. Of "
-        f"its {heard.lines} lines since the port was opened {heard.damaged} came damaged{share}{there}. The motors stay "
-        "off, as a line without a checksum can be a wrong command, and nothing would stop the board by itself; it is "
+        f"its {heard.lines} lines since the port was opened {heard.damaged} came damaged{share}{counted}. The motors "
+        "stay off, as a line without a checksum can be a wrong command, and nothing would stop the board by itself; it is "
         "asked again every second"
     )
 

@@ -55,10 +55,10 @@ class FormatWatch(MutableState):
         kind = line.line.partition(FROM_BOARD.separator)[0].decode("ascii", "replace")
         if kind not in kinds:
             return
-        accepted, known = accepted_of(kind), self._kinds.get(kind)
-        if known is None or known.accepted != accepted or known.reason != line.reason:
-            known = KindRefusals(line.reason, accepted)
-        self._kinds[kind] = KindRefusals(known.reason, accepted, known.refused + 1, shown, line.detail)
+        accepted, refusals = accepted_of(kind), self._kinds.get(kind)
+        if refusals is None or refusals.accepted != accepted or refusals.reason != line.reason:
+            refusals = KindRefusals(line.reason, accepted)
+        self._kinds[kind] = KindRefusals(refusals.reason, accepted, refusals.refused + 1, shown, line.detail)
 
     def refusals(self) -> dict[str, KindRefusals]:
         """What is known of each kind that was refused."""
@@ -66,9 +66,9 @@ class FormatWatch(MutableState):
 
     def refused_kind(self, accepted_of: Callable[[str], int]) -> str | None:
         """A sentence about a kind of line that is always refused; None where there is none."""
-        for kind, known in self._kinds.items():
-            if known.refused >= ENOUGH_REFUSED and accepted_of(kind) == known.accepted:
-                return describe_refused(kind, known.refused, known.detail, known.example)
+        for kind, refusals in self._kinds.items():
+            if refusals.refused >= ENOUGH_REFUSED and accepted_of(kind) == refusals.accepted:
+                return describe_refused(kind, refusals.refused, refusals.detail, refusals.example)
         return None
 
 

@@ -85,7 +85,7 @@ def describe_unknown(name: str, names: Iterable[str]) -> str:
     by_plain = {other.casefold(): other for other in names}
     close = difflib.get_close_matches(name.casefold(), by_plain, n=2)
     if close:
-        return f"did you mean {' or '.join(repr(by_plain[each]) for each in close)}?"
+        return f"did you mean {' or '.join(repr(by_plain[match]) for match in close)}?"
     return f"there are: {', '.join(names) or 'none'}"
 
 

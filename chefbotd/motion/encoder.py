@@ -144,8 +144,8 @@ def decode(
         jumped = tuple([i for i, d in enumerate(deltas) if abs(d) > most])
         refused = _refuse(params, state, sample, jumped)
         if refused[0].narrow_wraps == ENOUGH_WRAPS > state.narrow_wraps:
-            known = replace(state, narrow_wraps=ENOUGH_WRAPS)
-            turned, reading = decode(params, signs, known, counts, board_s, rate_counts_s)
+            recognised = replace(state, narrow_wraps=ENOUGH_WRAPS)
+            turned, reading = decode(params, signs, recognised, counts, board_s, rate_counts_s)
             return turned, replace(reading, recognised_narrow=True)
         return refused
     if _surprises(params, signs, state, deltas, board_s) and not _fits(params, state, sample):

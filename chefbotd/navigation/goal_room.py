@@ -30,8 +30,8 @@ def wall_before_goal(outline: Footprint, costs: Costmap, path: Path) -> Floats |
         return None
     dx, dy = end - path.points_m[int(before[-1])]
     heading_rad = math.atan2(dy, dx)
-    there = Pose2D(float(end[0]), float(end[1]), heading_rad).compose(Pose2D(ahead_m, 0.0))
-    return _nearest_within(outline, costs, there, guards.clearance_m)
+    stopped = Pose2D(float(end[0]), float(end[1]), heading_rad).compose(Pose2D(ahead_m, 0.0))
+    return _nearest_within(outline, costs, stopped, guards.clearance_m)
 
 
 def _nearest_within(outline: Footprint, costs: Costmap, pose: Pose2D, within_m: float) -> Floats | None:

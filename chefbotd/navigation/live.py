@@ -163,15 +163,15 @@ def moved_with(
     near = np.hypot(at_m[:, 0] - around.x_m, at_m[:, 1] - around.y_m) <= reach_m
     rows, columns, at_m = rows[near], columns[near], at_m[near]
     cos, sin = math.cos(correction.heading_rad), math.sin(correction.heading_rad)
-    there = at_m @ np.array([[cos, sin], [-sin, cos]]) + [correction.x_m, correction.y_m]
-    to_columns, to_rows = np.floor(there / frame.resolution_m).astype(np.int64).T
+    moved_m = at_m @ np.array([[cos, sin], [-sin, cos]]) + [correction.x_m, correction.y_m]
+    to_columns, to_rows = np.floor(moved_m / frame.resolution_m).astype(np.int64).T
     inside = (to_rows >= 0) & (to_rows < frame.rows) & (to_columns >= 0) & (to_columns < frame.columns)
     moved, to = nothing_seen(frame), (to_rows[inside], to_columns[inside])
     since = (rows[inside], columns[inside])
     moved.scan_s[to], moved.since_s[to], moved.at_m[to] = (
         live.scan_s[since],
         live.since_s[since],
-        there[inside],
+        moved_m[inside],
     )
     return moved
 

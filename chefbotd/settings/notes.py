@@ -26,10 +26,10 @@ def guard_warning(settings: Settings) -> str:
         "an infrared sensor": [sensor.name for sensor in settings.infrared],
         "a depth camera": [camera.name for camera in settings.depth_camera],
     }
-    found = [f"{kind} ({', '.join(names)})" for kind, names in seeing.items() if names]
-    if not found:
+    sensors = [f"{kind} ({', '.join(names)})" for kind, names in seeing.items() if names]
+    if not sensors:
         return ""
     return (
-        f"{' and '.join(found)}, and the guard is off: nothing stops the robot before what is seen; delete "
+        f"{' and '.join(sensors)}, and the guard is off: nothing stops the robot before what is seen; delete "
         "enabled = false in [safety.guard]"
     )

@@ -206,8 +206,8 @@ def _beams(events: Sequence[Event[Any]]) -> dict[str, Beams]:
 
 def _lidars(diagnosis: Diagnosis, events: Sequence[Event[Any]], state: State) -> list[Finding]:
     """Each lidar's condition as the daemon tells it, with the same reason as ``status``."""
-    told = state.lidars.lidars if "lidars" in state.topics else ()
-    conditions = {row.lidar: row for row in told}
+    rows = state.lidars.lidars if "lidars" in state.topics else ()
+    conditions = {row.lidar: row for row in rows}
     findings = []
     for lidar in diagnosis.settings.lidar:
         turns = [event for event in of_topic(events, "scan") if event.data.lidar == lidar.name]

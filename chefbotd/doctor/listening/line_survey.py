@@ -117,17 +117,17 @@ class _Ear:
     def refused_kinds(self) -> dict[str, str]:
         """A sentence about each kind none of whose lines was understood."""
         return {
-            kind: describe_refused(kind, known.refused, known.detail, known.example)
-            for kind, known in self.formats.refusals().items()
-            if not self.kinds[kind] and known.refused >= FEWEST_REFUSED
+            kind: describe_refused(kind, refusals.refused, refusals.detail, refusals.example)
+            for kind, refusals in self.formats.refusals().items()
+            if not self.kinds[kind] and refusals.refused >= FEWEST_REFUSED
         }
 
     def damaged(self) -> dict[str, int]:
         """How many lines were refused for each reason, without those of refused kinds."""
         counts = Counter(self.decoder.malformed)
         for kind in self.refused_kinds():
-            known = self.formats.refusals()[kind]
-            counts[Reason(known.reason)] -= known.refused
+            refusals = self.formats.refusals()[kind]
+            counts[Reason(refusals.reason)] -= refusals.refused
         return {str(reason): n for reason, n in counts.items() if n > 0}
 
     def rate_hz(self, letter: str) -> float:

@@ -201,9 +201,11 @@ class MotorWatch:
         self._pace = off_target.watch(
             parameters, self._pace, steady.asked_m_s, effort, travel_m, dt_s, self._free_m_s
         )
-        told = off_target.sentence(parameters, self._names, self._pace, self._free_m_s, self._counts_per_turn)
-        if bool(told) is not bool(self.warning):
-            self.warning = told
+        sentence = off_target.sentence(
+            parameters, self._names, self._pace, self._free_m_s, self._counts_per_turn
+        )
+        if bool(sentence) is not bool(self.warning):
+            self.warning = sentence
 
     def _watch_motion(self, now_s: float, asked_m_s: tuple[float, ...], seen: WheelsRead) -> Iterator[Fault]:
         """Whether the robot is too fast, or moves although it must stand; None if neither can be decided."""

@@ -181,8 +181,8 @@ def _goal(number: int, waypoint: Waypoint, places: PlaceList | None) -> GoalAske
     if waypoint.place is not None and places is not None:
         place = next((place for place in places.places if place.name == waypoint.place), None)
         if place is None:
-            there = describe_unknown(waypoint.place, [place.name for place in places.places])
-            why = f"the map {places.map!a} has no place {waypoint.place!a}; {there}"
+            others = describe_unknown(waypoint.place, [place.name for place in places.places])
+            why = f"the map {places.map!a} has no place {waypoint.place!a}; {others}"
             raise Refused(RefusalKind.UNKNOWN_PLACE, why)
         x_m, y_m, heading_rad = place.x_m, place.y_m, place.heading_rad
     return GoalAsked(
