@@ -12,8 +12,9 @@ from pydantic import ValidationError
 from tomlkit.exceptions import TOMLKitError
 
 from chefbotd.motion.pid import PidParameters
+from chefbotd.settings.base import base_of, merge
 from chefbotd.settings.errors import SettingsError
-from chefbotd.settings.loader import load
+from chefbotd.settings.loader import load, read_values
 from chefbotd.settings.replace_file import read_writable, replace_file
 from chefbotd.settings.toml_edit import Editor
 
@@ -48,7 +49,7 @@ def with_gains(text: str, gains: Gains) -> str:
     gains of most wheels; on a tie, of the first. A wheel's section is removed when the wheel's gains become those of
     ``[pid]``. A section that was equal before is deliberate, and stays.
     """
-    said = tomllib.loads(text)
+    said = _values_of(text)
     sections: dict[str, Any] = said.get("wheel_pid", {})
     usual, own = _read(said.get("pid")), {wheel: _read(section) for wheel, section in sections.items()}
     common = usual if usual and _is_usual(usual, own, gains) else _most_common(gains)
@@ -62,6 +63,13 @@ def with_gains(text: str, gains: Gains) -> str:
     for wheel, those in apart.items():
         editor.change(("wheel_pid", wheel), _changes(sections.get(wheel, {}), those))
     return editor.text()
+
+
+def _values_of(text: str) -> dict[str, Any]:
+    """The values of a file's text, with those of the packaged robot that it extends."""
+    own = tomllib.loads(text)
+    base = base_of(own)
+    return own if base is None else merge(read_values(base), own)
 
 
 def _read(section: object) -> PidParameters | None:
@@ -107,6 +115,6 @@ def _edited(path: Path, before: str, gains: Gains) -> str:
 
 def _tell_apart(text: str, wheels: Iterable[str]) -> tuple[dict[str, PidParameters | None], dict[str, Any]]:
     """The gains of these wheels in a file, and everything else in it."""
-    said = tomllib.loads(text)
+    said = _values_of(text)
     own, usual = said.pop("wheel_pid", {}), said.pop("pid", None)
     return {wheel: _read(own.get(wheel, usual)) for wheel in wheels}, said

@@ -3,6 +3,7 @@
 A key is a field of the parameter class that lives beside its algorithm; what is unknown or out of range is refused with
 the key, the value and what was expected. ``CHEFBOTD_LINK__DEVICE=/dev/ttyUSB0`` overrides ``[link] device``, and
 ``CHEFBOTD_CHASSIS__WHEELS__LEFT_WHEEL__RADIUS_M=0.05`` the radius of the left wheel, by its name or by its number (0).
+A file may say only what differs from a packaged robot (``chefbotd.settings.base``).
 """
 
 import json
@@ -15,7 +16,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
-import chefbotd
+from chefbotd.settings.base import base_of, drop_left_out, merge, packaged
 from chefbotd.settings.checks import check
 from chefbotd.settings.errors import (
     Keys,
@@ -31,7 +32,6 @@ from chefbotd.settings.errors import (
 )
 from chefbotd.settings.model import Settings
 
-DEFAULT_ROBOT = "chefbot"
 MAX_BYTES = 1 << 20
 """The longest configuration that is read: a hundred times the longest one of chefbotd."""
 
@@ -40,27 +40,6 @@ NO_URDF_PARSER = (
     "urdf-parser-py, which reads it, is not installed: pip install 'chefbotd[urdf]' "
     "(without the key, the URDF is made from the configuration, and needs nothing)"
 )
-
-
-def packaged(robot: str = DEFAULT_ROBOT) -> Path:
-    """The path of this robot's configuration in chefbotd.
-
-    Raises:
-        SettingsError: chefbotd has none; the message lists the robots that it has.
-    """
-    folder = _packaged_folder()
-    path = folder / f"{robot}.toml"
-    if not path.is_file():
-        names = ", ".join(sorted(p.stem for p in folder.glob("*.toml")))
-        raise SettingsError(f"no configuration comes with chefbotd for robot {robot!r}; there are: {names}")
-    return path
-
-
-def _packaged_folder() -> Path:
-    """The folder of configurations: in the installed package, or in the source tree."""
-    package = Path(chefbotd.__file__).parent
-    installed = package / "config"
-    return installed if installed.is_dir() else package.parent / "config"
 
 
 def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = None) -> Settings:
@@ -74,10 +53,11 @@ def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = N
         MissingExtraError: there is a description of one's own, and its parser is not installed.
     """
     path = path or packaged()
-    values = _from_file(path)
+    values = read_values(path)
     _name_tables(values)
     texts, origins = _place_overrides(values, overrides or {})
     _name_tables(values)
+    drop_left_out(values)
     _locate(values, path.parent, "robot", "description")
     _locate(values, path.parent, "maps", "folder")
     _locate(values, path.parent, "recording", "folder")
@@ -112,6 +92,20 @@ def _place_overrides(
     except UnknownKey as error:
         raise SettingsError(f"{origins[keys]}{error}") from error
     return texts, origins
+
+
+def read_values(path: Path) -> dict[str, Any]:
+    """The values of a file; where it extends a packaged robot, with those of that robot.
+
+    Raises:
+        SettingsError: it cannot be read or parsed, or extends what is not there.
+    """
+    own = _from_file(path)
+    try:
+        base = base_of(own)
+        return own if base is None else merge(_from_file(base), own)
+    except SettingsError as error:
+        raise SettingsError(f"{path}: {error}") from error
 
 
 def _from_file(path: Path) -> dict[str, Any]:
