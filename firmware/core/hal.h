@@ -11,6 +11,7 @@
  *   HAL_READ_U32(p)      reads a uint32_t of such a constant
  *   HAL_READ_IMAGE(at)   reads a byte of the program's image, from its first on
  *   HAL_IMAGE_OFFSET(p)  where in the image a constant of HAL_FLASH is
+ *   hal_image_at_t       type of a place in the image; HAL_MOST_IMAGE_BYTES is the end of what it may fill
  *   hal_lock_t           type of the interrupts' state
  *   hal_lock(void)       static inline: shuts all interrupts out, returns the state before. A barrier for the compiler.
  *   hal_unlock(state)    static inline: puts that state back. Pairs may be nested, also in interrupts. A barrier, too.

@@ -18,6 +18,9 @@
 
 #define HAL_MOST_EDGES_S 100000U
 
+#define HAL_MOST_IMAGE_BYTES 0U
+
+typedef uint32_t hal_image_at_t;
 typedef uint8_t hal_lock_t;
 
 /* Interrupts are plain calls here; fake_hal.c may let one in at each lock, as a real one could come in just before. */

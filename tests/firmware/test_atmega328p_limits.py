@@ -8,9 +8,9 @@ from tests.firmware import limits
 
 
 def test_the_image_is_small() -> None:
-    """Static RAM is 1.2 KB at most of the part's 2, flash 12 KB of its 32."""
+    """Static RAM is 1.2 KB at most of the part's 2, flash 14.5 KB of its 32."""
     assert limits.static_bytes() <= 1_200
-    assert limits.flash_bytes() <= 12 * 1024
+    assert limits.flash_bytes() <= 14.5 * 1024
 
 
 @pytest.mark.parametrize(

@@ -19,6 +19,9 @@
 
 #define HAL_MOST_EDGES_S 12500UL
 
+#define HAL_MOST_IMAGE_BYTES 0x7800UL
+
+typedef uint16_t hal_image_at_t;
 typedef uint8_t hal_lock_t;
 
 static inline hal_lock_t hal_lock(void)

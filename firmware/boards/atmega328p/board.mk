@@ -25,6 +25,8 @@ $(BUILD)/atmega328p/%.o: %.S $(AVR_DIR)/board.mk Makefile $(wildcard $(AVR_DIR)/
 
 # A thousand times a second: -Os would call a division for each shift.
 $(BUILD)/atmega328p/core/wheel_loop.o: AVR_FLAGS += -O2 -fno-inline
+# Over the whole image at each start.
+$(BUILD)/atmega328p/core/image.o: AVR_FLAGS += -O2
 
 $(BUILD)/atmega328p.elf: $(AVR_OBJECTS) | seal_image.py
 	$(AVR_CC) $(AVR_LINK) -o $@ $^

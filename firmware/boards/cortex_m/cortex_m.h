@@ -14,6 +14,9 @@
 
 #define HAL_MOST_EDGES_S 50000U
 
+#define HAL_MOST_IMAGE_BYTES 0x40000UL
+
+typedef uint32_t hal_image_at_t;
 typedef uint32_t hal_lock_t;
 
 static inline hal_lock_t hal_lock(void)
