@@ -46,6 +46,9 @@ DOUBTED_FIT: Final = 0.76
 DOUBTED_THROUGH: Final = 0.12
 """So large a share of beams through walls of the map has it searched as well: no person and no added chair does this."""
 
+UNCERTAIN_FOR_S: Final = 3.0
+"""A pose that was uncertain for so long counts as one that was only given: the map is searched again as it moves on."""
+
 DOUBTED_AGAIN_M: Final = 2.0
 """After such a search it is not searched again for so far, unless the fit drops further."""
 
@@ -84,13 +87,16 @@ def check_elsewhere(
     """Search the whole map, a bit further with each scan, for a place that contradicts a pose that is unchecked.
 
     A pose that was given is given up where another fits clearly better; one that was believed before, only where a
-    search would refute it, because furniture that was moved costs the right place as much. It is as good as found where
-    none does, and where the scans tell where it is in every direction: along a bare corridor they do not.
+    search would refute it, because furniture that was moved costs the right place as much. One that has been uncertain
+    for some seconds is no better than a given one. It is as good as found where none does, and where the scans tell
+    where it is in every direction: along a bare corridor they do not.
     """
     last, estimate = now.searching, now.estimate
     if estimate is None or now.overlap < MIN_OVERLAP:
         return now, None
-    if last is None or _is_due_again(last, odometry):
+    since_s = now.uncertain_since_s
+    is_doubtful = since_s is not None and stamp_s - since_s >= UNCERTAIN_FOR_S
+    if last is None or _is_due_again(last, odometry, stamp_s, is_doubtful=is_doubtful):
         candidates = () if last is None else last.candidates
         last = search_room.begun(within, scan, odometry, stamp_s, candidates)
     else:
@@ -106,7 +112,7 @@ def check_elsewhere(
     best = max((one.fit for one in last.candidates), default=0.0)
     own = max((one.fit for one in last.candidates if _is_at(one, estimate)), default=now.fit)
     scans = min((one.scans for one in last.candidates), default=0)
-    was_found = now.checked is not None
+    was_found = now.checked is not None and not is_doubtful
     if own <= best - (REFUTED_BY if was_found else CONTRADICTED_BY):
         return given_up(now), PoseEvent.GIVEN_UP
     if scans < 2:
@@ -121,13 +127,22 @@ def check_elsewhere(
     return now, None
 
 
-def _is_due_again(last: Searching, odometry: Floats) -> bool:
-    """Whether there were too many places to follow all, and the robot sees others now."""
-    return last.search is None and not last.is_complete and search_room.has_moved_on(last, odometry)
+def _is_due_again(last: Searching, odometry: Floats, stamp_s: float, *, is_doubtful: bool) -> bool:
+    """Whether there were too many places to follow all, or the pose is still doubtful, and the robot sees others now."""
+    if last.search is not None or not search_room.has_moved_on(last, odometry):
+        return False
+    return not last.is_complete or (is_doubtful and stamp_s - last.began_s >= UNCERTAIN_FOR_S)
 
 
 def _is_at(one: Hypothesis, estimate: PoseEstimate) -> bool:
     return is_same(one.estimate.pose, estimate.pose)
+
+
+def doubt_sentence(now: Localization) -> str:
+    """Why a pose is uncertain that was not given by somebody, and what is done about it; empty where it is not."""
+    if now.state is not PoseState.UNCERTAIN or not now.is_unchecked or now.checked is None:
+        return ""
+    return "the scans fit the pose worse than before: the whole map is searched for another place"
 
 
 def without_evidence(now: Localization, stamp_s: float) -> tuple[Localization, PoseEvent | None]:

@@ -126,8 +126,15 @@ def step(
             now, event = _look(within, now, odometry.pose, stamp_s, scan, auto_search=auto_search)
     if now.state is PoseState.LOCALIZED and now.estimate is not None and not is_sure(now.estimate):
         now, event = on_event(now, PoseEvent.MISFITS), PoseEvent.MISFITS
-    now, jumped = _published(now, stamp_s)
+    now, jumped = _published(_timed(now, stamp_s), stamp_s)
     return now, _report(now, stamp_s, event, jumped)
+
+
+def _timed(now: Localization, stamp_s: float) -> Localization:
+    """The same, with the time since when its pose is uncertain."""
+    if now.state is not PoseState.UNCERTAIN:
+        return now if now.uncertain_since_s is None else replace(now, uncertain_since_s=None)
+    return replace(now, uncertain_since_s=stamp_s) if now.uncertain_since_s is None else now
 
 
 def advanced(within: LocalizationMap, now: Localization) -> Localization:

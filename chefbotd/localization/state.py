@@ -109,6 +109,8 @@ class Odometry(Record, frozen=True):
 class Localization(Record, frozen=True):
     """All that the next step needs; ``published`` is the last ``map_from_odom``, of the time ``published_s``.
 
+    Its pose has been uncertain since ``uncertain_since_s``.
+
     ``misfits`` counts scans in a row that fit badly or worse than usual, ``fits`` those that fit well. Since
     ``no_evidence_since_s`` scans have seen nothing that the map knows. A pose that was given, or
     whose scans have contradicted the map since ``doubted_since_s``, ``is_unchecked`` until the whole map has been
@@ -130,6 +132,7 @@ class Localization(Record, frozen=True):
     published_s: float = 0.0
     is_unchecked: bool = False
     doubted_since_s: float | None = None
+    uncertain_since_s: float | None = None
     checked: tuple[Floats, float] | None = None
 
 

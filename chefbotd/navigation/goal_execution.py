@@ -6,12 +6,15 @@ Poses are ``map_from_base``.
 import math
 from typing import Final
 
+import numpy as np
+
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.core.record import replace
 from chefbotd.navigation.driving import LOST_S, Missing, can_begin, checked_inputs, follow_trip
 from chefbotd.navigation.evasion import Evasion, evade
 from chefbotd.navigation.interface import NavigationParameters, PoseStatus, StepInput
 from chefbotd.navigation.noise import noise_sentence
+from chefbotd.navigation.passage import measured_passage
 from chefbotd.navigation.path import Goal, NoPath, Planner
 from chefbotd.navigation.recovery import (
     AGAIN_S,
@@ -36,6 +39,9 @@ from chefbotd.navigation.world_model import WorldModel
 RENEWED_M: Final = 0.5
 """A goal that replaces one so near to it is the same one renewed, as by a program that follows somebody."""
 
+
+NARROW_S: Final = 600.0
+"""A passage that was measured as too narrow is closed for so long."""
 
 HELD_BY_WALL: Final = 3
 """After so many approaches that a guard held back before a wall of the map, the goal ends."""
@@ -270,6 +276,8 @@ class GoalExecution:
             return
         if check.waits or check.drives_again:
             self.reason = check.waits or self._drives()
+        if check.stuck and self._leave_narrow(world, now, near):
+            return
         if check.stuck:
             beside = "" if done.is_blocked else world.beside(near)
             self._become_stuck(world, now, check.stuck + beside)
@@ -281,6 +289,22 @@ class GoalExecution:
         why = f"the wall of the map{wall} is too near to the goal ({goal.x_m:.2f}, {goal.y_m:.2f})"
         end = f"{why} for the obstacle guards, which stop the robot {left_m:.2f} m from it"
         self.end(End.BLOCKED, f"blocked: {end}, at ({pose.x_m:.2f}, {pose.y_m:.2f})")
+
+    def _leave_narrow(self, world: WorldModel, now: StepInput, near: Surroundings) -> bool:
+        """Whether what the robot is stuck at is too narrow for it: it takes another way, or the goal ends."""
+        passage = measured_passage(self._params.outline, near)
+        if passage is None or not passage.is_too_narrow:
+            return False
+        place = near.grid_from_base.compose(passage.middle)
+        world.close(np.array([place.x_m, place.y_m]), now.now_s + NARROW_S)
+        other = self._find(world, now)
+        if isinstance(other, Trip):
+            self._set_out(other, now)
+            return True
+        at, width_m = world.frame.pose_to_map(place), passage.width_m
+        where = f"the passage at ({at.x_m:.2f}, {at.y_m:.2f}) is {width_m:.2f} m wide"
+        self.end(End.BLOCKED, f"blocked: {where}, and the robot needs {passage.needed_m:.2f} m")
+        return True
 
     # Recovering
 

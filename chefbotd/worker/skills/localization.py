@@ -12,6 +12,7 @@ from chefbotd.core.events.mapping import Alternative, LocalizationChanged
 from chefbotd.core.events.robot import OdometryUpdated
 from chefbotd.core.record import replace
 from chefbotd.localization.branch_and_bound import pyramid
+from chefbotd.localization.doubt import doubt_sentence
 from chefbotd.localization.localizer import LocalizationReport, advanced, step
 from chefbotd.localization.mount_check import MountCheck, checked, mount_problem
 from chefbotd.localization.searching import LocalizationMap
@@ -64,6 +65,7 @@ class LocalizationSkill:
         self._mount = MountCheck()
         self._silence = Silence(self._parameters.lidars)
         self._reason, self._jumps = "", 0
+        self._sought = ""  # why it was told to search
         self._kept: Floats | None = None
         self._keep_at_s = float("-inf")
         self.grid: OccupancyGrid | None = None
@@ -123,6 +125,8 @@ class LocalizationSkill:
         )
         self.report, self.seen = report, aligned
         self._jumps += report.jumped
+        if report.state is PoseState.LOCALIZED:
+            self._sought = ""
         estimate = report.map_from_base if report.state in HAS_POSE else None
         self._mount = checked(self._mount, aligned.odometry, None if estimate is None else estimate.pose)
         return self._located(report)
@@ -226,7 +230,7 @@ class LocalizationSkill:
 
     def _rest(self) -> None:
         self._within = self._map = self._kept = self.grid = self.report = self.seen = None
-        self._now, self._mount, self._reason = Localization(), MountCheck(), ""
+        self._now, self._mount, self._reason, self._sought = Localization(), MountCheck(), "", ""
         self._aligner.clear()
 
     def _require_map(self) -> None:
@@ -267,7 +271,15 @@ class LocalizationSkill:
         )
 
     def _reason_told(self) -> str:
-        return "; ".join(filter(None, (self.problem, self._silence.problem, self._reason)))
+        doubt = doubt_sentence(self._now)
+        return "; ".join(
+            filter(None, (self.problem, self._silence.problem, doubt or self._sought, self._reason))
+        )
+
+    def search_again(self, why: str) -> None:
+        """Search the whole map for a pose that is uncertain, and because of which nothing goes on."""
+        if self._now.state is PoseState.UNCERTAIN:
+            self._now, self._sought = localize(self._now), f"the whole map is searched: {why}"
 
     def _standing(self) -> LocalizationChanged:
         """How it stands between two scans; ``jumps`` are those since the worker started."""

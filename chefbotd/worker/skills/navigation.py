@@ -22,6 +22,7 @@ from chefbotd.navigation.interface import NavigationParameters, PoseStatus, Seen
 from chefbotd.navigation.navigator import Navigator
 from chefbotd.navigation.outline import Footprint
 from chefbotd.navigation.path import Goal, NoPath, Path
+from chefbotd.navigation.states import GoalState
 from chefbotd.navigation.steering import FollowerLimits
 from chefbotd.navigation.warm import warm
 from chefbotd.navigation.zones import NO_ZONES, Zones, parse_zones, require_affordable
@@ -57,6 +58,9 @@ A scan is matched from where odometry left off, and does not find all of the way
 
 HELD_S: Final = 0.3
 
+STUCK_S: Final = 3.0
+"""The whole map is searched when there is no way from an uncertain pose for so long."""
+
 STATUS: Final = {PoseState.LOCALIZED: PoseStatus.LOCALIZED, PoseState.UNCERTAIN: PoseStatus.UNCERTAIN}
 
 
@@ -86,6 +90,7 @@ class NavigationSkill:
         self._cameras = {name: ScanAligner((name,)) for name in settings.cameras}
         self._range_mounts = {name: Pose2D(*mount) for name, mount in settings.range_mounts.items()}
         self._numbers: dict[int, int] = {}  # the navigator's number of each goal -> the daemon's
+        self._stuck_since_s: float | None = None  # with an uncertain pose
         self._last: Stepped | None = None
         self._path: Path | None = None
         self._layers = LayerPublisher()
@@ -193,6 +198,7 @@ class NavigationSkill:
         pose, status = self._pose(now_s)
         self._take_seen(self._finder)
         self._take_images(now_s, self._finder)
+        self._doubt_pose(now_s, status, self._finder)
         age_s = 0.0 if self._odometry is None else now_s - self._odometry.stamp_s
         done = self._navigator.step(now_s, pose or Pose2D(), status, age_s)
         stepped = self._stepped(now_s, done)
@@ -207,6 +213,17 @@ class NavigationSkill:
         world = self._navigator.world
         if self._map is not None and world is not None:
             yield from self._layers.due(now_s, self._map[0], world)
+
+    def _doubt_pose(self, now_s: float, status: PoseStatus, finder: LocalizationSkill) -> None:
+        """Have the whole map searched where an uncertain pose, and not the room, may be why there is no way."""
+        is_stuck = self._navigator.state in (GoalState.RECOVERING, GoalState.PLANNING)
+        if status is not PoseStatus.UNCERTAIN or not is_stuck:
+            self._stuck_since_s = None
+        elif self._stuck_since_s is None:
+            self._stuck_since_s = now_s
+        elif now_s - self._stuck_since_s >= STUCK_S:
+            self._stuck_since_s = None
+            finder.search_again("the robot finds no way from a pose that is uncertain")
 
     def _pose(self, now_s: float) -> tuple[Pose2D | None, PoseStatus]:
         """Where the robot is in the map, by the newest odometry."""

@@ -61,6 +61,15 @@ def twin_rooms() -> Floats:
     return np.vstack([*rooms, *doors, *corridor])
 
 
+def three_equal_rooms() -> Floats:
+    """Three rooms of 3 by 3 m in a row, each with a box, and a corridor along all of them that is closed at its ends."""
+    parts = [wall((9, 0), (9, 3)), wall((0, 3), (0, 4.5), (9, 4.5), (9, 3))]
+    for x in (0.0, 3.0, 6.0):
+        parts += [wall((x, 0), (x, 3)), wall((x, 0), (x + 3, 0)), wall((x, 3), (x + 1.0, 3))]
+        parts += [wall((x + 1.9, 3), (x + 3, 3)), box(x + 0.4, 0.4, 0.8, 0.5)]
+    return np.vstack(parts)
+
+
 def corridor_of_mirrored_rooms() -> Floats:
     """A corridor of 14 by 1.8 m with a cupboard, and a room at either end, the one the other's mirror image."""
     return np.vstack(

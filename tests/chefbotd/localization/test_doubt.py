@@ -1,5 +1,7 @@
 """A robot that is carried where the scans fit nearly as well: it does not stay sure of a wrong place."""
 
+import math
+
 import numpy as np
 import pytest
 
@@ -8,7 +10,14 @@ from chefbotd.localization.localizer import LocalizationReport
 from chefbotd.localization.searching import LocalizationMap, localization_map
 from chefbotd.localization.state import PoseState, set_pose
 from chefbotd.localization.tracking import PoseEstimate
-from tests.chefbotd.localization.buildings import Robot, corridor_of_mirrored_rooms, drawn, off
+from chefbotd.mapping.poses import between
+from tests.chefbotd.localization.buildings import (
+    Robot,
+    corridor_of_mirrored_rooms,
+    drawn,
+    off,
+    three_equal_rooms,
+)
 from tests.chefbotd.mapping.slam.flat import Floats, Lidar
 
 STILL = np.zeros(3)
@@ -54,6 +63,32 @@ def test_a_robot_that_sees_nothing_of_the_map_is_uncertain_after_ten_seconds(
     assert states.count(PoseState.LOCALIZED) == pytest.approx(100, abs=2)
     assert states.count(PoseState.UNCERTAIN) == pytest.approx(100, abs=2)
     assert states[-1] is PoseState.LOST
+
+
+def out_of_room(x_m: float) -> Floats:
+    """Poses (n, 3), 12 mm apart: from the middle of the room at x through its door, and 4 m to the right."""
+    up = [(x_m + 1.45, y, math.pi / 2) for y in np.arange(1.5, 3.75, 0.012)]
+    turned = [(x_m + 1.45, 3.75, angle) for angle in np.linspace(math.pi / 2, 0.0, 25)]
+    return np.array(up + turned + [(x, 3.75, 0.0) for x in np.arange(x_m + 1.45, x_m + 5.45, 0.012)])
+
+
+def test_a_robot_that_was_carried_to_the_next_equal_room_finds_the_right_one_within_five_seconds_of_doubt() -> (
+    None
+):
+    """It is sure of the wrong room as long as all looks the same. In the corridor it is uncertain, and searches."""
+    walls, lidar = three_equal_rooms(), Lidar(three_equal_rooms(), 1)
+    robot, way = Robot(localization_map(drawn(walls))), out_of_room(3.0)
+    believed = way[0] - [3.0, 0.0, 0.0]
+    robot.now = set_pose(robot.now, believed)
+    assert robot.look(STILL, lambda: lidar.points(believed), 60).state is PoseState.LOCALIZED
+    robot.reports.clear()
+    for truth in way:
+        report = robot.take(between(way[0], truth), lidar.points(truth))
+    states = [each.state for each in robot.reports]
+    assert states[0] is PoseState.LOCALIZED
+    assert states.count(PoseState.UNCERTAIN) < 40
+    assert not _is_wrong(report, way[-1])
+    assert report.state is PoseState.LOCALIZED
 
 
 def _estimate(robot: Robot) -> PoseEstimate:
