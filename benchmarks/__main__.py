@@ -89,6 +89,13 @@ def _navigation(**options: Any) -> Outcome:
     return navigation.run(**options)
 
 
+def _situations(**options: Any) -> Outcome:
+    """Imported when it is asked for: it needs the extra ``navigation``."""
+    from benchmarks import situations
+
+    return situations.run(**options)
+
+
 def _serving(**options: Any) -> Outcome:
     """Imported when it is asked for: it needs the extra ``navigation``."""
     from benchmarks import serving
@@ -167,6 +174,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     "localization": _localization,
     "planner": _planner,
     "navigation": _navigation,
+    "situations": _situations,
     "serving": _serving,
     "virtual_hours": _virtual_hours,
     "calls": calls.run,

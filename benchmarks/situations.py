@@ -4,10 +4,12 @@ The robot is that of ``benchmarks.navigation``, with the obstacle guards of the 
 """
 
 import math
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
+from benchmarks.figures import Figure, Outcome, percentile
 from chefbotd.core.geometry import Pose2D
 from chefbotd.navigation.interface import Seen
 from chefbotd.navigation.path import Goal
@@ -169,7 +171,7 @@ class Passing:
     """Somebody who looks at nothing passes a robot that drives.
 
     ``fast_s`` is how long it was faster than creeping with less than 0.1 m between them while the gap did not open,
-    ``moving_m`` the least gap while it moved, and ``touches`` how often it moved when they touched.
+    ``moving_m`` the least gap while it moved, and ``touches`` says whether it moved when they touched first.
     """
 
     is_reached: bool
@@ -206,6 +208,68 @@ def passed(seed: int) -> Passing:
     opens = np.diff(gaps[:, 0], append=gaps[-1, 0]) > 0
     fast = (gaps[:, 0] < CLOSE_M) & (gaps[:, 1] > CREEPS_M_S) & ~opens
     moving = gaps[:, 1] > 0.02
-    least_m = float(gaps[moving, 0].min()) if moving.any() else math.inf
-    touches = int(((gaps[:, 0] < 0) & moving).sum() > 0)
+    before = np.cumsum(gaps[:, 0] < 0) == 0
+    least_m = float(gaps[moving & before, 0].min()) if (moving & before).any() else math.inf
+    first = np.flatnonzero(gaps[:, 0] < 0)[:1]  # he is no solid thing: what follows is no touch of its own
+    touches = int(len(first) and gaps[max(first[0] - 1, 0) : first[0] + 1, 1].min() > 0.02)
     return Passing(run.is_reached, float(fast.sum()) * LOOK_S, least_m, touches)
+
+
+def run(*, quick: bool = False) -> Outcome:
+    """Each situation for 20 seeds, passings for 1000; a touch of a robot that moves is wrong."""
+    seeds, passings = (QUICK_SEEDS, 10) if quick else (SEEDS, 1000)
+    figures = [*_of_people(seeds), *_of_walls(seeds), *_of_noise(seeds)]
+    passed_by = [passed(seed) for seed in range(passings)]
+    touches = sum(each.touches for each in passed_by)
+    figures += [
+        Figure(f"{passings} passings, touches of a robot that moves", touches, "", 0),
+        Figure("passings, least gap while it moves", min(each.moving_m for each in passed_by), "m"),
+        Figure("passings, faster than creeping within 0.1 m", sum(each.fast_s for each in passed_by), "s"),
+    ]
+    faults = (f"{touches} of {passings} people were touched by a robot that moved",) if touches else ()
+    return Outcome(tuple(figures), faults=faults)
+
+
+def _of_people(seeds: int) -> Iterator[Figure]:
+    for behind_m in (0.35, 0.8):
+        runs = [followed(seed, behind_m) for seed in range(seeds)]
+        yield from _of_runs(f"followed at {behind_m} m", runs)
+        yield Figure(
+            f"followed at {behind_m} m, longest way for 5 m", max(each.way_m for each in runs), "m", 5.5
+        )
+    one_m = renewed(0, 0.0)
+    for per_s in (1.0, 4.0, 10.0):
+        yield Figure(
+            f"goal renewed {per_s:.0f} times a second, share of the way lost",
+            1 - renewed(0, per_s) / one_m,
+            "",
+            0.1,
+        )
+
+
+def _of_walls(seeds: int) -> Iterator[Figure]:
+    for is_door, name in ((False, "corridor"), (True, "door")):
+        for wider_m in (0.06, 0.09, 0.14):
+            runs = [squeezed(seed, wider_m, is_door=is_door) for seed in range(seeds)]
+            yield from _of_runs(f"{name} {100 * wider_m:.0f} cm wider", runs)
+        told = [squeezed(seed, 0.02, is_door=is_door) for seed in range(seeds)]
+        yield Figure(
+            f"{name} 2 cm wider, time until it ends, longest", max(each.time_s for each in told), "s"
+        )
+    beside = [beside_wall(seed, 0.03, 0.0) for seed in range(seeds)]
+    yield Figure(
+        "goal 3 cm before a wall, time until it ends, longest", max(each.time_s for each in beside), "s", 5
+    )
+
+
+def _of_noise(seeds: int) -> Iterator[Figure]:
+    for share in (0.0, 0.01, 0.03, 0.1):
+        yield from _of_runs(
+            f"{share:.0%} of the beams at random", [noisy(seed, share) for seed in range(seeds)]
+        )
+
+
+def _of_runs(name: str, runs: Sequence[Run]) -> Iterator[Figure]:
+    yield Figure(f"{name}, not reached of {len(runs)}", sum(not each.is_reached for each in runs), "", 0)
+    yield Figure(f"{name}, time, median", percentile([each.time_s for each in runs], 50), "s")
+    yield Figure(f"{name}, closest approach, least", min(each.least_m for each in runs), "m")

@@ -24,7 +24,7 @@ AHEAD_S, STEP_S = 0.8, 0.1
 DECELERATION_M_S2: Final = 0.5
 
 WIDENS_M: Final = 0.004
-"""A motion that leaves so much more room than standing makes way."""
+"""A motion that leaves so much more room than standing, and avoids the touch, makes way."""
 
 
 def slowed_beside_people(outline: Footprint, near: Surroundings, twist: Twist2D | None) -> Twist2D | None:
@@ -39,7 +39,8 @@ def slowed_beside_people(outline: Footprint, near: Surroundings, twist: Twist2D 
     motion = np.array([twist.linear_m_s, twist.angular_rad_s])
     points, velocity = near.points_m[walks], near.velocity_m_s[walks]
     close_s, driving_m, standing_m, now_m = _gaps(outline.hull, outline.pad_m, points, velocity, motion)
-    if close_s == math.inf or driving_m > standing_m + WIDENS_M:
+    makes_way = driving_m > max(standing_m + WIDENS_M, STANDS_M)
+    if close_s == math.inf or makes_way:
         return twist
     least_m_s = CREEP_M_S * min(max((now_m - STANDS_M) / (CLOSE_M - STANDS_M), 0.0), 1.0)
     allowed_m_s = least_m_s + DECELERATION_M_S2 * close_s

@@ -13,7 +13,7 @@ import numpy as np
 from chefbotd.core.compiled import kernel
 from chefbotd.core.record import Record, replace
 from chefbotd.mapping.occupancy_grid import UNKNOWN, OccupancyGrid
-from chefbotd.navigation.grid import Floats, GridFrame, Singles, distances_m
+from chefbotd.navigation.grid import Flags, Floats, GridFrame, Singles, distances_m
 from chefbotd.navigation.outline import Footprint
 from chefbotd.navigation.search import BLOCKED
 from chefbotd.navigation.states import UnknownSpace
@@ -76,7 +76,7 @@ class Costmap(Record, frozen=True):
 
     ``surcharges`` is what a cell costs by itself, apart from obstacles: 1, more in slow zones and unknown space,
     infinite where it is blocked whatever is near. ``standing_m`` are the distances without people, ``fixed_m`` without
-    all that was seen since.
+    all that was seen since. ``walls`` are the obstacles of the map, without zones.
     """
 
     frame: GridFrame
@@ -87,6 +87,7 @@ class Costmap(Record, frozen=True):
     standing_m: Singles
     fixed_m: Singles
     speed_limit_m_s: Floats
+    walls: Flags
 
 
 def costmap(
@@ -104,7 +105,8 @@ def costmap(
     A slow zone costs the time that it takes: ``max_speed_m_s`` is the speed elsewhere.
     """
     frame = GridFrame.of(grid)
-    obstacles = (grid.percent >= OCCUPIED_PERCENT) | keep_out_cells(zones, frame)
+    walls: Flags = grid.percent >= OCCUPIED_PERCENT
+    obstacles = walls | keep_out_cells(zones, frame)
     distance_m = distances_m(obstacles, grid.resolution_m)
     limits = speed_limits_m_s(zones, frame)
     surcharges = np.maximum(1.0, max_speed_m_s / limits).astype(np.float32)
@@ -122,7 +124,7 @@ def costmap(
     )  # fmt: skip
     costs = np.empty_like(distance_m)
     _fill(distance_m, surcharges, _numbers(inflation, blocked_below_m), costs)
-    return Costmap(frame, inflation, distance_m, costs, surcharges, distance_m, distance_m, limits)
+    return Costmap(frame, inflation, distance_m, costs, surcharges, distance_m, distance_m, limits, walls)
 
 
 def with_obstacles(ground: Costmap, points_m: Floats) -> Costmap:

@@ -40,8 +40,14 @@ RENEWED_M: Final = 0.5
 """A goal that replaces one so near to it is the same one renewed, as by a program that follows somebody."""
 
 
+MOST_NARROW: Final = 3
+"""So many passages that are too narrow end a goal."""
+
 NARROW_S: Final = 600.0
 """A passage that was measured as too narrow is closed for so long."""
+
+BEFORE_GOAL_M: Final = 0.15
+"""A wall that stops the robot so near to its goal belongs to the goal, and not to the way there."""
 
 HELD_BY_WALL: Final = 3
 """After so many approaches that a guard held back before a wall of the map, the goal ends."""
@@ -70,6 +76,7 @@ class GoalExecution:
         self._is_renewed = self._was_turning = False
         self._recovery: Recovery | None = None
         self._why_stuck = self._noise = ""
+        self._narrow = 0  # how many passages were too narrow
         self._backed_from = Pose2D()
 
     def use(self, params: NavigationParameters, *, has_to_rest: bool) -> None:
@@ -126,13 +133,14 @@ class GoalExecution:
     def evade(self, now: StepInput, near: Surroundings, twist: Twist2D | None) -> Twist2D | None:
         """The same twist or, while the robot stands, one that evades a person."""
         arrives = self.trip is not None and self.trip.follow.phase in AT_GOAL and not self.trip.is_interim
-        was_said = self._evasion.who is not None
+        was_said, was_used_up = self._evasion.who is not None, self._evasion.is_used_up
         self._evasion, twist = evade(
             self._params, self._evasion, now, near, twist, is_blocked=self._is_blocked, arrives=arrives
         )
-        if self._evasion.who is not None:
+        is_new = not was_said or was_used_up is not self._evasion.is_used_up
+        if self._evasion.who is not None and is_new:
             self.reason = self._makes_way(self._evasion.who)
-        elif was_said and self.state is GoalState.DRIVING:
+        elif self._evasion.who is None and was_said and self.state is GoalState.DRIVING:
             self.reason = self._drives()
         return twist
 
@@ -269,7 +277,8 @@ class GoalExecution:
         check = checked_progress(self._params, self._last_progress, now, in_the_way)
         self._last_progress = check.progress
         at_goal = done.state.phase is Phase.APPROACHING and (check.stuck or done.state.held >= HELD_BY_WALL)
-        if at_goal and (wall := world.wall_beside(near)):
+        left_m = math.hypot(self._goal.x_m - now.pose.x_m, self._goal.y_m - now.pose.y_m)
+        if at_goal and left_m < BEFORE_GOAL_M and (wall := world.wall_beside(near)):
             self._end_before_wall(wall, now)
             return
         if self._waiting is not None:
@@ -298,7 +307,8 @@ class GoalExecution:
         place = near.grid_from_base.compose(passage.middle)
         world.close(np.array([place.x_m, place.y_m]), now.now_s + NARROW_S)
         other = self._find(world, now)
-        if isinstance(other, Trip):
+        self._narrow += 1
+        if isinstance(other, Trip) and self._narrow < MOST_NARROW:
             self._set_out(other, now)
             return True
         at, width_m = world.frame.pose_to_map(place), passage.width_m

@@ -41,7 +41,7 @@ def _nearest_within(outline: Footprint, costs: Costmap, pose: Pose2D, within_m: 
     """
     frame = costs.frame
     reach_m = outline.outer_radius_m + within_m + frame.resolution_m
-    rows, columns = np.nonzero(costs.fixed_m == 0)
+    rows, columns = np.nonzero(costs.walls)
     centers = (np.stack([columns, rows], axis=1) + 0.5) * frame.resolution_m
     centers = centers[np.hypot(centers[:, 0] - pose.x_m, centers[:, 1] - pose.y_m) < reach_m]
     if not len(centers):
