@@ -40,6 +40,9 @@ RENEWED_M: Final = 0.5
 """A goal that replaces one so near to it is the same one renewed, as by a program that follows somebody."""
 
 
+MEASURED_S: Final = 1.5
+"""A passage before which the robot was blocked for so long in all is too narrow if it was measured so."""
+
 MOST_NARROW: Final = 3
 """So many passages that are too narrow end a goal."""
 
@@ -76,7 +79,10 @@ class GoalExecution:
         self._is_renewed = self._was_turning = False
         self._recovery: Recovery | None = None
         self._why_stuck = self._noise = ""
-        self._narrow = 0  # how many passages were too narrow
+        self._narrow, self._narrow_s = (
+            0,
+            0.0,
+        )  # how many passages were too narrow, and for how long this one is
         self._backed_from = Pose2D()
 
     def use(self, params: NavigationParameters, *, has_to_rest: bool) -> None:
@@ -285,7 +291,7 @@ class GoalExecution:
             return
         if check.waits or check.drives_again:
             self.reason = check.waits or self._drives()
-        if check.stuck and self._leave_narrow(world, now, near):
+        if done.is_blocked and self._leave_narrow(world, now, near):
             return
         if check.stuck:
             beside = "" if done.is_blocked else world.beside(near)
@@ -300,10 +306,14 @@ class GoalExecution:
         self.end(End.BLOCKED, f"blocked: {end}, at ({pose.x_m:.2f}, {pose.y_m:.2f})")
 
     def _leave_narrow(self, world: WorldModel, now: StepInput, near: Surroundings) -> bool:
-        """Whether what the robot is stuck at is too narrow for it: it takes another way, or the goal ends."""
+        """Whether what blocks the robot is too narrow for it: it takes another way, or the goal ends."""
         passage = measured_passage(self._params.outline, near)
         if passage is None or not passage.is_too_narrow:
             return False
+        self._narrow_s += now.dt_s
+        if self._narrow_s < MEASURED_S:
+            return False
+        self._narrow_s = 0.0
         place = near.grid_from_base.compose(passage.middle)
         world.close(np.array([place.x_m, place.y_m]), now.now_s + NARROW_S)
         other = self._find(world, now)

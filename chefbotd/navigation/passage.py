@@ -7,6 +7,7 @@ import numpy as np
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import Record
+from chefbotd.navigation.arcs import MARGIN_M
 from chefbotd.navigation.grid import Floats
 from chefbotd.navigation.outline import Footprint
 from chefbotd.navigation.surroundings import Surroundings, standing_only
@@ -41,16 +42,21 @@ class Passage(Record, frozen=True):
 
 
 def measured_passage(outline: Footprint, near: Surroundings) -> Passage | None:
-    """The narrowest place ahead that has something on both sides; None: there is none."""
+    """The narrowest place ahead that has walls of the map on both sides; None: there is none.
+
+    What is less than half as wide as the robot is a wall ahead. What is not on the map may go away, such as a chair or
+    somebody who stands there.
+    """
     half_m = float(np.abs(outline.hull[:, 1]).max()) + outline.pad_m
-    points = standing_only(near).points_m
+    standing = standing_only(near)
+    points = standing.points_m[standing.margin_m <= MARGIN_M]
     x, y = points[:, 0], points[:, 1]
     narrowest: Passage | None = None
     for begin_m in np.arange(BEHIND_M, AHEAD_M, BIN_M):
         within = (x >= begin_m) & (x < begin_m + BIN_M) & (np.abs(y) < half_m + BESIDE_M)
         left_m, right_m = _surface_m(y[within & (y > 0)]), -_surface_m(-y[within & (y < 0)])
         width_m = left_m - right_m
-        if math.isfinite(width_m) and (narrowest is None or width_m < narrowest.width_m):
+        if half_m < width_m < math.inf and (narrowest is None or width_m < narrowest.width_m):
             middle = Pose2D(float(begin_m) + BIN_M / 2, (left_m + right_m) / 2)
             narrowest = Passage(width_m, middle, 2 * half_m + SPARE_M)
     return narrowest

@@ -50,6 +50,14 @@ def test_a_wall_on_one_side_is_no_passage() -> None:
     assert measured_passage(ROUND, one) is None
 
 
+def test_a_wall_ahead_is_no_passage() -> None:
+    """0.4 m ahead, from left to right."""
+    y = np.arange(-0.4, 0.4, 0.01)
+    points = np.stack([np.full_like(y, 0.4), y], 1)
+    near = Surroundings(points, np.zeros_like(points), np.full(len(y), 0.015), NO_MAP, 0.05, Pose2D(2, 2))
+    assert measured_passage(ROUND, near) is None
+
+
 @pytest.mark.slow
 def test_a_door_that_is_too_narrow_ends_the_goal_with_its_width() -> None:
     """4 cm wider than the robot; the map's cells of 5 cm do not show it."""
