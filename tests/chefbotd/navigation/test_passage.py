@@ -59,12 +59,12 @@ def test_a_wall_ahead_is_no_passage() -> None:
 
 
 @pytest.mark.slow
-def test_a_door_that_is_too_narrow_ends_the_goal_with_its_width() -> None:
+def test_a_corridor_that_is_too_narrow_ends_the_goal_with_its_width() -> None:
     """4 cm wider than the robot; the map's cells of 5 cm do not show it."""
-    run = squeezed(1, 0.04, is_door=True)
+    run = squeezed(0, 0.04)
     assert run.end is End.BLOCKED
     told = re.search(r"the passage at \((.*), (.*)\) is (.*) m wide, and the robot needs 0.42 m", run.reason)
     assert told, run.reason
-    assert float(told[1]) == pytest.approx(2.05, abs=0.35)
+    assert 2.0 <= float(told[1]) <= 2.6
     assert float(told[3]) == pytest.approx(0.40, abs=0.025)
     assert run.time_s < 40.0
