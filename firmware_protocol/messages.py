@@ -143,8 +143,10 @@ class HelloAnswer:
 
 @dataclass(frozen=True, slots=True)
 class BoardAbout:
-    """``about`` from the board: the edges of an encoder's period that it counts, and of a second at most, the build of
-    its program, and the counts of a wheel's turn that it was given (0: none).
+    """``about`` from the board: what it counts, and which program it runs.
+
+    The edges of an encoder's period that it counts, the most of them a second, the build, and the counts of a wheel's
+    turn that it was given (0: none).
     """
 
     edges: int
@@ -238,7 +240,7 @@ class Hello:
 
 @dataclass(frozen=True, slots=True)
 class AskAbout:
-    """``about`` to the board: what does it count, and which build is it? Firmware that does not know it refuses it (1)."""
+    """``about`` to the board: what does it count, and which build is it? Older firmware refuses it (1)."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -63,8 +63,8 @@ def no_answer(heard: LineQuality, counters: wire.BoardCounters | None, hellos: i
     return (
         f"the cable is bad, or only one way of it is whole: the board is ours, and answered none of {hellos} hellos. Of "
         f"its {heard.lines} lines since the port was opened {heard.damaged} came damaged{share}{counted}. The motors "
-        "stay off, as a line without a checksum can be a wrong command, and nothing would stop the board by itself; it is "
-        "asked again every second"
+        "stay off, as a line without a checksum can be a wrong command, and nothing would stop the board by itself; it "
+        "is asked again every second"
     )
 
 
