@@ -72,11 +72,11 @@ class LocalizationState(Record, frozen=True):
     has_told: bool
     problem: str
     told: LocalizationChanged | None
-    pose: MapPoseUpdated | None
     jumps_before: int
     turning: TurningState
     may_turn: bool
     waits: tuple[str, ...]
+    pose: MapPoseUpdated | None = None
 
 
 class LocalizationService:
@@ -125,11 +125,11 @@ class LocalizationService:
             self._has_told.is_set(),
             self._problem,
             self._latest,
-            self._pose,
             self._jumps_before,
             self._turning.state(),
             self._may_turn,
             tuple(sorted(self._waits)),
+            self._pose,
         )
 
     def restore(self, state: LocalizationState) -> None:
