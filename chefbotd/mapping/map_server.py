@@ -7,14 +7,16 @@ follows Nav2.
 Pillow (extra ``maps``) is imported where an image is read or a PNG is written; a PGM is written without it.
 """
 
+import codecs
 import io
+import math
 from enum import StrEnum
-from typing import TYPE_CHECKING, Annotated, Any, TypeAlias
+from typing import TYPE_CHECKING, Annotated, Any, Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
 import yaml
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, ValidationError
 
 from chefbotd.core.bounded_yaml import load_first_document
 from chefbotd.core.geometry import Pose2D
@@ -37,6 +39,9 @@ FINEST_M, COARSEST_M = 0.001, 10.0
 """A map's cells: finer ones than a lidar can tell apart, and coarser ones than any robot fits between, are mistakes."""
 FARTHEST_M = 1e6
 
+LFS_POINTER: Final = b"version https://git-lfs.github.com/spec/"
+"""How a file begins that Git put in the place of one in its large file storage (git-lfs, docs/spec.md)."""
+
 
 class ImageMode(StrEnum):
     """How a pixel becomes a cell: one of three values, a scale between the thresholds, or the percentage itself."""
@@ -54,7 +59,11 @@ Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
 
 
 class MapDescription(Parameters):
-    """The YAML file. ``origin`` is the pose of the image's lower left corner: x, y in metres, yaw in radians."""
+    """The YAML file. ``origin`` is the pose of the image's lower left corner: x, y in metres, yaw in radians.
+
+    ``notes`` say what was read otherwise than it is written. The thresholds may be equal, or in the wrong order:
+    map_server asks first whether a pixel is occupied, then whether it is free.
+    """
 
     image: str = Field(min_length=1)
     mode: ImageMode = ImageMode.TRINARY
@@ -63,33 +72,78 @@ class MapDescription(Parameters):
     negate: Annotated[int, Field(ge=0, le=1)] = 0
     occupied_thresh: float = Field(OCCUPIED_THRESH, ge=0, le=1)
     free_thresh: float = Field(FREE_THRESH, ge=0, le=1)
-
-    @model_validator(mode="after")
-    def _thresholds_are_apart(self) -> "MapDescription":
-        if self.free_thresh >= self.occupied_thresh:
-            raise ValueError(
-                f"free_thresh must be below occupied_thresh, {self.occupied_thresh}, got {self.free_thresh}"
-            )
-        return self
+    notes: tuple[str, ...] = ()
 
 
-def parse_description(text: str, name: str) -> MapDescription:
-    """The YAML text of the file called ``name``; keys that are nobody's are passed over, as map_server does.
+def parse_description(content: bytes | str, name: str) -> MapDescription:
+    """The content of the YAML file called ``name``; keys that are nobody's are passed over, as map_server does.
 
     Raises:
         MapFileError: it is no YAML, or no map's.
     """
+    text = content if isinstance(content, str) else _decoded(content, name)
     try:
-        values = load_first_document(text)  # as yaml-cpp reads it
+        values = _values(text)
     except ValueError as error:
         raise MapFileError(f"{name}: {error}") from error
     if not isinstance(values, dict):
         raise MapFileError(f"{name}: a map's YAML is keys and values, got {type(values).__name__}")
-    fields = {key: value for key, value in values.items() if key in MapDescription.model_fields}
+    fields, notes = _as_map_server_reads(values)
     try:
-        return MapDescription.model_validate(fields)
+        return MapDescription.model_validate({**fields, "notes": notes})
     except ValidationError as error:
         raise MapFileError(f"{name}: {_explain(error)}") from error
+
+
+def _decoded(content: bytes, name: str) -> str:
+    """The text; what is not UTF-8, such as an umlaut in a comment, was most likely written on Windows."""
+    require_no_pointer(content, name)
+    if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):
+        return content.decode("utf-16", "replace")
+    try:
+        return content.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        return content.decode("cp1252", "replace")
+
+
+def _values(text: str) -> Any:
+    """The values of the YAML; yaml-cpp takes a tab between them for a space, which PyYAML does not."""
+    try:
+        return load_first_document(text)
+    except ValueError:
+        if "\t" not in text:
+            raise
+        return load_first_document(text.replace("\t", " "))
+
+
+def _as_map_server_reads(values: dict[Any, Any]) -> tuple[dict[str, Any], tuple[str, ...]]:
+    """The values of our fields: a mode in whatever case, any number but 0 to negate, and no turn in place of NaN."""
+    fields = {k: value for k, value in values.items() if k in MapDescription.model_fields and k != "notes"}
+    mode, negate, origin = fields.get("mode"), fields.get("negate"), fields.get("origin")
+    if isinstance(mode, str):
+        fields["mode"] = mode.lower()
+    if isinstance(negate, int):
+        fields["negate"] = int(negate != 0)
+    if not isinstance(origin, list) or len(origin) != 3 or not _is_nan(origin[2]):
+        return fields, ()
+    # What map_saver makes of a quaternion of zeros, which some programs for maps send: no turn is meant.
+    fields["origin"] = [origin[0], origin[1], 0.0]
+    return fields, (f"the origin's yaw is {origin[2]}: read as 0",)
+
+
+def _is_nan(value: object) -> bool:
+    try:
+        return isinstance(value, str | float) and math.isnan(float(value))
+    except ValueError:
+        return False
+
+
+def require_no_pointer(content: bytes, name: str) -> None:
+    """Raises ``MapFileError`` where the file is the pointer that Git LFS leaves in place of it."""
+    if content.startswith(LFS_POINTER):
+        raise MapFileError(
+            f"{name}: is only a pointer of Git LFS, not the file itself: run 'git lfs pull' where it was cloned"
+        )
 
 
 def _explain(error: ValidationError) -> str:
@@ -106,6 +160,7 @@ def parse_image(data: bytes, description: MapDescription) -> OccupancyGrid:
     """
     from PIL import Image, UnidentifiedImageError
 
+    require_no_pointer(data, description.image)
     try:
         with Image.open(io.BytesIO(data)) as image:
             if image.width * image.height > MOST_PIXELS:
@@ -144,10 +199,10 @@ def _percent(
     occupancy = (shade if description.negate else 255 - shade) / 255
     free, occupied = description.free_thresh, description.occupied_thresh
     cells = np.full(shade.shape, UNKNOWN, np.int8)
-    if description.mode is ImageMode.SCALE:
+    if description.mode is ImageMode.SCALE and occupied > free:  # else there is nothing between them
         cells = np.rint(np.clip((occupancy - free) / (occupied - free), 0, 1) * 100).astype(np.int8)
-    cells[occupancy > occupied] = OCCUPIED
     cells[occupancy < free] = FREE
+    cells[occupancy > occupied] = OCCUPIED
     if description.mode is ImageMode.SCALE:
         cells[~opaque] = UNKNOWN
     return cells

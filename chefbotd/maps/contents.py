@@ -10,8 +10,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chefbotd.core.commands import RefusalKind
-from chefbotd.mapping.map_server import MapFileError, parse_description, parse_image, to_description, to_image
-from chefbotd.mapping.occupancy_grid import OccupancyGrid
+from chefbotd.core.record import Record
+from chefbotd.mapping.map_server import (
+    FREE_THRESH,
+    GREY,
+    ImageMode,
+    MapDescription,
+    MapFileError,
+    parse_description,
+    parse_image,
+    to_description,
+    to_image,
+)
+from chefbotd.mapping.occupancy_grid import UNKNOWN, OccupancyGrid
 from chefbotd.maps.disk import Content, MapStoreError
 from chefbotd.maps.manifest import CELLS, DESCRIPTION, GRAPH, IMAGE, Extent
 from chefbotd.maps.store import MapStore
@@ -104,28 +115,45 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
         raise MapStoreError(RefusalKind.MAP_UNREADABLE, f"{path}: cannot be read: {error}") from error
 
 
-def read_map_server(path: Path) -> OccupancyGrid:
+class ReadMap(Record, frozen=True):
+    """A map of map_server's files; ``notes`` say, for people, what of it they might not expect."""
+
+    grid: OccupancyGrid
+    notes: tuple[str, ...] = ()
+
+
+def read_map_server(path: Path) -> ReadMap:
     """The map of a YAML file of map_server's and of the image that it names.
 
     Raises:
         MapStoreError: one of them cannot be read, or is not what it should be, or Pillow is not installed.
     """
     try:
-        description = parse_description(_content(path, LARGEST_YAML_BYTES).decode("utf-8-sig"), path.name)
-        return parse_image(_content(path.parent / description.image, LARGEST_IMAGE_BYTES), description)
+        description = parse_description(_content(path, LARGEST_YAML_BYTES), path.name)
+        grid = parse_image(_content(path.parent / description.image, LARGEST_IMAGE_BYTES), description)
+        return ReadMap(grid, (*description.notes, *_grey_note(description, grid)))
     except OSError as error:
         where = error.filename or path
         raise MapStoreError(
             RefusalKind.MAP_UNREADABLE, f"{where}: cannot be read: {error.strerror}"
         ) from error
-    except UnicodeDecodeError as error:
-        raise MapStoreError(RefusalKind.MAP_UNREADABLE, f"{path.name}: is not text") from error
     except MapFileError as error:
         raise MapStoreError(RefusalKind.MAP_UNREADABLE, str(error)) from error
     except ModuleNotFoundError as error:
         if error.name != "PIL":
             raise
         raise MapStoreError(RefusalKind.MAP_UNREADABLE, f"{path.name}: {NO_PILLOW}") from error
+
+
+def _grey_note(description: MapDescription, grid: OccupancyGrid) -> tuple[str, ...]:
+    """Whether what map_saver wrote for unknown was probably read as free: so map_server does it, too."""
+    is_likely = description.mode is ImageMode.TRINARY and not description.negate
+    if not is_likely or description.free_thresh <= 1 - GREY / 255 or (grid.percent == UNKNOWN).any():
+        return ()
+    return (
+        f"no cell is unknown: with free_thresh {description.free_thresh:g} the grey {GREY}, which map_saver writes "
+        f"for unknown, is free; with {FREE_THRESH:g} it stays unknown",
+    )
 
 
 def _content(path: Path, most: int) -> bytes:

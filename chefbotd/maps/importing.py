@@ -55,7 +55,7 @@ def _import(order: Order) -> int:
 
     store = MapStore(order.folder, order.versions_kept)
     _progress(0)
-    grid = read_map_server(order.yaml)
+    grid = read_map_server(order.yaml).grid
     contents = contents_of(grid)
     if order.keeps_graph and (graph := _graph(store, order.name)) is not None:
         contents[GRAPH] = graph

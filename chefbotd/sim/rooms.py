@@ -69,7 +69,7 @@ def _box(left: float, bottom: float, right: float, top: float) -> list[tuple[flo
 
 def _map_walls(path: Path) -> Vector:
     """The walls of the map in this YAML file and the image beside it."""
-    description = parse_description(path.read_text(encoding="utf-8"), str(path))
+    description = parse_description(path.read_bytes(), str(path))
     grid = parse_image((path.parent / description.image).read_bytes(), description)
     occupied = grid.percent == OCCUPIED
     if not occupied.any():

@@ -184,9 +184,10 @@ def test_a_map_is_written_with_map_saver_s_shades_and_thresholds() -> None:
             r"resolution: Input should be greater than or equal to 0.001 \(got 0\)",
         ),
         (
-            YAML.replace("0.650000", "x").replace("0.65", "0.1"),
-            "free_thresh must be below occupied_thresh, 0.1, got 0.196",
+            YAML.replace("0.65", "1.5"),
+            r"occupied_thresh: Input should be less than or equal to 1 \(got 1.5\)",
         ),
+        (YAML.replace("-12.200000", "-nan"), r"origin.0: Input should be a finite number \(got '-nan'\)"),
         (YAML + "mode: colour", "mode: Input should be 'trinary', 'scale' or 'raw'"),
         (YAML.replace("3.500000, ", ""), r"origin.2: Field required"),
     ],
@@ -197,9 +198,70 @@ def test_a_description_that_is_none_is_refused_by_name(text: str, told: str) -> 
         parse_description(text, "flat.yaml")
 
 
+@pytest.mark.parametrize("mode", ["Trinary", "TRINARY", "Scale", "RAW"])
+def test_a_mode_is_read_in_whatever_case(mode: str) -> None:
+    """Nav2 makes it lower case before it looks."""
+    assert parse_description(f"{YAML}mode: {mode}\n", "flat.yaml").mode == mode.lower()
+
+
+def test_a_tab_between_values_is_a_space() -> None:
+    """yaml-cpp reads such files, as editors write them; PyYAML says that no token begins so."""
+    text = YAML.replace(": ", ":\t").replace(", ", ",\t") + "\t\n"
+    assert parse_description(text, "flat.yaml") == parse_description(YAML, "flat.yaml")
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "latin-1", "cp1252", "utf-16"])
+def test_a_comment_may_be_in_whatever_encoding(encoding: str) -> None:
+    """An umlaut is no UTF-8 in a file of an older Windows, and PowerShell's ``>`` writes UTF-16."""
+    content = f"# Küche, 2. Stock\n{YAML}".encode(encoding)
+    assert parse_description(content, "flat.yaml") == parse_description(YAML, "flat.yaml")
+
+
+@pytest.mark.parametrize("thresh", [0.2, 0.5])
+def test_with_equal_thresholds_only_a_shade_on_them_is_unknown(thresh: float) -> None:
+    """Map_server asks whether a pixel is above the one, then whether it is below the other: 204 is 0.2, 127.5 is 0.5."""
+    image, on = pgm([[0, 204, 254]]), describe(occupied_thresh=thresh, free_thresh=thresh)
+    assert parse_image(image, on).percent.tolist() == [[100, -1 if thresh == 0.2 else 0, 0]]
+    scale = describe(occupied_thresh=thresh, free_thresh=thresh, mode="scale")
+    assert parse_image(image, scale).percent.tolist() == [[100, -1 if thresh == 0.2 else 0, 0]]
+
+
+def test_with_thresholds_in_the_wrong_order_occupied_is_asked_first() -> None:
+    """Thresholds 0.1 and 0.6: shade 204 is 0.2 occupied, which is above the one and below the other: a wall."""
+    swapped = describe(occupied_thresh=0.1, free_thresh=0.6)
+    assert parse_image(pgm([[0, 204, 254]]), swapped).percent.tolist() == [[100, 100, 0]]
+
+
+@pytest.mark.parametrize(("negate", "read"), [("0", 0), ("1", 1), ("2", 1), ("true", 1), ("false", 0)])
+def test_any_number_but_0_negates(negate: str, read: int) -> None:
+    """As a condition in C has it; Nav2 reads a word."""
+    assert parse_description(YAML.replace("negate: 0", f"negate: {negate}"), "flat.yaml").negate == read
+
+
+@pytest.mark.parametrize("yaw", ["-nan", "nan", ".nan", ".NaN", "NaN"])
+def test_a_yaw_that_is_no_number_is_no_turn_and_is_said(yaw: str) -> None:
+    """What map_saver writes where a program's map had a quaternion of zeros."""
+    description = parse_description(YAML.replace("3.500000, 0.000000", f"3.500000, {yaw}"), "flat.yaml")
+    assert description.origin == (-12.2, 3.5, 0.0)
+    assert "yaw" in description.notes[0]
+    assert parse_description(YAML, "flat.yaml").notes == ()
+
+
+POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 147472\n"
+
+
+def test_a_pointer_of_git_lfs_is_named_as_one() -> None:
+    """In place of the image, and of the YAML file: with what to run."""
+    with pytest.raises(MapFileError, match=r"flat\.pgm: is only a pointer of Git LFS.*git lfs pull"):
+        parse_image(POINTER, describe())
+    with pytest.raises(MapFileError, match=r"flat\.yaml: is only a pointer of Git LFS.*git lfs pull"):
+        parse_description(POINTER, "flat.yaml")
+
+
 def test_keys_that_are_nobody_s_are_passed_over() -> None:
     """As map_server passes over them: other tools keep theirs there."""
-    assert parse_description(YAML + "cost_translation_table: {}\n", "flat.yaml").resolution == 0.05
+    text = YAML + "cost_translation_table: {}\nnotes: [mine]\n"
+    assert parse_description(text, "flat.yaml") == parse_description(YAML, "flat.yaml")
 
 
 @pytest.mark.parametrize("data", [b"", b"P5\n3 3\n255\n12", b"<html>", b"P5\n99999 99999\n255\n"])

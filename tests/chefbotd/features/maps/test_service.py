@@ -145,10 +145,10 @@ def test_a_map_comes_in_parts_which_fit_together(tmp_path: Path, monkeypatch: py
     ("files", "told"),
     sample([
         ({}, "x.yaml: cannot be read: No such file or directory"),
-        ({"x.yaml": b"image: x.pgm\nresolution: -1\norigin: [0, 0, 0]\n"}, "resolution: Input should be greater than 0"),
+        ({"x.yaml": b"image: x.pgm\nresolution: -1\norigin: [0, 0, 0]\n"}, "resolution: Input should be greater than or equal to 0.001"),
         ({"x.yaml": b"image: x.pgm\nresolution: 1\norigin: [0, 0, 0]\n"}, "x.pgm: cannot be read: No such file"),
         ({"x.yaml": b"image: x.yaml\nresolution: 1\norigin: [0, 0, 0]\n"}, "x.yaml: cannot be read as an image"),
-        ({"x.yaml": b"\xff\xfe\x00"}, "x.yaml: is not text"),
+        ({"x.yaml": b"\xff\xfe\x00"}, "x.yaml: a map's YAML is keys and values, got str"),
         ({"x.yaml": b"[" * 100}, "x.yaml: not valid YAML"),
     ], fast=2),
 )  # fmt: skip
