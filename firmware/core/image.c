@@ -23,18 +23,18 @@ static uint8_t own_byte(const uint8_t *address)
     return (uint8_t)HAL_READ_CHAR((const volatile char *)address);
 }
 
-static uint32_t own_number(const void *address, uint8_t bytes)
+static uint32_t own_number(const uint8_t bytes[], uint8_t count)
 {
     uint32_t value = 0;
-    for (uint8_t index = bytes; index > 0U; index--) {
-        value = (value << 8) | own_byte((const uint8_t *)address + index - 1U);
+    for (uint8_t index = count; index > 0U; index--) {
+        value = (value << 8) | own_byte(&bytes[index - 1U]);
     }
     return value;
 }
 
 uint16_t image_build(void)
 {
-    return (uint16_t)own_number(&image.crc, sizeof(image.crc));
+    return (uint16_t)own_number((const uint8_t *)&image.crc, sizeof(image.crc));
 }
 
 /* In the board's own width of an address: an AVR reads 14 KB in 40 ms then. */
@@ -49,7 +49,7 @@ static uint16_t add_span(uint16_t crc, hal_image_at_t from, hal_image_at_t to)
 
 static bool is_whole(void)
 {
-    const uint32_t length = own_number(&image.length, sizeof(image.length));
+    const uint32_t length = own_number((const uint8_t *)&image.length, sizeof(image.length));
     const uint32_t crc_at = HAL_IMAGE_OFFSET(&image.crc);
     if ((length <= crc_at) || (length > MOST_BYTES)) {
         return false;
