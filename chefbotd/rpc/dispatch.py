@@ -319,8 +319,17 @@ def _refuse_unprintable(method: Method, params: object) -> None:
         expected = (
             "expected text without control characters and without characters for the direction of writing"
         )
-        problem = {"field": "params", "expected": expected, "got": got}
+        problem = {"field": _field_with(text, params), "expected": expected, "got": got}
         raise Unserved(ErrorKind.INVALID_PARAMS, _sentence(problem), {"fields": [problem]})
+
+
+def _field_with(text: str, params: object) -> str:
+    """The parameter that holds an unprintable text, or is it."""
+    if isinstance(params, dict):
+        for name, value in params.items():
+            if find_unprintable(value) == text and find_unprintable(name) is None:
+                return str(name)
+    return "params"
 
 
 def _checked(method: Method, request: Request) -> Params:
