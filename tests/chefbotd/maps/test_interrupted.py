@@ -60,7 +60,7 @@ def state(folder: Path) -> State:
 def check_public(folder: Path) -> None:
     """Whatever YAML there is leads to an image that belongs to it, also before anybody has repaired anything."""
     for path in folder.glob("[!.]*.yaml"):
-        public = read_map_server(path)
+        public = read_map_server(path).grid
         sizes = {3: {"columns": 13}, 4: {"rows": 3}}
         assert any(same(public, grid(seed, **sizes.get(seed, {}))) for seed in SEEDS)
 
@@ -127,7 +127,7 @@ def check_tidy(folder: Path) -> None:
     store = MapStore(folder, 2)
     for name in store.names():
         assert not store.needs_import(name)
-        assert same(read_map_server(folder / f"{name}.yaml"), read_grid(store, name))
+        assert same(read_map_server(folder / f"{name}.yaml").grid, read_grid(store, name))
     maps = {f"{name}{suffix}" for name in store.names() for suffix in (".yaml", ".pgm", ".map")}
     assert {path.name for path in folder.iterdir() if not path.name.startswith(".")} == maps
     assert store.current() in (None, *store.names())

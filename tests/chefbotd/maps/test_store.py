@@ -63,7 +63,7 @@ def test_the_two_files_for_everybody_are_those_of_the_latest_version(store: MapS
     """NAME.yaml and NAME.pgm lie in the folder itself and are read as map_server reads them."""
     for seed in (1, 2):
         save(store, "Küche 2", grid(seed, columns=10 + seed))
-    assert same(read_map_server(store.folder / "Küche 2.yaml"), grid(2, columns=12))
+    assert same(read_map_server(store.folder / "Küche 2.yaml").grid, grid(2, columns=12))
     assert (store.folder / "Küche 2.pgm").read_bytes().startswith(b"P5\n12 7\n255\n")
     text = (store.folder / "Küche 2.yaml").read_text()
     assert text.startswith('image: "K\\u00fcche 2.pgm"\nmode: trinary\nresolution: 0.05\n')
@@ -171,7 +171,7 @@ def test_a_map_is_renamed_with_its_versions_its_files_and_its_use(store: MapStor
     store.rename("flat", "home")
     assert store.names() == ["cellar", "home"]
     assert store.current() == "home"
-    assert same(read_map_server(store.folder / "home.yaml"), grid(1))
+    assert same(read_map_server(store.folder / "home.yaml").grid, grid(1))
     assert not list(store.folder.glob("flat*"))
     assert store.read_beside("home", "places.json") == b"{}"
 
@@ -198,7 +198,7 @@ def test_files_that_somebody_put_there_are_a_map(store: MapStore) -> None:
     assert store.names() == ["flat", "theirs"]
     assert store.describe("theirs").plain
     assert (store.needs_import("flat"), store.needs_import("theirs")) == (False, True)
-    save(store, "theirs", read_map_server(store.folder / "theirs.yaml"))
+    save(store, "theirs", read_map_server(store.folder / "theirs.yaml").grid)
     assert not store.needs_import("theirs")
 
 

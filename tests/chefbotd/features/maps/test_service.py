@@ -250,7 +250,7 @@ def test_places_belong_to_a_map_and_go_with_it(tmp_path: Path) -> None:
             ("table 3", 3.0, 0.5, 0.0),
         ]
         await client.delete_place("table 3")
-        with pytest.raises(CallError, match="no place named 'table 3'; there are Küche #2") as refused:
+        with pytest.raises(CallError, match="no place named 'table 3'; there are: Küche #2") as refused:
             await client.delete_place("table 3")
         assert refused.value.kind == "unknown_place"
         with pytest.raises(CallError, match="cannot be a place's name"):
