@@ -204,13 +204,6 @@ def _least_m(hull: Floats, points: Floats, velocity: Floats, waits: Flags, numbe
     return least
 
 
-def drives_clear(outline: Footprint, near: Surroundings, last: Twist2D, twist: Twist2D) -> bool:
-    """Whether nobody comes too near if the robot drives on like this for as long as people are foreseen."""
-    search = _Search(outline, last, _walking(near), near)
-    length_m, curvature = SPEED_M_S * FORESIGHT_S, twist.angular_rad_s / twist.linear_m_s
-    return search.least_m(curvature, length_m, FORESIGHT_S) >= ROOM_M
-
-
 def safest(outline: Footprint, near: Surroundings, last: Twist2D, twist: Twist2D | None) -> Twist2D | None:
     """The twist; None, to brake, if a person would soon touch a robot that drives so, and comes no nearer then."""
     people = _walking(near, FAST_M_S)

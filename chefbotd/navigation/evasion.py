@@ -10,7 +10,7 @@ import numpy as np
 
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.core.record import Record, replace
-from chefbotd.navigation.evade import ROOM_M, drives_clear, evading_twist, safest
+from chefbotd.navigation.evade import ROOM_M, evading_twist, safest
 from chefbotd.navigation.interface import NavigationParameters, StepInput
 from chefbotd.navigation.outline import Footprint, clearance_m
 from chefbotd.navigation.steering import slewed
@@ -65,17 +65,15 @@ def evade(
     """Evade who comes nearer while the robot stands, or brakes because it ``is_blocked``; else drive ``twist``.
 
     None is standing, which is best where a person would touch the moving robot at once. A robot that ``arrives`` at its
-    goal evades nobody who is slow, and one that can drive on clear of everybody does so.
+    goal evades nobody who is slow.
     """
     here, start = near.grid_from_base, evasion.grid_from_start
     evasion = _counted(evasion, now, here)
     near = _without_followers(params.outline, near, evasion, now.now_s, arrives=arrives)
-    goes = False
-    if twist is not None and twist.linear_m_s > 0.0 and not is_blocked:
-        goes = True
-        if not evasion.is_active or drives_clear(params.outline, near, now.last, twist):
-            evasion = replace(evasion, is_active=False, who=None)
-            return evasion, safest(params.outline, near, now.last, twist)
+    goes = twist is not None and twist.linear_m_s > 0.0 and not is_blocked
+    if goes and not evasion.is_active:
+        evasion = replace(evasion, is_active=False, who=None)
+        return evasion, safest(params.outline, near, now.last, twist)
     moves = goes or (not evasion.is_active and now.last.linear_m_s > 0.01)
     if start is None or now.now_s - evasion.last_s > CALM_S:
         start = here
