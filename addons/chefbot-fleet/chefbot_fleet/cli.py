@@ -6,6 +6,9 @@ import math
 import secrets
 import sqlite3
 import ssl
+import threading
+import time
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -16,11 +19,16 @@ from chefbot_vda5050.cli import broker_of, broker_options
 from chefbot_fleet.fleet import Fleet
 from chefbot_fleet.lanes import LaneParameters, find_lanes, free_space
 from chefbot_fleet.records import FleetParameters
+from chefbot_fleet.roadmap import Point, Roadmap
 from chefbot_fleet.routes import Pace
 from chefbot_fleet.store import Store
-from chefbotd.mapping.map_server import parse_description, parse_image
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
+from chefbotd.maps.contents import read_map_server
+from chefbotd.maps.disk import MapStoreError
 from chefbotd.rpc.parameters import is_loopback
+
+REPEAT_S = 5.0
+"""How often a search for lanes says that it goes on."""
 
 PATH = click.Path(exists=True, dir_okay=False, path_type=Path)
 
@@ -68,7 +76,7 @@ def run(
 
     clock = steady_clock()
     grid = _grid(map_file)
-    fleet = _fleet(grid, map_file.stem, places_file, options, clock())
+    fleet = _fleet(grid, map_file, places_file, options, clock())
     manager = Manager(
         fleet, broker_of(options), clock, interface=options["interface"], major_version=options["major"]
     )
@@ -97,30 +105,78 @@ def _tls(certificate: Path | None) -> ssl.SSLContext | None:
 
 
 def _grid(map_file: Path) -> OccupancyGrid:
-    description = parse_description(map_file.read_text(encoding="utf-8"), str(map_file))
-    return parse_image((map_file.parent / description.image).read_bytes(), description)
+    try:
+        read = read_map_server(map_file)
+    except MapStoreError as error:
+        raise click.ClickException(str(error)) from error
+    for note in read.notes:
+        click.echo(f"{map_file}: {note}", err=True)
+    return read.grid
+
+
+def _places(path: Path) -> dict[str, Point]:
+    try:
+        places = yaml.safe_load(path.read_text(encoding="utf-8"))
+        return {str(name): (float(x), float(y)) for name, (x, y) in places.items()}
+    except yaml.YAMLError as error:
+        raise click.ClickException(f"{path}: not valid YAML: {' '.join(str(error).split())}") from error
+    except (OSError, AttributeError, TypeError, ValueError) as error:
+        raise click.ClickException(
+            f"{path}: expected names with a position each, 'table: [1.5, 2]': {error}"
+        ) from error
 
 
 def _fleet(
-    grid: OccupancyGrid, map_name: str, places_file: Path, options: dict[str, Any], now_s: float
+    grid: OccupancyGrid, map_file: Path, places_file: Path, options: dict[str, Any], now_s: float
 ) -> Fleet:
     def number(name: str) -> float:
         return float(str(options[name]))
 
-    places = yaml.safe_load(places_file.read_text(encoding="utf-8"))
+    places = _places(places_file)
     lanes = LaneParameters(radius_m=number("radius_m"), separation_m=number("separation_m"))
     try:
-        roadmap = find_lanes(
-            grid, lanes, {str(name): (float(x), float(y)) for name, (x, y) in places.items()}
-        )
-        homes = roadmap.homes(int(number("robots")))
-    except (AttributeError, TypeError, ValueError) as error:
-        raise click.ClickException(f"{places_file}: {error}") from error
+        space = free_space(grid, lanes)
+    except ValueError as error:
+        raise click.ClickException(f"{map_file}: {error}") from error
+    rows, columns = grid.percent.shape
+    size = f"{columns * grid.resolution_m:.0f} by {rows * grid.resolution_m:.0f} m"
+    with _telling(f"looking for lanes and homes in {map_file.name}, {size}"):
+        roadmap, homes = _roadmap(grid, lanes, places, places_file, int(number("robots")))
     parameters = FleetParameters(
-        str(options["map_id"] or map_name), number("lost_after_s"), number("lease_s")
+        str(options["map_id"] or map_file.stem), number("lost_after_s"), number("lease_s")
     )
     store = _store(Path(str(options["database"])))
-    return Fleet(roadmap, homes, store, Pace(number("speed_m_s")), parameters, now_s, free_space(grid, lanes))
+    return Fleet(roadmap, homes, store, Pace(number("speed_m_s")), parameters, now_s, space)
+
+
+def _roadmap(
+    grid: OccupancyGrid, lanes: LaneParameters, places: dict[str, Point], places_file: Path, robots: int
+) -> tuple[Roadmap, tuple[int, ...]]:
+    try:
+        roadmap = find_lanes(grid, lanes, places)
+        return roadmap, roadmap.homes(robots)
+    except ValueError as error:
+        raise click.ClickException(f"{places_file}: {error}") from error
+
+
+@contextlib.contextmanager
+def _telling(what: str) -> Iterator[None]:
+    """Say what is done now, that it goes on, and in the end how long it took: a large map takes minutes."""
+    begun_s, is_done = time.monotonic(), threading.Event()
+
+    def repeat() -> None:
+        while not is_done.wait(REPEAT_S):
+            click.echo(f"still {what}: {time.monotonic() - begun_s:.0f} s", err=True)
+
+    click.echo(f"{what} ...", err=True)
+    repeating = threading.Thread(target=repeat, daemon=True)
+    repeating.start()
+    try:
+        yield
+    finally:
+        is_done.set()
+        repeating.join()
+    click.echo(f"found them in {time.monotonic() - begun_s:.0f} s", err=True)
 
 
 def _store(path: Path) -> Store:

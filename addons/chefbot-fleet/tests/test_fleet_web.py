@@ -3,6 +3,7 @@
 import asyncio
 import io
 import ssl
+import threading
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -11,8 +12,10 @@ import numpy as np
 import pytest
 import trustme
 from aiohttp.test_utils import TestClient, TestServer
+from chefbot_fleet import cli
 from chefbot_fleet.cli import main
 from chefbot_fleet.fleet import Fleet
+from chefbot_fleet.lanes import find_lanes
 from chefbot_fleet.manager import Manager
 from chefbot_fleet.records import FleetParameters
 from chefbot_fleet.routes import Pace
@@ -65,12 +68,82 @@ def started(monkeypatch: pytest.MonkeyPatch) -> Started:
     return noted
 
 
-def program(folder: Path, *words: str) -> Result:
+def program(folder: Path, *words: str, files_as_they_are: bool = False) -> Result:
     """``chefbot-fleet run`` with these words more."""
-    write_map(folder)
+    if not files_as_they_are:
+        write_map(folder)
     files = (str(folder / "map.yaml"), str(folder / "places.yaml"))
     database = ("--database", str(folder / "fleet.db"), "--robots", "2")
     return CliRunner().invoke(main, ["run", *files, "127.0.0.1", *database, *words])
+
+
+POINTER = b"version https://git-lfs.github.com/spec/v1\noid sha256:4d7a\nsize 147472\n"
+
+
+@pytest.mark.parametrize(
+    ("file", "content", "said"),
+    [
+        ("map.yaml", b"image: [", "map.yaml: not valid YAML"),
+        ("map.yaml", b"image: map.pgm\n", "map.yaml: resolution: Field required"),
+        ("map.yaml", b"\x93\x00", "map.yaml: "),
+        ("map.yaml", POINTER, "map.yaml: is only a pointer of Git LFS"),
+        ("map.pgm", POINTER, "map.pgm: is only a pointer of Git LFS"),
+        ("map.pgm", b"P5\n3 3\n255\n12", "map.pgm: cannot be read as an image"),
+        ("map.pgm", b"P5\n2 2\n255\n\0\0\0\0", "map.yaml: the map has no free space for a robot"),
+        ("places.yaml", b"a: [1", "places.yaml: not valid YAML"),
+        ("places.yaml", b"a: 1", "places.yaml: expected names with a position each"),
+        ("places.yaml", b"", "places.yaml: expected names with a position each"),
+        ("places.yaml", b"a: [x, 1]", "places.yaml: expected names with a position each"),
+        ("places.yaml", b"\xff\xfe\x93", "places.yaml: expected names with a position each"),
+        ("places.yaml", b"far: [99, 99]", "places.yaml: far: the robot has not its clearance there"),
+    ],
+)
+def test_a_file_that_is_no_map_or_no_places_ends_in_a_sentence(
+    tmp_path: Path, started: Started, file: str, content: bytes, said: str
+) -> None:
+    """Exit code 1, the file's name and what is wrong; no traceback, and nothing is started."""
+    write_map(tmp_path)
+    (tmp_path / file).write_bytes(content)
+    result = program(tmp_path, files_as_they_are=True)
+    assert (result.exit_code, isinstance(result.exception, SystemExit)) == (1, True)
+    assert result.stderr.startswith("Error: ") or "\nError: " in result.stderr
+    assert said in result.stderr
+    assert not started.at
+
+
+def test_an_image_that_is_missing_is_named(tmp_path: Path, started: Started) -> None:
+    """As above: the YAML may have been copied without it."""
+    write_map(tmp_path)
+    (tmp_path / "map.pgm").unlink()
+    result = program(tmp_path, files_as_they_are=True)
+    assert (result.exit_code, "map.pgm: cannot be read: No such file" in result.stderr) == (1, True)
+
+
+def test_the_search_for_lanes_says_that_it_is_at_work(
+    tmp_path: Path, started: Started, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """At once with the map's size, again and again while it goes on, and in the end how long it took."""
+    goes_on = threading.Event()
+    echo = cli.click.echo
+
+    def note(text: str, err: bool = False) -> None:
+        echo(text, err=err)
+        if text.startswith("still "):
+            goes_on.set()
+
+    def find_slowly(*parts: Any) -> Any:
+        assert goes_on.wait(30)
+        return find_lanes(*parts)
+
+    monkeypatch.setattr(cli, "REPEAT_S", 0.01)
+    monkeypatch.setattr(cli, "find_lanes", find_slowly)
+    monkeypatch.setattr(cli.click, "echo", note)
+    result = program(tmp_path)
+    assert result.exit_code == 0
+    lines = [line for line in result.stderr.splitlines() if "lanes" in line or "found" in line]
+    assert lines[0].startswith("looking for lanes and homes in map.yaml, ")
+    assert lines[1].startswith("still looking for lanes")
+    assert lines[-1].startswith("found them in ")
 
 
 def ask(page: FleetPage, requests: Sequence[tuple[str, str, dict[str, str]]]) -> list[int]:
