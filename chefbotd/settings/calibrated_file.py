@@ -38,14 +38,25 @@ def save(path: Path, values: Values) -> Saved:
         after = with_values(before, values)
     except (ValueError, TOMLKitError) as error:
         raise SettingsError(f"{path}: cannot be edited: {error}") from error
+    kept = replace_keeping(path, after)
+    return Saved(str(path), str(kept), difference(path.name, before, after))
+
+
+def replace_keeping(path: Path, text: str) -> Path:
+    """Write this text in the place of the configuration, in one step or not at all; returns where the old one is kept.
+
+    Raises:
+        SettingsError: the text is no configuration.
+        OSError: the file cannot be kept or replaced.
+    """
     kept = _next_free(path)
     shutil.copy2(path, kept)
     try:
-        replace_file(path, after)
+        replace_file(path, text)
     except BaseException:
         kept.unlink()
         raise
-    return Saved(str(path), str(kept), difference(path.name, before, after))
+    return kept
 
 
 def with_values(text: str, values: Values) -> str:

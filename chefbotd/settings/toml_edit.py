@@ -185,3 +185,8 @@ def _close_gaps(text: str) -> str:
     text = re.sub(rf"(\A|(?<=\n\n))({GAP}\n*)+", "", text)
     text = re.sub(rf"({GAP})+(?=([ \t]*#.*\n)*[ \t]*\[)", "\n", text)
     return text.replace(GAP, "")
+
+
+def toml_value(value: object) -> str:
+    """A value as TOML writes it."""
+    return tomlkit.item(value).as_string()

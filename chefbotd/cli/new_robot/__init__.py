@@ -1,0 +1,1 @@
+"""The command that asks for a robot of one's own, question by question, and writes its configuration."""

@@ -1,0 +1,193 @@
+"""The command ``chefbotctl new-robot``."""
+
+import tomllib
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from chefbotd.cli.common.context import CommandContext
+from chefbotd.cli.common.echo import echo, tell
+from chefbotd.cli.common.exits import Exit, ProgramError
+
+if TYPE_CHECKING:
+    from chefbotd.cli.new_robot.interview import Interview
+    from chefbotd.cli.new_robot.walk import Walk
+    from chefbotd.settings import Settings
+
+
+@click.command("new-robot")
+@click.argument("path", metavar="FILE.toml", type=click.Path(dir_okay=False, path_type=Path))
+@click.option("--port", "device", metavar="DEV", help="The board's port, instead of looking behind each.")
+@click.pass_obj
+def new_robot(context: CommandContext, path: Path, device: str | None) -> None:
+    """Ask for a robot of your own, question by question, and write its configuration to FILE.toml.
+
+    Finds the board's port and its lines, and measures counts, motors and track with you. What is not known is skipped by
+    Enter. Motors turn only where you have typed yes. The file says only what differs from a packaged robot. Where it is
+    there already, it is changed only after you have seen what would change. No daemon may run.
+    """
+    from chefbotd.cli.doctor.bundle import keep_log
+    from chefbotd.cli.new_robot.interview import NobodyAnswersError
+
+    if path.suffix != ".toml":
+        raise click.UsageError(f"{path}: the name of a robot's file ends in .toml")
+    present = _present(path)
+    keep_log()  # what the daemons that measure say would hide the questions
+    walk, interview = _walk(path, present)
+    try:
+        is_done = context.run(converse(interview, walk, device, path, is_new=present is None))
+    except (KeyboardInterrupt, NobodyAnswersError) as end:
+        _keep_unfinished(path, walk, is_new=present is None)
+        if isinstance(end, KeyboardInterrupt):
+            raise
+        raise ProgramError(Exit.NOT_DONE, "nobody answers any more") from end
+    if is_done:
+        _say_next(path, walk)
+
+
+async def converse(
+    interview: "Interview", walk: "Walk", device: str | None, path: Path, *, is_new: bool
+) -> bool:
+    """Ask everything, and write it; returns whether the file says it now.
+
+    Raises:
+        NobodyAnswersError: the input has ended.
+        ProgramError: the file cannot be written, or would not be valid.
+    """
+    await walk.walk(device)
+    if is_new:
+        _write_new(path, walk)
+        return True
+    after = _changed_text(path, walk)
+    if after is None:
+        return True
+    if await interview.text(f"Write this to {path}? Type yes; Enter leaves the file as it is.") != "yes":
+        echo(f"{path} was not changed.")
+        return False
+    _write_changed(path, after)
+    return True
+
+
+def _present(path: Path) -> "Settings | None":
+    """The robot of a file that is there already."""
+    from chefbotd.cli.programs.load import load_valid
+
+    return load_valid(path) if path.exists() else None
+
+
+def _walk(path: Path, present: "Settings | None") -> "tuple[Walk, Interview]":
+    from chefbotd.cli.doctor.diagnosis import TerminalAsker
+    from chefbotd.cli.new_robot.board import Serial
+    from chefbotd.cli.new_robot.interview import Interview
+    from chefbotd.cli.new_robot.walk import Walk
+    from chefbotd.clock import SystemClock
+    from chefbotd.doctor.listening.ports import serial_ports
+    from chefbotd.link.port import open_port
+    from chefbotd.process.own_daemon import own_daemon
+
+    base = None if present is None else str(_values(path).get("extends", "chefbot"))
+    interview = Interview(TerminalAsker(), tell)
+    walk = Walk(
+        interview,
+        Serial(serial_ports, open_port, SystemClock()),
+        lambda settings: own_daemon(settings, name="new-robot"),
+        present,
+        base,
+    )
+    return walk, interview
+
+
+def _values(path: Path) -> dict[str, Any]:
+    return tomllib.loads(path.read_text(encoding="utf-8-sig"))
+
+
+def _write_new(path: Path, walk: "Walk") -> None:
+    from chefbotd.cli.new_robot.answers import differing, new_file
+    from chefbotd.settings import SettingsError, load, packaged
+    from chefbotd.settings.loader import read_values
+
+    differences = differing(walk.answers, read_values(packaged(walk.base)))
+    text = new_file(walk.base, differences, walk.missing)
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with path.open("x", encoding="utf-8") as file:
+            file.write(text)
+    except OSError as error:
+        echo(text)
+        raise ProgramError(
+            Exit.FAILED, f"{path}: cannot be written: {error.strerror}; its text is above"
+        ) from error
+    try:
+        load(path)
+    except SettingsError as error:
+        raise ProgramError(
+            Exit.BAD_CONFIGURATION, f"{path} has your answers, but is not valid yet, change it: {error}"
+        ) from error
+    echo(text)
+    echo(f"Wrote {path}.")
+
+
+def _changed_text(path: Path, walk: "Walk") -> str | None:
+    """The file with what has changed, which is shown; None where nothing has."""
+    from chefbotd.cli.new_robot.answers import differing, edited
+    from chefbotd.settings.calibrated_file import difference
+    from chefbotd.settings.loader import read_values
+
+    before = path.read_text(encoding="utf-8-sig")
+    changes = differing(walk.answers, read_values(path))
+    if not changes:
+        echo(f"Nothing has changed: {path} stays as it is.")
+        return None
+    after = edited(before, changes)
+    echo(difference(path.name, before, after))
+    return after
+
+
+def _write_changed(path: Path, after: str) -> None:
+    from chefbotd.settings import SettingsError
+    from chefbotd.settings.calibrated_file import replace_keeping
+
+    try:
+        kept = replace_keeping(path, after)
+    except (OSError, SettingsError) as error:
+        raise ProgramError(Exit.FAILED, f"{path} was not changed: {error}") from error
+    echo(f"Wrote {path}; it was {kept}.")
+
+
+def _keep_unfinished(path: Path, walk: "Walk", *, is_new: bool) -> None:
+    """Write a new robot's answers so far: nobody wants to turn wheels twice."""
+    if not is_new:
+        tell(f"{path} was not changed.")
+    elif len(walk.answers) > 1:
+        tell("Interrupted: what is known so far is written; this command goes on from it.")
+        walk.missing.append("everything that was not asked yet")
+        _write_new(path, walk)
+    else:
+        tell("Nothing was written.")
+
+
+def _say_next(path: Path, walk: "Walk") -> None:
+    """The commands that come next, in their order."""
+    has_lidar = any(key.startswith("lidar.") for key in walk.answers)
+    for key in walk.missing:
+        echo(f"Not measured, and still {walk.base}'s: {key}.")
+    echo("Next:")
+    echo(f"  chefbotd check-config {path}                  # the values that matter")
+    echo(f"  chefbotd run --sim --config {path}            # try it on a simulated robot first")
+    echo(f"  chefbotd run --config {path}                  # then, with the robot:")
+    echo("  chefbotctl doctor --motors                    # on blocks: signs, plugs, scale")
+    if "encoders.counts_per_turn" in walk.missing:
+        echo(
+            "  chefbotctl calibrate encoders --apply         # ten turns by hand: nothing drives right before"
+        )
+    echo("  chefbotctl calibrate motors --space 0.5 --apply   # on the floor: dead zone, gain, gains")
+    echo("  chefbotctl calibrate battery --apply          # with a voltmeter, where there is a divider")
+    if has_lidar:
+        echo(
+            "  chefbotctl calibrate wheels --apply           # radii, track and the lidar's mount, by its scans"
+        )
+    else:
+        echo(
+            "  chefbotctl calibrate umbmark --space 1.5 --apply  # track and radii, by loops from a mark on the floor"
+        )
