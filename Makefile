@@ -10,7 +10,8 @@ WHEEL_VENV := build/wheel-venv
 comma := ,
 UPGRADE ?=
 EXTRAS := teleop,tune,joystick,depth,discovery,maps,mujoco,navigation,page,recording,plot,foxglove,urdf
-DEB_EXTRAS ?= discovery,maps,page,recording,teleop,tune,urdf
+WITH ?=
+DEB_EXTRAS ?= discovery,maps,page,recording,teleop,tune,urdf$(WITH:%=,%)
 FUZZ_S ?= 60
 SOAK_MINUTES ?= 60
 SEQUENCES ?= 100000
@@ -141,7 +142,7 @@ wheel: $(VENV)/ready  ## Build the wheel into dist
 	$(BIN)/python -m build --no-isolation --outdir dist
 
 # For this computer's architecture and Debian's own Python; with DEB_EXTRAS, which are extras of pyproject.toml.
-deb: $(VENV)/ready build/constraints.txt  ## Build the Debian package into dist (DEB_EXTRAS=page,teleop,...)
+deb: $(VENV)/ready build/constraints.txt  ## Build the Debian package into dist (WITH=navigation: one more extra)
 	rm -rf build/deb-wheel
 	$(BIN)/python -m build --no-isolation --wheel --outdir build/deb-wheel
 	PIP_CONSTRAINT=build/constraints.txt packaging/deb/build "$$(ls build/deb-wheel/*.whl)" "$(DEB_EXTRAS)"

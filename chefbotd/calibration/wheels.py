@@ -18,6 +18,7 @@ from chefbotd.calibration.step import (
     StepResult,
 )
 from chefbotd.core.geometry import Twist2D
+from chefbotd.extras import how_to_add_extra
 
 SPACE_M = 0.55
 MARGIN_M = 0.3
@@ -45,7 +46,7 @@ LOOK_S = 0.8
 def missing(robot: ConfiguredRobot) -> str:
     """What this robot lacks for driving while a lidar looks on."""
     if importlib.util.find_spec("numba") is None:
-        return "matching scans needs the extra 'navigation': pip install 'chefbotd[navigation]'"
+        return f"matching scans needs the extra 'navigation': {how_to_add_extra('navigation')}"
     return "" if robot.lidars else "the robot has no lidar"
 
 

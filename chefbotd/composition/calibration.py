@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 from chefbotd.composition.context import Context
 from chefbotd.composition.scanners import robot_outline
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.extras import how_to_add_extra
 from chefbotd.features.driving.service import DriveService
 from chefbotd.features.feature import Feature
 from chefbotd.rpc.control_leases import ControlLeases
@@ -83,7 +84,7 @@ def _save(path: Path | None, values: "Values") -> "CalibrationApplied":
     try:
         from chefbotd.settings.calibrated_file import save
     except ModuleNotFoundError as error:
-        reason = "writing a configuration needs the extra 'tune': pip install 'chefbotd[tune]'"
+        reason = f"writing a configuration needs the extra 'tune': {how_to_add_extra('tune')}"
         raise Refused(RefusalKind.STORAGE_FAILED, reason) from error
     try:
         saved = save(path, values)

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.record import Record
+from chefbotd.extras import how_to_add_extra
 from chefbotd.mapping.map_server import (
     FREE_THRESH,
     GREY,
@@ -31,7 +32,7 @@ from chefbotd.storage import NotRegular, open_regular, read_file
 Arrays = Mapping[str, NDArray[Any]]
 SLAM = "made by SLAM"
 NO_PILLOW = (
-    "Pillow, which reads images, is not installed on the robot's computer: pip install 'chefbotd[maps]'"
+    f"Pillow, which reads images, is not installed on the robot's computer: {how_to_add_extra('maps')}"
 )
 LARGEST_YAML_BYTES, LARGEST_IMAGE_BYTES = 1 << 20, 1 << 30
 

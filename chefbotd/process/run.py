@@ -15,6 +15,7 @@ import uvloop
 from chefbotd.app import Daemon, Loop
 from chefbotd.clock import Clock, SystemClock
 from chefbotd.composition.context import StartWriter
+from chefbotd.extras import how_to_add_extra
 from chefbotd.process import keep_alive, signals
 from chefbotd.process.build import build
 from chefbotd.process.exit_deadline import ExitDeadline
@@ -228,7 +229,7 @@ def _start_writer(settings: Settings) -> StartWriter | None:
     if not settings.recording.enabled:
         return None
     if not (find_spec("mcap") and find_spec(LIBRARIES[settings.recording.compression])):
-        log.info("nothing is recorded, because the extra is missing: pip install 'chefbotd[recording]'")
+        log.info(f"nothing is recorded, because the extra is missing: {how_to_add_extra('recording')}")
         return None
     from chefbotd.recording.writer import WriterThread
 

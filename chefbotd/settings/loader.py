@@ -16,6 +16,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from chefbotd.extras import how_to_add_extra
 from chefbotd.settings.base import base_of, drop_left_out, merge, packaged
 from chefbotd.settings.checks import check
 from chefbotd.settings.errors import (
@@ -37,7 +38,7 @@ MAX_BYTES = 1 << 20
 
 URDF_PACKAGES = ("urdf_parser_py", "lxml")
 NO_URDF_PARSER = (
-    "urdf-parser-py, which reads it, is not installed: pip install 'chefbotd[urdf]' "
+    f"urdf-parser-py, which reads it, is not installed: {how_to_add_extra('urdf')} "
     "(without the key, the URDF is made from the configuration, and needs nothing)"
 )
 

@@ -11,6 +11,7 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import OdometryUpdated, RangeMeasured
 from chefbotd.core.record import Record
+from chefbotd.extras import how_to_add_extra
 from chefbotd.worker import messages
 from chefbotd.worker.messages import FromWorker, Measurement, ToWorker, packed
 from chefbotd.worker.skills.skill import DependentSkill, Job, RangeSkill, Skill
@@ -47,7 +48,7 @@ def loaded(name: str, parameters: bytes, clock: "Clock") -> Skill:
         if missing.name not in NEEDS:
             raise
         raise CannotLoad(
-            f"{name} needs {missing.name}, which is not installed: pip install 'chefbotd[{EXTRA}]'"
+            f"{name} needs {missing.name}, which is not installed: {how_to_add_extra(EXTRA)}"
         ) from missing
     return make(parameters, clock)
 

@@ -10,6 +10,7 @@ from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.client import Client
+from chefbotd.extras import how_to_add_folder
 
 
 @click.command()
@@ -128,5 +129,5 @@ def sweep(
 def _require_dask() -> None:
     """Raises ProgramError where it is not installed."""
     if find_spec("distributed") is None:
-        advice = "pip install './addons/chefbot-devtools[dask]' in a checkout of chefbotd"
+        advice = f"in a checkout of chefbotd, {how_to_add_folder('./addons/chefbot-devtools[dask]')}"
         raise ProgramError(Exit.NOT_INSTALLED, f"--dask needs the package distributed: {advice}")

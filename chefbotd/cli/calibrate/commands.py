@@ -9,7 +9,7 @@ import click
 
 from chefbotd.cli.common.arguments import finite
 from chefbotd.cli.common.context import CommandContext
-from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.cli.common.exits import Exit, ProgramError, require
 
 LOOPS = "umbmark.loops"
 NAMES = ("encoders", "battery", "motors", "wheels", "umbmark", "lidar", "imu", "sensors")
@@ -86,6 +86,8 @@ def calibrate(
         return
     if config is not None and not applies:
         raise click.UsageError("--config names the file to write, which needs --apply")
+    if config is not None:
+        require("tune", "tomlkit")
     if has_loops and (recording is None or steps != ("umbmark",)):
         raise click.UsageError("--loops is for 'calibrate umbmark --from FILE'")
     if recording is not None:

@@ -4,6 +4,7 @@ from importlib import import_module
 from typing import Any
 
 from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.extras import how_to_add_folder
 
 
 def ros2_add_on(module: str) -> Any:
@@ -17,5 +18,5 @@ def ros2_add_on(module: str) -> Any:
     except ImportError as error:
         if error.name is None or error.name.partition(".")[0] not in ("chefbot_ros2", "rosbags"):
             raise
-        advice = "pip install ./addons/chefbot-ros2 in a checkout of chefbotd"
+        advice = f"in a checkout of chefbotd, {how_to_add_folder('./addons/chefbot-ros2')}"
         raise ProgramError(Exit.NOT_INSTALLED, f"a package is missing ({error}): {advice}") from error

@@ -5,6 +5,8 @@ from contextlib import contextmanager
 from enum import IntEnum
 from importlib import import_module
 
+from chefbotd.extras import how_to_add_extra
+
 
 class Exit(IntEnum):
     """The exit codes of chefbotd and chefbotctl."""
@@ -68,7 +70,7 @@ def extra(name: str, *packages: str) -> Iterator[None]:
     except ImportError as error:
         if error.name is not None and error.name.partition(".")[0] not in packages:
             raise
-        advice = f"pip install 'chefbotd[{name}]'"
+        advice = how_to_add_extra(name)
         raise ProgramError(Exit.NOT_INSTALLED, f"an optional part is missing ({error}): {advice}") from error
 
 

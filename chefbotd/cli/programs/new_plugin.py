@@ -1,6 +1,7 @@
 """The command that begins a plug-in: a package with a feature, its test and its README."""
 
 import re
+import sys
 from importlib.resources import files
 from pathlib import Path
 from string import Template
@@ -10,6 +11,7 @@ import click
 from chefbotd import __version__
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.extras import how_to_add_folder
 from chefbotd.features.plugin import API_VERSION
 
 TEMPLATES = files("chefbotd.cli.programs") / "plugin_template"
@@ -59,6 +61,6 @@ def new_plugin(name: str, folder: Path | None) -> None:
     except OSError as error:
         raise ProgramError(Exit.FAILED, f"{error.filename}: cannot be written: {error.strerror}") from error
     echo(f"Wrote {folder}.")
-    echo(f"Then: pip install --editable {folder}")
-    echo(f"      pytest {folder}")
+    echo(f"Then: {how_to_add_folder(str(folder), editable=True)}")
+    echo(f"      {Path(sys.prefix, 'bin', 'pytest')} {folder}")
     echo(f'and in the robot\'s configuration: [plugins] allow = ["{name}"]')

@@ -13,6 +13,7 @@ import click
 
 from chefbotd.cli.common.echo import echo, tell
 from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.extras import how_to_add_folder
 
 JSON_HELP = "Print JSON for scripts; failures too, on stderr."
 _JSON = f"{__name__}.json"
@@ -152,7 +153,9 @@ def _late_command(module: str, name: str) -> click.Command:
     package = module.partition(".")[0]
     if package != __package__.partition(".")[0] and find_spec(package) is None:
         add_on = package.replace("_", "-")
-        return _absent(name, f"is in {add_on}: run 'pip install ./addons/{add_on}' in a checkout of chefbotd")
+        return _absent(
+            name, f"is in {add_on}: in a checkout of chefbotd, {how_to_add_folder(f'./addons/{add_on}')}"
+        )
     command: click.Command = getattr(import_module(module), name.replace("-", "_"))
     return command
 

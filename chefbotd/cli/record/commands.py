@@ -7,6 +7,7 @@ import click
 from chefbotd.cli.common import output
 from chefbotd.cli.common.arguments import duration
 from chefbotd.cli.common.context import CommandContext
+from chefbotd.cli.common.exits import require
 
 FILE = click.Path(path_type=Path)
 
@@ -106,6 +107,7 @@ def export(
 @click.pass_obj
 def plot(context: CommandContext, file: Path, out: Path | None, force: bool) -> None:
     """Draw wheel speeds beside what was asked for, the path, the battery and the faults of the recording FILE."""
+    require("plot,recording", "matplotlib", "mcap", "zstandard", "lz4")
     from chefbotd.cli.record.plot import plot_png
 
     out = out or Path(f"{file.stem}.png")

@@ -15,7 +15,6 @@ from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError, extra
 from chefbotd.core.printable import plain
 from chefbotd.recording.encoder import REPEATED
-from chefbotd.recording.reader import RecordingReader
 
 with extra("recording", "mcap", "zstandard", "lz4"):
     from chefbotd.recording.reader import RecordingReader

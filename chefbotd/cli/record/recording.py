@@ -21,7 +21,7 @@ Show = Callable[[str], None]
 MEGABYTE = 1e6
 ABSENT = (
     "this daemon records nothing: its configuration has [recording] enabled = false, or "
-    "the extra is missing on its computer (pip install 'chefbotd[recording]')"
+    "the extra 'recording' is missing on its computer, and the daemon's log says how to add it"
 )
 
 

@@ -11,14 +11,15 @@ import numpy as np
 import numpy.typing as npt
 
 from chefbotd.core.record import Record
+from chefbotd.extras import how_to_add_extra
 from chefbotd.perception.depth_camera import DepthSource, DepthSourceParameters
 
 DepthImage: TypeAlias = npt.NDArray[np.uint16]
 Sleep: TypeAlias = Callable[[float], None]
 Now: TypeAlias = Callable[[], float]
 
-MISSING = "OpenNI2's bindings are not installed: pip install 'chefbotd[depth]'"
-NO_PILLOW = "Pillow, which reads images, is not installed: pip install 'chefbotd[depth]'"
+MISSING = f"OpenNI2's bindings are not installed: {how_to_add_extra('depth')}"
+NO_PILLOW = f"Pillow, which reads images, is not installed: {how_to_add_extra('depth')}"
 
 
 class Frame(Record, frozen=True):

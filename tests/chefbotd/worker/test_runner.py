@@ -11,6 +11,7 @@ from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import OdometryUpdated, RangeMeasured, RangeStatus
 from chefbotd.core.geometry import CERTAIN, ORIGIN, STANDING, Pose2D
 from chefbotd.core.scan import LaserScan
+from chefbotd.extras import how_to_add_extra
 from chefbotd.worker import runner as runner_module
 from chefbotd.worker.messages import (
     Answer,
@@ -239,7 +240,7 @@ def test_a_missing_extra_is_one_clear_sentence(monkeypatch: pytest.MonkeyPatch, 
         raise ModuleNotFoundError("No module named 'numba'", name="numba")
 
     monkeypatch.setattr(runner_module, "import_module", without_numba)
-    told = "mapping needs numba, which is not installed: pip install 'chefbotd[navigation]'"
+    told = f"mapping needs numba, which is not installed: {how_to_add_extra('navigation')}"
     with pytest.raises(CannotLoad, match="pip install"):
         runner_module.loaded("mapping", b"{}", ManualClock())
     assert list(Runner(clock).take_message(Configure({"mapping": b"{}"}))) == [

@@ -17,6 +17,7 @@ from chefbotd.cli.common.exits import Exit
 from chefbotd.cli.programs.chefbotctl import main as chefbotctl
 from chefbotd.cli.programs.chefbotd import main as chefbotd
 from chefbotd.cli.programs.program import CommandGroup
+from chefbotd.extras import how_to_add_folder
 from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
 from tests.waiting import PATIENCE_S
@@ -180,4 +181,5 @@ def test_a_command_of_an_add_on_that_is_absent_says_how_to_install_it() -> None:
     assert "fly" not in CliRunner().invoke(program, ["--help"]).stdout
     refused = CliRunner().invoke(program, ["fly", "--high"])
     assert refused.exit_code == 7
-    assert "is in chefbot-absent: run 'pip install ./addons/chefbot-absent' in a checkout" in refused.stderr
+    assert "is in chefbot-absent: in a checkout of chefbotd, " in refused.stderr
+    assert how_to_add_folder("./addons/chefbot-absent") in refused.stderr

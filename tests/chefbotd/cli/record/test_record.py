@@ -110,4 +110,4 @@ def test_a_daemon_that_records_nothing_says_what_is_missing(daemon: FakeDaemon, 
     result = control("record")
     assert result.exit_code == Exit.REFUSED
     assert "[recording]" in result.output
-    assert "chefbotd[recording]" in result.output
+    assert "the extra 'recording'" in result.output

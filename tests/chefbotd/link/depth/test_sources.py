@@ -62,7 +62,7 @@ def test_images_need_pillow_and_that_is_said(tmp_path: Path, monkeypatch: pytest
     """Where the extra is not installed, with the command of pip."""
     write(tmp_path / "a.png", [[1000, 2, 3, 4], [5, 6, 7, 8]])
     hide(monkeypatch, *PILLOW)
-    with pytest.raises(NoImagesError, match=r"Pillow.*: pip install 'chefbotd\[depth\]'"):
+    with pytest.raises(NoImagesError, match=r"Pillow.*pip install 'chefbotd\[depth\]'"):
         next(frames(parameters(source="folder", folder=tmp_path), lambda: 0.0, lambda _: None))
 
 
