@@ -30,4 +30,5 @@ autodoc_typehints = "description"
 autodoc_default_options = {"members": True, "inherited-members": "BaseModel, Exception"}
 
 html_theme = "furo"
-html_static_path: list[str] = []
+html_static_path = ["_site/static"]
+html_css_files = ["pages.css"]

@@ -1,4 +1,4 @@
-"""docs/safety.md says of every fault what the code does, and names tests that there are."""
+"""docs/safety.md says of every fault what the code does, and docs/safety_tests.md names tests that there are."""
 
 import ast
 import re
@@ -16,18 +16,33 @@ from chefbotd.safety.watchdog import WatchdogParameters
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "safety.md"
+TESTS_PAGE = ROOT / "docs" / "safety_tests.md"
 pytestmark = pytest.mark.skipif(
     not PAGE.exists(), reason="the documentation is not part of an installed package"
 )
-COLUMNS = 7
+COLUMNS = 6
 
 
 def rows() -> list[list[str]]:
-    """The table of faults, cell by cell, without its headings and its groups."""
+    """The tables of faults, cell by cell, without their headings."""
     section = PAGE.read_text(encoding="utf-8").split("\n## The table\n")[1].split("\n## ")[0]
-    lines = [line for line in section.splitlines() if line.startswith("|")][2:]
-    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
-    return [row for row in cells if not row[0].startswith("**")]
+    tables = re.findall(r"(?:^\|.*\n)+", section, re.MULTILINE)
+    lines = [line for table in tables for line in table.splitlines()[2:]]
+    return [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+
+
+def entries() -> list[tuple[str, list[tuple[str, str]]]]:
+    """The tests of each row, as file and name, under the row's first cell."""
+    text = TESTS_PAGE.read_text(encoding="utf-8")
+    found = re.findall(r"^\*\*(.*)\*\*\n\n((?:- .*\n)+)", text, re.MULTILINE)
+    return [(title, [reference_in(line) for line in listed.splitlines()]) for title, listed in found]
+
+
+def reference_in(line: str) -> tuple[str, str]:
+    """The file and the name of a test, from its line."""
+    match = re.fullmatch(r"- `((?:addons/[\w-]+/)?tests/[\w/]+\.py)::(test_\w+)`", line)
+    assert match is not None, line
+    return match[1], match[2]
 
 
 @cache
@@ -38,15 +53,21 @@ def names_in(path: Path) -> set[str]:
 
 
 def test_every_fault_has_a_test_that_there_is() -> None:
-    """Each row is complete, and each test that it names can be found."""
+    """Each row is complete, has its entry among the tests, in the same order, and each test of it can be found."""
     assert len(rows()) > 40
     for row in rows():
         assert len(row) == COLUMNS, row
         assert all(row), row
-        named = re.findall(r"`((?:addons/[\w-]+/)?tests/[\w/]+\.py)::(test_\w+)`", row[-1])
-        assert len(named) == row[-1].count("::"), row
+    assert [title for title, _ in entries()] == [row[0] for row in rows()]
+    for title, named in entries():
         for path, name in named:
-            assert name in names_in(ROOT / path), (path, name)
+            assert name in names_in(ROOT / path), (title, path, name)
+
+
+def test_no_test_is_lost_between_the_entries() -> None:
+    """Each line of the page that names a test belongs to an entry."""
+    text = TESTS_PAGE.read_text(encoding="utf-8")
+    assert text.count("::") == sum(len(named) for _, named in entries())
 
 
 @cache
@@ -66,9 +87,8 @@ def fast_names_in(path: Path) -> set[str]:
 
 def test_every_promise_has_a_test_that_belongs_to_every_change() -> None:
     """Of each row at least one test is not slow, so no change can break what the row says unseen until CI."""
-    for row in rows():
-        named = re.findall(r"`((?:addons/[\w-]+/)?tests/[\w/]+\.py)::(test_\w+)`", row[-1])
-        assert any(name in fast_names_in(ROOT / path) for path, name in named), row[0]
+    for title, named in entries():
+        assert any(name in fast_names_in(ROOT / path) for path, name in named), title
 
 
 def test_nothing_that_the_topic_safety_can_tell_is_left_out() -> None:
