@@ -130,8 +130,9 @@ audit: $(VENV)/ready  ## Check that the dependencies fit together and have no kn
 	$(BIN)/pip check
 	$(BIN)/python -m tests.audit
 
-client: $(VENV)/ready  ## Write the client's methods, models and topics and the tables of docs/api.md from the registered ones
+client: $(VENV)/ready  ## Write the client's methods, models and topics and the tables of docs/api.md from the registered ones, and the reference of every key
 	$(BIN)/python -m tests.chefbotd.client.generate
+	$(BIN)/python -m tests.chefbotd.settings.write_reference
 
 format: $(VENV)/ready  ## Format the code, and mend what can be mended
 	$(BIN)/ruff format .

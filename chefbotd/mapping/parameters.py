@@ -79,7 +79,7 @@ class LoopParameters(Parameters):
 
 
 class SlamParameters(Parameters):
-    """All of it."""
+    """Every step from scans to a map: a table for each."""
 
     matching: MatchingParameters = section()
     submaps: SubmapParameters = section()

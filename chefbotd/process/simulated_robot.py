@@ -1,7 +1,10 @@
 """The simulated robot that a configuration describes."""
 
+from statistics import fmean
+
 from chefbotd.core.geometry import Pose2D
 from chefbotd.link.wires import BITS_A_BYTE, variant_of
+from chefbotd.motion.drive_state import LOADED_SHARE
 from chefbotd.motion.kinematics import Kinematics, Side
 from chefbotd.sensing.battery import BatteryParameters
 from chefbotd.sensing.infrared import InfraredParameters
@@ -11,6 +14,7 @@ from chefbotd.sim.chassis import Chassis, Wheel
 from chefbotd.sim.sensors import Divider, InfraredMount, UltrasonicMount
 from chefbotd.sim.simulation import Simulation, build_launchpad, build_lidars
 from chefbotd.sim.spinning import LidarMount, LidarWire
+from chefbotd.sim_parameters.motor import MotorParameters
 from chefbotd.sim_parameters.true import TrueImu, TrueLidar, TrueParameters, TrueWheel, resolved
 
 
@@ -37,7 +41,7 @@ def simulation_of(settings: Settings) -> Simulation:
     """
     ultrasonic, true = settings.ultrasonic, true_of(settings)
     return Simulation(
-        settings.sim.model_copy(update={"true": true}),
+        settings.sim.model_copy(update={"true": true, "motor": motor_of(settings)}),
         variant_of(settings.robot.wire),
         _chassis(settings, true),
         settings.link.baud / BITS_A_BYTE,
@@ -51,6 +55,47 @@ def simulation_of(settings: Settings) -> Simulation:
             [_lidar(lidar, true.lidars[lidar.name], settings.sim.lidar.height_m) for lidar in settings.lidar]
         ),
     )
+
+
+SAME_MOTOR, AGREEING = 0.1, 0.25
+"""Shares by which speeds may differ: from the simulated motor's own, and the configuration's two statements."""
+
+
+def motor_of(settings: Settings) -> MotorParameters:
+    """The simulated motors: those of ``[sim.motor]``; without it those that the robot's configuration describes.
+
+    These are the usual ones with another gear, so that a rim without load reaches at full duty what the gains'
+    feedforward (or the calibrated models) and ``max_rim_speed_m_s`` say. Where the two do not agree, as where the speed
+    is only limited, the usual ones stay.
+    """
+    motor = settings.sim.motor
+    if "motor" in settings.sim.model_fields_set:
+        return motor
+    radius_m = fmean(Kinematics(settings.chassis).radii_m)
+    by_gains_m_s = _free_by_feedforward(settings, radius_m)
+    by_limit_m_s = settings.drive.max_rim_speed_m_s / LOADED_SHARE
+    usual_m_s = motor.no_load_speed_rad_s * radius_m
+    is_other = abs(by_limit_m_s / usual_m_s - 1) > SAME_MOTOR
+    if by_gains_m_s is None or not is_other or abs(by_gains_m_s / by_limit_m_s - 1) > AGREEING:
+        return motor
+    gear = by_limit_m_s / usual_m_s
+    return motor.model_copy(
+        update={
+            "no_load_speed_rpm": motor.no_load_speed_rpm * gear,
+            "stall_torque_n_m": motor.stall_torque_n_m / gear,
+            "rotor_inertia_kg_m2": motor.rotor_inertia_kg_m2 / gear**2,
+        }
+    )
+
+
+def _free_by_feedforward(settings: Settings, radius_m: float) -> float | None:
+    """The rim's speed at full duty, by calibrated models or else by the gains; None without either."""
+    most = settings.drive.max_duty
+    if settings.drive.motors:
+        models = [model.forward for model in settings.drive.motors.values()]
+        return fmean((most - one.dead_zone_duty) * one.gain_rad_s_per_duty for one in models) * radius_m
+    gains = settings.pid
+    return (most - gains.ks) / gains.kv if gains.kv else None
 
 
 def checked_simulation(settings: Settings) -> Simulation:

@@ -178,7 +178,7 @@ def test_its_banner_is_known(crawler: Path) -> None:
 
 def test_its_configuration_is_found_good(crawler: Path, order: str) -> None:
     """``check-config`` takes it, and prints each wheel as it is configured."""
-    result = CliRunner().invoke(chefbotd, ["check-config", str(crawler)])
+    result = CliRunner().invoke(chefbotd, ["check-config", "--all", str(crawler)])
     assert result.exit_code == 0, result.stderr
     for name in names(order):
         assert f'chassis.wheels.{name}.name = "{name}"' in result.output

@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import math
 from collections.abc import AsyncIterator
 from pathlib import Path
 
@@ -20,6 +21,7 @@ NO_FILE = (
     "the daemon runs with the packaged configuration, which is not written to: 'chefbotd init FOLDER' makes one of your "
     "own, or name a file on this computer with --config"
 )
+MOST_SPACE_M = 100.0
 ABSENT = "this daemon does not calibrate: its configuration has no [safety.sources.calibration]"
 
 
@@ -83,20 +85,54 @@ class CalibrationSession:
         return [step for step in report.steps if not step.missing and not step.on_request]
 
     async def _carry_out(self, robot: Client, step: CalibrationStep) -> StepResult:
-        await self._prepare(step)
+        space_m = await self._prepare(step, sees_space="topic.scan" in robot.hello.capabilities)
         async with self._questions(robot):
             with progress_bar(step.name, quiet=self._context.as_json) as show:
-                result = await robot.calibrate(step.name, self._space_m, on_progress=show)
+                result = await robot.calibrate(step.name, space_m, on_progress=show)
         if not self._context.as_json:
             show_result(result)
         return result
 
-    async def _prepare(self, step: CalibrationStep) -> None:
+    async def _prepare(self, step: CalibrationStep, *, sees_space: bool) -> float | None:
+        """Have everything prepared; returns the free floor, asked for where no lidar sees it.
+
+        Raises:
+            ProgramError: nobody answers, or nobody can be asked how much floor is free.
+        """
+        needs_space = bool(step.space_m) and self._space_m is None and not sees_space
         if self._is_ready:
-            return
+            if needs_space:
+                raise ProgramError(
+                    Exit.USAGE,
+                    f"{step.name} needs {step.space_m:g} m of free floor around the robot, and no lidar sees whether "
+                    f"there is: --space {step.space_m:g} says so",
+                )
+            return self._space_m
         room = f" It needs {step.space_m:g} m of free floor around it." if step.space_m else ""
-        if await self._asker.ask(f"{step.name}: {step.preparation}{room} Press Enter to begin.") is None:
-            raise ProgramError(Exit.USAGE, "nobody pressed Enter; --yes says that everything is prepared")
+        if not needs_space:
+            question = f"{step.name}: {step.preparation}{room} Press Enter to begin."
+            if await self._asker.ask(question) is None:
+                raise ProgramError(Exit.USAGE, "nobody pressed Enter; --yes says that everything is prepared")
+            return self._space_m
+        return await self._ask_space(step, f"{step.name}: {step.preparation}{room}")
+
+    async def _ask_space(self, step: CalibrationStep, preparation: str) -> float:
+        """How much floor is free, until it is a number that is enough; the step begins then."""
+        question = (
+            f"{preparation} No lidar sees that: type how many metres are free on every side of the robot, and the step "
+            "begins (Ctrl-C ends it)."
+        )
+        while True:
+            text = await self._asker.ask(question)
+            if text is None:
+                raise ProgramError(Exit.USAGE, "nobody said how much floor is free; --space M says so")
+            try:
+                free_m = float(text.lower().removesuffix("m").replace(",", "."))
+            except ValueError:
+                free_m = math.nan
+            if step.space_m <= free_m <= MOST_SPACE_M:
+                return free_m
+            tell(f"{text!r}: a number from {step.space_m:g} to {MOST_SPACE_M:g} metres is expected")
 
     @contextlib.asynccontextmanager
     async def _questions(self, robot: Client) -> AsyncIterator[None]:

@@ -7,6 +7,7 @@ from typing import Any
 
 from chefbotd.core.record import Record
 from chefbotd.settings.base import OPTIONAL_SECTIONS
+from chefbotd.settings.model import Settings
 from chefbotd.settings.toml_edit import Editor, toml_value
 
 Value = str | float | bool
@@ -39,7 +40,10 @@ def new_file(base: str, answers: Answers, missing: Sequence[str] = ()) -> str:
         f'extends = "{base}"',
     ]
     lines += [_line(key, answer) for key, answer in answers.items() if "." not in key]
-    for section in dict.fromkeys(key.rpartition(".")[0] for key in answers if "." in key):
+    sections = dict.fromkeys(key.rpartition(".")[0] for key in answers if "." in key)
+    for section in sorted(
+        sections, key=lambda name: list(Settings.model_fields).index(name.partition(".")[0])
+    ):
         lines += _section(section, answers)
     return "\n".join(lines) + "\n"
 

@@ -169,25 +169,31 @@ def _keep_unfinished(path: Path, walk: "Walk", *, is_new: bool) -> None:
 
 def _say_next(path: Path, walk: "Walk") -> None:
     """The commands that come next, in their order."""
-    has_lidar = any(key.startswith("lidar.") for key in walk.answers)
+    settings = _present(path)
+    if settings is None:
+        return
     for key in walk.missing:
         echo(f"Not measured, and still {walk.base}'s: {key}.")
-    echo("Next:")
-    echo(f"  chefbotd check-config {path}                  # the values that matter")
-    echo(f"  chefbotd run --sim --config {path}            # try it on a simulated robot first")
-    echo(f"  chefbotd run --config {path}                  # then, with the robot:")
-    echo("  chefbotctl doctor --motors                    # on blocks: signs, plugs, scale")
+    steps = [
+        (f"chefbotd check-config {path}", "the values that matter"),
+        (f"chefbotd run --sim --config {path}", "try it on a simulated robot first"),
+        (f"chefbotd run --config {path}", "then, with the robot:"),
+        ("chefbotctl doctor --motors", "on blocks: signs, plugs, scale"),
+    ]
     if "encoders.counts_per_turn" in walk.missing:
-        echo(
-            "  chefbotctl calibrate encoders --apply         # ten turns by hand: nothing drives right before"
-        )
-    echo("  chefbotctl calibrate motors --space 0.5 --apply   # on the floor: dead zone, gain, gains")
-    echo("  chefbotctl calibrate battery --apply          # with a voltmeter, where there is a divider")
-    if has_lidar:
-        echo(
-            "  chefbotctl calibrate wheels --apply           # radii, track and the lidar's mount, by its scans"
-        )
+        steps.append(("chefbotctl calibrate encoders --apply", "ten turns by hand, before anything drives"))
+    steps.append(("chefbotctl calibrate motors --space 0.5 --apply", "dead zone, gain, gains"))
+    if settings.battery is not None:
+        steps.append(("chefbotctl calibrate battery --apply", "with a voltmeter"))
+    if settings.imu is not None:
+        steps.append(("chefbotctl calibrate imu --apply", "what it shows of a turn"))
+    if settings.lidar:
+        steps.append(("chefbotctl calibrate wheels --apply", "radii, track, the lidar's mount: by its scans"))
     else:
-        echo(
-            "  chefbotctl calibrate umbmark --space 1.5 --apply  # track and radii, by loops from a mark on the floor"
+        steps.append(
+            ("chefbotctl calibrate umbmark --space 1.5 --apply", "track and radii, by loops from a mark")
         )
+    width = max(len(command) for command, _ in steps)
+    echo("Next:")
+    for command, why in steps:
+        echo(f"  {command:<{width}}  # {why}")

@@ -242,9 +242,10 @@ def simulate(
 
 @main.command()
 @click.argument("path", metavar="[FILE|ROBOT]", type=configuration, required=False)
+@click.option("--all", "shows_all", is_flag=True, help="Print every value, not only those that matter most.")
 @click.pass_context
-def check_config(ctx: click.Context, path: Path | None) -> None:
-    """Check a configuration, and print what it resolves to.
+def check_config(ctx: click.Context, path: Path | None, shows_all: bool) -> None:
+    """Check a configuration, and print what it resolves to: the ten lines that matter, or with --all every value.
 
     It is FILE, or the packaged one of ROBOT; ChefBot's by default. A configuration that is valid here is valid for
     'run' too. A URDF of your own ([robot] description) is compared with it, joint by joint: each wheel's radius,
@@ -264,8 +265,16 @@ def check_config(ctx: click.Context, path: Path | None) -> None:
     values = settings.model_dump(mode="json", by_alias=True)
     if wants_json(ctx):
         echo(json.dumps(values))
-    else:
-        echo("\n".join(_assignments("", values)))
+        return
+    lines = list(_assignments("", values))
+    if shows_all:
+        echo("\n".join(lines))
+        return
+    from chefbotd.cli.programs.important import important_lines
+
+    echo("\n".join(important_lines(settings)))
+    where = "" if path is None else f" {path}"
+    echo(f"It is valid. {len(lines)} values in all: chefbotd check-config{where} --all")
 
 
 main.add_late("chefbotd.cli.programs.chefbotd", "init", "urdf")

@@ -14,6 +14,11 @@ from chefbotd.motion.same_side import SameSideParameters, SameSideState, SameSid
 
 log = structlog.get_logger(component="drive")
 
+NO_BOARD_TIME = (
+    "the board sends no 't' line, so a reading has the time at which it was read, and several that come at once look "
+    "like a jump: have the sketch send t (docs/protocol.md)"
+)
+
 
 class WheelsRead(Record, frozen=True):
     """A reading, the board time since the last good one, and how the wheels of each side compare."""
@@ -93,5 +98,9 @@ class WheelReader:
             return
         names = [self._names[index] for index in reading.jumped]
         self._log.warning(
-            "impossible encoder jump refused", wheels=names, counts=event.counts, rebased=reading.rebased
+            "impossible encoder jump refused",
+            wheels=names,
+            counts=event.counts,
+            rebased=reading.rebased,
+            **({"hint": NO_BOARD_TIME} if event.board_s == event.stamp_s else {}),
         )

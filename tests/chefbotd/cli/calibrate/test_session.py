@@ -84,6 +84,7 @@ def calibrated(
     out: Path | None = None,
     applies: bool = False,
     as_json: bool = False,
+    is_ready: bool = False,
 ) -> str:
     """What the command prints."""
 
@@ -94,7 +95,7 @@ def calibrated(
             capsys.readouterr()  # the daemon's log so far
             host, port = await robot.daemon.server.address()
             context = CommandContext((host, port), as_json)  # type: ignore[arg-type]
-            session = CalibrationSession(context, names, None, is_ready=False)
+            session = CalibrationSession(context, names, None, is_ready=is_ready)
             session._asker = person  # type: ignore[assignment]
             await session._with_robot(robot.client, None, out, applies=applies)
 
@@ -115,6 +116,34 @@ def test_a_step_is_prepared_asked_for_and_shown(capsys: pytest.CaptureFixture[st
     assert "voltage: 0.4 before, 0 after, V (1 measurements)" in said
     assert "Nothing was written" in said
     assert (tmp_path / "plots" / "battery-two-readings.png").read_bytes().startswith(b"\x89PNG")
+
+
+def _spacious(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The step needs 0.3 m of free floor."""
+    ready = StepDefinition("battery", "the divider", "Take a voltmeter.", 0.3, lambda robot: "", _asks, _fit)
+    monkeypatch.setattr(steps, "STEPS", {"battery": ready})
+
+
+def test_free_floor_that_no_lidar_sees_is_asked_before_the_step_begins(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Nonsense and too little are said with what is expected; nothing is refused after Enter."""
+    _spacious(monkeypatch)
+    person = Person(["", "much", "nan", "0.2", "0,5 m", "12.6"])
+    said = calibrated(person, capsys)
+    assert all("type how many metres are free" in question for question in person.questions[:5])
+    assert "divider_ratio" in said
+
+
+def test_without_anybody_to_ask_the_option_is_named_before_anything_begins(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """``--space`` with the number that the step needs."""
+    _spacious(monkeypatch)
+    with pytest.raises(ProgramError, match="--space M says so"):
+        calibrated(Person([]), capsys)
+    with pytest.raises(ProgramError, match="no lidar sees whether there is: --space 0"):
+        calibrated(Person([]), capsys, is_ready=True)
 
 
 def test_what_has_passed_is_written_on_request(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:

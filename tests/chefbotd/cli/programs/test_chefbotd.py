@@ -42,7 +42,7 @@ def test_version_help_and_completion() -> None:
 
 def test_check_config_prints_what_it_resolves_to() -> None:
     """Every value of the packaged ChefBot is on a line of its own, with its dotted key."""
-    lines = chefbotd("check-config").output.splitlines()
+    lines = chefbotd("check-config", "--all").output.splitlines()
     assert 'robot.name = "chefbot"' in lines
     assert "api.port = 7333" in lines
     assert "chassis.wheels.right_wheel.radius_m = 0.045" in lines
@@ -52,7 +52,29 @@ def test_a_robot_is_named_or_has_a_file(tmp_path: Path) -> None:
     """A name stands for the configuration that comes with chefbotd, a path for itself."""
     copy = tmp_path / "mine"
     copy.write_bytes(packaged("chefbot").read_bytes())
-    assert chefbotd("check-config", "chefbot").output == chefbotd("check-config", copy).output
+    assert (
+        chefbotd("check-config", "--all", "chefbot").output == chefbotd("check-config", "--all", copy).output
+    )
+
+
+def test_check_config_prints_the_ten_lines_that_matter_first(tmp_path: Path) -> None:
+    """Ten, each with its keys; that nothing sees obstacles, or that the guard is off, is one of them."""
+    lines = chefbotd("check-config").output.splitlines()
+    assert len(lines) == 11
+    assert lines[3].split()[:3] == ["track", "0.3", "m"]
+    assert lines[-1].startswith("It is valid. ")
+    assert lines[-1].endswith("values in all: chefbotd check-config --all")
+    assert any(
+        line.startswith("guard") and "on, around the robot's outline: round, 0.36 m" in line for line in lines
+    )
+    blind = tmp_path / "blind.toml"
+    blind.write_text('extends = "chefbot"\nultrasonic = false\n')
+    assert (
+        "nothing sees obstacles: the robot drives into what is in its way"
+        in chefbotd("check-config", blind).output
+    )
+    blind.write_text('extends = "chefbot"\n[safety.guard]\nenabled = false\n')
+    assert "OFF: the robot drives into what it sees" in chefbotd("check-config", blind).output
 
 
 def test_check_config_as_json() -> None:
@@ -83,7 +105,7 @@ def cupboard(tmp_path: Path) -> Path:
 def test_a_real_robot_need_not_be_one_that_can_be_simulated(cupboard: Path) -> None:
     """``check-config`` finds it valid, as ``run`` does, and notes on stderr what ``run --sim`` would refuse."""
     result = chefbotd("check-config", cupboard)
-    assert (result.exit_code, 'robot.name = "khan"' in result.stdout) == (0, True)
+    assert (result.exit_code, "robot      khan, wire 'khan'" in result.stdout) == (0, True)
     (told,) = result.stderr.splitlines()
     assert told.startswith("Note: khan cannot be simulated: ")
 
