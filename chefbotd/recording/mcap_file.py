@@ -3,6 +3,7 @@
 Up to its last whole chunk it can be read at any moment, also after a kill: only the summary is missing then.
 """
 
+import zlib
 from collections import Counter
 from collections.abc import Mapping
 from pathlib import Path
@@ -40,6 +41,7 @@ class RecordingFile:
         self.path, self._channels = path, channels
         self._file: OpenFile = disk.create(path)
         self.size = self.messages = 0
+        self._checksum = 0
         self._known_channels = 0
         self._chunks: list[ChunkIndex] = []
         self._attachments: list[AttachmentIndex] = []
@@ -105,7 +107,7 @@ class RecordingFile:
 
     def finish(self) -> None:
         """Write the summary, wait until all is on the disk, and close."""
-        self._put(_bytes_of(DataEnd(0)))
+        self._put(_bytes_of(DataEnd(self._checksum)))
         summary, start = RecordBuilder(), self.size
         offsets: list[SummaryOffset] = []
         schemas, channels = self._described(0)
@@ -166,6 +168,7 @@ class RecordingFile:
     def _put(self, data: bytes) -> None:
         self._file.write(data)
         self.size += len(data)
+        self._checksum = zlib.crc32(data, self._checksum)
 
     def _statistics(self, schemas: int) -> Statistics:
         return Statistics(

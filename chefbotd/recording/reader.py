@@ -10,7 +10,18 @@ from typing import Any, BinaryIO
 from mcap.data_stream import ReadDataStream
 from mcap.exceptions import EndOfFile, McapError
 from mcap.opcode import Opcode
-from mcap.records import Attachment, Channel, Chunk, Footer, McapRecord, Metadata, Schema
+from mcap.records import (
+    Attachment,
+    Channel,
+    Chunk,
+    DataEnd,
+    Footer,
+    McapRecord,
+    MessageIndex,
+    Metadata,
+    Schema,
+    Statistics,
+)
 from mcap.records import Message as McapMessage
 from mcap.stream_reader import CRCValidationError, StreamReader
 from msgspec import Struct
@@ -23,6 +34,9 @@ from chefbotd.storage import explain, open_regular
 
 RECORD_HEAD, MESSAGE_HEAD = struct.Struct("<BQ"), struct.Struct("<HIQQ")
 """Source: https://mcap.dev/spec."""
+
+NO_RECORD = 0
+"""An opcode that no record has; zeros in a file are such records, each without content."""
 
 MAX_CHUNK_BYTES = 256_000_000
 """Ours have a second in them; other programs' mostly 1 to 4 MB."""
@@ -56,6 +70,50 @@ DAMAGE = (
 """What the libraries raise for bytes that nobody wrote so; RecursionError is a RuntimeError."""
 
 
+class _Records(StreamReader):
+    """The records of a file; zeros are damage, which the library passes over as records that it does not know."""
+
+    def _read_record(self, opcode: int, length: int) -> McapRecord | None:
+        if opcode == NO_RECORD:
+            raise ValueError("there are zeros in place of a record")
+        return super()._read_record(opcode, length)
+
+
+class _Counts:
+    """Holds the messages that were found against what the file says of them: a record that is lost is missed here.
+
+    A record whose kind or length is damaged is passed over, and the messages of a chunk with it; but the index that
+    follows each chunk, and the statistics at the end, count them.
+    """
+
+    def __init__(self) -> None:
+        self.messages = 0
+        self._of_chunk = self._indexed = 0
+        self.problem: str | None = None
+
+    def add(self, count: int) -> None:
+        self.messages += count
+        self._of_chunk += count
+
+    def take(self, record: McapRecord) -> None:
+        match record:
+            case MessageIndex():
+                self._indexed += len(record.records)
+            case Chunk() | DataEnd():
+                self._end_chunk()
+            case Statistics() if record.message_count != self.messages:
+                self._miss(f"of {record.message_count} messages it holds {self.messages}")
+
+    def _end_chunk(self) -> None:
+        """Compare the last chunk with its index; a file without indexes says nothing."""
+        if self._indexed and self._indexed != self._of_chunk:
+            self._miss(f"a chunk of {self._indexed} messages holds {self._of_chunk}")
+        self._of_chunk = self._indexed = 0
+
+    def _miss(self, problem: str) -> None:
+        self.problem = self.problem or f"it is damaged: {problem}"
+
+
 class RecordingReader:
     """A recording. What stands in it is known once ``messages`` or ``events`` has come to its end.
 
@@ -86,11 +144,13 @@ class RecordingReader:
         Raises:
             UnreadableRecording: nothing can be read, or an event is none.
         """
+        unknown: set[str] = set()
         for message in self.messages(OWN):
             if message.sequence == REPEATED:
                 continue
             event_class = class_of(message.schema.removeprefix(OWN))
             if event_class is None:
+                unknown.add(message.schema)
                 continue
             try:
                 yield decode(event_class, message.data)
@@ -98,6 +158,9 @@ class RecordingReader:
                 raise UnreadableRecording(
                     f"{self.path}: event {message.sequence} on {message.topic} is none: {error}"
                 ) from error
+        if unknown and self.problem is None:
+            names = ", ".join(sorted(unknown))
+            self.problem = f"events of kinds that this version does not know are left out: {names}"
 
     def read_about(self) -> None:
         """Read the ``metadata`` and the ``attachments`` at the beginning of the file."""
@@ -105,13 +168,16 @@ class RecordingReader:
             return
 
     def _messages(self, file: BinaryIO, schemas: str) -> Iterator[RecordedMessage]:
-        reader, ended = StreamReader(file, emit_chunks=True, record_size_limit=self.size), False
+        reader = _Records(file, emit_chunks=True, validate_crcs=True, record_size_limit=self.size)
+        ended, counts = False, _Counts()
         try:
             for record in reader.records:
                 ended = isinstance(record, Footer)
+                counts.take(record)
                 if isinstance(record, Chunk):
-                    yield from self._messages_in(_unpacked(record), schemas)
+                    yield from self._messages_in(_unpacked(record), schemas, counts)
                 elif isinstance(record, McapMessage):
+                    counts.messages += 1
                     topic, schema = self._channel(record.channel_id)
                     if schema.startswith(schemas):
                         yield RecordedMessage(topic, schema, record.log_time, record.sequence, record.data)
@@ -128,20 +194,22 @@ class RecordingReader:
             self.problem = f"it is damaged or was cut: {error}"
         if self.problem is None and not ended:
             self.problem = "it was not finished: its writer was stopped"
+        self.problem = self.problem if counts.problem is None else counts.problem
 
-    def _messages_in(self, data: bytes, schemas: str) -> Iterator[RecordedMessage]:
+    def _messages_in(self, data: bytes, schemas: str, counts: _Counts) -> Iterator[RecordedMessage]:
         """The messages of a chunk. There are a thousand a second, and the library takes 10 us for each of them.
 
         Raises:
             ValueError: the chunk is damaged.
         """
-        at, size, head, topics = 0, len(data), MESSAGE_HEAD.size, self._topics
+        at, size, head, topics, found = 0, len(data), MESSAGE_HEAD.size, self._topics, 0
         while at < size:
             opcode, length = RECORD_HEAD.unpack_from(data, at)
             at, end = at + RECORD_HEAD.size, at + RECORD_HEAD.size + length
             if end > size:
                 raise ValueError("a record is longer than its chunk")
             if opcode == Opcode.MESSAGE:
+                found += 1
                 channel, sequence, log_ns, _ = MESSAGE_HEAD.unpack_from(data, at)
                 topic, schema = topics.get(channel) or self._channel(channel)
                 if schema.startswith(schemas):
@@ -151,6 +219,7 @@ class RecordingReader:
             elif opcode == Opcode.SCHEMA:
                 self._note(Schema.read(ReadDataStream(BytesIO(data[at:end]))))
             at = end
+        counts.add(found)
 
     def _channel(self, number: int) -> tuple[str, str]:
         if number not in self._topics:
@@ -158,10 +227,18 @@ class RecordingReader:
         return self._topics[number]
 
     def _note(self, record: McapRecord) -> None:
+        """Keep what stands beside the messages; schemas and channels are repeated at the end of a file.
+
+        Raises:
+            ValueError: it is repeated otherwise.
+        """
         if isinstance(record, Schema):
-            self._schemas[record.id] = record.name
+            if self._schemas.setdefault(record.id, record.name) != record.name:
+                raise ValueError(f"schema {record.id} is {self._schemas[record.id]!r} and {record.name!r}")
         elif isinstance(record, Channel):
-            self._topics[record.id] = record.topic, self._schemas.get(record.schema_id, "")
+            topic = record.topic, self._schemas.get(record.schema_id, "")
+            if self._topics.setdefault(record.id, topic) != topic:
+                raise ValueError(f"channel {record.id} is {self._topics[record.id]} and {topic}")
         elif isinstance(record, Metadata):
             self.metadata[record.name] = record.metadata
         elif isinstance(record, Attachment):
