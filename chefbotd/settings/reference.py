@@ -271,18 +271,18 @@ def _bounds(field: FieldInfo) -> str:
 
 def _constraints(field: FieldInfo) -> list[object]:
     """The field's own constraints, and those of an annotated type within it."""
-    found: list[object] = list(field.metadata)
+    constraints: list[object] = list(field.metadata)
     pending = [field.annotation]
     while pending:
         annotation = pending.pop()
         if get_origin(annotation) is Annotated:
             first, *rest = get_args(annotation)
             for one in rest:
-                found += one.metadata if isinstance(one, FieldInfo) else [one]
+                constraints += one.metadata if isinstance(one, FieldInfo) else [one]
             pending.append(first)
         elif get_origin(annotation) in (Union, UnionType):
             pending += get_args(annotation)
-    return found
+    return constraints
 
 
 def page() -> str:
@@ -291,7 +291,7 @@ def page() -> str:
     for section in sections():
         parts.append(f"## `{section.header}`\n\n{section.purpose}")
         if section.keys:
-            rows = ["| key | type | unit | default | bounds | found by |", "|---|---|---|---|---|---|"]
+            rows = ["| key | type | unit | default | bounds | constraints by |", "|---|---|---|---|---|---|"]
             rows += [_row(key) for key in section.keys]
             parts.append("\n".join(rows))
     return "\n\n".join(parts) + "\n"

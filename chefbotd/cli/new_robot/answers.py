@@ -76,7 +76,7 @@ def edited(text: str, answers: Answers) -> str:
         if present.get(name) is False and any(key.startswith(f"{name}.") for key in answers):
             editor.change((), {name: None})
     lines = "".join(f"\n{name} = false" for name in left_out)
-    after = re.sub(r"(?m)^extends\s*=.*$", lambda found: found[0] + lines, editor.text(), count=1)
+    after = re.sub(r"(?m)^extends\s*=.*$", lambda match: match[0] + lines, editor.text(), count=1)
     if not has_lidar and any(key.startswith(f"{LIDAR}.") for key in answers):
         after += "\n".join(_section(LIDAR, answers)) + "\n"
     return after

@@ -52,14 +52,14 @@ class Found(Record, frozen=True):
         if self.link is None:
             return {}
         lines = ", ".join(f"{kind} {rate:.0f} a second" for kind, rate in self.heard.rates_hz.items())
-        found = {
+        answers = {
             "link.device": Answer(self.link.device, "where the board was found"),
             "link.baud": Answer(self.link.baud, "at which its lines were understood"),
             "robot.wire": Answer(self.heard.wire, f"the board sends {lines}"),
         }
         if self.heard.firmware:
-            found["encoders.counted_by"] = Answer("firmware", "our own firmware counts all four edges")
-        return found
+            answers["encoders.counted_by"] = Answer("firmware", "our own firmware counts all four edges")
+        return answers
 
     @property
     def absent(self) -> list[str]:
@@ -69,13 +69,13 @@ class Found(Record, frozen=True):
         return [section for kind, section in ABSENT.items() if not self.heard.sends(kind)]
 
 
-async def find_board(interview: Interview, serial: Serial, wanted: str | None) -> Found:
+async def find_board(interview: Interview, serial: Serial, named_device: str | None) -> Found:
     """Look behind every port, have one chosen where there are several, and listen to it.
 
     Raises:
         ProgramError: the port that was named cannot be opened, or no board's lines come from it.
     """
-    ports = [SerialPort(wanted)] if wanted else serial.ports()
+    ports = [SerialPort(named_device)] if named_device else serial.ports()
     if not ports:
         interview.say(
             "No serial port was found: is the board plugged in (a charging cable has no data lines)?"
@@ -88,9 +88,9 @@ async def find_board(interview: Interview, serial: Serial, wanted: str | None) -
         behind.append(one)
     boards = [one for one in behind if one.kind == "board"]
     lidars = tuple(one for one in behind if one.kind in ("ld06_ld19", "rplidar"))
-    if wanted and not boards:
+    if named_device and not boards:
         raise ProgramError(
-            Exit.FAILED, f"{wanted}: {behind[0].told}; docs/protocol.md says what a board sends"
+            Exit.FAILED, f"{named_device}: {behind[0].told}; docs/protocol.md says what a board sends"
         )
     if not boards:
         interview.say("No board was heard. Without one you can type what you know, and nothing is measured.")

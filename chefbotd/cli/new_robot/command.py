@@ -191,7 +191,7 @@ def _say_next(path: Path, walk: "Walk") -> None:
         steps.append(("chefbotctl calibrate wheels --apply", "radii, track, the lidar's mount: by its scans"))
     else:
         steps.append(
-            ("chefbotctl calibrate umbmark --space 1.5 --apply", "track and radii, by loops from a mark")
+            ("chefbotctl calibrate umbmark --space 2 --apply", "track and radii, by loops from a mark")
         )
     width = max(len(command) for command, _ in steps)
     echo("Next:")

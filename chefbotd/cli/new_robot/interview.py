@@ -42,10 +42,10 @@ class Interview:
                 return default
             if answer.lower() == SKIP:
                 return None
-            found = _NUMBER.fullmatch(answer)
-            value = None if found is None else float(found[1].replace(",", "."))
-            if found is not None and found[2] not in ("", unit):
-                self.say(f"{answer!r} is in {found[2]}: type it in {unit}.")
+            match = _NUMBER.fullmatch(answer)
+            value = None if match is None else float(match[1].replace(",", "."))
+            if match is not None and match[2] not in ("", unit):
+                self.say(f"{answer!r} is in {match[2]}: type it in {unit}.")
             elif value is None or not lowest <= value <= highest:
                 self.say(
                     f"{answer!r} cannot be used: a number from {lowest:g} to {highest:g} {unit} is expected."

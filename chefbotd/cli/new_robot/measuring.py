@@ -35,7 +35,7 @@ MEASURED_S = 0.6
 LEAST_TURNED_RAD_S = 0.2
 
 
-def draft(base: str, known: Mapping[str, object], counts_per_turn: float | None) -> Settings:
+def draft(base: str, overrides: Mapping[str, object], counts_per_turn: float | None) -> Settings:
     """A configuration to measure with: what is known of the board, and nothing that refuses an unknown wheel."""
     return load(
         packaged(base),
@@ -45,18 +45,18 @@ def draft(base: str, known: Mapping[str, object], counts_per_turn: float | None)
             "encoders.counts_per_turn": counts_per_turn or UNKNOWN_COUNTS,
             **dict.fromkeys(("imu", "ultrasonic", "battery", "infrared", "lidar", "maps"), False),
             "safety.guard.enabled": False,
-            **known,
+            **overrides,
         },
     )
 
 
-def by_duty(base: str, known: Mapping[str, object], counts_per_turn: float) -> Settings:
+def by_duty(base: str, overrides: Mapping[str, object], counts_per_turn: float) -> Settings:
     """As ``draft``, with controllers that only turn a share of ``REFERENCE_M_S`` into that share of the duty.
 
     Silent encoders and a late command still stop the motors. A wheel that turns backwards does not: that is what is to
     be found. So nothing here notices a stalled wheel within a run, which is as short as it is for that reason.
     """
-    usual = draft(base, known, counts_per_turn)
+    usual = draft(base, overrides, counts_per_turn)
     free = {
         "drive.max_rim_speed_m_s": REFERENCE_M_S,
         "drive.scrub_duty": 0.0,
@@ -77,7 +77,7 @@ def by_duty(base: str, known: Mapping[str, object], counts_per_turn: float) -> S
         "safety.overspeed.margin_m_s": 5.0,  # a wheel that turns backwards is faster that way than asked
         "odometry.source": "wheels",
     }
-    return draft(base, {**known, **free}, counts_per_turn)
+    return draft(base, {**overrides, **free}, counts_per_turn)
 
 
 async def count_positions(robot: Client, counts_per_turn: float) -> dict[str, float]:

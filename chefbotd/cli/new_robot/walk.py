@@ -42,20 +42,20 @@ class Walk:
 
     async def walk(self, device: str | None) -> Answers:
         """Ask everything."""
-        found = await find_board(self._interview, self._serial, device)
-        self.base = self._wanted_base or found.base
+        board = await find_board(self._interview, self._serial, device)
+        self.base = self._wanted_base or board.base
         self.answers |= {
-            section: Answer(False, "the board sends no line of it") for section in self._absent(found)
+            section: Answer(False, "the board sends no line of it") for section in self._absent(board)
         }
-        self.answers |= found.answers
+        self.answers |= board.answers
         await self._ask_name()
         radius_m = await self._ask_radius()
         tape_m = await self._ask_tape()
-        if found.link is not None:
-            await self._measure(found, radius_m, tape_m)
+        if board.link is not None:
+            await self._measure(board, radius_m, tape_m)
         else:
             self.missing.append("encoders.counts_per_turn")
-        await self._ask_sensors(found)
+        await self._ask_sensors(board)
         await self._ask_outline()
         return self.answers
 
@@ -64,9 +64,9 @@ class Walk:
         """The robot as its file has it; a new one as the packaged robot is."""
         return self._present or load(packaged(self.base))
 
-    def _absent(self, found: Found) -> list[str]:
+    def _absent(self, board: Found) -> list[str]:
         usual = self._usual
-        return [section for section in found.absent if getattr(usual, section)]
+        return [section for section in board.absent if getattr(usual, section)]
 
     async def _ask_name(self) -> None:
         default = self._present.robot.name if self._present else "my_robot"
@@ -102,12 +102,12 @@ class Walk:
         self.answers["chassis.track_width_m"] = Answer(round(track_cm / 100, 4), "by tape")
         return track_cm / 100
 
-    async def _measure(self, found: Found, radius_m: float, tape_m: float | None) -> None:
+    async def _measure(self, board: Found, radius_m: float, tape_m: float | None) -> None:
         """Counts by hand, motors on blocks, and the track on the floor."""
         wheels = self._usual.chassis.wheels
         names = [wheel.name for wheel in wheels]
-        known = self._known(found, radius_m, dict.fromkeys(names, 1), dict.fromkeys(names, 1))
-        async with self._connect(draft(self.base, known, None)) as robot:
+        overrides = self._overrides(board, radius_m, dict.fromkeys(names, 1), dict.fromkeys(names, 1))
+        async with self._connect(draft(self.base, overrides, None)) as robot:
             turned = await turn_wheels(self._interview, robot, names)
         if turned is None:
             self._interview.say(
@@ -119,14 +119,14 @@ class Walk:
         counts = self._same("encoders.counts_per_turn", counts, SAME_BY_HAND)
         self.answers["encoders.counts_per_turn"] = Answer(counts, "by turns of the wheels by hand")
         self._add_signs("encoder_sign", turned.signs)
-        known = self._known(found, radius_m, turned.signs, dict.fromkeys(names, 1))
-        async with self._connect(by_duty(self.base, known, counts)) as robot:
+        overrides = self._overrides(board, radius_m, turned.signs, dict.fromkeys(names, 1))
+        async with self._connect(by_duty(self.base, overrides, counts)) as robot:
             motors = await run_motors(self._interview, robot, names, radius_m)
         if motors is None:
             self.missing.append("drive.max_rim_speed_m_s and the gains")
         else:
             self._add_motors(motors)
-        async with self._connect(draft(self.base, known, counts)) as robot:
+        async with self._connect(draft(self.base, overrides, counts)) as robot:
             sides = {wheel.name: wheel.side for wheel in wheels}
             track_m = await turn_on_floor(self._interview, robot, sides, radius_m, counts, tape_m)
         if track_m is not None:
@@ -134,11 +134,11 @@ class Walk:
         elif tape_m is None:
             self.missing.append("chassis.track_width_m")
 
-    def _known(
-        self, found: Found, radius_m: float, encoder_signs: Mapping[str, int], motor_signs: Mapping[str, int]
+    def _overrides(
+        self, board: Found, radius_m: float, encoder_signs: Mapping[str, int], motor_signs: Mapping[str, int]
     ) -> dict[str, object]:
         """What a daemon that measures has to know."""
-        link = {} if found.link is None else {"link.device": found.link.device, "link.baud": found.link.baud}
+        link = {} if board.link is None else {"link.device": board.link.device, "link.baud": board.link.baud}
         wheels = [
             {
                 "name": wheel.name,
@@ -149,10 +149,10 @@ class Walk:
             }
             for wheel in self._usual.chassis.wheels
         ]
-        counted_by = "firmware" if found.heard.firmware else "sketch"
+        counted_by = "firmware" if board.heard.firmware else "sketch"
         return {
             **link,
-            "robot.wire": found.heard.wire,
+            "robot.wire": board.heard.wire,
             "encoders.counted_by": counted_by,
             "chassis.wheels": wheels,
         }
@@ -200,13 +200,13 @@ class Walk:
             track_m = self._same("chassis.track_width_m", round(track_m, 4), SAME_BY_HAND)
             self.answers["chassis.track_width_m"] = Answer(track_m, "by turns on the floor")
 
-    async def _ask_sensors(self, found: Found) -> None:
+    async def _ask_sensors(self, board: Found) -> None:
         """Each sensor of which lines come: where it is, or that there is none."""
-        sends: Callable[[str], bool] = found.heard.sends
-        if found.link is not None and sends("u"):
+        sends: Callable[[str], bool] = board.heard.sends
+        if board.link is not None and sends("u"):
             await self._ask_ultrasonic()
         if (
-            found.link is not None
+            board.link is not None
             and sends("i")
             and not await self._interview.agrees(
                 "The board sends lines of an IMU. Is one on the robot?", default=True
@@ -214,14 +214,14 @@ class Walk:
         ):
             self.answers["imu"] = Answer(False, "there is none")
         if (
-            found.link is not None
+            board.link is not None
             and sends("b")
             and not await self._interview.agrees(
                 "The board sends the battery's level. Is the battery wired to it by a divider?", default=True
             )
         ):
             self.answers["battery"] = Answer(False, "it is not wired")
-        for lidar in found.lidars[:1]:
+        for lidar in board.lidars[:1]:
             model = (
                 "ld19" if lidar.kind == "ld06_ld19" else "rplidar_a2" if "A2" in lidar.told else "rplidar_a1"
             )

@@ -33,29 +33,26 @@ if TYPE_CHECKING:
 def init(robot: str, folder: Path) -> None:
     """Create the configuration of your own robot in FOLDER.
 
-    Writes the packaged robot's configuration with all its comments, and its description (URDF), which is made from the
-    configuration. Nothing is overwritten.
+    Writes the packaged robot's configuration with all its comments. Nothing is overwritten. 'chefbotctl new-robot'
+    asks for your robot instead, and writes only what differs.
     """
     from chefbotd.settings import SettingsError, packaged
-    from chefbotd.settings.urdf import urdf_of
 
     try:
         source = packaged(robot)
     except SettingsError as error:
         raise click.UsageError(str(error)) from error
-    config, urdf = folder / source.name, folder / f"{source.stem}.urdf"
-    texts = {config: source.read_text(encoding="utf-8"), urdf: urdf_of(load_valid(source))}
-    if existing := [str(path) for path in texts if path.exists()]:
-        raise ProgramError(Exit.FAILED, f"{', '.join(existing)}: already exists, and is not overwritten")
+    config = folder / source.name
+    text = source.read_text(encoding="utf-8")
+    if config.exists():
+        raise ProgramError(Exit.FAILED, f"{config}: already exists, and is not overwritten")
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        for path, text in texts.items():
-            with path.open("x", encoding="utf-8") as file:
-                file.write(text)
+        with config.open("x", encoding="utf-8") as file:
+            file.write(text)
     except OSError as error:
         raise ProgramError(Exit.FAILED, f"{error.filename}: cannot be written: {error.strerror}") from error
     echo(f"Wrote {config}: edit what differs on your robot.")
-    echo(f"Wrote {urdf}: its links and joints, made from the configuration.")
     echo(f"Then: chefbotd check-config {config}")
     echo(f"      chefbotd run --config {config}")
 

@@ -64,9 +64,9 @@ def test_check_config_prints_the_ten_lines_that_matter_first(tmp_path: Path) -> 
     assert lines[3].split()[:3] == ["track", "0.3", "m"]
     assert lines[-1].startswith("It is valid. ")
     assert lines[-1].endswith("values in all: chefbotd check-config --all")
-    assert any(
-        line.startswith("guard") and "on, around the robot's outline: round, 0.36 m" in line for line in lines
-    )
+    assert "guard      on, only in the beam of front   ([safety.guard], [body])" in lines
+    seeing = chefbotd("check-config", "chefbot_lidar").output
+    assert "guard      on, around the robot's outline: round, 0.36 m" in seeing
     blind = tmp_path / "blind.toml"
     blind.write_text('extends = "chefbot"\nultrasonic = false\n')
     assert (
@@ -331,9 +331,9 @@ def test_a_robot_of_ones_own(tmp_path: Path, robot: str) -> None:
     folder = tmp_path / "new" / "mine"
     begun = chefbotd("init", "--robot", robot, folder)
     assert begun.exit_code == 0
-    config, urdf = folder / f"{robot}.toml", folder / f"{robot}.urdf"
+    config = folder / f"{robot}.toml"
     assert config.read_bytes() == packaged(robot).read_bytes()
-    assert urdf.read_text() == chefbotd("urdf", config).output
+    assert [path.name for path in folder.iterdir()] == [config.name]
     assert f"chefbotd run --config {config}" in begun.output
     before = {"chefbot": "radius_m = 0.045", "khan": "radius_m = 0.03\n"}[robot]
     config.write_text(config.read_text().replace(before, "radius_m = 0.052\n"))
@@ -342,12 +342,12 @@ def test_a_robot_of_ones_own(tmp_path: Path, robot: str) -> None:
 
 
 def test_a_robot_of_ones_own_is_never_overwritten(tmp_path: Path) -> None:
-    """Neither file, and nothing is written when one of them is there."""
-    (tmp_path / "chefbot.urdf").write_text("mine")
+    """Nothing is written when the file is there."""
+    (tmp_path / "chefbot.toml").write_text("mine")
     again = chefbotd("init", tmp_path)
     assert again.exit_code == Exit.FAILED
-    assert again.stderr.startswith(f"Error: {tmp_path}/chefbot.urdf: already exists")
-    assert [path.name for path in tmp_path.iterdir()] == ["chefbot.urdf"]
+    assert again.stderr.startswith(f"Error: {tmp_path}/chefbot.toml: already exists")
+    assert (tmp_path / "chefbot.toml").read_text() == "mine"
 
 
 def test_a_robot_of_ones_own_that_cannot_begin(tmp_path: Path) -> None:

@@ -34,17 +34,18 @@ def own(tmp_path: Path) -> Path:
     """A robot with a description of its own."""
     assert chefbotd("init", "--robot", "khan", tmp_path).exit_code == 0
     path = tmp_path / "khan.toml"
+    (tmp_path / "khan.urdf").write_text(chefbotd("urdf", "khan").output, encoding="utf-8")
     text = path.read_text(encoding="utf-8")
     path.write_text(text.replace('# description = "my.urdf"', 'description = "khan.urdf"'), encoding="utf-8")
     return path
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_packaged_robots_are_valid_and_copied_with_their_urdf(tmp_path: Path, robot: str) -> None:
+def test_packaged_robots_are_valid_copied_and_described(tmp_path: Path, robot: str) -> None:
     """The URDF is made from the configuration, which needs no parser."""
     assert chefbotd("check-config", robot).exit_code == 0
     assert chefbotd("init", "--robot", robot, tmp_path).exit_code == 0
-    assert (tmp_path / f"{robot}.urdf").read_text(encoding="utf-8") == chefbotd("urdf", robot).output
+    assert chefbotd("urdf", tmp_path / f"{robot}.toml").output == chefbotd("urdf", robot).output
     assert chefbotd("check-config", tmp_path / f"{robot}.toml").exit_code == 0
 
 
