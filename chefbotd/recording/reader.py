@@ -107,7 +107,7 @@ class _Counts:
     def _end_chunk(self) -> None:
         """Compare the last chunk with its index; a file without indexes says nothing."""
         if self._indexed and self._indexed != self._of_chunk:
-            self._miss(f"a chunk of {self._indexed} messages holds {self._of_chunk}")
+            self._miss(f"of {self._indexed} messages that an index names, {self._of_chunk} are there")
         self._of_chunk = self._indexed = 0
 
     def _miss(self, problem: str) -> None:
