@@ -214,9 +214,14 @@ def check_at_rest(heard: LinesHeard, counts_per_turn: float) -> Finding:
     turned = [abs(count) / counts_per_turn * 6.283 for count in heard.counted]
     if any(angle_rad > AT_REST_RAD for angle_rad in turned):
         values = ", ".join(f"{count:+d}" for count in heard.counted)
-        return warning(
-            "at_rest",
-            f"the encoders counted {values} while nobody drove",
-            "was the robot moved? If not, an encoder's wire is loose or picks up noise",
+        text = f"the encoders counted {values} while nobody drove"
+        advice = "was the robot moved? If not, an encoder's wire is loose or picks up noise"
+        if not heard.sends("s"):
+            text += "; the board sends no 's' lines, so whether its motors are on is not known"
+            advice = f"keep clear and look whether a wheel turns: then cut the motors' power. Else: {advice}"
+        return warning("at_rest", text, advice)
+    if not heard.sends("s"):
+        return ok(
+            "at_rest", "the wheels stand still; without 's' lines it is not known whether the motors are off"
         )
     return ok("at_rest", "the motors are off, and the wheels stand still")

@@ -28,6 +28,7 @@ from chefbotd.doctor.lines import (
     check_heard,
 )
 from chefbotd.doctor.listening.line_survey import LineSurvey, line_bytes
+from chefbotd.doctor.missing_lines import check_missing
 from chefbotd.doctor.sensors import Beams, check_battery, check_beams, check_imu
 from chefbotd.doctor.sketches import Expected, check_expected, check_sketch
 from chefbotd.settings import Settings
@@ -106,6 +107,7 @@ def line_findings(
     return [
         check_heard(heard),
         *check_formats(heard),
+        check_missing_of(diagnosis.settings, heard),
         check_damaged(heard),
         check_sketch(heard),
         check_firmware(firmware, is_board=heard.is_board),
@@ -113,6 +115,19 @@ def line_findings(
         check_clock(heard),
         check_at_rest(heard, diagnosis.settings.encoders.counts_per_turn),
     ]
+
+
+def check_missing_of(settings: Settings, heard: LinesHeard) -> Finding:
+    """What this robot does not notice, as its board leaves out kinds of lines."""
+    guard = settings.safety.guard
+    others = [sensor.name for sensor in settings.infrared]
+    others += [lidar.name for lidar in settings.lidar]
+    others += [camera.name for camera in settings.depth_camera if camera.guards]
+    return check_missing(
+        heard,
+        others if guard.enabled else (),
+        silent_is_obstacle=guard.enabled and guard.silent_is_obstacle and settings.ultrasonic is not None,
+    )
 
 
 def _safety(state: State) -> Finding:

@@ -37,6 +37,14 @@ def test_each_published_sketch_is_recognised(sketch: str, letter: str):
     assert findings["configured_board"].verdict is Verdict.OK
 
 
+def test_lines_that_a_board_leaves_out_are_named_before_anything_is_suspected():
+    """Sketch B sends neither time nor ultrasonic nor IMU; its duty echo and its battery come."""
+    findings = heard(configured(sim__board__sketch="tiva_bare"))
+    missing = findings["missing_lines"]
+    assert [kind for kind in "tsuib" if f"no {kind!r} lines" in missing.measured] == ["t", "u", "i"]
+    assert list(findings).index("missing_lines") < list(findings).index("at_rest")
+
+
 def test_khan_is_recognised():
     """Four wheels on the wire."""
     findings = heard(configured("khan"))
