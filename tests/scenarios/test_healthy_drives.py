@@ -9,6 +9,6 @@ from tests.scenarios.healthy_drives import run_robot
 @pytest.mark.parametrize("seed", [0, 1, 2, 3, 5])
 def test_a_healthy_robot_is_not_accused_where_echoes_come_and_go(seed: int) -> None:
     """Three drives each, by hand or to goals, with sketches, loads and halls as the seed draws them."""
-    drives, found = run_robot(seed, drives=3)
-    assert drives == 3
-    assert found == []
+    driven = run_robot(seed, drives=3)
+    assert driven.drives == 3
+    assert driven.found == []
