@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from chefbotd.cli.programs.chefbotctl import _token
+from chefbotd.cli.common.credentials import _token
 from chefbotd.rpc.access import load_guard
 from chefbotd.settings import load, packaged
 

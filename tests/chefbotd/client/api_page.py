@@ -1,82 +1,155 @@
-"""Writes the tables and the examples of docs/api.md, as a part of ``make client``."""
+"""Writes the methods, with an example of each, and the topics of docs/api.md, as a part of ``make client``."""
 
 import inspect
 import json
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import count
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from chefbotd.rpc.encoding import schema
+import jsonschema
+from pydantic import ValidationError
+
+from chefbotd.rpc.encoding import plain, schema
 from chefbotd.rpc.method import Method
 from chefbotd.rpc.topics import Topic
 from tests.fakes.example import example
 
 PAGE = Path(__file__).parents[3] / "docs" / "api.md"
 ROW = r"^\| `(\w+)` \|(.*)\|$"
-EXAMPLE = r'^(    \{"jsonrpc":"2\.0","id":\d+,"method":"(\w+)".*\})$'
+METHOD = r"^### `(\w+)`\n\n(.*?)(?=^### |\Z)"
+EXAMPLE = r"^```json\n(.*?)^```\n"
+NOTHING, CUT_SHORT = "none", "…"
+
+
+class Pair(NamedTuple):
+    """A request of an example, and its answer."""
+
+    request: dict[str, Any]
+    answer: dict[str, Any]
+
+
+class Entry(NamedTuple):
+    """What the page says of a method."""
+
+    does: str
+    parameters: str
+    result: str
+    examples: list[Pair]
 
 
 def page(text: str, methods: Mapping[str, Method], topics: Mapping[str, Topic]) -> str:
-    """The page with a row for each method and topic, and an example of each method.
+    """The page with an entry and an example for each method, and a row for each topic.
 
-    A cell that names all that it has to name stays as somebody has worded it. Any other is written anew.
+    What names all that it has to name stays as somebody has worded it, and so does an example that its models allow.
+    All else is written anew.
     """
-    rows = _rows(text, "Methods")
-    table = [_method_row(each, rows.get(name, [])) for name, each in methods.items()]
-    text = _with_rows(text, "Methods", _in_order(table, rows))
+    entries = entries_of(text)
+    names = _in_order(methods, entries)
+    numbers = count(1)
+    written = [_entry(methods[name], entries.get(name), numbers) for name in names]
+    text = _with_section(text, "Methods", f"{_before_the_entries(text)}{''.join(written)}")
     rows = _rows(text, "Topics")
-    text = _with_rows(
-        text, "Topics", _in_order([_topic_row(t, rows.get(n, [])) for n, t in topics.items()], rows)
+    written = [_topic_row(topics[name], rows.get(name, [])) for name in _in_order(topics, rows)]
+    return _with_rows(text, "Topics", written)
+
+
+def entries_of(text: str) -> dict[str, Entry]:
+    """Each method that the page has, by its name, in the page's order."""
+    found = re.findall(METHOD, section(text, "Methods"), re.MULTILINE | re.DOTALL)
+    return {name: _parsed(entry) for name, entry in found}
+
+
+def _parsed(entry: str) -> Entry:
+    lines = "".join(re.findall(EXAMPLE, entry, re.MULTILINE | re.DOTALL)).splitlines()
+    sent = [json.loads(line) for line in lines]
+    pairs = [Pair(*pair) for pair in zip(sent[::2], sent[1::2], strict=True)]
+    does, _, rest = entry.partition("\n- Role: ")
+    parameters, result = re.findall(r"^- (?:Parameters|Result): (.*)$", rest, re.MULTILINE)
+    return Entry(does.strip(), parameters, result, pairs)
+
+
+def section(text: str, heading: str) -> str:
+    """What stands under a heading."""
+    return text.split(f"\n## {heading}\n")[1].split("\n## ")[0]
+
+
+def _before_the_entries(text: str) -> str:
+    return re.split(r"^### ", section(text, "Methods"), maxsplit=1, flags=re.MULTILINE)[0]
+
+
+def _with_section(text: str, heading: str, written: str) -> str:
+    return text.replace(section(text, heading), written.rstrip("\n") + "\n")
+
+
+def _entry(method: Method, old: Entry | None, numbers: Iterator[int]) -> str:
+    takes, gives = method.params.model_fields, members(method.result)
+    parameters = _kept(old.parameters if old else "", list(takes)[:4], takes) or ", ".join(
+        f"`{name}`" + ("" if field.is_required() else f" = {json.dumps(field.default)}")
+        for name, field in takes.items()
     )
-    return _with_examples(text, methods)
+    result = _kept(old.result if old else "", gives, gives) or ", ".join(f"`{name}`" for name in gives)
+    does = old.does if old else _prose(inspect.getdoc(method.handle) or "")
+    pairs = [pair for pair in (old.examples if old else []) if is_possible(pair, method)]
+    shown = "\n".join(_shown(pair, next(numbers)) for pair in pairs or [_made(method)])
+    role = "none" if method.role is None else str(method.role)
+    return (
+        f"### `{method.name}`\n\n{does}\n\n- Role: {role}\n- Parameters: {parameters or NOTHING}\n"
+        f"- Result: {result or NOTHING}\n\n```json\n{shown}\n```\n\n"
+    )
 
 
-def _with_examples(text: str, methods: Mapping[str, Method]) -> str:
-    before, listed, after = re.split(r"(?<=\nBy example:\n\n)((?:    .*\n)+)", text, maxsplit=1)
-    shown = {name: line for line, name in re.findall(EXAMPLE, text, re.MULTILINE)}
-    lines = [line for line, name in re.findall(EXAMPLE, listed, re.MULTILINE) if name in methods]
-    last = max(json.loads(line)["id"] for line in shown.values())
-    for number, name in enumerate([each for each in methods if each not in shown], last + 1):
-        params = example(methods[name].params).model_dump(mode="json", exclude_unset=True)
-        request = {"jsonrpc": "2.0", "id": number, "method": name} | ({"params": params} if params else {})
-        lines.append(f"    {json.dumps(request, separators=(',', ':'))}")
-    return before + "\n".join(lines) + "\n" + after
+def _shown(pair: Pair, number: int) -> str:
+    """Both lines, with the number by which they belong together."""
+    return "\n".join(
+        json.dumps(line | {"id": number}, separators=(",", ":"), ensure_ascii=False) for line in pair
+    )
+
+
+def _made(method: Method) -> Pair:
+    """An example that is valid; somebody may put a better one in its place."""
+    params = example(method.params).model_dump(mode="json", exclude_unset=True)
+    request = {"jsonrpc": "2.0", "id": 0, "method": method.name} | ({"params": params} if params else {})
+    return Pair(request, {"jsonrpc": "2.0", "id": 0, "result": plain(example(method.result))})
+
+
+def is_possible(pair: Pair, method: Method) -> bool:
+    """Whether a client may send this request, and the daemon may answer so: no member is missing or unknown.
+
+    An answer that is cut short says so by a member ``"…"``; then members may be missing.
+    """
+    answer, rules = dict(pair.answer["result"]), schema(method.result)
+    if answer.pop(CUT_SHORT, None) is not None:
+        rules = {key: rule for key, rule in rules.items() if key != "required"}
+        missing: set[str] = set()
+    else:
+        missing = rules.get("properties", {}).keys() - answer.keys()
+    unknown = answer.keys() - rules["properties"].keys() if "properties" in rules else set()
+    try:
+        method.params.model_validate(pair.request.get("params", {}))
+        jsonschema.validate(answer, rules)
+    except (ValidationError, jsonschema.ValidationError):
+        return False
+    return pair.request["method"] == method.name and not missing and not unknown
 
 
 def _rows(text: str, heading: str) -> dict[str, list[str]]:
     """The cells of each row of the table under a heading, by the name in the first one."""
-    found = re.findall(ROW, _section(text, heading), re.MULTILINE)
+    found = re.findall(ROW, section(text, heading), re.MULTILINE)
     return {name: [cell.strip() for cell in re.split(r"(?<!\\)\|", rest)] for name, rest in found}
 
 
-def _section(text: str, heading: str) -> str:
-    return text.split(f"\n## {heading}\n")[1].split("\n## ")[0]
-
-
 def _with_rows(text: str, heading: str, rows: list[str]) -> str:
-    section = _section(text, heading)
-    old = "\n".join(match[0] for match in re.finditer(ROW, section, re.MULTILINE))
-    return text.replace(section, section.replace(old, "\n".join(rows)))
+    before = section(text, heading)
+    old = "\n".join(match[0] for match in re.finditer(ROW, before, re.MULTILINE))
+    return text.replace(before, before.replace(old, "\n".join(rows)))
 
 
-def _in_order(rows: list[str], before: Iterable[str]) -> list[str]:
+def _in_order(names: Iterable[str], before: Iterable[str]) -> list[str]:
     """In the order in which they stood; what is new comes last."""
     places = {name: place for place, name in enumerate(before)}
-    return sorted(rows, key=lambda row: places.get(row.split("`")[1], len(places)))
-
-
-def _method_row(method: Method, cells: list[str]) -> str:
-    takes, gives = method.params.model_fields, members(method.result)
-    old = dict(enumerate(cells))
-    params = _kept(old.get(0, ""), list(takes)[:4], takes) or ", ".join(
-        f"`{name}`" + ("" if field.is_required() else f" = {json.dumps(field.default)}")
-        for name, field in takes.items()
-    )
-    result = _kept(old.get(1, ""), gives, gives) or ", ".join(f"`{name}`" for name in gives)
-    role = "none" if method.role is None else str(method.role)
-    does = old.get(3, "") or _cell(inspect.getdoc(method.handle) or "")
-    return " | ".join([f"| `{method.name}`", params, result, role, does]).replace("|  |", "| |") + " |"
+    return sorted(names, key=lambda name: places.get(name, len(places)))
 
 
 def members(model: type[Any]) -> dict[str, Any]:
@@ -84,9 +157,14 @@ def members(model: type[Any]) -> dict[str, Any]:
     return schema(model).get("properties", {})  # type: ignore[no-any-return]
 
 
+def _prose(text: str) -> str:
+    """A docstring as Markdown, on one line."""
+    return " ".join(text.split()).replace("``", "`")
+
+
 def _cell(text: str) -> str:
-    """Text on one line, with its bars escaped: a bar ends a cell."""
-    return " ".join(text.split()).replace("|", r"\|")
+    """The same, with its bars escaped: a bar ends a cell."""
+    return _prose(text).replace("|", r"\|")
 
 
 def _topic_row(topic: Topic, cells: list[str]) -> str:

@@ -18,7 +18,7 @@ from chefbotd.core.record import Record
 from chefbotd.rpc.encoding import plain
 from chefbotd.rpc.method import Method
 from chefbotd.rpc.models import Params
-from tests.chefbotd.client.api_page import page
+from tests.chefbotd.client.api_page import Pair, entries_of, is_possible, page
 from tests.chefbotd.client.generate import written
 from tests.fakes.example import example
 from tests.fakes.robot import methods_of_socket, topics_of
@@ -108,46 +108,116 @@ def test_a_parameter_of_a_few_values_is_typed_by_them() -> None:
     assert "async def mark(self, above: float, unit: Literal['volt', 'percent'] = 'volt') -> m.Pong:" in text
 
 
-def test_a_bar_in_a_docstring_does_not_end_its_cell() -> None:
-    """It is escaped, and the row stays as it is when it is written again."""
+def test_a_bar_in_a_docstring_stays_as_it_is() -> None:
+    """No table holds it; and the entry stays as it is when it is written again."""
     mark = renamed(METHODS["ping"], "mark")
-    mark.handle.__doc__ = "Mark a | b."
+    mark.handle.__doc__ = "Mark ``a`` | b."
     told = page(PAGE, {"mark": mark}, {"battery": TOPICS["battery"]})
-    assert r"| `mark` | | `pong`, `stamp_s` | observe | Mark a \| b. |" in told
+    assert entries_of(told)["mark"][:3] == ("Mark `a` | b.", "none", "`pong`, `stamp_s`")
     assert page(told, {"mark": mark}, {"battery": TOPICS["battery"]}) == told
 
 
 def test_a_page_keeps_its_words_and_gets_what_is_missing() -> None:
-    """A cell that names everything stays; one that lacks something or names too much, and a new row, is written."""
+    """What names everything stays; what lacks something or names too much, and a new entry, is written."""
     methods = {name: METHODS[name] for name in ("set_pose", "delete_place", "arm", "ping")}
     told = page(PAGE, methods, {"battery": TOPICS["battery"]})
-    assert "| `delete_place` | its `name` and `map` | `ok` | drive | forgets it |" in told
+    entries = entries_of(told)
+    assert list(entries) == ["delete_place", "arm", "set_pose", "ping"]
+    assert entries["delete_place"][:3] == ("Forgets it.", "its `name` and `map`", "`ok`")
     given = "`state`, `map`, `fit`, `alternatives`, `searched`, `jumps`, `reason`"
-    assert f"| `set_pose` | `x_m`, `y_m`, `heading_rad` = 0.0 | {given} | drive | as it was |" in told
-    assert "| `arm` | `latch` = null | `ok` | drive | allows motion |" in told
-    assert "| `ping` | | `pong`, `stamp_s` | observe | Answer at once, with the daemon's time. |" in told
+    assert entries["set_pose"][:3] == ("As it was.", "`x_m`, `y_m`, `heading_rad` = 0.0", given)
+    assert entries["arm"][:3] == ("Allows motion.", "`latch` = null", "`ok`")
+    assert entries["ping"][:3] == ("Answer at once, with the daemon's time.", "none", "`pong`, `stamp_s`")
     assert "| `battery` | The battery. `voltage_v`, `percentage`, `status` |" in told
-    assert '{"jsonrpc":"2.0","id":8,"method":"ping"}' in told
+    assert "- Role: drive\n- Parameters: `latch` = null" in told
+    assert "Before the methods." in told
     assert "fly" not in told
     assert page(told, methods, {"battery": TOPICS["battery"]}) == told
+
+
+def test_an_example_that_is_possible_stays_and_any_other_is_written() -> None:
+    """One request has a member that there is not, one answer lacks what it must have; the numbers follow the order."""
+    methods = {name: METHODS[name] for name in ("set_pose", "delete_place", "arm", "ping")}
+    examples = {
+        name: entry.examples
+        for name, entry in entries_of(page(PAGE, methods, {"battery": TOPICS["battery"]})).items()
+    }
+    ((request, answer),) = examples["delete_place"]
+    assert (request["id"], request["params"], answer["id"]) == (1, {"name": "table 3"}, 1)
+    ((request, answer),) = examples["arm"]
+    assert ("params" in request, answer["result"]) == (False, {"ok": True})
+    ((request, answer),) = examples["set_pose"]
+    assert request["params"] == {"x_m": 1.0, "y_m": 1.0}
+    assert set(answer["result"]) > {"state", "map", "jumps"}
+    ((request, answer),) = examples["ping"]
+    assert (request["id"], answer["id"]) == (4, 4)
+    assert set(answer["result"]) == {"pong", "stamp_s"}
+
+
+def test_an_answer_that_is_cut_short_says_so() -> None:
+    """Then a member may be missing; none may be unknown."""
+    request = {"method": "ping"}
+    assert not is_possible(Pair(request, {"result": {"pong": True}}), METHODS["ping"])
+    assert is_possible(Pair(request, {"result": {"pong": True, "…": "…"}}), METHODS["ping"])
+    assert not is_possible(Pair(request, {"result": {"ping": True, "…": "…"}}), METHODS["ping"])
 
 
 PAGE = """
 ## Methods
 
-| method | parameters | result | role | what it does |
-|---|---|---|---|---|
-| `delete_place` | its `name` and `map` | `ok` | drive | forgets it |
-| `arm` | `latch` = `newest`, `force` | `ok` | drive | allows motion |
-| `fly` | | `ok` | drive | is gone |
-| `set_pose` | `x_m`, `y_m` | `state` | observe | as it was |
+Before the methods.
 
-By example:
+### `delete_place`
 
-    {"jsonrpc":"2.0","id":7,"method":"set_pose","params":{"x_m":2.1,"y_m":-0.4}}
-    {"jsonrpc":"2.0","id":3,"method":"fly"}
-    {"jsonrpc":"2.0","id":4,"method":"arm"}
-    {"jsonrpc":"2.0","id":2,"method":"delete_place","params":{"name":"table 3"}}
+Forgets it.
+
+- Role: drive
+- Parameters: its `name` and `map`
+- Result: `ok`
+
+```json
+{"jsonrpc":"2.0","id":2,"method":"delete_place","params":{"name":"table 3"}}
+{"jsonrpc":"2.0","id":2,"result":{"ok":true}}
+```
+
+### `arm`
+
+Allows motion.
+
+- Role: drive
+- Parameters: `latch` = `newest`, `force`
+- Result: `ok`
+
+```json
+{"jsonrpc":"2.0","id":4,"method":"arm","params":{"force":true}}
+{"jsonrpc":"2.0","id":4,"result":{"ok":true}}
+```
+
+### `fly`
+
+Is gone.
+
+- Role: drive
+- Parameters: none
+- Result: `ok`
+
+```json
+{"jsonrpc":"2.0","id":3,"method":"fly"}
+{"jsonrpc":"2.0","id":3,"result":{"ok":true}}
+```
+
+### `set_pose`
+
+As it was.
+
+- Role: observe
+- Parameters: `x_m`, `y_m`
+- Result: `state`
+
+```json
+{"jsonrpc":"2.0","id":7,"method":"set_pose","params":{"x_m":2.1,"y_m":-0.4}}
+{"jsonrpc":"2.0","id":7,"result":{"state":"uncertain"}}
+```
 
 ## Topics
 

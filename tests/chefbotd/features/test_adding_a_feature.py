@@ -26,6 +26,7 @@ from chefbotd.snapshot import DaemonState, encoded
 from chefbotd.testing.board import ScriptedBoard
 from chefbotd.testing.daemon import running_daemon
 from chefbotd.testing.transport import FakeSerialDevice
+from tests.chefbotd.client.api_page import entries_of
 from tests.chefbotd.client.generate import written
 from tests.chefbotd.rpc.test_guarded import broken_rules
 from tests.fakes.robot import methods_of_socket, topics_of
@@ -117,10 +118,11 @@ def test_one_command_writes_all_else_that_the_worked_example_needs(
     )
     assert "from page import TripData as TripData, TripEnded as TripEnded" in files["models.py"]
     assert '"trip": TripData' in files["models.py"]
-    row = "| `reset_trip` | `turned_rad` = 0.0 | `turned_rad` | drive | End the trip, and begin another. |"
-    assert row in files["api.md"]
+    entry = entries_of(files["api.md"])["reset_trip"]
+    assert entry[:3] == ("End the trip, and begin another.", "`turned_rad` = 0.0", "`turned_rad`")
     assert "| `trip` | How far the first wheel has turned since the trip began" in files["api.md"]
-    assert '"method":"reset_trip"}' in files["api.md"]
+    ((request, answer),) = entry.examples
+    assert (request["method"], answer["result"]) == ("reset_trip", {"turned_rad": 1.0})
 
     written_module: dict[str, Any] = {}
     exec(compile(files["generated.py"], "generated.py", "exec"), written_module)

@@ -9,7 +9,7 @@ from chefbotd.rpc import jsonrpc
 from chefbotd.rpc.jsonrpc import ERRORS, Request
 from chefbotd.rpc.methods import NOTIFICATIONS
 from chefbotd.rpc.parameters import ApiParameters
-from tests.chefbotd.client.api_page import members
+from tests.chefbotd.client.api_page import entries_of, is_possible, members
 from tests.fakes.robot import methods_of_socket, topics_of
 
 PAGE = Path(__file__).parents[3] / "docs" / "api.md"
@@ -26,13 +26,15 @@ def rows(heading: str) -> dict[str, str]:
     return dict(re.findall(r"^\| `(\w+)` (\|.*)$", section, re.MULTILINE))
 
 
-def test_every_method_has_a_row_with_its_parameters() -> None:
-    """The table of methods is complete, and so are their parameters, but for the many gains."""
-    table = rows("Methods")
-    assert table.keys() == METHODS.keys()
+def test_every_method_has_an_entry_with_its_parameters_and_its_result() -> None:
+    """No method is missing, nor is what it takes and gives, but for the many gains and counters."""
+    entries = entries_of(PAGE.read_text(encoding="utf-8"))
+    assert entries.keys() == METHODS.keys()
     for name, method in METHODS.items():
         for parameter in list(method.params.model_fields)[:4]:
-            assert f"`{parameter}`" in table[name], (name, parameter)
+            assert f"`{parameter}`" in entries[name].parameters, (name, parameter)
+        if not entries[name].result.startswith("as "):
+            assert set(members(method.result)) <= set(re.findall(r"`(\w+)`", entries[name].result)), name
 
 
 def test_every_topic_has_a_row_with_its_fields() -> None:
@@ -76,3 +78,32 @@ def test_every_example_is_a_valid_request() -> None:
         METHODS[request.method].params.model_validate(request.params)
         shown.add(request.method)
     assert shown == METHODS.keys()
+
+
+def test_every_method_has_a_worked_request_and_its_answer() -> None:
+    """The daemon may answer so, and both have the same number."""
+    for name, entry in entries_of(PAGE.read_text(encoding="utf-8")).items():
+        assert entry.examples, name
+        for pair in entry.examples:
+            assert is_possible(pair, METHODS[name]), pair
+            assert pair.request["id"] == pair.answer["id"]
+
+
+def test_no_two_requests_of_the_page_have_one_number() -> None:
+    """A reader who pastes several of them can tell the answers apart."""
+    numbers = re.findall(r'\{"jsonrpc":"2\.0","id":(\d+),"method"', PAGE.read_text(encoding="utf-8"))
+    assert len(numbers) == len(set(numbers))
+
+
+def test_no_example_has_a_members_name_for_its_value() -> None:
+    """`"text":"text"` is what the writer makes of a new method; put a better example in its place on the page."""
+    assert re.findall(r'"(\w+)":\[?"\1"', "\n".join(_examples())) == []
+
+
+def _examples() -> list[str]:
+    return re.findall(r'^\{"jsonrpc".*$', PAGE.read_text(encoding="utf-8"), re.MULTILINE)
+
+
+def test_words_of_code_are_in_single_backticks() -> None:
+    """Doubled ones come from docstrings, and are shown as they stand."""
+    assert not re.search(r"(?<!`)``(?!`)", PAGE.read_text(encoding="utf-8"))
