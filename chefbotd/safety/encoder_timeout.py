@@ -117,7 +117,7 @@ def update(
     before = f", and shortly before for {earlier_s:.1f} s in all," if earlier_s else ""
     reason = (
         f"no encoder reading for {silent_s:.1f} s{before} while the robot was driven: "
-        "check that the board runs and that its sketch still sends encoder readings"
+        "check that the board runs, that its sketch still sends encoder readings, and the cable"
     )
     return EncoderTimeoutState(state.heard_s, missed_s=state.missed_s), Fault(
         FaultKind.ENCODERS_SILENT, reason

@@ -17,6 +17,7 @@ class FaultKind(StrEnum):
     OVERSPEED = "overspeed"
     BOARD_UNRESPONSIVE = "board_unresponsive"
     ECHO_MISMATCH = "echo_mismatch"
+    COMMANDS_LOST = "commands_lost"
     BOARD_STOPPED = "board_stopped"
     BATTERY_CRITICAL = "battery_critical"
     INTERNAL_ERROR = "internal_error"

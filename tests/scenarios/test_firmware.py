@@ -287,3 +287,67 @@ def test_a_board_that_is_not_asked_runs_on_as_a_classic_sketch():
         assert any(robot.board.duty)
 
     on(scenario, link__firmware="classic")
+
+
+def _nothing(data: bytes) -> bytes:
+    return b""
+
+
+def _noise(data: bytes) -> bytes:
+    return random.Random(len(data)).randbytes(len(data))
+
+
+def _flipped(data: bytes) -> bytes:
+    return bytes(byte ^ 1 for byte in data)
+
+
+def _stuck(data: bytes) -> bytes:
+    return bytes(len(data))
+
+
+@pytest.mark.parametrize("driven_s", [0.0, 0.1, 1.0])
+@pytest.mark.parametrize(
+    ("jam", "wheel_loop"),
+    [(_nothing, False), (_noise, False), (_flipped, False), (_stuck, False), (_nothing, True)],
+)
+def test_a_jammed_line_to_the_board_is_the_lines_fault(
+    jam: Callable[[bytes], bytes], driven_s: float, wheel_loop: bool
+):
+    """From the first command on, or in mid-drive, nothing comes through whole: the fault names the line within 1.6 s."""
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, 0.2, 0.0, driven_s)
+        write = robot.device.on_write
+        robot.device.on_write = lambda data: write(jam(data))
+        with suppress(CallError):
+            await drive(robot, 0.2, 0.0, 1.6)
+        safety = (await robot.client.call("get_state"))["safety"]
+        assert safety["fault"] == "commands_lost"
+        assert "the cable" in safety["reason"]
+        assert robot.board.duty == (0, 0)
+
+    on(scenario, link__wheel_loop=wheel_loop)
+
+
+@pytest.mark.parametrize("seed", range(examples(3)))
+def test_a_jam_both_ways_blames_no_wheel(seed: int):
+    """Nine of ten bytes are noise, either way, after a random time of driving, 4 s: no fault but of the line."""
+    chance = random.Random(seed)
+
+    async def scenario(robot: SimulatedRobot) -> None:
+        await drive(robot, 0.2, 0.3, chance.choice([0.0, 0.1, 1.0]))
+        feed, write = transport_of(robot).feed, robot.device.on_write
+
+        def jam(data: bytes) -> bytes:
+            return bytes(chance.randrange(256) if chance.random() < 0.9 else byte for byte in data)
+
+        transport_of(robot).feed, robot.device.on_write = (
+            lambda data: feed(jam(data)),
+            lambda data: write(jam(data)),
+        )
+        with suppress(CallError):
+            await drive(robot, 0.2, 0.3, 4.0)
+        safety = (await robot.client.call("get_state"))["safety"]
+        assert safety["fault"] in ("commands_lost", "encoders_silent", "board_restarted", "link_lost")
+
+    on(scenario)

@@ -9,7 +9,8 @@ from chefbotd.core.geometry import Motion, Twist2D
 from chefbotd.core.record import Record
 from chefbotd.features.driving.wheel_reader import WheelsRead
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
-from chefbotd.safety import echo, off_target, overspeed, unresponsive, wheels
+from chefbotd.safety import commands_lost, echo, off_target, overspeed, unresponsive, wheels
+from chefbotd.safety.commands_lost import BoardSays
 from chefbotd.safety.faults import Fault
 from chefbotd.safety.gate import SafetyParameters
 from chefbotd.safety.in_force import Command, InForce
@@ -56,6 +57,8 @@ class MotorWatchState(Record, frozen=True):
     pace: tuple[off_target.Pace, ...] = ()
     steady: SteadyWheels = field(default_factory=SteadyWheels)
     warning: str = ""
+    board_says: BoardSays = BoardSays()
+    lost_s: float = 0.0
 
 
 class MotorWatch:
@@ -80,13 +83,14 @@ class MotorWatch:
         self._counts_per_turn, self._free_m_s = counts_per_turn, free_m_s
         self._pace, self._steady, self.warning = off_target.at_rest(len(self._names)), SteadyWheels(), ""
         self._blind_until_s = self._ran_s = float("-inf")
+        self._board_says, self._lost_s = BoardSays(), 0.0
         self.start_anew()
 
     def state(self) -> MotorWatchState:
         """Return the state of this part."""
         judged = self._wheels, self._overspeed, self._unresponsive, self._echo
-        pace = self._pace, self._steady, self.warning
-        return MotorWatchState(*judged, self._ran_s, self._blind_until_s, self.in_force, *pace)
+        pace, line = (self._pace, self._steady, self.warning), (self._board_says, self._lost_s)
+        return MotorWatchState(*judged, self._ran_s, self._blind_until_s, self.in_force, *pace, *line)
 
     def restore(self, state: MotorWatchState) -> None:
         """Restore this state."""
@@ -95,6 +99,7 @@ class MotorWatch:
         self._ran_s, self._blind_until_s = state.ran_s, state.blind_until_s
         self.in_force, self.warning = state.in_force, state.warning
         self._pace, self._steady = state.pace or self._pace, state.steady
+        self._board_says, self._lost_s = state.board_says, state.lost_s
 
     def loop_runs(self, now_s: float) -> bool:
         """The control loop runs; returns whether it had paused.
@@ -116,6 +121,7 @@ class MotorWatch:
     def start_anew(self) -> None:
         """The robot is armed: forget all suspicion."""
         self._wheels = wheels.at_rest(len(self._names))
+        self._lost_s = 0.0
         self._forget_motion()
 
     def _forget_motion(self) -> None:
@@ -126,6 +132,7 @@ class MotorWatch:
         """A board was connected: its echo must be confirmed again."""
         self._echo = echo.UNKNOWN
         self.in_force = InForce()
+        self._board_says, self._lost_s = BoardSays(), 0.0
         self._forget_motion()
 
     def note_jump(self, jumped: tuple[int, ...]) -> Fault | None:
@@ -141,6 +148,10 @@ class MotorWatch:
             self._unresponsive = unresponsive.commanded(self._unresponsive, now_s, driven=is_driven)
         self._echo = echo.note_command(self._echo, now_s, duty)
         self.in_force.note_command(command, is_held_back=is_held_back)
+
+    def note_board(self, says: BoardSays) -> None:
+        """What a board with our firmware says of itself."""
+        self._board_says = says
 
     def note_line(self, event: EncodersCounted) -> None:
         """An encoder line has come, whether or not it is believed."""
@@ -166,26 +177,40 @@ class MotorWatch:
             return
         effort = credit(seen, envelope.effort) if seen.same_side.substitutes else envelope.effort
         longest_s = self._parameters.encoders.max_age_s
+        dt_s = seen.dt_s if seen.dt_s < longest_s else longest_s
+        if self._board_says.dead_man:  # the motors are off, whatever was written
+            effort = (0.0,) * len(effort)
+        if self._board_says.dead_man or self._lost_s:
+            yield from self._watch_line(now_s, dt_s)
         self._wheels, fault = wheels.watch(
             self._parameters.wheels,
             self._names,
             self._wheels,
             effort,
             seen.reading.travel_rad,
-            seen.dt_s if seen.dt_s < longest_s else longest_s,
+            dt_s,
             self._play_rad,
             envelope.may_turn_round,
         )
         if fault is not None:
             yield fault
         yield from self._watch_motion(now_s, envelope.asked_m_s, seen)
-        if not envelope.is_steady:
+        if not envelope.is_steady or self._board_says.dead_man:
             self._steady = SteadyWheels()
         elif envelope.asked_m_s != self._steady.asked_m_s:
             position_rad = seen.reading.position_rad
             self._steady = SteadyWheels(envelope.asked_m_s, self.in_force.taken_s, position_rad)
         elif self.in_force.taken_s - self._steady.since_s >= OFF_TARGET_PERIOD_S:
             self._watch_pace(effort, seen)
+
+    def _watch_line(self, now_s: float, dt_s: float) -> Iterator[Fault]:
+        """Whether commands reach a board that says when its dead-man stops."""
+        if now_s < self._blind_until_s:
+            return
+        driven = any(self.in_force.commands[0].duty)
+        self._lost_s, fault = commands_lost.watch(self._lost_s, self._board_says, dt_s, driven=driven)
+        if fault is not None:
+            yield fault
 
     def _watch_pace(self, effort: tuple[float, ...], seen: WheelsRead) -> None:
         """Whether wheels that are asked for a steady speed have it; wheels that drag each other are not judged."""

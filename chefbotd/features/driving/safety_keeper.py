@@ -34,6 +34,7 @@ from chefbotd.features.driving.stop_hold import EMERGENCY_STOP, FAULT, StopHold
 from chefbotd.features.driving.wheel_reader import WheelsRead
 from chefbotd.safety import battery_monitor, encoder_timeout, gate, hold
 from chefbotd.safety import latch as latch_file
+from chefbotd.safety.commands_lost import BoardSays
 from chefbotd.safety.encoder_timeout import EncoderTimeoutState
 from chefbotd.safety.faults import RECOVERABLE, Fault, FaultKind
 from chefbotd.safety.gate import (
@@ -455,6 +456,7 @@ class SafetyKeeper:
             self._on_fault()
 
     def _on_firmware(self, event: FirmwareReported) -> None:
+        self.motors.note_board(BoardSays("dead_man" in event.stops, event.crc_errors, event.refused))
         if event.stopped_itself and self.armed:
             stops = " and ".join(event.stops).replace("_", "-")
             advice = " and ".join({text for word, text in BOARD_STOP_ADVICE.items() if word in stops})

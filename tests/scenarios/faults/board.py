@@ -9,7 +9,15 @@ from chefbotd.sim_parameters.sketches import PUBLISHED_SKETCHES
 from firmware_protocol.checked import seal
 from tests.scenarios.fault_run import ENDED, Expected, Fault, FaultRun
 from tests.scenarios.faults.link import PULLED_S, unplugged
-from tests.scenarios.faults.outcomes import AT_ONCE_S, DRIVES_ON, SLACK_S, drives_on, estopped, latched
+from tests.scenarios.faults.outcomes import (
+    AT_ONCE_S,
+    BOARD_DEAD_MAN_S,
+    DRIVES_ON,
+    SLACK_S,
+    drives_on,
+    estopped,
+    latched,
+)
 from tests.scenarios.faults.program import cancelled
 from tests.scenarios.faults.wheels import rewired
 from tests.scenarios.instruments import is_moving
@@ -103,6 +111,16 @@ async def reset_without_banner(fault_run: FaultRun) -> AsyncIterator[None]:
     fault_run.robot.board.receive(RESET)
     yield
     transport.feed = feed
+
+
+@asynccontextmanager
+async def jammed(fault_run: FaultRun) -> AsyncIterator[None]:
+    """A bit of each byte that is written flips on its way."""
+    device = fault_run.robot.device
+    write = device.on_write
+    device.on_write = lambda data: write(bytes(byte ^ 1 for byte in data))
+    yield
+    device.on_write = write
 
 
 @asynccontextmanager
@@ -288,6 +306,15 @@ FAULTS = (
         latched("board_stopped"),
         robots=("chefbot",),
         sketches=NO_ESTOP,
+    ),
+    Fault(
+        "Line to the board jammed",
+        "every byte to the board damaged",
+        jammed,
+        latched("commands_lost", BOARD_DEAD_MAN_S),
+        on_wire=True,
+        robots=("chefbot",),
+        sketches=dict.fromkeys(("", *PUBLISHED_SKETCHES), "its sketch does not say that it hears nothing"),
     ),
     Fault("Stop behind a line that was cut short", "estop behind half a line", half_a_line, estopped()),
     Fault(
