@@ -16,6 +16,7 @@ FUZZ_S ?= 60
 SOAK_MINUTES ?= 60
 SEQUENCES ?= 100000
 RUNS ?= 5
+REPOSITORY ?=
 SEED ?= 1
 ORDERS ?= 60
 JOBS_OF_FAULTS ?= 2
@@ -30,7 +31,7 @@ unexport PYTHONDONTWRITEBYTECODE
 JOBS ?= $(shell expr $$(nproc 2>/dev/null || echo 1) + 1)
 PARALLEL := -n $(JOBS) --dist loadgroup
 
-.PHONY: addons-test addons-tools fleet firmware firmware-test docs run serve waiter map calibrate test examples-test test-loaded test-all coverage check audit lock newest lint format client wheel deb wheel-test bench fuzz soak faults sequences clean help
+.PHONY: addons-test addons-tools fleet firmware firmware-test docs run serve waiter map calibrate test examples-test test-loaded test-all coverage check audit lock newest lint format client wheel deb release wheel-test bench fuzz soak faults sequences clean help
 
 help:  ## List the targets
 	@echo "make TARGET, one of:"
@@ -57,7 +58,6 @@ calibrate: $(VENV)/ready  ## Have a simulated ChefBot that is wrong in everythin
 
 # For every change: no long scenario, few examples, each scenario on one robot. `make firmware-test` has tests/firmware.
 test: $(VENV)/ready  ## Run the tests that belong to every change, on all cores (JOBS=0: one process)
-	@echo "About 6600 tests; about two minutes on two cores, three the first time."
 	$(BIN)/pytest -q $(PARALLEL) -m "not slow" --ignore tests/firmware
 
 # No test may depend on the computer's speed: here each has a sixth of it and less.
@@ -66,7 +66,6 @@ test-loaded: $(VENV)/ready  ## Run the same with six busy loops beside, and name
 
 # Everything, as `make check` and .ci/run try it.
 test-all: $(VENV)/ready  ## Run every test, with all examples and long scenarios
-	@echo "Every test, with all examples and long scenarios; about ten minutes on two cores."
 	TEST_TIER=full $(BIN)/pytest -q $(PARALLEL)
 
 coverage: $(VENV)/ready  ## The same with branch coverage
@@ -148,6 +147,10 @@ deb: $(VENV)/ready build/constraints.txt  ## Build the Debian package into dist 
 	$(BIN)/python -m build --no-isolation --wheel --outdir build/deb-wheel
 	PIP_CONSTRAINT=build/constraints.txt packaging/deb/build "$$(ls build/deb-wheel/*.whl)" "$(DEB_EXTRAS)"
 
+# Nothing is published: CONTRIBUTING.md has the maintainer's command.
+release: $(VENV)/ready build/constraints.txt  ## Build and check every distribution, and write the notes (REPOSITORY=https://...)
+	$(BIN)/python packaging/release.py $(if $(REPOSITORY),--repository $(REPOSITORY))
+
 # The tests, run against the installed wheel in an environment of its own, away from the sources. TIER=rest leaves out
 # those that `make test` runs in the same way and that no wheel makes a difference to (tests/budget.py says which).
 wheel-test: wheel  ## Run the tests against the installed wheel (TIER=rest: those that `make test` leaves)
@@ -222,7 +225,7 @@ lock:  ## Lock each dependency to a version with hashes, as pyproject.toml allow
 	build/lock-venv/bin/pip install --quiet uv
 	printf 'hatchling>=1.26\neditables\n' | build/lock-venv/bin/uv pip compile --quiet --no-config --universal --python-version 3.11 \
 	  --generate-hashes --no-emit-index-url --custom-compile-command "make lock" $(UPGRADE) \
-	  $(foreach extra,$(subst $(comma), ,dev,docs,$(EXTRAS)),--extra $(extra)) pyproject.toml - --output-file requirements.lock
+	  $(foreach extra,$(subst $(comma), ,dev,docs,release,$(EXTRAS)),--extra $(extra)) pyproject.toml - --output-file requirements.lock
 
 # As somebody gets it who installs chefbotd with pip, some day: what fails here will fail there.
 newest:  ## Run the tests with the newest releases that pyproject.toml allows, in an environment of their own

@@ -24,7 +24,7 @@ from packaging.requirements import Requirement
 from packaging.utils import canonicalize_name
 from rich.console import Console
 
-DEVELOPERS = frozenset({"dev", "docs", "fuzz"})
+DEVELOPERS = frozenset({"dev", "docs", "fuzz", "release"})
 """Extras that nobody installs on a robot; every other one is audited."""
 
 KNOWN_BAD = {"jinja2": "2.10"}

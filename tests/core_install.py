@@ -16,6 +16,8 @@ from pathlib import Path
 import click
 from click.testing import CliRunner
 
+NOT_INSTALLED = 7
+
 NOBODY = "127.0.0.1:1"
 """No daemon answers there."""
 
@@ -165,6 +167,7 @@ def main(arguments: list[str]) -> int:
         for leaf in leaves(program, (name,)):
             if not any(line == leaf or line.startswith(f"{leaf} ") for line in lines):
                 lines.append(leaf)
+    failed = False
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         os.environ |= {"HOME": folder, "XDG_STATE_HOME": folder, "CHEFBOTCTL_CONNECT": NOBODY}
@@ -182,9 +185,11 @@ def main(arguments: list[str]) -> int:
                 "output": result.output,
                 "problem": problem,
             }
+            needs_more = line in NEEDS or line in ELSEWHERE
+            failed |= bool(problem) or (needs_more and result.exit_code != NOT_INSTALLED)
             sys.stdout.write(json.dumps(row) + "\n")
             sys.stdout.flush()
-    return 0
+    return int(failed)
 
 
 if __name__ == "__main__":

@@ -24,7 +24,7 @@ DECLARED = {
     group: [Requirement(text) for text in texts]
     for group, texts in {"always": PROJECT["dependencies"], **EXTRAS}.items()
 }
-FOR_DEVELOPERS = {"dev", "docs", "fuzz"}
+FOR_DEVELOPERS = {"dev", "docs", "fuzz", "release"}
 IMPORTED_BY_ANOTHER = {"pysdl2-dll": "pysdl2"}
 FACES = {"pydantic-core": "pydantic", "textual-hires-canvas": "textual-plot"}
 """Packages that another one always brings along and speaks in terms of; which version is its affair."""

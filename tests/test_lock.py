@@ -28,7 +28,7 @@ def wanted() -> list[Requirement]:
     extras = re.search(r"^EXTRAS := (.*)$", Path("Makefile").read_text(encoding="utf-8"), re.MULTILINE)
     assert extras is not None
     offered = project["project"]["optional-dependencies"]
-    chosen = [need for extra in ("dev", "docs", *extras[1].split(",")) for need in offered[extra]]
+    chosen = [need for extra in ("dev", "docs", "release", *extras[1].split(",")) for need in offered[extra]]
     needs = [*project["project"]["dependencies"], *chosen, *project["build-system"]["requires"]]
     return [Requirement(need) for need in needs]
 
