@@ -61,9 +61,11 @@ class GeneratedMethods(MethodCaller):
         """List the stored maps, whether each is intact, and which one is in use."""
         return await self._ask("MapList", "list_maps", on_progress=on_progress)
 
-    async def load_map(self, name: str, on_progress: ProgressListener | None = None) -> m.MapInUse:
+    async def load_map(self, name: str, *, resolution_is_right: bool = False,
+        on_progress: ProgressListener | None = None) -> m.MapInUse:
         """Use a map from now on, and after a restart."""
-        return await self._ask("MapInUse", "load_map", name=name, on_progress=on_progress)
+        return await self._ask("MapInUse", "load_map", name=name, resolution_is_right=resolution_is_right,
+            on_progress=on_progress)
 
     async def import_map(self, yaml: str, name: str | None = None, *, replace: bool = False,
         on_progress: ProgressListener | None = None) -> m.MapInUse:

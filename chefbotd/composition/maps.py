@@ -36,7 +36,8 @@ def map_features(
 
     parameters = settings.maps or MapsParameters()
     folder, kept = folder_of(parameters, os.environ, simulated=context.simulated), parameters.versions_kept
-    stored = MapsService(context.bus, context.clock, MapStore(folder, kept), kept)
+    most_mb = settings.worker.max_memory_mb if makes_maps else None
+    stored = MapsService(context.bus, context.clock, MapStore(folder, kept), kept, most_mb)
     if not makes_maps:
         return [maps(stored)], None
     from chefbotd.features.worker.service import WorkerService, worker

@@ -31,3 +31,18 @@ class OccupancyGrid(Record, frozen=True):
             raise ValueError(f"a grid is an int8 array of rows and columns, got {got}")
         if self.percent.min() < UNKNOWN or self.percent.max() > OCCUPIED:
             raise ValueError(f"cells are from -1 to 100, got {self.percent.min()} to {self.percent.max()}")
+
+
+def cropped(grid: OccupancyGrid, margin_m: float) -> OccupancyGrid:
+    """The grid without what is unknown all round, but for a margin; what is known stays where it is in ``map``."""
+    known = grid.percent != UNKNOWN
+    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    if not len(rows):
+        return grid
+    margin = round(margin_m / grid.resolution_m)
+    top, left = max(int(rows[0]) - margin, 0), max(int(columns[0]) - margin, 0)
+    percent = grid.percent[top : int(rows[-1]) + margin + 1, left : int(columns[-1]) + margin + 1]
+    if percent.shape == grid.percent.shape:
+        return grid
+    corner = Pose2D(left * grid.resolution_m, top * grid.resolution_m, 0.0)
+    return OccupancyGrid(grid.resolution_m, grid.map_from_grid.compose(corner), np.ascontiguousarray(percent))

@@ -22,6 +22,9 @@ NICENESS = 10
 MOST_MEMORY_BYTES = 3 << 30
 """Of addresses, which numpy's libraries take generously."""
 
+MARGIN_M = 1.0
+"""So much of what is unknown stays around what is known: gmapping's own size is 200 by 200 m, whatever it saw."""
+
 STEPS = ("reading", "saving", "saved")
 
 
@@ -42,7 +45,8 @@ def main(arguments: list[str]) -> int:
     resource.setrlimit(resource.RLIMIT_AS, (MOST_MEMORY_BYTES, resource.RLIM_INFINITY))
     order = Order.model_validate_json(arguments[1])
     try:
-        _say(version=_import(order))
+        version, notes = _import(order)
+        _say(version=version, notes="; ".join(notes))
     except MapStoreError as error:
         _say(error=error.kind, message=str(error))
     except MemoryError:
@@ -50,19 +54,28 @@ def main(arguments: list[str]) -> int:
     return 0
 
 
-def _import(order: Order) -> int:
+def _import(order: Order) -> tuple[int, tuple[str, ...]]:
+    """The version that was saved, and what its owner might not expect of it."""
+    from chefbotd.mapping.occupancy_grid import cropped
     from chefbotd.maps.contents import contents_of, extent_of, read_map_server
+    from chefbotd.maps.limits import explain_size, why_doubtful
 
     store = MapStore(order.folder, order.versions_kept)
     _progress(0)
-    grid = read_map_server(order.yaml).grid
+    read = read_map_server(order.yaml)
+    grid, notes = cropped(read.grid, MARGIN_M), read.notes
+    if grid is not read.grid:
+        was, now = explain_size(extent_of(read.grid)), explain_size(extent_of(grid))
+        notes += (f"what is unknown around the known was cropped: {was} became {now}",)
+    if doubt := why_doubtful(extent_of(grid)):
+        notes += (f"{doubt}: if that is right, say so when it is loaded",)
     contents = contents_of(grid)
     if order.keeps_graph and (graph := _graph(store, order.name)) is not None:
         contents[GRAPH] = graph
     _progress(1)
     version = store.save(order.name, contents, extent_of(grid), order.source).manifest.version
     _progress(2)
-    return version
+    return version, notes
 
 
 def _graph(store: MapStore, name: str) -> Content | None:

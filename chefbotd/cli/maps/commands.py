@@ -66,11 +66,17 @@ def _row(summary: "MapSummary") -> list[str]:
 
 @map_group.command()
 @click.argument("name")
+@click.option(
+    "--resolution-is-right", is_flag=True, help="Its cells, or its size, are as large as they seem."
+)
 @click.pass_obj
-def load(context: CommandContext, name: str) -> None:
+def load(context: CommandContext, name: str, resolution_is_right: bool) -> None:
     """Use the map NAME from now on, and after a restart."""
     with progress_bar(f"loading {name}", quiet=context.as_json) as report:
-        loaded = ask(context, lambda robot: robot.load_map(name, report))
+        loaded = ask(
+            context,
+            lambda robot: robot.load_map(name, resolution_is_right=resolution_is_right, on_progress=report),
+        )
     warning = f" Beware: {loaded.warning}." if loaded.warning else ""
     text = f"The map {loaded.name} (version {loaded.version}) is in use.{warning}"
     output.say(context.as_json, loaded, text)
@@ -89,7 +95,8 @@ def import_command(context: CommandContext, yaml: str, name: str | None, replace
         stored = ask(
             context, lambda robot: robot.import_map(where, name, replace=replace, on_progress=report)
         )
-    text = f"Stored as the map {stored.name}, version {stored.version}. 'chefbotctl map load' uses it."
+    note = f" Beware: {stored.warning}." if stored.warning else ""
+    text = f"Stored as the map {stored.name}, version {stored.version}. 'chefbotctl map load' uses it.{note}"
     output.say(context.as_json, stored, text)
 
 

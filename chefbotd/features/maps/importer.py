@@ -19,8 +19,8 @@ MOST_LINE_BYTES = 65_536
 REPEAT_S = 1.0
 
 
-async def run_import(order: Order, report: Report) -> int:
-    """Run it; the number of the version that it saved.
+async def run_import(order: Order, report: Report) -> tuple[int, str]:
+    """Run it; the number of the version that it saved, and what its owner might not expect of it (empty: nothing).
 
     When it is cancelled the program is killed, and what was stored before is as it was.
 
@@ -49,7 +49,7 @@ async def run_import(order: Order, report: Report) -> int:
         send_signal(process, signal.SIGKILL)
         await process.wait()
     if "version" in message:
-        return int(message["version"])
+        return int(message["version"]), str(message.get("notes", ""))
     if "error" in message:
         raise MapStoreError(RefusalKind(message["error"]), message["message"])
     raise MapStoreError(

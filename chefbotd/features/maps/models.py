@@ -23,6 +23,14 @@ class MapName(Params):
     name: str = NAME
 
 
+class LoadMapParams(MapName):
+    """A map to use."""
+
+    resolution_is_right: bool = Field(
+        False, description="cells of more than 0.25 m, or a floor of more than 1 km, are meant so"
+    )
+
+
 class GetMapParams(Params):
     """A map, or else the one that is being made, or the one in use; a large one comes in parts, one by one."""
 

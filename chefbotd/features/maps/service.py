@@ -22,6 +22,7 @@ from chefbotd.features.maps.importer import Report, repeated, run_import
 from chefbotd.features.maps.models import (
     GetMapParams,
     ImportMapParams,
+    LoadMapParams,
     MapInUse,
     MapList,
     MapName,
@@ -37,6 +38,7 @@ from chefbotd.features.maps.models import (
 from chefbotd.features.maps.robot_pose import RobotPose
 from chefbotd.maps.disk import MapStoreError
 from chefbotd.maps.importing import Order
+from chefbotd.maps.limits import why_doubtful, why_too_large
 from chefbotd.maps.manifest import Manifest
 from chefbotd.maps.names import map_name, place_name
 from chefbotd.maps.places import PLACES, Place, parse_places, to_file, with_place, without_place
@@ -56,10 +58,19 @@ class MapsService:
     """The maps of a store; ``in_use`` is the name of the map in use.
 
     ``growing`` gives the map that is being made, where one can be. ``made_ready`` waits until the way can be found on
-    the map in use, and says why it cannot. What waits for the disk runs in threads of its own.
+    the map in use, and says why it cannot. ``most_memory_mb`` is what the worker may take, where there is one: a map
+    that needs more is not taken into use. What waits for the disk runs in threads of its own.
     """
 
-    def __init__(self, bus: Bus, clock: Clock, store: MapStore, versions_kept: int) -> None:
+    def __init__(
+        self,
+        bus: Bus,
+        clock: Clock,
+        store: MapStore,
+        versions_kept: int,
+        most_memory_mb: float | None = None,
+    ) -> None:
+        self._most_memory_mb = most_memory_mb
         self._bus, self._clock, self.store, self._kept = bus, clock, store, versions_kept
         self._entries = entries_of(clock)
         self._robot_pose = RobotPose(bus)
@@ -103,17 +114,19 @@ class MapsService:
         return MapList(folder=str(self.store.folder), in_use=self.in_use, maps=tuple(maps))
 
     @method(role=Role.DRIVE, moves=False)
-    async def load_map(self, caller: Caller, params: MapName, progress: ProgressReporter) -> MapInUse:
+    async def load_map(self, caller: Caller, params: LoadMapParams, progress: ProgressReporter) -> MapInUse:
         """Use a map from now on, and after a restart."""
         name = map_name(params.name)
-        return await self._entries.outside(lambda: self._loaded(name, progress.report))
+        return await self._entries.outside(
+            lambda: self._loaded(name, progress.report, params.resolution_is_right)
+        )
 
-    async def _loaded(self, name: str, report: Report) -> MapInUse:
+    async def _loaded(self, name: str, report: Report, resolution_is_right: bool) -> MapInUse:
         """Wait until localization can use it; files that were edited by hand are imported first."""
         with repeated(report, "waiting for the disk") as tell:
             async with self._order:
                 ignored = await self._import_edited(name, tell)
-                used = await self._use(name)
+                used = await self._use(name, resolution_is_right=resolution_is_right)
             problem = "" if self.made_ready is None else await self.made_ready(tell)
         warning = "; ".join(filter(None, (ignored, used.warning, problem))) or None
         return replace(used, warning=warning)
@@ -124,25 +137,37 @@ class MapsService:
             return None
         try:
             yaml = self.store.folder / f"{name}.yaml"
-            await self._import(yaml, name, "edited files", report, keeps_graph=True)
+            _, notes = await self._import(yaml, name, "edited files", report, keeps_graph=True)
         except MapStoreError as problem:
             if (await self._in_thread(self.store.describe, name)).manifest is None:
                 raise
             return f"{name}.yaml and its image are not a valid map, so the saved version is used: {problem}"
-        return None
+        return notes or None
 
     async def use_saved(self, name: str) -> None:
         """Use a map that was made just now."""
         async with self._order:
             await self._use(map_name(name))
 
-    async def _use(self, name: str) -> MapInUse:
+    async def _use(self, name: str, *, resolution_is_right: bool = True) -> MapInUse:
         version, damage = await self._in_thread(self.store.read, name)
+        self._require_usable(name, version, resolution_is_right=resolution_is_right)
         await self._changing(self.store.set_current, name)
         self.in_use = name
         self._announce(name, version)
         warning = "; ".join(f"version {number}: {why}" for number, why in damage.items()) or None
         return MapInUse(name=name, version=version.manifest.version, warning=warning)
+
+    def _require_usable(self, name: str, version: Version, *, resolution_is_right: bool) -> None:
+        """Refuse a map before it is in use: a worker that takes too much memory is killed, again and again."""
+        extent, doubt, most_mb = version.manifest.extent, "", self._most_memory_mb
+        if not resolution_is_right and (doubt := why_doubtful(extent)):
+            doubt += (
+                ": is that meant? Correct the YAML file and import it again, or load with resolution_is_right"
+            )
+        too_large = "" if most_mb is None else why_too_large(extent, most_mb)
+        if reason := "; ".join(filter(None, (doubt, too_large))):
+            raise MapStoreError(RefusalKind.OUT_OF_RANGE, f"the map {name!r} is not used: {reason}")
 
     def _announce(self, name: str, version: Version, renamed_from: str | None = None) -> None:
         folder, number = str(self.store.folder), version.manifest.version
@@ -175,12 +200,12 @@ class MapsService:
                     RefusalKind.MAP_EXISTS,
                     f"there is a map {name!r} already; replace makes this its next version",
                 )
-            version = await self._import(path, name, str(path), progress.report)
-            return MapInUse(name=name, version=version)
+            version, notes = await self._import(path, name, str(path), progress.report)
+            return MapInUse(name=name, version=version, warning=notes or None)
 
     async def _import(
         self, yaml: Path, name: str, source: str, report: Report, *, keeps_graph: bool = False
-    ) -> int:
+    ) -> tuple[int, str]:
         order = Order(
             folder=self.store.folder,
             versions_kept=self._kept,

@@ -118,7 +118,7 @@ def test_no_damage_loses_or_changes_a_message_without_a_word(tmp_path: Path, is_
 
 
 def test_a_chunk_whose_kind_is_damaged_is_missed(tmp_path: Path) -> None:
-    """It is passed over as a record of another kind; its index is added to that of the chunk before, of as many messages."""
+    """It is passed over as of another kind; its index is added to that of the chunk before, of as many messages."""
     content = recorded(tmp_path)
     summary = make_reader(io.BytesIO(content)).get_summary()
     assert summary is not None

@@ -58,7 +58,7 @@ def test_load_map_ends_when_the_way_can_be_found_on_it_and_says_why_where_it_can
     async def play() -> None:
         async with scene(tmp_path) as s:
             told: list[str] = []
-            used = await s.client.load_map("flat", lambda done, total, text: told.append(text))
+            used = await s.client.load_map("flat", on_progress=lambda *what: told.append(what[2]))
             assert used.warning is None
             assert told[-3:] == ["reading the map", "finding its walls", "preparing the search"]
             assert (await s.client.set_pose(*map(float, TRUTH[0]))).map == "flat"

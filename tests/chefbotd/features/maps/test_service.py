@@ -22,10 +22,16 @@ from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.core.events.mapping import MapChanged, MapLoaded, MappingChanged, MapPoseUpdated, MapUnloaded
 from chefbotd.core.geometry import CERTAIN, Pose2D
 from chefbotd.features.maps import importer, parts
-from chefbotd.features.maps.models import GetMapParams, MapName, RenameMapParams, SavePlaceParams
+from chefbotd.features.maps.models import (
+    GetMapParams,
+    LoadMapParams,
+    MapName,
+    RenameMapParams,
+    SavePlaceParams,
+)
 from chefbotd.features.maps.service import MapsService
 from chefbotd.mapping.map_server import to_description, to_image
-from chefbotd.mapping.occupancy_grid import OccupancyGrid
+from chefbotd.mapping.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 from chefbotd.maps.contents import read_slam, save
 from chefbotd.maps.disk import MapStoreError, locked
 from chefbotd.maps.importing import Order
@@ -83,7 +89,7 @@ def test_an_import_whose_program_is_slow_to_start_says_that_it_is_at_work(
         reported.touch()
 
     order = Order(folder=tmp_path, versions_kept=3, name="flat", yaml=tmp_path / "flat.yaml", source="a test")
-    assert asyncio.run(importer.run_import(order, report)) == 7
+    assert asyncio.run(importer.run_import(order, report)) == (7, "")
     assert told[0] == (0.0, 1.0, "starts the program that imports it")
 
 
@@ -145,7 +151,7 @@ def test_a_map_comes_in_parts_which_fit_together(tmp_path: Path, monkeypatch: py
     ("files", "told"),
     sample([
         ({}, "x.yaml: cannot be read: No such file or directory"),
-        ({"x.yaml": b"image: x.pgm\nresolution: -1\norigin: [0, 0, 0]\n"}, "resolution: Input should be greater than or equal to 0.001"),
+        ({"x.yaml": b"image: x.pgm\nresolution: -1\norigin: [0, 0, 0]\n"}, "greater than or equal to 0.001"),
         ({"x.yaml": b"image: x.pgm\nresolution: 1\norigin: [0, 0, 0]\n"}, "x.pgm: cannot be read: No such file"),
         ({"x.yaml": b"image: x.yaml\nresolution: 1\norigin: [0, 0, 0]\n"}, "x.yaml: cannot be read as an image"),
         ({"x.yaml": b"\xff\xfe\x00"}, "x.yaml: a map's YAML is keys and values, got str"),
@@ -167,6 +173,65 @@ def test_files_that_are_no_map_are_refused_with_what_is_wrong(
         assert (await client.list_maps()).maps == ()
 
     with_daemon(tmp_path / "maps", scenario)
+
+
+def test_gmappings_own_size_is_cropped_and_that_is_said(tmp_path: Path) -> None:
+    """A flat of 9 by 6 m in 600 by 600 cells, with 1 m around: 220 by 160 cells, its corner shifted with them."""
+    cells = np.full((600, 600), UNKNOWN, np.int8)
+    cells[240:360, 210:390] = FREE
+    yaml = write_files(tmp_path, "flat", OccupancyGrid(0.05, Pose2D(-15.0, -15.0, 0.0), cells))
+
+    async def scenario(client: Client) -> None:
+        imported = await client.import_map(str(yaml))
+        assert imported.warning is not None
+        assert "cropped: 30 by 30 m" in imported.warning
+        assert "11 by 8 m in 220 by 160 cells" in imported.warning
+        image = await client.get_map("flat")
+        assert (image.columns, image.rows) == (220, 160)
+        assert (image.x_m, image.y_m) == (pytest.approx(-5.5), pytest.approx(-4.0))
+
+    with_daemon(tmp_path / "maps", scenario)
+
+
+def test_a_resolution_that_can_hardly_be_meant_is_asked_about_before_the_map_is_in_use(
+    tmp_path: Path,
+) -> None:
+    """Said when it is imported; refused when it is loaded, until somebody says that it is right."""
+    yaml = write_files(tmp_path, "typo", OccupancyGrid(0.5, Pose2D(), np.zeros((20, 30), np.int8)))
+
+    async def scenario(client: Client) -> None:
+        imported = await client.import_map(str(yaml))
+        assert "a resolution of 0.5 m makes it 15 by 10 m" in (imported.warning or "")
+        with pytest.raises(CallError, match="is that meant") as refused:
+            await client.load_map("typo")
+        assert refused.value.kind == "out_of_range"
+        assert (await client.list_maps()).in_use is None
+        assert (await client.load_map("typo", resolution_is_right=True)).name == "typo"
+        assert (await client.list_maps()).in_use == "typo"
+
+    with_daemon(tmp_path / "maps", scenario)
+
+
+def test_a_map_that_needs_too_much_memory_is_refused_and_the_one_in_use_stays(tmp_path: Path) -> None:
+    """Of 200 MB and 130 bytes a cell none is left with 200 MB: by load_map, after mapping, and at the start."""
+    for name in ("small", "large"):
+        save(MapStore(tmp_path), name, grid(1))
+
+    async def scenario() -> None:
+        service = MapsService(Bus(), LoopClock(), MapStore(tmp_path), 3)
+        await service.load_map(NOBODY, LoadMapParams(name="small"), NOT_TOLD)
+        tight = MapsService(Bus(), LoopClock(), MapStore(tmp_path), 3, most_memory_mb=200.0)
+        tight.in_use = "small"
+        with pytest.raises(
+            MapStoreError, match=r"'large' is not used.*about 200 MB.*max_memory_mb allows 200"
+        ):
+            await tight.load_map(NOBODY, LoadMapParams(name="large"), NOT_TOLD)
+        with pytest.raises(MapStoreError, match="crop the map"):
+            await tight.use_saved("large")
+        assert tight.in_use == "small"
+        assert MapStore(tmp_path).current() == "small"
+
+    asyncio.run(scenario())
 
 
 def test_an_existing_map_is_not_imported_over_unless_that_is_said(tmp_path: Path) -> None:
@@ -314,7 +379,7 @@ def test_the_map_in_use_is_announced_renamed_and_given_up_when_it_is_deleted(tmp
         bus = Bus()
         events = bus.subscribe(MapLoaded, MapUnloaded)
         service = MapsService(bus, LoopClock(), MapStore(tmp_path), 3)
-        await service.load_map(NOBODY, MapName(name="flat"), NOT_TOLD)
+        await service.load_map(NOBODY, LoadMapParams(name="flat"), NOT_TOLD)
         await service.rename_map(NOBODY, RenameMapParams(name="flat", new_name="home"), NOT_TOLD)
         await service.delete_map(NOBODY, MapName(name="home"), NOT_TOLD)
         assert service.in_use is None
@@ -345,7 +410,7 @@ def test_loading_waits_for_whoever_makes_the_map_ready_and_says_so_all_the_time(
         now_s = asyncio.get_running_loop().time
         progress: Any = SimpleNamespace(report=lambda done, total, text: told.append((now_s(), text)))
         begun_s = now_s()
-        used = await service.load_map(NOBODY, MapName(name="flat"), progress)
+        used = await service.load_map(NOBODY, LoadMapParams(name="flat"), progress)
         assert used.warning == "nobody can find the way on it"
         times_s = [begun_s, *(at_s for at_s, _ in told), now_s()]
         assert max(after - before for before, after in pairwise(times_s)) < 1.5
@@ -434,7 +499,7 @@ def test_where_the_robot_stands_becomes_a_place_if_that_is_known(
     async def run() -> None:
         bus, clock = Bus(), LoopClock()
         service = MapsService(bus, clock, MapStore(tmp_path), 3)
-        await service.load_map(NOBODY, MapName(name="flat"), NOT_TOLD)
+        await service.load_map(NOBODY, LoadMapParams(name="flat"), NOT_TOLD)
         if told is not None:
             bus.publish(pose_told(clock.now_s() - age_s, told))
         if mapping is not None:
@@ -468,7 +533,7 @@ def test_the_map_that_is_being_made_is_sent_where_no_other_is_named(
         bus = Bus()
         service = MapsService(bus, LoopClock(), MapStore(tmp_path), 3)
         service.growing = growing
-        await service.load_map(NOBODY, MapName(name="flat"), NOT_TOLD)
+        await service.load_map(NOBODY, LoadMapParams(name="flat"), NOT_TOLD)
         bus.publish(mapping_told("mapping", None))
         first = await service.get_map(NOBODY, GetMapParams(), NOT_TOLD)
         assert (first.name, first.version, first.saved_at_s, first.parts > 2) == (None, 5, None, True)
