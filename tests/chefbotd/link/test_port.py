@@ -155,7 +155,7 @@ def test_a_bad_address_of_a_socket_is_an_error_that_names_it(runner: asyncio.Run
     """At this port of the loopback nobody listens."""
 
     async def scenario() -> None:
-        with pytest.raises(OSError, match="socket://127.0.0.1:1: "):
+        with pytest.raises(OSError, match=r"socket://127\.0\.0\.1:1: "):
             await open_port(LinkParameters(device="socket://127.0.0.1:1"), Recorder())
 
     runner.run(scenario())
