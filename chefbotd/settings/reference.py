@@ -291,7 +291,7 @@ def page() -> str:
     for section in sections():
         parts.append(f"## `{section.header}`\n\n{section.purpose}")
         if section.keys:
-            rows = ["| key | type | unit | default | bounds | constraints by |", "|---|---|---|---|---|---|"]
+            rows = ["| key | type | unit | default | bounds | found by |", "|---|---|---|---|---|---|"]
             rows += [_row(key) for key in section.keys]
             parts.append("\n".join(rows))
     return "\n\n".join(parts) + "\n"
