@@ -197,9 +197,11 @@ class LocalizationSkill:
 
     def _using(self, name: str, version: int, renamed_from: str | None) -> Job:
         """Make a map ready, in steps; one that is ready stays as it is, with its pose."""
-        if self._map in ((name, version), (renamed_from, version)):
+        if self._within is not None and self._map in ((name, version), (renamed_from, version)):
             self._map, self._kept = (name, version), None
             return self._standing()
+        if self._map is not None and self._map[0] not in (name, renamed_from):
+            self._free()
         try:
             yield JobStep(0.0, 3.0, "reading the map")
             grid = self._read_map(name)
@@ -214,6 +216,13 @@ class LocalizationSkill:
             raise Refused(kind, f"the map {name!r} cannot be used for localization: {problem}") from problem
         self._change_to(name, version, grid, within, renamed_from)
         return self._standing()
+
+    def _free(self) -> None:
+        """Forget the search's and the matching's grids before those of another map are made: both may be too much."""
+        self._keep()
+        self._within = self._kept = self.report = self.seen = None
+        self._now = Localization()
+        self._aligner.clear()
 
     def _change_to(
         self, name: str, version: int, grid: OccupancyGrid, within: LocalizationMap, renamed_from: str | None

@@ -230,6 +230,22 @@ def test_a_map_is_made_ready_in_steps_and_the_one_before_is_in_use_until_then() 
     assert bench.skill.used is None
 
 
+def test_the_grids_of_the_map_before_are_gone_before_those_of_another_are_made() -> None:
+    """Both at once may be more memory than the worker has; one whose making was given up is made again."""
+    bench = Bench()
+    bench.ask(UseMap("flat", 1))
+    bench.drive(0, 10)
+    job = bench.skill.handle(packed(UseMap("other", 1)))
+    assert isinstance(job, Generator)
+    assert next(job).text == "reading the map"
+    with pytest.raises(Refused, match="no finished map is in use"):
+        bench.ask(SetPose(0.0, 0.0, 0.0))
+    assert bench.skill.report is None
+    job.close()
+    bench.ask(UseMap("flat", 1))
+    assert bench.ask(SetPose(*(float(value) for value in TRUTH[0]))).state == "uncertain"
+
+
 def test_a_pose_of_another_map_is_not_used() -> None:
     """It was kept for the office."""
     kept = SavedPose(
