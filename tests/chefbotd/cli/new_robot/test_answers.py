@@ -1,0 +1,66 @@
+"""Answers in a robot's file: a new one with only what differs, and one that is there already."""
+
+from pathlib import Path
+
+from chefbotd.cli.new_robot.answers import Answer, differing, edited, new_file
+from chefbotd.settings import Settings, load, packaged
+from chefbotd.settings.loader import read_values
+
+LIDAR = {
+    "lidar.lidar.model": Answer("ld19", ""),
+    "lidar.lidar.device": Answer("/dev/ttyUSB3", "its own adapter"),
+    "lidar.lidar.mount_x_m": Answer(0.05, "ahead of the axle"),
+}
+
+
+def loaded(folder: Path, text: str) -> Settings:
+    """The settings of a file with this text."""
+    path = folder / "robot.toml"
+    path.write_text(text, encoding="utf-8")
+    return load(path)
+
+
+def test_a_lidar_is_an_entry_of_a_list_in_a_new_file_and_in_an_old_one(tmp_path: Path) -> None:
+    """Added to a file without one, and changed in a file with one."""
+    new = loaded(tmp_path, new_file("chefbot", LIDAR))
+    assert [(lidar.name, lidar.device, lidar.mount_x_m) for lidar in new.lidar] == [
+        ("lidar", "/dev/ttyUSB3", 0.05)
+    ]
+    text = edited('extends = "chefbot"\nimu = false\n', LIDAR)
+    assert loaded(tmp_path, text).lidar == new.lidar
+    moved = edited(text, {"lidar.lidar.mount_x_m": Answer(0.07, "")})
+    assert [lidar.mount_x_m for lidar in loaded(tmp_path, moved).lidar] == [0.07]
+
+
+def test_a_sensor_is_left_out_of_an_old_file_and_put_back(tmp_path: Path) -> None:
+    """``imu = false`` comes below extends; a key of a section that was left out brings the section back."""
+    text = edited(
+        '# mine\nextends = "chefbot"  # two wheels\n\n[imu]\nlag_s = 0.1\n', {"imu": Answer(False, "")}
+    )
+    assert text.startswith('# mine\nextends = "chefbot"  # two wheels\nimu = false\n')
+    assert loaded(tmp_path, text).imu is None
+    without = 'extends = "chefbot"\nultrasonic = false\n'
+    back = edited(without, {"ultrasonic.mount_x_m": Answer(0.1, "")})
+    sensor = loaded(tmp_path, back).ultrasonic
+    assert sensor is not None
+    assert (sensor.mount_x_m, sensor.max_range_m) == (0.1, 4.0)
+
+
+def test_a_whole_file_loses_a_section_that_the_robot_lacks(tmp_path: Path) -> None:
+    """A copy of ChefBot's whole file extends nothing; its section goes."""
+    text = edited(packaged().read_text(encoding="utf-8"), {"imu": Answer(False, "")})
+    assert loaded(tmp_path, text).imu is None
+    assert "imu = false" not in text
+
+
+def test_what_the_file_says_already_is_no_difference() -> None:
+    """Also a whole number for one with a point, and a section that is not there."""
+    values = read_values(packaged())
+    same = {
+        "encoders.counts_per_turn": Answer(4200.0, ""),
+        "chassis.wheels.left_wheel.radius_m": Answer(0.045, ""),
+        "lidar": Answer(False, ""),
+        "robot.name": Answer("chefbot", ""),
+    }
+    assert differing(same, values) == {}
+    assert differing({"imu": Answer(False, "")}, values).keys() == {"imu"}
