@@ -56,5 +56,6 @@ class RobotPose:
             return pose.map_from_base
         raise MapStoreError(
             RefusalKind.POSE_UNKNOWN,
-            f"where the robot is in the map {of_map!r} is not known ({why}): say where it is",
+            f"where the robot is in the map {of_map!r} is not known ({why}): "
+            "wait until it is localized, which takes some seconds after a map was loaded, or say where it is",
         )

@@ -301,7 +301,7 @@ def test_places_belong_to_a_map_and_go_with_it(tmp_path: Path) -> None:
             await client.save_place("kitchen", 1.0, 2.0)
         assert refused.value.kind == "no_map_loaded"
         await client.load_map("flat")
-        with pytest.raises(CallError, match="where the robot is in the map 'flat' is not known") as refused:
+        with pytest.raises(CallError, match=r"wait until it is localized, .* or say where it is") as refused:
             await client.save_place("kitchen")
         assert refused.value.kind == "pose_unknown"
         await client.save_place("Küche #2", 1.5, -2.25, 0.75)
