@@ -145,7 +145,7 @@ wheel: $(VENV)/ready  ## Build the wheel into dist
 deb: $(VENV)/ready build/constraints.txt  ## Build the Debian package into dist (WITH=navigation: one more extra)
 	rm -rf build/deb-wheel
 	$(BIN)/python -m build --no-isolation --wheel --outdir build/deb-wheel
-	PIP_CONSTRAINT=build/constraints.txt packaging/deb/build "$$(ls build/deb-wheel/*.whl)" "$(DEB_EXTRAS)"
+	packaging/deb/build "$$(ls build/deb-wheel/*.whl)" "$(DEB_EXTRAS)"
 
 # Nothing is published: CONTRIBUTING.md has the maintainer's command.
 release: $(VENV)/ready build/constraints.txt  ## Build and check every distribution, and write the notes (REPOSITORY=https://...)

@@ -1,7 +1,9 @@
 """The Debian package's own scripts; what is built is run by packaging/deb/build itself."""
 
+import json
 import re
 import subprocess
+import sys
 import tomllib
 from pathlib import Path
 
@@ -57,3 +59,27 @@ def test_a_purge_names_every_file_that_the_installation_writes() -> None:
         plan.RUNTIME,
     ):
         assert f" {name}" in script
+
+
+def test_the_package_is_built_of_what_is_locked_by_hashes(tmp_path: Path) -> None:
+    """Each package is asked for by the entry of the lock; one that is not locked ends the build."""
+    lock, report = tmp_path / "lock", tmp_path / "report"
+    lock.write_text(
+        "# made\na-b==1.0 ; x\n    --hash=sha256:00\n    # via c\nc==2.0 \\\n    --hash=sha256:11\nd==3\n"
+    )
+    packages = [
+        {"metadata": {"name": name, "version": version}}
+        for name, version in (("A_b", "1.0"), ("chefbotd", "9"))
+    ]
+    report.write_text(json.dumps({"install": packages}))
+    command = [sys.executable, str(FOLDER / "locked.py"), str(report), str(lock)]
+    told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
+    assert told.splitlines()[:2] == ["a-b==1.0 ; x", "    --hash=sha256:00"]
+    assert "c==" not in told
+    packages[0]["metadata"]["version"] = "1.1"
+    report.write_text(json.dumps({"install": packages}))
+    refused = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert refused.returncode == 1
+    assert "a-b 1.1 is not in" in refused.stderr
+    build = (FOLDER / "build").read_text()
+    assert "--no-deps --require-hashes" in build
