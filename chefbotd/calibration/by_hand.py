@@ -106,7 +106,7 @@ def _fit_divider(robot: ConfiguredRobot, measurements: Measurements) -> StepResu
     )
 
 
-NO_BATTERY = "no [battery] is configured"
+NO_BATTERY = "no battery is configured"
 
 
 def _battery_missing(robot: ConfiguredRobot) -> str:

@@ -44,13 +44,21 @@ class SyncClient(SyncMethods):
         name: str | None = None,
         timeout_s: float = 5.0,
         reconnect: bool = False,
+        clear_token: bool | None = None,
     ) -> Self:
         """Connect at once; the parameters are those of ``Client.connect``."""
         loop, stack = BackgroundLoop(), AsyncExitStack()
 
         async def enter() -> Client:
             meeting = Client.connect(
-                host, port, token=token, tls=tls, name=name, timeout_s=timeout_s, reconnect=reconnect
+                host,
+                port,
+                token=token,
+                tls=tls,
+                name=name,
+                timeout_s=timeout_s,
+                reconnect=reconnect,
+                clear_token=clear_token,
             )
             return await stack.enter_async_context(meeting)
 

@@ -65,7 +65,7 @@ class WheelLoopState(MutableState):
     """Which parameters the board has confirmed, by their numbers, and which duty stood behind each command.
 
     ``sent`` has command and duty by the number of the line, ``offered`` the newest pair. ``by_duty``: the wheels are
-    driven by duties now, past the loop.
+    driven by duties now, past the loop. ``most_edges_s`` is how many edges of a wheel the board counts in a second.
     """
 
     confirmed: dict[int, int] = {}
@@ -75,6 +75,7 @@ class WheelLoopState(MutableState):
     offered: tuple[Command, Command] | None = None
     written_duty: Command = ()
     sent: dict[int, tuple[Command, Command]] = {}
+    most_edges_s: int | None = None
 
 
 class WheelLoop:
@@ -86,7 +87,6 @@ class WheelLoop:
     def __init__(self) -> None:
         self._parameters = WheelLoopParameters((), ())
         self._targets_rad_s: Callable[[], tuple[float, ...] | None] = tuple
-        self._most_edges_s: int | None = None
         self.is_wanted = False
         self.now = WheelLoopState()
 
@@ -105,17 +105,17 @@ class WheelLoop:
 
     def limit(self, most_edges_s: int) -> None:
         """The board counts no more edges of a wheel a second than these: it refuses a speed that would have more."""
-        self._most_edges_s = most_edges_s
+        self.now.most_edges_s = most_edges_s
 
     @property
     def _most_mrad_s(self) -> int:
-        if self._most_edges_s is None:
+        if self.now.most_edges_s is None:
             return MOST_MRAD_S
-        return min(MOST_MRAD_S, self._most_edges_s * TURN_MRAD // self._parameters.values[0])
+        return min(MOST_MRAD_S, self.now.most_edges_s * TURN_MRAD // self._parameters.values[0])
 
     def reset(self) -> None:
         """The board knows no parameters: it is another one, or has another mode."""
-        self.now = WheelLoopState()
+        self.now = WheelLoopState(most_edges_s=self.now.most_edges_s)
 
     # Set up
 

@@ -45,7 +45,7 @@ def why_too_large(extent: Extent, most_mb: float) -> str:
     if needed_mb <= most_mb:
         return ""
     return (
-        f"{explain_size(extent)} need about {needed_mb:.0f} MB, and [worker] max_memory_mb allows {most_mb:g}: crop the "
+        f"{explain_size(extent)} need about {needed_mb:.0f} MB, and the worker may take {most_mb:g}: crop the "
         "map to what the robot needs, make it again with larger cells, or allow more if the computer has it"
     )
 

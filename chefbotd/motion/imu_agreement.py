@@ -140,7 +140,7 @@ class ImuAgreement(MutableState):
             case ImuFault.MIRRORED:
                 return (
                     f"the IMU shows {share:.2f} of the wheels' turns, the other way: most likely its z axis points down "
-                    "(set [imu] upside_down = true), or its rates have the other sign. It is left out"
+                    "(the configuration of the IMU can say so), or its rates have the other sign. It is left out"
                 )
             case ImuFault.W_FIRST:
                 return (
@@ -149,7 +149,7 @@ class ImuAgreement(MutableState):
                 )
             case ImuFault.SCALE:
                 return (
-                    f"the IMU shows {share:.2f} of every turn of the wheels: its scale is wrong ([imu] gyro_scale, "
-                    "'chefbotctl calibrate imu'), or the wheels' track. It is left out"
+                    f"the IMU shows {share:.2f} of every turn of the wheels: its scale is wrong, which a "
+                    "calibration of the IMU finds, or the wheels' track. It is left out"
                 )
         return ""

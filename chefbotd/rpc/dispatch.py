@@ -262,7 +262,7 @@ class Dispatcher:
         if params.if_stop_number not in (None, self._stop_number()):
             message = (
                 "the robot was stopped, had a fault, or its daemon was started again after this was decided "
-                f"(if_stop_number is {params.if_stop_number}); look at the robot, and ask again if it is still wanted"
+                f"(at stop number {params.if_stop_number}); look at the robot, and ask again if it is still wanted"
             )
             raise self._void(session, method, RefusalKind.STOPPED_SINCE, message)
 

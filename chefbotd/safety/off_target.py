@@ -114,7 +114,7 @@ def sentence(
     turns = "turn" if len(off) > 1 else "turns"
     return (
         f"{who} {turns} at {abs(pace.measured_m_s):.2f} m/s by the encoders, where {abs(pace.asked_m_s):.2f} is asked "
-        f"for{_compared(pace, free_m_s)}. Turn a wheel by hand first ('chefbotctl calibrate encoders'): "
+        f"for{_compared(pace, free_m_s)}. Calibrate the encoders by hand first: "
         f"the configured {counts_per_turn:g} counts per turn are assumed unless somebody has done that. If they are "
         "right, see the full scale of the duty, the gains, the battery, and what holds the wheel"
     )

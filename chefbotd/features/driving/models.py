@@ -76,7 +76,7 @@ class EstopParams(StopParams):
     @classmethod
     def _readable(cls, reason: Any) -> str:
         text = reason.encode(errors="replace").decode() if isinstance(reason, str) else ""
-        return one_line(text).strip()[:MAX_REASON_CHARACTERS] or NO_REASON
+        return one_line(text.strip()).strip()[:MAX_REASON_CHARACTERS] or NO_REASON
 
 
 class Stopped(Done, frozen=True, kw_only=True):

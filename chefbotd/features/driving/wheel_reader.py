@@ -16,7 +16,7 @@ log = structlog.get_logger(component="drive")
 
 NO_BOARD_TIME = (
     "the board sends no 't' line, so a reading has the time at which it was read, and several that come at once look "
-    "like a jump: have the sketch send t (docs/protocol.md)"
+    "like a jump: its sketch should tell the time first (docs/protocol.md)"
 )
 
 

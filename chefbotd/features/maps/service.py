@@ -162,9 +162,7 @@ class MapsService:
         """Refuse a map before it is in use: a worker that takes too much memory is killed, again and again."""
         extent, doubt, most_mb = version.manifest.extent, "", self._most_memory_mb
         if not resolution_is_right and (doubt := why_doubtful(extent)):
-            doubt += (
-                ": is that meant? Correct the YAML file and import it again, or load with resolution_is_right"
-            )
+            doubt += ": is that meant? Correct the YAML file and import it again, or say as you load it that it is right"
         too_large = "" if most_mb is None else why_too_large(extent, most_mb)
         if reason := "; ".join(filter(None, (doubt, too_large))):
             raise MapStoreError(RefusalKind.OUT_OF_RANGE, f"the map {name!r} is not used: {reason}")

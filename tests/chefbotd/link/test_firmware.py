@@ -613,7 +613,9 @@ def test_our_firmware_gets_no_motion_while_a_sketchs_counts_are_configured():
         assert bench.session.duty_ceiling(0.0) == (0, 0)
         ((condition, reason),) = conditions(bench, health)
         assert condition == "counts_differ"
-        assert 'Set [encoders] counted_by = "firmware", then turn a wheel ten times by hand' in reason
+        assert (
+            "encoders as counted by the firmware, then calibrate them by turning a wheel ten times" in reason
+        )
         assert (
             "Only if the configured counts were measured with the sketch, and not assumed, are they 16800"
             in reason
@@ -635,7 +637,7 @@ def test_a_sketch_gets_no_motion_while_our_firmwares_counts_are_configured():
         assert bench.session.duty_ceiling(0.0) == (0, 0)
         ((condition, reason),) = conditions(bench, health)
         assert condition == "counts_differ"
-        assert 'Set [encoders] counted_by = "sketch", then turn a wheel ten times by hand' in reason
+        assert "encoders as counted by the sketch, then calibrate them by turning a wheel ten times" in reason
         assert "measured with our firmware, and not assumed, are they 4200" in reason
 
     on_bench(scenario, counting=Counting(16_800.0, by_firmware=True))

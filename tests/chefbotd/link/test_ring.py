@@ -8,7 +8,7 @@ import structlog
 from chefbotd.bus import Bus
 from chefbotd.clock import run_virtual
 from chefbotd.core.events import SafetyChanged
-from chefbotd.link.board_writer import LINES_KEPT, FaultLog, LineRing
+from chefbotd.link.board_writer import LINES_KEPT, LINES_LOGGED, FaultLog, LineRing
 
 
 def changed(stamp_s: float, mode: str, fault: str | None) -> SafetyChanged:
@@ -44,14 +44,15 @@ def test_both_ways_are_told_in_the_order_of_time():
 
 
 def test_only_the_newest_are_kept():
-    """Of 1000 lines the last 200 stay, each way."""
+    """Of 1000 lines the last 200 stay, each way; the log has the last 20 of both."""
     ring = LineRing()
     for number in range(1000):
         ring.heard.append((number, b"%d" % number))
         ring.said.append((number, b"%d" % number))
-    told = ring.as_text(1000.0)
+    told = ring.as_text(1000.0, most=1000)
     assert len(told) == 2 * LINES_KEPT
     assert told[0] == "-200.000 < 800"
+    assert ring.as_text(1000.0) == told[-LINES_LOGGED:]
 
 
 def test_a_fault_is_dumped_once():

@@ -315,8 +315,8 @@ def w_first(stamp_s: float, rad: float, rad_s: float) -> ImuMeasured:
 @pytest.mark.parametrize(
     ("imu", "word"),
     [
-        (mirrored, "upside_down = true"),
-        (lambda at_s, rad, rad_s: rate(at_s, -rad_s), "upside_down = true"),
+        (mirrored, "its z axis points down"),
+        (lambda at_s, rad, rad_s: rate(at_s, -rad_s), "its z axis points down"),
         (w_first, "w x y z"),
     ],
 )

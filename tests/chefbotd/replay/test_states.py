@@ -41,6 +41,9 @@ EVERY_S = 0.37
 ODD: Any = object()
 
 NO_STATE = {
+    "ObstacleGuard._weighed_without": "as its weights",
+    "ObstacleGuard._weights": "computed again from the excluded wheels",
+    "WheelController.is_held_back": "of the step under way",
     "BoardSession._counting": "of the configuration",
     "BoardSession._kind_held": "of the configuration",
     "BoardSession._closed": "who opens the port waits for it, and a replay opens none",

@@ -27,7 +27,11 @@ REASONS: list[tuple[Any, str]] = [
 def test_an_estop_is_carried_out_whatever_its_reason(reason: Any, told: str) -> None:
     """What is too long is cut, half a character is a question mark, what says nothing is left out."""
     desk = Desk()
-    assert desk.ask("estop", reason=reason, extra=1)["result"] == {"ok": True, "stop_number": 0, "drivers": {}}
+    assert desk.ask("estop", reason=reason, extra=1)["result"] == {
+        "ok": True,
+        "stop_number": 0,
+        "drivers": {},
+    }
     assert desk.robot.calls == [("estop", told)]
 
 
@@ -58,7 +62,9 @@ def test_a_stop_is_carried_out_from_any_object_that_asks_for_it(line: bytes) -> 
     desk = Desk()
     desk.dispatcher.serve(desk, line)
     assert desk.robot.calls == [("stop",)]
-    assert desk.heard == [{"jsonrpc": "2.0", "id": 1, "result": {"ok": True, "stop_number": 0, "drivers": {}}}]
+    assert desk.heard == [
+        {"jsonrpc": "2.0", "id": 1, "result": {"ok": True, "stop_number": 0, "drivers": {}}}
+    ]
     assert desk.ended == []
 
 

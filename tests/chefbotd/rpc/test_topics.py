@@ -161,6 +161,8 @@ def test_safety_is_armed_in_one_mode_only(mode: str, armed: bool) -> None:
         "fault": None,
         "limited_by": None,
         "latch": 0,
+        "stop_number": 0,
+        "guard_warning": "",
     }
 
 

@@ -31,7 +31,7 @@ def test_a_wheel_that_counts_too_little_is_told_with_what_its_duty_gives() -> No
         "left and right turn at 0.05 m/s by the encoders, where 0.10 is asked for; at that duty a free"
     )
     assert "makes about 0.3" in text
-    assert "Turn a wheel by hand first ('chefbotctl calibrate encoders'): the configured 4200 counts" in text
+    assert "Calibrate the encoders by hand first: the configured 4200 counts" in text
 
 
 def test_a_wheel_that_turns_faster_than_its_motor_can_is_told_as_such() -> None:

@@ -223,7 +223,7 @@ def test_a_map_that_needs_too_much_memory_is_refused_and_the_one_in_use_stays(tm
         tight = MapsService(Bus(), LoopClock(), MapStore(tmp_path), 3, most_memory_mb=200.0)
         tight.in_use = "small"
         with pytest.raises(
-            MapStoreError, match=r"'large' is not used.*about 200 MB.*max_memory_mb allows 200"
+            MapStoreError, match=r"'large' is not used.*about 200 MB.*the worker may take 200"
         ):
             await tight.load_map(NOBODY, LoadMapParams(name="large"), NOT_TOLD)
         with pytest.raises(MapStoreError, match="crop the map"):
