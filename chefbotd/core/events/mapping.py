@@ -98,10 +98,11 @@ class MapLoaded(Record, frozen=True):
 
 
 class MapUnloaded(Record, frozen=True):
-    """The map that was in use has been deleted; none is in use."""
+    """The map that was in use has been deleted, or is not used any more for this ``reason``; none is in use."""
 
     stamp_s: float
     name: str
+    reason: str = ""
 
 
 class Alternative(Record, frozen=True):

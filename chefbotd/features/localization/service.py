@@ -248,7 +248,7 @@ class LocalizationService:
 
     def _take_unloaded(self, event: MapUnloaded) -> None:
         self._map, self._was_unloaded = None, True
-        self._end_pose(event.stamp_s, f"the map {event.name} was deleted")
+        self._end_pose(event.stamp_s, event.reason or f"the map {event.name} was deleted")
         self._has_to_tell.set()
 
     def _take_mapping(self, event: MappingChanged) -> None:

@@ -14,6 +14,7 @@ from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.events.mapping import MapChanged, MapLoaded, MapUnloaded
+from chefbotd.core.events.robot import WorkerReported
 from chefbotd.core.geometry import wrap_angle
 from chefbotd.entries import entries_of
 from chefbotd.features.feature import Feature, Service
@@ -38,6 +39,7 @@ from chefbotd.features.maps.models import (
 from chefbotd.features.maps.robot_pose import RobotPose
 from chefbotd.maps.disk import MapStoreError
 from chefbotd.maps.importing import Order
+from chefbotd.maps.killers import KILLED, killed_to_file, why_it_ended
 from chefbotd.maps.limits import why_doubtful, why_too_large
 from chefbotd.maps.manifest import Manifest
 from chefbotd.maps.names import map_name, place_name
@@ -48,6 +50,7 @@ from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.models import DONE, Done, NoParams
 from chefbotd.rpc.parameters import Role
+from chefbotd.worker.watch import WorkerState, took_too_much
 
 log = structlog.get_logger(component="maps")
 
@@ -80,6 +83,10 @@ class MapsService:
         self._order = asyncio.Lock()
         self._cells = parts.Cache()
         self.in_use: str | None = None
+        self._version_in_use: int | None = None
+        self._is_made_ready = False
+        self._worker_ended, self._end_reason = asyncio.Event(), ""
+        bus.add_handler(self._take_worker, WorkerReported)
 
     async def run(self) -> None:
         """Use the map that was in use before; then there is nothing to do until a client asks."""
@@ -87,7 +94,39 @@ class MapsService:
             await self._load_last()
         except MapStoreError as problem:
             log.warning("cannot load the map that was last in use", error=str(problem))
-        await asyncio.Event().wait()
+        while True:
+            await self._worker_ended.wait()
+            self._worker_ended.clear()
+            await self._stop_using(self._end_reason)
+
+    def _take_worker(self, event: WorkerReported) -> None:
+        """A worker that ended while it made the map ready, or of its memory, would end so again."""
+        if event.state != WorkerState.RESTARTING or self.in_use is None:
+            return
+        if self._is_made_ready or took_too_much(event.reason):
+            self._end_reason = event.reason
+            self._worker_ended.set()
+
+    async def _stop_using(self, reason: str) -> None:
+        """Remember that the map in use ended the worker, and use none."""
+        async with self._order:
+            name, version = self.in_use, self._version_in_use
+            if name is None or version is None:
+                return
+            try:
+                await self._changing(
+                    self.store.change_beside, name, KILLED, lambda _: killed_to_file(version, reason)
+                )
+            except MapStoreError as problem:
+                log.error("cannot remember that a map ended the worker", map=name, error=str(problem))
+            why = f"the map {name} is not used any more, as it ended the worker: {reason}"
+            log.error("a map ended the worker", map=name, reason=reason)
+            self.in_use = None
+            self._entries.observe(self._bus, MapUnloaded(self._clock.now_s(), name, why))
+
+    async def _why_not_again(self, name: str, version: int) -> str:
+        content = await self._in_thread(self.store.read_beside, name, KILLED)
+        return why_it_ended(content, version)
 
     async def _load_last(self) -> None:
         name = await self._in_thread(self.store.current)
@@ -97,7 +136,14 @@ class MapsService:
                 renamed = await self._in_thread(
                     self.store.current
                 )  # a renaming that was cut off is finished by now
-                await self._use(renamed or name)
+                name = renamed or name
+                version, _ = await self._in_thread(self.store.read, name)
+                if why := await self._why_not_again(name, version.manifest.version):
+                    log.error(
+                        "the map is not loaded by itself; load_map tries it again", map=name, reason=why
+                    )
+                    return
+                await self._use(name)
 
     # what clients ask: each runs as a job, because the disk may take its time
 
@@ -106,12 +152,17 @@ class MapsService:
         """List the stored maps, whether each is intact, and which one is in use."""
 
         def read() -> list[Any]:
-            return [
-                _summary(self.store.describe(name, thorough=True), self.in_use) for name in self.store.names()
-            ]
+            return [self._summarize(name) for name in self.store.names()]
 
         maps = await self._in_thread(read)
         return MapList(folder=str(self.store.folder), in_use=self.in_use, maps=tuple(maps))
+
+    def _summarize(self, name: str) -> MapSummary:
+        summary = _summary(self.store.describe(name, thorough=True), self.in_use)
+        if summary.version is None:
+            return summary
+        why = why_it_ended(self.store.read_beside(name, KILLED), summary.version)
+        return replace(summary, problem="; ".join(filter(None, (summary.problem, why))) or None)
 
     @method(role=Role.DRIVE, moves=False)
     async def load_map(self, caller: Caller, params: LoadMapParams, progress: ProgressReporter) -> MapInUse:
@@ -127,9 +178,17 @@ class MapsService:
             async with self._order:
                 ignored = await self._import_edited(name, tell)
                 used = await self._use(name, resolution_is_right=resolution_is_right)
-            problem = "" if self.made_ready is None else await self.made_ready(tell)
-        warning = "; ".join(filter(None, (ignored, used.warning, problem))) or None
+                before = await self._why_not_again(name, used.version)
+            problem = "" if self.made_ready is None else await self._make_ready(self.made_ready, tell)
+        warning = "; ".join(filter(None, (ignored, used.warning, before, problem))) or None
         return replace(used, warning=warning)
+
+    async def _make_ready(self, made_ready: Callable[[Report], Awaitable[str]], tell: Report) -> str:
+        self._is_made_ready = True
+        try:
+            return await made_ready(tell)
+        finally:
+            self._is_made_ready = False
 
     async def _import_edited(self, name: str, report: Report) -> str | None:
         """Import files that were put there or edited; why not, if they are no map and a saved version is whole."""
@@ -153,7 +212,7 @@ class MapsService:
         version, damage = await self._in_thread(self.store.read, name)
         self._require_usable(name, version, resolution_is_right=resolution_is_right)
         await self._changing(self.store.set_current, name)
-        self.in_use = name
+        self.in_use, self._version_in_use = name, version.manifest.version
         self._announce(name, version)
         warning = "; ".join(f"version {number}: {why}" for number, why in damage.items()) or None
         return MapInUse(name=name, version=version.manifest.version, warning=warning)

@@ -1,12 +1,14 @@
 """What a map costs is known from its extent: in metres as well as in cells."""
 
 import math
+from pathlib import Path
 
 import numpy as np
 import pytest
 
 from chefbotd.core.geometry import Pose2D
 from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid, cropped
+from chefbotd.maps.contents import read_map_server
 from chefbotd.maps.limits import needed_memory_mb, why_doubtful, why_too_large
 from chefbotd.maps.manifest import Extent
 
@@ -91,3 +93,15 @@ def test_a_map_that_is_known_or_unknown_everywhere_stays_as_it_is(value: int) ->
     """There is nothing to crop."""
     grid = OccupancyGrid(0.05, Pose2D(), np.full((5, 6), value, np.int8))
     assert cropped(grid, 1.0) is grid
+
+
+@pytest.mark.parametrize(("free_thresh", "is_said"), [(0.25, True), (0.196, False)])
+def test_unknown_cells_that_are_read_as_free_are_said(
+    tmp_path: Path, free_thresh: float, is_said: bool
+) -> None:
+    """Nav2's free_thresh of 0.25 takes the grey 205, 0.196 occupied, for free: nothing is unknown then."""
+    (tmp_path / "a.pgm").write_bytes(b"P5\n3 1\n255\n" + bytes([0, 205, 254]))
+    text = f"image: a.pgm\nresolution: 0.05\norigin: [0, 0, 0]\nfree_thresh: {free_thresh}\n"
+    (tmp_path / "a.yaml").write_text(text, encoding="utf-8")
+    notes = read_map_server(tmp_path / "a.yaml").notes
+    assert any("no cell is unknown" in note for note in notes) is is_said

@@ -20,6 +20,7 @@ from chefbotd.bus import Bus
 from chefbotd.client import CallError, Client
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.core.events.mapping import MapChanged, MapLoaded, MappingChanged, MapPoseUpdated, MapUnloaded
+from chefbotd.core.events.robot import WorkerReported
 from chefbotd.core.geometry import CERTAIN, Pose2D
 from chefbotd.features.maps import importer, parts
 from chefbotd.features.maps.models import (
@@ -35,6 +36,7 @@ from chefbotd.mapping.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 from chefbotd.maps.contents import read_slam, save
 from chefbotd.maps.disk import MapStoreError, locked
 from chefbotd.maps.importing import Order
+from chefbotd.maps.killers import KILLED, why_it_ended
 from chefbotd.maps.parameters import MapsParameters
 from chefbotd.maps.store import MapStore
 from chefbotd.rpc.models import NoParams
@@ -230,6 +232,50 @@ def test_a_map_that_needs_too_much_memory_is_refused_and_the_one_in_use_stays(tm
             await tight.use_saved("large")
         assert tight.in_use == "small"
         assert MapStore(tmp_path).current() == "small"
+
+    asyncio.run(scenario())
+
+
+def test_a_map_that_ended_the_worker_is_not_used_again_by_itself(tmp_path: Path) -> None:
+    """Killed for its memory: no map is in use, which is said; not at the next start either, but when it is asked for."""
+    save(MapStore(tmp_path), "large", grid(1))
+    reason = "it took 900 MB of memory; 800 MB are allowed"
+    told: list[MapUnloaded] = []
+
+    async def run(service: MapsService, steps: Callable[[], Awaitable[None]]) -> None:
+        running = asyncio.create_task(service.run())
+        try:
+            await steps()
+        finally:
+            running.cancel()
+
+    async def scenario() -> None:
+        bus = Bus()
+        bus.add_handler(told.append, MapUnloaded)
+        service = MapsService(bus, LoopClock(), MapStore(tmp_path), 3)
+
+        async def dies() -> None:
+            await service.load_map(NOBODY, LoadMapParams(name="large"), NOT_TOLD)
+            bus.publish(WorkerReported(state="restarting", reason="it was killed by SIGKILL", stamp_s=1.0))
+            assert service.in_use == "large"  # another reason, which may have nothing to do with the map
+            bus.publish(WorkerReported(state="restarting", reason=reason, stamp_s=2.0))
+            await until(lambda: service.in_use is None)
+
+        await run(service, dies)
+        assert (told[0].name, reason in told[0].reason) == ("large", True)
+
+        again = MapsService(Bus(), LoopClock(), MapStore(tmp_path), 3)
+
+        async def starts() -> None:
+            await asyncio.sleep(0.3)
+            listed = await again.list_maps(NOBODY, NoParams(), NOT_TOLD)
+            assert (again.in_use, listed.in_use) == (None, None)
+            assert reason in (listed.maps[0].problem or "")
+            used = await again.load_map(NOBODY, LoadMapParams(name="large"), NOT_TOLD)
+            assert (again.in_use, reason in (used.warning or "")) == ("large", True)
+
+        await run(again, starts)
+        assert not why_it_ended(MapStore(tmp_path).read_beside("large", KILLED), 2)  # another version may do
 
     asyncio.run(scenario())
 
