@@ -34,7 +34,7 @@ class Counting(Record, frozen=True):
 def _advice(counted_by: str, counts: float, measured_with: str) -> str:
     """What to do: nobody is to compute with a number that was never measured."""
     return (
-        f"Configure the encoders as counted by the {counted_by}, then calibrate them by turning a wheel ten times by hand, "
-        f"and set what that finds. Only if the configured counts were measured with {measured_with}, and not assumed, are "
-        f"they {counts:g} now"
+        f"Configure the encoders as counted by the {counted_by}, then calibrate them by turning a wheel ten times by "
+        "hand, and set what that finds. Only if the configured counts were measured with "
+        f"{measured_with}, and not assumed, are they {counts:g} now"
     )

@@ -152,8 +152,8 @@ def _grey_note(description: MapDescription, grid: OccupancyGrid) -> tuple[str, .
     if not is_likely or description.free_thresh <= 1 - GREY / 255 or (grid.percent == UNKNOWN).any():
         return ()
     return (
-        f"no cell is unknown: with a threshold of {description.free_thresh:g} for free cells the grey {GREY}, which ROS's "
-        f"map saver writes for unknown, is free; with {FREE_THRESH:g} it stays unknown",
+        f"no cell is unknown: with a threshold of {description.free_thresh:g} for free cells the grey {GREY}, which "
+        f"ROS's map saver writes for unknown, is free; with {FREE_THRESH:g} it stays unknown",
     )
 
 

@@ -46,5 +46,11 @@ def add(
     ahead = max(least_m, before.ahead_m + min(leap_m, travel_m - allowed_m_s * dt_s))
     back = max(least_m, before.back_m + min(leap_m, -travel_m - allowed_m_s * dt_s))
     beyond = max(before.ahead_m, before.back_m) > params.excess_m and max(ahead, back) > params.excess_m
+    lasted_s = before.lasted_s + dt_s if beyond else max(0.0, before.lasted_s - dt_s)
     slowed_m_s = max(asked_m_s, before.asked_m_s - params.braking_m_s2 * dt_s)
-    return Excess(slowed_m_s, ahead, back, before.lasted_s + dt_s if beyond else 0.0)
+    if max(ahead, back) <= 0 and not lasted_s:
+        return Excess(slowed_m_s, ahead, back)
+    worst = (before.measured_m_s, before.allowed_m_s, before.worst_asked_m_s)
+    if abs(travel_m) / dt_s - allowed_m_s > abs(before.measured_m_s) - before.allowed_m_s:
+        worst = (travel_m / dt_s, allowed_m_s, max(before.asked_m_s, asked_m_s))
+    return Excess(slowed_m_s, ahead, back, lasted_s, *worst)
