@@ -19,6 +19,7 @@ SCENARIOS = (
     ],
     scenarios.test_a_daemon_that_says_nothing_more_stops_the_wheels,
     scenarios.test_a_duty_is_never_older_than_80_ms_while_the_loop_lives,
+    scenarios.test_a_fresh_daemon_moves_our_board_by_checked_lines_alone,
     scenarios.test_a_board_that_went_back_to_classic_is_won_again,
     scenarios.test_a_restarted_board_is_asked_again,
     scenarios.test_an_estop_latches_on_the_board_until_the_robot_is_armed,
@@ -61,6 +62,12 @@ def test_the_mode_is_agreed_on_and_told() -> None:
         assert robot.board.truth(0.0).twist.linear_m_s > 0.1
 
     scenarios.on(scenario)
+
+
+@pytest.mark.parametrize("driven_s", [0.0, 1.0])
+def test_a_jammed_line_to_the_board_is_the_lines_fault(driven_s: float) -> None:
+    """A bit of each byte flips on its way, from the first command on or in mid-drive: no wheel is blamed."""
+    scenarios.test_a_jammed_line_to_the_board_is_the_lines_fault(scenarios.flipped, driven_s, False)
 
 
 def test_an_estop_in_a_flood_of_short_lines_is_latched() -> None:

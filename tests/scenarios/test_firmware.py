@@ -193,6 +193,27 @@ def test_a_line_of_which_a_byte_in_twenty_is_damaged_is_never_driven_without_che
     run_virtual(run())
 
 
+def test_a_fresh_daemon_moves_our_board_by_checked_lines_alone():
+    """Driven from the first moment on, counts of our firmware configured: no motion without a seal, and no fault."""
+
+    async def run() -> None:
+        async with simulated_robot(settings_of(ROBOT, {"safety.guard.enabled": False})) as robot:
+            arrive, written = robot.device.on_write, list[bytes]()
+
+            def note(data: bytes) -> None:
+                written.extend(data.split(b"\r")[:-1])
+                arrive(data)
+
+            robot.device.on_write = note
+            await drive(robot, 0.2, 0.1, 2.0)
+            bodies = [opened(line, b" ") for line in written]
+            assert {body for body, of in bodies if of is None} <= {b"s 0 0"}
+            assert any(body.startswith(b"s") and body != b"s 0 0" for body, of in bodies if of is not None)
+            assert (await robot.client.call("get_state"))["safety"]["fault"] is None
+
+    run_virtual(run())
+
+
 def test_a_board_that_went_back_to_classic_is_won_again():
     """Nothing reaches it for 2.5 s: it is classic then; when it hears again, the checked mode is back in a second."""
 
@@ -289,26 +310,30 @@ def test_a_board_that_is_not_asked_runs_on_as_a_classic_sketch():
     on(scenario, link__firmware="classic")
 
 
-def _nothing(data: bytes) -> bytes:
+def nothing(data: bytes) -> bytes:
+    """Nothing of it arrives."""
     return b""
 
 
-def _noise(data: bytes) -> bytes:
+def noise(data: bytes) -> bytes:
+    """Other bytes arrive."""
     return random.Random(len(data)).randbytes(len(data))
 
 
-def _flipped(data: bytes) -> bytes:
+def flipped(data: bytes) -> bytes:
+    """A bit of each byte has flipped."""
     return bytes(byte ^ 1 for byte in data)
 
 
-def _stuck(data: bytes) -> bytes:
+def stuck(data: bytes) -> bytes:
+    """The line is low."""
     return bytes(len(data))
 
 
 @pytest.mark.parametrize("driven_s", [0.0, 0.1, 1.0])
 @pytest.mark.parametrize(
     ("jam", "wheel_loop"),
-    [(_nothing, False), (_noise, False), (_flipped, False), (_stuck, False), (_nothing, True)],
+    [(nothing, False), (noise, False), (flipped, False), (stuck, False), (nothing, True)],
 )
 def test_a_jammed_line_to_the_board_is_the_lines_fault(
     jam: Callable[[bytes], bytes], driven_s: float, wheel_loop: bool
