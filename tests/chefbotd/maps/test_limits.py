@@ -55,7 +55,7 @@ def test_a_map_that_the_worker_cannot_hold_is_refused_with_figures_and_a_way(
     for part in (
         f"{size[0]} by {size[1]} cells",
         f"about {needed_mb:.0f} MB",
-        "allows 800",
+        "the worker may take 800",
         "crop",
         "larger cells",
     ):
