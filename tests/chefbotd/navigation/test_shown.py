@@ -51,7 +51,7 @@ def test_all_parts_come_a_few_at_a_time_and_then_only_what_changes() -> None:
     assert np.array_equal(cells, cells_of(hall.ground.costs))
     assert len(shown.changes(hall, 2.0)) == IN_TURN
     place = ORIGIN.compose(Pose2D(6.0, 5.0))
-    hall.take_scan(Seen(2.1, place, np.zeros(2), np.array([[1.02, 0.02]])))
+    hall.take_scan(Seen(2.1, place, np.zeros(2), np.array([[1.02, 0.02], [1.02, 0.03]])))
     changed = shown.changes(hall, 2.2)
     (chair,) = [part for row, column, part in changed if (row, column) == (80, 80)]
     assert chair[100 - 80, 140 - 80] == 100
@@ -100,7 +100,8 @@ def test_of_too_many_points_a_thousand_are_told() -> None:
     """Spread over all there are, and how many more there are is said."""
     hall, pose = known(200, 200), Pose2D(0.0, 6.0, 0.0)
     grid = np.array([[0.05 * x, 0.05 * y] for x in range(40) for y in range(40)])
-    hall.take_scan(Seen(0.0, pose, np.zeros(2), grid))
-    seen = shown_obstacles(hall, 0.0)
+    for stamp_s in (0.0, 0.1):  # a far point counts that is there in two turns
+        hall.take_scan(Seen(stamp_s, pose, np.zeros(2), grid))
+    seen = shown_obstacles(hall, 0.1)
     assert len(seen.points_m) == MOST_POINTS
     assert seen.omitted > 300
