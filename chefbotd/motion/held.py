@@ -15,8 +15,9 @@ UNREAD_S = 0.007
 SLOW_CYCLE_S = 0.03
 """From this cycle on a board has its echo out before it reads again, whatever its line and its USB converter."""
 
-MOST_OFFERS = 8
-"""So many duties are remembered: more than are written in two of a board's cycles."""
+MOST_OFFERS = 128
+"""So many duties are remembered: more than are written in two of a board's cycles, each a second's wait for an echo and
+50 ms, with a command every 20 ms."""
 
 MOST_SUPPLY_SHARE = 1.5
 """A voltage farther from the models' than this factor is an error of its measurement, and makes up for nothing."""

@@ -143,11 +143,11 @@ class InForce(MutableState):
         return envelope
 
     def likely_m_s(self) -> tuple[float, ...] | None:
-        """The mean speed of each rim that was asked for between the last two lines; None before there are commands.
+        """The mean speed of each rim that was asked for between the last two lines; None before there are both.
 
         Until the board's echo in between, the command of the cycle before is in force, then the one that was read last.
         """
-        if not self.commands or self.taken_s <= self.before_s:
+        if not self.commands or not -math.inf < self.before_s < self.taken_s:
             return None
         switched_s = self.shown_at_s if self.before_s < self.shown_at_s < self.taken_s else self.taken_s
         share = (switched_s - self.before_s) / (self.taken_s - self.before_s)

@@ -266,10 +266,13 @@ class DriveService:
         """One control step: decode, ask the keeper, regulate, write the duty, publish."""
         began_s, now_s = perf_counter(), self._clock.now_s()
         self._note_run(now_s)
-        seen = self.reader.read(event, self.wheels.drive_state.setpoint_m_s)
+        self.keeper.motors.note_line(event)
+        in_force, obeyed_m_s = self.keeper.motors.in_force, None
+        if in_force.taken_s - in_force.before_s > LOST_LINES_S:
+            obeyed_m_s = in_force.likely_m_s()  # the board waited for an echo, and obeyed an older command
+        seen = self.reader.read(event, obeyed_m_s or self.wheels.drive_state.setpoint_m_s)
         reading = seen.reading
         self.keeper.loop_runs(now_s)
-        self.keeper.motors.note_line(event)
         if reading.refused:
             self._watch_timer.restart(now_s)
             if reading.jumped:
@@ -278,9 +281,7 @@ class DriveService:
             self._act(now_s)
             return
         self.keeper.watch_wheels(now_s, seen, self.reader.effort)
-        obeyed_m_s = None
-        if seen.dt_s > LOST_LINES_S:  # the board waited for an echo, and obeyed an older command
-            obeyed_m_s = self.keeper.motors.in_force.likely_m_s()
+        obeyed_m_s = in_force.likely_m_s() if seen.dt_s > LOST_LINES_S else None
         self.wheels.regulate(self.keeper.decide(now_s, driven=self.is_driving), now_s, seen, obeyed_m_s)
         self._send_duty(now_s, self.wheels.drive_state.duty)
         self._watch_timer.restart(now_s)

@@ -46,7 +46,9 @@ FULL_DUTY = (240, 240)  # 40 + 1000 * 0.2
 class Rig:
     """A control loop with a wire that remembers, fed by hand. Feedforward only, so that duties can be computed."""
 
-    def __init__(self, rearm: Rearm = Rearm.MANUAL, latch: Path | None = None) -> None:
+    def __init__(
+        self, rearm: Rearm = Rearm.MANUAL, latch: Path | None = None, chassis: ChassisParameters = CHASSIS
+    ) -> None:
         self.bus, self.clock = Bus(), LoopClock()
         self.written: list[tuple[float, tuple[int, ...]]] = []
         self.start_s = self.clock.now_s()
@@ -54,21 +56,26 @@ class Rig:
             self.bus,
             self.clock,
             lambda duty: self.written.append((round(self.elapsed_s, 6), duty)),
-            Drive(DriveParameters(max_rim_speed_m_s=0.5, max_duty=1023), CHASSIS, LIMITS, (GAINS, GAINS)),
+            Drive(
+                DriveParameters(max_rim_speed_m_s=0.5, max_duty=1023),
+                chassis,
+                LIMITS,
+                (GAINS,) * len(chassis.wheels),
+            ),
             SafetyKeeper(
                 self.bus,
                 self.clock,
                 SafetyParameters(rearm=rearm),
                 mounts={"front": Pose2D(0.15)},
                 latch=LatchFile(latch),
-                motors=MotorWatch(SafetyParameters(rearm=rearm), CHASSIS, 1000),
+                motors=MotorWatch(SafetyParameters(rearm=rearm), chassis, 1000),
             ),
             reader=WheelReader(
-                CHASSIS,
+                chassis,
                 EncoderParameters(counts_per_turn=1000, max_speed_rad_s=20.0, velocity_window=2),
                 SameSideParameters(),
             ),
-            wheel_names=tuple(wheel.name for wheel in CHASSIS.wheels),
+            wheel_names=tuple(wheel.name for wheel in chassis.wheels),
             control=ControlParameters(watch_period_s=0.02),
             watchdog=WatchdogParameters(),
         )
@@ -116,12 +123,15 @@ class Rig:
 
 
 def on_rig(
-    scenario: Callable[[Rig], Awaitable[None]], rearm: Rearm = Rearm.MANUAL, latch: Path | None = None
+    scenario: Callable[[Rig], Awaitable[None]],
+    rearm: Rearm = Rearm.MANUAL,
+    latch: Path | None = None,
+    chassis: ChassisParameters = CHASSIS,
 ) -> None:
     """Run a scenario with the link open, on the virtual clock."""
 
     async def run() -> None:
-        rig = Rig(rearm, latch)
+        rig = Rig(rearm, latch, chassis)
         await asyncio.sleep(0)
         await rig.open_link()
         await scenario(rig)
