@@ -9,6 +9,8 @@ import math
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
 
 from chefbotd.core.compiled import kernel
 from chefbotd.core.record import Record, replace
@@ -41,6 +43,9 @@ UNMAPPED_MARGIN_M: Final = 0.04
 ROUNDING_CELLS: Final = 0.25
 """So much nearer than the inner radius is still free, since a wall is anywhere in its cell: without it a
     door at an angle, 10 cm wider than the robot, might be closed in a grid of 5 cm."""
+
+WHERE_IT_WAS_M_S: Final = 0.1
+"""So fast the robot drives over a place where a thing of the map was taken away."""
 
 
 class GuardDistances(Record, frozen=True):
@@ -135,6 +140,45 @@ def with_obstacles(ground: Costmap, points_m: Floats) -> Costmap:
     numbers = _numbers(ground.inflation, ground.inflation.unmapped_below_m)
     _stamp(points_m, ground.frame.resolution_m, numbers, ground.surcharges, distance_m, costs)
     return replace(ground, distance_m=distance_m, standing_m=distance_m, costs=costs)
+
+
+def without_thing(ground: Costmap, cells: NDArray[np.int64]) -> Costmap:
+    """The costs of a map from which a thing with these cells (n, 2) was taken away; zones stay.
+
+    The robot creeps where it was: what is too low for a lidar may be left.
+    """
+    cell_m, its = ground.frame.resolution_m, ground.inflation
+    low, high = cells.min(axis=0), cells.max(axis=0) + 1
+
+    def box(pad_m: float) -> tuple[slice, slice]:
+        pad = math.ceil(pad_m / cell_m)
+        rows, columns = (slice(max(a - pad, 0), b + pad) for a, b in zip(low, high, strict=True))
+        return rows, columns
+
+    walls, distance_m, costs = ground.walls.copy(), ground.distance_m.copy(), ground.costs.copy()
+    surcharges, limits = ground.surcharges.copy(), ground.speed_limit_m_s.copy()
+    keep_out = (distance_m == 0) & ~walls
+    walls[cells[:, 0], cells[:, 1]] = False
+    inner, outer = box(its.reach_m + cell_m), box(2 * its.reach_m + 2 * cell_m)
+    around = distances_m(walls[outer] | keep_out[outer], cell_m)
+    rows, columns = (
+        slice(of_inner.start - of_outer.start, min(of_inner.stop, size) - of_outer.start)
+        for of_inner, of_outer, size in zip(inner, outer, walls.shape, strict=True)
+    )
+    distance_m[inner] = around[rows, columns]
+    within = box(0.0)
+    was = np.zeros(walls.shape, np.bool_)
+    was[cells[:, 0], cells[:, 1]] = True
+    inside = ndimage.binary_fill_holes(was[within])
+    surcharges[within] = np.where(inside & np.isinf(surcharges[within]), 1.0, surcharges[within])
+    limits[box(its.inner_m)] = np.minimum(limits[box(its.inner_m)], WHERE_IT_WAS_M_S)
+    part = np.empty_like(costs[inner])
+    _fill(distance_m[inner], surcharges[inner], _numbers(its, its.blocked_below_m), part)
+    costs[inner] = part
+    return replace(
+        ground, walls=walls, distance_m=distance_m, standing_m=distance_m, fixed_m=distance_m,
+        costs=costs, surcharges=surcharges, speed_limit_m_s=limits,
+    )  # fmt: skip
 
 
 def _numbers(inflation: Inflation, blocked_below_m: float) -> Floats:

@@ -13,6 +13,7 @@ from chefbotd.core.record import replace
 from chefbotd.navigation.driving import LOST_S, Missing, can_begin, checked_inputs, follow_trip
 from chefbotd.navigation.evasion import Evasion, evade
 from chefbotd.navigation.interface import NavigationParameters, PoseStatus, StepInput
+from chefbotd.navigation.looking import LOOKS_S, MOST_LOOKS, Look, in_the_way, look_out, place_of
 from chefbotd.navigation.noise import noise_sentence
 from chefbotd.navigation.passage import measured_passage
 from chefbotd.navigation.path import Goal, NoPath, Planner
@@ -78,6 +79,7 @@ class GoalExecution:
         self._waiting: Waiting | None = None
         self._is_renewed = self._was_turning = False
         self._recovery: Recovery | None = None
+        self._look = Look()
         self._why_stuck = self._noise = ""
         self._narrow, self._narrow_s = (
             0,
@@ -99,6 +101,7 @@ class GoalExecution:
         self._goal = goal
         if not self._is_renewed:
             self._recovery, self._evasion, self._waiting, self._why_stuck = None, Evasion(), None, ""
+            self._look = Look()
         if not self._is_renewed or self.state is not GoalState.RECOVERING:
             self._change(GoalEvent.GOAL_REPLACED)
         return self._is_renewed
@@ -187,14 +190,51 @@ class GoalExecution:
         if self._unsure_since_s is not None and now.now_s - self._planned_s < REPLAN_S:
             return
         trip = self._find(world, now)
+        if isinstance(trip, NoPath) and not trip.only_for_now and world.open_gone():
+            trip = self._find(world, now)
         if isinstance(trip, Trip):
             self._set_out(trip, now)
         elif trip.only_for_now:
             self._become_stuck(world, now, trip.reason)
+        elif self._goes_to_look(world, now):
+            return
         elif now.status is PoseStatus.UNCERTAIN:
             self._doubt(trip, now)
         else:
-            self.end(End.UNREACHABLE, f"unreachable: {trip.reason}")
+            found = "".join(
+                f"; it went to look: something still stands at {place}" for place in self._look.found
+            )
+            self.end(End.UNREACHABLE, f"unreachable: {trip.reason}{found}")
+
+    def _goes_to_look(self, world: WorldModel, now: StepInput) -> bool:
+        """Whether a thing of the map alone is in the way, and it can be seen whether that is still there."""
+        look = self._look
+        if now.status is not PoseStatus.LOCALIZED or len(look.looked_from) >= MOST_LOOKS:
+            return False
+        outline, planner = self._params.outline, self._planner
+        thing = in_the_way(world, planner, outline, now, self._goal)
+        trip = None if thing is None else look_out(world, planner, outline, now, thing, look)
+        if thing is None or trip is None:
+            return False
+        self._look = replace(look, thing=thing, place=place_of(world, thing), since_s=None)
+        self._set_out(trip, now)
+        self.reason = self._look.reason
+        return True
+
+    def _look_at(self, world: WorldModel, now: StepInput, *, has_arrived: bool) -> bool:
+        """Whether the robot goes on looking; else it plans again, by what it saw."""
+        look, here = self._look, world.frame.pose_to_grid(now.pose)
+        if look.thing is None:
+            return False
+        since_s = now.now_s if look.since_s is None else look.since_s
+        is_over = world.is_there(look.thing) or (has_arrived and now.now_s - since_s >= LOOKS_S)
+        if not is_over and not world.open_gone():
+            self._look = replace(look, since_s=since_s) if has_arrived else look
+            return True
+        found = (*look.found, look.place) if world.is_there(look.thing) else look.found
+        self._look = Look(looked_from=(*look.looked_from, (here.x_m, here.y_m)), found=found)
+        self.forget_path()
+        return True
 
     def _doubt(self, no_path: NoPath, now: StepInput) -> None:
         """There is no path from a pose that may be wrong: plan again when the pose is sure."""
@@ -216,6 +256,8 @@ class GoalExecution:
         self.trip, self.reason = trip, self._drives()
 
     def _drives(self) -> str:
+        if self._look.thing is not None:
+            return self._look.reason
         return f"drives to ({self._goal.x_m:.2f}, {self._goal.y_m:.2f})"
 
     def _replan(self, world: WorldModel, trip: Trip, now: StepInput, near: Surroundings) -> None:
@@ -247,6 +289,7 @@ class GoalExecution:
     # Driving
 
     def _drive(self, world: WorldModel, now: StepInput, near: Surroundings) -> Twist2D | None:
+        self._look_at(world, now, has_arrived=False)
         if self.trip is not None:
             self._replan(world, self.trip, now, near)
         trip = self.trip
@@ -265,6 +308,8 @@ class GoalExecution:
         return done.twist if self.state is GoalState.DRIVING else None
 
     def _arrive(self, world: WorldModel, trip: Trip, now: StepInput) -> None:
+        if self._look_at(world, now, has_arrived=True):
+            return
         if trip.is_interim:
             why = f"something stands at the goal ({self._goal.x_m:.2f}, {self._goal.y_m:.2f})"
             self._become_stuck(world, now, why)

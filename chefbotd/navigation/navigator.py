@@ -88,7 +88,7 @@ class Navigator:
         self._ended: tuple[Ended, ...] = ()
         self._last, self._stepped_s = STANDING, -math.inf
         self._crawl, self._slow_params = Crawl(), slowed(params)
-        self._idle_reason = ""
+        self._idle_reason, self._status = "", PoseStatus.LOCALIZED
 
     @property
     def state(self) -> GoalState:
@@ -129,7 +129,10 @@ class Navigator:
 
     def take_scan(self, seen: Seen) -> None:
         """A scan; without a map nothing is remembered of it. After a jump of the pose a path is planned again."""
-        if self.world is not None and self.world.take_scan(seen) and self._execution is not None:
+        if self.world is None:
+            return
+        is_void = self.world.take_scan(seen, is_sure=self._status is PoseStatus.LOCALIZED)
+        if is_void and self._execution is not None:
             self._execution.forget_path()
 
     def take_low_scan(self, seen: Seen) -> None:
@@ -224,7 +227,7 @@ class Navigator:
         ``pose_age_s`` is how long ago the pose was measured; since then the robot is expected to move on as it did.
         """
         dt_s = min(max(now_s - self._stepped_s, 0.0), 0.2)
-        self._stepped_s = now_s
+        self._stepped_s, self._status = now_s, status
         read_s = now_s - pose_age_s
         if self._params.silent_speed_m_s > 0:
             self._crawl = watched(self._crawl, read_s, now_s, POSE_SILENT_S, self._last)

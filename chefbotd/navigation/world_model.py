@@ -16,7 +16,7 @@ from chefbotd.navigation.arcs import (
     UNMAPPED_MARGIN_M,
     nearest_in_turn,
 )
-from chefbotd.navigation.costmap import Costmap, between_cells_at, costmap, with_obstacles
+from chefbotd.navigation.costmap import Costmap, between_cells_at, costmap, with_obstacles, without_thing
 from chefbotd.navigation.grid import Floats, GridFrame
 from chefbotd.navigation.interface import NavigationParameters, Seen
 from chefbotd.navigation.live import (
@@ -36,6 +36,7 @@ from chefbotd.navigation.movers import SLOWEST_M_S, Mover, displaced, track, wit
 from chefbotd.navigation.noise import BELIEVED_M, Noise, after_turn, find_confirmed
 from chefbotd.navigation.outline import clearance_m
 from chefbotd.navigation.recovery import CLOSED_RADIUS_M, LEAVES_S, Trail, extended
+from chefbotd.navigation.removed import THERE_TURNS, find_gone, find_things, forgotten, hear, see_through
 from chefbotd.navigation.surroundings import Surroundings
 from chefbotd.navigation.zones import Zones
 
@@ -60,6 +61,12 @@ JUMP_M = 0.06
 VOID_M, VOID_RAD = 0.3, 0.35
 """After a correction of so much, what was seen before is not where it was thought to be: the pose was wrong."""
 
+FITS_SHARE: Final = 0.5
+"""A turn of which a smaller share belongs to the map says nothing of what is gone from it."""
+
+HEARD_M: Final = 0.15
+"""What a range sensor hears so near to a thing of the map may be that thing."""
+
 KEPT_LOW_M = 1.0
 """What depth cameras saw so near goes with the robot when its pose jumps: they do not see the floor beside it."""
 
@@ -78,6 +85,9 @@ class WorldModel:
             comfort_m=params.comfort_m,
             guards=params.guards,
         )
+        self._mapped = self.ground
+        self.things = find_things(self.ground.walls, self.ground.frame)
+        self._gone = np.zeros(len(self.things.centers_m), np.bool_)
         self._live = nothing_seen(self.ground.frame)
         self._noise = Noise()
         self._low: LiveObstacles | None = None  # what depth cameras see, which lidars look over or under
@@ -99,8 +109,11 @@ class WorldModel:
         """The map's."""
         return self.ground.frame
 
-    def take_scan(self, seen: Seen) -> bool:
-        """Remember what lidars show; whether the pose has jumped so far that what was seen before is forgotten."""
+    def take_scan(self, seen: Seen, *, is_sure: bool = True) -> bool:
+        """Remember what lidars show; whether the pose has jumped so far that what was seen before is forgotten.
+
+        From a pose that is not sure nothing of the map is taken for gone.
+        """
         pose = self.frame.pose_to_grid(seen.map_from_base)
         is_void = self._is_void(pose, seen.stamp_s)
         if is_void:
@@ -118,6 +131,8 @@ class WorldModel:
         near = np.hypot(points[:, 0] - pose.x_m, points[:, 1] - pose.y_m) <= reach_m
         beams = sensor[confirmed] if len(sensor) == len(points) else sensor
         self._live = see_scan(self._live, self.frame, seen.stamp_s, beams, points[confirmed])
+        if is_sure and len(points) and float(is_known.mean()) >= FITS_SHARE:
+            see_through(self.things, self.frame, beams, points[confirmed])
         points, away_m = points[confirmed | near], away_m[confirmed | near]
         self._is_unmapped = np.asarray(away_m > EXPLAINED_M)
         self._velocity_m_s, self._is_walker = np.zeros_like(points), np.zeros(len(points), np.bool_)
@@ -152,6 +167,8 @@ class WorldModel:
         self._live, self._movers, self._noise = nothing_seen(self.frame), (), Noise()
         self._walked_s.fill(-math.inf)
         self._closed, self.trail = [], ()
+        self.things, self.ground = forgotten(self.things), self._mapped
+        self._gone.fill(False)
         if self._low is not None:
             correction = pose.compose(self._seen_from.inverse())
             self._low = moved_with(self._low, self.frame, self._seen_from, correction, KEPT_LOW_M)
@@ -185,6 +202,8 @@ class WorldModel:
     ) -> None:
         """Remember an echo of an ultrasonic or infrared sensor with a field of view."""
         sensor = self.frame.pose_to_grid(map_from_base).compose(base_from_sensor)
+        echo = sensor.compose(Pose2D(range_m, 0.0))
+        hear(self.things, self.frame, np.array([echo.x_m, echo.y_m]), HEARD_M)
         self._live = see_range(
             self._live, self.frame, self.ground.fixed_m, stamp_s, sensor, range_m, view_rad
         )
@@ -192,6 +211,28 @@ class WorldModel:
     def close(self, place: Floats, until_s: float) -> None:
         """Take a place (x, y of the grid's frame) for an obstacle for some time."""
         self._closed.append((until_s, place.copy()))
+
+    def open_gone(self) -> bool:
+        """Plan without the things of the map that are gone; whether others are gone than before."""
+        gone = find_gone(self.things, self._gone)
+        if (gone == self._gone).all():
+            return False
+        self._gone, self.ground = gone, self._without(np.flatnonzero(gone))
+        return True
+
+    def _without(self, things: NDArray[np.int64]) -> Costmap:
+        ground = self._mapped
+        for thing in things:
+            ground = without_thing(ground, self.things.cells[self.things.thing == thing])
+        return ground
+
+    def ground_without(self, things: NDArray[np.int64]) -> Costmap:
+        """The map without these things, and without those that are gone."""
+        return self._without(np.union1d(np.flatnonzero(self._gone), things))
+
+    def is_there(self, thing: int) -> bool:
+        """Whether the lidar sees something where a thing of the map is, or may be glass."""
+        return bool(self.things.ended[thing] >= THERE_TURNS or self.things.is_glass[thing])
 
     def open_all(self) -> None:
         """No place is closed any more."""
