@@ -35,8 +35,8 @@ class OccupancyGrid(Record, frozen=True):
 
 def cropped(grid: OccupancyGrid, margin_m: float) -> OccupancyGrid:
     """The grid without what is unknown all round, but for a margin; what is known stays where it is in ``map``."""
-    known = grid.percent != UNKNOWN
-    rows, columns = np.flatnonzero(known.any(axis=1)), np.flatnonzero(known.any(axis=0))
+    is_known = grid.percent != UNKNOWN
+    rows, columns = np.flatnonzero(is_known.any(axis=1)), np.flatnonzero(is_known.any(axis=0))
     if not len(rows):
         return grid
     margin = round(margin_m / grid.resolution_m)

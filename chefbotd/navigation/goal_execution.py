@@ -201,10 +201,10 @@ class GoalExecution:
         elif now.status is PoseStatus.UNCERTAIN:
             self._doubt(trip, now)
         else:
-            found = "".join(
-                f"; it went to look: something still stands at {place}" for place in self._look.found
+            outcome = "".join(
+                f"; it went to look: something still stands at {place}" for place in self._look.standing
             )
-            self.end(End.UNREACHABLE, f"unreachable: {trip.reason}{found}")
+            self.end(End.UNREACHABLE, f"unreachable: {trip.reason}{outcome}")
 
     def _goes_to_look(self, world: WorldModel, now: StepInput) -> bool:
         """Whether a thing of the map alone is in the way, and it can be seen whether that is still there."""
@@ -231,8 +231,8 @@ class GoalExecution:
         if not is_over and not world.open_gone():
             self._look = replace(look, since_s=since_s) if has_arrived else look
             return True
-        found = (*look.found, look.place) if world.is_there(look.thing) else look.found
-        self._look = Look(looked_from=(*look.looked_from, (here.x_m, here.y_m)), found=found)
+        standing = (*look.standing, look.place) if world.is_there(look.thing) else look.standing
+        self._look = Look(looked_from=(*look.looked_from, (here.x_m, here.y_m)), standing=standing)
         self.forget_path()
         return True
 

@@ -44,7 +44,7 @@ class Look(Record, frozen=True):
     place: str = ""
     since_s: float | None = None
     looked_from: tuple[tuple[float, float], ...] = ()
-    found: tuple[str, ...] = ()
+    standing: tuple[str, ...] = ()
 
     @property
     def reason(self) -> str:

@@ -202,14 +202,14 @@ class RecordingReader:
         Raises:
             ValueError: the chunk is damaged.
         """
-        at, size, head, topics, found = 0, len(data), MESSAGE_HEAD.size, self._topics, 0
+        at, size, head, topics, messages_seen = 0, len(data), MESSAGE_HEAD.size, self._topics, 0
         while at < size:
             opcode, length = RECORD_HEAD.unpack_from(data, at)
             at, end = at + RECORD_HEAD.size, at + RECORD_HEAD.size + length
             if end > size:
                 raise ValueError("a record is longer than its chunk")
             if opcode == Opcode.MESSAGE:
-                found += 1
+                messages_seen += 1
                 channel, sequence, log_ns, _ = MESSAGE_HEAD.unpack_from(data, at)
                 topic, schema = topics.get(channel) or self._channel(channel)
                 if schema.startswith(schemas):
@@ -219,7 +219,7 @@ class RecordingReader:
             elif opcode == Opcode.SCHEMA:
                 self._note(Schema.read(ReadDataStream(BytesIO(data[at:end]))))
             at = end
-        counts.add(found)
+        counts.add(messages_seen)
 
     def _channel(self, number: int) -> tuple[str, str]:
         if number not in self._topics:

@@ -96,6 +96,11 @@ def excused(vitals: Vitals, now_s: float, period_s: float) -> Vitals:
     return replace(vitals, spawned_s=vitals.spawned_s + late_s, heard_s=vitals.heard_s + late_s)
 
 
+def was_too_slow(reason: str) -> bool:
+    """Whether the worker was ended because it did not answer in time."""
+    return "did not answer" in reason
+
+
 def took_too_much(reason: str) -> bool:
     """Whether the worker was killed for its memory, by the reason that ``why_to_kill`` gave."""
     return "MB of memory;" in reason

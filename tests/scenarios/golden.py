@@ -121,7 +121,7 @@ def _tell(event: Any, start_s: float) -> str:
     for name, value in sorted(values.items(), key=lambda item: item[0] not in TIMES):
         if name in TIMES:
             value -= start_s
-        elif name == "latch":
+        elif name in ("latch", "stop_number"):
             value %= LATCHES_PER_SESSION  # no two starts of a daemon have the same
         fields.append(f"{name}={_text(value)}")
     return f"  {type(event).__name__}({', '.join(fields)})"

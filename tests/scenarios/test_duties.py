@@ -206,7 +206,7 @@ def test_intended_steps_are_no_fault():
 
 
 def test_a_wheel_that_does_not_turn_is_found():
-    """Its encoder is dead: stalled after 1.75 s (safety.wheels.stalled_s) in which it is certain that the duty was in force."""
+    """Its encoder is dead: stalled after 1.75 s (safety.wheels.stalled_s) with the duty in force for certain."""
 
     async def scenario(calibration: Calibration) -> None:
         rewire(calibration.robot, b"e", frozen(0))

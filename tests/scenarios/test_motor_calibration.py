@@ -87,7 +87,7 @@ def test_no_phase_of_the_command_delays_a_start(phase_s: float):
 )
 def test_every_published_sketch_starts_better_once_calibrated(sketch: str):
     """Cycles of 3 to 20 ms, with and without the board's time, echo of the battery or not: each start settles sooner."""
-    settings, speeds_m_s = imperfect(3, **{"sim.board.sketch": sketch}), (0.05, -0.1, 0.2, -0.3)
+    settings, speeds_m_s = imperfect(1, **{"sim.board.sketch": sketch}), (0.05, -0.1, 0.2, -0.3)
     found = values_of(found_on(settings)[0])
     before, after = (starts(settings, values, speeds_m_s) for values in ({}, found))
     assert all(new[0] < old[0] for new, old in zip(after, before, strict=True))

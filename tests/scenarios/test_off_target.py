@@ -37,7 +37,7 @@ def test_counts_that_are_four_times_too_many_are_said_while_driving() -> None:
     """It drives at 0.24 m/s for 0.1 and measures 0.06: that, and what to do first."""
     (reason,) = warnings_of(0.25, 0.1)
     assert "at 0.05 m/s by the encoders, where 0.09 is asked for" in reason
-    assert "calibrate encoders" in reason
+    assert "Calibrate the encoders by hand" in reason
 
 
 def test_counts_that_are_half_of_what_they_should_be_are_said_while_driving() -> None:

@@ -50,7 +50,7 @@ from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.models import DONE, Done, NoParams
 from chefbotd.rpc.parameters import Role
-from chefbotd.worker.watch import WorkerState, took_too_much
+from chefbotd.worker.watch import WorkerState, took_too_much, was_too_slow
 
 log = structlog.get_logger(component="maps")
 
@@ -100,10 +100,14 @@ class MapsService:
             await self._stop_using(self._end_reason)
 
     def _take_worker(self, event: WorkerReported) -> None:
-        """A worker that ended while it made the map ready, or of its memory, would end so again."""
+        """A worker that ended while it made the map ready, or of its memory, would end so again.
+
+        One that was too slow to answer may only have had a busy computer.
+        """
         if event.state != WorkerState.RESTARTING or self.in_use is None:
             return
-        if self._is_made_ready or took_too_much(event.reason):
+        ended_of_it = self._is_made_ready and not was_too_slow(event.reason)
+        if ended_of_it or took_too_much(event.reason):
             self._end_reason = event.reason
             self._worker_ended.set()
 

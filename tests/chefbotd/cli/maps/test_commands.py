@@ -34,10 +34,13 @@ def test_a_map_is_imported_listed_loaded_and_shown(mapctl: Control, tmp_path: Pa
     """The picture has the walls and the place; a pipe is no terminal, so it has no colours."""
     yaml = write_files(tmp_path, "room", ROOM)
     said = mapctl("map", "import", str(yaml))
-    assert (said.exit_code, said.output) == (
-        0, "Stored as the map room, version 1. 'chefbotctl map load' uses it.\n"
-    )  # fmt: skip
-    assert "room (version 1)" in mapctl("map", "load", "room").output
+    assert said.exit_code == 0
+    assert said.output.startswith(
+        "Stored as the map room, version 1. 'chefbotctl map load' uses it. Beware: "
+    )
+    assert "a resolution of 0.5 m makes it 2 by 2 m" in said.output
+    assert mapctl("map", "load", "room").exit_code == Exit.REFUSED
+    assert "room (version 1)" in mapctl("map", "load", "room", "--resolution-is-right").output
     assert (
         mapctl("places", "save", "stove", "0.25", "1.75", "-90").output
         == "stove is at (0.25 m, 1.75 m, -90°).\n"
@@ -123,7 +126,7 @@ def test_places_are_listed_and_deleted(mapctl: Control, folder: Path) -> None:
     lost = mapctl("places", "save", "here")
     assert lost.exit_code == Exit.REFUSED
     assert lost.stderr.startswith(
-        "Error: pose_unknown: where the robot is in the map 'flat' is not known (nothing tells it at present): say"
+        "Error: pose_unknown: where the robot is in the map 'flat' is not known (nothing tells it at present): wait"
     )
 
 
