@@ -188,8 +188,7 @@ class Manager:
             await asyncio.sleep(TICK_S)
 
     async def _send_what_is_due(self) -> None:
-        """Nothing is sent before the disk has what it follows from."""
-        self.fleet.store.save_again()
+        """What is due by now, one message after the other."""
         for message in self.fleet.tick(self._clock()):
             if isinstance(message, CancelOrder):
                 await self._send_action(message.robot, "cancelOrder", message.action_id)

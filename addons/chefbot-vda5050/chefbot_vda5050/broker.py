@@ -10,7 +10,7 @@ import ssl
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Final
+from typing import Any, Final
 
 import aiomqtt
 import structlog
@@ -67,7 +67,7 @@ async def listen_to(client: aiomqtt.Client, topic: str, kind: Kind) -> None:
         SubscriptionRefused: the broker does not let us.
     """
     granted = await client.subscribe(topic, qos=QOS[kind])
-    codes = granted if isinstance(granted, tuple | list) else (granted,)
+    codes: tuple[Any, ...] = tuple(granted) if isinstance(granted, tuple | list) else (granted,)
     if any(code is not None and int(getattr(code, "value", code)) >= REFUSED for code in codes):
         raise SubscriptionRefused(
             f"the broker refuses the subscription of {topic!a}, so nothing of it would arrive: see its access list"

@@ -25,7 +25,8 @@ _CELLS = np.frombuffer(
 
 def _cells(cells: Any) -> bytes:
     """A map's cells as JSON, without a number of Python for each: a stop waits while they are made."""
-    return b"[" + _CELLS.take(cells.view(np.uint8)).tobytes()[:-1] + b"]"
+    text: bytes = _CELLS.take(cells.view(np.uint8)).tobytes()
+    return b"[" + text[:-1] + b"]"
 
 
 @cache

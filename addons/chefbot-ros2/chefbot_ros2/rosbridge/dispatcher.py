@@ -59,7 +59,7 @@ class RosbridgeDispatcher(Dispatcher):
     def __init__(self, clock: Clock, arrivals: Arrivals, stop_number: Callable[[], int | None]) -> None:
         super().__init__({}, clock, arrivals, VELOCITY_HOLDS_S)
         self.urgent_pattern = STOP
-        self._wall, self._stops, self._stop_number = clock, arrivals, stop_number
+        self._wall, self._stops, self._robot_stop_number = clock, arrivals, stop_number
         self._clients: dict[Session, Client] = {}
 
     def add(self, session: Session, client: Client) -> None:
@@ -85,7 +85,7 @@ class RosbridgeDispatcher(Dispatcher):
         elif line == TOO_LONG:
             client.tell(f"a message is too long: it has at most {LONGEST_BYTES} bytes")
         else:
-            client.commands.stop_number = self._stop_number()
+            client.commands.stop_number = self._robot_stop_number()
             age_s = 0.0 if arrival is None else self._stops.age_s(arrival)
             client.handle(bytes(line), age_s, self._overtaken_by(arrival))
 
