@@ -154,15 +154,16 @@ class MapsService:
     @method(role=Role.OBSERVE)
     async def list_maps(self, caller: Caller, params: NoParams, progress: ProgressReporter) -> MapList:
         """List the stored maps, whether each is intact, and which one is in use."""
+        in_use = self.in_use  # of one moment: another may be loaded while the disk is read
 
         def read() -> list[Any]:
-            return [self._summarize(name) for name in self.store.names()]
+            return [self._summarize(name, in_use) for name in self.store.names()]
 
         maps = await self._in_thread(read)
-        return MapList(folder=str(self.store.folder), in_use=self.in_use, maps=tuple(maps))
+        return MapList(folder=str(self.store.folder), in_use=in_use, maps=tuple(maps))
 
-    def _summarize(self, name: str) -> MapSummary:
-        summary = _summary(self.store.describe(name, thorough=True), self.in_use)
+    def _summarize(self, name: str, in_use: str | None) -> MapSummary:
+        summary = _summary(self.store.describe(name, thorough=True), in_use)
         if summary.version is None:
             return summary
         why = why_it_ended(self.store.read_beside(name, KILLED), summary.version)

@@ -186,5 +186,6 @@ def test_a_serial_port_says_how_many_bytes_wait():
             transport.abort()
             await asyncio.sleep(0)
             assert transport.unread_bytes() == 0
+            wait_until(lambda: not port.is_open)  # a thread closes it, and nobody else may meanwhile
 
     asyncio.run(scenario())
