@@ -116,6 +116,19 @@ def ended_leg(
     )
 
 
+def standing_text(truth: Truth, goal: Pose2D) -> str:
+    """Who stands where: the robot, and people and things, the nearest first, with their distance from its outline."""
+    pose = truth.pose
+    if pose is None:
+        return "the simulator has not said where the robot stands"
+    here = (pose.x_m, pose.y_m)
+    away_m = math.dist(here, (goal.x_m, goal.y_m))
+    text = f"the robot stands at ({pose.x_m:.2f}, {pose.y_m:.2f}), {away_m:.2f} m from the goal"
+    apart = sorted((math.dist(here, disc[:2]) - disc[2] - truth.radius_m, disc) for disc in truth.discs)
+    others = [f"({x_m:.2f}, {y_m:.2f}), {apart_m:.2f} m from it" for apart_m, (x_m, y_m, _) in apart]
+    return f"{text}; people and things stand at {'; '.join(others)}" if others else text
+
+
 class Best:
     """The shortest way for the robot's circle among walls and things, and the least time for it.
 

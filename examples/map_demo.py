@@ -14,11 +14,12 @@ from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.drive.control import send_drive
 from chefbotd.cli.drive.simulated_daemon import simulated_daemon, until_worker_ready
 from chefbotd.cli.maps.live_view import MappingScene, Show, listen
-from chefbotd.client import CallError, Client
+from chefbotd.client import Client
 from chefbotd.client.models import MapSaved
-from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import Record
 from chefbotd.mapping.occupancy_grid import OccupancyGrid
+from examples.robot_time import RobotTime, follow
 from examples.route import Point, is_reached, length_m, seen_from, velocity_to
 
 ROOMS: Final[tuple[Point, ...]] = (
@@ -42,7 +43,7 @@ class Processes(Record, frozen=True):
 
 
 class DemoResult(Record, frozen=True):
-    """What came of it."""
+    """What came of it; ``seconds`` are by the robot's clock, ``late`` is what is to be said of a busy computer."""
 
     saved: MapSaved
     grid: OccupancyGrid
@@ -52,6 +53,7 @@ class DemoResult(Record, frozen=True):
     missed_steps: int
     worker_restarts: int
     processes: Processes
+    late: str = ""
 
 
 class Demo:
@@ -59,7 +61,7 @@ class Demo:
 
     def __init__(self, folder: Path, name: str, start: Pose2D, show: Show) -> None:
         self._folder, self._name, self._show = folder, name, show
-        self._start = start
+        self._start, self._time = start, RobotTime()
         self._points = seen_from(start, ROOMS)
         self._scene = MappingScene(doing="starting the simulated robot")
         self._worker_pid: int | None = None
@@ -72,7 +74,7 @@ class Demo:
         """
         self._show(self._scene)
         environment = {"CHEFBOTD_MAPS__FOLDER": str(self._folder.absolute())}
-        async with simulated_daemon("chefbot_lidar", environment) as (where, daemon_pid):
+        async with simulated_daemon("chefbot_lidar", environment, own_clock=True) as (where, daemon_pid):
             return await CommandContext(where).with_client(lambda robot: self._with_robot(robot, daemon_pid))
 
     async def _with_robot(self, robot: Client, daemon_pid: int) -> DemoResult:
@@ -80,10 +82,12 @@ class Demo:
         self._worker_pid = await until_worker_ready(robot, self._say)
         await robot.discard_mapping()
         await robot.start_mapping()
-        began_s, before, used = time.monotonic(), await robot.get_stats(), Usage(daemon_pid, self._worker_pid)
-        async with beside(listen(robot, self._scene, self._show)):
+        async with beside(follow(robot, self._time), listen(robot, self._scene, self._show)):
+            await self._time.until_first()
+            before, used = await robot.get_stats(), Usage(daemon_pid, self._worker_pid)
+            began_s = self._time.now_s
             await self._drive(robot)
-            driven_s = time.monotonic() - began_s
+            driven_s, late = self._time.now_s - began_s, self._time.late_text()
             processes = used.since()
             self._scene.doing = "matching all scans with each other"
             saved = await robot.finish_mapping(self._name, on_progress=self._report)
@@ -97,12 +101,13 @@ class Demo:
             missed_steps=missed_steps(before, after),
             worker_restarts=_count(after, "worker_restarts") - _count(before, "worker_restarts"),
             processes=processes,
+            late=late,
         )
 
     async def _drive(self, robot: Client) -> None:
         """Through all points; it fails where the robot comes no nearer to the end for some time."""
-        loop, scene, total = asyncio.get_running_loop(), self._scene, len(self._points)
-        nearest_m, nearer_s = float("inf"), loop.time()
+        scene, total = self._scene, len(self._points)
+        nearest_m, nearer_s = float("inf"), self._time.now_s
         try:
             while self._points:
                 scene.doing = f"driving, point {total - len(self._points) + 1} of {total}"
@@ -113,11 +118,11 @@ class Demo:
                         continue
                     after = self._points[1] if len(self._points) > 1 else None
                     twist = velocity_to(pose, self._points[0], after)
-                    await steer(robot, twist)
+                    await send_drive(robot, twist)
                     left_m = length_m(pose, self._points)
                     if left_m < nearest_m - 0.05:
-                        nearest_m, nearer_s = left_m, loop.time()
-                if loop.time() - nearer_s > STUCK_S:
+                        nearest_m, nearer_s = left_m, self._time.now_s
+                if self._time.now_s - nearer_s > STUCK_S:
                     raise ProgramError(Exit.NOT_DONE, await self._why_stuck(robot))
                 await asyncio.sleep(COMMAND_S)
         finally:
@@ -135,16 +140,6 @@ class Demo:
     def _report(self, done: float, total: float, text: str) -> None:
         self._scene.doing = f"{text} ({100 * done / total:.0f} %)"
         self._show(self._scene)
-
-
-async def steer(robot: Client, twist: Twist2D) -> None:
-    """Drive so. A simulated robot that a busy computer held up is armed again; the missed steps are told at the end."""
-    try:
-        await send_drive(robot, twist)
-    except CallError as error:
-        if error.kind != "disarmed" or (await robot.get_state()).safety.fault != "loop_blocked":
-            raise
-        await robot.arm()
 
 
 class Usage:

@@ -32,18 +32,11 @@ PEOPLE: Final = (
 CHAIR: Final = ThingParameters(x_m=3.2, y_m=3.8, radius_m=0.2)
 """In the hall, on the way from the living room to the study. It is on no map."""
 
-PATIENCE_S: Final = 3.0
-"""A busy computer holds up the daemon for longer than a real robot may be; the simulated robot stands still with it.
-
-For the same reason the worker does not stand back for whatever else the computer does.
-"""
-
 
 def environment(folder: Path) -> dict[str, str]:
-    """What makes a daemon simulate this, with its maps in ``folder``."""
+    """What makes a daemon simulate this, with its maps in ``folder``; the robot's clock waits for its worker."""
     return {
         "CHEFBOTD_MAPS__FOLDER": str(folder.absolute()),
-        "CHEFBOTD_WATCHDOG__TIMEOUT_S": repr(PATIENCE_S),
         "CHEFBOTD_WORKER__NICENESS": "0",
         "CHEFBOTD_SIM__WORLD__START_X_M": repr(START.x_m),
         "CHEFBOTD_SIM__WORLD__START_Y_M": repr(START.y_m),

@@ -3,14 +3,12 @@
 import asyncio
 import math
 import tempfile
-import time
 from pathlib import Path
 from typing import Final
 
 import chefbotd.sim.worlds
 from chefbotd.cli.common.context import CommandContext, beside
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.drive.control import ignoring_too_old
 from chefbotd.cli.drive.simulated_daemon import simulated_daemon, until_worker_ready
 from chefbotd.cli.maps.draw import MapMark
 from chefbotd.cli.navigate.view import PLACE, NavigationScene, Show, listen
@@ -21,7 +19,8 @@ from chefbotd.sim.scene import of_solids
 from chefbotd.sim.worlds.flat import FLAT
 from chefbotd.sim_parameters.motor import SimBodyParameters
 from examples import order
-from examples.legs import Best, Leg, Truth, ended_leg
+from examples.legs import Best, Leg, Truth, ended_leg, standing_text
+from examples.robot_time import RobotTime
 from examples.serve_report import Found, Served
 
 MAP: Final = Path(chefbotd.sim.worlds.__file__).parent / "flat.yaml"
@@ -29,9 +28,12 @@ LOOK_S, LOOK_RAD_S, FOUND_S = 4.0, 0.5, 40.0
 """It looks for so long while it stands; then it turns, so that it sees from more sides."""
 
 LEG_S, ORDER_S = 75.0, 300.0
-"""The longest time for one leg, and for the whole order from the loaded map on: two minutes on an idle computer."""
+"""The longest time for one leg, and for the whole order from the loaded map on, which takes two minutes.
 
-TRUTH_HZ, SENT_AGAIN_S = 25.0, 0.2
+All times are by the robot's clock, which a busy computer slows down.
+"""
+
+TRUTH_HZ = 25.0
 
 
 class Serve:
@@ -44,7 +46,7 @@ class Serve:
         world = of_solids(FLAT.solids).below(body.height_m)
         self._truth = Truth(world, body.radius_m)
         chair = (order.CHAIR.x_m, order.CHAIR.y_m, order.CHAIR.radius_m)
-        self._due_s = math.inf
+        self._time, self._due_s = RobotTime(), math.inf
         self._best = Best(FLAT.grid(), [chair], body.radius_m)
 
     async def run(self) -> Served:
@@ -56,23 +58,24 @@ class Serve:
         self._show(self._scene)
         with tempfile.TemporaryDirectory(prefix="chefbotctl-") as folder:
             environment = order.environment(Path(folder) / "maps")
-            async with simulated_daemon("chefbot_lidar", environment) as (where, _):
+            async with simulated_daemon("chefbot_lidar", environment, own_clock=True) as (where, _):
                 return await CommandContext(where).with_client(self._with_robot)
 
     async def _with_robot(self, robot: Client) -> Served:
-        began_s = time.monotonic()
         await robot.wait_until_armed()
         await until_worker_ready(robot, self._say)
         async with beside(self._watch_truth(robot), listen(robot, self._scene, self._show)):
+            await self._time.until_first()
+            began_s = self._time.now_s
             await self._load_map(robot)
-            self._due_s = time.monotonic() + ORDER_S
+            self._due_s = self._time.now_s + ORDER_S
             start = await self._find(robot)
             legs: list[Leg] = []
             for place in self._places:
                 legs.append(await self._leg(robot, place))
                 if legs[-1].end != "reached":
                     break
-        return Served(start, tuple(legs), time.monotonic() - began_s)
+        return Served(start, tuple(legs), self._time.now_s - began_s, self._time.late_text())
 
     async def _watch_truth(self, robot: Client) -> None:
         async with robot.subscribe("sim", max_rate_hz=TRUTH_HZ) as events:
@@ -82,6 +85,7 @@ class Serve:
                 pose = Pose2D(data.x_m, data.y_m, data.heading_rad)
                 self._truth.add_pose(pose, discs, in_contact=data.in_contact)
                 self._scene.discs = discs
+                self._time.take_stamp(event.stamp_s)
 
     async def _load_map(self, robot: Client) -> None:
         self._say("loading the map of the flat")
@@ -103,22 +107,22 @@ class Serve:
             ProgramError: it did not find out.
         """
         self._say("finding out where it is")
-        began_s, turns = time.monotonic(), False
+        began_s, turns = self._time.now_s, False
         try:
-            async with asyncio.timeout(FOUND_S):
+            async with self._time.timeout(FOUND_S):
                 while self._scene.localization != "localized" or self._scene.tracker.pose is None:
                     await asyncio.sleep(0.1)
-                    if time.monotonic() - began_s > LOOK_S:
+                    if self._time.now_s - began_s > LOOK_S:
                         turns = True
                         await robot.drive(0.0, LOOK_RAD_S)
         except TimeoutError:
             reason = f"it did not find out where it is within {FOUND_S:g} s: {self._scene.localization}"
             raise ProgramError(Exit.NOT_DONE, reason) from None
-        took_s = time.monotonic() - began_s
+        took_s = self._time.now_s - began_s
         if turns:
             await robot.stop()
             await robot.release_control()
-            await asyncio.sleep(1.0)
+            await self._time.sleep(1.0)
         return self._start_of(took_s, turned=turns)
 
     def _start_of(self, took_s: float, *, turned: bool) -> Found:
@@ -134,30 +138,26 @@ class Serve:
         """Send it to a place, and wait for the end."""
         self._say(f"to {place}" if place in order.TABLES else f"home to the {place}")
         self._truth.begin_leg()
-        start, began_s = self._truth.pose or order.START, time.monotonic()
+        start, began_s = self._truth.pose or order.START, self._time.now_s
         end = await self._end_of(robot, place)
-        seconds = time.monotonic() - began_s
-        await asyncio.sleep(0.3)  # it stands, and the truth of that has arrived
+        seconds = self._time.now_s - began_s
+        await self._time.sleep(0.3)  # it stands, and the truth of that has arrived
         return ended_leg(place, start, order.PLACES[place], end, seconds, self._truth, self._best)
 
     async def _end_of(self, robot: Client, place: str) -> tuple[str, str]:
-        limit_s = max(1.0, min(LEG_S, self._due_s - time.monotonic()))
+        limit_s = max(1.0, min(LEG_S, self._due_s - self._time.now_s))
         try:
-            async with asyncio.timeout(limit_s):
-                return "reached", await self._sent(robot, place)
+            async with self._time.timeout(limit_s):
+                return "reached", await robot.navigate_to(place=place)
         except GoalNotReached as error:
             return error.end, error.reason
         except TimeoutError:
+            where = standing_text(self._truth, order.PLACES[place])
             await robot.cancel_navigation()
-            return "timed out", f"not there within {limit_s:.0f} s; last: {self._scene.reason}"
-
-    async def _sent(self, robot: Client, place: str) -> str:
-        """On a busy computer a request may be too old before it is read: then it is sent again, until the leg's end."""
-        while True:
-            with ignoring_too_old():
-                return await robot.navigate_to(place=place)
-            await asyncio.sleep(SENT_AGAIN_S)
+            last = self._scene.reason or self._scene.state
+            return "timed out", f"not there within {limit_s:.0f} s; last: {last}; {where}"
 
     def _say(self, doing: str) -> None:
-        self._scene.doing = doing
+        late = self._time.late_text()
+        self._scene.doing = f"{doing} ({late})" if late else doing
         self._show(self._scene)

@@ -30,11 +30,12 @@ class Found(Record, frozen=True):
 
 
 class Served(Record, frozen=True):
-    """What came of it."""
+    """What came of it; all times are by the robot's clock. ``late`` is what is to be said of a busy computer."""
 
     found: Found
     legs: tuple[Leg, ...]
     seconds: float
+    late: str = ""
 
     @property
     def failures(self) -> tuple[str, ...]:
@@ -45,6 +46,8 @@ class Served(Record, frozen=True):
 def print_report(view: NavigationView, served: Served) -> None:
     """How it found out where it was, and a table of the legs."""
     view.print(found_text(served), _table(served.legs))
+    if served.late:
+        view.print(f"{served.late[0].upper()}{served.late[1:]}, and all times are by that clock.")
 
 
 def found_text(served: Served) -> str:
@@ -85,6 +88,7 @@ def as_json(served: Served) -> dict[str, Any]:
         "found": asdict(served.found),
         "legs": [{name: _finite(value) for name, value in asdict(leg).items()} for leg in served.legs],
         "seconds": served.seconds,
+        "late": served.late or None,
         "failures": list(served.failures),
     }
 

@@ -91,7 +91,7 @@ async def in_the_flat(folder: Path, page_port: int) -> None:
         "CHEFBOTD_PAGE__ENABLED": "true",
         "CHEFBOTD_PAGE__PORT": str(page_port),
     }
-    async with simulated_daemon("chefbot_lidar", environment) as (where, _):
+    async with simulated_daemon("chefbot_lidar", environment, own_clock=True) as (where, _):
         async with Client.connect(where.host, where.port, name="restaurant") as robot:
             await prepare(robot)
         echo(f"Order at http://127.0.0.1:{page_port}/ (Ctrl-C ends all of it).")

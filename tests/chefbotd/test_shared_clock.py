@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 from chefbotd.process.shared_loop import SharedClockLoop
-from chefbotd.shared_clock import START_S, TICK_S, ClockServer, SharedClock
+from chefbotd.shared_clock import CATCHES_UP_S, START_S, TICK_S, ClockServer, SharedClock, next_due_s
 
 FAST = "1e6"
 """The clock goes as fast as those that keep to it."""
@@ -115,6 +115,13 @@ def test_a_clock_that_has_ended_ends_who_keeps_to_it() -> None:
     with pytest.raises(ConnectionError, match="the shared clock has ended"):
         clock.receive()
     ours.close()
+
+
+def test_what_a_stalled_computer_lost_is_not_made_up_for() -> None:
+    """After a second without the processor the clock does not race through 200 ticks; a late tick or two it makes up."""
+    assert next_due_s(10.0, 10.001, 0.005) == pytest.approx(10.005)
+    assert next_due_s(10.0, 10.012, 0.005) == pytest.approx(10.005)
+    assert next_due_s(10.0, 11.0, 0.005) == pytest.approx(11.0 - CATCHES_UP_S)
 
 
 def test_a_pace_that_is_none_is_refused(tmp_path: Path) -> None:

@@ -18,44 +18,81 @@ from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.client import Client
 from chefbotd.transport.ports import reserve_port
 
-LISTENING_PATIENCE_S = 20.0
-ENDING_PATIENCE_S = 5.0
+LISTENING_PATIENCE_S = 60.0
+ENDING_PATIENCE_S = 20.0
 RETRY_S = 0.05
 LOG_TAIL_LINES = 20
+CLOCK_KEY: Final = "CHEFBOTD_SIM__SHARED_CLOCK"
 
 
 @asynccontextmanager
 async def simulated_daemon(
-    robot: Path | str = "chefbot", environment: Mapping[str, str] = MappingProxyType({})
+    robot: Path | str = "chefbot",
+    environment: Mapping[str, str] = MappingProxyType({}),
+    *,
+    own_clock: bool = False,
 ) -> AsyncIterator[tuple[Address, int]]:
     """Start ``chefbotd run --sim``, wait until it listens, and end it when the block ends, also after an error.
 
     Yields its address and its process id. ``robot`` is the configuration, or the name of a packaged one.
-    ``environment`` is added to ours.
+    ``environment`` is added to ours. With ``own_clock`` daemon, worker and simulated robot keep to a clock of their own,
+    which a busy computer slows down, so that nothing is late; else to the computer's.
 
     Raises:
         ProgramError: it ended, or did not listen in time; its last log lines are in the message.
     """
     address = Address("127.0.0.1", reserve_port())
     with tempfile.TemporaryFile("w+") as log:
-        words = ("run", "--sim", "--listen", str(address), "--config", str(robot))
-        process = await asyncio.create_subprocess_exec(
-            sys.executable,
-            "-m",
-            "chefbotd.cli.programs.chefbotd",
-            *words,
-            stdout=log,
-            stderr=log,
-            env={**os.environ, **environment},
-            start_new_session=True,  # Ctrl-C reaches only us: we stop the robot before its daemon ends
-        )
-        try:
-            await _listening(process, address, log)
-            yield address, process.pid
-        finally:
-            code = await _end(process)
+        async with _clock_in(environment, own_clock=own_clock) as theirs:
+            words = ("run", "--sim", "--listen", str(address), "--config", str(robot))
+            process = await asyncio.create_subprocess_exec(
+                sys.executable,
+                "-m",
+                "chefbotd.cli.programs.chefbotd",
+                *words,
+                stdout=log,
+                stderr=log,
+                env={**os.environ, **theirs},
+                start_new_session=True,  # Ctrl-C reaches only us: we stop the robot before its daemon ends
+            )
+            try:
+                await _listening(process, address, log)
+                yield address, process.pid
+            finally:
+                code = await _end(process)
     if code != Exit.OK:
         raise ProgramError(Exit.FAILED, f"chefbotd ended with exit code {code}")
+
+
+@asynccontextmanager
+async def _clock_in(environment: Mapping[str, str], *, own_clock: bool) -> AsyncIterator[Mapping[str, str]]:
+    """The environment of a daemon, with a clock that ends with the block if it is to have one.
+
+    Raises:
+        ProgramError: the clock did not begin in time.
+    """
+    if not own_clock:
+        yield environment
+        return
+    with tempfile.TemporaryDirectory(prefix="chefbotctl-clock-") as folder:
+        path = Path(folder) / "clock"
+        words = ("-P", "-m", "chefbotd.shared_clock", str(path))
+        clock = await asyncio.create_subprocess_exec(sys.executable, *words, start_new_session=True)
+        try:
+            await _until_there(path)
+            yield {**environment, CLOCK_KEY: str(path)}
+        finally:
+            send_signal(clock, signal.SIGKILL)  # it has nothing to keep
+            await clock.wait()
+
+
+async def _until_there(path: Path) -> None:
+    for _ in range(int(LISTENING_PATIENCE_S / RETRY_S)):
+        if path.exists():  # noqa: ASYNC240 - in a folder of temporary files: it does not block
+            return
+        await asyncio.sleep(RETRY_S)
+    reason = f"the simulated robot's clock did not begin within {LISTENING_PATIENCE_S:g} s"
+    raise ProgramError(Exit.FAILED, reason)
 
 
 async def _listening(process: Process, address: Address, log: IO[str]) -> None:

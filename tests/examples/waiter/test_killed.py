@@ -58,7 +58,7 @@ def test_an_order_is_served_once_though_the_daemon_is_killed_on_the_way(tmp_path
         return Client.connect(*where[-1], name="waiter")
 
     async def until_killed() -> None:
-        async with simulated_daemon("chefbot_lidar", environment) as (address, pid):
+        async with simulated_daemon("chefbot_lidar", environment, own_clock=True) as (address, pid):
             where.append((address.host, address.port))
             async with Client.connect(*where[-1]) as robot:
                 await make_ready(robot, first=True)
@@ -71,7 +71,7 @@ def test_an_order_is_served_once_though_the_daemon_is_killed_on_the_way(tmp_path
             os.kill(pid, signal.SIGKILL)
 
     async def until_served() -> None:
-        async with simulated_daemon("chefbot_lidar", environment) as (address, _):
+        async with simulated_daemon("chefbot_lidar", environment, own_clock=True) as (address, _):
             where.append((address.host, address.port))
             async with Client.connect(*where[-1]) as robot:
                 await make_ready(robot, first=False)
