@@ -150,8 +150,11 @@ COLUMNS = ("port", "lasting name", "USB", "driver", "open it?", "held by")
 @click.command()
 @click.argument("devices", metavar="[DEVICE]...", nargs=-1)
 @click.option("--listen", "listens", is_flag=True, help="Find out what is behind each: boards and lidars.")
+@click.option(
+    "--udev", "name", metavar="NAME", help="Print the udev rule by which DEVICE is always /dev/NAME."
+)
 @click.pass_obj
-def ports(context: CommandContext, devices: tuple[str, ...], listens: bool) -> None:
+def ports(context: CommandContext, devices: tuple[str, ...], listens: bool, name: str | None) -> None:
     """Show the serial ports that are plugged in; with DEVICE, these.
 
     With --listen each free port is opened and listened to at the usual baud rates; some boards restart when their port
@@ -163,6 +166,9 @@ def ports(context: CommandContext, devices: tuple[str, ...], listens: bool) -> N
     from chefbotd.link.port import open_port
 
     ports_here = serial_ports(devices)
+    if name is not None:
+        _print_rule(ports_here, name, context)
+        return
     if not context.as_json:
         _show(ports_here)
     if listens and not context.as_json and ports_here:
@@ -170,6 +176,27 @@ def ports(context: CommandContext, devices: tuple[str, ...], listens: bool) -> N
     behind = context.run(_all(look_behind(ports_here, open_port, SystemClock()), context)) if listens else []
     if context.as_json:
         echo(json.dumps({"ports": [_as_data(port, behind) for port in ports_here]}))
+
+
+def _print_rule(ports_here: "list[SerialPort]", name: str, context: CommandContext) -> None:
+    """The rule for the one port; what to do with it goes beside the rule, which may be piped into its file."""
+    from chefbotd.doctor.listening.udev import RULES_FILE, udev_rule
+
+    if len(ports_here) != 1:
+        named = ", ".join(port.device for port in ports_here) or "none"
+        raise click.UsageError(f"--udev names one port; name its DEVICE (plugged in: {named})")
+    try:
+        rule = udev_rule(ports_here[0], name)
+    except ValueError as error:
+        raise ProgramError(Exit.NOT_DONE, str(error)) from error
+    if context.as_json:
+        echo(json.dumps({"rule": rule, "file": RULES_FILE.format(name=name)}))
+        return
+    click.echo(
+        f"Into {RULES_FILE.format(name=name)}; then: sudo udevadm control --reload, and plug it in again",
+        err=True,
+    )
+    echo(rule.rstrip())
 
 
 def _show(ports_here: "list[SerialPort]") -> None:

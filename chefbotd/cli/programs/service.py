@@ -40,11 +40,24 @@ root = click.option(
 @click.option(
     "--no-start", is_flag=True, help="Start it neither at boot nor now; a running service is left alone."
 )
+@click.option(
+    "--program",
+    "named",
+    metavar="PATH",
+    type=click.Path(path_type=Path),
+    help="With --root: chefbotd's path in the system that DIR will be, where this chefbotd is not in DIR.",
+)
 @dry_run
 @root
 @click.pass_context
 def install_service(
-    ctx: click.Context, robot: str | None, config: Path | None, no_start: bool, dry_run: bool, root: Path
+    ctx: click.Context,
+    robot: str | None,
+    config: Path | None,
+    no_start: bool,
+    named: Path | None,
+    dry_run: bool,
+    root: Path,
 ) -> None:
     """Install chefbotd as a systemd service, and start it.
 
@@ -64,6 +77,7 @@ def install_service(
     _require_root(program, root, dry_run=dry_run)
     if root == Path("/"):
         _require_reachable(program)
+    program = program_in(root, program, named)
     request = plan.Wanted(program, robot or "chefbot", config, start=not no_start)
     try:
         steps = plan.install(Host(root), request)
@@ -120,6 +134,33 @@ def _program() -> Path:
     if program is None:
         raise ProgramError(Exit.FAILED, f"there is no program chefbotd in {beside.parent} or on the PATH")
     return Path(program).absolute()
+
+
+def program_in(root: Path, program: Path, named: Path | None) -> Path:
+    """The path by which the system of ``root`` will find the program: ``named``, or that of the one that runs.
+
+    Raises:
+        ProgramError: the one that runs is not in that system; or the service could not see the one that was named.
+        click.UsageError: one was named for the system that runs, or not by its whole path.
+    """
+    if root == Path("/"):
+        if named is not None:
+            raise click.UsageError("--program is for --root: here the program that runs is the service's")
+        return program
+    if named is None:
+        if not program.is_relative_to(root.absolute()):
+            reason = f"{program} is not in {root}, where the service would look for it"
+            advice = "give --program, such as /opt/pipx/venvs/chefbotd/bin/chefbotd"
+            raise ProgramError(Exit.FAILED, f"{reason}: {advice}")
+        named = Path("/") / program.relative_to(root.absolute())
+    if not named.is_absolute():
+        raise click.UsageError(
+            f"--program {named}: expected the whole path in the system that {root} will be"
+        )
+    hidden = next((name for name in HIDDEN_FROM_SERVICES if named.is_relative_to(name)), None)
+    if hidden is not None:
+        raise ProgramError(Exit.FAILED, f"{named} is in {hidden}, which the service cannot see: {ADVICE}")
+    return named
 
 
 def _require_root(program: Path, root: Path, *, dry_run: bool) -> None:

@@ -29,11 +29,14 @@ SYSUSERS = "/etc/sysusers.d/chefbotd.conf"
 FOLDER, STATE, CACHE, RUNTIME = "/etc/chefbotd", "/var/lib/chefbotd", "/var/cache/chefbotd", "/run/chefbotd"
 UDEV = "/run/udev/control"
 TOKEN_MODE = 0o600
+LINKS = 8
+"""A program may be a link to a link; a ring of them ends the search."""
 
 
 class Wanted(Struct, frozen=True):
     """What to install: ``program`` is started with the configuration of ``robot``, or a copy of the file ``config``.
 
+    The program's path is that of the system on which the service runs, whatever folder the installation goes to.
     ``start`` is whether to start it, now and at each boot.
     """
 
@@ -58,6 +61,7 @@ def install(host: Host, request: Wanted) -> list[InstallationStep]:
     steps.append(rule)
     steps += _named(host, rule)
     unit = file(host, UNIT, texts.unit((templates / SERVICE).read_text(encoding="utf-8"), request.program))
+    steps += _program(host, request.program)
     return [*steps, unit, *_daemon_reload(host, unit), *(_started(host, unit) if request.start else ())]
 
 
@@ -90,7 +94,7 @@ def _configuration(host: Host, request: Wanted) -> Iterator[InstallationStep]:
     if source is None:
         text = texts.configuration(
             packaged(request.robot).read_text(encoding="utf-8"),
-            with_page=importlib.util.find_spec("aiohttp") is not None,
+            with_page=_has_page(host, request.program),
         )
     else:
         load(source)
@@ -105,6 +109,25 @@ def _configuration(host: Host, request: Wanted) -> Iterator[InstallationStep]:
         yield InstallationStep(f"{texts.CONFIGURATION}: unchanged")
     else:
         yield InstallationStep(f"{texts.CONFIGURATION}: kept as it is (edited, or another robot's)")
+
+
+def _has_page(host: Host, program: Path) -> bool:
+    """Whether the page's extra is where the program is: in this environment, or in one of another system."""
+    if host.is_running:
+        return importlib.util.find_spec("aiohttp") is not None
+    inside = host.path(str(program))
+    for _ in range(LINKS):  # a link's target is a path of that system
+        if not inside.is_symlink():
+            break
+        inside = host.path(str(Path("/") / inside.parent.relative_to(host.root) / inside.readlink()))
+    return any(inside.parent.parent.glob("lib/python3*/site-packages/aiohttp"))
+
+
+def _program(host: Host, program: Path) -> Iterator[InstallationStep]:
+    """A word about a program that the other system does not have yet."""
+    inside = host.path(str(program))
+    if not host.is_running and not inside.exists() and not inside.is_symlink():
+        yield InstallationStep(f"{program}: not in {host.root} yet; the unit starts it, so install it there")
 
 
 def _description(host: Host, source: Path) -> Iterator[InstallationStep]:

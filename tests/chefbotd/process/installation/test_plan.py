@@ -72,18 +72,22 @@ class Computer:
         return (self.root / name.removeprefix("/")).read_text()
 
     def files(self) -> Mapping[str, tuple[int, bytes]]:
-        """Every file with its mode and content."""
+        """Every file that was installed, with its mode and content."""
         return {
             str(path): (path.stat().st_mode, path.read_bytes())
             for path in sorted(self.root.rglob("*"))
-            if path.is_file()
+            if path.is_file() and not path.is_relative_to(self.root / "opt")
         }
 
 
 @pytest.fixture
 def computer(tmp_path: Path) -> Computer:
-    """One on which nothing is installed."""
+    """One that has the program, with the page's extra, and no service."""
     (tmp_path / "etc").mkdir()
+    program = tmp_path / PROGRAM.relative_to("/")
+    (program.parent.parent / "lib/python3.11/site-packages/aiohttp").mkdir(parents=True)
+    program.parent.mkdir()
+    program.touch()
     return Computer(tmp_path)
 
 
