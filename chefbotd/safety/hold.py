@@ -11,7 +11,8 @@ held, whoever tried first. A source is free when no held client has tried for ``
 of the stop neither ends the hold of the others nor makes it longer.
 
 Taking control of a source is a try of it. From another client it also asks to drive after the stop, but only for a
-client that has not tried within ``stop_hold_s``: a program that repeats it decides nothing.
+client that has not tried within ``stop_hold_s``, and only where nobody has taken control of this source within
+``TAKING_PAUSE_S``: programs that repeat it decide nothing, on one connection or on a new one each time.
 """
 
 from chefbotd.core.record import Record, replace
@@ -20,12 +21,16 @@ NEVER_S = float("-inf")
 MOST_KNOWING = MOST_TRYING = 64
 """So many clients that know of a stop, or that try, are remembered, the latest ones; who is forgotten asks again."""
 
+TAKING_PAUSE_S = 5.0
+"""Who takes control so soon after anybody has taken it may be a program that repeats it (assumed)."""
+
 
 class Tries(Record, frozen=True, array_like=True):
     """The last try to drive a source and its client, the last one of any other client, and the stop that holds it.
 
     ``stopped_by`` is empty where none does. ``knowing`` are the clients that are not held, and ``held_s`` is when a
-    held one has tried last. ``trying`` has the last try of each client that has tried lately.
+    held one has tried last. ``trying`` has the last try of each client that has tried lately, ``taken_s`` is when
+    anybody has taken control of the source last.
     """
 
     source: str
@@ -36,6 +41,7 @@ class Tries(Record, frozen=True, array_like=True):
     knowing: tuple[int, ...] = ()
     held_s: float = NEVER_S
     trying: tuple[tuple[int, float], ...] = ()
+    taken_s: float = NEVER_S
 
 
 State = tuple[Tries, ...]
@@ -59,7 +65,7 @@ def note_try(
         [o for o in before.trying if o[0] != client and now_s - o[1] < stop_hold_s][1 - MOST_TRYING :]
     )
     trying = (*trying, (client, now_s))
-    after = Tries(source, client, now_s, others_s, stopped_by, knowing, held_s, trying)
+    after = Tries(source, client, now_s, others_s, stopped_by, knowing, held_s, trying, before.taken_s)
     return (*(tries for tries in state if tries.source != source), after)
 
 
@@ -104,12 +110,14 @@ def take_over(
 ) -> State:
     """A client takes control of a source, perhaps from another one; what is taken during a latch counts for nothing."""
     before = _of(state, source)
-    has_tried = before is not None and any(
-        other == client and now_s - at_s < stop_hold_s for other, at_s in before.trying
+    is_repeated = before is not None and (
+        now_s - before.taken_s < TAKING_PAUSE_S
+        or any(other == client and now_s - at_s < stop_hold_s for other, at_s in before.trying)
     )
-    if from_another and not has_tried:
+    if from_another and not is_repeated:
         state = acknowledge(state, client, source)
-    return note_try(state, source, client, now_s, stop_hold_s, latched_by)
+    *others, tries = note_try(state, source, client, now_s, stop_hold_s, latched_by)
+    return (*others, replace(tries, taken_s=now_s))
 
 
 def holder_of(state: State, source: str, client: int) -> str:

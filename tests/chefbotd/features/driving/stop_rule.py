@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 
-PAUSE_S = 1.0
+PAUSE_S, TAKING_PAUSE_S = 1.0, 5.0
 
 
 @dataclass(frozen=True, slots=True)

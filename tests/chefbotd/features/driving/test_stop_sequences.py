@@ -44,11 +44,11 @@ from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import SafetyParameters
 from chefbotd.safety.watchdog import ControlParameters, WatchdogParameters
 from tests.chefbotd.features.driving.rig import CHASSIS, GAINS, LIMITS
-from tests.chefbotd.features.driving.stop_rule import PAUSE_S, Deed, is_held
+from tests.chefbotd.features.driving.stop_rule import PAUSE_S, TAKING_PAUSE_S, Deed, is_held
 
 DEED_S = 0.1
 FAULT = Fault(FaultKind.WHEEL_STALLED, "left_wheel is driven and does not turn")
-GAPS_S = {"wait a little": 0.4, "wait long": 1.1}
+GAPS_S = {"wait a little": 0.4, "wait long": 1.1, "wait for a taking": 5.1}
 DEEDS = ("drive", "stop", "estop", "arm", "take", "release", "reconnect")
 MORE_DEEDS = (*DEEDS, "drive", "drive", "drive", "zero", "wheels", "navigation", "arm")
 DRIVE = Drive(DriveParameters(max_rim_speed_m_s=0.5, max_duty=1023), CHASSIS, LIMITS, (GAINS, GAINS))
@@ -109,6 +109,7 @@ class Robot:
         self.deeds: list[Deed] = []
         self.moved_since_latch: list[str] = []
         self._connections = 0
+        self._taken_s = float("-inf")
         self._callers: dict[str, Any] = {}
 
     def do(self, who: str, what: str) -> None:
@@ -150,6 +151,8 @@ class Robot:
         elif what == "take":
             tries = [deed for deed in self.deeds if (deed.what, deed.client) == ("try", number)]
             is_anew = not any(deed.source == "teleop" and now_s - deed.at_s < PAUSE_S for deed in tries)
+            is_anew = is_anew and now_s - self._taken_s >= TAKING_PAUSE_S
+            self._taken_s = now_s
             if result.taken_from is not None and is_anew and not latched:
                 self.deeds.append(Deed(now_s, number, "ask", "teleop"))
             self.deeds.append(Deed(now_s, number, "try", "teleop", latched))
@@ -221,7 +224,7 @@ def some(number: int) -> Iterator[tuple[Step, ...]]:
     """Random sequences of three clients and navigation."""
     choose = random.Random(20)
     steps = [*product("abc", MORE_DEEDS), ("own", "navigation"), ("own", "goal"), ("robot", "fault")]
-    steps += [("all", "wait a little")] * 2 + [("all", "wait long")]
+    steps += [("all", "wait a little")] * 2 + [("all", "wait long"), ("all", "wait for a taking")]
     for _ in range(number):
         yield tuple(choose.choices(steps, k=25))
 
@@ -246,22 +249,51 @@ def test_long_sequences_of_everything_keep_the_rule(number: int) -> None:
     check(some(number))
 
 
-@pytest.mark.parametrize("latch", [("c", "estop"), ("robot", "fault")])
-def test_two_programs_that_repeat_taking_control_and_driving_do_not_move_after_a_latch(latch: Step) -> None:
-    """Nor does one that took control during the latch; who takes over once, after it, drives at once."""
-    both: tuple[Step, ...] = (("a", "take"), ("a", "drive"), ("b", "take"), ("b", "drive"))
+@pytest.mark.parametrize("latch", [("c", "estop"), ("c", "stop"), ("robot", "fault")])
+@pytest.mark.parametrize("is_anew", [False, True])
+@pytest.mark.parametrize("drives", [1, 6])
+def test_two_programs_that_repeat_taking_control_and_driving_do_not_move_after_a_stop(
+    latch: Step, drives: int, *, is_anew: bool
+) -> None:
+    """On one connection, or on a new one each time, which drives once or for 3 s; who arms after it drives at once."""
+    driving = [("all", "wait a little"), None] * (drives - 1)
+    one_each: list[Step] = []
+    for who in "ab":
+        one_each += [(who, "reconnect")] if is_anew else []
+        one_each += [(who, "take"), (who, "drive"), *[step or (who, "drive") for step in driving]]
     robot = Robot()
-    for step in (*both, latch, *both, ("c", "arm"), *both * 9):
+    for step in (*one_each, latch, *one_each, ("c", "arm"), *one_each * (9 if drives == 1 else 2)):
         robot.do(*step)
     assert robot.moved_since_latch == []
     robot.do("d", "take")
     robot.do("d", "drive")
+    assert robot.moved_since_latch == []
+    robot.do("d", "arm")
+    robot.do("d", "take")
+    robot.do("d", "drive")
     assert robot.moved_since_latch == ["d"]
 
+
+@pytest.mark.parametrize("latch", [("c", "estop"), ("robot", "fault")])
+def test_what_was_taken_over_during_a_latch_counts_for_nothing_after_it(latch: Step) -> None:
+    """Who takes over after it from a driver that repeats, once, drives at once."""
     early = Robot()
     for step in (("a", "drive"), latch, ("d", "take"), ("c", "arm"), ("d", "drive")):
         early.do(*step)
     assert early.moved_since_latch == []
+
+    later = Robot()
+    for step in (
+        ("a", "drive"),
+        latch,
+        ("a", "drive"),
+        ("c", "arm"),
+        ("a", "drive"),
+        ("d", "take"),
+        ("d", "drive"),
+    ):
+        later.do(*step)
+    assert later.moved_since_latch == ["d"]
 
 
 @pytest.mark.parametrize("latch", [("b", "estop"), ("robot", "fault")])
