@@ -59,17 +59,25 @@ class LinkParameters(Parameters):
 
     device: str = Field(default="/dev/ttyACM0", min_length=1)
     baud: int = Field(default=115200, ge=300, le=4_000_000)
+    """The speed of the serial line, which the board's program sets."""
     exclusive: bool = True
+    """The port is locked, so that no second program reads half of the bytes."""
     dtr: bool = True
     rts: bool = True
     hang_up_on_close: bool = False
     reconnect_delay_s: float = Field(default=0.1, gt=0, le=60)
+    """The wait before the port is opened again; it doubles with each attempt."""
     max_reconnect_delay_s: float = Field(default=2.0, gt=0, le=600)
+    """The longest wait between two attempts to open the port."""
     reconnect_jitter: float = Field(default=0.2, ge=0, lt=1)
+    """Each wait is varied by this share of itself, so that several programs do not try at once."""
     health_after_s: float = Field(default=2.0, gt=1, le=60)
     setpoints_per_s: float = Field(default=200.0, gt=0, le=1000)
     firmware: FirmwareMode = FirmwareMode.AUTO
+    """``auto`` agrees on the checked mode with a board that runs our firmware; ``classic`` drives every board
+    like a published sketch."""
     deadman_ms: int = Field(default=250, ge=100, le=2000)
+    """In the checked mode the board stops by itself when it hears no command for so long."""
     wheel_loop: bool = False
     board_buffer_bytes: int = Field(default=63, ge=32, le=1_000_000)
 

@@ -13,9 +13,12 @@ class MapsParameters(Parameters):
     """Without a ``folder`` the maps are in ``maps`` of the folder that systemd gives the service, or of the user's."""
 
     folder: Path | None = Field(
-        None, description="where maps are kept; a relative path begins at the configuration's folder"
+        None,
+        description="Where maps are kept; left out, the service's state folder or your own",
     )
-    versions_kept: int = Field(3, ge=1, le=100, description="of each map; older ones are removed")
+    versions_kept: int = Field(
+        3, ge=1, le=100, description="So many versions of each map are kept; older ones are removed"
+    )
 
 
 def folder_of(parameters: MapsParameters, environment: Mapping[str, str], *, simulated: bool = False) -> Path:

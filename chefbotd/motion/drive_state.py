@@ -45,15 +45,20 @@ class DriveParameters(Parameters):
 
     max_rim_speed_m_s: float = Field(default=0.35, gt=0, le=10)
     max_duty: int = Field(default=255, ge=1, le=32_767)
+    """The wire's full scale, at which the bridge is fully on. No larger duty is ever sent."""
     response_delay_s: float = Field(default=0.05, ge=0, le=0.5)
     scrub_duty: float = Field(default=0.0, ge=0, le=32_767)
     scrub_reach_m: float = Field(default=0.1, gt=0, le=5)
+    """Half the wheelbase: how far the wheels are from the middle about which the robot turns."""
     integral_settle_s: float = Field(default=0.0, ge=0, le=5)
+    """The integral acts in full once all setpoints have been steady for so long; 0: always."""
     motors: Mapping[str, WheelMotor] = {}
     motor_voltage_v: float | None = Field(default=None, gt=0, le=100)
     max_step_s: float = Field(default=0.1, gt=0, le=1)
+    """The longest time that one step of the controller accounts for."""
     saturation_slowdown_per_s: float = Field(default=2.0, ge=0, le=100)
     saturation_recovery_per_s: float = Field(default=0.5, gt=0, le=100)
+    """How fast a twist that was slowed for a saturated wheel is given back, as a share per second."""
 
 
 class DriveState(Record, frozen=True):

@@ -35,12 +35,19 @@ class EncoderParameters(Parameters):
     """
 
     counts_per_turn: float = Field(gt=0, le=1e9)
+    """What the board counts in one turn of the wheel, gearbox included."""
     counted_by: CountedBy = CountedBy.SKETCH
+    """Who counted: a sketch counts one edge of four, our firmware all of them."""
     width_bits: int = Field(default=32, ge=8, le=64)
+    """The width of the board's counters, at which they wrap round."""
     max_speed_rad_s: float = Field(gt=0, le=1e4)
+    """The fastest that a wheel can turn; what would need more is a damaged line and is refused."""
     tolerance_counts: int = Field(default=4, ge=0, le=1000)
+    """So many counts more than the fastest speed allows are still believed, for the edges of a reading."""
     velocity_window: int = Field(default=5, ge=2, le=100)
+    """A wheel's speed is the mean over so many readings."""
     standstill_rad_s: float = Field(default=0.0, ge=0)
+    """A wheel that turns more slowly than this counts as standing."""
     confirmations: int = Field(default=3, ge=1, le=1000)
     max_acceleration_rad_s2: float | None = Field(default=None, gt=0, le=1e5)
 

@@ -34,10 +34,15 @@ class WheelParameters(Parameters):
     """One driven wheel; a sign of -1 turns round an encoder or a motor that was wired backwards."""
 
     name: str = Field(min_length=1)
+    """The wheel's name in messages, topics and other sections; each has its own."""
     side: Side
+    """The side of the robot on which the wheel is, seen in driving direction."""
     radius_m: float = Field(gt=0, le=1)
+    """The radius of the wheel with its tyre under the robot's load."""
     encoder_sign: Literal[1, -1] = 1
+    """-1 where the counts fall when the wheel rolls forward."""
     motor_sign: Literal[1, -1] = 1
+    """-1 where a positive duty turns the wheel backward."""
 
     @field_validator("side", mode="before")
     @classmethod
@@ -57,9 +62,12 @@ class ChassisParameters(Parameters):
 
     track_width_m: float = Field(gt=0, le=5)
     track_multiplier: float = Field(default=1.0, ge=0.5, le=4.0)
+    """What turns show of the track, as a factor: wheels that skid make a robot turn as if it were wider."""
     wheels: tuple[WheelParameters, ...]
     left_radius_multiplier: RadiusMultiplier = 1.0
+    """A factor on the radii of the left wheels."""
     right_radius_multiplier: RadiusMultiplier = 1.0
+    """A factor on the radii of the right wheels."""
 
     @model_validator(mode="after")
     def _can_drive(self) -> Self:

@@ -28,12 +28,19 @@ class LinearLimits(Parameters):
     """
 
     max_forward_m_s: float = Field(gt=0, le=100)
+    """The fastest that the robot drives forward."""
     max_reverse_m_s: Speed | None = None
+    """The fastest that it drives backward; 0: it does not reverse. Left out, as fast as forward."""
     acceleration_m_s2: Rate
+    """How fast it gains speed forward."""
     deceleration_m_s2: Rate | None = None
+    """How fast it brakes from driving forward; left out, as it accelerates."""
     reverse_acceleration_m_s2: Rate | None = None
+    """How fast it gains speed backward; left out, as forward."""
     reverse_deceleration_m_s2: Rate | None = None
+    """How fast it brakes from driving backward; left out, as from driving forward."""
     jerk_m_s3: Jerk | None = None
+    """How fast its acceleration changes; left out, at once."""
 
     @cached_property
     def axis(self) -> AxisLimits:
@@ -57,12 +64,19 @@ class AngularLimits(Parameters):
     """
 
     max_left_rad_s: Speed
+    """The fastest that the robot turns to the left."""
     max_right_rad_s: Speed | None = None
+    """The fastest that it turns to the right; left out, as to the left."""
     acceleration_rad_s2: Rate
+    """How fast its turn to the left grows."""
     deceleration_rad_s2: Rate | None = None
+    """How fast its turn to the left is braked; left out, as it grows."""
     right_acceleration_rad_s2: Rate | None = None
+    """How fast its turn to the right grows; left out, as to the left."""
     right_deceleration_rad_s2: Rate | None = None
+    """How fast its turn to the right is braked; left out, as to the left."""
     jerk_rad_s3: Jerk | None = None
+    """How fast its angular acceleration changes; left out, at once."""
 
     @cached_property
     def axis(self) -> AxisLimits:

@@ -20,8 +20,11 @@ class MotorModel(Parameters):
     """A motor in one direction: its wheel turns at ``gain_rad_s_per_duty`` of what the duty exceeds the dead zone by."""
 
     dead_zone_duty: float = Field(ge=0, le=32_767)
+    """The duty that friction takes: below it the wheel does not turn."""
     gain_rad_s_per_duty: float = Field(gt=0, le=100)
+    """How much faster the wheel turns for each count of duty beyond the dead zone."""
     time_constant_s: float = Field(gt=0, le=2)
+    """How long the wheel takes for 63 % of a change of its speed."""
 
 
 class WheelMotor(Parameters):

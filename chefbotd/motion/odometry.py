@@ -33,20 +33,30 @@ class FusionParameters(Parameters):
     """
 
     size_sigma: float = Field(default=0.005, ge=0, le=0.2)
+    """How uncertain the size of the wheels is, as a share."""
     ratio_sigma: float = Field(default=0.003, ge=0, le=0.2)
+    """How uncertain the size of the left wheels is against the right ones, as a share."""
     track_sigma: float = Field(default=0.01, ge=0, le=1)
+    """How uncertain the track is, as a share."""
     gyro_scale_sigma: float = Field(default=0.005, ge=0, le=0.2)
+    """How uncertain the gyroscope's scale is, as a share."""
     heading_noise_rad: float = Field(default=0.0075, gt=0, le=1)
+    """The noise of a heading that the board sends; the default is that of two decimals."""
     gyro_noise_rad_per_root_s: float = Field(default=1e-3, ge=0, le=1)
+    """The noise of the gyroscope, in radians for the root of a second."""
     gyro_bias_rad_s: float = Field(default=0.02, ge=0, le=1)
+    """How uncertain the gyroscope's bias is at the start."""
     bias_walk_rad_s_per_root_s: float = Field(default=2e-5, ge=0, le=1)
+    """How fast that bias changes, as a random walk."""
     heading_drift_rad_s: float = Field(default=2e-4, ge=0, le=1)
+    """How uncertain the drift of the board's heading is at the start."""
     heading_walk_rad_per_root_s: float = Field(default=1e-4, ge=0, le=1)
+    """How fast the board's heading goes astray, as a random walk."""
     slip_rad: float = Field(default=0.031, gt=0, le=1)
     project_tilt: bool = False
     """Take the travel's share in the plane, by the IMU's orientation; two decimals are too coarse for it."""
     max_acceleration_m_s2: float | None = Field(default=None, gt=0, le=1000)
-    """Refuse up to five travels in a row that would need more; encoders are checked before, so None."""
+    """Refuse up to five travels in a row that would need more; left out, as encoders are checked before."""
 
 
 class OdometrySource(StrEnum):
@@ -66,10 +76,15 @@ class OdometryParameters(Parameters):
     """
 
     source: OdometrySource = OdometrySource.WHEELS
+    """What odometry is made of: the wheels, the wheels and the IMU, or the speeds that were commanded."""
     travel_variance_m2_per_m: float = Field(default=1e-4, ge=0, le=1)
+    """How fast the travelled way becomes uncertain."""
     turn_variance_rad2_per_rad: float = Field(default=3e-4, ge=0, le=1)
+    """How fast the heading becomes uncertain in a turn."""
     command_time_constant_s: float = Field(default=0.1, ge=0, le=2)
+    """How fast a wheel follows a command (assumed), for the source ``commands``."""
     command_sigma: float = Field(default=0.1, ge=0, le=1)
+    """The share by which a wheel may be off a command (assumed), for the source ``commands``."""
     fusion: FusionParameters = section()
 
 

@@ -29,16 +29,27 @@ class PidParameters(Parameters):
     """
 
     kp: float = Field(alias="kp_duty_per_m_s", ge=0, le=1e6)
+    """Duty for each metre per second that the rim is off."""
     ki: float = Field(alias="ki_duty_per_m", ge=0, le=1e6)
+    """Duty for each metre that the rim lags behind: it takes away what is off for long."""
     kd: float = Field(default=0.0, alias="kd_duty_per_m_s2", ge=0, le=1e6)
+    """Duty against each metre per second squared that the rim's speed changes by."""
     ks: float = Field(default=0.0, alias="ks_duty", ge=0, le=1e6)
+    """Feedforward: the duty that overcomes friction."""
     kv: float = Field(default=0.0, alias="kv_duty_per_m_s", ge=0, le=1e6)
+    """Feedforward: duty for each metre per second that is asked for."""
     ka: float = Field(default=0.0, alias="ka_duty_per_m_s2", ge=0, le=1e6)
+    """Feedforward: duty for each metre per second squared that is asked for."""
     output_limit: float = Field(alias="output_limit_duty", gt=0, le=1e6)
+    """No controller asks for more duty than this."""
     integral_limit: float | None = Field(default=None, alias="integral_limit_duty", ge=0, le=1e6)
+    """The most that the integral adds; left out, as much as the output."""
     deadband: float = Field(default=0.0, alias="deadband_m_s", ge=0, le=10)
+    """An error smaller than this has no effect."""
     derivative_filter_s: float = Field(default=0.0, ge=0, le=10)
+    """The time constant that smooths the derivative; 0: it is not smoothed."""
     back_calculation_s: float | None = Field(default=None, gt=0, le=100)
+    """How fast a clamped output drains the integral, as a time constant; left out, it does not."""
     conditional_integration: bool = True
 
 

@@ -38,6 +38,8 @@ class SameSideParameters(Parameters):
     memory_s: float = Field(default=0.2, gt=0, le=10)
     tolerance_m: float = Field(default=0.0015, gt=0, le=1)
     share: float = Field(default=0.1, gt=0, lt=1)
+    """Wheels of a side disagree if they differ by more than this share of their recent travel, and
+    ``tolerance_m``."""
 
 
 LEAST_PACE, MOST_PACE = 0.25, 1.5

@@ -18,26 +18,47 @@ class DepthCameraParameters(Parameters):
     """
 
     width: int = Field(640, ge=2, le=4096)
+    """The width of its images in pixels."""
     height: int = Field(480, ge=2, le=4096)
+    """The height of its images in pixels."""
     focal_x_px: float = Field(585.0, gt=0)
+    """The focal length across, in pixels."""
     focal_y_px: float = Field(585.0, gt=0)
+    """The focal length up and down, in pixels."""
     center_x_px: float = Field(320.0, ge=0)
+    """The column that looks straight ahead."""
     center_y_px: float = Field(240.0, ge=0)
+    """The row that looks straight ahead."""
     mount_x_m: float = 0.0
+    """How far ahead of the wheels' middle it is."""
     mount_y_m: float = 0.0
+    """How far to the left of the robot's middle it is."""
     mount_height_m: float = Field(0.35, gt=0, le=3)
+    """Its height above the floor."""
     mount_yaw_rad: float = Field(0.0, ge=-math.pi, le=math.pi)
+    """Where it points, counter-clockwise from straight ahead."""
     mount_pitch_rad: float = Field(0.0, ge=-1.2, le=1.2)
+    """How far its nose is down."""
     mount_roll_rad: float = Field(0.0, ge=-1.2, le=1.2)
+    """How far its right side is down."""
     min_height_m: float = Field(0.03, gt=0)
+    """What is lower is floor."""
     max_height_m: float = Field(1.0, gt=0)
+    """What is higher is passed under: the robot's own height."""
     min_range_m: float = Field(0.45, gt=0)
+    """Nearer points are left out."""
     max_range_m: float = Field(4.0, gt=0, le=60)
+    """Farther points are left out."""
     beams: int = Field(320, ge=1, le=4096)
+    """Into so many directions an image is made a scan of."""
     depth_noise_per_m: float = Field(1.425e-3, ge=0, le=0.1)
+    """The noise of a depth, which grows with the square of the range."""
     floor_sigmas: float = Field(3.0, ge=0, le=10)
+    """So many standard deviations of its noise the floor may stick up."""
     tilt_error_rad: float = Field(0.01, ge=0, le=0.2)
+    """How far its pitch may be off, which lifts a distant floor."""
     neighbour_share: float = Field(0.03, gt=0, le=1)
+    """A point counts if one beside it is as far, within this share."""
 
     @model_validator(mode="after")
     def _bands_are_bands(self) -> "DepthCameraParameters":
@@ -79,14 +100,23 @@ class DepthSourceParameters(DepthCameraParameters):
     """
 
     name: str = Field(default="depth_camera", min_length=1, max_length=40)
+    """The camera's name in topics and messages."""
     source: DepthSource = DepthSource.OPENNI2
+    """Where its images come from: a camera through OpenNI2, or a folder of images."""
     device: str | None = Field(default=None, min_length=1)
+    """OpenNI2's address of the camera; left out, the first one that is found."""
     library: Path | None = None
+    """The folder of OpenNI2's library, if that is not where libraries are."""
     folder: Path | None = None
+    """With the source ``folder``: the folder of images of 16 bits, played again and again."""
     pattern: str = Field(default="*.png", min_length=1)
+    """The names of the images in the folder."""
     millimetres_per_unit: float = Field(default=1.0, gt=0, le=100)
+    """What a unit of an image stands for."""
     rate_hz: float = Field(default=10.0, gt=0, le=60)
+    """No more images a second are used."""
     silence_timeout_s: float = Field(default=3.0, ge=0.5, le=60)
+    """A camera that sends nothing for so long is started again."""
     guards: bool = True
 
     @property

@@ -38,60 +38,94 @@ class ApiParameters(Parameters):
     """The command socket's guards and limits; a client's memory is at most what these buffers hold."""
 
     token_file: Path | None = Field(
-        None, description="a line per token, ROLE TOKEN; readable by its owner only"
+        None, description="A file with a line for each token, ROLE TOKEN; readable by its owner only"
     )
     token_credential: str | None = Field(
-        None, min_length=1, pattern=r"^[\w.-]+$", description="or a systemd credential of the same form"
+        None,
+        min_length=1,
+        pattern=r"^[\w.-]+$",
+        description="The name of a systemd credential of the same form, instead of a file",
     )
-    host: str = Field("127.0.0.1", min_length=1, description="address to listen on; loopback by default")
-    port: int = Field(7333, ge=0, le=65535, description="TCP port; 0 lets the system choose")
-    tls_certificate: Path | None = Field(None, description="PEM, with its chain")
-    tls_key: Path | None = Field(None, validate_default=True, description="PEM; readable by its owner only")
-    default_role: Role = Field(Role.ADMIN, description="of a client where no token is asked for")
-    arm_role: Role = Field(Role.DRIVE, description="who may arm")
+    host: str = Field("127.0.0.1", min_length=1, description="The address to listen on; loopback by default")
+    port: int = Field(7333, ge=0, le=65535, description="The TCP port; 0 lets the system choose")
+    tls_certificate: Path | None = Field(
+        None,
+        description="The certificate of the socket and the page (PEM, with its chain): with it they speak TLS alone",
+    )
+    tls_key: Path | None = Field(
+        None, validate_default=True, description="The certificate's key (PEM); readable by its owner only"
+    )
+    default_role: Role = Field(Role.ADMIN, description="The role of a client where no token is asked for")
+    arm_role: Role = Field(Role.DRIVE, description="The least role that may arm")
 
     max_clients: int = Field(128, ge=1, le=4096)
+    """The most clients at a time."""
     max_clients_per_address: int = Field(
-        112, ge=1, le=4096, description="so that one client leaves room for others"
+        112,
+        ge=1,
+        le=4096,
+        description="The most clients from one address, so that they leave room for others",
     )
     reserved_stop_connections: int = Field(
-        8, ge=0, le=16, description="reserved for stop and estop when all others are taken"
+        8, ge=0, le=16, description="Connections reserved for stop and estop when all others are taken"
     )
     max_new_connections: int = Field(
         2048,
         ge=1,
         le=8192,
-        description="that have shown no token yet, or sent no request where none is asked for",
+        description="The most connections that have shown no token yet, or sent no request where none is asked for",
     )
-    max_request_bytes: int = Field(4096, ge=256, le=1 << 20, description="a longer line ends the connection")
+    max_request_bytes: int = Field(4096, ge=256, le=1 << 20, description="A longer line ends the connection")
     backlog_bytes: int = Field(
-        65_536, ge=4096, le=131_072, description="answers that may wait for a client that does not read"
+        65_536, ge=4096, le=131_072, description="The answers that may wait for a client that does not read"
     )
-    requests_per_turn: int = Field(32, ge=1, le=1024, description="of all clients; then everything else runs")
+    requests_per_turn: int = Field(
+        32,
+        ge=1,
+        le=1024,
+        description="The requests of all clients that are served before everything else runs",
+    )
     requests_per_s: float = Field(
-        2000.0, ge=1.0, le=1e6, description="of a client; stop and estop always pass"
+        2000.0,
+        ge=1.0,
+        le=1e6,
+        description="The requests of a client that are served a second; stop and estop always pass",
     )
-    requests_burst: int = Field(2000, ge=1, le=1_000_000, description="the largest burst")
+    requests_burst: int = Field(
+        2000, ge=1, le=1_000_000, description="The most requests of a client that are served at once"
+    )
     write_buffer_bytes: int = Field(
-        32_768, ge=4096, le=1 << 24, description="unread output before telemetry waits"
+        32_768,
+        ge=4096,
+        le=1 << 24,
+        description="The output that a client may leave unread before its telemetry waits",
     )
     outbox_bytes: int = Field(
-        131_072, ge=4096, le=1 << 24, description="waiting telemetry before the oldest is dropped"
+        131_072,
+        ge=4096,
+        le=1 << 24,
+        description="The telemetry that may wait for a client before the oldest is dropped",
     )
     write_timeout_s: float = Field(
-        5.0, gt=0.0, le=600.0, description="a client that reads nothing for so long is disconnected"
+        5.0, gt=0.0, le=600.0, description="A client that reads nothing for so long is disconnected"
     )
     authenticate_timeout_s: float = Field(
-        5.0, gt=0.0, le=600.0, description="the limit for TLS, and then for the token"
+        5.0, gt=0.0, le=600.0, description="The longest time for TLS, and then for the token"
     )
     request_timeout_s: float = Field(
-        10.0, gt=0.0, le=600.0, description="from a request's first byte to its line end"
+        10.0,
+        gt=0.0,
+        le=600.0,
+        description="The longest time from a request's first byte to the end of its line",
     )
     idle_timeout_s: float = Field(
-        600.0, gt=0.0, le=1e6, description="without a request and without a subscription"
+        600.0,
+        gt=0.0,
+        le=1e6,
+        description="A client without a request and without a subscription is disconnected after so long",
     )
     lease_s: float = Field(
-        3.0, ge=0.1, le=600.0, description="control is released so long after the last command"
+        3.0, ge=0.1, le=600.0, description="Control is released so long after the last command"
     )
 
     @field_validator("host")
@@ -118,8 +152,12 @@ class PluginsParameters(Parameters):
     As JSON, which recordings and support bundles hold, ``settings`` is empty.
     """
 
-    allow: tuple[str, ...] = Field((), description="entry points of the group chefbotd.features, by name")
-    settings: Mapping[str, Mapping[str, Any]] = Field({}, description="for each plug-in, its own keys")
+    allow: tuple[str, ...] = Field(
+        (), description="The packages of others that may run in the daemon, by the name of their entry point"
+    )
+    settings: Mapping[str, Mapping[str, Any]] = Field(
+        {}, description="A table for each plug-in that is allowed, with its own keys"
+    )
 
     @field_serializer("settings", when_used="json")
     def _left_out(self, _: Mapping[str, Mapping[str, Any]]) -> dict[str, Any]:

@@ -36,7 +36,9 @@ class SourceParameters(Parameters):
     """One source of velocity commands: 0 (weakest) to 255, and for how long its last command is live."""
 
     priority: int = Field(ge=0, le=255)
+    """From 0 (weakest) to 255: the strongest source that is live drives."""
     timeout_s: float = Field(gt=0, le=10)
+    """For how long a source's last command keeps weaker ones out."""
 
 
 CALIBRATION = "calibration"
@@ -66,10 +68,15 @@ class SafetyParameters(Parameters):
     """
 
     command_timeout_s: float = Field(default=0.5, ge=0.1, le=2.0)
+    """The dead-man: no command of any source moves the robot for longer."""
     stop_hold_s: float = Field(default=1.0, ge=0.1, le=60.0)
+    """Who was stopped while driving must not drive for so long before it may again."""
     rearm: Rearm = Rearm.MANUAL
+    """Whether the robot may move by itself after a lost link or a restarted board: ``manual`` asks for
+    ``arm``."""
     sources: Annotated[Mapping[str, SourceParameters], Field(min_length=1)] = PUBLISHED_SOURCES
     default_source: str = "teleop"
+    """The source that a command counts as which names none."""
     encoders: EncoderTimeoutParameters = section()
     wheels: WheelWatchParameters = section()
     overspeed: OverspeedParameters = section()

@@ -54,12 +54,18 @@ class GuardParameters(Parameters):
     """
 
     enabled: bool = True
+    """The obstacle guard slows what brings the robot closer to what a sensor sees."""
     stop_distance_m: float = Field(default=0.15, ge=0, le=5)
+    """The distance from a range sensor at which the robot stands."""
     deceleration_m_s2: float = Field(default=0.5, gt=0, le=100)
+    """The braking that the guard counts on; it must not exceed what the motion limits allow."""
     reaction_s: float = Field(default=0.1, ge=0, le=2)
     hysteresis_m: float = Field(default=0.02, ge=0, le=1)
+    """A robot that the guard has stopped stands until there is so much more room."""
     max_age_s: float = Field(default=0.5, gt=0, le=10)
+    """A sensor that is silent for longer counts as silent: it still sees what it saw last."""
     silent_is_obstacle: bool = False
+    """A silent sensor, and one that hears no echo, count as an obstacle at distance zero."""
     memory: RangeMemoryParameters = section()
     scan: ScanGuardParameters = section()
 

@@ -35,8 +35,11 @@ class ControlParameters(Parameters):
     """
 
     watch_period_s: float = Field(default=0.02, gt=0, le=0.1)
+    """How long encoders may be silent before the safety gate is looked at without them."""
     realtime_priority: int = Field(default=10, ge=0, le=48)
+    """The priority that the control loop asks the computer for (SCHED_FIFO, sched(7)); 0: none."""
     lock_memory: bool = True
+    """The control loop's memory is kept from being swapped out."""
 
 
 def judge_pause(

@@ -20,13 +20,20 @@ class BatteryParameters(Parameters):
     """
 
     reference_v: float = Field(gt=0, le=10)
+    """The voltage at the pin at which the analogue input reads its full scale."""
     divider_ratio: float = Field(ge=1, le=100)
     adc_full_scale: int = Field(default=4095, ge=1, le=65535)
+    """What the analogue input reads at that voltage: 4095 for 12 bits."""
     full_v: float = Field(gt=0, le=100)
+    """The voltage of a full battery at rest."""
     empty_v: float = Field(gt=0, le=100)
+    """The voltage of an empty one."""
     curve_v_percent: tuple[tuple[float, float], ...] = ()
+    """Pairs of volts and percent between empty and full, where a straight line does not do."""
     low_v: float = Field(default=12.0, gt=0, le=100)
+    """Below it the battery is reported as low."""
     critical_v: float = Field(default=11.7, gt=0, le=100)
+    """Below it the battery is critical, which stops the robot after a while."""
     hysteresis_v: float = Field(default=0.1, ge=0, le=5)
 
     @model_validator(mode="after")

@@ -25,12 +25,19 @@ class ImuParameters(Parameters):
 
     mount_heading_rad: float = Field(default=0.0, ge=-math.pi, le=math.pi)
     upside_down: bool = False
+    """Its z axis points down."""
     mount_z_m: float | None = Field(default=None, ge=0, le=5)
+    """Its height above the floor, for the description alone."""
     accel_counts_per_g: float = Field(default=16384.0, gt=0)
+    """What the board's raw reading of the accelerometer counts for one g."""
     gyro_counts_per_deg_s: float = Field(default=131.0, gt=0)
+    """What the board's raw reading of the gyroscope counts for one degree a second."""
     gyro_scale: float = Field(default=1.0, ge=0.5, le=2)
+    """What the gyroscope shows of a turn, as a factor; it is corrected for."""
     gyro_bias_rad_s: float = Field(default=0.0, ge=-1, le=1)
+    """The rate about z that the gyroscope shows at rest; it is corrected for."""
     lag_s: float = Field(default=0.0, ge=-0.2, le=2)
+    """How late its readings are, by their stamps; odometry takes it off."""
 
     @cached_property
     def half_mount(self) -> tuple[float, float]:

@@ -124,22 +124,37 @@ class InfraredParameters(Parameters):
     """
 
     name: str = Field(default="front", min_length=1)
+    """The sensor's name in topics and messages."""
     channel: int = Field(default=0, ge=0, le=15)
+    """The place of its reading among the analogue values of the board's line."""
     reference_v: float = Field(default=3.3, gt=0, le=10)
+    """The voltage at which the analogue input reads its full scale."""
     adc_bits: int = Field(default=12, ge=8, le=24)
+    """The resolution of the analogue input: 12 bits of a Tiva, 10 of an Arduino Uno."""
     curve_v_m: tuple[tuple[float, float], ...] = DATASHEET_CURVE_V_M
+    """Pairs of volts and metres, from the fold of the curve outwards."""
     near_curve_v_m: tuple[tuple[float, float], ...] = DATASHEET_NEAR_CURVE_V_M
+    """Pairs of volts and metres, from the sensor to the fold of the curve."""
     setback_m: float = Field(ge=0, le=2)
     offset_m: float = Field(default=0.0, ge=-0.5, le=0.5)
+    """The sensor reads so much too far."""
     max_gap_s: float = Field(default=0.1, gt=0, le=10)
     median_window: int = Field(default=5, ge=1, le=101)
+    """The reading is the median of the last so many."""
     min_range_m: float = Field(default=0.20, gt=0, le=10)
+    """Nearer readings are not trusted."""
     max_range_m: float = Field(default=1.50, gt=0, le=10)
+    """Farther readings count as nothing in sight."""
     field_of_view_rad: float = Field(default=0.1, gt=0, le=math.pi)
+    """The full angle of its cone."""
     mount_x_m: float = Field(default=0.0, ge=-5, le=5)
+    """How far ahead of the wheels' middle it is."""
     mount_y_m: float = Field(default=0.0, ge=-5, le=5)
+    """How far to the left of the robot's middle it is."""
     mount_z_m: float | None = Field(default=None, ge=0, le=5)
+    """Its height above the floor, for the description; left out, that of the axles."""
     mount_heading_rad: float = Field(default=0.0, ge=-math.pi, le=math.pi)
+    """Where it points, counter-clockwise from straight ahead."""
 
     @model_validator(mode="after")
     def _is_a_sensor(self) -> Self:

@@ -61,18 +61,29 @@ class LidarParameters(Parameters):
     """
 
     name: str = Field(default="lidar", min_length=1, max_length=40)
+    """The lidar's name in topics and messages."""
     model: LidarModel
+    """Which lidar it is, which says its protocol, speed and ranges."""
     device: str = Field(min_length=1)
     baud: int | None = Field(default=None, ge=300, le=4_000_000)
+    """The speed of its line; left out, the model's own."""
     exclusive: bool = True
+    """The port is locked, so that no second program reads half of the bytes."""
     mount_x_m: float = Field(default=0.0, ge=-5, le=5)
+    """How far ahead of the wheels' middle it is."""
     mount_y_m: float = Field(default=0.0, ge=-5, le=5)
+    """How far to the left of the robot's middle it is."""
     mount_z_m: float | None = Field(default=None, ge=0, le=5)
+    """Its height above the floor, for the description; left out, that of the axles."""
     mount_yaw_rad: float = Field(default=0.0, ge=-math.tau, le=math.tau)
+    """Where its zero mark points, counter-clockwise from straight ahead, seen from above."""
     upside_down: bool = False
+    """It hangs head down."""
     blind_sectors_rad: tuple[tuple[float, float], ...] = ()
     min_range_m: float | None = Field(default=None, gt=0, le=100)
+    """Nearer readings are left out; not set, the model's own."""
     max_range_m: float | None = Field(default=None, gt=0, le=200)
+    """Farther readings are left out; not set, the model's own."""
     guards: bool = True
     express: bool = True
     weak_below: int | None = Field(default=None, ge=0, le=256)

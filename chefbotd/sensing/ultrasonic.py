@@ -18,14 +18,23 @@ class UltrasonicParameters(Parameters):
     """
 
     name: str = Field(default="front", min_length=1)
+    """The sensor's name in topics and messages."""
     min_range_m: float = Field(default=0.02, ge=0, le=10)
+    """Nearer readings are not trusted."""
     max_range_m: float = Field(default=4.0, gt=0, le=10)
+    """Farther readings count as nothing in sight."""
     offset_m: float = Field(default=0.0, ge=-0.5, le=0.5)
+    """The sensor reads so much too far."""
     field_of_view_rad: float = Field(default=0.26, gt=0, le=math.pi)
+    """The full angle of its cone."""
     mount_x_m: float = Field(default=0.0, ge=-5, le=5)
+    """How far ahead of the wheels' middle it is."""
     mount_y_m: float = Field(default=0.0, ge=-5, le=5)
+    """How far to the left of the robot's middle it is."""
     mount_z_m: float | None = Field(default=None, ge=0, le=5)
+    """Its height above the floor, for the description; left out, that of the axles."""
     mount_heading_rad: float = Field(default=0.0, ge=-math.pi, le=math.pi)
+    """Where it points, counter-clockwise from straight ahead."""
 
     @model_validator(mode="after")
     def _has_a_band(self) -> Self:

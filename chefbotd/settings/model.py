@@ -50,12 +50,19 @@ class BodyParameters(Parameters):
     """
 
     length_m: float = Field(gt=0, le=5)
+    """The outline's length with all that sticks out; without ``width_m`` the diameter of a round body."""
     width_m: float | None = Field(default=None, gt=0, le=5)
+    """The outline's width with all that sticks out; left out, the body is round."""
     height_m: float = Field(gt=0, le=5)
+    """The body's height, for the description alone."""
     ground_clearance_m: float = Field(default=0.0, ge=0, le=5)
+    """How far the body's underside is above the floor, for the description alone."""
     mass_kg: float | None = Field(default=None, gt=0, le=500)
+    """The body's mass without the wheels, for the description's inertia."""
     wheel_width_m: float = Field(default=0.025, gt=0, le=1)
+    """The width of each wheel, for the description and for the outline of a robot without a body."""
     wheel_mass_kg: float | None = Field(default=None, gt=0, le=100)
+    """The mass of each wheel, for the description's inertia."""
 
 
 Level = Literal["debug", "info", "warning", "error"]
@@ -69,6 +76,7 @@ class RobotParameters(Parameters):
     """
 
     name: str = Field(default="chefbot", min_length=1)
+    """The robot's name, on the page, in recordings and for fleets."""
     wire: str = "classic"
     description: Path | None = None
 
@@ -84,6 +92,7 @@ class LogParameters(Parameters):
     """The lowest level that is logged."""
 
     level: Level = "info"
+    """The least severe messages that are logged."""
 
 
 class Settings(Parameters):

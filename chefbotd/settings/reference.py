@@ -13,6 +13,7 @@ from pydantic.fields import FieldInfo
 from pydantic_core import PydanticUndefined
 
 from chefbotd.core.record import Record
+from chefbotd.settings.key_texts import text_of
 from chefbotd.settings.model import Settings
 
 UNITS: Mapping[str, str] = {
@@ -22,6 +23,14 @@ UNITS: Mapping[str, str] = {
     "rad_s_per_duty": "rad/s per duty",
     "variance_m2_per_m": "m² per m",
     "variance_rad2_per_rad": "rad² per rad",
+    "rad_s_per_root_s": "rad/s per √s",
+    "rad_per_root_s": "rad per √s",
+    "rad_per_root_m": "rad per √m",
+    "m_per_root_m": "m per √m",
+    "rad_per_rad": "rad per rad",
+    "m_per_rad": "m per rad",
+    "rad_per_m": "rad per m",
+    "m_per_m": "m per m",
     "counts_per_deg_s": "counts per °/s",
     "counts_per_g": "counts per g",
     "counts_per_turn": "counts per turn",
@@ -33,8 +42,11 @@ UNITS: Mapping[str, str] = {
     "m_s3": "m/s³",
     "m_s2": "m/s²",
     "m_s": "m/s",
-    "per_s": "1/s",
     "turns_per_s": "turns/s",
+    "points_per_s": "points/s",
+    "per_s": "1/s",
+    "per_m": "1/m",
+    "bytes_s": "bytes/s",
     "bytes": "bytes",
     "duty": "duty",
     "counts": "counts",
@@ -43,7 +55,10 @@ UNITS: Mapping[str, str] = {
     "ohm": "Ω",
     "ah": "Ah",
     "hz": "Hz",
+    "minutes": "min",
+    "kb": "kB",
     "mb": "MB",
+    "px": "pixels",
     "ms": "ms",
     "kg": "kg",
     "rad": "rad",
@@ -101,7 +116,9 @@ Written by `make client` from the classes that check a configuration. A robot's 
 the others from it. `imu = false` leaves a section out that the other robot has. Unknown keys are refused.
 
 - *required* is a key without a default. A file with `extends` has it from the robot that it extends.
-- *none* is a key that is off, or follows from others, where it is left out. The section says what that means.
+- *none* is a key that is off, or follows from others, where it is left out.
+- *Found by* names the command that measures the value; the others are choices, or are measured with a tape.
+- Values have the unit that they are given in; a key's name ends in it.
 - `[[NAME]]` is a list: any number of tables. `chassis.wheels` and other lists of a robot that is extended can be changed
   by name, as `[chassis.wheels.left_wheel]`.
 - A key may be set in the environment: `CHEFBOTD_LINK__DEVICE=/dev/ttyUSB0` overrides `[link] device`.
@@ -113,6 +130,7 @@ class KeyReference(Record, frozen=True):
     """One key. An entry of a list or of a table of names is NAME in it; an empty ``unit`` or ``bounds`` is none."""
 
     key: str
+    text: str
     type: str
     unit: str
     default: str
@@ -145,16 +163,17 @@ def _sections_of(path: str, annotation: Any) -> Iterator[SectionReference]:
         if _model_in(field.annotation)[0] is not None:
             inner.append((f"{path}{repeated}.{key}", field.annotation))
         else:
-            keys.append(_key(f"{path}{repeated}.{key}", field))
+            keys.append(_key(f"{path}{repeated}.{key}", text_of(model, name, field), field))
     header = f"[[{path}]]" if container is tuple else f"[{path}{repeated}]"
     yield SectionReference(header, purpose_of(model), tuple(keys))
     for inner_path, inner_annotation in inner:
         yield from _sections_of(inner_path, inner_annotation)
 
 
-def _key(path: str, field: FieldInfo) -> KeyReference:
+def _key(path: str, text: str, field: FieldInfo) -> KeyReference:
     return KeyReference(
         path,
+        text,
         type_name(field.annotation),
         unit_of(path.rpartition(".")[2]),
         _default(field),
@@ -213,7 +232,9 @@ def type_name(annotation: Any) -> str:
     if origin is tuple or origin in (list, frozenset, set):
         inner = [one for one in get_args(annotation) if one is not ...]
         fixed = Ellipsis not in get_args(annotation) and origin is tuple
-        return f"list of {len(inner)} {type_name(inner[0])}s" if fixed else f"list of {type_name(inner[0])}s"
+        named = type_name(inner[0])
+        several = named.replace("list of", "lists of") if named.startswith("list") else f"{named}s"
+        return f"list of {len(inner)} {several}" if fixed else f"list of {several}"
     if origin is not None and issubclass_of_mapping(origin):
         return "table"
     if isinstance(annotation, type) and issubclass(annotation, Enum):
@@ -291,7 +312,7 @@ def page() -> str:
     for section in sections():
         parts.append(f"## `{section.header}`\n\n{section.purpose}")
         if section.keys:
-            rows = ["| key | type | unit | default | bounds | found by |", "|---|---|---|---|---|---|"]
+            rows = ["| key | what it is for | values | default |", "|---|---|---|---|"]
             rows += [_row(key) for key in section.keys]
             parts.append("\n".join(rows))
     return "\n\n".join(parts) + "\n"
@@ -299,6 +320,7 @@ def page() -> str:
 
 def _row(key: KeyReference) -> str:
     name = key.key.rpartition(".")[2]
-    command = f"`{key.found_by}`" if key.found_by else ""
+    text = f"{key.text} Found by `{key.found_by}`." if key.found_by else key.text
     default = f"`{key.default}`" if key.default not in ("", "none", "required") else key.default
-    return f"| `{name}` | {key.type} | {key.unit} | {default} | {key.bounds} | {command} |"
+    values = ", ".join(part for part in (key.type, key.unit, key.bounds) if part)
+    return f"| `{name}` | {text} | {values} | {default} |"

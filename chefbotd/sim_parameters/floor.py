@@ -24,13 +24,22 @@ class FloorParameters(Parameters):
     """A rectangle of the floor about a place, ``length_m`` along its heading (CCW positive) and ``width_m`` across."""
 
     kind: FloorKind
+    """A ``bump`` is a sill with a round top, a ``ramp`` goes up, is level and goes down, ``slippery`` has another
+    friction."""
     x_m: float
+    """Where its middle is, x in the world."""
     y_m: float
+    """Where its middle is, y in the world."""
     heading_rad: float = 0.0
+    """The direction along which it lies, counter-clockwise."""
     length_m: float = Field(gt=0, le=20)
+    """How long it is along that direction."""
     width_m: float = Field(1.0, gt=0, le=20)
+    """How wide it is across."""
     height_m: float = Field(0.0, ge=0, le=1)
+    """How high a bump or a ramp is."""
     friction: float = Field(0.1, ge=0, le=2)
+    """The friction of a slippery patch."""
 
     @model_validator(mode="after")
     def _is_high(self) -> Self:

@@ -22,13 +22,21 @@ class MotorParameters(Parameters):
     """
 
     rated_voltage_v: float = Field(12.0, gt=0, le=60)
+    """The voltage for which the data sheet's numbers hold."""
     no_load_speed_rpm: float = Field(80.0, gt=0, le=10_000)
+    """How fast the wheel turns without a load."""
     no_load_current_a: float = Field(0.3, gt=0, le=10)
+    """The current that it takes then."""
     stall_current_a: float = Field(5.0, gt=0, le=100)
+    """The current of a motor that is held."""
     stall_torque_n_m: float = Field(1.765, gt=0, le=100)
+    """The torque of a motor that is held."""
     dry_friction_share: float = Field(0.8, ge=0, le=1)
+    """The share of the losses without a load that is dry friction (the rest grows with the speed)."""
     static_to_kinetic_friction: float = Field(1.3, ge=1, le=3)
+    """How much more a motor that stands is held than one that turns."""
     rotor_inertia_kg_m2: float = Field(0.012, gt=0, le=10)
+    """The inertia of the rotor, as felt at the wheel."""
     dead_zone_share: float = Field(0.02, ge=0, lt=1)
 
     @model_validator(mode="after")
@@ -84,19 +92,30 @@ class SimBodyParameters(Parameters):
     """
 
     wheelbase_m: float = Field(0.0, ge=0, le=5)
+    """How far the wheels are spread along the robot: it drags them sideways when it turns."""
     radius_m: float = Field(0.18, gt=0, le=2)
+    """The radius of the round robot that touches walls and people."""
     height_m: float = Field(0.35, gt=0, le=3)
     mass_kg: float = Field(6.0, ge=0, le=500)
+    """The robot's mass; 0: its wheels hang free."""
     yaw_inertia_kg_m2: float = Field(0.1, ge=0, le=100)
+    """Its inertia against turning."""
     rolling_resistance: float = Field(0.03, ge=0, le=1)
+    """The share of its weight that rolling takes."""
     grip: float = Field(0.6, ge=0, le=2)
+    """The friction of its wheels on the floor."""
 
 
 class SimBatteryParameters(Parameters):
     """A 12 V lead-acid battery, the electronics on it besides the motors, and the noise of the ADC that watches it."""
 
     capacity_ah: float = Field(10.0, gt=0, le=1000)
+    """What a full battery holds."""
     start_charge_share: float = Field(1.0, ge=0, le=1)
+    """How full it is at the start."""
     resistance_ohm: float = Field(0.05, ge=0, le=10)
+    """Its inner resistance, by which it sags under load."""
     electronics_current_a: float = Field(2.0, ge=0, le=100)
+    """What the electronics take besides the motors."""
     adc_noise_counts: float = Field(2.0, ge=0, le=100)
+    """The noise of the analogue input that watches it."""

@@ -23,13 +23,21 @@ class PersonParameters(Parameters):
     """
 
     path_m: tuple[tuple[float, float], ...] = Field(min_length=1)
+    """The points (x, y) of the way that the person walks."""
     speed_m_s: float = Field(0.8, gt=0, le=3)
+    """How fast the person walks, give or take a tenth."""
     radius_m: float = Field(0.25, gt=0, le=1)
+    """The radius of the person, seen from above."""
     start_m: float = Field(0.0, ge=0)
+    """How far along the way the person starts."""
     pause_s: float = Field(1.0, ge=0, le=3600)
+    """How long the person stands at each end."""
     stops_for_robot: bool = True
+    """The person stops rather than come nearer to the robot than ``min_distance_m``."""
     min_distance_m: float = Field(0.3, ge=0, le=5)
+    """The distance to the robot at which the person stops."""
     closed_path: bool = False
+    """The person walks round and round instead of back and forth."""
 
     @model_validator(mode="after")
     def _goes_somewhere(self) -> Self:
@@ -42,8 +50,11 @@ class ThingParameters(Parameters):
     """A chair, a bag: something round on the floor that is on no map."""
 
     x_m: float
+    """Where its middle is, x in the world."""
     y_m: float
+    """Where its middle is, y in the world."""
     radius_m: float = Field(0.25, gt=0, le=2)
+    """Its radius, seen from above."""
 
 
 class ExpressScan(StrEnum):
@@ -70,22 +81,35 @@ class LidarFlaws(Parameters):
     """
 
     turns_per_s: float = Field(10.0, ge=2, le=20)
+    """How fast it turns."""
     points_per_s: float = Field(4500.0, ge=500, le=20_000)
+    """How many points it measures."""
     noise_m: float = Field(0.01, ge=0, le=0.5)
+    """The noise of a range, one sigma."""
     lost_share: float = Field(0.01, ge=0, le=1)
+    """The share of beams that bring nothing back."""
     rate_error_share: float = Field(0.003, ge=0, le=0.1)
+    """By how much its motor's rate is off, drawn once (a standard deviation)."""
     rate_wobble_share: float = Field(0.004, ge=0, le=0.1)
+    """By how much the rate varies."""
     wobble_s: float = Field(3.0, gt=0, le=100)
+    """The time within which the rate varies."""
     min_range_m: float = Field(0.02, ge=0, le=1)
+    """It reads nothing nearer."""
     max_range_m: float = Field(12.0, gt=0, le=60)
+    """It reads nothing farther."""
     glass_square: float = Field(0.97, ge=0, le=1)
     black_range_m: float = Field(4.0, ge=0, le=60)
     handover_s: float = Field(0.01, ge=0.001, le=0.1)
     express: ExpressScan = ExpressScan.OFFERED
+    """Whether an RPLIDAR offers its express scan, promises it without having it, or knows none."""
     height_m: float = Field(0.2, gt=0, le=2.4)
     lone_share: float = Field(0.0, ge=0, le=1)
+    """The share of beams that show lone weak noise instead, as in sunlight."""
     lone_range_m: tuple[float, float] = (0.05, 1.0)
+    """Between these ranges that noise is evenly spread."""
     lone_intensity: int = Field(12, ge=1, le=255)
+    """That noise is as bright as this at most."""
 
 
 class SimUltrasonicParameters(Parameters):
@@ -97,12 +121,19 @@ class SimUltrasonicParameters(Parameters):
     """
 
     rays: int = Field(9, ge=1, le=361)
+    """So many rays of its cone are traced."""
     min_range_m: float = Field(0.02, ge=0)
+    """It reads nothing nearer."""
     max_range_m: float = Field(4.0, gt=0, le=20)
+    """It hears nothing farther."""
     noise_m: float = Field(0.002, ge=0, le=1)
+    """The noise of a reading, one sigma."""
     lost_echo_share: float = Field(0.0, ge=0, le=1)
+    """The share of echoes that are lost by chance."""
     lost_echo_burst: int = Field(1, ge=1, le=1000)
+    """How many echoes in a row are lost then."""
     lost_echo_every: int = Field(0, ge=0, le=1000)
+    """Each so many-th echo is lost; 0: none."""
     far_echo_share: float = Field(0.0, ge=0, le=1)
 
 
@@ -110,18 +141,26 @@ class SimInfraredParameters(Parameters):
     """A Sharp sensor's noise (one sigma, assumed), and the share of its samples that show nothing in range."""
 
     noise_v: float = Field(0.01, ge=0, le=1)
+    """The noise of a sample, one sigma (assumed)."""
     glitch_share: float = Field(0.0, ge=0, le=1)
+    """The share of samples that show nothing in range."""
 
 
 class SimImuParameters(Parameters):
     """An MPU-6050 with its motion processor."""
 
     heading_bias_rad: float = Field(0.0, ge=-math.pi, le=math.pi)
+    """By how much its heading is off at the start."""
     heading_drift_rad_s: float = Field(0.0001, ge=-1, le=1)
+    """How fast its heading drifts."""
     heading_noise_rad: float = Field(0.002, ge=0, le=1)
+    """The noise of its heading, one sigma."""
     gyro_bias_rad_s: float = Field(0.01, ge=-1, le=1)
+    """The rate that its gyroscope shows at rest."""
     gyro_noise_rad_s: float = Field(0.001, ge=0, le=1)
+    """The noise of its rates, one sigma."""
     acceleration_noise_m_s2: float = Field(0.04, ge=0, le=10)
+    """The noise of its accelerations, one sigma."""
 
 
 class WorldParameters(Parameters):
@@ -134,10 +173,15 @@ class WorldParameters(Parameters):
     """
 
     map_path: Path | None = None
+    """A map's YAML file, or a building of chefbotd's: ``flat`` or ``office``; left out, a furnished room."""
     start_x_m: float | None = None
+    """Where the robot starts, x in the world; left out, the building's own start."""
     start_y_m: float | None = None
+    """Where the robot starts, y in the world; left out, the building's own start."""
     start_heading_rad: float | None = None
+    """The heading with which it starts, counter-clockwise; left out, the building's own."""
     closed_doors: tuple[str, ...] = ()
+    """The doors of the building that are closed."""
     shared_truth: Path | None = None
 
 
@@ -158,8 +202,12 @@ class SimulationParameters(Parameters):
     """
 
     seed: int = Field(1, ge=0)
+    """What all noise and chance of the simulation is drawn from: the same seed, the same run."""
     step_s: float = Field(0.005, gt=0, le=0.02)
+    """The step of the simulation."""
     physics: Physics = Physics.PLANAR
+    """``planar`` is our own model of a disc in the plane, ``mujoco`` rigid bodies in three dimensions (the extra
+    ``mujoco``)."""
     motor: MotorParameters = section()
     body: SimBodyParameters = section()
     true: TrueParameters = section()

@@ -62,17 +62,30 @@ class SketchParameters(Parameters):
     """
 
     lines: str = Field("teusib", pattern=f"^[{LINE_KINDS}]+$")
+    """The kinds of lines of a cycle, in their order."""
     cycle_s: float = Field(0.05, gt=0, le=10)
+    """A cycle takes at least so long."""
     waits_for_imu: bool = False
+    """The sketch waits for a sample of the motion processor in each cycle."""
     missing_imu_share: float = Field(0.0, ge=0, le=1)
+    """The share of cycles that find no sample."""
     has_banner: bool = True
+    """It greets when it starts."""
     cuts_first_line: bool = True
+    """A host that opens the port first reads the end of a line."""
     resets: bool = True
+    """The line ``r`` restarts the board, and is not only answered."""
     receive_buffer_bytes: int = Field(1024, ge=1)
+    """What the board keeps of bytes that it has not read yet."""
     transmit_buffer_bytes: int = Field(64, ge=1)
+    """What it keeps of bytes that the line has not taken yet; then it waits."""
     handover_s: float = Field(0.0, ge=0, le=1)
+    """The USB converter hands over at once what came within this time."""
     pwm_full_scale: int = Field(255, ge=1, le=65_535)
+    """The duty at which the bridge is fully on."""
     pwm_law: PwmLaw = PwmLaw.CLIPPED
+    """What becomes of a duty beyond that: ``clipped`` is full on, with ``low_byte`` only the low eight bits
+    count."""
 
 
 SKETCHES: Mapping[SketchName, SketchParameters] = MappingProxyType(
@@ -114,15 +127,24 @@ class BoardParameters(SketchParameters):
     """
 
     sketch: SketchName = SketchName.TIVA
+    """What the board runs; what is not given here is that sketch's."""
     line_rate_bytes_s: float | None = Field(None, gt=0)
+    """How fast its line is; left out, as fast as the robot's."""
     echo_timeout_s: float = Field(1.0, ge=0, le=1)
+    """For so long the sketch waits for an ultrasonic echo that does not come."""
     blocking_ultrasonic: bool = True
+    """The sketch does nothing else while it waits for an echo."""
     raw_imu: bool = False
+    """It sends raw readings of the IMU instead of an orientation."""
     adc_bits: int = Field(12, ge=8, le=16)
+    """The resolution of its analogue inputs."""
     edge_buffer: int = Field(512, ge=1)
     boot_s: float = Field(0.2, ge=0, le=60)
+    """The time from its start to its first line."""
     reset_delay_s: float = Field(1.0, ge=0, le=60)
+    """The time from ``r`` to its restart."""
     boot_micros: int = Field(0, ge=0, lt=UINT32_SPAN)
+    """Where its clock of microseconds starts, which wraps round after 71 minutes."""
 
     @model_validator(mode="before")
     @classmethod

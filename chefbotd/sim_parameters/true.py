@@ -26,8 +26,11 @@ class TrueMotor(Parameters):
     """
 
     gain: float = Factor
+    """A factor on the speed for a duty beyond the dead zone."""
     dead_zone: float = Factor
+    """A factor on the duty at which the wheel turns, friction included."""
     time_constant: float = Factor
+    """A factor on the time that it takes to approach a speed."""
 
 
 class TrueWheel(Parameters):
@@ -37,6 +40,7 @@ class TrueWheel(Parameters):
     """
 
     radius_m: float | None = Field(None, gt=0, le=1)
+    """The wheel's true radius; left out, the configured one with its side's multiplier."""
     backlash_rad: float = Field(0.0, ge=0, le=0.5)
     forward: TrueMotor = section()
     reverse: TrueMotor = section()
@@ -50,10 +54,15 @@ class TrueImu(Parameters):
     """
 
     gyro_scale: float = Field(1.0, ge=0.5, le=2)
+    """What the gyroscope shows of a turn, as a factor."""
     mount_heading_rad: float | None = Field(None, ge=-math.pi, le=math.pi)
+    """How its axes are turned about z; left out, as configured."""
     mount_pitch_rad: float = Field(0.0, ge=-1, le=1)
+    """How its axes are turned about y, after z."""
     mount_roll_rad: float = Field(0.0, ge=-1, le=1)
+    """How its axes are turned about x, after z and y."""
     acceleration_bias_m_s2: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """The accelerometer's bias on x, y and z."""
 
 
 class TrueLidar(Parameters):
@@ -63,10 +72,15 @@ class TrueLidar(Parameters):
     """
 
     mount_x_m: float | None = Field(None, ge=-5, le=5)
+    """How far ahead it truly is; left out, as configured."""
     mount_y_m: float | None = Field(None, ge=-5, le=5)
+    """How far to the left it truly is; left out, as configured."""
     mount_yaw_rad: float | None = Field(None, ge=-math.tau, le=math.tau)
+    """Where its zero mark truly points; left out, as configured."""
     range_offset_m: float = Field(0.0, ge=-0.5, le=0.5)
+    """By how much it reads too far."""
     range_scale: float = Field(1.0, ge=0.5, le=2)
+    """What it reads of a range, as a factor."""
     lone_share: float = Field(0.0, ge=0, le=1)
 
 
@@ -90,20 +104,33 @@ class TrueParameters(Parameters):
     """
 
     drawn: Drawn = Drawn.PERFECT
+    """What is not given is ``perfect`` (as configured), or drawn from the seed: ``plausible`` or
+    ``imperfect``."""
     seed: int | None = Field(None, ge=0)
+    """What is drawn from; left out, the seed of ``[sim]``."""
     track_width_m: float | None = Field(None, gt=0, le=10)
+    """The true track of turning; left out, the configured one with its multiplier."""
     wheels: Mapping[str, TrueWheel] = {}
     left_slip: float = Field(0.0, ge=0, lt=1)
+    """The share of the left rims' travel that is always lost."""
     right_slip: float = Field(0.0, ge=0, lt=1)
+    """The share of the right rims' travel that is always lost."""
     travel_variance_m2_per_m: float = Field(0.0, ge=0, le=0.01)
+    """The variance of random slip in travel."""
     turn_variance_rad2_per_rad: float = Field(0.0, ge=0, le=0.01)
+    """The variance of random slip in heading."""
     imu: TrueImu = section()
     lidars: Mapping[str, TrueLidar] = {}
     ultrasonic_offset_m: float = Field(0.0, ge=-0.5, le=0.5)
+    """By how much the ultrasonic sensor truly reads too far."""
     infrared_offset_m: float = Field(0.0, ge=-0.5, le=0.5)
+    """By how much the infrared sensors truly read too far."""
     far_echo_share: float = Field(0.0, ge=0, le=1)
+    """The share of ultrasonic readings that are of something farther."""
     infrared_glitch_share: float = Field(0.0, ge=0, le=1)
+    """The share of infrared readings that show nothing."""
     divider_ratio: float | None = Field(None, gt=0, le=100)
+    """The battery's true divider; left out, as configured."""
 
 
 class Bounds(Parameters):

@@ -21,12 +21,15 @@ class PageParameters(Parameters):
     """
 
     enabled: bool = False
-    host: str = Field("127.0.0.1", min_length=1, description="address to listen on; loopback by default")
-    port: int = Field(7380, ge=0, le=65535, description="TCP port; 0 lets the system choose")
-    allowed_hosts: tuple[str, ...] = Field((), description='names of the robot, such as "chefbot.local"')
+    """A page in the browser is served; it needs the extra ``page``."""
+    host: str = Field("127.0.0.1", min_length=1, description="The address to listen on; loopback by default")
+    port: int = Field(7380, ge=0, le=65535, description="The TCP port; 0 lets the system choose")
+    allowed_hosts: tuple[str, ...] = Field(
+        (), description='Names under which browsers may open the page, such as "chefbot.local"'
+    )
 
     origins: tuple[str, ...] = Field(
-        (), description='of a proxy before the page, such as "https://robot.example"'
+        (), description='Where a proxy of yours shows the page, such as "https://robot.example"'
     )
 
     @field_validator("origins")
@@ -78,10 +81,13 @@ class FoxgloveParameters(Parameters):
     """The server for Foxglove, which only shows. Its protocol knows no tokens, so it stays on this computer."""
 
     enabled: bool = False
+    """Topics are served live to Foxglove; it needs the extra ``foxglove``."""
     host: str = Field(
-        "127.0.0.1", min_length=1, description="loopback; from elsewhere: ssh -L 8765:localhost:8765"
+        "127.0.0.1",
+        min_length=1,
+        description="The address to listen on; from elsewhere: ssh -L 8765:localhost:8765",
     )
-    port: int = Field(8765, ge=0, le=65535, description="TCP port; 0 lets the system choose")
+    port: int = Field(8765, ge=0, le=65535, description="The TCP port; 0 lets the system choose")
 
     @field_validator("host")
     @classmethod
@@ -98,8 +104,10 @@ class DiscoveryParameters(Parameters):
     """``name`` is what the robot is called on the network, with ``.local`` as a host; left out: ``[robot] name``."""
 
     enabled: bool = False
+    """The robot announces itself on the network; it needs the extra ``discovery``."""
     name: str | None = Field(
-        None, description='such as "kitchen-bot": letters, digits and hyphens, at most 63'
+        None,
+        description='The name on the network, such as "kitchen-bot": letters, digits and hyphens, at most 63',
     )
 
     @field_validator("name")

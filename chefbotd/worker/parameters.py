@@ -15,21 +15,22 @@ class WorkerParameters(Parameters):
     """
 
     enabled: bool = True
+    """The process that makes maps and localizes is started; without it the robot drives, but knows no map."""
     niceness: int = Field(default=10, ge=0, le=19)
     """How far the worker stands back for the daemon and others (nice(2))."""
     start_timeout_s: float = Field(default=180.0, gt=0, le=3600)
-    """Of its own processor time until it is ready, so a busy computer may take longer.
-
-    Compiling for the first time takes half a minute here, and minutes on a small board."""
+    """The processor time that the worker may use until it is ready. Compiling for the first time takes half a
+    minute, and minutes on a small board."""
     silence_timeout_s: float = Field(default=3.0, gt=0, le=60)
-    """It says twice a second that it lives. While it loads and compiles, processor time that it uses says so, too."""
+    """A worker that has not said for so long that it lives is killed. It says so twice a second."""
     step_timeout_s: float = Field(default=20.0, gt=0, le=600)
-    """For what it does without having been asked, such as a scan."""
+    """The longest that it may take for what nobody asked for, such as a scan."""
     max_memory_mb: float = Field(default=800.0, ge=100, le=65536)
-    """Resident memory. SLAM in a flat takes 120 MB; compiling, once, 300 MB."""
+    """A worker that takes more resident memory is killed. Mapping a flat takes 120 MB, compiling 300 MB once."""
     restart_delay_s: float = Field(default=0.5, gt=0, le=60)
-    """Doubled with each failure in a row, up to:"""
+    """The wait before a worker that has ended is started again; it doubles with each failure in a row."""
     max_restart_delay_s: float = Field(default=30.0, gt=0, le=600)
+    """The longest wait before the worker is started again."""
     queue_kb: int = Field(default=64, ge=8, le=16384)
     """So much of scans (4 kB each) and odometry waits for it to read; then the oldest give way."""
     cache_folder: Path | None = None
@@ -59,8 +60,8 @@ class NavigationSection(Parameters):
     comfort_m: float = Field(default=0.30, gt=0, le=5)
     """Paths keep so far from what stands where there is room; more room than that beside the robot is worth nothing."""
     home_place: str = Field(default="home", min_length=1, max_length=64)
-    """The place of the map in use to which ``go_home`` drives;"""
+    """The place of the map in use to which ``go_home`` drives."""
     dock_place: str = Field(default="dock", min_length=1, max_length=64)
-    """and ``dock``: where the robot is charged, with the heading that it needs there."""
+    """The place to which ``dock`` drives: where the robot is charged, with the heading that it needs there."""
     resume_after_takeover: bool = True
     """Whether a goal goes on when whoever took over has let go; otherwise it waits for ``resume_navigation``."""

@@ -1,5 +1,6 @@
 """The reference of every key follows from the classes that check a configuration."""
 
+import re
 from collections.abc import Iterator
 from typing import Any
 
@@ -8,7 +9,7 @@ import pytest
 
 from chefbotd.cli.programs.chefbotctl import main as chefbotctl
 from chefbotd.settings import load, packaged
-from chefbotd.settings.reference import FOUND_BY, page, sections
+from chefbotd.settings.reference import FOUND_BY, UNITS, page, sections
 from tests.chefbotd.settings.write_reference import PAGE
 
 KEYS = {key.key: key for section in sections() for key in section.keys}
@@ -17,6 +18,38 @@ KEYS = {key.key: key for section in sections() for key in section.keys}
 def test_the_page_is_current() -> None:
     """``make client`` writes it; a key that was added or changed shows here."""
     assert PAGE.read_text(encoding="utf-8") == page(), "run: make client"
+
+
+def test_every_key_says_what_it_is_for() -> None:
+    """A sentence that begins and ends as one, of more than its own name, from the model that checks the key."""
+    for key in KEYS.values():
+        assert key.text.endswith("."), key
+        assert len(key.text.split()) >= 4, key
+        assert key.text[0] in "`-" or not key.text[0].islower(), key
+        assert not re.search(r"\bNone\b", key.text), key
+
+
+@pytest.mark.parametrize(
+    ("key", "unit"),
+    [
+        ("odometry.fusion.gyro_noise_rad_per_root_s", "rad per √s"),
+        ("sim.board.line_rate_bytes_s", "bytes/s"),
+        ("worker.queue_kb", "kB"),
+        ("pid.kd_duty_per_m_s2", "duty per m/s²"),
+        ("mapping.slam.matching.odometry_rad_per_m", "rad per m"),
+        ("safety.overspeed.share", ""),
+    ],
+)
+def test_units_follow_from_the_ends_of_keys(key: str, unit: str) -> None:
+    """The longest end that is a unit counts: a rate of bytes is no time."""
+    assert KEYS[key].unit == unit
+
+
+def test_no_longer_end_of_a_key_stands_behind_a_shorter_one() -> None:
+    """The first that fits is taken."""
+    ends = list(UNITS)
+    for place, end in enumerate(ends):
+        assert not any(end.endswith(f"_{earlier}") for earlier in ends[:place]), end
 
 
 def _keys_in(path: str, value: Any) -> Iterator[str]:
