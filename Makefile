@@ -194,8 +194,8 @@ faults: $(VENV)/ready  ## Let every fault of docs/safety.md happen (CLOCK=virtua
 
 # Random sequences of whoever drives, waits, stops, fails, arms and connects again, each with the rule beside it.
 sequences: $(VENV)/ready  ## Search sequences for a motion that nobody decided on since the last stop (SEQUENCES=100000)
-	SEQUENCES=$(SEQUENCES) $(BIN)/python -m pytest -q tests/chefbotd/features/driving/test_stop_sequences.py \
-	  tests/chefbotd/features/navigation/test_waiting_sequences.py
+	SEQUENCES=$(SEQUENCES) $(BIN)/python -m pytest -q tests/chefbotd/driving/test_stop_sequences.py \
+	  tests/chefbotd/components/navigation/test_waiting_sequences.py
 	! $(BIN)/python -c "import chefbot_vda5050" 2>/dev/null || SEQUENCES=$(SEQUENCES) $(BIN)/python -m pytest -q \
 	  addons/chefbot-vda5050/tests/test_vda5050_sequences.py
 

@@ -17,14 +17,14 @@ from structlog.testing import capture_logs
 
 from benchmarks.carmen import Recording, recordings
 from benchmarks.figures import Figure, Outcome
-from chefbotd.calibration.least_squares import Floats
-from chefbotd.calibration.scan_motion import Keyframe, keyframe, matched
-from chefbotd.calibration.wheel_fit import RecordedDrive, fit, in_pieces
-from chefbotd.calibration.wheel_model import NOMINAL, WheelModel, reckoned
-from chefbotd.calibration.wheel_views import MEMORY, PIECES
 from chefbotd.clock import run_virtual
-from chefbotd.core.events.calibration import Status
-from chefbotd.mapping.poses import between, wrap
+from chefbotd.components.calibration.algorithms.least_squares import Floats
+from chefbotd.components.calibration.algorithms.scan_motion import Keyframe, keyframe, matched
+from chefbotd.components.calibration.algorithms.wheel_fit import RecordedDrive, fit, in_pieces
+from chefbotd.components.calibration.algorithms.wheel_model import NOMINAL, WheelModel, reckoned
+from chefbotd.components.calibration.algorithms.wheel_views import MEMORY, PIECES
+from chefbotd.components.calibration.events import Status
+from chefbotd.core.poses import between, wrap
 from examples.calibrate import Calibrated, calibrate
 
 FOLDER = Path(__file__).parents[2] / "shared" / "data" / "carmen"

@@ -39,10 +39,10 @@ TURNS = 20
 PARTS = {
     "firmware_protocol": "parsing",
     "chefbotd/link": "link",
-    "chefbotd/features/driving": "drive service",
-    "chefbotd/features/odometry": "odometry",
+    "chefbotd/driving": "drive service",
+    "chefbotd/driving/odometry": "odometry",
     "chefbotd/motion/odometry": "odometry",
-    "chefbotd/features/sensors": "sensors",
+    "chefbotd/driving/sensors": "sensors",
     "chefbotd/sensing": "sensors",
     "chefbotd/motion": "motion",
     "chefbotd/safety": "safety",

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from chefbotd.mapping.poses import Floats, between, compose
+from chefbotd.core.poses import Floats, between, compose
 
 OFFICIAL, PSEUDO = "relations.csv", "pseudo_relations.csv"
 

@@ -10,19 +10,26 @@ from collections.abc import Iterable
 import numpy as np
 
 from benchmarks.figures import Figure
+from chefbotd.components.localization.algorithms.agreement import agreement
+from chefbotd.components.localization.algorithms.searching import LocalizationMap, localization_map
+from chefbotd.components.localization.algorithms.state import PoseState, set_pose
+from chefbotd.components.mapping.algorithms.finish import refined
+from chefbotd.components.mapping.algorithms.occupancy import occupancy
+from chefbotd.components.mapping.algorithms.parameters import SlamParameters
+from chefbotd.components.mapping.algorithms.refine import Prior, polish
+from chefbotd.components.mapping.algorithms.slam import step as slam_step
+from chefbotd.components.mapping.algorithms.state import start
+from chefbotd.core.poses import Floats, compose
 from chefbotd.core.record import replace
-from chefbotd.localization.agreement import agreement
-from chefbotd.localization.searching import LocalizationMap, localization_map
-from chefbotd.localization.state import PoseState, set_pose
-from chefbotd.mapping.finish import refined
-from chefbotd.mapping.occupancy import occupancy
-from chefbotd.mapping.parameters import SlamParameters
-from chefbotd.mapping.poses import Floats, compose
-from chefbotd.mapping.refine import Prior, polish
-from chefbotd.mapping.slam import step as slam_step
-from chefbotd.mapping.state import start
-from tests.chefbotd.localization.buildings import Robot, drawn, mirrored, off, scan_of, twin_rooms
-from tests.chefbotd.mapping.slam.flat import (
+from tests.chefbotd.components.localization.algorithms.buildings import (
+    Robot,
+    drawn,
+    mirrored,
+    off,
+    scan_of,
+    twin_rooms,
+)
+from tests.chefbotd.components.mapping.algorithms.slam.flat import (
     TOUR,
     Lidar,
     furnished_flat,

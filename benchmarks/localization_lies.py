@@ -9,15 +9,15 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 
 from benchmarks.figures import Figure
+from chefbotd.components.localization.algorithms.agreement import agreement
+from chefbotd.components.localization.algorithms.searching import LocalizationMap, localization_map
+from chefbotd.components.localization.algorithms.state import PoseState, set_pose
+from chefbotd.components.mapping.algorithms.surfaces import Singles
+from chefbotd.components.simulation.scene import of_solids
+from chefbotd.components.simulation.worlds.office import OFFICE
+from chefbotd.core.poses import Floats, compose
 from chefbotd.core.record import Record
-from chefbotd.localization.agreement import agreement
-from chefbotd.localization.searching import LocalizationMap, localization_map
-from chefbotd.localization.state import PoseState, set_pose
-from chefbotd.mapping.poses import Floats, compose
-from chefbotd.mapping.surfaces import Singles
-from chefbotd.sim.scene import of_solids
-from chefbotd.sim.worlds.office import OFFICE
-from tests.chefbotd.localization.buildings import (
+from tests.chefbotd.components.localization.algorithms.buildings import (
     PERIOD_S,
     Robot,
     corridor_of_mirrored_rooms,
@@ -25,7 +25,7 @@ from tests.chefbotd.localization.buildings import (
     off,
     scan_of,
 )
-from tests.chefbotd.mapping.slam.flat import NOISE_M, Lidar, to_walls_m
+from tests.chefbotd.components.mapping.algorithms.slam.flat import NOISE_M, Lidar, to_walls_m
 
 COUNT, QUICK_COUNT, STANDING_S = 64, 8, 10.0
 BELIEVED_M, BELIEVED_DEG = 0.3, 20.0

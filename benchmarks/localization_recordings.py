@@ -10,17 +10,17 @@ import numpy as np
 from benchmarks.carmen import Recording
 from benchmarks.figures import Figure
 from benchmarks.slam import points_of
-from chefbotd.localization.localizer import LocalizationReport, advanced, step
-from chefbotd.localization.searching import LocalizationMap, localization_map
-from chefbotd.localization.state import Localization, Odometry, PoseState
-from chefbotd.mapping.finish import refined
-from chefbotd.mapping.occupancy import occupancy
-from chefbotd.mapping.parameters import SlamParameters
-from chefbotd.mapping.poses import Floats, between, compose
-from chefbotd.mapping.slam import step as slam_step
-from chefbotd.mapping.state import Scan, SlamState, start
-from chefbotd.mapping.surfaces import Singles, normals
-from tests.chefbotd.mapping.slam.drives import Drive
+from chefbotd.components.localization.algorithms.localizer import LocalizationReport, advanced, step
+from chefbotd.components.localization.algorithms.searching import LocalizationMap, localization_map
+from chefbotd.components.localization.algorithms.state import Localization, Odometry, PoseState
+from chefbotd.components.mapping.algorithms.finish import refined
+from chefbotd.components.mapping.algorithms.occupancy import occupancy
+from chefbotd.components.mapping.algorithms.parameters import SlamParameters
+from chefbotd.components.mapping.algorithms.slam import step as slam_step
+from chefbotd.components.mapping.algorithms.state import Scan, SlamState, start
+from chefbotd.components.mapping.algorithms.surfaces import Singles, normals
+from chefbotd.core.poses import Floats, between, compose
+from tests.chefbotd.components.mapping.algorithms.slam.drives import Drive
 
 SLAM = SlamParameters()
 CENTER = np.zeros(2)

@@ -14,8 +14,8 @@ from statistics import mean, median
 
 from benchmarks.figures import Figure, Outcome, percentile
 from chefbotd.clock import run_virtual
-from chefbotd.core.events.calibration import Status, StepResult
-from chefbotd.process.true_values import true_values
+from chefbotd.components.calibration.events import Status, StepResult
+from chefbotd.components.simulation.process.true_values import true_values
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.settings.values import calibrated
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot

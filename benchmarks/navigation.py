@@ -17,17 +17,17 @@ from scipy import ndimage
 
 from benchmarks.figures import Figure, Outcome, percentile
 from benchmarks.roominess import ROOM_M, least_with_room_m
+from chefbotd.components.navigation.algorithms.grid import Flags, Singles, distances_m
+from chefbotd.components.navigation.algorithms.path import Goal
+from chefbotd.components.navigation.algorithms.search import search
+from chefbotd.components.navigation.algorithms.smooth import straightened
+from chefbotd.components.navigation.algorithms.states import End
 from chefbotd.core.geometry import Pose2D, wrap_angle
-from chefbotd.navigation.grid import Flags, Singles, distances_m
-from chefbotd.navigation.path import Goal
-from chefbotd.navigation.search import search
-from chefbotd.navigation.smooth import straightened
-from chefbotd.navigation.states import End
-from tests.chefbotd.mapping.slam.flat import Floats, box
-from tests.chefbotd.navigation.buildings import BUILDINGS, Building
-from tests.chefbotd.navigation.drives import RADIUS_M, ROUND, Drive, Person
-from tests.chefbotd.navigation.grids import rasterised
-from tests.chefbotd.navigation.hall import crossed
+from tests.chefbotd.components.mapping.algorithms.slam.flat import Floats, box
+from tests.chefbotd.components.navigation.algorithms.buildings import BUILDINGS, Building
+from tests.chefbotd.components.navigation.algorithms.drives import RADIUS_M, ROUND, Drive, Person
+from tests.chefbotd.components.navigation.algorithms.grids import rasterised
+from tests.chefbotd.components.navigation.algorithms.hall import crossed
 
 SEEDS, GOALS, QUICK_GOALS, UNREACHABLE = 3, 20, 4, 3
 FINE_M, SURE_M, UNMAPPED_SURE_M, WIDE_M = 0.025, 0.05, 0.09, 0.28

@@ -7,9 +7,9 @@ import time
 from importlib.util import find_spec
 
 from benchmarks.figures import Figure, Outcome
-from chefbotd.process.simulated_robot import simulation_of
+from chefbotd.components.simulation.process.simulated_robot import simulation_of
+from chefbotd.components.simulation.simulation import build_launchpad
 from chefbotd.settings import load, packaged
-from chefbotd.sim.simulation import build_launchpad
 
 SECONDS = 60.0
 ROUND = ((0.35, 0.25), (0.0, 0.0), (-0.25, -0.35), (0.0, 0.0))

@@ -15,16 +15,16 @@ from scipy import ndimage
 
 from benchmarks.figures import Figure, Outcome, percentile
 from benchmarks.movingai import Scenario, scenarios
+from chefbotd.components.mapping.algorithms.map_server import parse_description, parse_image
+from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.navigation.algorithms.costmap import Costmap, costmap
+from chefbotd.components.navigation.algorithms.outline import Footprint
+from chefbotd.components.navigation.algorithms.path import Goal, NoPath
+from chefbotd.components.navigation.algorithms.planner import plan
+from chefbotd.components.navigation.algorithms.search import search
 from chefbotd.core.geometry import Pose2D
-from chefbotd.mapping.map_server import parse_description, parse_image
-from chefbotd.mapping.occupancy_grid import OccupancyGrid
-from chefbotd.navigation.costmap import Costmap, costmap
-from chefbotd.navigation.outline import Footprint
-from chefbotd.navigation.path import Goal, NoPath
-from chefbotd.navigation.planner import plan
-from chefbotd.navigation.search import search
-from tests.chefbotd.mapping.slam.flat import furnished_flat
-from tests.chefbotd.navigation.grids import rasterised
+from tests.chefbotd.components.mapping.algorithms.slam.flat import furnished_flat
+from tests.chefbotd.components.navigation.algorithms.grids import rasterised
 
 FOLDER = Path(__file__).parents[2] / "shared" / "data" / "movingai"
 ROOM_MS, HOTEL_MS, SIX_DIGITS = 2.0, 5.0, 6e-6

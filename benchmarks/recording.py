@@ -15,7 +15,7 @@ from benchmarks.latency import ECHO_S, FRAMES_CYCLE_S, frame_to_answer
 from benchmarks.rig import Changes, connect, daemon
 from benchmarks.rpc import Caller
 from benchmarks.worker import lidar
-from chefbotd.recording.reader import RecordingReader
+from chefbotd.components.recording.reader import RecordingReader
 
 ROUNDS, FRAMES, IDLE_S = 5, 1500, 10.0
 MOST_CORES, RATIO, MOST_IDLE_CORES = 0.02, 1.1, 0.03

@@ -11,10 +11,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from chefbotd.navigation.grid import Singles
-from chefbotd.navigation.search import search
-from chefbotd.navigation.smooth import straightened
-from tests.chefbotd.navigation.drives import Clearance, Person
+from chefbotd.components.navigation.algorithms.grid import Singles
+from chefbotd.components.navigation.algorithms.search import search
+from chefbotd.components.navigation.algorithms.smooth import straightened
+from tests.chefbotd.components.navigation.algorithms.drives import Clearance, Person
 
 ROOM_M, LONGER_M, PERSON_M = 0.10, 0.3, Person.radius_m
 

@@ -19,7 +19,7 @@ from typing import Any
 
 import psutil
 
-import chefbotd.sim.worlds
+import chefbotd.components.simulation.worlds
 from benchmarks.figures import Figure, Outcome, percentile
 from benchmarks.latency import answers_s
 from benchmarks.rig import CHEFBOTD, Daemon, connect, running, sent, to_toml, until
@@ -31,7 +31,7 @@ from examples.order import PATIENCE_S, START, TABLES
 from examples.order import PLACES as ALL_PLACES
 
 ROBOT, CYCLE_HZ = "chefbot_lidar", 50
-MAP = Path(chefbotd.sim.worlds.__file__).parent / "flat.yaml"
+MAP = Path(chefbotd.components.simulation.worlds.__file__).parent / "flat.yaml"
 PLACES = TABLES[:2]
 TURNS, SECONDS, QUICK_SECONDS, SETTLE_S = 6, 25.0, 8.0, 2.0
 ASKED_EVERY_S = (0.02, 0.06)
@@ -199,7 +199,7 @@ def _topic(caller: Caller, topic: str) -> dict[str, Any] | None:
 
 def _worker(robot: Daemon) -> psutil.Process:
     children = psutil.Process(robot.process.pid).children()
-    return next(each for each in children if "chefbotd.worker" in each.cmdline())
+    return next(each for each in children if "chefbotd.components.worker" in each.cmdline())
 
 
 def _cpu_s(process: psutil.Process) -> float:

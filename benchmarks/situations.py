@@ -10,14 +10,14 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from benchmarks.figures import Figure, Outcome, percentile
+from chefbotd.components.navigation.algorithms.interface import Seen
+from chefbotd.components.navigation.algorithms.path import Goal
+from chefbotd.components.navigation.algorithms.states import End
 from chefbotd.core.geometry import Pose2D
-from chefbotd.navigation.interface import Seen
-from chefbotd.navigation.path import Goal
-from chefbotd.navigation.states import End
-from tests.chefbotd.mapping.slam.flat import Floats, box, wall
-from tests.chefbotd.navigation.drives import MAX_RANGE_M, RADIUS_M, Person
-from tests.chefbotd.navigation.grids import rasterised
-from tests.chefbotd.navigation.guarded import Guarded
+from tests.chefbotd.components.mapping.algorithms.slam.flat import Floats, box, wall
+from tests.chefbotd.components.navigation.algorithms.drives import MAX_RANGE_M, RADIUS_M, Person
+from tests.chefbotd.components.navigation.algorithms.grids import rasterised
+from tests.chefbotd.components.navigation.algorithms.guarded import Guarded
 
 SEEDS, QUICK_SEEDS = 20, 3
 DIAMETER_M = 2 * RADIUS_M

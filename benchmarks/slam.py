@@ -14,18 +14,24 @@ import psutil
 
 from benchmarks.carmen import Recording, Score, recordings, score
 from benchmarks.figures import Figure, Outcome
-from chefbotd.core.compiled import release_libraries
+from chefbotd.components.mapping.algorithms.finish import refined
+from chefbotd.components.mapping.algorithms.parameters import SlamParameters
+from chefbotd.components.mapping.algorithms.slam import SlamReport, step
+from chefbotd.components.mapping.algorithms.state import Scan, SlamState, start
+from chefbotd.components.mapping.algorithms.surfaces import Singles, normals
+from chefbotd.components.mapping.algorithms.tracking import tracked
+from chefbotd.components.worker.compiled import release_libraries
+from chefbotd.core.poses import Floats, between
 from chefbotd.core.scan import LaserScan
-from chefbotd.mapping.finish import refined
-from chefbotd.mapping.parameters import SlamParameters
-from chefbotd.mapping.poses import Floats, between
-from chefbotd.mapping.slam import SlamReport, step
-from chefbotd.mapping.state import Scan, SlamState, start
-from chefbotd.mapping.surfaces import Singles, normals
-from chefbotd.mapping.tracking import tracked
 from chefbotd.perception.laser_scan import usable
-from tests.chefbotd.mapping.slam.drives import Drive, off_m, walls_off_m
-from tests.chefbotd.mapping.slam.flat import TOUR, Lidar, furnished_flat, odometry, poses_along
+from tests.chefbotd.components.mapping.algorithms.slam.drives import Drive, off_m, walls_off_m
+from tests.chefbotd.components.mapping.algorithms.slam.flat import (
+    TOUR,
+    Lidar,
+    furnished_flat,
+    odometry,
+    poses_along,
+)
 
 FOLDER = Path(__file__).parents[2] / "shared" / "data" / "carmen"
 BAND_M, SLAM = (0.05, 30.0), SlamParameters()

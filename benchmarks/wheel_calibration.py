@@ -1,7 +1,7 @@
 """The wheels' parameters fitted to recorded ticks with truth, and judged on runs that the fit has not seen.
 
-``chefbotd.calibration.wheel_fit`` does the fitting. Runs of a folder are halved (by run, seeded), or one folder is
-fitted and another one judged.
+``chefbotd.components.calibration.algorithms.wheel_fit`` does the fitting. Runs of a folder are halved (by run, seeded),
+or one folder is fitted and another one judged.
 """
 
 import json
@@ -14,9 +14,15 @@ import numpy as np
 
 from benchmarks.figures import Figure, Outcome
 from benchmarks.ticks import Geometry, Run, read_geometry, read_runs
-from chefbotd.calibration.least_squares import Floats
-from chefbotd.calibration.wheel_fit import RecordedDrive, WheelFit, fit, in_pieces, needs_rich
-from chefbotd.calibration.wheel_model import NOMINAL, WheelModel, reckoned
+from chefbotd.components.calibration.algorithms.least_squares import Floats
+from chefbotd.components.calibration.algorithms.wheel_fit import (
+    RecordedDrive,
+    WheelFit,
+    fit,
+    in_pieces,
+    needs_rich,
+)
+from chefbotd.components.calibration.algorithms.wheel_model import NOMINAL, WheelModel, reckoned
 from chefbotd.core.geometry import wrap_angle
 
 PIECES_S = (5.0, 20.0)

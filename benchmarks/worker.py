@@ -24,13 +24,19 @@ from benchmarks.figures import Figure, Outcome, percentile
 from benchmarks.latency import ECHO_S, FRAMES_CYCLE_S, frame_to_answer
 from benchmarks.rig import connect, daemon, until
 from benchmarks.rpc import Caller
-from chefbotd.mapping.parameters import SlamParameters
-from chefbotd.mapping.slam import step
-from chefbotd.mapping.state import Scan, start
-from chefbotd.mapping.surfaces import normals
-from chefbotd.mapping.warm import warm
-from chefbotd.worker.parameters import WorkerParameters
-from tests.chefbotd.mapping.slam.flat import TOUR, Lidar, furnished_flat, odometry, poses_along
+from chefbotd.components.mapping.algorithms.parameters import SlamParameters
+from chefbotd.components.mapping.algorithms.slam import step
+from chefbotd.components.mapping.algorithms.state import Scan, start
+from chefbotd.components.mapping.algorithms.surfaces import normals
+from chefbotd.components.mapping.algorithms.warm import warm
+from chefbotd.components.worker.parameters import WorkerParameters
+from tests.chefbotd.components.mapping.algorithms.slam.flat import (
+    TOUR,
+    Lidar,
+    furnished_flat,
+    odometry,
+    poses_along,
+)
 from tests.fakes.lidar import ld19_packets, noisy_box
 
 ROUNDS, FRAMES, RATIO = 5, 1000, 1.5

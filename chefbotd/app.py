@@ -18,8 +18,8 @@ from chefbotd.composition.plugins import plugins
 from chefbotd.composition.robot import board_session, drive_service, robot_features, simulation
 from chefbotd.composition.scanners import depth_cameras, lidars
 from chefbotd.core.events.inputs import BOARD_LINK, DaemonStarted, DaemonStopping, ServiceFailed
+from chefbotd.driving.board.service import board
 from chefbotd.entries import entries_of
-from chefbotd.features.board.service import board
 from chefbotd.features.feature import Feature, Service, Waiting, methods_and_topics
 from chefbotd.link.board_writer import FaultLog
 from chefbotd.link.entry_session import EntrySession
@@ -37,8 +37,8 @@ from chefbotd.snapshot import DaemonState, Stateful
 from chefbotd.transport.tcp import TcpServer
 
 if TYPE_CHECKING:
-    from chefbotd.features.calibration.fit_process import Fitter
-    from chefbotd.worker.spawn import Spawn
+    from chefbotd.components.calibration.fit_process import Fitter
+    from chefbotd.components.worker.spawn import Spawn
 
 Loop = Callable[[], Coroutine[Any, Any, None]]
 

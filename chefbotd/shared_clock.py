@@ -1,8 +1,9 @@
 """One clock for several simulated robots: it goes on when all their programs have done what was due, and no faster.
 
 A computer that is too slow for all of them in real time has them all slowed down alike: to them nothing is late.
-``python -m chefbotd.shared_clock SOCKET [PACE]`` is the clock. Who keeps to it (``SharedClock``) says after each tick
-when it has nothing more to do; when all have, the next tick comes, at most at ``PACE`` times real time.
+``python -m chefbotd.shared_clock SOCKET [PACE]`` is the clock. Who keeps to it (``SharedClock``)
+says after each tick when it has nothing more to do; when all have, the next tick comes, at most at ``PACE`` times real
+time.
 
 No asyncio: the worker reads this clock too.
 """

@@ -16,13 +16,13 @@ from chefbotd.cli.drive.course import Leg, square
 from chefbotd.cli.drive.course_driver import CourseDriver
 from chefbotd.client import Client
 from chefbotd.client.models import CalibrationStep
-from chefbotd.core.events.calibration import Ask, StepResult
+from chefbotd.components.calibration.events import Ask, StepResult
+from chefbotd.components.simulation.parameters.true import TrueParameters
+from chefbotd.components.simulation.process.simulated_robot import nominal_battery, true_of
+from chefbotd.components.simulation.process.true_values import true_values
 from chefbotd.core.geometry import Pose2D, wrap_angle
 from chefbotd.core.record import Record
-from chefbotd.process.simulated_robot import nominal_battery, true_of
-from chefbotd.process.true_values import true_values
 from chefbotd.settings import Settings, load, packaged
-from chefbotd.sim_parameters.true import TrueParameters
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 
 SIDE_M: Final = 4.0

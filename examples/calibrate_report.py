@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 from structlog.testing import capture_logs
 
-from chefbotd.cli.calibrate.report import draw_plots, finish, require_plots, show_estimates
 from chefbotd.cli.common import output
 from chefbotd.cli.common.context import CommandContext, refusal
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import require
 from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
+from chefbotd.components.calibration.cli.report import draw_plots, finish, require_plots, show_estimates
 
 if TYPE_CHECKING:
     from examples.calibrate import Calibrated, SquareError

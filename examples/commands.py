@@ -12,7 +12,7 @@ import click
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError, extra, require
-from chefbotd.cli.maps.asking import write_file
+from chefbotd.components.maps.cli.asking import write_file
 
 
 @click.command()
@@ -26,7 +26,7 @@ def serve(context: CommandContext) -> None:
     require("navigation", "PIL")
     with extra("navigation", "numba", "llvmlite", "scipy"):
         from examples.serve import Serve
-    from chefbotd.cli.navigate.view import NavigationView
+    from chefbotd.components.navigation.cli.view import NavigationView
     from examples import order
     from examples.serve_report import as_json, print_report
 
@@ -57,12 +57,12 @@ def demo(context: CommandContext, out: Path) -> None:
     true walls. It takes about three minutes.
     """
     require("navigation", "PIL")
-    from chefbotd.cli.maps.draw import MapMark
-    from chefbotd.cli.maps.live_view import LiveMapView
-    from chefbotd.cli.maps.png import to_png
-    from chefbotd.sim.scene import of_solids
-    from chefbotd.sim.worlds.building import SLICE_M
-    from chefbotd.sim.worlds.flat import FLAT
+    from chefbotd.components.maps.cli.draw import MapMark
+    from chefbotd.components.maps.cli.live_view import LiveMapView
+    from chefbotd.components.maps.cli.png import to_png
+    from chefbotd.components.simulation.scene import of_solids
+    from chefbotd.components.simulation.worlds.building import SLICE_M
+    from chefbotd.components.simulation.worlds.flat import FLAT
     from examples.map_demo import Demo
     from examples.map_report import as_json, print_report, wall_errors
 

@@ -6,15 +6,15 @@ from collections.abc import Sequence
 import numpy as np
 from msgspec import Struct, field
 
-from chefbotd.cli.navigate.view import Disc
+from chefbotd.components.mapping.algorithms.occupancy_grid import FREE, OccupancyGrid
+from chefbotd.components.navigation.algorithms.grid import distances_m
+from chefbotd.components.navigation.algorithms.search import search
+from chefbotd.components.navigation.algorithms.smooth import straightened
+from chefbotd.components.navigation.algorithms.steering import FollowerLimits
+from chefbotd.components.navigation.cli.view import Disc
+from chefbotd.components.simulation.world import World
 from chefbotd.core.geometry import Pose2D, wrap_angle
 from chefbotd.core.record import Record
-from chefbotd.mapping.occupancy_grid import FREE, OccupancyGrid
-from chefbotd.navigation.grid import distances_m
-from chefbotd.navigation.search import search
-from chefbotd.navigation.smooth import straightened
-from chefbotd.navigation.steering import FollowerLimits
-from chefbotd.sim.world import World
 
 STILL_M = 1e-4
 """A robot that comes no nearer than this between two of the simulation's reports (25 a second) stands."""

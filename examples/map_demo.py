@@ -13,12 +13,12 @@ from chefbotd.cli.common.context import CommandContext, beside
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.drive.control import send_drive
 from chefbotd.cli.drive.simulated_daemon import simulated_daemon, until_worker_ready
-from chefbotd.cli.maps.live_view import MappingScene, Show, listen
 from chefbotd.client import Client
 from chefbotd.client.models import MapSaved
+from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.maps.cli.live_view import MappingScene, Show, listen
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import Record
-from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from examples.robot_time import RobotTime, follow
 from examples.route import Point, is_reached, length_m, seen_from, velocity_to
 
@@ -162,13 +162,13 @@ class Usage:
 
 
 def _cpu_s(pid: int | None) -> float | None:
-    from chefbotd.worker.spawn import cpu_s_of
+    from chefbotd.components.worker.spawn import cpu_s_of
 
     return None if pid is None else cpu_s_of(pid)
 
 
 def _memory_mb(pid: int | None) -> float | None:
-    from chefbotd.worker.spawn import rss_mb_of
+    from chefbotd.components.worker.spawn import rss_mb_of
 
     return None if pid is None else rss_mb_of(pid)
 

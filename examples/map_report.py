@@ -8,11 +8,11 @@ import numpy as np
 from rich import box
 from rich.table import Table
 
-from chefbotd.cli.maps.live_view import LiveMapView
+from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.maps.cli.live_view import LiveMapView
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.poses import Floats, row_of, transform
 from chefbotd.core.record import Record
-from chefbotd.mapping.occupancy_grid import OccupancyGrid
-from chefbotd.mapping.poses import Floats, row_of, transform
 from examples.map_demo import DemoResult
 
 LIKELY_OCCUPIED = 65

@@ -5,8 +5,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Final
 
+from chefbotd.components.simulation.parameters.simulation import PersonParameters, ThingParameters
 from chefbotd.core.geometry import Pose2D
-from chefbotd.sim_parameters.simulation import PersonParameters, ThingParameters
 
 START: Final = Pose2D(2.75, 5.35, 2.1)
 """In the bedroom. The robot is not told."""

@@ -6,24 +6,24 @@ import tempfile
 from pathlib import Path
 from typing import Final
 
-import chefbotd.sim.worlds
+import chefbotd.components.simulation.worlds
 from chefbotd.cli.common.context import CommandContext, beside
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.drive.simulated_daemon import simulated_daemon, until_worker_ready
-from chefbotd.cli.maps.draw import MapMark
-from chefbotd.cli.navigate.view import PLACE, NavigationScene, Show, listen
 from chefbotd.client import Client
 from chefbotd.client.errors import GoalNotReached
+from chefbotd.components.maps.cli.draw import MapMark
+from chefbotd.components.navigation.cli.view import PLACE, NavigationScene, Show, listen
+from chefbotd.components.simulation.parameters.motor import SimBodyParameters
+from chefbotd.components.simulation.scene import of_solids
+from chefbotd.components.simulation.worlds.flat import FLAT
 from chefbotd.core.geometry import Pose2D, wrap_angle
-from chefbotd.sim.scene import of_solids
-from chefbotd.sim.worlds.flat import FLAT
-from chefbotd.sim_parameters.motor import SimBodyParameters
 from examples import order
 from examples.legs import Best, Leg, Truth, ended_leg, standing_text
 from examples.robot_time import RobotTime
 from examples.serve_report import Found, Served
 
-MAP: Final = Path(chefbotd.sim.worlds.__file__).parent / "flat.yaml"
+MAP: Final = Path(chefbotd.components.simulation.worlds.__file__).parent / "flat.yaml"
 LOOK_S, LOOK_RAD_S, FOUND_S = 4.0, 0.5, 40.0
 """It looks for so long while it stands; then it turns, so that it sees from more sides."""
 

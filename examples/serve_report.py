@@ -7,7 +7,7 @@ from msgspec.structs import asdict
 from rich import box
 from rich.table import Table
 
-from chefbotd.cli.navigate.view import NavigationView
+from chefbotd.components.navigation.cli.view import NavigationView
 from chefbotd.core.record import Record
 from examples.legs import Leg
 

@@ -18,7 +18,7 @@ PACKAGED = (
     "chefbotd/client/test_sync.py",
     "chefbotd/process/installation",
     "chefbotd/settings",
-    "chefbotd/sim",
+    "chefbotd/components/simulation",
     "chefbotd/testing",
     "chefbotd/test_start.py",
     "chefbotd/transport/web",

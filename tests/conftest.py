@@ -50,11 +50,11 @@ def _log_as_before() -> Iterator[None]:
 @cache
 def _compile() -> None:
     """Compile all that the worker's skills need, or load it from the cache."""
-    from chefbotd.localization import warm as localization
-    from chefbotd.mapping import warm as mapping
-    from chefbotd.navigation import warm as navigation
-    from chefbotd.navigation.interface import NavigationParameters
-    from chefbotd.navigation.outline import Footprint
+    from chefbotd.components.localization.algorithms import warm as localization
+    from chefbotd.components.mapping.algorithms import warm as mapping
+    from chefbotd.components.navigation.algorithms import warm as navigation
+    from chefbotd.components.navigation.algorithms.interface import NavigationParameters
+    from chefbotd.components.navigation.algorithms.outline import Footprint
 
     mapping.warm()
     localization.warm()

@@ -5,13 +5,13 @@ from pathlib import Path
 
 HERE = Path(__file__).parent
 NEED_NAVIGATION = (
-    "chefbotd/cli/navigate",
-    "chefbotd/features/localization",
-    "chefbotd/features/mapping",
-    "chefbotd/localization",
-    "chefbotd/mapping/slam",
-    "chefbotd/navigation",
-    "chefbotd/worker/skills",
+    "chefbotd/components/navigation/cli",
+    "chefbotd/components/localization",
+    "chefbotd/components/mapping",
+    "chefbotd/components/localization/algorithms",
+    "chefbotd/components/mapping/algorithms/slam",
+    "chefbotd/components/navigation/algorithms",
+    "chefbotd/components/worker/skills",
     "examples",
     "scenarios/test_navigation.py",
     "scenarios/test_navigation_maps.py",

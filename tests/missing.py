@@ -7,7 +7,7 @@ import pytest
 URDF_PARSER = ("urdf_parser_py", "lxml")
 PILLOW = ("PIL",)
 
-USERS = ("chefbotd.cli.maps.png", "chefbotd.settings.description", "chefbotd.settings.description")
+USERS = ("chefbotd.components.maps.cli.png", "chefbotd.settings.description", "chefbotd.settings.description")
 """Our modules that import one of these when they are imported themselves: another test may have loaded them."""
 
 

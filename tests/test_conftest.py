@@ -107,7 +107,7 @@ def test_tests_of_the_real_clock_share_a_process_and_so_do_those_that_compile() 
     """A file of each, and one that is a group of its own."""
     here = Path(__file__).parent
     assert group_of(here / "chefbotd/process/test_signals.py") == "realtime"
-    assert group_of(here / "chefbotd/navigation/test_planner.py") == "compiled"
+    assert group_of(here / "chefbotd/components/navigation/algorithms/test_planner.py") == "compiled"
     assert group_of(here / "scenarios/test_navigation.py") == "compiled"
     alone = here / "chefbotd/motion/test_pid.py"
     assert group_of(alone) == str(alone)

@@ -4,59 +4,63 @@
 
 from collections.abc import Mapping
 
-from chefbotd.core.events.agents import (
+from chefbotd.components.agents.events import (
     AgentData as AgentData, AgentEventData as AgentEventData, AgentMessageData as AgentMessageData,
     AgentsData as AgentsData, ButtonData as ButtonData, QuestionData as QuestionData
 )
-from chefbotd.core.events.calibration import (
+from chefbotd.components.agents.models import (
+    AskResult as AskResult, ButtonAdded as ButtonAdded, CallResult as CallResult
+)
+from chefbotd.components.calibration.events import (
     Ask as Ask, CalibrationData as CalibrationData, Estimate as Estimate, Plot as Plot, Residual as Residual,
     Series as Series, StepResult as StepResult
 )
-from chefbotd.core.events.lidars import DepthCameraChanged as DepthCameraChanged
-from chefbotd.core.events.mapping import MapSaved as MapSaved, MappingData as MappingData
-from chefbotd.core.events.navigation import (
+from chefbotd.components.calibration.models import (
+    CalibrationApplied as CalibrationApplied, CalibrationReport as CalibrationReport, CalibrationStep as CalibrationStep
+)
+from chefbotd.components.depth_camera.models import DepthCamerasData as DepthCamerasData
+from chefbotd.components.localization.models import (
+    LocalizationData as LocalizationData, PlaceCandidate as PlaceCandidate
+)
+from chefbotd.components.mapping.events import MapSaved as MapSaved, MappingData as MappingData
+from chefbotd.components.mapping.models import MapData as MapData, MapPoseData as MapPoseData
+from chefbotd.components.maps.models import (
+    GridPartData as GridPartData, MapInUse as MapInUse, MapList as MapList, MapPart as MapPart,
+    MapSummary as MapSummary, PlaceData as PlaceData, PlaceList as PlaceList
+)
+from chefbotd.components.navigation.events import (
     GoalReport as GoalReport, GoalResult as GoalResult, NavigationData as NavigationData, PathData as PathData,
     PlanResult as PlanResult
 )
+from chefbotd.components.navigation.models import (
+    CostmapData as CostmapData, DynamicObstacleData as DynamicObstacleData, ObstaclesData as ObstaclesData
+)
+from chefbotd.components.recording.models import (
+    RecordingEnded as RecordingEnded, RecordingList as RecordingList, RecordingStarted as RecordingStarted,
+    RingSaved as RingSaved
+)
+from chefbotd.components.recording.status import RecordedFile as RecordedFile
+from chefbotd.components.simulation.models import SimData as SimData, SimulatedDisc as SimulatedDisc
+from chefbotd.components.statistics.models import StatsData as StatsData
+from chefbotd.components.tuning.models import Wheels as Wheels
+from chefbotd.core.events.lidars import DepthCameraChanged as DepthCameraChanged
 from chefbotd.core.events.robot import (
     BatteryData as BatteryData, ImuData as ImuData, OdometryConditionData as OdometryConditionData,
     RecordingData as RecordingData, WorkerData as WorkerData
 )
 from chefbotd.core.record import LogLine as LogLine
-from chefbotd.features.agents.models import AskResult as AskResult, ButtonAdded as ButtonAdded, CallResult as CallResult
-from chefbotd.features.board.models import (
+from chefbotd.driving.board.models import (
     FirmwareData as FirmwareData, LinkData as LinkData, RawData as RawData, ResetData as ResetData, TextData as TextData
 )
-from chefbotd.features.calibration.models import (
-    CalibrationApplied as CalibrationApplied, CalibrationReport as CalibrationReport, CalibrationStep as CalibrationStep
-)
-from chefbotd.features.depth_cameras.models import DepthCamerasData as DepthCamerasData
-from chefbotd.features.description.models import RobotDescription as RobotDescription
-from chefbotd.features.driving.models import (
+from chefbotd.driving.description.models import RobotDescription as RobotDescription
+from chefbotd.driving.lidars.models import LidarData as LidarData, LidarsData as LidarsData, ScanData as ScanData
+from chefbotd.driving.models import (
     DriveWarningData as DriveWarningData, Driven as Driven, Limited as Limited, SafetyData as SafetyData,
     Stopped as Stopped, WheelSpeedsSet as WheelSpeedsSet, WheelsData as WheelsData
 )
-from chefbotd.features.lidars.models import LidarData as LidarData, LidarsData as LidarsData, ScanData as ScanData
-from chefbotd.features.localization.models import LocalizationData as LocalizationData, PlaceCandidate as PlaceCandidate
-from chefbotd.features.log.models import LogData as LogData, StampedLine as StampedLine
-from chefbotd.features.mapping.models import MapData as MapData, MapPoseData as MapPoseData
-from chefbotd.features.maps.models import (
-    GridPartData as GridPartData, MapInUse as MapInUse, MapList as MapList, MapPart as MapPart,
-    MapSummary as MapSummary, PlaceData as PlaceData, PlaceList as PlaceList
-)
-from chefbotd.features.navigation.models import (
-    CostmapData as CostmapData, DynamicObstacleData as DynamicObstacleData, ObstaclesData as ObstaclesData
-)
-from chefbotd.features.odometry.models import OdometryData as OdometryData
-from chefbotd.features.recording.models import (
-    RecordingEnded as RecordingEnded, RecordingList as RecordingList, RecordingStarted as RecordingStarted,
-    RingSaved as RingSaved
-)
-from chefbotd.features.sensors.models import RangeData as RangeData, RangesData as RangesData
-from chefbotd.features.simulation.models import SimData as SimData, SimulatedDisc as SimulatedDisc
-from chefbotd.features.statistics.models import StatsData as StatsData
-from chefbotd.features.tuning.models import Wheels as Wheels
-from chefbotd.recording.status import RecordedFile as RecordedFile
+from chefbotd.driving.odometry.models import OdometryData as OdometryData
+from chefbotd.driving.sensors.models import RangeData as RangeData, RangesData as RangesData
+from chefbotd.features.log_topic import LogData as LogData, StampedLine as StampedLine
 from chefbotd.rpc.encoding import UnknownData as UnknownData
 from chefbotd.rpc.models import (
     Authenticated as Authenticated, ControlTaken as ControlTaken, Description as Description, Done as Done,

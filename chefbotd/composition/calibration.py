@@ -6,17 +6,17 @@ from typing import TYPE_CHECKING
 from chefbotd.composition.context import Context
 from chefbotd.composition.scanners import robot_outline
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.driving.service import DriveService
 from chefbotd.extras import how_to_add_extra
-from chefbotd.features.driving.service import DriveService
 from chefbotd.features.feature import Feature
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.safety.gate import CALIBRATION
 from chefbotd.settings import Settings, SettingsError
 
 if TYPE_CHECKING:
-    from chefbotd.calibration.step import ConfiguredRobot
-    from chefbotd.features.calibration.models import CalibrationApplied
-    from chefbotd.features.calibration.outside import Values
+    from chefbotd.components.calibration.algorithms.step import ConfiguredRobot
+    from chefbotd.components.calibration.models import CalibrationApplied
+    from chefbotd.components.calibration.outside import Values
 
 
 def calibration(context: Context, driving: DriveService, leases: ControlLeases) -> list[Feature]:
@@ -24,10 +24,10 @@ def calibration(context: Context, driving: DriveService, leases: ControlLeases) 
     sources = context.settings.safety
     if CALIBRATION not in sources.sources:
         return []
-    from chefbotd.features.calibration.fit_process import fit_in_process
-    from chefbotd.features.calibration.service import CalibrationService
-    from chefbotd.features.calibration.service import calibration as feature
-    from chefbotd.features.driving.inner_driver import InnerDriver
+    from chefbotd.components.calibration.fit_process import fit_in_process
+    from chefbotd.components.calibration.service import CalibrationService
+    from chefbotd.components.calibration.service import calibration as feature
+    from chefbotd.driving.inner_driver import InnerDriver
 
     above = sources.above(CALIBRATION)
     service = CalibrationService(
@@ -48,7 +48,7 @@ def robot_with(settings: Settings, values: "Values") -> "ConfiguredRobot":
     Raises:
         Refused: the values do not fit the configuration.
     """
-    from chefbotd.calibration.step import ConfiguredRobot
+    from chefbotd.components.calibration.algorithms.step import ConfiguredRobot
     from chefbotd.settings.values import calibrated
 
     if values:
@@ -73,7 +73,7 @@ def robot_with(settings: Settings, values: "Values") -> "ConfiguredRobot":
 
 
 def _save(path: Path | None, values: "Values") -> "CalibrationApplied":
-    from chefbotd.features.calibration.models import CalibrationApplied
+    from chefbotd.components.calibration.models import CalibrationApplied
 
     if path is None:
         reason = (
@@ -82,7 +82,7 @@ def _save(path: Path | None, values: "Values") -> "CalibrationApplied":
         )
         raise Refused(RefusalKind.STORAGE_FAILED, reason)
     try:
-        from chefbotd.settings.calibrated_file import save
+        from chefbotd.components.calibration.calibrated_file import save
     except ModuleNotFoundError as error:
         reason = f"writing a configuration needs the extra 'tune': {how_to_add_extra('tune')}"
         raise Refused(RefusalKind.STORAGE_FAILED, reason) from error

@@ -14,9 +14,9 @@ from chefbotd.link.reconnect import Opener
 from chefbotd.settings import Settings
 
 if TYPE_CHECKING:
-    from chefbotd.features.calibration.fit_process import Fitter
-    from chefbotd.recording.writer import MakeRecorder, Writer
-    from chefbotd.worker.spawn import Spawn
+    from chefbotd.components.calibration.fit_process import Fitter
+    from chefbotd.components.recording.writer import MakeRecorder, Writer
+    from chefbotd.components.worker.spawn import Spawn
 
 FeatureBuilder: TypeAlias = Callable[[Bus, Clock], Feature]
 

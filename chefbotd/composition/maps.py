@@ -4,20 +4,20 @@ import os
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from chefbotd.components.maps.storage.parameters import MapsParameters, folder_of
 from chefbotd.composition.context import Context
 from chefbotd.composition.scanners import robot_outline
-from chefbotd.features.driving.service import DriveService
+from chefbotd.driving.service import DriveService
 from chefbotd.features.feature import Feature
-from chefbotd.maps.parameters import MapsParameters, folder_of
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.settings import Settings
 
 if TYPE_CHECKING:
-    from chefbotd.features.driving.inner_driver import InnerDriver
-    from chefbotd.features.maps.service import MapsService
-    from chefbotd.features.worker.service import WorkerService
-    from chefbotd.worker.process import Worker
-    from chefbotd.worker.skills.navigation_requests import NavigationSkillParameters
+    from chefbotd.components.maps.service import MapsService
+    from chefbotd.components.navigation.skill_requests import NavigationSkillParameters
+    from chefbotd.components.worker.process import Worker
+    from chefbotd.components.worker.service import WorkerService
+    from chefbotd.driving.inner_driver import InnerDriver
 
 NAVIGATION = "navigation"
 """The source of commands that navigation drives as; a robot without it does not navigate."""
@@ -31,8 +31,8 @@ def map_features(
     makes_maps = bool(settings.lidar) and settings.worker.enabled
     if settings.maps is None and not makes_maps:
         return [], None
-    from chefbotd.features.maps.service import MapsService, maps
-    from chefbotd.maps.store import MapStore
+    from chefbotd.components.maps.service import MapsService, maps
+    from chefbotd.components.maps.storage.store import MapStore
 
     parameters = settings.maps or MapsParameters()
     folder, kept = folder_of(parameters, os.environ, simulated=context.simulated), parameters.versions_kept
@@ -40,7 +40,7 @@ def map_features(
     stored = MapsService(context.bus, context.clock, MapStore(folder, kept), kept, most_mb)
     if not makes_maps:
         return [maps(stored)], None
-    from chefbotd.features.worker.service import WorkerService, worker
+    from chefbotd.components.worker.service import WorkerService, worker
 
     skills = _skills(settings, folder, kept)
     feed = WorkerService(context.bus, context.clock, settings.worker, skills, context.spawn_worker)
@@ -52,7 +52,7 @@ def map_features(
 
 
 def _driver(context: Context, driving: DriveService, leases: ControlLeases) -> "InnerDriver":
-    from chefbotd.features.driving.inner_driver import InnerDriver
+    from chefbotd.driving.inner_driver import InnerDriver
 
     return InnerDriver(driving, leases, context.clock, NAVIGATION, context.settings.safety.above(NAVIGATION))
 
@@ -64,8 +64,8 @@ def _mapping_and_localization(
     driving: DriveService,
     leases: ControlLeases,
 ) -> list[Feature]:
-    from chefbotd.features.localization.service import LocalizationService, localization
-    from chefbotd.features.mapping.service import MappingService, mapping
+    from chefbotd.components.localization.service import LocalizationService, localization
+    from chefbotd.components.mapping.service import MappingService, mapping
 
     drives = NAVIGATION in context.settings.safety.sources
     finder = LocalizationService(
@@ -87,8 +87,8 @@ def _navigation(
     driving: DriveService,
     leases: ControlLeases,
 ) -> Feature:
-    from chefbotd.features.navigation.commands import navigation
-    from chefbotd.features.navigation.service import NavigationService
+    from chefbotd.components.navigation.commands import navigation
+    from chefbotd.components.navigation.service import NavigationService
 
     driver = _driver(context, driving, leases)
     parameters = context.settings.navigation
@@ -97,7 +97,9 @@ def _navigation(
 
 def _skills(settings: Settings, folder: Path, versions_kept: int) -> dict[str, bytes]:
     """The start message of each of the worker's skills, by the skill's name."""
-    from chefbotd.worker.skills import localization_requests, mapping_requests, navigation_requests
+    from chefbotd.components.localization import skill_requests as localization_requests
+    from chefbotd.components.mapping import skill_requests as mapping_requests
+    from chefbotd.components.navigation import skill_requests as navigation_requests
 
     every = tuple(lidar.name for lidar in settings.lidar)
     mapping = mapping_requests.MappingSkillParameters(
@@ -121,8 +123,8 @@ def _skills(settings: Settings, folder: Path, versions_kept: int) -> dict[str, b
 
 def navigation_skill_parameters(settings: Settings, folder: Path) -> "NavigationSkillParameters":
     """The robot's outline, and its speeds: a wheel keeps a tenth of its speed in reserve for corrections."""
+    from chefbotd.components.navigation.skill_requests import NavigationSkillParameters
     from chefbotd.safety.outline import Box
-    from chefbotd.worker.skills.navigation_requests import NavigationSkillParameters
 
     outline = robot_outline(settings)
     box = outline if isinstance(outline, Box) else None

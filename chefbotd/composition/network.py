@@ -38,7 +38,7 @@ def discovery(settings: Settings, server: TcpServer, page: "PageServer | None") 
     """The announcement of the socket and of the page."""
     if not settings.discovery.enabled:
         return []
-    from chefbotd.features.discovery.service import discovery
+    from chefbotd.components.discovery.service import discovery
 
     where = None if page is None else page.address
     encrypted = settings.api.tls_certificate is not None
@@ -50,9 +50,9 @@ def recording(context: Context, state: Callable[[], DaemonState]) -> list[Featur
     settings = context.settings
     if context.start_writer is None or not settings.recording.enabled:
         return []
-    from chefbotd.features.recording.recorder_thread import Made, recorder_maker
-    from chefbotd.features.recording.service import RecordingService, recording
-    from chefbotd.recording.parameters import folder_of
+    from chefbotd.components.recording.parameters import folder_of
+    from chefbotd.components.recording.recorder_thread import Made, recorder_maker
+    from chefbotd.components.recording.service import RecordingService, recording
 
     parameters = settings.recording
     folder = folder_of(parameters, os.environ, simulated=context.simulated)
@@ -74,7 +74,7 @@ def foxglove(context: Context) -> list[Feature]:
     settings = context.settings
     if not settings.foxglove.enabled:
         return []
-    from chefbotd.features.foxglove.service import foxglove
+    from chefbotd.components.foxglove.service import foxglove
 
     scanner = first_scanner(settings)
     return [foxglove(context.bus, context.clock, settings.foxglove, settings.robot.name, scanner)]

@@ -5,22 +5,22 @@ from functools import cache, partial
 
 import structlog
 
+from chefbotd.components.agents.service import agents
+from chefbotd.components.statistics.service import StatsService, statistics
+from chefbotd.components.tuning.service import TuningService, tuning
 from chefbotd.composition.context import Context
 from chefbotd.composition.scanners import scan_guard
-from chefbotd.features.agents.service import agents
-from chefbotd.features.description.service import description
-from chefbotd.features.driving.commands import driving
-from chefbotd.features.driving.motor_watch import MotorWatch
-from chefbotd.features.driving.quadrature import QuadratureService
-from chefbotd.features.driving.safety_keeper import SafetyKeeper
-from chefbotd.features.driving.service import DriveService
-from chefbotd.features.driving.wheel_controller import WheelController
-from chefbotd.features.driving.wheel_reader import WheelReader
+from chefbotd.driving.commands import driving
+from chefbotd.driving.description.service import description
+from chefbotd.driving.motor_watch import MotorWatch
+from chefbotd.driving.odometry.service import OdometryService, odometry
+from chefbotd.driving.quadrature import QuadratureService
+from chefbotd.driving.safety_keeper import SafetyKeeper
+from chefbotd.driving.sensors.service import SensorService, sensors
+from chefbotd.driving.service import DriveService
+from chefbotd.driving.wheel_controller import WheelController
+from chefbotd.driving.wheel_reader import WheelReader
 from chefbotd.features.feature import Feature
-from chefbotd.features.odometry.service import OdometryService, odometry
-from chefbotd.features.sensors.service import SensorService, sensors
-from chefbotd.features.statistics.service import StatsService, statistics
-from chefbotd.features.tuning.service import TuningService, tuning
 from chefbotd.link.counting import Counting
 from chefbotd.link.port import FirmwareMode
 from chefbotd.link.session import BoardSession
@@ -150,7 +150,7 @@ def simulation(context: Context) -> list[Feature]:
     """The feature that only a simulated robot has."""
     if not context.simulated:
         return []
-    from chefbotd.features.simulation.models import TOPICS
+    from chefbotd.components.simulation.models import TOPICS
 
     return [Feature("simulation", topics=TOPICS)]
 

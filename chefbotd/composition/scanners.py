@@ -5,12 +5,12 @@ from typing import TYPE_CHECKING
 
 from chefbotd.bus import OnError
 from chefbotd.composition.context import Context
-from chefbotd.features.driving.obstacle_guard import Scans
+from chefbotd.driving.obstacle_guard import Scans
 from chefbotd.features.feature import Feature
 from chefbotd.settings import Settings
 
 if TYPE_CHECKING:
-    from chefbotd.features.driving.scan_watch import GuardSensor
+    from chefbotd.driving.scan_watch import GuardSensor
     from chefbotd.safety.outline import Outline
 
 
@@ -18,7 +18,7 @@ def lidars(context: Context) -> list[Feature]:
     """A link for each lidar."""
     if not context.settings.lidar:
         return []
-    from chefbotd.features.lidars.service import lidars
+    from chefbotd.driving.lidars.service import lidars
 
     return [lidars(context.settings.lidar, context.bus, context.clock, context.opener, context.rng)]
 
@@ -28,9 +28,9 @@ def depth_cameras(context: Context) -> list[Feature]:
     settings = context.settings
     if not settings.depth_camera:
         return []
-    from chefbotd.features.depth_cameras.service import depth_cameras
-    from chefbotd.features.lidars.service import topics
-    from chefbotd.link.depth.process import spawn_program
+    from chefbotd.components.depth_camera.link.process import spawn_program
+    from chefbotd.components.depth_camera.service import depth_cameras
+    from chefbotd.driving.lidars.service import topics
 
     scan = [] if settings.lidar else [topic for topic in topics(()) if topic.name == "scan"]
     spawn = context.depth_spawn or spawn_program
@@ -45,7 +45,7 @@ def first_scanner(settings: Settings) -> str | None:
 
 def robot_outline(settings: Settings) -> "Outline":
     """The radius of a disc that contains the robot's body and wheels."""
-    from chefbotd.features.driving.scan_watch import outline_of
+    from chefbotd.driving.scan_watch import outline_of
 
     return outline_of(settings.chassis, settings.body_size_m, settings.sim.body.wheelbase_m)
 
@@ -56,7 +56,7 @@ def scan_guard(context: Context) -> Callable[[OnError], Scans] | None:
     scanners: list[GuardSensor] = [*settings.lidar, *settings.depth_camera]
     if not any(scanner.guards for scanner in scanners):
         return None
-    from chefbotd.features.driving.scan_watch import ScanWatch
+    from chefbotd.driving.scan_watch import ScanWatch
 
     guard, chassis, outline = settings.safety.guard, settings.chassis, robot_outline(settings)
     near = [camera.name for camera in settings.depth_camera]

@@ -5,7 +5,7 @@ from typing import Any, TypeAlias
 
 from msgspec import Struct
 
-from chefbotd.features.log.models import log_topic
+from chefbotd.features.log_topic import log_topic
 from chefbotd.metrics import Metrics
 from chefbotd.rpc.method import Method
 from chefbotd.rpc.topics import Topic

@@ -15,8 +15,8 @@ from chefbotd.settings import Settings
 from chefbotd.settings.notes import notes
 
 if TYPE_CHECKING:
-    from chefbotd.features.calibration.fit_process import Fitter
-    from chefbotd.worker.spawn import Spawn
+    from chefbotd.components.calibration.fit_process import Fitter
+    from chefbotd.components.worker.spawn import Spawn
 import asyncio
 from collections import Counter, deque
 from collections.abc import Callable, Coroutine

@@ -28,8 +28,8 @@ from chefbotd.shared_clock import SharedClock
 from chefbotd.transport.tcp import CannotListen, raise_descriptor_limit, require_descriptors
 
 if TYPE_CHECKING:
+    from chefbotd.components.worker.spawn import Spawn
     from chefbotd.process.service import DaemonService, Load
-    from chefbotd.worker.spawn import Spawn
 
 log = structlog.get_logger(component="app")
 
@@ -70,7 +70,9 @@ def _time_of(settings: Settings, *, simulated: bool) -> tuple[Clock, Callable[[]
     """The clock, and how to make its loop; a simulated robot may share one with others."""
     if not simulated or settings.sim.shared_clock is None:
         return SystemClock(), uvloop.new_event_loop
-    from chefbotd.process.shared_loop import SharedClockLoop  # not in the memory of a daemon on a real robot
+    from chefbotd.components.simulation.process.shared_loop import (
+        SharedClockLoop,  # not in the memory of a daemon on a real robot
+    )
 
     clock = SharedClock(settings.sim.shared_clock)
     return clock, partial(SharedClockLoop, clock)
@@ -178,10 +180,10 @@ async def _serve_real(
 async def _serve_simulated(
     settings: Settings, as_service: AsService, config_file: Path | None, clock: Clock
 ) -> None:
-    from chefbotd.process.simulated_robot import (
+    from chefbotd.components.simulation.embedded import EmbeddedBoard
+    from chefbotd.components.simulation.process.simulated_robot import (
         simulation_of,  # not in the memory of a daemon on a real robot
     )
-    from chefbotd.sim.embedded import EmbeddedBoard
 
     with EmbeddedBoard(simulation_of(settings), clock) as board:
         link = settings.link.model_copy(update={"device": str(board.device)})
@@ -194,7 +196,7 @@ async def _serve_simulated(
         plugged = settings.model_copy(update={"link": link, "lidar": lidars})
         depth_spawn = None
         if settings.depth_camera:
-            from chefbotd.process.simulated_depth import spawn_with
+            from chefbotd.components.simulation.process.simulated_depth import spawn_with
 
             depth_spawn = spawn_with(board.share_truth(), settings.sim)
         daemon = build(
@@ -219,7 +221,7 @@ def _spawn_worker(settings: Settings) -> "Spawn | None":
     """Starts a worker on the clock that the robot shares; None: one on the computer's."""
     if settings.sim.shared_clock is None:
         return None
-    from chefbotd.worker.spawn import spawn
+    from chefbotd.components.worker.spawn import spawn
 
     return partial(spawn, shared_clock=settings.sim.shared_clock)
 
@@ -231,7 +233,7 @@ def _start_writer(settings: Settings) -> StartWriter | None:
     if not (find_spec("mcap") and find_spec(LIBRARIES[settings.recording.compression])):
         log.info(f"nothing is recorded, because the extra is missing: {how_to_add_extra('recording')}")
         return None
-    from chefbotd.recording.writer import WriterThread
+    from chefbotd.components.recording.writer import WriterThread
 
     return WriterThread
 

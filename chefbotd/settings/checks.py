@@ -278,7 +278,7 @@ def _page(settings: Settings) -> Iterator[str]:
 
 def _recording(settings: Settings) -> Iterator[str]:
     if settings.recording.exclude:
-        from chefbotd.recording.classes import event_names  # every class of events
+        from chefbotd.components.recording.classes import event_names  # every class of events
 
         for name in sorted(settings.recording.exclude - event_names()):
             yield f"recording.exclude: there is no class of events {name!r}; they are in {EVENTS}"

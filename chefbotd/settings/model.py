@@ -9,12 +9,15 @@ from typing import Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
+from chefbotd.components.mapping.algorithms.parameters import MappingParameters
+from chefbotd.components.maps.storage.parameters import MapsParameters
+from chefbotd.components.recording.parameters import RecordingParameters
+from chefbotd.components.simulation.parameters.simulation import SimulationParameters
+from chefbotd.components.worker.parameters import LocalizationSection, NavigationSection, WorkerParameters
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters, section
 from chefbotd.link.port import LinkParameters
 from chefbotd.link.wires import wires
-from chefbotd.mapping.parameters import MappingParameters
-from chefbotd.maps.parameters import MapsParameters
 from chefbotd.motion.drive_state import DriveParameters
 from chefbotd.motion.edge_speed import QuadratureParameters
 from chefbotd.motion.encoder import EncoderParameters
@@ -24,7 +27,6 @@ from chefbotd.motion.odometry import OdometryParameters
 from chefbotd.motion.pid import PidParameters
 from chefbotd.motion.same_side import SameSideParameters
 from chefbotd.perception.depth_camera import DepthSourceParameters
-from chefbotd.recording.parameters import RecordingParameters
 from chefbotd.rpc.parameters import ApiParameters, PluginsParameters
 from chefbotd.safety.gate import SafetyParameters
 from chefbotd.safety.latch import LatchParameters
@@ -34,9 +36,7 @@ from chefbotd.sensing.imu import ImuParameters
 from chefbotd.sensing.infrared import InfraredParameters
 from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.sensing.ultrasonic import UltrasonicParameters
-from chefbotd.sim_parameters.simulation import SimulationParameters
 from chefbotd.transport.parameters import DiscoveryParameters, FoxgloveParameters, PageParameters
-from chefbotd.worker.parameters import LocalizationSection, NavigationSection, WorkerParameters
 
 
 class BodyParameters(Parameters):

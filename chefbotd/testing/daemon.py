@@ -14,30 +14,30 @@ from msgspec import field
 from chefbotd.app import Daemon
 from chefbotd.client import Client
 from chefbotd.clock import LoopClock
+from chefbotd.components.calibration.fit_process import fit_here
+from chefbotd.components.depth_camera.link.child import ScanWriter
+from chefbotd.components.depth_camera.link.process import DepthChild
+from chefbotd.components.depth_camera.link.sources import Frame
+from chefbotd.components.simulation.board import BoardRunner
+from chefbotd.components.simulation.depth_image import DepthRenderer
+from chefbotd.components.simulation.lidar import LidarRunner
+from chefbotd.components.simulation.parameters.simulation import SimulationParameters
+from chefbotd.components.simulation.process.simulated_robot import simulation_of
+from chefbotd.components.simulation.rooms import scene_of
+from chefbotd.components.simulation.scene import Scene
+from chefbotd.components.simulation.shared_floor import floor_of, left_where_it_stands
+from chefbotd.components.simulation.simulation import board_sender, build_launchpad, build_lidars
+from chefbotd.components.simulation.spinning import SpinningLidar
+from chefbotd.components.worker.spawn import Spawn
 from chefbotd.composition.context import FeatureBuilder, StartWriter
 from chefbotd.core.record import Record
-from chefbotd.features.calibration.fit_process import fit_here
-from chefbotd.link.depth.child import ScanWriter
-from chefbotd.link.depth.process import DepthChild
-from chefbotd.link.depth.sources import Frame
 from chefbotd.link.port import LinkParameters
 from chefbotd.link.reconnect import Opener
 from chefbotd.perception.depth_camera import DepthSourceParameters
 from chefbotd.process.build import build
-from chefbotd.process.simulated_robot import simulation_of
 from chefbotd.settings import Settings, load
-from chefbotd.sim.board import BoardRunner
-from chefbotd.sim.depth_image import DepthRenderer
-from chefbotd.sim.lidar import LidarRunner
-from chefbotd.sim.rooms import scene_of
-from chefbotd.sim.scene import Scene
-from chefbotd.sim.shared_floor import floor_of, left_where_it_stands
-from chefbotd.sim.simulation import board_sender, build_launchpad, build_lidars
-from chefbotd.sim.spinning import SpinningLidar
-from chefbotd.sim_parameters.simulation import SimulationParameters
 from chefbotd.testing.transport import FakeSerialDevice
 from chefbotd.testing.worker import no_worker
-from chefbotd.worker.spawn import Spawn
 
 
 class SimulatedDepthChild:

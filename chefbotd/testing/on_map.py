@@ -13,17 +13,22 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from chefbotd.client import Client
+from chefbotd.components.mapping.algorithms.map_server import (
+    MapDescription,
+    parse_image,
+    to_description,
+    to_image,
+)
+from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.maps.storage.contents import save
+from chefbotd.components.maps.storage.store import MapStore
+from chefbotd.components.simulation.rooms import BUILDINGS
+from chefbotd.components.worker.spawn import Spawn
 from chefbotd.composition.context import FeatureBuilder
 from chefbotd.core.geometry import Pose2D
-from chefbotd.mapping.map_server import MapDescription, parse_image, to_description, to_image
-from chefbotd.mapping.occupancy_grid import OccupancyGrid
-from chefbotd.maps.contents import save
-from chefbotd.maps.store import MapStore
 from chefbotd.settings import load, packaged
-from chefbotd.sim.rooms import BUILDINGS
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from chefbotd.testing.worker import worker_in_process
-from chefbotd.worker.spawn import Spawn
 
 NONE: Final[Mapping[str, Any]] = MappingProxyType({})
 SEARCHES_S, CONFIRMS_S = 15.0, 30.0

@@ -1,6 +1,6 @@
 """Recording on a virtual clock, which waits for no thread."""
 
-from chefbotd.recording.writer import InlineWriter, MakeRecorder
+from chefbotd.components.recording.writer import InlineWriter, MakeRecorder
 
 
 def write_inline(make: MakeRecorder, most_bytes: int) -> InlineWriter:

@@ -6,10 +6,10 @@ import os
 import socket
 
 from chefbotd.clock import LoopClock
-from chefbotd.worker.messages import TO_WORKER, Alive, FrameReader, framed
-from chefbotd.worker.parameters import WorkerParameters
-from chefbotd.worker.runner import Runner
-from chefbotd.worker.spawn import Child
+from chefbotd.components.worker.messages import TO_WORKER, Alive, FrameReader, framed
+from chefbotd.components.worker.parameters import WorkerParameters
+from chefbotd.components.worker.runner import Runner
+from chefbotd.components.worker.spawn import Child
 
 ALIVE_S = 0.5
 

@@ -10,8 +10,8 @@ from chefbotd.cli.common.context import run_until_signalled
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.drive.simulated_daemon import simulated_daemon, until_worker_ready
 from chefbotd.client import Client
+from chefbotd.components.simulation.worlds.flat import FLAT
 from chefbotd.core.geometry import Pose2D
-from chefbotd.sim.worlds.flat import FLAT
 from examples.serve import MAP
 
 PATIENCE_S = 3.0

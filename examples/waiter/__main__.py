@@ -20,7 +20,7 @@ from chefbotd.cli.common.context import run_until_signalled
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.drive.simulated_daemon import simulated_daemon, until_worker_ready
 from chefbotd.client import Client
-from chefbotd.sim.worlds.flat import FLAT
+from chefbotd.components.simulation.worlds.flat import FLAT
 from examples import order
 from examples.serve import MAP
 from examples.waiter.notebook import Notebook

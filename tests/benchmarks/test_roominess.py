@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from benchmarks.roominess import least_with_room_m
-from chefbotd.navigation.grid import distances_m
-from tests.chefbotd.mapping.slam.flat import wall
-from tests.chefbotd.navigation.drives import Clearance
-from tests.chefbotd.navigation.grids import rasterised, segment_distance_m
+from chefbotd.components.navigation.algorithms.grid import distances_m
+from tests.chefbotd.components.mapping.algorithms.slam.flat import wall
+from tests.chefbotd.components.navigation.algorithms.drives import Clearance
+from tests.chefbotd.components.navigation.algorithms.grids import rasterised, segment_distance_m
 
 CELL_M, RADIUS_M = 0.025, 0.18
 

@@ -10,13 +10,8 @@ import pytest
 
 from chefbotd.bus import Bus
 from chefbotd.clock import ManualClock
-from chefbotd.core.events import RangeStatus
-from chefbotd.core.events.robot import OdometryUpdated
-from chefbotd.core.geometry import CERTAIN, STANDING, Pose2D, Twist2D
-from chefbotd.features.driving.obstacle_guard import ObstacleGuard
-from chefbotd.safety.guard import GuardParameters
-from chefbotd.worker import runner
-from chefbotd.worker.messages import (
+from chefbotd.components.worker import runner
+from chefbotd.components.worker.messages import (
     Answer,
     Configure,
     Failed,
@@ -26,6 +21,11 @@ from chefbotd.worker.messages import (
     measured,
     packed,
 )
+from chefbotd.core.events import RangeStatus
+from chefbotd.core.events.robot import OdometryUpdated
+from chefbotd.core.geometry import CERTAIN, STANDING, Pose2D, Twist2D
+from chefbotd.driving.obstacle_guard import ObstacleGuard
+from chefbotd.safety.guard import GuardParameters
 
 DOCS = Path(__file__).parents[2] / "docs"
 pytestmark = pytest.mark.skipif(

@@ -64,12 +64,11 @@ def test_a_daemon_on_a_real_robot_loads_no_simulator_and_nothing_else_that_it_do
     )
     assert said.returncode == 0, said.stderr
     loaded = set(said.stdout.split())
-    assert {"chefbotd.app", "chefbotd.features.recording.models"} <= loaded
+    assert {"chefbotd.app", "chefbotd.components.recording.models"} <= loaded
     absent = {
-        "chefbotd.sim",
         "chefbotd.client",
         "chefbotd.link.lidar",
-        "chefbotd.features.lidars",
+        "chefbotd.driving.lidars",
         "chefbotd.safety.scan_guard",
         "numpy",
         "PIL",
@@ -84,16 +83,21 @@ def test_a_daemon_on_a_real_robot_loads_no_simulator_and_nothing_else_that_it_do
         "importlib.metadata",
         "importlib.resources",
         "multiprocessing",
-        "chefbotd.features.maps",
-        "chefbotd.maps.store",
-        "chefbotd.recording.encoder",
-        "chefbotd.recording.chunk_encoder",
-        "chefbotd.recording.recorder",
+        "chefbotd.components.maps.service",
+        "chefbotd.components.maps.storage.store",
+        "chefbotd.components.recording.encoder",
+        "chefbotd.components.recording.chunk_encoder",
+        "chefbotd.components.recording.recorder",
         "mcap",
         "zstandard",
         "lz4",
     }
     assert loaded & absent == set()
+    simulation = "chefbotd.components.simulation."
+    simulator = {
+        name for name in loaded if name.startswith(simulation) and name.removeprefix(simulation) != "models"
+    }
+    assert {name for name in simulator if not name.startswith(f"{simulation}parameters")} == set()
 
 
 CLOSED = ["<&-", ">&-", "2>&-", "<&- >&-", "<&- 2>&-", ">&- 2>&-", "<&- >&- 2>&-"]

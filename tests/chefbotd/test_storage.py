@@ -9,23 +9,29 @@ from pathlib import Path
 
 import pytest
 
+from chefbotd.components.localization.pose_file import PoseOnDisk
+from chefbotd.components.maps.storage.manifest import MANIFEST, NotAManifest
+from chefbotd.components.maps.storage.places import PLACES, parse_places
+from chefbotd.components.maps.storage.store import CURRENT, SUFFIX, MapStore
+from chefbotd.components.maps.storage.versions import check
+from chefbotd.components.navigation.algorithms.grid import GridFrame
+from chefbotd.components.navigation.algorithms.zones import (
+    Zone,
+    Zones,
+    keep_out_cells,
+    parse_zones,
+    require_affordable,
+)
+from chefbotd.components.recording.folder import RecordingDisk, RecordingFolder
+from chefbotd.components.recording.parameters import RecordingParameters
+from chefbotd.components.recording.reader import RecordingReader, UnreadableRecording
 from chefbotd.core.commands import Refused
 from chefbotd.core.geometry import Pose2D
-from chefbotd.maps.manifest import MANIFEST, NotAManifest
-from chefbotd.maps.places import PLACES, parse_places
-from chefbotd.maps.store import CURRENT, SUFFIX, MapStore
-from chefbotd.maps.versions import check
-from chefbotd.navigation.grid import GridFrame
-from chefbotd.navigation.zones import Zone, Zones, keep_out_cells, parse_zones, require_affordable
 from chefbotd.process.latch_file import LatchFile
-from chefbotd.recording.folder import RecordingDisk, RecordingFolder
-from chefbotd.recording.parameters import RecordingParameters
-from chefbotd.recording.reader import RecordingReader, UnreadableRecording
 from chefbotd.rpc.access import AccessError, load_guard
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.safety.gate import GateState, Mode
 from chefbotd.storage import NotRegular, create_file, explain, read_file
-from chefbotd.worker.skills.pose_file import PoseOnDisk
 
 
 def link_to_zero(path: Path) -> None:

@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
+from chefbotd.components.simulation.scene import of_solids
+from chefbotd.components.simulation.worlds.building import SLICE_M
+from chefbotd.components.simulation.worlds.flat import FLAT
 from chefbotd.core.geometry import Pose2D
-from chefbotd.sim.scene import of_solids
-from chefbotd.sim.worlds.building import SLICE_M
-from chefbotd.sim.worlds.flat import FLAT
 from examples.map_demo import ROOMS
 from examples.route import (
     CRUISE_M_S,

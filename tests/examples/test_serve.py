@@ -10,9 +10,9 @@ from chefbotd.cli.common.exits import ProgramError
 from chefbotd.client import CallError
 from chefbotd.client.errors import GoalBlocked
 from chefbotd.clock import run_virtual
+from chefbotd.components.simulation.world import World
 from chefbotd.core.geometry import Pose2D
 from chefbotd.settings import load, packaged
-from chefbotd.sim.world import World
 from examples import order, serve
 from examples.legs import Truth, standing_text
 from examples.robot_time import STANDS_S, RobotTime

@@ -7,20 +7,21 @@ from inspect import iscoroutinefunction
 from typing import Any
 
 from chefbotd.clock import Clock, ManualClock
+from chefbotd.components.navigation.commands import NavigationCommands
+from chefbotd.components.navigation.events import GoalCause, GoalReport, GoalResult, PlanResult
+from chefbotd.components.navigation.models import GoalParams, Waypoint
+from chefbotd.components.statistics.models import StatsData, stats_data
+from chefbotd.components.tuning.models import WheelParams, Wheels
+from chefbotd.components.worker.parameters import NavigationSection
 from chefbotd.core.commands import Allowed, RefusalKind, Refused
 from chefbotd.core.events import ControlChanged, StatsSampled
-from chefbotd.core.events.navigation import GoalCause, GoalReport, GoalResult, PlanResult
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.core.record import replace
-from chefbotd.features.description.models import RobotDescription
-from chefbotd.features.driving.commands import DriveCommands
-from chefbotd.features.driving.commands import methods as driving_methods
+from chefbotd.driving.commands import DriveCommands
+from chefbotd.driving.commands import methods as driving_methods
+from chefbotd.driving.description.models import RobotDescription
+from chefbotd.driving.odometry.models import ResetOdometryParams
 from chefbotd.features.feature import Feature, methods_and_topics
-from chefbotd.features.navigation.commands import NavigationCommands
-from chefbotd.features.navigation.models import GoalParams, Waypoint
-from chefbotd.features.odometry.models import ResetOdometryParams
-from chefbotd.features.statistics.models import StatsData, stats_data
-from chefbotd.features.tuning.models import WheelParams, Wheels
 from chefbotd.motion.pid import PidParameters
 from chefbotd.process.build import build
 from chefbotd.rpc.control_leases import ControlLeases, Sources
@@ -35,7 +36,6 @@ from chefbotd.rpc.session import Session
 from chefbotd.rpc.topics import Topic
 from chefbotd.settings import load, packaged
 from chefbotd.testing.recording import write_inline
-from chefbotd.worker.parameters import NavigationSection
 from tests.fakes.example import example
 
 WHEELS = ("left", "right")

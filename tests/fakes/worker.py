@@ -6,7 +6,7 @@ from collections.abc import Callable
 from typing import TypeVar
 
 from chefbotd.clock import LoopClock
-from chefbotd.worker.messages import (
+from chefbotd.components.worker.messages import (
     TO_WORKER,
     Alive,
     Configure,
@@ -16,9 +16,9 @@ from chefbotd.worker.messages import (
     ToWorker,
     framed,
 )
-from chefbotd.worker.parameters import WorkerParameters
-from chefbotd.worker.process import Worker, WorkerStatus
-from chefbotd.worker.spawn import Child
+from chefbotd.components.worker.parameters import WorkerParameters
+from chefbotd.components.worker.process import Worker, WorkerStatus
+from chefbotd.components.worker.spawn import Child
 
 M = TypeVar("M")
 
@@ -113,7 +113,7 @@ class Nursery:
         self._raise = raise_child
 
     async def spawn(self, theirs: socket.socket, parameters: WorkerParameters) -> Child:
-        """As ``chefbotd.worker.spawn.spawn`` does with real ones."""
+        """As ``chefbotd.components.worker.spawn.spawn`` does with real ones."""
         if self.refuses:
             raise OSError("no more processes")
         child = FakeChild(theirs, 4000 + len(self.children))

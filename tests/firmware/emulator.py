@@ -2,7 +2,7 @@
 
 from functools import cache
 
-from chefbotd.sim.simavr import CYCLES_S, IMAGE, DutyChange, SimavrBoard
+from chefbotd.components.simulation.simavr import CYCLES_S, IMAGE, DutyChange, SimavrBoard
 from tests.firmware import tools
 from tests.firmware.host import seal, unsealed
 

@@ -6,7 +6,7 @@ import re
 import subprocess
 from itertools import pairwise
 
-from chefbotd.sim.simavr import CYCLES_S
+from chefbotd.components.simulation.simavr import CYCLES_S
 from tests.firmware import tools
 from tests.firmware.emulator import Emulated, built
 

@@ -10,8 +10,8 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from chefbotd.components.simulation.parameters.motor import MotorParameters
 from chefbotd.motion import pid
-from chefbotd.sim_parameters.motor import MotorParameters
 from tests.firmware import host
 
 STEP_S = 1e-4

@@ -6,7 +6,7 @@ watchdog resets the part, and the boot loader of this board does not come back f
 
 import pytest
 
-from chefbotd.sim.simavr import CYCLES_S
+from chefbotd.components.simulation.simavr import CYCLES_S
 from tests.firmware import host
 from tests.firmware.emulator import EDGES_STEP_S, Emulated
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 
 from chefbotd.clock import run_virtual
-from chefbotd.process.simulated_robot import simulation_of
+from chefbotd.components.simulation.process.simulated_robot import simulation_of
+from chefbotd.components.simulation.simavr import SimavrBoard
+from chefbotd.components.simulation.simulation import build_launchpad
 from chefbotd.settings import load
-from chefbotd.sim.simavr import SimavrBoard
-from chefbotd.sim.simulation import build_launchpad
 from chefbotd.testing.daemon import simulated_robot
 from tests.firmware.emulator import built
 from tests.firmware.host import seal

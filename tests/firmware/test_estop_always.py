@@ -10,7 +10,7 @@ from collections.abc import Callable
 
 import pytest
 
-from chefbotd.sim.simavr import CYCLES_S
+from chefbotd.components.simulation.simavr import CYCLES_S
 from tests.firmware import host
 from tests.firmware.emulator import Emulated
 

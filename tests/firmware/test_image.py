@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from chefbotd.sim.simavr import IMAGE
+from chefbotd.components.simulation.simavr import IMAGE
 from firmware_protocol.checked import crc_16
 from tests.firmware import host, tools
 from tests.firmware.emulator import Emulated, built

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from chefbotd.sim.peripherals import CommandReader
+from chefbotd.components.simulation.peripherals import CommandReader
 from firmware_protocol.checked import (
     FirmwareCodec,
     Sealer,

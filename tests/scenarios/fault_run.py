@@ -15,9 +15,9 @@ from structlog.testing import capture_logs
 
 from chefbotd.client import CallError, ChefbotError, Client
 from chefbotd.clock import run_virtual
+from chefbotd.components.worker.spawn import Spawn
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from chefbotd.testing.worker import no_worker
-from chefbotd.worker.spawn import Spawn
 from tests.scenarios.access import Access, unguarded
 from tests.scenarios.driver import Driver
 from tests.scenarios.instruments import FrameCount, StepCount, Stopwatch, is_moving

@@ -23,12 +23,12 @@ import structlog
 
 from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
+from chefbotd.components.mapping.algorithms.map_server import to_description, to_image
+from chefbotd.components.mapping.algorithms.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from chefbotd.components.simulation.parameters.sketches import PUBLISHED_SKETCHES
 from chefbotd.core.events import DriveWarned, SafetyChanged
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import Record
-from chefbotd.mapping.map_server import to_description, to_image
-from chefbotd.mapping.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
-from chefbotd.sim_parameters.sketches import PUBLISHED_SKETCHES
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from chefbotd.testing.on_map import localized_robot
 from tests.scenarios.robots import AS_BUILT, AS_CONFIGURED, settings_of

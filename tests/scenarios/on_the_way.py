@@ -10,15 +10,15 @@ from types import MappingProxyType
 from typing import Any
 
 from chefbotd.clock import run_virtual
+from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.navigation.events import NavigationChanged
+from chefbotd.components.worker.parameters import WorkerParameters
+from chefbotd.components.worker.spawn import Child
 from chefbotd.core.events import SafetyChanged
-from chefbotd.core.events.navigation import NavigationChanged
 from chefbotd.core.geometry import Pose2D
-from chefbotd.mapping.occupancy_grid import OccupancyGrid
 from chefbotd.testing.daemon import SimulatedRobot
 from chefbotd.testing.on_map import localized_robot
 from chefbotd.testing.worker import worker_in_process
-from chefbotd.worker.parameters import WorkerParameters
-from chefbotd.worker.spawn import Child
 from tests.scenarios.robots import AS_BUILT
 
 START = Pose2D(2.45, 2.6, 2.1)

@@ -12,11 +12,11 @@ from pathlib import Path
 
 from chefbotd.client import CallError, Client, MotionInterrupted
 from chefbotd.clock import SystemClock
-from chefbotd.process.simulated_robot import simulation_of
+from chefbotd.components.simulation.board import BoardRunner
+from chefbotd.components.simulation.process.simulated_robot import simulation_of
+from chefbotd.components.simulation.pty import PtyBoard
+from chefbotd.components.simulation.simulation import board_sender, build_launchpad
 from chefbotd.settings import packaged
-from chefbotd.sim.board import BoardRunner
-from chefbotd.sim.pty import PtyBoard
-from chefbotd.sim.simulation import board_sender, build_launchpad
 from chefbotd.transport.ports import reserve_port
 from tests.scenarios.robots import packaged_name, settings_of
 
@@ -69,7 +69,7 @@ from chefbotd.process import stop_guard
 stop_guard.sys = types.SimpleNamespace(executable="/nowhere/python")
 """
 BROKEN_SERVICE = """
-from chefbotd.features.odometry import service as odometry
+from chefbotd.driving.odometry import service as odometry
 async def broken(self): raise RuntimeError("broken")
 odometry.OdometryService.run = broken
 """
@@ -195,7 +195,7 @@ async def _daemon(
 ) -> AsyncIterator[Program]:
     port = reserve_port()
     start = "from chefbotd.cli.programs.chefbotd import main\nmain()"
-    program = f"from chefbotd.features.statistics import service\n{fault}\n{start}"
+    program = f"from chefbotd.components.statistics import service\n{fault}\n{start}"
     where = ("--port", str(board.device), "--listen", f"{host}:{port}")
     inherited = {name: text for name, text in os.environ.items() if name != "RUNTIME_DIRECTORY"}
     with log.open("wb") as sink:

@@ -7,9 +7,9 @@ No robot is quite as its configuration says: each is drawn as a plausible one (`
 
 from collections.abc import Mapping
 
-from chefbotd.process.simulated_robot import true_of
+from chefbotd.components.simulation.parameters.sketches import CHEFBOT_SKETCHES, OWN_FIRMWARE, SketchName
+from chefbotd.components.simulation.process.simulated_robot import true_of
 from chefbotd.settings import Settings, load, packaged
-from chefbotd.sim_parameters.sketches import CHEFBOT_SKETCHES, OWN_FIRMWARE, SketchName
 
 CYCLE_S, ECHO_S = 0.05, 0.025
 """Of the slowest published sketch, ChefBot's default: its cycle, and the echo of 4 m that it waits for."""

@@ -9,13 +9,13 @@ import numpy as np
 import pytest
 
 from chefbotd.clock import run_virtual
+from chefbotd.components.maps.storage.contents import save
+from chefbotd.components.maps.storage.store import MapStore
+from chefbotd.components.simulation.worlds.flat import FLAT
 from chefbotd.core.events.lidars import DepthCameraChanged, ScanMeasured
-from chefbotd.maps.contents import save
-from chefbotd.maps.store import MapStore
 from chefbotd.rpc.encoding import plain
 from chefbotd.settings import SettingsError, load, packaged
 from chefbotd.settings.model import Settings
-from chefbotd.sim.worlds.flat import FLAT
 from chefbotd.testing.daemon import SimulatedDepthChild, simulated_robot
 from chefbotd.testing.worker import worker_in_process
 from tests.budget import sample

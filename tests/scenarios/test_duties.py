@@ -11,7 +11,7 @@ from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.core.commands import Refused
 from chefbotd.core.events import SafetyChanged, WheelsDriven
 from chefbotd.core.geometry import WheelDuties
-from chefbotd.features.driving.inner_driver import InnerDriver
+from chefbotd.driving.inner_driver import InnerDriver
 from chefbotd.motion.drive import Drive
 from chefbotd.safety.gate import CALIBRATION
 from chefbotd.settings import load, packaged

@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from chefbotd.clock import run_virtual
+from chefbotd.components.simulation.lidar import LidarFault
+from chefbotd.components.simulation.rooms import scene_of
+from chefbotd.components.simulation.world import World
 from chefbotd.core.events.lidars import LidarChanged, ScanMeasured
 from chefbotd.perception.laser_scan import OdometryTrack, points_in_base
 from chefbotd.settings import load, packaged
-from chefbotd.sim.lidar import LidarFault
-from chefbotd.sim.rooms import scene_of
-from chefbotd.sim.world import World
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from tests.budget import sample
 

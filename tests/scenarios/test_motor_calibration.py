@@ -7,13 +7,13 @@ from functools import cache
 import pytest
 
 from benchmarks.motors import found_on, imperfect, starts, values_of
-from chefbotd.calibration.motor_gains import lambda_gains
-from chefbotd.calibration.motor_result import fit_motors
-from chefbotd.calibration.step import Measurements
 from chefbotd.clock import run_virtual
+from chefbotd.components.calibration.algorithms.motor_gains import lambda_gains
+from chefbotd.components.calibration.algorithms.motor_result import fit_motors
+from chefbotd.components.calibration.algorithms.step import Measurements
+from chefbotd.components.calibration.events import Status, StepResult
+from chefbotd.components.simulation.process.true_values import true_values
 from chefbotd.composition.calibration import robot_with
-from chefbotd.core.events.calibration import Status, StepResult
-from chefbotd.process.true_values import true_values
 from chefbotd.settings import load, packaged
 from chefbotd.settings.values import calibrated
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot

@@ -10,12 +10,12 @@ import pytest
 
 from chefbotd.client import CallError, GoalFault, GoalUnreachable
 from chefbotd.clock import run_virtual
+from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.maps.storage.contents import save
+from chefbotd.components.maps.storage.store import MapStore
+from chefbotd.components.simulation.worlds.flat import FLAT
 from chefbotd.core.geometry import Pose2D
-from chefbotd.mapping.occupancy_grid import OccupancyGrid
-from chefbotd.maps.contents import save
-from chefbotd.maps.store import MapStore
 from chefbotd.settings import load, packaged
-from chefbotd.sim.worlds.flat import FLAT
 from chefbotd.testing.daemon import simulated_robot
 from chefbotd.testing.worker import worker_in_process
 from tests.scenarios.on_the_way import GOAL, Drive, drives_in_flat

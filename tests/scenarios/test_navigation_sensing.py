@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from chefbotd.client import GoalFault
-from chefbotd.sim.lidar import LidarFault
-from chefbotd.sim.worlds.flat import FLAT
+from chefbotd.components.simulation.lidar import LidarFault
+from chefbotd.components.simulation.worlds.flat import FLAT
 from tests.scenarios.on_the_way import Drive, drives_in_flat, in_flat
 from tests.scenarios.robots import AS_CONFIGURED
 

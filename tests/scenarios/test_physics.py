@@ -9,8 +9,8 @@ import pytest
 
 from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
+from chefbotd.components.simulation.plant import Push
 from chefbotd.core.geometry import Pose2D
-from chefbotd.sim.plant import Push
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from tests.scenarios.robots import ROBOTS, settings_of
 

@@ -9,7 +9,7 @@ import pytest
 from chefbotd.cli.drive.course import square
 from chefbotd.cli.drive.course_driver import CourseDriver, problems
 from chefbotd.clock import LoopClock, run_virtual
-from chefbotd.sim_parameters.sketches import SKETCHES, SketchName
+from chefbotd.components.simulation.parameters.sketches import SKETCHES, SketchName
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from tests.scenarios.robots import SKETCHED, knowing_its_size, settings_of
 

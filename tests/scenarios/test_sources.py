@@ -7,9 +7,9 @@ from itertools import pairwise
 import pytest
 
 from chefbotd.cli.drive.timed_drive import drive_for
-from chefbotd.cli.tune.excitation import Exciter, Wave
 from chefbotd.client import Client
 from chefbotd.clock import run_virtual
+from chefbotd.components.tuning.cli.excitation import Exciter, Wave
 from chefbotd.core.events import SafetyChanged, WheelsDriven
 from chefbotd.core.geometry import Twist2D
 from chefbotd.settings import Settings, load, packaged

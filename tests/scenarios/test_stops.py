@@ -12,7 +12,7 @@ from chefbotd.client import CallError, Client
 from chefbotd.clock import VirtualLoop, run_virtual
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
-from tests.chefbotd.features.driving.stop_rule import Deed, is_held
+from tests.chefbotd.driving.stop_rule import Deed, is_held
 from tests.scenarios.instruments import is_moving
 from tests.scenarios.robots import OBEYED_S
 

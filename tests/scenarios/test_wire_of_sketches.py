@@ -6,9 +6,9 @@ import math
 import pytest
 
 from chefbotd.clock import run_virtual
+from chefbotd.components.simulation.parameters.sketches import PUBLISHED_SKETCHES, SketchName
 from chefbotd.core import events
 from chefbotd.settings import Settings, load
-from chefbotd.sim_parameters.sketches import PUBLISHED_SKETCHES, SketchName
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from tests.budget import sample
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from chefbot_devtools.job import Outcome
 from chefbotd.cli.common.exits import Exit, ProgramError, require
-from chefbotd.cli.maps.asking import write_file
+from chefbotd.components.maps.cli.asking import write_file
 
 COLOURS = {
     "done": "tab:green",

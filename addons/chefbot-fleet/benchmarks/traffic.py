@@ -16,7 +16,7 @@ from chefbot_fleet.routes import Pace
 from chefbot_fleet.simulation import CALM, ROUGH, FleetSimulation
 from lacam import lacam_orders_per_hour
 
-from chefbotd.sim.rooms import BUILDINGS
+from chefbotd.components.simulation.rooms import BUILDINGS
 
 ROBOTS, DWELL_S, PACE, LANES = 10, 5.0, Pace(), LaneParameters()
 PLACES = {

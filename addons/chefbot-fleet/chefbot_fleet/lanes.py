@@ -12,10 +12,10 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from chefbot_fleet.roadmap import Edge, Flags, Floats, Point, Roadmap, to_segment_m
+from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.navigation.algorithms.costmap import OCCUPIED_PERCENT
+from chefbotd.components.navigation.algorithms.grid import GridFrame, distances_m
 from chefbotd.core.record import Record
-from chefbotd.mapping.occupancy_grid import OccupancyGrid
-from chefbotd.navigation.costmap import OCCUPIED_PERCENT
-from chefbotd.navigation.grid import GridFrame, distances_m
 
 Integers = NDArray[np.int64]
 CELL_M = 0.05

@@ -6,8 +6,8 @@ import zlib
 import numpy as np
 import numpy.typing as npt
 
+from chefbotd.components.mapping.algorithms.occupancy_grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from chefbotd.core.record import Record
-from chefbotd.mapping.occupancy_grid import OCCUPIED, UNKNOWN, OccupancyGrid
 
 GREY, SHADED = 128, 60
 """Walls are grey, which is seen on white and on black; what nobody has looked at is shaded, and free space clear."""

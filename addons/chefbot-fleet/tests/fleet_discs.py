@@ -18,8 +18,8 @@ from chefbot_vda5050.topics import Headers, Kind, RobotName, seconds_of
 from chefbot_vda5050.vehicle import Facts, Limits
 from msgspec.structs import replace
 
+from chefbotd.components.simulation.truth_file import Truth
 from chefbotd.core.geometry import Pose2D
-from chefbotd.sim.truth_file import Truth
 
 RADIUS_M, SPEED_M_S, STEP_S, WORK_S = 0.18, 4.0, 0.05, 0.1
 

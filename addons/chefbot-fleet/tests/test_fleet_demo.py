@@ -14,8 +14,8 @@ from chefbot_fleet.demo.story import Demonstration
 from chefbot_fleet.roadmap import Point
 from fleet_discs import SPEED_M_S, DiscRobot
 
+from chefbotd.components.simulation.truth_file import Truth
 from chefbotd.core.geometry import Pose2D
-from chefbotd.sim.truth_file import Truth
 from chefbotd.transport.ports import reserve_port
 
 

@@ -9,7 +9,7 @@ from chefbot_fleet.roadmap import Roadmap
 from chefbot_fleet.routes import Pace
 from chefbot_fleet.simulation import CALM, Disturbance, FleetSimulation
 
-from chefbotd.sim.rooms import BUILDINGS
+from chefbotd.components.simulation.rooms import BUILDINGS
 
 PLACES = {
     **{f"room {k + 1}": (6 * k + 2.9, 1.6) for k in range(4)},

@@ -5,7 +5,7 @@ from typing import Any
 
 from chefbot_ros2.messages import Message, header, ros_type
 from chefbotd.client.models import BatteryData, LidarsData, LinkData, LocalizationData, SafetyData, WorkerData
-from chefbotd.core.events.navigation import NavigationData
+from chefbotd.components.navigation.events import NavigationData
 
 DiagnosticArray = ros_type("diagnostic_msgs/DiagnosticArray")
 DiagnosticStatus, KeyValue = (

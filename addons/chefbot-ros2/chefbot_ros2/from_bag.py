@@ -16,19 +16,19 @@ from chefbot_ros2.bag_frames import CannotPlaceError, Frames, Mount, plain
 from chefbot_ros2.bag_scans import no_return_m, scan_of
 from chefbot_ros2.messages import FLOAT64, NS, POINT_FIELDS, TYPESTORE, pose_in_plane
 from chefbotd.clock import ManualClock
+from chefbotd.components.mapping.algorithms.parameters import MappingParameters
+from chefbotd.components.mapping.algorithms.state import SlamMode
+from chefbotd.components.mapping.events import MapPoseUpdated, MapSaved
+from chefbotd.components.mapping.map_files import StoredMaps
+from chefbotd.components.mapping.skill import MappingSkill
+from chefbotd.components.mapping.skill_requests import Finish, MappingSkillParameters, Start
+from chefbotd.components.worker.messages import packed
 from chefbotd.core.commands import Refused
 from chefbotd.core.events.lidars import ScanMeasured
-from chefbotd.core.events.mapping import MapPoseUpdated, MapSaved
 from chefbotd.core.events.robot import OdometryUpdated
 from chefbotd.core.geometry import PoseCovariance, Twist2D
 from chefbotd.core.record import Record
 from chefbotd.core.scan import LaserScan
-from chefbotd.mapping.parameters import MappingParameters
-from chefbotd.mapping.state import SlamMode
-from chefbotd.worker.messages import packed
-from chefbotd.worker.skills.map_files import StoredMaps
-from chefbotd.worker.skills.mapping import MappingSkill
-from chefbotd.worker.skills.mapping_requests import Finish, MappingSkillParameters, Start
 
 ODOMETRY, SCAN, POINTS = "nav_msgs/msg/Odometry", "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2"
 TRANSFORMS: Final = "tf2_msgs/msg/TFMessage"

@@ -13,6 +13,11 @@ from mcap.reader import make_reader
 from mcap_ros2.decoder import DecoderFactory
 
 from chefbotd.cli.programs.chefbotctl import main
+from chefbotd.components.recording.chunk import Channels
+from chefbotd.components.recording.chunk_encoder import ChunkEncoder
+from chefbotd.components.recording.parameters import RecordingParameters
+from chefbotd.components.recording.recorder import Recorder
+from chefbotd.components.recording.status import About
 from chefbotd.core.events import (
     BatteryLevelStatus,
     BatteryMeasured,
@@ -26,11 +31,6 @@ from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import RangeStatus
 from chefbotd.core.geometry import Pose2D, PoseCovariance, Twist2D
 from chefbotd.core.scan import LaserScan
-from chefbotd.recording.chunk import Channels
-from chefbotd.recording.chunk_encoder import ChunkEncoder
-from chefbotd.recording.parameters import RecordingParameters
-from chefbotd.recording.recorder import Recorder
-from chefbotd.recording.status import About
 
 OFFSET_NS = 1_700_000_000_250_000_000
 STAMP_S = 5000.123456789

@@ -13,11 +13,11 @@ from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from test_bag import ODOMETRY, export, recording
 
 from chefbotd.cli.programs.chefbotctl import main
+from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.maps.storage.contents import read_grid, read_slam
+from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.core.events.lidars import ScanMeasured
-from chefbotd.mapping.occupancy_grid import OccupancyGrid
-from chefbotd.maps.contents import read_grid, read_slam
-from chefbotd.maps.store import MapStore
-from tests.chefbotd.worker.skills.drives import measured, measured_by_two
+from tests.chefbotd.components.worker.skills.drives import measured, measured_by_two
 
 SCANS = 60
 

@@ -8,8 +8,8 @@ import pytest
 from ros import Message, Probe, bridge, probe
 
 from chefbotd.client import Client
+from chefbotd.components.simulation.worlds.flat import FLAT
 from chefbotd.core.geometry import Pose2D
-from chefbotd.sim.worlds.flat import FLAT
 from examples.order import PLACES
 from examples.ros2.__main__ import robot_in_the_flat
 

@@ -15,15 +15,15 @@ from chefbot_speech.talker import PageTalker, Talkers
 from chefbotd.client import Client, GoalNotReached
 from chefbotd.client.models import AgentData, AgentsData, QuestionData
 from chefbotd.clock import run_virtual
-from chefbotd.maps.contents import save
-from chefbotd.maps.parameters import MapsParameters
-from chefbotd.maps.store import MapStore
+from chefbotd.components.maps.storage.contents import save
+from chefbotd.components.maps.storage.parameters import MapsParameters
+from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.settings import load
 from chefbotd.testing.board import ScriptedBoard
 from chefbotd.testing.daemon import running_daemon
 from chefbotd.testing.transport import FakeSerialDevice
-from tests.chefbotd.maps.test_store import grid
+from tests.chefbotd.components.maps.storage.test_store import grid
 from tests.examples.waiter.guests import FakeDriving
 from tests.fakes.worker import FakeChild, Nursery
 

@@ -17,11 +17,11 @@ from typing import Any
 import pytest
 
 from chefbotd.client import SyncClient
-from chefbotd.maps.contents import save
-from chefbotd.maps.store import MapStore
+from chefbotd.components.maps.storage.contents import save
+from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.settings import packaged
 from chefbotd.transport.ports import reserve_port
-from tests.chefbotd.maps.test_store import grid
+from tests.chefbotd.components.maps.storage.test_store import grid
 
 CHROMIUM = shutil.which("chromium")
 PATIENCE_S = 100.0

@@ -25,10 +25,10 @@ from test_vda5050_chefbot import END, START, RealFleet, order_from
 from vda5050_fakes import is_idle
 
 from chefbotd.client import Client
+from chefbotd.components.worker.spawn import spawn
 from chefbotd.settings import load, packaged
 from chefbotd.testing.daemon import SimulatedRobot
 from chefbotd.testing.on_map import localized_robot
-from chefbotd.worker.spawn import spawn
 
 LOOK_S = 0.002
 

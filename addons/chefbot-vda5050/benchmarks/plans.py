@@ -19,8 +19,8 @@ from chefbot_vda5050.chefbot import ChefBot
 from chefbot_vda5050.messages import NodePosition
 
 from chefbotd.client import Client
+from chefbotd.components.worker.spawn import spawn
 from chefbotd.testing.on_map import localized_robot
-from chefbotd.worker.spawn import spawn
 
 TIMES, TOGETHER = 40, 8
 

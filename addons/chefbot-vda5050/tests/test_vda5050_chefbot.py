@@ -23,8 +23,8 @@ from vda5050_orders import HEADER, action, edge
 
 from chefbotd.client import CallError, Client, ConnectionLost
 from chefbotd.clock import run_virtual
+from chefbotd.components.simulation.worlds.flat import FLAT
 from chefbotd.settings import load, packaged
-from chefbotd.sim.worlds.flat import FLAT
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from chefbotd.testing.on_map import localized_robot
 

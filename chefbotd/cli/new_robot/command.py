@@ -27,8 +27,8 @@ def new_robot(context: CommandContext, path: Path, device: str | None) -> None:
     Enter. Motors turn only where you have typed yes. The file says only what differs from a packaged robot. Where it is
     there already, it is changed only after you have seen what would change. No daemon may run.
     """
-    from chefbotd.cli.doctor.bundle import keep_log
     from chefbotd.cli.new_robot.interview import NobodyAnswersError
+    from chefbotd.components.doctor.cli.bundle import keep_log
 
     if path.suffix != ".toml":
         raise click.UsageError(f"{path}: the name of a robot's file ends in .toml")
@@ -77,12 +77,12 @@ def _present(path: Path) -> "Settings | None":
 
 
 def _walk(path: Path, present: "Settings | None") -> "tuple[Walk, Interview]":
-    from chefbotd.cli.doctor.diagnosis import TerminalAsker
     from chefbotd.cli.new_robot.board import Serial
     from chefbotd.cli.new_robot.interview import Interview
     from chefbotd.cli.new_robot.walk import Walk
     from chefbotd.clock import SystemClock
-    from chefbotd.doctor.listening.ports import serial_ports
+    from chefbotd.components.doctor.cli.diagnosis import TerminalAsker
+    from chefbotd.components.doctor.listening.ports import serial_ports
     from chefbotd.link.port import open_port
     from chefbotd.process.own_daemon import own_daemon
 
@@ -131,7 +131,7 @@ def _write_new(path: Path, walk: "Walk") -> None:
 def _changed_text(path: Path, walk: "Walk") -> str | None:
     """The file with what has changed, which is shown; None where nothing has."""
     from chefbotd.cli.new_robot.answers import differing, edited
-    from chefbotd.settings.calibrated_file import difference
+    from chefbotd.components.calibration.calibrated_file import difference
     from chefbotd.settings.loader import read_values
 
     before = path.read_text(encoding="utf-8-sig")
@@ -145,8 +145,8 @@ def _changed_text(path: Path, walk: "Walk") -> str | None:
 
 
 def _write_changed(path: Path, after: str) -> None:
+    from chefbotd.components.calibration.calibrated_file import replace_keeping
     from chefbotd.settings import SettingsError
-    from chefbotd.settings.calibrated_file import replace_keeping
 
     try:
         kept = replace_keeping(path, after)

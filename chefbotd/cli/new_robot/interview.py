@@ -3,7 +3,7 @@
 import re
 from collections.abc import Callable, Sequence
 
-from chefbotd.cli.doctor.diagnosis import YES, Asker
+from chefbotd.components.doctor.cli.diagnosis import YES, Asker
 
 SKIP = "skip"
 _NUMBER = re.compile(r"([+-]?[0-9]*[.,]?[0-9]+)\s*([a-zA-Z]*)")

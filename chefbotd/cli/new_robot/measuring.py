@@ -5,9 +5,9 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager
 
-from chefbotd.cli.doctor.collecting import collected, of_topic, snapshot
 from chefbotd.cli.drive.control import ignoring_too_old, release_source
 from chefbotd.client import CallError, Client
+from chefbotd.components.doctor.cli.collecting import collected, of_topic, snapshot
 from chefbotd.core.record import Record
 from chefbotd.settings import Settings, load, packaged
 

@@ -6,24 +6,24 @@ import click
 from click.core import ParameterSource
 
 from chefbotd import __version__
-from chefbotd.cli.calibrate.commands import calibrate
 from chefbotd.cli.common.arguments import Address, address
 from chefbotd.cli.common.context import CommandContext, CoroutineRunner, run_until_signalled
 from chefbotd.cli.common.credentials import credentials
 from chefbotd.cli.common.exits import MEANING, exit_table
-from chefbotd.cli.doctor.doctor_command import doctor, ports
 from chefbotd.cli.drive import commands as driving
 from chefbotd.cli.drive.commands import wheels
-from chefbotd.cli.flash.command import flash
 from chefbotd.cli.look import commands as looking
 from chefbotd.cli.look.robots import address_of, robots
 from chefbotd.cli.look.scan import scan
-from chefbotd.cli.maps.commands import map_group
-from chefbotd.cli.maps.places import places
-from chefbotd.cli.navigate import commands as navigating
 from chefbotd.cli.programs.program import CommandGroup, completion, example, wants_json
-from chefbotd.cli.record.commands import log_group, record
-from chefbotd.cli.tune.commands import pid
+from chefbotd.components.calibration.cli.commands import calibrate
+from chefbotd.components.doctor.cli.doctor_command import doctor, ports
+from chefbotd.components.flash.command import flash
+from chefbotd.components.maps.cli.commands import map_group
+from chefbotd.components.maps.cli.places import places
+from chefbotd.components.navigation.cli import commands as navigating
+from chefbotd.components.recording.cli.commands import log_group, record
+from chefbotd.components.tuning.cli.commands import pid
 
 TOKEN = click.File(encoding="utf-8")
 

@@ -228,7 +228,7 @@ def simulate(
     cycle_s = None if cycle_hz is None else 1 / cycle_hz
     options = {"sim.board.sketch": sketch, "sim.board.cycle_s": cycle_s, "sim.physics": physics}
     settings = load_valid(path, _given(options))
-    from chefbotd.sim.simulate import simulate as run_board
+    from chefbotd.components.simulation.simulate import simulate as run_board
 
     simulation = simulation_of(settings)
     try:
@@ -275,7 +275,7 @@ def check_config(ctx: click.Context, path: Path | None, shows_all: bool) -> None
 
 
 main.add_late("chefbotd.cli.programs.chefbotd", "init", "urdf")
-main.add_late("chefbotd.cli.record.replay", "replay")
+main.add_late("chefbotd.components.recording.cli.replay", "replay")
 main.add_late("chefbotd.cli.programs.new_plugin", "new-plugin")
 main.add_late("chefbotd.cli.programs.service", "install-service", "uninstall-service")
 main.add_command(completion)

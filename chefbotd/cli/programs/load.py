@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 from chefbotd.cli.common.exits import Exit, ProgramError, extra
 
 if TYPE_CHECKING:
+    from chefbotd.components.simulation.simulation import Simulation
     from chefbotd.settings import Settings, SettingsError
-    from chefbotd.sim.simulation import Simulation
 
 
 def load_valid(path: Path | None, overrides: Mapping[str, object] | None = None) -> "Settings":
@@ -32,7 +32,7 @@ def simulation(settings: "Settings") -> "Simulation":
         ProgramError: it cannot be simulated, or what it needs is not installed: Pillow for a map, MuJoCo for its
             physics; the message says why.
     """
-    from chefbotd.process.simulated_robot import CannotSimulateError, checked_simulation
+    from chefbotd.components.simulation.process.simulated_robot import CannotSimulateError, checked_simulation
 
     try:
         with extra("maps", "PIL"), extra("mujoco", "mujoco"):

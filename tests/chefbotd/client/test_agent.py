@@ -8,8 +8,8 @@ import pytest
 from chefbotd.client import CallError, Client, GoalNotReached
 from chefbotd.client.agent import ACCIDENTS, BY_PEOPLE, CAUSES, LONGEST_TEXT, TEMPORARY, Agent, run_agent
 from chefbotd.clock import run_virtual
+from chefbotd.components.navigation.events import GoalCause
 from chefbotd.core.commands import RefusalKind
-from chefbotd.core.events.navigation import GoalCause
 from chefbotd.rpc.jsonrpc import ErrorKind
 from chefbotd.testing.daemon import running_daemon
 from chefbotd.testing.transport import FakeSerialDevice

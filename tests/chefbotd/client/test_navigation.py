@@ -6,7 +6,7 @@ import pytest
 
 from chefbotd.client import CallError, Client, GoalBlocked
 from chefbotd.clock import run_virtual
-from chefbotd.core.events.navigation import GoalResult
+from chefbotd.components.navigation.events import GoalResult
 from chefbotd.rpc.jobs import ProgressReporter
 from tests.fakes.api import serving
 from tests.fakes.robot import FakeNavigation

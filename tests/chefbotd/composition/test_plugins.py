@@ -16,9 +16,9 @@ from chefbotd.cli.common.state_text import Style, of_state
 from chefbotd.cli.programs.chefbotd import main
 from chefbotd.client import Client
 from chefbotd.clock import run_virtual
+from chefbotd.components.doctor.algorithms.finding import Verdict
+from chefbotd.components.doctor.algorithms.host import check_plugins
 from chefbotd.composition import plugins as composition
-from chefbotd.doctor.finding import Verdict
-from chefbotd.doctor.host import check_plugins
 from chefbotd.rpc.models import PluginDescription, PluginState
 from chefbotd.settings import Settings, SettingsError, load
 from chefbotd.testing.board import ScriptedBoard

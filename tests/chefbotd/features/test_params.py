@@ -5,9 +5,9 @@ from typing import Any
 import pytest
 from pydantic import ValidationError
 
-from chefbotd.features.driving.models import DriveParams
-from chefbotd.features.odometry.models import ResetOdometryParams
-from chefbotd.features.tuning.models import SetPidParams
+from chefbotd.components.tuning.models import SetPidParams
+from chefbotd.driving.models import DriveParams
+from chefbotd.driving.odometry.models import ResetOdometryParams
 from chefbotd.motion.pid import PidParameters
 from chefbotd.rpc.dispatch import explain
 from chefbotd.rpc.models import SubscribeParams

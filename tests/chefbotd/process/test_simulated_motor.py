@@ -6,9 +6,9 @@ import math
 import pytest
 
 from chefbotd.clock import run_virtual
-from chefbotd.process.simulated_robot import motor_of
+from chefbotd.components.simulation.parameters.motor import MotorParameters
+from chefbotd.components.simulation.process.simulated_robot import motor_of
 from chefbotd.settings import Settings, load, packaged
-from chefbotd.sim_parameters.motor import MotorParameters
 from chefbotd.testing.daemon import simulated_robot
 
 ROVER = {

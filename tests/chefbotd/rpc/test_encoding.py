@@ -7,8 +7,8 @@ from typing import Annotated, Literal
 import pytest
 from msgspec import Meta
 
+from chefbotd.components.tuning.models import Wheels
 from chefbotd.core.record import Record
-from chefbotd.features.tuning.models import Wheels
 from chefbotd.motion.pid import PidParameters
 from chefbotd.rpc.encoding import UnknownData, encode, plain, schema
 

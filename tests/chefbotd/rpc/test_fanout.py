@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from chefbotd.clock import LoopClock, ManualClock, run_virtual
 from chefbotd.core.events import Direction, LineSeen, SafetyChanged, TextReceived
-from chefbotd.features.board.models import TextData
+from chefbotd.driving.board.models import TextData
 from chefbotd.rpc.encoding import EventPayload
 from chefbotd.rpc.fanout import Fanout
 from chefbotd.rpc.topics import Topic

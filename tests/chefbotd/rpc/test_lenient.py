@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from chefbotd.features.driving.models import EstopParams, StopParams
+from chefbotd.driving.models import EstopParams, StopParams
 from chefbotd.rpc.lenient import read_leniently
 from tests.budget import examples
 from tests.chefbotd.rpc.desk import Desk

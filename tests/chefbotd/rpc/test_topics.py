@@ -8,8 +8,8 @@ from msgspec.structs import replace
 from chefbotd.core import events
 from chefbotd.core.events import BatteryLevelStatus, Direction, RangeStatus
 from chefbotd.core.geometry import Pose2D, PoseCovariance, Twist2D
-from chefbotd.features.board.models import link_data
-from chefbotd.features.driving.models import safety_data
+from chefbotd.driving.board.models import link_data
+from chefbotd.driving.models import safety_data
 from chefbotd.rpc.encoding import plain
 from tests.fakes.robot import STATS, topics_of
 

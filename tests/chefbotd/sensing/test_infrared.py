@@ -8,10 +8,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from pydantic import ValidationError
 
+from chefbotd.components.simulation.sensors import voltage
 from chefbotd.core.events import AnalogueCounted, RangeMeasured, RangeStatus
 from chefbotd.core.geometry import Pose2D
 from chefbotd.sensing.infrared import DATASHEET_CURVE_V_M, START, InfraredParameters, interpret
-from chefbotd.sim.sensors import voltage
 from tests.budget import examples
 
 UNFILTERED = InfraredParameters(setback_m=0.10, median_window=1)

@@ -4,9 +4,9 @@ from pathlib import Path
 
 import pytest
 
+from chefbotd.components.calibration.calibrated_file import save as save_values
+from chefbotd.components.tuning.gains_file import save as save_gains
 from chefbotd.settings import Settings, SettingsError, load, packaged
-from chefbotd.settings.calibrated_file import save as save_values
-from chefbotd.settings.gains_file import save as save_gains
 
 
 def written(folder: Path, text: str) -> Path:

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 import tomlkit
 
+from chefbotd.components.tuning.gains_file import save
 from chefbotd.settings import SettingsError, load, packaged, replace_file
-from chefbotd.settings.gains_file import save
 
 NOBODY = 65534
 PACKAGED = packaged().read_bytes()

@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from chefbotd.cli.doctor.bundle import texts_in
+from chefbotd.components.doctor.cli.bundle import texts_in
 from chefbotd.process.reload import _plain
 from chefbotd.settings import Settings, SettingsError, load
 

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from chefbotd.components.tuning.gains_file import save
 from chefbotd.motion.pid import PidParameters
 from chefbotd.settings import load, packaged
-from chefbotd.settings.gains_file import save
 from chefbotd.settings.toml_edit import Editor
 from tests.budget import examples, sample
 

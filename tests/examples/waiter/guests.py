@@ -9,10 +9,9 @@ from typing import Any
 
 from chefbotd.client import CallError, Client, ConnectionLost
 from chefbotd.client.models import AgentsData
-from chefbotd.core.events.mapping import LocalizationChanged, MappingChanged
-from chefbotd.core.events.navigation import GoalResult, NavigationData
-from chefbotd.worker.messages import Answer, Configure, Ready, SkillEvent, SkillRequest, ToWorker, packed
-from chefbotd.worker.skills.navigation_requests import (
+from chefbotd.components.mapping.events import LocalizationChanged, MappingChanged
+from chefbotd.components.navigation.events import GoalResult, NavigationData
+from chefbotd.components.navigation.skill_requests import (
     REQUEST,
     SKILL,
     CheckMap,
@@ -21,6 +20,15 @@ from chefbotd.worker.skills.navigation_requests import (
     MapChecked,
     NavigateTo,
     Stepped,
+)
+from chefbotd.components.worker.messages import (
+    Answer,
+    Configure,
+    Ready,
+    SkillEvent,
+    SkillRequest,
+    ToWorker,
+    packed,
 )
 from examples.waiter.notebook import Notebook, Order
 from examples.waiter.waiter import MAY_I_GO_ON, Connect, Waiter

@@ -11,7 +11,7 @@ import pytest
 from chefbotd.cli.common.exits import ProgramError
 from chefbotd.cli.drive.simulated_daemon import simulated_daemon, until_worker_ready
 from chefbotd.client import Client
-from chefbotd.sim.worlds.flat import FLAT
+from chefbotd.components.simulation.worlds.flat import FLAT
 from examples import order
 from examples.serve import MAP
 from examples.waiter.notebook import Notebook

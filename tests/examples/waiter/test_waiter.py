@@ -13,10 +13,11 @@ import pytest
 
 from chefbotd.client import Client
 from chefbotd.clock import run_virtual
+from chefbotd.components.maps.storage.contents import save
+from chefbotd.components.maps.storage.parameters import MapsParameters
+from chefbotd.components.maps.storage.store import MapStore
+from chefbotd.components.worker.spawn import Child
 from chefbotd.core.geometry import Pose2D
-from chefbotd.maps.contents import save
-from chefbotd.maps.parameters import MapsParameters
-from chefbotd.maps.store import MapStore
 from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.settings import load
 from chefbotd.testing.board import ScriptedBoard
@@ -24,11 +25,10 @@ from chefbotd.testing.daemon import SimulatedRobot, running_daemon
 from chefbotd.testing.on_map import localized_robot
 from chefbotd.testing.transport import FakeSerialDevice
 from chefbotd.testing.worker import worker_in_process
-from chefbotd.worker.spawn import Child
 from examples.waiter.notebook import Notebook
 from examples.waiter.waiter import GO_ON, MAY_I_GO_ON
 from firmware_protocol.messages import BatteryLevel
-from tests.chefbotd.maps.test_store import grid
+from tests.chefbotd.components.maps.storage.test_store import grid
 from tests.examples.waiter.guests import FakeDriving, Guests, KillableWaiter, agents_of
 from tests.fakes.worker import FakeChild, Nursery
 

@@ -5,7 +5,7 @@ from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 from itertools import groupby
 
-from chefbotd.sim_parameters.sketches import PUBLISHED_SKETCHES
+from chefbotd.components.simulation.parameters.sketches import PUBLISHED_SKETCHES
 from firmware_protocol.checked import seal
 from tests.scenarios.fault_run import ENDED, Expected, Fault, FaultRun
 from tests.scenarios.faults.link import PULLED_S, unplugged

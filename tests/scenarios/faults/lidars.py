@@ -5,7 +5,7 @@ from contextlib import asynccontextmanager
 from dataclasses import replace
 from functools import partial
 
-from chefbotd.sim.lidar import LidarFault
+from chefbotd.components.simulation.lidar import LidarFault
 from tests.scenarios.fault_run import Expected, Fault, FaultRun
 from tests.scenarios.faults.outcomes import DRIVES_ON
 from tests.scenarios.faults.wheels import OBSTACLE_S, wall

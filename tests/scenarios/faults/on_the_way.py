@@ -7,10 +7,10 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from functools import partial
 
-from chefbotd.maps.contents import save
-from chefbotd.maps.store import MapStore
-from chefbotd.sim.lidar import LidarFault
-from chefbotd.sim.worlds.flat import FLAT
+from chefbotd.components.maps.storage.contents import save
+from chefbotd.components.maps.storage.store import MapStore
+from chefbotd.components.simulation.lidar import LidarFault
+from chefbotd.components.simulation.worlds.flat import FLAT
 from chefbotd.testing.daemon import SimulatedRobot
 from tests.scenarios.faults.outcomes import DEAD_MAN_S, RAMP_S, SLACK_S
 from tests.scenarios.navigation_run import WayFault

@@ -4,9 +4,9 @@ import asyncio
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 
+from chefbotd.components.worker.messages import Alive, framed
 from chefbotd.core.events import OdometryUpdated
 from chefbotd.core.geometry import CERTAIN, STANDING, Pose2D
-from chefbotd.worker.messages import Alive, framed
 from tests.fakes.worker import FakeChild, Nursery, healthy
 from tests.scenarios.fault_run import Fault, FaultRun
 from tests.scenarios.faults.outcomes import drives_on

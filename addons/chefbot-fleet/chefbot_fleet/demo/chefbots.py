@@ -1,6 +1,6 @@
 """A simulated ChefBot of the demonstration: its daemon with its worker, its agent, and the people who load it.
 
-All robots stand on one floor (``chefbotd.sim.shared_floor``), so each is seen by the others' lidars, and keep to one
+All robots stand on one floor (``simulation.shared_floor``), so each is seen by the others' lidars, and keep to one
 clock (``chefbotd.shared_clock``): on a computer that is too slow for all of them, all are slowed down alike.
 """
 
@@ -15,11 +15,11 @@ import click
 from chefbot_fleet.demo.programs import Program
 from chefbot_fleet.roadmap import Point
 from chefbotd.client import ChefbotError, Client
+from chefbotd.components.maps.storage.contents import save
+from chefbotd.components.maps.storage.store import MapStore
+from chefbotd.components.simulation.rooms import BUILDINGS
+from chefbotd.components.simulation.truth_file import Truth, TruthReader
 from chefbotd.core.geometry import Pose2D
-from chefbotd.maps.contents import save
-from chefbotd.maps.store import MapStore
-from chefbotd.sim.rooms import BUILDINGS
-from chefbotd.sim.truth_file import Truth, TruthReader
 from chefbotd.transport.ports import reserve_port
 
 BUILDING: Final = "office"

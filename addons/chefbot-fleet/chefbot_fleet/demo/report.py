@@ -10,7 +10,7 @@ from typing import Final
 import click
 
 from chefbot_fleet.roadmap import Point
-from chefbotd.sim.truth_file import Truth
+from chefbotd.components.simulation.truth_file import Truth
 
 AT_PLACE_M: Final = 0.5
 """So near its place a robot is to be loaded and unloaded."""

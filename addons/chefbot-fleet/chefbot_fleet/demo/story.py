@@ -17,8 +17,8 @@ import yaml
 from chefbot_fleet.demo.programs import Program, mosquitto
 from chefbot_fleet.demo.report import Measured, report
 from chefbot_fleet.roadmap import Point
-from chefbotd.sim.truth_file import Truth
-from chefbotd.sim.worlds import draw
+from chefbotd.components.simulation.truth_file import Truth
+from chefbotd.components.simulation.worlds import draw
 
 MAP: Final = Path(draw.__file__).with_name("office.yaml")
 PLACES: Final[dict[str, Point]] = {

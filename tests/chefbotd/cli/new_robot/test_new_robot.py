@@ -13,7 +13,7 @@ from chefbotd.cli.new_robot.command import converse
 from chefbotd.cli.new_robot.interview import Interview, NobodyAnswersError
 from chefbotd.cli.new_robot.walk import Walk
 from chefbotd.clock import LoopClock, run_virtual
-from chefbotd.doctor.listening.ports import SerialPort
+from chefbotd.components.doctor.listening.ports import SerialPort
 from chefbotd.settings import Settings, load
 from tests.chefbotd.cli.new_robot.own_board import OwnBoard
 

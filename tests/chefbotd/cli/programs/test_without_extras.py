@@ -124,7 +124,7 @@ frozen = []
 def tell():
     frozen.append(1)
     if len(frozen) == 2:
-        print("chefbotd.sim" in sys.modules, flush=True)
+        print("chefbotd.components.simulation" in sys.modules, flush=True)
         os._exit(0)
 gc.freeze = tell
 sys.argv = ["chefbotd", "run", "--sim", "--config", "{robot}", "--listen", "127.0.0.1:0"]

@@ -1,1 +1,0 @@
-"""The commands doctor and ports. Their conclusions are drawn in ``chefbotd.doctor``."""

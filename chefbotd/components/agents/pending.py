@@ -1,0 +1,140 @@
+"""Questions and calls that wait for an answer: until it comes, their time is over, or nobody waits any more."""
+
+import asyncio
+from collections.abc import Callable
+from functools import partial
+from typing import Any, Final
+
+from chefbotd.components.agents.events import QuestionData
+from chefbotd.components.agents.models import AskResult, CallResult
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.record import Record
+from chefbotd.entries import Entries, Timer, due_of
+from chefbotd.features.feature import Waiting
+from chefbotd.rpc.jobs import ProgressReporter
+
+TELL_EVERY_S: Final = 2.0
+"""How often a request that waits reports: a client gives up one that is silent for 5 s."""
+
+EARLY_S: Final = 0.002
+"""A timer may fire so much too early."""
+
+
+class Pending(Record, frozen=True):
+    """An agent's question, or the call of a ``method`` of it, and until when it waits."""
+
+    number: int
+    agent: str
+    began_s: float
+    due_s: float
+    question: QuestionData | None
+    method: str = ""
+
+
+class PendingState(Record, frozen=True):
+    """What waits, when each is looked at next, and the numbers by the tasks of the requests."""
+
+    pending: list[Pending]
+    looks_s: dict[int, float | None]
+    tasks: dict[str, int]
+
+
+class PendingRequests:
+    """``changed`` is called when there is another question than before."""
+
+    def __init__(self, entries: Entries, changed: Callable[[], None]) -> None:
+        self._entries, self._changed = entries, changed
+        self._pending: dict[int, Pending] = {}
+        self._timers: dict[int, Timer] = {}
+        self._tasks: dict[str, int] = {}
+        self._ends: dict[int, asyncio.Future[AskResult | CallResult | Refused]] = {}
+        self._progress: dict[int, ProgressReporter] = {}
+
+    def state(self) -> PendingState:
+        """Return the state of this part."""
+        looks_s = {number: due_of(timer) for number, timer in self._timers.items()}
+        return PendingState(list(self._pending.values()), looks_s, self._tasks)
+
+    def restore(self, state: PendingState) -> None:
+        """Restore this state."""
+        self._pending = {pending.number: pending for pending in state.pending}
+        self._tasks = dict(state.tasks)
+        self._ends = {number: asyncio.get_running_loop().create_future() for number in self._pending}
+        self._timers = {}
+        for number, due_s in state.looks_s.items():
+            if due_s is not None:
+                self._look_at(number, due_s)
+
+    def get(self, number: int) -> Pending | None:
+        """What waits under this number."""
+        return self._pending.get(number)
+
+    def of(self, agent: str, *, questions: bool) -> list[Pending]:
+        """The questions of an agent, or the calls of its methods."""
+        return [
+            pending
+            for pending in self._pending.values()
+            if pending.agent == agent and (pending.question is not None) is questions
+        ]
+
+    def questions(self) -> tuple[QuestionData, ...]:
+        """Every question."""
+        return tuple(pending.question for pending in self._pending.values() if pending.question is not None)
+
+    def waiting(self) -> Waiting:
+        """The requests that wait, by their tasks."""
+        return {task: partial(self.wait, number) for task, number in self._tasks.items()}
+
+    def add(
+        self, number: int, agent: str, timeout_s: float, question: QuestionData | None, method: str = ""
+    ) -> None:
+        """It waits from now on."""
+        now_s = self._entries.now_s()
+        self._pending[number] = Pending(number, agent, now_s, now_s + timeout_s, question, method)
+        self._ends[number] = asyncio.get_running_loop().create_future()
+        self._look_at(number, min(now_s + timeout_s, now_s + TELL_EVERY_S))
+
+    async def wait(self, number: int, progress: ProgressReporter) -> Any:
+        """The answer; raises it where it is a refusal. Given up, nothing is left of the question or the call."""
+        task, self._progress[number] = self._entries.task, progress
+        self._tasks[task] = number
+        try:
+            answer = await self._ends[number]
+        except asyncio.CancelledError:
+            self.end(number, None)
+            raise
+        finally:
+            self._tasks.pop(task, None)
+            del self._progress[number], self._ends[number]
+        if isinstance(answer, Refused):
+            raise answer
+        return answer
+
+    def end(self, number: int, answer: AskResult | CallResult | Refused | None) -> None:
+        """It waits no longer; None: nobody waits for the answer."""
+        pending = self._pending.pop(number, None)
+        if pending is None:
+            return
+        self._timers.pop(number).cancel()
+        if answer is not None and not self._ends[number].done():
+            self._ends[number].set_result(answer)
+        if pending.question is not None:
+            self._changed()
+
+    def _look_at(self, number: int, due_s: float) -> None:
+        name = f"agent request {number}"
+        self._timers[number] = self._entries.call_at(due_s, partial(self._look, number), name)
+
+    def _look(self, number: int) -> None:
+        """Its time is over, or who waits is told that it still waits."""
+        pending, now_s = self._pending[number], self._entries.now_s()
+        if now_s < pending.due_s - EARLY_S:
+            total_s = pending.due_s - pending.began_s
+            if number in self._progress:
+                self._progress[number].report(now_s - pending.began_s, total_s, "waits for an answer")
+            self._look_at(number, min(pending.due_s, now_s + TELL_EVERY_S))
+        elif pending.question is not None:
+            self.end(number, AskResult(None))
+        else:
+            why = f"the agent {pending.agent!a} has not answered {pending.method!a} in time"
+            self.end(number, Refused(RefusalKind.AGENT_TIMED_OUT, why))

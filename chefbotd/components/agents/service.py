@@ -1,0 +1,317 @@
+"""The agents in the daemon: programs on the socket that talk to people and to each other.
+
+An agent is its connection: when that ends, all that it has vanishes. Whatever changes does so where a request, a timer
+or the end of a connection is handled; a request that waits only waits.
+"""
+
+from typing import Any, Literal
+
+from chefbotd.bus import Bus
+from chefbotd.clock import Clock
+from chefbotd.components.agents.events import (
+    AgentData,
+    AgentNotified,
+    AgentPublished,
+    AgentSaid,
+    AgentsChanged,
+    ButtonData,
+    QuestionData,
+)
+from chefbotd.components.agents.models import (
+    TOPICS,
+    AddButtonParams,
+    AnswerAgentParams,
+    AnswerCallParams,
+    AskParams,
+    AskResult,
+    ButtonAdded,
+    ButtonParams,
+    CallAgentParams,
+    CallResult,
+    PublishToTopicParams,
+    RegisterAgentParams,
+    SayParams,
+)
+from chefbotd.components.agents.pending import PendingRequests, PendingState
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events import ClientDisconnected, SafetyChanged
+from chefbotd.core.record import Record, replace
+from chefbotd.entries import Timer, due_of, entries_of
+from chefbotd.features.feature import Feature
+from chefbotd.rpc.jobs import ProgressReporter
+from chefbotd.rpc.jsonrpc import ErrorKind
+from chefbotd.rpc.method import Caller, Unserved, method, methods_of
+from chefbotd.rpc.models import DONE, Done
+from chefbotd.rpc.parameters import Role
+from chefbotd.rpc.session import Session
+
+MOST_AGENTS, MOST_BUTTONS, MOST_QUESTIONS, MOST_CALLS = 16, 32, 4, 16
+"""The last three of each agent."""
+
+SAY_PER_S, MOST_SAID = 2.0, 10.0
+"""How often an agent may speak: a token bucket."""
+
+TELL_PER_S, MOST_TOLD = 10.0, 50.0
+"""How often the topic ``agents`` is published: a token bucket. What changes more often is told by the next one: each
+holds everything of all agents, and a program can ask for two thousand changes a second."""
+
+TIMER = "agents"
+EARLY = 0.02
+"""A timer may fire 2 ms too early: so much of a token."""
+
+
+class RegisteredAgent(Record, frozen=True):
+    """An agent, the number of its client, and how often it might still speak at ``stamp_s``."""
+
+    data: AgentData
+    client: int
+    may_say: float
+    stamp_s: float
+
+
+class AgentsState(Record, frozen=True):
+    """The agents, their buttons, what waits for an answer, and the last number that was given."""
+
+    agents: list[RegisteredAgent]
+    buttons: list[ButtonData]
+    waits: PendingState
+    last_number: int
+    stop_number: int = 0
+    may_tell: float = MOST_TOLD
+    told_s: float = 0.0
+    due_s: float | None = None
+
+
+class AgentsService:
+    """Buttons, questions and calls are numbered together."""
+
+    def __init__(self, bus: Bus, clock: Clock) -> None:
+        self._bus, self._entries = bus, entries_of(clock)
+        self._agents: dict[int, RegisteredAgent] = {}  # by client
+        self._buttons: dict[int, ButtonData] = {}
+        self.waits = PendingRequests(self._entries, self._tell)
+        self._last_number = self._stop_number = 0
+        self._may_tell, self._told_s = MOST_TOLD, 0.0
+        self._timer: Timer | None = None
+        bus.add_handler(self._take_client_left, ClientDisconnected)
+        bus.add_handler(self._take_safety, SafetyChanged)
+
+    def state(self) -> AgentsState:
+        """Return the state of this part."""
+        agents, buttons = list(self._agents.values()), list(self._buttons.values())
+        return AgentsState(
+            agents,
+            buttons,
+            self.waits.state(),
+            self._last_number,
+            self._stop_number,
+            self._may_tell,
+            self._told_s,
+            due_of(self._timer),
+        )
+
+    def restore(self, state: AgentsState) -> None:
+        """Go on from there; the requests that wait are to begin again."""
+        self._agents = {agent.client: agent for agent in state.agents}
+        self._buttons = {button.button_id: button for button in state.buttons}
+        self._last_number, self._stop_number = state.last_number, state.stop_number
+        self._may_tell, self._told_s = state.may_tell, state.told_s
+        self._timer = self._entries.resume(state.due_s, self._tell, TIMER)
+        self.waits.restore(state.waits)
+
+    # what an agent asks
+
+    @method(role=Role.AGENT, moves=False)
+    def register_agent(self, caller: Caller, params: RegisterAgentParams) -> Done:
+        """Be an agent of this name, which no other may have, until the connection ends."""
+        client, own = caller.session.number, self._agents.get(caller.session.number)
+        if own is not None and own.data.name != params.name:
+            why = f"this connection is the agent {own.data.name!a} already"
+            raise Refused(RefusalKind.AGENT_EXISTS, why)
+        if own is None and any(agent.data.name == params.name for agent in self._agents.values()):
+            raise Refused(RefusalKind.AGENT_EXISTS, f"another agent is called {params.name!a} already")
+        _require_room("agents", len(self._agents) - (own is not None), MOST_AGENTS)
+        data = AgentData(params.name, params.version, tuple(params.methods))
+        self._agents[client] = RegisteredAgent(data, client, MOST_SAID, self._entries.now_s())
+        self._tell()
+        return DONE
+
+    @method(role=Role.AGENT, moves=False)
+    def say(self, caller: Caller, params: SayParams) -> Done:
+        """Say a sentence to people: on the page and in the log. At most 10 at once, and 2 a second."""
+        agent, now_s = self._agent(caller.session), self._entries.now_s()
+        may_say = min(MOST_SAID, agent.may_say + (now_s - agent.stamp_s) * SAY_PER_S)
+        if may_say < 1.0:
+            raise Unserved(ErrorKind.RATE_LIMITED, f"the agent {agent.data.name!a} speaks too often")
+        data = replace(agent.data, text=params.text)
+        self._agents[agent.client] = RegisteredAgent(data, agent.client, may_say - 1.0, now_s)
+        self._tell()
+        self._bus.publish(AgentSaid(now_s, data.name, params.text))
+        return DONE
+
+    @method(role=Role.AGENT, moves=False)
+    async def ask(self, caller: Caller, params: AskParams, progress: ProgressReporter) -> AskResult:
+        """Ask people a question; the answer is what one of them chose, or that nobody did in time."""
+        name = self._agent(caller.session).data.name
+        _require_room("questions of an agent", len(self.waits.of(name, questions=True)), MOST_QUESTIONS)
+        number = self._next_number()
+        question = QuestionData(number, name, params.question, tuple(params.choices))
+        self.waits.add(number, name, params.timeout_s, question)
+        self._tell()
+        answer: AskResult = await self.waits.wait(number, progress)
+        return answer
+
+    @method(role=Role.AGENT, moves=False)
+    def add_button(self, caller: Caller, params: AddButtonParams) -> ButtonAdded:
+        """Offer people a button; each press of it comes on the topic agent_events."""
+        name = self._agent(caller.session).data.name
+        own = [button for button in self._buttons.values() if button.agent == name]
+        _require_room("buttons of an agent", len(own), MOST_BUTTONS)
+        number = self._next_number()
+        self._buttons[number] = ButtonData(number, name, params.label)
+        self._tell()
+        return ButtonAdded(number)
+
+    @method(role=Role.AGENT, moves=False)
+    def remove_button(self, caller: Caller, params: ButtonParams) -> Done:
+        """Take back a button of this agent."""
+        button = self._button(params.button_id)
+        if button.agent != self._agent(caller.session).data.name:
+            why = f"the button {button.label!a} belongs to the agent {button.agent!a}"
+            raise Refused(RefusalKind.UNKNOWN_BUTTON, why)
+        del self._buttons[button.button_id]
+        self._tell()
+        return DONE
+
+    @method(role=Role.AGENT, moves=False)
+    def publish_to_topic(self, caller: Caller, params: PublishToTopicParams) -> Done:
+        """Publish data on a topic of this agent; they come on the topic agent_data."""
+        name, now_s = self._agent(caller.session).data.name, self._entries.now_s()
+        self._bus.publish(AgentPublished(name, params.topic, params.data, stamp_s=now_s))
+        return DONE
+
+    @method(role=Role.AGENT, moves=False)
+    def answer_call(self, caller: Caller, params: AnswerCallParams) -> Done:
+        """Answer a call of a method of this agent, which came on the topic agent_events."""
+        name, call = self._agent(caller.session).data.name, self.waits.get(params.call_id)
+        if call is None or call.question is not None or call.agent != name:
+            why = f"no call {params.call_id} of the agent {name!a} waits for an answer"
+            raise Refused(RefusalKind.UNKNOWN_CALL, why)
+        refused = None if params.error is None else Refused(RefusalKind.AGENT_FAILED, params.error)
+        self.waits.end(call.number, refused or CallResult(params.result))
+        return DONE
+
+    # what others ask
+
+    @method(role=Role.GUEST, moves=False)
+    def press_button(self, caller: Caller, params: ButtonParams) -> Done:
+        """Press a button; its agent is told."""
+        button = self._button(params.button_id)
+        self._notify(button.agent, "pressed", caller.session, button_id=button.button_id, label=button.label)
+        return DONE
+
+    @method(role=Role.GUEST, moves=False)
+    def answer_agent(self, caller: Caller, params: AnswerAgentParams) -> Done:
+        """Choose one of the answers to a question; the first answer counts."""
+        pending = self.waits.get(params.question_id)
+        if pending is None or pending.question is None:
+            why = f"no question {params.question_id} waits for an answer"
+            raise Refused(RefusalKind.UNKNOWN_QUESTION, why)
+        choices = pending.question.choices
+        if params.choice not in choices:
+            why = f"{params.choice!a} is none of the choices: {', '.join(choices)}"
+            raise Refused(RefusalKind.OUT_OF_RANGE, why)
+        self.waits.end(pending.number, AskResult(params.choice, str(caller.session), self._stop_number))
+        return DONE
+
+    @method(role=Role.AGENT, moves=False)
+    async def call_agent(
+        self, caller: Caller, params: CallAgentParams, progress: ProgressReporter
+    ) -> CallResult:
+        """Call a method that an agent offers, and wait for its answer."""
+        by_name = {other.data.name: other.data for other in self._agents.values()}
+        agent = by_name.get(params.agent)
+        if agent is None:
+            names = ", ".join(by_name) or "none"
+            why = f"no agent is called {params.agent!a}; there are: {names}"
+            raise Refused(RefusalKind.UNKNOWN_AGENT, why)
+        if params.method not in agent.methods:
+            offered = ", ".join(agent.methods) or "nothing"
+            why = f"the agent {agent.name!a} does not offer {params.method!a}; it offers: {offered}"
+            raise Refused(RefusalKind.UNKNOWN_AGENT, why)
+        _require_room("calls of an agent", len(self.waits.of(agent.name, questions=False)), MOST_CALLS)
+        number = self._next_number()
+        self.waits.add(number, agent.name, params.timeout_s, None, params.method)
+        details = {"call_id": number, "method": params.method, "params": params.params}
+        self._notify(agent.name, "called", caller.session, **details)
+        result: CallResult = await self.waits.wait(number, progress)
+        return result
+
+    # inside
+
+    def _next_number(self) -> int:
+        self._last_number += 1
+        return self._last_number
+
+    def _agent(self, session: Session) -> RegisteredAgent:
+        agent = self._agents.get(session.number)
+        if agent is None:
+            raise Refused(RefusalKind.NOT_AN_AGENT, "this connection is no agent; it has to register first")
+        return agent
+
+    def _button(self, number: int) -> ButtonData:
+        button = self._buttons.get(number)
+        if button is None:
+            raise Refused(RefusalKind.UNKNOWN_BUTTON, f"there is no button {number}")
+        return button
+
+    def _notify(self, agent: str, event: Literal["pressed", "called"], by: Session, **details: Any) -> None:
+        now_s = self._entries.now_s()
+        details["stop_number"] = self._stop_number  # what is decided now is decided before the next stop
+        self._bus.publish(AgentNotified(agent, event, str(by), **details, stamp_s=now_s))
+
+    def _tell(self) -> None:
+        """Tell how things stand, now or as soon as the rate allows it."""
+        if due_of(self._timer) is not None:
+            return
+        now_s = self._entries.now_s()
+        level = min(MOST_TOLD, self._may_tell + (now_s - self._told_s) * TELL_PER_S)
+        if level < 1.0 - EARLY:
+            self._timer = self._entries.call_later((1.0 - level) / TELL_PER_S, self._tell, TIMER)
+            return
+        self._may_tell, self._told_s = max(0.0, level - 1.0), now_s
+        agents = tuple(agent.data for agent in self._agents.values())
+        buttons = tuple(self._buttons.values())
+        self._bus.publish(AgentsChanged(agents, buttons, self.waits.questions(), stamp_s=now_s))
+
+    def _take_safety(self, event: SafetyChanged) -> None:
+        self._stop_number = event.stop_number
+
+    def _take_client_left(self, event: ClientDisconnected) -> None:
+        """Everything of an agent vanishes with its connection."""
+        agent = self._agents.pop(event.client, None)
+        if agent is None:
+            return
+        name = agent.data.name
+        self._buttons = {number: button for number, button in self._buttons.items() if button.agent != name}
+        left = Refused(RefusalKind.AGENT_LEFT, f"the agent {name!a} has left before it answered")
+        for pending in (*self.waits.of(name, questions=True), *self.waits.of(name, questions=False)):
+            self.waits.end(pending.number, left)
+        self._tell()
+
+
+def _require_room(what: str, count: int, most: int) -> None:
+    if count >= most:
+        raise Refused(RefusalKind.OUT_OF_RANGE, f"at most {most} {what} are allowed, and there are {count}")
+
+
+def agents(bus: Bus, clock: Clock) -> Feature:
+    """Programs on the socket that talk to people and to each other."""
+    service = AgentsService(bus, clock)
+    return Feature(
+        "agents",
+        methods=methods_of(service),
+        topics=TOPICS,
+        parts={"agents": service},
+        waiting=service.waits.waiting,
+    )

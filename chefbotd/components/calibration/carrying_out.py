@@ -1,0 +1,253 @@
+"""Carries out a step's procedure: each motion goes through the gate, and ends when a stop does, or anything else.
+
+It drives as navigation does: by a source of its own, with its lease and dead-man, limits and guards.
+"""
+
+import asyncio
+from collections.abc import Callable, Mapping
+from typing import Final
+
+from chefbotd.bus import Bus
+from chefbotd.clock import Clock
+from chefbotd.components.calibration.algorithms.step import Action, Ask, Measurements, Move, Procedure
+from chefbotd.components.calibration.measuring import Gathering, joined
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events import SafetyChanged, WheelsMeasured
+from chefbotd.core.record import Record
+from chefbotd.driving.inner_driver import InnerDriver
+from chefbotd.entries import Timer, entries_of
+from chefbotd.safety.gate import Mode, not_armed
+
+PERIOD_S: Final = 0.05
+REST_S: Final = 0.3
+REST_RAD_S: Final = 0.02
+"""The robot is at rest when no wheel was faster for ``REST_S``."""
+
+SETTLE_TIMEOUT_S: Final = 3.0
+ANSWER_TIMEOUT_S: Final = 300.0
+STEP_TIMEOUT_S: Final = 900.0
+SILENT_S: Final = 2.0
+"""Without a reading of the wheels for so long the step ends."""
+
+ALIVE_S: Final = 1.0
+"""How often what goes on is reported: a client gives up after 5 s of silence."""
+
+BLOCKED_S: Final = 1.0
+"""An obstacle that limits the motion for so long ends the step: the robot does not do what the step asks."""
+
+TIMER: Final = "calibration"
+
+Report = Callable[[Action], None]
+
+
+class ProcedureRunnerState(Record, frozen=True):
+    """What decides whether a step may begin; one that is under way is not continued in a replay."""
+
+    drives: bool
+    safety: SafetyChanged | None
+    wheels: WheelsMeasured | None
+    blocked_since_s: float | None
+
+
+class Begun(Record, frozen=True):
+    """How many stops there had been when a step was asked for, and the number of the last e-stop or fault."""
+
+    stops: int
+    latch: int | None
+
+
+class ProcedureRunner:
+    """Runs one procedure at a time; ``report`` is called with each action as it begins."""
+
+    def __init__(self, bus: Bus, clock: Clock, driver: InnerDriver, report: Report) -> None:
+        self._bus, self._entries, self._driver, self._report = bus, entries_of(clock), driver, report
+        self._safety: SafetyChanged | None = None
+        self._answer: asyncio.Future[float] | None = None
+        self._asked: Ask | None = None
+        self._timer: Timer | None = None
+        self._wheels: WheelsMeasured | None = None
+        self._blocked_since_s: float | None = None
+        bus.add_handler(self._take_safety, SafetyChanged)
+        bus.add_handler(self._take_wheels, WheelsMeasured)
+
+    def state(self) -> ProcedureRunnerState:
+        """Return the state of this part."""
+        return ProcedureRunnerState(self._driver.state(), self._safety, self._wheels, self._blocked_since_s)
+
+    def restore(self, state: ProcedureRunnerState) -> None:
+        """Restore this state."""
+        self._driver.restore(state.drives)
+        self._safety, self._wheels = state.safety, state.wheels
+        self._blocked_since_s = state.blocked_since_s
+
+    def require(self) -> None:
+        """Nothing is in the way of driving.
+
+        Raises:
+            Refused: the robot is not armed, or somebody else drives.
+        """
+        safety = self._armed()
+        if safety.source not in (None, self._driver.source):
+            raise Refused(RefusalKind.STOPPED, f"{safety.source} drives the robot; end that first")
+
+    def _armed(self) -> SafetyChanged:
+        """The gate's state; raises ``Refused`` where the robot is not armed."""
+        safety = self._safety
+        if safety is None:
+            raise not_armed("", "it is not known yet whether the robot may move")
+        if safety.mode != Mode.ARMED:
+            raise not_armed(safety.mode, safety.reason)
+        return safety
+
+    def answer(self, key: str, value: float) -> None:
+        """Answer the question that is open.
+
+        Raises:
+            Refused: there is none of this key, or the value is out of its bounds.
+        """
+        asked, future = self._asked, self._answer
+        if asked is None or future is None or future.done() or asked.key != key:
+            raise Refused(RefusalKind.OUT_OF_RANGE, f"calibration does not ask for {key!a} now")
+        if not asked.lowest <= value <= asked.highest:
+            expected = f"expected {asked.lowest:g} to {asked.highest:g} {asked.unit}"
+            raise Refused(RefusalKind.OUT_OF_RANGE, f"{key} is {value:g}, {expected}")
+        future.set_result(value)
+
+    def begun(self) -> Begun:
+        """To be asked for when a step is: any stop or fault after it ends the step, also before its first motion."""
+        return Begun(self._driver.stops, None if self._safety is None else self._safety.latch)
+
+    async def run(self, procedure: Procedure, begun: Begun) -> Measurements:
+        """Everything that was measured during the procedure.
+
+        Raises:
+            Refused: something ended it: a stop, a fault, somebody who took over, a sensor that fell silent.
+        """
+        self._check_stopped(begun)
+        self.require()
+        gathering, parts = Gathering(self._bus), []
+        self._driver.begin()
+        end_s = self._entries.now_s() + STEP_TIMEOUT_S
+        try:
+            action = next(procedure, None)
+            while action is not None:
+                self._report(action)
+                gathering.with_scans = not isinstance(action, Ask)
+                answers = await self._perform(action, begun)
+                parts.append(gathering.take(answers))
+                if self._entries.now_s() > end_s:
+                    raise Refused(RefusalKind.STOPPED, f"the step took longer than {STEP_TIMEOUT_S:.0f} s")
+                try:
+                    action = procedure.send(parts[-1])
+                except StopIteration:
+                    action = None
+        finally:
+            procedure.close()
+            self._driver.let_go()
+            gathering.end()
+            if self._timer is not None:
+                self._timer.cancel()
+        return joined(parts)
+
+    async def _perform(self, action: Action, begun: Begun) -> Mapping[str, float]:
+        if isinstance(action, Ask):
+            return {action.key: await self._ask(action, begun)}
+        await self._move(action, begun)
+        return {}
+
+    async def _move(self, move: Move, begun: Begun) -> None:
+        now_s = began_s = reported_s = self._entries.now_s()
+        while now_s - began_s < move.duration_s:
+            self._check(begun, now_s)
+            if move.motion is not None:
+                self._driver.drive(move.motion, now_s)
+            if now_s - reported_s >= ALIVE_S:
+                reported_s = now_s
+                self._report(move)
+            await self._sleep(min(PERIOD_S, began_s + move.duration_s - now_s + 1e-6))
+            now_s = self._entries.now_s()
+        if move.motion is not None and move.settled:
+            self._driver.let_go()
+            await self._settle(begun)
+
+    async def _settle(self, begun: Begun) -> None:
+        """Wait until the wheels are at rest."""
+        began_s = rest_s = self._entries.now_s()
+        while True:
+            await self._sleep(PERIOD_S)
+            now_s = self._entries.now_s()
+            self._check(begun, now_s)
+            wheels = self._wheels
+            if wheels is None or max(map(abs, wheels.velocity_rad_s)) > REST_RAD_S:
+                rest_s = now_s
+            if now_s - rest_s >= REST_S:
+                return
+            if now_s - began_s > SETTLE_TIMEOUT_S:
+                raise Refused(
+                    RefusalKind.STOPPED,
+                    f"the wheels did not come to rest within {SETTLE_TIMEOUT_S:.0f} s{self._silence()}",
+                )
+
+    def _check(self, begun: Begun, now_s: float) -> None:
+        """Raise ``Refused`` if the step must end."""
+        safety = self._check_stopped(begun)
+        self.require()
+        blocked_s = 0.0 if self._blocked_since_s is None else now_s - self._blocked_since_s
+        if blocked_s > BLOCKED_S:
+            raise Refused(
+                RefusalKind.STOPPED,
+                f"something is in the way ({safety.limited_by}); make room, and try again",
+            )
+        wheels = self._wheels
+        if wheels is None or now_s - wheels.arrival_s > SILENT_S:
+            raise Refused(RefusalKind.LINK_DOWN, f"the board has not told of its wheels for {SILENT_S:.0f} s")
+
+    def _silence(self) -> str:
+        """What a board without an echo does, where that is why the wheels do not obey; else nothing."""
+        if self._safety is None or self._safety.limited_by not in ("no_echo", "encoders_stale"):
+            return ""
+        return (
+            ": the board tells of them once a second only, as it waits for an echo; calibrate where something "
+            "stands within 4 m ahead of the robot"
+        )
+
+    def _check_stopped(self, begun: Begun) -> SafetyChanged:
+        """The gate's state; raises ``Refused`` after any stop or fault, also after one that is cleared already."""
+        if self._driver.stops != begun.stops:
+            who = self._driver.stopped_by or "somebody"
+            raise Refused(RefusalKind.STOPPED, f"the calibration was stopped by {who}")
+        safety = self._armed()
+        if safety.latch != begun.latch:
+            raise Refused(RefusalKind.STOPPED, "a fault stopped the robot meanwhile; begin the step again")
+        return safety
+
+    async def _ask(self, ask: Ask, begun: Begun) -> float:
+        self._driver.let_go()
+        self._asked, self._answer = ask, asyncio.get_running_loop().create_future()
+        end_s = self._entries.now_s() + ANSWER_TIMEOUT_S
+        try:
+            while not self._answer.done():
+                if self._entries.now_s() >= end_s:
+                    minutes = f"{ANSWER_TIMEOUT_S / 60:.0f} minutes"
+                    raise Refused(RefusalKind.STOPPED, f"nobody answered within {minutes}")
+                await self._sleep(ALIVE_S)
+                self._check_stopped(begun)
+                self._report(ask)
+            return self._answer.result()
+        finally:
+            self._asked = self._answer = None
+
+    async def _sleep(self, seconds: float) -> None:
+        wake = asyncio.Event()
+        self._timer = self._entries.call_later(seconds, wake.set, TIMER)
+        await wake.wait()
+
+    def _take_safety(self, event: SafetyChanged) -> None:
+        self._safety = event
+        if not (event.limited_by or "").startswith("obstacle"):
+            self._blocked_since_s = None
+        elif self._blocked_since_s is None:
+            self._blocked_since_s = event.stamp_s
+
+    def _take_wheels(self, event: WheelsMeasured) -> None:
+        self._wheels = event

@@ -1,0 +1,1 @@
+"""The commands doctor and ports. Their conclusions are drawn in ``chefbotd.components.doctor``."""

@@ -1,0 +1,341 @@
+"""The daemon's side of localization: which map the worker's skill is to use, and what it tells of the robot's pose."""
+
+import asyncio
+from typing import Final
+
+import structlog
+
+from chefbotd.bus import Bus
+from chefbotd.clock import Clock
+from chefbotd.components.localization.models import (
+    TOPICS,
+    LocalizationData,
+    LocalizeParams,
+    SetPoseParams,
+    localization_data,
+)
+from chefbotd.components.localization.skill_requests import (
+    SKILL,
+    Localize,
+    SetPose,
+    UseMap,
+    UseNone,
+)
+from chefbotd.components.localization.turning import Turning, TurningState
+from chefbotd.components.mapping.events import (
+    POSE_ENDED,
+    LocalizationChanged,
+    MapLoaded,
+    MappingChanged,
+    MapPoseUpdated,
+    MapUnloaded,
+)
+from chefbotd.components.navigation import skill_requests as navigation
+from chefbotd.components.navigation.skill_requests import CheckMap, MapChecked
+from chefbotd.components.worker.requests import OnProgress
+from chefbotd.components.worker.service import WorkerService
+from chefbotd.core.commands import Refused
+from chefbotd.core.events.robot import WorkerReported
+from chefbotd.core.record import Record, replace
+from chefbotd.driving.inner_driver import InnerDriver
+from chefbotd.entries import entries_of, set_event
+from chefbotd.features.feature import Feature, Service, Waiting
+from chefbotd.rpc.jobs import ProgressReporter
+from chefbotd.rpc.method import Caller, method, methods_of
+from chefbotd.rpc.parameters import Role
+
+log = structlog.get_logger(component="localization")
+
+SHORT_S: Final = 20.0
+"""For what is a moment's work in the worker, though it may be at something else."""
+
+LONG_S: Final = 60.0
+"""For each step of making a large map ready."""
+
+AWAY: Final = ("restarting", "unavailable", "stopped")
+
+TOLD_EVERY_S: Final = 1.0
+"""How often the state is published while nothing of it changes."""
+
+
+class LocalizationState(Record, frozen=True):
+    """The map in use, what of it the skill knows and has to know, and what was last published of the pose.
+
+    ``waits`` are the requests that wait for the end of a turn, by their tasks.
+    """
+
+    map: MapLoaded | None
+    renamed_from: str | None
+    is_mapping: bool
+    was_unloaded: bool
+    has_to_tell: bool
+    has_told: bool
+    problem: str
+    told: LocalizationChanged | None
+    jumps_before: int
+    turning: TurningState
+    may_turn: bool
+    waits: tuple[str, ...]
+    pose: MapPoseUpdated | None = None
+
+
+class LocalizationService:
+    """Keeps the skill at the map in use. While a map is being made, it rests: then SLAM tells the pose."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        clock: Clock,
+        feed: WorkerService,
+        driver: InnerDriver | None = None,
+        *,
+        turns_at_start: bool = False,
+    ) -> None:
+        """``driver`` drives as the source navigation; ``turns_at_start``: it may turn before it was ever asked to."""
+        self._bus, self._clock, self._feed, self._worker = bus, clock, feed, feed.worker
+        self._map: MapLoaded | None = None
+        self._renamed_from: str | None = None  # the name of the map in use by which the worker knows it
+        self._is_mapping = self._was_unloaded = False
+        self._has_to_tell, self._has_told = asyncio.Event(), asyncio.Event()
+        self._has_told.set()
+        self._reports: list[OnProgress] = []
+        self._problem = ""  # why the map cannot be used
+        self._latest: LocalizationChanged | None = None
+        self._pose: MapPoseUpdated | None = None  # in the map in use
+        self._jumps_before = 0  # by the workers before this one
+        self._entries, self._turning = entries_of(clock), Turning(bus, clock, driver, self._report)
+        self._may_turn = turns_at_start  # it has neither turned nor found itself yet
+        self._waits: set[str] = set()  # requests that wait for a turn, by their tasks
+        self._worker.add_listener(SKILL, LocalizationChanged, self._take_told)
+        self._worker.add_listener(SKILL, MapPoseUpdated, self._take_pose)
+        self._worker.add_on_ready(self._take_ready)
+        bus.add_handler(self._take_map, MapLoaded)
+        bus.add_handler(self._take_unloaded, MapUnloaded)
+        bus.add_handler(self._take_mapping, MappingChanged)
+        bus.add_handler(self._take_worker, WorkerReported)
+
+    def state(self) -> LocalizationState:
+        """Return the state of this part."""
+        return LocalizationState(
+            self._map,
+            self._renamed_from,
+            self._is_mapping,
+            self._was_unloaded,
+            self._has_to_tell.is_set(),
+            self._has_told.is_set(),
+            self._problem,
+            self._latest,
+            self._jumps_before,
+            self._turning.state(),
+            self._may_turn,
+            tuple(sorted(self._waits)),
+            self._pose,
+        )
+
+    def restore(self, state: LocalizationState) -> None:
+        """Go on from there; the requests that wait are to begin again."""
+        self._map, self._renamed_from = state.map, state.renamed_from
+        self._is_mapping, self._was_unloaded = state.is_mapping, state.was_unloaded
+        set_event(self._has_to_tell, state.has_to_tell)
+        set_event(self._has_told, state.has_told)
+        self._problem, self._latest, self._jumps_before = state.problem, state.told, state.jumps_before
+        self._pose = state.pose
+        self._turning.restore(state.turning)
+        self._may_turn, self._waits = state.may_turn, set(state.waits)
+
+    @method(role=Role.DRIVE, moves=False)
+    async def set_pose(
+        self, caller: Caller, params: SetPoseParams, progress: ProgressReporter
+    ) -> LocalizationData:
+        """Set the robot's approximate pose in the map in use; the next scans confirm it, or it searches."""
+        return await self._ask(SetPose(params.x_m, params.y_m, params.heading_rad), SHORT_S)
+
+    @method(role=Role.DRIVE, moves=True)
+    async def localize(
+        self, caller: Caller, params: LocalizeParams, progress: ProgressReporter
+    ) -> LocalizationData:
+        """Search the whole map for the robot's pose; the robot does not move, unless ``turn`` allows one turn."""
+        if not params.turn:
+            return await self._ask(Localize(), SHORT_S)
+        driver = self._turning.require()
+        stop_number = driver.stop_number
+        await self._ask(Localize(), SHORT_S)
+        driver.require_unstopped(stop_number, "this turn was asked for")
+        self._turning.begin(is_asked=True)
+        return await self._turned(progress)
+
+    async def _turned(self, progress: ProgressReporter) -> LocalizationData:
+        """Wait for the end of the turn, which ends with whoever waits for it."""
+        end, task = self._turning.begin(is_asked=False), self._entries.task
+        self._waits.add(task)
+        self._reports.append(progress.report)
+        try:
+            why = await asyncio.shield(end)
+        except asyncio.CancelledError:
+            self._turning.end("the request was given up")
+            raise
+        finally:
+            self._waits.discard(task)
+            self._reports.remove(progress.report)
+        return replace(localization_data(self._latest), reason=why)
+
+    def waiting(self) -> Waiting:
+        """The requests that wait for the end of a turn, by their tasks."""
+        return dict.fromkeys(self._waits, self._turned)
+
+    async def made_ready(self, report: OnProgress) -> str:
+        """Wait until the worker uses the map in use, if there is one; why it cannot, empty where it can."""
+        self._reports.append(report)
+        try:
+            await self._has_told.wait()
+        finally:
+            self._reports.remove(report)
+        return self._problem
+
+    async def run(self) -> None:
+        """Tell the skill which map to use: when that changes, and each time that a worker has become ready."""
+        while True:
+            await self._entries.at_rest(self._has_to_tell.wait())
+            self._has_to_tell.clear()
+            if self._worker.is_ready:
+                await self._tell_map()
+            if not self._has_to_tell.is_set():
+                self._has_told.set()
+
+    async def _tell_map(self) -> None:
+        used, self._problem = None if self._is_mapping else self._map, ""
+        renamed_from, self._renamed_from = self._renamed_from, None
+        try:
+            if self._was_unloaded:  # the next map may have its name and version
+                self._was_unloaded = False
+                await self._ask(UseNone(), LONG_S)
+            request = UseNone() if used is None else UseMap(used.name, used.version, renamed_from)
+            await self._ask(request, LONG_S)
+            if used is not None:
+                checked = await self._worker.request(
+                    navigation.SKILL, CheckMap(), MapChecked, deadline_s=SHORT_S
+                )
+                self._problem = checked.problem
+        except Refused as problem:
+            self._problem = str(problem)
+            log.error("localization has no map", reason=self._problem)
+            self._publish_unknown(self._clock.now_s(), self._problem)
+
+    def _report(self, done: float, total: float, text: str) -> None:
+        for report in self._reports:
+            report(done, total, text)
+
+    async def _ask(
+        self, request: UseMap | UseNone | SetPose | Localize, deadline_s: float
+    ) -> LocalizationData:
+        answer = await self._worker.request(
+            SKILL, request, LocalizationChanged, deadline_s=deadline_s, on_progress=self._report
+        )
+        return localization_data(self._publish(answer))
+
+    # what happens
+
+    def _take_map(self, event: MapLoaded) -> None:
+        """The worker knows the first name of a map that was renamed twice since its last request."""
+        before, self._map = self._map, event
+        is_told = self._renamed_from is None or before is None or before.name != event.renamed_from
+        if event.renamed_from is None or is_told:
+            self._renamed_from = event.renamed_from
+        if event.renamed_from is None and before is not None and before.name != event.name:
+            self._end_pose(event.stamp_s, f"the map {event.name} is loaded in place of {before.name}")
+        self._has_told.clear()
+        self._has_to_tell.set()
+
+    def _take_unloaded(self, event: MapUnloaded) -> None:
+        self._map, self._was_unloaded = None, True
+        self._end_pose(event.stamp_s, event.reason or f"the map {event.name} was deleted")
+        self._has_to_tell.set()
+
+    def _take_mapping(self, event: MappingChanged) -> None:
+        is_mapping = event.state != "idle"
+        if is_mapping is not self._is_mapping:
+            self._is_mapping = is_mapping
+            self._has_to_tell.set()
+
+    def _take_worker(self, event: WorkerReported) -> None:
+        """Nobody finds the way while there is no worker: what was known is old."""
+        if event.state in AWAY and self._latest is not None and self._latest.state != "unknown":
+            why = f"the worker is {event.state}" + (f": {event.reason}" if event.reason else "")
+            self._publish_unknown(event.stamp_s, why)
+
+    def _take_told(self, event: LocalizationChanged) -> None:
+        if not self._is_mapping:
+            self._publish(event)
+
+    def _take_pose(self, event: MapPoseUpdated) -> None:
+        """A pose in a map that is no longer in use is void: the worker was still at it."""
+        names = () if self._map is None else (self._map.name, self._renamed_from)
+        if not self._is_mapping and (event.map is None or event.map in names):
+            self._pose = replace(self._feed.in_odom(event), map=None if self._map is None else self._map.name)
+            self._bus.publish(self._pose)
+
+    def _end_pose(self, stamp_s: float, reason: str) -> None:
+        """The pose in the map before ends at once; where the robot is in another one is not known yet."""
+        if self._pose is not None:
+            self._bus.publish(replace(self._pose, stamp_s=stamp_s, state=POSE_ENDED))
+            self._pose = None
+        if self._latest is not None and self._latest.state != "unknown":
+            self._publish_unknown(stamp_s, reason)
+
+    def _take_ready(self) -> None:
+        """A new worker counts its jumps from 0 on."""
+        self._jumps_before = self._jumps
+        self._has_to_tell.set()
+
+    @property
+    def _jumps(self) -> int:
+        return 0 if self._latest is None else self._latest.jumps
+
+    def _publish_unknown(self, stamp_s: float, reason: str) -> None:
+        jumps = self._jumps - self._jumps_before
+        self._publish(LocalizationChanged(stamp_s, "unknown", None, 0.0, (), 0.0, jumps, reason))
+
+    def _publish(self, event: LocalizationChanged) -> LocalizationChanged:
+        """Publish the state if it has changed, or was published a while ago; ``jumps`` are those of this worker."""
+        last, now = self._latest, replace(event, jumps=self._jumps_before + event.jumps)
+        if last is not None:
+            same = (last.state, last.map, last.jumps, last.reason) == (
+                now.state,
+                now.map,
+                now.jumps,
+                now.reason,
+            )
+            same = same and len(last.alternatives) == len(now.alternatives)
+            if same and now.stamp_s - last.stamp_s < TOLD_EVERY_S:
+                return now
+        self._latest = now
+        self._bus.publish(now)
+        self._turn_or_not(now)
+        return now
+
+    def _turn_or_not(self, now: LocalizationChanged) -> None:
+        """A turn ends when the robot knows where it is; one that never did turns by itself, where it may."""
+        if now.state == "localized":
+            self._may_turn = False
+            self._turning.end("it knows where it is")
+        elif self._may_turn and now.map is not None and now.state in ("searching", "lost"):
+            self._may_turn = False
+            if self._turning.was_stopped:
+                log.info("the robot does not turn to find itself: it was stopped meanwhile; ask for a turn")
+                return
+            try:
+                self._turning.begin(is_asked=False)
+            except Refused as refusal:
+                log.info("the robot does not turn to find itself", reason=str(refusal))
+
+
+def localization(service: LocalizationService) -> Feature:
+    """Localization in the worker, over the service that asks it."""
+    return Feature(
+        "localization",
+        services=(Service("localization", service.run, in_steps=True),),
+        methods=methods_of(service),
+        topics=TOPICS,
+        parts={"localization": service},
+        waiting=service.waiting,
+    )

@@ -1,0 +1,162 @@
+"""Finds the cheapest path over a grid: A*, with moves to the eight neighbours.
+
+The open list is a ring of buckets, each as wide as half a step, in which no order is kept: adding and taking cost the
+same however many there are. What was taken too early is taken again when it is reached at less cost, and the search goes
+on until no bucket can hold anything cheaper than the goal, so the result is exactly optimal all the same.
+
+A*: Hart, Nilsson and Raphael, 1968. Buckets: Dial, 1969; untidy ones: Yatziv et al., 2006.
+"""
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+from chefbotd.components.navigation.algorithms.grid import Floats, Singles
+from chefbotd.components.worker.compiled import kernel
+from chefbotd.core.record import Record
+
+Integers = NDArray[np.int64]
+BLOCKED = np.float32(np.inf)
+SQRT_2 = math.sqrt(2.0)
+BUCKET_CELLS = 0.5
+PER_CELL = 1 / BUCKET_CELLS
+
+
+class GridPath(Record, frozen=True):
+    """Cells (n, 2: row, column) from start to goal, and what they cost: lengths in cells times their costs."""
+
+    cells: Integers
+    cost: float
+
+
+def search(costs: Singles, start: tuple[int, int], goal: tuple[int, int]) -> GridPath | None:
+    """The cheapest path between two cells (row, column); None when there is none.
+
+    A free cell costs 1 or more, a blocked one is infinite. A step costs its length (1, or sqrt 2 for a diagonal)
+    times the mean of both cells. A diagonal step needs both cells beside it free.
+    """
+    if math.isinf(costs[start]) or math.isinf(costs[goal]):
+        return None
+    top, bottom, left, right, dearest = _bounds(costs)
+    columns = right - left + 3
+    bordered = np.full(
+        (bottom - top + 3, columns), BLOCKED
+    )  # so that the search need not look where the grid ends
+    bordered[1:-1, 1:-1] = costs[top : bottom + 1, left : right + 1]
+    first = (start[0] - top + 1) * columns + start[1] - left + 1
+    last = (goal[0] - top + 1) * columns + goal[1] - left + 1
+    parents = np.empty(bordered.size, np.int32)
+    cost = _search(bordered.reshape(-1), columns, dearest, first, last, parents)
+    if math.isinf(cost):
+        return None
+    cells = _followed(parents, first, last)
+    return GridPath(np.stack([cells // columns - 1 + top, cells % columns - 1 + left], axis=1), cost)
+
+
+@kernel
+def _bounds(costs: Singles) -> tuple[int, int, int, int, float]:
+    """The rows and columns (first and last) that hold all free cells, and what the dearest of these costs."""
+    rows, columns = costs.shape
+    top, bottom, left, right, dearest = rows, -1, columns, -1, np.float32(1.0)
+    for row in range(rows):
+        for column in range(columns):
+            cost = costs[row, column]
+            if cost < np.inf:
+                top, bottom = min(top, row), row
+                left, right = min(left, column), max(right, column)
+                dearest = max(dearest, cost)
+    return top, bottom, left, right, float(dearest)
+
+
+@kernel
+def _followed(parents: NDArray[np.int32], first: int, last: int) -> Integers:
+    count, cell = 1, last
+    while cell != first:
+        cell = parents[cell]
+        count += 1
+    cells, cell = np.empty(count, np.int64), last
+    for i in range(count - 1, -1, -1):
+        cells[i] = cell
+        cell = parents[cell]
+    return cells
+
+
+@kernel
+def _octile(dx: int, dy: int) -> float:
+    dx, dy = abs(dx), abs(dy)
+    return max(dx, dy) + (SQRT_2 - 1.0) * min(dx, dy)
+
+
+@kernel
+def _search(
+    costs: Singles, columns: int, dearest: float, first: int, last: int, parents: NDArray[np.int32]
+) -> float:
+    """The cost of the goal, and in ``parents`` from where each cell was reached."""
+    reached = np.full(costs.shape[0], np.inf)
+    steps = np.array([1, -1, columns, -columns, columns + 1, columns - 1, -columns + 1, -columns - 1])
+    across = np.array([1, -1, 0, 0, 1, -1, 1, -1])
+    down = np.array([0, 0, 1, -1, 1, 1, -1, -1])
+    ring = 4
+    while ring * BUCKET_CELLS < (dearest + 1.0) * SQRT_2 + 2 * BUCKET_CELLS:
+        ring *= 2
+    heads, mask = np.full(ring, -1, np.int32), ring - 1
+    capacity, unused, used = 4096, -1, 1
+    cell_of, next_of, key_of = np.empty(capacity, np.int32), np.empty(capacity, np.int32), np.empty(capacity)
+    goal_x, goal_y = last % columns, last // columns
+    bucket = int(_octile(first % columns - goal_x, first // columns - goal_y) / BUCKET_CELLS)
+    reached[first], waiting = 0.0, 1
+    cell_of[0], next_of[0], key_of[0], heads[bucket & mask] = first, -1, 0.0, 0
+    while waiting > 0 and bucket * BUCKET_CELLS < reached[last]:
+        entry = heads[bucket & mask]
+        if entry < 0:
+            bucket += 1
+            continue
+        heads[bucket & mask] = next_of[entry]
+        next_of[entry], unused = unused, entry
+        waiting -= 1
+        cell, cost = cell_of[entry], key_of[entry]
+        if cost > reached[cell] or cell == last:
+            continue
+        y = cell // columns
+        x, y = cell - y * columns - goal_x, y - goal_y
+        own = costs[cell]
+        for k in range(8):
+            neighbour = cell + steps[k]
+            if costs[neighbour] == math.inf:
+                continue
+            length = 1.0
+            if k > 3:
+                if costs[cell + across[k]] == math.inf or costs[neighbour - across[k]] == math.inf:
+                    continue
+                length = SQRT_2
+            total = cost + length * 0.5 * (own + costs[neighbour])
+            if total >= reached[neighbour] - 1e-9:
+                continue
+            reached[neighbour], parents[neighbour] = total, cell
+            value = total + _octile(x + across[k], y + down[k])
+            slot = max(int(value * PER_CELL), bucket) & mask
+            if unused >= 0:
+                place = unused
+                unused = next_of[place]
+            else:
+                place = used
+                used += 1
+                if used > capacity:
+                    cell_of, next_of = np.concatenate((cell_of, cell_of)), np.concatenate((next_of, next_of))
+                    key_of, capacity = np.concatenate((key_of, key_of)), 2 * capacity
+            cell_of[place], key_of[place] = neighbour, total
+            next_of[place], heads[slot] = heads[slot], place
+            waiting += 1
+    return float(reached[last])
+
+
+@kernel
+def costs_of(path: Integers, costs: Singles) -> Floats:
+    """What it costs up to each cell of a path."""
+    sums = np.zeros(path.shape[0])
+    for i in range(1, path.shape[0]):
+        a, b = path[i - 1], path[i]
+        length = math.hypot(a[0] - b[0], a[1] - b[1])
+        sums[i] = sums[i - 1] + length * 0.5 * (costs[a[0], a[1]] + costs[b[0], b[1]])
+    return sums

@@ -1,0 +1,115 @@
+"""Requests that wait for the skill, in sequence and bounded; what it is asked to show while a client subscribes.
+
+A request that a later one supersedes is dropped.
+"""
+
+import asyncio
+
+from chefbotd.bus import Bus
+from chefbotd.components.navigation.events import CostmapChanged, ObstaclesSeen
+from chefbotd.components.navigation.skill_requests import (
+    SKILL,
+    KeepGoals,
+    NavigateTo,
+    NavigationRequest,
+    Pause,
+    Resume,
+    Show,
+)
+from chefbotd.components.worker.process import Worker
+from chefbotd.core.record import Record
+from chefbotd.entries import set_event
+
+SUPERSEDED: dict[type[NavigationRequest], tuple[type[NavigationRequest], ...]] = {
+    NavigateTo: (NavigateTo, KeepGoals, Pause, Resume),
+    KeepGoals: (KeepGoals,),
+    Pause: (Pause, Resume),
+    Resume: (Pause, Resume),
+}
+"""By its kind, which earlier requests a request supersedes. Goals that are sent again are all that are left."""
+
+
+class RequestQueueState(Record, frozen=True):
+    """What waits; ``told``: nothing waits, and nothing is being sent."""
+
+    waiting: list[NavigationRequest]
+    arrived: bool
+    told: bool
+
+
+class RequestQueue:
+    """At most one request of each kind waits."""
+
+    def __init__(self) -> None:
+        self._waiting: list[NavigationRequest] = []
+        self._arrived, self._sent = asyncio.Event(), asyncio.Event()
+        self._sent.set()
+
+    def __len__(self) -> int:
+        return len(self._waiting)
+
+    def state(self) -> RequestQueueState:
+        """Return the state of this part."""
+        return RequestQueueState(self._waiting, self._arrived.is_set(), self._sent.is_set())
+
+    def restore(self, state: RequestQueueState) -> None:
+        """Restore this state."""
+        self._waiting = state.waiting
+        set_event(self._arrived, state.arrived)
+        set_event(self._sent, state.told)
+
+    def put(self, request: NavigationRequest) -> None:
+        """Add a request behind those that wait, and drop those that it supersedes."""
+        superseded = SUPERSEDED.get(type(request), ())
+        self._waiting = [other for other in self._waiting if not isinstance(other, superseded)]
+        self._waiting.append(request)
+        self._arrived.set()
+        self._sent.clear()
+
+    async def next(self) -> NavigationRequest:
+        """The next one; those before it were sent."""
+        if not self._waiting:
+            self._sent.set()
+        while not self._waiting:
+            self._arrived.clear()
+            await self._arrived.wait()
+        return self._waiting.pop(0)
+
+    async def all_sent(self) -> None:
+        """Wait until none waits, and none is being sent."""
+        await self._sent.wait()
+
+
+class ShownOnDemand:
+    """Asks the worker for costs and obstacles while a client subscribes, and publishes them.
+
+    A new worker is asked, too.
+    """
+
+    def __init__(self, bus: Bus, worker: Worker) -> None:
+        self._worker = worker
+        self._shows = Show(costmap=False, obstacles=False)
+        worker.add_on_ready(self._ask)
+        worker.add_listener(SKILL, CostmapChanged, bus.publish)
+        worker.add_listener(SKILL, ObstaclesSeen, bus.publish)
+
+    def state(self) -> Show:
+        """What is shown."""
+        return self._shows
+
+    def restore(self, state: Show) -> None:
+        """Restore this state."""
+        self._shows = state
+
+    def show_costmap(self, is_shown: bool) -> None:
+        """A client subscribes to the costs, or none does any more."""
+        self._shows = Show(is_shown, self._shows.obstacles)
+        self._ask()
+
+    def show_obstacles(self, is_shown: bool) -> None:
+        """The same for the obstacles."""
+        self._shows = Show(self._shows.costmap, is_shown)
+        self._ask()
+
+    def _ask(self) -> None:
+        self._worker.tell(SKILL, self._shows)

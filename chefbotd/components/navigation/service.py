@@ -1,0 +1,479 @@
+"""The daemon's side of navigation: goals to the worker's skill, and its wishes through the gate.
+
+Which goals there are is decided here. When somebody ends one, that is told at once: a worker that hangs or dies neither
+delays it nor takes it back. Goals that are left outlive the worker; the next one is told of them.
+"""
+
+import asyncio
+from collections.abc import Iterable, Sequence
+from functools import partial
+from types import NoneType
+from typing import Final
+
+import structlog
+from msgspec.structs import asdict, astuple
+
+from chefbotd.bus import Bus
+from chefbotd.clock import Clock
+from chefbotd.components.mapping.events import LocalizationChanged, MapLoaded
+from chefbotd.components.navigation import skill_requests as messages
+from chefbotd.components.navigation.events import (
+    GoalCause,
+    GoalReport,
+    GoalResult,
+    PathChanged,
+    PlanResult,
+)
+from chefbotd.components.navigation.goals import Destinations, Goals, GoalsState, Places
+from chefbotd.components.navigation.models import GoalParams, Waypoint
+from chefbotd.components.navigation.reporting import Reporting, ReportingState
+from chefbotd.components.navigation.requests import RequestQueue, RequestQueueState, ShownOnDemand
+from chefbotd.components.navigation.skill_requests import SKILL, NavigationRequest
+from chefbotd.components.worker.parameters import NavigationSection
+from chefbotd.components.worker.service import WorkerService
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events import ClientDisconnected, SafetyChanged
+from chefbotd.core.events.robot import WorkerReported
+from chefbotd.core.geometry import Twist2D
+from chefbotd.core.record import Record, replace
+from chefbotd.driving.inner_driver import InnerDriver
+from chefbotd.entries import Timer, due_of, entries_of
+from chefbotd.features.feature import Waiting
+from chefbotd.rpc.jobs import ProgressReporter
+from chefbotd.rpc.method import Unserved
+from chefbotd.rpc.session import Session
+from chefbotd.safety.gate import not_armed, why_not_armed
+
+log = structlog.get_logger(component="navigation")
+
+SHORT_S: Final = 20.0
+"""For what is a moment's work in the worker, though it may be at something else."""
+
+MOST_WORKERS: Final = 5
+"""A goal is given up when so many workers ended one after the other: it may be what ends them, or none can start."""
+
+WORKER_AWAY_S: Final = 180.0
+"""So too after so long without a worker that could be told of it."""
+
+ARMED: Final = "armed"
+AWAY: Final = ("restarting", "unavailable", "stopped")
+
+
+TIMER: Final = "navigation worker"
+REPLACED: Final = "cancelled: a new goal replaced it"
+NO_REQUEST: Final = "the request that waited for it was cancelled"
+
+
+class Wait(Record, frozen=True):
+    """A request that waits: for which goals, and whose it is."""
+
+    goals: tuple[int, ...]
+    client: int
+
+
+class NavigationState(Record, frozen=True):
+    """The goals, what the worker has to be told of them, and what holds them up; ``due_s``: when they are given up.
+
+    ``waits`` are the requests that wait, by their tasks.
+    """
+
+    goals: GoalsState
+    waits: dict[str, Wait]
+    orders: RequestQueueState
+    reporting: ReportingState
+    drives: bool
+    shown: messages.Show
+    stops: int
+    map: str | None
+    known_map: str | None
+    safety: SafetyChanged | None
+    paused: str
+    is_taken_over: bool
+    must_tell_goals: bool
+    workers_lost: int
+    due_s: float | None
+
+
+class NavigationService:
+    """``driver`` puts wishes through the gate. Somebody who takes over pauses the goals."""
+
+    def __init__(
+        self,
+        bus: Bus,
+        clock: Clock,
+        feed: WorkerService,
+        driver: InnerDriver,
+        places: Places,
+        section: NavigationSection,
+    ) -> None:
+        self._bus, self._clock, self._worker, self._driver = bus, clock, feed.worker, driver
+        self.section, self._entries = section, entries_of(clock)
+        self._destinations = Destinations(places, self._entries)
+        self._waits: dict[str, Wait] = {}  # requests by their tasks
+        self._requests, self._goals = RequestQueue(), Goals()
+        self._reporting = Reporting(bus, clock)
+        self.shown = ShownOnDemand(bus, feed.worker)
+        self._stops = driver.stops  # that the goals know of
+        self._map: str | None = None  # in which the goals are
+        self._known_map: str | None = None  # that localization uses
+        self._safety: SafetyChanged | None = None
+        self._paused = ""  # why, where somebody wants that
+        self._is_taken_over = self._must_tell_goals = False
+        self._workers_lost = 0  # since a goal was accepted or ended
+        self._away_timer: Timer | None = None
+        self._worker.add_listener(SKILL, messages.Stepped, self._take_stepped)
+        bus.add_handler(self._take_safety, SafetyChanged)
+        bus.add_handler(self._take_worker, WorkerReported)
+        bus.add_handler(self._take_localization, LocalizationChanged)
+        bus.add_handler(self._take_map, MapLoaded)
+        bus.add_handler(self._take_client_left, ClientDisconnected)
+
+    def state(self) -> NavigationState:
+        """Return the state of this part."""
+        return NavigationState(
+            self._goals.state(),
+            self._waits,
+            self._requests.state(),
+            self._reporting.state(),
+            self._driver.state(),
+            self.shown.state(),
+            self._stops,
+            self._map,
+            self._known_map,
+            self._safety,
+            self._paused,
+            self._is_taken_over,
+            self._must_tell_goals,
+            self._workers_lost,
+            due_of(self._away_timer),
+        )
+
+    def restore(self, state: NavigationState) -> None:
+        """Go on from there; the requests that wait are to begin again."""
+        self._goals.restore(state.goals)
+        self._waits = dict(state.waits)
+        self._requests.restore(state.orders)
+        self._reporting.restore(state.reporting)
+        self._driver.restore(state.drives)
+        self.shown.restore(state.shown)
+        self._stops, self._map, self._known_map = state.stops, state.map, state.known_map
+        self._safety, self._paused, self._is_taken_over = state.safety, state.paused, state.is_taken_over
+        self._must_tell_goals, self._workers_lost = state.must_tell_goals, state.workers_lost
+        self._away_timer = self._entries.resume(state.due_s, self._give_up, TIMER)
+
+    async def run(self) -> None:
+        """Tell the skill what was ordered, one thing after the other."""
+        while True:
+            order = await self._entries.at_rest(self._requests.next())
+            try:
+                await self._ask(order)
+            except Refused as problem:
+                log.warning(
+                    "the worker cannot carry out an order for navigation",
+                    order=type(order).__name__,
+                    reason=str(problem),
+                )
+                if not isinstance(order, messages.NavigateTo) or not self._goals.active:
+                    continue
+                if problem.kind is RefusalKind.WORKER_UNAVAILABLE:  # the next one is told
+                    self._must_tell_goals = True
+                else:
+                    self._end_goals("fault", str(problem), GoalCause.REFUSED)
+
+    async def _ask(self, request: NavigationRequest) -> None:
+        await self._worker.request(SKILL, request, NoneType, deadline_s=SHORT_S)
+
+    # what is asked
+
+    async def navigate_to(
+        self, waypoints: list[Waypoint], params: GoalParams, session: Session
+    ) -> Sequence[int]:
+        """Accept goals; their numbers. Queued behind a paused one, they wait with it.
+
+        Goals of an id that is known are those of then: nothing begins, and they are this client's from now on.
+        """
+        numbers: Sequence[int] = () if params.goal_id is None else self._goals.of_id(params.goal_id)
+        begins, stop_number = not numbers, self._driver.stop_number
+        if begins:
+            self._require_armed()
+            self._end_if_stopped()
+            numbers = self._goals.reserve(len(waypoints), params.goal_id)
+        for number in numbers:
+            self._goals.set_client(number, session.number if params.ends_with_client else None)
+        if begins:
+            await self._accept(numbers, waypoints, params, session, stop_number)
+        return numbers
+
+    async def _accept(
+        self,
+        numbers: Sequence[int],
+        waypoints: list[Waypoint],
+        params: GoalParams,
+        session: Session,
+        stop_number: int,
+    ) -> None:
+        is_told = False
+        try:
+            await self._requests.all_sent()  # or a cancel that waits for a busy worker would end these goals
+            goals = await self._destinations.goals(numbers, waypoints)
+            self._goals.require_room(len(goals))
+            self._driver.require_unstopped(stop_number, "this goal was sent")
+            self._goals.add(goals)
+            self._driver.begin()
+            is_told = True
+            await self._ask(messages.NavigateTo(tuple(goals), params.queue))
+        except BaseException:
+            self._goals.forget(numbers)
+            if is_told:
+                self._tell_which_are_left()
+            raise
+        self._accepted(numbers, str(session), queue=params.queue)
+
+    def _require_armed(self) -> None:
+        safety = self._safety
+        if safety is not None and safety.mode != ARMED:
+            raise not_armed(safety.mode, safety.reason)
+
+    def _accepted(self, numbers: Sequence[int], by: str, *, queue: bool) -> None:
+        self._map, self._workers_lost = self._known_map, 0
+        before = [number for number in self._goals.active if number < numbers[0]]
+        if not queue:
+            for number in reversed(before):
+                self._end(GoalResult(number, "cancelled", REPLACED, GoalCause.REPLACED, by))
+        if not queue or not before:
+            self._paused = ""
+            if self._is_taken_over:
+                self._requests.put(messages.Pause(self._why_taken_over()))
+
+    async def wait(self, goals: Sequence[int], progress: ProgressReporter, client: int) -> GoalResult:
+        """Wait for the end of these; that of the first that is not reached, or of the last.
+
+        Given up, it ends the goals, unless they are another client's by now, or nobody's.
+        """
+        ends = [self._goals.end_of(number) for number in goals]
+        task = self._entries.task
+        self._waits[task] = Wait(tuple(goals), client)
+        try:
+            with self._reporting.telling(goals, progress):
+                for end in ends:
+                    ended = await asyncio.shield(end)
+                    if ended.end != "reached":
+                        break
+        except asyncio.CancelledError:
+            self._end_those_of(client, goals, NO_REQUEST, GoalCause.REQUEST_CANCELLED)
+            raise
+        finally:
+            self._waits.pop(task, None)
+        return ended
+
+    def waiting(self) -> Waiting:
+        """The requests that wait for the end of goals, by their tasks."""
+        return {
+            task: partial(self.wait, wait.goals, client=wait.client) for task, wait in self._waits.items()
+        }
+
+    def result(self, goals: Sequence[int]) -> GoalResult:
+        """How these have ended, if they have."""
+        return self._goals.result(goals)
+
+    def report(self, number: int | None, goal_id: str | None) -> GoalReport:
+        """What became of a goal, or of those of an id; raises ``Refused`` where nobody remembers it."""
+        numbers = (number or 0,) if goal_id is None else self._goals.of_id(goal_id)
+        if not numbers:
+            raise Refused(RefusalKind.UNKNOWN_GOAL, f"no goal with the id {goal_id!a} is remembered")
+        result = self._goals.result(numbers)
+        left = [number for number in numbers if number in self._goals.active]
+        state = "ended" if result.end else self._reporting.state_of(left[0]) if left else "accepting"
+        goal_id = goal_id or self._goals.id_of(numbers[-1])
+        return GoalReport(**asdict(replace(result, goal_id=goal_id)), state=state)
+
+    async def plan_to(self, waypoint: Waypoint) -> PlanResult:
+        """What would be driven."""
+        (goal,) = await self._destinations.goals([0], [waypoint])
+        request = messages.PlanTo(goal)
+        return await self._worker.request(SKILL, request, PlanResult, deadline_s=SHORT_S)
+
+    def cancel(self, reason: str, cause: GoalCause, by: str = "") -> None:
+        """End all goals; the robot comes to rest at once, whatever the worker is at."""
+        self._driver.let_go()
+        self._end_goals("cancelled", reason, cause, by)
+
+    def pause(self, by: str) -> None:
+        """Stand until ``resume``; without a goal nothing happens."""
+        self._driver.let_go()
+        if self._goals.active:
+            self._paused = f"paused by {by}"
+            self._requests.put(messages.Pause(self._paused))
+
+    def resume(self) -> None:
+        """Go on, as soon as nobody else drives."""
+        self._end_if_stopped()
+        self._paused = ""
+        self._driver.begin()
+        if not self._is_taken_over:
+            self._requests.put(messages.Resume())
+
+    def _end_if_stopped(self) -> None:
+        """A stop ends the goals also while nothing is wished: the robot waits, plans, is paused, or has no worker."""
+        if self._driver.stops != self._stops:
+            self._stops = self._driver.stops
+            by = self._driver.stopped_by or "somebody"
+            self.cancel(f"{self._driver.source} was stopped by {by}", GoalCause.STOPPED, by)
+
+    # what the worker tells
+
+    def _take_stepped(self, stepped: messages.Stepped) -> None:
+        self._end_if_stopped()
+        has_failed = any(ended.end not in ("reached", "cancelled") for ended in stepped.ended)
+        follows = GoalCause.EARLIER_GOAL if has_failed else GoalCause.REPLACED
+        for ended in reversed(stepped.ended):  # the one that has ended the others is reported last, and stays
+            self._end(replace(ended, cause=follows) if ended.end == "cancelled" else ended)
+        if stepped.path is not None:
+            self._bus.publish(PathChanged(*astuple(stepped.path), stamp_s=stepped.stamp_s))
+        now = stepped.now
+        is_active = now.goal in self._goals.active
+        if is_active or now.goal is None:
+            self._reporting.report(now.state, now.goal, now.reason, now.distance_m, now.time_s)
+        if stepped.twist is None or self._paused or not is_active:
+            self._driver.let_go()
+        else:
+            self._drive(stepped.twist, stepped.stamp_s)
+
+    def _drive(self, twist: Twist2D, wished_s: float) -> None:
+        try:
+            self._driver.drive(twist, wished_s)
+        except Unserved as held:
+            self.cancel(str(held), GoalCause.CONTROL_LOST, str(held.details.get("holder", "")))
+        except Refused as refusal:
+            is_stopped = refusal.kind is RefusalKind.STOPPED
+            end, cause = ("cancelled", GoalCause.STOPPED) if is_stopped else ("fault", GoalCause.REFUSED)
+            self._driver.let_go()
+            by = self._driver.stopped_by if is_stopped else ""
+            self._end_goals(end, str(refusal).partition(": let go")[0], cause, by)
+
+    # what happens
+
+    def _take_safety(self, event: SafetyChanged) -> None:
+        self._safety = event
+        if event.mode == ARMED:
+            self._end_if_stopped()
+        elif self._goals.active:
+            self._driver.let_go()
+            self._end_goals("fault", why_not_armed(event.mode, event.reason), GoalCause.NOT_ARMED)
+        is_taken_over = self._driver.gives_way_to(event.source)
+        if is_taken_over is not self._is_taken_over:
+            self._is_taken_over = is_taken_over
+            self._give_way_or_go_on()
+
+    def _give_way_or_go_on(self) -> None:
+        if not self._goals.active:
+            return
+        if self._is_taken_over:
+            why = self._why_taken_over()
+            if not self.section.resume_after_takeover:
+                self._paused = self._paused or why
+            self._requests.put(messages.Pause(why))
+        else:
+            self._requests.put(messages.Pause(self._paused) if self._paused else messages.Resume())
+
+    def _why_taken_over(self) -> str:
+        source = None if self._safety is None else self._safety.source
+        goes_on = "" if self.section.resume_after_takeover else "; it goes on when somebody resumes it"
+        return f"paused, because {source or 'another source'} has control{goes_on}"
+
+    def _take_worker(self, event: WorkerReported) -> None:
+        if event.state not in AWAY or not self._goals.active:
+            return
+        self._driver.let_go()
+        if event.state == "unavailable":
+            self._end_goals("fault", f"the worker is not available: {event.reason}", GoalCause.WORKER_LOST)
+            return
+        self._workers_lost += 1
+        if self._workers_lost >= MOST_WORKERS:
+            why = f"{self._workers_lost} workers ended on the way to it, the last: {event.reason}"
+            self._end_goals("fault", why, GoalCause.WORKER_LOST)
+            return
+        if not self._must_tell_goals:
+            self._must_tell_goals = True
+            self._bus.publish(PathChanged(stamp_s=self._clock.now_s()))
+        if self._away_timer is None:
+            self._away_timer = self._entries.call_later(WORKER_AWAY_S, self._give_up, TIMER)
+        why = f"waits until its worker is back: {event.reason}"
+        self._reporting.report("paused", next(iter(self._goals.active)), why)
+
+    def _give_up(self) -> None:
+        """Nobody could be told of the goals for too long."""
+        self._away_timer = None
+        why = f"no worker could take over the goal for {WORKER_AWAY_S:.0f} s"
+        self._end_goals("fault", why, GoalCause.WORKER_LOST)
+
+    def _wait_no_more(self) -> None:
+        """The goals are told, or over."""
+        if self._away_timer is not None:
+            self._away_timer.cancel()
+        self._must_tell_goals, self._away_timer = False, None
+
+    def _take_map(self, event: MapLoaded) -> None:
+        """Goals on a map that gets another name are on the same map."""
+        if event.renamed_from is not None and event.renamed_from == self._map:
+            self._map = event.name
+
+    def _take_localization(self, event: LocalizationChanged) -> None:
+        """A worker that is back has its map, or has none any more: tell it of the goals that are left."""
+        self._known_map = event.map
+        self._end_if_stopped()
+        if not self._must_tell_goals or not self._worker.is_ready:
+            return
+        self._wait_no_more()
+        if event.map != self._map:
+            why = f"the goals are on the map {self._map!a}, which is no longer in use"
+            why = f"{why}: {event.reason}" if event.reason else why
+            self._end_goals("fault", why, GoalCause.MAP_CHANGED)
+            return
+        self._requests.put(messages.NavigateTo(tuple(self._goals.active.values()), queue=False))
+        if self._paused or self._is_taken_over:
+            self._requests.put(messages.Pause(self._paused or self._why_taken_over()))
+
+    # how goals end
+
+    def _take_client_left(self, event: ClientDisconnected) -> None:
+        """The goals end that are to end with this client."""
+        goals = list(self._goals.active)
+        self._end_those_of(event.client, goals, "its client has left", GoalCause.CLIENT_LEFT)
+
+    def _end_those_of(self, client: int, goals: Iterable[int], why: str, cause: GoalCause) -> None:
+        """Of these goals, the first that ends with a client ends, with those that were to follow."""
+        of_client = [number for number in goals if self._goals.clients.get(number) == client]
+        if of_client:
+            self._end_goals("cancelled", why, cause, first=of_client[0])
+
+    def _end_goals(
+        self, end: str, why: str, cause: GoalCause, by: str = "", first: int | None = None
+    ) -> None:
+        """All goals end, or those from ``first`` on: the first of them so, and those that were to follow with it."""
+        active = list(self._goals.active)
+        ending = active if first is None else active[active.index(first) :]
+        if not ending:
+            return
+        follows = (
+            f"{end}: {why}" if end == "cancelled" else f"cancelled: goal {ending[0]} before it ended {end}"
+        )
+        for number in reversed(ending[1:]):
+            self._end(GoalResult(number, "cancelled", follows, GoalCause.EARLIER_GOAL, by))
+        self._end(GoalResult(ending[0], end, f"{end}: {why}", cause, by))
+        self._tell_which_are_left()
+
+    def _tell_which_are_left(self) -> None:
+        left = tuple(self._goals.active)
+        if not left:
+            self._driver.let_go()
+            self._wait_no_more()
+            self._paused = ""
+        if self._worker.is_ready:
+            self._requests.put(messages.KeepGoals(left))
+
+    def _end(self, ended: GoalResult) -> None:
+        if self._goals.end(ended):
+            self._workers_lost = 0
+            log.info("goal ended", goal=ended.goal, end=ended.end, reason=ended.reason)
+            self._reporting.report(ended.end or "", ended.goal, ended.reason, cause=ended.cause)

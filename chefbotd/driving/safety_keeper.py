@@ -1,0 +1,476 @@
+"""Holds the gate and the fault detectors, and decides what may be driven.
+
+It moves nothing itself: ``DriveService`` asks it before every duty and carries out the answer.
+"""
+
+import math
+from collections.abc import Callable, Mapping
+
+import structlog
+
+from chefbotd.bus import Bus, OnError
+from chefbotd.clock import Clock
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events import (
+    BatteryMeasured,
+    BoardRestarted,
+    DriveWarned,
+    DutyEchoed,
+    FirmwareReported,
+    LinkClosed,
+    LinkOpened,
+    RangeMeasured,
+    RangeStatus,
+    SafetyChanged,
+)
+from chefbotd.core.events.inputs import FaultTaken
+from chefbotd.core.geometry import STANDING, Pose2D
+from chefbotd.core.record import Record, replace
+from chefbotd.driving.gate_announcer import GateAnnouncer
+from chefbotd.driving.motor_watch import Credit, MotorWatch, MotorWatchState
+from chefbotd.driving.obstacle_guard import ObstacleGuard, Scans
+from chefbotd.driving.stop_hold import EMERGENCY_STOP, FAULT, StopHold
+from chefbotd.driving.wheel_reader import WheelsRead
+from chefbotd.entries import entries_of
+from chefbotd.safety import battery_monitor, encoder_timeout, gate, hold
+from chefbotd.safety import latch as latch_file
+from chefbotd.safety.commands_lost import BoardSays
+from chefbotd.safety.encoder_timeout import EncoderTimeoutState
+from chefbotd.safety.faults import RECOVERABLE, Fault, FaultKind
+from chefbotd.safety.gate import (
+    CALIBRATION,
+    HALT,
+    Command,
+    Decision,
+    GateState,
+    Mode,
+    Rearm,
+    SafetyParameters,
+    Trigger,
+)
+from chefbotd.safety.guard import Beams, WheelAngles
+from chefbotd.safety.latch import GateStore
+
+log = structlog.get_logger(component="safety")
+
+OWN = 0
+"""The number of a driver inside the daemon: that of no connection."""
+
+ENCODERS_STALE = "encoders_stale"
+NO_ECHO = "no_echo"
+NO_BOARD = "no_board"
+"""The published mode while the gate is armed and no board was connected yet, so that nothing can move."""
+
+JUST_S = 0.001
+"""The margin by which a reading that is just too old exceeds its limit."""
+
+WAITING = "waiting for the board"
+
+LATCHES_PER_SESSION = 2**20
+"""A latch's or a stop's number is the session times this, plus a count. With 32 bits of session a float holds it."""
+
+
+class KeeperState(Record, frozen=True):
+    """The gate's and the detectors' states, and the last announcement.
+
+    ``reported`` is a fault that a thread has reported and that has not latched yet. ``wheels`` are the angles of the
+    wheels at the last reading, when it came, and the wheels that are left out.
+    """
+
+    gate: GateState
+    decision: Decision
+    latched: int
+    held: hold.State
+    motors: MotorWatchState
+    silence: EncoderTimeoutState
+    without_echo: str
+    beams: Beams
+    link_open: bool
+    reported: Fault | None
+    announcer: tuple[SafetyChanged | None, dict[str, int]]
+    announced: tuple[str | int | None, ...]
+    stop_number: int = 0
+    wheels: tuple[WheelAngles, float, tuple[int, ...]] = ((), -math.inf, ())
+    battery: battery_monitor.BatteryWatch = battery_monitor.CHARGED
+
+
+BOARD_STOP_ADVICE = {
+    "stall": "what moves heavily",
+    "estop": "who else has its port open",
+    "dead-man": "what else the processor does",
+    "lost": "the wheel's encoder, its wires and its sign, and what holds the wheel",
+    "storm": "the encoder's wires: it sends more edges than a wheel can make",
+}
+"""Where to look first, by a word of the stop's name."""
+
+
+class SafetyKeeper:
+    """``mounts`` are the range sensors that guard: ``base_from_sensor`` by name.
+
+    ``scans`` makes the guard by lidars. ``latch`` keeps the mode beyond the end of the process; latches are numbered
+    within the ``session``. ``motors`` judges whether board and wheels follow commands. ``stop_number`` is that of the
+    last stop, e-stop or fault: what waits compares it, and begins nothing where it has changed. ``guard_warning`` is
+    announced: that sensors see obstacles while the guard is off.
+    """
+
+    def __init__(
+        self,
+        bus: Bus,
+        clock: Clock,
+        parameters: SafetyParameters,
+        *,
+        mounts: Mapping[str, Pose2D],
+        latch: GateStore,
+        session: int = 0,
+        motors: MotorWatch,
+        scans: Callable[[OnError], Scans] | None = None,
+        guard_warning: str = "",
+    ) -> None:
+        self._bus, self._clock, self._parameters = bus, entries_of(clock), parameters
+        self.motors, self._guard_warning = motors, guard_warning
+        self._gate, self._decision = latch.recall(), HALT
+        self._latched = self.stop_number = session * LATCHES_PER_SESSION
+        self._held = StopHold(parameters.held_until_silent_s)
+        self._silence = EncoderTimeoutState()
+        self._without_echo = ""  # the sensor that waits for echoes that do not come
+        self._battery, self._warned = battery_monitor.CHARGED, ""
+        self.obstacles = ObstacleGuard(
+            bus, parameters.guard, mounts, scans, self._keep_error, motors.kinematics
+        )
+        self._link_open = False
+        self._reported: Fault | None = None
+        self.announcer = GateAnnouncer(bus, latch)
+        self._announced: tuple[str | int | None, ...] = ()
+        self._reading_error: Exception | None = None
+        self._on_fault: Callable[[], None] = lambda: None
+        self._on_latched: Callable[[], None] = lambda: None
+        bus.add_handler(self._on_range, RangeMeasured, on_error=self._keep_error)
+        bus.add_handler(self._on_battery, BatteryMeasured, on_error=self._keep_error)
+        bus.add_handler(self._on_echo, DutyEchoed, on_error=self._keep_error)
+        bus.add_handler(self._on_firmware, FirmwareReported, on_error=self._keep_error)
+
+    def state(self) -> KeeperState:
+        """The state of this part; the guard by scans is a part of its own."""
+        return KeeperState(
+            self._gate,
+            self._decision,
+            self._latched,
+            self._held.state(),
+            self.motors.state(),
+            self._silence,
+            self._without_echo,
+            self.obstacles.state(),
+            self._link_open,
+            self._reported,
+            self.announcer.state(),
+            self._announced,
+            self.stop_number,
+            (self.obstacles.wheels_rad, self.obstacles.wheels_s, self.obstacles.excluded),
+            self._battery,
+        )
+
+    def restore(self, state: KeeperState) -> None:
+        """Restore this state."""
+        self._gate, self._decision, self._latched = state.gate, state.decision, state.latched
+        self._held.restore(state.held)
+        self.motors.restore(state.motors)
+        self._warned = self.motors.warning
+        self._silence, self._battery = state.silence, state.battery
+        self._without_echo = state.without_echo
+        self.obstacles.restore(state.beams)
+        self._link_open, self._reported = state.link_open, state.reported
+        self.announcer.restore(state.announcer)
+        self._announced, self.stop_number = state.announced, state.stop_number
+        self.obstacles.wheels_rad, self.obstacles.wheels_s, self.obstacles.excluded = state.wheels
+
+    @property
+    def gate(self) -> GateState:
+        """The gate's state."""
+        return self._gate
+
+    @property
+    def armed(self) -> bool:
+        """Whether the robot may move at all."""
+        return self._gate.mode is Mode.ARMED
+
+    @property
+    def is_commanded(self) -> bool:
+        """Whether the last decision was made for a source's command."""
+        return self._decision.source is not None
+
+    def call_on_fault(self, callback: Callable[[], None]) -> None:
+        """Have ``callback`` called when a reading other than the encoders' has led to a fault or an error."""
+        self._on_fault = callback
+
+    def call_on_latched(self, callback: Callable[[], None]) -> None:
+        """Have ``callback`` called when a fault has latched: what was sent before it counts for nothing."""
+        self._on_latched = callback
+
+    # What is asked of the robot
+
+    def accept(self, command: Command, client: int) -> None:
+        """Take a client's command into account.
+
+        Raises:
+            Refused: the link is down, the robot is not armed, a stop holds the client, or there is no such source.
+        """
+        self._take_report()
+        self.note_try(command.source, client, command.stamp_s)
+        if command.source == CALIBRATION and client != OWN:
+            raise Refused(
+                RefusalKind.UNKNOWN_SOURCE, f"only the robot's own calibration drives as {CALIBRATION!r}"
+            )
+        accepted = gate.accept(self._parameters, self._gate, command)
+        self._held.require_free(command.source, client)
+        if not self._link_open:
+            raise Refused(RefusalKind.LINK_DOWN, "the board is not connected")
+        self._gate = accepted
+
+    def note_try(self, source: str, client: int, now_s: float) -> None:
+        """A client tries to drive, whether or not its command is taken into account."""
+        if source in self._parameters.sources and (source != CALIBRATION or client == OWN):
+            self._held.note_try(source, client, now_s, self._latched_by())
+
+    def forget_commands(self) -> None:
+        """Forget every command; this is no stop."""
+        self._gate = gate.stop(self._gate)
+
+    def stop(self, by: str = "", client: int = 0) -> None:
+        """Forget every command. With a name ``by``, also hold the sources that other clients drive."""
+        self.forget_commands()
+        self.stop_number += 1
+        if by:
+            self._held.stop(client, by, self._clock.now_s())
+
+    def acknowledge_stops(self, client: int, source: str | None = None) -> None:
+        """A client knows of the stops so far and asks to drive this source (None: any): they hold it no longer."""
+        self._held.acknowledge(client, source)
+
+    def take_over(self, client: int, source: str, *, from_another: bool) -> None:
+        """A client takes control of a source, which counts as a try to drive it."""
+        if source in self._parameters.sources:
+            now_s = self._clock.now_s()
+            self._held.take_over(client, source, now_s, self._latched_by(), from_another=from_another)
+
+    def release(self, source: str) -> None:
+        """Forget a source's command."""
+        self._gate = gate.release(self._gate, source)
+
+    def estop(self, reason: str) -> None:
+        """Latch an emergency stop until ``arm``. Sources that are driven now are held longer."""
+        self._held.latch(EMERGENCY_STOP, self._clock.now_s())
+        self._gate = gate.change_mode(self._gate, Trigger.ESTOP, reason)
+        self._latched, self.stop_number = self._latched + 1, self.stop_number + 1
+
+    def arm(self, latch: int | None = None) -> None:
+        """Allow motion again, and reset every detector. If the gate is armed already, nothing changes.
+
+        ``latch`` is the number of the e-stop or fault that is to be cleared; None: whatever has latched.
+
+        Raises:
+            Refused: the link is down, another e-stop or fault has latched after that one, or the next one could not be
+                stored.
+        """
+        if latch is not None:
+            self._take_report()
+        if latch not in (None, self._latched):
+            is_foreign = latch // LATCHES_PER_SESSION != self._latched // LATCHES_PER_SESSION
+            since = "the daemon was restarted" if is_foreign else "the robot was stopped again"
+            raise Refused(
+                RefusalKind.LATCHED_AGAIN,
+                f"{since} meanwhile: {gate.why_not_armed(self._gate.mode, self._gate.reason)}; "
+                "look at it, then arm the robot again",
+            )
+        if not self._link_open:
+            raise Refused(RefusalKind.LINK_DOWN, "the board is not connected, so the robot cannot be armed")
+        if self.armed:
+            return
+        armed = gate.change_mode(self._gate, Trigger.ARM, "armed")
+        if problem := self.announcer.store(armed):
+            raise Refused(RefusalKind.STORAGE_FAILED, latch_file.unwritable(problem).reason)
+        self._gate = armed
+        self.motors.start_anew()
+        self._silence = replace(self._silence, interrupted=False)
+
+    # What happens to the robot
+
+    def fail(self, fault: Fault) -> None:
+        """A fault has happened: it latches. Sources that are driven now are held longer."""
+        before = self._gate
+        self._gate = gate.change_mode(before, Trigger.FAULT, fault.reason, fault.kind)
+        if self._gate is not before:
+            self._latched, self.stop_number = self._latched + 1, self.stop_number + 1
+            if latched_by := self._latched_by():
+                self._held.latch(latched_by, self._clock.now_s())
+            self._on_latched()
+
+    def _latched_by(self) -> str:
+        """What holds whoever drives until ``arm`` and beyond; nothing does where a fault is over by itself."""
+        if self._gate.mode is Mode.ESTOPPED:
+            return EMERGENCY_STOP
+        recovers = self._parameters.rearm is Rearm.AUTO and self._gate.fault in RECOVERABLE
+        return "" if self.armed or recovers else FAULT
+
+    def report_from_thread(self, fault: Fault) -> None:
+        """Let a fault latch before the next decision or command; may be called from any thread."""
+        self._reported = fault
+
+    def on_link(self, event: LinkOpened | LinkClosed | BoardRestarted) -> None:
+        """The board is back, gone, or another one: a fault that ends with ``arm`` or, if configured, by itself."""
+        if isinstance(event, LinkOpened):
+            self._link_open = True
+            self._silence = EncoderTimeoutState()
+            self.motors.connected()
+            self._recover("the link is back")
+        elif isinstance(event, LinkClosed):
+            self._link_open = False
+            self.fail(Fault(FaultKind.LINK_LOST, f"the link was lost: {event.reason}"))
+        else:
+            self.fail(Fault(FaultKind.BOARD_RESTARTED, f"the board restarted: {event.cause}"))
+            self._recover("the board is back")
+
+    def watch_wheels(self, now_s: float, seen: WheelsRead, credit: Credit) -> None:
+        """A good encoder reading (see ``MotorWatch.watch``)."""
+        self._silence = encoder_timeout.heard(self._silence, now_s)
+        obstacles = self.obstacles
+        obstacles.wheels_rad, obstacles.wheels_s = seen.reading.position_rad, now_s
+        obstacles.excluded = seen.same_side.excluded
+        for fault in self.motors.watch(now_s, seen, credit):
+            self.fail(fault)
+        if self.motors.warning != self._warned:
+            self._warned = self.motors.warning
+            self._bus.publish(DriveWarned(now_s, self._warned))
+            if self._warned:
+                log.warning("the wheels are off their target", reason=self._warned)
+
+    def loop_runs(self, now_s: float) -> None:
+        """Note that the control loop runs. Call it at every run, before a reading is judged.
+
+        A pause of the loop is no silence of the encoders: the robot brakes until they are heard again.
+        """
+        if self.motors.loop_runs(now_s):
+            stale_s = now_s - self._parameters.encoders.max_age_s - JUST_S
+            self._silence = replace(self._silence, heard_s=max(self._silence.heard_s, stale_s))
+
+    def note_jump(self, jumped: tuple[int, ...]) -> None:
+        """An encoder reading was refused because of these wheels."""
+        fault = self.motors.note_jump(jumped)
+        if fault is not None:
+            self.fail(fault)
+
+    # What it comes to
+
+    def decide(self, now_s: float, *, driven: bool) -> Decision:
+        """Decide what to do now; ``driven``: a duty is in force. Raises the error of a reading's handler."""
+        if self._reported is not None:
+            self._take_report()
+        if self._reading_error is not None:
+            error, self._reading_error = self._reading_error, None
+            raise error
+        decision = gate.decide(self._parameters, self._gate, now_s)
+        if not decision.halted:
+            decision = self._within_sight(decision, now_s, driven)
+        self._decision = decision
+        return decision
+
+    def announce(self, now_s: float) -> None:
+        """Publish the gate's state if it has changed."""
+        state, decision = self._gate, self._decision
+        is_settled = (
+            self._link_open or state.mode is not Mode.ARMED
+        )  # before, it is armed and there is nothing to move
+        mode, reason = (state.mode, state.reason) if is_settled else (NO_BOARD, WAITING)
+        said = (
+            mode,
+            reason,
+            decision.source,
+            state.fault,
+            decision.limited_by,
+            self._latched,
+            self.stop_number,
+            self._guard_warning,
+        )
+        if said != self._announced:
+            self._announced = said
+            self.announcer.announce(SafetyChanged(now_s, *said), state)
+
+    def _within_sight(self, decision: Decision, now_s: float, driven: bool) -> Decision:
+        """No motion without encoders, and none that an obstacle forbids."""
+        if encoder_timeout.awaits_echo(self._parameters.encoders, self._silence, now_s):
+            return self._crawling(decision, now_s)
+        if encoder_timeout.is_stale(self._parameters.encoders, self._silence, now_s):
+            if encoder_timeout.may_await_echo(self._parameters.encoders, self._silence, now_s):
+                return self._crawling(decision, now_s)
+            self._silence, fault = encoder_timeout.update(
+                self._parameters.encoders, self._silence, now_s, driven=driven
+            )
+            if fault is not None:
+                self.fail(fault)
+                return HALT
+            limited_by = None if decision.source is None else ENCODERS_STALE
+            return Decision(STANDING, decision.source, halted=True, limited_by=limited_by)
+        if not self._parameters.guard.enabled or decision.motion == STANDING:
+            return decision
+        motion, limited_by = self.obstacles.limit(decision.motion, now_s)
+        if limited_by is None:
+            return decision
+        return Decision(motion, decision.source, halted=False, limited_by=limited_by)
+
+    def _crawling(self, decision: Decision, now_s: float) -> Decision:
+        """Limit the motion for a board that waits for echoes: slow, with room for its late obedience."""
+        crawl_m_s = self._parameters.encoders.silent_speed_m_s
+        motion = self.motors.slowed(decision.motion, crawl_m_s)
+        limited_by = None if motion == decision.motion else NO_ECHO
+        if self._parameters.guard.enabled and motion != STANDING:
+            late_s = encoder_timeout.OVERSHOOT * encoder_timeout.OBEYS_AFTER_S
+            motion, seen = self.obstacles.limit(motion, now_s, late_s)
+            limited_by = seen or limited_by
+        return Decision(motion, decision.source, halted=False, limited_by=limited_by)
+
+    def _on_range(self, event: RangeMeasured) -> None:
+        """Note a range reading: after "no echo" from the ultrasonic sensor the board waits in each cycle."""
+        is_missing = event.status is RangeStatus.NO_ECHO
+        if is_missing or event.sensor == self._without_echo:
+            self._without_echo = event.sensor if is_missing else ""
+            self._silence = encoder_timeout.note_echo(
+                self._parameters.encoders, self._silence, self._clock.now_s(), is_missing=is_missing
+            )
+
+    def _take_report(self) -> None:
+        if self._reported is not None:
+            fault, self._reported = self._reported, None
+            if self._clock.recording:
+                self._clock.publish(FaultTaken(self._clock.now_s(), str(fault.kind), fault.reason))
+            self.fail(fault)
+
+    def _on_battery(self, event: BatteryMeasured) -> None:
+        self._battery, fault = battery_monitor.judge(self._parameters.battery, self._battery, event)
+        if fault is not None:
+            self.fail(fault)
+            self._on_fault()
+
+    def _on_echo(self, event: DutyEchoed) -> None:
+        fault = self.motors.note_echo(event)
+        if fault is not None:
+            self.fail(fault)
+            self._on_fault()
+
+    def _on_firmware(self, event: FirmwareReported) -> None:
+        self.motors.note_board(BoardSays("dead_man" in event.stops, event.crc_errors, event.refused))
+        if event.stopped_itself and self.armed:
+            stops = " and ".join(event.stops).replace("_", "-")
+            advice = " and ".join({text for word, text in BOARD_STOP_ADVICE.items() if word in stops})
+            reason = f"the board has stopped its motors ({stops}), and nobody here asked for it; see {advice}"
+            self.fail(Fault(FaultKind.BOARD_STOPPED, reason))
+            self._on_fault()
+
+    def _keep_error(self, error: Exception) -> None:
+        """Keep an error for the next decision, which raises it; the control loop then brakes and disarms."""
+        self._reading_error = error
+        self._on_fault()
+
+    def _recover(self, reason: str) -> None:
+        if self._parameters.rearm is Rearm.AUTO:
+            recovered = gate.change_mode(self._gate, Trigger.RECOVERY, reason)
+            if recovered is not self._gate and not self.announcer.store(recovered):
+                self._gate = recovered

@@ -1,1 +1,0 @@
-"""The log's last lines on the socket."""

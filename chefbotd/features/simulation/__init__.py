@@ -1,1 +1,0 @@
-"""The true pose of a simulated robot."""

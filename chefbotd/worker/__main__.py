@@ -1,7 +1,0 @@
-"""The program that the daemon starts as its worker."""
-
-import sys
-
-from chefbotd.worker.main import main
-
-sys.exit(main(sys.argv[1:]))
