@@ -15,8 +15,8 @@ from scipy import ndimage
 
 from benchmarks.figures import Figure, Outcome, percentile
 from benchmarks.movingai import Scenario, scenarios
-from chefbotd.components.mapping.algorithms.map_server import parse_description, parse_image
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.maps.algorithms.map_server import parse_description, parse_image
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.navigation.algorithms.costmap import Costmap, costmap
 from chefbotd.components.navigation.algorithms.outline import Footprint
 from chefbotd.components.navigation.algorithms.path import Goal, NoPath

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 from msgspec import Struct, field
 
-from chefbotd.components.mapping.algorithms.occupancy_grid import FREE, OccupancyGrid
+from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OccupancyGrid
 from chefbotd.components.navigation.algorithms.grid import distances_m
 from chefbotd.components.navigation.algorithms.search import search
 from chefbotd.components.navigation.algorithms.smooth import straightened

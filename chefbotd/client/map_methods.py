@@ -13,7 +13,7 @@ from chefbotd.core.record import Record
 
 if TYPE_CHECKING:
     from chefbotd.client import models
-    from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+    from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 
 
 import asyncio
@@ -49,7 +49,7 @@ class MapImage(Record, frozen=True):
         """The same for numpy, as the packages for mapping and planning use it."""
         import numpy as np
 
-        from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+        from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
         from chefbotd.core.geometry import Pose2D
 
         percent = np.frombuffer(self.cells, np.int8).reshape(self.rows, self.columns)

@@ -66,6 +66,7 @@ def _mapping_and_localization(
 ) -> list[Feature]:
     from chefbotd.components.localization.service import LocalizationService, localization
     from chefbotd.components.mapping.service import MappingService, mapping
+    from chefbotd.components.navigation.beside_localization import join_localization
 
     drives = NAVIGATION in context.settings.safety.sources
     finder = LocalizationService(
@@ -75,6 +76,7 @@ def _mapping_and_localization(
         _driver(context, driving, leases) if drives else None,
         turns_at_start=context.settings.localization.turn_at_start,
     )
+    join_localization(context.bus, feed.worker, finder)
     made = MappingService(context.bus, context.clock, feed, stored.use_saved)
     stored.growing, stored.made_ready = made.grid, finder.made_ready
     return [mapping(made), localization(finder)]

@@ -9,11 +9,13 @@ from typing import Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
+from chefbotd.components.localization.parameters import LocalizationSection
 from chefbotd.components.mapping.algorithms.parameters import MappingParameters
 from chefbotd.components.maps.storage.parameters import MapsParameters
+from chefbotd.components.navigation.parameters import NavigationSection
 from chefbotd.components.recording.parameters import RecordingParameters
 from chefbotd.components.simulation.parameters.simulation import SimulationParameters
-from chefbotd.components.worker.parameters import LocalizationSection, NavigationSection, WorkerParameters
+from chefbotd.components.worker.parameters import WorkerParameters
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters, section
 from chefbotd.link.port import LinkParameters

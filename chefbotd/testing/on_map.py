@@ -13,13 +13,13 @@ from types import MappingProxyType
 from typing import Any, Final
 
 from chefbotd.client import Client
-from chefbotd.components.mapping.algorithms.map_server import (
+from chefbotd.components.maps.algorithms.map_server import (
     MapDescription,
     parse_image,
     to_description,
     to_image,
 )
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage.contents import save
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.components.simulation.rooms import BUILDINGS

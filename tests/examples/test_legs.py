@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from chefbotd.components.mapping.algorithms.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from chefbotd.components.simulation.world import World
 from chefbotd.core.geometry import Pose2D
 from examples.legs import Best, Truth, ended_leg

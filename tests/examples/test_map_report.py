@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.core.geometry import Pose2D
 from examples.map_report import wall_errors
 

@@ -14,7 +14,7 @@ from chefbotd.cli.common.context import beside
 from chefbotd.client import Client
 from chefbotd.client.models import ScanData
 from chefbotd.clock import run_virtual, suspended_s
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.core.events import TruthSimulated
 from chefbotd.core.geometry import Pose2D
 from chefbotd.testing.daemon import SimulatedRobot

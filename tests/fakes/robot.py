@@ -10,9 +10,9 @@ from chefbotd.clock import Clock, ManualClock
 from chefbotd.components.navigation.commands import NavigationCommands
 from chefbotd.components.navigation.events import GoalCause, GoalReport, GoalResult, PlanResult
 from chefbotd.components.navigation.models import GoalParams, Waypoint
+from chefbotd.components.navigation.parameters import NavigationSection
 from chefbotd.components.statistics.models import StatsData, stats_data
 from chefbotd.components.tuning.models import WheelParams, Wheels
-from chefbotd.components.worker.parameters import NavigationSection
 from chefbotd.core.commands import Allowed, RefusalKind, Refused
 from chefbotd.core.events import ControlChanged, StatsSampled
 from chefbotd.core.geometry import Pose2D, Twist2D

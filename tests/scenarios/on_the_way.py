@@ -10,7 +10,7 @@ from types import MappingProxyType
 from typing import Any
 
 from chefbotd.clock import run_virtual
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.navigation.events import NavigationChanged
 from chefbotd.components.worker.parameters import WorkerParameters
 from chefbotd.components.worker.spawn import Child

@@ -10,7 +10,7 @@ import pytest
 
 from chefbotd.client import CallError, GoalFault, GoalUnreachable
 from chefbotd.clock import run_virtual
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage.contents import save
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.components.simulation.worlds.flat import FLAT

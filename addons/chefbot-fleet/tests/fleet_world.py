@@ -14,8 +14,8 @@ from chefbot_fleet.store import Stage, Store
 from chefbot_vda5050.messages import ConnectionState
 from fleet_robots import StandardRobot
 
-from chefbotd.components.mapping.algorithms.map_server import to_description, to_image
-from chefbotd.components.mapping.algorithms.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from chefbotd.components.maps.algorithms.map_server import to_description, to_image
+from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from chefbotd.core.geometry import Pose2D
 
 HOMES = (0, 4, 5)

@@ -28,7 +28,7 @@ from click.testing import CliRunner, Result
 from fleet_world import HOMES, small_roadmap, write_map
 from PIL import Image
 
-from chefbotd.components.mapping.algorithms.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from chefbotd.core.geometry import Pose2D
 
 TOKEN = "a token for tests"

@@ -18,14 +18,14 @@ from chefbot_ros2.messages import FLOAT64, NS, POINT_FIELDS, TYPESTORE, pose_in_
 from chefbotd.clock import ManualClock
 from chefbotd.components.mapping.algorithms.parameters import MappingParameters
 from chefbotd.components.mapping.algorithms.state import SlamMode
-from chefbotd.components.mapping.events import MapPoseUpdated, MapSaved
 from chefbotd.components.mapping.map_files import StoredMaps
 from chefbotd.components.mapping.skill import MappingSkill
 from chefbotd.components.mapping.skill_requests import Finish, MappingSkillParameters, Start
+from chefbotd.components.maps.events import MapSaved
 from chefbotd.components.worker.messages import packed
 from chefbotd.core.commands import Refused
 from chefbotd.core.events.lidars import ScanMeasured
-from chefbotd.core.events.robot import OdometryUpdated
+from chefbotd.core.events.robot import MapPoseUpdated, OdometryUpdated
 from chefbotd.core.geometry import PoseCovariance, Twist2D
 from chefbotd.core.record import Record
 from chefbotd.core.scan import LaserScan

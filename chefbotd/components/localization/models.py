@@ -6,7 +6,7 @@ from typing import Annotated
 from msgspec import Meta
 from pydantic import Field
 
-from chefbotd.components.mapping.events import LocalizationChanged
+from chefbotd.components.localization.events import LocalizationChanged
 from chefbotd.core.record import Record
 from chefbotd.rpc.models import MotionParams, Params
 from chefbotd.rpc.topics import Topic

@@ -1,12 +1,14 @@
 """The daemon's side of localization: which map the worker's skill is to use, and what it tells of the robot's pose."""
 
 import asyncio
-from typing import Final
+from collections.abc import Awaitable, Callable
+from typing import Final, TypeAlias
 
 import structlog
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
+from chefbotd.components.localization.events import LocalizationChanged
 from chefbotd.components.localization.models import (
     TOPICS,
     LocalizationData,
@@ -22,20 +24,11 @@ from chefbotd.components.localization.skill_requests import (
     UseNone,
 )
 from chefbotd.components.localization.turning import Turning, TurningState
-from chefbotd.components.mapping.events import (
-    POSE_ENDED,
-    LocalizationChanged,
-    MapLoaded,
-    MappingChanged,
-    MapPoseUpdated,
-    MapUnloaded,
-)
-from chefbotd.components.navigation import skill_requests as navigation
-from chefbotd.components.navigation.skill_requests import CheckMap, MapChecked
+from chefbotd.components.maps.events import MapLoaded, MappingChanged, MapUnloaded
 from chefbotd.components.worker.requests import OnProgress
 from chefbotd.components.worker.service import WorkerService
 from chefbotd.core.commands import Refused
-from chefbotd.core.events.robot import WorkerReported
+from chefbotd.core.events.robot import POSE_ENDED, MapPoseUpdated, WorkerReported
 from chefbotd.core.record import Record, replace
 from chefbotd.driving.inner_driver import InnerDriver
 from chefbotd.entries import entries_of, set_event
@@ -49,6 +42,9 @@ log = structlog.get_logger(component="localization")
 SHORT_S: Final = 20.0
 """For what is a moment's work in the worker, though it may be at something else."""
 
+CheckMap: TypeAlias = Callable[[], Awaitable[str]]
+"""Says why the map in use is of no use, or nothing."""
+
 LONG_S: Final = 60.0
 """For each step of making a large map ready."""
 
@@ -56,6 +52,10 @@ AWAY: Final = ("restarting", "unavailable", "stopped")
 
 TOLD_EVERY_S: Final = 1.0
 """How often the state is published while nothing of it changes."""
+
+
+async def _find_nothing_wrong() -> str:
+    return ""
 
 
 class LocalizationState(Record, frozen=True):
@@ -80,7 +80,10 @@ class LocalizationState(Record, frozen=True):
 
 
 class LocalizationService:
-    """Keeps the skill at the map in use. While a map is being made, it rests: then SLAM tells the pose."""
+    """Keeps the skill at the map in use. While a map is being made, it rests: then SLAM tells the pose.
+
+    ``check_map`` says what others find wrong with the map in use.
+    """
 
     def __init__(
         self,
@@ -100,6 +103,7 @@ class LocalizationService:
         self._has_told.set()
         self._reports: list[OnProgress] = []
         self._problem = ""  # why the map cannot be used
+        self.check_map: CheckMap = _find_nothing_wrong
         self._latest: LocalizationChanged | None = None
         self._pose: MapPoseUpdated | None = None  # in the map in use
         self._jumps_before = 0  # by the workers before this one
@@ -212,10 +216,7 @@ class LocalizationService:
             request = UseNone() if used is None else UseMap(used.name, used.version, renamed_from)
             await self._ask(request, LONG_S)
             if used is not None:
-                checked = await self._worker.request(
-                    navigation.SKILL, CheckMap(), MapChecked, deadline_s=SHORT_S
-                )
-                self._problem = checked.problem
+                self._problem = await self.check_map()
         except Refused as problem:
             self._problem = str(problem)
             log.error("localization has no map", reason=self._problem)
@@ -224,6 +225,10 @@ class LocalizationService:
     def _report(self, done: float, total: float, text: str) -> None:
         for report in self._reports:
             report(done, total, text)
+
+    def note_goal(self, *, has_goal: bool) -> None:
+        """Know whether the robot has a goal: then it does not turn."""
+        self._turning.note_goal(has_goal=has_goal)
 
     async def _ask(
         self, request: UseMap | UseNone | SetPose | Localize, deadline_s: float

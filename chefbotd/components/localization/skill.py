@@ -10,7 +10,6 @@ from chefbotd.components.localization import skill_requests as requests
 from chefbotd.components.localization.algorithms.branch_and_bound import pyramid
 from chefbotd.components.localization.algorithms.doubt import doubt_sentence
 from chefbotd.components.localization.algorithms.localizer import LocalizationReport, advanced, step
-from chefbotd.components.localization.algorithms.mount_check import MountCheck, checked, mount_problem
 from chefbotd.components.localization.algorithms.searching import LocalizationMap
 from chefbotd.components.localization.algorithms.state import (
     HAS_POSE,
@@ -22,11 +21,12 @@ from chefbotd.components.localization.algorithms.state import (
 )
 from chefbotd.components.localization.algorithms.surface_map import surface_map
 from chefbotd.components.localization.algorithms.warm import warm
+from chefbotd.components.localization.events import Alternative, LocalizationChanged
 from chefbotd.components.localization.pose_file import PoseFile, PoseOnDisk, SavedPose, require_on_map
 from chefbotd.components.localization.skill_requests import POSE_FILE, LocalizationSkillParameters
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.mapping.algorithms.mount_check import MountCheck, checked, mount_problem
 from chefbotd.components.mapping.aligned_scans import AlignedScan, ScanAligner, Silence, pose_of, pose_updated
-from chefbotd.components.mapping.events import Alternative, LocalizationChanged
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage.contents import read_grid
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.components.worker.skill import Job, JobStep, Struct

@@ -8,8 +8,8 @@ from typing import Final, TypeAlias
 
 import msgspec
 
+from chefbotd.components.localization.parameters import LocalizationSection
 from chefbotd.components.worker.messages import Message
-from chefbotd.components.worker.parameters import LocalizationSection
 from chefbotd.core.parameters import Parameters
 
 SKILL: Final = "localization"

@@ -10,7 +10,6 @@ from typing import Final
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
-from chefbotd.components.navigation.events import NavigationChanged
 from chefbotd.components.worker.requests import OnProgress as Report
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import OdometryReset, OdometryUpdated, SafetyChanged
@@ -33,7 +32,6 @@ REPORT_S: Final = 1.0
 """A client waits for 5 s for what is silent."""
 
 ARMED: Final = "armed"
-ON_ITS_WAY: Final = ("planning", "driving", "recovering", "paused")
 
 
 TIMER: Final = "localization turn"
@@ -79,7 +77,6 @@ class Turning:
         bus.add_handler(self._take_odometry, OdometryUpdated)
         bus.add_handler(self._take_reset, OdometryReset)
         bus.add_handler(self._take_safety, SafetyChanged)
-        bus.add_handler(self._take_navigation, NavigationChanged)
 
     def state(self) -> TurningState:
         """Return the state of this part."""
@@ -200,7 +197,8 @@ class Turning:
         elif self._driver is not None and self._driver.gives_way_to(event.source):
             self.end(f"it turns no more, for {event.source} took over")
 
-    def _take_navigation(self, event: NavigationChanged) -> None:
-        self._has_goal = event.state in ON_ITS_WAY
-        if self._has_goal:
+    def note_goal(self, *, has_goal: bool) -> None:
+        """Know whether the robot has a goal: then it does not turn."""
+        self._has_goal = has_goal
+        if has_goal:
             self.end("it turns no more, for it has a goal")

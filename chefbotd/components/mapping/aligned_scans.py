@@ -13,9 +13,8 @@ import numpy as np
 
 from chefbotd.components.mapping.algorithms.state import Scan
 from chefbotd.components.mapping.algorithms.surfaces import normals
-from chefbotd.components.mapping.events import MapPoseUpdated
 from chefbotd.core.events.lidars import ScanMeasured
-from chefbotd.core.events.robot import OdometryUpdated
+from chefbotd.core.events.robot import MapPoseUpdated, OdometryUpdated
 from chefbotd.core.geometry import Pose2D, PoseCovariance
 from chefbotd.core.poses import Floats
 from chefbotd.core.record import Record

@@ -5,9 +5,9 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.mapping.algorithms.saved import Arrays, NotASavedState, restored, saved
 from chefbotd.components.mapping.algorithms.state import SlamState, apart, start
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage import contents
 from chefbotd.components.maps.storage.manifest import GRAPH
 from chefbotd.components.maps.storage.store import MapStore

@@ -5,8 +5,9 @@ from typing import Annotated, Literal
 from msgspec import Meta
 from pydantic import Field, model_validator
 
-from chefbotd.components.mapping.events import MapChanged, MappingChanged, MappingData, MapPoseUpdated
+from chefbotd.components.maps.events import MapChanged, MappingChanged, MappingData
 from chefbotd.components.maps.models import GridPartData, grid_part
+from chefbotd.core.events.robot import MapPoseUpdated
 from chefbotd.core.record import Record, replace
 from chefbotd.rpc.models import Params
 from chefbotd.rpc.topics import Topic, same_names

@@ -9,13 +9,6 @@ import structlog
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
-from chefbotd.components.mapping.events import (
-    MapChanged,
-    MappingChanged,
-    MappingData,
-    MapPoseUpdated,
-    MapSaved,
-)
 from chefbotd.components.mapping.models import (
     TOPICS,
     FinishMappingParams,
@@ -32,8 +25,10 @@ from chefbotd.components.mapping.skill_requests import (
     ResumeMapping,
     Start,
 )
+from chefbotd.components.maps.events import MapChanged, MappingChanged, MappingData, MapSaved
 from chefbotd.components.worker.service import WorkerService
 from chefbotd.core.commands import Refused
+from chefbotd.core.events.robot import MapPoseUpdated
 from chefbotd.core.record import Record
 from chefbotd.entries import entries_of, set_event
 from chefbotd.features.feature import Feature, Service

@@ -8,24 +8,24 @@ from collections.abc import Generator, Iterable, Iterator
 from enum import StrEnum
 from typing import TYPE_CHECKING, Final
 
-from chefbotd.components.localization.algorithms.mount_check import MountCheck, checked, mount_problem
 from chefbotd.components.mapping import skill_requests as requests
 from chefbotd.components.mapping.algorithms.finish import refining
 from chefbotd.components.mapping.algorithms.live_map import MapUpdates, way_m
+from chefbotd.components.mapping.algorithms.mount_check import MountCheck, checked, mount_problem
 from chefbotd.components.mapping.algorithms.occupancy import occupancy
 from chefbotd.components.mapping.algorithms.saved import saved
 from chefbotd.components.mapping.algorithms.slam import step
 from chefbotd.components.mapping.algorithms.state import SlamMode, SlamState, start
 from chefbotd.components.mapping.algorithms.warm import warm
 from chefbotd.components.mapping.aligned_scans import AlignedScan, ScanAligner, Silence, pose_updated
-from chefbotd.components.mapping.events import MappingChanged, MapPoseUpdated, MapSaved
 from chefbotd.components.mapping.map_files import MapFiles, StartState, StartStates, StoredMaps
 from chefbotd.components.mapping.skill_requests import MappingSkillParameters
+from chefbotd.components.maps.events import MappingChanged, MapSaved
 from chefbotd.components.maps.storage.names import map_name
 from chefbotd.components.worker.skill import Job, JobStep, Struct
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.lidars import ScanMeasured
-from chefbotd.core.events.robot import OdometryUpdated
+from chefbotd.core.events.robot import MapPoseUpdated, OdometryUpdated
 from chefbotd.core.poses import motion_covariance
 
 if TYPE_CHECKING:  # it would load asyncio, 7 MB

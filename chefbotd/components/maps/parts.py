@@ -2,7 +2,7 @@
 
 import base64
 
-from chefbotd.components.mapping.events import MapChanged
+from chefbotd.components.maps.events import MapChanged
 from chefbotd.components.maps.models import MapPart
 from chefbotd.components.maps.storage.disk import MapStoreError
 from chefbotd.components.maps.storage.manifest import CELLS, Extent, Manifest

@@ -3,9 +3,10 @@
 from typing import Final
 
 from chefbotd.bus import Bus
-from chefbotd.components.mapping.events import POSE_ENDED, MappingChanged, MapPoseUpdated
+from chefbotd.components.maps.events import MappingChanged
 from chefbotd.components.maps.storage.disk import MapStoreError
 from chefbotd.core.commands import RefusalKind
+from chefbotd.core.events.robot import POSE_ENDED, MapPoseUpdated
 from chefbotd.core.geometry import Pose2D
 
 SURE: Final = ("mapping", "localized")

@@ -12,8 +12,8 @@ from msgspec.structs import replace
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
-from chefbotd.components.mapping.events import MapChanged, MapLoaded, MapUnloaded
 from chefbotd.components.maps import parts
+from chefbotd.components.maps.events import MapChanged, MapLoaded, MapUnloaded
 from chefbotd.components.maps.importer import Report, repeated, run_import
 from chefbotd.components.maps.models import (
     GetMapParams,

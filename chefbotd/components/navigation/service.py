@@ -15,7 +15,8 @@ from msgspec.structs import asdict, astuple
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
-from chefbotd.components.mapping.events import LocalizationChanged, MapLoaded
+from chefbotd.components.localization.events import LocalizationChanged
+from chefbotd.components.maps.events import MapLoaded
 from chefbotd.components.navigation import skill_requests as messages
 from chefbotd.components.navigation.events import (
     GoalCause,
@@ -26,10 +27,10 @@ from chefbotd.components.navigation.events import (
 )
 from chefbotd.components.navigation.goals import Destinations, Goals, GoalsState, Places
 from chefbotd.components.navigation.models import GoalParams, Waypoint
+from chefbotd.components.navigation.parameters import NavigationSection
 from chefbotd.components.navigation.reporting import Reporting, ReportingState
 from chefbotd.components.navigation.requests import RequestQueue, RequestQueueState, ShownOnDemand
 from chefbotd.components.navigation.skill_requests import SKILL, NavigationRequest
-from chefbotd.components.worker.parameters import NavigationSection
 from chefbotd.components.worker.service import WorkerService
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import ClientDisconnected, SafetyChanged

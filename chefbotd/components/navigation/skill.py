@@ -8,8 +8,8 @@ import numpy as np
 
 from chefbotd.components.localization.algorithms.state import PoseState
 from chefbotd.components.localization.skill import LocalizationSkill
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.mapping.aligned_scans import AlignedScan, ScanAligner
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.components.navigation import skill_requests as requests
 from chefbotd.components.navigation.algorithms.costmap import GuardDistances

@@ -9,8 +9,8 @@ from typing import Final, TypeAlias
 import msgspec
 
 from chefbotd.components.navigation.events import GoalResult, NavigationData, PathData
+from chefbotd.components.navigation.parameters import NavigationSection
 from chefbotd.components.worker.messages import Message
-from chefbotd.components.worker.parameters import NavigationSection
 from chefbotd.core.geometry import Twist2D
 from chefbotd.core.parameters import Parameters
 from chefbotd.core.record import Record

@@ -6,11 +6,11 @@ from typing import Any, Protocol
 import msgspec
 from msgspec import Struct
 
-from chefbotd.components.mapping.events import POSE_ENDED
 from chefbotd.components.recording import foxglove as fg
 from chefbotd.components.recording import foxglove_messages as fm
 from chefbotd.components.recording.chunk import Channels
 from chefbotd.components.recording.classes import encode_scan
+from chefbotd.core.events.robot import POSE_ENDED
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import LogLine
 

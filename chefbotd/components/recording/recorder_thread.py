@@ -23,7 +23,7 @@ from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
-from chefbotd.components.mapping.events import MapLoaded
+from chefbotd.components.maps.events import MapLoaded
 from chefbotd.components.recording.parameters import RecordingParameters
 from chefbotd.core.geometry import Pose2D
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from chefbotd.components.mapping.algorithms.map_server import parse_description, parse_image
-from chefbotd.components.mapping.algorithms.occupancy_grid import OCCUPIED
+from chefbotd.components.maps.algorithms.map_server import parse_description, parse_image
+from chefbotd.components.maps.algorithms.occupancy_grid import OCCUPIED
 from chefbotd.components.simulation import scene
 from chefbotd.components.simulation.arrays import Vector
 from chefbotd.components.simulation.scene import Scene

@@ -1,10 +1,9 @@
-"""The parameters of the worker, and the sections for the skills that it runs; needs no numpy."""
+"""The parameters of the worker; needs no numpy."""
 
 from pathlib import Path
 
 from pydantic import Field
 
-from chefbotd.components.navigation.algorithms.states import UnknownSpace
 from chefbotd.core.parameters import Parameters
 
 
@@ -35,33 +34,3 @@ class WorkerParameters(Parameters):
     """So much of scans (4 kB each) and odometry waits for it to read; then the oldest give way."""
     cache_folder: Path | None = None
     """For compiled code. Without it: systemd's CacheDirectory=, else numba's own choice."""
-
-
-class LocalizationSection(Parameters):
-    """Which lidars' scans tell where the robot is, and what it may do by itself."""
-
-    lidars: tuple[str, ...] | None = Field(default=None, min_length=1)
-    """Their names, the leading one first; all that are configured, if none is named."""
-    auto_search: bool = True
-    """Whether a robot that is lost looks everywhere without being asked to."""
-    turn_at_start: bool = False
-    """Whether a robot that has not found itself yet, and cannot by looking for 3 s, may turn once on the spot."""
-    save_period_s: float = Field(default=5.0, gt=0, le=3600)
-    """How often the pose is kept on disk, at most; a robot that stands is not kept again."""
-
-
-class NavigationSection(Parameters):
-    """How fast the robot drives by itself, and what it does after a person has driven meanwhile."""
-
-    max_speed_m_s: float = Field(default=0.30, gt=0, le=10)
-    """No faster than this; 0.30 m/s is the fastest that navigation was tried with."""
-    unknown_space: UnknownSpace = UnknownSpace.BLOCKED
-    """Whether paths lead through what the map knows nothing of: blocked, avoided (at six times the cost) or free."""
-    comfort_m: float = Field(default=0.30, gt=0, le=5)
-    """Paths keep so far from what stands where there is room; more room than that beside the robot is worth nothing."""
-    home_place: str = Field(default="home", min_length=1, max_length=64)
-    """The place of the map in use to which ``go_home`` drives."""
-    dock_place: str = Field(default="dock", min_length=1, max_length=64)
-    """The place to which ``dock`` drives: where the robot is charged, with the heading that it needs there."""
-    resume_after_takeover: bool = True
-    """Whether a goal goes on when whoever took over has let go; otherwise it waits for ``resume_navigation``."""

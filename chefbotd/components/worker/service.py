@@ -6,13 +6,12 @@ from msgspec.structs import asdict
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
-from chefbotd.components.mapping.events import MapPoseUpdated
 from chefbotd.components.worker.parameters import WorkerParameters
 from chefbotd.components.worker.process import Worker, WorkerStatus
 from chefbotd.components.worker.spawn import Spawn, spawn
 from chefbotd.core.events import OdometryReset, OdometryUpdated, RangeMeasured, RangeStatus
 from chefbotd.core.events.lidars import ScanMeasured
-from chefbotd.core.events.robot import WorkerData, WorkerReported
+from chefbotd.core.events.robot import MapPoseUpdated, WorkerData, WorkerReported
 from chefbotd.core.geometry import ORIGIN, Pose2D
 from chefbotd.core.record import Record, replace
 from chefbotd.entries import entries_of

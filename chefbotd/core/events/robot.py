@@ -325,3 +325,27 @@ class EventsDropped(Record, frozen=True):
     def log_line(self) -> LogLine:
         """The line in the log."""
         return LogLine(Level.ERROR, "recording", f"{self.count} events are missing: {self.reason}")
+
+
+class MapPoseUpdated(Record, frozen=True):
+    """The robot's pose in the map at ``stamp_s``, its covariance, and how well the scan fitted (0 to 1).
+
+    ``map_from_odom`` holds until the next event: with it, odometry gives the present pose in the map. ``state`` is
+    mapping, wheel_slip (the odometry was wrong just now), uncertain (scans do not fit, the pose follows odometry), lost,
+    or searching (lost, and looking for a known place); ``searched`` is the finished share of that search. ``map`` is the
+    map that the pose is in; None: a new one that is being made. With the state ended, there is no pose in that map any
+    more: another one is in use, or none.
+    """
+
+    stamp_s: float
+    map_from_base: Pose2D
+    map_from_odom: Pose2D
+    covariance: PoseCovariance
+    fit: float
+    state: str
+    searched: float = 0.0
+    map: str | None = None
+
+
+POSE_ENDED = "ended"
+"""The state of a pose that holds no longer."""

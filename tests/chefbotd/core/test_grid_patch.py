@@ -5,7 +5,7 @@ import zlib
 import numpy as np
 import pytest
 
-from chefbotd.components.mapping.events import MapChanged
+from chefbotd.components.maps.events import MapChanged
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.grid_patch import GridAssembler, GridPatch, patch_of
 from chefbotd.core.record import replace

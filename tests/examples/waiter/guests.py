@@ -9,7 +9,8 @@ from typing import Any
 
 from chefbotd.client import CallError, Client, ConnectionLost
 from chefbotd.client.models import AgentsData
-from chefbotd.components.mapping.events import LocalizationChanged, MappingChanged
+from chefbotd.components.localization.events import LocalizationChanged
+from chefbotd.components.maps.events import MappingChanged
 from chefbotd.components.navigation.events import GoalResult, NavigationData
 from chefbotd.components.navigation.skill_requests import (
     REQUEST,

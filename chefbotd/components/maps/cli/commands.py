@@ -195,7 +195,7 @@ def export(context: CommandContext, folder: Path, name: str | None, mode: str, f
 
     'scale' and 'raw' keep every cell's percentage, 'trinary' free, occupied and unknown.
     """
-    from chefbotd.components.mapping.algorithms.map_server import ImageMode, to_description, to_image
+    from chefbotd.components.maps.algorithms.map_server import ImageMode, to_description, to_image
     from chefbotd.components.maps.storage.disk import MapStoreError
     from chefbotd.components.maps.storage.names import map_name
 

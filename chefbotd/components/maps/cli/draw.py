@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 from rich.text import Text
 
-from chefbotd.components.mapping.algorithms.occupancy_grid import UNKNOWN, OccupancyGrid
+from chefbotd.components.maps.algorithms.occupancy_grid import UNKNOWN, OccupancyGrid
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import Record
 

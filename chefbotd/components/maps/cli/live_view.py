@@ -18,7 +18,7 @@ from chefbotd.cli.common.echo import writing
 from chefbotd.client import Client
 from chefbotd.client.errors import ProtocolError
 from chefbotd.client.models import MapData, MapPoseData, OdometryData
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.cli.draw import MapMark, draw_map
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.grid_patch import GridAssembler, GridPatch

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from chefbotd.components.mapping.algorithms.occupancy_grid import UNKNOWN, OccupancyGrid
+from chefbotd.components.maps.algorithms.occupancy_grid import UNKNOWN, OccupancyGrid
 from chefbotd.components.maps.cli.draw import LIKELY_OCCUPIED, MapMark
 from chefbotd.core.geometry import Pose2D
 

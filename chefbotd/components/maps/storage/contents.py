@@ -9,7 +9,7 @@ from typing import Any, BinaryIO
 import numpy as np
 from numpy.typing import NDArray
 
-from chefbotd.components.mapping.algorithms.map_server import (
+from chefbotd.components.maps.algorithms.map_server import (
     FREE_THRESH,
     GREY,
     ImageMode,
@@ -20,7 +20,7 @@ from chefbotd.components.mapping.algorithms.map_server import (
     to_description,
     to_image,
 )
-from chefbotd.components.mapping.algorithms.occupancy_grid import UNKNOWN, OccupancyGrid
+from chefbotd.components.maps.algorithms.occupancy_grid import UNKNOWN, OccupancyGrid
 from chefbotd.components.maps.storage.disk import Content, MapStoreError
 from chefbotd.components.maps.storage.manifest import CELLS, DESCRIPTION, GRAPH, IMAGE, Extent
 from chefbotd.components.maps.storage.store import MapStore

@@ -56,7 +56,7 @@ def main(arguments: list[str]) -> int:
 
 def _import(order: Order) -> tuple[int, tuple[str, ...]]:
     """The version that was saved, and what its owner might not expect of it."""
-    from chefbotd.components.mapping.algorithms.occupancy_grid import cropped
+    from chefbotd.components.maps.algorithms.occupancy_grid import cropped
     from chefbotd.components.maps.storage.contents import contents_of, extent_of, read_map_server
     from chefbotd.components.maps.storage.limits import explain_size, why_doubtful
 

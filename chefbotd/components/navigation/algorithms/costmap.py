@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from chefbotd.components.mapping.algorithms.occupancy_grid import UNKNOWN, OccupancyGrid
+from chefbotd.components.maps.algorithms.occupancy_grid import UNKNOWN, OccupancyGrid
 from chefbotd.components.navigation.algorithms.grid import Flags, Floats, GridFrame, Singles, distances_m
 from chefbotd.components.navigation.algorithms.outline import Footprint
 from chefbotd.components.navigation.algorithms.search import BLOCKED

@@ -8,7 +8,7 @@ import math
 from collections.abc import Collection
 from typing import Final
 
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.navigation.algorithms.beside_people import slowed_beside_people
 from chefbotd.components.navigation.algorithms.costmap import Costmap
 from chefbotd.components.navigation.algorithms.crawl import CYCLE_S, Crawl, slowed, watched

@@ -6,8 +6,8 @@ from typing import Final
 import numpy as np
 from numpy.typing import NDArray
 
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.mapping.algorithms.surfaces import places
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.navigation.algorithms.arcs import (
     FORESIGHT_S,
     MARGIN_M,

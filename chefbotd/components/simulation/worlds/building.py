@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from chefbotd.components.mapping.algorithms.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from chefbotd.components.simulation.arrays import Vector
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import Record

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from PIL import Image
 
-from chefbotd.components.mapping.algorithms.map_server import to_description, to_image
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.maps.algorithms.map_server import to_description, to_image
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.simulation.rooms import BUILDINGS
 
 FOLDER = Path(__file__).parent

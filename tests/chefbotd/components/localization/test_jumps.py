@@ -5,8 +5,8 @@ from typing import Any
 
 from chefbotd.bus import Bus
 from chefbotd.clock import ManualClock
+from chefbotd.components.localization.events import LocalizationChanged
 from chefbotd.components.localization.service import LocalizationService
-from chefbotd.components.mapping.events import LocalizationChanged
 from chefbotd.core.events.robot import WorkerReported
 
 

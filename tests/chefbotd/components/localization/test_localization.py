@@ -10,7 +10,7 @@ import pytest
 from chefbotd.client.errors import CallError
 from chefbotd.clock import run_virtual
 from chefbotd.components.localization.skill_requests import POSE_FILE
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage.contents import save
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.core.geometry import Pose2D

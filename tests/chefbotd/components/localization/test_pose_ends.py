@@ -5,8 +5,10 @@ from typing import Any
 
 from chefbotd.bus import Bus
 from chefbotd.clock import ManualClock
+from chefbotd.components.localization.events import LocalizationChanged
 from chefbotd.components.localization.service import LocalizationService
-from chefbotd.components.mapping.events import LocalizationChanged, MapLoaded, MapPoseUpdated, MapUnloaded
+from chefbotd.components.maps.events import MapLoaded, MapUnloaded
+from chefbotd.core.events.robot import MapPoseUpdated
 from chefbotd.core.geometry import Pose2D, PoseCovariance
 from tests.chefbotd.components.localization.test_jumps import FakeWorker
 

@@ -11,6 +11,8 @@ import pytest
 from msgspec.structs import replace
 
 from chefbotd.clock import ManualClock
+from chefbotd.components.localization.events import LocalizationChanged
+from chefbotd.components.localization.parameters import LocalizationSection
 from chefbotd.components.localization.pose_file import PoseOnDisk, SavedPose
 from chefbotd.components.localization.skill import LocalizationSkill
 from chefbotd.components.localization.skill_requests import (
@@ -21,13 +23,12 @@ from chefbotd.components.localization.skill_requests import (
     UseMap,
     UseNone,
 )
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
-from chefbotd.components.mapping.events import LocalizationChanged, MapPoseUpdated
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.worker.messages import packed
-from chefbotd.components.worker.parameters import LocalizationSection
 from chefbotd.components.worker.skill import Job, Struct
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.lidars import ScanMeasured
+from chefbotd.core.events.robot import MapPoseUpdated
 from chefbotd.core.geometry import Pose2D
 from tests.chefbotd.components.localization.algorithms.buildings import drawn
 from tests.chefbotd.components.mapping.algorithms.slam.flat import furnished_flat

@@ -9,11 +9,10 @@ from typing import cast
 import pytest
 
 from chefbotd.clock import LoopClock, run_virtual
+from chefbotd.components.localization.events import LocalizationChanged
 from chefbotd.components.localization.models import LocalizeParams
 from chefbotd.components.localization.service import LocalizationService
 from chefbotd.components.localization.turning import LOOKS_S, Turning
-from chefbotd.components.mapping.events import LocalizationChanged
-from chefbotd.components.navigation.events import NavigationChanged
 from chefbotd.components.worker.service import WorkerService
 from chefbotd.core.commands import Refused
 from chefbotd.core.events import SafetyChanged
@@ -115,7 +114,7 @@ async def _teleop(bench: Bench) -> None:
 
 
 async def _goal(bench: Bench) -> None:
-    bench.robot.daemon.bus.publish(NavigationChanged("planning", 1, "plans", stamp_s=1.0))
+    bench.turning.note_goal(has_goal=True)
 
 
 async def _found(bench: Bench) -> None:

@@ -3,14 +3,15 @@
 import pytest
 from msgspec.structs import astuple
 
-from chefbotd.components.mapping.events import MapChanged, MapPoseUpdated
 from chefbotd.components.mapping.skill_requests import (
     Discard,
     GetStatus,
     ResumeMapping,
     Start,
 )
+from chefbotd.components.maps.events import MapChanged
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.events.robot import MapPoseUpdated
 from tests.chefbotd.components.worker.skills.mapping_bench import Bench, Memory
 
 

@@ -17,12 +17,12 @@ from chefbotd.bus import Bus
 from chefbotd.client import Client
 from chefbotd.client.errors import CallError
 from chefbotd.clock import Clock, run_virtual
-from chefbotd.components.mapping.events import MapPoseUpdated
 from chefbotd.components.maps.storage.parameters import MapsParameters
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.components.worker.parameters import WorkerParameters
 from chefbotd.components.worker.spawn import Child, Spawn
 from chefbotd.core.events import OdometryReset, OdometryUpdated
+from chefbotd.core.events.robot import MapPoseUpdated
 from chefbotd.core.geometry import CERTAIN, ORIGIN, STANDING, Pose2D
 from chefbotd.core.record import replace
 from chefbotd.features.feature import Feature

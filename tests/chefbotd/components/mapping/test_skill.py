@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 from msgspec.structs import astuple
 
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.mapping.algorithms.saved import restored
-from chefbotd.components.mapping.events import MapChanged, MappingChanged, MapPoseUpdated
 from chefbotd.components.mapping.skill_requests import (
     Discard,
     Finish,
@@ -20,11 +18,13 @@ from chefbotd.components.mapping.skill_requests import (
     PauseMapping,
     Start,
 )
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.maps.events import MapChanged, MappingChanged
 from chefbotd.components.worker.messages import packed
 from chefbotd.components.worker.skill import Struct
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.lidars import ScanMeasured
-from chefbotd.core.events.robot import OdometryUpdated
+from chefbotd.core.events.robot import MapPoseUpdated, OdometryUpdated
 from chefbotd.core.poses import Floats, transform
 from chefbotd.core.record import replace
 from tests.chefbotd.components.mapping.algorithms.slam.flat import furnished_flat, to_walls_m

@@ -19,16 +19,10 @@ import pytest
 from chefbotd.bus import Bus
 from chefbotd.client import CallError, Client
 from chefbotd.clock import LoopClock, run_virtual
-from chefbotd.components.mapping.algorithms.map_server import to_description, to_image
-from chefbotd.components.mapping.algorithms.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
-from chefbotd.components.mapping.events import (
-    MapChanged,
-    MapLoaded,
-    MappingChanged,
-    MapPoseUpdated,
-    MapUnloaded,
-)
 from chefbotd.components.maps import importer, parts
+from chefbotd.components.maps.algorithms.map_server import to_description, to_image
+from chefbotd.components.maps.algorithms.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
+from chefbotd.components.maps.events import MapChanged, MapLoaded, MappingChanged, MapUnloaded
 from chefbotd.components.maps.models import (
     GetMapParams,
     LoadMapParams,
@@ -43,7 +37,7 @@ from chefbotd.components.maps.storage.importing import Order
 from chefbotd.components.maps.storage.killers import KILLED, why_it_ended
 from chefbotd.components.maps.storage.parameters import MapsParameters
 from chefbotd.components.maps.storage.store import MapStore
-from chefbotd.core.events.robot import WorkerReported
+from chefbotd.core.events.robot import MapPoseUpdated, WorkerReported
 from chefbotd.core.geometry import CERTAIN, Pose2D
 from chefbotd.rpc.models import NoParams
 from chefbotd.settings import load

@@ -7,13 +7,13 @@ from typing import Any
 
 from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, run_virtual
-from chefbotd.components.mapping.events import LocalizationChanged
+from chefbotd.components.localization.events import LocalizationChanged
 from chefbotd.components.maps.models import PlaceData, PlaceList
 from chefbotd.components.navigation.events import GoalResult, NavigationChanged, NavigationData
 from chefbotd.components.navigation.models import GoalParams, Waypoint
+from chefbotd.components.navigation.parameters import NavigationSection
 from chefbotd.components.navigation.service import NavigationService
 from chefbotd.components.navigation.skill_requests import NavigateTo, NavigationRequest, Stepped
-from chefbotd.components.worker.parameters import NavigationSection
 from chefbotd.core.commands import Refused
 from chefbotd.core.events import ClientDisconnected, SafetyChanged
 from chefbotd.core.events.robot import WorkerReported

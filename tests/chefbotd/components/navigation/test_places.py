@@ -16,7 +16,7 @@ from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.components.navigation.commands import NavigationCommands
 from chefbotd.components.navigation.goals import Destinations
 from chefbotd.components.navigation.models import GoalParams, Waypoint
-from chefbotd.components.worker.parameters import NavigationSection
+from chefbotd.components.navigation.parameters import NavigationSection
 from chefbotd.entries import entries_of
 from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.settings import load

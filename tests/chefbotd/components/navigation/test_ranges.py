@@ -11,14 +11,15 @@ from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, ManualClock, run_virtual
 from chefbotd.components.localization.algorithms.state import PoseState
 from chefbotd.components.localization.skill import LocalizationSkill
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.navigation import skill as navigation_skill
 from chefbotd.components.navigation import skill_requests as messages
 from chefbotd.components.navigation.algorithms.zones import NO_ZONES
 from chefbotd.components.navigation.events import PlanResult
+from chefbotd.components.navigation.parameters import NavigationSection
 from chefbotd.components.navigation.skill import NavigationSkill
 from chefbotd.components.worker.messages import Measured, event_in, packed
-from chefbotd.components.worker.parameters import NavigationSection, WorkerParameters
+from chefbotd.components.worker.parameters import WorkerParameters
 from chefbotd.components.worker.service import WorkerService
 from chefbotd.composition import maps
 from chefbotd.core.events import OdometryUpdated, RangeMeasured, RangeStatus

@@ -5,8 +5,8 @@ import asyncio
 import pytest
 
 from chefbotd.components.navigation.events import GoalCause
+from chefbotd.components.navigation.parameters import NavigationSection
 from chefbotd.components.navigation.skill_requests import KeepGoals, NavigateTo, Pause, Resume
-from chefbotd.components.worker.parameters import NavigationSection
 from chefbotd.core.commands import RefusalKind, Refused
 from tests.chefbotd.components.navigation.bench import HERE, THERE, Bench, benched
 

@@ -15,13 +15,13 @@ import pytest
 
 from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, run_virtual
+from chefbotd.components.localization.events import LocalizationChanged
 from chefbotd.components.localization.service import LocalizationService
 from chefbotd.components.localization.turning import TURN
-from chefbotd.components.mapping.events import LocalizationChanged
 from chefbotd.components.navigation.commands import NavigationCommands
+from chefbotd.components.navigation.parameters import NavigationSection
 from chefbotd.components.navigation.service import NavigationService
 from chefbotd.components.navigation.skill_requests import NavigateTo
-from chefbotd.components.worker.parameters import NavigationSection
 from chefbotd.components.worker.service import WorkerService
 from chefbotd.core.events import LinkOpened
 from chefbotd.core.geometry import Motion, Pose2D, Twist2D, WheelDuties

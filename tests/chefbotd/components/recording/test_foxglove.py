@@ -12,10 +12,11 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from chefbotd.components.mapping.events import MapChanged, MapLoaded, MapPoseUpdated
+from chefbotd.components.maps.events import MapChanged, MapLoaded
 from chefbotd.components.navigation.events import PathChanged
 from chefbotd.core.events import OdometryUpdated, SafetyChanged
 from chefbotd.core.events.lidars import ScanMeasured
+from chefbotd.core.events.robot import MapPoseUpdated
 from chefbotd.core.geometry import CERTAIN, Pose2D, Twist2D
 from chefbotd.core.scan import LaserScan
 from tests.chefbotd.components.recording.events import START_S, WALL_S, SyncRecorder, fault, recorder

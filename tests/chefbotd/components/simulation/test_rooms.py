@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from chefbotd.components.mapping.algorithms.map_server import MapFileError
+from chefbotd.components.maps.algorithms.map_server import MapFileError
 from chefbotd.components.simulation.rooms import scene_of
 from chefbotd.components.simulation.world import World
 

@@ -8,8 +8,8 @@ import pytest
 from chefbotd.components.localization.algorithms.agreement import Agreement, agreement
 from chefbotd.components.localization.algorithms.surface_map import surface_map
 from chefbotd.components.mapping.algorithms.local_map import LocalMap
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.mapping.algorithms.state import Scan
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.poses import Floats
 

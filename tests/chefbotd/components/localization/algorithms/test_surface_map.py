@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from chefbotd.components.localization.algorithms.surface_map import surface_map
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.core.geometry import Pose2D
 
 

@@ -9,8 +9,8 @@ import pytest
 from PIL import Image
 
 from chefbotd.cli.common.exits import Exit
-from chefbotd.components.mapping.algorithms.map_server import parse_description, parse_image
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.maps.algorithms.map_server import parse_description, parse_image
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage.contents import read_grid, save
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.core.geometry import Pose2D

@@ -6,7 +6,7 @@ import numpy as np
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.cli.draw import FOG, FULL, LOWER, UPPER, MapMark, draw_map
 from chefbotd.core.geometry import ORIGIN, Pose2D
 

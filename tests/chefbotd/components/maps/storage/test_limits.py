@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from chefbotd.components.mapping.algorithms.occupancy_grid import (
+from chefbotd.components.maps.algorithms.occupancy_grid import (
     FREE,
     OCCUPIED,
     UNKNOWN,

@@ -6,7 +6,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from chefbotd.components.mapping.algorithms.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from chefbotd.core.geometry import ORIGIN, Pose2D
 
 MEANING = {".": FREE, "#": OCCUPIED, "?": UNKNOWN}

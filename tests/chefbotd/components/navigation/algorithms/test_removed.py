@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from chefbotd.components.mapping.algorithms.occupancy_grid import OCCUPIED, UNKNOWN
+from chefbotd.components.maps.algorithms.occupancy_grid import OCCUPIED, UNKNOWN
 from chefbotd.components.navigation.algorithms.interface import PoseStatus
 from chefbotd.components.navigation.algorithms.path import Goal
 from chefbotd.components.navigation.algorithms.removed import find_things

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from chefbotd.components.mapping.algorithms.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from chefbotd.components.navigation.algorithms.interface import NavigationParameters, Seen
 from chefbotd.components.navigation.algorithms.outline import Footprint
 from chefbotd.components.navigation.algorithms.shown import (

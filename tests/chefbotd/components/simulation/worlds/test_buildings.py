@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from chefbotd.components.mapping.algorithms.map_server import parse_description, parse_image
-from chefbotd.components.mapping.algorithms.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
+from chefbotd.components.maps.algorithms.map_server import parse_description, parse_image
+from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from chefbotd.components.simulation.rooms import BUILDINGS, scene_of
 from chefbotd.components.simulation.worlds import draw
 from chefbotd.components.simulation.worlds.building import Building

@@ -5,16 +5,16 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from chefbotd.clock import ManualClock
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.mapping.algorithms.parameters import MappingParameters
 from chefbotd.components.mapping.algorithms.saved import Arrays
-from chefbotd.components.mapping.events import MappingChanged, MapSaved
 from chefbotd.components.mapping.skill import MappingSkill
 from chefbotd.components.mapping.skill_requests import (
     Finish,
     MappingRequest,
     MappingSkillParameters,
 )
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.maps.events import MappingChanged, MapSaved
 from chefbotd.components.worker.messages import packed
 from chefbotd.components.worker.skill import JobStep, Struct
 from chefbotd.core.commands import RefusalKind, Refused

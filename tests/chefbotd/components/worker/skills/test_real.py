@@ -15,7 +15,6 @@ import uvloop
 from chefbotd.clock import SystemClock
 from chefbotd.components.mapping.algorithms.parameters import MappingParameters
 from chefbotd.components.mapping.algorithms.saved import restored
-from chefbotd.components.mapping.events import MapChanged, MappingChanged, MapPoseUpdated, MapSaved
 from chefbotd.components.mapping.skill_requests import (
     SKILL,
     Finish,
@@ -23,6 +22,7 @@ from chefbotd.components.mapping.skill_requests import (
     ResumeMapping,
     Start,
 )
+from chefbotd.components.maps.events import MapChanged, MappingChanged, MapSaved
 from chefbotd.components.maps.storage import contents
 from chefbotd.components.maps.storage.manifest import GRAPH
 from chefbotd.components.maps.storage.store import MapStore
@@ -30,7 +30,7 @@ from chefbotd.components.worker.parameters import WorkerParameters
 from chefbotd.components.worker.process import Worker
 from chefbotd.components.worker.requests import WorkerLost
 from chefbotd.core.events.lidars import ScanMeasured
-from chefbotd.core.events.robot import OdometryUpdated
+from chefbotd.core.events.robot import MapPoseUpdated, OdometryUpdated
 from tests.chefbotd.components.worker.skills.drives import measured
 from tests.waiting import PATIENCE_S, until
 

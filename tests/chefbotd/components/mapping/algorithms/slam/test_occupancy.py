@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from chefbotd.components.mapping.algorithms.occupancy import occupancy
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.mapping.algorithms.state import Nodes, Scan
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.core.record import replace
 
 

@@ -1,36 +1,11 @@
-"""Maps: which one is in use, where the robot is on it, and the one that is being made. Loads no numpy."""
+"""Maps: which one is in use, and the one that is being made. Loads no numpy."""
 
 from typing import Annotated, ClassVar
 
 from msgspec import Meta
 
-from chefbotd.core.geometry import Pose2D, PoseCovariance
 from chefbotd.core.grid_patch import GridPatch
 from chefbotd.core.record import Level, LogLine, Record, state_line
-
-
-class MapPoseUpdated(Record, frozen=True):
-    """The robot's pose in the map at ``stamp_s``, its covariance, and how well the scan fitted (0 to 1).
-
-    ``map_from_odom`` holds until the next event: with it, odometry gives the present pose in the map. ``state`` is
-    mapping, wheel_slip (the odometry was wrong just now), uncertain (scans do not fit, the pose follows odometry), lost,
-    or searching (lost, and looking for a known place); ``searched`` is the finished share of that search. ``map`` is the
-    map that the pose is in; None: a new one that is being made. With the state ended, there is no pose in that map any
-    more: another one is in use, or none.
-    """
-
-    stamp_s: float
-    map_from_base: Pose2D
-    map_from_odom: Pose2D
-    covariance: PoseCovariance
-    fit: float
-    state: str
-    searched: float = 0.0
-    map: str | None = None
-
-
-POSE_ENDED = "ended"
-"""The state of a pose that holds no longer."""
 
 
 class MapChanged(GridPatch, frozen=True):
@@ -103,33 +78,3 @@ class MapUnloaded(Record, frozen=True):
     stamp_s: float
     name: str
     reason: str = ""
-
-
-class Alternative(Record, frozen=True):
-    """A possible place of the robot, and how well the scan fits there (0 to 1)."""
-
-    map_from_base: Pose2D
-    fit: float
-
-
-class LocalizationChanged(Record, frozen=True):
-    """The state of localization: unknown, searching, localized, uncertain or lost; ``map`` is the map in use.
-
-    While it searches, ``alternatives`` are all possible places, and ``searched`` is the finished share of the search.
-    ``jumps`` counts the jumps of the published pose; plans made before a jump are void.
-    """
-
-    retained: ClassVar[bool] = True
-
-    stamp_s: float
-    state: str
-    map: str | None
-    fit: float
-    alternatives: tuple[Alternative, ...]
-    searched: float
-    jumps: int
-    reason: str
-
-    def log_line(self) -> LogLine:
-        """The line in the log."""
-        return state_line("localization", self.state, self.reason)

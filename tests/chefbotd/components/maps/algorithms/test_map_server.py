@@ -9,7 +9,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from PIL import Image
 
-from chefbotd.components.mapping.algorithms.map_server import (
+from chefbotd.components.maps.algorithms.map_server import (
     ImageMode,
     MapDescription,
     MapFileError,
@@ -18,7 +18,7 @@ from chefbotd.components.mapping.algorithms.map_server import (
     to_description,
     to_image,
 )
-from chefbotd.components.mapping.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.core.geometry import Pose2D
 
 YAML = """\

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from chefbotd.components.localization.algorithms.mount_check import MountCheck, checked
+from chefbotd.components.mapping.algorithms.mount_check import MountCheck, checked
 from chefbotd.core.poses import compose
 
 START = np.array([3.0, -1.0, 0.7])

@@ -18,7 +18,7 @@ import numpy.typing as npt
 import yaml
 from pydantic import Field, ValidationError
 
-from chefbotd.components.mapping.algorithms.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
+from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from chefbotd.core.bounded_yaml import load_first_document
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters

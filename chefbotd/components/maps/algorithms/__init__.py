@@ -1,0 +1,1 @@
+"""Occupancy grids, and the format of files that map_server reads."""
