@@ -1,4 +1,4 @@
-"""The parameters in which the published sketches differ: a row each, for the one program in ``sim/sketch.py``.
+"""The parameters in which the published sketches differ: a row each, for the one program in ``simulation/sketch.py``.
 
 The four published sketches were measured unchanged, built for a computer and driven through a pty. What is not known
 of them is marked "assumed". No sketch of KHAN's is published: all of its row is assumed.
