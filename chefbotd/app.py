@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any, Protocol
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.composition.calibration import calibration
+from chefbotd.composition.components import build_strangers
 from chefbotd.composition.context import Context, DepthSpawn, FeatureBuilder, StartWriter
 from chefbotd.composition.maps import map_features
 from chefbotd.composition.network import discovery, foxglove, page_server, recording
-from chefbotd.composition.plugins import plugins
 from chefbotd.composition.robot import board_session, drive_service, robot_features, simulation
 from chefbotd.composition.scanners import depth_cameras, lidars
 from chefbotd.core.events.inputs import BOARD_LINK, DaemonStarted, DaemonStopping, ServiceFailed
@@ -115,7 +115,7 @@ class Daemon:
             lambda: self.rpc.arrivals.record_stop(None, "the robot itself, for a fault")
         )
         self.server = TcpServer(self.rpc, settings.api, guard.tls)
-        self.page = page_server(settings, self.rpc, guard, self.metrics)
+        self.page = page_server(settings, self.rpc, guard, self.metrics, self._page_parts)
         self.features += discovery(settings, self.server, self.page)
         self.state = self._state()
         self._add_metrics()
@@ -141,8 +141,12 @@ class Daemon:
             *calibrated,
             *simulation(context),
         ]
-        plugged_in, self._plugins = plugins(context, [*packaged, board_feature])
-        return [*packaged, *plugged_in, board_feature]
+        strangers = build_strangers(
+            context, self.driving, self.leases, self.worker, [*packaged, board_feature]
+        )
+        self._plugins, self._page_parts = tuple(strangers.descriptions), strangers.page
+        self.strangers_events = strangers.events
+        return [*packaged, *strangers.features, board_feature]
 
     def _rpc_server(self, settings: Settings, guard: Guard) -> RpcServer:
         methods, topics = methods_and_topics(self.features)

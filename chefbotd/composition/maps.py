@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from chefbotd.components.maps.storage.parameters import MapsParameters, folder_of
+from chefbotd.composition.components import brings_skills
 from chefbotd.composition.context import Context
 from chefbotd.composition.scanners import robot_outline
 from chefbotd.driving.service import DriveService
@@ -30,7 +31,7 @@ def map_features(
     settings = context.settings
     makes_maps = bool(settings.lidar) and settings.worker.enabled
     if settings.maps is None and not makes_maps:
-        return [], None
+        return _worker_alone(context)
     from chefbotd.components.maps.service import MapsService, maps
     from chefbotd.components.maps.storage.store import MapStore
 
@@ -39,7 +40,8 @@ def map_features(
     most_mb = settings.worker.max_memory_mb if makes_maps else None
     stored = MapsService(context.bus, context.clock, MapStore(folder, kept), kept, most_mb)
     if not makes_maps:
-        return [maps(stored)], None
+        features, process = _worker_alone(context)
+        return [maps(stored), *features], process
     from chefbotd.components.worker.service import WorkerService, worker
 
     skills = _skills(settings, folder, kept)
@@ -49,6 +51,17 @@ def map_features(
     if NAVIGATION in settings.safety.sources:
         features.append(_navigation(context, feed, stored, driving, leases))
     return features, feed.worker
+
+
+def _worker_alone(context: Context) -> tuple[list[Feature], "Worker | None"]:
+    """The worker of a robot without a lidar, where a stranger's component has a skill for it."""
+    settings = context.settings
+    if not (settings.worker.enabled and brings_skills(context)):
+        return [], None
+    from chefbotd.components.worker.service import WorkerService, worker
+
+    feed = WorkerService(context.bus, context.clock, settings.worker, {}, context.spawn_worker)
+    return [worker(feed)], feed.worker
 
 
 def _driver(context: Context, driving: DriveService, leases: ControlLeases) -> "InnerDriver":

@@ -12,26 +12,44 @@ from chefbotd.transport.tcp import TcpServer
 if TYPE_CHECKING:
     from chefbotd.transport.web.server import PageServer
 import os
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
+from importlib import import_module
+from pathlib import Path
 
+from chefbotd.component import PagePart
 from chefbotd.composition.context import Context
 from chefbotd.composition.robot import robot_description
 from chefbotd.composition.scanners import first_scanner
 from chefbotd.snapshot import DaemonState
 
 
-def page_server(settings: Settings, rpc: RpcServer, guard: Guard, metrics: Metrics) -> "PageServer | None":
+def page_server(
+    settings: Settings,
+    rpc: RpcServer,
+    guard: Guard,
+    metrics: Metrics,
+    parts: Sequence[tuple[str, PagePart]] = (),
+) -> "PageServer | None":
     """The server of the page. It also accepts the name by which the robot is discovered."""
     if not settings.page.enabled:
         return None
-    from chefbotd.transport.web.server import PageServer
+    from chefbotd.transport.web.server import Card, PageServer
 
     parameters = settings.page
     if settings.discovery.enabled:
         own = f"{settings.discovery.label(settings.robot.name)}.local".lower()
         parameters = parameters.model_copy(update={"allowed_hosts": (*parameters.allowed_hosts, own)})
-    return PageServer(rpc, parameters, guard, metrics)
+    cards = [
+        Card(
+            name,
+            Path(str(import_module(part.package).__file__)).with_name(part.file),
+            part.column,
+            part.before,
+        )
+        for name, part in parts
+    ]
+    return PageServer(rpc, parameters, guard, metrics, cards)
 
 
 def discovery(settings: Settings, server: TcpServer, page: "PageServer | None") -> list[Feature]:

@@ -4,6 +4,7 @@ import math
 import os
 from collections.abc import Iterator
 
+from chefbotd.component_list import own_components
 from chefbotd.link.wires import BITS_A_BYTE, Needs, needed_bytes_s, variant_of, wires
 from chefbotd.motion.kinematics import ALL_WHEELS, Kinematics
 from chefbotd.motion.odometry import OdometrySource
@@ -11,6 +12,7 @@ from chefbotd.motion.ramp import braking_distance
 from chefbotd.rpc.parameters import is_loopback
 from chefbotd.safety.guard import from_mounts
 from chefbotd.settings.model import Settings
+from chefbotd.settings.sections import check_components, check_strangers
 from chefbotd.settings.urdf import joint_names
 
 EVENTS = "chefbotd/core/events"
@@ -34,6 +36,8 @@ def check(settings: Settings) -> Iterator[str]:
     yield from _nearest(settings)
     yield from _page(settings)
     yield from _recording(settings)
+    yield from check_components(settings, own_components())
+    yield from check_strangers(settings)
 
 
 def _wheels(settings: Settings) -> Iterator[str]:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, TypeAlias, get_args
 
-from pydantic import BaseModel, ValidationError
+from pydantic import BaseModel, SecretStr, ValidationError
 
 # The layers of a configuration's values: the file, then the environment, then the command line.
 #
@@ -125,7 +125,7 @@ def explain(
         if not loc:  # of the whole configuration, which nobody wants to read again
             lines.append(f"{origin}{expected}")
             continue
-        given = f" (got {problem['input']!r})" if _is_repeated(problem["type"], loc) else ""
+        given = f" (got {problem['input']!r})" if _is_repeated(model, problem["type"], loc) else ""
         lines.append(f"{origin}{dotted(values, loc)}: {expected}{given}")
     return "\n".join(lines)
 
@@ -133,10 +133,17 @@ def explain(
 _SECRET_KEY = re.compile(r"(token|passw|secret|credential|api_?key)", re.IGNORECASE)
 
 
-def _is_repeated(kind: str, keys: Keys) -> bool:
+def _is_repeated(model: type[BaseModel], kind: str, keys: Keys) -> bool:
     """Whether a refused value is shown: one of an unknown key, of a plug-in, or of a key for secrets may be a secret."""
     is_secret = any(_SECRET_KEY.search(key) for key in keys) or keys[:2] == ("plugins", "settings")
+    section = _model_at(model, keys[:-1])
+    field = None if section is None else section.model_fields.get(keys[-1])
+    is_secret = is_secret or (field is not None and _holds_secret(field.annotation))
     return kind not in ("missing", "extra_forbidden") and not is_secret
+
+
+def _holds_secret(annotation: object) -> bool:
+    return annotation is SecretStr or any(_holds_secret(argument) for argument in get_args(annotation))
 
 
 _RENAMED = {
@@ -270,7 +277,16 @@ def _near_miss(model: type[BaseModel], kind: str, loc: Keys) -> str:
     import difflib  # rarely needed, and slow to import
 
     close = difflib.get_close_matches(loc[-1], names, n=1)
+    if len(loc) == 1 and not close and _is_offered(loc[0]):
+        return f"; it is the section of an installed component, which is not allowed: [plugins] allow = ['{loc[0]}']"
     return f", did you mean {close[0]}?" if close else ""
+
+
+def _is_offered(name: str) -> bool:
+    """Whether an installed package offers a component of this name."""
+    from importlib.metadata import entry_points  # rarely needed, and slow to import
+
+    return bool(entry_points(group="chefbotd.components", name=name))
 
 
 def _model_at(model: type[BaseModel], loc: Keys) -> type[BaseModel] | None:

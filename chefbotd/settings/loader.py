@@ -32,6 +32,7 @@ from chefbotd.settings.errors import (
     variable,
 )
 from chefbotd.settings.model import Settings
+from chefbotd.settings.sections import model_for, paths_of
 
 MAX_BYTES = 1 << 20
 """The longest configuration that is read: a hundred times the longest one of chefbotd."""
@@ -62,10 +63,13 @@ def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = N
     _locate(values, path.parent, "robot", "description")
     _locate(values, path.parent, "maps", "folder")
     _locate(values, path.parent, "recording", "folder")
+    model = model_for(values, Settings)
+    for section, key in paths_of(model):
+        _locate(values, path.parent, section, key)
     try:
-        settings = _validate(values, texts)
+        settings = _validate(model, values, texts)
     except ValidationError as error:
-        raise SettingsError(explain(error, Settings, values, origins, f"{path}: ")) from error
+        raise SettingsError(explain(error, model, values, origins, f"{path}: ")) from error
     if wrong := "; ".join(check(settings)):
         raise SettingsError(f"{blamed(wrong, origins, path)}{wrong}")
     _check_description(settings)
@@ -143,13 +147,13 @@ def _name_tables(values: dict[str, Any]) -> None:
             sim[key] = {meant: named}
 
 
-def _validate(values: dict[str, Any], texts: Mapping[Keys, str]) -> Settings:
+def _validate(model: type[Settings], values: dict[str, Any], texts: Mapping[Keys, str]) -> Settings:
     """Validate strictly: a number in quotes is refused, an integer is accepted as a float, a list as a tuple.
 
     A variable that reads as a number where text belongs, such as a robot called 7, is taken as text.
     """
     try:
-        return Settings.model_validate_json(json.dumps(values, default=_as_json), strict=True)
+        return model.model_validate_json(json.dumps(values, default=_as_json), strict=True)
     except ValidationError as error:
         text_keys = {
             tuple(map(str, p["loc"])) for p in error.errors() if p["type"] in ("string_type", "path_type")
@@ -159,7 +163,7 @@ def _validate(values: dict[str, Any], texts: Mapping[Keys, str]) -> Settings:
             raise
     for keys in mistaken:
         place(values, keys, texts[keys])
-    return _validate(values, {})
+    return _validate(model, values, {})
 
 
 def _as_json(value: object) -> object:

@@ -5,11 +5,12 @@ A key is a field of the parameter class that lives beside its algorithm.
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, TypeVar
 
 from pydantic import Field, ValidationInfo, field_validator
 
 from chefbotd.components.localization.parameters import LocalizationSection
+from chefbotd.component_list import own_components
 from chefbotd.components.mapping.algorithms.parameters import MappingParameters
 from chefbotd.components.maps.storage.parameters import MapsParameters
 from chefbotd.components.navigation.parameters import NavigationSection
@@ -38,6 +39,7 @@ from chefbotd.sensing.imu import ImuParameters
 from chefbotd.sensing.infrared import InfraredParameters
 from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.sensing.ultrasonic import UltrasonicParameters
+from chefbotd.settings.sections import with_sections
 from chefbotd.transport.parameters import DiscoveryParameters, FoxgloveParameters, PageParameters
 
 
@@ -97,8 +99,16 @@ class LogParameters(Parameters):
     """The least severe messages that are logged."""
 
 
-class Settings(Parameters):
-    """The whole configuration, one section per part of the robot."""
+P = TypeVar("P", bound=Parameters)
+
+
+class CoreSettings(Parameters):
+    """The whole configuration, one section per part of the robot.
+
+    ``strangers`` are the components of others that it allows (``chefbotd.installed.Installed``), each as it was found.
+    """
+
+    strangers: ClassVar[tuple[Any, ...]] = ()
 
     robot: RobotParameters
     link: LinkParameters
@@ -152,6 +162,13 @@ class Settings(Parameters):
         sensors = (*((self.ultrasonic,) if self.ultrasonic else ()), *self.infrared)
         return {sensor.name: sensor.base_from_sensor for sensor in sensors}
 
+    def of(self, name: str, kind: type[P]) -> P:
+        """The section of a component, which is of this class."""
+        section_of_component = getattr(self, name)
+        if not isinstance(section_of_component, kind):
+            raise TypeError(f"[{name}] is no {kind.__name__}, but {section_of_component!r}")
+        return section_of_component
+
     @property
     def body_size_m(self) -> tuple[float, float | None] | None:
         """The body's length and width, or its diameter and None; None where no body is configured."""
@@ -160,3 +177,9 @@ class Settings(Parameters):
     def gains(self) -> dict[str, PidParameters]:
         """Each wheel's gains by its name, in the chassis' order: ``[wheel_pid.NAME]``, or else ``[pid]``."""
         return {wheel.name: self.wheel_pid.get(wheel.name, self.pid) for wheel in self.chassis.wheels}
+
+
+if TYPE_CHECKING:
+    Settings: TypeAlias = CoreSettings
+else:
+    Settings = with_sections(CoreSettings, own_components())

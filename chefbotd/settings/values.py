@@ -26,7 +26,7 @@ def calibrated(settings: Settings, values: Values) -> Settings:
         *section, name = key.split(".")
         _section(plain, section)[name] = as_written(key, value)
     try:
-        return Settings.model_validate(plain)
+        return type(settings).model_validate(plain)
     except ValueError as error:
         raise SettingsError(f"the calibrated values do not fit the configuration: {error}") from error
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 from chefbotd.cli.common import state_text
 from chefbotd.cli.common.echo import echo, writing
+from chefbotd.cli.common.strangers import strangers_rows
 from chefbotd.client import Event
 
 if TYPE_CHECKING:
@@ -70,7 +71,10 @@ def status_table(answer: Data) -> "Table":
     from rich.text import Text
 
     table = _table(answer["robot"], f"protocol {answer['protocol']}, session {answer['session']}", "age")
-    for fact in [*state_text.of_state(answer), state_text.counters(answer["stats"])]:
+    for fact in [
+        *state_text.of_state(answer, strangers_rows(answer.get("plugins", ()))),
+        state_text.counters(answer["stats"]),
+    ]:
         age = "" if fact.age_s is None else f"{fact.age_s:.3f} s"
         table.add_row(fact.label, Text(fact.text, style=fact.style), Text(age, style=state_text.Style.FAINT))
     return table

@@ -4,12 +4,14 @@
 """
 
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from enum import StrEnum
+from functools import partial
 from typing import Any
 
 from msgspec.structs import force_setattr
 
+from chefbotd.component import StatusRow, resolve
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.printable import one_line
 from chefbotd.core.record import Record, replace
@@ -235,7 +237,10 @@ def left_out_imu(data: Data) -> Fact:
     return Fact("imu", data["reason"], Style.ALARM)
 
 
-BY_TOPIC: tuple[tuple[str, Callable[[Data], Fact]], ...] = (
+Words = Callable[[Data], Fact]
+Rows = Sequence[tuple[str, Words]]
+
+BY_TOPIC: Rows = (
     ("safety", safety),
     ("link", link),
     ("firmware", firmware),
@@ -275,27 +280,50 @@ def _plugin(data: Data) -> str:
     return f"{name} is left out: {data['reason']}" if data["reason"] else name
 
 
-def of_topics(latest: Mapping[str, Data]) -> list[Fact]:
+def with_rows(rows: Iterable[StatusRow]) -> Rows:
+    """The rows, with those of components where they stand; one that fails says so in its place."""
+    placed = list(BY_TOPIC)
+    for row in rows:
+        after = [index for index, (topic, _) in enumerate(placed) if topic == row.after]
+        placed.insert(after[-1] + 1 if after else len(placed), (row.topic, partial(_of_component, row)))
+    return placed
+
+
+def _of_component(row: StatusRow, data: Data) -> Fact:
+    try:
+        fact = resolve(row.fact)(data)
+        if not isinstance(fact, Fact):
+            raise TypeError(f"expected a Fact, got {fact!r}")
+    except Exception as error:  # noqa: BLE001 - somebody else's code, and it is shown
+        return Fact(row.topic, f"its row fails: {type(error).__name__}: {error}", Style.NOTICE)
+    return fact
+
+
+def of_topics(
+    latest: Mapping[str, Data], rows: Rows = BY_TOPIC, ageing: Collection[str] = AGEING
+) -> list[Fact]:
     """The latest values by topic, each with ``data`` and ``age_s``; what is stale is faint."""
     return [
-        _aged(topic, word, latest[topic])
-        for topic, word in BY_TOPIC
+        _aged(word, latest[topic], ages=topic in ageing)
+        for topic, word in rows
         if topic in latest and (topic not in WITH_REASON or latest[topic]["data"].get("reason"))
     ]
 
 
-def _aged(topic: str, word: Callable[[Data], Fact], value: Data) -> Fact:
+def _aged(word: Words, value: Data, *, ages: bool) -> Fact:
     fact = word(value["data"])
-    if topic not in AGEING:
+    if not ages:
         return fact
     age_s = value["age_s"]
     return replace(fact, age_s=age_s, style=fact.style if age_s < STALE_S else Style.FAINT)
 
 
-def of_state(state: Data) -> list[Fact]:
-    """Everything in an answer of ``get_state``, and the allowed plug-ins where it has any."""
+def of_state(state: Data, rows: Iterable[StatusRow] = ()) -> list[Fact]:
+    """Everything in an answer of ``get_state``, the rows of components, and the allowed plug-ins where it has any."""
+    rows = list(rows)
+    ageing = AGEING | {row.topic for row in rows if row.ages}
     always = {"safety": {"data": state["safety"]}, "link": {"data": state["link"]}}
-    facts = of_topics({**state["topics"], **always})
+    facts = of_topics({**state["topics"], **always}, with_rows(rows), ageing)
     if state["link"]["state"] == "up" and "firmware" not in state["topics"]:
         facts.insert(2, CLASSIC)
     return [*facts, plugins(state["plugins"])] if state.get("plugins") else facts

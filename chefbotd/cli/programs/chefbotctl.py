@@ -125,6 +125,7 @@ COMMANDS: tuple[click.Command, ...] = (
 
 for command in COMMANDS:
     main.add_command(command)
+main.add_strangers()
 main.add_late("chefbotd.cli.new_robot.command", "new-robot")
 main.add_late("chefbot_devtools.commands", "shell", "sweep")
 

@@ -257,6 +257,9 @@ def check_config(ctx: click.Context, path: Path | None, shows_all: bool) -> None
         tell(f"Note: {problem}")
     from chefbotd.settings.notes import notes
 
+    for stranger in settings.strangers:
+        if stranger.component is None:
+            tell(f"Note: the component {stranger.name} is left out: {stranger.reason}")
     for note in notes(settings):
         tell(f"Note: {note}")
     values = settings.model_dump(mode="json", by_alias=True)

@@ -54,6 +54,11 @@ class CommandGroup(click.Group):
         super().__init__(*args, **kwargs)
         self.params.append(_json_option())
         self._late: dict[str, str] = {}
+        self._has_strangers = False
+
+    def add_strangers(self) -> None:
+        """Add the commands of installed components; they are looked for when no own one fits, or all are shown."""
+        self._has_strangers = True
 
     def add_late(self, module: str, *names: str) -> None:
         """Add commands by their names; their module is imported when one of them is called, or all are shown."""
@@ -64,6 +69,9 @@ class CommandGroup(click.Group):
         if module := self._late.pop(cmd_name, None):
             self.add_command(_late_command(module, cmd_name))
         command = super().get_command(ctx, cmd_name)
+        if command is None and self._has_strangers:
+            self._take_strangers()
+            command = super().get_command(ctx, cmd_name)
         if command is None and self._late:  # click suggests commands of similar names: load them all
             for late in tuple(self._late):
                 self.get_command(ctx, late)
@@ -71,7 +79,19 @@ class CommandGroup(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Every name."""
+        if self._has_strangers:
+            self._take_strangers()
         return sorted({*super().list_commands(ctx), *self._late})
+
+    def _take_strangers(self) -> None:
+        from chefbotd.cli.common.strangers import strangers_command, strangers_commands
+
+        self._has_strangers = False
+        for name, reference in strangers_commands().items():
+            if name not in self.commands and name not in self._late:
+                command = strangers_command(name, reference)
+                if command is not None:
+                    self.add_command(command, name)
 
     def add_command(self, cmd: click.Command, name: str | None = None) -> None:
         """Add a command, or a group with all its commands."""

@@ -28,9 +28,13 @@ class Message(msgspec.Struct, frozen=True, array_like=True):
 
 
 class Configure(Message, frozen=True, tag="configure"):
-    """The first message: the parameters of each skill to load, by its name, as JSON."""
+    """The first message: the parameters of each skill to load, by its name, as JSON.
+
+    ``references`` has the module and the class of each skill of a stranger, which is left out where it fails.
+    """
 
     skills: dict[str, bytes]
+    references: dict[str, str] = {}
 
 
 class Measured(Message, frozen=True, tag="measured"):
@@ -65,6 +69,13 @@ class Warming(Message, frozen=True, tag="warming"):
     """It loads a skill, and compiles it where it is not in the cache."""
 
     skill: str
+
+
+class SkillLeftOut(Message, frozen=True, tag="left out"):
+    """A skill of a stranger has failed, and why; the others go on without it."""
+
+    skill: str
+    reason: str
 
 
 class Ready(Message, frozen=True, tag="ready"):
@@ -117,7 +128,9 @@ class SkillEvent(Message, frozen=True, tag="told"):
 
 
 ToWorker: TypeAlias = Configure | Measured | SkillRequest | Cancel
-FromWorker: TypeAlias = Warming | Ready | Unavailable | Alive | Answer | RequestProgress | Failed | SkillEvent
+FromWorker: TypeAlias = (
+    Warming | SkillLeftOut | Ready | Unavailable | Alive | Answer | RequestProgress | Failed | SkillEvent
+)
 
 Measurement: TypeAlias = ScanMeasured | OdometryUpdated | RangeMeasured
 

@@ -88,6 +88,7 @@ class Worker:
         self._requests = Requests(self._clock)
         self._listeners: dict[tuple[str, str], Callable[[bytes], None]] = {}
         self._on_ready: list[Callable[[], None]] = []
+        self._references: dict[str, str] = {}
         self._dropped = self._failures = 0
 
     def state(self) -> tuple[WorkerStatus, int]:
@@ -107,6 +108,16 @@ class Worker:
     def is_ready(self) -> bool:
         """Whether it takes requests."""
         return self.status.state is WorkerState.READY
+
+    def add_skill(self, name: str, reference: str, parameters: bytes) -> None:
+        """Load a stranger's skill too, ``module:class``: one that fails is left out, and the others go on.
+
+        Raises:
+            ValueError: there is one of this name.
+        """
+        if name in self._skills:
+            raise ValueError(f"the worker has a skill named {name!a} already")
+        self._skills[name], self._references[name] = parameters, reference
 
     def add_listener(self, skill: str, kind: type[S], listener: Callable[[S], None]) -> None:
         """Call ``listener`` with the records of this class that this skill tells without having been asked."""
@@ -202,7 +213,7 @@ class Worker:
         self._vitals = Vitals(spawned_s=now_s, heard_s=now_s, checked_s=now_s)
         self._ended = asyncio.get_running_loop().create_future()
         self._channel = Channel(ours, 1024 * self._parameters.queue_kb, self._take_message, self._end)
-        self._channel.send(messages.Configure(self._skills))
+        self._channel.send(messages.Configure(self._skills, self._references))
         self._set(Happened.SPAWNED, pid=child.pid)
         waiting = asyncio.create_task(child.wait(), name="worker's end")
         try:
@@ -295,6 +306,8 @@ class Worker:
                     )  # loading is over, however long it took
                     for handler in self._on_ready:
                         handler()
+            case messages.SkillLeftOut():
+                log.error("a skill is left out", skill=message.skill, reason=message.reason)
             case messages.Unavailable():
                 log.warning("the worker is not available", reason=message.reason)
                 self._set(Happened.UNAVAILABLE, reason=message.reason)
@@ -309,6 +322,9 @@ class Worker:
 
     def _hand_on(self, message: messages.SkillEvent) -> None:
         listener = self._listeners.get((message.skill, message.kind))
+        if message.skill in self._references:
+            self._hand_to_stranger(message, listener)
+            return
         if listener is None:
             self._end(f"its skill {message.skill!r} tells what nobody knows: {message.kind!r}")
             return
@@ -316,6 +332,18 @@ class Worker:
             listener(message.body)
         except ValueError as error:
             self._end(f"its skill {message.skill} sent what is no message: {error}")
+
+    def _hand_to_stranger(
+        self, message: messages.SkillEvent, listener: Callable[[bytes], None] | None
+    ) -> None:
+        """What is wrong with it is said, and harms nobody else's skill."""
+        try:
+            if listener is None:
+                raise LookupError(f"nobody listens to its {message.kind!r}")
+            listener(message.body)
+        except Exception as error:  # noqa: BLE001 - somebody else's code
+            reason = f"{type(error).__name__}: {error}"
+            log.error("what a skill said is left out", skill=message.skill, reason=reason)
 
     def _set(self, happened: Happened, **fields: object) -> bool:
         """Go on to the next state; a worker that tells what cannot be is not believed."""

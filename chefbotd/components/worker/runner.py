@@ -3,10 +3,11 @@
 import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib import import_module
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
 
+from chefbotd.component import resolve
 from chefbotd.components.worker import messages
 from chefbotd.components.worker.messages import FromWorker, Measurement, ToWorker, packed
 from chefbotd.components.worker.skill import DependentSkill, Job, RangeSkill, Skill
@@ -53,6 +54,12 @@ def loaded(name: str, parameters: bytes, clock: "Clock") -> Skill:
     return make(parameters, clock)
 
 
+def loaded_from(reference: str, parameters: bytes, clock: "Clock") -> Skill:
+    """The skill of a stranger's component, ``module:class``."""
+    make: Callable[[bytes, Clock], Skill] = resolve(reference)
+    return make(parameters, clock)
+
+
 STEP_S: Final = 0.05
 """How often the skills have a turn of their own."""
 
@@ -73,6 +80,8 @@ class Runner:
         self._skills: dict[str, Skill] = {}
         self._jobs: list[_Running] = []
         self._range_skills: dict[str, RangeSkill] = {}
+        self._strangers: set[str] = set()
+        self._left_out: dict[str, str] = {}
         self._step_at_s = float("-inf")
         self.doing: tuple[str, float] | None = None
 
@@ -96,14 +105,14 @@ class Runner:
     def _take_measurement(self, event: Measurement) -> Iterator[FromWorker]:
         match event:
             case ScanMeasured():
-                for name, skill in self._skills.items():
-                    yield from self._telling(name, "a scan", skill.take_scan(event))
+                for name, skill in list(self._skills.items()):
+                    yield from self._telling(name, "a scan", skill.take_scan, event)
             case OdometryUpdated():
-                for name, skill in self._skills.items():
-                    yield from self._telling(name, "odometry", skill.take_odometry(event))
+                for name, skill in list(self._skills.items()):
+                    yield from self._telling(name, "odometry", skill.take_odometry, event)
             case RangeMeasured():
-                for name, range_skill in self._range_skills.items():
-                    yield from self._telling(name, "a range", range_skill.take_range(event))
+                for name, range_skill in list(self._range_skills.items()):
+                    yield from self._telling(name, "a range", range_skill.take_range, event)
 
     def take_turn(self) -> Iterator[FromWorker]:
         """Bring each job a step further, and let the skills do what has its own time."""
@@ -113,42 +122,72 @@ class Runner:
         if now_s >= self._step_at_s:
             in_time = now_s - self._step_at_s < STEP_S / 2
             self._step_at_s = STEP_S + (self._step_at_s if in_time else now_s)
-            for name, skill in self._skills.items():
-                yield from self._telling(name, "its own time", skill.step(now_s))
+            for name, skill in list(self._skills.items()):
+                yield from self._telling(name, "its own time", skill.step, now_s)
 
     def close(self) -> None:
         """The daemon is gone, or ends."""
         for running in self._jobs:
             running.job.close()
-        for skill in self._skills.values():
-            skill.close()
+        for name, skill in list(self._skills.items()):
+            try:
+                skill.close()
+            except Exception:
+                if name not in self._strangers:
+                    raise
 
     def _load(self, message: messages.Configure) -> Iterator[FromWorker]:
+        self._strangers = set(message.references)
         for name, parameters in message.skills.items():
             yield messages.Warming(name)
             self._begin_work(f"loading {name}")
             try:
-                self._skills[name] = skill = loaded(name, parameters, self._clock)
+                if reference := message.references.get(name):
+                    skill = loaded_from(reference, parameters, self._clock)
+                else:
+                    skill = loaded(name, parameters, self._clock)
+                self._skills[name] = skill
                 skill.warm()
             except CannotLoad as problem:
                 yield messages.Unavailable(str(problem))
                 return
+            except Exception as fault:
+                if name not in self._strangers:
+                    raise
+                yield self._leave_out(name, fault)
             finally:
                 self.doing = None
         self._range_skills = {
             name: skill for name, skill in self._skills.items() if isinstance(skill, RangeSkill)
         }
-        for skill in self._skills.values():
-            if isinstance(skill, DependentSkill):
-                skill.connect(self._skills)
+        yield from self._connect()
         if self._renew is not None and _has_compiled():
             self._renew(message)
         yield messages.Ready()
+
+    def _connect(self) -> Iterator[FromWorker]:
+        for name, skill in list(self._skills.items()):
+            if isinstance(skill, DependentSkill):
+                try:
+                    skill.connect(self._skills)
+                except Exception as fault:
+                    if name not in self._strangers:
+                        raise
+                    yield self._leave_out(name, fault)
+
+    def _leave_out(self, name: str, fault: Exception) -> messages.SkillLeftOut:
+        """Go on without a stranger's skill that has failed."""
+        self._left_out[name] = reason = f"{type(fault).__name__}: {fault}"
+        self._skills.pop(name, None)
+        self._range_skills.pop(name, None)
+        return messages.SkillLeftOut(name, reason)
 
     def _begin(self, request: messages.SkillRequest) -> Iterator[FromWorker]:
         skill = self._skills.get(request.skill)
         if skill is None:
             reason = f"the worker has no skill {request.skill!r}"
+            if why := self._left_out.get(request.skill):
+                reason = f"the skill {request.skill!r} is left out: {why}"
             yield messages.Failed(request.id, RefusalKind.WORKER_UNAVAILABLE, reason)
             return
         self._begin_work(f"{request.skill}: a request")
@@ -156,6 +195,9 @@ class Runner:
             result = skill.handle(request.body)
         except Refused as refusal:
             yield messages.Failed(request.id, refusal.kind, str(refusal))
+            return
+        except Exception as fault:  # noqa: BLE001 - raised again, but for a stranger's
+            yield from self._fail(request, fault)
             return
         finally:
             self.doing = None
@@ -175,10 +217,21 @@ class Runner:
         except Refused as refusal:
             self._jobs.remove(running)
             yield messages.Failed(request.id, refusal.kind, str(refusal))
+        except Exception as fault:  # noqa: BLE001 - raised again, but for a stranger's
+            self._jobs.remove(running)
+            yield from self._fail(request, fault)
         else:
             yield messages.RequestProgress(request.id, done.done, done.total, done.text)
         finally:
             self.doing = None
+
+    def _fail(self, request: messages.SkillRequest, fault: Exception) -> Iterator[FromWorker]:
+        """Refuse what a stranger's skill fails at, and go on without it; our own ends the worker."""
+        if request.skill not in self._strangers:
+            raise fault
+        left_out = self._leave_out(request.skill, fault)
+        yield messages.Failed(request.id, RefusalKind.WORKER_UNAVAILABLE, left_out.reason)
+        yield left_out
 
     def _cancel(self, number: int) -> Iterator[FromWorker]:
         for running in self._jobs:
@@ -189,13 +242,17 @@ class Runner:
                 return
 
     def _telling(
-        self, name: str, what: str, messages_of_skill: Iterable[msgspec.Struct]
+        self, name: str, what: str, take: Callable[[Any], Iterable[msgspec.Struct]], given: Any
     ) -> Iterator[FromWorker]:
         """Hand on what a skill tells; being busy is the skill's time, not that of whoever takes it."""
         self._begin_work(f"{name}: {what}")
         try:
-            for message in messages_of_skill:
+            for message in take(given):
                 yield messages.SkillEvent(name, packed(message), type(message).__name__)
+        except Exception as fault:
+            if name not in self._strangers:
+                raise
+            yield self._leave_out(name, fault)
         finally:
             self.doing = None
 

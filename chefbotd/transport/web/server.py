@@ -5,8 +5,10 @@ The WebSocket's handshake is HTTP. After it the transport is handed to a connect
 
 import asyncio
 import json
+from collections.abc import Sequence
 from http import HTTPStatus
 from importlib import resources
+from pathlib import Path
 from typing import cast
 
 import structlog
@@ -27,6 +29,8 @@ from chefbotd.transport.web.origin import is_own_host, is_own_origin
 from chefbotd.transport.web.prometheus import CONTENT_TYPE, exposition
 from chefbotd.transport.web.websocket import WebSocketConnection, is_websocket, switch
 
+log = structlog.get_logger(__name__)
+
 TYPES = {
     "html": "text/html; charset=utf-8",
     "css": "text/css; charset=utf-8",
@@ -42,14 +46,35 @@ class PageFile(Struct, frozen=True):
     body: bytes
 
 
-def page_files() -> dict[str, PageFile]:
-    """Every file of the page by its path; ``/`` is ``index.html``."""
+class Card(Struct, frozen=True):
+    """A component's part of the page: where it stands, and the path of its JavaScript."""
+
+    name: str
+    file: Path
+    column: str
+    before: str
+
+
+def page_files(cards: Sequence[Card] = ()) -> dict[str, PageFile]:
+    """Every file of the page by its path; ``/`` is ``index.html``, ``/cards.js`` lists the cards of components."""
     folder = resources.files(__package__) / "page"
     files = {
         f"/{entry.name}": PageFile(TYPES[suffix], entry.read_bytes())
         for entry in folder.iterdir()
         if (suffix := entry.name.rpartition(".")[2]) in TYPES
     }
+    listed = []
+    for card in cards:
+        path = f"/components/{card.name}/{card.file.name}"
+        try:
+            files[path] = PageFile(TYPES["js"], card.file.read_bytes())
+        except OSError as error:
+            log.error("a card of the page is left out", component=card.name, reason=str(error))
+        else:
+            listed.append(
+                {"name": card.name, "module": f".{path}", "column": card.column, "before": card.before}
+            )
+    files["/cards.js"] = PageFile(TYPES["js"], f"export const CARDS = {json.dumps(listed)};\n".encode())
     return {"/": files["/index.html"], **files}
 
 
@@ -69,17 +94,22 @@ HEADERS = {
     "Cache-Control": "no-cache",
 }
 
-log = structlog.get_logger(__name__)
-
 
 class PageServer:
     """The page of one robot; tokens, roles and limits are those of the RPC server, TLS that of the command socket."""
 
-    def __init__(self, rpc: RpcServer, parameters: PageParameters, guard: Guard, metrics: Metrics) -> None:
+    def __init__(
+        self,
+        rpc: RpcServer,
+        parameters: PageParameters,
+        guard: Guard,
+        metrics: Metrics,
+        cards: Sequence[Card] = (),
+    ) -> None:
         self._rpc, self._parameters, self._guard, self._metrics = rpc, parameters, guard, metrics
         self.unread = UnreadSockets()
         rpc.arrivals.add_transport(self.unread.mark)
-        self._files = page_files()
+        self._files = page_files(cards)
         self._log = RateLimitedLog(log)
         limits = rpc.connections.parameters
         self._http = HttpServer(

@@ -12,13 +12,13 @@ import pytest
 from click.testing import CliRunner
 from structlog.testing import capture_logs
 
+from chefbotd import installed as composition
 from chefbotd.cli.common.state_text import Style, of_state
 from chefbotd.cli.programs.chefbotd import main
 from chefbotd.client import Client
 from chefbotd.clock import run_virtual
 from chefbotd.components.doctor.algorithms.finding import Verdict
 from chefbotd.components.doctor.algorithms.host import check_plugins
-from chefbotd.composition import plugins as composition
 from chefbotd.rpc.models import PluginDescription, PluginState
 from chefbotd.settings import Settings, SettingsError, load
 from chefbotd.testing.board import ScriptedBoard
@@ -141,7 +141,7 @@ def test_a_new_plugin_works_as_it_stands(
             "failed",
             "Odd: no",
         ),
-        ("plugin = 7", "failed", "chefbot_bad:plugin: expected a Plugin, got 7"),
+        ("plugin = 7", "failed", "chefbot_bad:plugin: expected a Component, got 7"),
         (
             "plugin = Plugin(api=2, build=None)",
             "incompatible",
@@ -233,7 +233,7 @@ def test_a_plugin_that_is_not_installed_or_offered_twice_is_said_and_left_out(in
     assert states == {
         "absent": (
             "not_found",
-            "no installed package has an entry point 'absent' in the group chefbotd.features",
+            "no installed package has an entry point 'absent' in the group chefbotd.components",
         ),
         "twice": ("failed", "more than one package offers it: a-package, b-package"),
     }

@@ -47,6 +47,7 @@ class RunningRobot:
         name: str = "chefbot",
         device: Path | None = None,
         origins: Sequence[str] = (),
+        more: str = "",
     ) -> None:
         self.api_port, self.page_port, self.token = reserve_port(), reserve_port(), token
         self._board = ["--sim"] if device is None else ["--port", str(device)]
@@ -62,7 +63,7 @@ class RunningRobot:
         if origins:
             text = text.replace("[page]\n", f"[page]\norigins = {json.dumps(list(origins))}\n")
         self._configuration, self._log_path = folder / "robot.toml", folder / "log"
-        self._configuration.write_text(text)
+        self._configuration.write_text(text + more)
         self.start()
 
     def start(self) -> None:

@@ -27,6 +27,7 @@ from chefbotd.components.doctor.algorithms.finding import Finding
 from chefbotd.components.doctor.cli import host, view
 from chefbotd.rpc.parameters import is_loopback
 from chefbotd.settings import Settings
+from chefbotd.settings.sections import secrets_of
 
 REMOVED = "[removed]"
 SECRET_KEY = re.compile(r"(?i)(token|password|passwd|secret|api_key|private_key|credential)s?$")
@@ -218,7 +219,7 @@ async def gather_bundle(
     if problem := figures.get("not_asked"):
         files["daemon.txt"] = f"{problem}\n"
     secrets = [context.credentials.token or "", *secrets_in(settings.api.token_file, settings.api.tls_key)]
-    secrets += texts_in(settings.plugins.settings)
+    secrets += [*texts_in(settings.plugins.settings), *secrets_of(settings)]
     write_bundle(bundle, files, Redactor(secrets), recordings)
 
 

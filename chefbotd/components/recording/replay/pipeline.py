@@ -177,7 +177,7 @@ class Pipeline:
     def _observe(self, group: EntryGroup) -> str:
         if not group.followers:
             return "the event that was observed is not in the recording"
-        event = decoded(group.followers[0])
+        event = decoded(group.followers[0], self._daemon.strangers_events)
         if isinstance(event, WorkerReported):
             self._follow_worker(event)
         self._daemon.bus.publish(event)

@@ -3,6 +3,7 @@
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
+from types import MappingProxyType
 from typing import Any
 
 from chefbotd import __version__
@@ -19,6 +20,8 @@ NOT_COMPARED = OF_THE_RECORDER | {"LineSeen"}
 
 MAX_EVENT_BYTES = 32_000_000
 """A state with a lidar has 70 kB, a scan some 60."""
+
+NO_STRANGERS: Mapping[str, type[Any]] = MappingProxyType({})
 
 _ENTRY_NAMES = frozenset(entry.__name__ for entry in ENTRIES)
 _ANSWER_NAMES = frozenset(answer.__name__ for answer in ANSWERS)
@@ -50,13 +53,13 @@ class EntryGroup:
         return [decoded(event) for event in self.followers if event.kind in _ANSWER_NAMES]
 
 
-def decoded(recorded: Recorded) -> Any:
-    """The event itself.
+def decoded(recorded: Recorded, strangers: Mapping[str, type[Any]] = NO_STRANGERS) -> Any:
+    """The event itself; ``strangers`` are the classes of the events of strangers' components.
 
     Raises:
         NotReplayable: it is not what its class says.
     """
-    event_class = class_of(recorded.kind)
+    event_class = strangers.get(recorded.kind) or class_of(recorded.kind)
     if len(recorded.payload) > MAX_EVENT_BYTES:
         size = f"{len(recorded.payload)} bytes, expected at most {MAX_EVENT_BYTES}"
         raise NotReplayable(f"message {recorded.sequence}: a {recorded.kind} of {size}")

@@ -32,6 +32,7 @@ from chefbotd.rpc.method import Method
 from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.settings import Settings
 from chefbotd.settings.errors import explain, with_new_names
+from chefbotd.settings.sections import model_for
 
 LOOKING = NOT_HANDLED | {"set_client_name", "get_pid", "get_description"}
 WHY = "this is a replay: it cannot be driven, stopped or changed"
@@ -154,9 +155,10 @@ def settings_of(configuration: str) -> Settings:
     """
     try:
         recorded = with_new_names(msgspec.json.decode(configuration, type=dict[str, Any]))
-        return Settings.model_validate_json(msgspec.json.encode(recorded), strict=True)
+        model = model_for(recorded, Settings)
+        return model.model_validate_json(msgspec.json.encode(recorded), strict=True)
     except ValidationError as error:
-        wrong = explain(error, Settings, recorded, {}, "").replace("\n", "; ")
+        wrong = explain(error, model, recorded, {}, "").replace("\n", "; ")
         raise NotReplayable(
             f"the configuration in the recording is not one of this version: {wrong[:500]}; "
             "the version that recorded it replays it ('chefbotctl log info' tells which)"

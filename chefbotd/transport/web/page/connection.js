@@ -22,6 +22,7 @@ export class Connection extends EventTarget {
   #retryMs = 250;
   #rates = new Map();
   #timer = null;
+  #can = null;
 
   constructor(url) {
     super();
@@ -67,13 +68,20 @@ export class Connection extends EventTarget {
 
   // Call ``take`` with the data of each event of a topic that ``begin`` subscribes to, at this rate at the most.
   on(topic, take, rate_hz = 0) {
+    const isNew = !this.#rates.has(topic);
     this.#rates.set(topic, Math.max(rate_hz, this.#rates.get(topic) ?? 0));
+    if (isNew && this.#can) this.#subscribe([topic]).catch(() => {}); // a part that was loaded late
     this.addEventListener(`topic:${topic}`, ({ detail }) => take(detail.data, detail));
   }
 
   // Subscribe to what there is of the topics that the page shows.
   begin(can) {
-    const topics = [...this.#rates.keys()].filter((topic) => can.has(`topic.${topic}`));
+    this.#can = can;
+    return this.#subscribe([...this.#rates.keys()]);
+  }
+
+  #subscribe(wanted) {
+    const topics = wanted.filter((topic) => this.#can.has(`topic.${topic}`));
     const rates = new Set(topics.map((topic) => this.#rates.get(topic)));
     return Promise.all([...rates].map((rate) => this.request("subscribe", {
       topics: topics.filter((topic) => this.#rates.get(topic) === rate), ...(rate ? { max_rate_hz: rate } : {}),
@@ -125,6 +133,7 @@ export class Connection extends EventTarget {
   #lost(retry) {
     const waiting = [...this.#waiting.values()];
     this.#waiting.clear();
+    this.#can = null;
     this.#pinged = 0;
     this.stalled = true;
     this.#say("closed", null);

@@ -2,6 +2,7 @@
 
 import { Agents } from "./agents.js";
 import { Calibration } from "./calibration.js";
+import { addComponents } from "./components.js";
 import { Connection } from "./connection.js";
 import { Costs } from "./costs.js";
 import { $, text } from "./dom.js";
@@ -55,7 +56,14 @@ async function ask(method, params) {
   }
 }
 
+let permitted = null;
+addComponents({ connection, ask, say, view }, (part) => {
+  parts.push(part);
+  if (permitted) part.begin(permitted);
+});
+
 new Login(connection, (can) => {
+  permitted = can;
   driver.allowed = can.has("method.drive");
   $("driving").hidden = !driver.allowed;
   $("goal-part").hidden = !can.has("method.navigate_to");

@@ -1,0 +1,118 @@
+"""The door: what a component, ours or a stranger's, offers to the daemon, the worker, ``chefbotctl`` and the page.
+
+A component is one folder and one section of the configuration. Whatever is slow to load is named by a reference,
+``module:attribute``, and loaded when it is needed.
+"""
+
+from collections.abc import Callable, Iterator, Mapping
+from enum import StrEnum
+from importlib import import_module
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
+
+from msgspec import Struct
+
+if TYPE_CHECKING:
+    from chefbotd.core.parameters import Parameters
+
+API_VERSION: Final = 1
+"""What a component may rely on: this module, its ``Context`` but for ``parts``, ``Feature``, and what
+docs/adding_a_component.md names. It rises with each change that breaks a component."""
+
+Reference: TypeAlias = str
+"""``package.module:attribute``."""
+
+
+class SectionForm(StrEnum):
+    """How a section stands in the configuration: a table, one that the robot may lack, or a list of tables."""
+
+    TABLE = "table"
+    OPTIONAL = "optional"
+    LIST = "list"
+
+
+class StatusRow(Struct, frozen=True):
+    """A row of ``chefbotctl status``: ``fact`` makes a ``cli.common.state_text.Fact`` of the data of ``topic``.
+
+    It stands behind the row of the topic ``after`` (empty: at the end). A row that ``ages`` is faint when it is old.
+    """
+
+    topic: str
+    fact: Reference
+    after: str = ""
+    ages: bool = False
+
+
+class PagePart(Struct, frozen=True):
+    """A card of the page: the JavaScript ``file`` beside the module ``package``, whose default export is its class.
+
+    The card is a section of the page in the column ``column`` (``left`` or ``right``), before the element with the id
+    ``before`` (empty: at its end).
+    """
+
+    package: str
+    file: str
+    column: str = "right"
+    before: str = ""
+
+
+class Component(Struct, frozen=True, kw_only=True):
+    """One capability. ``api`` is the ``API_VERSION`` that it was written for, as a number of its own.
+
+    ``build`` makes its feature, or a list of them, of a ``component_context.Context``; what it raises is said, and the
+    daemon runs without the component.
+
+    ``section`` is the class of its section, which stands in the configuration under the component's name; ``paths`` are
+    its keys that are paths from the configuration's folder. ``check`` is called with the section and all settings, and
+    yields a sentence for everything that does not fit together.
+
+    ``events`` are the classes of its events, for those who read a recording. A component that publishes what came from
+    outside does so by ``context.clock.observe``: a replay takes it from the recording. ``skills`` run in the worker,
+    each made with the section as JSON and the worker's clock. ``commands`` are those of ``chefbotctl`` by name.
+    """
+
+    name: str
+    api: int
+    build: Callable[[Any], Any] | Reference | None = None
+    section: "type[Parameters] | Reference | None" = None
+    form: SectionForm = SectionForm.TABLE
+    paths: tuple[str, ...] = ()
+    check: Callable[[Any, Any], Iterator[str]] | Reference | None = None
+    events: tuple[type[Any] | Reference, ...] = ()
+    skills: Mapping[str, Reference] = {}
+    commands: Mapping[str, Reference] = {}
+    status: tuple[StatusRow, ...] = ()
+    page: tuple[PagePart, ...] = ()
+
+
+def resolve(reference: Any) -> Any:
+    """What a reference names; anything but a text is returned as it is.
+
+    Raises:
+        ImportError: there is no such module; AttributeError: it has no such attribute.
+    """
+    if not isinstance(reference, str):
+        return reference
+    module, _, name = reference.partition(":")
+    return getattr(import_module(module), name)
+
+
+PLUGIN_API_VERSION: Final = 1
+
+
+class PluginContext(Struct, frozen=True):
+    """What a plug-in is built with: ``settings`` are the keys of ``[plugins.settings.NAME]``, not checked by anybody."""
+
+    bus: Any
+    clock: Any
+    robot_name: str
+    settings: Mapping[str, Any]
+
+
+class Plugin(Struct, frozen=True):
+    """The simplest component, which an entry point of the group ``chefbotd.features`` refers to: ``build`` alone.
+
+    ``api`` is the ``PLUGIN_API_VERSION`` that it was written for, as a number of its own.
+    """
+
+    api: int
+    build: Callable[[PluginContext], Any]

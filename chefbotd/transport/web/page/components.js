@@ -1,0 +1,22 @@
+// The cards of components: each is a module that the daemon serves, and stands where its component says.
+
+import { element } from "./dom.js";
+import { CARDS } from "./cards.js";
+
+// Call ``add`` with each card that can be loaded; one that cannot is left out, and the console says why.
+export function addComponents(page, add) {
+  for (const { name, module, column, before } of CARDS) {
+    import(module).then(({ default: Card }) => add(new Card({ ...page, section: place(name, column, before) })))
+      .catch((error) => console.warn(`the card of the component ${name} is left out: ${error}`));
+  }
+}
+
+// Its section, which the card shows once it has something to say.
+function place(name, column, before) {
+  const section = element("section", "", { id: `${name}-part`, hidden: true });
+  const columns = document.querySelectorAll(".side .column");
+  const where = document.getElementById(before);
+  if (where) where.before(section);
+  else columns[column === "left" ? 0 : columns.length - 1].append(section);
+  return section;
+}
