@@ -10,11 +10,12 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
+from chefbotd.component_list import FIRST, OWN
 from chefbotd.composition.calibration import calibration
-from chefbotd.composition.components import build_strangers
-from chefbotd.composition.context import Context, DepthSpawn, FeatureBuilder, StartWriter
+from chefbotd.composition.components import Built, build_own, build_strangers
+from chefbotd.composition.context import Context, DaemonParts, DepthSpawn, FeatureBuilder, StartWriter
 from chefbotd.composition.maps import map_features
-from chefbotd.composition.network import discovery, foxglove, page_server, recording
+from chefbotd.composition.network import page_server, recording
 from chefbotd.composition.robot import board_session, drive_service, robot_features, simulation
 from chefbotd.composition.scanners import depth_cameras, lidars
 from chefbotd.core.events.inputs import BOARD_LINK, DaemonStarted, DaemonStopping, ServiceFailed
@@ -116,7 +117,6 @@ class Daemon:
         )
         self.server = TcpServer(self.rpc, settings.api, guard.tls)
         self.page = page_server(settings, self.rpc, guard, self.metrics, self._page_parts)
-        self.features += discovery(settings, self.server, self.page)
         self.state = self._state()
         self._add_metrics()
 
@@ -124,12 +124,14 @@ class Daemon:
         self, context: Context, further: Sequence[FeatureBuilder], board_feature: Feature
     ) -> list[Feature]:
         """Each with its services and handlers; what records sees everything first, and the board is opened last."""
-        recorders = [*recording(context, lambda: self.state), *foxglove(context)]
+        parts, built = self._parts(context), Built()
+        recorders = [*recording(context, lambda: self.state), *build_own(FIRST, parts, None, built)]
         others = [build(self.bus, context.clock) for build in further]
         scanners = lidars(context)
         on_maps, self.worker = map_features(context, self.driving, self.leases)
         cameras = depth_cameras(context)
-        own = robot_features(context, self.driving, self.limit_preview, self.leases, self.metrics)
+        basic = robot_features(context, self.driving, self.limit_preview, self.leases)
+        own = build_own(OWN, parts, self.worker, built)
         calibrated = calibration(context, self.driving, self.leases)
         packaged = [
             *recorders,
@@ -137,16 +139,35 @@ class Daemon:
             *scanners,
             *on_maps,
             *cameras,
+            *basic,
             *own,
             *calibrated,
             *simulation(context),
         ]
-        strangers = build_strangers(
-            context, self.driving, self.leases, self.worker, [*packaged, board_feature]
+        strangers = build_strangers(parts, self.worker, built, [*packaged, board_feature])
+        self._plugins, self._page_parts, self.strangers_events = (
+            tuple(built.descriptions),
+            built.page,
+            built.events,
         )
-        self._plugins, self._page_parts = tuple(strangers.descriptions), strangers.page
-        self.strangers_events = strangers.events
-        return [*packaged, *strangers.features, board_feature]
+        return [*packaged, *strangers, board_feature]
+
+    def _parts(self, context: Context) -> DaemonParts:
+        """What components of ours are built with; the servers come later, as they need every method first."""
+        return DaemonParts(
+            context,
+            self.driving,
+            self.leases,
+            self.metrics,
+            lambda: self.state,
+            lambda: self.server.address(),
+            self._page_address if context.settings.page.enabled else None,
+        )
+
+    async def _page_address(self) -> tuple[str, int]:
+        if self.page is None:
+            raise RuntimeError("the page is not served")
+        return await self.page.address()
 
     def _rpc_server(self, settings: Settings, guard: Guard) -> RpcServer:
         methods, topics = methods_and_topics(self.features)

@@ -55,6 +55,18 @@ class PagePart(Struct, frozen=True):
     before: str = ""
 
 
+class Extra(Struct, frozen=True):
+    """What a component needs that is not installed with chefbotd: the ``packages`` of the extra ``name``."""
+
+    name: str
+    packages: tuple[str, ...]
+
+
+def _always(section: Any, settings: Any) -> bool:
+    """A component without a choice."""
+    return True
+
+
 class Component(Struct, frozen=True, kw_only=True):
     """One capability. ``api`` is the ``API_VERSION`` that it was written for, as a number of its own.
 
@@ -64,6 +76,10 @@ class Component(Struct, frozen=True, kw_only=True):
     ``section`` is the class of its section, which stands in the configuration under the component's name; ``paths`` are
     its keys that are paths from the configuration's folder. ``check`` is called with the section and all settings, and
     yields a sentence for everything that does not fit together.
+
+    It is built if it is ``wanted``, by its section and the whole settings; it then needs its ``extra``. One that serves
+    others than the socket's clients, or tells them of the robot, is ``outward``: neither a replay nor a private daemon
+    builds it, as its section is not ``enabled`` then. ``page_hosts`` are names under which browsers may open the page.
 
     ``events`` are the classes of its events, for those who read a recording. A component that publishes what came from
     outside does so by ``context.clock.observe``: a replay takes it from the recording. ``skills`` run in the worker,
@@ -76,6 +92,10 @@ class Component(Struct, frozen=True, kw_only=True):
     section: "type[Parameters] | Reference | None" = None
     form: SectionForm = SectionForm.TABLE
     paths: tuple[str, ...] = ()
+    wanted: Callable[[Any, Any], bool] = _always
+    extra: Extra | None = None
+    outward: bool = False
+    page_hosts: Callable[[Any, Any], tuple[str, ...]] | Reference | None = None
     check: Callable[[Any, Any], Iterator[str]] | Reference | None = None
     events: tuple[type[Any] | Reference, ...] = ()
     skills: Mapping[str, Reference] = {}

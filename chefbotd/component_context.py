@@ -1,6 +1,7 @@
 """What a component is built with, ours and strangers' alike."""
 
-from typing import TYPE_CHECKING, Generic, TypeVar
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 
 from msgspec import Struct
 
@@ -8,12 +9,46 @@ from chefbotd.bus import Bus
 from chefbotd.entries import Entries
 
 if TYPE_CHECKING:
-    from chefbotd.components.worker.process import Worker
-    from chefbotd.composition.context import Context as DaemonParts
+    from chefbotd.composition.context import DaemonParts
     from chefbotd.driving.inner_driver import InnerDriver
     from chefbotd.settings import Settings
 
 S = TypeVar("S")
+A = TypeVar("A")
+M = TypeVar("M", bound=Struct)
+
+
+class SkillHost(Protocol):
+    """The worker, a process of its own that runs skills (``components.worker.process.Worker``)."""
+
+    @property
+    def is_ready(self) -> bool:
+        """Whether it takes requests."""
+        ...
+
+    def add_skill(self, name: str, reference: str, parameters: bytes) -> None:
+        """Have it load a skill; raises ``ValueError`` where it has one of this name."""
+        ...
+
+    def add_listener(self, skill: str, kind: type[M], listener: Callable[[M], None]) -> None:
+        """Call ``listener`` with the records of this class that this skill tells without having been asked."""
+        ...
+
+    def add_on_ready(self, handler: Callable[[], None]) -> None:
+        """Call ``handler`` each time it has become ready, and knows nothing of what the one before it was sent."""
+        ...
+
+    def tell(self, skill: str, body: Struct) -> None:
+        """Have a skill do something whose answer nobody needs; never waits."""
+        ...
+
+    async def request(self, skill: str, body: Struct, answer: type[A], *, deadline_s: float) -> A:
+        """Have a skill do something, and return what it answers.
+
+        Raises:
+            Refused: it was not done, and why.
+        """
+        ...
 
 
 class Context(Struct, Generic[S], frozen=True):
@@ -30,5 +65,5 @@ class Context(Struct, Generic[S], frozen=True):
     robot_name: str
     settings: "Settings"
     driver: "InnerDriver | None"
-    worker: "Worker | None"
+    worker: SkillHost | None
     parts: "DaemonParts"

@@ -6,8 +6,11 @@ from typing import Final
 
 from chefbotd.component import Component, resolve
 
-OWN: Final[tuple[str, ...]] = ()
-"""In the order in which they are built: what records an event, or takes one first, stands before others."""
+FIRST: Final = ("foxglove",)
+"""Those that take an event before any other part, so that they see it before what follows from it."""
+
+OWN: Final = ("tuning", "statistics", "agents", "discovery")
+"""The others, in the order in which they are built."""
 
 
 @cache
@@ -19,5 +22,5 @@ def own_component(name: str) -> Component:
 
 def own_components() -> Iterator[Component]:
     """Every component of ours."""
-    for name in OWN:
+    for name in (*FIRST, *OWN):
         yield own_component(name)

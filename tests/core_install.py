@@ -95,6 +95,7 @@ OTHERS = (
     "chefbotd completion bash",
     "chefbotd init folder",
     "chefbotd install-service --dry-run --root folder",
+    "chefbotd new-component trip --into component",
     "chefbotd new-plugin trip",
     "chefbotd uninstall-service --dry-run --root folder",
     "chefbotd urdf",

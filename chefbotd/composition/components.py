@@ -6,65 +6,98 @@ from typing import TYPE_CHECKING, Any
 import structlog
 from msgspec.structs import replace
 
+from chefbotd import __version__
 from chefbotd.component import Component, PagePart, resolve
 from chefbotd.component_context import Context as ComponentContext
-from chefbotd.composition.context import Context
+from chefbotd.component_context import SkillHost
+from chefbotd.component_list import FIRST, OWN, own_component, own_components
+from chefbotd.composition.context import Context, DaemonParts
 from chefbotd.entries import entries_of
 from chefbotd.features.feature import Feature, Service, methods_and_topics
 from chefbotd.metrics import Metrics
 from chefbotd.rpc.methods import OWN_METHODS
 from chefbotd.rpc.models import PluginDescription, PluginState
+from chefbotd.settings import Settings
 
 if TYPE_CHECKING:
-    from chefbotd.components.worker.process import Worker
     from chefbotd.driving.inner_driver import InnerDriver
-    from chefbotd.driving.service import DriveService
     from chefbotd.installed import Installed
-    from chefbotd.rpc.control_leases import ControlLeases
 
 log = structlog.get_logger(component="app")
 
-BUILT_LAST = "discovery"
-"""The feature, and its service, that needs the sockets, which need every method first."""
-
 
 class Built:
-    """The features of strangers' components, what became of each, their parts of the page, the classes of events."""
+    """What components bring beside their features: why one is left out, parts of the page, classes of events."""
 
     def __init__(self) -> None:
-        self.features: list[Feature] = []
         self.descriptions: list[PluginDescription] = []
         self.page: list[tuple[str, PagePart]] = []
         self.events: dict[str, type[Any]] = {}
 
 
+def build_own(
+    names: Iterable[str], parts: DaemonParts, worker: SkillHost | None, built: Built
+) -> list[Feature]:
+    """The features of these components of ours that the configuration wants; one that fails is left out."""
+    features: list[Feature] = []
+    for name in names:
+        component = own_component(name)
+        if not is_wanted(component, parts.context.settings):
+            continue
+        try:
+            features += features_of(component, open_door(component, parts, worker))
+        except Exception as error:
+            reason = f"{type(error).__name__}: {error}"
+            log.error("a component is left out", name=name, reason=reason, exc_info=error)
+            built.descriptions.append(
+                PluginDescription(name, "chefbotd", __version__, PluginState.FAILED, reason)
+            )
+        else:
+            built.page += [(name, part) for part in component.page]
+    return features
+
+
 def build_strangers(
-    context: Context,
-    driving: "DriveService",
-    leases: "ControlLeases",
-    worker: "Worker | None",
-    others: Iterable[Feature],
-) -> Built:
+    parts: DaemonParts, worker: SkillHost | None, built: Built, others: Iterable[Feature]
+) -> list[Feature]:
     """The components that the configuration allows; ``others`` are the features that the robot has without them."""
-    built, others = Built(), list(others)
-    for stranger in _strangers(context):
-        before = [*others, *built.features]
-        features, stranger = _built(stranger, context, driving, leases, worker, before)
+    features: list[Feature] = []
+    for stranger in _strangers(parts.context.settings):
+        made, stranger = _built(stranger, parts, worker, [*others, *features])
         name, package, version = stranger.name, stranger.package, stranger.version
         if stranger.component is None:
             log.error("a plug-in is left out", plugin=name, state=str(stranger.state), reason=stranger.reason)
         else:
-            built.features += features
+            features += made
             built.page += [(name, part) for part in stranger.component.page]
             built.events |= _events(stranger.component)
             log.info("plug-in loaded", plugin=name, package=package, version=version)
         built.descriptions.append(PluginDescription(name, package, version, stranger.state, stranger.reason))
-    return built
+    return features
 
 
-def _strangers(context: Context) -> "list[Installed]":
+def is_wanted(component: Component, settings: Settings) -> bool:
+    """Whether the configuration asks for it."""
+    return component.build is not None and component.wanted(section_of(component, settings), settings)
+
+
+def section_of(component: Component, settings: Settings) -> Any:
+    """Its own section; None where it has none."""
+    return None if component.section is None else getattr(settings, component.name)
+
+
+def hosts_of_components(settings: Settings) -> list[str]:
+    """The names that components of ours say under which browsers may open the page."""
+    return [
+        host
+        for component in own_components()
+        if component.page_hosts is not None and is_wanted(component, settings)
+        for host in resolve(component.page_hosts)(section_of(component, settings), settings)
+    ]
+
+
+def _strangers(settings: Settings) -> "list[Installed]":
     """As they were found when the configuration was read."""
-    settings = context.settings
     found = {stranger.name: stranger for stranger in settings.strangers}
     if settings.plugins.allow:
         from chefbotd.installed import find_installed
@@ -75,16 +108,11 @@ def _strangers(context: Context) -> "list[Installed]":
 
 def brings_skills(context: Context) -> bool:
     """Whether an allowed component has a skill for the worker."""
-    return any(stranger.component and stranger.component.skills for stranger in _strangers(context))
+    return any(stranger.component and stranger.component.skills for stranger in _strangers(context.settings))
 
 
 def _built(
-    stranger: "Installed",
-    context: Context,
-    driving: "DriveService",
-    leases: "ControlLeases",
-    worker: "Worker | None",
-    others: list[Feature],
+    stranger: "Installed", parts: DaemonParts, worker: SkillHost | None, others: list[Feature]
 ) -> "tuple[list[Feature], Installed]":
     """Its features; without any where it is left out, which it then says."""
     component = stranger.component
@@ -94,7 +122,7 @@ def _built(
 
     try:
         with limited_time(stranger.name):
-            opened = open_door(component, context, driving, leases, worker)
+            opened = open_door(component, parts, worker)
             features = features_of(component, opened)
             _check(features, others)
             _check_events(component)
@@ -106,36 +134,28 @@ def _built(
     return [_guarded(feature, stranger.name, opened.driver) for feature in features], stranger
 
 
-def open_door(
-    component: Component,
-    context: Context,
-    driving: "DriveService",
-    leases: "ControlLeases",
-    worker: "Worker | None",
-) -> ComponentContext[Any]:
+def open_door(component: Component, parts: DaemonParts, worker: SkillHost | None) -> ComponentContext[Any]:
     """What the component is built with."""
-    settings = context.settings
+    context = parts.context
     return ComponentContext(
-        section=None if component.section is None else getattr(settings, component.name),
+        section=section_of(component, context.settings),
         bus=context.bus,
         clock=entries_of(context.clock),
-        robot_name=settings.robot.name,
-        settings=settings,
-        driver=_driver(component.name, context, driving, leases),
+        robot_name=context.settings.robot.name,
+        settings=context.settings,
+        driver=_driver(component.name, parts),
         worker=worker,
-        parts=context,
+        parts=parts,
     )
 
 
-def _driver(
-    source: str, context: Context, driving: "DriveService", leases: "ControlLeases"
-) -> "InnerDriver | None":
-    safety = context.settings.safety
+def _driver(source: str, parts: DaemonParts) -> "InnerDriver | None":
+    safety = parts.context.settings.safety
     if source not in safety.sources:
         return None
     from chefbotd.driving.inner_driver import InnerDriver
 
-    return InnerDriver(driving, leases, context.clock, source, safety.above(source))
+    return InnerDriver(parts.driving, parts.leases, parts.context.clock, source, safety.above(source))
 
 
 def features_of(component: Component, opened: ComponentContext[Any]) -> list[Feature]:
@@ -200,10 +220,9 @@ def _check_services(feature: Feature) -> None:
 
 def _check_names(feature: Feature, others: list[Feature]) -> None:
     """Raises ValueError where a name is not its own: the log, the faults and a recording name it."""
-    if feature.name in {BUILT_LAST, *[other.name for other in others]}:
+    if feature.name in {*FIRST, *OWN, *[other.name for other in others]}:
         raise ValueError(f"there is a feature named {feature.name!a} already")
     owners = {service.name: other.name for other in others for service in other.services}
-    owners[BUILT_LAST] = BUILT_LAST
     for service in feature.services:
         if service.name in owners:
             raise ValueError(

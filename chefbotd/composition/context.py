@@ -11,12 +11,16 @@ from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.features.feature import Feature
 from chefbotd.link.reconnect import Opener
+from chefbotd.metrics import Metrics
 from chefbotd.settings import Settings
+from chefbotd.snapshot import DaemonState
 
 if TYPE_CHECKING:
     from chefbotd.components.calibration.fit_process import Fitter
     from chefbotd.components.recording.writer import MakeRecorder, Writer
     from chefbotd.components.worker.spawn import Spawn
+    from chefbotd.driving.service import DriveService
+    from chefbotd.rpc.control_leases import ControlLeases
 
 FeatureBuilder: TypeAlias = Callable[[Bus, Clock], Feature]
 
@@ -52,3 +56,18 @@ class Context(Struct, frozen=True):
     def wheel_names(self) -> tuple[str, ...]:
         """The wheels, in the order in which the board counts and commands them."""
         return tuple(wheel.name for wheel in self.settings.chassis.wheels)
+
+
+class DaemonParts(Struct, frozen=True):
+    """What the daemon is made of, for our own components: ``state`` is the state of all, ``socket`` where it listens.
+
+    ``page`` is where the page is; None: it is not served. Both addresses wait until they are listened on.
+    """
+
+    context: Context
+    driving: "DriveService"
+    leases: "ControlLeases"
+    metrics: Metrics
+    state: Callable[[], DaemonState]
+    socket: Callable[[], Awaitable[tuple[str, int]]]
+    page: Callable[[], Awaitable[tuple[str, int]]] | None

@@ -1,4 +1,4 @@
-"""Builds the robot's page and its discovery on the local network."""
+"""Builds the robot's page, and its recorder."""
 
 from typing import TYPE_CHECKING
 
@@ -7,7 +7,6 @@ from chefbotd.metrics import Metrics
 from chefbotd.rpc.access import Guard
 from chefbotd.rpc.server import RpcServer
 from chefbotd.settings import Settings
-from chefbotd.transport.tcp import TcpServer
 
 if TYPE_CHECKING:
     from chefbotd.transport.web.server import PageServer
@@ -18,9 +17,9 @@ from importlib import import_module
 from pathlib import Path
 
 from chefbotd.component import PagePart
+from chefbotd.composition.components import hosts_of_components
 from chefbotd.composition.context import Context
 from chefbotd.composition.robot import robot_description
-from chefbotd.composition.scanners import first_scanner
 from chefbotd.snapshot import DaemonState
 
 
@@ -31,15 +30,14 @@ def page_server(
     metrics: Metrics,
     parts: Sequence[tuple[str, PagePart]] = (),
 ) -> "PageServer | None":
-    """The server of the page. It also accepts the name by which the robot is discovered."""
+    """The server of the page. It also accepts the names that components say, such as the one on the network."""
     if not settings.page.enabled:
         return None
     from chefbotd.transport.web.server import Card, PageServer
 
     parameters = settings.page
-    if settings.discovery.enabled:
-        own = f"{settings.discovery.label(settings.robot.name)}.local".lower()
-        parameters = parameters.model_copy(update={"allowed_hosts": (*parameters.allowed_hosts, own)})
+    hosts = (*parameters.allowed_hosts, *hosts_of_components(settings))
+    parameters = parameters.model_copy(update={"allowed_hosts": hosts})
     cards = [
         Card(
             name,
@@ -50,17 +48,6 @@ def page_server(
         for name, part in parts
     ]
     return PageServer(rpc, parameters, guard, metrics, cards)
-
-
-def discovery(settings: Settings, server: TcpServer, page: "PageServer | None") -> list[Feature]:
-    """The announcement of the socket and of the page."""
-    if not settings.discovery.enabled:
-        return []
-    from chefbotd.components.discovery.service import discovery
-
-    where = None if page is None else page.address
-    encrypted = settings.api.tls_certificate is not None
-    return [discovery(settings.discovery, settings.robot.name, server.address, where, encrypted=encrypted)]
 
 
 def recording(context: Context, state: Callable[[], DaemonState]) -> list[Feature]:
@@ -79,20 +66,9 @@ def recording(context: Context, state: Callable[[], DaemonState]) -> list[Featur
         context.session,
         lambda: settings.model_dump_json(by_alias=True),
         lambda: robot_description(settings)(),
-        first_scanner(settings),
+        settings.first_scanner,
     )
     make = recorder_maker(parameters, folder, made, context.clock.now_s())
     start_writer = partial(context.start_writer, make, round(parameters.queue_mb * 1e6))
     service = RecordingService(context.bus, context.clock, parameters, folder, start_writer, state)
     return [recording(service)]
-
-
-def foxglove(context: Context) -> list[Feature]:
-    """A server for Foxglove."""
-    settings = context.settings
-    if not settings.foxglove.enabled:
-        return []
-    from chefbotd.components.foxglove.service import foxglove
-
-    scanner = first_scanner(settings)
-    return [foxglove(context.bus, context.clock, settings.foxglove, settings.robot.name, scanner)]

@@ -5,9 +5,6 @@ from functools import cache, partial
 
 import structlog
 
-from chefbotd.components.agents.service import agents
-from chefbotd.components.statistics.service import StatsService, statistics
-from chefbotd.components.tuning.service import TuningService, tuning
 from chefbotd.composition.context import Context
 from chefbotd.composition.scanners import scan_guard
 from chefbotd.driving.commands import driving
@@ -26,7 +23,6 @@ from chefbotd.link.port import FirmwareMode
 from chefbotd.link.session import BoardSession
 from chefbotd.link.wheel_loop import WheelLoop, WheelLoopParameters, wheel_loop_parameters
 from chefbotd.link.wires import variant_of
-from chefbotd.metrics import Metrics
 from chefbotd.motion.drive import Drive
 from chefbotd.motion.drive_state import LOADED_SHARE
 from chefbotd.motion.encoder import CountedBy
@@ -112,11 +108,10 @@ def _use_wheel_loop(settings: Settings, wheels: WheelController, loop: WheelLoop
 
 
 def robot_features(
-    context: Context, service: DriveService, preview: LimitPreview, leases: ControlLeases, metrics: Metrics
+    context: Context, service: DriveService, preview: LimitPreview, leases: ControlLeases
 ) -> list[Feature]:
-    """The features for driving, description, statistics, tuning and agents."""
+    """The features for driving, odometry, sensors and description."""
     settings, bus, clock = context.settings, context.bus, context.clock
-    driven = settings.drive.max_duty
     return [
         driving(
             service,
@@ -130,7 +125,6 @@ def robot_features(
             arm_role=settings.api.arm_role,
         ),
         odometry(OdometryService(bus, clock, settings.chassis, settings.odometry, settings.imu)),
-        tuning(TuningService(service.wheels, driven, driven * settings.safety.wheels.driven_duty_share)),
         sensors(
             SensorService(
                 bus,
@@ -140,9 +134,7 @@ def robot_features(
                 battery_parameters=settings.battery,
             )
         ),
-        statistics(StatsService(bus, clock, metrics), metrics, clock),
         description(robot_description(settings)),
-        agents(bus, clock),
     ]
 
 

@@ -37,12 +37,6 @@ def depth_cameras(context: Context) -> list[Feature]:
     return [depth_cameras(settings.depth_camera, context.bus, context.clock, context.rng, spawn, scan)]
 
 
-def first_scanner(settings: Settings) -> str | None:
-    """The scanner whose scans stand for the robot's."""
-    scanners = [lidar.name for lidar in settings.lidar] + [camera.name for camera in settings.depth_camera]
-    return scanners[0] if scanners else None
-
-
 def robot_outline(settings: Settings) -> "Outline":
     """The radius of a disc that contains the robot's body and wheels."""
     from chefbotd.driving.scan_watch import outline_of

@@ -20,6 +20,7 @@ from chefbotd.process.watchdog import Watchdog
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.safety.latch import LatchParameters
 from chefbotd.settings import Settings
+from chefbotd.settings.sections import kept_private
 from chefbotd.transport.parameters import PageParameters
 
 
@@ -34,7 +35,7 @@ def alone(settings: Settings) -> Settings:
         "worker": worker,
         "depth_camera": (),
         "recording": settings.recording.model_copy(update={"enabled": False}),
-        "discovery": settings.discovery.model_copy(update={"enabled": False}),
+        **kept_private(settings),
     }
     return settings.model_copy(update=private)
 

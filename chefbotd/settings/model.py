@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, TypeVar
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from chefbotd.components.localization.parameters import LocalizationSection
 from chefbotd.component_list import own_components
+from chefbotd.components.localization.parameters import LocalizationSection
 from chefbotd.components.mapping.algorithms.parameters import MappingParameters
 from chefbotd.components.maps.storage.parameters import MapsParameters
 from chefbotd.components.navigation.parameters import NavigationSection
@@ -40,7 +40,7 @@ from chefbotd.sensing.infrared import InfraredParameters
 from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.sensing.ultrasonic import UltrasonicParameters
 from chefbotd.settings.sections import with_sections
-from chefbotd.transport.parameters import DiscoveryParameters, FoxgloveParameters, PageParameters
+from chefbotd.transport.parameters import PageParameters
 
 
 class BodyParameters(Parameters):
@@ -140,8 +140,6 @@ class CoreSettings(Parameters):
     recording: RecordingParameters = section()
     api: ApiParameters = section()
     page: PageParameters = section()
-    foxglove: FoxgloveParameters = section()
-    discovery: DiscoveryParameters = section()
     plugins: PluginsParameters = section()
     log: LogParameters = section()
     sim: SimulationParameters = section()
@@ -168,6 +166,12 @@ class CoreSettings(Parameters):
         if not isinstance(section_of_component, kind):
             raise TypeError(f"[{name}] is no {kind.__name__}, but {section_of_component!r}")
         return section_of_component
+
+    @property
+    def first_scanner(self) -> str | None:
+        """The scanner whose scans stand for the robot's."""
+        names = [lidar.name for lidar in self.lidar] + [camera.name for camera in self.depth_camera]
+        return names[0] if names else None
 
     @property
     def body_size_m(self) -> tuple[float, float | None] | None:

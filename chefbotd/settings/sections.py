@@ -102,6 +102,16 @@ def paths_of(model: "type[Settings]") -> list[tuple[str, str]]:
     return [(component.name, key) for component in (*own_components(), *strangers) for key in component.paths]
 
 
+def kept_private(settings: "Settings") -> dict[str, Parameters]:
+    """The sections of what serves others or tells them of the robot, each switched off."""
+    strangers = [stranger.component for stranger in settings.strangers if stranger.component is not None]
+    return {
+        component.name: getattr(settings, component.name).model_copy(update={"enabled": False})
+        for component in (*own_components(), *strangers)
+        if component.outward
+    }
+
+
 def check_components(settings: "Settings", components: Iterable[Component]) -> Iterator[str]:
     """What each component says of its section and of others."""
     for component in components:

@@ -1,4 +1,4 @@
-"""Where the page and Foxglove's server listen, and how the robot is found on the network."""
+"""Where the page listens."""
 
 import re
 from urllib.parse import urlsplit
@@ -6,10 +6,6 @@ from urllib.parse import urlsplit
 from pydantic import Field, field_validator
 
 from chefbotd.core.parameters import Parameters
-from chefbotd.rpc.parameters import is_loopback
-
-LABEL = r"[A-Za-z0-9]([A-Za-z0-9-]{0,61}[A-Za-z0-9])?"
-"""A label of a host's name: RFC 1123, section 2.1."""
 
 
 class PageParameters(Parameters):
@@ -75,50 +71,3 @@ def _origin(text: str) -> str:
         raise ValueError(expected)
     host = f"[{name}]" if ":" in name else name
     return f"{parts.scheme}://{host}" + ("" if port in (None, DEFAULT_PORTS[parts.scheme]) else f":{port}")
-
-
-class FoxgloveParameters(Parameters):
-    """The server for Foxglove, which only shows. Its protocol knows no tokens, so it stays on this computer."""
-
-    enabled: bool = False
-    """Topics are served live to Foxglove; it needs the extra ``foxglove``."""
-    host: str = Field(
-        "127.0.0.1",
-        min_length=1,
-        description="The address to listen on; from elsewhere: ssh -L 8765:localhost:8765",
-    )
-    port: int = Field(8765, ge=0, le=65535, description="The TCP port; 0 lets the system choose")
-
-    @field_validator("host")
-    @classmethod
-    def _stays_here(cls, host: str) -> str:
-        if not is_loopback(host):
-            raise ValueError(
-                f"the protocol of Foxglove knows no tokens, so it is served on this computer only, got {host!r}: "
-                "leave 127.0.0.1, and run ssh -L 8765:localhost:8765 on the other computer"
-            )
-        return host
-
-
-class DiscoveryParameters(Parameters):
-    """``name`` is what the robot is called on the network, with ``.local`` as a host; left out: ``[robot] name``."""
-
-    enabled: bool = False
-    """The robot announces itself on the network; it needs the extra ``discovery``."""
-    name: str | None = Field(
-        None,
-        description='The name on the network, such as "kitchen-bot": letters, digits and hyphens, at most 63',
-    )
-
-    @field_validator("name")
-    @classmethod
-    def _is_a_label(cls, name: str | None) -> str | None:
-        if name is not None and not re.fullmatch(LABEL, name):
-            raise ValueError(
-                f"expected letters, digits and hyphens, at most 63, such as kitchen-bot, got {name!r}"
-            )
-        return name
-
-    def label(self, robot: str) -> str:
-        """The name on the network; a robot's own name may hold what a host's may not."""
-        return self.name or re.sub(r"[^a-z0-9]+", "-", robot.lower()).strip("-")[:63].strip("-") or "chefbot"

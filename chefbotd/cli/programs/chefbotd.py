@@ -19,6 +19,7 @@ from chefbotd.cli.common.exits import Exit, ProgramError, exit_table, require
 from chefbotd.cli.programs.load import load_valid
 from chefbotd.cli.programs.load import simulation as simulation_of
 from chefbotd.cli.programs.program import CommandGroup, completion, wants_json
+from chefbotd.component_list import own_components
 from chefbotd.process import signals
 
 if TYPE_CHECKING:
@@ -191,14 +192,14 @@ def _given(options: Mapping[str, object]) -> dict[str, object]:
 
 def _require_extras(settings: "Settings") -> None:
     """See that what the configuration wants is installed, before anything is begun."""
-    if settings.foxglove.enabled:
-        require("foxglove", "foxglove")
     if settings.page.enabled:
         require("page", "aiohttp", "websockets", "prometheus_client")
     if settings.recording.auto_start:  # what keeps only the last minutes runs without
         require("recording", "mcap", "zstandard", "lz4")
-    if settings.discovery.enabled:
-        require("discovery", "zeroconf", "ifaddr")
+    for component in own_components():
+        section = getattr(settings, component.name, None)
+        if component.extra is not None and component.wanted(section, settings):
+            require(component.extra.name, *component.extra.packages)
 
 
 @main.command()
@@ -279,7 +280,7 @@ def check_config(ctx: click.Context, path: Path | None, shows_all: bool) -> None
 
 main.add_late("chefbotd.cli.programs.chefbotd", "init", "urdf")
 main.add_late("chefbotd.components.recording.cli.replay", "replay")
-main.add_late("chefbotd.cli.programs.new_plugin", "new-plugin")
+main.add_late("chefbotd.cli.programs.new_component", "new-component", "new-plugin")
 main.add_late("chefbotd.cli.programs.service", "install-service", "uninstall-service")
 main.add_command(completion)
 

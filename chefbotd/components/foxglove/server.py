@@ -6,8 +6,8 @@ from typing import Any
 import foxglove
 from foxglove.websocket import ServerListener
 
+from chefbotd.components.foxglove.parameters import FoxgloveParameters
 from chefbotd.components.recording.chunk import McapChannel
-from chefbotd.transport.parameters import FoxgloveParameters
 
 
 class _Subscriptions(ServerListener):

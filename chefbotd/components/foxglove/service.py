@@ -9,6 +9,7 @@ import structlog
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
+from chefbotd.components.foxglove.parameters import FoxgloveParameters
 from chefbotd.components.recording.chunk import Channels, McapChannel
 from chefbotd.components.recording.encoder import REPEATED, Encoder, MapEvent
 from chefbotd.components.recording.foxglove import MapDrawer, ReadMap
@@ -16,7 +17,6 @@ from chefbotd.components.recording.recorder_thread import read_map
 from chefbotd.entries import entries_of
 from chefbotd.features.feature import Feature, Service
 from chefbotd.logs import RateLimitedLog
-from chefbotd.transport.parameters import FoxgloveParameters
 
 log = structlog.get_logger(component="foxglove")
 

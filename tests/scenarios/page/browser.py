@@ -47,6 +47,7 @@ class RunningRobot:
         name: str = "chefbot",
         device: Path | None = None,
         origins: Sequence[str] = (),
+        allow: str = "",
         more: str = "",
     ) -> None:
         self.api_port, self.page_port, self.token = reserve_port(), reserve_port(), token
@@ -63,6 +64,8 @@ class RunningRobot:
         if origins:
             text = text.replace("[page]\n", f"[page]\norigins = {json.dumps(list(origins))}\n")
         self._configuration, self._log_path = folder / "robot.toml", folder / "log"
+        if allow:
+            text = text.replace("[plugins]\n", f'[plugins]\nallow = ["{allow}"]\n')
         self._configuration.write_text(text + more)
         self.start()
 

@@ -20,8 +20,7 @@ def test_its_card_stands_where_it_says_shows_its_topic_and_calls_its_method(
     sensor.write_text("1000.0")
     searched = os.environ.get("PYTHONPATH", "")
     monkeypatch.setenv("PYTHONPATH", os.pathsep.join(filter(None, [str(STRANGER), searched])))
-    more = f'\n[plugins]\nallow = ["pressure"]\n\n[pressure]\nfile = "{sensor}"\n'
-    robot = RunningRobot(tmp_path, more=more)
+    robot = RunningRobot(tmp_path, allow="pressure", more=f'\n[pressure]\nfile = "{sensor}"\n')
     try:
         open_page(page, robot)
         sync_api.expect(page.locator("#pressure-part")).to_be_hidden()
@@ -53,8 +52,8 @@ def test_a_card_that_cannot_be_loaded_is_left_out_and_the_page_works(
     (broken / "chefbot_pressure" / "card.js").write_text("throw new Error('broken');")
     (tmp_path / "hpa").write_text("1000.0")
     monkeypatch.setenv("PYTHONPATH", str(broken))
-    more = f'\n[plugins]\nallow = ["pressure"]\n\n[pressure]\nfile = "{tmp_path / "hpa"}"\n'
-    robot = RunningRobot(tmp_path, more=more)
+    more = f'\n[pressure]\nfile = "{tmp_path / "hpa"}"\n'
+    robot = RunningRobot(tmp_path, allow="pressure", more=more)
     try:
         open_page(page, robot)
         page.get_by_role("button", name="Stop Space").click()

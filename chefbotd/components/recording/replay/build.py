@@ -13,6 +13,7 @@ from chefbotd.rpc.parameters import Role
 from chefbotd.safety.faults import FaultKind
 from chefbotd.safety.gate import GateState, Mode
 from chefbotd.settings import Settings
+from chefbotd.settings.sections import kept_private
 
 
 class RecordedLatch:
@@ -103,7 +104,4 @@ def _without_files(settings: Settings, listen: tuple[str, int] | None) -> Settin
         update={"enabled": listen is not None and find_spec("aiohttp") is not None, "host": host}
     )
     robot = settings.robot.model_copy(update={"description": None})
-    foxglove = settings.foxglove.model_copy(update={"enabled": False})
-    discovery = settings.discovery.model_copy(update={"enabled": False})
-    sections = {"api": api, "page": page, "robot": robot, "foxglove": foxglove, "discovery": discovery}
-    return settings.model_copy(update=sections)
+    return settings.model_copy(update={"api": api, "page": page, "robot": robot, **kept_private(settings)})

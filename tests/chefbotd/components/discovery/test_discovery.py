@@ -13,10 +13,10 @@ from chefbotd.client import discovery
 from chefbotd.client.discovery import find, robots
 from chefbotd.clock import ManualClock, run_virtual
 from chefbotd.components.discovery.announcement import Announcement, read
+from chefbotd.components.discovery.parameters import DiscoveryParameters
 from chefbotd.components.discovery.service import DiscoveryService, Multicast, NameTaken
 from chefbotd.process.build import build
 from chefbotd.settings import load
-from chefbotd.transport.parameters import DiscoveryParameters
 from tests.waiting import PATIENCE_S
 
 LOOPBACK = ["127.0.0.1"]

@@ -13,12 +13,12 @@ from websockets.asyncio.client import ClientConnection, connect
 
 from chefbotd.bus import Bus
 from chefbotd.clock import SystemClock
+from chefbotd.components.foxglove.parameters import FoxgloveParameters
 from chefbotd.components.foxglove.server import FoxgloveServer
 from chefbotd.components.foxglove.service import EXCLUDED, FoxgloveService
 from chefbotd.components.recording.classes import class_of, event_names
 from chefbotd.core.events.robot import EventsDropped
 from chefbotd.settings import SettingsError, load, packaged
-from chefbotd.transport.parameters import FoxgloveParameters
 from tests.chefbotd.components.recording.events import cycle, example, fault
 from tests.waiting import PATIENCE_S
 

@@ -1,16 +1,20 @@
-"""docs/adding_a_feature.md shows a feature that works as it stands."""
+"""docs/adding_a_component.md shows the component that ``chefbotd new-component`` writes, and it works as it stands."""
 
 import asyncio
 import math
+import os
 import re
+import subprocess
 import sys
 import types
 from pathlib import Path
 from typing import Any
 
 import pytest
+from click.testing import CliRunner
 
 from chefbotd.bus import Bus
+from chefbotd.cli.programs.chefbotd import main
 from chefbotd.client import CallError
 from chefbotd.client import models as client_models
 from chefbotd.clock import ManualClock, run_virtual
@@ -21,7 +25,7 @@ from chefbotd.rpc.method import Method, method
 from chefbotd.rpc.models import NoParams
 from chefbotd.rpc.parameters import Role
 from chefbotd.rpc.topics import Topic
-from chefbotd.settings import load
+from chefbotd.settings import SettingsError, load
 from chefbotd.snapshot import DaemonState, encoded
 from chefbotd.testing.board import ScriptedBoard
 from chefbotd.testing.daemon import running_daemon
@@ -31,16 +35,70 @@ from tests.chefbotd.client.generate import written
 from tests.chefbotd.rpc.test_guarded import broken_rules
 from tests.fakes.robot import methods_of_socket, topics_of
 
-PAGE = Path(__file__).parents[3] / "docs" / "adding_a_feature.md"
+PAGE = Path(__file__).parents[2] / "docs" / "adding_a_component.md"
 pytestmark = pytest.mark.skipif(
     not PAGE.exists(), reason="the documentation is not part of an installed package"
 )
 
 
+def shown_files() -> dict[str, str]:
+    """The files on the page by their names."""
+    text = PAGE.read_text(encoding="utf-8")
+    shown = re.findall(r"^`(chefbot_trip/\S+)` .*?```\w+\n(.*?)```", text, re.DOTALL | re.MULTILINE)
+    return dict(shown)
+
+
+@pytest.fixture
+def trip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The package that the command writes, installed."""
+    made = tmp_path / "made"
+    done = CliRunner().invoke(main, ["new-component", "trip", "--into", str(made)])
+    assert done.exit_code == 0, done.output
+    information = made / "chefbot_trip-0.1.0.dist-info"
+    information.mkdir()
+    (information / "METADATA").write_text("Metadata-Version: 2.1\nName: chefbot-trip\nVersion: 0.1.0\n")
+    points = re.findall(
+        r'^(\[project\.entry-points\."chefbotd.components"\]\n.*)$',
+        (made / "pyproject.toml").read_text(),
+        re.MULTILINE,
+    )
+    assert points == ['[project.entry-points."chefbotd.components"]\ntrip = "chefbot_trip:COMPONENT"']
+    (information / "entry_points.txt").write_text("[chefbotd.components]\ntrip = chefbot_trip:COMPONENT\n")
+    monkeypatch.syspath_prepend(str(made))
+    for name in [name for name in sys.modules if name.partition(".")[0] == "chefbot_trip"]:
+        monkeypatch.delitem(sys.modules, name)
+    return made
+
+
+def test_the_page_shows_what_the_command_writes(trip: Path) -> None:
+    """Every file that it shows, to the letter."""
+    shown = shown_files()
+    assert {"chefbot_trip/__init__.py", "chefbot_trip/service.py", "chefbot_trip/card.js"} <= shown.keys()
+    assert {name: (trip / name).read_text(encoding="utf-8") for name in shown} == shown
+
+
+def test_a_new_component_passes_its_own_tests_and_runs(trip: Path) -> None:
+    """Allowed, it is a method, a topic and a section; a wrong value of its section is refused by its name."""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([str(trip), *sys.path])}
+    command = [sys.executable, "-m", "pytest", "-q", "-p", "no:cacheprovider", f"--rootdir={trip}", str(trip)]
+    run = subprocess.run(command, capture_output=True, text=True, env=environment, check=False)
+    assert run.returncode == 0, run.stdout
+    settings = load(overrides={"plugins.allow": ["trip"], "trip.wheel": 1})
+
+    async def scenario() -> None:
+        async with running_daemon(FakeSerialDevice(), settings) as client:
+            assert {"method.reset_trip", "topic.trip"} <= set(client.hello.capabilities)
+            assert (await client.call("reset_trip")) == {"turned_rad": 0.0}
+
+    run_virtual(scenario())
+    with pytest.raises(SettingsError, match=r"trip.wheel: input should be less than or equal to 1 \(got 7\)"):
+        load(overrides={"plugins.allow": ["trip"], "trip.wheel": 7})
+
+
 @pytest.fixture
 def shown(monkeypatch: pytest.MonkeyPatch) -> types.ModuleType:
-    """The page's code as a module."""
-    (code,) = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
+    """The page's code of the service, as a module."""
+    code = shown_files()["chefbot_trip/service.py"]
     module = types.ModuleType("page")
     monkeypatch.setitem(sys.modules, "page", module)
     exec(compile(code, str(PAGE), "exec"), vars(module))
@@ -67,7 +125,10 @@ def test_the_worked_example_runs(shown: types.ModuleType) -> None:
             assert (await client.call("reset_trip"))["turned_rad"] == 2.5
             assert (await client.call("get_stats"))["trip_resets"] == 2
             described = await client.call("describe")
-            assert described["methods"]["reset_trip"]["summary"] == "End the trip, and begin another."
+            assert (
+                described["methods"]["reset_trip"]["summary"]
+                == "Begin again; answers how far the wheel had turned."
+            )
             assert described["methods"]["reset_trip"]["role"] == "drive"
             assert described["topics"]["stats"]["data"]["properties"]["trip_resets"]["type"] == "integer"
 
@@ -119,8 +180,14 @@ def test_one_command_writes_all_else_that_the_worked_example_needs(
     assert "from page import TripData as TripData, TripEnded as TripEnded" in files["models.py"]
     assert '"trip": TripData' in files["models.py"]
     entry = entries_of(files["api.md"])["reset_trip"]
-    assert entry[:3] == ("End the trip, and begin another.", "`turned_rad` = 0.0", "`turned_rad`")
-    assert "| `trip` | How far the first wheel has turned since the trip began" in files["api.md"]
+    assert entry[:3] == (
+        "Begin again; answers how far the wheel had turned.",
+        "`turned_rad` = 0.0",
+        "`turned_rad`",
+    )
+    assert (
+        "| `trip` | How far the wheel has turned, in either direction, since it was reset" in files["api.md"]
+    )
     ((request, answer),) = entry.examples
     assert (request["method"], answer["result"]) == ("reset_trip", {"turned_rad": 1.0})
 
