@@ -77,9 +77,9 @@ class Component(Struct, frozen=True, kw_only=True):
     its keys that are paths from the configuration's folder. ``check`` is called with the section and all settings, and
     yields a sentence for everything that does not fit together.
 
-    It is built if it is ``wanted``, by its section and the whole settings; it then needs its ``extra``. One that serves
-    others than the socket's clients, or tells them of the robot, is ``outward``: neither a replay nor a private daemon
-    builds it, as its section is not ``enabled`` then. ``page_hosts`` are names under which browsers may open the page.
+    It is built where its section and the whole settings say that it ``is_enabled``, and then needs its ``extra``. One
+    that serves others than the socket's clients, or tells them of the robot, is ``outward``: a replay and a private
+    daemon switch its section's ``enabled`` off. ``page_hosts`` are names under which browsers may open the page.
 
     ``events`` are the classes of its events, for those who read a recording. A component that publishes what came from
     outside does so by ``context.clock.observe``: a replay takes it from the recording. ``skills`` run in the worker,
@@ -92,7 +92,7 @@ class Component(Struct, frozen=True, kw_only=True):
     section: "type[Parameters] | Reference | None" = None
     form: SectionForm = SectionForm.TABLE
     paths: tuple[str, ...] = ()
-    wanted: Callable[[Any, Any], bool] = _always
+    is_enabled: Callable[[Any, Any], bool] = _always
     extra: Extra | None = None
     outward: bool = False
     page_hosts: Callable[[Any, Any], tuple[str, ...]] | Reference | None = None

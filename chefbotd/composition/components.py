@@ -78,7 +78,7 @@ def build_strangers(
 
 def is_wanted(component: Component, settings: Settings) -> bool:
     """Whether the configuration asks for it."""
-    return component.build is not None and component.wanted(section_of(component, settings), settings)
+    return component.build is not None and component.is_enabled(section_of(component, settings), settings)
 
 
 def section_of(component: Component, settings: Settings) -> Any:
@@ -98,11 +98,11 @@ def hosts_of_components(settings: Settings) -> list[str]:
 
 def _strangers(settings: Settings) -> "list[Installed]":
     """As they were found when the configuration was read."""
-    found = {stranger.name: stranger for stranger in settings.strangers}
+    by_name = {stranger.name: stranger for stranger in settings.strangers}
     if settings.plugins.allow:
         from chefbotd.installed import find_installed
 
-        return [found.get(name) or find_installed(name) for name in settings.plugins.allow]
+        return [by_name.get(name) or find_installed(name) for name in settings.plugins.allow]
     return []
 
 

@@ -198,7 +198,7 @@ def _require_extras(settings: "Settings") -> None:
         require("recording", "mcap", "zstandard", "lz4")
     for component in own_components():
         section = getattr(settings, component.name, None)
-        if component.extra is not None and component.wanted(section, settings):
+        if component.extra is not None and component.is_enabled(section, settings):
             require(component.extra.name, *component.extra.packages)
 
 

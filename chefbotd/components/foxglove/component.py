@@ -23,7 +23,7 @@ COMPONENT = Component(
     api=API_VERSION,
     section="chefbotd.components.foxglove.parameters:FoxgloveParameters",
     build=build,
-    wanted=lambda section, settings: section.enabled,
+    is_enabled=lambda section, settings: section.enabled,
     extra=Extra("foxglove", ("foxglove",)),
     outward=True,
 )
