@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from benchmarks.figures import Figure, Outcome, percentile
+from chefbotd.components.navigation.algorithms.grid import placed
 from chefbotd.components.navigation.algorithms.interface import Seen
 from chefbotd.components.navigation.algorithms.path import Goal
 from chefbotd.components.navigation.algorithms.states import End
@@ -130,8 +131,13 @@ def renewed(seed: int, per_s: float) -> float:
     return math.dist((drive.pose.x_m, drive.pose.y_m), (start.x_m, start.y_m))
 
 
-def squeezed(seed: int, wider_m: float, *, is_door: bool = False) -> Run:
-    """Through a corridor of 2 m, or a door, so much wider than the robot; its walls are anywhere in the map's cells."""
+def squeezed(
+    seed: int, wider_m: float, *, is_door: bool = False, turned_rad: float = 0.0, within_s: float = 90.0
+) -> Run:
+    """Through a corridor of 2 m, or a door, so much wider than the robot; its walls are anywhere in the map's cells.
+
+    The whole room is turned by an angle.
+    """
     chance = np.random.default_rng(seed)
     half_m = (DIAMETER_M + wider_m) / 2
     y_m = 1.5 + float(chance.uniform(0, 0.05))
@@ -141,11 +147,18 @@ def squeezed(seed: int, wider_m: float, *, is_door: bool = False) -> Run:
         at_m = y_m + side * half_m
         far_m = 0.0 if side < 0 else 3.0
         parts += [wall((begin_m, far_m), (begin_m, at_m), (end_m, at_m), (end_m, far_m))]
-    walls = np.vstack(parts)
     start = Pose2D(1.0, y_m + float(chance.uniform(-0.3, 0.3)), float(chance.uniform(-0.5, 0.5)))
-    drive = Situation(rasterised(walls, 6.0, 3.0), walls, start, seed=seed, has_sonar=False)
-    goal = Goal(5.0, 1.5, 0.0) if is_door or seed % 2 else Goal(3.0, y_m, 0.0)
-    return drive.sent(goal, 90.0)
+    end = Pose2D(5.0, 1.5) if is_door or seed % 2 else Pose2D(3.0, y_m)
+    cos, sin = abs(math.cos(turned_rad)), abs(math.sin(turned_rad))
+    width_m, depth_m = 6.0 * cos + 3.0 * sin, 6.0 * sin + 3.0 * cos
+    corner = Pose2D(-3.0, -1.5)
+    turn = Pose2D(width_m / 2, depth_m / 2, turned_rad).compose(corner)
+    walls = np.vstack(parts)
+    walls = np.hstack([placed(turn, walls[:, :2]), placed(turn, walls[:, 2:])])
+    start, end = turn.compose(start), turn.compose(end)
+    grid = rasterised(walls, width_m + 0.1, depth_m + 0.1)
+    drive = Situation(grid, walls, start, seed=seed, has_sonar=False)
+    return drive.sent(Goal(end.x_m, end.y_m, end.heading_rad), within_s)
 
 
 def beside_wall(seed: int, apart_m: float, heading_rad: float) -> Run:

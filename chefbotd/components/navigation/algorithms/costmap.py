@@ -40,9 +40,9 @@ TIGHT_WEIGHT: Final = 3.0
 UNMAPPED_MARGIN_M: Final = 0.04
 """Paths keep at least so far from obstacles that are not on the map: farther than what stops the robot."""
 
-ROUNDING_CELLS: Final = 0.25
-"""So much nearer than the inner radius is still free, since a wall is anywhere in its cell: without it a
-    door at an angle, 10 cm wider than the robot, might be closed in a grid of 5 cm."""
+ROUNDING_CELLS: Final = 0.5
+"""So much nearer than the inner radius is still free, since a wall is anywhere in its cell: without it a door at an
+angle, 6 cm wider than the robot, might be closed in a grid of 5 cm. What is too narrow is measured by the lidar."""
 
 WHERE_IT_WAS_M_S: Final = 0.1
 """So fast the robot drives over a place where a thing of the map was taken away."""

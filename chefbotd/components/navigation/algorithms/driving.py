@@ -4,6 +4,7 @@ import math
 from typing import Final
 
 from chefbotd.components.navigation.algorithms.follower import follow
+from chefbotd.components.navigation.algorithms.grid import Floats
 from chefbotd.components.navigation.algorithms.interface import NavigationParameters, PoseStatus, StepInput
 from chefbotd.components.navigation.algorithms.states import End
 from chefbotd.components.navigation.algorithms.steering import Control, Followed, Track, predicted
@@ -98,9 +99,14 @@ def surroundings(params: NavigationParameters, world: WorldModel, now: StepInput
 
 
 def follow_trip(
-    params: NavigationParameters, world: WorldModel, trip: Trip, now: StepInput, near: Surroundings
+    params: NavigationParameters,
+    world: WorldModel,
+    trip: Trip,
+    now: StepInput,
+    near: Surroundings,
+    points_m: Floats | None = None,
 ) -> Followed:
-    """The next twist along the trip."""
+    """The next twist along the trip; along these points of it, which may lie a little beside."""
     goal, heading_rad = trip.path.goal, None
     if goal.heading_rad is not None:
         end = Pose2D(goal.x_m, goal.y_m, goal.heading_rad)
@@ -108,7 +114,7 @@ def follow_trip(
     limit_m_s = speed_limit_m_s(params, world, now, near.grid_from_base)
     if goal.max_speed_m_s is not None:
         limit_m_s = min(limit_m_s, goal.max_speed_m_s)
-    track = Track(trip.path.points_m, heading_rad, limit_m_s)
+    track = Track(trip.path.points_m if points_m is None else points_m, heading_rad, limit_m_s)
     control = Control(params.follower, params.outline, near, now.last, now.dt_s)
     return follow(control, trip.follow, track)
 

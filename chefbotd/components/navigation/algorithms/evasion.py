@@ -10,7 +10,7 @@ import numpy as np
 
 from chefbotd.components.navigation.algorithms.evade import ROOM_M, evading_twist, safest
 from chefbotd.components.navigation.algorithms.interface import NavigationParameters, StepInput
-from chefbotd.components.navigation.algorithms.outline import Footprint, clearance_m
+from chefbotd.components.navigation.algorithms.outline import Footprint, clearances_m
 from chefbotd.components.navigation.algorithms.steering import slewed
 from chefbotd.components.navigation.algorithms.surroundings import Surroundings
 from chefbotd.core.geometry import Pose2D, Twist2D
@@ -108,7 +108,7 @@ def _without_followers(
         return near
     velocity = near.velocity_m_s if near.intent_m_s is None else near.intent_m_s
     speed_m_s = np.hypot(velocity[:, 0], velocity[:, 1])
-    apart_m = np.array([clearance_m(outline.hull, outline.pad_m, x, y) for x, y in near.points_m])
+    apart_m = clearances_m(outline.hull, outline.pad_m, near.points_m)
     follows = (speed_m_s > 0) & (speed_m_s <= FOLLOWS_M_S) & (apart_m >= ROOM_M)
     if not arrives and led is not None:
         turn = near.grid_from_base.heading_rad - led.heading_rad

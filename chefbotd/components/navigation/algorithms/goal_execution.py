@@ -26,7 +26,7 @@ from chefbotd.components.navigation.algorithms.looking import (
     place_of,
 )
 from chefbotd.components.navigation.algorithms.noise import noise_sentence
-from chefbotd.components.navigation.algorithms.passage import measured_passage
+from chefbotd.components.navigation.algorithms.passage import Passages
 from chefbotd.components.navigation.algorithms.path import Goal, NoPath, Planner
 from chefbotd.components.navigation.algorithms.recovery import (
     AGAIN_S,
@@ -62,9 +62,6 @@ from chefbotd.core.record import replace
 RENEWED_M: Final = 0.5
 """A goal that replaces one so near to it is the same one renewed, as by a program that follows somebody."""
 
-
-MEASURED_S: Final = 1.5
-"""A passage before which the robot was blocked for so long in all is too narrow if it was measured so."""
 
 MOST_NARROW: Final = 3
 """So many passages that are too narrow end a goal."""
@@ -103,10 +100,7 @@ class GoalExecution:
         self._recovery: Recovery | None = None
         self._look = Look()
         self._why_stuck = self._noise = ""
-        self._narrow, self._narrow_s = (
-            0,
-            0.0,
-        )  # how many passages were too narrow, and for how long this one is
+        self._passages, self._narrow = Passages(), 0  # those measured; how many were too narrow
         self._backed_from = Pose2D()
 
     def use(self, params: NavigationParameters, *, has_to_rest: bool) -> None:
@@ -317,7 +311,8 @@ class GoalExecution:
         trip = self.trip
         if self.state is not GoalState.DRIVING or trip is None:
             return None
-        done = follow_trip(self._params, world, trip, now, near)
+        self._passages.add_scan(self._params.outline, world.walls_seen_m, trip.left, world.scan_stamp_s)
+        done = follow_trip(self._params, world, trip, now, near, self._passages.centred(trip.path))
         self._is_blocked = done.is_blocked
         if done.state.phase is Phase.DONE and self._has_to_rest:
             return None
@@ -358,7 +353,7 @@ class GoalExecution:
             return
         if check.waits or check.drives_again:
             self.reason = check.waits or self._drives()
-        if done.is_blocked and self._leave_narrow(world, now, near):
+        if self._leave_narrow(world, now):
             return
         if check.stuck:
             beside = "" if done.is_blocked else world.beside(near)
@@ -372,16 +367,12 @@ class GoalExecution:
         end = f"{why} for the obstacle guards, which stop the robot {left_m:.2f} m from it"
         self.end(End.BLOCKED, f"blocked: {end}, at ({pose.x_m:.2f}, {pose.y_m:.2f})")
 
-    def _leave_narrow(self, world: WorldModel, now: StepInput, near: Surroundings) -> bool:
-        """Whether what blocks the robot is too narrow for it: it takes another way, or the goal ends."""
-        passage = measured_passage(self._params.outline, near)
-        if passage is None or not passage.is_too_narrow:
+    def _leave_narrow(self, world: WorldModel, now: StepInput) -> bool:
+        """Whether a passage on the path is too narrow for the robot: it takes another way, or the goal ends."""
+        passage = None if self.trip is None else self._passages.too_narrow(self.trip.left)
+        if passage is None:
             return False
-        self._narrow_s += now.dt_s
-        if self._narrow_s < MEASURED_S:
-            return False
-        self._narrow_s = 0.0
-        place = near.grid_from_base.compose(passage.middle)
+        place, self._passages = passage.middle, Passages()
         world.close(np.array([place.x_m, place.y_m]), now.now_s + NARROW_S)
         other = self._find(world, now)
         self._narrow += 1
@@ -449,7 +440,9 @@ class GoalExecution:
                 return False
             self.end(End.UNREACHABLE, f"unreachable: {trip.reason}")
             return True
-        if not with_closed and not can_begin(self._params, world, trip, now, near):
-            return False
+        if not with_closed:
+            if not can_begin(self._params, world, trip, now, near):
+                return False
+            world.open_all()  # there was no other way: what was taken for closed is to be driven through
         self._set_out(trip, now)
         return True

@@ -4,9 +4,9 @@ import math
 
 import numpy as np
 
-from chefbotd.components.navigation.algorithms.costmap import ROUNDING_CELLS, Costmap
-from chefbotd.components.navigation.algorithms.grid import Floats
-from chefbotd.components.navigation.algorithms.outline import Footprint, clearance_m
+from chefbotd.components.navigation.algorithms.costmap import Costmap
+from chefbotd.components.navigation.algorithms.grid import Floats, placed
+from chefbotd.components.navigation.algorithms.outline import Footprint, clearances_m
 from chefbotd.components.navigation.algorithms.path import Path
 from chefbotd.core.geometry import Pose2D
 
@@ -15,6 +15,12 @@ APPROACH_M = 0.15
 
 ARRIVES_M = 0.02
 """The robot has arrived so far before its goal."""
+
+ROUNDING_CELLS = 0.25
+"""A wall may be so much farther than the middle of its cell."""
+
+AHEAD_SHARE = 0.5
+"""What comes nearer by a smaller share of the robot's way is beside it, and not ahead."""
 
 
 def wall_before_goal(outline: Footprint, costs: Costmap, path: Path) -> Floats | None:
@@ -29,16 +35,19 @@ def wall_before_goal(outline: Footprint, costs: Costmap, path: Path) -> Floats |
     if ahead_m <= 0 or not len(before):
         return None
     dx, dy = end - path.points_m[int(before[-1])]
-    heading_rad = math.atan2(dy, dx)
-    stopped = Pose2D(float(end[0]), float(end[1]), heading_rad).compose(Pose2D(ahead_m, 0.0))
-    return _nearest_within(outline, costs, stopped, guards.clearance_m)
+    pose = Pose2D(float(end[0]), float(end[1]), math.atan2(dy, dx))
+    return _nearest_ahead(outline, costs, pose, ahead_m, guards.clearance_m)
 
 
-def _nearest_within(outline: Footprint, costs: Costmap, pose: Pose2D, within_m: float) -> Floats | None:
-    """The place in the map of its nearest obstacle, if that is so near to the outline at a pose of the grid's frame.
+def _nearest_ahead(
+    outline: Footprint, costs: Costmap, end: Pose2D, ahead_m: float, within_m: float
+) -> Floats | None:
+    """The place in the map of the obstacle that is so near to the outline ``ahead_m`` beyond a pose of the grid's frame.
 
-    A wall may be anywhere in its cell.
+    On the way there it comes nearer by half of the way or more: what does not is beside the robot. A wall may be
+    anywhere in its cell.
     """
+    pose = end.compose(Pose2D(ahead_m, 0.0))
     frame = costs.frame
     reach_m = outline.outer_radius_m + within_m + frame.resolution_m
     rows, columns = np.nonzero(costs.walls)
@@ -46,11 +55,18 @@ def _nearest_within(outline: Footprint, costs: Costmap, pose: Pose2D, within_m: 
     centers = centers[np.hypot(centers[:, 0] - pose.x_m, centers[:, 1] - pose.y_m) < reach_m]
     if not len(centers):
         return None
-    back = pose.inverse()
-    seen = [back.compose(Pose2D(float(x_m), float(y_m))) for x_m, y_m in centers]
-    apart_m = [clearance_m(outline.hull, outline.pad_m, point.x_m, point.y_m) for point in seen]
+    apart_m = _clearances_m(outline, pose, centers)
+    is_ahead = _clearances_m(outline, end, centers) - apart_m >= AHEAD_SHARE * ahead_m
+    centers, apart_m = centers[is_ahead], apart_m[is_ahead]
+    if not len(centers):
+        return None
     k = int(np.argmin(apart_m))
     if apart_m[k] >= within_m - ROUNDING_CELLS * frame.resolution_m:
         return None
     place: Floats = frame.to_map(centers[[k]])[0]
     return place
+
+
+def _clearances_m(outline: Footprint, pose: Pose2D, points_m: Floats) -> Floats:
+    """How far points of the grid's frame are outside of the outline of a robot at a pose."""
+    return clearances_m(outline.hull, outline.pad_m, placed(pose.inverse(), points_m))

@@ -33,7 +33,7 @@ class Footprint(Struct, frozen=True, dict=True):
                 f"corners_m are three or more around the origin of the base frame, got {self.corners_m}"
             )
 
-    @property
+    @cached_property
     def hull(self) -> Floats:
         """Corners (n, 2); a circle is its middle alone, and ``pad_m`` about it."""
         return np.array(self.corners_m or ((0.0, 0.0),), np.float64)
@@ -70,3 +70,12 @@ def clearance_m(hull: Floats, pad_m: float, x_m: float, y_m: float) -> float:
         if (ay > y_m) != (by > y_m) and px < ex * py / ey:
             inside = not inside
     return (-nearest if inside else nearest) - pad_m
+
+
+@kernel
+def clearances_m(hull: Floats, pad_m: float, points_m: Floats) -> Floats:
+    """The same of each of the points (n, 2)."""
+    result = np.empty(points_m.shape[0])
+    for i in range(points_m.shape[0]):
+        result[i] = clearance_m(hull, pad_m, points_m[i, 0], points_m[i, 1])
+    return result

@@ -49,6 +49,10 @@ class Path(Record, frozen=True):
         """How far its points are apart."""
         return max(self.length_m / max(len(self.points_m) - 1, 1), 1e-3)
 
+    def away_m(self, place: Pose2D) -> float:
+        """How far the nearest of its points is from a place of the grid's frame."""
+        return float(np.hypot(self.points_m[:, 0] - place.x_m, self.points_m[:, 1] - place.y_m).min())
+
     def in_map(self) -> Floats:
         """Its points in the map."""
         return self.frame.to_map(self.points_m)

@@ -22,7 +22,7 @@ from chefbotd.components.navigation.algorithms.costmap import (
     with_obstacles,
     without_thing,
 )
-from chefbotd.components.navigation.algorithms.grid import Floats, GridFrame
+from chefbotd.components.navigation.algorithms.grid import Floats, GridFrame, placed
 from chefbotd.components.navigation.algorithms.interface import NavigationParameters, Seen
 from chefbotd.components.navigation.algorithms.live import (
     EXPLAINED_M,
@@ -52,6 +52,7 @@ from chefbotd.components.navigation.algorithms.removed import (
 from chefbotd.components.navigation.algorithms.surroundings import Surroundings
 from chefbotd.components.navigation.algorithms.zones import Zones
 from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.perception.surface_points import smoothed
 
 NEAR_M: Final = 1.6
 """Points farther away than this do not matter for the next motion."""
@@ -106,6 +107,8 @@ class WorldModel:
         self._low: LiveObstacles | None = None  # what depth cameras see, which lidars look over or under
         self._movers: tuple[Mover, ...] = ()
         self._points_m = np.zeros((0, 2))
+        self.walls_seen_m: Floats = np.zeros((0, 2))
+        """The points of the last scan that belong to the map, as they were measured, in the grid's frame."""
         self._velocity_m_s = np.zeros((0, 2))
         self._is_unmapped: NDArray[np.bool_] = np.zeros(0, np.bool_)
         self._intent_m_s = np.zeros((0, 2))
@@ -146,7 +149,9 @@ class WorldModel:
         self._live = see_scan(self._live, self.frame, seen.stamp_s, beams, points[confirmed])
         if is_sure and len(points) and float(is_known.mean()) >= FITS_SHARE:
             see_through(self.things, self.frame, beams, points[confirmed])
-        points, away_m = points[confirmed | near], away_m[confirmed | near]
+        kept, self.walls_seen_m = confirmed | near, points[(confirmed | near) & is_known]
+        points = smoothed(points, sensor if len(sensor) == len(points) else sensor[0])
+        points, away_m = points[kept], away_m[kept]
         self._is_unmapped = np.asarray(away_m > EXPLAINED_M)
         self._velocity_m_s, self._is_walker = np.zeros_like(points), np.zeros(len(points), np.bool_)
         self._intent_m_s = np.zeros_like(points)
@@ -399,10 +404,3 @@ class WorldModel:
         point = near.grid_from_base.compose(Pose2D(float(near.points_m[k, 0]), float(near.points_m[k, 1])))
         place = self.frame.pose_to_map(point)
         return f" at ({place.x_m:.2f}, {place.y_m:.2f})"
-
-
-def placed(pose: Pose2D, points_m: Floats) -> Floats:
-    """Points of the pose's frame in the frame that the pose is in."""
-    cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
-    turned: Floats = points_m @ np.array([[cos, sin], [-sin, cos]]) + [pose.x_m, pose.y_m]
-    return turned

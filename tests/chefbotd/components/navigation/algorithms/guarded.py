@@ -5,19 +5,28 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from chefbotd.components.navigation.algorithms.grid import placed
 from chefbotd.core.events import RangeMeasured, RangeStatus
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
+from chefbotd.perception.surface_points import smoothed
 from chefbotd.safety import guard, scan_guard
 from chefbotd.safety.guard import GuardParameters
 from chefbotd.safety.outline import Disc, Outline
 from chefbotd.safety.scan_guard import View
 from tests.chefbotd.components.mapping.algorithms.slam.flat import Floats, cast
-from tests.chefbotd.components.navigation.algorithms.drives import BEARINGS, NOISE_M, RADIUS_M, Drive
+from tests.chefbotd.components.navigation.algorithms.drives import (
+    BEARINGS,
+    NOISE_M,
+    RADIUS_M,
+    SCAN_EVERY,
+    Drive,
+)
 
 GUARD = GuardParameters()
 NOSE = Pose2D(0.15, 0.0, 0.0)
 CONE_RAD = np.linspace(-0.13, 0.13, 7)
 TURN_S = 0.1
+DIRECTIONS = np.stack([np.cos(BEARINGS), np.sin(BEARINGS)], axis=1)
 ROBOT = Disc(RADIUS_M)
 
 
@@ -33,9 +42,10 @@ class Guarded(Drive):
         super().__post_init__()
         self.limited_by: set[str] = set()
         self._beams, self._blocked = guard.from_mounts({"front": NOSE}), STANDING
+        self._turns: list[tuple[float, Floats]] = []  # the last two, in the world's frame
 
     def allowed(self, wanted: Twist2D) -> Twist2D:
-        """As the daemon's obstacle guard does it, with readings of this moment."""
+        """As the daemon's obstacle guard does it: echoes of this moment, and the lidar's last two turns."""
         motion = wanted
         if self.has_sonar:
             measured = RangeMeasured(
@@ -44,7 +54,7 @@ class Guarded(Drive):
             self._beams = guard.update(GUARD, self._beams, measured)
             motion, sensor = guard.limit(GUARD, self._beams, wanted, self.now_s)
             self.limited_by |= {sensor} - {None}
-        view = View("lidar", self._points(), self.now_s, self.now_s, TURN_S)
+        view = self._view()
         allowed, seen = scan_guard.limit(GUARD, self.shape, (view,), motion, self.now_s, self._blocked)
         self._blocked = scan_guard.blocked_after(self._blocked, motion, allowed)
         self.limited_by |= {seen} - {None}
@@ -54,9 +64,14 @@ class Guarded(Drive):
         sensor = self.pose.compose(NOSE)
         return float(self._ranges(sensor, CONE_RAD).min()) - self.short_m
 
-    def _points(self) -> Floats:
-        ranges = self._ranges(self.pose, BEARINGS) + self.chance.normal(0, NOISE_M, len(BEARINGS))
-        return np.stack([np.cos(BEARINGS), np.sin(BEARINGS)], axis=1) * ranges[:, None]
+    def _view(self) -> View:
+        if self.ticks % SCAN_EVERY == 0 or not self._turns:
+            ranges = self._ranges(self.pose, BEARINGS) + self.chance.normal(0, NOISE_M, len(BEARINGS))
+            turn = smoothed(DIRECTIONS * ranges[:, None], np.zeros(2))
+            self._turns = [*self._turns[-1:], (self.now_s, placed(self.pose, turn))]
+        points = placed(self.pose.inverse(), np.vstack([turn for _, turn in self._turns]))
+        stamp_s = self._turns[-1][0]
+        return View("lidar", points, stamp_s, stamp_s, TURN_S)
 
     def _ranges(self, pose: Pose2D, bearings: Floats) -> Floats:
         people = np.array([(*p.at(p.along_m), p.radius_m) for p in self.people]).reshape(-1, 3)
