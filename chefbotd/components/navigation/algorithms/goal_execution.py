@@ -6,8 +6,7 @@ Poses are ``map_from_base``.
 import math
 from typing import Final
 
-import numpy as np
-
+from chefbotd.components.navigation.algorithms.costmap import UNMAPPED_MARGIN_M
 from chefbotd.components.navigation.algorithms.driving import (
     LOST_S,
     Missing,
@@ -26,10 +25,11 @@ from chefbotd.components.navigation.algorithms.looking import (
     place_of,
 )
 from chefbotd.components.navigation.algorithms.noise import noise_sentence
-from chefbotd.components.navigation.algorithms.passage import Passages
+from chefbotd.components.navigation.algorithms.passage import Passages, place_to_close
 from chefbotd.components.navigation.algorithms.path import Goal, NoPath, Planner
 from chefbotd.components.navigation.algorithms.recovery import (
     AGAIN_S,
+    CLOSED_RADIUS_M,
     CLOSED_S,
     SENTENCES,
     Action,
@@ -370,10 +370,11 @@ class GoalExecution:
     def _leave_narrow(self, world: WorldModel, now: StepInput) -> bool:
         """Whether a passage on the path is too narrow for the robot: it takes another way, or the goal ends."""
         passage = None if self.trip is None else self._passages.too_narrow(self.trip.left)
-        if passage is None:
+        if passage is None or self.trip is None:
             return False
         place, self._passages = passage.middle, Passages()
-        world.close(np.array([place.x_m, place.y_m]), now.now_s + NARROW_S)
+        apart_m = self._params.outline.outer_radius_m + UNMAPPED_MARGIN_M + 2 * CLOSED_RADIUS_M
+        world.close(place_to_close(self.trip.left, place, apart_m), now.now_s + NARROW_S)
         other = self._find(world, now)
         self._narrow += 1
         if isinstance(other, Trip) and self._narrow < MOST_NARROW:

@@ -170,3 +170,16 @@ class Passages:
         beside_m = np.interp(np.arange(len(left)), at, [offsets[k] for k in at])
         points: Floats = path.points_m + left * beside_m[:, None]
         return points
+
+
+def place_to_close(path: Path, middle: Pose2D, apart_m: float) -> Floats:
+    """The point of a path at a passage, or the first behind it that is so far from the path's beginning.
+
+    A place so near that the robot would stand in it closes nothing: it may leave through what is blocked about it.
+    """
+    points = path.points_m
+    at = int(np.argmin(np.hypot(points[:, 0] - middle.x_m, points[:, 1] - middle.y_m)))
+    away_m = np.hypot(points[:, 0] - points[0, 0], points[:, 1] - points[0, 1])
+    behind = np.flatnonzero(away_m[at:] >= apart_m)
+    place: Floats = points[at + int(behind[0])] if len(behind) else points[-1]
+    return place

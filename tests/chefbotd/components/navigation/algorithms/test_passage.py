@@ -14,6 +14,7 @@ from chefbotd.components.navigation.algorithms.passage import (
     LEAST_MEASURED,
     Passages,
     measured_passages,
+    place_to_close,
 )
 from chefbotd.components.navigation.algorithms.path import Goal, Path
 from chefbotd.components.navigation.algorithms.states import End
@@ -84,6 +85,13 @@ def test_the_path_is_moved_to_the_middle_of_a_tight_passage_and_no_other() -> No
         points = passages.centred(beside)
         assert points[:, 1] == pytest.approx(middle_m, abs=0.003)
         assert points[:, 0] == pytest.approx(beside.points_m[:, 0])
+
+
+def test_what_is_closed_of_a_passage_is_so_far_from_the_robot_that_it_does_not_stand_in_it() -> None:
+    """The path begins at x = 2.0; a passage 0.8 m ahead is closed where it is, a nearer one 0.5 m ahead."""
+    assert place_to_close(AHEAD, Pose2D(2.8, 2.0), 0.5).tolist() == pytest.approx([2.8, 2.01])
+    assert place_to_close(AHEAD, Pose2D(2.1, 2.0), 0.48).tolist() == pytest.approx([2.5, 2.01])
+    assert place_to_close(AHEAD, Pose2D(2.1, 2.0), 3.0).tolist() == pytest.approx([3.0, 2.01])
 
 
 def test_a_wall_on_one_side_is_no_passage() -> None:
