@@ -22,8 +22,8 @@ from chefbotd.components.depth_camera.models import DepthCamerasData as DepthCam
 from chefbotd.components.localization.models import (
     LocalizationData as LocalizationData, PlaceCandidate as PlaceCandidate
 )
-from chefbotd.components.maps.events import MapSaved as MapSaved, MappingData as MappingData
 from chefbotd.components.mapping.models import MapData as MapData, MapPoseData as MapPoseData
+from chefbotd.components.maps.events import MapSaved as MapSaved, MappingData as MappingData
 from chefbotd.components.maps.models import (
     GridPartData as GridPartData, MapInUse as MapInUse, MapList as MapList, MapPart as MapPart,
     MapSummary as MapSummary, PlaceData as PlaceData, PlaceList as PlaceList

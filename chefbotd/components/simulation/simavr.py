@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 CYCLES_S = 16_000_000
 LIBRARY, IMAGE = "libsimavr_board.so", "atmega328p.elf"
-BUILD = Path(__file__).parents[4] / "firmware" / "build"
+BUILD = Path(__file__).parents[3] / "firmware" / "build"
 """Where `make firmware` puts them, in the sources."""
 
 MOST_TAKEN = 8192

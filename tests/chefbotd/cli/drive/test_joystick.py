@@ -10,8 +10,8 @@ from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.drive.gamepad import Button, PadReading, StickScale
 from chefbotd.cli.drive.joystick import JoystickPilot
 from chefbotd.client import Client, ConnectionLost
-from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
+from tests.chefbotd.conftest import Control
 from tests.waiting import PATIENCE_S
 
 HELD = PadReading(1.0, 0.0, frozenset({Button.ENABLE}))

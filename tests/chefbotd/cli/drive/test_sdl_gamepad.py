@@ -8,7 +8,7 @@ import pytest
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.drive.gamepad import Button, PadReading
 from chefbotd.cli.drive.sdl_gamepad import SdlPad, sdl2
-from tests.chefbotd.cli.conftest import Control
+from tests.chefbotd.conftest import Control
 
 
 class VirtualPad:

@@ -19,8 +19,8 @@ from chefbotd.cli.drive.square_view import SquareView
 from chefbotd.client import Client
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import replace
-from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
+from tests.chefbotd.conftest import Control
 
 
 def drive(daemon: FakeDaemon, seen: list[CourseProgress], legs: int = 8, **limits: float) -> CourseResult:

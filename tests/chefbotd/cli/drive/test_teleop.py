@@ -16,8 +16,8 @@ from chefbotd.cli.common.state_text import Fact, Style
 from chefbotd.cli.drive.teleop import Teleop
 from chefbotd.client import Client, ConnectionLost
 from tests.budget import sample
-from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
+from tests.chefbotd.conftest import Control
 from tests.waiting import PATIENCE_S
 
 

@@ -6,8 +6,8 @@ import socket
 import pytest
 
 from chefbotd.cli.common.exits import Exit
-from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
+from tests.chefbotd.conftest import Control
 
 ENDED = ["drive", "release_control"]
 """Its own motion is ended by a velocity of zero, and its source is given back."""

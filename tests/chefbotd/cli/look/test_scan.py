@@ -9,8 +9,8 @@ from msgspec import convert
 from chefbotd.cli.common.exits import Exit
 from chefbotd.cli.look.view import caption, draw_scan, points_m, reach_of
 from chefbotd.client.models import ScanData
-from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
+from tests.chefbotd.conftest import Control
 
 SCAN = {
     "lidar": "top",

@@ -10,8 +10,8 @@ from rich.console import Console
 from chefbotd.cli.look.commands import follow
 from chefbotd.cli.look.view import drawn
 from chefbotd.client import Client, ConnectionLost
-from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
+from tests.chefbotd.conftest import Control
 
 Shown = list[tuple[Mapping[str, Any] | None, str]]
 

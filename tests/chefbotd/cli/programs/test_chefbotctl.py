@@ -19,8 +19,8 @@ from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.programs.chefbotctl import main
 from chefbotd.clock import run_virtual
 from chefbotd.transport.ports import reserve_port
-from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
+from tests.chefbotd.conftest import Control
 
 T = TypeVar("T")
 RIGHT_TURN = {"x_m": -1, "y_m": 2, "heading_rad": -math.pi / 2}

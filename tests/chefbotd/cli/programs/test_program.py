@@ -18,8 +18,8 @@ from chefbotd.cli.programs.chefbotctl import main as chefbotctl
 from chefbotd.cli.programs.chefbotd import main as chefbotd
 from chefbotd.cli.programs.program import CommandGroup
 from chefbotd.extras import how_to_add_folder
-from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
+from tests.chefbotd.conftest import Control
 from tests.waiting import PATIENCE_S
 
 

@@ -11,7 +11,7 @@ from chefbotd.components.simulation.firmware_motors import Kept
 from chefbotd.components.simulation.firmware_program import FirmwareProgram
 from tests.firmware import conversations
 
-CONVERSATIONS = sorted((Path(__file__).parents[4] / "vectors" / "firmware").glob("*.jsonl"))
+CONVERSATIONS = sorted((Path(__file__).parents[3] / "vectors" / "firmware").glob("*.jsonl"))
 EVERYTHING = 31
 """Every capability, as the host build has."""
 

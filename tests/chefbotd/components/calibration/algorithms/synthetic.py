@@ -24,7 +24,7 @@ from chefbotd.core.scan import LaserScan
 from chefbotd.settings.loader import load
 from tests.chefbotd.components.mapping.algorithms.slam.flat import furnished_flat
 
-CONFIG = Path(__file__).parents[7] / "config" / "chefbot_lidar.toml"
+CONFIG = Path(__file__).parents[5] / "config" / "chefbot_lidar.toml"
 STEP_S, TURN_S, BEAMS, NOISE_M = 0.05, 0.1, 450, 0.01
 MIDDLE = (6.0, 5.9, 0.3)
 """In a room of the flat."""

@@ -15,7 +15,7 @@ from chefbotd.components.depth_camera.link.process import BEARINGS, SCAN, Messag
 from chefbotd.perception.depth_camera import DepthSourceParameters
 from tests.waiting import PATIENCE_S
 
-SOURCE = Path(__file__).parents[5] / "fakes" / "openni2.c"
+SOURCE = Path(__file__).parents[4] / "fakes" / "openni2.c"
 COMPILER = shutil.which("cc") or ""
 bindings = pytest.importorskip("openni._openni2", reason="the extra depth is not installed")
 pytestmark = [pytest.mark.slow, pytest.mark.skipif(not COMPILER, reason="there is no C compiler")]

@@ -16,7 +16,7 @@ from chefbotd.components.maps.storage.parameters import MapsParameters
 from chefbotd.process.build import build
 from chefbotd.settings import load
 from chefbotd.testing.transport import FakeSerialDevice
-from tests.chefbotd.cli.conftest import Control
+from tests.chefbotd.conftest import Control
 from tests.waiting import PATIENCE_S
 
 

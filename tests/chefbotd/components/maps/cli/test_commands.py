@@ -14,9 +14,9 @@ from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage.contents import read_grid, save
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.core.geometry import Pose2D
-from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.components.maps.storage.test_store import grid, same
 from tests.chefbotd.components.maps.test_service import write_files
+from tests.chefbotd.conftest import Control
 
 ROOM = OccupancyGrid(
     0.5,

@@ -5,8 +5,8 @@ import json
 import pytest
 
 from chefbotd.cli.common.exits import Exit
-from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
+from tests.chefbotd.conftest import Control
 
 
 @pytest.mark.parametrize(

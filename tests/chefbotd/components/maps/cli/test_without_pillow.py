@@ -10,10 +10,10 @@ from chefbotd.cli.programs.chefbotctl import main
 from chefbotd.components.maps.storage.contents import read_grid, read_map_server, save
 from chefbotd.components.maps.storage.disk import MapStoreError
 from chefbotd.components.maps.storage.store import MapStore
-from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.components.maps.cli.test_commands import ROOM
 from tests.chefbotd.components.maps.storage.test_store import same
 from tests.chefbotd.components.maps.test_service import write_files
+from tests.chefbotd.conftest import Control
 from tests.missing import PILLOW, hide
 
 ADVICE = "pip install 'chefbotd[maps]'"

@@ -25,7 +25,7 @@ START, GOAL = Pose2D(0.8, 1.0, 0.3), Goal(6.0, 1.0)
 VIA_M = (3.4, 2.2)
 
 
-PAGE = Path(__file__).parents[7] / "docs" / "adding_a_planner.md"
+PAGE = Path(__file__).parents[5] / "docs" / "adding_a_planner.md"
 
 
 @functools.cache

@@ -11,8 +11,8 @@ from click.testing import CliRunner
 from chefbotd.cli.common.arguments import duration
 from chefbotd.cli.common.exits import Exit
 from chefbotd.cli.programs.chefbotctl import main
-from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
+from tests.chefbotd.conftest import Control
 
 T = TypeVar("T")
 

@@ -8,7 +8,7 @@ import pytest
 from chefbotd.cli.common.exits import Exit
 from chefbotd.components.tuning import gains_file
 from chefbotd.settings import load, packaged
-from tests.chefbotd.cli.conftest import Control
+from tests.chefbotd.conftest import Control
 
 
 @pytest.fixture

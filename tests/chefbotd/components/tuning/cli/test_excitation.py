@@ -8,8 +8,8 @@ import pytest
 from chefbotd.cli.common.exits import Exit
 from chefbotd.client import Client
 from chefbotd.components.tuning.cli.excitation import Exciter, Wave, speed_m_s
-from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
+from tests.chefbotd.conftest import Control
 
 WAVE = Wave(amplitude_m_s=0.1, half_period_s=1.0)
 

@@ -21,8 +21,8 @@ from chefbotd.components.tuning.cli.plots import WheelPlot
 from chefbotd.components.tuning.cli.tuning_screen import Tune, tune
 from chefbotd.settings import load, packaged
 from tests.budget import sample
-from tests.chefbotd.cli.conftest import Control
 from tests.chefbotd.cli.fake_daemon import WHEELS, FakeDaemon
+from tests.chefbotd.conftest import Control
 from tests.waiting import PATIENCE_S
 
 Script = Callable[[Tune, Pilot[None]], Awaitable[None]]

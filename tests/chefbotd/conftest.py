@@ -1,11 +1,13 @@
-"""A fake daemon, and the program chefbotctl talking to it on a virtual clock."""
+"""A fake daemon with the program chefbotctl talking to it on a virtual clock, and a configuration to spoil."""
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 from click.testing import CliRunner, Result
 
 from chefbotd.cli.programs.chefbotctl import main
+from chefbotd.settings import packaged
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
 
 Control = Callable[..., Result]
@@ -28,3 +30,11 @@ def control(daemon: FakeDaemon) -> Control:
         return CliRunner().invoke(main, [where, *args], obj=daemon.run)
 
     return run
+
+
+@pytest.fixture
+def chefbot(tmp_path: Path) -> Path:
+    """A copy of the packaged configuration to spoil."""
+    copy = tmp_path / "robot.toml"
+    copy.write_text(packaged("chefbot").read_text())
+    return copy
