@@ -106,6 +106,8 @@ async def open_connection(
             await wire.call("authenticate", {"token": endpoint.token}, endpoint.timeout_s)
         if endpoint.name is not None:
             await wire.call("set_client_name", {"client": endpoint.name}, endpoint.timeout_s)
+        elif endpoint.token is None:
+            wire.notify("ping", {})  # who has said nothing gives way to others
         if wire.lost is not None:
             raise ConnectionLost(str(wire.lost))
     except BaseException:

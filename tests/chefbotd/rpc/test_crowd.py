@@ -10,6 +10,7 @@ from collections.abc import AsyncIterator
 import pytest
 from structlog.testing import capture_logs
 
+from chefbotd.client import Client
 from chefbotd.clock import run_virtual
 from tests.chefbotd.rpc.test_guarded import GUARD, TOKENS
 from tests.fakes.api import Served, serving
@@ -141,6 +142,24 @@ def test_who_has_shown_a_token_is_never_replaced_by_who_has_not() -> None:
             button.close()
             for each in silent:
                 each.close()
+
+    with capture_logs():
+        run_virtual(main())
+
+
+def test_a_client_of_ours_without_a_name_is_not_replaced_by_who_has_said_nothing() -> None:
+    """It speaks at once, so 60 s later a crowd of silent connections takes no place from it."""
+
+    async def main() -> None:
+        async with serving(max_new_connections=8, max_clients=1, reserved_stop_connections=0) as served:
+            async with Client.connect(served.host, served.port) as button:
+                await asyncio.sleep(60.0)
+                silent = [await connect(served, number) for number in range(20)]
+                await asyncio.sleep(1.0)
+                await button.estop("button")
+            for each in silent:
+                each.close()
+            assert served.robot.calls == [("estop", "button")]
 
     with capture_logs():
         run_virtual(main())
