@@ -4,11 +4,15 @@ import asyncio
 import os
 import signal
 import socket
+import ssl
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import pytest
+import trustme
 
+from chefbotd.client import CannotConnect, Client
 from tests.scenarios.process import PATIENCE_S, drive_on, drive_once, driving, started
 
 pytestmark = pytest.mark.realtime
@@ -53,6 +57,46 @@ def test_sighup_reloads_and_the_watchdog_is_fed_while_the_robot_drives(tmp_path:
             program.process.terminate()
             assert await program.ended() == 0
             assert not program.board.told_to_move
+
+    asyncio.run(scenario())
+
+
+def certificate(folder: Path) -> ssl.SSLContext:
+    """Write a certificate of an authority of its own, and its key; a context that trusts this authority alone."""
+    authority, trusting = trustme.CA(), ssl.create_default_context()
+    authority.configure_trust(trusting)
+    issued = authority.issue_cert("127.0.0.1")
+    issued.cert_chain_pems[0].write_to_path(folder / "robot.pem")
+    issued.private_key_pem.write_to_path(folder / "robot.key")
+    (folder / "robot.key").chmod(0o600)
+    return trusting
+
+
+def test_a_certificate_that_is_replaced_counts_for_new_clients_and_ends_no_connection(
+    tmp_path: Path, heard: socket.socket
+):
+    """SIGHUP reads it: who trusts the old one alone gets in no more, and who was in goes on."""
+
+    async def scenario() -> None:
+        environment = {
+            "NOTIFY_SOCKET": str(tmp_path / "notify"),
+            "CHEFBOTD_API__TLS_CERTIFICATE": str(tmp_path / "robot.pem"),
+            "CHEFBOTD_API__TLS_KEY": str(tmp_path / "robot.key"),
+        }
+        before = certificate(tmp_path)
+        async with started(tmp_path, environment=environment) as program:
+            await until(heard, "READY=1")
+            connect = partial(Client.connect, "127.0.0.1", program.port, timeout_s=PATIENCE_S)
+            async with connect(tls=before) as client:
+                after = certificate(tmp_path)
+                os.kill(program.process.pid, signal.SIGHUP)
+                assert "the certificate was read" in (await until(heard, "reloaded"))[-1]
+                with pytest.raises(CannotConnect, match="certificate"):
+                    async with connect(tls=before):
+                        pass
+                async with connect(tls=after) as another:
+                    await another.estop("a second client")
+                assert (await client.get_state()).safety.mode == "estopped"
 
     asyncio.run(scenario())
 
