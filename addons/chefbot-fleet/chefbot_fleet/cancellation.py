@@ -100,7 +100,7 @@ class Cancellation:
         """Of what was released the robot keeps the edge on which it stands, and gets an order to drive to its end."""
         found = place_on_path(state, [vehicle.node, *vehicle.base], self._fleet.roadmap)
         begin, keep = found or (0, min(len(vehicle.base), 1))
-        self._fleet.advance(vehicle, begin, now_s)
+        self._fleet.move_on(vehicle, begin, now_s)
         vehicle.base, vehicle.order_id = vehicle.base[:keep], ""
         if vehicle.base:
             new_order(vehicle, "drive")

@@ -88,7 +88,7 @@ class Fleet(FleetRecords):
         order = self.orders.get(vehicle.task) if vehicle.task is not None else None
         if order is not None:
             self.give_back(vehicle, order, f"{name} was removed")
-        self.store.forget(vehicle)
+        self.store.forget(vehicle, *([order] if order is not None else []))
         self.traffic.remove(name)
         del self.vehicles[name], self.contacts[name]
 
@@ -107,15 +107,8 @@ class Fleet(FleetRecords):
             for a, b in pairwise(nodes):
                 if not any(end == b for _, end in changed.exits[a]):
                     raise ValueError(f"{vehicle.name} is on its way from {a} to {b}")
-        lost = {name: robot.lost_s for name, robot in self.traffic.robots.items()}
-        occupied = self.traffic.occupied
         self.store.correct(correction)
-        self.resume(now_s)
-        for name, lost_s in lost.items():
-            if lost_s is not None:
-                self.traffic.lose(name, lost_s)
-        for name, path in occupied.items():
-            self.traffic.occupy(name, path, now_s)
+        self.make_traffic_again(now_s)
 
     # What robots say
 
@@ -144,6 +137,7 @@ class Fleet(FleetRecords):
 
     def on_state(self, name: str, state: State, now_s: float) -> None:
         """A robot's topic ``state``; the first one of a new robot takes it into the fleet."""
+        self.follow_disk(now_s)
         self._reports.take(name, state, now_s)
 
     def on_order(self, name: str, order_id: str, now_s: float) -> None:
@@ -154,6 +148,7 @@ class Fleet(FleetRecords):
 
     def tick(self, now_s: float) -> list[Outgoing | CancelOrder]:
         """What is to be sent now; call it a few times a second."""
+        self.follow_disk(now_s)
         self._watch(now_s)
         self._assign(now_s)
         for vehicle in self.vehicles.values():  # who is at work ends it, though a new plan leads away first

@@ -85,7 +85,25 @@ class FleetRecords:
         self.contacts: dict[str, Contact] = {}
         self.ignored: dict[str, str] = Newest(MOST_NAMES)
         self.notices: list[str] = []
+        self._failures = store.failures
         self.resume(now_s)
+
+    def follow_disk(self, now_s: float) -> None:
+        """Where a write has failed since the last time, make traffic again: it may have gone on without it."""
+        if self._failures != self.store.failures:
+            self._failures = self.store.failures
+            self.make_traffic_again(now_s)
+
+    def make_traffic_again(self, now_s: float) -> None:
+        """As the disk has it; who has vanished, and what strangers occupy, stays so."""
+        lost = {name: robot.lost_s for name, robot in self.traffic.robots.items()}
+        occupied = self.traffic.occupied
+        self.resume(now_s)
+        for name, lost_s in lost.items():
+            if lost_s is not None and name in self.vehicles:
+                self.traffic.lose(name, lost_s)
+        for name, path in occupied.items():
+            self.traffic.occupy(name, path, now_s)
 
     def resume(self, now_s: float) -> None:
         """Take up traffic where the store has it: each robot at its node, with what was released to it."""
@@ -116,14 +134,21 @@ class FleetRecords:
 
     def advance(self, vehicle: Vehicle, count: int, now_s: float) -> None:
         """A robot has reached so many more nodes of its base."""
-        for _ in range(count):
-            vehicle.node, vehicle.sequence = vehicle.base.pop(0), vehicle.sequence + 2
-            self.traffic.arrived(vehicle.name, now_s)
+        self.move_on(vehicle, count, now_s)
         if count:
             self.store.save(vehicle)
 
+    def move_on(self, vehicle: Vehicle, count: int, now_s: float) -> None:
+        """The same, for who saves it with what follows."""
+        for _ in range(count):
+            vehicle.node, vehicle.sequence = vehicle.base.pop(0), vehicle.sequence + 2
+            self.traffic.arrived(vehicle.name, now_s)
+
     def give_back(self, vehicle: Vehicle, order: FleetOrder, why: str) -> None:
-        """For another robot, as long as this one has not begun to load: nobody fetches what was fetched already."""
+        """For another robot, as long as this one has not begun to load: nobody fetches what was fetched already.
+
+        Whoever calls this saves it, with what becomes of the robot: else both might have the order.
+        """
         has_load = vehicle.stops_done > 0 or vehicle.action_id is not None
         if order.stage is Stage.CANCELLING:
             order.stage, order.why = Stage.CANCELLED, f"{why}, perhaps with its load" if has_load else None
@@ -131,7 +156,6 @@ class FleetRecords:
             order.stage, order.why = Stage.FAILED, f"{why}, perhaps with its load"
         else:
             order.stage, order.robot = Stage.WAITING, None
-        self.store.save(order)
 
     def plan_around(self, now_s: float) -> None:
         """New plans for all that have one: theirs know nothing of a robot that is in a new place."""

@@ -82,7 +82,7 @@ class Sending:
         vehicle.action_id = None
         self._fleet.give_back(vehicle, order, why)
         vehicle.task = None
-        self._fleet.store.save(vehicle)
+        self._fleet.store.save(order, vehicle)
         self._fleet.traffic.withdraw(vehicle.name, now_s)
 
 

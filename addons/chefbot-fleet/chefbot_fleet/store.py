@@ -4,6 +4,7 @@ SQLite in WAL mode; every change is on the disk before anything that follows fro
 """
 
 import sqlite3
+from collections.abc import Iterable
 from enum import StrEnum
 from pathlib import Path
 from typing import Any, TypeVar
@@ -84,13 +85,14 @@ class Store:
     """The database, which one manager has at a time, until it closes it or dies.
 
     What cannot be written is not so in memory either: a failed ``save`` gives its values the fields back that are on the
-    disk. So asked for again, the same change is written again.
+    disk. So asked for again, the same change is written again. ``failures`` counts the writes that failed: what else
+    follows from them in memory is to be made again from what is on the disk.
 
     Raises ``sqlite3.Error`` if it cannot be read or written, or another manager has it.
     """
 
     def __init__(self, path: Path | str) -> None:
-        self._unsaved: dict[int, FleetOrder | Vehicle] = {}
+        self.failures = 0
         self._database = sqlite3.connect(path, timeout=0.0, isolation_level=None)
         self._database.execute("PRAGMA locking_mode=EXCLUSIVE")
         self._database.execute("PRAGMA journal_mode=WAL")
@@ -104,6 +106,21 @@ class Store:
 
     def save(self, *values: FleetOrder | Vehicle) -> None:
         """Write these at once or not at all."""
+        self._write(values)
+
+    def forget(self, vehicle: Vehicle, *values: FleetOrder) -> None:
+        """Remove a robot, and write these, at once or not at all."""
+        self._write(values, ("DELETE FROM robots WHERE name = ?", (vehicle.name,)))
+        self._written.pop(_key(vehicle), None)
+
+    def correct(self, correction: Correction) -> None:
+        """Add a correction of the roadmap."""
+        data = msgspec.json.encode(correction)
+        self._write((), ("INSERT INTO corrections (value) VALUES (?)", (data,)))
+
+    def _write(
+        self, values: Iterable[FleetOrder | Vehicle], *changes: tuple[str, tuple[str | bytes, ...]]
+    ) -> None:
         encoded = {_key(value): msgspec.json.encode(value) for value in values}
         try:
             with self._database:
@@ -111,7 +128,10 @@ class Store:
                 for (kind, name), data in encoded.items():
                     table = "orders" if kind is FleetOrder else "robots"
                     self._database.execute(f"REPLACE INTO {table} VALUES (?, ?)", (name, data))  # noqa: S608 - ours
+                for statement, parameters in changes:
+                    self._database.execute(statement, parameters)
         except sqlite3.Error:
+            self.failures += 1
             for value in values:
                 self._take_back(value)
             raise
@@ -124,18 +144,6 @@ class Store:
             before = msgspec.json.decode(data, type=type(value))
             for name in value.__struct_fields__:
                 setattr(value, name, getattr(before, name))
-
-    def forget(self, vehicle: Vehicle) -> None:
-        """Remove a robot."""
-        self._unsaved.pop(id(vehicle), None)
-        self._database.execute("DELETE FROM robots WHERE name = ?", (vehicle.name,))
-        self._written.pop(_key(vehicle), None)
-
-    def correct(self, correction: Correction) -> None:
-        """Add a correction of the roadmap."""
-        self._database.execute(
-            "INSERT INTO corrections (value) VALUES (?)", (msgspec.json.encode(correction),)
-        )
 
     def orders(self) -> dict[str, FleetOrder]:
         """All orders, the oldest first."""

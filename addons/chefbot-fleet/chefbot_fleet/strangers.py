@@ -106,16 +106,16 @@ class Strangers:
             self._fleet.traffic.vacate(name)
             return False
         if contact.foreign != foreign:
-            contact.foreign = foreign
             why = f"it does order {foreign!a} of another manager, and is left alone until it is idle"
-            self._fleet.notices.append(f"{name}: {why}")
-            self._fleet.ignored[name] = why
             self._withdraw(vehicle, now_s)
             self._fleet.traffic.lose(name, now_s)
             if vehicle.action_id is None:  # a robot has one order, so what ours had released is void
                 vehicle.base, vehicle.order_id = [], ""
                 self._fleet.traffic.take_back(name)
                 self._fleet.store.save(vehicle)
+            contact.foreign = foreign  # only now: what the disk did not take is tried again
+            self._fleet.notices.append(f"{name}: {why}")
+            self._fleet.ignored[name] = why
         self._fleet.traffic.robots[name].lost_s = now_s  # no lease runs while it can be heard
         if path := path_of(state, self._fleet.parameters.map_id):
             self._fleet.traffic.occupy(name, path, now_s)
@@ -127,7 +127,7 @@ class Strangers:
             return
         self._fleet.give_back(vehicle, order, f"{vehicle.name} does another manager's")
         vehicle.task = None
-        self._fleet.store.save(vehicle)
+        self._fleet.store.save(order, vehicle)
         self._fleet.traffic.withdraw(vehicle.name, now_s)
 
 

@@ -1,7 +1,9 @@
 """A manager, its database, two robots in a corridor and a broker, in simulated time; each of them can be killed."""
 
+import contextlib
 import math
 import random
+import sqlite3
 from pathlib import Path
 
 import numpy as np
@@ -89,8 +91,12 @@ class World:
         for robot in self.robots.values():
             robot.step(self.now_s)
             if self.passes():
-                self.fleet.on_state(robot.name, robot.state(), self.now_s)
-        for outgoing in self.fleet.tick(self.now_s):
+                with contextlib.suppress(sqlite3.Error):  # as the manager does
+                    self.fleet.on_state(robot.name, robot.state(), self.now_s)
+        due: list[Outgoing | CancelOrder] = []
+        with contextlib.suppress(sqlite3.Error):
+            due = self.fleet.tick(self.now_s)
+        for outgoing in due:
             if self.passes() and outgoing.robot in self.robots:
                 self.deliver(outgoing)
 

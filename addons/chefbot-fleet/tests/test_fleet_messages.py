@@ -14,7 +14,7 @@ from chefbot_fleet.fleet import Fleet
 from chefbot_fleet.manager import TICK_S, VERSION, Manager
 from chefbot_fleet.records import MOST_NAMES, FleetParameters
 from chefbot_fleet.routes import Pace
-from chefbot_fleet.store import FleetOrder, Store, Vehicle
+from chefbot_fleet.store import Store
 from chefbot_fleet.web import FleetPage
 from chefbot_vda5050.broker import BrokerParameters
 from chefbot_vda5050.messages import Connection, ConnectionState, InstantActions, Order, State, decode, encode
@@ -143,13 +143,13 @@ def test_a_robot_that_is_only_connected_is_asked_where_it_is_and_others_orders_a
 class FullDisk(Store):
     """A store whose first writes find no room."""
 
-    failures = 3
+    left = 3
 
-    def _write(self, *values: FleetOrder | Vehicle) -> None:
-        if self.failures:
-            self.failures -= 1
+    def _write(self, *words: Any) -> None:
+        if self.left:
+            self.left -= 1
             raise sqlite3.OperationalError("database or disk is full")
-        super()._write(*values)
+        super()._write(*words)
 
 
 def test_a_full_disk_ends_nothing_and_what_it_did_not_take_is_written_later(
