@@ -134,7 +134,7 @@ class ServerMethods:
         """The plug-ins that the configuration allows, and what became of each."""
         return models.PluginList(plugins=self._plugins)
 
-    @method(role=Role.OBSERVE)
+    @method(role=Role.OBSERVE, when_crowded=True)
     def ping(self, caller: Caller, params: NoParams) -> models.Pong:
         """Answer at once, with the daemon's time."""
         return models.Pong(stamp_s=self._clock.now_s())

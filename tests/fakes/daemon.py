@@ -32,9 +32,9 @@ class Daemon:
         self.writer.write(json.dumps(message).encode() + b"\n")
 
     async def hear(self) -> dict[str, Any]:
-        """The next request."""
+        """The next request that wants an answer, or a cancel: a client without a name says that it is there."""
         request: dict[str, Any] = json.loads(await self._reader.readline())
-        return request
+        return request if "id" in request or request["method"] != "ping" else await self.hear()
 
     async def answer(self, **result: Any) -> dict[str, Any]:
         """Answer the next request with a result; the request."""

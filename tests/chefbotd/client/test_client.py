@@ -55,12 +55,14 @@ def with_script(
     run(main())
 
 
-def test_a_full_daemon_can_still_be_stopped() -> None:
-    """A client for which there is no room is told so when it asks for more, and its emergency stop is carried out."""
+@pytest.mark.parametrize("name", ["Ann", None])
+def test_a_full_daemon_can_still_be_stopped(name: str | None) -> None:
+    """A client without a place is told so when it asks for more, and its emergency stop is carried out."""
 
     async def scenario(served: Served, robot: Client) -> None:
         await robot.ping()
-        async with Client.connect(served.host, served.port, name="Ann") as late:
+        async with Client.connect(served.host, served.port, name=name) as late:
+            await late.ping()
             await late.estop("smoke")
             assert served.robot.calls == [("estop", "smoke")]
             with pytest.raises(
@@ -363,13 +365,13 @@ def test_nobody_listens() -> None:
 
 
 def test_a_full_daemon_says_why() -> None:
-    """A client for which there is no place is refused, with the daemon's words, as soon as it asks for something."""
+    """A client for which there is no place is refused, with the daemon's words, and its connection ends."""
 
     async def scenario(served: Served, robot: Client) -> None:
         await robot.ping()
         async with Client.connect(served.host, served.port) as second:
-            with pytest.raises(CallError, match="already 1 clients"):
-                await second.ping()
+            with pytest.raises((CallError, ConnectionLost), match="already 1 clients"):
+                await second.drive(0.1, 0.0)
 
     with_robot(scenario, max_clients=1, reserved_stop_connections=0)
 
