@@ -23,12 +23,14 @@ async def no_worker(theirs: socket.socket, parameters: WorkerParameters) -> Chil
     raise OSError("this test has no worker")
 
 
-async def worker_in_process(theirs: socket.socket, parameters: WorkerParameters) -> Child:
+async def worker_in_process(theirs: socket.socket, parameters: WorkerParameters) -> "WorkerInProcess":
     """A worker whose work takes no virtual time."""
-    return _InProcess(theirs.dup())
+    return WorkerInProcess(theirs.dup())
 
 
-class _InProcess:
+class WorkerInProcess(Child):
+    """The worker's program on the loop of who made it."""
+
     def __init__(self, theirs: socket.socket) -> None:
         self._socket, self._loop = theirs, asyncio.get_running_loop()
         theirs.setblocking(False)
@@ -41,18 +43,32 @@ class _InProcess:
 
     @property
     def pid(self) -> int:
+        """Of the process that it is in."""
         return os.getpid()
 
     def rss_mb(self) -> float | None:
+        """It has no memory of its own."""
         return None
 
     def cpu_s(self) -> float | None:
+        """Nor a processor's time."""
         return None
 
+    def be_busy(self, busy_s: float) -> None:
+        """Read nothing for so long, as while the work at hand takes its time."""
+        self._loop.remove_reader(self._socket)
+        self._loop.call_later(busy_s, self._read_again)
+
+    def _read_again(self) -> None:
+        if not self._end.done():
+            self._loop.add_reader(self._socket, self._readable)
+
     def kill(self) -> None:
+        """End at once."""
         self._finish("it was killed by SIGKILL")
 
     async def wait(self) -> str:
+        """How it ended."""
         return await asyncio.shield(self._end)
 
     def _finish(self, how: str) -> None:

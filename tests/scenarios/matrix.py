@@ -20,10 +20,11 @@ from typing import Any, NamedTuple
 from rich.console import Console
 from rich.table import Table
 
-from tests.scenarios import fault_run, navigation_run, process_faults, starts
+from tests.scenarios import by_tests, fault_run, navigation_run, process_faults, starts, waiting_run
 from tests.scenarios.fault_run import Result, broken
 from tests.scenarios.faults import BOARD_FAULTS, PROGRAM_FAULTS
 from tests.scenarios.faults.on_the_way import WAY_FAULTS
+from tests.scenarios.faults.waiting import WAITING_FAULTS
 from tests.scenarios.robots import BOARDS, EVERY_ROBOT, ROBOTS, packaged_name
 
 REMARKS = (
@@ -60,11 +61,16 @@ VIRTUAL = (
     Part(fault_run.attempt, PROGRAM_FAULTS),
     Part(starts.listen, starts.SILENT),
     Part(navigation_run.attempt, WAY_FAULTS),
+    Part(waiting_run.attempt, WAITING_FAULTS),
 )
 """On the virtual clock: every run is like every other, whatever runs beside it."""
 
-REAL = (Part(process_faults.attempt, process_faults.PROCESS_FAULTS), Part(starts.start, starts.REFUSALS))
-"""The real program, in real time."""
+PROGRAMS = (Part(process_faults.attempt, process_faults.PROCESS_FAULTS), Part(starts.start, starts.REFUSALS))
+INJECTED = frozenset([fault.row for part in (*VIRTUAL, *PROGRAMS) for fault in part.faults])
+"""How the rows of docs/safety.md begin that a fault is injected for."""
+
+REAL = (*PROGRAMS, Part(by_tests.attempt, by_tests.tested_rows(INJECTED)))
+"""The real program, in real time; and what no simulated robot can have, by its tests."""
 
 CLOCKS = {"virtual": VIRTUAL, "real": REAL, "both": (*VIRTUAL, *REAL)}
 

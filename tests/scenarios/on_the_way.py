@@ -18,7 +18,7 @@ from chefbotd.core.events import SafetyChanged
 from chefbotd.core.geometry import Pose2D
 from chefbotd.testing.daemon import SimulatedRobot
 from chefbotd.testing.on_map import localized_robot
-from chefbotd.testing.worker import worker_in_process
+from chefbotd.testing.worker import WorkerInProcess, worker_in_process
 from tests.scenarios.robots import AS_BUILT
 
 START = Pose2D(2.45, 2.6, 2.1)
@@ -29,7 +29,7 @@ GOAL = {"x_m": 2.6, "y_m": 4.0, "heading_rad": 0.4}
 class Drive:
     """The robot on its way; ``told`` is all that navigation told."""
 
-    def __init__(self, robot: SimulatedRobot, children: list[Child], folder: Path) -> None:
+    def __init__(self, robot: SimulatedRobot, children: list[WorkerInProcess], folder: Path) -> None:
         self.robot, self.client, self.children, self.folder = robot, robot.client, children, folder
         self.told: list[NavigationChanged] = []
         self.safety: list[SafetyChanged] = []
@@ -76,7 +76,7 @@ def in_flat(
     ``before`` is called with the robot before it localizes itself; ``overrides`` change its configuration. A worker that
     starts later by a part of its step of 50 ms makes all its steps so much later after the lidar's turns.
     """
-    children: list[Child] = []
+    children: list[WorkerInProcess] = []
 
     async def spawn(theirs: Any, parameters: WorkerParameters) -> Child:
         await asyncio.sleep(worker_late_s)

@@ -12,10 +12,12 @@ from typing import Any
 import pytest
 
 from tests.budget import sample
-from tests.scenarios import fault_run, matrix, navigation_run, process_faults
+from tests.scenarios import by_tests, fault_run, matrix, navigation_run, process_faults, waiting_run
+from tests.scenarios.by_tests import NOT_INJECTED, TestedRow
 from tests.scenarios.fault_run import ENDED, Expected, Fault
 from tests.scenarios.faults import BOARD_FAULTS, FAULTS
 from tests.scenarios.faults.on_the_way import WAY_FAULTS
+from tests.scenarios.faults.waiting import WAITING_FAULTS
 from tests.scenarios.matrix import CLOCKS, VIRTUAL, Part, main, run, table, totals, trials
 from tests.scenarios.robots import BOARDS, ROBOTS, SKETCHED
 from tests.test_docs import PAGE, rows
@@ -39,30 +41,6 @@ NOT_APPLICABLE = {"tiva_bare": 4, "tiva_second": 4, "duemilanove": 3, "chefbot":
 WITH_THE_PAGE = pytest.mark.skipif(
     not PAGE.exists(), reason="the documentation is not part of an installed package"
 )
-NOT_INJECTED = {
-    "Gamepad's": "its tests have a pad",
-    "Enable button": "its tests have a pad",
-    "Terminal of": "its tests have a terminal",
-    "The page's": "its tests have a browser",
-    "The program ends while the port is being opened": "its test has a port that takes its time",
-    "The daemon starts again after it was killed": "its test starts two programs",
-    "The daemon starts again after it ended": "its test starts two programs",
-    "The latch cannot be written": "its test has no board",
-    "Obstacle that only a depth camera sees": "its test has a taller robot",
-    "A depth camera is gone": "its tests have a camera",
-    "The disk with recordings": "its tests have a disk of their own",
-    "Crowd at the page": "its tests have a page",
-    "File in our folders": "its tests have no robot",
-    "Plug-in that raises or hangs": "its tests install plug-ins",
-    "`chefbotctl doctor`, which drives": "its tests start the doctor",
-    "The program is killed, or the power fails": "its test kills a program that saves",
-    "The worker cannot work here": "its test has another worker",
-    "The daemon dies while it has a worker": "its test starts a program of its own",
-    "A command of navigation": "its test is the driver",
-    "A lidar's or a board's port stalls": "its tests have ports that stall",
-    "Add-on": "its tests have the add-on, and no robot",
-}
-"""Rows of docs/safety.md by how they begin, and where else they happen."""
 
 
 @pytest.fixture
@@ -94,6 +72,13 @@ def test_faults_on_the_way_to_a_goal_go_as_defined(name: str):
     result = navigation_run.attempt(WAYS[name], "chefbot")
     assert result.wrong == ()
     assert "goal" in result.outcome
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("fault", WAITING_FAULTS, ids=lambda fault: fault.name)
+def test_what_waits_through_a_stop_begins_nothing(fault: waiting_run.WaitingFault):
+    """The robot stands for 12 s after somebody has armed it, and drives when a person decides so."""
+    assert waiting_run.attempt(fault, "chefbot").wrong == ()
 
 
 @pytest.mark.slow
@@ -248,10 +233,27 @@ def row_of(fault: Any) -> list[str]:
 @WITH_THE_PAGE
 def test_every_row_of_the_page_is_injected():
     """Each fault stands in one row of docs/safety.md, and each row has a fault, but for those that happen elsewhere."""
-    injected = {row_of(fault)[0] for fault in EVERY}
-    left = [row[0] for row in rows() if row[0] not in injected]
-    assert [cell for cell in left if not cell.startswith(tuple(NOT_INJECTED))] == []
-    assert all(any(cell.startswith(row) for cell in left) for row in NOT_INJECTED)
+    by_its_tests = {fault.row for fault in EVERY if isinstance(fault, TestedRow)}
+    injected = {row_of(fault)[0] for fault in EVERY if not isinstance(fault, TestedRow)}
+    assert [row[0] for row in rows() if row[0] not in injected | by_its_tests] == []
+    assert not injected & by_its_tests
+    assert all(any(row.startswith(start) for row in by_its_tests) for start in NOT_INJECTED)
+
+
+@WITH_THE_PAGE
+@pytest.mark.parametrize(
+    ("test", "wrong"),
+    [
+        ("test_names_are_told_apart", ()),
+        ("test_that_is_away", ("pytest ended with 4",)),
+    ],
+)
+def test_a_row_that_is_not_injected_is_as_good_as_its_tests(test: str, wrong: tuple[str, ...]):
+    """One that passes, and one that is not there; where an add-on is not installed, nothing is claimed."""
+    row = TestedRow("Row", "a row", (f"tests/scenarios/test_matrix.py::{test}",))
+    assert by_tests.attempt(row, "chefbot").wrong == wrong
+    away = dataclasses.replace(row, tests=("addons/chefbot-nowhere/tests/test_it.py::test_it",))
+    assert by_tests.attempt(away, "chefbot").not_applicable == "chefbot-nowhere is not installed"
 
 
 @WITH_THE_PAGE
