@@ -10,7 +10,7 @@ import numpy as np
 from benchmarks.carmen import Recording
 from benchmarks.figures import Figure
 from benchmarks.slam import points_of
-from chefbotd.components.localization.algorithms.localizer import LocalizationReport, advanced, step
+from chefbotd.components.localization.algorithms.localizer import LocalizationReport, advance_search, step
 from chefbotd.components.localization.algorithms.searching import LocalizationMap, localization_map
 from chefbotd.components.localization.algorithms.state import Localization, Odometry, PoseState
 from chefbotd.components.mapping.algorithms.finish import refined
@@ -79,7 +79,7 @@ def localized(recording: Recording, scans: int) -> Localized:
         now, report = step(within, now, PERIOD_S * k, Odometry(odometry[k]), scan)
         seconds.append(time.process_time() - began_s)
         for _ in range(BETWEEN_SCANS):
-            now = advanced(within, now)
+            now = advance_search(within, now)
         reports.append(report)
         there = report.map_from_base
         poses.append(np.full(3, np.nan) if there is None else there.pose)

@@ -20,8 +20,8 @@ from chefbotd.composition.robot import board_session, drive_service, robot_featu
 from chefbotd.composition.scanners import depth_cameras, lidars
 from chefbotd.core.events.inputs import BOARD_LINK, DaemonStarted, DaemonStopping, ServiceFailed
 from chefbotd.driving.board.service import board
-from chefbotd.entries import entries_of
 from chefbotd.features.feature import Feature, Service, Waiting, methods_and_topics
+from chefbotd.inputs import inputs_of
 from chefbotd.link.board_writer import FaultLog
 from chefbotd.link.entry_session import EntrySession
 from chefbotd.link.port import open_port
@@ -90,7 +90,7 @@ class Daemon:
         fit: "Fitter | None" = None,
     ) -> None:
         self.bus = Bus()
-        self.entries = clock = entries_of(clock)
+        self.entries = clock = inputs_of(clock)
         self.entries.bus = self.bus
         rng, self._session = rng or random.Random(), session or os.urandom(4).hex()
         ways_out = opener, spawn_worker, depth_spawn, start_writer

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
 from msgspec import Struct
 
 from chefbotd.bus import Bus
-from chefbotd.entries import Entries
+from chefbotd.inputs import InputLog
 
 if TYPE_CHECKING:
     from chefbotd.composition.context import DaemonParts
@@ -61,7 +61,7 @@ class Context(Struct, Generic[S], frozen=True):
 
     section: S
     bus: Bus
-    clock: Entries
+    clock: InputLog
     robot_name: str
     settings: "Settings"
     driver: "InnerDriver | None"

@@ -16,7 +16,7 @@ import msgspec
 from pydantic import BaseModel
 
 from chefbotd.core.events.inputs import StateRecorded
-from chefbotd.entries import Entries
+from chefbotd.inputs import InputLog
 
 LONGEST_PROBLEM = 200
 
@@ -41,7 +41,7 @@ class DaemonState:
 
     def __init__(
         self,
-        entries: Entries,
+        entries: InputLog,
         parts: Mapping[str, Stateful],
         waiting: Callable[[], Collection[str]],
         harmless: Collection[str],
@@ -60,7 +60,7 @@ class DaemonState:
         for name, part in self.parts.items():
             try:
                 parts[name] = encoded(part.state())
-            except UNFIT as problem:
+            except STATE_ERRORS as problem:
                 left_out.append(f"{name}: {_described(problem)}")
         is_open = tuple(name for name, session in self._entries.links.items() if session.is_open)
         return StateRecorded(self._entries.now_s(), parts, is_open, tuple(left_out))
@@ -74,7 +74,7 @@ class DaemonState:
             elif name not in excluded:
                 try:
                     self.parts[name].restore(decoded(state_class(type(self.parts[name])), text))
-                except UNFIT as problem:
+                except STATE_ERRORS as problem:
                     problems.append(f"{name}: {_described(problem)}")
         return problems
 
@@ -90,7 +90,7 @@ class DaemonState:
                 yield f"the service {name} is in the middle of something"
 
 
-UNFIT = (
+STATE_ERRORS = (
     msgspec.MsgspecError,
     LookupError,
     TypeError,
@@ -122,7 +122,7 @@ def decoded(cls: Any, text: object) -> Any:
     """The state of this type that ``encoded`` has written, exactly.
 
     Raises:
-        ValueError: it has more in it than such a state; for what else is none, anything of ``UNFIT``.
+        ValueError: it has more in it than such a state; for what else is none, anything of ``STATE_ERRORS``.
     """
     if not isinstance(text, str):
         raise ValueError("the state is in the form of an earlier version of chefbotd")

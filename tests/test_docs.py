@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from chefbotd.driving.obstacle_guard import OBSTACLE
-from chefbotd.driving.safety_keeper import ENCODERS_STALE
+from chefbotd.driving.safety_supervisor import ENCODERS_STALE
 from chefbotd.safety.faults import RECOVERABLE, FaultKind
 from chefbotd.safety.gate import DEAD_MAN, Mode, SafetyParameters
 from chefbotd.safety.scan_guard import SILENT

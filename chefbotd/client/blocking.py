@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 T = TypeVar("T")
-LAST_WORDS_S = 2.0
+FLUSH_TIMEOUT_S = 2.0
 """For work that is interrupted, such as driving, which brakes first."""
 
 CLOSED = "the client is closed"
@@ -72,7 +72,7 @@ class BackgroundLoop:
             if not done.done():
                 with contextlib.suppress(RuntimeError):  # the loop is closed: the work was cancelled
                     self._loop.call_soon_threadsafe(lambda: tasks[0].cancel())
-                concurrent.futures.wait([done], timeout=LAST_WORDS_S)
+                concurrent.futures.wait([done], timeout=FLUSH_TIMEOUT_S)
             raise
 
     def close(self) -> None:

@@ -12,8 +12,8 @@ from chefbotd.component_context import Context as ComponentContext
 from chefbotd.component_context import SkillHost
 from chefbotd.component_list import FIRST, OWN, own_component, own_components
 from chefbotd.composition.context import Context, DaemonParts
-from chefbotd.entries import entries_of
 from chefbotd.features.feature import Feature, Service, methods_and_topics
+from chefbotd.inputs import inputs_of
 from chefbotd.metrics import Metrics
 from chefbotd.rpc.methods import OWN_METHODS
 from chefbotd.rpc.models import PluginDescription, PluginState
@@ -140,7 +140,7 @@ def open_door(component: Component, parts: DaemonParts, worker: SkillHost | None
     return ComponentContext(
         section=section_of(component, context.settings),
         bus=context.bus,
-        clock=entries_of(context.clock),
+        clock=inputs_of(context.clock),
         robot_name=context.settings.robot.name,
         settings=context.settings,
         driver=_driver(component.name, parts),

@@ -56,12 +56,12 @@ def recording(context: Context, state: Callable[[], DaemonState]) -> list[Featur
     if context.start_writer is None or not settings.recording.enabled:
         return []
     from chefbotd.components.recording.parameters import folder_of
-    from chefbotd.components.recording.recorder_thread import Made, recorder_maker
+    from chefbotd.components.recording.recorder_thread import RecordingHeader, recorder_maker
     from chefbotd.components.recording.service import RecordingService, recording
 
     parameters = settings.recording
     folder = folder_of(parameters, os.environ, simulated=context.simulated)
-    made = Made(
+    made = RecordingHeader(
         settings.robot.name,
         context.session,
         lambda: settings.model_dump_json(by_alias=True),

@@ -12,7 +12,7 @@ from chefbotd.driving.description.service import description
 from chefbotd.driving.motor_watch import MotorWatch
 from chefbotd.driving.odometry.service import OdometryService, odometry
 from chefbotd.driving.quadrature import QuadratureService
-from chefbotd.driving.safety_keeper import SafetyKeeper
+from chefbotd.driving.safety_supervisor import SafetySupervisor
 from chefbotd.driving.sensors.service import SensorService, sensors
 from chefbotd.driving.service import DriveService
 from chefbotd.driving.wheel_controller import WheelController
@@ -59,7 +59,7 @@ def drive_service(context: Context, session: BoardSession, latch: GateStore) -> 
     """The control loop with what keeps it safe."""
     settings, bus, clock = context.settings, context.bus, context.clock
     drive = Drive(settings.drive, settings.chassis, settings.limits, tuple(settings.gains().values()))
-    keeper = SafetyKeeper(
+    keeper = SafetySupervisor(
         bus,
         clock,
         settings.safety,

@@ -68,7 +68,7 @@ class DriveCommands:
             try:
                 self._leases.require(source, caller.session, now_s)
             except Unserved:
-                self._service.note_try(source, caller.session.number)
+                self._service.record_attempt(source, caller.session.number)
                 raise
 
     @method(role=Role.DRIVE, moves=True)

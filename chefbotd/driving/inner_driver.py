@@ -48,7 +48,7 @@ class Gate(Protocol):
         """A client knows of the stops so far, and asks to drive this source (None: any)."""
         ...
 
-    def note_try(self, source: str, client: int) -> None:
+    def record_attempt(self, source: str, client: int) -> None:
         """A client tries to drive what another one has."""
         ...
 
@@ -96,7 +96,7 @@ class InnerDriver:
         try:
             self._leases.require(self.source, self._session, now_s)
         except Unserved:
-            self._gate.note_try(self.source, self._session.number)
+            self._gate.record_attempt(self.source, self._session.number)
             raise
         self._gate.command(self.source, motion, self._session.number)
         self._leases.renew(self.source, self._session, now_s)

@@ -24,11 +24,11 @@ from chefbotd.core.events import (
 from chefbotd.core.geometry import Motion, WheelDuties
 from chefbotd.core.record import Record
 from chefbotd.driving.motor_watch import PAUSE_S
-from chefbotd.driving.safety_keeper import KeeperState, SafetyKeeper
+from chefbotd.driving.safety_supervisor import KeeperState, SafetySupervisor
 from chefbotd.driving.watch_timer import WatchTimer, WatchTimerState
 from chefbotd.driving.wheel_controller import WheelController
 from chefbotd.driving.wheel_reader import WheelReader, WheelReaderState, WheelsRead
-from chefbotd.entries import entries_of
+from chefbotd.inputs import inputs_of
 from chefbotd.metrics import Histogram
 from chefbotd.motion.drive import Drive
 from chefbotd.motion.drive_state import DriveState
@@ -77,7 +77,7 @@ class DriveService:
         clock: Clock,
         send_duty: Callable[[tuple[int, ...]], None],
         drive: Drive,
-        keeper: SafetyKeeper,
+        keeper: SafetySupervisor,
         *,
         reader: WheelReader,
         wheel_names: tuple[str, ...],
@@ -86,7 +86,7 @@ class DriveService:
         repeat_duty: Callable[[tuple[int, ...]], None] = lambda duty: None,
         watchdog: WatchdogParameters,
     ) -> None:
-        self._bus, self._clock, self._write_duty = bus, entries_of(clock), send_duty
+        self._bus, self._clock, self._write_duty = bus, inputs_of(clock), send_duty
         self._repeat_duty = repeat_duty
         self.wheels = WheelController(drive, wheel_names, duty_ceiling)
         self.keeper, self.reader = keeper, reader
@@ -161,9 +161,9 @@ class DriveService:
         self.keeper.accept(gate.Command(source, motion, now_s), client)
         self._obey(now_s)
 
-    def note_try(self, source: str, client: int) -> None:
+    def record_attempt(self, source: str, client: int) -> None:
         """A client tries to drive a source that another one controls; a stop holds it, too."""
-        self.keeper.note_try(source, client, self._clock.now_s())
+        self.keeper.record_attempt(source, client, self._clock.now_s())
 
     def release(self, source: str) -> None:
         """Forget one source's command: a lower source drives at once, or the robot comes to rest."""

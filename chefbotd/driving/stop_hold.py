@@ -22,9 +22,9 @@ class StopHold:
         """Restore this state."""
         self._tries = state
 
-    def note_try(self, source: str, client: int, now_s: float, latched_by: str) -> None:
+    def record_attempt(self, source: str, client: int, now_s: float, latched_by: str) -> None:
         """A client tries to drive; ``latched_by``: what is latched meanwhile, if anything is."""
-        self._tries = hold.note_try(self._tries, source, client, now_s, self._stop_hold_s, latched_by)
+        self._tries = hold.record_attempt(self._tries, source, client, now_s, self._stop_hold_s, latched_by)
 
     def stop(self, client: int, by: str, now_s: float) -> None:
         """A client of this name stops the robot."""

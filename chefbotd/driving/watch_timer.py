@@ -9,7 +9,7 @@ import math
 from collections.abc import Callable
 
 from chefbotd.core.record import Record
-from chefbotd.entries import Entries, Timer, due_of
+from chefbotd.inputs import InputLog, Timer, due_of
 
 REST_AFTER_S = 1.0
 """The time without motion until the robot is at rest. Every frame in it was answered with a stop."""
@@ -40,7 +40,7 @@ class WatchTimer:
     """
 
     def __init__(
-        self, entries: Entries, period_s: float, patience_s: float, look: Callable[[], None]
+        self, entries: InputLog, period_s: float, patience_s: float, look: Callable[[], None]
     ) -> None:
         self._entries, self._look = entries, look
         self._period_s = period_s

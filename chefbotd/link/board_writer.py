@@ -12,7 +12,7 @@ from chefbotd.clock import Clock
 from chefbotd.core.events import Direction, LineSeen, SafetyChanged
 from chefbotd.core.events.inputs import BOARD_LINK, DrainAnswered, LinkBytesWritten
 from chefbotd.core.record import Record
-from chefbotd.entries import entries_of
+from chefbotd.inputs import inputs_of
 from chefbotd.link.health import show
 
 log = structlog.get_logger(component="link")
@@ -121,7 +121,7 @@ class BoardWriter:
     """
 
     def __init__(self, bus: Bus, clock: Clock, lines: LineRing, stop: bytes) -> None:
-        self._bus, self._clock, self._lines, self._stop = bus, entries_of(clock), lines, stop
+        self._bus, self._clock, self._lines, self._stop = bus, inputs_of(clock), lines, stop
         self._port: Port | None = None
         self._port_lock = threading.Lock()
         self.lines_out = 0

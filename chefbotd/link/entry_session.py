@@ -13,7 +13,7 @@ from chefbotd.core.events.inputs import (
     PortShared,
     TimerFired,
 )
-from chefbotd.entries import entries_of
+from chefbotd.inputs import inputs_of
 from chefbotd.link.reconnect import LinkSession
 
 
@@ -37,7 +37,7 @@ class EntrySession(asyncio.Protocol):
     """Stands for ``session`` towards the port and ``PortLink``; ``link`` is its name in a recording."""
 
     def __init__(self, link: str, session: PortSession, clock: Clock) -> None:
-        self._link, self._session, self._entries = link, session, entries_of(clock)
+        self._link, self._session, self._entries = link, session, inputs_of(clock)
         self._entries.links[link] = session
 
     # What asyncio tells us

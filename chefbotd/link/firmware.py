@@ -12,7 +12,7 @@ import structlog
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events import FirmwareReported, SafetyChanged
-from chefbotd.entries import entries_of
+from chefbotd.inputs import inputs_of
 from chefbotd.link.board_clock import BoardClock
 from chefbotd.link.board_writer import BoardWriter
 from chefbotd.link.firmware_state import REFUSALS, FirmwareState, LineQuality, no_answer, report
@@ -79,7 +79,7 @@ class BoardFirmware:
         deadman_ms: int,
         quality: Callable[[], LineQuality],
     ) -> None:
-        self._bus, self._clock, self._writer, self._window = bus, entries_of(clock), writer, window
+        self._bus, self._clock, self._writer, self._window = bus, inputs_of(clock), writer, window
         self._negotiates, self._hello = negotiates, wire.Hello(PROTO, deadman_ms)
         self.codec = FirmwareCodec(variant)
         self._sealer = Sealer(checked_to_board(variant))

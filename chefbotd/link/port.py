@@ -25,7 +25,7 @@ IN_USE = (errno.EAGAIN, errno.EBUSY)
 STALE_S = 0.05
 """What is unsent after this is not waited for any longer: the shutdown stop goes instead of it."""
 
-LAST_WORDS_S = 1.2
+FLUSH_TIMEOUT_S = 1.2
 """The sketch may wait a second for an echo, and a board with USB of its own takes nothing meanwhile."""
 
 LOOK_S = 0.001
@@ -196,7 +196,7 @@ class SerialPortTransport(serial_asyncio.SerialTransport):  # type: ignore[misc]
             return False
 
     def close_saying(self, words: bytes) -> None:
-        """The same once more, and close when the words are sent; the loop stands still for ``LAST_WORDS_S`` at most."""
+        """The same once more, then close; the loop stands still for ``FLUSH_TIMEOUT_S`` at most."""
         if self.is_closing():
             return
         unsent = self.get_write_buffer_size()
@@ -204,7 +204,7 @@ class SerialPortTransport(serial_asyncio.SerialTransport):  # type: ignore[misc]
         try:
             if unsent or not self._sent(words, STALE_S):
                 self._drop_in_kernel()
-                self._sent(words, LAST_WORDS_S)
+                self._sent(words, FLUSH_TIMEOUT_S)
         except (OSError, termios.error):
             log.debug("the device disappeared before the shutdown stop")
         self.abort()
@@ -222,7 +222,7 @@ class SerialPortTransport(serial_asyncio.SerialTransport):  # type: ignore[misc]
         """What ``close_behind`` does; a device that is lost has heard enough."""
         self._set_dtr(dtr)
         try:
-            self._sent(words, LAST_WORDS_S)
+            self._sent(words, FLUSH_TIMEOUT_S)
         except (OSError, termios.error):
             log.debug("the device disappeared before its last words")
         with contextlib.suppress(RuntimeError):  # the loop has ended

@@ -10,7 +10,7 @@ from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.core.events import BoardResetProgressed, BoardRestarted
 from chefbotd.core.record import MutableState, Record
-from chefbotd.entries import Timer, due_of, entries_of
+from chefbotd.inputs import Timer, due_of, inputs_of
 from chefbotd.link.board_writer import BoardWriter
 from chefbotd.link.restart_watch import RestartWatch
 
@@ -139,7 +139,7 @@ class Restarts:
     """Publishes ``BoardRestarted`` and ``BoardResetProgressed``; ``request`` makes the line that asks for a restart."""
 
     def __init__(self, bus: Bus, clock: Clock, speech: BoardWriter, request: Callable[[], bytes]) -> None:
-        self._bus, self._clock, self._writer, self._request_line = bus, entries_of(clock), speech, request
+        self._bus, self._clock, self._writer, self._request_line = bus, inputs_of(clock), speech, request
         self._watch, self._reset = RestartWatch(), ResetRequest()
         self._timer: Timer | None = None
         self.count = 0

@@ -19,7 +19,7 @@ from chefbotd.core.events import (
 )
 from chefbotd.core.events.inputs import SetpointWithdrawn
 from chefbotd.core.record import Record
-from chefbotd.entries import entries_of
+from chefbotd.inputs import inputs_of
 from chefbotd.link.board_reader import BoardReader, BoardReaderState
 from chefbotd.link.board_writer import FIRST_STOPS, BoardWriter, LineRing, Port, WriterState
 from chefbotd.link.counting import Counting
@@ -76,7 +76,7 @@ class BoardSession(asyncio.Protocol):
         deadman_ms: int = 250,
         counting: Counting | None = None,
     ) -> None:
-        clock = entries_of(clock)
+        clock = inputs_of(clock)
         self._bus, self._clock, self._device = bus, clock, device
         self._encoder = to_board(variant)
         self._still = (0,) * variant.wheels

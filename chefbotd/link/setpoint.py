@@ -7,7 +7,7 @@ import asyncio
 from collections.abc import Callable
 
 from chefbotd.core.record import Record
-from chefbotd.entries import Timer, due_of
+from chefbotd.inputs import Timer, due_of
 from chefbotd.link.send_window import Duty, SendWindow, slows
 
 STALE_S = 0.3

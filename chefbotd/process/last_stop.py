@@ -14,7 +14,7 @@ import syslog
 import termios
 import time
 
-GOODBYE = b"goodbye\n"
+END_MESSAGE = b"goodbye\n"
 BEWARE = "the motors could not be stopped. Cut their power if the wheels turn"
 STOPS, APART_S = 20, 0.1
 """The sketch may wait a second for an echo before it reads."""
@@ -123,7 +123,7 @@ def main() -> None:
         signal.signal(number, signal.SIG_IGN)
     device, baud, dtr, rts, stop, daemon = sys.argv[1:]
     simulated = pseudo_terminal(device)
-    if sys.stdin.buffer.read() == GOODBYE:
+    if sys.stdin.buffer.read() == END_MESSAGE:
         return
     lines = dtr == "1", rts == "1"
     outcome = stop_motors(device, int(baud), *lines, bytes.fromhex(stop), simulated, int(daemon))

@@ -19,7 +19,7 @@ from chefbotd.core.printable import plain
 from chefbotd.settings.model import Level
 
 ROOM_FOR_LINES = 2000
-LAST_WORDS_S = 0.5
+FLUSH_TIMEOUT_S = 0.5
 
 
 class LogWriter:
@@ -47,13 +47,13 @@ class LogWriter:
         """Do nothing: the queue is the only buffer."""
 
     def close(self) -> None:
-        """Wait until the queued lines are written, for ``LAST_WORDS_S`` at most."""
+        """Wait until the queued lines are written, for ``FLUSH_TIMEOUT_S`` at most."""
         atexit.unregister(self.close)
         try:
             self._texts.put_nowait(None)
         except queue.Full:
             return
-        self._thread.join(LAST_WORDS_S)
+        self._thread.join(FLUSH_TIMEOUT_S)
 
     def _run(self) -> None:
         while (text := self._texts.get()) is not None:

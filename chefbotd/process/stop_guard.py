@@ -12,7 +12,7 @@ import structlog
 from chefbotd.link.port import LinkParameters
 from chefbotd.link.wires import stop_line
 from chefbotd.process import last_stop
-from chefbotd.process.last_stop import GOODBYE
+from chefbotd.process.last_stop import END_MESSAGE
 from chefbotd.settings import Settings
 
 ENDING_S = 2.0
@@ -36,7 +36,7 @@ async def stop_guard(settings: Settings) -> AsyncIterator[None]:
         yield
     finally:
         keeping.cancel()
-        await guard.say_goodbye()
+        await guard.end_cleanly()
 
 
 class _Guard:
@@ -54,12 +54,12 @@ class _Guard:
             await asyncio.sleep(AGAIN_S)
             self._starting = self._start()
 
-    async def say_goodbye(self) -> None:
+    async def end_cleanly(self) -> None:
         """Let the running one end without a stop."""
         if (process := await self._starting) is not None:
             with contextlib.suppress(OSError, TimeoutError):
                 async with asyncio.timeout(ENDING_S):
-                    await process.communicate(GOODBYE)
+                    await process.communicate(END_MESSAGE)
 
     def _start(self) -> "asyncio.Task[Process | None]":
         return asyncio.create_task(_started(self._link, self._stop))

@@ -21,7 +21,7 @@ import structlog
 from chefbotd.clock import Clock
 from chefbotd.core.events import ClientDisconnected
 from chefbotd.core.events.inputs import ClientLeft, TimerFired
-from chefbotd.entries import entries_of
+from chefbotd.inputs import inputs_of
 from chefbotd.logs import RateLimitedLog
 from chefbotd.rpc.arrivals import Arrival, Arrivals
 from chefbotd.rpc.connection_slots import ConnectionSlots, NoSlot, address_group
@@ -182,7 +182,7 @@ class ConnectionManager:
         self._clients: dict[Session, None] = {}  # that may do everything
         self._replaced = set[Session]()  # before they were connected
         self._log = RateLimitedLog(structlog.get_logger(__name__))
-        self._entries, self._numbers = entries_of(clock), count(1)
+        self._entries, self._numbers = inputs_of(clock), count(1)
 
     def __len__(self) -> int:
         return len(self._sessions)

@@ -15,7 +15,7 @@ from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.inputs import RequestHandled
 from chefbotd.core.printable import find_unprintable
-from chefbotd.entries import entries_of
+from chefbotd.inputs import inputs_of
 from chefbotd.logs import RateLimitedLog
 from chefbotd.rpc import jsonrpc, lenient
 from chefbotd.rpc.arrivals import Arrival, Arrivals
@@ -89,7 +89,7 @@ class Dispatcher:
             raise ValueError(
                 f"{late[0]} is urgent, so its handler must not be async: a stop does not wait for a task"
             )
-        self._methods, self._clock = methods, entries_of(clock)
+        self._methods, self._clock = methods, inputs_of(clock)
         self._handled = 0
         self._arrivals, self._command_timeout_s = arrivals, command_timeout_s
         self._stop_number = stop_number

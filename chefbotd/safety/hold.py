@@ -25,7 +25,7 @@ TAKING_PAUSE_S = 5.0
 """Who takes control so soon after anybody has taken it may be a program that repeats it (assumed)."""
 
 
-class Tries(Record, frozen=True, array_like=True):
+class DriveAttempts(Record, frozen=True, array_like=True):
     """The last try to drive a source and its client, the last one of any other client, and the stop that holds it.
 
     ``stopped_by`` is empty where none does. ``knowing`` are the clients that are not held, and ``held_s`` is when a
@@ -44,15 +44,15 @@ class Tries(Record, frozen=True, array_like=True):
     taken_s: float = NEVER_S
 
 
-State = tuple[Tries, ...]
+State = tuple[DriveAttempts, ...]
 """One for each source that anybody has ever tried to drive."""
 
 
-def note_try(
+def record_attempt(
     state: State, source: str, client: int, now_s: float, stop_hold_s: float, latched_by: str = ""
 ) -> State:
     """A client tries to drive a source. ``latched_by`` is not empty while an emergency stop or a fault is latched."""
-    before = _of(state, source) or Tries(source, client, NEVER_S)
+    before = _of(state, source) or DriveAttempts(source, client, NEVER_S)
     others_s = before.others_s if before.client == client else before.stamp_s
     stopped_by, knowing, held_s = before.stopped_by, before.knowing, before.held_s
     if now_s - held_s >= stop_hold_s:
@@ -65,7 +65,9 @@ def note_try(
         [o for o in before.trying if o[0] != client and now_s - o[1] < stop_hold_s][1 - MOST_TRYING :]
     )
     trying = (*trying, (client, now_s))
-    after = Tries(source, client, now_s, others_s, stopped_by, knowing, held_s, trying, before.taken_s)
+    after = DriveAttempts(
+        source, client, now_s, others_s, stopped_by, knowing, held_s, trying, before.taken_s
+    )
     return (*(tries for tries in state if tries.source != source), after)
 
 
@@ -116,7 +118,7 @@ def take_over(
     )
     if from_another and not is_repeated:
         state = acknowledge(state, client, source)
-    *others, tries = note_try(state, source, client, now_s, stop_hold_s, latched_by)
+    *others, tries = record_attempt(state, source, client, now_s, stop_hold_s, latched_by)
     return (*others, replace(tries, taken_s=now_s))
 
 
@@ -126,7 +128,7 @@ def holder_of(state: State, source: str, client: int) -> str:
     return "" if tries is None or client in tries.knowing else tries.stopped_by
 
 
-def _stopped(tries: Tries, client: int, by: str, now_s: float, stop_hold_s: float) -> Tries:
+def _stopped(tries: DriveAttempts, client: int, by: str, now_s: float, stop_hold_s: float) -> DriveAttempts:
     was_held = bool(tries.stopped_by) and client not in tries.knowing and now_s - tries.held_s < stop_hold_s
     others_s = tries.others_s if tries.client == client else tries.stamp_s
     if now_s - others_s >= stop_hold_s:
@@ -135,5 +137,5 @@ def _stopped(tries: Tries, client: int, by: str, now_s: float, stop_hold_s: floa
     return replace(tries, stopped_by=by, knowing=() if was_held else (client,), held_s=held_s)
 
 
-def _of(state: State, source: str) -> Tries | None:
+def _of(state: State, source: str) -> DriveAttempts | None:
     return next((tries for tries in state if tries.source == source), None)

@@ -19,8 +19,8 @@ from chefbotd.client import CallError
 from chefbotd.client import models as client_models
 from chefbotd.clock import ManualClock, run_virtual
 from chefbotd.core.record import Record
-from chefbotd.entries import Entries
 from chefbotd.features.feature import Feature, methods_and_topics
+from chefbotd.inputs import InputLog
 from chefbotd.rpc.method import Method, method
 from chefbotd.rpc.models import NoParams
 from chefbotd.rpc.parameters import Role
@@ -30,7 +30,7 @@ from chefbotd.snapshot import DaemonState, encoded
 from chefbotd.testing.board import ScriptedBoard
 from chefbotd.testing.daemon import running_daemon
 from chefbotd.testing.transport import FakeSerialDevice
-from tests.chefbotd.client.api_page import entries_of
+from tests.chefbotd.client.api_page import inputs_of
 from tests.chefbotd.client.generate import written
 from tests.chefbotd.rpc.test_guarded import broken_rules
 from tests.fakes.robot import methods_of_socket, topics_of
@@ -154,7 +154,7 @@ def test_the_worked_example_goes_on_from_a_recorded_state(shown: types.ModuleTyp
     """What one has driven, another one goes on with; a state of anything else is refused."""
     one, other = (shown.trip(Bus(), ManualClock()).parts for _ in range(2))
     one["trip"].turned_rad, one["trip"].resets = 2.5, 3
-    state = DaemonState(Entries(ManualClock()), other, tuple, ())
+    state = DaemonState(InputLog(ManualClock()), other, tuple, ())
     assert state.restore({"trip": encoded(one["trip"].state())}) == []
     assert (other["trip"].turned_rad, other["trip"].resets) == (2.5, 3)
     (problem,) = state.restore({"trip": encoded({"turned_rad": "far", "resets": 3})})
@@ -179,7 +179,7 @@ def test_one_command_writes_all_else_that_the_worked_example_needs(
     )
     assert "from page import TripData as TripData, TripEnded as TripEnded" in files["models.py"]
     assert '"trip": TripData' in files["models.py"]
-    entry = entries_of(files["api.md"])["reset_trip"]
+    entry = inputs_of(files["api.md"])["reset_trip"]
     assert entry[:3] == (
         "Begin again; answers how far the wheel had turned.",
         "`turned_rad` = 0.0",

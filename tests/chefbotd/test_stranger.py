@@ -20,7 +20,7 @@ from chefbotd.client import CallError
 from chefbotd.components.doctor.cli.bundle import secrets_of
 from chefbotd.components.recording.classes import encode
 from chefbotd.components.recording.replay.recorded import Recorded, groups_of
-from chefbotd.components.recording.replay.run import Wishes, replay_groups, settings_of
+from chefbotd.components.recording.replay.run import ReplayOptions, replay_groups, settings_of
 from chefbotd.settings import Settings, SettingsError, load
 from chefbotd.testing.daemon import SimulatedRobot
 from chefbotd.testing.worker import worker_in_process
@@ -131,7 +131,7 @@ def test_what_it_publishes_is_recorded_and_replayed_bit_for_bit(write: Write) ->
     again = settings_of(settings.model_dump_json(by_alias=True))
     assert again.model_dump()["pressure"]["rise_hpa"] == 0.5
     first, *others = groups_of(iter(stream))
-    outcome = asyncio.run(replay_groups(again, first, iter(others), Wishes()))
+    outcome = asyncio.run(replay_groups(again, first, iter(others), ReplayOptions()))
     assert (outcome.exact, outcome.first, outcome.problems) == (True, None, [])
 
 

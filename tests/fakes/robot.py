@@ -168,7 +168,7 @@ class FakeRobot:
         """Remember it."""
         self._record("release", source)
 
-    def note_try(self, source: str, client: int) -> None:
+    def record_attempt(self, source: str, client: int) -> None:
         """Nothing: this robot holds nobody."""
 
     def stop(self, by: str, client: int) -> None:

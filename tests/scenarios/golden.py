@@ -23,7 +23,7 @@ from chefbotd.client import CallError, Client
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.core import events
 from chefbotd.core.record import Record
-from chefbotd.driving.safety_keeper import LATCHES_PER_SESSION
+from chefbotd.driving.safety_supervisor import LATCHES_PER_SESSION
 from chefbotd.process.build import build
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot

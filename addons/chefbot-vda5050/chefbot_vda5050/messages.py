@@ -24,7 +24,7 @@ LONGEST_MESSAGE: Final = 4 << 20
 """Letters and bytes: what is longer is malformed. An order of a thousand nodes has 400 kB."""
 
 LONGEST_LIST: Final = 2000
-"""Entries of a list: an order has at most 1000 nodes, and as many edges."""
+"""InputLog of a list: an order has at most 1000 nodes, and as many edges."""
 
 MOST_ENTRIES: Final = 20_000
 """Of all lists of a message together."""

@@ -78,7 +78,7 @@ def install_service(
     if root == Path("/"):
         _require_reachable(program)
     program = program_in(root, program, named)
-    request = plan.Wanted(program, robot or "chefbot", config, start=not no_start)
+    request = plan.InstallRequest(program, robot or "chefbot", config, start=not no_start)
     try:
         steps = plan.install(Host(root), request)
     except SettingsError as error:

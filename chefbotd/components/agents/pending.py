@@ -9,8 +9,8 @@ from chefbotd.components.agents.events import QuestionData
 from chefbotd.components.agents.models import AskResult, CallResult
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.record import Record
-from chefbotd.entries import Entries, Timer, due_of
 from chefbotd.features.feature import Waiting
+from chefbotd.inputs import InputLog, Timer, due_of
 from chefbotd.rpc.jobs import ProgressReporter
 
 TELL_EVERY_S: Final = 2.0
@@ -42,7 +42,7 @@ class PendingState(Record, frozen=True):
 class PendingRequests:
     """``changed`` is called when there is another question than before."""
 
-    def __init__(self, entries: Entries, changed: Callable[[], None]) -> None:
+    def __init__(self, entries: InputLog, changed: Callable[[], None]) -> None:
         self._entries, self._changed = entries, changed
         self._pending: dict[int, Pending] = {}
         self._timers: dict[int, Timer] = {}

@@ -36,8 +36,8 @@ from chefbotd.components.agents.pending import PendingRequests, PendingState
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import ClientDisconnected, SafetyChanged
 from chefbotd.core.record import Record, replace
-from chefbotd.entries import Timer, due_of, entries_of
 from chefbotd.features.feature import Feature
+from chefbotd.inputs import Timer, due_of, inputs_of
 from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.jsonrpc import ErrorKind
 from chefbotd.rpc.method import Caller, Unserved, method, methods_of
@@ -86,7 +86,7 @@ class AgentsService:
     """Buttons, questions and calls are numbered together."""
 
     def __init__(self, bus: Bus, clock: Clock) -> None:
-        self._bus, self._entries = bus, entries_of(clock)
+        self._bus, self._entries = bus, inputs_of(clock)
         self._agents: dict[int, RegisteredAgent] = {}  # by client
         self._buttons: dict[int, ButtonData] = {}
         self.waits = PendingRequests(self._entries, self._tell)

@@ -12,7 +12,7 @@ from typing import TypeAlias, TypeVar
 from chefbotd.components.calibration.algorithms.step import ConfiguredRobot, StepDefinition
 from chefbotd.components.calibration.models import CalibrationApplied, CalibrationStep
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.entries import Entries
+from chefbotd.inputs import InputLog
 
 T = TypeVar("T")
 
@@ -27,7 +27,7 @@ Save: TypeAlias = Callable[[Values], CalibrationApplied]
 class CalibrationThread:
     """``robot_with`` and ``save`` know the configuration."""
 
-    def __init__(self, entries: Entries, robot_with: RobotWith, save: Save) -> None:
+    def __init__(self, entries: InputLog, robot_with: RobotWith, save: Save) -> None:
         self._entries, self._robot_with, self._save = entries, robot_with, save
         self._threads = ThreadPoolExecutor(1, "calibration")
 

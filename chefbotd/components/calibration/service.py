@@ -23,7 +23,6 @@ from chefbotd.components.calibration.algorithms.step import (
     StepDefinition,
     StepResult,
 )
-from chefbotd.components.calibration.carrying_out import ALIVE_S, ProcedureRunner, ProcedureRunnerState
 from chefbotd.components.calibration.events import CalibrationChanged
 from chefbotd.components.calibration.fit_process import Fitter
 from chefbotd.components.calibration.measuring import as_calibrated
@@ -36,14 +35,15 @@ from chefbotd.components.calibration.models import (
     CalibrationReport,
 )
 from chefbotd.components.calibration.outside import CalibrationThread, RobotWith, Save, step_named
+from chefbotd.components.calibration.procedure_runner import ALIVE_S, ProcedureRunner, ProcedureRunnerState
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import BatteryMeasured
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import BatteryLevelStatus
 from chefbotd.core.record import Record, replace
 from chefbotd.driving.inner_driver import InnerDriver
-from chefbotd.entries import entries_of
 from chefbotd.features.feature import Feature
+from chefbotd.inputs import inputs_of
 from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.models import DONE, Done, NoParams
@@ -77,7 +77,7 @@ class CalibrationService:
         fit: Fitter,
         writes_to: str = "",
     ) -> None:
-        self._bus, self._entries = bus, entries_of(clock)
+        self._bus, self._entries = bus, inputs_of(clock)
         self._thread = CalibrationThread(self._entries, robot_with, save)
         self._robot_with, self._fit, self._writes_to = robot_with, fit, writes_to
         self._runner = ProcedureRunner(bus, clock, driver, self._take_action)
@@ -112,12 +112,12 @@ class CalibrationService:
         self, caller: Caller, params: CalibrateParams, progress: ProgressReporter
     ) -> StepResult:
         """Carry out a step of the calibration; the robot moves. Nothing is written before ``apply_calibration``."""
-        begun = self._runner.begun()
+        baseline = self._runner.take_baseline()
         with self._taking(params.step, progress):
             robot = await self._thread.robot(_values(self._others(params.step)))
             step = step_named(params.step)
             self._require(step, robot, params.space_m)
-            measured = await self._runner.run(step.procedure(robot), begun)
+            measured = await self._runner.run(step.procedure(robot), baseline)
             self._tell("computing", "computes the parameters", 1.0)
             measured = as_calibrated(measured, self._robot_with({}), robot)
             result = self._compared(await self._fitted(step.name, robot, measured))

@@ -14,8 +14,8 @@ from chefbotd.components.recording.chunk import Channels, McapChannel
 from chefbotd.components.recording.encoder import REPEATED, Encoder, MapEvent
 from chefbotd.components.recording.foxglove import MapDrawer, ReadMap
 from chefbotd.components.recording.recorder_thread import read_map
-from chefbotd.entries import entries_of
 from chefbotd.features.feature import Feature, Service
+from chefbotd.inputs import inputs_of
 from chefbotd.logs import RateLimitedLog
 
 log = structlog.get_logger(component="foxglove")
@@ -80,7 +80,7 @@ class FoxgloveService:
     async def run(self) -> None:
         """Serve until cancelled."""
         inbox = self._bus.subscribe_all(INBOX_EVENTS, EXCLUDED)
-        end_inputs = entries_of(self._clock).begin_recording()
+        end_inputs = inputs_of(self._clock).begin_recording()
         try:
             server = self._start()
         except OSError as error:

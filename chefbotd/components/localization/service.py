@@ -31,8 +31,8 @@ from chefbotd.core.commands import Refused
 from chefbotd.core.events.robot import POSE_ENDED, MapPoseUpdated, WorkerReported
 from chefbotd.core.record import Record, replace
 from chefbotd.driving.inner_driver import InnerDriver
-from chefbotd.entries import entries_of, set_event
 from chefbotd.features.feature import Feature, Service, Waiting
+from chefbotd.inputs import inputs_of, set_event
 from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.parameters import Role
@@ -107,7 +107,7 @@ class LocalizationService:
         self._latest: LocalizationChanged | None = None
         self._pose: MapPoseUpdated | None = None  # in the map in use
         self._jumps_before = 0  # by the workers before this one
-        self._entries, self._turning = entries_of(clock), Turning(bus, clock, driver, self._report)
+        self._entries, self._turning = inputs_of(clock), Turning(bus, clock, driver, self._report)
         self._may_turn = turns_at_start  # it has neither turned nor found itself yet
         self._waits: set[str] = set()  # requests that wait for a turn, by their tasks
         self._worker.add_listener(SKILL, LocalizationChanged, self._take_told)

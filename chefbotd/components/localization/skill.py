@@ -9,7 +9,7 @@ import numpy as np
 from chefbotd.components.localization import skill_requests as requests
 from chefbotd.components.localization.algorithms.branch_and_bound import pyramid
 from chefbotd.components.localization.algorithms.doubt import doubt_sentence
-from chefbotd.components.localization.algorithms.localizer import LocalizationReport, advanced, step
+from chefbotd.components.localization.algorithms.localizer import LocalizationReport, advance_search, step
 from chefbotd.components.localization.algorithms.searching import LocalizationMap
 from chefbotd.components.localization.algorithms.state import (
     HAS_POSE,
@@ -150,7 +150,7 @@ class LocalizationSkill:
             yield self._standing()
         if self._within is None:
             return
-        self._now = advanced(self._within, self._now)
+        self._now = advance_search(self._within, self._now)
         if now_s >= self._keep_at_s:
             self._keep_at_s = now_s + self._parameters.localization.save_period_s
             self._keep()

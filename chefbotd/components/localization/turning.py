@@ -16,7 +16,7 @@ from chefbotd.core.events import OdometryReset, OdometryUpdated, SafetyChanged
 from chefbotd.core.geometry import Twist2D, wrap_angle
 from chefbotd.core.record import Record
 from chefbotd.driving.inner_driver import InnerDriver
-from chefbotd.entries import Timer, due_of, entries_of
+from chefbotd.inputs import Timer, due_of, inputs_of
 from chefbotd.rpc.method import Unserved
 from chefbotd.safety.gate import Mode, not_armed, why_not_armed
 
@@ -64,7 +64,7 @@ class Turning:
 
     def __init__(self, bus: Bus, clock: Clock, driver: InnerDriver | None, report: Report) -> None:
         """``report`` is called with how far it has turned."""
-        self._driver, self._report, self._entries = driver, report, entries_of(clock)
+        self._driver, self._report, self._entries = driver, report, inputs_of(clock)
         self._safety: SafetyChanged | None = None
         self._has_goal = False
         self._timer: Timer | None = None

@@ -6,7 +6,7 @@ from typing import Final, Protocol
 import numpy as np
 
 from chefbotd.components.mapping.algorithms.saved import Arrays, NotASavedState, restored, saved
-from chefbotd.components.mapping.algorithms.state import SlamState, apart, start
+from chefbotd.components.mapping.algorithms.state import SlamState, start, start_new_part
 from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage import contents
 from chefbotd.components.maps.storage.manifest import GRAPH
@@ -154,4 +154,4 @@ class StartStates:
             state = restored(arrays)
         except NotASavedState as problem:
             raise Refused(RefusalKind.MAP_UNREADABLE, f"this map cannot be extended: {problem}") from problem
-        return state if same_run or not len(state.nodes) else apart(state)
+        return state if same_run or not len(state.nodes) else start_new_part(state)

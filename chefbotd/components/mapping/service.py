@@ -30,8 +30,8 @@ from chefbotd.components.worker.service import WorkerService
 from chefbotd.core.commands import Refused
 from chefbotd.core.events.robot import MapPoseUpdated
 from chefbotd.core.record import Record
-from chefbotd.entries import entries_of, set_event
 from chefbotd.features.feature import Feature, Service
+from chefbotd.inputs import inputs_of, set_event
 from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.models import NoParams
@@ -65,7 +65,7 @@ class MappingService:
     ) -> None:
         """``use_saved`` is called with the name of a map that was finished."""
         self._use_saved = use_saved
-        self._bus, self._clock, self._feed, self._worker = bus, entries_of(clock), feed, feed.worker
+        self._bus, self._clock, self._feed, self._worker = bus, inputs_of(clock), feed, feed.worker
         self._status = MappingChanged(stamp_s=0.0)
         self._has_to_resume = asyncio.Event()
         self._worker.add_listener(SKILL, MappingChanged, self._publish)

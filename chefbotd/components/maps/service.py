@@ -52,8 +52,8 @@ from chefbotd.components.worker.watch import WorkerState, took_too_much, was_too
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.events.robot import WorkerReported
 from chefbotd.core.geometry import wrap_angle
-from chefbotd.entries import entries_of
 from chefbotd.features.feature import Feature, Service
+from chefbotd.inputs import inputs_of
 from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.models import DONE, Done, NoParams
@@ -82,7 +82,7 @@ class MapsService:
     ) -> None:
         self._most_memory_mb = most_memory_mb
         self._bus, self._clock, self.store, self._kept = bus, clock, store, versions_kept
-        self._entries = entries_of(clock)
+        self._entries = inputs_of(clock)
         self._robot_pose = RobotPose(bus)
         self.growing: Callable[[], Awaitable[MapChanged]] | None = None
         self.made_ready: Callable[[Report], Awaitable[str]] | None = None

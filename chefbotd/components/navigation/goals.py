@@ -14,7 +14,7 @@ from chefbotd.components.navigation.models import Waypoint
 from chefbotd.components.navigation.skill_requests import GoalAsked
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.record import Record, replace
-from chefbotd.entries import Entries
+from chefbotd.inputs import InputLog
 from chefbotd.rpc.encoding import encode
 
 MOST_ACTIVE, MOST_ENDED = 200, 400
@@ -150,7 +150,7 @@ class Places(Protocol):
 class Destinations:
     """Looks places up as they are now: a place that is moved or deleted later changes no goal."""
 
-    def __init__(self, places: Places, entries: Entries) -> None:
+    def __init__(self, places: Places, entries: InputLog) -> None:
         self._places, self._entries = places, entries
 
     async def goals(self, numbers: Sequence[int], waypoints: Sequence[Waypoint]) -> list[GoalAsked]:

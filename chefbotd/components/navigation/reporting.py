@@ -8,7 +8,7 @@ from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.components.navigation.events import GoalCause, NavigationChanged
 from chefbotd.core.record import Record
-from chefbotd.entries import Timer, due_of, entries_of
+from chefbotd.inputs import Timer, due_of, inputs_of
 from chefbotd.rpc.jobs import ProgressReporter
 
 REPORT_EVERY_S: Final = 0.5
@@ -32,7 +32,7 @@ class Reporting:
     """Reports changes at once, and the distance now and then; an end stays until the next goal."""
 
     def __init__(self, bus: Bus, clock: Clock) -> None:
-        self._bus, self._clock = bus, entries_of(clock)
+        self._bus, self._clock = bus, inputs_of(clock)
         self._reported: NavigationChanged | None = None
         self._waiting: list[_Waiting] = []
         self._timer: Timer | None = None

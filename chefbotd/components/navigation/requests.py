@@ -18,7 +18,7 @@ from chefbotd.components.navigation.skill_requests import (
 )
 from chefbotd.components.worker.process import Worker
 from chefbotd.core.record import Record
-from chefbotd.entries import set_event
+from chefbotd.inputs import set_event
 
 SUPERSEDED: dict[type[NavigationRequest], tuple[type[NavigationRequest], ...]] = {
     NavigateTo: (NavigateTo, KeepGoals, Pause, Resume),

@@ -38,8 +38,8 @@ from chefbotd.core.events.robot import WorkerReported
 from chefbotd.core.geometry import Twist2D
 from chefbotd.core.record import Record, replace
 from chefbotd.driving.inner_driver import InnerDriver
-from chefbotd.entries import Timer, due_of, entries_of
 from chefbotd.features.feature import Waiting
+from chefbotd.inputs import Timer, due_of, inputs_of
 from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Unserved
 from chefbotd.rpc.session import Session
@@ -108,7 +108,7 @@ class NavigationService:
         section: NavigationSection,
     ) -> None:
         self._bus, self._clock, self._worker, self._driver = bus, clock, feed.worker, driver
-        self.section, self._entries = section, entries_of(clock)
+        self.section, self._entries = section, inputs_of(clock)
         self._destinations = Destinations(places, self._entries)
         self._waits: dict[str, Wait] = {}  # requests by their tasks
         self._requests, self._goals = RequestQueue(), Goals()

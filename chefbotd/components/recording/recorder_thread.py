@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from chefbotd.components.recording.writer import MakeRecorder
 
 
-class Made(Struct, frozen=True):
+class RecordingHeader(Struct, frozen=True):
     """What a recording says about the robot. ``first_scanner`` names the scanner of the channel ``/scan``."""
 
     robot: str
@@ -45,7 +45,7 @@ class Made(Struct, frozen=True):
 
 
 def recorder_maker(
-    parameters: RecordingParameters, folder: Path, made: Made, started_s: float
+    parameters: RecordingParameters, folder: Path, made: RecordingHeader, started_s: float
 ) -> "MakeRecorder":
     """Makes encoder and recorder; ``started_s`` is the daemon's present time."""
     offset_ns = time.time_ns() - round(started_s * 1e9)

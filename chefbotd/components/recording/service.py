@@ -25,8 +25,8 @@ from chefbotd.components.recording.recorder_thread import DISK_PATIENCE_S, Recor
 from chefbotd.components.recording.status import AUTOMATIC, RecordingError
 from chefbotd.core.events import LinkNotOpened, LinkOpened, SafetyChanged
 from chefbotd.core.events.robot import RecordingChanged
-from chefbotd.entries import entries_of
 from chefbotd.features.feature import Feature, Service
+from chefbotd.inputs import inputs_of
 from chefbotd.metrics import Metrics
 from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, method, methods_of
@@ -55,7 +55,7 @@ COLLECT_BEATS, TELL_BEATS = 2, 20
 STATE_EVERY_S = 20.0
 """The interval of recorded states. One takes 0.14 ms with a lidar; a replay cannot begin before the first one."""
 
-LAST_WORDS_S = 1.0
+FLUSH_TIMEOUT_S = 1.0
 """How long the daemon's end waits for the end of the file."""
 
 DISK_HANGS = "the disk does not answer: events will be lost when the buffer is full"
@@ -83,7 +83,7 @@ class RecordingService:
         self._bus, self._clock, self._parameters, self._state = bus, clock, parameters, state
         self._state_s, self._state_lacks = float("-inf"), False
         self._folder, self.thread = folder, RecorderThread(clock, folder, start_writer)
-        self._entries = entries_of(clock)
+        self._entries = inputs_of(clock)
         self._inbox: Inbox[Any] | None = None
         self._listening = asyncio.Event()
         self._end_inputs: Callable[[], None] = _nothing
@@ -142,7 +142,7 @@ class RecordingService:
         if self.thread.writer is None:
             return
         try:
-            await self._ask(lambda recorder, now_s: recorder.close(now_s), LAST_WORDS_S)
+            await self._ask(lambda recorder, now_s: recorder.close(now_s), FLUSH_TIMEOUT_S)
         except RecordingError as problem:
             log.warning("the recording was not closed properly", error=str(problem))
 

@@ -6,8 +6,8 @@ from chefbotd.bus import Bus
 from chefbotd.clock import Clock, next_beat
 from chefbotd.components.statistics.models import StatsData, stats_data, stats_model, topics
 from chefbotd.core.events import StatsSampled
-from chefbotd.entries import entries_of
 from chefbotd.features.feature import Feature, Service
+from chefbotd.inputs import inputs_of
 from chefbotd.metrics import Histogram, Metrics
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.models import NoParams
@@ -25,7 +25,7 @@ class StatsService:
 
     def __init__(self, bus: Bus, clock: Clock, metrics: Metrics) -> None:
         self._bus, self._clock, self._metrics = bus, clock, metrics
-        self._entries = entries_of(clock)
+        self._entries = inputs_of(clock)
         self.lag_s, self.lags = 0.0, Histogram(LAG_BOUNDS_S)
 
     def sample(self) -> StatsSampled:

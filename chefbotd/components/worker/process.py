@@ -22,9 +22,9 @@ from chefbotd.components.worker.requests import OnProgress, RequestCancelled, Re
 from chefbotd.components.worker.spawn import Child, Spawn, spawn
 from chefbotd.components.worker.watch import (
     NEXT,
-    Happened,
     Vitals,
     WorkerState,
+    WorkerTransition,
     backoff_s,
     checked,
     excused,
@@ -34,7 +34,7 @@ from chefbotd.components.worker.watch import (
 from chefbotd.core.commands import Refused
 from chefbotd.core.events.inputs import WorkerGone, WorkerSaid
 from chefbotd.core.record import Record, replace
-from chefbotd.entries import entries_of
+from chefbotd.inputs import inputs_of
 
 log = structlog.get_logger(component="worker")
 
@@ -79,7 +79,7 @@ class Worker:
         on_status: Callable[[WorkerStatus], None],
         start: Spawn = spawn,
     ) -> None:
-        self._parameters, self._clock, self._skills = parameters, entries_of(clock), dict(skills)
+        self._parameters, self._clock, self._skills = parameters, inputs_of(clock), dict(skills)
         self._on_status, self._start = on_status, start
         self.status = WorkerStatus()
         self._vitals = Vitals(0.0, 0.0, 0.0)
@@ -183,21 +183,21 @@ class Worker:
         try:
             while True:
                 begun_s = self._clock.now_s()
-                reason = await self._one_life()
+                reason = await self._run_once()
                 if self.status.state is WorkerState.UNAVAILABLE:  # starting it again would not help
                     self._report(replace(self.status, pid=None, rss_mb=None, cpu=None))
                     break
                 self._failures = 1 if self._clock.now_s() - begun_s > HEALTHY_S else self._failures + 1
                 wait_s = backoff_s(self._parameters, self._failures)
                 log.warning("the worker has ended", reason=reason, again_in_s=wait_s)
-                self._set(Happened.ENDED, pid=None, rss_mb=None, cpu=None, reason=reason)
+                self._set(WorkerTransition.ENDED, pid=None, rss_mb=None, cpu=None, reason=reason)
                 await asyncio.sleep(wait_s)
                 self.status = replace(self.status, restarts=self.status.restarts + 1)
             await asyncio.Event().wait()
         finally:
-            self._set(Happened.STOPPED, pid=None, rss_mb=None, cpu=None)
+            self._set(WorkerTransition.STOPPED, pid=None, rss_mb=None, cpu=None)
 
-    async def _one_life(self) -> str:
+    async def _run_once(self) -> str:
         """Start a worker, and watch it until its end; the reason."""
         ours, theirs = socket.socketpair()
         try:
@@ -214,7 +214,7 @@ class Worker:
         self._ended = asyncio.get_running_loop().create_future()
         self._channel = Channel(ours, 1024 * self._parameters.queue_kb, self._take_message, self._end)
         self._channel.send(messages.Configure(self._skills, self._references))
-        self._set(Happened.SPAWNED, pid=child.pid)
+        self._set(WorkerTransition.SPAWNED, pid=child.pid)
         waiting = asyncio.create_task(child.wait(), name="worker's end")
         try:
             return await self._watched(child, waiting, self._ended)
@@ -298,9 +298,9 @@ class Worker:
                 with self._clock.entry(partial(_said, message)):
                     self.take_of_skill(message)
             case messages.Warming():
-                self._set(Happened.WARMING, reason=f"loading {message.skill}")
+                self._set(WorkerTransition.WARMING, reason=f"loading {message.skill}")
             case messages.Ready():
-                if self._set(Happened.READY, reason=""):
+                if self._set(WorkerTransition.READY, reason=""):
                     self._vitals = replace(
                         self._vitals, busy_s=0.0, doing=""
                     )  # loading is over, however long it took
@@ -310,7 +310,7 @@ class Worker:
                 log.error("a skill is left out", skill=message.skill, reason=message.reason)
             case messages.Unavailable():
                 log.warning("the worker is not available", reason=message.reason)
-                self._set(Happened.UNAVAILABLE, reason=message.reason)
+                self._set(WorkerTransition.UNAVAILABLE, reason=message.reason)
                 self._end(message.reason)
 
     def take_of_skill(self, message: OfSkill) -> None:
@@ -345,7 +345,7 @@ class Worker:
             reason = f"{type(error).__name__}: {error}"
             log.error("what a skill said is left out", skill=message.skill, reason=reason)
 
-    def _set(self, happened: Happened, **fields: object) -> bool:
+    def _set(self, happened: WorkerTransition, **fields: object) -> bool:
         """Go on to the next state; a worker that tells what cannot be is not believed."""
         state = NEXT.get((self.status.state, happened))
         if state is None:

@@ -14,8 +14,8 @@ from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import MapPoseUpdated, WorkerData, WorkerReported
 from chefbotd.core.geometry import ORIGIN, Pose2D
 from chefbotd.core.record import Record, replace
-from chefbotd.entries import entries_of
 from chefbotd.features.feature import Feature, Service
+from chefbotd.inputs import inputs_of
 from chefbotd.metrics import Metrics
 from chefbotd.rpc.topics import Topic, same_names
 
@@ -40,7 +40,7 @@ class WorkerService:
         skills: Mapping[str, bytes],
         start: Spawn | None = None,
     ) -> None:
-        self._bus, self._entries = bus, entries_of(clock)
+        self._bus, self._entries = bus, inputs_of(clock)
         self.worker = Worker(parameters, clock, skills, self._report, start or spawn)
         self._steady_from_odom = ORIGIN
         bus.add_handler(self._send_odometry, OdometryUpdated)

@@ -19,7 +19,7 @@ class WorkerState(StrEnum):
     UNAVAILABLE = "unavailable"
 
 
-class Happened(StrEnum):
+class WorkerTransition(StrEnum):
     """What changes the state."""
 
     SPAWNED = "spawned"
@@ -32,19 +32,19 @@ class Happened(StrEnum):
 
 LIVING: Final = (WorkerState.STARTING, WorkerState.WARMING, WorkerState.READY)
 
-NEXT: Final[Mapping[tuple[WorkerState, Happened], WorkerState]] = {
-    (WorkerState.STOPPED, Happened.SPAWNED): WorkerState.STARTING,
-    (WorkerState.RESTARTING, Happened.SPAWNED): WorkerState.STARTING,
-    (WorkerState.STARTING, Happened.WARMING): WorkerState.WARMING,
-    (WorkerState.WARMING, Happened.WARMING): WorkerState.WARMING,
-    (WorkerState.STARTING, Happened.READY): WorkerState.READY,
-    (WorkerState.WARMING, Happened.READY): WorkerState.READY,
-    (WorkerState.STARTING, Happened.UNAVAILABLE): WorkerState.UNAVAILABLE,
-    (WorkerState.WARMING, Happened.UNAVAILABLE): WorkerState.UNAVAILABLE,
-    (WorkerState.STOPPED, Happened.ENDED): WorkerState.RESTARTING,
-    (WorkerState.RESTARTING, Happened.ENDED): WorkerState.RESTARTING,
-    **{(state, Happened.ENDED): WorkerState.RESTARTING for state in LIVING},
-    **{(state, Happened.STOPPED): WorkerState.STOPPED for state in WorkerState},
+NEXT: Final[Mapping[tuple[WorkerState, WorkerTransition], WorkerState]] = {
+    (WorkerState.STOPPED, WorkerTransition.SPAWNED): WorkerState.STARTING,
+    (WorkerState.RESTARTING, WorkerTransition.SPAWNED): WorkerState.STARTING,
+    (WorkerState.STARTING, WorkerTransition.WARMING): WorkerState.WARMING,
+    (WorkerState.WARMING, WorkerTransition.WARMING): WorkerState.WARMING,
+    (WorkerState.STARTING, WorkerTransition.READY): WorkerState.READY,
+    (WorkerState.WARMING, WorkerTransition.READY): WorkerState.READY,
+    (WorkerState.STARTING, WorkerTransition.UNAVAILABLE): WorkerState.UNAVAILABLE,
+    (WorkerState.WARMING, WorkerTransition.UNAVAILABLE): WorkerState.UNAVAILABLE,
+    (WorkerState.STOPPED, WorkerTransition.ENDED): WorkerState.RESTARTING,
+    (WorkerState.RESTARTING, WorkerTransition.ENDED): WorkerState.RESTARTING,
+    **{(state, WorkerTransition.ENDED): WorkerState.RESTARTING for state in LIVING},
+    **{(state, WorkerTransition.STOPPED): WorkerState.STOPPED for state in WorkerState},
 }
 """What is not here cannot happen with a worker of ours: one that says so is not believed, and is killed."""
 

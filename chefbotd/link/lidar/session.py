@@ -12,7 +12,7 @@ from chefbotd.core.events import OdometryUpdated
 from chefbotd.core.events.inputs import LinkBytesWritten
 from chefbotd.core.events.lidars import LidarChanged, ScanMeasured
 from chefbotd.core.record import Record
-from chefbotd.entries import Timer, due_of, entries_of
+from chefbotd.inputs import Timer, due_of, inputs_of
 from chefbotd.link.lidar.health import LidarCondition, LidarHealthWatch, LidarTotals
 from chefbotd.link.lidar.ld19_reader import Ld19Reader, Ld19State
 from chefbotd.link.lidar.rplidar_reader import RplidarReader, RplidarState
@@ -88,7 +88,7 @@ class LidarSession(asyncio.Protocol):
     """An asyncio protocol that survives reconnections and keeps its counters. It publishes each scan when it ends."""
 
     def __init__(self, bus: Bus, clock: Clock, lidar: LidarParameters) -> None:
-        self._bus, self._clock, self.lidar = bus, entries_of(clock), lidar
+        self._bus, self._clock, self.lidar = bus, inputs_of(clock), lidar
         self.reader = _reader_of(lidar)
         self._base_from_lidar = lidar.base_from_lidar
         self._repeats, self._travel = RepeatFinder(), Travel()

@@ -33,7 +33,7 @@ LINKS = 8
 """A program may be a link to a link; a ring of them ends the search."""
 
 
-class Wanted(Struct, frozen=True):
+class InstallRequest(Struct, frozen=True):
     """What to install: ``program`` is started with the configuration of ``robot``, or a copy of the file ``config``.
 
     The program's path is that of the system on which the service runs, whatever folder the installation goes to.
@@ -46,7 +46,7 @@ class Wanted(Struct, frozen=True):
     start: bool = True
 
 
-def install(host: Host, request: Wanted) -> list[InstallationStep]:
+def install(host: Host, request: InstallRequest) -> list[InstallationStep]:
     """Every step from a computer without the service to one on which it runs.
 
     Raises:
@@ -88,7 +88,7 @@ def _root_option(host: Host) -> tuple[str, ...]:
     return () if host.is_running else (f"--root={host.root}",)
 
 
-def _configuration(host: Host, request: Wanted) -> Iterator[InstallationStep]:
+def _configuration(host: Host, request: InstallRequest) -> Iterator[InstallationStep]:
     """Keep a configuration that exists, because people edit it. Otherwise install the robot's, or the named file."""
     path, source = host.path(texts.CONFIGURATION), request.config
     if source is None:

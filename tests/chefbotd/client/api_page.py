@@ -45,7 +45,7 @@ def page(text: str, methods: Mapping[str, Method], topics: Mapping[str, Topic]) 
     What names all that it has to name stays as somebody has worded it, and so does an example that its models allow.
     All else is written anew.
     """
-    entries = entries_of(text)
+    entries = inputs_of(text)
     names = _in_order(methods, entries)
     numbers = count(1)
     written = [_entry(methods[name], entries.get(name), numbers) for name in names]
@@ -55,7 +55,7 @@ def page(text: str, methods: Mapping[str, Method], topics: Mapping[str, Topic]) 
     return _with_rows(text, "Topics", written)
 
 
-def entries_of(text: str) -> dict[str, Entry]:
+def inputs_of(text: str) -> dict[str, Entry]:
     """Each method that the page has, by its name, in the page's order."""
     found = re.findall(METHOD, section(text, "Methods"), re.MULTILINE | re.DOTALL)
     return {name: _parsed(entry) for name, entry in found}

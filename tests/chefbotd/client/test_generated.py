@@ -18,7 +18,7 @@ from chefbotd.core.record import Record
 from chefbotd.rpc.encoding import plain
 from chefbotd.rpc.method import Method
 from chefbotd.rpc.models import Params
-from tests.chefbotd.client.api_page import Pair, entries_of, is_possible, page
+from tests.chefbotd.client.api_page import Pair, inputs_of, is_possible, page
 from tests.chefbotd.client.generate import written
 from tests.fakes.example import example
 from tests.fakes.robot import methods_of_socket, topics_of
@@ -113,7 +113,7 @@ def test_a_bar_in_a_docstring_stays_as_it_is() -> None:
     mark = renamed(METHODS["ping"], "mark")
     mark.handle.__doc__ = "Mark ``a`` | b."
     told = page(PAGE, {"mark": mark}, {"battery": TOPICS["battery"]})
-    assert entries_of(told)["mark"][:3] == ("Mark `a` | b.", "none", "`pong`, `stamp_s`")
+    assert inputs_of(told)["mark"][:3] == ("Mark `a` | b.", "none", "`pong`, `stamp_s`")
     assert page(told, {"mark": mark}, {"battery": TOPICS["battery"]}) == told
 
 
@@ -121,7 +121,7 @@ def test_a_page_keeps_its_words_and_gets_what_is_missing() -> None:
     """What names everything stays; what lacks something or names too much, and a new entry, is written."""
     methods = {name: METHODS[name] for name in ("set_pose", "delete_place", "arm", "ping")}
     told = page(PAGE, methods, {"battery": TOPICS["battery"]})
-    entries = entries_of(told)
+    entries = inputs_of(told)
     assert list(entries) == ["delete_place", "arm", "set_pose", "ping"]
     assert entries["delete_place"][:3] == ("Forgets it.", "its `name` and `map`", "`ok`")
     given = "`state`, `map`, `fit`, `alternatives`, `searched`, `jumps`, `reason`"
@@ -140,7 +140,7 @@ def test_an_example_that_is_possible_stays_and_any_other_is_written() -> None:
     methods = {name: METHODS[name] for name in ("set_pose", "delete_place", "arm", "ping")}
     examples = {
         name: entry.examples
-        for name, entry in entries_of(page(PAGE, methods, {"battery": TOPICS["battery"]})).items()
+        for name, entry in inputs_of(page(PAGE, methods, {"battery": TOPICS["battery"]})).items()
     }
     ((request, answer),) = examples["delete_place"]
     assert (request["id"], request["params"], answer["id"]) == (1, {"name": "table 3"}, 1)

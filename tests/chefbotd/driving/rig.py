@@ -9,7 +9,7 @@ from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.core.events import EncodersCounted, LinkOpened, SafetyChanged, WheelsDriven, WheelsMeasured
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.driving.motor_watch import MotorWatch
-from chefbotd.driving.safety_keeper import SafetyKeeper
+from chefbotd.driving.safety_supervisor import SafetySupervisor
 from chefbotd.driving.service import DriveService
 from chefbotd.driving.wheel_reader import WheelReader
 from chefbotd.motion.drive import Drive
@@ -62,7 +62,7 @@ class Rig:
                 LIMITS,
                 (GAINS,) * len(chassis.wheels),
             ),
-            SafetyKeeper(
+            SafetySupervisor(
                 self.bus,
                 self.clock,
                 SafetyParameters(rearm=rearm),

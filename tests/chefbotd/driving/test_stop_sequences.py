@@ -26,7 +26,7 @@ from chefbotd.driving.models import (
     StopParams,
 )
 from chefbotd.driving.motor_watch import MotorWatch
-from chefbotd.driving.safety_keeper import SafetyKeeper
+from chefbotd.driving.safety_supervisor import SafetySupervisor
 from chefbotd.driving.service import DriveService
 from chefbotd.driving.wheel_reader import WheelReader
 from chefbotd.motion.drive import Drive
@@ -78,7 +78,7 @@ class Robot:
             self.clock,
             lambda duty: None,
             DRIVE,
-            SafetyKeeper(
+            SafetySupervisor(
                 bus,
                 self.clock,
                 parameters,

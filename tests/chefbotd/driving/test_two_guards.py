@@ -10,12 +10,12 @@ from chefbotd.clock import ManualClock
 from chefbotd.core.events import LinkOpened, RangeMeasured, RangeStatus, SafetyChanged
 from chefbotd.core.geometry import STANDING, Motion, Pose2D, Twist2D
 from chefbotd.driving.motor_watch import MotorWatch
-from chefbotd.driving.safety_keeper import SafetyKeeper
+from chefbotd.driving.safety_supervisor import SafetySupervisor
 from chefbotd.process.latch_file import LatchFile
 from chefbotd.safety.gate import Command, Decision, SafetyParameters
 from chefbotd.safety.guard import GuardParameters
 from tests.chefbotd.driving.rig import CHASSIS
-from tests.chefbotd.driving.test_safety_keeper import reading
+from tests.chefbotd.driving.test_safety_supervisor import reading
 
 Limit = Callable[[Twist2D], tuple[Twist2D, str | None]]
 
@@ -42,9 +42,9 @@ def free(wanted: Twist2D) -> tuple[Twist2D, str | None]:
 
 def keeper_of(
     bus: Bus, clock: ManualClock, parameters: SafetyParameters, mount: Pose2D, rule: Limit = free
-) -> SafetyKeeper:
+) -> SafetySupervisor:
     """A keeper with an open link, one beam, and scans that allow what the rule says."""
-    keeper = SafetyKeeper(
+    keeper = SafetySupervisor(
         bus,
         clock,
         parameters,
@@ -144,7 +144,7 @@ def test_a_guard_that_is_off_is_announced_with_the_mode() -> None:
     told: list[SafetyChanged] = []
     bus.add_handler(told.append, SafetyChanged)
     parameters = SafetyParameters(guard=GuardParameters(enabled=False))
-    keeper = SafetyKeeper(
+    keeper = SafetySupervisor(
         bus,
         clock,
         parameters,

@@ -260,13 +260,13 @@ def test_a_board_that_reads_in_time_is_told_once(far_end: FarEnd, monkeypatch: p
 
 def test_what_does_not_go_makes_room_for_the_shutdown_stop(far_end: FarEnd, monkeypatch: pytest.MonkeyPatch):
     """What lies before them does not move: it is dropped, they are said again, and are dropped last, if at all."""
-    monkeypatch.setattr(port_module, "LAST_WORDS_S", 0.1)
+    monkeypatch.setattr(port_module, "FLUSH_TIMEOUT_S", 0.1)
     kernel = Kernel(looks=float("inf"))
     took_s = closed_with(far_end, kernel)
     wait_until(lambda: kernel.dropped == [STOP, 2 * STOP])  # the close, in a thread, drops what is left
-    assert took_s >= port_module.STALE_S + port_module.LAST_WORDS_S
+    assert took_s >= port_module.STALE_S + port_module.FLUSH_TIMEOUT_S
 
 
 def test_the_shutdown_stop_has_longer_than_the_sketch_waits_for_an_echo():
     """A board with USB of its own takes nothing for that second; systemd gives the daemon five."""
-    assert 1.0 < port_module.STALE_S + port_module.LAST_WORDS_S < 2.0
+    assert 1.0 < port_module.STALE_S + port_module.FLUSH_TIMEOUT_S < 2.0

@@ -9,7 +9,7 @@ from chefbotd.rpc import jsonrpc
 from chefbotd.rpc.jsonrpc import ERRORS, Request
 from chefbotd.rpc.methods import NOTIFICATIONS
 from chefbotd.rpc.parameters import ApiParameters
-from tests.chefbotd.client.api_page import entries_of, is_possible, members
+from tests.chefbotd.client.api_page import inputs_of, is_possible, members
 from tests.fakes.robot import methods_of_socket, topics_of
 
 PAGE = Path(__file__).parents[3] / "docs" / "api.md"
@@ -28,7 +28,7 @@ def rows(heading: str) -> dict[str, str]:
 
 def test_every_method_has_an_entry_with_its_parameters_and_its_result() -> None:
     """No method is missing, nor is what it takes and gives, but for the many gains and counters."""
-    entries = entries_of(PAGE.read_text(encoding="utf-8"))
+    entries = inputs_of(PAGE.read_text(encoding="utf-8"))
     assert entries.keys() == METHODS.keys()
     for name, method in METHODS.items():
         for parameter in list(method.params.model_fields)[:4]:
@@ -82,7 +82,7 @@ def test_every_example_is_a_valid_request() -> None:
 
 def test_every_method_has_a_worked_request_and_its_answer() -> None:
     """The daemon may answer so, and both have the same number."""
-    for name, entry in entries_of(PAGE.read_text(encoding="utf-8")).items():
+    for name, entry in inputs_of(PAGE.read_text(encoding="utf-8")).items():
         assert entry.examples, name
         for pair in entry.examples:
             assert is_possible(pair, METHODS[name]), pair

@@ -12,7 +12,7 @@ ANN, BOB, CARL = 1, 2, 3
 def tried(*tries: tuple[int, str, float], state: State = ()) -> State:
     """Commands of these clients for these sources at these times."""
     for client, source, now_s in tries:
-        state = hold.note_try(state, source, client, now_s, LET_GO_S)
+        state = hold.record_attempt(state, source, client, now_s, LET_GO_S)
     return state
 
 

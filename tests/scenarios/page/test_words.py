@@ -6,7 +6,7 @@ from typing import Any
 import pytest
 
 from chefbotd.core.events.robot import RangeStatus
-from chefbotd.driving.safety_keeper import ENCODERS_STALE, NO_BOARD
+from chefbotd.driving.safety_supervisor import ENCODERS_STALE, NO_BOARD
 from chefbotd.link.health import Condition
 from chefbotd.link.lidar.health import LidarCondition
 from chefbotd.rpc.jsonrpc import ERRORS

@@ -17,7 +17,7 @@ from chefbotd.components.depth_camera.link.process import (
 )
 from chefbotd.core.events.lidars import DepthCameraChanged, ScanMeasured
 from chefbotd.core.scan import Floats, LaserScan
-from chefbotd.entries import entries_of
+from chefbotd.inputs import inputs_of
 from chefbotd.perception.depth_camera import DepthSourceParameters
 
 log = structlog.get_logger(component="depth camera")
@@ -35,7 +35,7 @@ class DepthCamera:
         self, parameters: DepthSourceParameters, bus: Bus, clock: Clock, spawn: Spawn, rng: random.Random
     ) -> None:
         self.parameters = parameters
-        self._bus, self._entries, self._spawn, self._rng = bus, entries_of(clock), spawn, rng
+        self._bus, self._entries, self._spawn, self._rng = bus, inputs_of(clock), spawn, rng
         self._reported: tuple[bool, str] | None = None
         self.scans = self.starts = 0
 

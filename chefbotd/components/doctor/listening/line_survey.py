@@ -45,7 +45,7 @@ LONGEST_STEP_US = 10_000_000
 TEXT_BYTES = frozenset((*range(0x20, 0x7F), *b"\t\r\n"))
 
 
-class _Ear:
+class _LineListener:
     """Decodes what is received as one variant of the protocol."""
 
     def __init__(self, variant: Variant) -> None:
@@ -142,7 +142,7 @@ class LineSurvey:
     def __init__(self, configured: str, now_s: float) -> None:
         self._from_s = now_s
         names = [configured, *(name for name in VARIANTS if name != configured)]
-        self._ears = [_Ear(VARIANTS[name]) for name in names]
+        self._ears = [_LineListener(VARIANTS[name]) for name in names]
         self._bytes = self._garbled = 0
         self._sample = b""
 

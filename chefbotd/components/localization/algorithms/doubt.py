@@ -105,11 +105,11 @@ def check_elsewhere(
     is_doubtful = since_s is not None and stamp_s - since_s >= UNCERTAIN_FOR_S
     if last is None or _is_due_again(last, odometry, stamp_s, is_doubtful=is_doubtful):
         candidates = () if last is None else last.candidates
-        last = search_room.begun(within, scan, odometry, stamp_s, candidates)
+        last = search_room.start_search(within, scan, odometry, stamp_s, candidates)
     else:
-        last = search_room.looked(within, last, odometry, scan)
+        last = search_room.add_scan(within, last, odometry, scan)
     was_searched = last.search is None
-    last = search_room.advanced(within, last, odometry)
+    last = search_room.advance_search(within, last, odometry)
     if last.search is None and not was_searched:
         given = Hypothesis(estimate, now.fit, now.overlap)
         last = replace(last, candidates=merged((given,), last.candidates))

@@ -73,7 +73,7 @@ class GlobalSearch(Record, frozen=True):
         return 1.0 if self.is_done else 0.5 + 0.5 * self.divided / len(self.order)
 
 
-def begun(within: Pyramid, points: Singles, *, points_at_most: int = POINTS_AT_MOST) -> GlobalSearch:
+def start_search(within: Pyramid, points: Singles, *, points_at_most: int = POINTS_AT_MOST) -> GlobalSearch:
     """A search for a scan's points (n, 2), in the robot's frame; nothing is computed yet.
 
     Raises:

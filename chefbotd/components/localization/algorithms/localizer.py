@@ -137,14 +137,14 @@ def _timed(now: Localization, stamp_s: float) -> Localization:
     return replace(now, uncertain_since_s=stamp_s) if now.uncertain_since_s is None else now
 
 
-def advanced(within: LocalizationMap, now: Localization) -> Localization:
+def advance_search(within: LocalizationMap, now: Localization) -> Localization:
     """Go on with a search between two scans, a bounded bit."""
     if now.searching is None or now.odometry is None:
         return now
     if now.state is not PoseState.SEARCHING and not now.is_unchecked:
         return now
     pose = now.odometry.pose
-    return replace(now, searching=search_room.advanced(within, now.searching, pose))
+    return replace(now, searching=search_room.advance_search(within, now.searching, pose))
 
 
 def _follow(
@@ -200,16 +200,16 @@ def _look(
         due = last is None or search_room.is_due(last, odometry, stamp_s)
         if not (auto_search and due):
             return now, None
-        begun = search_room.begun(within, scan, odometry, stamp_s)
+        begun = search_room.start_search(within, scan, odometry, stamp_s)
         return on_event(replace(now, searching=begun), PoseEvent.SEARCH_STARTED), PoseEvent.SEARCH_STARTED
     if last is None:
-        last = search_room.begun(within, scan, odometry, stamp_s)
+        last = search_room.start_search(within, scan, odometry, stamp_s)
     else:
-        last = search_room.looked(within, last, odometry, scan)
-    last = search_room.advanced(within, last, odometry)
+        last = search_room.add_scan(within, last, odometry, scan)
+    last = search_room.advance_search(within, last, odometry)
     event, place = _result(last, odometry, stamp_s)
     if event is PoseEvent.SEARCH_STARTED:
-        last = search_room.begun(within, scan, odometry, stamp_s, last.candidates)
+        last = search_room.start_search(within, scan, odometry, stamp_s, last.candidates)
     now = replace(now, searching=last)
     if place is not None:
         now = replace(

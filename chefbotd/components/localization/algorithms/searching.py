@@ -66,7 +66,7 @@ class Searching(Record, frozen=True):
         return 1.0 if self.search is None else self.search.share_done
 
 
-def begun(
+def start_search(
     within: LocalizationMap,
     scan: Scan,
     odometry: Floats,
@@ -74,11 +74,11 @@ def begun(
     candidates: tuple[Hypothesis, ...] = (),
 ) -> Searching:
     """A search for this scan; nothing is computed yet."""
-    search = global_search.begun(within.pyramid, scan.points)
+    search = global_search.start_search(within.pyramid, scan.points)
     return Searching(search, scan, odometry, stamp_s, candidates, is_complete=False, looked_at=odometry)
 
 
-def advanced(within: LocalizationMap, searching: Searching, odometry: Floats) -> Searching:
+def advance_search(within: LocalizationMap, searching: Searching, odometry: Floats) -> Searching:
     """The search a bounded bit further; ``odometry`` is where the robot is now."""
     if searching.search is None:
         return searching
@@ -92,7 +92,7 @@ def advanced(within: LocalizationMap, searching: Searching, odometry: Floats) ->
     return replace(searching, search=None, candidates=candidates, is_complete=is_complete)
 
 
-def looked(within: LocalizationMap, searching: Searching, odometry: Floats, scan: Scan) -> Searching:
+def add_scan(within: LocalizationMap, searching: Searching, odometry: Floats, scan: Scan) -> Searching:
     """The candidates after a scan."""
     new_look = is_look(between(searching.looked_at, odometry))
     left = confronted(

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from chefbotd.components.localization.algorithms.localizer import advanced, step
+from chefbotd.components.localization.algorithms.localizer import advance_search, step
 from chefbotd.components.localization.algorithms.searching import localization_map
 from chefbotd.components.localization.algorithms.state import (
     Localization,
@@ -34,7 +34,7 @@ def warm() -> None:
     now, odometry = localize(Localization()), Odometry(np.zeros(3))
     for k in range(3):
         now, _ = step(within, now, 0.1 * k, odometry, scan)
-        now = advanced(within, now)
+        now = advance_search(within, now)
     search(within.surfaces.grids, points, np.zeros(3), Window(1.0, 0.1))
     tracking = Localization(state=PoseState.UNCERTAIN)
     step(within, set_pose(tracking, np.zeros(3)), 0.0, odometry, scan)

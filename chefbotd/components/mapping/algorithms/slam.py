@@ -32,8 +32,8 @@ from chefbotd.components.mapping.algorithms.state import (
     SlamMode,
     SlamState,
     Submap,
-    apart,
     joined,
+    start_new_part,
 )
 from chefbotd.components.mapping.algorithms.tracking import ScanMatch, tracked
 from chefbotd.core.poses import Floats, between, compose, turned
@@ -176,7 +176,7 @@ def _misfit(
     )
     if state.misfits < params.matching.lost_after_scans:
         return state, _report(state, track, _Kept(state), kept=False)
-    state = apart(state)
+    state = start_new_part(state)
     state = _with_node(params.submaps, state, stamp_s, scan, None)
     result = _looked_around(params, state)
     return result.state, _report(result.state, track, result, kept=True)

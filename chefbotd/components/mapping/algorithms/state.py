@@ -204,7 +204,7 @@ def rebuilt(nodes: Nodes, first: int, last: int, frame: Floats) -> LocalMap:
     return grids
 
 
-def apart(state: SlamState) -> SlamState:
+def start_new_part(state: SlamState) -> SlamState:
     """Begin a part of its own: the robot may be anywhere, as after a kidnapping or when going on with a saved map.
 
     A part that was never joined is forgotten.

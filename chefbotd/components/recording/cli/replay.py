@@ -64,7 +64,7 @@ def replay(
     import structlog
 
     from chefbotd.components.recording.replay.recorded import NotReplayable
-    from chefbotd.components.recording.replay.run import Wishes, replay_files
+    from chefbotd.components.recording.replay.run import ReplayOptions, replay_files
 
     quiet = structlog.make_filtering_bound_logger(logging.CRITICAL)  # what was logged then is known
     structlog.configure(wrapper_class=quiet)
@@ -74,7 +74,7 @@ def replay(
     if serves:
         tell(f"Shown on {shown_at}, and on the page where it is installed; Ctrl-C ends it.")
     try:
-        replayed = replay_files(files, Wishes(configured, rate, listen, any_version))
+        replayed = replay_files(files, ReplayOptions(configured, rate, listen, any_version))
     except NotReplayable as problem:
         raise ProgramError(Exit.FAILED, str(problem)) from problem
     lines = _lines(replayed, is_other=other is not None)

@@ -10,12 +10,12 @@ from msgspec import Struct
 
 from chefbotd.clock import ManualClock
 from chefbotd.core.events.inputs import AnswerTaken
-from chefbotd.entries import Entries, EntryTimer, Timer, is_done
+from chefbotd.inputs import InputLog, InputTimer, Timer, is_done
 
 T = TypeVar("T")
 
 
-class ReplayTimer(EntryTimer):
+class ReplayTimer(InputTimer):
     """A timer that waits until it is fired; ``due_s`` is when it would fire by itself."""
 
     _passed_s: float | None = None
@@ -32,7 +32,7 @@ class ReplayTimer(EntryTimer):
         return now_s - self._passed_s > by_s
 
 
-class ReplayEntries(Entries):
+class ReplayEntries(InputLog):
     """The time is set to each entry's."""
 
     is_replay = True
@@ -122,7 +122,7 @@ class _Running(Struct):
 class Tasks:
     """``services`` restart when they are stepped after their end; a request does not."""
 
-    def __init__(self, services: Mapping[str, Run], entries: Entries) -> None:
+    def __init__(self, services: Mapping[str, Run], entries: InputLog) -> None:
         self._services, self._entries = services, entries
         self._requests: dict[str, Run] = {}
         self._running: dict[str, _Running] = {}

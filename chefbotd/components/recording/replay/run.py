@@ -77,7 +77,7 @@ def _refusing(handle: Callable[..., Any]) -> Callable[..., Any]:
     return refuse
 
 
-class Wishes(Struct, frozen=True):
+class ReplayOptions(Struct, frozen=True):
     """``other`` is another configuration. ``rate`` is the speed, 1.0 the recorded one; None: as fast as it can.
 
     ``listen`` is where the socket and the page show it; ``any_version`` replays what another version recorded.
@@ -98,7 +98,7 @@ class Replayed(Struct, frozen=True):
     problem: str | None
 
 
-def replay_files(paths: Sequence[Path], wishes: Wishes) -> Replayed:
+def replay_files(paths: Sequence[Path], wishes: ReplayOptions) -> Replayed:
     """Replay a recording, in an event loop of its own.
 
     Raises:
@@ -124,7 +124,7 @@ def replay_files(paths: Sequence[Path], wishes: Wishes) -> Replayed:
 
 
 async def replay_groups(
-    settings: Settings, first: EntryGroup, others: Iterable[EntryGroup], wishes: Wishes
+    settings: Settings, first: EntryGroup, others: Iterable[EntryGroup], wishes: ReplayOptions
 ) -> ReplayOutcome:
     """Replay the first entry and the others; shown on a socket, where one is wished for, at the loop's time."""
     entries = ReplayEntries()

@@ -132,7 +132,7 @@ def test_the_page_is_served_where_the_folders_own_program_can(tmp_path: Path, ha
     (root / "usr/local/bin/chefbotd").symlink_to("/opt/pipx/venvs/chefbotd/bin/chefbotd")
     host, named = Host(root), Path("/usr/local/bin/chefbotd")
     assert plan._has_page(host, named) is has_page
-    assert not any("not in" in step.told for step in plan.install(host, plan.Wanted(named)))
+    assert not any("not in" in step.told for step in plan.install(host, plan.InstallRequest(named)))
 
 
 @pytest.mark.slow

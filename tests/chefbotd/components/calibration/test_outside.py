@@ -34,7 +34,7 @@ from chefbotd.core.events import SafetyChanged
 from chefbotd.driving.inner_driver import InnerDriver
 from chefbotd.rpc.models import NoParams
 from chefbotd.settings import load
-from tests.chefbotd.components.calibration.test_carrying_out import Driver
+from tests.chefbotd.components.calibration.test_procedure_runner import Driver
 
 SETTINGS = load()
 KEY = "chassis.track_multiplier"

@@ -17,7 +17,7 @@ from chefbotd.components.navigation.commands import NavigationCommands
 from chefbotd.components.navigation.goals import Destinations
 from chefbotd.components.navigation.models import GoalParams, Waypoint
 from chefbotd.components.navigation.parameters import NavigationSection
-from chefbotd.entries import entries_of
+from chefbotd.inputs import inputs_of
 from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.settings import load
 from chefbotd.testing.daemon import running_daemon
@@ -84,7 +84,7 @@ def test_a_patrol_reads_the_places_once() -> None:
             Waypoint(place="door"),
             Waypoint(place="kitchen"),
         ]
-        goals = await Destinations(OnDisk(), entries_of(LoopClock())).goals([1, 2, 3, 4], waypoints)
+        goals = await Destinations(OnDisk(), inputs_of(LoopClock())).goals([1, 2, 3, 4], waypoints)
         assert [(goal.number, goal.x_m) for goal in goals] == [(1, 1.0), (2, 9.0), (3, 1.0), (4, 1.0)]
 
     asyncio.run(ask())

@@ -28,7 +28,7 @@ from chefbotd.core.geometry import Motion, Pose2D, Twist2D, WheelDuties
 from chefbotd.driving.commands import DriveCommands
 from chefbotd.driving.inner_driver import InnerDriver
 from chefbotd.driving.motor_watch import MotorWatch
-from chefbotd.driving.safety_keeper import SafetyKeeper
+from chefbotd.driving.safety_supervisor import SafetySupervisor
 from chefbotd.driving.service import DriveService
 from chefbotd.driving.wheel_reader import WheelReader
 from chefbotd.motion.same_side import SameSideParameters
@@ -88,7 +88,7 @@ class Daemon:
 
     def __init__(self) -> None:
         bus, clock = Bus(), LoopClock()
-        keeper = SafetyKeeper(
+        keeper = SafetySupervisor(
             bus,
             clock,
             SAFETY,

@@ -7,9 +7,9 @@ import pytest
 from chefbotd.components.worker.parameters import WorkerParameters
 from chefbotd.components.worker.watch import (
     NEXT,
-    Happened,
     Vitals,
     WorkerState,
+    WorkerTransition,
     backoff_s,
     checked,
     excused,
@@ -18,7 +18,7 @@ from chefbotd.components.worker.watch import (
 )
 from chefbotd.core.record import replace
 
-S, H = WorkerState, Happened
+S, H = WorkerState, WorkerTransition
 PARAMETERS = WorkerParameters(start_timeout_s=60, silence_timeout_s=3, step_timeout_s=20, max_memory_mb=400)
 GOOD = Vitals(spawned_s=90.0, heard_s=99.7, checked_s=99.9)
 

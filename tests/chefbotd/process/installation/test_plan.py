@@ -57,7 +57,7 @@ class Computer:
 
     def install(self, robot: str = "chefbot", config: Path | None = None) -> list[InstallationStep]:
         """Install, and return the steps."""
-        steps = plan.install(self.host, plan.Wanted(PROGRAM, robot, config))
+        steps = plan.install(self.host, plan.InstallRequest(PROGRAM, robot, config))
         carry_out(steps, lambda step: None)
         return steps
 
@@ -145,7 +145,7 @@ def test_the_second_time_nothing_changes(computer: Computer):
 
 def test_planning_changes_nothing_and_tells_what_is_done_then(computer: Computer):
     """A dry run's list is that of the installation, line by line; it runs no command and writes no file."""
-    planned = [step.told for step in plan.install(computer.host, plan.Wanted(PROGRAM))]
+    planned = [step.told for step in plan.install(computer.host, plan.InstallRequest(PROGRAM))]
     assert not computer.ran
     assert not computer.files()
     assert [step.told for step in computer.install()] == planned
@@ -169,11 +169,11 @@ def test_a_configuration_that_is_not_valid_is_told_before_anything_is_done(compu
     own = computer.root / "own.toml"
     own.write_text(packaged().read_text().replace("track_width_m = 0.3\n", "track_width_m = -0.3\n"))
     with pytest.raises(SettingsError, match="track_width_m"):
-        plan.install(computer.host, plan.Wanted(PROGRAM, config=own))
+        plan.install(computer.host, plan.InstallRequest(PROGRAM, config=own))
     computer.install()
     (computer.root / "etc/chefbotd/chefbot.toml").write_text("[robot")
     with pytest.raises(SettingsError, match="not valid TOML"):
-        plan.install(computer.host, plan.Wanted(PROGRAM))
+        plan.install(computer.host, plan.InstallRequest(PROGRAM))
 
 
 def test_a_configuration_of_ones_own_is_copied_with_its_description(computer: Computer):
@@ -258,7 +258,7 @@ def test_on_the_running_system_udev_and_systemd_are_told_and_the_service_starts(
         return computer.run(command)
 
     host = Running(tmp_path, run, computer.chown)
-    carry_out(plan.install(host, plan.Wanted(PROGRAM)), lambda step: None)
+    carry_out(plan.install(host, plan.InstallRequest(PROGRAM)), lambda step: None)
     assert [command[:2] for command in computer.ran] == [
         ("systemd-sysusers", str(tmp_path / "etc/sysusers.d/chefbotd.conf")),
         ("udevadm", "control"),
@@ -267,10 +267,10 @@ def test_on_the_running_system_udev_and_systemd_are_told_and_the_service_starts(
         ("systemctl", "enable"),
         ("systemctl", "start"),
     ]
-    again = plan.install(host, plan.Wanted(PROGRAM))
+    again = plan.install(host, plan.InstallRequest(PROGRAM))
     assert all(step.act is None for step in again)
     assert again[-1].told == "chefbotd.service runs: unchanged"
-    moved = plan.install(host, plan.Wanted(Path("/opt/new place/chefbotd")))
+    moved = plan.install(host, plan.InstallRequest(Path("/opt/new place/chefbotd")))
     assert [step.told for step in moved if step.act is not None][-1].endswith(
         "systemctl restart chefbotd.service"
     )
@@ -280,7 +280,7 @@ def test_where_udev_does_not_run_it_is_told_nothing(tmp_path: Path):
     """In a container: the rule is there all the same, and its step says so."""
     (tmp_path / "etc").mkdir()
     computer = Computer(tmp_path)
-    steps = plan.install(Running(tmp_path, computer.run, computer.chown), plan.Wanted(PROGRAM))
+    steps = plan.install(Running(tmp_path, computer.run, computer.chown), plan.InstallRequest(PROGRAM))
     carry_out(steps, lambda step: None)
     assert "udev is not running here, so its rule has no effect yet" in [step.told for step in steps]
     assert not any(command[0] == "udevadm" for command in computer.ran)
@@ -291,7 +291,7 @@ def test_without_a_start_nothing_is_enabled_and_what_runs_goes_on(tmp_path: Path
     (tmp_path / "etc").mkdir()
     computer = Computer(tmp_path)
     host = Running(tmp_path, computer.run, computer.chown)
-    carry_out(plan.install(host, plan.Wanted(PROGRAM, start=False)), lambda step: None)
+    carry_out(plan.install(host, plan.InstallRequest(PROGRAM, start=False)), lambda step: None)
     assert [command[:2] for command in computer.ran][-1] == ("systemctl", "daemon-reload")
 
 

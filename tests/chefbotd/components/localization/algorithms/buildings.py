@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from chefbotd.components.localization.algorithms.localizer import LocalizationReport, advanced, step
+from chefbotd.components.localization.algorithms.localizer import LocalizationReport, advance_search, step
 from chefbotd.components.localization.algorithms.searching import LocalizationMap
 from chefbotd.components.localization.algorithms.state import Localization, Odometry
 from chefbotd.components.mapping.algorithms.state import Scan
@@ -110,7 +110,7 @@ class Robot:
         scan = None if points is None else scan_of(points)
         told = Odometry(odometry, covariance)
         self.now, report = step(self.within, self.now, self.stamp_s, told, scan, auto_search=self.auto_search)
-        self.now = advanced(self.within, self.now)
+        self.now = advance_search(self.within, self.now)
         self.reports.append(report)
         return report
 

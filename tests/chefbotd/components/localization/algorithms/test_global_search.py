@@ -9,9 +9,9 @@ from chefbotd.components.localization.algorithms.branch_and_bound import CELL_M,
 from chefbotd.components.localization.algorithms.global_search import (
     BOUNDS_A_STEP,
     GlobalSearch,
-    begun,
     places,
     searched,
+    start_search,
     thinned,
 )
 from chefbotd.components.localization.algorithms.surface_map import surface_map
@@ -56,7 +56,7 @@ def brute_force(levels: Pyramid, points: Singles, turns: Floats) -> float:
 @pytest.mark.slow
 def test_nothing_that_brute_force_finds_is_missed(levels: Pyramid) -> None:
     """The best score is that of all poses tried one by one, and its place is where the scan was taken."""
-    search, _ = done(begun(levels, Lidar(ROOM, 3).points(HERE), points_at_most=40))
+    search, _ = done(start_search(levels, Lidar(ROOM, 3).points(HERE), points_at_most=40))
     found, is_complete = places(search)
     assert is_complete
     assert found[0].score == pytest.approx(brute_force(levels, search.points, search.turns), abs=1e-9)
@@ -68,8 +68,8 @@ def test_a_small_budget_takes_more_steps_and_finds_the_same(levels: Pyramid) -> 
     """A hundredth of the work in a step: many steps, one result."""
     points = Lidar(ROOM, 3).points(HERE)
     (one, few), (other, many) = (
-        done(begun(levels, points)),
-        done(begun(levels, points), bounds_a_step=300),
+        done(start_search(levels, points)),
+        done(start_search(levels, points), bounds_a_step=300),
     )
     assert many > 3 * few
     assert [place.score for place in places(one)[0]] == [place.score for place in places(other)[0]]
@@ -77,7 +77,7 @@ def test_a_small_budget_takes_more_steps_and_finds_the_same(levels: Pyramid) -> 
 
 def test_too_many_places_are_said_to_be_too_many(levels: Pyramid) -> None:
     """Two points fit along every wall: it keeps as many places as it may, and says that these are not all."""
-    search, _ = done(begun(levels, np.array([[1.0, 0.0], [1.0, 0.3]], np.float32)))
+    search, _ = done(start_search(levels, np.array([[1.0, 0.0], [1.0, 0.3]], np.float32)))
     found, is_complete = places(search, at_most=5)
     assert len(found) == 5
     assert not is_complete
@@ -94,4 +94,4 @@ def test_points_near_the_robot_do_not_outweigh_the_rest() -> None:
 def test_a_scan_without_points_is_refused(levels: Pyramid) -> None:
     """There is nothing to search for."""
     with pytest.raises(ValueError, match="a scan with points"):
-        begun(levels, np.zeros((0, 2), np.float32))
+        start_search(levels, np.zeros((0, 2), np.float32))

@@ -18,7 +18,7 @@ from pydantic import BaseModel
 from chefbotd.bus import Bus, HandlerFailure, Inbox
 from chefbotd.components.recording.replay.stand_ins import ReplayedWorker, UnheardProgress
 from chefbotd.components.worker.channel import Channel
-from chefbotd.entries import Entries, EntryTimer
+from chefbotd.inputs import InputLog, InputTimer
 from chefbotd.logs import RateLimitedLog
 from chefbotd.metrics import Histogram, Metrics
 from chefbotd.rpc.jobs import ProgressReporter
@@ -28,7 +28,7 @@ OURS = ("chefbotd", "firmware_protocol", "tests")
 WIRING = (
     Bus,
     Inbox,
-    Entries,
+    InputLog,
     HandlerFailure,
     RateLimitedLog,
     Histogram,
@@ -49,7 +49,7 @@ def attributes(parts: Mapping[str, object]) -> dict[str, Any]:
 
 
 def _values(value: Any, path: str, seen: set[int]) -> Iterator[tuple[str, Any]]:
-    if isinstance(value, EntryTimer):
+    if isinstance(value, InputTimer):
         yield path, round(value.due_s, 6) if value.waits else None
     elif isinstance(value, asyncio.Event):
         yield path, value.is_set()

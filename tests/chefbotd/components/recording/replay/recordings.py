@@ -15,8 +15,8 @@ from chefbotd.components.recording.replay.replay import Replay, ReplayOutcome
 from chefbotd.components.worker.spawn import Spawn
 from chefbotd.composition.context import FeatureBuilder
 from chefbotd.core.events.inputs import DaemonStarted
-from chefbotd.entries import entries_of
 from chefbotd.features.feature import Feature
+from chefbotd.inputs import inputs_of
 from chefbotd.settings import Settings
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from chefbotd.testing.recording import write_inline
@@ -34,7 +34,7 @@ class BusRecorder:
     def feature(self, bus: Bus, clock: Clock) -> Feature:
         """What the daemon is built with."""
         self.inbox = bus.subscribe_all(10_000_000)
-        entries_of(clock).begin_recording()
+        inputs_of(clock).begin_recording()
         return Feature("recorder")
 
     def events(self) -> list[Any]:

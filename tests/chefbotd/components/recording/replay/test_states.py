@@ -86,7 +86,7 @@ NO_STATE = {
     "Requests._pending": "a request under way is told of as left out",
     "RplidarDecoder._at": "what was read of its data is not kept",
     "RplidarDecoder._data": "as before",
-    "SafetyKeeper._reading_error": "is raised in the next step",
+    "SafetySupervisor._reading_error": "is raised in the next step",
     "Session._active_s": "ends a client's connection",
     "Session._arrived_s": "ends a client's connection",
     "Session._incomplete_s": "ends a client's connection",

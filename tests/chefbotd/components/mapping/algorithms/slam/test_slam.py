@@ -10,7 +10,7 @@ from chefbotd.components.mapping.algorithms.occupancy import occupancy
 from chefbotd.components.mapping.algorithms.parameters import SlamParameters
 from chefbotd.components.mapping.algorithms.saved import restored, saved
 from chefbotd.components.mapping.algorithms.slam import step
-from chefbotd.components.mapping.algorithms.state import Scan, SlamMode, SlamState, apart, start
+from chefbotd.components.mapping.algorithms.state import Scan, SlamMode, SlamState, start, start_new_part
 from chefbotd.core.poses import transform
 from tests.chefbotd.components.mapping.algorithms.slam.drives import (
     PARAMS,
@@ -177,7 +177,7 @@ def test_a_kidnapped_robot_says_that_it_is_lost_and_finds_back() -> None:
 def test_a_map_is_gone_on_with_from_anywhere() -> None:
     """Restored, and the robot put down in another room: it is lost until it has seen enough, then maps on."""
     first = toured(31)
-    state = apart(restored(saved(first.state)))
+    state = start_new_part(restored(saved(first.state)))
     there = poses_along([(1.2, 6.2), (3.3, 5.3), (3.35, 3.9), (6.5, 3.9)], heading_rad=0.9)
     lidar = Lidar(WALLS, 32)
     nodes = len(state.nodes)
@@ -314,7 +314,7 @@ def test_garbage_is_refused(odom: Floats, points: NDArray[np.float32], reason: s
 @pytest.fixture(scope="module")
 def put_elsewhere() -> SlamState:
     """Half a tour is mapped; then the robot may be anywhere."""
-    return apart(toured(33, scans=260, finish=False).state)
+    return start_new_part(toured(33, scans=260, finish=False).state)
 
 
 def searching_on(state: SlamState, lookups_a_step: int, scans: int, *, save_at: int = -1) -> Drive:
@@ -353,7 +353,7 @@ def test_a_search_that_was_saved_goes_on_as_if_nothing_had_happened(put_elsewher
 
 def test_a_part_that_never_began_leaves_no_empty_submap() -> None:
     """The odometry began anew 20 m away, so that the first scans of a map that is gone on with do not fit."""
-    state = apart(toured(35, scans=60, finish=False).state)
+    state = start_new_part(toured(35, scans=60, finish=False).state)
     lidar, pose = Lidar(WALLS, 36), TRUTH[60]
     for k in range(8):
         state, _ = step(PARAMS, state, 0.1 * k, np.array([20.0, 0.0, 0.0]), scan_of(lidar.points(pose)))

@@ -31,7 +31,7 @@ from chefbotd.driving.motor_watch import Credit, MotorWatch, MotorWatchState
 from chefbotd.driving.obstacle_guard import ObstacleGuard, Scans
 from chefbotd.driving.stop_hold import EMERGENCY_STOP, FAULT, StopHold
 from chefbotd.driving.wheel_reader import WheelsRead
-from chefbotd.entries import entries_of
+from chefbotd.inputs import inputs_of
 from chefbotd.safety import battery_monitor, encoder_timeout, gate, hold
 from chefbotd.safety import latch as latch_file
 from chefbotd.safety.commands_lost import BoardSays
@@ -104,7 +104,7 @@ BOARD_STOP_ADVICE = {
 """Where to look first, by a word of the stop's name."""
 
 
-class SafetyKeeper:
+class SafetySupervisor:
     """``mounts`` are the range sensors that guard: ``base_from_sensor`` by name.
 
     ``scans`` makes the guard by lidars. ``latch`` keeps the mode beyond the end of the process; latches are numbered
@@ -126,7 +126,7 @@ class SafetyKeeper:
         scans: Callable[[OnError], Scans] | None = None,
         guard_warning: str = "",
     ) -> None:
-        self._bus, self._clock, self._parameters = bus, entries_of(clock), parameters
+        self._bus, self._clock, self._parameters = bus, inputs_of(clock), parameters
         self.motors, self._guard_warning = motors, guard_warning
         self._gate, self._decision = latch.recall(), HALT
         self._latched = self.stop_number = session * LATCHES_PER_SESSION
@@ -215,7 +215,7 @@ class SafetyKeeper:
             Refused: the link is down, the robot is not armed, a stop holds the client, or there is no such source.
         """
         self._take_report()
-        self.note_try(command.source, client, command.stamp_s)
+        self.record_attempt(command.source, client, command.stamp_s)
         if command.source == CALIBRATION and client != OWN:
             raise Refused(
                 RefusalKind.UNKNOWN_SOURCE, f"only the robot's own calibration drives as {CALIBRATION!r}"
@@ -226,10 +226,10 @@ class SafetyKeeper:
             raise Refused(RefusalKind.LINK_DOWN, "the board is not connected")
         self._gate = accepted
 
-    def note_try(self, source: str, client: int, now_s: float) -> None:
+    def record_attempt(self, source: str, client: int, now_s: float) -> None:
         """A client tries to drive, whether or not its command is taken into account."""
         if source in self._parameters.sources and (source != CALIBRATION or client == OWN):
-            self._held.note_try(source, client, now_s, self._latched_by())
+            self._held.record_attempt(source, client, now_s, self._latched_by())
 
     def forget_commands(self) -> None:
         """Forget every command; this is no stop."""

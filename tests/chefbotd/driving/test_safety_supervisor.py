@@ -22,7 +22,7 @@ from chefbotd.core.events import (
 from chefbotd.core.geometry import Motion, Pose2D, Twist2D
 from chefbotd.driving.motor_watch import MotorWatch
 from chefbotd.driving.obstacle_guard import Scans
-from chefbotd.driving.safety_keeper import SafetyKeeper
+from chefbotd.driving.safety_supervisor import SafetySupervisor
 from chefbotd.driving.wheel_reader import WheelsRead
 from chefbotd.motion.encoder import Reading
 from chefbotd.motion.same_side import SameSideState
@@ -62,7 +62,7 @@ class Kept:
         self.bus = Bus()
         self._told: list[SafetyChanged] = []
         self.bus.add_handler(self._told.append, SafetyChanged)
-        self.keeper = SafetyKeeper(
+        self.keeper = SafetySupervisor(
             self.bus,
             self.clock,
             parameters,

@@ -1,4 +1,4 @@
-"""Entries from outside: one time for each, recorded in their order."""
+"""InputLog from outside: one time for each, recorded in their order."""
 
 import asyncio
 from typing import Any
@@ -19,15 +19,15 @@ from chefbotd.core.events.inputs import (
     TaskStepped,
     TimerFired,
 )
-from chefbotd.entries import Entries, due_of, entries_of
 from chefbotd.features.feature import Feature
+from chefbotd.inputs import InputLog, due_of, inputs_of
 from chefbotd.snapshot import DaemonState
 from chefbotd.testing.daemon import simulated_robot
 
 SAID = SafetyChanged(7.0, "armed", "", None)
 
 
-def recorded(entries: Entries, bus: Bus) -> list[Any]:
+def recorded(entries: InputLog, bus: Bus) -> list[Any]:
     """What is published from now on."""
     taken: list[Any] = []
     for kind in (*ENTRIES, SafetyChanged):
@@ -39,7 +39,7 @@ def recorded(entries: Entries, bus: Bus) -> list[Any]:
 def test_the_clock_stands_still_while_an_entry_is_handled() -> None:
     """What follows from an entry sees the time of its beginning, however long it takes."""
     clock = ManualClock(5.0)
-    entries = Entries(clock, Bus())
+    entries = InputLog(clock, Bus())
     with entries.entry(TimerFired, "tick"):
         clock.advance(0.25)
         assert entries.now_s() == 5.0
@@ -49,7 +49,7 @@ def test_the_clock_stands_still_while_an_entry_is_handled() -> None:
 def test_an_entry_within_another_belongs_to_it() -> None:
     """It is told of once, and the time goes on after the outer one."""
     clock, bus = ManualClock(5.0), Bus()
-    entries = Entries(clock, bus)
+    entries = InputLog(clock, bus)
     taken = recorded(entries, bus)
     with entries.entry(TimerFired, "outer"):
         clock.advance(1.0)
@@ -62,7 +62,7 @@ def test_an_entry_within_another_belongs_to_it() -> None:
 def test_nothing_is_published_while_nobody_records() -> None:
     """Not before a recorder has begun, nor after the last one has ended."""
     bus = Bus()
-    entries = Entries(ManualClock(5.0), bus)
+    entries = InputLog(ManualClock(5.0), bus)
     inbox = bus.subscribe_all(10)
     end_first, end_second = entries.begin_recording(), entries.begin_recording()
     end_first()
@@ -77,7 +77,7 @@ def test_nothing_is_published_while_nobody_records() -> None:
 def test_what_was_observed_outside_follows_its_record() -> None:
     """The record says that the event after it is no consequence of what the robot does."""
     bus = Bus()
-    entries = Entries(ManualClock(5.0), bus)
+    entries = InputLog(ManualClock(5.0), bus)
     taken = recorded(entries, bus)
     entries.observe(bus, SAID)
     assert taken == [EventObserved(5.0), SAID]
@@ -85,9 +85,9 @@ def test_what_was_observed_outside_follows_its_record() -> None:
 
 def test_a_clock_that_knows_no_entries_gets_them() -> None:
     """A part that is built on its own works as in the daemon."""
-    entries = Entries(ManualClock(5.0))
-    assert entries_of(entries) is entries
-    assert entries_of(ManualClock(6.0)).now_s() == 6.0
+    entries = InputLog(ManualClock(5.0))
+    assert inputs_of(entries) is entries
+    assert inputs_of(ManualClock(6.0)).now_s() == 6.0
 
 
 def test_each_step_of_a_task_is_an_entry() -> None:
@@ -95,7 +95,7 @@ def test_each_step_of_a_task_is_an_entry() -> None:
 
     async def main() -> None:
         bus = Bus()
-        entries = Entries(LoopClock(), bus)
+        entries = InputLog(LoopClock(), bus)
         taken, began_s = recorded(entries, bus), LoopClock().now_s()
 
         async def work() -> int:
@@ -118,7 +118,7 @@ def test_a_service_is_at_rest_where_it_says_so_and_until_it_is_woken() -> None:
     """Not before its first wait, not in the middle of what it does, and not when what it waits for has come."""
 
     async def main() -> None:
-        entries = Entries(LoopClock())
+        entries = InputLog(LoopClock())
         orders, done = asyncio.Event(), asyncio.Event()
 
         async def serve() -> None:
@@ -150,7 +150,7 @@ def test_a_request_whose_wait_is_over_cannot_begin_again_from_a_state() -> None:
     """Until then it can, and nothing is under way; a service that is at something is under way, too."""
 
     async def main() -> None:
-        entries = Entries(LoopClock())
+        entries = InputLog(LoopClock())
         end = asyncio.get_running_loop().create_future()
         state = DaemonState(entries, {}, lambda: ["request 1"], ())
 
@@ -177,7 +177,7 @@ def test_a_timer_says_when_it_is_due_and_is_set_again_for_then() -> None:
     """While it waits; one that was cancelled, or has fired, is due no more, and nothing is set again for it."""
 
     async def main() -> None:
-        entries, fired = Entries(LoopClock()), list[float]()
+        entries, fired = InputLog(LoopClock()), list[float]()
         began_s = entries.now_s()
         timer = entries.call_later(0.5, lambda: None, "a")
         due_s = due_of(timer)
@@ -199,7 +199,7 @@ def test_a_task_that_is_cancelled_hears_so_in_a_step() -> None:
 
     async def main() -> None:
         bus = Bus()
-        entries = Entries(LoopClock(), bus)
+        entries = InputLog(LoopClock(), bus)
         taken = recorded(entries, bus)
         heard: list[str] = []
 
@@ -227,7 +227,7 @@ def test_a_drive_is_recorded_with_all_that_came_in_and_went_out() -> None:
 
     def recorder(bus: Bus, clock: Clock) -> Feature:
         inboxes.append(bus.subscribe_all(100_000))
-        entries_of(clock).begin_recording()
+        inputs_of(clock).begin_recording()
         return Feature("recorder")
 
     async def main() -> None:

@@ -15,7 +15,7 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import SafetyChanged, WheelsMeasured
 from chefbotd.core.record import Record
 from chefbotd.driving.inner_driver import InnerDriver
-from chefbotd.entries import Timer, entries_of
+from chefbotd.inputs import Timer, inputs_of
 from chefbotd.safety.gate import Mode, not_armed
 
 PERIOD_S: Final = 0.05
@@ -49,7 +49,7 @@ class ProcedureRunnerState(Record, frozen=True):
     blocked_since_s: float | None
 
 
-class Begun(Record, frozen=True):
+class StopBaseline(Record, frozen=True):
     """How many stops there had been when a step was asked for, and the number of the last e-stop or fault."""
 
     stops: int
@@ -60,7 +60,7 @@ class ProcedureRunner:
     """Runs one procedure at a time; ``report`` is called with each action as it begins."""
 
     def __init__(self, bus: Bus, clock: Clock, driver: InnerDriver, report: Report) -> None:
-        self._bus, self._entries, self._driver, self._report = bus, entries_of(clock), driver, report
+        self._bus, self._entries, self._driver, self._report = bus, inputs_of(clock), driver, report
         self._safety: SafetyChanged | None = None
         self._answer: asyncio.Future[float] | None = None
         self._asked: Ask | None = None
@@ -113,17 +113,17 @@ class ProcedureRunner:
             raise Refused(RefusalKind.OUT_OF_RANGE, f"{key} is {value:g}, {expected}")
         future.set_result(value)
 
-    def begun(self) -> Begun:
+    def take_baseline(self) -> StopBaseline:
         """To be asked for when a step is: any stop or fault after it ends the step, also before its first motion."""
-        return Begun(self._driver.stops, None if self._safety is None else self._safety.latch)
+        return StopBaseline(self._driver.stops, None if self._safety is None else self._safety.latch)
 
-    async def run(self, procedure: Procedure, begun: Begun) -> Measurements:
+    async def run(self, procedure: Procedure, baseline: StopBaseline) -> Measurements:
         """Everything that was measured during the procedure.
 
         Raises:
             Refused: something ended it: a stop, a fault, somebody who took over, a sensor that fell silent.
         """
-        self._check_stopped(begun)
+        self._check_stopped(baseline)
         self.require()
         gathering, parts = Gathering(self._bus), []
         self._driver.begin()
@@ -133,7 +133,7 @@ class ProcedureRunner:
             while action is not None:
                 self._report(action)
                 gathering.with_scans = not isinstance(action, Ask)
-                answers = await self._perform(action, begun)
+                answers = await self._perform(action, baseline)
                 parts.append(gathering.take(answers))
                 if self._entries.now_s() > end_s:
                     raise Refused(RefusalKind.STOPPED, f"the step took longer than {STEP_TIMEOUT_S:.0f} s")
@@ -149,16 +149,16 @@ class ProcedureRunner:
                 self._timer.cancel()
         return joined(parts)
 
-    async def _perform(self, action: Action, begun: Begun) -> Mapping[str, float]:
+    async def _perform(self, action: Action, baseline: StopBaseline) -> Mapping[str, float]:
         if isinstance(action, Ask):
-            return {action.key: await self._ask(action, begun)}
-        await self._move(action, begun)
+            return {action.key: await self._ask(action, baseline)}
+        await self._move(action, baseline)
         return {}
 
-    async def _move(self, move: Move, begun: Begun) -> None:
+    async def _move(self, move: Move, baseline: StopBaseline) -> None:
         now_s = began_s = reported_s = self._entries.now_s()
         while now_s - began_s < move.duration_s:
-            self._check(begun, now_s)
+            self._check(baseline, now_s)
             if move.motion is not None:
                 self._driver.drive(move.motion, now_s)
             if now_s - reported_s >= ALIVE_S:
@@ -168,15 +168,15 @@ class ProcedureRunner:
             now_s = self._entries.now_s()
         if move.motion is not None and move.settled:
             self._driver.let_go()
-            await self._settle(begun)
+            await self._settle(baseline)
 
-    async def _settle(self, begun: Begun) -> None:
+    async def _settle(self, baseline: StopBaseline) -> None:
         """Wait until the wheels are at rest."""
         began_s = rest_s = self._entries.now_s()
         while True:
             await self._sleep(PERIOD_S)
             now_s = self._entries.now_s()
-            self._check(begun, now_s)
+            self._check(baseline, now_s)
             wheels = self._wheels
             if wheels is None or max(map(abs, wheels.velocity_rad_s)) > REST_RAD_S:
                 rest_s = now_s
@@ -188,9 +188,9 @@ class ProcedureRunner:
                     f"the wheels did not come to rest within {SETTLE_TIMEOUT_S:.0f} s{self._silence()}",
                 )
 
-    def _check(self, begun: Begun, now_s: float) -> None:
+    def _check(self, baseline: StopBaseline, now_s: float) -> None:
         """Raise ``Refused`` if the step must end."""
-        safety = self._check_stopped(begun)
+        safety = self._check_stopped(baseline)
         self.require()
         blocked_s = 0.0 if self._blocked_since_s is None else now_s - self._blocked_since_s
         if blocked_s > BLOCKED_S:
@@ -211,17 +211,17 @@ class ProcedureRunner:
             "stands within 4 m ahead of the robot"
         )
 
-    def _check_stopped(self, begun: Begun) -> SafetyChanged:
+    def _check_stopped(self, baseline: StopBaseline) -> SafetyChanged:
         """The gate's state; raises ``Refused`` after any stop or fault, also after one that is cleared already."""
-        if self._driver.stops != begun.stops:
+        if self._driver.stops != baseline.stops:
             who = self._driver.stopped_by or "somebody"
             raise Refused(RefusalKind.STOPPED, f"the calibration was stopped by {who}")
         safety = self._armed()
-        if safety.latch != begun.latch:
+        if safety.latch != baseline.latch:
             raise Refused(RefusalKind.STOPPED, "a fault stopped the robot meanwhile; begin the step again")
         return safety
 
-    async def _ask(self, ask: Ask, begun: Begun) -> float:
+    async def _ask(self, ask: Ask, baseline: StopBaseline) -> float:
         self._driver.let_go()
         self._asked, self._answer = ask, asyncio.get_running_loop().create_future()
         end_s = self._entries.now_s() + ANSWER_TIMEOUT_S
@@ -231,7 +231,7 @@ class ProcedureRunner:
                     minutes = f"{ANSWER_TIMEOUT_S / 60:.0f} minutes"
                     raise Refused(RefusalKind.STOPPED, f"nobody answered within {minutes}")
                 await self._sleep(ALIVE_S)
-                self._check_stopped(begun)
+                self._check_stopped(baseline)
                 self._report(ask)
             return self._answer.result()
         finally:

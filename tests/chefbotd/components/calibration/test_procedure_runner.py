@@ -11,7 +11,7 @@ import pytest
 from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.components.calibration.algorithms.step import Ask, Move, Procedure
-from chefbotd.components.calibration.carrying_out import ProcedureRunner
+from chefbotd.components.calibration.procedure_runner import ProcedureRunner
 from chefbotd.core.commands import Refused
 from chefbotd.core.events import SafetyChanged, WheelsMeasured
 from chefbotd.core.events.lidars import ScanMeasured
@@ -50,7 +50,7 @@ class Robot:
 
     async def run(self, procedure: Procedure) -> None:
         """Run it from now on."""
-        await self.runner.run(procedure, self.runner.begun())
+        await self.runner.run(procedure, self.runner.take_baseline())
 
     def tell(self, mode: str, latch: int, *, limited_by: str | None = None) -> None:
         """Publish the gate's state."""

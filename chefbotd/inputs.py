@@ -1,4 +1,4 @@
-"""Entries from outside: each is handled at one time, and passed to the recorder.
+"""InputLog from outside: each is handled at one time, and passed to the recorder.
 
 Bytes that arrive, a timer that fires, a request, a task that goes on: whatever follows from one of them in the same call
 stack sees the time of its beginning. So what the robot does is a function of its entries and their times, and can be
@@ -27,7 +27,7 @@ class Timer(Protocol):
         ...
 
 
-class EntryTimer(Struct, eq=False):
+class InputTimer(Struct, eq=False):
     """A timer that runs: what it is called, when it fires, and what it then calls."""
 
     name: str
@@ -45,10 +45,10 @@ class EntryTimer(Struct, eq=False):
 
 def due_of(timer: Timer | None) -> float | None:
     """When a timer fires; None: there is none, or none that waits."""
-    return timer.due_s if isinstance(timer, EntryTimer) and timer.waits else None
+    return timer.due_s if isinstance(timer, InputTimer) and timer.waits else None
 
 
-class Entries:
+class InputLog:
     """A clock that stands still while an entry is handled.
 
     ``links`` are the sessions of the ports by the names of their links, as each of them has entered itself.
@@ -106,7 +106,7 @@ class Entries:
         """As the event loop's; the call is an entry. Of one name, one timer at most runs at a time."""
         latched_s = self._latched_s
         now_s = self._read_clock() if latched_s is None else latched_s  # not another call in every cycle
-        timer = EntryTimer(name, now_s + delay_s, callback)
+        timer = InputTimer(name, now_s + delay_s, callback)
         timer.handle = asyncio.get_running_loop().call_later(delay_s, self._fire, timer)
         return timer
 
@@ -118,7 +118,7 @@ class Entries:
         """The timer of a restored state that is due then; None: it has none."""
         return None if due_s is None else self.call_at(due_s, callback, name)
 
-    def _fire(self, timer: EntryTimer) -> None:
+    def _fire(self, timer: InputTimer) -> None:
         timer.waits = False
         with self.entry(TimerFired, timer.name):
             timer.callback()
@@ -179,7 +179,7 @@ class Entries:
 class Steps:
     """A coroutine whose steps are entries; an asyncio task sees no difference. ``what`` is the method of a request."""
 
-    def __init__(self, entries: Entries, name: str, task: Coroutine[Any, Any, Any], what: str = "") -> None:
+    def __init__(self, entries: InputLog, name: str, task: Coroutine[Any, Any, Any], what: str = "") -> None:
         self._entries, self._name, self._task, self.what = entries, name, task, what
         self._waits_for: object = None
 
@@ -232,6 +232,6 @@ def set_event(event: asyncio.Event, is_set: bool) -> None:
         event.clear()
 
 
-def entries_of(clock: Clock) -> Entries:
+def inputs_of(clock: Clock) -> InputLog:
     """The clock itself where it is one of entries; else one of entries that nobody records."""
-    return clock if isinstance(clock, Entries) else Entries(clock)
+    return clock if isinstance(clock, InputLog) else InputLog(clock)
