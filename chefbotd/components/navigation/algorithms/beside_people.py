@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 
 from chefbotd.components.navigation.algorithms.arcs import CREEP_M_S, along_arc
+from chefbotd.components.navigation.algorithms.evade import GRAZED_M, SPEED_M_S
 from chefbotd.components.navigation.algorithms.grid import Floats
 from chefbotd.components.navigation.algorithms.outline import Footprint, clearance_m
 from chefbotd.components.navigation.algorithms.surroundings import Surroundings
@@ -26,6 +27,10 @@ DECELERATION_M_S2: Final = 0.5
 WIDENS_M: Final = 0.004
 """A motion that leaves so much more room than standing, and avoids the touch, makes way."""
 
+DOUBT_M: Final = 0.03
+"""A predicted gap may be wrong by so much. A robot that evades somebody who would graze it goes on if he surely
+would, and creeps on if he may; once it goes, half of this much more room than standing leaves is enough."""
+
 
 def slowed_beside_people(outline: Footprint, near: Surroundings, twist: Twist2D | None) -> Twist2D | None:
     """The twist, or a slower one along the same arc where somebody who walks is, or will be, close to the robot."""
@@ -39,10 +44,17 @@ def slowed_beside_people(outline: Footprint, near: Surroundings, twist: Twist2D 
     motion = np.array([twist.linear_m_s, twist.angular_rad_s])
     points, velocity = near.points_m[walks], near.velocity_m_s[walks]
     close_s, driving_m, standing_m, now_m = _gaps(outline.hull, outline.pad_m, points, velocity, motion)
-    makes_way = driving_m > max(standing_m + WIDENS_M, STANDS_M)
-    if close_s == math.inf or makes_way:
+    if close_s == math.inf or driving_m > max(standing_m + WIDENS_M, STANDS_M):
         return twist
-    least_m_s = CREEP_M_S * min(max((now_m - STANDS_M) / (CLOSE_M - STANDS_M), 0.0), 1.0)
+    _, evading_m, _, _ = _gaps(
+        outline.hull, outline.pad_m, points, velocity, motion * SPEED_M_S / abs(motion[0])
+    )
+    gain_m = DOUBT_M / 2 if near.speed_m_s * motion[0] > 0 else DOUBT_M
+    evades = standing_m >= -GRAZED_M and evading_m > max(standing_m + gain_m, -DOUBT_M)
+    if evades and standing_m < -DOUBT_M:
+        return twist
+    share = 1.0 if evades else min(max((now_m - STANDS_M) / (CLOSE_M - STANDS_M), 0.0), 1.0)
+    least_m_s = CREEP_M_S * share
     allowed_m_s = least_m_s + DECELERATION_M_S2 * close_s
     share = min(allowed_m_s / abs(twist.linear_m_s), 1.0)
     return Twist2D(twist.linear_m_s * share, twist.angular_rad_s * share)

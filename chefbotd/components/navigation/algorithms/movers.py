@@ -8,7 +8,6 @@ beside him is as dear as he himself.
 
 import math
 from collections.abc import Sequence
-from itertools import pairwise
 from typing import Final
 
 import numpy as np
@@ -45,7 +44,9 @@ LEARNT = 0.02
 
 
 class Mover(Record, frozen=True):
-    """A thing: its middle and velocity in the grid's frame, and its last positions (time, x, y), the oldest first.
+    """A thing: its middle and velocity in the grid's frame, and its last positions, the oldest first.
+
+    A position is the time, the middle of what was seen, and where the middle is if it is round.
 
     ``from_m`` is where it was first seen, or last stood for long; ``walked_s`` is when it last walked; ``radius_m`` is
     half of its visible width.
@@ -56,7 +57,7 @@ class Mover(Record, frozen=True):
     vx_m_s: float
     vy_m_s: float
     stamp_s: float
-    was: tuple[tuple[float, float, float], ...]
+    was: tuple[tuple[float, float, float, float, float], ...]
     from_m: tuple[float, float]
     walked_s: float = -math.inf
     radius_m: float = 0.0
@@ -78,8 +79,14 @@ class TrackedScan(Record, frozen=True):
     is_walker: NDArray[np.bool_]
 
 
-def track(movers: tuple[Mover, ...], stamp_s: float, points_m: Floats) -> TrackedScan:
-    """Follow the things of a new scan, of its points (n, 2) in the order of the beams."""
+def track(
+    movers: tuple[Mover, ...], stamp_s: float, points_m: Floats, sensor_m: Floats | None = None
+) -> TrackedScan:
+    """Follow the things of a new scan, of its points (n, 2) in the order of the beams.
+
+    ``sensor_m`` is from where each point was seen (n, 2). A walker's velocity is that of his own middle then, and not of
+    the middle of what is seen of him: that seems to turn towards the robot while he goes past it.
+    """
     velocities, walkers = np.zeros_like(points_m), np.zeros(len(points_m), np.bool_)
     intents = np.zeros_like(points_m)
     matched = list[Mover]()
@@ -90,7 +97,8 @@ def track(movers: tuple[Mover, ...], stamp_s: float, points_m: Floats) -> Tracke
         if widest_m > WIDEST_M:
             continue
         x_m, y_m = (float(value) for value in (thing.min(axis=0) + thing.max(axis=0)) / 2)
-        mover = _matched(left, stamp_s, x_m, y_m, widest_m / 2)
+        round_m = (x_m, y_m) if sensor_m is None else _middle_of_round(thing, sensor_m[span])
+        mover = _matched(left, (stamp_s, x_m, y_m, *round_m), widest_m / 2)
         matched.append(mover)
         walkers[span] = mover.is_walker
         if math.hypot(mover.vx_m_s, mover.vy_m_s) > SLOWEST_M_S:
@@ -109,16 +117,34 @@ def _forgotten_s(mover: Mover) -> float:
     return WALKER_FORGOTTEN_S if mover.is_walker else FORGOTTEN_S
 
 
-def _things(points_m: Floats) -> list[slice]:
-    if not len(points_m):
+def _things(points_m: Floats) -> list[NDArray[np.int64]]:
+    """The numbers of the points of each thing; the turn's last beam lies beside its first."""
+    count = len(points_m)
+    if not count:
         return []
     gaps = np.hypot(*np.diff(points_m, axis=0).T) > GAP_M
-    ends = [0, *(np.flatnonzero(gaps) + 1).tolist(), len(points_m)]
-    return [slice(begin, end) for begin, end in pairwise(ends)]
+    things = np.split(np.arange(count), np.flatnonzero(gaps) + 1)
+    if len(things) > 1 and math.dist(points_m[0], points_m[-1]) <= GAP_M:
+        things = [np.concatenate([things[-1], things[0]]), *things[1:-1]]
+    return things
 
 
-def _matched(left: list[Mover], stamp_s: float, x_m: float, y_m: float, radius_m: float) -> Mover:
+def _middle_of_round(points_m: Floats, sensor_m: Floats) -> tuple[float, float]:
+    """The middle of something round that a sensor sees: between its outer beams, behind its nearest point."""
+    ahead = points_m - sensor_m
+    toward = math.atan2(*ahead.mean(axis=0)[::-1])
+    bearing = np.remainder(np.arctan2(ahead[:, 1], ahead[:, 0]) - toward + math.pi, math.tau) - math.pi
+    right, left = float(bearing.min()), float(bearing.max())
+    range_m, half = float(np.hypot(ahead[:, 0], ahead[:, 1]).min()), math.sin((left - right) / 2)
+    radius_m = min(range_m * half / max(1 - half, 1e-3), MOST_RADIUS_M)
+    angle, away_m = toward + (left + right) / 2, range_m + radius_m
+    x_m, y_m = sensor_m[0]
+    return float(x_m) + away_m * math.cos(angle), float(y_m) + away_m * math.sin(angle)
+
+
+def _matched(left: list[Mover], here: tuple[float, float, float, float, float], radius_m: float) -> Mover:
     """The thing with its new position; the old one is removed from ``left``."""
+    stamp_s, x_m, y_m = here[:3]
     nearest, best = None, 0.35
     for mover in left:
         dt_s = stamp_s - mover.stamp_s
@@ -126,14 +152,16 @@ def _matched(left: list[Mover], stamp_s: float, x_m: float, y_m: float, radius_m
         away = min(math.hypot(x_m - ahead_x, y_m - ahead_y), math.hypot(x_m - mover.x_m, y_m - mover.y_m))
         if away < best and dt_s > 0:
             nearest, best = mover, away
-    here = (stamp_s, x_m, y_m)
     if nearest is None:
         return Mover(x_m, y_m, 0.0, 0.0, stamp_s, (here,), (x_m, y_m), radius_m=radius_m)
     left.remove(nearest)
     was = (*(place for place in nearest.was if stamp_s - place[0] <= OVER_S + 1e-6), here)
-    began_s, began_x, began_y = was[0]
-    over_s = stamp_s - began_s
-    vx, vy = (x_m - began_x) / max(over_s, 1e-3), (y_m - began_y) / max(over_s, 1e-3)
+    over_s = stamp_s - was[0][0]
+    k = 3 if nearest.is_walker else 1
+    vx, vy = (
+        (now - began) / max(over_s, 1e-3)
+        for now, began in zip(here[k : k + 2], was[0][k : k + 2], strict=True)
+    )
     if over_s < AFTER_S or math.hypot(vx, vy) > FASTEST_M_S:  # not measured: who walked walks on
         vx, vy = (nearest.vx_m_s, nearest.vy_m_s) if nearest.is_walker else (0.0, 0.0)
     radius_m = max(radius_m, 0.9 * nearest.radius_m)  # half of somebody may be hidden for a moment

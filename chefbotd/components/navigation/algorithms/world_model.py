@@ -151,11 +151,13 @@ class WorldModel:
             see_through(self.things, self.frame, beams, points[confirmed])
         kept, self.walls_seen_m = confirmed | near, points[(confirmed | near) & is_known]
         points = smoothed(points, sensor if len(sensor) == len(points) else sensor[0])
+        sensor = sensor[kept] if len(sensor) == len(points) else sensor
         points, away_m = points[kept], away_m[kept]
         self._is_unmapped = np.asarray(away_m > EXPLAINED_M)
         self._velocity_m_s, self._is_walker = np.zeros_like(points), np.zeros(len(points), np.bool_)
         self._intent_m_s = np.zeros_like(points)
-        done = track(self._movers, seen.stamp_s, points[self._is_unmapped])
+        seen_from = np.broadcast_to(sensor, points.shape) if len(sensor) == 1 else sensor
+        done = track(self._movers, seen.stamp_s, points[self._is_unmapped], seen_from[self._is_unmapped])
         self._movers = done.movers
         self._velocity_m_s[self._is_unmapped] = done.velocity_m_s
         self._intent_m_s[self._is_unmapped] = done.intent_m_s

@@ -54,6 +54,21 @@ def test_it_stands_where_neither_helps() -> None:
     assert speed_beside(-0.20, 0.0, (1.0, 0.0)) == 0.0
 
 
+def test_it_creeps_out_of_the_way_of_somebody_who_may_graze_it() -> None:
+    """He walks across behind its back, 0.19 m from its middle, so 1 cm clear of a robot that stands: it creeps on."""
+    assert 0.07 < speed_beside(-0.19, 0.30, (0.0, -1.0)) <= 0.25
+
+
+def test_it_goes_on_out_of_the_way_of_somebody_who_surely_grazes_it() -> None:
+    """He would walk 5 cm into a robot that stands, and passes it 4 cm behind where it drives on."""
+    assert speed_beside(-0.13, 0.40, (0.0, -1.0)) == pytest.approx(0.25)
+
+
+def test_it_stands_for_somebody_who_walks_right_over_it() -> None:
+    """He comes from the side, 18 cm into a robot that stands: going on would not save it."""
+    assert speed_beside(0.0, 0.25, (0.0, -1.0)) < 0.14
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", [1, 2, 11])
 def test_nobody_who_does_not_yield_is_passed_fast_or_touched_by_a_robot_that_moves(seed: int) -> None:

@@ -41,10 +41,40 @@ def test_somebody_who_walks_has_his_velocity_and_a_chair_has_none() -> None:
     assert not velocities[len(ARC) :].any()
 
 
+@pytest.mark.parametrize("begins", [0, 3, 6, 9])
+def test_who_walks_where_a_turn_begins_and_ends_is_one_person(begins: int) -> None:
+    """Some of his points are the turn's first ones, the others its last: at each scan he has the velocity of before."""
+    movers: tuple[object, ...] = ()
+    for k in range(16):
+        person = ARC + np.array([1.0 + 0.05 * k, -1.0])
+        first = begins if k >= 10 else 0
+        done = track(movers, 0.1 * k, np.vstack([person[first:], CHAIR, person[:first]]))
+        movers = done.movers
+        if k >= 10:
+            velocity = np.delete(done.velocity_m_s, np.s_[len(ARC) - first : len(ARC) - first + 3], axis=0)
+            assert velocity == pytest.approx(np.tile([0.5, 0.0], (len(ARC), 1)), abs=0.01)
+
+
 def test_a_moment_is_not_enough_to_say_that_somebody_walks() -> None:
     """Three scans are 0.2 s: nothing yet; after five there is."""
     assert not walked(0.5, 0.0, 3).any()
     assert walked(0.5, 0.0, 5)[: len(ARC)].any()
+
+
+@pytest.mark.parametrize("radius_m", [0.15, 0.25])
+def test_the_velocity_of_somebody_who_walks_past_does_not_turn_towards_the_sensor(radius_m: float) -> None:
+    """Of a round person a lidar at the origin sees the near half, and each time another one: he walks straight on."""
+    movers: tuple[object, ...] = ()
+    for k in range(24):
+        x_m, y_m = -1.4 + 0.1 * k, 0.55
+        middle, away_m = math.atan2(y_m, x_m), math.hypot(x_m, y_m)
+        half = math.acos(radius_m / away_m)  # from the nearest point to where the outer beams touch him
+        around = middle + math.pi + np.linspace(-half, half, 25)
+        seen = np.array([x_m, y_m]) + radius_m * np.stack([np.cos(around), np.sin(around)], axis=1)
+        done = track(movers, 0.1 * k, seen, np.zeros_like(seen))
+        movers = done.movers
+        if k >= 12:
+            assert done.velocity_m_s == pytest.approx(np.tile([1.0, 0.0], (25, 1)), abs=0.01)
 
 
 def test_who_stands_for_half_a_second_has_stopped() -> None:
