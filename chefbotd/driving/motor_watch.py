@@ -137,7 +137,12 @@ class MotorWatch:
 
     def note_jump(self, jumped: tuple[int, ...]) -> Fault | None:
         """An encoder reading was refused because of these wheels."""
-        self._wheels, fault = wheels.note_jump(self._parameters.wheels, self._names, self._wheels, jumped)
+        missing = ("time ('t' lines)",) if not self.in_force.has_clock else ()
+        if not self._echo.shown:
+            missing = (*missing, "echo of its duty ('s' lines)")
+        self._wheels, fault = wheels.note_jump(
+            self._parameters.wheels, self._names, self._wheels, jumped, missing
+        )
         return fault
 
     def note_command(self, command: Command, *, is_held_back: bool = False) -> None:

@@ -10,12 +10,15 @@ from collections.abc import Callable
 
 from msgspec import field
 
-from chefbotd.core.record import MutableState, Record
+from chefbotd.core.record import MutableState, Record, replace
 from firmware_protocol.codec import FROM_BOARD, Variant, rows_from_board
 from firmware_protocol.messages import Malformed
 
 ENOUGH_REFUSED = 20
 """So many lines of a kind in a row, refused for the same reason: with half of them damaged, one case in a million."""
+
+DAMAGED_COSTS = 3
+"""A line that is refused for another reason takes off so many: with a tenth of them damaged, a format is still found."""
 
 MICROS_SPAN = 2**32
 SPAN_S = 1.5
@@ -56,7 +59,12 @@ class FormatWatch(MutableState):
         if kind not in kinds:
             return
         accepted, refusals = accepted_of(kind), self._kinds.get(kind)
-        if refusals is None or refusals.accepted != accepted or refusals.reason != line.reason:
+        if refusals is not None and refusals.accepted == accepted and refusals.reason != line.reason:
+            if refusals.refused > DAMAGED_COSTS:  # a line of another format may be damaged besides
+                self._kinds[kind] = replace(refusals, refused=refusals.refused - DAMAGED_COSTS)
+                return
+            refusals = None
+        if refusals is None or refusals.accepted != accepted:
             refusals = KindRefusals(line.reason, accepted)
         self._kinds[kind] = KindRefusals(refusals.reason, accepted, refusals.refused + 1, shown, line.detail)
 
@@ -115,7 +123,8 @@ class TimeUnitWatch(MutableState):
         rate = ahead * 1e-6 / span_s
         before, self._from, self._rate = self._rate, (micros, host_s), rate
         agrees = before is not None and math.isclose(before, rate, rel_tol=STEADY, abs_tol=ONE_COUNT)
-        self.rate = rate if agrees else None
+        if agrees:  # a span that agrees with none, as of a reading that waited, ends nothing
+            self.rate = rate
 
     def begin(self) -> None:
         """A port was opened, or the board has restarted."""

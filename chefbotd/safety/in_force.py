@@ -64,7 +64,8 @@ class InForce(MutableState):
     ``taken_s``, ``before_s`` and ``earlier_s`` are when the last encoder lines were taken. Commands up to ``written_s``
     have left; later ones are held back. The echo of ``shown_at_s`` names the command written at ``shown_s`` (None:
     none that was sent, so the board obeys something else). ``acts_at_once``: commands do not wait for the next cycle.
-    A board without a clock has lines from a pause that began at ``waits_from_s`` until ``waits_until_s``.
+    A board that ``has_clock`` sends its time; one without has lines from a pause that began at ``waits_from_s`` until
+    ``waits_until_s``.
     """
 
     commands: tuple[Command, ...] = ()
@@ -79,6 +80,7 @@ class InForce(MutableState):
     arrived_s: float = float("-inf")
     waits_from_s: float = float("-inf")
     waits_until_s: float = float("-inf")
+    has_clock: bool = True
 
     def note_command(self, command: Command, *, is_held_back: bool = False) -> None:
         """A command goes to the board; ``is_held_back``: it may still wait on this side of the wire."""
@@ -109,6 +111,7 @@ class InForce(MutableState):
 
     def note_line(self, taken_s: float, arrived_s: float, *, has_clock: bool) -> None:
         """An encoder line has come. Where the board has no clock, it may have waited for as long as none came."""
+        self.has_clock = has_clock
         if not has_clock:
             if float("inf") > arrived_s - self.arrived_s > BACKLOG_S:
                 self.waits_from_s, self.waits_until_s = self.arrived_s, arrived_s + BACKLOG_S

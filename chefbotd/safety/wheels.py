@@ -13,7 +13,8 @@ real travel clears a wheel:
 
 Travel within a play of three counts does not count (hysteresis: only what drags the ends of the play along counts). So
 an encoder that dithers by a count clears no wheel, however often the direction changes. Travel in the wrong direction
-is subtracted from that in the right one, so a larger dither under a steady push clears no wheel either.
+is subtracted from that in the right one, so a larger dither under a steady push clears no wheel either. Nor does a
+reading that the next one takes back: it was damaged on the line.
 
 Reversed is the mirror of stalled: travel against the pushes, less travel with them, summed over pushes. A wheel that
 still rolls on from the push before is excused for ``coast_s``, until it stands or turns round. A single reading may be
@@ -65,7 +66,8 @@ class PushedWheel(Record, frozen=True):
 
     ``direction`` is that of the latest push, however gentle (1 or -1; 0 before the first). The wheel was driven for
     ``pushed_s`` and turned by ``turned_rad``; it went ``against_rad`` more against its pushes than with them. For
-    ``coast_s`` it may yet roll on as before the latest push. ``play_rad`` is where in its play it is.
+    ``coast_s`` it may yet roll on as before the latest push. ``play_rad`` is where in its play it is. The last reading
+    cleared it of ``cleared_s``.
     """
 
     direction: int = 0
@@ -74,6 +76,7 @@ class PushedWheel(Record, frozen=True):
     against_rad: float = 0.0
     coast_s: float = 0.0
     play_rad: float = 0.0
+    cleared_s: float = 0.0
 
 
 class WheelWatchState(Record, frozen=True):
@@ -119,13 +122,25 @@ def watch(
 
 
 def note_jump(
-    params: WheelWatchParameters, names: tuple[str, ...], state: WheelWatchState, jumped: tuple[int, ...]
+    params: WheelWatchParameters,
+    names: tuple[str, ...],
+    state: WheelWatchState,
+    jumped: tuple[int, ...],
+    missing: tuple[str, ...] = (),
 ) -> tuple[WheelWatchState, Fault | None]:
-    """A reading was refused because the wheels with these indices cannot have turned that far."""
+    """A reading was refused because the wheels with these indices cannot have turned that far.
+
+    ``missing`` names the lines that this board does not send: without its time, a line that waited looks like a jump.
+    """
     jumps = tuple([count + (i in jumped) for i, count in enumerate(state.jumps)])
     bad = [name for name, count in zip(names, jumps, strict=True) if count >= params.jumps]
     counted = WheelWatchState(state.pushes, jumps)
-    return counted, _explain(FaultKind.ENCODER_JUMPS, " and ".join(bad)) if bad else None
+    if not bad:
+        return counted, None
+    who = " and ".join(bad)
+    if not missing:
+        return counted, _explain(FaultKind.ENCODER_JUMPS, who)
+    return counted, Fault(FaultKind.ENCODER_JUMPS, _MISSING_WORDS.format(who, " and no ".join(missing)))
 
 
 def _push(
@@ -156,11 +171,15 @@ def _push(
         turned_rad = push.turned_rad + (moved_rad if moved_rad > 0 else -moved_rad)
     else:
         turned_rad = push.turned_rad + ahead_rad
+        if push.cleared_s and ahead_rad <= -params.turned_rad:
+            pushed_s += push.cleared_s
+    cleared_s = 0.0
     if pushed_s == 0.0 or turned_rad >= params.turned_rad:
+        cleared_s = pushed_s
         pushed_s = turned_rad = 0.0
     elif turned_rad < 0:
         turned_rad = 0.0
-    return PushedWheel(direction, pushed_s, turned_rad, against_rad, coast_s, play_rad)
+    return PushedWheel(direction, pushed_s, turned_rad, against_rad, coast_s, play_rad, cleared_s)
 
 
 def _charge(
@@ -195,6 +214,12 @@ def _first_fault(
             return _explain(FaultKind.WHEEL_STALLED, name)
     return None
 
+
+_MISSING_WORDS = (
+    "{0} has an encoder whose counts jump further than a wheel can turn, and the board sends no {1}: a line that waited "
+    "on its way looks like a jump then. Give the board a sketch that sends them first; if the counts still jump, check "
+    "the configured counts per turn, and the encoder's cable and connector for a loose contact"
+)
 
 _WORDS = {
     FaultKind.ENCODER_JUMPS: (

@@ -11,11 +11,14 @@ from firmware_protocol.lidar import ld19, rplidar
 JUDGED_AFTER_S = 2.0
 """Time from power-on to a lidar's first turn (assumed)."""
 
-SOON_S = 0.5
-"""Whole turns are heard in less."""
+SOON_S, SOON_TURNS = 0.5, 2
+"""So many whole turns are heard in little more."""
 
 QUIET_S = 1.0
 """A lidar that sends nothing for this long is silent."""
+
+LEAST_TURNS_PER_S = 1.0
+"""A lidar that turns has more whole turns; the slowest of the known ones makes two (assumed)."""
 
 TEXT_SHARE = 0.9
 RATES = "LD06, LD19: 230400; RPLIDAR A1, A2M8: 115200; A2M7, A2M12, A3, S1: 256000; C1: 460800"
@@ -76,20 +79,25 @@ class LidarHealthWatch(MutableState):
     def look(self, now_s: float, heard: LidarTotals, sample: bytes, complaint: str) -> LidarHealth | None:
         """The health if it has changed; ``sample`` are the newest bytes, ``complaint`` what the lidar says is wrong."""
         new, waited_s = heard.since(self.before), now_s - self.from_s
-        soon = new.turns > 0 and waited_s >= SOON_S
+        soon = waited_s >= SOON_S and new.turns >= max(SOON_TURNS, LEAST_TURNS_PER_S * waited_s)
         if not soon and waited_s < JUDGED_AFTER_S:
             return None
         self.from_s, self.before = now_s, heard
         quiet_s = waited_s if not new.bytes else now_s - new.last_s
-        health = judge(new, quiet_s, sample, complaint)
+        health = judge(new, quiet_s, sample, complaint, waited_s)
         if self._reported is not None and health.condition is self._reported.condition:
             return None
         self._reported = health
         return health
 
 
-def judge(new: LidarTotals, quiet_s: float, sample: bytes, complaint: str) -> LidarHealth:
-    """What has been heard says of the port; ``quiet_s`` is how long there has been nothing now."""
+def judge(
+    new: LidarTotals, quiet_s: float, sample: bytes, complaint: str, waited_s: float = 0.0
+) -> LidarHealth:
+    """What has been heard in ``waited_s`` says of the port; ``quiet_s`` is how long there has been nothing now.
+
+    One good turn among many that are missing, or old, does not make it healthy.
+    """
     if new.awaits_scan and not complaint:
         return LidarHealth(
             LidarCondition.MOTOR_STALLED, "it answers, but sends no scan: does its motor turn?"
@@ -106,16 +114,15 @@ def judge(new: LidarTotals, quiet_s: float, sample: bytes, complaint: str) -> Li
     if complaint:
         wrong = LidarCondition.WRONG_DEVICE if "another lidar" in complaint else LidarCondition.DEVICE_ERROR
         return LidarHealth(wrong, complaint)
-    if new.turns:
+    if new.turns and new.turns >= LEAST_TURNS_PER_S * waited_s:
         return LidarHealth(LidarCondition.HEALTHY, "")
     if new.repeated:
         reason = (
             f"the same data again ({new.repeated} times): the lidar has frozen, or its bytes are replayed"
         )
         return LidarHealth(LidarCondition.FROZEN, reason)
-    return LidarHealth(
-        LidarCondition.MOTOR_STALLED, f"packets but no whole turn: does its motor turn? {received}"
-    )
+    turns = f"only {new.turns} whole turns in {waited_s:.1f} s" if new.turns else "no whole turn"
+    return LidarHealth(LidarCondition.MOTOR_STALLED, f"packets but {turns}: does its motor turn? {received}")
 
 
 def _judge_foreign(sample: bytes, received: str) -> LidarHealth:

@@ -78,6 +78,26 @@ def test_a_kind_that_is_always_refused_is_a_format(kind: str, line: bytes, what:
     assert what in reason
 
 
+def test_a_format_is_named_though_some_of_its_lines_are_damaged_besides() -> None:
+    """One line in twelve is refused for another reason; the complaint comes, and stays."""
+    line = {0: b"u\t57,3\t9"}
+    condition, reason = link_after(with_lines(u=lambda number: line.get(number % 12, b"u\t57,3")), 10.0)
+    assert condition == "lines_refused"
+    assert "every 'u' line is refused" in reason
+
+
+def test_a_reading_of_the_clock_that_waited_ends_no_complaint_about_its_unit() -> None:
+    """It counts milliseconds; every second one of its readings at a span's end waited for a second."""
+    watch, told = TimeUnitWatch(), list[str | None]()
+    for number in range(2000):
+        late_s = 1.0 if number % 200 == 0 else 0.0
+        watch.observe(int(1e3 * CYCLE_S * number), CYCLE_S * number + late_s)
+        told.append(watch.complaint)
+    first = next(k for k, complaint in enumerate(told) if complaint)
+    assert first < 300
+    assert None not in told[first:]
+
+
 def test_lines_with_another_separator_are_a_format() -> None:
     """All of them are text to the protocol: the answer is not that another device is plugged in."""
     condition, reason = link_after(lambda number: [line.replace(b"\t", b" ") for line in good(number)])

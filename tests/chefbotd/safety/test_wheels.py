@@ -66,6 +66,16 @@ def test_a_wheel_that_stands_for_a_while_and_then_turns_is_no_fault():
     assert watched(*([stuck] * 30 + [turned]) * 5) == (None, None)
 
 
+@pytest.mark.parametrize("every", [10, 20, 35, 80])
+def test_a_reading_that_the_next_one_takes_back_clears_no_wheel(every: int):
+    """One reading in so many is damaged, looks like 0.3 rad ahead, and the next like 0.3 rad back: stalled by 1.9 s."""
+    leaps = {every - 1: 0.3, 0: -0.3}
+    lines = [((0.5, 0.5), (0.2, leaps.get(n % every, 0.0) if n else 0.0)) for n in range(200)]
+    at_s, fault = watched(*lines)
+    assert fault.kind is FaultKind.WHEEL_STALLED
+    assert at_s <= 1.9
+
+
 def test_a_wheel_that_is_hardly_driven_may_stand():
     """Below a fifth of the duty range friction may well hold it."""
     assert watched(*[((0.19, -0.19), (0.0, 0.0))] * 200) == (None, None)
@@ -249,6 +259,18 @@ def test_an_encoder_that_keeps_jumping_is_a_fault():
     _, fault = refuse(state, 1)
     assert fault.kind is FaultKind.ENCODER_JUMPS
     assert fault.reason.startswith("right_wheel has")
+
+
+def test_what_the_board_does_not_send_is_named_before_a_loose_contact():
+    """Without the board's time a line that waited looks like a jump."""
+    state, fault = at_rest(2), None
+    for _ in range(10):
+        state, fault = note_jump(
+            PARAMETERS, NAMES, state, (0,), ("time ('t' lines)", "echo of its duty ('s' lines)")
+        )
+    assert fault.kind is FaultKind.ENCODER_JUMPS
+    assert "the board sends no time ('t' lines) and no echo of its duty ('s' lines)" in fault.reason
+    assert fault.reason.index("'t' lines") < fault.reason.index("loose contact")
 
 
 def test_both_wheels_are_named_when_both_jump():
