@@ -167,6 +167,15 @@ def test_bearings_of_a_hanging_lidar_turn_the_other_way() -> None:
     assert list(scan.bearing_rad) == pytest.approx([0.0, -math.pi / 2, -math.pi, -1.5 * math.pi])
 
 
+def test_a_scan_that_runs_clockwise_is_read_by_its_increment() -> None:
+    """angle_max below angle_min, as an RPLIDAR's driver wrote it: the second beam is a quarter to the right."""
+    clockwise = message([1.0, 2.0, 3.0, 4.0], 5.0)
+    clockwise.angle_min, clockwise.angle_increment = math.pi, -math.pi / 2
+    scan = scan_of(clockwise, 0.0, upside_down=False, no_return=None)
+    assert list(scan.bearing_rad) == pytest.approx([math.pi, math.pi / 2, 0.0, -math.pi / 2])
+    assert list(scan.range_m) == [1.0, 2.0, 3.0, 4.0]
+
+
 def test_the_same_number_just_below_range_max_again_and_again_is_no_return() -> None:
     """A third of the beams see nothing, and the driver writes 11.99 of 12 m for each."""
     noise = np.random.default_rng(1)

@@ -88,6 +88,11 @@ class LocalizationSkill:
         return self._map
 
     @property
+    def has_freed_map(self) -> bool:
+        """Whether the grids of the map in use are gone, because those of another are being made."""
+        return self._map is not None and self._within is None
+
+    @property
     def problem(self) -> str:
         """Why no pose may be believed, however well the scans fit; empty: there is no such reason."""
         problem = mount_problem(self._mount, self._parameters.lidars)

@@ -160,7 +160,7 @@ class NavigationSkill:
         return None
 
     def _require_map(self) -> None:
-        if self._map is None:
+        if self._map is None or self._navigator.world is None:
             reason = self._problem or "no finished map is in use: load one, or finish the one in progress"
             raise Refused(RefusalKind.NO_MAP_LOADED, reason)
 
@@ -288,6 +288,8 @@ class NavigationSkill:
     def _follow_map(self) -> None:
         """Use the map that localization uses, with the zones that are drawn on it."""
         used = None if self._finder is None else self._finder.used
+        if self._finder is not None and self._finder.has_freed_map:
+            self._navigator.free_map()
         if used is self._used:
             return
         before, self._used = self._used, used

@@ -127,6 +127,12 @@ class Navigator:
         if self._execution is not None:
             self._execution.forget_path()
 
+    def free_map(self) -> None:
+        """Forget the map: another one is being made ready, and both may be too much. The robot stands meanwhile."""
+        self.world = None
+        if self._execution is not None:
+            self._execution.forget_path()
+
     def take_scan(self, seen: Seen) -> None:
         """A scan; without a map nothing is remembered of it. After a jump of the pose a path is planned again."""
         if self.world is None:
@@ -237,10 +243,10 @@ class Navigator:
             self._crawl = self._crawl.then(read_s, STANDING)
         twist = None
         execution = self._execution
-        if self.world is not None and execution is not None and execution.state is not GoalState.PAUSED:
+        if execution is not None and execution.state is not GoalState.PAUSED:
             standing = slewed(self._params.follower, self._last, STANDING, dt_s)
             now = StepInput(now_s, dt_s, pose, status, self._last, pose_age_s)
-            chosen = self._act(self.world, execution, now)
+            chosen = None if self.world is None else self._act(self.world, execution, now)
             twist = standing if chosen is None else chosen
         self._last = STANDING if twist is None else twist
         ended, self._ended = self._ended, ()

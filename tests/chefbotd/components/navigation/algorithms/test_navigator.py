@@ -429,3 +429,20 @@ def test_a_pose_that_stays_uncertain_where_there_is_no_way_ends_the_goal_as_lost
     drive.run(25.0)
     assert [each.end for each in drive.ended] == [End.LOST]
     assert "for 20 s the pose of the robot was uncertain: the robot is outside" in drive.ended[0].reason
+
+
+def test_a_robot_whose_map_is_freed_stands_and_drives_on_when_there_is_one_again() -> None:
+    """Another map is made ready: at rest within a second, no plan is made, and the goal is there still."""
+    drive = hall()
+    drive.navigator.navigate_to((Goal(3.0, 1.4),))
+    drive.run(3.0)
+    assert drive.twist.linear_m_s > 0.2
+    drive.navigator.free_map()
+    drive.run(1.0)
+    assert drive.navigator.world is None
+    assert drive.twist.linear_m_s == 0.0
+    with pytest.raises(NoMapError, match="there is no map to plan on"):
+        drive.navigator.plan_to(drive.pose, Goal(3.0, 1.4), drive.now_s)
+    drive.navigator.use_map(drive.grid)
+    drive.run(15.0)
+    assert [ended.end for ended in drive.ended] == [End.REACHED]
