@@ -32,16 +32,20 @@ OFF_TARGET_PERIOD_S = 0.25
 """How often it is looked at whether wheels are off their target; a reading alone tells little of that."""
 
 
+SETTLING_READINGS = 3
+"""The wheel loop needs so many to bring a wheel to another speed; a board that waits for echoes gives one a second."""
+
 LEVEL_M_S = 0.01
 """Wheels that are asked for speeds no farther apart than this do not drag each other."""
 
 
 class SteadyWheels(Record, frozen=True):
-    """Since when the same speeds have been asked for, and where the wheels were then."""
+    """Since when the same speeds have been asked for, where the wheels were then, and how many readings were before."""
 
     asked_m_s: tuple[float, ...] = ()
     since_s: float = float("-inf")
     position_rad: tuple[float, ...] = ()
+    readings: int = 0
 
 
 class MotorWatchState(Record, frozen=True):
@@ -205,6 +209,9 @@ class MotorWatch:
         elif envelope.asked_m_s != self._steady.asked_m_s:
             position_rad = seen.reading.position_rad
             self._steady = SteadyWheels(envelope.asked_m_s, self.in_force.taken_s, position_rad)
+        elif self._steady.readings < SETTLING_READINGS:
+            readings, position_rad = self._steady.readings + 1, seen.reading.position_rad
+            self._steady = SteadyWheels(envelope.asked_m_s, self.in_force.taken_s, position_rad, readings)
         elif self.in_force.taken_s - self._steady.since_s >= OFF_TARGET_PERIOD_S:
             self._watch_pace(effort, seen)
 
@@ -223,7 +230,7 @@ class MotorWatch:
         turned_rad = tuple(
             [now - before for now, before in zip(position_rad, steady.position_rad, strict=True)]
         )
-        self._steady = SteadyWheels(steady.asked_m_s, self.in_force.taken_s, position_rad)
+        self._steady = SteadyWheels(steady.asked_m_s, self.in_force.taken_s, position_rad, SETTLING_READINGS)
         if self._dragged and max(steady.asked_m_s) - min(steady.asked_m_s) > LEVEL_M_S:
             return
         parameters, dt_s = self._parameters.off_target, self.in_force.taken_s - steady.since_s

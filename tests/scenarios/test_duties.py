@@ -205,14 +205,22 @@ def test_intended_steps_are_no_fault():
     on_robot(scenario)
 
 
-def test_a_wheel_that_does_not_turn_is_found():
-    """Its encoder is dead: stalled after 1.75 s (safety.wheels.stalled_s) with the duty in force for certain."""
+@pytest.mark.parametrize("phase_s", [0.0, 0.01, 0.02, 0.03, 0.04])
+def test_a_wheel_that_does_not_turn_is_found(phase_s: float):
+    """Its encoder is dead: stalled after 1.75 s (safety.wheels.stalled_s) with the duty in force for certain.
+
+    A duty waits up to 0.05 s until a cycle of the board begins, and 0.02 s for the line. That cycle reads it and lasts
+    0.05 s until the duty is in force, and the readings are 0.05 s apart: 1.92 s after the first duty at the latest.
+    """
 
     async def scenario(calibration: Calibration) -> None:
+        await asyncio.sleep(phase_s)
         rewire(calibration.robot, b"e", frozen(0))
+        began_s = asyncio.get_running_loop().time()
         fault, seconds = await calibration.drive_to_fault(*TURN)
         assert fault == "wheel_stalled"
-        assert 1.7 <= seconds <= 2.0
+        assert 1.75 <= calibration.changes[-1].stamp_s - began_s <= 1.92
+        assert seconds <= 2.0  # counted in whole steps of the driver, and the one that is refused
 
     on_robot(scenario)
 
