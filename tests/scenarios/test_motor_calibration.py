@@ -88,7 +88,7 @@ def test_no_phase_of_the_command_delays_a_start(phase_s: float):
 def test_every_published_sketch_starts_better_once_calibrated(sketch: str):
     """Cycles of 3 to 20 ms, with and without the board's time, echo of the battery or not: each start settles sooner.
 
-    Not of every robot within 0.15 s: the Duemilanove's board has no clock and waits for each echo. Where its sensor hears
+    Not of every robot within 0.15 s: the Duemilanove's board has no clock and waits for echoes. Where its sensor hears
     a tenth of the echoes from something farther, its cycles are up to 20 ms longer at random, the calibration finds a
     dead zone 2 duties off, and a start to 0.05 m/s takes 0.17 s (seed 3) or 0.23 s (seed 5).
     """
