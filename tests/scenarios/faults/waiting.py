@@ -12,6 +12,8 @@ from tests.scenarios.waiting_run import STOPS, Ask, Decide, WaitingFault
 
 VDA5050, SPEECH = "chefbot-vda5050", "chefbot-speech"
 COUNTDOWN_S, RECOGNIZED_AFTER_S = 2.0, 2.0
+JUDGED_FOR_S = 1.0
+"""The worker is busy for so long: past the stop and the arm, and too short for it to lose where it is."""
 
 
 @contextlib.asynccontextmanager
@@ -109,7 +111,7 @@ async def master(drive: Drive, connection: Connection) -> AsyncIterator[Any]:
         await asyncio.gather(*working, return_exceptions=True)
 
 
-def send_order(agent: Any) -> None:
+def send_order(agent: Any, order_id: str = "o1") -> None:
     """To where ``GOAL`` is."""
     from chefbot_vda5050.messages import Edge, Node, NodePosition, Order, encode
     from chefbot_vda5050.topics import Kind
@@ -132,7 +134,7 @@ def send_order(agent: Any) -> None:
         version="2.1.0",
         manufacturer="chefbot",
         serial_number="r1",
-        order_id="o1",
+        order_id=order_id,
         order_update_id=0,
         nodes=nodes,
         edges=(way,),
@@ -150,9 +152,17 @@ async def press_go_on(drive: Drive) -> None:
 async def order_that_is_judged(drive: Drive) -> AsyncIterator[Decide]:
     """The agent asks for a way to each node, and the worker is busy."""
     async with master(drive, Connection(drive, "fleet")) as agent:
-        drive.children[-1].be_busy(2.0)
+        drive.children[-1].be_busy(JUDGED_FOR_S)
         send_order(agent)
-        yield partial(press_go_on, drive)
+
+        async def decide() -> None:
+            """Let it go on; an order that was refused is sent again."""
+            if agent.vehicle.order_id:
+                await press_go_on(drive)
+            else:
+                send_order(agent, "o2")
+
+        yield decide
 
 
 @contextlib.asynccontextmanager
