@@ -84,7 +84,9 @@ def test_a_robot_that_takes_every_order_fails_the_refusals(
         return acceptance.Accepted.NEW
 
     monkeypatch.setattr(agent.acceptance, "judge", takes_all)
-    monkeypatch.setattr(agent.order, "accept", lambda vehicle, order, *_: (replace(vehicle, order=order), ()))
+    monkeypatch.setattr(
+        agent.order, "accept", lambda vehicle, order, *_, **__: (replace(vehicle, order=order), ())
+    )
     found = outcomes(tmp_path, None, patience_s=3.0)
     failed = {title for title, outcome in found.items() if outcome.startswith("failed")}
     assert failed >= {
