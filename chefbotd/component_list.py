@@ -9,7 +9,22 @@ from chefbotd.component import Component, resolve
 FIRST: Final = ("foxglove",)
 """Those that take an event before any other part, so that they see it before what follows from it."""
 
-OWN: Final = ("tuning", "statistics", "agents", "discovery")
+OWN: Final = (
+    "localization",
+    "navigation",
+    "mapping",
+    "worker",
+    "maps",
+    "recording",
+    "simulation",
+    "tuning",
+    "statistics",
+    "agents",
+    "calibration",
+    "doctor",
+    "flash",
+    "discovery",
+)
 """The others, in the order in which they are built."""
 
 

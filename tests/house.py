@@ -227,6 +227,11 @@ def main(arguments: Sequence[str]) -> int:
     console = Console(soft_wrap=True, highlight=False, markup=False)
     for line in house.report():
         console.print(line)
+    if not folders:
+        from tests.walls import Walls  # it imports this module
+
+        for name, figure, note in Walls(house).report(ROOT):
+            console.print(_row(name, figure, note))
     if len(folders) < len(arguments):
         for name, importer in house.small_files_of_one().items():
             console.print(f"{house.modules[name].lines:4} {name} <- {importer}")

@@ -7,7 +7,7 @@ from contextlib import asynccontextmanager, suppress
 from zeroconf import InterfaceChoice, ServiceStateChange, Zeroconf
 from zeroconf.asyncio import AsyncServiceBrowser, AsyncServiceInfo, AsyncZeroconf
 
-from chefbotd.components.discovery.announcement import SERVICE_TYPE, Announcement, read
+from chefbotd.client.announcement import SERVICE_TYPE, Announcement, read
 
 LISTEN_S = 5.0
 """A browser asks at once, and again after one and after three seconds; a robot that has just said its records waits a

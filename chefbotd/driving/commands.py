@@ -140,6 +140,7 @@ def driving(
             "edges": quadrature,
             **({} if scans is None else {"scans": scans}),
         },
+        configured=("limits",),
     )
 
 

@@ -34,6 +34,23 @@ def _none_waits() -> Waiting:
     return {}
 
 
+class ReplayedInputs(Struct, frozen=True):
+    """What a replay takes from a recording for a feature, beside requests, timers and the bytes of links.
+
+    ``take`` has a handler for each class of events that comes in. One of ``core.events.inputs`` comes in as such; any
+    other one was published by ``Entries.observe``, and is published again after its handler. ``go_on`` is called when
+    a recorded state has been restored.
+    """
+
+    take: Mapping[type[Any], Callable[[Any], None]]
+    go_on: Callable[[], None] = lambda: None
+
+
+def _no_inputs() -> ReplayedInputs:
+    """Nothing of its own comes in."""
+    return ReplayedInputs({})
+
+
 def _no_metrics(metrics: Metrics) -> None:
     """Add nothing."""
 
@@ -43,6 +60,8 @@ class Feature(Struct, frozen=True):
 
     ``parts`` have a state that lasts from one entry to the next; a recording contains these states by name.
     ``waiting`` returns the waiting requests by the names of their tasks, with the function that continues each.
+    ``inputs`` makes what a replay takes in for it. Parts that are ``configured`` stay as they are in a replay with
+    another configuration. The methods ``not_replayed`` only look, at what a replay has not.
     """
 
     name: str
@@ -52,6 +71,9 @@ class Feature(Struct, frozen=True):
     add_metrics: Callable[[Metrics], None] = _no_metrics
     parts: Mapping[str, Stateful] = {}
     waiting: Callable[[], Waiting] = _none_waits
+    inputs: Callable[[], ReplayedInputs] = _no_inputs
+    configured: tuple[str, ...] = ()
+    not_replayed: tuple[str, ...] = ()
 
 
 def methods_and_topics(features: Iterable[Feature]) -> tuple[dict[str, Method], dict[str, Topic]]:

@@ -12,6 +12,7 @@ from typing import Any
 from msgspec.structs import force_setattr
 
 from chefbotd.component import StatusRow, resolve
+from chefbotd.component_list import own_components
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.printable import one_line
 from chefbotd.core.record import Record, replace
@@ -60,7 +61,7 @@ def firmware(data: Data) -> Fact:
     name = " on ".join(filter(None, (data["version"] or "unknown", data["board"])))
     if data["deadman_ms"] is None:
         return Fact(
-            "firmware", ", ".join([name, "does not stop by itself now", *_reason(data)]), Style.NOTICE
+            "firmware", ", ".join([name, "does not stop by itself now", *reason_of(data)]), Style.NOTICE
         )
     refused = f"{data['crc_errors']} lines damaged, {data['refused']} refused"
     return Fact("firmware", f"{name}, stops by itself after {data['deadman_ms']} ms, {refused}", Style.GOOD)
@@ -157,58 +158,8 @@ def imu(data: Data) -> Fact:
     return Fact("imu", "no data", Style.NOTICE)
 
 
-def truth(data: Data) -> Fact:
-    """Where a simulated robot really is."""
-    text = pose(Pose2D(data["x_m"], data["y_m"], data["heading_rad"]))
-    return Fact("truth", text + (", touching a wall" if data["in_contact"] else ""))
-
-
-def worker(data: Data) -> Fact:
-    """The state of the worker process, and what it takes."""
-    used = [f"{data['rss_mb']:.0f} MB"] if data["rss_mb"] is not None else []
-    used += [f"{data['cpu']:.2f} core"] if data["cpu"] is not None else []
-    style = Style.GOOD if data["state"] == "ready" else Style.NOTICE
-    return Fact("worker", ", ".join([data["state"], *used, *_reason(data)]), style)
-
-
-def localization(data: Data) -> Fact:
-    """Whether the robot knows where it is, on which map, and how well the scan fits."""
-    if data["map"] is None:
-        return Fact("place", "no map is in use")
-    style = {"localized": Style.GOOD, "lost": Style.ALARM}.get(data["state"], Style.NOTICE)
-    text = f"{data['state']} on {data['map']}, fit {100 * data['fit']:.0f} %"
-    return Fact("place", ", ".join([text, *_reason(data)]), style)
-
-
-def navigation(data: Data) -> Fact:
-    """The goal: its state, how far it is, and why it waits or has ended."""
-    left = f"{data['distance_m']:.1f} m left" if data["distance_m"] is not None else ""
-    failed = data["state"] in ("unreachable", "blocked", "lost", "fault")
-    says_state = data["reason"].startswith(data["state"])  # such as "reached (1.25, 3.00)"
-    parts = [data["reason"], left] if says_state else [data["state"], left, data["reason"]]
-    return Fact("goal", ", ".join(filter(None, parts)), Style.NOTICE if failed else Style.PLAIN)
-
-
-def mapping(data: Data) -> Fact:
-    """The map that is being made."""
-    if data["state"] == "idle":
-        left = "one was never finished" if data["unfinished"] else "none is being made"
-        return Fact("mapping", left, Style.NOTICE if data["unfinished"] else Style.PLAIN)
-    text = f"{data['state']}, {data['path_m']:.1f} m driven, {data['loops']} loops closed"
-    return Fact("mapping", ", ".join([text, *_reason(data)]), Style.NOTICE if data["reason"] else Style.GOOD)
-
-
-def recording(data: Data) -> Fact:
-    """What is being recorded, and what was lost."""
-    parts = [data["state"]]
-    if data["state"] == "recording":
-        parts += [str(data["name"]), f"{data['seconds']:.0f} s", f"{data['bytes_written'] / 1e6:.1f} MB"]
-    parts += [f"{data['dropped']} events dropped"] if data["dropped"] else []
-    bad = data["state"] == "failed" or data["dropped"]
-    return Fact("recording", ", ".join([*parts, *_reason(data)]), Style.NOTICE if bad else Style.PLAIN)
-
-
-def _reason(data: Data) -> list[str]:
+def reason_of(data: Data) -> list[str]:
+    """The reason as a part of a sentence, where there is one."""
     return [data["reason"]] if data["reason"] else []
 
 
@@ -240,7 +191,7 @@ def left_out_imu(data: Data) -> Fact:
 Words = Callable[[Data], Fact]
 Rows = Sequence[tuple[str, Words]]
 
-BY_TOPIC: Rows = (
+CORE_ROWS: Rows = (
     ("safety", safety),
     ("link", link),
     ("firmware", firmware),
@@ -254,14 +205,8 @@ BY_TOPIC: Rows = (
     ("ranges", ranges),
     ("lidars", lidars),
     ("battery", battery),
-    ("localization", localization),
-    ("navigation", navigation),
-    ("mapping", mapping),
-    ("worker", worker),
-    ("recording", recording),
-    ("sim", truth),
 )
-AGEING = {"odometry", "map_pose", "wheels", "imu", "ranges", "battery", "sim"}
+AGEING = {"odometry", "map_pose", "wheels", "imu", "ranges", "battery"}
 """Topics that are sent periodically. The others are sent when they change, and do not age."""
 
 WITH_REASON = {"drive_warning", "odometry_condition"}
@@ -282,7 +227,7 @@ def _plugin(data: Data) -> str:
 
 def with_rows(rows: Iterable[StatusRow]) -> Rows:
     """The rows, with those of components where they stand; one that fails says so in its place."""
-    placed = list(BY_TOPIC)
+    placed = list(CORE_ROWS)
     for row in rows:
         after = [index for index, (topic, _) in enumerate(placed) if topic == row.after]
         placed.insert(after[-1] + 1 if after else len(placed), (row.topic, partial(_of_component, row)))
@@ -300,7 +245,7 @@ def _of_component(row: StatusRow, data: Data) -> Fact:
 
 
 def of_topics(
-    latest: Mapping[str, Data], rows: Rows = BY_TOPIC, ageing: Collection[str] = AGEING
+    latest: Mapping[str, Data], rows: Rows = CORE_ROWS, ageing: Collection[str] = AGEING
 ) -> list[Fact]:
     """The latest values by topic, each with ``data`` and ``age_s``; what is stale is faint."""
     return [
@@ -320,7 +265,7 @@ def _aged(word: Words, value: Data, *, ages: bool) -> Fact:
 
 def of_state(state: Data, rows: Iterable[StatusRow] = ()) -> list[Fact]:
     """Everything in an answer of ``get_state``, the rows of components, and the allowed plug-ins where it has any."""
-    rows = list(rows)
+    rows = [*(row for component in own_components() for row in component.status), *rows]
     ageing = AGEING | {row.topic for row in rows if row.ages}
     always = {"safety": {"data": state["safety"]}, "link": {"data": state["link"]}}
     facts = of_topics({**state["topics"], **always}, with_rows(rows), ageing)

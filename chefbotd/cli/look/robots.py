@@ -12,7 +12,7 @@ from chefbotd.cli.common.echo import echo, tell
 from chefbotd.cli.common.exits import Exit, ProgramError, extra
 
 if TYPE_CHECKING:
-    from chefbotd.components.discovery.announcement import Announcement
+    from chefbotd.client.announcement import Announcement
 
 SECONDS = click.FloatRange(0.1, 60.0)
 NOBODY = (

@@ -16,14 +16,7 @@ from chefbotd.cli.look import commands as looking
 from chefbotd.cli.look.robots import address_of, robots
 from chefbotd.cli.look.scan import scan
 from chefbotd.cli.programs.program import CommandGroup, completion, example, wants_json
-from chefbotd.components.calibration.cli.commands import calibrate
-from chefbotd.components.doctor.cli.doctor_command import doctor, ports
-from chefbotd.components.flash.command import flash
-from chefbotd.components.maps.cli.commands import map_group
-from chefbotd.components.maps.cli.places import places
-from chefbotd.components.navigation.cli import commands as navigating
-from chefbotd.components.recording.cli.commands import log_group, record
-from chefbotd.components.tuning.cli.commands import pid
+from chefbotd.component_list import own_components
 
 TOKEN = click.File(encoding="utf-8")
 
@@ -91,17 +84,12 @@ def main(
     )
 
 
-map_group.add_command(example("demo", "map"))
-
 COMMANDS: tuple[click.Command, ...] = (
     looking.status,
     looking.watch,
     scan,
     looking.describe,
     robots,
-    doctor,
-    ports,
-    flash,
     driving.drive,
     driving.teleop,
     driving.joystick,
@@ -110,21 +98,17 @@ COMMANDS: tuple[click.Command, ...] = (
     driving.stop,
     driving.estop,
     driving.arm,
-    pid,
-    calibrate,
-    map_group,
-    places,
-    *navigating.COMMANDS,
     example("serve", "serve"),
-    record,
-    log_group,
     driving.reset_odometry,
     driving.reset_board,
     completion,
 )
+"""The commands of the driving core; the others are those of components."""
 
 for command in COMMANDS:
     main.add_command(command)
+for component in own_components():
+    main.add_referenced(component.commands)
 main.add_strangers()
 main.add_late("chefbotd.cli.new_robot.command", "new-robot")
 main.add_late("chefbot_devtools.commands", "shell", "sweep")

@@ -3,6 +3,7 @@
 import io
 import json
 import sys
+from collections.abc import Mapping
 from copy import copy
 from importlib import import_module
 from importlib.util import find_spec
@@ -54,6 +55,7 @@ class CommandGroup(click.Group):
         super().__init__(*args, **kwargs)
         self.params.append(_json_option())
         self._late: dict[str, str] = {}
+        self._attributes: dict[str, str] = {}
         self._has_strangers = False
 
     def add_strangers(self) -> None:
@@ -64,10 +66,17 @@ class CommandGroup(click.Group):
         """Add commands by their names; their module is imported when one of them is called, or all are shown."""
         self._late |= dict.fromkeys(names, module)
 
+    def add_referenced(self, references: Mapping[str, str]) -> None:
+        """Add commands by their names, each ``module:attribute``; imported as those of ``add_late`` are."""
+        for name, reference in references.items():
+            module, _, attribute = reference.partition(":")
+            self._late[name], self._attributes[name] = module, attribute
+
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """The command of this name; None where there is none."""
         if module := self._late.pop(cmd_name, None):
-            self.add_command(_late_command(module, cmd_name))
+            attribute = self._attributes.get(cmd_name, cmd_name.replace("-", "_"))
+            self.add_command(_late_command(module, cmd_name, attribute), cmd_name)
         command = super().get_command(ctx, cmd_name)
         if command is None and self._has_strangers:
             self._take_strangers()
@@ -168,7 +177,7 @@ def example(name: str, make_target: str) -> click.Command:
     return _absent(name, f"{only}: run 'make {make_target}' in a checkout")
 
 
-def _late_command(module: str, name: str) -> click.Command:
+def _late_command(module: str, name: str, attribute: str) -> click.Command:
     """The command in a module of ours, or of an add-on; where that is not installed, a hidden one that says so."""
     package = module.partition(".")[0]
     if package != __package__.partition(".")[0] and find_spec(package) is None:
@@ -176,7 +185,7 @@ def _late_command(module: str, name: str) -> click.Command:
         return _absent(
             name, f"is in {add_on}: in a checkout of chefbotd, {how_to_add_folder(f'./addons/{add_on}')}"
         )
-    command: click.Command = getattr(import_module(module), name.replace("-", "_"))
+    command: click.Command = getattr(import_module(module), attribute)
     return command
 
 

@@ -11,7 +11,7 @@ from zeroconf import InterfaceChoice, NonUniqueNameException
 from zeroconf.asyncio import AsyncServiceInfo, AsyncZeroconf
 
 from chefbotd import __version__
-from chefbotd.components.discovery.announcement import SERVICE_TYPE, Announcement
+from chefbotd.client.announcement import SERVICE_TYPE, Announcement
 from chefbotd.components.discovery.parameters import DiscoveryParameters
 from chefbotd.features.feature import Feature, Service
 from chefbotd.rpc.parameters import is_loopback

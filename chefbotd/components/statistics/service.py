@@ -72,5 +72,6 @@ def statistics(service: StatsService, metrics: Metrics, clock: Clock) -> Feature
         services=(Service("stats", service.run),),
         methods=tuple(replace(row, result=model) for row in methods_of(service)),
         topics=topics(model),
+        not_replayed=("get_stats",),
         add_metrics=add_metrics,
     )

@@ -19,4 +19,9 @@ def build(context: "Context[None]") -> "Feature":
     return tuning(TuningService(context.parts.driving.wheels, most_duty, watched_duty))
 
 
-COMPONENT = Component(name="tuning", api=API_VERSION, build=build)
+COMPONENT = Component(
+    name="tuning",
+    api=API_VERSION,
+    build=build,
+    commands={"pid": "chefbotd.components.tuning.cli.commands:pid"},
+)

@@ -135,4 +135,4 @@ def _changed(old: PidParameters, changes: Mapping[str, object]) -> PidParameters
 
 def tuning(service: TuningService) -> Feature:
     """The feature that changes gains while the robot runs."""
-    return Feature("tuning", methods=methods_of(service), parts={"gains": service})
+    return Feature("tuning", methods=methods_of(service), parts={"gains": service}, configured=("gains",))

@@ -14,7 +14,7 @@ from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import MapPoseUpdated, WorkerData, WorkerReported
 from chefbotd.core.geometry import ORIGIN, Pose2D
 from chefbotd.core.record import Record, replace
-from chefbotd.features.feature import Feature, Service
+from chefbotd.features.feature import Feature, ReplayedInputs, Service
 from chefbotd.inputs import inputs_of
 from chefbotd.metrics import Metrics
 from chefbotd.rpc.topics import Topic, same_names
@@ -103,10 +103,16 @@ def worker(service: WorkerService) -> Feature:
         )
         metrics.optional_gauge("worker_cpu", "The worker's share of one core.", lambda: process.status.cpu)
 
+    def inputs() -> ReplayedInputs:
+        from chefbotd.components.worker.replayed import replayed_inputs  # only a replay needs it
+
+        return replayed_inputs(process)
+
     return Feature(
         "worker",
         services=(Service("worker", service.run),),
         topics=TOPICS,
         add_metrics=add_metrics,
         parts={"worker": service},
+        inputs=inputs,
     )

@@ -13,6 +13,7 @@ from chefbotd.cli.common.add_on import ros2_add_on
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.echo import echo, tell
 from chefbotd.cli.common.exits import Exit, ProgramError, require
+from chefbotd.cli.programs.program import example
 from chefbotd.client import Client
 from chefbotd.components.maps.cli.asking import ask, progress_bar, write_file
 from chefbotd.core.geometry import Pose2D
@@ -347,3 +348,6 @@ def live(context: CommandContext) -> None:
 
 def _run(context: CommandContext, action: Callable[[Client], Awaitable[T]]) -> T:
     return context.run_with_client(action, absent=NEEDS_LIDAR)
+
+
+map_group.add_command(example("demo", "map"))

@@ -201,6 +201,3 @@ async def _watched(
 
 def _run(context: CommandContext, action: Callable[[Client], Awaitable[T]]) -> T:
     return context.run_with_client(action, absent=NEEDS_LIDAR)
-
-
-COMMANDS = (go, home, dock, patrol, where, localize)

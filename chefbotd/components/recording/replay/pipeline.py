@@ -3,23 +3,21 @@
 import asyncio
 from collections.abc import Callable
 from functools import partial
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from pydantic import ValidationError
 
 from chefbotd.app import Daemon
 from chefbotd.components.recording.replay.entries import ReplayEntries, Tasks
-from chefbotd.components.recording.replay.recorded import EntryGroup, NotReplayable, decoded
+from chefbotd.components.recording.replay.recorded import EntryGroup, decoded
 from chefbotd.components.recording.replay.stand_ins import (
     ReplayedCaller,
     ReplayedPort,
     ReplayedSession,
-    ReplayedWorker,
     UnheardProgress,
 )
 from chefbotd.core.events import inputs
 from chefbotd.core.events.inputs import BOARD_LINK
-from chefbotd.core.events.robot import WorkerReported
 from chefbotd.link.entry_session import health_timer
 from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.pid import PidParameters
@@ -28,16 +26,10 @@ from chefbotd.rpc.dispatch import job_name
 from chefbotd.rpc.parameters import ApiParameters, Role
 from chefbotd.safety.faults import Fault, FaultKind
 
-if TYPE_CHECKING:
-    from chefbotd.components.worker.process import WorkerStatus
-
 NOT_HANDLED = frozenset(
-    {"authenticate", "subscribe", "unsubscribe", "describe", "get_state", "ping", "cancel", "get_stats"}
+    {"authenticate", "subscribe", "unsubscribe", "describe", "get_state", "ping", "cancel"}
 )
 """Requests that do nothing to the robot. The end of one that is cancelled is a step of its task."""
-
-CONFIGURED = ("tuning/gains", "driving/limits")
-"""Parts that stay as they are in a replay with another configuration."""
 
 
 class Pipeline:
@@ -55,6 +47,12 @@ class Pipeline:
         self._tasks = Tasks(self._services, entries)
         self._regular = {health_timer(name): link.judge_health for name, link in entries.links.items()}
         self._regular[LEASES_TIMER] = lambda: daemon.leases.expire(entries.now_s())
+        self._inputs = [feature.inputs() for feature in daemon.features]
+        self._not_handled = NOT_HANDLED.union(*(feature.not_replayed for feature in daemon.features))
+        self._configured = [
+            f"{feature.name}/{part}" for feature in daemon.features for part in feature.configured
+        ]
+        self._taken = {kind: take for given in self._inputs for kind, take in given.take.items()}
         self._handlers: dict[type[Any], Callable[[Any], None]] = {
             inputs.DaemonStarted: lambda entry: None,
             inputs.StateRecorded: lambda entry: None,
@@ -69,9 +67,8 @@ class Pipeline:
             inputs.ServiceFailed: self._fail,
             inputs.GainsExchanged: self._retune,
             inputs.LimitsExchanged: self._relimit,
-            inputs.WorkerSaid: self._say,
-            inputs.WorkerGone: lambda entry: self._forget_worker(),
         }
+        self._handlers |= self._taken
 
     async def handle(self, group: EntryGroup) -> str:
         """Let an entry in; what is wrong with it, empty: nothing."""
@@ -85,7 +82,8 @@ class Pipeline:
         if isinstance(entry, inputs.EventObserved):
             return self._observe(group)
         try:
-            self._handlers[type(entry)](entry)
+            if (handle := self._handlers.get(type(entry))) is not None:  # of a part that is here
+                handle(entry)
         except UnknownLink as problem:
             return str(problem)
         return ""
@@ -105,13 +103,13 @@ class Pipeline:
     async def _restore(self, state: inputs.StateRecorded, *, keeps_parameters: bool) -> list[str]:
         daemon = self._daemon
         self._entries.forget_timers()
-        problems = daemon.state.restore(state.parts, CONFIGURED if keeps_parameters else ())
+        problems = daemon.state.restore(state.parts, self._configured if keeps_parameters else ())
         if BOARD_LINK in self._ports and daemon.session.writer.queries:
             self._ports[BOARD_LINK].set_drained(daemon.session.writer.had_drained)
         for session in daemon.leases.sessions():
             self._callers[session.number] = ReplayedCaller(session)
-        if daemon.worker is not None:
-            self._follow(daemon.worker.status)
+        for given in self._inputs:
+            given.go_on()
         for task, run in list(daemon.waiting().items()):
             self._tasks.add_request(task, partial(run, UnheardProgress()))
             await self._tasks.step(task, cancelled=False)
@@ -178,48 +176,16 @@ class Pipeline:
         if not group.followers:
             return "the event that was observed is not in the recording"
         event = decoded(group.followers[0], self._daemon.strangers_events)
-        if isinstance(event, WorkerReported):
-            self._follow_worker(event)
+        if (take := self._taken.get(type(event))) is not None:
+            take(event)
         self._daemon.bus.publish(event)
         return ""
-
-    def _follow_worker(self, event: WorkerReported) -> None:
-        if self._daemon.worker is None:
-            return
-        from chefbotd.components.worker.process import WorkerStatus
-        from chefbotd.components.worker.watch import WorkerState
-
-        state = WorkerState(event.state)
-        self._follow(WorkerStatus(state, event.pid, event.restarts, event.rss_mb, event.cpu, event.reason))
-
-    def _follow(self, status: "WorkerStatus") -> None:
-        from chefbotd.components.worker.watch import LIVING
-
-        if self._daemon.worker is not None:
-            channel = ReplayedWorker() if status.state in LIVING else None
-            self._daemon.worker.follow(status, channel)  # type: ignore[arg-type]
-
-    def _forget_worker(self) -> None:
-        if self._daemon.worker is not None:
-            self._daemon.worker.forget_pending()
-
-    def _say(self, entry: inputs.WorkerSaid) -> None:
-        if self._daemon.worker is not None:
-            from chefbotd.components.worker.messages import FROM_WORKER, SkillEvent
-
-            message = FROM_WORKER.decode(entry.message)
-            if isinstance(message, SkillEvent) and not message.kind:
-                raise NotReplayable(
-                    "what the worker said was recorded by a version whose messages this one does not read; "
-                    "the version that recorded it replays it ('chefbotctl log info' tells which)"
-                )
-            self._daemon.worker.take_of_skill(message)
 
     # clients
 
     def _request(self, entry: inputs.RequestHandled) -> None:
         method = self._methods.get(entry.method)
-        if method is None or entry.method in NOT_HANDLED or entry.params is None:
+        if method is None or entry.method in self._not_handled or entry.params is None:
             return
         caller = self._caller(entry)
         try:

@@ -96,15 +96,3 @@ class UnheardProgress:
 
     def report(self, done: float, total: float, text: str = "") -> None:
         """Nobody is there."""
-
-
-class ReplayedWorker:
-    """The channel to a worker that is not there."""
-
-    dropped = 0
-
-    def send(self, message: object) -> None:
-        """It goes nowhere."""
-
-    def close(self) -> None:
-        """Nothing is open."""

@@ -4,6 +4,12 @@ import pytest
 
 from chefbotd.cli.common import state_text
 from chefbotd.cli.common.state_text import Style
+from chefbotd.components.localization import status_text as localization_text
+from chefbotd.components.mapping import status_text as mapping_text
+from chefbotd.components.navigation import status_text as navigation_text
+from chefbotd.components.recording import status_text as recording_text
+from chefbotd.components.simulation import status_text as simulation_text
+from chefbotd.components.worker import status_text as worker_text
 
 STATS = {
     "uptime_s": 9.6,
@@ -155,7 +161,7 @@ def test_no_echo_is_no_distance() -> None:
 def test_contact_is_told() -> None:
     """A simulated robot at a wall says so."""
     truth = {"x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0, "in_contact": True}
-    assert state_text.truth(truth).text.endswith("touching a wall")
+    assert simulation_text.truth(truth).text.endswith("touching a wall")
 
 
 def test_counters_without_a_fault_are_calm() -> None:
@@ -193,37 +199,41 @@ RECORDING = {"name": "walk", "seconds": 61.2, "bytes_written": 2_500_000, "dropp
     ("fact", "told", "style"),
     [
         (
-            state_text.worker({"state": "ready", "rss_mb": 127.4, "cpu": 0.046, "reason": ""}),
+            worker_text.worker({"state": "ready", "rss_mb": 127.4, "cpu": 0.046, "reason": ""}),
             "ready, 127 MB, 0.05 core",
             Style.GOOD,
         ),
         (
-            state_text.worker({"state": "restarting", "rss_mb": None, "cpu": None, "reason": "it hung"}),
+            worker_text.worker({"state": "restarting", "rss_mb": None, "cpu": None, "reason": "it hung"}),
             "restarting, it hung",
             Style.NOTICE,
         ),
         (
-            state_text.localization({"state": "lost", "map": "flat", "fit": 0.314, "reason": "nothing fits"}),
+            localization_text.localization(
+                {"state": "lost", "map": "flat", "fit": 0.314, "reason": "nothing fits"}
+            ),
             "lost on flat, fit 31 %, nothing fits",
             Style.ALARM,
         ),
         (
-            state_text.localization({"state": "unknown", "map": None, "fit": 0.0, "reason": ""}),
+            localization_text.localization({"state": "unknown", "map": None, "fit": 0.0, "reason": ""}),
             "no map is in use",
             Style.PLAIN,
         ),
         (
-            state_text.navigation({"state": "driving", "distance_m": 3.27, "reason": ""}),
+            navigation_text.navigation({"state": "driving", "distance_m": 3.27, "reason": ""}),
             "driving, 3.3 m left",
             Style.PLAIN,
         ),
         (
-            state_text.navigation({"state": "reached", "distance_m": None, "reason": "reached (1.25, 3.00)"}),
+            navigation_text.navigation(
+                {"state": "reached", "distance_m": None, "reason": "reached (1.25, 3.00)"}
+            ),
             "reached (1.25, 3.00)",
             Style.PLAIN,
         ),
         (
-            state_text.navigation(
+            navigation_text.navigation(
                 {"state": "paused", "distance_m": 1.0, "reason": "paused, because teleop drives"}
             ),
             "paused, because teleop drives, 1.0 m left",
@@ -240,27 +250,27 @@ RECORDING = {"name": "walk", "seconds": 61.2, "bytes_written": 2_500_000, "dropp
             Style.PLAIN,
         ),
         (
-            state_text.navigation({"state": "blocked", "distance_m": None, "reason": "a chair"}),
+            navigation_text.navigation({"state": "blocked", "distance_m": None, "reason": "a chair"}),
             "blocked, a chair",
             Style.NOTICE,
         ),
         (
-            state_text.mapping(MAPPING),
+            mapping_text.mapping(MAPPING),
             "mapping, 12.3 m driven, 3 loops closed, no scan for 2 s",
             Style.NOTICE,
         ),
         (
-            state_text.mapping({**MAPPING, "state": "idle", "unfinished": True}),
+            mapping_text.mapping({**MAPPING, "state": "idle", "unfinished": True}),
             "one was never finished",
             Style.NOTICE,
         ),
         (
-            state_text.recording({**RECORDING, "state": "recording"}),
+            recording_text.recording({**RECORDING, "state": "recording"}),
             "recording, walk, 61 s, 2.5 MB",
             Style.PLAIN,
         ),
         (
-            state_text.recording({**RECORDING, "state": "failed", "dropped": 4, "reason": "disk full"}),
+            recording_text.recording({**RECORDING, "state": "failed", "dropped": 4, "reason": "disk full"}),
             "failed, 4 events dropped, disk full",
             Style.NOTICE,
         ),

@@ -8,7 +8,7 @@ from click.testing import CliRunner
 from chefbotd.cli.common.exits import Exit
 from chefbotd.cli.programs.chefbotctl import main
 from chefbotd.client import discovery
-from chefbotd.components.discovery.announcement import Announcement
+from chefbotd.client.announcement import Announcement
 
 KITCHEN = Announcement("kitchen-bot", ("192.168.7.31",), 7333, 7380, "chefbot", "0.1.0")
 PAGE_ONLY = Announcement("khan", ("192.168.7.32",), None, 7380, "kh\x1b[2Jan", "0.2.0", encrypted=True)

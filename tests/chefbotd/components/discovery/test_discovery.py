@@ -10,9 +10,9 @@ import structlog
 
 from chefbotd import __version__
 from chefbotd.client import discovery
+from chefbotd.client.announcement import Announcement, read
 from chefbotd.client.discovery import find, robots
 from chefbotd.clock import ManualClock, run_virtual
-from chefbotd.components.discovery.announcement import Announcement, read
 from chefbotd.components.discovery.parameters import DiscoveryParameters
 from chefbotd.components.discovery.service import DiscoveryService, Multicast, NameTaken
 from chefbotd.process.build import build

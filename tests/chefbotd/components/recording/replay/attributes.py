@@ -16,8 +16,9 @@ import numpy as np
 from pydantic import BaseModel
 
 from chefbotd.bus import Bus, HandlerFailure, Inbox
-from chefbotd.components.recording.replay.stand_ins import ReplayedWorker, UnheardProgress
+from chefbotd.components.recording.replay.stand_ins import UnheardProgress
 from chefbotd.components.worker.channel import Channel
+from chefbotd.components.worker.replayed import ReplayedWorker
 from chefbotd.inputs import InputLog, InputTimer
 from chefbotd.logs import RateLimitedLog
 from chefbotd.metrics import Histogram, Metrics

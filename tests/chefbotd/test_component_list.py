@@ -1,0 +1,175 @@
+"""A component of ours touches no file outside its folder but the one list: without both, the rest is whole."""
+
+import ast
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from chefbotd.clock import run_virtual
+from chefbotd.component import Component
+from chefbotd.component_list import FIRST, OWN, own_component
+from chefbotd.components.agents import component as agents
+from chefbotd.rpc.models import PluginState
+from chefbotd.settings import load
+from chefbotd.testing.daemon import running_daemon
+from chefbotd.testing.transport import FakeSerialDevice
+
+ROOT = Path(__file__).parents[2]
+LIST = Path("chefbotd/component_list.py")
+REMOVABLE = ("agents", "discovery", "flash", "foxglove", "statistics", "tuning")
+"""Those that no other component builds on."""
+
+WRITTEN = ("chefbotd/client/generated.py", "chefbotd/client/generated_sync.py", "chefbotd/client/models.py")
+"""What ``make client`` writes: the typed methods and models of every component that there is."""
+
+COPIED = (
+    "chefbotd",
+    "firmware_protocol",
+    "config",
+    "tests",
+    "docs",
+    "pyproject.toml",
+    "Makefile",
+    "README.md",
+)
+IGNORED = shutil.ignore_patterns("__pycache__", "*.nb?", "*.nbi", "*.nbc", ".*_cache")
+OTHERS_TESTS = (
+    "tests/chefbotd/test_bus.py",
+    "tests/chefbotd/settings/test_checks.py",
+    "tests/chefbotd/driving/test_inner_driver.py",
+)
+METHODS = {"agents": ("ask",), "statistics": ("get_stats",), "tuning": ("set_pid", "undo_pid")}
+DRIVES = """
+import asyncio
+from chefbotd.clock import run_virtual
+from chefbotd.testing.daemon import simulated_robot
+
+async def drive():
+    async with simulated_robot() as robot:
+        await robot.client.wait_until_armed()
+        for _ in range(20):
+            await robot.client.drive(0.2, 0.0)
+            await asyncio.sleep(0.1)
+        state = await robot.client.call("get_state")
+        assert robot.board.truth(robot.now_s()).world_from_base.x_m > 0.2
+        print(*sorted(robot.client.hello.capabilities))
+
+run_virtual(drive())
+"""
+
+
+def without(name: str, folder: Path) -> Path:
+    """A copy of the tree without the component's folder and its entry in the list; what is written is written again."""
+    for entry in COPIED:
+        source = ROOT / entry
+        if source.is_dir():
+            shutil.copytree(source, folder / entry, ignore=IGNORED)
+        elif source.exists():
+            shutil.copy(source, folder / entry)
+    if (known := ROOT / ".mypy_cache").is_dir():  # so that only what differs is checked anew
+        shutil.copytree(known, folder / ".mypy_cache")
+    shutil.rmtree(folder / "chefbotd" / "components" / name)
+    text = (folder / LIST).read_text(encoding="utf-8")
+    (folder / LIST).write_text(re.sub(rf'\s*"{name}",(?=\s|\))', "", text), encoding="utf-8")
+    for written in WRITTEN:
+        path = folder / written
+        path.write_text(_without_names(path.read_text(encoding="utf-8"), name), encoding="utf-8")
+    return folder
+
+
+def _without_names(text: str, name: str) -> str:
+    """A written file without the imports of the component, so that it can be written again."""
+    tree = ast.parse(text)
+    lines = text.splitlines(keepends=True)
+    for node in reversed(tree.body):
+        if isinstance(node, ast.ImportFrom) and str(node.module).startswith(f"chefbotd.components.{name}"):
+            gone = {alias.asname or alias.name for alias in node.names}
+            del lines[node.lineno - 1 : node.end_lineno]
+            lines = [line for line in lines if not re.match(rf'\s+"\w+": ({"|".join(sorted(gone))}),$', line)]
+    return "".join(lines)
+
+
+def run_in(folder: Path, *command: str) -> str:
+    """What a command of Python prints in the copy, which it must end well."""
+    environment = {**os.environ, "PYTHONPATH": str(folder)}
+    done = subprocess.run(
+        [sys.executable, *command], cwd=folder, env=environment, capture_output=True, text=True, check=False
+    )
+    assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
+    return done.stdout
+
+
+@pytest.mark.parametrize("name", REMOVABLE)
+def test_nothing_outside_its_folder_imports_a_component_but_what_is_written(name: str) -> None:
+    """Neither at the top of a file, nor in a function; the core names none of them in a text either."""
+    module = f"chefbotd.components.{name}"
+    package = ROOT / "chefbotd"
+    folder = package / "components" / name
+    knows = {
+        str(path.relative_to(ROOT))
+        for path in package.rglob("*.py")
+        if folder not in path.parents
+        and re.search(rf"{re.escape(module)}\b", path.read_text(encoding="utf-8"))
+    }
+    assert knows <= set(WRITTEN)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", REMOVABLE)
+def test_without_a_component_the_rest_is_whole(name: str, tmp_path: Path) -> None:
+    """Without its folder and its entry: style, types, help, configuration, a drive, and tests of what is left."""
+    folder = without(name, tmp_path / "copy")
+    run_in(folder, "-m", "ruff", "check", "chefbotd")
+    run_in(folder, "-m", "mypy", "-p", "chefbotd")
+    capabilities = run_in(folder, "-c", DRIVES).split()
+    assert [method for method in METHODS.get(name, ()) if f"method.{method}" in capabilities] == []
+    helped = run_in(folder, "-m", "chefbotd.cli.programs.chefbotctl", "--help")
+    commands = re.findall(r"^  ([\w-]+) ", helped, re.MULTILINE)
+    assert "status" in commands
+    assert set(own_component(name).commands) & set(commands) == set()
+    checked = run_in(folder, "-m", "chefbotd.cli.programs.chefbotd", "check-config", "--all")
+    assert f"\n{name}." not in checked
+    run_in(folder, "-m", "pytest", "-q", "-p", "no:cacheprovider", *OTHERS_TESTS)
+
+
+def test_every_folder_of_a_component_that_is_listed_declares_it() -> None:
+    """Under its own name; and each of its references leads somewhere."""
+    for name in (*FIRST, *OWN):
+        component = own_component(name)
+        assert isinstance(component, Component)
+        assert component.name == name
+    assert len({*FIRST, *OWN}) == len(FIRST) + len(OWN)
+
+
+def test_a_component_of_ours_that_cannot_be_built_is_said_and_left_out(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The robot runs without it, and a client is told why."""
+
+    def fail(context: object) -> None:
+        raise OSError("no agents today")
+
+    broken = Component(name="agents", api=1, build=fail)
+    monkeypatch.setattr(agents, "COMPONENT", broken)
+    own_component.cache_clear()
+
+    async def scenario() -> None:
+        async with running_daemon(FakeSerialDevice(), load()) as client:
+            assert "topic.agents" not in client.hello.capabilities
+            (left_out,) = (await client.list_plugins()).plugins
+            assert (left_out.name, left_out.package, left_out.state) == (
+                "agents",
+                "chefbotd",
+                PluginState.FAILED,
+            )
+            assert left_out.reason == "OSError: no agents today"
+
+    try:
+        run_virtual(scenario())
+    finally:
+        own_component.cache_clear()
