@@ -11,13 +11,12 @@ from typing import TYPE_CHECKING, Any, Protocol
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.component_list import FIRST, OWN
-from chefbotd.composition.calibration import calibration
 from chefbotd.composition.components import Built, build_own, build_strangers
 from chefbotd.composition.context import Context, DaemonParts, DepthSpawn, FeatureBuilder, StartWriter
 from chefbotd.composition.maps import map_features
-from chefbotd.composition.network import page_server, recording
-from chefbotd.composition.robot import board_session, drive_service, robot_features, simulation
-from chefbotd.composition.scanners import depth_cameras, lidars
+from chefbotd.composition.network import page_server
+from chefbotd.composition.robot import board_session, drive_service, robot_features
+from chefbotd.composition.scanners import lidars
 from chefbotd.core.events.inputs import BOARD_LINK, DaemonStarted, DaemonStopping, ServiceFailed
 from chefbotd.driving.board.service import board
 from chefbotd.features.feature import Feature, Service, Waiting, methods_and_topics
@@ -125,24 +124,19 @@ class Daemon:
     ) -> list[Feature]:
         """Each with its services and handlers; what records sees everything first, and the board is opened last."""
         parts, built = self._parts(context), Built()
-        recorders = [*recording(context, lambda: self.state), *build_own(FIRST, parts, None, built)]
+        recorders = build_own(FIRST, parts, None, built)
         others = [build(self.bus, context.clock) for build in further]
         scanners = lidars(context)
         on_maps, self.worker = map_features(context, self.driving, self.leases)
-        cameras = depth_cameras(context)
         basic = robot_features(context, self.driving, self.limit_preview, self.leases)
         own = build_own(OWN, parts, self.worker, built)
-        calibrated = calibration(context, self.driving, self.leases)
         packaged = [
             *recorders,
             *others,
             *scanners,
             *on_maps,
-            *cameras,
             *basic,
             *own,
-            *calibrated,
-            *simulation(context),
         ]
         strangers = build_strangers(parts, self.worker, built, [*packaged, board_feature])
         self._plugins, self._page_parts, self.strangers_events = (

@@ -56,10 +56,14 @@ class PagePart(Struct, frozen=True):
 
 
 class Extra(Struct, frozen=True):
-    """What a component needs that is not installed with chefbotd: the ``packages`` of the extra ``name``."""
+    """What a component needs that is not installed with chefbotd: the ``packages`` of the extra ``name``.
+
+    ``when`` says, by its section, whether it cannot do without.
+    """
 
     name: str
     packages: tuple[str, ...]
+    when: Callable[[Any], bool] = bool
 
 
 def _always(section: Any, settings: Any) -> bool:

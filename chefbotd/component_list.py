@@ -6,7 +6,7 @@ from typing import Final
 
 from chefbotd.component import Component, resolve
 
-FIRST: Final = ("foxglove",)
+FIRST: Final = ("recording", "foxglove")
 """Those that take an event before any other part, so that they see it before what follows from it."""
 
 OWN: Final = (
@@ -15,12 +15,12 @@ OWN: Final = (
     "mapping",
     "worker",
     "maps",
-    "recording",
-    "simulation",
+    "depth_camera",
     "tuning",
     "statistics",
     "agents",
     "calibration",
+    "simulation",
     "doctor",
     "flash",
     "discovery",

@@ -1,8 +1,7 @@
-"""Builds the robot's page, and its recorder."""
+"""Builds the robot's page."""
 
 from typing import TYPE_CHECKING
 
-from chefbotd.features.feature import Feature
 from chefbotd.metrics import Metrics
 from chefbotd.rpc.access import Guard
 from chefbotd.rpc.server import RpcServer
@@ -10,17 +9,12 @@ from chefbotd.settings import Settings
 
 if TYPE_CHECKING:
     from chefbotd.transport.web.server import PageServer
-import os
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
 from chefbotd.component import PagePart
 from chefbotd.composition.components import hosts_of_components
-from chefbotd.composition.context import Context
-from chefbotd.composition.robot import robot_description
-from chefbotd.snapshot import DaemonState
 
 
 def page_server(
@@ -48,27 +42,3 @@ def page_server(
         for name, part in parts
     ]
     return PageServer(rpc, parameters, guard, metrics, cards)
-
-
-def recording(context: Context, state: Callable[[], DaemonState]) -> list[Feature]:
-    """The feature that records; ``state`` returns the daemon's state. Its modules are loaded after the first stop."""
-    settings = context.settings
-    if context.start_writer is None or not settings.recording.enabled:
-        return []
-    from chefbotd.components.recording.parameters import folder_of
-    from chefbotd.components.recording.recorder_thread import RecordingHeader, recorder_maker
-    from chefbotd.components.recording.service import RecordingService, recording
-
-    parameters = settings.recording
-    folder = folder_of(parameters, os.environ, simulated=context.simulated)
-    made = RecordingHeader(
-        settings.robot.name,
-        context.session,
-        lambda: settings.model_dump_json(by_alias=True),
-        lambda: robot_description(settings)(),
-        settings.first_scanner,
-    )
-    make = recorder_maker(parameters, folder, made, context.clock.now_s())
-    start_writer = partial(context.start_writer, make, round(parameters.queue_mb * 1e6))
-    service = RecordingService(context.bus, context.clock, parameters, folder, start_writer, state)
-    return [recording(service)]

@@ -138,15 +138,6 @@ def robot_features(
     ]
 
 
-def simulation(context: Context) -> list[Feature]:
-    """The feature that only a simulated robot has."""
-    if not context.simulated:
-        return []
-    from chefbotd.components.simulation.models import TOPICS
-
-    return [Feature("simulation", topics=TOPICS)]
-
-
 def robot_description(settings: Settings) -> Callable[[], str | None]:
     """The function that returns the robot's URDF. A URDF file that cannot be read does not stop the robot."""
     path = settings.robot.description

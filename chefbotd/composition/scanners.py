@@ -1,4 +1,4 @@
-"""Builds lidars, depth cameras, and the obstacle guard over their scans: everything that needs numpy."""
+"""Builds lidars, and the obstacle guard over their scans: everything that needs numpy."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -21,20 +21,6 @@ def lidars(context: Context) -> list[Feature]:
     from chefbotd.driving.lidars.service import lidars
 
     return [lidars(context.settings.lidar, context.bus, context.clock, context.opener, context.rng)]
-
-
-def depth_cameras(context: Context) -> list[Feature]:
-    """The feature of depth cameras, a process for each. Without a lidar it also brings the topic of scans."""
-    settings = context.settings
-    if not settings.depth_camera:
-        return []
-    from chefbotd.components.depth_camera.link.process import spawn_program
-    from chefbotd.components.depth_camera.service import depth_cameras
-    from chefbotd.driving.lidars.service import topics
-
-    scan = [] if settings.lidar else [topic for topic in topics(()) if topic.name == "scan"]
-    spawn = context.depth_spawn or spawn_program
-    return [depth_cameras(settings.depth_camera, context.bus, context.clock, context.rng, spawn, scan)]
 
 
 def robot_outline(settings: Settings) -> "Outline":

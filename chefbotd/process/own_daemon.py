@@ -34,7 +34,6 @@ def alone(settings: Settings) -> Settings:
         "maps": None,
         "worker": worker,
         "depth_camera": (),
-        "recording": settings.recording.model_copy(update={"enabled": False}),
         **kept_private(settings),
     }
     return settings.model_copy(update=private)

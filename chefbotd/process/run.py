@@ -228,9 +228,12 @@ def _spawn_worker(settings: Settings) -> "Spawn | None":
 
 def _start_writer(settings: Settings) -> StartWriter | None:
     """The thread that records; None where the extra ``recording`` is not installed."""
-    if not settings.recording.enabled:
+    from chefbotd.components.recording.parameters import RecordingParameters
+
+    parameters = settings.of("recording", RecordingParameters)
+    if not parameters.enabled:
         return None
-    if not (find_spec("mcap") and find_spec(LIBRARIES[settings.recording.compression])):
+    if not (find_spec("mcap") and find_spec(LIBRARIES[parameters.compression])):
         log.info(f"nothing is recorded, because the extra is missing: {how_to_add_extra('recording')}")
         return None
     from chefbotd.components.recording.writer import WriterThread

@@ -15,9 +15,6 @@ from chefbotd.settings.model import Settings
 from chefbotd.settings.sections import check_components, check_strangers
 from chefbotd.settings.urdf import joint_names
 
-EVENTS = "chefbotd/core/events"
-"""The page that lists the names of events."""
-
 
 def check(settings: Settings) -> Iterator[str]:
     """A message for everything that does not fit together, with the values."""
@@ -35,7 +32,6 @@ def check(settings: Settings) -> Iterator[str]:
     yield from _turning(settings)
     yield from _nearest(settings)
     yield from _page(settings)
-    yield from _recording(settings)
     yield from check_components(settings, own_components())
     yield from check_strangers(settings)
 
@@ -278,11 +274,3 @@ def _page(settings: Settings) -> Iterator[str]:
         )
     if page.enabled and page.port and page.port == settings.api.port:
         yield f"page.port and api.port are both {page.port}: each needs its own"
-
-
-def _recording(settings: Settings) -> Iterator[str]:
-    if settings.recording.exclude:
-        from chefbotd.components.recording.classes import event_names  # every class of events
-
-        for name in sorted(settings.recording.exclude - event_names()):
-            yield f"recording.exclude: there is no class of events {name!r}; they are in {EVENTS}"

@@ -62,7 +62,6 @@ def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = N
     drop_left_out(values)
     _locate(values, path.parent, "robot", "description")
     _locate(values, path.parent, "maps", "folder")
-    _locate(values, path.parent, "recording", "folder")
     model = model_for(values, Settings)
     for section, key in paths_of(model):
         _locate(values, path.parent, section, key)

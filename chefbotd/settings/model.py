@@ -14,7 +14,6 @@ from chefbotd.components.localization.parameters import LocalizationSection
 from chefbotd.components.mapping.algorithms.parameters import MappingParameters
 from chefbotd.components.maps.storage.parameters import MapsParameters
 from chefbotd.components.navigation.parameters import NavigationSection
-from chefbotd.components.recording.parameters import RecordingParameters
 from chefbotd.components.simulation.parameters.simulation import SimulationParameters
 from chefbotd.components.worker.parameters import WorkerParameters
 from chefbotd.core.geometry import Pose2D
@@ -137,7 +136,6 @@ class CoreSettings(Parameters):
     localization: LocalizationSection = section()
     navigation: NavigationSection = section()
     worker: WorkerParameters = section()
-    recording: RecordingParameters = section()
     api: ApiParameters = section()
     page: PageParameters = section()
     plugins: PluginsParameters = section()

@@ -11,9 +11,9 @@ from chefbotd.clock import run_virtual
 from chefbotd.components.calibration.algorithms.motor_gains import lambda_gains
 from chefbotd.components.calibration.algorithms.motor_result import fit_motors
 from chefbotd.components.calibration.algorithms.step import Measurements
+from chefbotd.components.calibration.build import robot_with
 from chefbotd.components.calibration.events import Status, StepResult
 from chefbotd.components.simulation.process.true_values import true_values
-from chefbotd.composition.calibration import robot_with
 from chefbotd.settings import load, packaged
 from chefbotd.settings.values import calibrated
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot

@@ -194,12 +194,11 @@ def _require_extras(settings: "Settings") -> None:
     """See that what the configuration wants is installed, before anything is begun."""
     if settings.page.enabled:
         require("page", "aiohttp", "websockets", "prometheus_client")
-    if settings.recording.auto_start:  # what keeps only the last minutes runs without
-        require("recording", "mcap", "zstandard", "lz4")
     for component in own_components():
         section = getattr(settings, component.name, None)
-        if component.extra is not None and component.is_enabled(section, settings):
-            require(component.extra.name, *component.extra.packages)
+        extra = component.extra
+        if extra is not None and component.is_enabled(section, settings) and extra.when(section):
+            require(extra.name, *extra.packages)
 
 
 @main.command()

@@ -10,12 +10,12 @@ from chefbotd.cli.programs.load import bad_configuration
 from chefbotd.client.models import CalibrationApplied
 from chefbotd.components.calibration.algorithms.step import Measurements, Status, StepResult
 from chefbotd.components.calibration.algorithms.steps import STEPS, fitted
+from chefbotd.components.calibration.build import robot_with
 from chefbotd.components.calibration.cli.report import draw_plots, finish, require_plots, show_result
 from chefbotd.components.calibration.measuring import as_calibrated, measurements
 from chefbotd.components.recording.cli.info import opened
 from chefbotd.components.recording.replay.recorded import NotReplayable
 from chefbotd.components.recording.replay.run import settings_of
-from chefbotd.composition.calibration import robot_with
 from chefbotd.core.printable import plain
 from chefbotd.core.record import replace
 from chefbotd.settings import Settings, SettingsError

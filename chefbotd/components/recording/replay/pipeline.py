@@ -52,7 +52,7 @@ class Pipeline:
         self._configured = [
             f"{feature.name}/{part}" for feature in daemon.features for part in feature.configured
         ]
-        self._taken = {kind: take for given in self._inputs for kind, take in given.take.items()}
+        self._input_handlers = {kind: take for given in self._inputs for kind, take in given.take.items()}
         self._handlers: dict[type[Any], Callable[[Any], None]] = {
             inputs.DaemonStarted: lambda entry: None,
             inputs.StateRecorded: lambda entry: None,
@@ -68,7 +68,7 @@ class Pipeline:
             inputs.GainsExchanged: self._retune,
             inputs.LimitsExchanged: self._relimit,
         }
-        self._handlers |= self._taken
+        self._handlers |= self._input_handlers
 
     async def handle(self, group: EntryGroup) -> str:
         """Let an entry in; what is wrong with it, empty: nothing."""
@@ -176,7 +176,7 @@ class Pipeline:
         if not group.followers:
             return "the event that was observed is not in the recording"
         event = decoded(group.followers[0], self._daemon.strangers_events)
-        if (take := self._taken.get(type(event))) is not None:
+        if (take := self._input_handlers.get(type(event))) is not None:
             take(event)
         self._daemon.bus.publish(event)
         return ""

@@ -15,6 +15,7 @@ from msgspec.structs import replace
 from pydantic import ValidationError
 
 from chefbotd.app import Daemon
+from chefbotd.components.recording.parameters import RecordingParameters
 from chefbotd.components.recording.replay.build import replayed_daemon
 from chefbotd.components.recording.replay.entries import ReplayEntries
 from chefbotd.components.recording.replay.pipeline import NOT_HANDLED
@@ -136,7 +137,7 @@ async def replay_groups(
         entries,
         own_timers=wishes.other is not None,
         any_state=wishes.any_version,
-        left_out=settings.recording.exclude,
+        left_out=settings.of("recording", RecordingParameters).exclude,
     )
     rate = wishes.rate or (1.0 if wishes.listen is not None else None)
     groups = chain((first,), others)
@@ -184,7 +185,7 @@ def other_settings(recorded: Settings, other: Settings) -> Settings:
             "lidar": tuple(_with_device(lidar, recorded) for lidar in other.lidar),
             "api": recorded.api,
             "maps": recorded.maps,
-            "recording": recorded.recording,
+            "recording": recorded.of("recording", RecordingParameters),
         }
     )
 

@@ -8,8 +8,8 @@ import pytest
 from chefbotd.components.calibration import fit_process
 from chefbotd.components.calibration.algorithms.by_hand import TURNS
 from chefbotd.components.calibration.algorithms.step import Measurements, Status
+from chefbotd.components.calibration.build import robot_with
 from chefbotd.components.calibration.fit_process import fit_here, fit_in_process
-from chefbotd.composition.calibration import robot_with
 from chefbotd.core.events import WheelsMeasured
 from chefbotd.settings import load, packaged
 

@@ -22,13 +22,13 @@ from chefbotd.components.calibration.algorithms.step import (
     StepDefinition,
     StepResult,
 )
+from chefbotd.components.calibration.build import robot_with
 from chefbotd.components.calibration.models import (
     ApplyCalibrationParams,
     CalibrateParams,
     CalibrationApplied,
 )
 from chefbotd.components.calibration.service import CalibrationService
-from chefbotd.composition.calibration import robot_with
 from chefbotd.core.commands import Refused
 from chefbotd.core.events import SafetyChanged
 from chefbotd.driving.inner_driver import InnerDriver

@@ -20,8 +20,8 @@ from chefbotd.components.calibration.algorithms.step import (
     StepDefinition,
     StepResult,
 )
+from chefbotd.components.calibration.build import robot_with
 from chefbotd.components.calibration.measuring import as_calibrated
-from chefbotd.composition.calibration import robot_with
 from chefbotd.core.events import BatteryMeasured, WheelsDriven, WheelsMeasured
 from chefbotd.core.events.robot import BatteryLevelStatus
 from chefbotd.core.geometry import Twist2D

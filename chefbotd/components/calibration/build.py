@@ -1,56 +1,45 @@
 """Builds the calibration, which knows the configuration as values by the paths of their keys."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from chefbotd.composition.context import Context
+from chefbotd.component_context import Context
+from chefbotd.components.calibration.algorithms.step import ConfiguredRobot
+from chefbotd.components.calibration.fit_process import fit_in_process
+from chefbotd.components.calibration.models import CalibrationApplied
+from chefbotd.components.calibration.outside import Values
+from chefbotd.components.calibration.service import CalibrationService
+from chefbotd.components.calibration.service import calibration as feature
 from chefbotd.composition.scanners import robot_outline
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.driving.service import DriveService
 from chefbotd.extras import how_to_add_extra
 from chefbotd.features.feature import Feature
-from chefbotd.rpc.control_leases import ControlLeases
-from chefbotd.safety.gate import CALIBRATION
 from chefbotd.settings import Settings, SettingsError
-
-if TYPE_CHECKING:
-    from chefbotd.components.calibration.algorithms.step import ConfiguredRobot
-    from chefbotd.components.calibration.models import CalibrationApplied
-    from chefbotd.components.calibration.outside import Values
+from chefbotd.settings.values import calibrated
 
 
-def calibration(context: Context, driving: DriveService, leases: ControlLeases) -> list[Feature]:
+def calibration_of(context: Context[None]) -> Feature:
     """The feature that calibrates the robot."""
-    sources = context.settings.safety
-    if CALIBRATION not in sources.sources:
-        return []
-    from chefbotd.components.calibration.fit_process import fit_in_process
-    from chefbotd.components.calibration.service import CalibrationService
-    from chefbotd.components.calibration.service import calibration as feature
-    from chefbotd.driving.inner_driver import InnerDriver
-
-    above = sources.above(CALIBRATION)
+    settings, daemon = context.settings, context.parts.context
+    if context.driver is None:
+        raise ValueError("[safety.sources] has no calibration")
     service = CalibrationService(
         context.bus,
         context.clock,
-        InnerDriver(driving, leases, context.clock, CALIBRATION, above),
-        lambda values: robot_with(context.settings, values),
-        lambda values: _save(context.config_file, values),
-        context.fit or fit_in_process,
-        "" if context.config_file is None else str(context.config_file),
+        context.driver,
+        lambda values: robot_with(settings, values),
+        lambda values: _save(daemon.config_file, values),
+        daemon.fit or fit_in_process,
+        "" if daemon.config_file is None else str(daemon.config_file),
     )
-    return [feature(service)]
+    return feature(service)
 
 
-def robot_with(settings: Settings, values: "Values") -> "ConfiguredRobot":
+def robot_with(settings: Settings, values: Values) -> ConfiguredRobot:
     """What a step of the calibration gets to know: the robot as it is configured, with these values.
 
     Raises:
         Refused: the values do not fit the configuration.
     """
-    from chefbotd.components.calibration.algorithms.step import ConfiguredRobot
-    from chefbotd.settings.values import calibrated
-
     if values:
         try:
             settings = calibrated(settings, values)
@@ -72,9 +61,7 @@ def robot_with(settings: Settings, values: "Values") -> "ConfiguredRobot":
     )
 
 
-def _save(path: Path | None, values: "Values") -> "CalibrationApplied":
-    from chefbotd.components.calibration.models import CalibrationApplied
-
+def _save(path: Path | None, values: Values) -> CalibrationApplied:
     if path is None:
         reason = (
             "the daemon runs with the packaged configuration, which is not written to: make a file of your own of it "
