@@ -38,7 +38,7 @@ class ReplayedInputs(Struct, frozen=True):
     """What a replay takes from a recording for a feature, beside requests, timers and the bytes of links.
 
     ``take`` has a handler for each class of events that comes in. One of ``core.events.inputs`` comes in as such; any
-    other one was published by ``Entries.observe``, and is published again after its handler. ``go_on`` is called when
+    other one was published by ``InputLog.observe``, and is published again after its handler. ``go_on`` is called when
     a recorded state has been restored.
     """
 
