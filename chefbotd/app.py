@@ -10,10 +10,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
-from chefbotd.component_list import FIRST, OWN
+from chefbotd.component_list import FIRST, OWN, SCANNING
 from chefbotd.composition.components import Built, build_own, build_strangers
 from chefbotd.composition.context import Context, DaemonParts, DepthSpawn, FeatureBuilder, StartWriter
-from chefbotd.composition.maps import map_features
 from chefbotd.composition.network import page_server
 from chefbotd.composition.robot import board_session, drive_service, robot_features
 from chefbotd.composition.scanners import lidars
@@ -124,21 +123,21 @@ class Daemon:
     ) -> list[Feature]:
         """Each with its services and handlers; what records sees everything first, and the board is opened last."""
         parts, built = self._parts(context), Built()
-        recorders = build_own(FIRST, parts, None, built)
+        recorders = build_own(FIRST, parts, built)
         others = [build(self.bus, context.clock) for build in further]
         scanners = lidars(context)
-        on_maps, self.worker = map_features(context, self.driving, self.leases)
+        scanning = build_own(SCANNING, parts, built)
         basic = robot_features(context, self.driving, self.limit_preview, self.leases)
-        own = build_own(OWN, parts, self.worker, built)
+        own = build_own(OWN, parts, built)
         packaged = [
             *recorders,
             *others,
             *scanners,
-            *on_maps,
+            *scanning,
             *basic,
             *own,
         ]
-        strangers = build_strangers(parts, self.worker, built, [*packaged, board_feature])
+        strangers = build_strangers(parts, built, [*packaged, board_feature])
         self._plugins, self._page_parts, self.strangers_events = (
             tuple(built.descriptions),
             built.page,

@@ -1,7 +1,7 @@
 """What a component is built with, ours and strangers' alike."""
 
-from collections.abc import Callable
-from typing import TYPE_CHECKING, Generic, Protocol, TypeVar
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from msgspec import Struct
 
@@ -15,6 +15,7 @@ if TYPE_CHECKING:
 
 S = TypeVar("S")
 A = TypeVar("A")
+Offered = TypeVar("Offered")
 M = TypeVar("M", bound=Struct)
 
 
@@ -57,6 +58,7 @@ class Context(Struct, Generic[S], frozen=True):
     ``driver`` moves the robot as the source of the component's name, None where ``[safety.sources]`` does not have it.
     ``worker`` runs the component's skills, None where there is no worker. ``clock`` is to be asked for the time and for
     timers, so that a recording can be replayed. ``parts`` are the daemon's own: they may change with every version.
+    ``others`` is what components that were built before offer, by name.
     """
 
     section: S
@@ -66,4 +68,16 @@ class Context(Struct, Generic[S], frozen=True):
     settings: "Settings"
     driver: "InnerDriver | None"
     worker: SkillHost | None
+    others: Mapping[str, Any]
     parts: "DaemonParts"
+
+    def of(self, name: str, kind: type[Offered]) -> Offered:
+        """What the component of this name offers.
+
+        Raises:
+            LookupError: it is not built, or offers something else.
+        """
+        offered = self.others.get(name)
+        if not isinstance(offered, kind):
+            raise LookupError(f"the component {name!r} offers no {kind.__name__} here")
+        return offered

@@ -9,23 +9,14 @@ from chefbotd.component import Component, resolve
 FIRST: Final = ("recording", "foxglove")
 """Those that take an event before any other part, so that they see it before what follows from it."""
 
-OWN: Final = (
-    "localization",
-    "navigation",
-    "mapping",
-    "worker",
-    "maps",
-    "depth_camera",
-    "tuning",
-    "statistics",
-    "agents",
-    "calibration",
-    "simulation",
-    "doctor",
-    "flash",
-    "discovery",
-)
-"""The others, in the order in which they are built."""
+SCANNING: Final = ("maps", "worker", "mapping", "localization", "navigation", "depth_camera")
+"""What is made of scans, and what makes them: each takes an event before what every robot has."""
+
+OWN: Final = ("tuning", "statistics", "agents", "calibration", "simulation", "discovery")
+"""The others; of each of the three, in the order in which they are built."""
+
+COMMANDS: Final = ("doctor", "flash")
+"""What has commands alone: no daemon loads it."""
 
 
 @cache
@@ -36,6 +27,13 @@ def own_component(name: str) -> Component:
 
 
 def own_components() -> Iterator[Component]:
-    """Every component of ours."""
-    for name in (*FIRST, *OWN):
+    """Every component of ours that a daemon may have."""
+    for name in (*FIRST, *SCANNING, *OWN):
+        yield own_component(name)
+
+
+def components_with_commands() -> Iterator[Component]:
+    """Every component of ours, also those with commands alone."""
+    yield from own_components()
+    for name in COMMANDS:
         yield own_component(name)

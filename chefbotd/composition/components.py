@@ -10,7 +10,7 @@ from chefbotd import __version__
 from chefbotd.component import Component, PagePart, resolve
 from chefbotd.component_context import Context as ComponentContext
 from chefbotd.component_context import SkillHost
-from chefbotd.component_list import FIRST, OWN, own_component, own_components
+from chefbotd.component_list import FIRST, OWN, SCANNING, own_component, own_components
 from chefbotd.composition.context import Context, DaemonParts
 from chefbotd.features.feature import Feature, Service, methods_and_topics
 from chefbotd.inputs import inputs_of
@@ -27,17 +27,24 @@ log = structlog.get_logger(component="app")
 
 
 class Built:
-    """What components bring beside their features: why one is left out, parts of the page, classes of events."""
+    """What components bring beside their features: why one is left out, parts of the page, classes of events, offers."""
 
     def __init__(self) -> None:
         self.descriptions: list[PluginDescription] = []
         self.page: list[tuple[str, PagePart]] = []
         self.events: dict[str, type[Any]] = {}
+        self.offers: dict[str, Any] = {}
+        self.worker: SkillHost | None = None
+
+    def add(self, name: str, features: Iterable[Feature]) -> None:
+        """What the features of a component offer to those that are built behind it."""
+        for feature in features:
+            if feature.offers is not None:
+                self.offers[name] = feature.offers
+            self.worker = feature.skill_host or self.worker
 
 
-def build_own(
-    names: Iterable[str], parts: DaemonParts, worker: SkillHost | None, built: Built
-) -> list[Feature]:
+def build_own(names: Iterable[str], parts: DaemonParts, built: Built) -> list[Feature]:
     """The features of these components of ours that the configuration wants; one that fails is left out."""
     features: list[Feature] = []
     for name in names:
@@ -45,7 +52,7 @@ def build_own(
         if not is_wanted(component, parts.context.settings):
             continue
         try:
-            features += features_of(component, open_door(component, parts, worker))
+            made = features_of(component, open_door(component, parts, built))
         except Exception as error:
             reason = f"{type(error).__name__}: {error}"
             log.error("a component is left out", name=name, reason=reason, exc_info=error)
@@ -53,22 +60,23 @@ def build_own(
                 PluginDescription(name, "chefbotd", __version__, PluginState.FAILED, reason)
             )
         else:
+            features += made
+            built.add(name, made)
             built.page += [(name, part) for part in component.page]
     return features
 
 
-def build_strangers(
-    parts: DaemonParts, worker: SkillHost | None, built: Built, others: Iterable[Feature]
-) -> list[Feature]:
+def build_strangers(parts: DaemonParts, built: Built, others: Iterable[Feature]) -> list[Feature]:
     """The components that the configuration allows; ``others`` are the features that the robot has without them."""
     features: list[Feature] = []
     for stranger in _strangers(parts.context.settings):
-        made, stranger = _built(stranger, parts, worker, [*others, *features])
+        made, stranger = _built(stranger, parts, built, [*others, *features])
         name, package, version = stranger.name, stranger.package, stranger.version
         if stranger.component is None:
             log.error("a plug-in is left out", plugin=name, state=str(stranger.state), reason=stranger.reason)
         else:
             features += made
+            built.add(name, made)
             built.page += [(name, part) for part in stranger.component.page]
             built.events |= _events(stranger.component)
             log.info("plug-in loaded", plugin=name, package=package, version=version)
@@ -112,7 +120,7 @@ def brings_skills(context: Context) -> bool:
 
 
 def _built(
-    stranger: "Installed", parts: DaemonParts, worker: SkillHost | None, others: list[Feature]
+    stranger: "Installed", parts: DaemonParts, built: Built, others: list[Feature]
 ) -> "tuple[list[Feature], Installed]":
     """Its features; without any where it is left out, which it then says."""
     component = stranger.component
@@ -122,7 +130,7 @@ def _built(
 
     try:
         with limited_time(stranger.name):
-            opened = open_door(component, parts, worker)
+            opened = open_door(component, parts, built)
             features = features_of(component, opened)
             _check(features, others)
             _check_events(component)
@@ -134,7 +142,7 @@ def _built(
     return [_guarded(feature, stranger.name, opened.driver) for feature in features], stranger
 
 
-def open_door(component: Component, parts: DaemonParts, worker: SkillHost | None) -> ComponentContext[Any]:
+def open_door(component: Component, parts: DaemonParts, built: Built) -> ComponentContext[Any]:
     """What the component is built with."""
     context = parts.context
     return ComponentContext(
@@ -143,19 +151,11 @@ def open_door(component: Component, parts: DaemonParts, worker: SkillHost | None
         clock=inputs_of(context.clock),
         robot_name=context.settings.robot.name,
         settings=context.settings,
-        driver=_driver(component.name, parts),
-        worker=worker,
+        driver=parts.drive_as(component.name),
+        worker=built.worker,
+        others=built.offers,
         parts=parts,
     )
-
-
-def _driver(source: str, parts: DaemonParts) -> "InnerDriver | None":
-    safety = parts.context.settings.safety
-    if source not in safety.sources:
-        return None
-    from chefbotd.driving.inner_driver import InnerDriver
-
-    return InnerDriver(parts.driving, parts.leases, parts.context.clock, source, safety.above(source))
 
 
 def features_of(component: Component, opened: ComponentContext[Any]) -> list[Feature]:
@@ -220,7 +220,7 @@ def _check_services(feature: Feature) -> None:
 
 def _check_names(feature: Feature, others: list[Feature]) -> None:
     """Raises ValueError where a name is not its own: the log, the faults and a recording name it."""
-    if feature.name in {*FIRST, *OWN, *[other.name for other in others]}:
+    if feature.name in {*FIRST, *SCANNING, *OWN, *[other.name for other in others]}:
         raise ValueError(f"there is a feature named {feature.name!a} already")
     owners = {service.name: other.name for other in others for service in other.services}
     for service in feature.services:

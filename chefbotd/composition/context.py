@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from chefbotd.components.calibration.fit_process import Fitter
     from chefbotd.components.recording.writer import MakeRecorder, Writer
     from chefbotd.components.worker.spawn import Spawn
+    from chefbotd.driving.inner_driver import InnerDriver
     from chefbotd.driving.service import DriveService
     from chefbotd.rpc.control_leases import ControlLeases
 
@@ -71,3 +72,12 @@ class DaemonParts(Struct, frozen=True):
     state: Callable[[], DaemonState]
     socket: Callable[[], Awaitable[tuple[str, int]]]
     page: Callable[[], Awaitable[tuple[str, int]]] | None
+
+    def drive_as(self, source: str) -> "InnerDriver | None":
+        """A driver inside the daemon, as this source; None where the configuration has no such source."""
+        safety = self.context.settings.safety
+        if source not in safety.sources:
+            return None
+        from chefbotd.driving.inner_driver import InnerDriver
+
+        return InnerDriver(self.driving, self.leases, self.context.clock, source, safety.above(source))

@@ -61,7 +61,8 @@ class Feature(Struct, frozen=True):
     ``parts`` have a state that lasts from one entry to the next; a recording contains these states by name.
     ``waiting`` returns the waiting requests by the names of their tasks, with the function that continues each.
     ``inputs`` makes what a replay takes in for it. Parts that are ``configured`` stay as they are in a replay with
-    another configuration. The methods ``not_replayed`` only look, at what a replay has not.
+    another configuration. The methods ``not_replayed`` only look, at what a replay has not. ``offers`` is for components
+    that build on this one; ``skill_host`` runs the skills of those behind it (``chefbotd.component_context.SkillHost``).
     """
 
     name: str
@@ -74,6 +75,8 @@ class Feature(Struct, frozen=True):
     inputs: Callable[[], ReplayedInputs] = _no_inputs
     configured: tuple[str, ...] = ()
     not_replayed: tuple[str, ...] = ()
+    offers: Any = None
+    skill_host: Any = None
 
 
 def methods_and_topics(features: Iterable[Feature]) -> tuple[dict[str, Method], dict[str, Topic]]:

@@ -85,9 +85,8 @@ def test_the_band_of_the_sensor_of_the_page(
 def test_the_skill_of_the_page_runs_in_a_worker(monkeypatch: pytest.MonkeyPatch) -> None:
     """0.3 and 0.4 m across are 0.5 m; a jump of 2 m counts for nothing; asked, it begins again from 0."""
     page = shown("adding_a_skill.md", monkeypatch)
-    monkeypatch.setattr(runner, "SKILLS", {"distance": "page:DistanceSkill"})
     worker = runner.Runner(ManualClock(0.0))
-    *_, ready = worker.take_message(Configure({"distance": b"{}"}))
+    *_, ready = worker.take_message(Configure({"distance": b"{}"}, {"distance": "page:DistanceSkill"}))
     assert ready == Ready()
     (refused,) = worker.take_message(SkillRequest(1, "distance", 5.0, packed(page.StartOver())))
     assert isinstance(refused, Failed)

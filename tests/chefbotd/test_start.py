@@ -95,7 +95,9 @@ def test_a_daemon_on_a_real_robot_loads_no_simulator_and_nothing_else_that_it_do
     assert loaded & absent == set()
     simulation = "chefbotd.components.simulation."
     simulator = {
-        name for name in loaded if name.startswith(simulation) and name.removeprefix(simulation) != "models"
+        name
+        for name in loaded
+        if name.startswith(simulation) and name.removeprefix(simulation) not in ("models", "component")
     }
     assert {name for name in simulator if not name.startswith(f"{simulation}parameters")} == set()
 

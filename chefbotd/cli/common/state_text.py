@@ -227,10 +227,13 @@ def _plugin(data: Data) -> str:
 
 def with_rows(rows: Iterable[StatusRow]) -> Rows:
     """The rows, with those of components where they stand; one that fails says so in its place."""
-    placed = list(CORE_ROWS)
-    for row in rows:
-        after = [index for index, (topic, _) in enumerate(placed) if topic == row.after]
-        placed.insert(after[-1] + 1 if after else len(placed), (row.topic, partial(_of_component, row)))
+    placed, waiting = list(CORE_ROWS), list(rows)
+    while waiting:
+        topics = [topic for topic, _ in placed]
+        row = next((row for row in waiting if row.after in topics), waiting[0])
+        waiting.remove(row)
+        place = len(topics) - topics[::-1].index(row.after) if row.after in topics else len(topics)
+        placed.insert(place, (row.topic, partial(_of_component, row)))
     return placed
 
 

@@ -16,7 +16,7 @@ from chefbotd.cli.look import commands as looking
 from chefbotd.cli.look.robots import address_of, robots
 from chefbotd.cli.look.scan import scan
 from chefbotd.cli.programs.program import CommandGroup, completion, example, wants_json
-from chefbotd.component_list import own_components
+from chefbotd.component_list import components_with_commands
 
 TOKEN = click.File(encoding="utf-8")
 
@@ -107,7 +107,7 @@ COMMANDS: tuple[click.Command, ...] = (
 
 for command in COMMANDS:
     main.add_command(command)
-for component in own_components():
+for component in components_with_commands():
     main.add_referenced(component.commands)
 main.add_strangers()
 main.add_late("chefbotd.cli.new_robot.command", "new-robot")

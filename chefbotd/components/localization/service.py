@@ -343,4 +343,5 @@ def localization(service: LocalizationService) -> Feature:
         topics=TOPICS,
         parts={"localization": service},
         waiting=service.waiting,
+        offers=service,
     )

@@ -434,4 +434,6 @@ def _with_manifest(row: MapSummary, manifest: Manifest) -> MapSummary:
 
 def maps(service: MapsService) -> Feature:
     """Stored maps and their places, over the service that keeps them."""
-    return Feature("maps", services=(Service("maps", service.run),), methods=methods_of(service))
+    return Feature(
+        "maps", services=(Service("maps", service.run),), methods=methods_of(service), offers=service
+    )

@@ -1,17 +1,34 @@
 """What the component for driving to goals offers."""
 
+from typing import TYPE_CHECKING
+
 from chefbotd.component import API_VERSION, Component, StatusRow
+from chefbotd.components.maps.component import makes_maps
+
+if TYPE_CHECKING:
+    from chefbotd.component_context import Context
+    from chefbotd.features.feature import Feature
+
+COMMANDS = "chefbotd.components.navigation.cli.commands"
+
+
+def build(context: "Context[None]") -> "list[Feature]":
+    """Drives to goals; a robot without the source ``navigation`` only checks its maps."""
+    from chefbotd.components.navigation.build import navigation_of
+
+    return navigation_of(context)
+
 
 COMPONENT = Component(
     name="navigation",
     api=API_VERSION,
-    commands={
-        "go": "chefbotd.components.navigation.cli.commands:go",
-        "home": "chefbotd.components.navigation.cli.commands:home",
-        "dock": "chefbotd.components.navigation.cli.commands:dock",
-        "patrol": "chefbotd.components.navigation.cli.commands:patrol",
-        "where": "chefbotd.components.navigation.cli.commands:where",
-        "localize": "chefbotd.components.navigation.cli.commands:localize",
-    },
-    status=(StatusRow("navigation", "chefbotd.components.navigation.status_text:navigation"),),
+    build=build,
+    is_enabled=lambda section, settings: makes_maps(settings),
+    skills={"navigation": "chefbotd.components.navigation.skill:NavigationSkill"},
+    commands={name: f"{COMMANDS}:{name}" for name in ("go", "home", "dock", "patrol", "where", "localize")},
+    status=(
+        StatusRow(
+            "navigation", "chefbotd.components.navigation.status_text:navigation", after="localization"
+        ),
+    ),
 )

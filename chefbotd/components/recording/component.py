@@ -59,5 +59,5 @@ COMPONENT = Component(
         "record": "chefbotd.components.recording.cli.commands:record",
         "log": "chefbotd.components.recording.cli.commands:log_group",
     },
-    status=(StatusRow("recording", "chefbotd.components.recording.status_text:recording"),),
+    status=(StatusRow("recording", "chefbotd.components.recording.status_text:recording", after="worker"),),
 )

@@ -23,5 +23,7 @@ COMPONENT = Component(
     name="simulation",
     api=API_VERSION,
     build=build,
-    status=(StatusRow("sim", "chefbotd.components.simulation.status_text:truth", ages=True),),
+    status=(
+        StatusRow("sim", "chefbotd.components.simulation.status_text:truth", after="recording", ages=True),
+    ),
 )

@@ -109,6 +109,10 @@ class Worker:
         """Whether it takes requests."""
         return self.status.state is WorkerState.READY
 
+    def add_own_skill(self, name: str, parameters: bytes) -> None:
+        """Load this skill of ours too, which a component of ours names."""
+        self._skills[name] = parameters
+
     def add_skill(self, name: str, reference: str, parameters: bytes) -> None:
         """Load a stranger's skill too, ``module:class``: one that fails is left out, and the others go on.
 

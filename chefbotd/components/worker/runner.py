@@ -1,13 +1,13 @@
 """The worker's working thread, without a socket: messages in, messages out. A skill is imported when it is needed."""
 
 import sys
-from collections.abc import Callable, Iterable, Iterator, Mapping
-from importlib import import_module
+from collections.abc import Callable, Iterable, Iterator
 from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
 
 from chefbotd.component import resolve
+from chefbotd.component_list import own_components
 from chefbotd.components.worker import messages
 from chefbotd.components.worker.messages import FromWorker, Measurement, ToWorker, packed
 from chefbotd.components.worker.skill import DependentSkill, Job, RangeSkill, Skill
@@ -21,13 +21,6 @@ if TYPE_CHECKING:  # it would load asyncio, 7 MB
     from chefbotd.clock import Clock
 
 
-SKILLS: Final[Mapping[str, str]] = {
-    "mapping": "chefbotd.components.mapping.skill:MappingSkill",
-    "localization": "chefbotd.components.localization.skill:LocalizationSkill",
-    "navigation": "chefbotd.components.navigation.skill:NavigationSkill",
-}
-"""Name -> module and class, which is made with its parameters as JSON and the worker's clock."""
-
 EXTRA: Final = "navigation"
 NEEDS: Final = ("numba", "scipy", "llvmlite")
 
@@ -36,15 +29,19 @@ class CannotLoad(Exception):
     """A skill that cannot work in this installation, and what to do; ready to be shown."""
 
 
+def own_skills() -> dict[str, str]:
+    """The skills of our own components by name, each with its module and class."""
+    return {name: reference for component in own_components() for name, reference in component.skills.items()}
+
+
 def loaded(name: str, parameters: bytes, clock: "Clock") -> Skill:
     """The skill of this name.
 
     Raises:
         CannotLoad: what it needs is not installed.
     """
-    module, _, kind = SKILLS[name].partition(":")
     try:
-        make: Callable[[bytes, Clock], Skill] = getattr(import_module(module), kind)
+        make: Callable[[bytes, Clock], Skill] = resolve(own_skills()[name])
     except ModuleNotFoundError as missing:
         if missing.name not in NEEDS:
             raise

@@ -115,4 +115,6 @@ def worker(service: WorkerService) -> Feature:
         add_metrics=add_metrics,
         parts={"worker": service},
         inputs=inputs,
+        offers=service,
+        skill_host=process,
     )

@@ -12,6 +12,7 @@ from chefbotd.clock import LoopClock, ManualClock, run_virtual
 from chefbotd.components.localization.algorithms.state import PoseState
 from chefbotd.components.localization.skill import LocalizationSkill
 from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.components.navigation import build
 from chefbotd.components.navigation import skill as navigation_skill
 from chefbotd.components.navigation import skill_requests as messages
 from chefbotd.components.navigation.algorithms.zones import NO_ZONES
@@ -21,7 +22,6 @@ from chefbotd.components.navigation.skill import NavigationSkill
 from chefbotd.components.worker.messages import Measured, event_in, packed
 from chefbotd.components.worker.parameters import WorkerParameters
 from chefbotd.components.worker.service import WorkerService
-from chefbotd.composition import maps
 from chefbotd.core.events import OdometryUpdated, RangeMeasured, RangeStatus
 from chefbotd.core.geometry import CERTAIN, STANDING, Pose2D
 from chefbotd.core.record import replace
@@ -114,7 +114,7 @@ def test_unknown_space_is_driven_if_the_configuration_says_so(
     """A goal beyond 0.5 m that the map knows nothing of: no way, unless ``navigation.unknown_space`` allows it."""
     monkeypatch.setattr(navigation_skill, "read_zones", lambda folder, name: NO_ZONES)
     settings = load(overrides={} if key is None else {"navigation.unknown_space": key})
-    told = maps.navigation_skill_parameters(settings, Path("/nowhere"))
+    told = build.navigation_skill_parameters(settings, Path("/nowhere"))
     skill = NavigationSkill(told.model_dump_json().encode(), ManualClock(50.0))
     finder = Located()
     finder.grid.percent[:, 50:60] = -1
@@ -128,6 +128,6 @@ def test_unknown_space_is_driven_if_the_configuration_says_so(
 def test_the_skill_drives_no_faster_than_the_wheels_can() -> None:
     """A tenth of the wheels' speed is for corrections; the rest of the section is handed over as it is."""
     settings = load(overrides={"navigation.max_speed_m_s": 9.0, "navigation.comfort_m": 0.5})
-    told = maps.navigation_skill_parameters(settings, Path("/nowhere")).navigation
+    told = build.navigation_skill_parameters(settings, Path("/nowhere")).navigation
     assert told.max_speed_m_s == pytest.approx(0.9 * settings.drive.max_rim_speed_m_s)
     assert told.comfort_m == 0.5
