@@ -6,13 +6,21 @@ import random
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.component_list import FIRST, OWN, SCANNING
 from chefbotd.composition.components import Built, build_own, build_strangers
-from chefbotd.composition.context import Context, DaemonParts, DepthSpawn, FeatureBuilder, StartWriter
+from chefbotd.composition.context import (
+    Context,
+    DaemonParts,
+    DepthSpawn,
+    FeatureBuilder,
+    Fit,
+    StartWriter,
+    WorkerSpawn,
+)
 from chefbotd.composition.network import page_server
 from chefbotd.composition.robot import board_session, drive_service, robot_features
 from chefbotd.composition.scanners import lidars
@@ -34,10 +42,6 @@ from chefbotd.safety.latch import GateStore
 from chefbotd.settings import Settings
 from chefbotd.snapshot import DaemonState, Stateful
 from chefbotd.transport.tcp import TcpServer
-
-if TYPE_CHECKING:
-    from chefbotd.components.calibration.fit_process import Fitter
-    from chefbotd.components.worker.spawn import Spawn
 
 Loop = Callable[[], Coroutine[Any, Any, None]]
 
@@ -80,12 +84,12 @@ class Daemon:
         simulated: bool = False,
         rng: random.Random | None = None,
         features: Sequence[FeatureBuilder] = (),
-        spawn_worker: "Spawn | None" = None,
+        spawn_worker: WorkerSpawn | None = None,
         depth_spawn: DepthSpawn | None = None,
         start_writer: StartWriter | None = None,
         session: str | None = None,
         config_file: Path | None = None,
-        fit: "Fitter | None" = None,
+        fit: Fit | None = None,
     ) -> None:
         self.bus = Bus()
         self.entries = clock = inputs_of(clock)

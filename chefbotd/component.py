@@ -83,7 +83,9 @@ class Component(Struct, frozen=True, kw_only=True):
 
     It is built where its section and the whole settings say that it ``is_enabled``, and then needs its ``extra``. One
     that serves others than the socket's clients, or tells them of the robot, is ``outward``: a replay and a private
-    daemon switch its section's ``enabled`` off. ``page_hosts`` are names under which browsers may open the page.
+    daemon switch its section off. A private daemon also switches off what is ``exclusive``: one daemon on a computer
+    can have it. A replay with another configuration leaves a section that is ``fixed`` as recorded. ``page_hosts`` are
+    names under which browsers may open the page.
 
     ``events`` are the classes of its events, for those who read a recording. A component that publishes what came from
     outside does so by ``context.clock.observe``: a replay takes it from the recording. ``skills`` run in the worker,
@@ -99,6 +101,8 @@ class Component(Struct, frozen=True, kw_only=True):
     is_enabled: Callable[[Any, Any], bool] = _always
     extra: Extra | None = None
     outward: bool = False
+    exclusive: bool = False
+    fixed: bool = False
     page_hosts: Callable[[Any, Any], tuple[str, ...]] | Reference | None = None
     check: Callable[[Any, Any], Iterator[str]] | Reference | None = None
     events: tuple[type[Any] | Reference, ...] = ()

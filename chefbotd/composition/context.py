@@ -16,9 +16,6 @@ from chefbotd.settings import Settings
 from chefbotd.snapshot import DaemonState
 
 if TYPE_CHECKING:
-    from chefbotd.components.calibration.fit_process import Fitter
-    from chefbotd.components.recording.writer import MakeRecorder, Writer
-    from chefbotd.components.worker.spawn import Spawn
     from chefbotd.driving.inner_driver import InnerDriver
     from chefbotd.driving.service import DriveService
     from chefbotd.rpc.control_leases import ControlLeases
@@ -26,10 +23,16 @@ if TYPE_CHECKING:
 FeatureBuilder: TypeAlias = Callable[[Bus, Clock], Feature]
 
 DepthSpawn: TypeAlias = Callable[[Any], Awaitable[Any]]
-"""``link.depth.process.Spawn``, which is not loaded by a robot without a depth camera."""
+"""Starts the process of a depth camera: ``components.depth_camera.link.process.Spawn``."""
 
-StartWriter: TypeAlias = Callable[["MakeRecorder", int], "Writer"]
-"""Starts the writer of recordings: ``recording.writer.WriterThread``, or a substitute in tests."""
+WorkerSpawn: TypeAlias = Callable[[Any, Any], Awaitable[Any]]
+"""Starts the worker's process: ``components.worker.spawn.Spawn``."""
+
+StartWriter: TypeAlias = Callable[[Any, int], Any]
+"""Starts the writer of recordings: ``components.recording.writer.WriterThread``, or a substitute in tests."""
+
+Fit: TypeAlias = Callable[[str, Any, Any], Awaitable[Any]]
+"""Computes a step of the calibration: ``components.calibration.fit_process.Fitter``."""
 
 
 class Context(Struct, frozen=True):
@@ -47,11 +50,11 @@ class Context(Struct, frozen=True):
     session: str
     simulated: bool
     opener: Opener
-    spawn_worker: "Spawn | None"
+    spawn_worker: WorkerSpawn | None
     depth_spawn: DepthSpawn | None
     start_writer: StartWriter | None
     config_file: Path | None = None
-    fit: "Fitter | None" = None
+    fit: Fit | None = None
 
     @property
     def wheel_names(self) -> tuple[str, ...]:

@@ -1,30 +1,23 @@
 """Builds a daemon with the latch file and the supervisor of its process."""
 
-import random
-from collections.abc import Sequence
-from pathlib import Path
-from typing import TYPE_CHECKING
-
-from chefbotd.app import Daemon
-from chefbotd.clock import Clock
-from chefbotd.composition.context import DepthSpawn, FeatureBuilder, StartWriter
-from chefbotd.link.port import open_port
-from chefbotd.link.reconnect import Opener
-from chefbotd.process.latch_file import LatchFile, path_of
-from chefbotd.settings import Settings
-from chefbotd.settings.notes import notes
-
-if TYPE_CHECKING:
-    from chefbotd.components.calibration.fit_process import Fitter
-    from chefbotd.components.worker.spawn import Spawn
 import asyncio
+import random
 from collections import Counter, deque
-from collections.abc import Callable, Coroutine
+from collections.abc import Callable, Coroutine, Sequence
+from pathlib import Path
 from typing import Any
 
 import structlog
 
+from chefbotd.app import Daemon
+from chefbotd.clock import Clock
+from chefbotd.composition.context import DepthSpawn, FeatureBuilder, Fit, StartWriter, WorkerSpawn
+from chefbotd.link.port import open_port
+from chefbotd.link.reconnect import Opener
+from chefbotd.process.latch_file import LatchFile, path_of
 from chefbotd.safety.faults import Fault, FaultKind
+from chefbotd.settings import Settings
+from chefbotd.settings.notes import notes
 
 log = structlog.get_logger(component="supervisor")
 
@@ -103,11 +96,11 @@ def build(
     simulated: bool = False,
     rng: random.Random | None = None,
     features: Sequence[FeatureBuilder] = (),
-    spawn_worker: "Spawn | None" = None,
+    spawn_worker: WorkerSpawn | None = None,
     depth_spawn: DepthSpawn | None = None,
     start_writer: StartWriter | None = None,
     config_file: Path | None = None,
-    fit: "Fitter | None" = None,
+    fit: Fit | None = None,
 ) -> Daemon:
     """The robot of this configuration, ready to run; the rest is as in ``Daemon``."""
     for note in notes(settings):

@@ -20,21 +20,18 @@ from chefbotd.process.watchdog import Watchdog
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.safety.latch import LatchParameters
 from chefbotd.settings import Settings
-from chefbotd.settings.sections import kept_private
+from chefbotd.settings.sections import switched_off
 from chefbotd.transport.parameters import PageParameters
 
 
 def alone(settings: Settings) -> Settings:
     """The same robot without what its service may be using: latch, maps, worker, page, socket, recordings."""
-    worker = settings.worker.model_copy(update={"enabled": False})
     private = {
         "api": ApiParameters(port=0),
         "page": PageParameters(),
         "latch": LatchParameters(),
-        "maps": None,
-        "worker": worker,
         "depth_camera": (),
-        **kept_private(settings),
+        **switched_off(settings, exclusive=True),
     }
     return settings.model_copy(update=private)
 

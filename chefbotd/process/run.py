@@ -14,7 +14,7 @@ import uvloop
 
 from chefbotd.app import Daemon, Loop
 from chefbotd.clock import Clock, SystemClock
-from chefbotd.composition.context import StartWriter
+from chefbotd.composition.context import StartWriter, WorkerSpawn
 from chefbotd.extras import how_to_add_extra
 from chefbotd.process import keep_alive, signals
 from chefbotd.process.build import build
@@ -28,7 +28,6 @@ from chefbotd.shared_clock import SharedClock
 from chefbotd.transport.tcp import CannotListen, raise_descriptor_limit, require_descriptors
 
 if TYPE_CHECKING:
-    from chefbotd.components.worker.spawn import Spawn
     from chefbotd.process.service import DaemonService, Load
 
 log = structlog.get_logger(component="app")
@@ -217,7 +216,7 @@ async def _serve_simulated(
         )
 
 
-def _spawn_worker(settings: Settings) -> "Spawn | None":
+def _spawn_worker(settings: Settings) -> WorkerSpawn | None:
     """Starts a worker on the clock that the robot shares; None: one on the computer's."""
     if settings.sim.shared_clock is None:
         return None

@@ -28,7 +28,6 @@ def check(settings: Settings) -> Iterator[str]:
     yield from _lidars(settings)
     yield from _guard(settings)
     yield from _braking(settings)
-    yield from _mapping(settings)
     yield from _turning(settings)
     yield from _nearest(settings)
     yield from _page(settings)
@@ -249,20 +248,6 @@ def _braking(settings: Settings) -> Iterator[str]:
                 f"sees, and limits.linear.{key} "
                 f"{allowed_m_s2:g}{jerk} takes {needed_m:.3f} m: lower the guard's, or raise the limits"
             )
-
-
-def _mapping(settings: Settings) -> Iterator[str]:
-    names = [lidar.name for lidar in settings.lidar]
-    configured = f"those configured: {', '.join(names)}" if names else "none is configured"
-    for section, lidars in (
-        ("mapping", settings.mapping.lidars),
-        ("localization", settings.localization.lidars),
-    ):
-        for number, named in enumerate(lidars or ()):
-            if named not in names:
-                yield f"{section}.lidars: {named!r} is no lidar ({configured})"
-            elif named in (lidars or ())[:number]:
-                yield f"{section}.lidars names each lidar once, repeated: {named!r}"
 
 
 def _page(settings: Settings) -> Iterator[str]:

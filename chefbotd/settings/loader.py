@@ -61,7 +61,6 @@ def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = N
     _name_tables(values)
     drop_left_out(values)
     _locate(values, path.parent, "robot", "description")
-    _locate(values, path.parent, "maps", "folder")
     model = model_for(values, Settings)
     for section, key in paths_of(model):
         _locate(values, path.parent, section, key)

@@ -10,12 +10,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, TypeVar
 from pydantic import Field, ValidationInfo, field_validator
 
 from chefbotd.component_list import own_components
-from chefbotd.components.localization.parameters import LocalizationSection
-from chefbotd.components.mapping.algorithms.parameters import MappingParameters
-from chefbotd.components.maps.storage.parameters import MapsParameters
-from chefbotd.components.navigation.parameters import NavigationSection
 from chefbotd.components.simulation.parameters.simulation import SimulationParameters
-from chefbotd.components.worker.parameters import WorkerParameters
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters, section
 from chefbotd.link.port import LinkParameters
@@ -131,11 +126,6 @@ class CoreSettings(Parameters):
     depth_camera: tuple[DepthSourceParameters, ...] = ()
     imu: ImuParameters | None = None
     battery: BatteryParameters | None = None
-    maps: MapsParameters | None = None
-    mapping: MappingParameters = section()
-    localization: LocalizationSection = section()
-    navigation: NavigationSection = section()
-    worker: WorkerParameters = section()
     api: ApiParameters = section()
     page: PageParameters = section()
     plugins: PluginsParameters = section()

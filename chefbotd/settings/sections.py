@@ -102,14 +102,38 @@ def paths_of(model: "type[Settings]") -> list[tuple[str, str]]:
     return [(component.name, key) for component in (*own_components(), *strangers) for key in component.paths]
 
 
-def kept_private(settings: "Settings") -> dict[str, Parameters]:
-    """The sections of what serves others or tells them of the robot, each switched off."""
-    strangers = [stranger.component for stranger in settings.strangers if stranger.component is not None]
+def switched_off(settings: "Settings", *, exclusive: bool = False) -> dict[str, Any]:
+    """The sections of what serves others or tells them of the robot, each switched off; or of what is exclusive, too."""
     return {
-        component.name: getattr(settings, component.name).model_copy(update={"enabled": False})
-        for component in (*own_components(), *strangers)
-        if component.outward
+        component.name: _off(component, getattr(settings, component.name))
+        for component in _components(settings)
+        if component.section is not None and (component.outward or (exclusive and component.exclusive))
     }
+
+
+def _off(component: Component, section_of_component: Any) -> Any:
+    match component.form:
+        case SectionForm.TABLE:
+            return section_of_component.model_copy(update={"enabled": False})
+        case SectionForm.OPTIONAL:
+            return None
+        case SectionForm.LIST:
+            return ()
+
+
+def fixed_sections(settings: "Settings") -> dict[str, Any]:
+    """The sections that stay as they were recorded in a replay with another configuration."""
+    return {
+        component.name: getattr(settings, component.name)
+        for component in _components(settings)
+        if component.section is not None and component.fixed
+    }
+
+
+def _components(settings: "Settings") -> list[Component]:
+    """Ours, and those of strangers that were found."""
+    strangers = [stranger.component for stranger in settings.strangers if stranger.component is not None]
+    return [*own_components(), *strangers]
 
 
 def check_components(settings: "Settings", components: Iterable[Component]) -> Iterator[str]:

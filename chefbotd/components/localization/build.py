@@ -1,6 +1,7 @@
 """Builds localization from the configuration."""
 
 from chefbotd.component_context import Context
+from chefbotd.components.localization.parameters import LocalizationSection
 from chefbotd.components.localization.service import LocalizationService, localization
 from chefbotd.components.localization.skill_requests import SKILL, LocalizationSkillParameters
 from chefbotd.components.maps.build import map_folder
@@ -12,14 +13,14 @@ TURNS_AS = "navigation"
 """The source of commands that a robot turns as to find itself."""
 
 
-def localization_of(context: Context[None]) -> Feature:
+def localization_of(context: Context[LocalizationSection]) -> Feature:
     """The feature that localizes, with its skill."""
     feed, stored = context.of("worker", WorkerService), context.of("maps", MapsService)
     settings = context.settings
     parameters = LocalizationSkillParameters(
-        lidars=settings.localization.lidars or tuple(lidar.name for lidar in settings.lidar),
+        lidars=context.section.lidars or tuple(lidar.name for lidar in settings.lidar),
         folder=map_folder(context),
-        localization=settings.localization,
+        localization=context.section,
     )
     feed.worker.add_own_skill(SKILL, parameters.model_dump_json().encode())
     service = LocalizationService(
@@ -27,7 +28,7 @@ def localization_of(context: Context[None]) -> Feature:
         context.clock,
         feed,
         context.parts.drive_as(TURNS_AS),
-        turns_at_start=settings.localization.turn_at_start,
+        turns_at_start=context.section.turn_at_start,
     )
     stored.made_ready = service.made_ready
     return localization(service)

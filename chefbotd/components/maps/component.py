@@ -1,12 +1,15 @@
 """What the component for stored maps offers."""
 
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from chefbotd.component import API_VERSION, Component
+from chefbotd.component import API_VERSION, Component, SectionForm
 
 if TYPE_CHECKING:
     from chefbotd.component_context import Context
+    from chefbotd.components.maps.storage.parameters import MapsParameters
     from chefbotd.features.feature import Feature
+    from chefbotd.settings import Settings
 
 
 def makes_maps(settings: Any) -> bool:
@@ -14,7 +17,18 @@ def makes_maps(settings: Any) -> bool:
     return bool(settings.lidar) and settings.worker.enabled
 
 
-def build(context: "Context[None]") -> "Feature":
+def check_lidars(section: str, lidars: Sequence[str] | None, settings: "Settings") -> Iterator[str]:
+    """Each lidar that a section names is configured, and named once."""
+    names = [lidar.name for lidar in settings.lidar]
+    configured = f"those configured: {', '.join(names)}" if names else "none is configured"
+    for number, named in enumerate(lidars or ()):
+        if named not in names:
+            yield f"{section}.lidars: {named!r} is no lidar ({configured})"
+        elif named in (lidars or ())[:number]:
+            yield f"{section}.lidars names each lidar once, repeated: {named!r}"
+
+
+def build(context: "Context[MapsParameters | None]") -> "Feature":
     """Keeps maps in a folder, with their places and earlier versions."""
     from chefbotd.components.maps.build import maps_of
 
@@ -24,8 +38,13 @@ def build(context: "Context[None]") -> "Feature":
 COMPONENT = Component(
     name="maps",
     api=API_VERSION,
+    section="chefbotd.components.maps.storage.parameters:MapsParameters",
+    form=SectionForm.OPTIONAL,
+    paths=("folder",),
     build=build,
-    is_enabled=lambda section, settings: settings.maps is not None or makes_maps(settings),
+    is_enabled=lambda section, settings: section is not None or makes_maps(settings),
+    exclusive=True,
+    fixed=True,
     commands={
         "map": "chefbotd.components.maps.cli.commands:map_group",
         "places": "chefbotd.components.maps.cli.places:places",

@@ -8,6 +8,7 @@ from chefbotd.components.maps.build import map_folder
 from chefbotd.components.maps.service import MapsService
 from chefbotd.components.navigation.beside_localization import join_localization
 from chefbotd.components.navigation.commands import navigation
+from chefbotd.components.navigation.parameters import NavigationSection
 from chefbotd.components.navigation.service import NavigationService
 from chefbotd.components.navigation.skill_requests import SKILL, NavigationSkillParameters
 from chefbotd.components.worker.service import WorkerService
@@ -17,7 +18,7 @@ from chefbotd.safety.outline import Box
 from chefbotd.settings import Settings
 
 
-def navigation_of(context: Context[None]) -> list[Feature]:
+def navigation_of(context: Context[NavigationSection]) -> list[Feature]:
     """The feature that drives to goals, with its skill; none where the robot has no such source of commands."""
     feed, settings = context.of("worker", WorkerService), context.settings
     parameters = navigation_skill_parameters(settings, map_folder(context))
@@ -26,15 +27,15 @@ def navigation_of(context: Context[None]) -> list[Feature]:
     if context.driver is None:
         return []
     stored = context.of("maps", MapsService)
-    service = NavigationService(context.bus, context.clock, feed, context.driver, stored, settings.navigation)
+    service = NavigationService(context.bus, context.clock, feed, context.driver, stored, context.section)
     return [navigation(service)]
 
 
 def navigation_skill_parameters(settings: Settings, folder: Path) -> NavigationSkillParameters:
     """The robot's outline, and its speeds: a wheel keeps a tenth of its speed in reserve for corrections."""
-    outline = robot_outline(settings)
+    outline, section = robot_outline(settings), settings.of("navigation", NavigationSection)
     box = outline if isinstance(outline, Box) else None
-    speed_m_s = min(settings.navigation.max_speed_m_s, 0.9 * settings.drive.max_rim_speed_m_s)
+    speed_m_s = min(section.max_speed_m_s, 0.9 * settings.drive.max_rim_speed_m_s)
     guard = settings.safety.guard
     guards = (guard.scan.stop_distance_m, guard.scan.clearance_m) if guard.enabled else (0.0, 0.0)
     return NavigationSkillParameters(
@@ -42,7 +43,7 @@ def navigation_skill_parameters(settings: Settings, folder: Path) -> NavigationS
         radius_m=outline.radius_m if box is None else None,
         half_length_m=0.0 if box is None else box.half_length_m,
         half_width_m=0.0 if box is None else box.half_width_m,
-        navigation=settings.navigation.model_copy(update={"max_speed_m_s": speed_m_s}),
+        navigation=section.model_copy(update={"max_speed_m_s": speed_m_s}),
         silent_speed_m_s=settings.safety.encoders.silent_speed_m_s,
         guard_stop_m=guards[0],
         guard_clearance_m=guards[1],

@@ -7,12 +7,13 @@ from chefbotd.components.maps.component import makes_maps
 
 if TYPE_CHECKING:
     from chefbotd.component_context import Context
+    from chefbotd.components.navigation.parameters import NavigationSection
     from chefbotd.features.feature import Feature
 
 COMMANDS = "chefbotd.components.navigation.cli.commands"
 
 
-def build(context: "Context[None]") -> "list[Feature]":
+def build(context: "Context[NavigationSection]") -> "list[Feature]":
     """Drives to goals; a robot without the source ``navigation`` only checks its maps."""
     from chefbotd.components.navigation.build import navigation_of
 
@@ -22,6 +23,7 @@ def build(context: "Context[None]") -> "list[Feature]":
 COMPONENT = Component(
     name="navigation",
     api=API_VERSION,
+    section="chefbotd.components.navigation.parameters:NavigationSection",
     build=build,
     is_enabled=lambda section, settings: makes_maps(settings),
     skills={"navigation": "chefbotd.components.navigation.skill:NavigationSkill"},

@@ -54,6 +54,7 @@ COMPONENT = Component(
     extra=Extra("recording", ("mcap", "zstandard", "lz4"), when=lambda section: section.auto_start),
     paths=("folder",),
     outward=True,
+    fixed=True,
     check=check,
     commands={
         "record": "chefbotd.components.recording.cli.commands:record",

@@ -15,20 +15,22 @@ def build(context: "Context[WorkerParameters]") -> "Feature":
     from chefbotd.components.worker.service import WorkerService, worker
 
     spawn = context.parts.context.spawn_worker
-    return worker(WorkerService(context.bus, context.clock, context.settings.worker, {}, spawn))
+    return worker(WorkerService(context.bus, context.clock, context.section, {}, spawn))
 
 
-def is_enabled(section: object, settings: Any) -> bool:
+def is_enabled(section: "WorkerParameters", settings: Any) -> bool:
     """A lidar's scans are for skills of ours; without one it is there for those of strangers."""
     strangers = [stranger.component for stranger in settings.strangers if stranger.component is not None]
     has_skills = bool(settings.lidar) or any(component.skills for component in strangers)
-    return has_skills and bool(settings.worker.enabled)
+    return has_skills and section.enabled
 
 
 COMPONENT = Component(
     name="worker",
     api=API_VERSION,
+    section="chefbotd.components.worker.parameters:WorkerParameters",
     build=build,
     is_enabled=is_enabled,
+    exclusive=True,
     status=(StatusRow("worker", "chefbotd.components.worker.status_text:worker", after="mapping"),),
 )

@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
 import msgspec
@@ -40,8 +41,9 @@ def loaded(name: str, parameters: bytes, clock: "Clock") -> Skill:
     Raises:
         CannotLoad: what it needs is not installed.
     """
+    module, _, kind = own_skills()[name].partition(":")
     try:
-        make: Callable[[bytes, Clock], Skill] = resolve(own_skills()[name])
+        make: Callable[[bytes, Clock], Skill] = getattr(import_module(module), kind)
     except ModuleNotFoundError as missing:
         if missing.name not in NEEDS:
             raise

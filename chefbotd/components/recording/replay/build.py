@@ -13,7 +13,7 @@ from chefbotd.rpc.parameters import Role
 from chefbotd.safety.faults import FaultKind
 from chefbotd.safety.gate import GateState, Mode
 from chefbotd.settings import Settings
-from chefbotd.settings.sections import kept_private
+from chefbotd.settings.sections import switched_off
 
 
 class RecordedLatch:
@@ -104,4 +104,4 @@ def _without_files(settings: Settings, listen: tuple[str, int] | None) -> Settin
         update={"enabled": listen is not None and find_spec("aiohttp") is not None, "host": host}
     )
     robot = settings.robot.model_copy(update={"description": None})
-    return settings.model_copy(update={"api": api, "page": page, "robot": robot, **kept_private(settings)})
+    return settings.model_copy(update={"api": api, "page": page, "robot": robot, **switched_off(settings)})

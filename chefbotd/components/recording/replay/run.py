@@ -33,7 +33,7 @@ from chefbotd.rpc.method import Method
 from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.settings import Settings
 from chefbotd.settings.errors import explain, with_new_names
-from chefbotd.settings.sections import model_for
+from chefbotd.settings.sections import fixed_sections, model_for
 
 LOOKING = NOT_HANDLED | {"set_client_name", "get_pid", "get_description"}
 WHY = "this is a replay: it cannot be driven, stopped or changed"
@@ -184,8 +184,7 @@ def other_settings(recorded: Settings, other: Settings) -> Settings:
             "link": recorded.link,
             "lidar": tuple(_with_device(lidar, recorded) for lidar in other.lidar),
             "api": recorded.api,
-            "maps": recorded.maps,
-            "recording": recorded.of("recording", RecordingParameters),
+            **fixed_sections(recorded),
         }
     )
 
