@@ -1,20 +1,31 @@
 """What a map costs in memory, and whether its cells can be meant: by its extent alone, so that the daemon can ask first.
 
-Measured for localization, navigation and a search of the whole map together, in buildings with a room each 5 to 30 m
-(Linux, CPython 3.11, numpy 2; resident memory beyond that of a worker without a map): 26 MB for 30 by 20 m in cells of
-5 cm, 347 MB for 100 by 100 m, 507 MB for 147 by 100 m, and 1013 MB for 300 by 300 m in cells of 0.5 m. The bounds of a
-search take most of the last; they grow with the headings that it tries, from the 384 of that measurement to 628.
+Measured with localization, navigation, plans and a search of the whole map together, in buildings with a room each 5 to
+30 m (Linux, CPython 3.11, numpy 2; the most that was resident, of which 104 to 110 MB are a worker without a map):
+
+| map | measured | the estimate |
+|---|---:|---:|
+| 30 by 20 m in cells of 5 cm | 136 MB | 178 MB |
+| 25 by 25 m, 2.5 cm | 183 MB | 239 MB |
+| 75 by 50 m, 5 cm | 247 MB | 322 MB |
+| 100 by 100 m, 10 cm | 294 MB | 370 MB |
+| 100 by 100 m, 5 cm | 459 MB | 610 MB |
+| 147 by 100 m, 5 cm | 622 MB | 826 MB |
+| 300 by 300 m, 50 cm | 1122 MB | 1439 MB |
+
+That is 59 bytes a cell and 11 kB a square metre; the estimate adds a quarter to a third. The bounds of a search take most
+of the square metres' share; they grow with the headings that it tries.
 """
 
 from typing import Final
 
 from chefbotd.components.maps.storage.manifest import Extent
 
-WORKER_MB: Final = 200.0
-"""A worker with all skills and without a map takes 110 MB; the rest is for scans, obstacles that it sees, and plans."""
+WORKER_MB: Final = 150.0
+"""A worker with all skills and without a map takes 104 to 110 MB; the rest is for scans and what it tells."""
 
-BYTES_A_CELL: Final = 130.0
-"""Costs, distances and what was seen take some 90 bytes for a cell of the map; plans, the rest."""
+BYTES_A_CELL: Final = 80.0
+"""Costs, distances and what was seen take some 60 bytes for a cell of the map, plans included."""
 
 BYTES_A_SQUARE_METRE: Final = 14_000.0
 """Likelihoods and surfaces on cells of 5 and 10 cm, and a search's bounds: they do not grow with the map's own cells."""
