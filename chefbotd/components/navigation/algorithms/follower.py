@@ -55,6 +55,15 @@ HELD_M, STAYED_M = 0.06, 0.02
 """A robot that was commanded to drive the first distance and moved less than the second is held back: an obstacle guard
 keeps more distance from a wall than the goal has."""
 
+BESIDE_M, TIGHT_M = 0.1, 0.08
+"""Walls are beside the robot so far along it, and close up to here: it keeps its heading between them."""
+
+BEYOND_M, IN_LINE_POINTS = 0.3, 4
+"""There it steers for a point so far beyond the path's end, in line with its last points: nearer it would weave."""
+
+GUARDED_AHEAD_M = 0.25
+"""No guard stops the robot for what is farther ahead of its outline than this: the ultrasonic sensor keeps 0.15 m."""
+
 MOST_HELD = 4
 """After so many approaches that were held back, forwards and backwards by turns, the goal is blocked."""
 
@@ -76,8 +85,10 @@ def follow(control: Control, state: FollowState, track: Track) -> Followed:
     if state.phase is Phase.FINAL_TURN:
         return _final_turn(control, state, track, to_end_m)
     if to_end_m < APPROACH_M and left_m < 2 * APPROACH_M:
-        state = _held(replace(state, phase=Phase.APPROACHING), pose, last, control.dt_s)
-        return _approach(control, state, track)
+        state = replace(state, phase=Phase.APPROACHING)
+        if _is_between_walls(control):  # which is no reason to turn round
+            return _approach(control, state, track, steers_for=_beyond_end(control, points))
+        return _approach(control, _held(state, pose, last, control.dt_s), track)
     return _pursue(control, state, track)
 
 
@@ -149,6 +160,23 @@ def _stopping(control: Control, curvature: float, arc: Arc) -> float:
     return stopping_speed(free_m - 0.02, limits.deceleration_m_s2, limits.delay_s)
 
 
+def _is_between_walls(control: Control) -> bool:
+    """Whether walls close to its left and right keep the robot in line, and none is ahead."""
+    half_m = float(np.abs(control.outline.hull[:, 1]).max()) + control.outline.pad_m
+    x, y = control.near.points_m.T
+    beside = np.abs(x) < BESIDE_M
+    left, right = (beside & (side > 0) & (side < half_m + TIGHT_M) for side in (y, -y))
+    ahead = (np.abs(y) < half_m / 2) & (np.abs(x) < half_m + GUARDED_AHEAD_M)
+    return bool(left.any() and right.any() and not ahead.any())
+
+
+def _beyond_end(control: Control, points: Floats) -> Pose2D:
+    """A point in line with the path's end, beyond it, in the robot's frame."""
+    before = points[max(len(points) - 1 - IN_LINE_POINTS, 0)]
+    along = points[-1] - before
+    return control.in_base(points[-1] + BEYOND_M * along / max(float(np.hypot(*along)), 1e-6))
+
+
 def _held(state: FollowState, pose: Pose2D, last: Twist2D, dt_s: float) -> FollowState:
     """The same, with how often the robot was commanded to drive and did not move."""
     here = (pose.x_m, pose.y_m)
@@ -160,7 +188,9 @@ def _held(state: FollowState, pose: Pose2D, last: Twist2D, dt_s: float) -> Follo
     return replace(state, held=state.held + 1, from_m=here, asked_m=0.0)
 
 
-def _approach(control: Control, state: FollowState, track: Track) -> Followed:
+def _approach(
+    control: Control, state: FollowState, track: Track, steers_for: Pose2D | None = None
+) -> Followed:
     """Straight to the end: turn towards it and drive, or drive backwards if it lies just behind.
 
     A robot that was held back on its way forwards turns round and backs in: the sensors ahead keep the most distance.
@@ -174,7 +204,8 @@ def _approach(control: Control, state: FollowState, track: Track) -> Followed:
         direction, bearing_rad = -1.0, wrap_angle(bearing_rad + math.pi)
     if abs(bearing_rad) > 0.35 and away_m > limits.position_m:
         return turn_by(control, state, bearing_rad)
-    curvature = min(max(2 * goal.y_m / max(away_m, 0.08) ** 2, -4.0), 4.0)
+    aim = goal if steers_for is None or direction < 0 else steers_for
+    curvature = min(max(2 * aim.y_m / max(math.hypot(aim.x_m, aim.y_m), 0.08) ** 2, -4.0), 4.0)
     near, horizon_m = replace(control.near, stops_m=away_m), direction * (away_m + 0.02)
     braking = limits.deceleration_m_s2
     arc = check_arc(control.outline, near, curvature, horizon_m, limits.max_speed_m_s, braking)

@@ -162,7 +162,8 @@ class Passages:
             apart = np.array([passage.middle.x_m, passage.middle.y_m]) - path.points_m
             k = int(np.argmin(np.hypot(apart[:, 0], apart[:, 1])))
             off_m = float(apart[k] @ left[k])
-            if abs(off_m) <= BESIDE_PATH_M:
+            is_beside = math.hypot(*apart[k]) - abs(off_m) < SPACING_M  # and not beyond the path's end
+            if is_beside and abs(off_m) <= BESIDE_PATH_M:
                 offsets[k] = off_m
         if not offsets:
             return path.points_m
