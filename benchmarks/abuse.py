@@ -59,12 +59,12 @@ SHAPES: dict[str, tuple[bytes, bytes]] = {
 def run(*, quick: bool = False) -> Outcome:
     """Memory grown at its peak, the driver's answers, and the control steps held against the frames sent."""
     body_mb, crowd = (BODY_MB // 10, CROWD // 4) if quick else (BODY_MB, CROWD)
-    attacks = {name: partial(_shout, *shape, body_mb) for name, shape in SHAPES.items()}
-    attacks["a crowd at once"] = partial(_crowd, crowd)
+    attacks = {name: partial(send_body, *shape, body_mb) for name, shape in SHAPES.items()}
+    attacks["a crowd at once"] = partial(connect_crowd, crowd)
     attacks["a crowd that does not read"] = partial(_deaf, DEAF)
     attacks["a crowd that floods and does not read"] = partial(_deaf_flood, DEAF)
     for method in ("get_state", "describe"):
-        attacks[f"a crowd that asks for {method}"] = partial(_ask, ASKERS, method)
+        attacks[f"a crowd that asks for {method}"] = partial(ask_repeatedly, ASKERS, method)
     with board() as instrument, daemon(instrument.device) as running, connect(running) as caller:
         instrument.start(1 / CYCLE_HZ)
         caller.drive_for(1.0, 0.1, 0.0)
@@ -103,7 +103,7 @@ def _timed(attack: Callable[[int], None], port: int) -> float:
     return time.monotonic() - began_s
 
 
-def _shout(first: bytes, body: bytes, megabytes: int, port: int) -> None:
+def send_body(first: bytes, body: bytes, megabytes: int, port: int) -> None:
     """Send the first message and then the body again and again, until all is sent or we are cut off."""
     chunk = body * (CHUNK // len(body))
     with socket.create_connection(("127.0.0.1", port), timeout=5.0) as client, contextlib.suppress(OSError):
@@ -112,7 +112,7 @@ def _shout(first: bytes, body: bytes, megabytes: int, port: int) -> None:
             client.sendall(chunk)
 
 
-def _crowd(count: int, port: int) -> None:
+def connect_crowd(count: int, port: int) -> None:
     """Connect so many clients before any of them does anything, hold them for a moment, and go."""
     with contextlib.ExitStack() as crowd:
         for _ in range(count):
@@ -150,7 +150,7 @@ def _deaf_flood(count: int, port: int) -> None:
         client.close()
 
 
-def _ask(count: int, method: str, port: int) -> None:
+def ask_repeatedly(count: int, method: str, port: int) -> None:
     """Ask for the same, 32 times in a row, and read the answers before asking again: within every limit there is."""
     requests, over_s = (_CALL + b'"%b"}\n' % method.encode()) * 32, time.monotonic() + ASK_S
     with contextlib.ExitStack() as crowd, selectors.DefaultSelector() as readable:
@@ -170,7 +170,7 @@ def _ask(count: int, method: str, port: int) -> None:
 
 def _estops(caller: Caller, port: int) -> list[float]:
     """How long an e-stop takes while a crowd asks, from the request to the answer, in seconds."""
-    crowd, took_s = threading.Thread(target=_ask, args=(ASKERS, "get_state", port)), []
+    crowd, took_s = threading.Thread(target=ask_repeatedly, args=(ASKERS, "get_state", port)), []
     crowd.start()
     for _ in range(ESTOPS):
         time.sleep(ASK_S / 2 / ESTOPS)
@@ -197,7 +197,7 @@ def _goes_on(client: socket.socket, data: bytes) -> bool:
 @contextmanager
 def _watched_memory(running: Daemon) -> Iterator[list[float]]:
     """The daemon's resident megabytes, sampled at 50 Hz while the block lasts; first those before it."""
-    with _in_background(0.02, running.resident_mb) as samples:
+    with sample_in_background(0.02, running.resident_mb) as samples:
         yield samples
 
 
@@ -211,12 +211,13 @@ def _driven(running: Daemon) -> Iterator[list[float]]:
         caller.call("drive", linear_m_s=0.1, angular_rad_s=0.0, source="navigation")
         return time.monotonic() - began_s
 
-    with caller, _in_background(0.1, drive) as samples:
+    with caller, sample_in_background(0.1, drive) as samples:
         yield samples
 
 
 @contextmanager
-def _in_background(period_s: float, sample: Callable[[], float]) -> Iterator[list[float]]:
+def sample_in_background(period_s: float, sample: Callable[[], float]) -> Iterator[list[float]]:
+    """What ``sample`` returned, first and once in each period, until the end of the block."""
     samples, over = [sample()], threading.Event()
 
     def repeat() -> None:

@@ -15,7 +15,11 @@ LONGEST_SLEEP_S = 2.0
 
 
 async def main(robot: Client) -> str:
-    """Every round goes on where a place is not reached; a refusal, or somebody who stops the robot, ends the patrol."""
+    """Every round goes on where a place is not reached; a refusal, or somebody who stops the robot, ends the patrol.
+
+    So does a stop that nobody has told of, between two places: each goal belongs to what was decided at the start.
+    """
+    decided = (await robot.get_state()).safety.stop_number
     places = [place.name for place in (await robot.list_places()).places]
     if not places:
         return "The map has no places: save some with 'chefbotctl places save'."
@@ -25,7 +29,7 @@ async def main(robot: Client) -> str:
     for number in range(1, ROUNDS + 1):
         for place in places:
             try:
-                await robot.navigate_to(place=place)
+                await robot.navigate_to(place=place, if_stop_number=decided)
             except GoalNotReached as error:
                 if error.cause in BY_PEOPLE:
                     return f"The patrol was stopped in round {number}: {error.reason}"

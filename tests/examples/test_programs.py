@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from chefbotd.cli.common.context import beside
-from chefbotd.client import Client
+from chefbotd.client import CallError, Client
 from chefbotd.client.models import ScanData
 from chefbotd.clock import run_virtual, suspended_s
 from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
@@ -172,15 +172,23 @@ class RobotOfThreePlaces:
 
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         self.visited: list[str] = []
+        self.stop_number, self.is_stopped = 5, False
         self._monkeypatch = monkeypatch
+
+    async def get_state(self) -> SimpleNamespace:
+        """Never stopped."""
+        return SimpleNamespace(safety=SimpleNamespace(stop_number=5))
 
     async def list_places(self) -> SimpleNamespace:
         """Three of them."""
         return SimpleNamespace(places=[SimpleNamespace(name=name) for name in ("sofa", "kitchen", "desk")])
 
-    async def navigate_to(self, place: str) -> None:
+    async def navigate_to(self, place: str, if_stop_number: int) -> None:
         """Be there."""
+        if if_stop_number != self.stop_number:
+            raise CallError(-32039, "stopped_since", "the robot was stopped since")
         self.visited.append(place)
+        self.stop_number += self.is_stopped
         if place == "kitchen":
             self._monkeypatch.setattr(
                 "chefbotd.client.sleep_watch.suspended_s", lambda: suspended_s() + 600.0
@@ -193,3 +201,12 @@ def test_a_patrol_whose_computer_slept_is_over(monkeypatch: pytest.MonkeyPatch) 
     said = run_virtual(patrol.main(cast(Client, robot)))
     assert said == "The patrol ended in round 1: this program did not run for 600 s."
     assert robot.visited == ["sofa", "kitchen"]
+
+
+def test_a_patrol_whose_robot_was_stopped_between_two_places_is_over(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Somebody stopped it and armed it after the first place: it is sent to no further one."""
+    robot = RobotOfThreePlaces(monkeypatch)
+    robot.is_stopped = True
+    said = run_virtual(patrol.main(cast(Client, robot)))
+    assert said == "The patrol ended in round 1: the robot was stopped since"
+    assert robot.visited == ["sofa"]
