@@ -6,9 +6,13 @@ import tempfile
 from pathlib import Path
 from typing import IO
 
+import structlog
+
 from chefbotd.settings.errors import SettingsError
 from chefbotd.settings.loader import load
 from chefbotd.storage import sync_folder
+
+log = structlog.get_logger(__name__)
 
 
 def read_writable(path: Path) -> str:
@@ -24,6 +28,8 @@ def read_writable(path: Path) -> str:
 def replace_file(path: Path, text: str) -> None:
     """Write this text in the place of the file, in one step or not at all. It keeps the owner and the mode.
 
+    A folder that cannot be synchronized after that is logged: the file is the new one for whoever reads it.
+
     Raises:
         SettingsError: the text is no configuration.
         OSError: the file cannot be replaced.
@@ -37,7 +43,10 @@ def replace_file(path: Path, text: str) -> None:
         except BaseException:
             temporary.unlink()
             raise
-    sync_folder(path.parent)  # without this a power cut might bring the old file back
+    try:
+        sync_folder(path.parent)  # without this a power cut might bring the old file back
+    except OSError as error:
+        log.warning("a power cut may bring the old file back", path=str(path), error=str(error))
 
 
 def _temporary(path: Path) -> IO[bytes]:

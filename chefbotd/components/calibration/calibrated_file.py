@@ -50,11 +50,11 @@ def replace_keeping(path: Path, text: str) -> Path:
         OSError: the file cannot be kept or replaced.
     """
     kept = _next_free(path)
-    shutil.copy2(path, kept)
     try:
+        shutil.copy2(path, kept)
         replace_file(path, text)
     except BaseException:
-        kept.unlink()
+        kept.unlink(missing_ok=True)
         raise
     return kept
 
