@@ -18,7 +18,6 @@ from benchmarks.board import board
 from benchmarks.figures import Figure, Outcome, percentile
 from benchmarks.latency import CYCLE_S, ECHO_S, command_to_wire
 from benchmarks.rpc import WebCaller
-from chefbotd.settings import packaged
 from chefbotd.transport.ports import reserve_port
 from chefbotd.transport.web.server import page_files
 
@@ -87,11 +86,9 @@ def _latencies(commands: int) -> list[Figure]:
 def _simulated() -> Iterator[rig.Daemon]:
     """A simulated robot with a lidar in a flat, that serves the page on the port after its own."""
     with TemporaryDirectory(prefix="chefbotd-bench-") as folder:
-        text, port, page_port = packaged("chefbot_lidar").read_text(), reserve_port(), reserve_port()
-        for old, new in (("port = 7333", port), ("port = 7380", page_port)):
-            text = text.replace(old, f"port = {new}")
+        port, page_port = reserve_port(), reserve_port()
         config = Path(folder, "robot.toml")
-        config.write_text(text)
+        config.write_text(f'extends = "chefbot_lidar"\n[api]\nport = {port}\n[page]\nport = {page_port}\n')
         command = [*rig.CHEFBOTD, "run", "--sim", "--page", "--config", str(config)]
         with rig.running(command, port, page_port) as running:
             rig.connect(running).call("arm")

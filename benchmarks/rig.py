@@ -7,7 +7,6 @@ import subprocess
 import sys
 import tempfile
 import time
-import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -18,6 +17,7 @@ import psutil
 
 from benchmarks.rpc import Caller, CallFailed
 from chefbotd.settings import packaged
+from chefbotd.settings.loader import read_values
 from chefbotd.transport.ports import reserve_port
 
 CHEFBOTD = (str(Path(sys.executable).with_name("chefbotd")),)
@@ -120,7 +120,7 @@ def _is_table(value: object) -> bool:
 
 
 def _changed(changes: Changes) -> dict[str, Any]:
-    values = tomllib.loads(packaged().read_text())
+    values = read_values(packaged())
     for section, keys in changes.items():
         values[section] = keys if isinstance(keys, list) else {**values.get(section, {}), **keys}
     return values

@@ -10,7 +10,6 @@ import random
 import subprocess
 import tempfile
 import time
-import tomllib
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
@@ -26,6 +25,7 @@ from benchmarks.rig import CHEFBOTD, Daemon, connect, running, sent, to_toml, un
 from benchmarks.rpc import Caller
 from benchmarks.tap import Tap, tap
 from chefbotd.settings import packaged
+from chefbotd.settings.loader import read_values
 from chefbotd.transport.ports import reserve_port
 from examples.order import PATIENCE_S, START, TABLES
 from examples.order import PLACES as ALL_PLACES
@@ -146,13 +146,13 @@ def _serving() -> Iterator[tuple[Daemon, Caller, Tap]]:
 
 
 def _configured(folder: Path) -> dict[str, Any]:
-    values = tomllib.loads(packaged(ROBOT).read_text())
+    values = read_values(packaged(ROBOT))
     values["lidar"][0]["device"] = str(folder / "board-lidar")
     values["maps"] = {"folder": str(folder / "maps")}
     start = {"start_x_m": START.x_m, "start_y_m": START.y_m, "start_heading_rad": START.heading_rad}
     values["sim"] = {"world": {"map_path": "flat", **start}}
     values["watchdog"] = {"timeout_s": PATIENCE_S}
-    values["safety"]["encoders"]["latch_after_s"] = HELD_UP_S
+    values["safety"]["encoders"] = {"latch_after_s": HELD_UP_S}
     return values
 
 

@@ -18,6 +18,9 @@ from click.testing import CliRunner
 
 NOT_INSTALLED = 7
 
+WHOLE = Path(__file__).resolve().parent / "vectors" / "full_configurations" / "chefbot.toml"
+"""A configuration with every section, commented or not."""
+
 NOBODY = "127.0.0.1:1"
 """No daemon answers there."""
 
@@ -138,9 +141,7 @@ def leaves(command: click.Command, words: tuple[str, ...]) -> Iterator[str]:
 
 def write_files() -> None:
     """The files that the commands above name."""
-    from chefbotd.settings import packaged
-
-    text = packaged().read_text(encoding="utf-8")
+    text = WHOLE.read_text(encoding="utf-8")
     Path("robot.toml").write_text(text, encoding="utf-8")
     Path("drive.mcap").write_bytes(b"\x89MCAP0\r\n")
     Path("described.urdf").write_text('<robot name="chefbot"/>', encoding="utf-8")
@@ -156,27 +157,36 @@ def write_files() -> None:
     Path("program.py").touch()
 
 
+def programs() -> dict[str, click.Command]:
+    """The command lines; loaded when what is to be missing is missing."""
+    from chefbotd.cli.programs import chefbotctl, chefbotd
+
+    return {"chefbotd": chefbotd.main, "chefbotctl": chefbotctl.main}
+
+
+def tried() -> list[str]:
+    """Every command, with words or without."""
+    lines = [*NEEDS, *ELSEWHERE, *OTHERS]
+    for name, program in programs().items():
+        for leaf in leaves(program, (name,)):
+            if not any(line == leaf or line.startswith(f"{leaf} ") for line in lines):
+                lines.append(leaf)
+    return lines
+
+
 def main(arguments: list[str]) -> int:
     """Try them all; the exit code says whether any ended in another way than with an exit code of its own."""
     if "--hide" in arguments:
         sys.modules |= dict.fromkeys((*OF_EXTRAS, *NOT_OURS))  # type: ignore[arg-type]
-    from chefbotd.cli.programs import chefbotctl, chefbotd
-
-    programs: dict[str, click.Command] = {"chefbotd": chefbotd.main, "chefbotctl": chefbotctl.main}
-    lines = [*NEEDS, *ELSEWHERE, *OTHERS]
-    for name, program in programs.items():
-        for leaf in leaves(program, (name,)):
-            if not any(line == leaf or line.startswith(f"{leaf} ") for line in lines):
-                lines.append(leaf)
-    failed = False
+    of_program, failed = programs(), False
     with tempfile.TemporaryDirectory() as folder:
         os.chdir(folder)
         os.environ |= {"HOME": folder, "XDG_STATE_HOME": folder, "CHEFBOTCTL_CONNECT": NOBODY}
         write_files()
         Path("folder").mkdir()
-        for line in lines:
+        for line in tried():
             words = shlex.split(line)
-            result = CliRunner().invoke(programs[words[0]], words[1:])
+            result = CliRunner().invoke(of_program[words[0]], words[1:])
             problem = ""
             if result.exc_info is not None and not isinstance(result.exception, SystemExit | None):
                 problem = "".join(traceback.format_exception(*result.exc_info))

@@ -9,7 +9,8 @@ import pytest
 
 from chefbotd.cli.common.credentials import _token
 from chefbotd.rpc.access import load_guard
-from chefbotd.settings import load, packaged
+from chefbotd.settings import load
+from tests.robot_files import full
 
 ROOT = Path(__file__).parents[1]
 PAGE = ROOT / "docs" / "api.md"
@@ -48,11 +49,11 @@ def test_the_recipe_leads_from_the_command_that_makes_tokens_to_a_client_that_is
 
     config = tmp_path / "chefbot.toml"
     (key,) = re.findall(r'^ +(token_credential = "[^"]+")$', recipe(), re.MULTILINE)
-    config.write_text(packaged().read_text().replace("[api]\n", f"[api]\n{key}\n"))
+    config.write_text(full().read_text().replace("[api]\n", f"[api]\n{key}\n"))
     guard = load_guard(load(config).api, {"CREDENTIALS_DIRECTORY": str(credentials)})
     assert guard.keyring is not None
 
-    (copy,) = re.findall(r"^    \$ (\(umask .+\))$", recipe(), re.MULTILINE)
+    (copy,) = re.findall(r"^\$ (\(umask .+\))$", recipe(), re.MULTILINE)
     sh(copy.replace(TOKENS, str(made)).replace("~/.chefbot-token", str(client)))
     for file, role in ((client, "drive"), (made, "admin")):
         with file.open(encoding="utf-8") as text:

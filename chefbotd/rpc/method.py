@@ -116,6 +116,7 @@ def method(
                 f"{function.__qualname__} must say whether it moves the robot: moves=True or moves=False"
             )
         signature = inspect.signature(function)
+        _require_arguments(function, signature)
         params_model, result = (
             params or signature.parameters["params"].annotation,
             signature.return_annotation,
@@ -135,6 +136,21 @@ def method(
         return function
 
     return mark
+
+
+def _require_arguments(function: Callable[..., Any], signature: inspect.Signature) -> None:
+    """Raise ``TypeError`` unless the handler can be called with what a request of its kind brings."""
+    names = ["self", "caller", "params"]
+    if inspect.iscoroutinefunction(function):
+        names.append("progress")
+    try:
+        signature.bind(*names)
+    except TypeError as error:
+        kind = "async def" if "progress" in names else "def"
+        expected = f"{kind} {function.__name__}({', '.join(names)})"
+        raise TypeError(
+            f"{function.__qualname__}: expected {expected}, got {kind} {function.__name__}{signature}"
+        ) from error
 
 
 def methods_of(handlers: object) -> tuple[Method, ...]:

@@ -106,7 +106,7 @@ def read_values(path: Path) -> dict[str, Any]:
     own = _from_file(path)
     try:
         base = base_of(own)
-        return own if base is None else merge(_from_file(base), own)
+        return own if base is None else merge(read_values(base), own)
     except SettingsError as error:
         raise SettingsError(f"{path}: {error}") from error
 

@@ -115,7 +115,7 @@ class CoreSettings(Parameters):
     pid: PidParameters
     wheel_pid: Mapping[str, PidParameters] = {}
     limits: MotionLimits
-    odometry: OdometryParameters
+    odometry: OdometryParameters = section()
     control: ControlParameters = section()
     safety: SafetyParameters = section()
     latch: LatchParameters = section()

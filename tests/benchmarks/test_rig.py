@@ -4,9 +4,10 @@ import tomllib
 
 from benchmarks.rig import to_toml
 from chefbotd.settings import packaged
+from chefbotd.settings.loader import read_values
 
 
 def test_the_packaged_configuration_survives_being_written_again() -> None:
     """Tables, empty tables, arrays of tables and every kind of scalar."""
-    values = tomllib.loads(packaged().read_text())
+    values = read_values(packaged())
     assert tomllib.loads(to_toml(values)) == values

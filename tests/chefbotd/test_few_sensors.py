@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 
 from chefbotd.clock import run_virtual
-from chefbotd.settings import Settings, SettingsError, load, packaged
+from chefbotd.settings import Settings, SettingsError, load
 from chefbotd.testing.daemon import simulated_robot
+from tests.robot_files import full
 
 SENSORS = ("ultrasonic", "imu", "battery")
 
@@ -36,7 +37,7 @@ def test_a_robot_without_these_drives(left_out: tuple[str, ...]) -> None:
 @pytest.mark.parametrize("section", ["imu", "battery"])
 def test_a_file_without_the_section_is_whole(section: str, tmp_path: Path) -> None:
     """`check-config` takes a file in which it was deleted."""
-    text = packaged("chefbot").read_text(encoding="utf-8")
+    text = full("chefbot").read_text(encoding="utf-8")
     begin = text.index(f"[{section}]")
     end = text.find("\n[", begin + 1)
     path = tmp_path / "chefbot.toml"
@@ -47,7 +48,7 @@ def test_a_file_without_the_section_is_whole(section: str, tmp_path: Path) -> No
 @pytest.mark.parametrize("side", ["front", "front_left", "steered"])
 def test_another_kind_of_robot_is_told_so(side: str, tmp_path: Path) -> None:
     """A wheel on neither side: the error says which robots are driven."""
-    text = packaged("chefbot").read_text(encoding="utf-8").replace('side = "left"', f'side = "{side}"')
+    text = full("chefbot").read_text(encoding="utf-8").replace('side = "left"', f'side = "{side}"')
     path = tmp_path / "car.toml"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(SettingsError, match="differential drive, skid steer") as error:

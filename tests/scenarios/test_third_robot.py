@@ -13,10 +13,11 @@ from click.testing import CliRunner
 
 from chefbotd.cli.programs.chefbotd import main as chefbotd
 from chefbotd.clock import run_virtual
-from chefbotd.settings import Settings, load, packaged
+from chefbotd.settings import Settings, load
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from firmware_protocol.codec import ANALOGUE, VARIANTS, Variant
 from tests.budget import sample
+from tests.robot_files import full
 from tests.scenarios.wires import frozen, rewire
 
 ORDERS = ("LLLRRR", "RLLRRL")
@@ -39,7 +40,7 @@ def order(request: pytest.FixtureRequest) -> str:
 def crawler(order: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """Its configuration, from KHAN's: six wheels, one motor and one encoder backwards, an ultrasonic and an infrared."""
     monkeypatch.setitem(VARIANTS, CRAWLER.name, CRAWLER)
-    values: dict[str, Any] = tomllib.loads(packaged("khan").read_text(encoding="utf-8"))
+    values: dict[str, Any] = tomllib.loads(full("khan").read_text(encoding="utf-8"))
     wheels = [
         {"name": name, "side": "left" if side == "L" else "right", "radius_m": 0.03}
         for name, side in zip(names(order), order, strict=True)

@@ -19,7 +19,6 @@ import pytest
 from chefbotd.client import SyncClient
 from chefbotd.components.maps.storage.contents import save
 from chefbotd.components.maps.storage.store import MapStore
-from chefbotd.settings import packaged
 from chefbotd.transport.ports import reserve_port
 from tests.chefbotd.components.maps.storage.test_store import grid
 
@@ -49,7 +48,7 @@ class Restaurant:
     def __init__(self, folder: Path) -> None:
         self.api_port, self.page_port = reserve_port(), reserve_port()
         save(MapStore(folder / "maps"), "flat", grid(1))
-        text = packaged("chefbot_lidar").read_text().replace("port = 7333", f"port = {self.api_port}")
+        text = f'extends = "chefbot_lidar"\n[api]\nport = {self.api_port}\n'
         (folder / "robot.toml").write_text(text)
         environment = {**os.environ, "CHEFBOTD_MAPS__FOLDER": str(folder / "maps")}
         self._log = (folder / "log").open("wb")

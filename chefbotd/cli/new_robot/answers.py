@@ -88,7 +88,7 @@ def _line(key: str, answer: Answer) -> str:
 
 
 def _is_same(value: Value, present: object) -> bool:
-    if value is False and present is None:
+    if value is False and present in (None, []):
         return True  # a section that is left out already
     return (type(value) is type(present) and value == present) or (_is_number(value) and value == present)
 

@@ -78,7 +78,8 @@ async def find_board(interview: Interview, serial: Serial, named_device: str | N
     ports = [SerialPort(named_device)] if named_device else serial.ports()
     if not ports:
         interview.say(
-            "No serial port was found: is the board plugged in (a charging cable has no data lines)?"
+            "No serial port was found: is the board plugged in (a charging cable has no data lines)? If lsusb lists it, "
+            "its driver is missing, or brltty has taken it."
         )
         return Found()
     interview.say(f"Listening at {', '.join(port.device for port in ports)}; this takes up to 10 s a port.")

@@ -102,12 +102,22 @@ def _values(path: Path) -> dict[str, Any]:
     return tomllib.loads(path.read_text(encoding="utf-8-sig"))
 
 
+def _resolved(path: Path) -> dict[str, Any]:
+    """Every value of a robot's file, with the defaults where it is valid: what is the default is no difference."""
+    from chefbotd.settings import SettingsError, load
+    from chefbotd.settings.loader import read_values
+
+    try:
+        return load(path).model_dump(mode="json", by_alias=True)
+    except SettingsError:
+        return read_values(path)
+
+
 def _write_new(path: Path, walk: "Walk") -> None:
     from chefbotd.cli.new_robot.answers import differing, new_file
     from chefbotd.settings import SettingsError, load, packaged
-    from chefbotd.settings.loader import read_values
 
-    differences = differing(walk.answers, read_values(packaged(walk.base)))
+    differences = differing(walk.answers, _resolved(packaged(walk.base)))
     text = new_file(walk.base, differences, walk.missing)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -132,10 +142,9 @@ def _changed_text(path: Path, walk: "Walk") -> str | None:
     """The file with what has changed, which is shown; None where nothing has."""
     from chefbotd.cli.new_robot.answers import differing, edited
     from chefbotd.components.calibration.calibrated_file import difference
-    from chefbotd.settings.loader import read_values
 
     before = path.read_text(encoding="utf-8-sig")
-    changes = differing(walk.answers, read_values(path))
+    changes = differing(walk.answers, _resolved(path))
     if not changes:
         echo(f"Nothing has changed: {path} stays as it is.")
         return None

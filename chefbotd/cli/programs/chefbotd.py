@@ -34,8 +34,8 @@ if TYPE_CHECKING:
 def init(robot: str, folder: Path) -> None:
     """Create the configuration of your own robot in FOLDER.
 
-    Writes the packaged robot's configuration with all its comments. Nothing is overwritten. 'chefbotctl new-robot'
-    asks for your robot instead, and writes only what differs.
+    Writes the packaged robot's configuration: what differs from the defaults, with comments. Nothing is overwritten.
+    'chefbotctl new-robot' asks for your robot instead.
     """
     from chefbotd.settings import SettingsError, packaged
 

@@ -25,14 +25,13 @@ def unit(packaged: str, program: Path) -> str:
 
 def configuration(packaged: str, *, with_page: bool) -> str:
     """A packaged robot's configuration for a service: the board by its stable name, tokens, and the page."""
-    text = re.sub(r'^device = "[^"]*"', f'device = "{DEVICE}"', packaged, count=1, flags=re.MULTILINE)
-    key = f'token_credential = "{CREDENTIAL}"  # {TOKENS}, by way of the unit'
-    text = text.replace("[api]\n", f"[api]\n{key}\n", 1)
+    device = f'[link]\ndevice = "{DEVICE}"'
+    text, replaced = re.subn(r'^\[link\]\ndevice = "[^"]*"', device, packaged, count=1, flags=re.MULTILINE)
+    own = [] if replaced else [device]
+    own.append(f'[api]\ntoken_credential = "{CREDENTIAL}"  # {TOKENS}, by way of the unit')
     if with_page:
-        text = re.sub(
-            r"^\[page\]\nenabled = false\b", "[page]\nenabled = true", text, count=1, flags=re.MULTILINE
-        )
-    return text
+        own.append("[page]\nenabled = true")
+    return "\n\n".join([text.rstrip("\n"), *own]) + "\n"
 
 
 def tokens() -> str:

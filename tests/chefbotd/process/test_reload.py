@@ -12,9 +12,10 @@ from chefbotd.client import CallError, Client
 from chefbotd.clock import run_virtual
 from chefbotd.process import logs
 from chefbotd.process.service import DaemonService
-from chefbotd.settings import Settings, load, packaged
+from chefbotd.settings import Settings, load
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from tests.missing import URDF_PARSER, hide
+from tests.robot_files import full
 
 OLD, NEW = "o" * 20, "n" * 20
 SPEED_M_S = 0.3
@@ -25,7 +26,7 @@ class Robot:
 
     def __init__(self, path: Path) -> None:
         self.path = path
-        path.write_text(packaged().read_text())
+        path.write_text(full().read_text())
         self.told: list[str] = []
 
     async def _read(self) -> Settings:

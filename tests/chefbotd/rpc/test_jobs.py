@@ -311,3 +311,23 @@ def test_a_stop_voids_a_job_that_moves_and_whose_task_has_not_begun(stop: str) -
                 assert go.begun == 1
 
     run_virtual(main())
+
+
+def test_a_handler_that_a_request_could_not_call_is_refused_when_it_is_declared() -> None:
+    """A coroutine function takes a progress too, any other does not: said at the start, not at the first call."""
+
+    async def tidy(self: object, caller: Caller, params: NoParams) -> Done:
+        raise NotImplementedError
+
+    def look(self: object, caller: Caller, params: NoParams, progress: ProgressReporter) -> Done:
+        raise NotImplementedError
+
+    declare = method(role=Role.OBSERVE)
+    with pytest.raises(
+        TypeError, match=r"tidy: expected async def tidy\(self, caller, params, progress\), got async"
+    ):
+        declare(tidy)
+    with pytest.raises(
+        TypeError, match=r"look: expected def look\(self, caller, params\), got def look\(self"
+    ):
+        declare(look)

@@ -11,9 +11,10 @@ import tomlkit
 
 from chefbotd.components.tuning.gains_file import save
 from chefbotd.settings import SettingsError, load, packaged, replace_file
+from tests.robot_files import full
 
 NOBODY = 65534
-PACKAGED = packaged().read_bytes()
+PACKAGED = full().read_bytes()
 """ChefBot's configuration; read before anybody gives up the right to look into the folder of the sources."""
 
 TUNED = {wheel: own.model_copy(update={"kp": 450.0}) for wheel, own in load().gains().items()}
@@ -24,7 +25,7 @@ TUNED = {wheel: own.model_copy(update={"kp": 450.0}) for wheel, own in load().ga
 def config(tmp_path: Path) -> Path:
     """A copy of ChefBot's configuration."""
     path = tmp_path / "robot.toml"
-    path.write_bytes(packaged().read_bytes())
+    path.write_bytes(full().read_bytes())
     return path
 
 
@@ -143,6 +144,6 @@ def test_a_file_that_begins_with_a_byte_order_mark(config: Path) -> None:
     """It is edited like any other, and has none any more."""
     save(config, TUNED)
     edited = config.read_bytes()
-    config.write_bytes(b"\xef\xbb\xbf" + packaged().read_bytes())
+    config.write_bytes(b"\xef\xbb\xbf" + full().read_bytes())
     save(config, TUNED)
     assert config.read_bytes() == edited

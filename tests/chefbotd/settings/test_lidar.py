@@ -9,6 +9,7 @@ from chefbotd.sensing.lidar import LidarModel
 from chefbotd.settings import SettingsError, load, packaged
 from chefbotd.settings.description import UrdfDescription, differences
 from chefbotd.settings.urdf import urdf_of
+from tests.robot_files import full
 
 LD19 = {"name": "top", "model": "ld19", "device": "/dev/ttyUSB0"}
 A1 = {"name": "low", "model": "rplidar_a1", "device": "/dev/ttyUSB1"}
@@ -28,10 +29,12 @@ def test_what_is_left_out_is_the_model_s_own() -> None:
     assert not low.model.is_ldrobot
 
 
-@pytest.mark.parametrize("robot", ["chefbot", "khan"])
-def test_the_commented_table_of_a_packaged_robot_is_a_good_one(robot: str, tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    "path", [packaged("chefbot"), full("chefbot"), full("khan")], ids=["short", "chefbot", "khan"]
+)
+def test_the_commented_table_of_a_packaged_robot_is_a_good_one(path: Path, tmp_path: Path) -> None:
     """Who takes the comment signs away has a configuration with a lidar."""
-    lines = packaged(robot).read_text().splitlines()
+    lines = [*path.read_text().splitlines(), ""]
     begin = next(number for number, line in enumerate(lines) if line.startswith("# [[lidar]]"))
     end = lines.index("", begin)
     lines[begin:end] = [line.removeprefix("# ") for line in lines[begin:end]]

@@ -11,9 +11,10 @@ from hypothesis import strategies as st
 
 from chefbotd.components.tuning.gains_file import save
 from chefbotd.motion.pid import PidParameters
-from chefbotd.settings import load, packaged
+from chefbotd.settings import load
 from chefbotd.settings.toml_edit import Editor
 from tests.budget import examples, sample
+from tests.robot_files import full
 
 SAID = {"kp": 400, "ki_duty_per_m": 100.0, "output_limit": 255, "integral_limit_duty": 300.0, "ks": 85}
 """Gains in short and long names, of which one may be off."""
@@ -78,9 +79,7 @@ def file(robot: str, pid: tuple[str, str], wheels: tuple[str, str, str]) -> str:
     """The robot's packaged configuration with its gains in other forms."""
     pid_on_top, pid_section = pid
     on_top, among, at_end = wheels
-    rest = re.sub(
-        r"(?ms)^\[pid\].*?^(?=\[limits\])", lambda _: among + pid_section, packaged(robot).read_text()
-    )
+    rest = re.sub(r"(?ms)^\[pid\].*?^(?=\[limits\])", lambda _: among + pid_section, full(robot).read_text())
     return pid_on_top + on_top + rest + at_end
 
 
@@ -91,7 +90,7 @@ def files(draw: st.DrawFn) -> tuple[str, bytes]:
     one, two = draw(st.permutations(WHEELS[robot]))[:2]
     text = draw(st.sampled_from(list(pid_forms().values())).flatmap(
         lambda pid: st.sampled_from(list(wheel_forms(one, two).values())).map(lambda form: file(robot, pid, form))
-    ) | st.just(packaged(robot).read_text()))  # fmt: skip
+    ) | st.just(full(robot).read_text()))  # fmt: skip
     text = draw(st.sampled_from([text, text.rstrip("\n"), text + "\n\n# the very end"]))
     return robot, text.replace("\n", draw(st.sampled_from(["\n", "\r\n"]))).encode()
 

@@ -3,9 +3,10 @@
 from pathlib import Path
 
 from chefbotd.clock import run_virtual
-from chefbotd.settings import Settings, packaged
+from chefbotd.settings import Settings
 from chefbotd.testing.daemon import running_daemon
 from chefbotd.testing.transport import FakeSerialDevice
+from tests.robot_files import full
 
 WRITTEN_BY_HAND = Path(__file__).parents[2] / "vectors" / "urdf"
 
@@ -18,7 +19,7 @@ def written(robot: str) -> Path:
 def own(folder: Path, urdf: str | None, *, change: tuple[str, str] = ("", "")) -> Path:
     """A copy of KHAN's configuration that names a description beside it."""
     path = folder / "robot.toml"
-    text = packaged("khan").read_text().replace('# description = "my.urdf"', 'description = "my.urdf"', 1)
+    text = full("khan").read_text().replace('# description = "my.urdf"', 'description = "my.urdf"', 1)
     assert change[0] in text
     path.write_text(text.replace(*change, 1))
     if urdf is not None:

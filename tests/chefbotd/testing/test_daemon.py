@@ -8,10 +8,11 @@ import numpy as np
 from chefbotd.clock import run_virtual
 from chefbotd.core.events.lidars import LidarChanged
 from chefbotd.rpc.encoding import plain
-from chefbotd.settings import load, packaged
+from chefbotd.settings import load
 from chefbotd.testing.daemon import running_daemon, simulated_robot
 from chefbotd.testing.transport import FakeSerialDevice
 from firmware_protocol.lidar.ld19 import Ld19Packet, encode
+from tests.robot_files import full
 
 LIDARS = [
     {"name": "nose", "model": "ld19", "device": "/dev/nose"},
@@ -51,7 +52,7 @@ def test_each_lidar_is_opened_on_its_own_device_in_memory() -> None:
 
 def test_people_and_things_of_the_configuration_are_there(tmp_path: Path) -> None:
     """From a file: somebody who walks, and a bag; more is put there while it runs."""
-    told = packaged("chefbot_lidar").read_text() + (
+    told = full("chefbot_lidar").read_text() + (
         "[[sim.people]]\npath_m = [[5.0, 3.9], [8.0, 4.1]]\nspeed_m_s = 1.2\nstops_for_robot = false\n"
         "[[sim.things]]\nx_m = 1.0\ny_m = 3.9\nradius_m = 0.2\n"
     )

@@ -15,8 +15,8 @@ from typing import Any, ClassVar
 import pytest
 
 from chefbotd.client import SyncClient
-from chefbotd.settings import packaged
 from chefbotd.transport.ports import reserve_port
+from tests.robot_files import full
 from tests.waiting import PATIENCE_S
 
 HERE = all(map(find_spec, ("playwright", "axe_playwright_python", "aiohttp")))
@@ -52,7 +52,7 @@ class RunningRobot:
     ) -> None:
         self.api_port, self.page_port, self.token = reserve_port(), reserve_port(), token
         self._board = ["--sim"] if device is None else ["--port", str(device)]
-        text = packaged(name).read_text()
+        text = full(name).read_text()
         for old, new in (("port = 7333", self.api_port), ("port = 7380", self.page_port)):
             assert old in text
             text = text.replace(old, f"port = {new}")

@@ -8,7 +8,7 @@ import click
 
 from chefbotd.cli.common.arguments import Address, configuration
 from chefbotd.cli.common.context import CommandContext
-from chefbotd.cli.common.echo import echo
+from chefbotd.cli.common.echo import echo, tell
 from chefbotd.cli.common.exits import Exit, ProgramError
 
 if TYPE_CHECKING:
@@ -192,18 +192,20 @@ def _print_rule(ports_here: "list[SerialPort]", name: str, context: CommandConte
     if context.as_json:
         echo(json.dumps({"rule": rule, "file": RULES_FILE.format(name=name)}))
         return
-    click.echo(
-        f"Into {RULES_FILE.format(name=name)}; then: sudo udevadm control --reload, and plug it in again",
-        err=True,
-    )
+    tell(f"Into {RULES_FILE.format(name=name)}; then: sudo udevadm control --reload, and plug it in again")
     echo(rule.rstrip())
 
 
+NOTHING_ON_USB = (
+    "No port on USB was found: is the board plugged in (a charging cable has no data lines), and powered? If lsusb "
+    "lists it, its driver is missing, or a program for braille displays has taken it (CH340, CP210x: apt remove brltty)."
+)
+
+
 def _show(ports_here: "list[SerialPort]") -> None:
+    if not any(port.usb_id or port.device.startswith("/dev/pts/") for port in ports_here):
+        echo(NOTHING_ON_USB)
     if not ports_here:
-        echo(
-            "No serial port was found: is the board plugged in (a charging cable has no data lines), and powered?"
-        )
         return
     rows = [
         (

@@ -5,6 +5,7 @@ from pathlib import Path
 from chefbotd.cli.new_robot.answers import Answer, differing, edited, new_file
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.settings.loader import read_values
+from tests.robot_files import full
 
 LIDAR = {
     "lidar.lidar.model": Answer("ld19", ""),
@@ -48,7 +49,7 @@ def test_a_sensor_is_left_out_of_an_old_file_and_put_back(tmp_path: Path) -> Non
 
 def test_a_whole_file_loses_a_section_that_the_robot_lacks(tmp_path: Path) -> None:
     """A copy of ChefBot's whole file extends nothing; its section goes."""
-    text = edited(packaged().read_text(encoding="utf-8"), {"imu": Answer(False, "")})
+    text = edited(full().read_text(encoding="utf-8"), {"imu": Answer(False, "")})
     assert loaded(tmp_path, text).imu is None
     assert "imu = false" not in text
 

@@ -21,6 +21,7 @@ from chefbotd.cli.programs.chefbotd import main
 from chefbotd.client import Client
 from chefbotd.settings import packaged
 from tests.missing import hide
+from tests.robot_files import full
 from tests.waiting import PATIENCE_S
 
 pytestmark = pytest.mark.realtime
@@ -51,7 +52,7 @@ def test_check_config_prints_what_it_resolves_to() -> None:
 def test_a_robot_is_named_or_has_a_file(tmp_path: Path) -> None:
     """A name stands for the configuration that comes with chefbotd, a path for itself."""
     copy = tmp_path / "mine"
-    copy.write_bytes(packaged("chefbot").read_bytes())
+    copy.write_bytes(full("chefbot").read_bytes())
     assert (
         chefbotd("check-config", "--all", "chefbot").output == chefbotd("check-config", "--all", copy).output
     )
@@ -98,7 +99,7 @@ def cupboard(tmp_path: Path) -> Path:
     """A simulated KHAN would start in the cupboard."""
     path = tmp_path / "cupboard.toml"
     start = "\n[sim.world]\nstart_x_m = 2.65\nstart_y_m = 0.8\n"
-    path.write_text(packaged("khan").read_text(encoding="utf-8") + start, encoding="utf-8")
+    path.write_text(full("khan").read_text(encoding="utf-8") + start, encoding="utf-8")
     return path
 
 
@@ -370,7 +371,7 @@ def test_a_folder_is_no_configuration(tmp_path: Path) -> None:
 
 def test_a_lidar_with_the_guard_off_and_without_a_body_is_noted(tmp_path: Path) -> None:
     """``check-config`` says on stderr what stops the robot for nothing, and asks for the robot's outline."""
-    text = packaged("chefbot_lidar").read_text(encoding="utf-8")
+    text = full("chefbot_lidar").read_text(encoding="utf-8")
     text = text.replace("\nenabled = true\nstop_distance_m", "\nenabled = false\nstop_distance_m")
     body = text.index("[body]")
     path = tmp_path / "off.toml"

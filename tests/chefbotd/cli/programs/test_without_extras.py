@@ -10,9 +10,10 @@ from click.testing import CliRunner, Result
 
 from chefbotd.cli.common.exits import Exit
 from chefbotd.cli.programs.chefbotd import main
-from chefbotd.settings import MissingExtraError, load, packaged
+from chefbotd.settings import MissingExtraError, load
 from tests.budget import sample
 from tests.missing import PILLOW, URDF_PARSER, hide
+from tests.robot_files import full
 from tests.waiting import PATIENCE_S
 
 URDF_ADVICE = "pip install 'chefbotd[urdf]'"
@@ -36,7 +37,7 @@ def own(tmp_path: Path) -> Path:
     path = tmp_path / "khan.toml"
     (tmp_path / "khan.urdf").write_text(chefbotd("urdf", "khan").output, encoding="utf-8")
     text = path.read_text(encoding="utf-8")
-    path.write_text(text.replace('# description = "my.urdf"', 'description = "khan.urdf"'), encoding="utf-8")
+    path.write_text(text.replace("[robot]\n", '[robot]\ndescription = "khan.urdf"\n'), encoding="utf-8")
     return path
 
 
@@ -93,7 +94,7 @@ def in_a_map(tmp_path: Path) -> Path:
     )
     path = tmp_path / "hall.toml"
     world = f'\n[sim]\nworld = "{tmp_path / "hall.yaml"}"\n'
-    text = packaged().read_text(encoding="utf-8")
+    text = full().read_text(encoding="utf-8")
     assert "\n[sim]\n" not in text
     path.write_text(text + world, encoding="utf-8")
     return path

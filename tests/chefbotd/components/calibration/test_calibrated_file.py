@@ -7,15 +7,16 @@ from pathlib import Path
 import pytest
 
 from chefbotd.components.calibration.calibrated_file import save, with_values
-from chefbotd.settings import SettingsError, load, packaged
+from chefbotd.settings import SettingsError, load
 from chefbotd.settings.values import calibrated, value_of
+from tests.robot_files import full
 
 
 @pytest.fixture
 def config(tmp_path: Path) -> Path:
     """A copy of the configuration of ChefBot with a lidar."""
     path = tmp_path / "robot.toml"
-    path.write_bytes(packaged("chefbot_lidar").read_bytes())
+    path.write_bytes(full("chefbot_lidar").read_bytes())
     path.chmod(0o640)
     return path
 

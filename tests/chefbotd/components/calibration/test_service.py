@@ -25,8 +25,9 @@ from chefbotd.components.calibration.measuring import as_calibrated
 from chefbotd.core.events import BatteryMeasured, WheelsDriven, WheelsMeasured
 from chefbotd.core.events.robot import BatteryLevelStatus
 from chefbotd.core.geometry import Twist2D
-from chefbotd.settings import load, packaged
+from chefbotd.settings import load
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
+from tests.robot_files import full
 
 KEY = "chassis.track_multiplier"
 
@@ -236,7 +237,7 @@ def test_a_second_run_that_does_not_agree_says_so(fake: FakeStep) -> None:
 def test_only_what_has_passed_is_written_and_only_when_asked(fake: FakeStep, tmp_path: Path) -> None:
     """The file changes with ``apply_calibration`` and not before; a step that was refused writes nothing."""
     config = tmp_path / "robot.toml"
-    config.write_bytes(packaged().read_bytes())
+    config.write_bytes(full().read_bytes())
     before, kept = config.read_bytes(), []
 
     async def scenario(robot: SimulatedRobot) -> None:

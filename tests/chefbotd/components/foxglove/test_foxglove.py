@@ -18,8 +18,9 @@ from chefbotd.components.foxglove.server import FoxgloveServer
 from chefbotd.components.foxglove.service import EXCLUDED, FoxgloveService
 from chefbotd.components.recording.classes import class_of, event_names
 from chefbotd.core.events.robot import EventsDropped
-from chefbotd.settings import SettingsError, load, packaged
+from chefbotd.settings import SettingsError, load
 from tests.chefbotd.components.recording.events import cycle, example, fault
+from tests.robot_files import full
 from tests.waiting import PATIENCE_S
 
 LAYOUT = Path(__file__).parents[4] / "config" / "foxglove_layout.json"
@@ -189,7 +190,7 @@ def test_a_port_that_is_taken_is_told_and_harms_nobody() -> None:
 def test_it_is_served_on_this_computer_only(tmp_path: Path) -> None:
     """Its protocol has no tokens, so another address is refused with what to do instead."""
     path = tmp_path / "robot.toml"
-    path.write_text(packaged().read_text() + '\n[foxglove]\nenabled = true\nhost = "0.0.0.0"\n')
+    path.write_text(full().read_text() + '\n[foxglove]\nenabled = true\nhost = "0.0.0.0"\n')
     with pytest.raises(SettingsError, match="ssh -L"):
         load(path)
 

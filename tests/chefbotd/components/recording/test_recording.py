@@ -16,10 +16,11 @@ from chefbotd.components.recording.reader import RecordingReader
 from chefbotd.components.recording.recorder import Recorder
 from chefbotd.components.recording.writer import InlineWriter, MakeRecorder
 from chefbotd.composition.context import StartWriter
-from chefbotd.settings import Settings, SettingsError, load, packaged
+from chefbotd.settings import Settings, SettingsError, load
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from chefbotd.testing.recording import write_inline
 from tests.chefbotd.components.recording.disks import FailingDisk
+from tests.robot_files import full
 
 TOKEN = "5a1d" * 12
 
@@ -286,7 +287,7 @@ def test_where_recordings_are_when_nothing_says_so(
 def test_a_class_that_there_is_not_is_refused(tmp_path: Path) -> None:
     """A misspelt name in ``exclude`` would record what somebody wanted left out."""
     path = tmp_path / "robot.toml"
-    path.write_text(packaged().read_text() + '\n[recording]\nexclude = ["ScanMeasured", "ScansMeasured"]\n')
+    path.write_text(full().read_text() + '\n[recording]\nexclude = ["ScanMeasured", "ScansMeasured"]\n')
     with pytest.raises(SettingsError, match="there is no class of events 'ScansMeasured'"):
         load(path)
 

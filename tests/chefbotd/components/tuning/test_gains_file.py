@@ -8,7 +8,8 @@ import pytest
 
 from chefbotd.components.tuning.gains_file import save, with_gains
 from chefbotd.motion.pid import PidParameters
-from chefbotd.settings import load, packaged
+from chefbotd.settings import load
+from tests.robot_files import full
 
 PID = """kp = 200
 ki = 2000.0
@@ -26,7 +27,7 @@ back_calculation_s = 0.5
 def config(tmp_path: Path) -> Path:
     """A copy of ChefBot's configuration."""
     path = tmp_path / "robot.toml"
-    path.write_bytes(packaged().read_bytes())
+    path.write_bytes(full().read_bytes())
     return path
 
 

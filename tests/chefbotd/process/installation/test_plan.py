@@ -13,6 +13,7 @@ from chefbotd.process.installation.steps import CommandEnded, Host, Installation
 from chefbotd.rpc.access import Keyring
 from chefbotd.rpc.parameters import Role
 from chefbotd.settings import SettingsError, load, packaged
+from tests.robot_files import full
 
 PROGRAM = Path("/opt/chefbotd/bin/chefbotd")
 ENABLE = ("systemctl", "enable")
@@ -167,7 +168,7 @@ def test_a_configuration_that_was_edited_is_kept(computer: Computer):
 def test_a_configuration_that_is_not_valid_is_told_before_anything_is_done(computer: Computer):
     """The service could not start with it: neither with the one that is there nor with the one that is offered."""
     own = computer.root / "own.toml"
-    own.write_text(packaged().read_text().replace("track_width_m = 0.3\n", "track_width_m = -0.3\n"))
+    own.write_text(full().read_text().replace("track_width_m = 0.3\n", "track_width_m = -0.3\n"))
     with pytest.raises(SettingsError, match="track_width_m"):
         plan.install(computer.host, plan.InstallRequest(PROGRAM, config=own))
     computer.install()
@@ -183,7 +184,7 @@ def test_a_configuration_of_ones_own_is_copied_with_its_description(computer: Co
     own = computer.root / "own"
     own.mkdir()
     (own / "mine.urdf").write_text(urdf_of(load()))
-    text = packaged().read_text().replace('# description = "my.urdf"', 'description = "mine.urdf"')
+    text = full().read_text().replace('# description = "my.urdf"', 'description = "mine.urdf"')
     (own / "robot.toml").write_text(text)
     computer.install(config=own / "robot.toml")
     assert computer.text(texts.CONFIGURATION) == text

@@ -29,8 +29,9 @@ from chefbotd.components.calibration.algorithms.step import (
 )
 from chefbotd.components.calibration.cli import recorded
 from chefbotd.components.calibration.cli.session import CalibrationSession
-from chefbotd.settings import load, packaged
+from chefbotd.settings import load
 from chefbotd.testing.daemon import simulated_robot
+from tests.robot_files import full
 
 KEY = "battery.divider_ratio"
 
@@ -149,7 +150,7 @@ def test_without_anybody_to_ask_the_option_is_named_before_anything_begins(
 def test_what_has_passed_is_written_on_request(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     """``--apply`` shows the difference, where it was written, and where the old file is."""
     config = tmp_path / "robot.toml"
-    config.write_bytes(packaged().read_bytes())
+    config.write_bytes(full().read_bytes())
     said = calibrated(Person(["", "12.6"]), capsys, config=config, applies=True)
     assert "+divider_ratio = 5.25" in said
     assert f"Written to {config}; it was {config}.before." in said
@@ -162,7 +163,7 @@ def test_a_step_that_is_refused_does_not_cost_the_results_before_it(
 ) -> None:
     """They are shown and written, and the failure is that of the step that was refused."""
     config = tmp_path / "robot.toml"
-    config.write_bytes(packaged().read_bytes())
+    config.write_bytes(full().read_bytes())
     with pytest.raises(CallError, match="it has no lidar"):
         calibrated(
             Person(["", "12.6", ""]),

@@ -57,3 +57,16 @@ def test_the_command_prints_the_rule_alone_so_that_it_can_be_piped(monkeypatch: 
     refused = CliRunner().invoke(main, ["ports", "--udev", "my-board"])
     assert refused.exit_code == Exit.NOT_DONE
     assert "is not on USB" in refused.stderr
+
+
+@pytest.mark.parametrize("found", [[], [SerialPort("/dev/ttyS0")]])
+def test_a_board_without_its_driver_is_thought_of(
+    monkeypatch: pytest.MonkeyPatch, found: list[SerialPort]
+) -> None:
+    """Nothing is on USB, whether the computer has a port of its own or not: lsusb tells, and brltty takes CH340s."""
+    monkeypatch.setattr(ports, "serial_ports", lambda devices: found)
+    told = CliRunner().invoke(main, ["ports"])
+    assert told.exit_code == 0
+    assert "If lsusb lists it, its driver is missing" in told.stdout
+    monkeypatch.setattr(ports, "serial_ports", lambda devices: [UNO])
+    assert "lsusb" not in CliRunner().invoke(main, ["ports"]).stdout

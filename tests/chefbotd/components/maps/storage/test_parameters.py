@@ -5,7 +5,8 @@ from pathlib import Path
 import pytest
 
 from chefbotd.components.maps.storage.parameters import MapsParameters, folder_of
-from chefbotd.settings import load, packaged
+from chefbotd.settings import load
+from tests.robot_files import full
 
 
 @pytest.mark.parametrize(
@@ -28,7 +29,7 @@ def test_without_a_configured_folder_it_is_the_services_or_the_users(
 
 def test_a_relative_folder_begins_at_the_configuration(tmp_path: Path) -> None:
     """Wherever the daemon was started. Without the section there are no maps."""
-    text = packaged().read_text(encoding="utf-8")
+    text = full().read_text(encoding="utf-8")
     path = tmp_path / "robot.toml"
     path.write_text(f'{text}\n[maps]\nfolder = "mine"\n', encoding="utf-8")
     maps = load(path).maps

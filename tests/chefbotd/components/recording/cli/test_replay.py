@@ -13,10 +13,11 @@ from chefbotd import __version__
 from chefbotd.cli.common.exits import Exit
 from chefbotd.cli.programs.chefbotd import main
 from chefbotd.components.recording.replay import recorded
-from chefbotd.settings import load, packaged
+from chefbotd.settings import load
 from chefbotd.testing.daemon import SimulatedRobot
 from tests.chefbotd.components.recording.replay.recordings import recorded_file
 from tests.chefbotd.components.recording.replay.test_replay import drive
+from tests.robot_files import full
 
 
 async def short(robot: SimulatedRobot) -> None:
@@ -58,7 +59,7 @@ def test_a_file_is_replayed_bit_for_bit(whole: bytes, tmp_path: Path) -> None:
 def test_another_configuration_shows_what_it_would_have_done(whole: bytes, tmp_path: Path) -> None:
     """Another gain changes duties and nothing that was measured; the first difference has both values."""
     other = tmp_path / "other.toml"
-    text = packaged("chefbot").read_text()
+    text = full("chefbot").read_text()
     assert "kp_duty_per_m_s = 200.0" in text
     other.write_text(text.replace("kp_duty_per_m_s = 200.0", "kp_duty_per_m_s = 290.0"))
     result = replay(whole, tmp_path, "--config", other)

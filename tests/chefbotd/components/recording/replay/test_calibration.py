@@ -25,9 +25,10 @@ from chefbotd.components.calibration.algorithms.step import (
 from chefbotd.components.calibration.cli import recorded as from_recording
 from chefbotd.components.calibration.events import CalibrationChanged
 from chefbotd.core.geometry import Twist2D
-from chefbotd.settings import load, packaged
+from chefbotd.settings import load
 from chefbotd.testing.daemon import SimulatedRobot
 from tests.chefbotd.components.recording.replay.recordings import recorded, recorded_file, replayed
+from tests.robot_files import full
 
 
 def _procedure(robot: ConfiguredRobot) -> Procedure:
@@ -86,7 +87,7 @@ def test_a_recorded_drive_is_calibrated_from_with_the_same_result_each_time(tmp_
     """Twice the same JSON; with ``--apply --config`` the configuration that was named is written."""
     path = recorded_file(calibrate, load(), tmp_path)
     config = tmp_path / "robot.toml"
-    config.write_bytes(packaged().read_bytes())
+    config.write_bytes(full().read_bytes())
     command = ["--json", "calibrate", "--from", str(path), "wheels"]
     first, second = (CliRunner().invoke(main, command) for _ in range(2))
     assert first.exit_code == 0

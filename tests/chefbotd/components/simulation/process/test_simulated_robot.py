@@ -1,7 +1,5 @@
 """What is simulated of a configured robot."""
 
-import tomllib
-
 import pytest
 
 from chefbotd.components.simulation.chassis import Wheel
@@ -15,6 +13,7 @@ from chefbotd.components.simulation.simulation import build_launchpad
 from chefbotd.components.simulation.spinning import LidarMount
 from chefbotd.core.geometry import Pose2D
 from chefbotd.settings import load, packaged
+from chefbotd.settings.loader import read_values
 from firmware_protocol.codec import KHAN
 
 
@@ -115,8 +114,8 @@ def test_a_building_is_named_and_has_a_start_of_its_own(world: object, start: Po
 
 
 def test_the_robot_with_a_lidar_is_chefbot_otherwise() -> None:
-    """What chefbot.toml says is said there too, so that a change to one file is not forgotten in the other."""
-    plain, seeing = (tomllib.loads(packaged(name).read_text()) for name in ("chefbot", "chefbot_lidar"))
+    """All that chefbot.toml says is said of it too."""
+    plain, seeing = (read_values(packaged(name)) for name in ("chefbot", "chefbot_lidar"))
     assert seeing["robot"].pop("name") == "chefbot_lidar"
     assert plain["robot"].pop("name") == "chefbot"
     assert {key: seeing.get(key) for key in plain} == plain

@@ -7,15 +7,16 @@ import pytest
 
 from chefbotd.cli.common.exits import Exit
 from chefbotd.components.tuning import gains_file
-from chefbotd.settings import load, packaged
+from chefbotd.settings import load
 from tests.chefbotd.conftest import Control
+from tests.robot_files import full
 
 
 @pytest.fixture
 def config(tmp_path: Path) -> Path:
     """A copy of ChefBot's configuration."""
     path = tmp_path / "robot.toml"
-    path.write_bytes(packaged().read_bytes())
+    path.write_bytes(full().read_bytes())
     return path
 
 

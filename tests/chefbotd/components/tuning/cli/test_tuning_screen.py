@@ -19,10 +19,11 @@ from chefbotd.components.tuning.cli import tuning_screen
 from chefbotd.components.tuning.cli.excitation import Wave
 from chefbotd.components.tuning.cli.plots import WheelPlot
 from chefbotd.components.tuning.cli.tuning_screen import Tune, tune
-from chefbotd.settings import load, packaged
+from chefbotd.settings import load
 from tests.budget import sample
 from tests.chefbotd.cli.fake_daemon import WHEELS, FakeDaemon
 from tests.chefbotd.conftest import Control
+from tests.robot_files import full
 from tests.waiting import PATIENCE_S
 
 Script = Callable[[Tune, Pilot[None]], Awaitable[None]]
@@ -107,7 +108,7 @@ def test_undo(daemon: FakeDaemon) -> None:
 def test_save(daemon: FakeDaemon, tmp_path: Path) -> None:
     """The gains go to the file that was named, and nothing is unsaved any more."""
     config = tmp_path / "robot.toml"
-    config.write_bytes(packaged().read_bytes())
+    config.write_bytes(full().read_bytes())
 
     async def script(screen: Tune, user: Pilot[None]) -> None:
         await user.press("right", "s")
