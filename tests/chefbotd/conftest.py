@@ -7,8 +7,8 @@ import pytest
 from click.testing import CliRunner, Result
 
 from chefbotd.cli.programs.chefbotctl import main
-from chefbotd.settings import packaged
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
+from tests.robot_files import full
 
 Control = Callable[..., Result]
 
@@ -36,5 +36,5 @@ def control(daemon: FakeDaemon) -> Control:
 def chefbot(tmp_path: Path) -> Path:
     """A copy of the packaged configuration to spoil."""
     copy = tmp_path / "robot.toml"
-    copy.write_text(packaged("chefbot").read_text())
+    copy.write_text(full("chefbot").read_text())
     return copy
