@@ -47,6 +47,19 @@ def test_make_alone_lists_every_target() -> None:
             assert set(words.split()) <= listed, words
 
 
+def test_the_examples_list_every_folder_and_program() -> None:
+    """A folder, and each file that is a program to be run, has its row."""
+    page = (ROOT / "examples" / "README.md").read_text(encoding="utf-8")
+    folders = {path.parent.name for path in (ROOT / "examples").glob("*/*.py")}
+    programs = {
+        path.name
+        for path in (ROOT / "examples").glob("*.py")
+        if '"__main__"' in path.read_text(encoding="utf-8")
+    }
+    for name in {*folders, *programs, "notebook"}:
+        assert re.search(rf"\]\({name}[)/]", page), name
+
+
 def test_the_files_that_readme_runs_with_are_those_that_init_writes() -> None:
     """No command names a file that nobody has made."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")
