@@ -77,6 +77,7 @@ class LocalizationState(Record, frozen=True):
     may_turn: bool
     waits: tuple[str, ...]
     pose: MapPoseUpdated | None = None
+    why_no_map: str = ""
 
 
 class LocalizationService:
@@ -103,6 +104,7 @@ class LocalizationService:
         self._has_told.set()
         self._reports: list[OnProgress] = []
         self._problem = ""  # why the map cannot be used
+        self._why_no_map = ""  # and why none is in use, where one was
         self.check_map: CheckMap = _find_nothing_wrong
         self._latest: LocalizationChanged | None = None
         self._pose: MapPoseUpdated | None = None  # in the map in use
@@ -134,6 +136,7 @@ class LocalizationService:
             self._may_turn,
             tuple(sorted(self._waits)),
             self._pose,
+            self._why_no_map,
         )
 
     def restore(self, state: LocalizationState) -> None:
@@ -143,7 +146,7 @@ class LocalizationService:
         set_event(self._has_to_tell, state.has_to_tell)
         set_event(self._has_told, state.has_told)
         self._problem, self._latest, self._jumps_before = state.problem, state.told, state.jumps_before
-        self._pose = state.pose
+        self._pose, self._why_no_map = state.pose, state.why_no_map
         self._turning.restore(state.turning)
         self._may_turn, self._waits = state.may_turn, set(state.waits)
 
@@ -242,7 +245,7 @@ class LocalizationService:
 
     def _take_map(self, event: MapLoaded) -> None:
         """The worker knows the first name of a map that was renamed twice since its last request."""
-        before, self._map = self._map, event
+        before, self._map, self._why_no_map = self._map, event, ""
         is_told = self._renamed_from is None or before is None or before.name != event.renamed_from
         if event.renamed_from is None or is_told:
             self._renamed_from = event.renamed_from
@@ -252,7 +255,7 @@ class LocalizationService:
         self._has_to_tell.set()
 
     def _take_unloaded(self, event: MapUnloaded) -> None:
-        self._map, self._was_unloaded = None, True
+        self._map, self._was_unloaded, self._why_no_map = None, True, event.reason
         self._end_pose(event.stamp_s, event.reason or f"the map {event.name} was deleted")
         self._has_to_tell.set()
 
@@ -269,8 +272,11 @@ class LocalizationService:
             self._publish_unknown(event.stamp_s, why)
 
     def _take_told(self, event: LocalizationChanged) -> None:
-        if not self._is_mapping:
-            self._publish(event)
+        if self._is_mapping:
+            return
+        if self._map is None and not event.reason:
+            event = replace(event, reason=self._why_no_map)
+        self._publish(event)
 
     def _take_pose(self, event: MapPoseUpdated) -> None:
         """A pose in a map that is no longer in use is void: the worker was still at it."""

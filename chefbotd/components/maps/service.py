@@ -153,6 +153,8 @@ class MapsService:
                     log.error(
                         "the map is not loaded by itself; load_map tries it again", map=name, reason=why
                     )
+                    reason = f"the map {name} is not loaded by itself, because its {why}"
+                    self._entries.observe(self._bus, MapUnloaded(self._clock.now_s(), name, reason))
                     return
                 await self._use(name)
 

@@ -5,7 +5,8 @@ delays it nor takes it back. Goals that are left outlive the worker; the next on
 """
 
 import asyncio
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from functools import partial
 from types import NoneType
 from typing import Final
@@ -93,6 +94,7 @@ class NavigationState(Record, frozen=True):
     must_tell_goals: bool
     workers_lost: int
     due_s: float | None
+    why_no_map: str = ""
 
 
 class NavigationService:
@@ -117,6 +119,7 @@ class NavigationService:
         self._stops = driver.stops  # that the goals know of
         self._map: str | None = None  # in which the goals are
         self._known_map: str | None = None  # that localization uses
+        self._why_no_map = ""  # where it uses none
         self._safety: SafetyChanged | None = None
         self._paused = ""  # why, where somebody wants that
         self._is_taken_over = self._must_tell_goals = False
@@ -147,6 +150,7 @@ class NavigationService:
             self._must_tell_goals,
             self._workers_lost,
             due_of(self._away_timer),
+            self._why_no_map,
         )
 
     def restore(self, state: NavigationState) -> None:
@@ -160,6 +164,7 @@ class NavigationService:
         self._stops, self._map, self._known_map = state.stops, state.map, state.known_map
         self._safety, self._paused, self._is_taken_over = state.safety, state.paused, state.is_taken_over
         self._must_tell_goals, self._workers_lost = state.must_tell_goals, state.workers_lost
+        self._why_no_map = state.why_no_map
         self._away_timer = self._entries.resume(state.due_s, self._give_up, TIMER)
 
     async def run(self) -> None:
@@ -182,7 +187,18 @@ class NavigationService:
                     self._end_goals("fault", str(problem), GoalCause.REFUSED)
 
     async def _ask(self, request: NavigationRequest) -> None:
-        await self._worker.request(SKILL, request, NoneType, deadline_s=SHORT_S)
+        with self._saying_why_no_map():
+            await self._worker.request(SKILL, request, NoneType, deadline_s=SHORT_S)
+
+    @contextmanager
+    def _saying_why_no_map(self) -> Iterator[None]:
+        """Where the worker has no map, its refusal says what became of the one that was in use."""
+        try:
+            yield
+        except Refused as refused:
+            if refused.kind is not RefusalKind.NO_MAP_LOADED or not self._why_no_map:
+                raise
+            raise Refused(refused.kind, f"{refused} ({self._why_no_map})") from refused
 
     # what is asked
 
@@ -292,7 +308,8 @@ class NavigationService:
         """What would be driven."""
         (goal,) = await self._destinations.goals([0], [waypoint])
         request = messages.PlanTo(goal)
-        return await self._worker.request(SKILL, request, PlanResult, deadline_s=SHORT_S)
+        with self._saying_why_no_map():
+            return await self._worker.request(SKILL, request, PlanResult, deadline_s=SHORT_S)
 
     def cancel(self, reason: str, cause: GoalCause, by: str = "") -> None:
         """End all goals; the robot comes to rest at once, whatever the worker is at."""
@@ -421,7 +438,7 @@ class NavigationService:
 
     def _take_localization(self, event: LocalizationChanged) -> None:
         """A worker that is back has its map, or has none any more: tell it of the goals that are left."""
-        self._known_map = event.map
+        self._known_map, self._why_no_map = event.map, "" if event.map else event.reason
         self._end_if_stopped()
         if not self._must_tell_goals or not self._worker.is_ready:
             return

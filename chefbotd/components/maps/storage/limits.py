@@ -13,8 +13,8 @@ Measured with localization, navigation, plans and a search of the whole map toge
 | 147 by 100 m, 5 cm | 622 MB | 826 MB |
 | 300 by 300 m, 50 cm | 1122 MB | 1439 MB |
 
-That is 59 bytes a cell and 11 kB a square metre; the estimate adds a quarter to a third. The bounds of a search take most
-of the square metres' share; they grow with the headings that it tries.
+That is 59 bytes a cell and 11 kB a square metre; the estimate adds a quarter to a third. The bounds of a search take
+most of the square metres' share; they grow with the headings that it tries.
 """
 
 from typing import Final

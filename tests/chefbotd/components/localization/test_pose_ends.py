@@ -72,3 +72,14 @@ def test_a_map_that_is_deleted_ends_the_pose_too() -> None:
     told.bus.publish(MapUnloaded(2.0, "flat"))
     assert told.poses[-1].state == "ended"
     assert told.states[-1].state == "unknown"
+
+
+def test_why_no_map_is_in_use_is_said_until_there_is_one() -> None:
+    """Also after the worker itself says that it has none, and by the next state that is asked for."""
+    told, why = Told(), "the map flat is not used any more, as it ended the worker: it took 900 MB"
+    told.bus.publish(MapUnloaded(2.0, "flat", why))
+    told.worker.listeners[LocalizationChanged](LocalizationChanged(2.1, "unknown", None, 0.0, (), 0.0, 0, ""))
+    assert {state.reason for state in told.states if state.state == "unknown"} == {why}
+    assert told.service.state().why_no_map == why
+    told.load("office", 3.0)
+    assert told.service.state().why_no_map == ""

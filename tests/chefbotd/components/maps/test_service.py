@@ -264,10 +264,14 @@ def test_a_map_that_ended_the_worker_is_not_used_again_by_itself(tmp_path: Path)
         await run(service, dies)
         assert (told[0].name, reason in told[0].reason) == ("large", True)
 
-        again = MapsService(Bus(), LoopClock(), MapStore(tmp_path), 3)
+        next_bus = Bus()
+        next_bus.add_handler(told.append, MapUnloaded)
+        again = MapsService(next_bus, LoopClock(), MapStore(tmp_path), 3)
 
         async def starts() -> None:
-            await asyncio.sleep(0.3)
+            await until(lambda: len(told) == 2)
+            assert "the map large is not loaded by itself" in told[1].reason
+            assert reason in told[1].reason
             listed = await again.list_maps(NOBODY, NoParams(), NOT_TOLD)
             assert (again.in_use, listed.in_use) == (None, None)
             assert reason in (listed.maps[0].problem or "")

@@ -98,6 +98,21 @@ def test_giving_up_the_wait_for_waypoints_cancels_them() -> None:
     benched(scenario)
 
 
+def test_a_goal_without_a_map_is_refused_with_what_became_of_the_one_that_was_in_use() -> None:
+    """The worker knows only that it has none; localization said that the map had ended the worker."""
+
+    async def scenario(bench: Bench) -> None:
+        bench.localized(None, "the map large is not used any more, as it ended the worker: it took 900 MB")
+        bench.worker.problem = Refused(RefusalKind.NO_MAP_LOADED, "no finished map is in use")
+        with pytest.raises(Refused, match=r"no finished map is in use \(the map large .* it took 900 MB\)"):
+            await bench.navigate(HERE)
+        bench.localized("flat")
+        with pytest.raises(Refused, match=r"no finished map is in use$"):
+            await bench.navigate(HERE)
+
+    benched(scenario)
+
+
 def test_more_goals_than_there_is_room_for_are_refused_and_those_before_stay() -> None:
     """And a goal that the worker refuses is no goal."""
 
