@@ -1,7 +1,7 @@
 """What a map costs in memory, and whether its cells can be meant: by its extent alone, so that the daemon can ask first.
 
-Measured with localization, navigation, plans and a search of the whole map together, in buildings with a room each 5 to
-30 m (Linux, CPython 3.11, numpy 2; the most that was resident, of which 104 to 110 MB are a worker without a map):
+Measured with localization, navigation and a search of the whole map together, in buildings with a room each 5 to 30 m
+(Linux, CPython 3.11, numpy 2; the most that was resident, of which 104 to 110 MB are a worker without a map):
 
 | map | measured | the estimate |
 |---|---:|---:|
@@ -13,8 +13,9 @@ Measured with localization, navigation, plans and a search of the whole map toge
 | 147 by 100 m, 5 cm | 622 MB | 826 MB |
 | 300 by 300 m, 50 cm | 1122 MB | 1439 MB |
 
-That is 59 bytes a cell and 11 kB a square metre; the estimate adds a quarter to a third. The bounds of a search take
-most of the square metres' share; they grow with the headings that it tries.
+That is 59 bytes a cell and 11 kB a square metre; the estimate adds a quarter to a third. A plan that finds no way, which
+is the dearest, took 25 bytes a cell more for a moment (100 by 100 m, 10 cm). The bounds of a search take most of the
+square metres' share; they grow with the headings that it tries.
 """
 
 from typing import Final
@@ -25,7 +26,7 @@ WORKER_MB: Final = 150.0
 """A worker with all skills and without a map takes 104 to 110 MB; the rest is for scans and what it tells."""
 
 BYTES_A_CELL: Final = 80.0
-"""Costs, distances and what was seen take some 60 bytes for a cell of the map, plans included."""
+"""Costs, distances and what was seen take some 60 bytes for a cell of the map; plans, for a moment, the rest."""
 
 BYTES_A_SQUARE_METRE: Final = 14_000.0
 """Likelihoods and surfaces on cells of 5 and 10 cm, and a search's bounds: they do not grow with the map's own cells."""

@@ -39,7 +39,7 @@ def extent(columns: int, rows: int, resolution_m: float) -> Extent:
     ],
 )
 def test_the_estimate_is_above_what_was_measured(size: tuple[int, int, float], measured_mb: float) -> None:
-    """By a quarter to a third, with a plan and a search of the whole map."""
+    """By a quarter to a third, with a search of the whole map and without a plan."""
     assert 1.2 * measured_mb < needed_memory_mb(extent(*size)) < 1.5 * measured_mb
 
 
