@@ -60,8 +60,8 @@ def test_it_creeps_out_of_the_way_of_somebody_who_may_graze_it() -> None:
 
 
 def test_it_goes_on_out_of_the_way_of_somebody_who_surely_grazes_it() -> None:
-    """He would walk 5 cm into a robot that stands, and passes it 4 cm behind where it drives on."""
-    assert speed_beside(-0.13, 0.40, (0.0, -1.0)) == pytest.approx(0.25)
+    """He would walk 5 cm into a robot that stands, and passes it 4 cm behind where it drives on: 0.12 m/s at least."""
+    assert 0.12 - 1e-6 <= speed_beside(-0.13, 0.40, (0.0, -1.0)) <= 0.25
 
 
 def test_it_stands_for_somebody_who_walks_right_over_it() -> None:
