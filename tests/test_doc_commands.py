@@ -191,3 +191,10 @@ def test_pages_commands_run(page: str, tmp_path: Path) -> None:
                 check=False,
             )
             assert done.returncode == 0, f"{[line.text for line in block]}\n{done.stdout}{done.stderr}"
+
+
+def test_who_is_said_to_try_a_command_is_there() -> None:
+    """Each folder and file of tests that a reason names."""
+    for reason in NOT_RUN.values():
+        for path in re.findall(r"tests/[\w/.]+\w", reason):
+            assert (ROOT / path).exists(), reason
