@@ -11,7 +11,6 @@ from abc import abstractmethod
 from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Any, TypedDict, Unpack
 
-from chefbotd.client.caller import parse
 from chefbotd.client.errors import CallError, CallTimeout, ConnectionLost, MotionInterrupted
 from chefbotd.client.generated import GeneratedMethods
 from chefbotd.client.handshake import DaemonGreeting
@@ -236,9 +235,9 @@ class Methods(GeneratedMethods):
         return await self._gains("undo_pid")
 
     async def _gains(self, method: str, **params: Any) -> dict[str, PidParameters]:
-        from chefbotd.client import models
-
-        return parse(models.Wheels, await self.call(method, **params)).wheels
+        answer: Any = await self._ask("Wheels", method, **params)
+        gains: dict[str, PidParameters] = answer.wheels
+        return gains
 
 
 def _missing_to_move(state: State) -> str:

@@ -124,6 +124,7 @@ def test_nothing_outside_its_folder_imports_a_component_but_what_is_written(name
 def test_without_a_component_the_rest_is_whole(name: str, tmp_path: Path) -> None:
     """Without its folder and its entry: style, types, help, configuration, a drive, and tests of what is left."""
     folder = without(name, tmp_path / "copy")
+    run_in(folder, "-m", "tests.chefbotd.client.generate")
     run_in(folder, "-m", "ruff", "check", "chefbotd")
     run_in(folder, "-m", "mypy", "-p", "chefbotd")
     capabilities = run_in(folder, "-c", DRIVES).split()
