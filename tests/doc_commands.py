@@ -28,8 +28,8 @@ NOT_RUN: Final = {
     r"^chefbotctl (teleop|joystick|pid tune|new-robot|map live|shell)": "asks at a terminal: tests/chefbotd/cli",
     r"^chefbotctl (doctor.* --motors|calibrate)": "asks for somebody who watches: tests/chefbotd/components",
     r"^chefbotctl doctor": "takes a board to itself: tests/chefbotd/components/doctor",
-    r"^chefbotctl (go|patrol|home|localize)": "drives for minutes: tests/chefbotd/components/navigation",
-    r"^chefbotctl map (import|from-bag)": "of a map of yours: tests/chefbotd/components/maps",
+    r"^chefbotctl (go|patrol|home|localize|where|places)": "drives on a map: tests/chefbotd/components/navigation",
+    r"^chefbotctl map (?!list)": "of maps that are driven and kept: tests/chefbotd/components/maps",
     r"^chefbotctl (flash|ports .*--udev)": "a board is plugged in: tests/chefbotd/components/flash, doctor",
     r"^chefbotctl record (evening|drive)( --for 60s)?$": "until Ctrl-C: tests/chefbotd/components/recording",
     r"^chefbotctl log (plot|info|export) .*((?<!\$)FILE|2026|auto_)": "a file of yours: tests/test_first_steps.py",
@@ -74,10 +74,6 @@ def blocks_of(page: str) -> Iterator[list[Line]]:
 def commands_of(page: str) -> list[Line]:
     """All of them."""
     return [line for block in blocks_of(page) for line in block]
-
-
-BEFORE: Final = {"docs/how_to/navigate.md": "docs/how_to/map.md", "docs/maps.md": "docs/how_to/map.md"}
-"""A page that goes on where another one ends, with a map and its places."""
 
 
 def runnable(page: str) -> list[list[Line]]:

@@ -21,7 +21,7 @@ from chefbotd.cli.programs import chefbotctl, chefbotd
 from chefbotd.client import Client
 from chefbotd.transport.ports import reserve_port
 from tests.core_install import tried
-from tests.doc_commands import BEFORE, NOT_RUN, PAGES, ROOT, Line, commands_of, runnable
+from tests.doc_commands import NOT_RUN, PAGES, ROOT, Line, commands_of, runnable
 from tests.waiting import PATIENCE_S
 
 pytestmark = pytest.mark.skipif(not (ROOT / "CONTRIBUTING.md").exists(), reason="only the sources have it")
@@ -178,7 +178,7 @@ def test_pages_commands_run(page: str, tmp_path: Path) -> None:
         "CHEFBOTD_PAGE__PORT": "0",
     }
     with simulated(tmp_path, environment, port):
-        for block in [*(runnable(BEFORE[page]) if page in BEFORE else ()), *runnable(page)]:
+        for block in runnable(page):
             script = PRELUDE + "\n".join(line.text for line in block)
             asked = {**environment, "CHEFBOTD_API__PORT": "0"}
             done = subprocess.run(
