@@ -22,7 +22,7 @@ STANDS_M: Final = 0.03
 AHEAD_S, STEP_S = 0.8, 0.1
 """It looks so far ahead, and slows down in time."""
 
-DECELERATION_M_S2: Final = 0.5
+DECELERATION_M_S2: Final = 0.4
 
 WIDENS_M: Final = 0.004
 """A motion that leaves so much more room than standing, and avoids the touch, makes way."""
