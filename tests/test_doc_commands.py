@@ -1,6 +1,5 @@
 """Every command in README and the documentation: it is there, and it runs, or somebody else tries it."""
 
-import asyncio
 import os
 import re
 import shlex
@@ -16,9 +15,7 @@ from pathlib import Path
 import click
 import pytest
 
-from chefbotd.cli.drive.simulated_daemon import until_worker_ready
 from chefbotd.cli.programs import chefbotctl, chefbotd
-from chefbotd.client import Client
 from chefbotd.transport.ports import reserve_port
 from tests.core_install import tried
 from tests.doc_commands import NOT_RUN, PAGES, ROOT, Line, commands_of, runnable
@@ -129,19 +126,13 @@ print(socket.create_connection(("127.0.0.1", int(os.environ["DOC_TEST_PORT"]))).
 """In a page's blocks ``chefbotd run`` goes on for ever: here it is ended by Ctrl-C when it listens."""
 
 
-async def until_worker_ready_at(port: int) -> None:
-    """Maps and localization can be asked for from then on."""
-    async with Client.connect("127.0.0.1", port) as robot:
-        await until_worker_ready(robot, lambda text: None)
-
-
 @contextmanager
 def simulated(folder: Path, environment: dict[str, str], port: int) -> Iterator[None]:
     """The simulated robot that a page's commands ask, on a port of its own."""
     program = shutil.which("chefbotd", path=environment["PATH"]) or "chefbotd"
     with (folder / "daemon.log").open("wb") as log:
         process = subprocess.Popen(
-            [program, "run", "--sim", "--config", "chefbot_lidar", "--listen", f"127.0.0.1:{port}"],
+            [program, "run", "--sim", "--listen", f"127.0.0.1:{port}"],
             env=environment,
             stderr=log,
         )
@@ -151,7 +142,6 @@ def simulated(folder: Path, environment: dict[str, str], port: int) -> Iterator[
             assert process.poll() is None, text
             assert time.monotonic() < ends_s, text
             time.sleep(0.05)
-        asyncio.run(until_worker_ready_at(port))
         yield
     finally:
         process.send_signal(signal.SIGINT)
@@ -162,7 +152,7 @@ def simulated(folder: Path, environment: dict[str, str], port: int) -> Iterator[
 @pytest.mark.realtime
 @pytest.mark.parametrize("page", [page for page in PAGES if runnable(page)])
 def test_pages_commands_run(page: str, tmp_path: Path) -> None:
-    """Each block of a page after the other, as it stands, in an empty home beside a simulated robot with a lidar."""
+    """Each block of a page after the other, as it stands, in an empty home beside a simulated robot."""
     for package in ("mcap", "matplotlib", "aiohttp"):
         pytest.importorskip(package)
     port, home = reserve_port(), tmp_path / "home"
