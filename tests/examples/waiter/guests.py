@@ -131,12 +131,13 @@ class Guests:
         async with client.subscribe("agents") as events:
             async for event in events:
                 for question in event.data.questions:
-                    if question.question == MAY_I_GO_ON or self._chance.random() < 1 / 12:
+                    may_go_on = question.question == MAY_I_GO_ON  # after a daemon that began again: somebody agrees
+                    if not may_go_on and self._chance.random() < 1 / 12:
                         continue
                     await asyncio.sleep(self._chance.uniform(0.2, 6.0))
                     with contextlib.suppress(CallError):  # the waiter was killed meanwhile
                         await client.answer_agent(question.question_id, question.choices[0])
-                        self.taken += 1
+                        self.taken += not may_go_on
 
 
 class KillableWaiter:
