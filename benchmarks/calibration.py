@@ -19,9 +19,9 @@ from benchmarks.carmen import Recording, recordings
 from benchmarks.figures import Figure, Outcome
 from chefbotd.clock import run_virtual
 from chefbotd.components.calibration.algorithms.least_squares import Floats
-from chefbotd.components.calibration.algorithms.scan_motion import Keyframe, keyframe, matched
+from chefbotd.components.calibration.algorithms.scan_motion import Keyframe, keyframe, match_scans
 from chefbotd.components.calibration.algorithms.wheel_fit import RecordedDrive, fit, in_pieces
-from chefbotd.components.calibration.algorithms.wheel_model import NOMINAL, WheelModel, reckoned
+from chefbotd.components.calibration.algorithms.wheel_model import NOMINAL, WheelModel, dead_reckon
 from chefbotd.components.calibration.algorithms.wheel_views import MEMORY, PIECES
 from chefbotd.components.calibration.events import Status
 from chefbotd.core.poses import between, wrap
@@ -143,7 +143,7 @@ def _without_slip(robot: Calibrated) -> tuple[float, float]:
     errors = []
     for sign in (1, -1):
         left_m, right_m = _square(true, sign)
-        poses = [reckoned(model, CHEFBOT_TRACK_M, left_m, right_m)[-1] for model in (calibrated, true)]
+        poses = [dead_reckon(model, CHEFBOT_TRACK_M, left_m, right_m)[-1] for model in (calibrated, true)]
         off = between(poses[1], poses[0])
         errors.append((100 * math.hypot(off[0], off[1]), math.degrees(abs(off[2]))))
     return (errors[0][0] + errors[1][0]) / 2, (errors[0][1] + errors[1][1]) / 2
@@ -174,7 +174,7 @@ def _log(log: Recording) -> list[Figure]:
     steps = between(log.odometry[:-1], log.odometry[1:])
     totals = np.cumsum(np.stack([np.hypot(steps[:, 0], steps[:, 1]), np.abs(steps[:, 2])], axis=1), axis=0)
     moved = between(log.odometry[rows[:-1]], log.odometry[rows[1:]])
-    seen = matched(frames, moved, np.diff(np.vstack([np.zeros(2), totals])[rows], axis=0), MEMORY)
+    seen = match_scans(frames, moved, np.diff(np.vstack([np.zeros(2), totals])[rows], axis=0), MEMORY)
     good = np.flatnonzero(seen.is_good)
     i, j, motion, shares = in_pieces(seen.poses[good], PIECES, 1)
     sigmas = np.tile(LOG_SIGMAS, (len(i), 1))
@@ -182,7 +182,7 @@ def _log(log: Recording) -> list[Figure]:
         log.name, "", left_m, right_m, rows[good][i], rows[good][j], motion, sigmas, shares * len(good) / 4
     )
     model = fit(TRACK_M, [drive]).model
-    ours, raw = (_score(log, reckoned(one, TRACK_M, left_m, right_m), half) for one in (model, NOMINAL))
+    ours, raw = (_score(log, dead_reckon(one, TRACK_M, left_m, right_m), half) for one in (model, NOMINAL))
     name = "intel, fitted on its first half, the second's relations"
     return [
         Figure(f"{name}: place to raw", ours[0] / raw[0], "x", PLACE),

@@ -13,7 +13,7 @@ from benchmarks.figures import Figure
 from chefbotd.components.localization.algorithms.agreement import agreement
 from chefbotd.components.localization.algorithms.searching import LocalizationMap, localization_map
 from chefbotd.components.localization.algorithms.state import PoseState, set_pose
-from chefbotd.components.mapping.algorithms.finish import refined
+from chefbotd.components.mapping.algorithms.finish import refine_graph
 from chefbotd.components.mapping.algorithms.occupancy import occupancy
 from chefbotd.components.mapping.algorithms.parameters import SlamParameters
 from chefbotd.components.mapping.algorithms.refine import Prior, polish
@@ -101,7 +101,7 @@ def _on_its_own_map() -> list[Figure]:
     params, state, lidar = SlamParameters(), start(), Lidar(WALLS, 31)
     for k, (told, pose) in enumerate(zip(odometry(TRUTH, 31), TRUTH, strict=True)):
         state, _ = slam_step(params, state, float(k), told, scan_of(lidar.points(pose)))
-    robot = Robot(localization_map(occupancy(refined(params, state).nodes)))
+    robot = Robot(localization_map(occupancy(refine_graph(params, state).nodes)))
     lidar, errors = Lidar(WALLS, 32), list[float]()
     for told, pose in zip(odometry(TRUTH, 32), TRUTH, strict=True):
         report = robot.take(told, lidar.points(pose))

@@ -13,7 +13,7 @@ from benchmarks.slam import points_of
 from chefbotd.components.localization.algorithms.localizer import LocalizationReport, advance_search, step
 from chefbotd.components.localization.algorithms.searching import LocalizationMap, localization_map
 from chefbotd.components.localization.algorithms.state import Localization, Odometry, PoseState
-from chefbotd.components.mapping.algorithms.finish import refined
+from chefbotd.components.mapping.algorithms.finish import refine_graph
 from chefbotd.components.mapping.algorithms.occupancy import occupancy
 from chefbotd.components.mapping.algorithms.parameters import SlamParameters
 from chefbotd.components.mapping.algorithms.slam import step as slam_step
@@ -102,7 +102,7 @@ def _slam(points: list[Singles], odometry: Floats) -> tuple[SlamState, Floats]:
     for k, (seen, pose) in enumerate(zip(points, odometry, strict=True)):
         state, report = slam_step(SLAM, state, float(k), pose, _scan(seen))
         reports.append(report)
-    state = refined(SLAM, state)
+    state = refine_graph(SLAM, state)
     return state, Drive(state, reports).poses()
 
 

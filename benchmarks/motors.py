@@ -17,7 +17,7 @@ from chefbotd.clock import run_virtual
 from chefbotd.components.calibration.events import Status, StepResult
 from chefbotd.components.simulation.process.true_values import true_values
 from chefbotd.settings import Settings, load, packaged
-from chefbotd.settings.values import calibrated
+from chefbotd.settings.values import apply_calibration
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 
 SEEDS, QUICK_SEEDS = 20, 2
@@ -144,7 +144,7 @@ def starts(
     """
     guard = settings.safety.guard.model_copy(update={"enabled": False})
     settings = settings.model_copy(update={"safety": settings.safety.model_copy(update={"guard": guard})})
-    settings = calibrated(settings, values)
+    settings = apply_calibration(settings, values)
 
     async def measure() -> list[tuple[float, float, float]]:
         results = []

@@ -20,7 +20,7 @@ from benchmarks.roominess import ROOM_M, least_with_room_m
 from chefbotd.components.navigation.algorithms.grid import Flags, Singles, distances_m
 from chefbotd.components.navigation.algorithms.path import Goal
 from chefbotd.components.navigation.algorithms.search import search
-from chefbotd.components.navigation.algorithms.smooth import straightened
+from chefbotd.components.navigation.algorithms.smooth import straighten_path
 from chefbotd.components.navigation.algorithms.states import End
 from chefbotd.core.geometry import Pose2D, wrap_angle
 from tests.chefbotd.components.mapping.algorithms.slam.flat import Floats, box
@@ -117,7 +117,7 @@ class World:
         found = search(costs, *cells)
         if found is None:
             return math.inf
-        return float(np.hypot(*np.diff(straightened(found.cells, costs, FINE_M), axis=0).T).sum())
+        return float(np.hypot(*np.diff(straighten_path(found.cells, costs, FINE_M), axis=0).T).sum())
 
     def person(self) -> Person:
         """Somebody who walks between four places where there is room for both."""
@@ -129,7 +129,7 @@ class World:
         for a, b in pairwise(places):
             found = search(costs, *((int(p.y_m / FINE_M), int(p.x_m / FINE_M)) for p in (a, b)))
             if found is not None:
-                way.append(straightened(found.cells, costs, FINE_M))
+                way.append(straighten_path(found.cells, costs, FINE_M))
         return Person(np.vstack(way), speed_m_s=float(self.chance.uniform(0.3, 0.7)))
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from chefbotd.components.navigation.algorithms.grid import Singles
 from chefbotd.components.navigation.algorithms.search import search
-from chefbotd.components.navigation.algorithms.smooth import straightened
+from chefbotd.components.navigation.algorithms.smooth import straighten_path
 from tests.chefbotd.components.navigation.algorithms.drives import Clearance, Person
 
 ROOM_M, LONGER_M, PERSON_M = 0.10, 0.3, Person.radius_m
@@ -60,7 +60,7 @@ def _has_room(near: Sequence[Clearance], free: Singles, cell_m: float) -> bool:
     found = search(free, ends[0], ends[1])
     if found is None:
         return False
-    length_m = float(np.hypot(*np.diff(straightened(found.cells, free, cell_m), axis=0).T).sum())
+    length_m = float(np.hypot(*np.diff(straighten_path(found.cells, free, cell_m), axis=0).T).sum())
     driven_m = sum(math.dist((a.x_m, a.y_m), (b.x_m, b.y_m)) for a, b in pairwise(near))
     return length_m <= driven_m + LONGER_M
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from benchmarks.figures import Figure, Outcome, percentile
-from chefbotd.components.navigation.algorithms.grid import placed
+from chefbotd.components.navigation.algorithms.grid import place_points
 from chefbotd.components.navigation.algorithms.interface import Seen
 from chefbotd.components.navigation.algorithms.path import Goal
 from chefbotd.components.navigation.algorithms.states import End
@@ -154,7 +154,7 @@ def squeezed(
     corner = Pose2D(-3.0, -1.5)
     turn = Pose2D(width_m / 2, depth_m / 2, turned_rad).compose(corner)
     walls = np.vstack(parts)
-    walls = np.hstack([placed(turn, walls[:, :2]), placed(turn, walls[:, 2:])])
+    walls = np.hstack([place_points(turn, walls[:, :2]), place_points(turn, walls[:, 2:])])
     start, end = turn.compose(start), turn.compose(end)
     grid = rasterised(walls, width_m + 0.1, depth_m + 0.1)
     drive = Situation(grid, walls, start, seed=seed, has_sonar=False)

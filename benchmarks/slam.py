@@ -14,12 +14,12 @@ import psutil
 
 from benchmarks.carmen import Recording, Score, recordings, score
 from benchmarks.figures import Figure, Outcome
-from chefbotd.components.mapping.algorithms.finish import refined
+from chefbotd.components.mapping.algorithms.finish import refine_graph
 from chefbotd.components.mapping.algorithms.parameters import SlamParameters
 from chefbotd.components.mapping.algorithms.slam import SlamReport, step
 from chefbotd.components.mapping.algorithms.state import Scan, SlamState, start
 from chefbotd.components.mapping.algorithms.surfaces import Singles, normals
-from chefbotd.components.mapping.algorithms.tracking import tracked
+from chefbotd.components.mapping.algorithms.tracking import track_scan
 from chefbotd.components.worker.compiled import release_libraries
 from chefbotd.core.poses import Floats, between
 from chefbotd.core.scan import LaserScan
@@ -113,7 +113,7 @@ def _run(points: list[Singles], odometry_poses: Floats) -> Run:
         seconds.append(time.process_time() - began_s)
         reports.append(report)
     began_s = time.process_time()
-    state = refined(SLAM, state)
+    state = refine_graph(SLAM, state)
     return Run(state, reports, matching, seconds, time.process_time() - began_s)
 
 
@@ -121,7 +121,7 @@ def _match_s(state: SlamState, moved: Floats, points: Singles) -> float:
     """What it costs to find a scan's normals and its pose: the front end without keeping anything."""
     began_s = time.process_time()
     scan, grids = Scan(points, normals(points, CENTER), CENTER), state.active[0].grids
-    tracked(SLAM.matching, grids, state.local_pose, moved, scan, state.usual_fit)
+    track_scan(SLAM.matching, grids, state.local_pose, moved, scan, state.usual_fit)
     return time.process_time() - began_s
 
 

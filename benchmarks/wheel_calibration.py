@@ -22,7 +22,7 @@ from chefbotd.components.calibration.algorithms.wheel_fit import (
     in_pieces,
     needs_rich,
 )
-from chefbotd.components.calibration.algorithms.wheel_model import NOMINAL, WheelModel, reckoned
+from chefbotd.components.calibration.algorithms.wheel_model import NOMINAL, WheelModel, dead_reckon
 from chefbotd.core.geometry import wrap_angle
 
 PIECES_S = (5.0, 20.0)
@@ -60,7 +60,7 @@ def _rolled(geometry: Geometry, run: Run) -> tuple[Floats, Floats]:
 
 def trajectory(geometry: Geometry, model: WheelModel, run: Run) -> Floats:
     """The poses (n, 3) at the end of each cycle; headings are not wrapped."""
-    return reckoned(model, geometry.wheel_base_m, *_rolled(geometry, run))[1:]
+    return dead_reckon(model, geometry.wheel_base_m, *_rolled(geometry, run))[1:]
 
 
 def halves(folder: Path, out: Path | None = None, seeds: int = HALVES) -> Outcome:

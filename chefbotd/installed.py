@@ -90,7 +90,7 @@ def find_installed(name: str) -> Installed:
     entries = [*entry_points(group=GROUP, name=name), *entry_points(group=PLUGIN_GROUP, name=name)]
     package, version = _origin(entries)
     try:
-        return Installed(name, package, version, _loaded(name, entries))
+        return Installed(name, package, version, _load_component(name, entries))
     except _LeftOutError as problem:
         return Installed(name, package, version, None, problem.state, str(problem))
 
@@ -108,7 +108,7 @@ def _origin(entries: list[EntryPoint]) -> tuple[str, str]:
     return ("", "") if entry.dist is None else (entry.dist.name, entry.dist.version)
 
 
-def _loaded(name: str, entries: list[EntryPoint]) -> Component:
+def _load_component(name: str, entries: list[EntryPoint]) -> Component:
     """Raises ``_LeftOutError``."""
     if not entries:
         text = f"no installed package has an entry point {name!r} in the group {GROUP}"
@@ -119,14 +119,14 @@ def _loaded(name: str, entries: list[EntryPoint]) -> Component:
     (entry,) = entries
     try:
         with limited_time(name):
-            return _checked(name, entry.value, entry.load())
+            return _check_component(name, entry.value, entry.load())
     except _LeftOutError:
         raise
     except BaseException as error:
         raise _LeftOutError(PluginState.FAILED, f"{type(error).__name__}: {error}") from error
 
 
-def _checked(name: str, value: str, offered: object) -> Component:
+def _check_component(name: str, value: str, offered: object) -> Component:
     """The component, with its section's class; a plug-in as the component that it is."""
     if isinstance(offered, Plugin):
         _check_version(offered.api, PLUGIN_API_VERSION)

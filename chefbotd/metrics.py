@@ -102,7 +102,7 @@ class Metrics:
 
     def collect(self) -> dict[str, Figure]:
         """Every figure by its name, as it is now; mappings are copies."""
-        return {metric.name: _copied(metric.read()) for metric in self}
+        return {metric.name: _copy_value(metric.read()) for metric in self}
 
     def _add(self, metric: Metric) -> None:
         if metric.name in self._metrics:
@@ -112,7 +112,7 @@ class Metrics:
         self._metrics[metric.name] = metric
 
 
-def _copied(value: Value) -> Figure:
+def _copy_value(value: Value) -> Figure:
     if isinstance(value, Histogram):
         return value.by_bound()
     return {str(key): count for key, count in value.items()} if isinstance(value, Mapping) else value

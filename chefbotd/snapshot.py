@@ -59,9 +59,9 @@ class DaemonState:
         parts, left_out = dict[str, str](), list(self._under_way())
         for name, part in self.parts.items():
             try:
-                parts[name] = encoded(part.state())
+                parts[name] = encode_state(part.state())
             except STATE_ERRORS as problem:
-                left_out.append(f"{name}: {_described(problem)}")
+                left_out.append(f"{name}: {_describe(problem)}")
         is_open = tuple(name for name, session in self._entries.links.items() if session.is_open)
         return StateRecorded(self._entries.now_s(), parts, is_open, tuple(left_out))
 
@@ -73,9 +73,9 @@ class DaemonState:
                 problems.append(f"this daemon has no part {name[:100]!r}")
             elif name not in excluded:
                 try:
-                    self.parts[name].restore(decoded(state_class(type(self.parts[name])), text))
+                    self.parts[name].restore(decode_state(state_class(type(self.parts[name])), text))
                 except STATE_ERRORS as problem:
-                    problems.append(f"{name}: {_described(problem)}")
+                    problems.append(f"{name}: {_describe(problem)}")
         return problems
 
     def _under_way(self) -> Iterator[str]:
@@ -102,7 +102,7 @@ STATE_ERRORS = (
 """What a state raises that is not one of its part, when it is made, decoded or put in place."""
 
 
-def _described(problem: Exception) -> str:
+def _describe(problem: Exception) -> str:
     return " ".join(f"{type(problem).__name__}: {problem}".split())[:LONGEST_PROBLEM]
 
 
@@ -113,13 +113,13 @@ def state_class(part: type[Any]) -> Any:
     return part if declared is typing.Self else declared
 
 
-def encoded(state: object) -> str:
+def encode_state(state: object) -> str:
     """A state as MessagePack, which knows infinities and bytes, in base64."""
     return b64encode(_ENCODER.encode(state)).decode()
 
 
-def decoded(cls: Any, text: object) -> Any:
-    """The state of this type that ``encoded`` has written, exactly.
+def decode_state(cls: Any, text: object) -> Any:
+    """The state of this type that ``encode_state`` has written, exactly.
 
     Raises:
         ValueError: it has more in it than such a state; for what else is none, anything of ``STATE_ERRORS``.

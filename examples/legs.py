@@ -9,7 +9,7 @@ from msgspec import Struct, field
 from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OccupancyGrid
 from chefbotd.components.navigation.algorithms.grid import distances_m
 from chefbotd.components.navigation.algorithms.search import search
-from chefbotd.components.navigation.algorithms.smooth import straightened
+from chefbotd.components.navigation.algorithms.smooth import straighten_path
 from chefbotd.components.navigation.algorithms.steering import FollowerLimits
 from chefbotd.components.navigation.cli.view import Disc
 from chefbotd.components.simulation.world import World
@@ -155,7 +155,7 @@ class Best:
         path = search(costs, *cells)
         if path is None:
             return math.inf
-        corners = straightened(path.cells, costs, self._grid.resolution_m)
+        corners = straighten_path(path.cells, costs, self._grid.resolution_m)
         grid_from_map = self._grid.map_from_grid.inverse()
         for k, pose in ((0, start), (-1, goal)):
             at = grid_from_map.compose(pose)

@@ -22,7 +22,7 @@ _REFUSED = "the line does not fit its kind"
 
 def reader_of(row: LineKind, separator: bytes) -> Reader:
     """The fastest reader for a row's shape."""
-    unrolled: Callable[[LineKind, bytes], Reader] = _packed if row.is_packed else _any
+    unrolled: Callable[[LineKind, bytes], Reader] = _read_packed if row.is_packed else _any
     if _has_bare_slots(row.message) and not row.is_packed:
         match row.slots, row.unit:
             case (0,), False:
@@ -167,7 +167,7 @@ def _any(row: LineKind, separator: bytes) -> Reader:
     return read
 
 
-def _packed(row: LineKind, separator: bytes) -> Reader:
+def _read_packed(row: LineKind, separator: bytes) -> Reader:
     """For lines that come with anything in their packed fields: every field is looked at."""
     kind, message, slots, numbers = row.kind.encode(), row.message, row.slots, row.numbers
 

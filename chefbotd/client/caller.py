@@ -96,11 +96,13 @@ class MethodCaller(ABC):
         """
         if model is not None:
             from chefbotd.client import models
-        answer = await self.call(method, on_progress=on_progress or ignore_progress, **given(**params))
+        answer = await self.call(
+            method, on_progress=on_progress or ignore_progress, **drop_defaults(**params)
+        )
         return None if model is None else parse(getattr(models, model), answer)
 
 
-def given(**params: Any) -> dict[str, Any]:
+def drop_defaults(**params: Any) -> dict[str, Any]:
     """The parameters that are not None: the daemon knows the defaults of the others."""
     return {name: value for name, value in params.items() if value is not None}
 

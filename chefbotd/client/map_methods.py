@@ -6,7 +6,7 @@ import base64
 import zlib
 from typing import TYPE_CHECKING
 
-from chefbotd.client.caller import MethodCaller, given, parse
+from chefbotd.client.caller import MethodCaller, drop_defaults, parse
 from chefbotd.client.errors import ProtocolError
 from chefbotd.client.wire import ProgressListener
 from chefbotd.core.record import Record
@@ -66,7 +66,7 @@ class MapMethods(MethodCaller):
         """
         from chefbotd.client import models
 
-        params = given(name=name)
+        params = drop_defaults(name=name)
         parts: list[models.MapPart] = []
         while not parts or len(parts) < parts[0].parts:
             part = parse(models.MapPart, await self.call("get_map", **params, part=len(parts)))
@@ -171,7 +171,7 @@ class NavigationMethods(MethodCaller):
             GoalNotReached: the goal ended otherwise; its subclass and ``reason`` say how.
             CallError: it was refused, as where there is no such place.
         """
-        goal = given(
+        goal = drop_defaults(
             x_m=x_m,
             y_m=y_m,
             heading_rad=heading_rad,
@@ -194,7 +194,7 @@ class NavigationMethods(MethodCaller):
         on_progress: ProgressListener | None = None,
     ) -> str:
         """Drive to places one after the other, and wait for the end; queued and raises as ``navigate_to``."""
-        waypoints = given(
+        waypoints = drop_defaults(
             waypoints=[{"place": place} for place in places], queue=queue, if_stop_number=if_stop_number
         )
         return await self._until_reached("follow_waypoints", waypoints, on_progress)
@@ -203,13 +203,13 @@ class NavigationMethods(MethodCaller):
         self, *, if_stop_number: int | None = None, on_progress: ProgressListener | None = None
     ) -> str:
         """Drive to the place that is the robot's home, and wait for the end; raises as ``navigate_to`` does."""
-        return await self._until_reached("go_home", given(if_stop_number=if_stop_number), on_progress)
+        return await self._until_reached("go_home", drop_defaults(if_stop_number=if_stop_number), on_progress)
 
     async def dock(
         self, *, if_stop_number: int | None = None, on_progress: ProgressListener | None = None
     ) -> str:
         """Drive to the place where the robot is charged, and wait for the end; raises as ``navigate_to`` does."""
-        return await self._until_reached("dock", given(if_stop_number=if_stop_number), on_progress)
+        return await self._until_reached("dock", drop_defaults(if_stop_number=if_stop_number), on_progress)
 
     async def _until_reached(
         self, method: str, params: dict[str, Any], on_progress: ProgressListener | None

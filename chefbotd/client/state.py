@@ -30,10 +30,10 @@ class _WireState(Record, frozen=True):
 def parse_event(params: object) -> Event[Any]:
     """The parameters of an ``event`` notification; raises ``ProtocolError``."""
     envelope = parse(_NamedEnvelope, params)
-    return _opened(envelope.topic, envelope)
+    return _open_envelope(envelope.topic, envelope)
 
 
-def _opened(topic: str, envelope: _Envelope) -> Event[Any]:
+def _open_envelope(topic: str, envelope: _Envelope) -> Event[Any]:
     data = parse(DATA_BY_TOPIC.get(topic, UnknownData), envelope.data)
     return Event(topic, envelope.seq, envelope.stamp_s, envelope.age_s, data)
 
@@ -53,5 +53,5 @@ class State(TopicsOfState, Record, frozen=True):
 def parse_state(result: object) -> State:
     """The result of ``get_state``; raises ``ProtocolError``."""
     state = parse(_WireState, result)
-    topics = {topic: _opened(topic, envelope) for topic, envelope in state.topics.items()}
+    topics = {topic: _open_envelope(topic, envelope) for topic, envelope in state.topics.items()}
     return State(state.stamp_s, state.link, state.safety, topics)

@@ -70,7 +70,7 @@ def build_strangers(parts: DaemonParts, built: Built, others: Iterable[Feature])
     """The components that the configuration allows; ``others`` are the features that the robot has without them."""
     features: list[Feature] = []
     for stranger in _strangers(parts.context.settings):
-        made, stranger = _built(stranger, parts, built, [*others, *features])
+        made, stranger = _build_stranger(stranger, parts, built, [*others, *features])
         name, package, version = stranger.name, stranger.package, stranger.version
         if stranger.component is None:
             log.error("a plug-in is left out", plugin=name, state=str(stranger.state), reason=stranger.reason)
@@ -119,7 +119,7 @@ def brings_skills(context: Context) -> bool:
     return any(stranger.component and stranger.component.skills for stranger in _strangers(context.settings))
 
 
-def _built(
+def _build_stranger(
     stranger: "Installed", parts: DaemonParts, built: Built, others: list[Feature]
 ) -> "tuple[list[Feature], Installed]":
     """Its features; without any where it is left out, which it then says."""
@@ -139,7 +139,7 @@ def _built(
     except BaseException as error:  # noqa: BLE001 - somebody else's code, which may even exit
         reason = f"{type(error).__name__}: {error}"
         return [], replace(stranger, component=None, state=PluginState.FAILED, reason=reason)
-    return [_guarded(feature, stranger.name, opened.driver) for feature in features], stranger
+    return [_guard_figures(feature, stranger.name, opened.driver) for feature in features], stranger
 
 
 def open_door(component: Component, parts: DaemonParts, built: Built) -> ComponentContext[Any]:
@@ -231,7 +231,7 @@ def _check_names(feature: Feature, others: list[Feature]) -> None:
         owners[service.name] = feature.name
 
 
-def _guarded(feature: Feature, name: str, driver: "InnerDriver | None") -> Feature:
+def _guard_figures(feature: Feature, name: str, driver: "InnerDriver | None") -> Feature:
     """Its figures guarded, and its driver among what a recording's states hold."""
     parts = feature.parts if driver is None else {**feature.parts, "driver": driver}
     return replace(feature, add_metrics=lambda metrics: _add_metrics(name, feature, metrics), parts=parts)

@@ -154,7 +154,7 @@ class MotorWatch:
         now_s, duty = command.since_s, command.duty
         is_driven = any(duty)
         if not is_driven or self._unresponsive is not unresponsive.DRIVEN:
-            self._unresponsive = unresponsive.commanded(self._unresponsive, now_s, driven=is_driven)
+            self._unresponsive = unresponsive.record_command(self._unresponsive, now_s, driven=is_driven)
         self._echo = echo.note_command(self._echo, now_s, duty)
         self.in_force.note_command(command, is_held_back=is_held_back)
 
@@ -248,7 +248,7 @@ class MotorWatch:
         """Whether the robot is too fast, or moves although it must stand; None if neither can be decided."""
         if now_s < self._blind_until_s:
             self._overspeed = overspeed.at_rest(len(self._names))
-            self._unresponsive = unresponsive.commanded(
+            self._unresponsive = unresponsive.record_command(
                 unresponsive.DRIVEN, now_s, driven=self._unresponsive.told_s is None
             )
             return

@@ -331,7 +331,7 @@ class SafetySupervisor:
 
     def watch_wheels(self, now_s: float, seen: WheelsRead, credit: Credit) -> None:
         """A good encoder reading (see ``MotorWatch.watch``)."""
-        self._silence = encoder_timeout.heard(self._silence, now_s)
+        self._silence = encoder_timeout.note_reading(self._silence, now_s)
         obstacles = self.obstacles
         obstacles.wheels_rad, obstacles.wheels_s = seen.reading.position_rad, now_s
         obstacles.excluded = seen.same_side.excluded

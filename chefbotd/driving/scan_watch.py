@@ -22,7 +22,7 @@ from chefbotd.core.record import Record, replace
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.perception.laser_scan import OdometryTrack, points_in_base
 from chefbotd.perception.lone_points import find_lone
-from chefbotd.perception.surface_points import smoothed
+from chefbotd.perception.surface_points import smooth_points
 from chefbotd.safety import guard, scan_guard
 from chefbotd.safety.guard import GuardParameters
 from chefbotd.safety.outline import Box, Disc, Floats, Outline
@@ -181,7 +181,7 @@ class ScanWatch:
         if event.lidar in self._near_m:
             points_m = self._with_near(event.lidar, points_m, sensor)
         else:
-            points_m = smoothed(points_m, np.array([sensor.x_m, sensor.y_m]))
+            points_m = smooth_points(points_m, np.array([sensor.x_m, sensor.y_m]))
             points_m, lone_m = self._without_lone(event, turn_s, points_m, sensor)
         self._seen[event.lidar].append(_Seen(points_m, event.stamp_s, self._clock.now_s(), turn_s, lone_m))
 

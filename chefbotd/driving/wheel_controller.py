@@ -7,7 +7,7 @@ from chefbotd.core.record import Record
 from chefbotd.driving.wheel_reader import WheelsRead
 from chefbotd.motion.drive import Drive
 from chefbotd.motion.drive_state import DriveState
-from chefbotd.motion.held import obeyed, offered
+from chefbotd.motion.held import obey_duty, offer_duty
 from chefbotd.motion.limits import AT_REST, MotionLimits
 from chefbotd.motion.pid import PidParameters
 from chefbotd.motion.setpoints import under
@@ -94,7 +94,7 @@ class WheelController:
         self.is_held_back = ceiling is not None
         carried_out = under(ceiling, before, after)
         if self._knows_its_motors and carried_out.duty == after.duty:
-            carried_out = offered(carried_out)
+            carried_out = offer_duty(carried_out)
         self.drive_state = carried_out
 
     def retarget(self, decision: Decision, now_s: float) -> None:
@@ -110,7 +110,7 @@ class WheelController:
         after = self._drive.retarget(before, decision.motion, now_s, apart=apart)
         carried_out = self._under_ceiling(now_s, before, after)
         if self._knows_its_motors and carried_out.duty == after.duty:
-            carried_out = offered(carried_out)
+            carried_out = offer_duty(carried_out)
         self.drive_state = carried_out
 
     def _force(self, motion: WheelVelocities, now_s: float) -> None:
@@ -154,7 +154,7 @@ class WheelController:
 
     def note_echo(self, duty: tuple[float, ...]) -> bool:
         """The board obeys this duty; returns whether that is so different from what was thought that it matters."""
-        before, self.drive_state = self.drive_state, obeyed(self.drive_state, duty)
+        before, self.drive_state = self.drive_state, obey_duty(self.drive_state, duty)
         if self.drive_state is before:
             return False
         wheels = zip(before.held_m_s, self.drive_state.held_m_s, strict=True)

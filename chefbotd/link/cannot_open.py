@@ -68,7 +68,7 @@ def names_by_device(by_id: Path = BY_ID) -> dict[Path, str]:
 
 def owner_of(device: str, proc: Path = PROC) -> str:
     """The programs and pids that hold the device open or locked, for people; symlinks are followed."""
-    return _named(owners_of(device, proc), proc) or UNKNOWN
+    return _name_processes(owners_of(device, proc), proc) or UNKNOWN
 
 
 def owners_of(device: str, proc: Path = PROC) -> list[int]:
@@ -107,9 +107,7 @@ def sharers_of(device: str, proc: Path = PROC) -> Sharers:
     if sharers:
         remedies = {advice for pid in sharers if (advice := MEDDLERS.get(_program(pid, proc)))}
         does = f", {remedies.pop()}" if len(remedies) == 1 else ""
-        seen = (
-            f"{_named(sharers, proc)} has {device} open too{does}: two readers each get a part of the bytes"
-        )
+        seen = f"{_name_processes(sharers, proc)} has {device} open too{does}: two readers each get a part of the bytes"
         return Sharers(seen=seen)
     suspects = [f"{name} (pid {pid}) runs here, {MEDDLERS[name]}" for pid, name in _meddlers(proc)]
     return Sharers(suspects="; ".join(suspects))
@@ -133,7 +131,7 @@ def _parent(pid: int, proc: Path) -> int:
         return 0
 
 
-def _named(pids: list[int], proc: Path) -> str:
+def _name_processes(pids: list[int], proc: Path) -> str:
     return ", ".join(f"{_program(pid, proc)} (pid {pid})" for pid in pids)
 
 

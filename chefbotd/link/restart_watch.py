@@ -92,15 +92,15 @@ class RestartWatch(MutableState):
         if max(map(abs, counts)) <= AT_ZERO_COUNTS:
             return True
         rates = self._rates or (0.0,) * len(counts)
-        if not all(_rolled(0, new, rate * ROLL_OUT_S) for new, rate in zip(counts, rates, strict=True)):
+        if not all(_has_rolled(0, new, rate * ROLL_OUT_S) for new, rate in zip(counts, rates, strict=True)):
             return False
         return not all(
-            _rolled(old, new, rate * silent_s)
+            _has_rolled(old, new, rate * silent_s)
             for old, new, rate in zip(before.counts, counts, rates, strict=True)
         )
 
 
-def _rolled(before: int, after: int, farthest: float) -> bool:
+def _has_rolled(before: int, after: int, farthest: float) -> bool:
     """Whether a wheel that went on as it turned, or came to rest on the way, may be there."""
     low, high = sorted((0.0, farthest))
     return low - NEAR_ZERO_COUNTS <= after - before <= high + NEAR_ZERO_COUNTS

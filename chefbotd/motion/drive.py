@@ -20,7 +20,7 @@ from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.motor_model import MotorModels, accelerations_m_s2
 from chefbotd.motion.pid import PidParameters, PidState
 from chefbotd.motion.reference import Asked
-from chefbotd.motion.same_side import loop_speeds, substituted
+from chefbotd.motion.same_side import loop_speeds, substitute_readings
 from chefbotd.motion.setpoints import Setpoints, is_rest
 from chefbotd.motion.wheel_commands import by_duty, by_speed
 
@@ -139,7 +139,7 @@ class Drive:
 
     def compensate(self, state: DriveState, voltage_v: float) -> DriveState:
         """The battery has this voltage: the duty is to make up for it, within bounds and not at once."""
-        return held.compensated(state, self._parameters.motor_voltage_v, voltage_v)
+        return held.compensate_voltage(state, self._parameters.motor_voltage_v, voltage_v)
 
     def regulate(
         self,
@@ -187,7 +187,7 @@ class Drive:
             shares = self._shares(steady_s)
         pids = state.pids
         if substitutes:
-            pids = substituted(substitutes, pids)
+            pids = substitute_readings(substitutes, pids)
             speeds_m_s = loop_speeds(substitutes, speeds_m_s, state.setpoint_m_s)
         wheels = zip(gains, pids, state.setpoint_m_s, accelerations, speeds_m_s, strict=True)
         stepped, outputs = self._step_wheels(wheels, state, dt_s, shares)

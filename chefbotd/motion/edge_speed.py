@@ -68,13 +68,13 @@ START = EdgeRun()
 STANDING = HeldRate(0.0, -math.inf)
 
 
-def turned(run: EdgeRun, direction: int) -> EdgeRun:
+def reverse_run(run: EdgeRun, direction: int) -> EdgeRun:
     """The wheel has changed direction: edges from before are not timed against the new ones."""
     goes_on = run.held is not None and run.held.rate_counts_s * direction > 0
     return EdgeRun(direction, (), run.held if goes_on else None)
 
 
-def broken(params: QuadratureParameters, run: EdgeRun) -> EdgeRun:
+def break_run(params: QuadratureParameters, run: EdgeRun) -> EdgeRun:
     """Edges were lost, nobody knows how many: timing starts anew. Until then the wheel is not said to stand."""
     if not run.marks:
         return EdgeRun(held=run.held)

@@ -211,7 +211,7 @@ class FusedOdometry:
             level = math.sqrt(max(1 - now.climb_share**2, 0.0))
             step = replace(step, travel_m=step.travel_m * level, climb_m=step.travel_m * now.climb_share)
         considered = self._by_gyro if now.has_rates else self._by_wheels
-        now.estimate = motion_filter.predicted(now.estimate, considered, step)
+        now.estimate = motion_filter.predict(now.estimate, considered, step)
         now.history.add(stamp_s, by_wheels_rad, step.turned_rad, step.turn_variance_rad2)
         if now.waiting:
             take_headings(now, parameters.heading_noise_rad, self._limits, may_slip=self._may_slip)
@@ -250,7 +250,7 @@ class FusedOdometry:
         now.is_lifted, now.climb_share = False, 0.0
         now.estimate = motion_filter.at_pose(now.estimate, by_wheels)
         now.estimate = motion_filter.with_new_turn_errors(now.estimate)
-        now.estimate = motion_filter.widened(now.estimate, LEFT_OUT_M2, (math.pi * by_wheels_rad) ** 2)
+        now.estimate = motion_filter.widen(now.estimate, LEFT_OUT_M2, (math.pi * by_wheels_rad) ** 2)
 
     @property
     def imu_reason(self) -> str:

@@ -150,7 +150,7 @@ def _compare(now: FusionState, heading: Heading, limits: tuple[float, float], *,
     sample = TurnSample(heading.stamp_s, heading.heading_rad, turned[1], now.reach_rad)
     off_rad = now.turns.add(sample, *limits, may_slip=may_slip)
     if off_rad:
-        now.estimate = motion_filter.widened(now.estimate, 0.0, off_rad * off_rad)
+        now.estimate = motion_filter.widen(now.estimate, 0.0, off_rad * off_rad)
 
 
 def _take(now: FusionState, heading: Heading, noise_rad: float) -> None:
@@ -180,7 +180,7 @@ def _take(now: FusionState, heading: Heading, noise_rad: float) -> None:
             return
         if now.agreement.contradicts:
             return
-        now.estimate = motion_filter.widened(now.estimate, 0.0, off_rad * off_rad)
+        now.estimate = motion_filter.widen(now.estimate, 0.0, off_rad * off_rad)
     now.refused_in_a_row = 0
     now.estimate = motion_filter.with_imu_heading(now.estimate, heading_rad, variance)
 
@@ -235,6 +235,6 @@ def check_lag(now: FusionState, noise_rad: float) -> None:
     if best is None or best[1] > min(limit, 0.25 * present):
         return
     now.lag_s = best[0]
-    now.estimate = motion_filter.widened(now.estimate, 0.0, present)
+    now.estimate = motion_filter.widen(now.estimate, 0.0, present)
     now.turns.clear()
     now.refused_in_a_row = 0

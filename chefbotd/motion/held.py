@@ -33,7 +33,7 @@ def reached_m_s(state: DriveState, now_s: float) -> tuple[float, ...]:
     return state.earlier_m_s if now_s - state.stepped_s < UNREAD_S else state.setpoint_m_s
 
 
-def offered(state: DriveState) -> DriveState:
+def offer_duty(state: DriveState) -> DriveState:
     """The state's duty goes out."""
     newest = (state.duty, state.setpoint_m_s)
     if state.offered and state.offered[-1] == newest:
@@ -41,7 +41,7 @@ def offered(state: DriveState) -> DriveState:
     return replace(state, offered=(*state.offered[1 - MOST_OFFERS :], newest))
 
 
-def obeyed(state: DriveState, echoed_duty: Sequence[float]) -> DriveState:
+def obey_duty(state: DriveState, echoed_duty: Sequence[float]) -> DriveState:
     """The board obeys this duty, whatever it was offered: the models begin from the setpoint of that.
 
     Only where the echo of a cycle is here before the next one begins; a faster board has read more by then.
@@ -55,7 +55,7 @@ def obeyed(state: DriveState, echoed_duty: Sequence[float]) -> DriveState:
     return state if held_m_s in (None, state.held_m_s) else replace(state, held_m_s=held_m_s)
 
 
-def compensated(state: DriveState, nominal_v: float | None, voltage_v: float) -> DriveState:
+def compensate_voltage(state: DriveState, nominal_v: float | None, voltage_v: float) -> DriveState:
     """The battery has this voltage, and the models that of ``nominal_v``."""
     if nominal_v is None or not voltage_v > 0:
         return state

@@ -166,14 +166,16 @@ def _in_step(
     )
     pace_s2 = max(abs(linear_gap) / linear.jerk, abs(angular_gap) / angular.jerk)
     return (
-        _paced(linear, state.twist.linear_m_s, state.acceleration.linear_m_s, linear_gap, pace_s, pace_s2),
-        _paced(
+        _slow_to_pace(
+            linear, state.twist.linear_m_s, state.acceleration.linear_m_s, linear_gap, pace_s, pace_s2
+        ),
+        _slow_to_pace(
             angular, state.twist.angular_rad_s, state.acceleration.angular_rad_s, angular_gap, pace_s, pace_s2
         ),
     )
 
 
-def _paced(
+def _slow_to_pace(
     axis: AxisLimits, speed: float, acceleration: float, gap: float, pace_s: float, pace_s2: float
 ) -> AxisLimits:
     """The axis slowed to the pace, but not below what its present acceleration needs to end at the target."""

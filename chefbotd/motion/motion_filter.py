@@ -77,7 +77,7 @@ class MotionStep(Record, frozen=True):
     climb_m: float = 0.0
 
 
-def predicted(now: MotionEstimate, considered: Considered, step: MotionStep) -> MotionEstimate:
+def predict(now: MotionEstimate, considered: Considered, step: MotionStep) -> MotionEstimate:
     """The state after the motion along an arc.
 
     The rows of x, y, heading and offset are multiplied by the Jacobian F, with the error of the turn
@@ -185,17 +185,17 @@ def with_imu_heading(now: MotionEstimate, imu_heading_rad: float, variance_rad2:
         c[2] + c[3], c[10] + c[11], c[17] + c[18], c[18] + c[24], c[19] + c[25],
         c[20] + c[26], c[21] + c[27], c[22] + c[28], c[23] + c[29],
     )  # fmt: skip
-    return _corrected(now, gains, off_rad, variance)
+    return _correct(now, gains, off_rad, variance)
 
 
 def with_bias(now: MotionEstimate, bias_rad_s: float, variance_rad2_s2: float) -> MotionEstimate:
     """The state corrected by a measurement of the bias."""
     c = now.covariance
     gains = (c[4], c[12], c[19], c[25], c[30], c[31], c[32], c[33], c[34])
-    return _corrected(now, gains, bias_rad_s - now.bias_rad_s, c[30] + variance_rad2_s2)
+    return _correct(now, gains, bias_rad_s - now.bias_rad_s, c[30] + variance_rad2_s2)
 
 
-def _corrected(
+def _correct(
     now: MotionEstimate, to_measured: tuple[float, ...], off: float, variance: float
 ) -> MotionEstimate:
     """The state after a measurement; ``to_measured`` is the covariance of each error with what was measured.
@@ -235,7 +235,7 @@ def _corrected(
     )
 
 
-def widened(now: MotionEstimate, position_variance_m2: float, heading_variance_rad2: float) -> MotionEstimate:
+def widen(now: MotionEstimate, position_variance_m2: float, heading_variance_rad2: float) -> MotionEstimate:
     """The state, less certain of its position and heading."""
     c = list(now.covariance)
     c[0] += position_variance_m2

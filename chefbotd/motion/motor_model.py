@@ -45,7 +45,7 @@ class Directed(Record, frozen=True):
     reverse: PidParameters
 
 
-def directed(gains: PidParameters, motor: WheelMotor, radius_m: float) -> Directed:
+def direct_gains(gains: PidParameters, motor: WheelMotor, radius_m: float) -> Directed:
     """The gains with each direction's feedforward, for a wheel of this radius: ``ka`` over ``kv`` is the lag."""
     return Directed(_with_model(gains, motor.forward, radius_m), _with_model(gains, motor.reverse, radius_m))
 
@@ -96,4 +96,4 @@ class MotorModels:
     def directed(self, gains: Sequence[PidParameters]) -> tuple[Directed, ...]:
         """The gains of each wheel by direction; empty where the motors are not known."""
         wheels = zip(gains, self._motors, self._radii_m, strict=True) if self._motors else ()
-        return tuple([directed(*wheel) for wheel in wheels])
+        return tuple([direct_gains(*wheel) for wheel in wheels])

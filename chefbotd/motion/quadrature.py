@@ -60,11 +60,11 @@ def decode(params: QuadratureParameters, state: QuadratureState, burst: EdgeBurs
         step = 0 if levels is None else STEPS[levels][new]
         if step is None:
             illegal += 1
-            run = edge_speed.broken(params, run)
+            run = edge_speed.break_run(params, run)
         elif step:
             counts += step
             if step != run.direction:
-                run = edge_speed.turned(run, step)
+                run = edge_speed.reverse_run(run, step)
             if k >= untimed:
                 run = edge_speed.extend(params, run, TimedEdge(counts, burst.times_s[k - untimed]))
         elif levels is not None:
@@ -86,7 +86,7 @@ def _account(params: QuadratureParameters, state: QuadratureState, burst: EdgeBu
     lost = 0 if total_before is None else (burst.total - total_before - len(burst.levels)) % TOTAL_SPAN
     if not lost:
         return state
-    return replace(state, levels=None, run=edge_speed.broken(params, state.run), lost=state.lost + lost)
+    return replace(state, levels=None, run=edge_speed.break_run(params, state.run), lost=state.lost + lost)
 
 
 def misses_edges(before: QuadratureState, after: QuadratureState) -> bool:

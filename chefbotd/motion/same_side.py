@@ -91,9 +91,9 @@ class SameSideWheels:
         turned = zip(travel_rad, self._kinematics.radii_m, strict=True)
         travel_m = [angle * radius for angle, radius in turned]
         now = SameSideState(
-            _faded(state.rolled_m, kept, travel_m),
-            _faded(state.latest_m, kept**LATEST, map(abs, travel_m)),
-            _faded(state.asked_m, kept, [speed * dt_s for speed in setpoint_m_s]),
+            _fade_record(state.rolled_m, kept, travel_m),
+            _fade_record(state.latest_m, kept**LATEST, map(abs, travel_m)),
+            _fade_record(state.asked_m, kept, [speed * dt_s for speed in setpoint_m_s]),
             state.substitutes,
         )
         outliers = [pair for side, other in self._sides for pair in self._outliers(now, side, other)]
@@ -160,7 +160,7 @@ class SameSideWheels:
         return abs(rolled_m - reach_m) > (tolerance_m / 2 if wheel in state.excluded else tolerance_m)
 
 
-def _faded(lately: Sequence[float], kept: float, newly: Iterable[float]) -> tuple[float, ...]:
+def _fade_record(lately: Sequence[float], kept: float, newly: Iterable[float]) -> tuple[float, ...]:
     """A record that has faded to the share ``kept``, plus new travel."""
     return tuple([kept * old + new for old, new in zip(lately, newly, strict=True)])
 
@@ -171,7 +171,7 @@ Substitutes = Sequence[tuple[int, int]]
 """Pairs of indices: a wheel that is not believed, and its substitute."""
 
 
-def substituted(substitutes: Substitutes, values: Sequence[T]) -> tuple[T, ...]:
+def substitute_readings(substitutes: Substitutes, values: Sequence[T]) -> tuple[T, ...]:
     """One value per wheel; a wheel that is not believed has its substitute's."""
     replaced = list(values)
     for wheel, substitute in substitutes:
@@ -189,4 +189,4 @@ def loop_speeds(
         faster = max if setpoint_m_s >= 0 else min
         slower = min if setpoint_m_s >= 0 else max
         believed_m_s[substitute] = faster(believed_m_s[substitute], slower(speeds_m_s[wheel], setpoint_m_s))
-    return substituted(substitutes, believed_m_s)
+    return substitute_readings(substitutes, believed_m_s)

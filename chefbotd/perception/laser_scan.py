@@ -69,9 +69,9 @@ def points_in_base(
     bearing, ranges = scan.bearing_rad[good], scan.range_m[good]
     points = np.stack([ranges * np.cos(bearing), ranges * np.sin(bearing)], axis=1)
     mount = np.array([base_from_lidar.x_m, base_from_lidar.y_m, base_from_lidar.heading_rad])
-    then = placed(mount, points)
+    then = place_points(mount, points)
     poses = pose_at(track, scan.stamp_s + scan.after_s[good])
-    in_odom = placed(poses, then)
+    in_odom = place_points(poses, then)
     return seen_from(pose_at(track, np.array([scan.stamp_s]))[0], in_odom)
 
 
@@ -82,7 +82,7 @@ def pose_at(track: OdometryTrack, stamp_s: Floats) -> Floats:
     return np.stack([np.interp(stamp_s, track.stamp_s, column) for column in columns], axis=1)
 
 
-def placed(pose: Floats, points: Floats) -> Floats:
+def place_points(pose: Floats, points: Floats) -> Floats:
     """Points of the pose's frame in the frame it is given in; one pose, or one for each point."""
     cos, sin = np.cos(pose[..., 2]), np.sin(pose[..., 2])
     x = pose[..., 0] + cos * points[:, 0] - sin * points[:, 1]
@@ -156,8 +156,8 @@ def joined_points(
     for turn in turns:
         mount, scan = turn.base_from_lidar, turn.scan
         then = pose_at(track, np.array([scan.stamp_s]))[0]
-        seen = placed(then, points_in_base(band_m, mount, scan, track))
-        sensor = placed(then, np.array([[mount.x_m, mount.y_m]]))
+        seen = place_points(then, points_in_base(band_m, mount, scan, track))
+        sensor = place_points(then, np.array([[mount.x_m, mount.y_m]]))
         points.append(seen_from(now, seen))
         sensors.append(np.repeat(seen_from(now, sensor), len(seen), axis=0))
     return np.concatenate(points), np.concatenate(sensors)

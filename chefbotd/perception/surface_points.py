@@ -30,7 +30,7 @@ MOST_M: Final = 0.015
 """No point is moved farther than this."""
 
 
-def smoothed(points_m: Floats, sensor_m: Floats) -> Floats:
+def smooth_points(points_m: Floats, sensor_m: Floats) -> Floats:
     """The points, each moved to the mean of its surface about it.
 
     Args:

@@ -44,7 +44,7 @@ async def own_daemon(settings: Settings, *, name: str, opener: Opener = open_por
     """
     clock = SystemClock()
     daemon = build(alone(settings), clock=clock, opener=opener)
-    async with stop_guard(settings), _watched(daemon, settings, clock):
+    async with stop_guard(settings), _watch_daemon(daemon, settings, clock):
         task = asyncio.create_task(daemon.run())
         try:
             host, port = await daemon.server.address()
@@ -57,7 +57,7 @@ async def own_daemon(settings: Settings, *, name: str, opener: Opener = open_por
 
 
 @contextlib.asynccontextmanager
-async def _watched(daemon: Daemon, settings: Settings, clock: Clock) -> AsyncIterator[None]:
+async def _watch_daemon(daemon: Daemon, settings: Settings, clock: Clock) -> AsyncIterator[None]:
     watchdog = Watchdog(
         settings.watchdog,
         clock,

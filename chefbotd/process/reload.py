@@ -114,12 +114,12 @@ class Reloader:
     def _retune(self, before: Settings, after: Settings) -> None:
         """The gains that the file has changed. Gains that only ``set_pid`` has changed stay."""
         was, running, new = before.gains(), self._target.gains(), after.gains()
-        gains = {name: _merged(was[name], running[name], new[name]) for name in new}
+        gains = {name: _merge_gains(was[name], running[name], new[name]) for name in new}
         if gains != running:
             self._target.retune(gains)
 
 
-def _merged(was: PidParameters, running: PidParameters, new: PidParameters) -> PidParameters:
+def _merge_gains(was: PidParameters, running: PidParameters, new: PidParameters) -> PidParameters:
     """The running gains with the file's changes; the file's gains if the two do not fit together."""
     said, old = new.model_dump(), was.model_dump()
     changed = {name: value for name, value in said.items() if value != old[name]}

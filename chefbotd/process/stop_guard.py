@@ -62,10 +62,10 @@ class _Guard:
                     await process.communicate(END_MESSAGE)
 
     def _start(self) -> "asyncio.Task[Process | None]":
-        return asyncio.create_task(_started(self._link, self._stop))
+        return asyncio.create_task(_start_guard(self._link, self._stop))
 
 
-async def _started(link: LinkParameters, stop: bytes) -> Process | None:
+async def _start_guard(link: LinkParameters, stop: bytes) -> Process | None:
     """Start it in its own session, so that Ctrl-C does not reach it. None if the system cannot start it."""
     lines = (str(int(link.dtr)), str(int(link.rts)))
     try:

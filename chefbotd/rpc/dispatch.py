@@ -35,7 +35,7 @@ def explain(problem: ValidationError, *, confidential: bool = False) -> tuple[st
 
 
 def _field_problem(error: ErrorDetails, *, confidential: bool) -> dict[str, str]:
-    value = "nothing" if error["type"] == "missing" else _shortened(repr(error["input"]))
+    value = "nothing" if error["type"] == "missing" else _shorten(repr(error["input"]))
     if confidential:
         return {"field": "params", "expected": error["msg"], "got": "what is not repeated here"}
     message = error["msg"].removeprefix("Value error, ")
@@ -51,7 +51,7 @@ def _path(location: Sequence[int | str]) -> str:
     return ".".join(str(step) for step in location) or "params"
 
 
-def _shortened(text: str) -> str:
+def _shorten(text: str) -> str:
     return text if len(text) <= 60 else text[:60] + "..."
 
 
@@ -163,7 +163,7 @@ class Dispatcher:
             method = self._admit(caller.session, request)
             if method.moves and arrival is not None:
                 self._require_fresh(caller.session, request.method, arrival)
-            params = _checked(method, request)
+            params = _check_params(method, request)
             if isinstance(params, MotionParams):
                 self._require_unstopped(caller.session, request.method, params)
             self._handled += 1  # also while nothing is recorded: it names the task of a request
@@ -315,7 +315,7 @@ def _refuse_unprintable(method: Method, params: object) -> None:
     """Others print what a client says. A stop is carried out whatever its reason holds, and makes that printable."""
     text = None if method.urgent else find_unprintable(params)
     if text is not None:
-        got = "what is not repeated here" if method.params.confidential else _shortened(ascii(text))
+        got = "what is not repeated here" if method.params.confidential else _shorten(ascii(text))
         expected = (
             "expected text without control characters and without characters for the direction of writing"
         )
@@ -332,7 +332,7 @@ def _field_with(text: str, params: object) -> str:
     return "params"
 
 
-def _checked(method: Method, request: Request) -> Params:
+def _check_params(method: Method, request: Request) -> Params:
     _refuse_unprintable(method, request.params)
     try:
         return method.params.model_validate(request.params)

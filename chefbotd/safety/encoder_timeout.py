@@ -72,7 +72,7 @@ def is_stale(params: EncoderTimeoutParameters, state: EncoderTimeoutState, now_s
     return now_s - state.heard_s > params.max_age_s
 
 
-def heard(state: EncoderTimeoutState, now_s: float) -> EncoderTimeoutState:
+def note_reading(state: EncoderTimeoutState, now_s: float) -> EncoderTimeoutState:
     """An encoder reading has come."""
     silent_s, unexplained_s = now_s - state.heard_s, state.unexplained_s
     if state.interrupted and silent_s > WAIT_S:

@@ -126,10 +126,10 @@ Beams = tuple[Beam, ...]
 
 def from_mounts(mounts: Mapping[str, Pose2D]) -> Beams:
     """Beams without a reading, by sensor name; each from its sensor's pose in the base frame (``base_from_sensor``)."""
-    return tuple(_mounted(name, pose) for name, pose in mounts.items())
+    return tuple(_mount_beam(name, pose) for name, pose in mounts.items())
 
 
-def _mounted(name: str, pose: Pose2D) -> Beam:
+def _mount_beam(name: str, pose: Pose2D) -> Beam:
     """Rounded, so that the last bit of a cosine does not shorten a beam at a right angle."""
     cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
     return Beam(name, round(cos, 9), round(pose.x_m * sin - pose.y_m * cos, 9))
@@ -149,12 +149,12 @@ def update(
     """
     for index, beam in enumerate(beams):
         if beam.sensor == measured.sensor:
-            read = _measured(params, beam, measured, wheels_rad, wheels_s, moved)
+            read = _measure_beam(params, beam, measured, wheels_rad, wheels_s, moved)
             return (*beams[:index], read, *beams[index + 1 :])
     return beams
 
 
-def _measured(
+def _measure_beam(
     params: GuardParameters,
     beam: Beam,
     measured: RangeMeasured,
@@ -249,7 +249,7 @@ def _limit_twist(allowed_m_s: Allowed, motion: Twist2D) -> tuple[Twist2D, str | 
     for _ in 1, 2:
         for beam, most_m_s in allowed_m_s:
             if _closing_m_s(beam, twist) > most_m_s:
-                twist, limiting = _slowed(beam, twist, most_m_s), beam.sensor
+                twist, limiting = _slow_twist(beam, twist, most_m_s), beam.sensor
         if limiting is None:
             return motion, None
     if any(_closing_m_s(beam, twist) > most_m_s + 1e-9 for beam, most_m_s in allowed_m_s):
@@ -302,7 +302,7 @@ def _closing_m_s(beam: Beam, twist: Twist2D) -> float:
     return beam.per_linear * twist.linear_m_s + beam.per_angular_m * twist.angular_rad_s
 
 
-def _slowed(beam: Beam, twist: Twist2D, allowed_m_s: float) -> Twist2D:
+def _slow_twist(beam: Beam, twist: Twist2D, allowed_m_s: float) -> Twist2D:
     """First slow the part of the driving that closes in, then, if that is not enough, the turning."""
     driving_m_s = beam.per_linear * twist.linear_m_s
     turning_m_s = beam.per_angular_m * twist.angular_rad_s

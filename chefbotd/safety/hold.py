@@ -73,7 +73,7 @@ def record_attempt(
 
 def stop(state: State, client: int, by: str, now_s: float, stop_hold_s: float) -> State:
     """A client stops the robot: hold what others have tried to drive lately. ``by`` is the client's name."""
-    return tuple([_stopped(tries, client, by, now_s, stop_hold_s) for tries in state])
+    return tuple([_note_stop(tries, client, by, now_s, stop_hold_s) for tries in state])
 
 
 def latch(state: State, by: str, now_s: float, stop_hold_s: float) -> State:
@@ -128,7 +128,7 @@ def holder_of(state: State, source: str, client: int) -> str:
     return "" if tries is None or client in tries.knowing else tries.stopped_by
 
 
-def _stopped(tries: DriveAttempts, client: int, by: str, now_s: float, stop_hold_s: float) -> DriveAttempts:
+def _note_stop(tries: DriveAttempts, client: int, by: str, now_s: float, stop_hold_s: float) -> DriveAttempts:
     was_held = bool(tries.stopped_by) and client not in tries.knowing and now_s - tries.held_s < stop_hold_s
     others_s = tries.others_s if tries.client == client else tries.stamp_s
     if now_s - others_s >= stop_hold_s:

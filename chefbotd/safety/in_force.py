@@ -134,7 +134,7 @@ class InForce(MutableState):
         envelope: Envelope | None = None
         for command in self.commands:
             if envelope is not None:
-                envelope = _widened(envelope, command)
+                envelope = _widen(envelope, command)
             elif command.since_s <= until_s or command.since_s <= from_s:
                 envelope = Envelope(command.effort, (), command.setpoint_m_s)
             if command.since_s <= from_s:
@@ -166,7 +166,7 @@ class InForce(MutableState):
         return self.commands[-1]
 
 
-def _widened(envelope: Envelope, command: Command) -> Envelope:
+def _widen(envelope: Envelope, command: Command) -> Envelope:
     """The envelope with one more command, an older one."""
     effort, asked_m_s = list(envelope.effort), list(envelope.asked_m_s)
     may_turn_round = list(envelope.may_turn_round or (False,) * len(effort))

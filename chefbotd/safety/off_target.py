@@ -114,7 +114,7 @@ def sentence(
     turns = "turn" if len(off) > 1 else "turns"
     return (
         f"{who} {turns} at {abs(pace.measured_m_s):.2f} m/s by the encoders, where {abs(pace.asked_m_s):.2f} is asked "
-        f"for{_compared(pace, free_m_s)}. Calibrate the encoders by hand first: "
+        f"for{_compare_pace(pace, free_m_s)}. Calibrate the encoders by hand first: "
         f"the configured {counts_per_turn:g} counts per turn are assumed unless somebody has done that. If they are "
         "right, see the full scale of the duty, the gains, the battery, and what holds the wheel"
     )
@@ -130,7 +130,7 @@ def _lags(measured_m_s: float, effort: float, free_m_s: float) -> bool:
     return abs(effort) >= HARD_SHARE and abs(measured_m_s) < HALF_AS_FAST * abs(effort) * free_m_s
 
 
-def _compared(pace: Pace, free_m_s: float) -> str:
+def _compare_pace(pace: Pace, free_m_s: float) -> str:
     """How that compares with what the duty can give."""
     most_m_s = abs(pace.effort) * free_m_s
     if _outruns(pace.measured_m_s, pace.effort, free_m_s):

@@ -85,7 +85,7 @@ def watch(
         [
             _add(params, excess, asked, travel, dt_s)
             if driven and i not in excluded
-            else Excess(_slowed(params, excess, abs(asked), dt_s))
+            else Excess(_brake_bound(params, excess, abs(asked), dt_s))
             for i, (excess, asked, travel) in enumerate(wheels)
         ]
     )
@@ -114,7 +114,7 @@ def _add(
         lasted_s = lasted_s - dt_s if lasted_s > dt_s else 0.0
     ahead_m = ahead_m if ahead_m > least_m else least_m
     back_m = back_m if back_m > least_m else least_m
-    asked_next_m_s = _slowed(params, excess, asked_m_s, dt_s)
+    asked_next_m_s = _brake_bound(params, excess, asked_m_s, dt_s)
     if ahead_m <= 0 and back_m <= 0 and not lasted_s:
         return Excess(asked_next_m_s, ahead_m, back_m)
     worst = excess.measured_m_s, excess.allowed_m_s, excess.worst_asked_m_s
@@ -123,7 +123,7 @@ def _add(
     return Excess(asked_next_m_s, ahead_m, back_m, lasted_s, *worst)
 
 
-def _slowed(params: OverspeedParameters, excess: Excess, asked_m_s: float, dt_s: float) -> float:
+def _brake_bound(params: OverspeedParameters, excess: Excess, asked_m_s: float, dt_s: float) -> float:
     """How fast a braked wheel may still be that was asked for more before."""
     braked_m_s = excess.asked_m_s - params.braking_m_s2 * dt_s
     return asked_m_s if asked_m_s > braked_m_s else braked_m_s

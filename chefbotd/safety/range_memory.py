@@ -90,7 +90,7 @@ def add_reading(
     beyond_m = expected_m - stand_m
     alike_m = hysteresis_m + FARTHER_SHARE * beyond_m if beyond_m > 0 else hysteresis_m
     if distance_m <= expected_m + alike_m + ROUNDING_M:
-        return _shown(before, distance_m)
+        return _confirm(before, distance_m)
     if expected_m < 0:
         expected_m = 0.0
     run, nearest_m = before.run + 1, before.nearest_m - shortened_m
@@ -105,7 +105,7 @@ def add_reading(
     return replace(before, distance_m=expected_m, run=run, nearest_m=nearest_m, turned_rad=turned_rad)
 
 
-def _shown(before: Believed, distance_m: float) -> Believed:
+def _confirm(before: Believed, distance_m: float) -> Believed:
     """Something is where it was believed to be, or nearer: what did not show it was a miss."""
     if before.distance_m == math.inf:
         return before if distance_m == math.inf else replace(before, distance_m=distance_m)

@@ -94,7 +94,7 @@ def limit(
     if isinstance(motion, WheelVelocities):
         return motion.slowed(share), limited_by
     if limited_by.startswith(SILENT):  # no part of it is free: it goes the same way, at a crawl
-        return _scaled(motion, share), limited_by
+        return _scale_twist(motion, share), limited_by
     return look.most_of(motion, share), limited_by
 
 
@@ -176,18 +176,18 @@ class _Look:
         """
         linear_m_s, angular_rad_s = whole.linear_m_s, whole.angular_rad_s
         if linear_m_s == 0 or angular_rad_s == 0:
-            return _scaled(whole, share)
+            return _scale_twist(whole, share)
         tighter = Twist2D(linear_m_s * share, angular_rad_s)
         wider = Twist2D(linear_m_s, angular_rad_s * share)
         for motion in (tighter, wider):
             if self.share_of(motion)[0] >= WHOLE:
                 return motion
         best = share
-        motion = _scaled(whole, share)
+        motion = _scale_twist(whole, share)
         for part in (Twist2D(0.0, angular_rad_s), Twist2D(linear_m_s, 0.0)):
             allowed = min(self.share_of(part)[0], 1.0)
             if allowed > best + PARTLY:
-                best, motion = allowed, _scaled(part, allowed)
+                best, motion = allowed, _scale_twist(part, allowed)
         return motion
 
 
@@ -195,7 +195,7 @@ PARTLY = 0.5
 """A part of the motion goes on alone where it may have so much more of its speed than the whole."""
 
 
-def _scaled(twist: Twist2D, share: float) -> Twist2D:
+def _scale_twist(twist: Twist2D, share: float) -> Twist2D:
     return Twist2D(twist.linear_m_s * share, twist.angular_rad_s * share)
 
 

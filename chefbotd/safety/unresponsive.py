@@ -55,7 +55,7 @@ DRIVEN = UnresponsiveState()
 """A duty is in force, or nothing was said yet."""
 
 
-def commanded(state: UnresponsiveState, now_s: float, *, driven: bool) -> UnresponsiveState:
+def record_command(state: UnresponsiveState, now_s: float, *, driven: bool) -> UnresponsiveState:
     """A command goes to the board; ``driven`` says whether it is other than zero."""
     if driven:
         return DRIVEN

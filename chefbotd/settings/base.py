@@ -74,7 +74,7 @@ def merge(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
         raise SettingsError(f"safety: expected a section, got {own['safety']!r}")
     merged = {
         **base,
-        **{key: _merged(base.get(key), value, key) for key, value in own.items() if key != EXTENDS},
+        **{key: _merge_tables(base.get(key), value, key) for key, value in own.items() if key != EXTENDS},
     }
     drop_left_out(merged)
     if not any(merged.get(name) for name in SEEING) and "guard" not in own.get("safety", {}):
@@ -82,11 +82,11 @@ def merge(base: Mapping[str, Any], own: Mapping[str, Any]) -> dict[str, Any]:
     return merged
 
 
-def _merged(base: Any, own: Any, key: str) -> Any:
+def _merge_tables(base: Any, own: Any, key: str) -> Any:
     if not isinstance(own, dict):
         return own
     if isinstance(base, dict):
-        inner = {name: _merged(base.get(name), value, f"{key}.{name}") for name, value in own.items()}
+        inner = {name: _merge_tables(base.get(name), value, f"{key}.{name}") for name, value in own.items()}
         return {**base, **inner}
     if isinstance(base, list) and base:
         return _change_entries(base, own, key)

@@ -100,7 +100,7 @@ class MissingExtraError(SettingsError):
     """A configuration that cannot be checked without a package of an extra; the text names it."""
 
 
-def blamed(wrong: str, origins: Mapping[Keys, str], path: Path) -> str:
+def blame_source(wrong: str, origins: Mapping[Keys, str], path: Path) -> str:
     """The source of the value that a message begins with; where other sources are mentioned, with them."""
     places = {(place, origins[keys]) for keys in origins if (place := wrong.find(".".join(keys))) >= 0}
     overriding = [source.removesuffix(": ") for _, source in sorted(places) if source]
@@ -126,7 +126,7 @@ def explain(
             lines.append(f"{origin}{expected}")
             continue
         given = f" (got {problem['input']!r})" if _is_repeated(model, problem["type"], loc) else ""
-        lines.append(f"{origin}{dotted(values, loc)}: {expected}{given}")
+        lines.append(f"{origin}{join_keys(values, loc)}: {expected}{given}")
     return "\n".join(lines)
 
 
@@ -241,7 +241,7 @@ def _sections(values: Any, names: Sequence[str]) -> Iterator[dict[str, Any]]:
         yield values
 
 
-def dotted(values: object, loc: Keys) -> str:
+def join_keys(values: object, loc: Keys) -> str:
     """A key with dots. An entry of a list has its name in it, or its number if it has no name."""
     words, inner = [], values
     for key in loc:

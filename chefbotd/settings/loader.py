@@ -24,7 +24,7 @@ from chefbotd.settings.errors import (
     MissingExtraError,
     SettingsError,
     UnknownKey,
-    blamed,
+    blame_source,
     explain,
     from_environment,
     place,
@@ -69,7 +69,7 @@ def load(path: Path | None = None, *, overrides: Mapping[str, object] | None = N
     except ValidationError as error:
         raise SettingsError(explain(error, model, values, origins, f"{path}: ")) from error
     if wrong := "; ".join(check(settings)):
-        raise SettingsError(f"{blamed(wrong, origins, path)}{wrong}")
+        raise SettingsError(f"{blame_source(wrong, origins, path)}{wrong}")
     _check_description(settings)
     return settings
 

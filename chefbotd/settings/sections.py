@@ -19,13 +19,13 @@ M = TypeVar("M", bound=Parameters)
 
 def with_sections(model: type[M], components: Iterable[Component]) -> type[M]:
     """The model with a field for the section of each component, under the component's name."""
-    return _composed(
+    return _compose_model(
         model,
         {component.name: _field(component) for component in components if component.section is not None},
     )
 
 
-def _composed(model: type[M], fields: Mapping[str, Any]) -> type[M]:
+def _compose_model(model: type[M], fields: Mapping[str, Any]) -> type[M]:
     make: Any = create_model
     made: type[M] = make("Settings", __base__=model, __module__=model.__module__, **fields)
     made.__doc__ = model.__doc__
@@ -48,7 +48,7 @@ def model_for(values: Mapping[str, Any], model: "type[Settings]") -> "type[Setti
 
     A section of one that is left out is not checked: the daemon runs without it, whatever it says.
     """
-    allowed = _allowed(values)
+    allowed = _allowed_names(values)
     if not allowed:
         return model
     from chefbotd.installed import find_installed  # a robot without strangers does not look for any
@@ -61,12 +61,12 @@ def model_for(values: Mapping[str, Any], model: "type[Settings]") -> "type[Setti
         elif stranger.component is not None and stranger.component.section is not None:
             kind, default = _field(stranger.component)
             fields[stranger.name] = (Annotated[kind, WrapValidator(_refuse_faults)], default)
-    made = _composed(model, fields)
+    made = _compose_model(model, fields)
     made.strangers = tuple(strangers)
     return made
 
 
-def _allowed(values: Mapping[str, Any]) -> list[str]:
+def _allowed_names(values: Mapping[str, Any]) -> list[str]:
     """The names in ``[plugins] allow``, each once; what is none is refused by the model."""
     plugins = values.get("plugins")
     names = plugins.get("allow") if isinstance(plugins, Mapping) else None

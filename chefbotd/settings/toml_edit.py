@@ -73,7 +73,7 @@ class Editor:
         parts: list[Part] = [self._document]
         elements: list[Part] = []
         for name in path:
-            items = [item for part in parts for _, item in _named(part, name)]
+            items = [item for part in parts for _, item in _find_named(part, name)]
             parts = [item for item in items if isinstance(item, Table | InlineTable)]
             parts += _of_name(elements, name)
             elements = [table for item in items if isinstance(item, AoT) for table in item.body]
@@ -83,7 +83,7 @@ class Editor:
         """Rewrite the inline table that is or contains this section; returns whether one does."""
         for depth, name in enumerate(path):
             for above in self._parts(path[:depth]):
-                for _, table in _named(above, name):
+                for _, table in _find_named(above, name):
                     if isinstance(table, InlineTable):
                         above[name] = _rewritten(table, path[depth + 1 :], changes)
                         return True
@@ -94,7 +94,7 @@ def _body(part: Part) -> Body:
     return part.body if isinstance(part, tomlkit.TOMLDocument) else part.value.body
 
 
-def _named(part: Part, name: str) -> list[tuple[int, Item]]:
+def _find_named(part: Part, name: str) -> list[tuple[int, Item]]:
     """A table's value of this name and its place. tomlkit's own look-up joins scattered parts into one."""
     return [(at, item) for at, (key, item) in enumerate(_body(part)) if key is not None and key.key == name]
 
@@ -155,7 +155,7 @@ def _take(part: Part, name: str) -> None:
     They are put in as whitespace, which tomlkit writes as it is: a comment would make a header for a table that has
     only sections.
     """
-    items = _named(part, name)
+    items = _find_named(part, name)
     if not items:
         return
     left = [(at, _leavings(item)) for at, item in items]

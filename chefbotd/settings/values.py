@@ -15,7 +15,7 @@ Values: TypeAlias = Mapping[str, float]
 """New values by the paths of their keys; an element of a list is named: ``lidar.front.mount_x_m``."""
 
 
-def calibrated(settings: Settings, values: Values) -> Settings:
+def apply_calibration(settings: Settings, values: Values) -> Settings:
     """The settings with these values.
 
     Raises:

@@ -6,7 +6,7 @@ import os
 import socket
 
 from chefbotd.clock import LoopClock
-from chefbotd.components.worker.messages import TO_WORKER, Alive, FrameReader, framed
+from chefbotd.components.worker.messages import TO_WORKER, Alive, FrameReader, frame_message
 from chefbotd.components.worker.parameters import WorkerParameters
 from chefbotd.components.worker.runner import Runner
 from chefbotd.components.worker.spawn import Child
@@ -85,18 +85,18 @@ class WorkerInProcess(Child):
             return
         for frame in self._reader.feed(data):
             for message in self._runner.take_message(TO_WORKER.decode(frame)):
-                self._send(framed(message))
+                self._send(frame_message(message))
 
     def _turn(self) -> None:
         if self._end.done():
             return
         for message in self._runner.take_turn():
-            self._send(framed(message))
+            self._send(frame_message(message))
         self._loop.call_later(self._runner.wait_s, self._turn)
 
     def _say_alive(self) -> None:
         if not self._end.done():
-            self._send(framed(Alive("", 0.0)))
+            self._send(frame_message(Alive("", 0.0)))
             self._loop.call_later(ALIVE_S, self._say_alive)
 
     def _send(self, frame: bytes) -> None:

@@ -26,7 +26,7 @@ from chefbotd.rpc.models import NoParams
 from chefbotd.rpc.parameters import Role
 from chefbotd.rpc.topics import Topic
 from chefbotd.settings import SettingsError, load
-from chefbotd.snapshot import DaemonState, encoded
+from chefbotd.snapshot import DaemonState, encode_state
 from chefbotd.testing.board import ScriptedBoard
 from chefbotd.testing.daemon import running_daemon
 from chefbotd.testing.transport import FakeSerialDevice
@@ -155,9 +155,9 @@ def test_the_worked_example_goes_on_from_a_recorded_state(shown: types.ModuleTyp
     one, other = (shown.trip(Bus(), ManualClock()).parts for _ in range(2))
     one["trip"].turned_rad, one["trip"].resets = 2.5, 3
     state = DaemonState(InputLog(ManualClock()), other, tuple, ())
-    assert state.restore({"trip": encoded(one["trip"].state())}) == []
+    assert state.restore({"trip": encode_state(one["trip"].state())}) == []
     assert (other["trip"].turned_rad, other["trip"].resets) == (2.5, 3)
-    (problem,) = state.restore({"trip": encoded({"turned_rad": "far", "resets": 3})})
+    (problem,) = state.restore({"trip": encode_state({"turned_rad": "far", "resets": 3})})
     assert "Expected `float`, got `str` - at `$.turned_rad`" in problem
 
 

@@ -18,8 +18,8 @@ from chefbotd.components.worker.messages import (
     Ready,
     SkillEvent,
     SkillRequest,
-    measured,
-    packed,
+    make_measured,
+    pack_body,
 )
 from chefbotd.core.events import RangeStatus
 from chefbotd.core.events.robot import OdometryUpdated
@@ -88,21 +88,23 @@ def test_the_skill_of_the_page_runs_in_a_worker(monkeypatch: pytest.MonkeyPatch)
     worker = runner.Runner(ManualClock(0.0))
     *_, ready = worker.take_message(Configure({"distance": b"{}"}, {"distance": "page:DistanceSkill"}))
     assert ready == Ready()
-    (refused,) = worker.take_message(SkillRequest(1, "distance", 5.0, packed(page.StartOver())))
+    (refused,) = worker.take_message(SkillRequest(1, "distance", 5.0, pack_body(page.StartOver())))
     assert isinstance(refused, Failed)
     assert refused.message == "there is no odometry yet"
     told: list[SkillEvent] = []
     for stamp_s, x_m, y_m in ((0.0, 0.0, 0.0), (0.1, 0.3, 0.4), (0.2, 2.3, 0.4), (0.3, 2.3, 0.5)):
         odometry = OdometryUpdated(stamp_s, stamp_s, Pose2D(x_m, y_m), STANDING, CERTAIN)
-        told += [each for each in worker.take_message(measured(odometry)) if isinstance(each, SkillEvent)]
+        told += [
+            each for each in worker.take_message(make_measured(odometry)) if isinstance(each, SkillEvent)
+        ]
     driven = [msgspec.msgpack.decode(each.body, type=page.DistanceDriven) for each in told]
     assert [(each.stamp_s, each.distance_m) for each in driven] == [
         (0.1, pytest.approx(0.5)),
         (0.3, pytest.approx(0.6)),
     ]
     assert {each.kind for each in told} == {"DistanceDriven"}
-    (answer,) = worker.take_message(SkillRequest(2, "distance", 5.0, packed(page.StartOver())))
-    assert answer == Answer(2, packed(page.DistanceDriven(0.3, 0.0)))
+    (answer,) = worker.take_message(SkillRequest(2, "distance", 5.0, pack_body(page.StartOver())))
+    assert answer == Answer(2, pack_body(page.DistanceDriven(0.3, 0.0)))
 
 
 @pytest.mark.parametrize(("name", "most"), [("adding_a_sensor.md", 12), ("adding_a_skill.md", 8)])

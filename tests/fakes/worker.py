@@ -14,7 +14,7 @@ from chefbotd.components.worker.messages import (
     FromWorker,
     Ready,
     ToWorker,
-    framed,
+    frame_message,
 )
 from chefbotd.components.worker.parameters import WorkerParameters
 from chefbotd.components.worker.process import Worker, WorkerStatus
@@ -55,7 +55,7 @@ class FakeChild:
 
     def say(self, message: FromWorker) -> None:
         """Tell the daemon something."""
-        self.say_bytes(framed(message))
+        self.say_bytes(frame_message(message))
 
     def say_bytes(self, data: bytes) -> None:
         """Tell it anything."""

@@ -15,7 +15,7 @@ from chefbotd.components.calibration.build import robot_with
 from chefbotd.components.calibration.events import Status, StepResult
 from chefbotd.components.simulation.process.true_values import true_values
 from chefbotd.settings import load, packaged
-from chefbotd.settings.values import calibrated
+from chefbotd.settings.values import apply_calibration
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from tests.scenarios.wires import frozen, reversed_from_now, rewire, rewire_motor
 
@@ -147,7 +147,7 @@ def test_lambda_tuning_by_hand():
 def test_the_result_fits_the_configuration():
     """Its values make settings that say the same, and that a daemon drives by."""
     settings, values = imperfect(3), values_found(3)
-    drive = calibrated(settings, values).drive
+    drive = apply_calibration(settings, values).drive
     assert drive.motors["left_wheel"].reverse.gain_rad_s_per_duty == pytest.approx(
         values["drive.motors.left_wheel.reverse.gain_rad_s_per_duty"], rel=1e-5
     )

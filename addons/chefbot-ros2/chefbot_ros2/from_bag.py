@@ -22,7 +22,7 @@ from chefbotd.components.mapping.map_files import StoredMaps
 from chefbotd.components.mapping.skill import MappingSkill
 from chefbotd.components.mapping.skill_requests import Finish, MappingSkillParameters, Start
 from chefbotd.components.maps.events import MapSaved
-from chefbotd.components.worker.messages import packed
+from chefbotd.components.worker.messages import pack_body
 from chefbotd.core.commands import Refused
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import MapPoseUpdated, OdometryUpdated
@@ -122,7 +122,7 @@ def _begun(clock: ManualClock, lidars: tuple[str, ...], folder: Path) -> Mapping
     )
     files = _OnlyFinished(folder, VERSIONS_KEPT)
     skill = MappingSkill(parameters.model_dump_json().encode(), clock, files)
-    skill.handle(packed(Start()))
+    skill.handle(pack_body(Start()))
     return skill
 
 
@@ -170,7 +170,7 @@ def _feed(skill: MappingSkill, clock: ManualClock, events: Iterable[Measured], f
 
 
 def _finished(skill: MappingSkill, name: str) -> MapSaved:
-    job: Any = skill.handle(packed(Finish(name)))
+    job: Any = skill.handle(pack_body(Finish(name)))
     while True:
         try:
             next(job)

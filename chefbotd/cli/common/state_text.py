@@ -252,13 +252,14 @@ def of_topics(
 ) -> list[Fact]:
     """The latest values by topic, each with ``data`` and ``age_s``; what is stale is faint."""
     return [
-        _aged(word, latest[topic], ages=topic in ageing)
+        mark_age(word, latest[topic], ages=topic in ageing)
         for topic, word in rows
         if topic in latest and (topic not in WITH_REASON or latest[topic]["data"].get("reason"))
     ]
 
 
-def _aged(word: Words, value: Data, *, ages: bool) -> Fact:
+def mark_age(word: Words, value: Data, *, ages: bool) -> Fact:
+    """What the words say of the data; faint where it is old and ``ages``."""
     fact = word(value["data"])
     if not ages:
         return fact

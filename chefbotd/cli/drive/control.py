@@ -9,7 +9,7 @@ from typing import TypeVar
 import click
 
 from chefbotd.cli.common.context import CommandContext
-from chefbotd.cli.drive.keys import MOVES, SCALES, Keys, press, released
+from chefbotd.cli.drive.keys import MOVES, SCALES, Keys, press, release_keys
 from chefbotd.client import CallError, Client, MotionInterrupted
 from chefbotd.core.geometry import STANDING, Twist2D
 
@@ -114,7 +114,7 @@ class Pilot:
 
     def release(self) -> None:
         """Treat every key as released: the terminal lost the focus, or another request comes first."""
-        self.keys = released(self.keys)
+        self.keys = release_keys(self.keys)
         self._woken.set()
 
     async def run(self) -> None:
@@ -141,10 +141,10 @@ class Pilot:
             elif before != STANDING and not stop_due:
                 await release_source(self._robot)
         except CallError as error:
-            self.keys, self.asked = released(self.keys), STANDING
+            self.keys, self.asked = release_keys(self.keys), STANDING
             self._report_refusal(f"{error.kind}: {error.message}")
         except MotionInterrupted as error:
-            self.keys, self.asked = released(self.keys), STANDING
+            self.keys, self.asked = release_keys(self.keys), STANDING
             self._report_refusal(str(error))
 
     async def _wait(self) -> None:

@@ -102,7 +102,7 @@ def _next_due_s(due_s: float, repeat_s: float, now_s: float) -> float:
     return due_s + repeat_s * (math.floor((now_s - due_s) / repeat_s) + 1)
 
 
-def disabled(pad: Pad) -> Pad:
+def disable_pad(pad: Pad) -> Pad:
     """The state after a refusal: the enable button has to be released and pressed again."""
     return Pad(pad.down)
 

@@ -9,7 +9,15 @@ from typing import Protocol
 
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.drive.control import arm_seen, describe_stop, release_source
-from chefbotd.cli.drive.gamepad import INITIAL_PAD, Order, PadReading, PadRequest, StickScale, disabled, step
+from chefbotd.cli.drive.gamepad import (
+    INITIAL_PAD,
+    Order,
+    PadReading,
+    PadRequest,
+    StickScale,
+    disable_pad,
+    step,
+)
 from chefbotd.client import CallError, Client, MotionInterrupted
 
 POLL_PERIOD_S = 0.01
@@ -102,10 +110,10 @@ class JoystickPilot:
             if self._falls_back(error):
                 await self._obey(order)
                 return
-            self._pad = disabled(self._pad)
+            self._pad = disable_pad(self._pad)
             self._say(f"{error.kind}: {error.message}")
         except MotionInterrupted as error:
-            self._pad = disabled(self._pad)
+            self._pad = disable_pad(self._pad)
             self._say(str(error))
 
     async def _ask(self, order: Order) -> None:

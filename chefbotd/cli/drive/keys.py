@@ -81,10 +81,10 @@ def press(keys: Keys, key: str, now_s: float) -> Keys:
         return _move(keys, key, now_s)
     if key in SCALES:
         return _scale(keys, SCALES[key])
-    return released(keys)
+    return release_keys(keys)
 
 
-def released(keys: Keys) -> Keys:
+def release_keys(keys: Keys) -> Keys:
     """The same speeds with no key held."""
     return replace(keys, held=None, gap_s=None)
 

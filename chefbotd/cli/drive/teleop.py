@@ -16,7 +16,7 @@ from chefbotd.cli.common import state_text
 from chefbotd.cli.common.screen import RobotScreen
 from chefbotd.cli.common.state_text import Fact, Style
 from chefbotd.cli.drive.control import Pilot
-from chefbotd.cli.drive.keys import ARM_KEY, released
+from chefbotd.cli.drive.keys import ARM_KEY, release_keys
 from chefbotd.client import Client, ConnectionLost, Event
 from chefbotd.core.record import replace
 from chefbotd.rpc.encoding import plain
@@ -101,9 +101,9 @@ class Teleop(RobotScreen):
                 await self._pilot.run()
             except ConnectionLost as loss:
                 before, self._pilot = self._pilot, Pilot(self.robot, self.say)
-                self._pilot.keys = released(before.keys)
+                self._pilot.keys = release_keys(before.keys)
                 await self.wait_for_connection(loss)
-                self._pilot.keys = released(self._pilot.keys)
+                self._pilot.keys = release_keys(self._pilot.keys)
 
     async def _interrupt(self, request: Coroutine[Any, Any, None], done: str) -> None:
         self._pilot.release()

@@ -28,7 +28,7 @@ def robots(obj: CommandContext, seconds: float) -> None:
     """List the robots that announce themselves on this network."""
     with extra("discovery", "zeroconf", "ifaddr"):
         from chefbotd.client import discovery
-    announcements = _heard(obj.run, discovery.robots(seconds))
+    announcements = _run_listening(obj.run, discovery.robots(seconds))
     if obj.as_json:
         echo(json.dumps([_plain(robot) for robot in announcements]))
     elif not announcements:
@@ -45,7 +45,7 @@ def address_of(name: str, run: CoroutineRunner) -> Address:
     """
     with extra("discovery", "zeroconf", "ifaddr"):
         from chefbotd.client import discovery
-    announcement = _heard(run, discovery.find(name))
+    announcement = _run_listening(run, discovery.find(name))
     if announcement is None or not announcement.addresses:
         raise ProgramError(
             Exit.CANNOT_CONNECT, f"no robot called {name!r} answers on this network: try chefbotctl robots"
@@ -58,7 +58,7 @@ def address_of(name: str, run: CoroutineRunner) -> Address:
     return Address(announcement.addresses[0], announcement.port)
 
 
-def _heard(run: CoroutineRunner, listening: Coroutine[Any, Any, Any]) -> Any:
+def _run_listening(run: CoroutineRunner, listening: Coroutine[Any, Any, Any]) -> Any:
     try:
         return run(listening)
     except OSError as error:

@@ -23,10 +23,10 @@ Show = Callable[[Mapping[str, Any] | None, str], None]
 def board() -> Iterator[Show]:
     """Shows a state, and what keeps it from being newer."""
     with Live(console=Printer(highlight=False), auto_refresh=False) as live:
-        yield lambda state, trouble: live.update(drawn(state, trouble), refresh=True)
+        yield lambda state, trouble: live.update(draw_state(state, trouble), refresh=True)
 
 
-def drawn(state: Mapping[str, Any] | None, trouble: str) -> RenderableType:
+def draw_state(state: Mapping[str, Any] | None, trouble: str) -> RenderableType:
     """The table of the state, and a line below it."""
     below = Text(trouble, style="bold red") if trouble else Text("Ctrl-C ends this.", style="dim")
     return Group(below) if state is None else Group(output.status_table(state), below)

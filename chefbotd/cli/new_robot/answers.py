@@ -55,7 +55,7 @@ def _section(section: str, answers: Answers) -> list[str]:
     return ["", *header, *(_line(key, answers[key]) for key in keys)]
 
 
-def edited(text: str, answers: Answers) -> str:
+def edit_answers(text: str, answers: Answers) -> str:
     """A robot's file with these answers; everything else in it is unchanged.
 
     Raises:

@@ -140,7 +140,7 @@ def _write_new(path: Path, walk: "Walk") -> None:
 
 def _changed_text(path: Path, walk: "Walk") -> str | None:
     """The file with what has changed, which is shown; None where nothing has."""
-    from chefbotd.cli.new_robot.answers import differing, edited
+    from chefbotd.cli.new_robot.answers import differing, edit_answers
     from chefbotd.components.calibration.calibrated_file import difference
 
     before = path.read_text(encoding="utf-8-sig")
@@ -148,7 +148,7 @@ def _changed_text(path: Path, walk: "Walk") -> str | None:
     if not changes:
         echo(f"Nothing has changed: {path} stays as it is.")
         return None
-    after = edited(before, changes)
+    after = edit_answers(before, changes)
     echo(difference(path.name, before, after))
     return after
 

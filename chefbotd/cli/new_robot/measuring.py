@@ -7,7 +7,7 @@ from contextlib import AbstractAsyncContextManager
 
 from chefbotd.cli.drive.control import ignoring_too_old, release_source
 from chefbotd.client import CallError, Client
-from chefbotd.components.doctor.cli.collecting import collected, of_topic, snapshot
+from chefbotd.components.doctor.cli.collecting import collect_events, of_topic, snapshot
 from chefbotd.core.record import Record
 from chefbotd.settings import Settings, load, packaged
 
@@ -118,7 +118,7 @@ async def _run(
     """The last duty of this wheel, each wheel's mean speed at the end, and why it was stopped (empty: it was not)."""
     loop = asyncio.get_running_loop()
     refused = ""
-    async with collected(robot, ("wheels",)) as events:
+    async with collect_events(robot, ("wheels",)) as events:
         ends_s = loop.time() + seconds
         try:
             while loop.time() < ends_s:

@@ -137,7 +137,7 @@ def run(
     start.open_standard_streams()
     signals.hold_crashes()  # libraries start threads as they are imported
     _check_simulated(simulated, device, sketch, physics)
-    overrides = _given(
+    overrides = _options_given(
         {
             "sim.board.sketch": sketch,
             "encoders.counted_by": _counted_by(sketch),
@@ -185,7 +185,7 @@ def _check_simulated(simulated: bool, device: str | None, sketch: str | None, ph
         raise click.UsageError("--physics needs --sim: it moves a simulated robot")
 
 
-def _given(options: Mapping[str, object]) -> dict[str, object]:
+def _options_given(options: Mapping[str, object]) -> dict[str, object]:
     """What was named on the command line."""
     return {key: value for key, value in options.items() if value is not None}
 
@@ -227,7 +227,7 @@ def simulate(
     """
     cycle_s = None if cycle_hz is None else 1 / cycle_hz
     options = {"sim.board.sketch": sketch, "sim.board.cycle_s": cycle_s, "sim.physics": physics}
-    settings = load_valid(path, _given(options))
+    settings = load_valid(path, _options_given(options))
     from chefbotd.components.simulation.simulate import simulate as run_board
 
     simulation = simulation_of(settings)

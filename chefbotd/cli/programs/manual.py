@@ -41,19 +41,19 @@ def roff(name: str, context: click.Context) -> str:
     lines = [
         f'.TH "{name.upper()}" "1" "" "chefbotd {__version__}" "chefbotd"',
         ".SH NAME",
-        f"{_escaped(name)} \\- {_escaped(summary)}",
+        f"{_escape_roff(name)} \\- {_escape_roff(summary)}",
         ".SH SYNOPSIS",
-        f".B {_escaped(context.command_path)}",
-        _escaped(" ".join(command.collect_usage_pieces(context))),
+        f".B {_escape_roff(context.command_path)}",
+        _escape_roff(" ".join(command.collect_usage_pieces(context))),
         ".SH DESCRIPTION",
-        *(f".PP\n{_escaped(_one_line(text))}" for text in _paragraphs(command.help or "")),
+        *(f".PP\n{_escape_roff(_one_line(text))}" for text in _paragraphs(command.help or "")),
     ]
     for title, rows in _sections(context):
         lines.append(f".SH {title}")
-        lines += [f".TP\n.B {_escaped(term)}\n{_escaped(text)}" for term, text in rows]
+        lines += [f".TP\n.B {_escape_roff(term)}\n{_escape_roff(text)}" for term, text in rows]
     if command.epilog:
-        lines += [".SH NOTES", ".nf", _escaped(command.epilog.replace("\b", "").strip("\n")), ".fi"]
-    lines += [".SH SEE ALSO", ", ".join(f"{page}(1)" for page in _related(name, context))]
+        lines += [".SH NOTES", ".nf", _escape_roff(command.epilog.replace("\b", "").strip("\n")), ".fi"]
+    lines += [".SH SEE ALSO", ", ".join(f"{page}(1)" for page in _related_pages(name, context))]
     return "\n".join(lines) + "\n"
 
 
@@ -95,7 +95,7 @@ def _sections(context: click.Context) -> Iterator[tuple[str, list[tuple[str, str
         yield "COMMANDS", rows
 
 
-def _related(name: str, context: click.Context) -> list[str]:
+def _related_pages(name: str, context: click.Context) -> list[str]:
     """The page above this one, or the other program's."""
     if context.parent is not None:
         return [name.removesuffix(f"-{context.info_name}")]
@@ -110,7 +110,7 @@ def _one_line(text: str) -> str:
     return " ".join(text.split())
 
 
-def _escaped(text: str) -> str:
+def _escape_roff(text: str) -> str:
     """No backslash, hyphen or leading dot that roff takes for its own."""
     lines = text.replace("\\", "\\e").replace("-", "\\-").splitlines()
     return "\n".join(f"\\&{line}" if line.startswith((".", "'")) else line for line in lines)

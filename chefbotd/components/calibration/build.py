@@ -14,7 +14,7 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.extras import how_to_add_extra
 from chefbotd.features.feature import Feature
 from chefbotd.settings import Settings, SettingsError
-from chefbotd.settings.values import calibrated
+from chefbotd.settings.values import apply_calibration
 
 
 def calibration_of(context: Context[None]) -> Feature:
@@ -42,7 +42,7 @@ def robot_with(settings: Settings, values: Values) -> ConfiguredRobot:
     """
     if values:
         try:
-            settings = calibrated(settings, values)
+            settings = apply_calibration(settings, values)
         except SettingsError as error:
             raise Refused(RefusalKind.CANNOT_CALIBRATE, str(error)) from error
     return ConfiguredRobot(

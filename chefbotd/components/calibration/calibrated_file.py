@@ -92,7 +92,7 @@ def _at(said: Any, key: str) -> Any:
     """The value at this path of a parsed file; None where it has none."""
     for name in key.split("."):
         if isinstance(said, list):
-            said = _named(said, name)
+            said = _find_named(said, name)
         elif isinstance(said, dict):
             said = said.get(name)
         else:
@@ -100,7 +100,7 @@ def _at(said: Any, key: str) -> Any:
     return said
 
 
-def _named(elements: list[Any], name: str) -> Any:
+def _find_named(elements: list[Any], name: str) -> Any:
     """The element of this name. The only one of a list may have none."""
     named = [element for element in elements if element.get("name") == name]
     if not named and len(elements) == 1 and "name" not in elements[0]:

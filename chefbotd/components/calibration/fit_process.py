@@ -53,18 +53,18 @@ async def fit_in_process(step: str, robot: ConfiguredRobot, measured: Measuremen
 
 async def fit_here(step: str, robot: ConfiguredRobot, measured: Measurements) -> StepResult:
     """The same in this process, for tests on a virtual clock and for programs without a control loop."""
-    from chefbotd.components.calibration.algorithms.steps import fitted
+    from chefbotd.components.calibration.algorithms.steps import fit_step
 
-    return fitted(step, robot, measured)
+    return fit_step(step, robot, measured)
 
 
 def main() -> None:
     """Read a step's measurements, and write its result."""
-    from chefbotd.components.calibration.algorithms.steps import fitted
+    from chefbotd.components.calibration.algorithms.steps import fit_step
 
     os.nice(NICENESS)
     step, robot, measured = pickle.load(sys.stdin.buffer)  # noqa: S301 - what the daemon has written
-    sys.stdout.buffer.write(json.encode(fitted(step, robot, measured)))
+    sys.stdout.buffer.write(json.encode(fit_step(step, robot, measured)))
 
 
 if __name__ == "__main__":

@@ -40,7 +40,7 @@ def measurements(events: Iterable[Any]) -> Measurements:
     return Measurements(**fields)
 
 
-def joined(parts: Iterable[Measurements]) -> Measurements:
+def join_measurements(parts: Iterable[Measurements]) -> Measurements:
     """All of them, one after the other."""
     whole = tuple(parts)
     lists = {
@@ -65,24 +65,24 @@ def as_calibrated(measured: Measurements, running: ConfiguredRobot, robot: Confi
     wheels = [
         replace(
             event,
-            position_rad=_scaled(event.position_rad, turns),
-            travel_rad=_scaled(event.travel_rad, turns),
-            velocity_rad_s=_scaled(event.velocity_rad_s, turns),
+            position_rad=_scale_values(event.position_rad, turns),
+            travel_rad=_scale_values(event.travel_rad, turns),
+            velocity_rad_s=_scale_values(event.velocity_rad_s, turns),
         )
         for event in measured.wheels
     ]
     driven = [
         replace(
             event,
-            position_rad=_scaled(event.position_rad, turns),
-            velocity_rad_s=_scaled(event.velocity_rad_s, turns),
+            position_rad=_scale_values(event.position_rad, turns),
+            velocity_rad_s=_scale_values(event.velocity_rad_s, turns),
         )
         for event in measured.driven
     ]
     return replace(measured, battery=tuple(battery), wheels=tuple(wheels), driven=tuple(driven))
 
 
-def _scaled(values: tuple[float, ...], factor: float) -> tuple[float, ...]:
+def _scale_values(values: tuple[float, ...], factor: float) -> tuple[float, ...]:
     return tuple(value * factor for value in values)
 
 
@@ -106,7 +106,7 @@ class Gathering:
         events = self._events.copy()
         self._events.clear()
         measured = measurements(events)
-        return joined((measured, Measurements(answers=answers))) if answers else measured
+        return join_measurements((measured, Measurements(answers=answers))) if answers else measured
 
     def end(self) -> None:
         """Gather no more."""

@@ -10,7 +10,7 @@ from typing import Final
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.components.calibration.algorithms.step import Action, Ask, Measurements, Move, Procedure
-from chefbotd.components.calibration.measuring import Gathering, joined
+from chefbotd.components.calibration.measuring import Gathering, join_measurements
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import SafetyChanged, WheelsMeasured
 from chefbotd.core.record import Record
@@ -147,7 +147,7 @@ class ProcedureRunner:
             gathering.end()
             if self._timer is not None:
                 self._timer.cancel()
-        return joined(parts)
+        return join_measurements(parts)
 
     async def _perform(self, action: Action, baseline: StopBaseline) -> Mapping[str, float]:
         if isinstance(action, Ask):

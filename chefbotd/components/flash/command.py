@@ -67,7 +67,7 @@ def flash(
     named = f"firmware {image.version}" if image.version else str(image.path)
     tell(f"{board.title} at {port.device}: {named}, with {programmer.program}.")
     if dry_run:
-        tell(f"Would run: {procedure.shown(programmer.write(port, image.path))}")
+        tell(f"Would run: {procedure.format_command(programmer.write(port, image.path))}")
         _print_json(context, board, port, programmer, image, dry_run=True)
         return
     _require_free(port)

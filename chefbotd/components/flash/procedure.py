@@ -184,6 +184,6 @@ def version_in(line: bytes) -> str:
     return f"{int(fields[1])}.{int(fields[2])}"
 
 
-def shown(command: CommandLine) -> str:
+def format_command(command: CommandLine) -> str:
     """A command as it would be typed."""
     return shlex.join(command)

@@ -24,7 +24,7 @@ from chefbotd.components.localization.algorithms.warm import warm
 from chefbotd.components.localization.events import Alternative, LocalizationChanged
 from chefbotd.components.localization.pose_file import PoseFile, PoseOnDisk, SavedPose, require_on_map
 from chefbotd.components.localization.skill_requests import POSE_FILE, LocalizationSkillParameters
-from chefbotd.components.mapping.algorithms.mount_check import MountCheck, checked, mount_problem
+from chefbotd.components.mapping.algorithms.mount_check import MountCheck, check_scan, mount_problem
 from chefbotd.components.mapping.aligned_scans import AlignedScan, ScanAligner, Silence, pose_of, pose_updated
 from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage.contents import read_grid
@@ -140,7 +140,7 @@ class LocalizationSkill:
         if report.state is PoseState.LOCALIZED:
             self._sought = ""
         estimate = report.map_from_base if report.state in HAS_POSE else None
-        self._mount = checked(self._mount, aligned.odometry, None if estimate is None else estimate.pose)
+        self._mount = check_scan(self._mount, aligned.odometry, None if estimate is None else estimate.pose)
         return self._located(report)
 
     # what has its own time

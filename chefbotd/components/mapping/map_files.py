@@ -5,7 +5,7 @@ from typing import Final, Protocol
 
 import numpy as np
 
-from chefbotd.components.mapping.algorithms.saved import Arrays, NotASavedState, restored, saved
+from chefbotd.components.mapping.algorithms.saved import Arrays, NotASavedState, restore_state, save_state
 from chefbotd.components.mapping.algorithms.state import SlamState, start, start_new_part
 from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage import contents
@@ -145,13 +145,13 @@ class StartStates:
 
     def to_keep(self, state: SlamState) -> Arrays:
         """An unfinished map as it is saved."""
-        return saved(state) | {SESSION: np.array(self._session)}
+        return save_state(state) | {SESSION: np.array(self._session)}
 
     def _continued(self, arrays: Arrays) -> SlamState:
         """A saved state; where odometry has not gone on since, the robot may be anywhere in it."""
         same_run = SESSION in arrays and str(arrays[SESSION]) == self._session
         try:
-            state = restored(arrays)
+            state = restore_state(arrays)
         except NotASavedState as problem:
             raise Refused(RefusalKind.MAP_UNREADABLE, f"this map cannot be extended: {problem}") from problem
         return state if same_run or not len(state.nodes) else start_new_part(state)

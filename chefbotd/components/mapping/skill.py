@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Final
 from chefbotd.components.mapping import skill_requests as requests
 from chefbotd.components.mapping.algorithms.finish import refining
 from chefbotd.components.mapping.algorithms.live_map import MapUpdates, way_m
-from chefbotd.components.mapping.algorithms.mount_check import MountCheck, checked, mount_problem
+from chefbotd.components.mapping.algorithms.mount_check import MountCheck, check_scan, mount_problem
 from chefbotd.components.mapping.algorithms.occupancy import occupancy
-from chefbotd.components.mapping.algorithms.saved import saved
+from chefbotd.components.mapping.algorithms.saved import save_state
 from chefbotd.components.mapping.algorithms.slam import step
 from chefbotd.components.mapping.algorithms.state import SlamMode, SlamState, start
 from chefbotd.components.mapping.algorithms.warm import warm
@@ -108,7 +108,7 @@ class MappingSkill:
         self._state, report = step(slam, self._state, aligned.stamp_s, aligned.odometry, aligned.scan, noise)
         self._scans += 1
         fits = report.mode in (SlamMode.MAPPING, SlamMode.WHEEL_SLIP)
-        self._mount = checked(self._mount, aligned.odometry, report.map_pose if fits else None)
+        self._mount = check_scan(self._mount, aligned.odometry, report.map_pose if fits else None)
         return pose_updated(
             aligned.stamp_s,
             report.map_pose,
@@ -246,7 +246,7 @@ class MappingSkill:
             yield JobStep(0.9, 1.0, "drawing the map")
             grid = occupancy(state.nodes, self._parameters.mapping.resolution_m)
             yield JobStep(0.95, 1.0, "saving the map")
-            version = self._files.save(name, grid, saved(state))
+            version = self._files.save(name, grid, save_state(state))
         except BaseException:
             self._mode = before
             raise

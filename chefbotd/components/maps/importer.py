@@ -39,7 +39,7 @@ async def run_import(order: Order, report: Report) -> tuple[int, str]:
     assert process.stdout is not None  # noqa: S101 - it is a pipe
     message: dict[str, Any] = {}
     try:
-        with repeated(report, "starts the program that imports it") as tell:
+        with repeat_report(report, "starts the program that imports it") as tell:
             async for line in process.stdout:
                 message = json.loads(line)
                 if "text" in message:
@@ -58,7 +58,7 @@ async def run_import(order: Order, report: Report) -> tuple[int, str]:
 
 
 @contextmanager
-def repeated(report: Report, text: str) -> Iterator[Report]:
+def repeat_report(report: Report, text: str) -> Iterator[Report]:
     """Yields what reports; meanwhile the last report, ``text`` at first, is repeated, so that a client waits on."""
     latest = (0.0, 1.0, text)
 

@@ -14,7 +14,7 @@ from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.components.maps import parts
 from chefbotd.components.maps.events import MapChanged, MapLoaded, MapUnloaded
-from chefbotd.components.maps.importer import Report, repeated, run_import
+from chefbotd.components.maps.importer import Report, repeat_report, run_import
 from chefbotd.components.maps.models import (
     GetMapParams,
     ImportMapParams,
@@ -188,7 +188,7 @@ class MapsService:
 
     async def _loaded(self, name: str, report: Report, resolution_is_right: bool) -> MapInUse:
         """Wait until localization can use it; files that were edited by hand are imported first."""
-        with repeated(report, "waiting for the disk") as tell:
+        with repeat_report(report, "waiting for the disk") as tell:
             async with self._order:
                 ignored = await self._import_edited(name, tell)
                 used = await self._use(name, resolution_is_right=resolution_is_right)

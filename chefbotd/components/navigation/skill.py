@@ -235,7 +235,7 @@ class NavigationSkill:
             self._held_until_s = now_s + HELD_S
         if now_s >= self._held_until_s or self._map_from_odom is None or self._navigator.crawls:
             self._map_from_odom = report.map_from_odom
-        pose = _pose2d(compose(self._map_from_odom, expected(odometry, now_s)))
+        pose = _pose2d(compose(self._map_from_odom, expect_odometry(odometry, now_s)))
         if now_s - odometry.stamp_s > MOST_AGE_S:
             return pose, PoseStatus.LOST
         return pose, STATUS.get(report.state, PoseStatus.LOST)
@@ -262,7 +262,7 @@ class NavigationSkill:
         """What was seen, where the robot was then; without odometry of that time where it was expected."""
         odometry, odom_from_base = self._odometry, seen.odometry
         if odometry is not None and odometry.stamp_s < seen.stamp_s:
-            odom_from_base = expected(odometry, seen.stamp_s)
+            odom_from_base = expect_odometry(odometry, seen.stamp_s)
         points = np.asarray(seen.scan.points, np.float64)
         return Seen(seen.stamp_s, _pose2d(compose(map_from_odom, odom_from_base)), seen.scan.sensor_m, points)
 
@@ -325,7 +325,7 @@ def read_zones(folder: FilePath, name: str) -> Zones:
     return NO_ZONES if content is None else parse_zones(content.decode("utf-8"), ZONES)
 
 
-def expected(odometry: OdometryUpdated, at_s: float) -> Floats:
+def expect_odometry(odometry: OdometryUpdated, at_s: float) -> Floats:
     """Where odometry would say that the robot is, if it moves on as it did: a board that is silent obeys nothing."""
     after_s = min(max(at_s - odometry.stamp_s, 0.0), MOST_AGE_S)
     turned, moved = odometry.twist.angular_rad_s * after_s, odometry.twist.linear_m_s * after_s

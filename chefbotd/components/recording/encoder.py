@@ -49,19 +49,19 @@ def schema_of(event_class: type[Any]) -> Mapping[str, Any]:
         return SCAN
     schema = msgspec.json.schema(event_class)
     definitions = schema.pop("$defs", {})
-    resolved: Mapping[str, Any] = _resolved(schema, definitions)
+    resolved: Mapping[str, Any] = _resolve_schema(schema, definitions)
     return resolved
 
 
-def _resolved(schema: Any, definitions: Mapping[str, Any]) -> Any:
+def _resolve_schema(schema: Any, definitions: Mapping[str, Any]) -> Any:
     if isinstance(schema, list | tuple):
-        return [_resolved(item, definitions) for item in schema]
+        return [_resolve_schema(item, definitions) for item in schema]
     if not isinstance(schema, dict):
         return schema
     reference = schema.get("$ref")
     if isinstance(reference, str):
-        return _resolved(definitions[reference.rpartition("/")[2]], definitions)
-    return {key: _resolved(value, definitions) for key, value in schema.items()}
+        return _resolve_schema(definitions[reference.rpartition("/")[2]], definitions)
+    return {key: _resolve_schema(value, definitions) for key, value in schema.items()}
 
 
 LINK = "{link}"

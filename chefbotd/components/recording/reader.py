@@ -175,7 +175,7 @@ class RecordingReader:
                 ended = isinstance(record, Footer)
                 counts.take(record)
                 if isinstance(record, Chunk):
-                    yield from self._messages_in(_unpacked(record), schemas, counts)
+                    yield from self._messages_in(_unpack_chunk(record), schemas, counts)
                 elif isinstance(record, McapMessage):
                     counts.messages += 1
                     topic, schema = self._channel(record.channel_id)
@@ -245,7 +245,7 @@ class RecordingReader:
             self.attachments[record.name] = record.data
 
 
-def _unpacked(chunk: Chunk) -> bytes:
+def _unpack_chunk(chunk: Chunk) -> bytes:
     """The records of a chunk, which may not be more than it says, nor more than anybody writes.
 
     Raises:

@@ -129,7 +129,7 @@ class RecorderThread:
                 self._starting = self._starting or self._start_writer()
                 await asyncio.shield(asyncio.wrap_future(self._starting.ready))
             except Exception as error:
-                raise _failed(f"the recorder cannot start: {error!r}") from error
+                raise _fail(f"the recorder cannot start: {error!r}") from error
             self.writer = self._starting
         return self.writer
 
@@ -165,16 +165,16 @@ class RecorderThread:
                 asked: Any = writer.ask(lambda recorder: work(recorder, now_s), now_s, first=before is None)
                 answer: T = await asyncio.wrap_future(asked)
         except TimeoutError:
-            raise _failed(f"the disk with {self._folder} has not answered for {patience_s:g} s") from None
+            raise _fail(f"the disk with {self._folder} has not answered for {patience_s:g} s") from None
         except Refused:
             raise
         except Exception as error:
             log.error("the recorder has failed", error=repr(error), exc_info=error)
-            raise _failed(f"the recorder has failed: {error!r}") from error
+            raise _fail(f"the recorder has failed: {error!r}") from error
         return answer
 
 
-def _failed(problem: str) -> RecordingError:
+def _fail(problem: str) -> RecordingError:
     return RecordingError(RefusalKind.STORAGE_FAILED, problem)
 
 

@@ -54,7 +54,7 @@ RANGES = {
 NEEDED = frozenset(range(Parameter.ACCELERATION))
 
 
-def divided(value: int, by: int) -> int:
+def divide_like_c(value: int, by: int) -> int:
     """As C divides: towards zero."""
     return value // by if (value < 0) == (by < 0) else -(-value // by)
 
@@ -147,23 +147,25 @@ class WheelLoop:
     def _run(self, wheel: _Wheel) -> int:
         step, aim = binary(self._set.get(Parameter.ACCELERATION, 0)), wheel.aim * RAMP_SCALE
         wheel.ramp = aim if not step else wheel.ramp + between(aim - wheel.ramp, step)
-        target = divided(wheel.ramp, RAMP_SCALE)
+        target = divide_like_c(wheel.ramp, RAMP_SCALE)
         if not target:
             wheel.integral = 0
             return 0
         gain = {name: binary(self._set[name]) for name in (Parameter.KP, Parameter.FEEDFORWARD)}
         error = between(target - self._measured(wheel), MOST_MEASURED)
         friction = self._set[Parameter.STATIC] if target > 0 else -self._set[Parameter.STATIC]
-        drive = divided(gain[Parameter.FEEDFORWARD] * target, RAMP_SCALE) + friction
-        drive += divided(gain[Parameter.KP] * error, RAMP_SCALE) + divided(wheel.integral, INTEGRAL_SCALE)
+        drive = divide_like_c(gain[Parameter.FEEDFORWARD] * target, RAMP_SCALE) + friction
+        drive += divide_like_c(gain[Parameter.KP] * error, RAMP_SCALE) + divide_like_c(
+            wheel.integral, INTEGRAL_SCALE
+        )
         is_saturated = error > 0 if drive >= MOST_DRIVE else drive <= -MOST_DRIVE and error < 0
         if not is_saturated:
             gained = (self._set[Parameter.KI] * 4096 + 7812) // 15_625 * between(error, MOST_INTEGRATED)
-            more = wheel.integral + divided(gained, 64)
+            more = wheel.integral + divide_like_c(gained, 64)
             wheel.integral = between(more, MOST_DRIVE * INTEGRAL_SCALE)
-        scaled = divided(between(drive, 4 * MOST_DRIVE) * self._set[Parameter.BATTERY], 256)
+        scaled = divide_like_c(between(drive, 4 * MOST_DRIVE) * self._set[Parameter.BATTERY], 256)
         compensated = between(scaled, MOST_DRIVE)
-        return divided(compensated + (-128 if compensated < 0 else 128), 256)
+        return divide_like_c(compensated + (-128 if compensated < 0 else 128), 256)
 
     def _measured(self, wheel: _Wheel) -> int:
         """The speed by the edges of the last milliseconds that had some, in mrad/s."""

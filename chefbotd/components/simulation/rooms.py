@@ -74,7 +74,7 @@ def _map_walls(path: Path) -> Vector:
     occupied = grid.percent == OCCUPIED
     if not occupied.any():
         raise ValueError(f"{path}: no pixel is darker than occupied_thresh {description.occupied_thresh}")
-    return _placed(_outlines(occupied) * grid.resolution_m, grid.map_from_grid)
+    return _place_walls(_outlines(occupied) * grid.resolution_m, grid.map_from_grid)
 
 
 def _outlines(occupied: npt.NDArray[np.bool_]) -> Vector:
@@ -94,6 +94,6 @@ def _edge_runs(padded: npt.NDArray[np.bool_]) -> Vector:
     return np.stack((starts[:, 1], y, stops[:, 1], y), axis=1).astype(np.float64)
 
 
-def _placed(walls: Vector, origin: Pose2D) -> Vector:
+def _place_walls(walls: Vector, origin: Pose2D) -> Vector:
     """The walls turned by the origin's heading and moved to it."""
     return transform(row_of(origin), walls.reshape(-1, 2)).reshape(-1, 4)

@@ -37,7 +37,7 @@ def save(path: Path, gains: Gains) -> None:
         theirs, ours = ", ".join(sorted(gains)), ", ".join(sorted(wheels))
         raise SettingsError(f"{path}: is for the wheels {ours}; the gains are for {theirs}")
     before = read_writable(path)
-    after = _edited(path, before, {wheel: gains[wheel] for wheel in wheels})
+    after = _edit_gains(path, before, {wheel: gains[wheel] for wheel in wheels})
     if after != before:
         replace_file(path, after)
 
@@ -99,7 +99,7 @@ def _changes(said: Mapping[str, object], gains: PidParameters) -> dict[str, obje
     return changes
 
 
-def _edited(path: Path, before: str, gains: Gains) -> str:
+def _edit_gains(path: Path, before: str, gains: Gains) -> str:
     """Check the text by reading it back, because some forms of TOML may not be edited correctly."""
     try:
         after = with_gains(before, gains)

@@ -91,7 +91,7 @@ class TuningService:
             names = ", ".join([ALL_WHEELS, *before])
             raise Refused(RefusalKind.UNKNOWN_WHEEL, f"no wheel named {wheel!r}; there are {names}")
         after = {
-            name: _changed(gains, changes) if wheel in (ALL_WHEELS, name) else gains
+            name: _change_gains(gains, changes) if wheel in (ALL_WHEELS, name) else gains
             for name, gains in before.items()
         }
         if expected := self._expected_of_limits(after):
@@ -123,7 +123,7 @@ class TuningService:
         return None
 
 
-def _changed(old: PidParameters, changes: Mapping[str, object]) -> PidParameters:
+def _change_gains(old: PidParameters, changes: Mapping[str, object]) -> PidParameters:
     try:
         return PidParameters.model_validate(old.model_dump() | dict(changes))
     except ValidationError as error:

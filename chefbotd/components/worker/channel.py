@@ -18,8 +18,8 @@ from chefbotd.components.worker.messages import (
     Measured,
     NotAMessage,
     ToWorker,
-    decoded,
-    framed,
+    decode_message,
+    frame_message,
 )
 
 READ_BYTES: Final = 1 << 15
@@ -58,7 +58,7 @@ class Channel:
         """Queue a message; where there is no room the oldest that may give way do."""
         if self._closed:
             return
-        frame, gives_way = framed(message), isinstance(message, Measured)
+        frame, gives_way = frame_message(message), isinstance(message, Measured)
         self._queue.append((frame, gives_way))
         self._count(frame, gives_way, 1)
         if self._spare_bytes > self._most_bytes:
@@ -132,7 +132,7 @@ class Channel:
             return
         try:
             for frame in self._reader.feed(data):
-                self._on_message(decoded(FROM_WORKER, frame))
+                self._on_message(decode_message(FROM_WORKER, frame))
                 if self._closed:
                     return
         except NotAMessage as garbage:

@@ -22,8 +22,8 @@ from chefbotd.components.worker.messages import (
     FrameReader,
     FromWorker,
     SkillRequest,
-    framed,
-    packed,
+    frame_message,
+    pack_body,
 )
 from chefbotd.components.worker.runner import Runner
 from chefbotd.shared_clock import SHARED_CLOCK, SharedClock
@@ -34,7 +34,7 @@ READ_BYTES: Final = 1 << 16
 FOLLOWS_WITHIN_S: Final = 0.01
 """So long a turn waits for the next request of whoever has just got a result; the turns are 50 ms apart."""
 
-NO_RESULT: Final = packed(None)
+NO_RESULT: Final = pack_body(None)
 OUT_OF_MEMORY_SCORE: Final = "800"
 """When the computer is out of memory, the kernel ends the worker long before the daemon (0): proc(5), oom_score_adj."""
 
@@ -82,7 +82,7 @@ def _begin_anew(line: "_Line", arguments: list[str], configure: Configure) -> No
 
     Until the skills are ready, the daemon sends nothing but the configuration.
     """
-    message = base64.b64encode(packed(configure)).decode("ascii")
+    message = base64.b64encode(pack_body(configure)).decode("ascii")
     program = [
         sys.executable,
         "-P",
@@ -118,7 +118,7 @@ class _Line:
         self._socket, self.lock = theirs, threading.Lock()
 
     def send(self, message: FromWorker) -> None:
-        frame = framed(message)
+        frame = frame_message(message)
         with self.lock:
             self._socket.sendall(frame)
 

@@ -161,12 +161,12 @@ class NotAMessage(ValueError):
     """Bytes that no message is made of."""
 
 
-def packed(value: msgspec.Struct | None) -> bytes:
+def pack_body(value: msgspec.Struct | None) -> bytes:
     """A struct as MessagePack, for a ``body``; None: an answer that says no more than that it was done."""
     return ENCODER.encode(value)
 
 
-def measured(event: Measurement) -> Measured:
+def make_measured(event: Measurement) -> Measured:
     """The message with this event."""
     return Measured(type(event).__name__, ENCODER.encode(event))
 
@@ -176,7 +176,7 @@ def event_in(message: Measured) -> Measurement:
     return MEASUREMENTS[message.kind].decode(message.body)
 
 
-def framed(message: ToWorker | FromWorker) -> bytes:
+def frame_message(message: ToWorker | FromWorker) -> bytes:
     """A message as it goes over the wire.
 
     Raises:
@@ -215,7 +215,7 @@ class FrameReader:
         del held[:begin]
 
 
-def decoded(decoder: "msgspec.msgpack.Decoder[FromWorker]", data: bytes) -> FromWorker:
+def decode_message(decoder: "msgspec.msgpack.Decoder[FromWorker]", data: bytes) -> FromWorker:
     """The worker's message in these bytes.
 
     Raises:

@@ -16,7 +16,7 @@ import structlog
 from chefbotd.clock import Clock
 from chefbotd.components.worker import messages
 from chefbotd.components.worker.channel import CLOSED, Channel
-from chefbotd.components.worker.messages import FromWorker, Measurement, measured, packed
+from chefbotd.components.worker.messages import FromWorker, Measurement, make_measured, pack_body
 from chefbotd.components.worker.parameters import WorkerParameters
 from chefbotd.components.worker.requests import OnProgress, RequestCancelled, Requests, WorkerLost
 from chefbotd.components.worker.spawn import Child, Spawn, spawn
@@ -26,10 +26,10 @@ from chefbotd.components.worker.watch import (
     WorkerState,
     WorkerTransition,
     backoff_s,
-    checked,
-    excused,
+    check_vitals,
+    excuse_lateness,
+    note_work,
     why_to_kill,
-    worked,
 )
 from chefbotd.core.commands import Refused
 from chefbotd.core.events.inputs import WorkerGone, WorkerSaid
@@ -135,13 +135,13 @@ class Worker:
     def send(self, event: Measurement) -> None:
         """Send what was measured, if the worker is there; never waits."""
         if self._channel is not None and self.is_ready:
-            self._channel.send(measured(event))
+            self._channel.send(make_measured(event))
 
     def tell(self, skill: str, body: msgspec.Struct) -> None:
         """Have a skill do something whose answer nobody needs, if the worker is there; never waits."""
         if self._channel is not None and self.is_ready:
             self._channel.send(
-                messages.SkillRequest(NOBODY, skill, self._parameters.step_timeout_s, packed(body))
+                messages.SkillRequest(NOBODY, skill, self._parameters.step_timeout_s, pack_body(body))
             )
 
     async def request(
@@ -166,7 +166,7 @@ class Worker:
         if self._channel is None or not self.is_ready:
             raise WorkerLost(f"the worker is {self.status.state}{_because(self.status.reason)}")
         number, future = self._requests.open(deadline_s, on_progress)
-        self._channel.send(messages.SkillRequest(number, skill, deadline_s, packed(body)))
+        self._channel.send(messages.SkillRequest(number, skill, deadline_s, pack_body(body)))
         try:
             return msgspec.msgpack.decode(await asyncio.shield(future), type=answer)
         except asyncio.CancelledError:
@@ -244,10 +244,10 @@ class Worker:
             now_s, rss_mb = self._clock.now_s(), child.rss_mb()
             self._excuse(now_s)
             if not self.is_ready:
-                self._vitals = worked(self._vitals, child.cpu_s(), now_s)
+                self._vitals = note_work(self._vitals, child.cpu_s(), now_s)
             if reason := self._why_to_kill(now_s, rss_mb):
                 return reason
-            self._vitals = checked(self._vitals, now_s)
+            self._vitals = check_vitals(self._vitals, now_s)
             if now_s - reported_s >= REPORT_S:
                 used_s = child.cpu_s()
                 share = None if None in (used_s, cpu_s) else (used_s - cpu_s) / (now_s - reported_s)  # type: ignore[operator]
@@ -256,7 +256,7 @@ class Worker:
 
     def _excuse(self, now_s: float) -> None:
         """What the daemon slept through was no delay of the worker."""
-        before_s, self._vitals = self._vitals.heard_s, excused(self._vitals, now_s, CHECK_S)
+        before_s, self._vitals = self._vitals.heard_s, excuse_lateness(self._vitals, now_s, CHECK_S)
         self._requests.postpone(self._vitals.heard_s - before_s)
 
     def _why_to_kill(self, now_s: float, rss_mb: float | None) -> str | None:
@@ -299,7 +299,7 @@ class Worker:
             case messages.Alive():
                 self._vitals = replace(self._vitals, busy_s=message.busy_s, doing=message.doing)
             case messages.SkillEvent() | messages.Answer() | messages.Failed() | messages.RequestProgress():
-                with self._clock.entry(partial(_said, message)):
+                with self._clock.entry(partial(_make_event, message)):
                     self.take_of_skill(message)
             case messages.Warming():
                 self._set(WorkerTransition.WARMING, reason=f"loading {message.skill}")
@@ -363,8 +363,8 @@ class Worker:
         self._on_status(status)
 
 
-def _said(message: FromWorker, stamp_s: float) -> WorkerSaid:
-    return WorkerSaid(stamp_s, packed(message))
+def _make_event(message: FromWorker, stamp_s: float) -> WorkerSaid:
+    return WorkerSaid(stamp_s, pack_body(message))
 
 
 def _because(reason: str) -> str:

@@ -10,7 +10,7 @@ import msgspec
 from chefbotd.component import resolve
 from chefbotd.component_list import own_components
 from chefbotd.components.worker import messages
-from chefbotd.components.worker.messages import FromWorker, Measurement, ToWorker, packed
+from chefbotd.components.worker.messages import FromWorker, Measurement, ToWorker, pack_body
 from chefbotd.components.worker.skill import DependentSkill, Job, RangeSkill, Skill
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.lidars import ScanMeasured
@@ -35,7 +35,7 @@ def own_skills() -> dict[str, str]:
     return {name: reference for component in own_components() for name, reference in component.skills.items()}
 
 
-def loaded(name: str, parameters: bytes, clock: "Clock") -> Skill:
+def load_skill(name: str, parameters: bytes, clock: "Clock") -> Skill:
     """The skill of this name.
 
     Raises:
@@ -144,7 +144,7 @@ class Runner:
                 if reference := message.references.get(name):
                     skill = loaded_from(reference, parameters, self._clock)
                 else:
-                    skill = loaded(name, parameters, self._clock)
+                    skill = load_skill(name, parameters, self._clock)
                 self._skills[name] = skill
                 skill.warm()
             except CannotLoad as problem:
@@ -201,7 +201,7 @@ class Runner:
         finally:
             self.doing = None
         if result is None or isinstance(result, msgspec.Struct):
-            yield messages.Answer(request.id, packed(result))
+            yield messages.Answer(request.id, pack_body(result))
         else:
             self._jobs.append(_Running(request, result))
 
@@ -212,7 +212,7 @@ class Runner:
             done = next(running.job)
         except StopIteration as end:
             self._jobs.remove(running)
-            yield messages.Answer(request.id, packed(end.value))
+            yield messages.Answer(request.id, pack_body(end.value))
         except Refused as refusal:
             self._jobs.remove(running)
             yield messages.Failed(request.id, refusal.kind, str(refusal))
@@ -247,7 +247,7 @@ class Runner:
         self._begin_work(f"{name}: {what}")
         try:
             for message in take(given):
-                yield messages.SkillEvent(name, packed(message), type(message).__name__)
+                yield messages.SkillEvent(name, pack_body(message), type(message).__name__)
         except Exception as fault:
             if name not in self._strangers:
                 raise

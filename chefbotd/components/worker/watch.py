@@ -77,18 +77,18 @@ class Vitals(Record, frozen=True):
     messages: int = 0
 
 
-def checked(vitals: Vitals, now_s: float) -> Vitals:
+def check_vitals(vitals: Vitals, now_s: float) -> Vitals:
     """The vitals after a check."""
     return replace(vitals, checked_s=now_s, messages=0)
 
 
-def worked(vitals: Vitals, cpu_s: float | None, now_s: float) -> Vitals:
+def note_work(vitals: Vitals, cpu_s: float | None, now_s: float) -> Vitals:
     """The vitals once its processor time has been read."""
     grows = cpu_s is not None and (vitals.cpu_s is None or cpu_s > vitals.cpu_s)
     return replace(vitals, cpu_s=cpu_s, worked_s=now_s if grows else vitals.worked_s)
 
 
-def excused(vitals: Vitals, now_s: float, period_s: float) -> Vitals:
+def excuse_lateness(vitals: Vitals, now_s: float, period_s: float) -> Vitals:
     """The vitals where this check comes late: what the daemon slept through is not the worker's silence."""
     late_s = now_s - vitals.checked_s - period_s
     if late_s <= period_s:

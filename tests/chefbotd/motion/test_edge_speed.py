@@ -12,7 +12,7 @@ from chefbotd.motion.edge_speed import (
     TimedEdge,
     extend,
     rate_counts_s,
-    turned,
+    reverse_run,
 )
 
 PARAMETERS = QuadratureParameters(window_s=0.04, standstill_s=5.0)
@@ -32,7 +32,7 @@ def times_s(rate_counts_s: float, widths: tuple[float, ...], counts: int, from_s
 
 def run_of(direction: int, edges_s: list[float], run: EdgeRun = START, first: int = 0) -> EdgeRun:
     """A run with an edge at each of these times."""
-    run = turned(run, direction) if run.direction != direction else run
+    run = reverse_run(run, direction) if run.direction != direction else run
     for k, at_s in enumerate(edges_s):
         run = extend(PARAMETERS, run, TimedEdge(first + direction * k, at_s))
     return run
@@ -45,7 +45,7 @@ def seen_each_cycle(
 
     The first cycle ends so late after the first edge.
     """
-    run, readings, now_s = turned(START, 1), [], edges_s[0] + late_s
+    run, readings, now_s = reverse_run(START, 1), [], edges_s[0] + late_s
     while now_s < until_s:
         burst = [(k, at_s) for k, at_s in enumerate(edges_s) if now_s - CYCLE_S < at_s <= now_s]
         for k, at_s in burst[-timed:]:
@@ -156,7 +156,7 @@ def test_a_smooth_start_is_a_smooth_speed() -> None:
     """At 4 rad/s2 of a wheel with 80 counts a turn the estimate follows within a cycle's delay and never jumps back."""
     per_rad = 80 / math.tau
     edges_s = [math.sqrt(2 * k / per_rad / 4.0) for k in range(1, 200)]
-    run, rates = turned(START, 1), []
+    run, rates = reverse_run(START, 1), []
     for k, at_s in enumerate(edges_s):
         run = extend(PARAMETERS, run, TimedEdge(k, at_s))
         rates.append(rate_counts_s(PARAMETERS, run, at_s))

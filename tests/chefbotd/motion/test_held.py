@@ -2,7 +2,7 @@
 
 from chefbotd.core.record import replace
 from chefbotd.motion.drive_state import DriveState
-from chefbotd.motion.held import obeyed, offered
+from chefbotd.motion.held import obey_duty, offer_duty
 
 WRITES = 105
 """In two cycles of a board that waits for an echo, 1.05 s each, with a command every 20 ms."""
@@ -14,5 +14,5 @@ def test_an_echo_after_a_silent_second_names_a_command_of_two_cycles_ago() -> No
     for number in range(WRITES):
         speed_m_s = 0.2 - number / 1000
         duty = (200 - number, 200 - number)
-        state = offered(replace(state, duty=duty, setpoint_m_s=(speed_m_s, speed_m_s)))
-    assert obeyed(state, (200.0, 200.0)).held_m_s == (0.2, 0.2)
+        state = offer_duty(replace(state, duty=duty, setpoint_m_s=(speed_m_s, speed_m_s)))
+    assert obey_duty(state, (200.0, 200.0)).held_m_s == (0.2, 0.2)

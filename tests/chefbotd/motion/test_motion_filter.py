@@ -14,7 +14,7 @@ from chefbotd.motion.motion_filter import (
     MotionEstimate,
     MotionStep,
     at_pose,
-    predicted,
+    predict,
     surprise,
     with_bias,
     with_imu_heading,
@@ -72,7 +72,7 @@ def random_drive(seed: int, steps: int = 30, *, bias_turns: bool) -> tuple[Motio
         travel_m, turned_rad = chance.gauss(0, 0.1), chance.gauss(0, 0.2)
         step = MotionStep(travel_m, turned_rad, 0.05, 1e-5, 2e-5, 3e-6, 1e-6, 1e-7, bias_turns)
         by_matrix = moved(now, by_matrix, step)
-        now = predicted(now, CONSIDERED, step)
+        now = predict(now, CONSIDERED, step)
     return now, by_matrix
 
 
@@ -107,7 +107,7 @@ def test_what_is_constant_is_never_averaged_away() -> None:
     """A heading scale that is off by 2 % (1 sigma): ten radians are off by 0.2, however many headings say the same."""
     now = with_new_offset(MotionEstimate(), 0.0, 1e-8)
     considered = Considered(turn=1.0, imu_heading=4e-4)
-    now = predicted(now, considered, MotionStep(0.0, 10.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, bias_turns=False))
+    now = predict(now, considered, MotionStep(0.0, 10.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0, bias_turns=False))
     for _ in range(1000):
         now = with_imu_heading(now, 10.0, 1e-6)
     assert math.sqrt(now.pose_covariance.hh) == pytest.approx(0.2, rel=0.01)
@@ -118,7 +118,7 @@ def test_an_arc_ends_where_geometry_says() -> None:
     now = MotionEstimate()
     for _ in range(100):
         step = MotionStep(math.pi / 200, math.pi / 200, 0.05, 0.0, 0.0, 0.0, 0.0, 0.0, bias_turns=True)
-        now = predicted(now, Considered(), step)
+        now = predict(now, Considered(), step)
     assert (now.x_m, now.y_m, now.heading_rad) == pytest.approx((1.0, 1.0, math.pi / 2), abs=1e-8)
 
 

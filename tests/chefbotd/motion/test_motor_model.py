@@ -9,7 +9,7 @@ from chefbotd.core.record import replace
 from chefbotd.motion import held
 from chefbotd.motion.drive import Drive
 from chefbotd.motion.drive_state import DriveParameters, DriveState
-from chefbotd.motion.motor_model import accelerations_m_s2, directed
+from chefbotd.motion.motor_model import accelerations_m_s2, direct_gains
 from chefbotd.motion.pid import PidParameters, feedforward
 from tests.chefbotd.motion.test_drive import CHASSIS, LIMITS, RADIUS_M
 
@@ -44,7 +44,9 @@ def stepped(
 def test_each_command_takes_the_sampled_plant_to_its_setpoint(lag_s: float):
     """A first-order motor, driven for 50 ms by each duty, is at each setpoint of a ramp when that is over."""
     model = {"forward": motor(20.0, 0.04, lag_s), "reverse": motor(20.0, 0.04, lag_s)}
-    gains = directed(GAINS, DriveParameters.model_validate({"motors": {"left": model}}).motors["left"], 0.05)
+    gains = direct_gains(
+        GAINS, DriveParameters.model_validate({"motors": {"left": model}}).motors["left"], 0.05
+    )
     speed_m_s = held_m_s = 0.0
     for setpoint_m_s in (0.05, 0.1, 0.15, 0.17, 0.17, 0.12):
         (rate,) = accelerations_m_s2([gains.forward], [held_m_s], [setpoint_m_s], 0.05, 9.0)
@@ -130,16 +132,16 @@ def test_the_echo_says_from_which_setpoint_the_models_begin():
     state = controller.retarget(controller.at_rest, STANDING, 0.0)
     offers = []
     for step in (1, 2, 3):
-        state = held.offered(stepped(controller, state, Twist2D(0.5), step * 0.05, 0.0))
+        state = held.offer_duty(stepped(controller, state, Twist2D(0.5), step * 0.05, 0.0))
         offers.append((tuple(map(float, state.duty)), state.setpoint_m_s))
     echoed, setpoint_m_s = offers[1]
     assert state.held_m_s == setpoint_m_s
-    assert held.obeyed(state, offers[0][0]).held_m_s == offers[0][1]
-    assert held.obeyed(state, echoed) is state
-    assert held.obeyed(state, (1.0, 2.0)) is state
-    assert held.obeyed(state, (0.0, 0.0)).held_m_s == (0.0, 0.0)
+    assert held.obey_duty(state, offers[0][0]).held_m_s == offers[0][1]
+    assert held.obey_duty(state, echoed) is state
+    assert held.obey_duty(state, (1.0, 2.0)) is state
+    assert held.obey_duty(state, (0.0, 0.0)).held_m_s == (0.0, 0.0)
     fast = replace(state, cycle_s=0.005)  # it has read more by the time its echo is here
-    assert held.obeyed(fast, offers[0][0]) is fast
+    assert held.obey_duty(fast, offers[0][0]) is fast
 
 
 def test_a_cycle_that_is_mistaken_for_a_shorter_one_makes_no_jolt():

@@ -2,7 +2,7 @@
 
 import pytest
 
-from chefbotd.motion.same_side import loop_speeds, substituted
+from chefbotd.motion.same_side import loop_speeds, substitute_readings
 
 LED = ((2, 0),)
 """Rear left is driven like front left."""
@@ -37,4 +37,4 @@ def test_of_two_that_are_led_the_faster_counts():
 
 def test_a_wheel_that_is_led_has_what_its_leader_has():
     """Nobody else's changes."""
-    assert substituted(LED, "abcd") == ("a", "b", "a", "d")
+    assert substitute_readings(LED, "abcd") == ("a", "b", "a", "d")

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from chefbotd.perception.surface_points import MOST_M, Floats, smoothed
+from chefbotd.perception.surface_points import MOST_M, Floats, smooth_points
 
 LIDAR = np.zeros(2)
 BEARINGS = math.tau / 450 * np.arange(450)
@@ -27,7 +27,7 @@ def test_the_walls_beside_the_robot_are_three_times_as_exact(seed: int) -> None:
     """A noise of 1 cm on walls 0.21 m away: of the points beside the robot 1 % is 1 cm nearer, where 12 % were."""
     raw = seen(corridor(0.21), 0.01, seed)
     beside = np.abs(raw[:, 0]) < 0.2
-    nearer_m = 0.21 - np.abs(smoothed(raw, LIDAR)[beside, 1])
+    nearer_m = 0.21 - np.abs(smooth_points(raw, LIDAR)[beside, 1])
     assert (0.21 - np.abs(raw[beside, 1]) > 0.01).mean() > 0.08
     assert (nearer_m > 0.01).mean() < 0.015
     assert nearer_m.max() < 0.02
@@ -37,7 +37,7 @@ def test_the_walls_beside_the_robot_are_three_times_as_exact(seed: int) -> None:
 def test_no_point_is_moved_farther_than_a_centimetre_and_a_half() -> None:
     """Whatever the noise."""
     raw = seen(corridor(0.3), 0.03)
-    moved_m = np.hypot(*(smoothed(raw, LIDAR) - raw).T)
+    moved_m = np.hypot(*(smooth_points(raw, LIDAR) - raw).T)
     assert moved_m.max() <= MOST_M + 1e-9
     assert moved_m.max() > 0.01
 
@@ -49,7 +49,7 @@ def test_a_leg_of_two_centimetres_before_a_wall_stays(away_m: float) -> None:
     half = math.atan2(0.01, away_m)
     leg = np.abs(np.arange(450) * math.tau / 450 - math.pi) <= half
     ranges[leg] = away_m
-    moved_m = np.hypot(*(smoothed(seen(ranges, 0.0), LIDAR) - seen(ranges, 0.0)).T)
+    moved_m = np.hypot(*(smooth_points(seen(ranges, 0.0), LIDAR) - seen(ranges, 0.0)).T)
     assert leg.any()
     assert moved_m[leg].max() < 0.01
 
@@ -62,7 +62,7 @@ def test_a_corner_of_a_door_is_rounded_by_no_more_than_a_centimetre() -> None:
     ranges = np.where((angle <= BEARINGS) & (BEARINGS < 1.2), across, np.where(angle > BEARINGS, jamb, 4.0))
     raw = seen(np.minimum(ranges, 4.0), 0.0)
     corner = np.hypot(raw[:, 0] - 0.3, raw[:, 1] - 0.21) < 0.03
-    moved = smoothed(raw, LIDAR) - raw
+    moved = smooth_points(raw, LIDAR) - raw
     assert corner.sum() >= 5
     assert np.abs(moved[corner]).max() < 0.01
 
@@ -71,11 +71,11 @@ def test_a_corner_of_a_door_is_rounded_by_no_more_than_a_centimetre() -> None:
 def test_few_points_are_no_error(count: int) -> None:
     """As from a lidar that is nearly covered."""
     points = np.stack([np.full(count, 1.0), 0.01 * np.arange(count)], axis=1)
-    assert smoothed(points, LIDAR).shape == (count, 2)
+    assert smooth_points(points, LIDAR).shape == (count, 2)
 
 
 def test_points_that_were_seen_from_two_places_are_smoothed_along_their_own_beams() -> None:
     """Two lidars: each point with the place of its own."""
     points = np.array([[0.5, 0.0], [0.5, 0.005], [-0.5, 0.0], [-0.5, 0.005]])
     sensors = np.array([[0.1, 0.0], [0.1, 0.0], [-0.1, 0.0], [-0.1, 0.0]])
-    assert smoothed(points, sensors)[:, 0] == pytest.approx(points[:, 0])
+    assert smooth_points(points, sensors)[:, 0] == pytest.approx(points[:, 0])

@@ -6,10 +6,10 @@ from chefbotd.safety.encoder_timeout import (
     EncoderTimeoutParameters,
     EncoderTimeoutState,
     awaits_echo,
-    heard,
     is_stale,
     may_await_echo,
     note_echo,
+    note_reading,
     update,
 )
 from chefbotd.safety.faults import FaultKind
@@ -50,8 +50,8 @@ def test_a_silence_while_standing_never_latches():
 
 def test_a_board_that_said_that_no_echo_came_may_be_silent_for_another_second():
     """Encoders at 10.0, silence, no echo at 11.0, encoders at 11.05: until 12.35 the robot may crawl."""
-    state = note_echo(PARAMETERS, heard(EncoderTimeoutState(), 10.0), 11.0, is_missing=True)
-    state = heard(state, 11.05)
+    state = note_echo(PARAMETERS, note_reading(EncoderTimeoutState(), 10.0), 11.0, is_missing=True)
+    state = note_reading(state, 11.05)
     assert awaits_echo(PARAMETERS, state, 11.5)
     assert awaits_echo(PARAMETERS, state, 12.34)
     assert not awaits_echo(PARAMETERS, state, 12.36)
@@ -70,36 +70,38 @@ def test_a_board_that_said_that_no_echo_came_may_be_silent_for_another_second():
 def test_otherwise_silent_encoders_stop_the_robot_as_ever(at_s: float, is_missing: bool):
     """Encoders at 10.0, and then something else than no echo after a silence of a second."""
     before = EncoderTimeoutState(10.0, awaits_echo=True)
-    state = heard(note_echo(PARAMETERS, before, at_s, is_missing=is_missing), at_s)
+    state = note_reading(note_echo(PARAMETERS, before, at_s, is_missing=is_missing), at_s)
     assert not awaits_echo(PARAMETERS, state, at_s + 0.3)
     assert is_stale(PARAMETERS, state, at_s + 0.3)
 
 
 def test_lines_that_come_all_at_once_say_the_same_in_another_order():
     """Encoders at 10.0; at 11.0 the next ones come in one read with the "no echo" that was printed before them."""
-    state = heard(heard(EncoderTimeoutState(), 10.0), 11.0)
+    state = note_reading(note_reading(EncoderTimeoutState(), 10.0), 11.0)
     state = note_echo(PARAMETERS, state, 11.0, is_missing=True)
     assert awaits_echo(PARAMETERS, state, 12.29)
     assert not awaits_echo(PARAMETERS, note_echo(PARAMETERS, state, 11.0, is_missing=False), 11.5)
-    soon = heard(heard(state, 11.05), 11.1)
+    soon = note_reading(note_reading(state, 11.05), 11.1)
     assert not awaits_echo(PARAMETERS, note_echo(PARAMETERS, soon, 11.1, is_missing=True), 11.5)
 
 
 def test_after_a_missed_echo_a_silence_may_be_another_wait() -> None:
     """For half a minute, and for no longer than the wait takes; a robot without a speed for it stands."""
-    state = heard(note_echo(PARAMETERS, heard(EncoderTimeoutState(), 10.0), 11.0, is_missing=True), 11.0)
-    state = heard(note_echo(PARAMETERS, state, 11.05, is_missing=False), 20.0)
+    state = note_reading(
+        note_echo(PARAMETERS, note_reading(EncoderTimeoutState(), 10.0), 11.0, is_missing=True), 11.0
+    )
+    state = note_reading(note_echo(PARAMETERS, state, 11.05, is_missing=False), 20.0)
     assert may_await_echo(PARAMETERS, state, 21.25)
     assert not may_await_echo(PARAMETERS, state, 21.5)
-    assert not may_await_echo(PARAMETERS, heard(state, 41.5), 42.0)
+    assert not may_await_echo(PARAMETERS, note_reading(state, 41.5), 42.0)
     assert not may_await_echo(EncoderTimeoutParameters(silent_speed_m_s=0.0), state, 20.5)
 
 
 def test_one_reading_does_not_end_a_silence_that_is_a_fault() -> None:
     """1.5 s without readings, one, and 0.6 s more are over 2 s in all, once that silence is no wait for an echo."""
-    state, fault = update(PARAMETERS, heard(EncoderTimeoutState(), 10.0), 11.4, driven=True)
+    state, fault = update(PARAMETERS, note_reading(EncoderTimeoutState(), 10.0), 11.4, driven=True)
     assert fault is None
-    state, fault = update(PARAMETERS, heard(state, 11.5), 12.7, driven=True)
+    state, fault = update(PARAMETERS, note_reading(state, 11.5), 12.7, driven=True)
     assert fault is None
     state, fault = update(PARAMETERS, state, 12.85, driven=True)
     assert fault is not None
@@ -108,12 +110,12 @@ def test_one_reading_does_not_end_a_silence_that_is_a_fault() -> None:
 
 def test_earlier_silences_fade_while_readings_come() -> None:
     """1.5 s are forgotten after 6 s of readings, and silences that a wait for an echo explains never count."""
-    state, _ = update(PARAMETERS, heard(EncoderTimeoutState(), 10.0), 11.4, driven=True)
+    state, _ = update(PARAMETERS, note_reading(EncoderTimeoutState(), 10.0), 11.4, driven=True)
     for count in range(31):
-        state = heard(state, 11.5 + 0.2 * count)
+        state = note_reading(state, 11.5 + 0.2 * count)
     assert update(PARAMETERS, state, 17.5 + 1.95, driven=True)[1] is None
-    state = heard(EncoderTimeoutState(), 10.0)
+    state = note_reading(EncoderTimeoutState(), 10.0)
     for count in range(1, 20):
         state, fault = update(PARAMETERS, state, 10.0 + 1.05 * count - 0.05, driven=True)
         assert fault is None
-        state = heard(state, 10.0 + 1.05 * count)
+        state = note_reading(state, 10.0 + 1.05 * count)

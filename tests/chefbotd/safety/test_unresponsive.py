@@ -16,7 +16,7 @@ class Board:
 
     def __init__(self, cycle_s: float = 0.05) -> None:
         self.cycle_s, self.now_s = cycle_s, 3.0
-        self.state: UnresponsiveState = unresponsive.commanded(DRIVEN, 3.0, driven=False)
+        self.state: UnresponsiveState = unresponsive.record_command(DRIVEN, 3.0, driven=False)
         self.faults: list[tuple[float, Fault]] = []
 
     def go(
@@ -27,7 +27,7 @@ class Board:
         for _ in range(round(seconds / self.cycle_s)):
             self.now_s += self.cycle_s
             speed_m_s = speed(self.now_s - began_s)
-            self.state = unresponsive.commanded(self.state, self.now_s, driven=False)
+            self.state = unresponsive.record_command(self.state, self.now_s, driven=False)
             travel_m = (speed_m_s * self.cycle_s, -0.5 * speed_m_s * self.cycle_s)
             self.state, fault = unresponsive.watch(
                 P,
@@ -102,7 +102,7 @@ def test_a_command_ends_the_suspicion() -> None:
     """Any duty begins anew, and so does the next zero."""
     board = Board()
     board.go(0.5, lambda _: 0.295)
-    board.state = unresponsive.commanded(board.state, board.now_s, driven=True)
+    board.state = unresponsive.record_command(board.state, board.now_s, driven=True)
     assert board.state == DRIVEN
     assert board.go(0.5, lambda _: 0.295) == []
 
@@ -119,7 +119,7 @@ def test_a_moment_at_rest_is_no_rest() -> None:
 def test_what_just_reaches_the_way_that_it_may_coast_is_no_fault() -> None:
     """Heard at 0.25 s at 0.25 m/s: 62.5 mm and 31.25 mm of slack, which three readings of 31.25 mm are, and no more."""
     params = UnresponsiveParameters(tolerance_m=0.03125)
-    state = unresponsive.commanded(DRIVEN, 0.0, driven=False)
+    state = unresponsive.record_command(DRIVEN, 0.0, driven=False)
     for reading in range(3):
         state, _ = unresponsive.watch(
             params, state, 0.125 * reading + 0.125, (0.0, 0.0), (0.25, -0.1), 0.125, echoes_motion=False

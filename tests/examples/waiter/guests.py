@@ -29,7 +29,7 @@ from chefbotd.components.worker.messages import (
     SkillEvent,
     SkillRequest,
     ToWorker,
-    packed,
+    pack_body,
 )
 from examples.waiter.notebook import Notebook, Order
 from examples.waiter.waiter import MAY_I_GO_ON, Connect, Waiter
@@ -56,7 +56,7 @@ class FakeDriving:
         if isinstance(message, Configure):
             self._child.say(Ready())
         elif isinstance(message, SkillRequest):
-            self._child.say(Answer(message.id, packed(self._answer_of(message))))
+            self._child.say(Answer(message.id, pack_body(self._answer_of(message))))
 
     def _answer_of(self, message: SkillRequest) -> Any:
         now_s = asyncio.get_running_loop().time()
@@ -93,7 +93,7 @@ class FakeDriving:
 
     def _say(self, now: NavigationData, *ended: GoalResult) -> None:
         stepped = Stepped(asyncio.get_running_loop().time(), None, now, ended, None)
-        self._child.say(SkillEvent(SKILL, packed(stepped), "Stepped"))
+        self._child.say(SkillEvent(SKILL, pack_body(stepped), "Stepped"))
 
 
 async def agents_of(client: Client) -> AgentsData:
@@ -131,7 +131,9 @@ class Guests:
         async with client.subscribe("agents") as events:
             async for event in events:
                 for question in event.data.questions:
-                    may_go_on = question.question == MAY_I_GO_ON  # after a daemon that began again: somebody agrees
+                    may_go_on = (
+                        question.question == MAY_I_GO_ON
+                    )  # after a daemon that began again: somebody agrees
                     if not may_go_on and self._chance.random() < 1 / 12:
                         continue
                     await asyncio.sleep(self._chance.uniform(0.2, 6.0))

@@ -4,7 +4,7 @@ import asyncio
 from collections.abc import AsyncIterator, Mapping
 from contextlib import asynccontextmanager
 
-from chefbotd.components.worker.messages import Alive, framed
+from chefbotd.components.worker.messages import Alive, frame_message
 from chefbotd.core.events import OdometryUpdated
 from chefbotd.core.geometry import CERTAIN, STANDING, Pose2D
 from tests.fakes.worker import FakeChild, Nursery, healthy
@@ -91,7 +91,7 @@ async def nonsense(data: bytes, fault_run: FaultRun) -> AsyncIterator[None]:
 @asynccontextmanager
 async def flood(fault_run: FaultRun) -> AsyncIterator[None]:
     """It sends three thousand messages as fast as they are read."""
-    broken, message = NURSERY.last, framed(Alive("", 0.0))
+    broken, message = NURSERY.last, frame_message(Alive("", 0.0))
     for _ in range(30):
         if broken.killed:
             break

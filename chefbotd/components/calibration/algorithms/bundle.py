@@ -58,15 +58,15 @@ class _Lines(Record, frozen=True):
     centre: Floats
 
 
-def adjusted(frames: Sequence[Keyframe], poses: Floats) -> Adjusted | None:
+def adjust_bundle(frames: Sequence[Keyframe], poses: Floats) -> Adjusted | None:
     """The poses, from ``poses`` (k, 3) on; None where there are too few walls to say so.
 
     The range offset is believed only if that of every other stop explains the stops between better than none.
     """
     if len(frames) < 2 * LEAST_STOPS:
-        return _adjusted(frames, poses, fits_offset=False)
-    halves = [_adjusted(frames[k::2], between(poses[k], poses[k::2]), fits_offset=True) for k in (0, 1)]
-    return _adjusted(frames, poses, fits_offset=_is_believed(halves))
+        return _solve_bundle(frames, poses, fits_offset=False)
+    halves = [_solve_bundle(frames[k::2], between(poses[k], poses[k::2]), fits_offset=True) for k in (0, 1)]
+    return _solve_bundle(frames, poses, fits_offset=_is_believed(halves))
 
 
 def _is_believed(halves: Sequence[Adjusted | None]) -> bool:
@@ -81,13 +81,13 @@ def _is_believed(halves: Sequence[Adjusted | None]) -> bool:
     return sum(gains) > 0
 
 
-def _adjusted(frames: Sequence[Keyframe], poses: Floats, *, fits_offset: bool) -> Adjusted | None:
+def _solve_bundle(frames: Sequence[Keyframe], poses: Floats, *, fits_offset: bool) -> Adjusted | None:
     beams, now, offset_m, piece = _beams(frames), poses.copy(), 0.0, np.zeros(0, np.int64)
     covariance = np.zeros((3 * len(poses) - 2, 3 * len(poses) - 2))
     for number in range(ROUNDS):
-        direction, points = _placed(beams, now, offset_m)
+        direction, points = _place_beams(beams, now, offset_m)
         if number < 2:
-            piece = wall_pieces(points, _turned(now[beams.stop, 2], beams.facing))
+            piece = wall_pieces(points, _rotate_vectors(now[beams.stop, 2], beams.facing))
         if len(np.unique(piece)) <= LEAST_PIECES:
             return None
         on = piece >= 0
@@ -121,16 +121,16 @@ def _beams(frames: Sequence[Keyframe]) -> _Beams:
     return _Beams(stop, points / range_m[:, None], range_m, facing)
 
 
-def _turned(heading_rad: Floats, vectors: Floats) -> Floats:
+def _rotate_vectors(heading_rad: Floats, vectors: Floats) -> Floats:
     cos, sin = np.cos(heading_rad), np.sin(heading_rad)
     return np.stack(
         [cos * vectors[:, 0] - sin * vectors[:, 1], sin * vectors[:, 0] + cos * vectors[:, 1]], axis=1
     )
 
 
-def _placed(beams: _Beams, poses: Floats, offset_m: float) -> tuple[Floats, Floats]:
+def _place_beams(beams: _Beams, poses: Floats, offset_m: float) -> tuple[Floats, Floats]:
     """The directions of the beams and the points where they end, in the frame of the poses."""
-    direction = _turned(poses[beams.stop, 2], beams.direction)
+    direction = _rotate_vectors(poses[beams.stop, 2], beams.direction)
     return direction, poses[beams.stop, :2] + (beams.range_m - offset_m)[:, None] * direction
 
 

@@ -69,26 +69,26 @@ def fit_imu(robot: ConfiguredRobot, measurements: Measurements) -> StepResult:
     imu, rolled = robot.imu or ImuParameters(), rolling(robot.chassis, measurements.wheels)
     shown = turned_by_imu(measurements)
     if rolled is None or shown is None:
-        return _failed(
+        return _fail(
             Status.NOT_ENOUGH, "no readings of the wheels" if rolled is None else "too few of the IMU"
         )
     radius_m = max(wheel.radius_m for wheel in robot.chassis.wheels)
-    spans = _unpowered(measurements, rests(rolled, radius_m))
+    spans = _find_unpowered(measurements, rests(rolled, radius_m))
     track_m = robot.chassis.effective_track_m
     heading_rad, by_lidar = _reference(robot, measurements, rolled)
     turned_rad = float(np.abs(np.diff(heading_rad)).sum())
     if turned_rad < LEAST_TURN_RAD:
         reason = f"the robot turned by {turned_rad:.1f} rad, of {LEAST_TURN_RAD:g} at least, on {track_m:g} m of track"
-        return _failed(Status.NOT_ENOUGH, reason)
+        return _fail(Status.NOT_ENOUGH, reason)
     used = in_time(shown.stamp_s, rolled.stamp_s)
     if used.mean() < LEAST_SHARE or used.sum() < LEAST_READINGS:
-        return _failed(Status.NOT_ENOUGH, f"{used.sum()} readings of a board that was not silent just before")
+        return _fail(Status.NOT_ENOUGH, f"{used.sum()} readings of a board that was not silent just before")
     bias = _bias(shown, spans) if shown.is_rate else None
     if isinstance(bias, StepResult):
         return bias
     reference = rolled.stamp_s, heading_rad
-    fitted = _fitted(shown, used, reference, 0.0 if bias is None else bias[0], imu.lag_s)
-    result = _judged(robot, fitted, bias, turned_rad, by_lidar=by_lidar)
+    fitted = _fit_scale_and_lag(shown, used, reference, 0.0 if bias is None else bias[0], imu.lag_s)
+    result = _judge_fit(robot, fitted, bias, turned_rad, by_lidar=by_lidar)
     mount = mount_of(imu, rolled, measurements.imu, fitted.lag_s[0])
     if result.status is not Status.PASSED or mount is None:
         return result
@@ -110,7 +110,9 @@ def turned_by_imu(measurements: Measurements) -> Turned | None:
     return Turned(stamp_s, np.concatenate([[0.0], np.cumsum(steps)]), is_rate=True)
 
 
-def _unpowered(measurements: Measurements, spans: list[tuple[float, float]]) -> list[tuple[float, float]]:
+def _find_unpowered(
+    measurements: Measurements, spans: list[tuple[float, float]]
+) -> list[tuple[float, float]]:
     """The parts of the spans in which no motor had duty."""
     powered = [one.stamp_s for one in measurements.driven if any(one.duty)]
     parts = []
@@ -139,11 +141,11 @@ def _bias(shown: Turned, spans: list[tuple[float, float]]) -> tuple[float, float
         reason = (
             f"the robot rested for {rested_s:.1f} s of {LEAST_REST_S:g}: its wheels, its motors and its rates"
         )
-        return _failed(Status.NOT_ENOUGH, reason)
+        return _fail(Status.NOT_ENOUGH, reason)
     bias = float(np.average(means, weights=lengths))
     if max(abs(mean - bias) for mean in means) > SAME_BIAS_RAD_S:
         reason = "the rate at rest is not the same twice: something turned the robot while its wheels stood"
-        return _failed(Status.REFUSED, reason)
+        return _fail(Status.REFUSED, reason)
     return bias, max(float(np.average(spread, weights=lengths)), 1e-5)
 
 
@@ -186,7 +188,7 @@ class FittedImu(Record, frozen=True):
     is_determined: bool
 
 
-def _fitted(
+def _fit_scale_and_lag(
     shown: Turned, used: Flags, reference: tuple[Floats, Floats], bias: float, lag_s: float
 ) -> FittedImu:
     """Scale and lag, and of headings the drift; the bias of rates is what it was at rest.
@@ -237,7 +239,7 @@ def _fitted(
     )
 
 
-def _judged(
+def _judge_fit(
     robot: ConfiguredRobot,
     fitted: FittedImu,
     bias: tuple[float, float] | None,
@@ -249,10 +251,10 @@ def _judged(
     imu, scale, rms_rad = robot.imu or ImuParameters(), fitted.scale[0], _rms(fitted.after_rad)
     if scale < 0:
         reason = "the IMU turns the other way than the wheels: a sign, or the sides, are wrong"
-        return _failed(Status.REFUSED, reason)
+        return _fail(Status.REFUSED, reason)
     if abs(scale - 1) > MOST_OFF or rms_rad > MOST_LEFT_RAD or not fitted.is_determined:
         reason = f"the IMU shows {scale:.2f} of the turns by the wheels, and {rms_rad:.3f} rad are left"
-        return _failed(Status.REFUSED, f"{reason}: are the wheels calibrated?")
+        return _fail(Status.REFUSED, f"{reason}: are the wheels calibrated?")
     doubt = LIDAR_SHARE if by_lidar else math.hypot(WHEEL_SHARE, math.sqrt(SLIP_RAD2_PER_RAD / turned_rad))
     old_scale = 1.0 if bias is None else imu.gyro_scale
     sigma = math.hypot(fitted.scale[1], doubt, 0.0 if bias is None else SUM_SHARE)
@@ -279,5 +281,5 @@ def _rms(values: Floats) -> float:
     return float(np.sqrt(np.mean(values**2)))
 
 
-def _failed(status: Status, reason: str) -> StepResult:
+def _fail(status: Status, reason: str) -> StepResult:
     return StepResult(NAME, status, reason)

@@ -84,7 +84,7 @@ def solve(
     normal, _ = _normal(slopes, left, counts, values - start, certainty)
     inverse, is_determined = _inverse(normal)
     if groups is not None:
-        covariance = _clustered(inverse, slopes, left, counts, groups)
+        covariance = _cluster_covariance(inverse, slopes, left, counts, groups)
     else:
         covariance = _by_size(inverse, left, counts)
     return Solution(values, covariance, left, is_determined and len(left) > 0)
@@ -145,7 +145,7 @@ def _by_size(inverse: Floats, left: Floats, shares: Floats) -> Floats:
     return covariance
 
 
-def _clustered(
+def _cluster_covariance(
     inverse: Floats, slopes: Floats, left: Floats, shares: Floats, groups: NDArray[np.int64]
 ) -> Floats:
     """The covariance by how the groups disagree, but none smaller than by the size of the residuals.

@@ -91,7 +91,7 @@ def advance(parameters: Sequence[float], speed: float, duty: float, dt_s: float)
     return sign * reached, sign * (steady * dt_s + (now - steady) * lag_s * passed)
 
 
-def simulated(parameters: Sequence[float], run: MotorRun) -> list[float]:
+def simulate_run(parameters: Sequence[float], run: MotorRun) -> list[float]:
     """The angle at each sample, from 0 at rest."""
     delay_s = parameters[DELAY]
     if run.spins:
@@ -131,7 +131,7 @@ def _residuals(at: Floats, runs: Sequence[MotorRun]) -> tuple[Floats, Floats]:
     parameters: list[float] = at.tolist()
     values, groups, group = [], [], 0
     for run in runs:
-        model = simulated(parameters, run)
+        model = simulate_run(parameters, run)
         for stretch in stretches(run):
             first = stretch[0]
             for i in stretch[1:]:
@@ -142,7 +142,7 @@ def _residuals(at: Floats, runs: Sequence[MotorRun]) -> tuple[Floats, Floats]:
     return np.array(values), np.array(groups, dtype=float)
 
 
-def _bounded(parameters: Floats) -> Floats:
+def _clip_parameters(parameters: Floats) -> Floats:
     """Positive gains and time constants, no negative dead zone, a delay that a board can have."""
     low = np.array([1e-5, 0.0, 0.005] * 2 + [-0.05, 0.3])
     high = np.array([100.0, 3e4, 1.0] * 2 + [0.2, 3.0])
@@ -165,7 +165,7 @@ def fit(runs: Sequence[MotorRun], start: Sequence[float]) -> FittedMotor | None:
     With runs of one kind only, the ratio ``SPIN`` stays as it is, without a standard deviation.
     """
     free = range(DELAY + 1 if len({run.spins for run in runs}) < 2 else SPIN + 1)
-    parameters = _bounded(np.array(start, dtype=float))
+    parameters = _clip_parameters(np.array(start, dtype=float))
     residuals, groups = _residuals(parameters, runs)
     if len(residuals) <= len(free):
         return None
@@ -180,7 +180,7 @@ def fit(runs: Sequence[MotorRun], start: Sequence[float]) -> FittedMotor | None:
         moved[list(free)] -= np.linalg.solve(
             normal + damping * np.diag(np.diag(normal)), jacobian.T @ (weights * residuals)
         )
-        moved = _bounded(moved)
+        moved = _clip_parameters(moved)
         after, _ = _residuals(moved, runs)
         if np.sum(weights * after**2) < np.sum(weights * residuals**2):
             share = float(np.max(np.abs(moved - parameters) / (np.abs(parameters) + 1e-3)))

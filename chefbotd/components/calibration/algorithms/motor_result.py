@@ -11,7 +11,7 @@ from chefbotd.components.calibration.algorithms.motor_fit import (
     Input,
     MotorRun,
     fit,
-    simulated,
+    simulate_run,
 )
 from chefbotd.components.calibration.algorithms.motor_gains import (
     gains_estimates,
@@ -236,7 +236,7 @@ def _plot(name: str, runs: Sequence[MotorRun], before: Sequence[float], after: S
             yield (angle(inside[i]) - angle(inside[i - 1])) / dt_s if dt_s > 0 else 0.0
 
     times = tuple([(stamps[i] + stamps[i - 1]) / 2 - begin_s for i in range(1, len(stamps))])
-    model_before, model_after = simulated(before, run), simulated(after, run)
+    model_before, model_after = simulate_run(before, run), simulate_run(after, run)
     series = (
         Series("measured", times, tuple(speeds(lambda i: run.samples[i].angle_rad)), points=True),
         Series("model before", times, tuple(speeds(model_before.__getitem__))),

@@ -29,10 +29,10 @@ def turned_rad(measured: Measurements) -> tuple[float, ...]:
 
 def wrong_wiring(robot: ConfiguredRobot, measured: Measurements) -> str:
     """What is reversed, swapped or dead, by the stretches in which one wheel alone was driven; empty: nothing is."""
-    return "; ".join(_probed(robot, measured))
+    return "; ".join(_check_probes(robot, measured))
 
 
-def _probed(robot: ConfiguredRobot, measured: Measurements) -> Iterator[str]:
+def _check_probes(robot: ConfiguredRobot, measured: Measurements) -> Iterator[str]:
     names = [wheel.name for wheel in robot.chassis.wheels]
     for number, wheel in enumerate(robot.chassis.wheels):
         turned = _probe(robot, measured, number)
@@ -46,7 +46,7 @@ def _probed(robot: ConfiguredRobot, measured: Measurements) -> Iterator[str]:
                 f"exchange the plugs of {wheel.name} and {names[farthest]}, or their order in the configuration"
             )
         elif own < -PROBE_RAD:
-            yield f"{wheel.name} was driven forward and counted backwards: {_reversed(robot, measured, number)}"
+            yield f"{wheel.name} was driven forward and counted backwards: {_find_reversed(robot, measured, number)}"
         elif own < PROBE_RAD:
             share = PROBE_SHARES[-1]
             yield (
@@ -81,7 +81,7 @@ LEAST_TURN_RAD = 0.02
 """Of the robot, that counts: the quantum of the orientation on ChefBot's wire."""
 
 
-def _reversed(robot: ConfiguredRobot, measured: Measurements, number: int) -> str:
+def _find_reversed(robot: ConfiguredRobot, measured: Measurements, number: int) -> str:
     """Which of the two is reversed, where the IMU tells how the robot turned."""
     wheel = robot.chassis.wheels[number]
     motor = f"give its motor the sign {-wheel.motor_sign} in the configuration"

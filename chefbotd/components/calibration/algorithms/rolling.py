@@ -5,7 +5,7 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 
 from chefbotd.components.calibration.algorithms.least_squares import Floats
-from chefbotd.components.calibration.algorithms.wheel_model import WheelModel, reckoned
+from chefbotd.components.calibration.algorithms.wheel_model import WheelModel, dead_reckon
 from chefbotd.core.events import WheelsMeasured
 from chefbotd.core.record import Record
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
@@ -37,7 +37,7 @@ class Rolling(Record, frozen=True):
 
     def poses(self, model: WheelModel, track_m: float) -> Floats:
         """Poses (n, 3) from (0, 0, 0) on."""
-        return reckoned(model, track_m, np.diff(self.left_m), np.diff(self.right_m))
+        return dead_reckon(model, track_m, np.diff(self.left_m), np.diff(self.right_m))
 
     def totals(self, track_m: float) -> Floats:
         """Travel in m and turn in rad, both without their signs, from the first row to each (n, 2)."""

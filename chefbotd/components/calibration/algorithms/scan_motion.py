@@ -13,10 +13,10 @@ from numpy.typing import NDArray
 
 from chefbotd.components.calibration.algorithms.least_squares import Floats
 from chefbotd.components.mapping.algorithms.correlate import Window, search
-from chefbotd.components.mapping.algorithms.local_map import LocalMap, empty, inserted
+from chefbotd.components.mapping.algorithms.local_map import LocalMap, empty, insert_scan
 from chefbotd.components.mapping.algorithms.refine import Fit, Prior, polish
 from chefbotd.components.mapping.algorithms.surfaces import Singles, normals
-from chefbotd.core.poses import between, compose, inverted
+from chefbotd.core.poses import between, compose, invert
 from chefbotd.core.record import Record
 
 NOISE_M = 0.01
@@ -73,7 +73,7 @@ def keyframe(row: int, scans: Sequence[Floats]) -> Keyframe | None:
     return Keyframe(row, points, np.concatenate([normals(scan, SENSOR) for scan in singles]))
 
 
-def matched(frames: Sequence[Keyframe], rolled: Floats, totals: Floats, memory: int) -> Matched:
+def match_scans(frames: Sequence[Keyframe], rolled: Floats, totals: Floats, memory: int) -> Matched:
     """The lidar's poses. ``rolled`` (k - 1, 3) is how it moved says the wheels, ``totals`` (k - 1, 2) travel and turn.
 
     Each scan is matched with the ``memory`` scans before it, and then once more with as many before and after it.
@@ -112,7 +112,7 @@ def _refine(frames: Sequence[Keyframe], poses: Floats, sigmas: Floats, is_good: 
         fit = polish(grids, frames[k].points, frames[k].facing, poses[k], _near(poses[k]), NOISE_M)
         moved[k] = fit.pose
         off_m.append(fit.rms_m)
-        sigmas[k] = np.sqrt(np.diag(inverted(fit.information + WEAK.information)))
+        sigmas[k] = np.sqrt(np.diag(invert(fit.information + WEAK.information)))
     poses[:] = between(moved[0], moved)
     return math.sqrt(float(np.mean(np.square(off_m)))) if off_m else math.inf
 
@@ -153,4 +153,4 @@ def _around(frames: Sequence[Keyframe], poses: Floats, chosen: Sequence[int], is
 
 
 def _with(grids: LocalMap, frame: Keyframe, pose: Floats) -> LocalMap:
-    return inserted(grids, pose, SENSOR, frame.points, frame.facing)
+    return insert_scan(grids, pose, SENSOR, frame.points, frame.facing)

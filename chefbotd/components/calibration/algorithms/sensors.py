@@ -29,7 +29,7 @@ from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.core.poses import row_of
 from chefbotd.core.record import Record
-from chefbotd.perception.laser_scan import placed, seen_from, usable
+from chefbotd.perception.laser_scan import place_points, seen_from, usable
 
 NAME = "sensors"
 HEADINGS = 12
@@ -168,7 +168,7 @@ def _points(robot: ConfiguredRobot, measured: ScanMeasured) -> Floats:
     used = usable(lidar.band_m, measured.scan)
     bearing, ranges = measured.scan.bearing_rad[used], measured.scan.range_m[used]
     points = np.stack([ranges * np.cos(bearing), ranges * np.sin(bearing)], axis=1)
-    return placed(row_of(lidar.base_from_lidar), points)
+    return place_points(row_of(lidar.base_from_lidar), points)
 
 
 def _nearest_m(sensor: _Sensor, points: Floats) -> float | None:

@@ -25,7 +25,7 @@ ORDER: tuple[StepDefinition, ...] = (ENCODERS, BATTERY, motors.STEP, WHEELS, UMB
 STEPS: Mapping[str, StepDefinition] = {step.name: step for step in ORDER}
 
 
-def fitted(name: str, robot: ConfiguredRobot, measurements: Measurements) -> StepResult:
+def fit_step(name: str, robot: ConfiguredRobot, measurements: Measurements) -> StepResult:
     """The result of the step of this name; ``refused`` where the fit has no solution, or a number is not finite."""
     try:
         result = STEPS[name].fit(robot, measurements)

@@ -28,7 +28,7 @@ from chefbotd.components.calibration.algorithms.step import (
     StepDefinition,
     StepResult,
 )
-from chefbotd.components.calibration.algorithms.wheel_model import NOMINAL, WheelModel, reckoned
+from chefbotd.components.calibration.algorithms.wheel_model import NOMINAL, WheelModel, dead_reckon
 from chefbotd.core.events import WheelsDriven
 from chefbotd.core.geometry import Twist2D
 
@@ -92,7 +92,7 @@ def _fit(robot: ConfiguredRobot, measurements: Measurements) -> StepResult:
         return _without(Status.NOT_ENOUGH, f"{len(squares)} squares were driven, and {len(ends)} measured")
     if {name[:4] for name in ends} != {"left", "righ"}:
         return _without(Status.NOT_ENOUGH, "squares both ways round")
-    return _judged(robot, squares, np.array(list(ends.values())))
+    return _judge_squares(robot, squares, np.array(list(ends.values())))
 
 
 def _of_loops(robot: ConfiguredRobot, loops: list[tuple[Floats, Floats]]) -> StepResult:
@@ -100,7 +100,7 @@ def _of_loops(robot: ConfiguredRobot, loops: list[tuple[Floats, Floats]]) -> Ste
     turned_m = [float((right - left).sum()) for left, right in loops]
     if not (min(turned_m, default=0.0) < 0 < max(turned_m, default=0.0)):
         return _without(Status.NOT_ENOUGH, f"loops both ways round, with {PAUSE_S:g} s of rest after each")
-    return _judged(robot, loops, np.zeros((len(loops), 2)))
+    return _judge_squares(robot, loops, np.zeros((len(loops), 2)))
 
 
 def _ends(answers: Mapping[str, float]) -> dict[str, tuple[float, float]]:
@@ -123,11 +123,11 @@ def _squares(rolled: Rolling, driven: tuple[WheelsDriven, ...]) -> list[tuple[Fl
     return squares
 
 
-def _judged(robot: ConfiguredRobot, squares: list[tuple[Floats, Floats]], ends: Floats) -> StepResult:
+def _judge_squares(robot: ConfiguredRobot, squares: list[tuple[Floats, Floats]], ends: Floats) -> StepResult:
     track_m = robot.chassis.effective_track_m
 
     def off_m(model: WheelModel) -> Floats:
-        reached = [reckoned(model, track_m, left, right)[-1, :2] for left, right in squares]
+        reached = [dead_reckon(model, track_m, left, right)[-1, :2] for left, right in squares]
         return np.array(reached) - ends
 
     solution = solve(lambda values: off_m(_model(values)) / SIGMA_M, np.array([0.0, 1.0]))

@@ -17,8 +17,8 @@ from chefbotd.components.calibration.algorithms.wheel_model import (
     NOMINAL,
     PLAY_SIGMA_M,
     WheelModel,
+    dead_reckon,
     flanks,
-    reckoned,
 )
 from chefbotd.core.poses import between, compose, wrap
 from chefbotd.core.record import Record, replace
@@ -129,10 +129,10 @@ def fit(
     solution = solve(
         residuals, whole[columns], prior_sigmas=free[columns], shares=shares, groups=_groups(drives)
     )
-    return _fitted(solution, whole, columns)
+    return _make_fit(solution, whole, columns)
 
 
-def _fitted(solution: Solution, whole: Floats, columns: list[int]) -> WheelFit:
+def _make_fit(solution: Solution, whole: Floats, columns: list[int]) -> WheelFit:
     whole[columns] = solution.values
     covariance = np.zeros((len(whole), len(whole)))
     covariance[np.ix_(columns, columns)] = solution.covariance
@@ -154,11 +154,11 @@ def _without(drive: RecordedDrive, sides: tuple[Floats, Floats], play_m: float) 
 
 def difference(track_m: float, model: WheelModel, drive: RecordedDrive, mount: Floats | None) -> Floats:
     """What the wheels say less what was seen (m, 3), in the sensor's frame; without a mount, at the best yaw."""
-    poses = reckoned(model, track_m, drive.left_m, drive.right_m)
+    poses = dead_reckon(model, track_m, drive.left_m, drive.right_m)
     rolled = between(poses[drive.first], poses[drive.last])
     seen = drive.motion
     if mount is None:
-        seen = _turned(seen, rolled, drive.sigmas)
+        seen = _align_frames(seen, rolled, drive.sigmas)
     else:
         rolled = between(mount, compose(rolled, mount))
     off = rolled - seen
@@ -166,7 +166,7 @@ def difference(track_m: float, model: WheelModel, drive: RecordedDrive, mount: F
     return off
 
 
-def _turned(seen: Floats, rolled: Floats, sigmas: Floats) -> Floats:
+def _align_frames(seen: Floats, rolled: Floats, sigmas: Floats) -> Floats:
     """The motions in a frame that is turned so that they fit those of the wheels best."""
     weights = sigmas[:, 0] ** -2.0
     across = weights @ (seen[:, 0] * rolled[:, 1] - seen[:, 1] * rolled[:, 0])
@@ -182,7 +182,7 @@ def _whitening(track_m: float, drive: RecordedDrive, mount: Floats | None) -> Fl
     Wheels scatter in their travel and in their turns. An error of heading swings what was driven after it: so place and
     heading at the end of a motion belong together. The sums over the steps of a motion are differences of running sums.
     """
-    base = reckoned(NOMINAL, track_m, drive.left_m, drive.right_m)
+    base = dead_reckon(NOMINAL, track_m, drive.left_m, drive.right_m)
     poses = compose(base, np.zeros(3) if mount is None else mount)
     way_m, turn_rad = (
         np.abs(drive.left_m) + np.abs(drive.right_m),

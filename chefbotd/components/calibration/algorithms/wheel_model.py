@@ -44,7 +44,7 @@ def flanks(steps_m: Floats) -> Floats:
     return np.array(reached)
 
 
-def reckoned(model: WheelModel, track_m: float, left_m: Floats, right_m: Floats) -> Floats:
+def dead_reckon(model: WheelModel, track_m: float, left_m: Floats, right_m: Floats) -> Floats:
     """Poses (n + 1, 3) from (0, 0, 0) on; headings are not wrapped.
 
     ``left_m`` and ``right_m`` (n,) are how far the sides rolled in each step with the configured radii; ``track_m`` is

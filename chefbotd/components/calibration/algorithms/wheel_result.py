@@ -72,7 +72,7 @@ def fit_wheels(robot: ConfiguredRobot, measurements: Measurements) -> StepResult
     missing = _too_little(robot, rolled)
     if missing:
         return _not_enough(missing)
-    return _judged(robot, drive, fit(robot.chassis.effective_track_m, [drive]), None)
+    return _judge_fit(robot, drive, fit(robot.chassis.effective_track_m, [drive]), None)
 
 
 def _by_lidar(
@@ -95,7 +95,7 @@ def _by_lidar(
     result = fit(robot.chassis.effective_track_m, [seen.drive], mount=mount, has_play=True)
     sigma = SCALE_SIGMA if seen.range_offset_m is None else OFFSET_SCALE_SIGMA
     result = replace(result, covariance=_with_scale(result.covariance, sigma))
-    judged = _judged(robot, seen.drive, result, lidar)
+    judged = _judge_fit(robot, seen.drive, result, lidar)
     return replace(judged, reason=judged.reason or _remark(lidar, seen.range_offset_m))
 
 
@@ -151,10 +151,10 @@ def lidar_seen(
         return _not_enough(f"{lidar.name} saw too little, or from too few places")
     wrong = _wrong(track_m, view, lidar)
     if wrong:
-        return _refused(wrong)
+        return _refuse(wrong)
     if view.share < LEAST_MATCHED:
         lost = round(100 * (1 - view.share))
-        return _refused(
+        return _refuse(
             f"{lost} % of the scans do not fit to those before, from where the wheels say they are"
         )
     return view
@@ -174,7 +174,7 @@ def _too_little(robot: ConfiguredRobot, rolled: Rolling) -> str:
     return ""
 
 
-def _judged(
+def _judge_fit(
     robot: ConfiguredRobot, drive: RecordedDrive, result: WheelFit, lidar: LidarParameters | None
 ) -> StepResult:
     """The result, if it may be believed."""
@@ -199,9 +199,9 @@ def _judged(
     after = difference(track_m, model, rolled, None if lidar is None else result.mount)
     left_rad = float(np.median(np.abs(after[:, 2])))
     if left_rad > MOST_LEFT_RAD:
-        return _refused(f"wheels and what was seen differ by {left_rad:.2f} rad in half of the motions")
+        return _refuse(f"wheels and what was seen differ by {left_rad:.2f} rad in half of the motions")
     if max(abs(value - 1) for value in (model.left, model.right, model.track)) > MOST_OFF:
-        return _refused(
+        return _refuse(
             f"radii {model.left:.3f} and {model.right:.3f} and track {model.track:.3f} times the configured ones: "
             "check the configured sizes and the counts of a wheel turn first"
         )
@@ -278,5 +278,5 @@ def _not_enough(reason: str) -> StepResult:
     return StepResult(NAME, Status.NOT_ENOUGH, reason)
 
 
-def _refused(reason: str) -> StepResult:
+def _refuse(reason: str) -> StepResult:
     return StepResult(NAME, Status.REFUSED, reason)

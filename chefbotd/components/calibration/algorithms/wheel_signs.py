@@ -10,7 +10,7 @@ import numpy as np
 
 from chefbotd.components.calibration.algorithms.least_squares import Floats
 from chefbotd.components.calibration.algorithms.wheel_fit import RecordedDrive
-from chefbotd.components.calibration.algorithms.wheel_model import NOMINAL, reckoned
+from chefbotd.components.calibration.algorithms.wheel_model import NOMINAL, dead_reckon
 from chefbotd.core.poses import between, wrap
 from chefbotd.core.record import Record
 
@@ -48,7 +48,7 @@ def _sums(steps: Floats) -> Floats:
 
 def _yaw(track_m: float, drive: RecordedDrive) -> float | None:
     """The direction of travel as the lidar sees it, turned round: where motions are nearly straight."""
-    poses = reckoned(NOMINAL, track_m, drive.left_m, drive.right_m)
+    poses = dead_reckon(NOMINAL, track_m, drive.left_m, drive.right_m)
     rolled = between(poses[drive.first], poses[drive.last])
     is_straight = (np.abs(wrap(rolled[:, 2])) < 0.1) & (np.hypot(rolled[:, 0], rolled[:, 1]) > 0.1)
     if not is_straight.any():

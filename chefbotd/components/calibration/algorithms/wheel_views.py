@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from chefbotd.components.calibration.algorithms.bundle import adjusted
+from chefbotd.components.calibration.algorithms.bundle import adjust_bundle
 from chefbotd.components.calibration.algorithms.least_squares import Floats
 from chefbotd.components.calibration.algorithms.rolling import Rolling, rests
-from chefbotd.components.calibration.algorithms.scan_motion import Keyframe, Matched, keyframe, matched
+from chefbotd.components.calibration.algorithms.scan_motion import Keyframe, Matched, keyframe, match_scans
 from chefbotd.components.calibration.algorithms.wheel_fit import RecordedDrive, in_pieces
 from chefbotd.components.calibration.algorithms.wheel_model import WheelModel
 from chefbotd.core.events import TruthSimulated
@@ -72,7 +72,7 @@ def lidar_view(
     rows = np.array([frame.row for frame in frames])
     poses, totals = rolled.poses(model, track_m)[rows], rolled.totals(track_m)[rows]
     lidar_moved = between(mount, compose(between(poses[:-1], poses[1:]), mount))
-    seen = matched(frames, lidar_moved, np.diff(totals, axis=0), ALL_STOPS if is_stop_and_go else MEMORY)
+    seen = match_scans(frames, lidar_moved, np.diff(totals, axis=0), ALL_STOPS if is_stop_and_go else MEMORY)
     offset_m = None
     if is_stop_and_go:
         seen, offset_m = _by_walls(frames, seen)
@@ -87,7 +87,7 @@ def _by_walls(frames: Sequence[Keyframe], seen: Matched) -> tuple[Matched, float
     if len(good) < LEAST_STOPS:
         return seen, None
     begin = seen.poses[good[0]]
-    bundle = adjusted([frames[k] for k in good.tolist()], between(begin, seen.poses[good]))
+    bundle = adjust_bundle([frames[k] for k in good.tolist()], between(begin, seen.poses[good]))
     if bundle is None:
         return seen, None
     poses = seen.poses.copy()

@@ -9,11 +9,11 @@ from chefbotd.cli.common.exits import Exit, ProgramError, extra
 from chefbotd.cli.programs.load import bad_configuration
 from chefbotd.client.models import CalibrationApplied
 from chefbotd.components.calibration.algorithms.step import Measurements, Status, StepResult
-from chefbotd.components.calibration.algorithms.steps import STEPS, fitted
+from chefbotd.components.calibration.algorithms.steps import STEPS, fit_step
 from chefbotd.components.calibration.build import robot_with
 from chefbotd.components.calibration.cli.report import draw_plots, finish, require_plots, show_result
 from chefbotd.components.calibration.measuring import as_calibrated, measurements
-from chefbotd.components.recording.cli.info import opened
+from chefbotd.components.recording.cli.info import open_recording
 from chefbotd.components.recording.replay.recorded import NotReplayable
 from chefbotd.components.recording.replay.run import settings_of
 from chefbotd.core.printable import plain
@@ -46,17 +46,17 @@ def calibrate_recorded(
     results: list[StepResult] = []
     for name in steps or [step.name for step in STEPS.values() if not step.on_request]:
         robot = robot_with(
-            settings, {e.key: e.after for one in results for e in one.estimates if _passed(one)}
+            settings, {e.key: e.after for one in results for e in one.estimates if _has_passed(one)}
         )
         if missing := STEPS[name].missing(robot):
             if steps:
                 raise ProgramError(Exit.REFUSED, f"{name} cannot be calibrated: {missing}")
             continue
-        results.append(fitted(name, robot, as_calibrated(measured, robot_with(settings, {}), robot)))
+        results.append(fit_step(name, robot, as_calibrated(measured, robot_with(settings, {}), robot)))
         if not context.as_json:
             show_result(results[-1])
     pictures = draw_plots(results, out)
-    passed = [result for result in results if _passed(result)]
+    passed = [result for result in results if _has_passed(result)]
     applied = save_here(config, passed) if config is not None and passed else None
     if not context.as_json:
         for picture in pictures:
@@ -72,7 +72,7 @@ def read_drive(path: Path) -> tuple[Settings, Measurements]:
     Raises:
         ProgramError: the file is no recording, or has no configuration.
     """
-    with opened(path) as reader:
+    with open_recording(path) as reader:
         measured = measurements(reader.events())
         configuration = reader.metadata.get("configuration", {}).get("json", "")
         problem = reader.problem
@@ -104,5 +104,5 @@ def save_here(config: Path, passed: Sequence[StepResult]) -> CalibrationApplied:
     return CalibrationApplied(saved.path, saved.kept, saved.difference, tuple(values))
 
 
-def _passed(result: StepResult) -> bool:
+def _has_passed(result: StepResult) -> bool:
     return result.status is Status.PASSED

@@ -72,12 +72,12 @@ def finish(
     if refused is not None:
         raise refused
     if failed := [
-        f"{result.step}: {result.status.replace('_', ' ')}" for result in results if not _passed(result)
+        f"{result.step}: {result.status.replace('_', ' ')}" for result in results if not _has_passed(result)
     ]:
         raise ProgramError(Exit.NOT_DONE, ", ".join(failed))
 
 
-def _passed(result: StepResult) -> bool:
+def _has_passed(result: StepResult) -> bool:
     return result.status == Status.PASSED
 
 

@@ -43,7 +43,7 @@ def problem(check: str, measured: str, advice: str) -> Finding:
     return Finding(check, Verdict.PROBLEM, measured, advice)
 
 
-def skipped(check: str, measured: str, advice: str = "") -> Finding:
+def skip_check(check: str, measured: str, advice: str = "") -> Finding:
     """It was not looked at, and why."""
     return Finding(check, Verdict.SKIPPED, measured, advice)
 

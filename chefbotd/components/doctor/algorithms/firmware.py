@@ -1,6 +1,6 @@
 """Checks whether the board stops by itself: our own firmware does, a classic sketch does not."""
 
-from chefbotd.components.doctor.algorithms.finding import Finding, Verdict, ok, skipped, warning
+from chefbotd.components.doctor.algorithms.finding import Finding, Verdict, ok, skip_check, warning
 from chefbotd.core.record import Record
 
 CHECK = "firmware"
@@ -28,7 +28,7 @@ class Firmware(Record, frozen=True):
 def check_firmware(firmware: Firmware | None, *, is_board: bool) -> Finding:
     """Which firmware it is, and its dead-man; ``firmware`` None: none of ours has named itself."""
     if not is_board:
-        return skipped(CHECK, "nothing was received from a board")
+        return skip_check(CHECK, "nothing was received from a board")
     if firmware is None:
         return Finding(CHECK, Verdict.OK, CLASSIC, FLASH)
     name = f"chefbot firmware {firmware.version} on {firmware.board or 'an unknown board'}"

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 
-from chefbotd.components.doctor.algorithms.finding import Finding, ok, problem, skipped, warning
+from chefbotd.components.doctor.algorithms.finding import Finding, ok, problem, skip_check, warning
 from chefbotd.core.record import Record
 from chefbotd.rpc.models import PluginDescription, PluginState
 
@@ -40,7 +40,7 @@ def check_device(port: PortFound) -> Finding:
 def check_permission(port: PortFound) -> Finding:
     """Whether this user may open it."""
     if not port.exists:
-        return skipped("permission", "there is no device")
+        return skip_check("permission", "there is no device")
     if port.permission:
         return problem("permission", f"you may not open {port.device}", port.permission)
     return ok("permission", f"you may read and write {port.device}")
@@ -49,7 +49,7 @@ def check_permission(port: PortFound) -> Finding:
 def check_holder(port: PortFound, *, daemon_answers: bool) -> Finding:
     """Whether another program has it open; a daemon that answers may."""
     if not port.exists:
-        return skipped("holder", "there is no device")
+        return skip_check("holder", "there is no device")
     if not port.held_by:
         return ok("holder", f"nobody has {port.device} open")
     if daemon_answers and SERVICE_PROGRAM in port.held_by:
@@ -83,13 +83,13 @@ def check_baud(configured: int, heard: int | None, *, heard_anything: bool) -> F
             f"no valid line was received at {configured} baud or at the other usual rates",
             "is this the right port? Which rate does the sketch pass to Serial.begin?",
         )
-    return skipped("baud", "nothing was received at any baud rate")
+    return skip_check("baud", "nothing was received at any baud rate")
 
 
 def check_governor(governors: Sequence[str]) -> Finding:
     """Whether the processor is slowed down to save power."""
     if not governors:
-        return skipped(
+        return skip_check(
             "cpu_governor", "this computer reports none (a virtual machine, or its firmware decides)"
         )
     kinds = ", ".join(sorted(set(governors)))
@@ -105,9 +105,9 @@ def check_governor(governors: Sequence[str]) -> Finding:
 def check_priority(realtime: int | None, nice: int, locked_kb: int, *, daemon_answers: bool) -> Finding:
     """The priority and memory that the computer gives the control loop; ``realtime`` None: its process is not known."""
     if realtime is None and daemon_answers:
-        return skipped("priority", "a daemon answers, but its process cannot be told from the others here")
+        return skip_check("priority", "a daemon answers, but its process cannot be told from the others here")
     if realtime is None:
-        return skipped("priority", "no daemon answers on this computer")
+        return skip_check("priority", "no daemon answers on this computer")
     memory = "its memory is locked" if locked_kb else "its memory may be swapped out"
     if realtime:
         return ok("priority", f"the control loop has real-time priority {realtime}, and {memory}")
@@ -122,7 +122,7 @@ def check_priority(realtime: int | None, nice: int, locked_kb: int, *, daemon_an
 def check_time_sync(synchronized: bool | None) -> Finding:
     """Whether the wall clock is right; only log files and recordings need it."""
     if synchronized is None:
-        return skipped("time_sync", "this computer does not report whether its clock is synchronized")
+        return skip_check("time_sync", "this computer does not report whether its clock is synchronized")
     if synchronized:
         return ok("time_sync", "the computer's clock is synchronized")
     return warning(
@@ -135,9 +135,9 @@ def check_time_sync(synchronized: bool | None) -> Finding:
 def check_service(unit: Mapping[str, str] | None) -> Finding:
     """The systemd unit, by the properties of ``systemctl show``; None without systemd."""
     if unit is None:
-        return skipped("service", "systemd does not run here")
+        return skip_check("service", "systemd does not run here")
     if unit.get("LoadState") != "loaded":
-        return skipped(
+        return skip_check(
             "service", "no unit chefbotd.service is installed", "'sudo chefbotd install-service' does so"
         )
     active, enabled = unit.get("ActiveState", ""), unit.get("UnitFileState", "")
@@ -157,7 +157,7 @@ def check_socket(where: str, answer: str, refusal: str) -> Finding:
     """Whether a daemon answers at an address; ``answer`` describes it, ``refusal`` says why none answers."""
     if answer:
         return ok("socket", f"a daemon answers at {where}: {answer}")
-    return skipped("socket", f"no daemon answers at {where}{refusal}: the doctor opens the port itself")
+    return skip_check("socket", f"no daemon answers at {where}{refusal}: the doctor opens the port itself")
 
 
 def check_plugins(plugins: Sequence[PluginDescription]) -> list[Finding]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from chefbotd.components.doctor.algorithms.finding import Finding, ok, skipped, warning
+from chefbotd.components.doctor.algorithms.finding import Finding, ok, skip_check, warning
 
 SLOW_S, SLOW_ECHO_S = 0.02, 0.15
 LEAST_SAMPLES = 10
@@ -17,7 +17,7 @@ def percentile(values: Sequence[float], share: float) -> float:
 def check_latency(round_trips_s: Sequence[float], loop_lag_s: float | None) -> Finding:
     """Round trips of requests through the socket, and the lag of the daemon's own loop."""
     if len(round_trips_s) < LEAST_SAMPLES:
-        return skipped("latency", "too few requests were answered")
+        return skip_check("latency", "too few requests were answered")
     middle, most = percentile(round_trips_s, 0.5), percentile(round_trips_s, 0.99)
     lag = "" if loop_lag_s is None else f"; its loop was late by {loop_lag_s * 1e3:.1f} ms at most"
     text = (
@@ -36,7 +36,7 @@ def check_latency(round_trips_s: Sequence[float], loop_lag_s: float | None) -> F
 def check_echo(delays_s: Sequence[float]) -> Finding:
     """From a motor command on the wire to the board's echo of it."""
     if not delays_s:
-        return skipped("command_latency", "no motor command was echoed")
+        return skip_check("command_latency", "no motor command was echoed")
     middle, most = percentile(delays_s, 0.5), max(delays_s)
     text = (
         f"a motor command is in force after {middle * 1e3:.0f} ms (median), {most * 1e3:.0f} ms at most, of "

@@ -9,7 +9,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from chefbotd.components.doctor.algorithms.finding import Finding, ok, problem, skipped, warning
+from chefbotd.components.doctor.algorithms.finding import Finding, ok, problem, skip_check, warning
 from chefbotd.core.geometry import Pose2D, wrap_angle
 from chefbotd.core.record import Record
 
@@ -72,8 +72,8 @@ def fit_motion(before: ScanTaken, after: ScanTaken, before_from_after: Pose2D) -
 
 
 def _apart_m(before: ScanTaken, after: ScanTaken, motion: Pose2D, offset_rad: float, mirrored: bool) -> float:
-    old = _thinned(before.points(offset_rad, mirrored=mirrored))
-    new = _thinned(after.points(offset_rad, mirrored=mirrored))
+    old = _thin_points(before.points(offset_rad, mirrored=mirrored))
+    new = _thin_points(after.points(offset_rad, mirrored=mirrored))
     if not len(old) or not len(new):
         return FAR_M
     cos, sin = math.cos(motion.heading_rad), math.sin(motion.heading_rad)
@@ -82,7 +82,7 @@ def _apart_m(before: ScanTaken, after: ScanTaken, motion: Pose2D, offset_rad: fl
     return float(np.minimum(nearest, FAR_M).mean())
 
 
-def _thinned(points: Array) -> Array:
+def _thin_points(points: Array) -> Array:
     thinned: Array = points[:: max(1, math.ceil(len(points) / MOST_POINTS))]
     return thinned
 
@@ -92,7 +92,7 @@ def check_motion(name: str, before: ScanTaken, after: ScanTaken, motion: Pose2D)
     turned = abs(motion.heading_rad) >= LEAST_TURNED_RAD
     check = f"lidar_turn {name}" if turned else f"lidar_forward {name}"
     if not turned and math.hypot(motion.x_m, motion.y_m) < LEAST_MOVED_M:
-        return skipped(check, "odometry hardly moved, so the scans cannot be compared with it")
+        return skip_check(check, "odometry hardly moved, so the scans cannot be compared with it")
     fit = fit_motion(before, after, motion)
     text = f"moved back by odometry, its scans lie {fit.configured_m * 100:.1f} cm apart"
     better = fit.best_m < BETTER_SHARE * fit.configured_m

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 
-from chefbotd.components.doctor.algorithms.finding import Finding, ok, problem, skipped, warning
+from chefbotd.components.doctor.algorithms.finding import Finding, ok, problem, skip_check, warning
 from chefbotd.core.record import Record
 
 GARBLED_SHARE = 0.1
@@ -142,7 +142,7 @@ def check_formats(heard: LinesHeard) -> list[Finding]:
 def check_damaged(heard: LinesHeard) -> Finding:
     """How many lines are damaged, and how."""
     if not heard.is_board:
-        return skipped("damaged_lines", "nothing was received from a board")
+        return skip_check("damaged_lines", "nothing was received from a board")
     bad = sum(heard.damaged.values())
     share = bad / (heard.frames + bad)
     if not bad:
@@ -163,13 +163,13 @@ def check_damaged(heard: LinesHeard) -> Finding:
 def check_clock(heard: LinesHeard) -> Finding:
     """Whether the board's clock keeps time with ours."""
     if not heard.is_board:
-        return skipped("board_clock", "nothing was received from a board")
+        return skip_check("board_clock", "nothing was received from a board")
     if "t" not in heard.kinds:
         return ok("board_clock", "the board sends no time (no 't' lines), so the daemon uses its own clock")
     if heard.clock_unit:
         return problem("board_clock", heard.clock_unit, "mend the board's program: 't' begins with micros()")
     if heard.clock_ppm is None or heard.clock_s < LEAST_CLOCK_S:
-        return skipped(
+        return skip_check(
             "board_clock",
             "the 't' lines are too few or too irregular to compare the clocks",
             "listen longer: --seconds 20",
@@ -203,7 +203,7 @@ def check_left_on(duty: tuple[float, ...]) -> list[Finding]:
 def check_at_rest(heard: LinesHeard, counts_per_turn: float) -> Finding:
     """Whether the motors are off and the wheels stand while nobody drives."""
     if not heard.is_board:
-        return skipped("at_rest", "nothing was received from a board")
+        return skip_check("at_rest", "nothing was received from a board")
     if any(heard.duty):
         values = " ".join(f"{duty:g}" for duty in heard.duty)
         return problem(

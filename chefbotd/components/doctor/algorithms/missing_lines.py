@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from chefbotd.components.doctor.algorithms.finding import Finding, ok, skipped, warning
+from chefbotd.components.doctor.algorithms.finding import Finding, ok, skip_check, warning
 from chefbotd.components.doctor.algorithms.lines import NAMES, LinesHeard
 
 CHECK = "missing_lines"
@@ -36,7 +36,7 @@ def check_missing(
     ultrasonic sensor that says nothing stops it too.
     """
     if not heard.is_board:
-        return skipped(CHECK, "nothing was received from a board")
+        return skip_check(CHECK, "nothing was received from a board")
     missing = [kind for kind in "tsuib" if not heard.sends(kind)]
     if not missing:
         return ok(CHECK, "no kind is missing: time, duty echo, ultrasonic, IMU and battery come")

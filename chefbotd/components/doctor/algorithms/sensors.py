@@ -3,7 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 
-from chefbotd.components.doctor.algorithms.finding import Finding, ok, problem, skipped, warning
+from chefbotd.components.doctor.algorithms.finding import Finding, ok, problem, skip_check, warning
 from chefbotd.core.record import Record
 
 Vector = tuple[float, float, float]
@@ -58,7 +58,7 @@ def check_beams(name: str, beams: Beams | None, *, kind: str) -> Finding:
     if seen:
         return ok(check, f"{name} measured {beams.range_m or 0:.2f} m (of {total}: {counts})")
     if beams.statuses.get("too_far") == total:
-        return skipped(
+        return skip_check(
             check,
             f"nothing is within the range of {name}, or it is unplugged (of {total}: {counts})",
             "hold a book 30 cm in front of it, and run the doctor again",
@@ -92,7 +92,7 @@ def _metres(range_m: float | None) -> str:
 def check_imu(attitudes: Sequence[Attitude], *, configured: bool, sends_imu: bool) -> Finding:
     """Whether the IMU sends, and whether gravity shows that its z axis points up."""
     if not configured:
-        return skipped("imu", "no [imu] is configured")
+        return skip_check("imu", "no [imu] is configured")
     if not attitudes:
         if sends_imu:
             return problem("imu", "its lines arrive, but none is valid", "see the finding on damaged lines")
@@ -115,7 +115,7 @@ def check_imu(attitudes: Sequence[Attitude], *, configured: bool, sends_imu: boo
 def check_imu_turn(imu_rad: float | None, encoders_rad: float) -> Finding:
     """The robot was turned to the left: the IMU's heading grows, as much as the encoders say."""
     if imu_rad is None:
-        return skipped("imu_turn", "the IMU reports no heading")
+        return skip_check("imu_turn", "the IMU reports no heading")
     imu_deg, encoders_deg = math.degrees(imu_rad), math.degrees(encoders_rad)
     text = f"turned to the left, the IMU says {imu_deg:+.0f}°, the encoders {encoders_deg:+.0f}°"
     if imu_rad < -TURNED_RAD:
@@ -140,7 +140,7 @@ def check_imu_turn(imu_rad: float | None, encoders_rad: float) -> Finding:
 def check_imu_lift(flat: Attitude | None, lifted: Attitude | None) -> Finding:
     """The robot's front was lifted: the IMU's nose goes up."""
     if flat is None or lifted is None or flat.nose_up is None or lifted.nose_up is None:
-        return skipped("imu_tilt", "the IMU reports no attitude")
+        return skip_check("imu_tilt", "the IMU reports no attitude")
     rise = lifted.nose_up - flat.nose_up
     text = f"with its front lifted, the IMU says nose {'up' if rise > 0 else 'down'} by {_degrees(rise)}°"
     if rise > LIFTED_SHARE:
@@ -175,7 +175,9 @@ def check_battery(
     if voltage_v is None:
         if sends_battery:
             return problem("battery", "no voltage could be read", "see the finding on damaged lines")
-        return skipped("battery", "the board sends no 'b' lines", "sketch C never does: measure it by hand")
+        return skip_check(
+            "battery", "the board sends no 'b' lines", "sketch C never does: measure it by hand"
+        )
     text = f"the battery has {voltage_v:.2f} V"
     if voltage_v < absent_below_v:
         return warning(

@@ -6,7 +6,7 @@ The rows are those of ``chefbotd.components.simulation.parameters.sketches``: wh
 import math
 from collections.abc import Mapping
 
-from chefbotd.components.doctor.algorithms.finding import Finding, ok, problem, skipped, warning
+from chefbotd.components.doctor.algorithms.finding import Finding, ok, problem, skip_check, warning
 from chefbotd.components.doctor.algorithms.lines import LinesHeard
 from chefbotd.components.simulation.parameters.sketches import SKETCHES, SketchName, SketchParameters
 from chefbotd.core.record import Record
@@ -58,7 +58,7 @@ def recognise(heard: LinesHeard) -> Guess:
 def check_sketch(heard: LinesHeard) -> Finding:
     """Which sketch this seems to be, and its properties."""
     if not heard.is_board:
-        return skipped("sketch", "nothing was received from a board")
+        return skip_check("sketch", "nothing was received from a board")
     guess = recognise(heard)
     if guess.sketch is None:
         return warning(
@@ -75,7 +75,7 @@ def check_expected(heard: LinesHeard, expected: Expected) -> Finding:
     """Whether the configuration fits the sketch that was recognised."""
     guess = recognise(heard) if heard.is_board else None
     if guess is None:
-        return skipped("configured_board", "nothing was received from a board")
+        return skip_check("configured_board", "nothing was received from a board")
     if heard.wheels and heard.wheels != expected.wheels:
         return problem(
             "configured_board",
@@ -83,7 +83,7 @@ def check_expected(heard: LinesHeard, expected: Expected) -> Finding:
             f"set [robot] wire = {heard.wire!r}, and describe its wheels",
         )
     if guess.sketch is None:
-        return skipped("configured_board", "the sketch could not be identified")
+        return skip_check("configured_board", "the sketch could not be identified")
     row = SKETCHES[guess.sketch]
     wrong, advice = _against(row, expected, published=guess.sketch is not SketchName.KHAN)
     if wrong:

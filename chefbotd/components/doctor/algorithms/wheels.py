@@ -4,7 +4,7 @@ import math
 from collections.abc import Iterator, Mapping, Sequence
 from statistics import median
 
-from chefbotd.components.doctor.algorithms.finding import Finding, ok, problem, skipped, warning
+from chefbotd.components.doctor.algorithms.finding import Finding, ok, problem, skip_check, warning
 from chefbotd.core.record import Record
 from chefbotd.motion.drive_state import LOADED_SHARE
 
@@ -99,11 +99,11 @@ def _check_pushed(wheel: WheelSetting, turned_rad: float) -> Finding:
 def check_distance(encoders_m: float, real_m: float, counts_per_turn: float) -> Finding:
     """Whether the counts make the right distance."""
     if real_m <= 0:
-        return skipped("distance", "the distance was not measured")
+        return skip_check("distance", "the distance was not measured")
     ratio = encoders_m / real_m
     text = f"the encoders say {encoders_m:.3f} m, you measured {real_m:.3f} m"
     if not ratio > 0:
-        return skipped("distance", f"{text}: see the encoders first")
+        return skip_check("distance", f"{text}: see the encoders first")
     if 1 / COUNTS_RATIO < ratio < COUNTS_RATIO:
         return ok("distance", text)
     return problem(
@@ -134,7 +134,7 @@ def check_motor(wheels: Sequence[WheelSetting], run: WheelRun) -> Finding:
     wheel = next(other for other in wheels if other.name == run.wheel)
     check = f"motor {wheel.name}"
     if not any(sample.duty[wheel.name] for sample in run.samples):
-        return skipped(
+        return skip_check(
             check, f"{wheel.name} was not driven{_because(run)}", "fix that, and run the doctor again"
         )
     own = run.turned_rad(wheel.name)
@@ -145,7 +145,7 @@ def check_motor(wheels: Sequence[WheelSetting], run: WheelRun) -> Finding:
     if run.seen:
         text += f", you saw {_seen(run.seen)}"
     if others:
-        return _exchanged(check, text, wheel, others, run)
+        return _report_exchange(check, text, wheel, others, run)
     if abs(own) <= TURNED_RAD:
         return _still(check, text, run)
     if run.seen == "other":
@@ -185,7 +185,7 @@ def _direction(check: str, text: str, wheel: WheelSetting, counts_forward: bool,
     )
 
 
-def _exchanged(check: str, text: str, wheel: WheelSetting, others: list[str], run: WheelRun) -> Finding:
+def _report_exchange(check: str, text: str, wheel: WheelSetting, others: list[str], run: WheelRun) -> Finding:
     if run.seen in ("forward", "backward"):
         return problem(
             check,
@@ -265,7 +265,7 @@ def check_hand_turns(wheel: str, turned_rad: float, counts_per_turn: float) -> F
     turns = abs(turned_rad) / math.tau
     text = f"{wheel} was turned {HAND_TURNS} times by hand: its encoder says {turns:.1f} turns"
     if turns < 0.1:
-        return skipped("counts_per_turn", f"{text}, so it was not turned, or its encoder is unplugged")
+        return skip_check("counts_per_turn", f"{text}, so it was not turned, or its encoder is unplugged")
     if abs(turns / HAND_TURNS - 1) <= TURNS_SHARE:
         return ok("counts_per_turn", text)
     return problem(
@@ -292,7 +292,7 @@ def check_scale(
     estimates = [full_scale(run, by_name[run.wheel], max_rim_speed_m_s) for run in runs]
     scales = [scale for scale in estimates if scale is not None]
     if not scales:
-        return skipped("duty_scale", "no wheel turned enough to tell", "see the findings on the motors")
+        return skip_check("duty_scale", "no wheel turned enough to tell", "see the findings on the motors")
     scale = median(scales)
     nearest = min(KNOWN_SCALES, key=lambda candidate: abs(math.log(candidate / scale)))
     text = f"the wheels' speeds suggest a full scale of about {scale:.0f}, but [drive] max_duty is {max_duty}"

@@ -7,7 +7,7 @@ import math
 from collections.abc import Mapping
 
 from chefbotd.client import CallError, Client
-from chefbotd.components.doctor.algorithms.finding import Finding, skipped
+from chefbotd.components.doctor.algorithms.finding import Finding, skip_check
 from chefbotd.components.doctor.algorithms.lidar import ScanTaken, check_ahead, check_motion
 from chefbotd.components.doctor.algorithms.sensors import (
     AHEAD_M,
@@ -37,7 +37,7 @@ async def examine_with_help(diagnosis: Diagnosis, robot: Client) -> None:
     await _lift(diagnosis, robot)
 
 
-async def _moved(
+async def _has_moved(
     diagnosis: Diagnosis, robot: Client, what: str, by_itself: str, twist: tuple[float, float, float]
 ) -> bool:
     """Whether somebody moved the robot, or had it drive: ``twist`` is for how long, forward and to the left."""
@@ -50,7 +50,7 @@ async def _moved(
             await robot.drive_for(*twist)
         except CallError as error:
             diagnosis.find(
-                skipped(
+                skip_check(
                     "drive",
                     f"the robot refused to drive: {error.message}",
                     "mend what it names, and ask the doctor again",
@@ -64,11 +64,11 @@ async def _push(diagnosis: Diagnosis, robot: Client) -> None:
     before = await snapshot(robot)
     what = "Push the robot straight ahead on the floor by about 30 cm"
     by_itself = f"drives {FORWARD_M:g} m ahead at {FORWARD_M_S:g} m/s"
-    if not await _moved(diagnosis, robot, what, by_itself, (FORWARD_M / FORWARD_M_S, FORWARD_M_S, 0.0)):
-        diagnosis.find(skipped("encoders", "the robot was not pushed", SOMEBODY))
+    if not await _has_moved(diagnosis, robot, what, by_itself, (FORWARD_M / FORWARD_M_S, FORWARD_M_S, 0.0)):
+        diagnosis.find(skip_check("encoders", "the robot was not pushed", SOMEBODY))
         return
     after = await snapshot(robot)
-    diagnosis.find(*check_push(diagnosis.wheels, _turned(before, after)))
+    diagnosis.find(*check_push(diagnosis.wheels, _turns_between(before, after)))
     motion = _motion(diagnosis, before, after)
     diagnosis.find(*_lidar_motion(before, after, motion))
     answer = await diagnosis.asker.ask(
@@ -84,12 +84,12 @@ async def _turn(diagnosis: Diagnosis, robot: Client) -> None:
         "Turn the robot on the spot to the left (counter-clockwise, seen from above) by about a quarter turn"
     )
     by_itself = f"turns by itself at {TURN_RAD_S:g} rad/s"
-    if not await _moved(diagnosis, robot, what, by_itself, (TURN_RAD / TURN_RAD_S, 0.0, TURN_RAD_S)):
-        diagnosis.find(skipped("turn", "the robot was not turned", SOMEBODY))
+    if not await _has_moved(diagnosis, robot, what, by_itself, (TURN_RAD / TURN_RAD_S, 0.0, TURN_RAD_S)):
+        diagnosis.find(skip_check("turn", "the robot was not turned", SOMEBODY))
         return
     after = await snapshot(robot)
     motion = _motion(diagnosis, before, after)
-    diagnosis.find(check_turn(motion.heading_rad, diagnosis.wheels, _turned(before, after)))
+    diagnosis.find(check_turn(motion.heading_rad, diagnosis.wheels, _turns_between(before, after)))
     if diagnosis.settings.imu is not None:
         diagnosis.find(check_imu_turn(_imu_turned(before, after), motion.heading_rad))
     diagnosis.find(*_lidar_motion(before, after, motion))
@@ -107,7 +107,7 @@ async def _place_ahead(diagnosis: Diagnosis, robot: Client) -> None:
         f"step aside, and press Enter. {LEAVE_OUT}"
     )
     if answer is None or answer.lower() == SKIP:
-        diagnosis.find(skipped("ahead", "nothing was placed ahead", SOMEBODY))
+        diagnosis.find(skip_check("ahead", "nothing was placed ahead", SOMEBODY))
         return
     after = await snapshot(robot)
     diagnosis.find(
@@ -129,19 +129,19 @@ async def _lift(diagnosis: Diagnosis, robot: Client) -> None:
         f"Lift the front of the robot by a hand's breadth, hold it still, and press Enter. {LEAVE_OUT}"
     )
     if answer is None or answer.lower() == SKIP:
-        diagnosis.find(skipped("imu_tilt", "the robot was not lifted", SOMEBODY))
+        diagnosis.find(skip_check("imu_tilt", "the robot was not lifted", SOMEBODY))
         return
     diagnosis.find(check_imu_lift(before.attitude, (await snapshot(robot)).attitude))
 
 
-def _turned(before: Snapshot, after: Snapshot) -> Mapping[str, float]:
+def _turns_between(before: Snapshot, after: Snapshot) -> Mapping[str, float]:
     old = before.position_rad
     return {name: angle - old.get(name, angle) for name, angle in after.position_rad.items()}
 
 
 def _motion(diagnosis: Diagnosis, before: Snapshot, after: Snapshot) -> Pose2D:
     """``before_from_after`` by the encoders alone, as an arc: the odometry's heading may be the IMU's."""
-    chassis, turned = diagnosis.settings.chassis, _turned(before, after)
+    chassis, turned = diagnosis.settings.chassis, _turns_between(before, after)
     travel = Kinematics(chassis).twist([turned.get(wheel.name, 0.0) for wheel in chassis.wheels])
     half_rad = travel.angular_rad_s / 2
     chord_m = travel.linear_m_s * (math.sin(half_rad) / half_rad if half_rad else 1.0)

@@ -22,7 +22,7 @@ SNAPSHOT_S = 0.7
 
 
 @contextlib.asynccontextmanager
-async def collected(robot: Client, topics: Iterable[str]) -> AsyncIterator[list[Event[Any]]]:
+async def collect_events(robot: Client, topics: Iterable[str]) -> AsyncIterator[list[Event[Any]]]:
     """A list that grows by every fresh event of these topics while the block lasts; unknown topics are left out."""
     available = [topic for topic in topics if f"topic.{topic}" in robot.hello.capabilities]
     events: list[Event[Any]] = []
@@ -57,7 +57,7 @@ class Snapshot(Struct):
 
 async def snapshot(robot: Client) -> Snapshot:
     """What is told within ``SNAPSHOT_S``."""
-    async with collected(robot, ("wheels", "odometry", "imu", "ranges", "scan")) as events:
+    async with collect_events(robot, ("wheels", "odometry", "imu", "ranges", "scan")) as events:
         await asyncio.sleep(SNAPSHOT_S)
     seen = Snapshot()
     for event in events:

@@ -6,7 +6,7 @@ from typing import Any
 
 from chefbotd.cli.drive.control import ignoring_too_old, release_source
 from chefbotd.client import CallError, Client, Event
-from chefbotd.components.doctor.algorithms.finding import Finding, Verdict, skipped
+from chefbotd.components.doctor.algorithms.finding import Finding, Verdict, skip_check
 from chefbotd.components.doctor.algorithms.latency import check_echo
 from chefbotd.components.doctor.algorithms.wheels import (
     TURNED_RAD,
@@ -18,7 +18,7 @@ from chefbotd.components.doctor.algorithms.wheels import (
     check_motor,
     check_scale,
 )
-from chefbotd.components.doctor.cli.collecting import collected, of_topic
+from chefbotd.components.doctor.cli.collecting import collect_events, of_topic
 from chefbotd.components.doctor.cli.diagnosis import YES, Diagnosis
 from chefbotd.components.doctor.listening.line_survey import echo_delays_s, line_bytes
 from chefbotd.core.record import replace
@@ -61,7 +61,7 @@ ANSWERS = {
 async def examine_motors(diagnosis: Diagnosis, robot: Client) -> None:
     """Ask, drive each wheel, ask what was seen, and conclude."""
     if (why := await _why_not(diagnosis, robot)) is not None:
-        diagnosis.find(skipped("motors", *why))
+        diagnosis.find(skip_check("motors", *why))
         return
     runs: list[WheelRun] = []
     delays_s: list[float] = []
@@ -69,7 +69,9 @@ async def examine_motors(diagnosis: Diagnosis, robot: Client) -> None:
         for wheel in diagnosis.wheels:
             if (stopped := await _not_ready(robot, runs)) is not None:
                 diagnosis.find(
-                    skipped(f"motor {wheel.name}", f"it was not driven: {stopped}", "mend that, then 'arm'")
+                    skip_check(
+                        f"motor {wheel.name}", f"it was not driven: {stopped}", "mend that, then 'arm'"
+                    )
                 )
                 break
             run, lines = await run_wheel(diagnosis, robot, wheel)
@@ -149,11 +151,11 @@ async def run_wheel(
 ) -> tuple[WheelRun, list[tuple[float, bool, bytes]]]:
     """Drive one wheel: what all wheels did, and the lines on the wire meanwhile. Zero is commanded on every exit."""
     top_rad_s = diagnosis.settings.drive.max_rim_speed_m_s / wheel.radius_m
-    async with collected(robot, ("wheels", "raw", "safety")) as events:
+    async with collect_events(robot, ("wheels", "raw", "safety")) as events:
         try:
             refused = await _turn(robot, wheel.name, CREEP[0] * top_rad_s, CREEP[1])
             if not refused:
-                share, seconds = STEADY if _turned(events) else HARD
+                share, seconds = STEADY if _has_turned(events) else HARD
                 refused = await _turn(robot, wheel.name, share * top_rad_s, seconds)
             samples = _samples(events)
         finally:
@@ -203,7 +205,7 @@ def _samples(events: list[Event[Any]]) -> tuple[WheelSample, ...]:
     )
 
 
-def _turned(events: list[Event[Any]]) -> bool:
+def _has_turned(events: list[Event[Any]]) -> bool:
     samples = _samples(events)
     if not samples:
         return False

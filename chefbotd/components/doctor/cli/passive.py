@@ -12,7 +12,7 @@ from msgspec import convert
 from chefbotd.client import Client, Event
 from chefbotd.client.state import State
 from chefbotd.components.doctor.algorithms.analogue import AnalogueInput, check_adc
-from chefbotd.components.doctor.algorithms.finding import Finding, ok, problem, skipped, warning
+from chefbotd.components.doctor.algorithms.finding import Finding, ok, problem, skip_check, warning
 from chefbotd.components.doctor.algorithms.firmware import Firmware, check_firmware
 from chefbotd.components.doctor.algorithms.host import check_baud
 from chefbotd.components.doctor.algorithms.latency import check_latency
@@ -28,7 +28,7 @@ from chefbotd.components.doctor.algorithms.lines import (
 from chefbotd.components.doctor.algorithms.missing_lines import check_missing
 from chefbotd.components.doctor.algorithms.sensors import Beams, check_battery, check_beams, check_imu
 from chefbotd.components.doctor.algorithms.sketches import Expected, check_expected, check_sketch
-from chefbotd.components.doctor.cli.collecting import attitude, collected, of_topic, scan
+from chefbotd.components.doctor.cli.collecting import attitude, collect_events, of_topic, scan
 from chefbotd.components.doctor.cli.diagnosis import Diagnosis
 from chefbotd.components.doctor.listening.line_survey import LineSurvey, line_bytes
 from chefbotd.settings import Settings
@@ -43,7 +43,7 @@ async def examine_robot(diagnosis: Diagnosis, robot: Client, *, rate_is_known: b
     ``rate_is_known``: the baud rate has been found out already.
     """
     state = await robot.get_state()
-    async with collected(robot, TOPICS) as events:
+    async with collect_events(robot, TOPICS) as events:
         await asyncio.sleep(diagnosis.seconds)
     heard = _survey(diagnosis, of_topic(events, "raw"))
     if state.link.state != "up":
@@ -75,7 +75,7 @@ def _survey(diagnosis: Diagnosis, lines: Sequence[Event[Any]]) -> LinesHeard:
     return survey.heard(inward[-1].stamp_s)
 
 
-def expected(diagnosis: Diagnosis) -> Expected:
+def expect_board(diagnosis: Diagnosis) -> Expected:
     """What the configuration takes for granted of the board."""
     settings = diagnosis.settings
     return Expected(
@@ -111,7 +111,7 @@ def line_findings(
         check_damaged(heard),
         check_sketch(heard),
         check_firmware(firmware, is_board=heard.is_board),
-        check_expected(heard, expected(diagnosis)),
+        check_expected(heard, expect_board(diagnosis)),
         check_clock(heard),
         check_at_rest(heard, diagnosis.settings.encoders.counts_per_turn),
     ]
@@ -179,7 +179,7 @@ def check_adc_of(settings: Settings, heard: LinesHeard) -> Finding | None:
 def check_ultrasonic(name: str, beams: dict[str, Beams], *, sends: bool) -> Finding:
     """A sketch without an ultrasonic sends no line of it."""
     if not sends and name not in beams:
-        return skipped(
+        return skip_check(
             f"ultrasonic {name}",
             "the board sends no 'u' lines",
             "sketches B and D have none: then remove [ultrasonic] from the configuration",
@@ -190,7 +190,7 @@ def check_ultrasonic(name: str, beams: dict[str, Beams], *, sends: bool) -> Find
 def _battery(diagnosis: Diagnosis, heard: LinesHeard, events: Sequence[Event[Any]]) -> Finding:
     parameters = diagnosis.settings.battery
     if parameters is None:
-        return skipped(
+        return skip_check(
             "battery",
             "no [battery] is configured: the robot does not notice an empty one",
             "measure it by hand, or wire a divider to the board and describe it in [battery]",

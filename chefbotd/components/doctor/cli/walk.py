@@ -9,7 +9,7 @@ from pathlib import Path
 from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.client import Client
-from chefbotd.components.doctor.algorithms.finding import problem, skipped
+from chefbotd.components.doctor.algorithms.finding import problem, skip_check
 from chefbotd.components.doctor.algorithms.host import (
     PortFound,
     check_baud,
@@ -70,7 +70,7 @@ async def examine(diagnosis: Diagnosis, robot: Client, *, rate_is_known: bool = 
     await examine_robot(diagnosis, robot, rate_is_known=rate_is_known)
     if (await robot.get_state()).link.state != "up":
         diagnosis.find(
-            skipped("asked", "nothing was asked for and nothing driven: the board is not connected")
+            skip_check("asked", "nothing was asked for and nothing driven: the board is not connected")
         )
         return
     await examine_motors(diagnosis, robot)
@@ -82,7 +82,7 @@ async def _examine_computer(diagnosis: Diagnosis, context: CommandContext, robot
     if robot is not None and not is_loopback(context.address.host):
         where = f"the robot is on {context.address.host}, another computer"
         diagnosis.find(
-            skipped("computer", where, "run the doctor there for its port, its service and its clock")
+            skip_check("computer", where, "run the doctor there for its port, its service and its clock")
         )
         return False
     link = diagnosis.settings.link
@@ -120,7 +120,9 @@ def require_same(requested: str | None, held: str, where: str) -> None:
 async def _without_daemon(diagnosis: Diagnosis, context: CommandContext) -> None:
     if not await _examine_computer(diagnosis, context, None):
         diagnosis.find(
-            skipped("board", "the board's port cannot be opened: mend that first, then ask the doctor again")
+            skip_check(
+                "board", "the board's port cannot be opened: mend that first, then ask the doctor again"
+            )
         )
         return
     match = await find_baud(diagnosis)
@@ -132,7 +134,7 @@ async def _without_daemon(diagnosis: Diagnosis, context: CommandContext) -> None
     async with _daemon_at(diagnosis, baud) if fits else contextlib.nullcontext() as robot:
         if robot is None:
             diagnosis.find(*line_findings(diagnosis, heard))
-            diagnosis.find(skipped("board", "no more is asked of a board that is not the configured one"))
+            diagnosis.find(skip_check("board", "no more is asked of a board that is not the configured one"))
         else:
             await examine(diagnosis, robot, rate_is_known=True)
 

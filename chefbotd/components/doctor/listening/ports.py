@@ -136,11 +136,12 @@ def serial_ports(devices: Sequence[str] = (), by_id: Path = BY_ID) -> list[Seria
     names = names_by_device(by_id)
     usb_by_device = {port.device: port for port in list_ports.comports()}
     return [
-        _described(device, usb_by_device.get(device), names) for device in devices or sorted(usb_by_device)
+        _describe_port(device, usb_by_device.get(device), names)
+        for device in devices or sorted(usb_by_device)
     ]
 
 
-def _described(device: str, usb: object, names: dict[Path, str]) -> SerialPort:
+def _describe_port(device: str, usb: object, names: dict[Path, str]) -> SerialPort:
     vendor, product = getattr(usb, "vid", None), getattr(usb, "pid", None)
     return SerialPort(
         device=device,

@@ -39,14 +39,14 @@ def pyramid(of: SurfaceMap) -> Pyramid:
     origin_m = both.min(axis=0) - (BLOCK + REACH) * CELL_M
     size = np.ceil((both.max(axis=0) - origin_m) / CELL_M).astype(int) + BLOCK + REACH
     likelihood = np.zeros((size[1], size[0]), np.uint8)
-    _smeared(likelihood, of.surfaces.points - origin_m)
+    _smear_likelihood(likelihood, of.surfaces.points - origin_m)
     free = np.zeros_like(likelihood)
     columns, rows = np.floor((of.free - origin_m) / CELL_M).astype(int).T
     free[rows, columns] = 1
-    return Pyramid(origin_m, _pooled(likelihood), _pooled(free))
+    return Pyramid(origin_m, _pool_levels(likelihood), _pool_levels(free))
 
 
-def _pooled(fine: Bytes) -> NDArray[np.uint8]:
+def _pool_levels(fine: Bytes) -> NDArray[np.uint8]:
     """Each level from the one below: the larger of four."""
     levels = [fine]
     for h in range(LEVELS):
@@ -58,7 +58,7 @@ def _pooled(fine: Bytes) -> NDArray[np.uint8]:
 
 
 @kernel
-def _smeared(likelihood: Bytes, points: Floats) -> None:
+def _smear_likelihood(likelihood: Bytes, points: Floats) -> None:
     for i in range(points.shape[0]):
         column, row = int(points[i, 0] / CELL_M), int(points[i, 1] / CELL_M)
         for y in range(row - REACH, row + REACH + 1):
@@ -150,7 +150,7 @@ def divide(
         if best_leaf[2] <= nearly * state[0]:
             continue
         state[0] = max(state[0], best_leaf[2])
-        if int(state[2]) == poses.shape[0] and not _emptied(poses, state, nearly):
+        if int(state[2]) == poses.shape[0] and not _drop_hopeless(poses, state, nearly):
             state[3] = 2.0
             return
         _keep(within, best_leaf, turns[turn], poses, state)
@@ -168,7 +168,7 @@ def _keep(within: Pyramid, leaf: Floats, turn_rad: float, poses: Floats, state: 
 
 
 @kernel
-def _emptied(poses: Floats, state: Floats, nearly: float) -> bool:
+def _drop_hopeless(poses: Floats, state: Floats, nearly: float) -> bool:
     """Drop what no longer counts; whether that made room."""
     kept = 0
     for row in range(int(state[2])):

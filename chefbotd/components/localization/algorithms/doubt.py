@@ -9,7 +9,7 @@ from typing import Final
 from chefbotd.components.localization.algorithms import searching as search_room
 from chefbotd.components.localization.algorithms.agreement import Agreement
 from chefbotd.components.localization.algorithms.global_search import is_same
-from chefbotd.components.localization.algorithms.hypotheses import REFUTED_BY, Hypothesis, merged
+from chefbotd.components.localization.algorithms.hypotheses import REFUTED_BY, Hypothesis, merge_hypotheses
 from chefbotd.components.localization.algorithms.searching import LocalizationMap, Searching
 from chefbotd.components.localization.algorithms.state import (
     Localization,
@@ -60,7 +60,7 @@ DOUBTED_AGAIN_M: Final = 2.0
 """After such a search it is not searched again for so far, unless the fit drops further."""
 
 
-def doubted(
+def doubt_pose(
     now: Localization, agreement: Agreement, odometry: Floats, stamp_s: float
 ) -> tuple[Localization, PoseEvent | None]:
     """Have the whole map searched when scans contradict a pose, or fit worse than usual, for a while.
@@ -112,7 +112,7 @@ def check_elsewhere(
     last = search_room.advance_search(within, last, odometry)
     if last.search is None and not was_searched:
         given = Hypothesis(estimate, now.fit, now.overlap)
-        last = replace(last, candidates=merged((given,), last.candidates))
+        last = replace(last, candidates=merge_hypotheses((given,), last.candidates))
     now = replace(now, searching=last)
     if last.search is not None:
         return now, None

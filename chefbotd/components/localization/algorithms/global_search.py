@@ -81,7 +81,7 @@ def start_search(within: Pyramid, points: Singles, *, points_at_most: int = POIN
     """
     if not len(points):
         raise ValueError("a search needs a scan with points, but this one has none")
-    some = thinned(points, points_at_most)
+    some = thin_points(points, points_at_most)
     rows, columns = within.levels.shape[1:]
     blocks = (math.ceil(columns / BLOCK), math.ceil(rows / BLOCK))
     turns = _turns(some)
@@ -91,7 +91,7 @@ def start_search(within: Pyramid, points: Singles, *, points_at_most: int = POIN
     )  # fmt: skip
 
 
-def thinned(points: Singles, at_most: int) -> Singles:
+def thin_points(points: Singles, at_most: int) -> Singles:
     """The first point of each small cell, in the order of the beams, and of these not more than so many."""
     cells = np.floor(points / THINNED_M).astype(np.int64)
     _, first = np.unique(cells[:, 0] * (1 << 32) + cells[:, 1], return_index=True)
@@ -109,7 +109,7 @@ def _turns(points: Singles) -> Floats:
     )
 
 
-def searched(search: GlobalSearch, *, bounds_a_step: int = BOUNDS_A_STEP) -> GlobalSearch:
+def advance_global_search(search: GlobalSearch, *, bounds_a_step: int = BOUNDS_A_STEP) -> GlobalSearch:
     """The search, a bounded bit further."""
     if search.is_done:
         return search

@@ -14,9 +14,9 @@ from chefbotd.components.localization.algorithms.global_search import is_same
 from chefbotd.components.localization.algorithms.tracking import (
     LASER_NOISE_M,
     PoseEstimate,
-    predicted,
+    predict_pose,
     sigmas,
-    tracked,
+    track_pose,
 )
 from chefbotd.components.mapping.algorithms.correlate import ScoredPose
 from chefbotd.components.mapping.algorithms.local_map import LocalMap
@@ -88,12 +88,14 @@ def hypotheses(
     return tuple(sorted(matching, key=lambda one: -one.fit))
 
 
-def moved(among: tuple[Hypothesis, ...], motion: Floats, noise: Floats | None) -> tuple[Hypothesis, ...]:
+def move_hypotheses(
+    among: tuple[Hypothesis, ...], motion: Floats, noise: Floats | None
+) -> tuple[Hypothesis, ...]:
     """All places after a motion."""
-    return tuple(replace(one, estimate=predicted(one.estimate, motion, noise)) for one in among)
+    return tuple(replace(one, estimate=predict_pose(one.estimate, motion, noise)) for one in among)
 
 
-def confronted(
+def confront_with_scan(
     grids: LocalMap,
     among: tuple[Hypothesis, ...],
     scan: Scan,
@@ -103,17 +105,17 @@ def confronted(
     """What is left after a scan, the best first; ``is_look`` says that the robot has moved since the last look."""
     seen = []
     for one in among:
-        track = tracked(grids, one.estimate, scan, may_search=False)
+        track = track_pose(grids, one.estimate, scan, may_search=False)
         fit = (1 - FIT_SHARE) * one.fit + FIT_SHARE * track.agreement.fit
         seen.append(
             Hypothesis(track.estimate, fit, track.agreement.overlap, one.scans + 1, one.looks + int(is_look))
         )
     best = max((one.fit for one in seen), default=0.0)
     least = max(REFUTED_FIT, best - REFUTED_BY)
-    return merged((), tuple(one for one in seen if one.fit >= least))
+    return merge_hypotheses((), tuple(one for one in seen if one.fit >= least))
 
 
-def merged(old: tuple[Hypothesis, ...], new: tuple[Hypothesis, ...]) -> tuple[Hypothesis, ...]:
+def merge_hypotheses(old: tuple[Hypothesis, ...], new: tuple[Hypothesis, ...]) -> tuple[Hypothesis, ...]:
     """Both, the best first, without those of the new that are the same as one before."""
     kept = list(old)
     for one in sorted(new, key=lambda one: -one.fit):

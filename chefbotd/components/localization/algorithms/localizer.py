@@ -19,7 +19,7 @@ from chefbotd.components.localization.algorithms.doubt import (
     CONFIRMED_SCANS,
     LOST_AFTER_S,
     check_elsewhere,
-    doubted,
+    doubt_pose,
     misfit,
     without_evidence,
 )
@@ -31,7 +31,7 @@ from chefbotd.components.localization.algorithms.state import (
     Odometry,
     PoseEvent,
     PoseState,
-    carried,
+    carry_estimate,
     forgotten,
     is_sure,
     on_event,
@@ -40,7 +40,7 @@ from chefbotd.components.localization.algorithms.tracking import (
     MIN_OVERLAP,
     SUSPICIOUS_DROP,
     PoseEstimate,
-    tracked,
+    track_pose,
 )
 from chefbotd.components.mapping.algorithms.state import Scan
 from chefbotd.core.poses import Floats, between, compose, inverse
@@ -52,7 +52,7 @@ JUMP_M: Final = 0.3
 JUMP_RAD: Final = 0.35
 
 
-def corrected(
+def correct_odom(
     published: Floats, map_from_base: Floats, odom_from_base: Floats, dt_s: float
 ) -> tuple[Floats, bool]:
     """The next ``map_from_odom``, ``dt_s`` after ``published``, and whether it jumped: then plans made with it are void.
@@ -116,7 +116,7 @@ def step(
 
     With ``auto_search`` a robot that is lost searches without being asked to.
     """
-    now, event = carried(now, odometry), None
+    now, event = carry_estimate(now, odometry), None
     if scan is not None and len(scan.points):
         if now.state in HAS_POSE and now.estimate is not None:
             now, event = _follow(within, now, now.estimate, odometry.pose, stamp_s, scan)
@@ -126,11 +126,11 @@ def step(
             now, event = _look(within, now, odometry.pose, stamp_s, scan, auto_search=auto_search)
     if now.state is PoseState.LOCALIZED and now.estimate is not None and not is_sure(now.estimate):
         now, event = on_event(now, PoseEvent.MISFITS), PoseEvent.MISFITS
-    now, jumped = _published(_timed(now, stamp_s), stamp_s)
+    now, jumped = _update_published(_time_uncertainty(now, stamp_s), stamp_s)
     return now, _report(now, stamp_s, event, jumped)
 
 
-def _timed(now: Localization, stamp_s: float) -> Localization:
+def _time_uncertainty(now: Localization, stamp_s: float) -> Localization:
     """The same, with the time since when its pose is uncertain."""
     if now.state is not PoseState.UNCERTAIN:
         return now if now.uncertain_since_s is None else replace(now, uncertain_since_s=None)
@@ -158,7 +158,7 @@ def _follow(
     """Match the scan about the estimate, and count whether scans fit."""
     around = now.misfits % LOOK_AROUND_EVERY == 0
     grids = within.surfaces.grids
-    track = tracked(grids, expected, scan, now.usual_fit, may_search=around)
+    track = track_pose(grids, expected, scan, now.usual_fit, may_search=around)
     agreement = track.agreement
     now = replace(now, estimate=track.estimate, fit=agreement.fit, overlap=agreement.overlap)
     if agreement.overlap < MIN_OVERLAP:
@@ -178,7 +178,7 @@ def _follow(
         misfit_since_s=None,
     )
     if now.state is PoseState.LOCALIZED and not now.is_unchecked:
-        return doubted(now, agreement, odometry, stamp_s)
+        return doubt_pose(now, agreement, odometry, stamp_s)
     confirmed = now.fits >= CONFIRMED_SCANS and is_sure(track.estimate) and not now.is_unchecked
     if now.state is PoseState.UNCERTAIN and confirmed:
         return on_event(now, PoseEvent.FITS), PoseEvent.FITS
@@ -244,7 +244,7 @@ def _result(
     return None, None
 
 
-def _published(now: Localization, stamp_s: float) -> tuple[Localization, bool]:
+def _update_published(now: Localization, stamp_s: float) -> tuple[Localization, bool]:
     """The ``map_from_odom`` to publish: it follows the estimate, and stays as it was where there is none."""
     if now.estimate is None or now.odometry is None:
         return now, False
@@ -253,7 +253,7 @@ def _published(now: Localization, stamp_s: float) -> tuple[Localization, bool]:
         published, jumped = compose(pose, inverse(odometry)), True
     else:
         dt_s = max(stamp_s - now.published_s, 0.0)
-        published, jumped = corrected(now.published, pose, odometry, dt_s)
+        published, jumped = correct_odom(now.published, pose, odometry, dt_s)
     return replace(now, published=published, published_s=stamp_s), jumped
 
 

@@ -10,11 +10,11 @@ from chefbotd.components.localization.algorithms.branch_and_bound import Pyramid
 from chefbotd.components.localization.algorithms.global_search import GlobalSearch
 from chefbotd.components.localization.algorithms.hypotheses import (
     Hypothesis,
-    confronted,
+    confront_with_scan,
     hypotheses,
     is_look,
-    merged,
-    moved,
+    merge_hypotheses,
+    move_hypotheses,
 )
 from chefbotd.components.localization.algorithms.surface_map import SurfaceMap, surface_map
 from chefbotd.components.mapping.algorithms.state import Scan
@@ -82,20 +82,20 @@ def advance_search(within: LocalizationMap, searching: Searching, odometry: Floa
     """The search a bounded bit further; ``odometry`` is where the robot is now."""
     if searching.search is None:
         return searching
-    search = global_search.searched(searching.search)
+    search = global_search.advance_global_search(searching.search)
     if not search.is_done:
         return replace(searching, search=search)
     places, is_complete = global_search.places(search)
     matching = hypotheses(within.surfaces.grids, places, searching.scan)
-    now = moved(matching, between(searching.began_at, odometry), None)
-    candidates = merged(searching.candidates, now)
+    now = move_hypotheses(matching, between(searching.began_at, odometry), None)
+    candidates = merge_hypotheses(searching.candidates, now)
     return replace(searching, search=None, candidates=candidates, is_complete=is_complete)
 
 
 def add_scan(within: LocalizationMap, searching: Searching, odometry: Floats, scan: Scan) -> Searching:
     """The candidates after a scan."""
     new_look = is_look(between(searching.looked_at, odometry))
-    left = confronted(
+    left = confront_with_scan(
         within.surfaces.grids,
         searching.candidates,
         scan,

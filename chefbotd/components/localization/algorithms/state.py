@@ -6,12 +6,12 @@ from typing import Final
 
 import numpy as np
 
-from chefbotd.components.localization.algorithms.hypotheses import moved
+from chefbotd.components.localization.algorithms.hypotheses import move_hypotheses
 from chefbotd.components.localization.algorithms.searching import Searching
 from chefbotd.components.localization.algorithms.tracking import (
     PoseEstimate,
     motion_noise,
-    predicted,
+    predict_pose,
     sigmas,
 )
 from chefbotd.core.poses import Floats, between, motion_covariance
@@ -177,7 +177,7 @@ def is_sure(estimate: PoseEstimate) -> bool:
     return sigma_m <= MAX_SIGMA_M and sigma_rad <= MAX_SIGMA_RAD
 
 
-def carried(now: Localization, odometry: Odometry) -> Localization:
+def carry_estimate(now: Localization, odometry: Odometry) -> Localization:
     """The estimate and all candidates after the motion since the last step."""
     if now.odometry is None:
         return replace(now, odometry=odometry)
@@ -187,9 +187,9 @@ def carried(now: Localization, odometry: Odometry) -> Localization:
     if not motion.any():
         return now
     if now.estimate is not None:
-        now = replace(now, estimate=predicted(now.estimate, motion, noise))
+        now = replace(now, estimate=predict_pose(now.estimate, motion, noise))
     if now.searching is not None and now.searching.candidates:
-        candidates = moved(now.searching.candidates, motion, noise)
+        candidates = move_hypotheses(now.searching.candidates, motion, noise)
         now = replace(now, searching=replace(now.searching, candidates=candidates))
     return now
 

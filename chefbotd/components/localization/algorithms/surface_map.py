@@ -73,7 +73,7 @@ def surface_map(
         raise ValueError(problem)
     occupied = grid.percent >= OCCUPIED_PERCENT
     free = (grid.percent >= 0) & (grid.percent <= FREE_PERCENT)
-    surfaces = _placed(grid, *_borders(grid.resolution_m, occupied, free, depth_cells))
+    surfaces = _place_surfaces(grid, *_borders(grid.resolution_m, occupied, free, depth_cells))
     if not len(surfaces.points):
         raise ValueError("a map for localization needs walls beside free space, but this one has none")
     rows, columns = np.nonzero(free)
@@ -84,7 +84,7 @@ def surface_map(
     return SurfaceMap(grids, surfaces, free_cells)
 
 
-def _placed(grid: OccupancyGrid, points: Floats, facing: Floats) -> Surfaces:
+def _place_surfaces(grid: OccupancyGrid, points: Floats, facing: Floats) -> Surfaces:
     """The surfaces in ``map``, with the grid's turn."""
     origin = row_of(grid.map_from_grid)
     turn = np.array([0.0, 0.0, origin[2]])

@@ -16,7 +16,7 @@ from chefbotd.components.mapping.algorithms.local_map import LocalMap
 from chefbotd.components.mapping.algorithms.refine import Fit, Prior, polish
 from chefbotd.components.mapping.algorithms.state import Scan
 from chefbotd.components.worker.compiled import kernel
-from chefbotd.core.poses import Floats, carried_covariance, compose, inverted, turned, wrap
+from chefbotd.core.poses import Floats, carried_covariance, compose, invert, turn_covariance, wrap
 from chefbotd.core.record import Record, replace
 
 LASER_NOISE_M: Final = 0.03
@@ -93,17 +93,17 @@ def motion_noise(moved: Floats) -> Floats:
     return np.diag([place, place, turn])
 
 
-def predicted(last: PoseEstimate, moved: Floats, noise: Floats | None = None) -> PoseEstimate:
+def predict_pose(last: PoseEstimate, moved: Floats, noise: Floats | None = None) -> PoseEstimate:
     """Where the robot is after such a motion, in the frame of the last pose; ``noise`` is the motion's covariance."""
     if math.hypot(moved[0], moved[1]) > MAX_JUMP_M:
         return last
     pose = compose(last.pose, moved)
     added = motion_noise(moved) if noise is None else noise
     grown = carried_covariance(last.covariance, pose[0] - last.pose[0], pose[1] - last.pose[1])
-    return PoseEstimate(pose, grown + turned(added, float(last.pose[2])))
+    return PoseEstimate(pose, grown + turn_covariance(added, float(last.pose[2])))
 
 
-def tracked(
+def track_pose(
     grids: LocalMap,
     expected: PoseEstimate,
     scan: Scan,
@@ -130,7 +130,7 @@ def _near(grids: LocalMap, expected: PoseEstimate, scan: Scan) -> TrackedPose:
         track = _in_window(grids, expected, scan)
         if track is not None:
             return track
-    return _polished(grids, expected, expected.pose, scan)
+    return _polish_pose(grids, expected, expected.pose, scan)
 
 
 def sigmas(covariance: Floats) -> tuple[float, float]:
@@ -151,7 +151,7 @@ def _in_window(grids: LocalMap, expected: PoseEstimate, scan: Scan) -> TrackedPo
         PENALTY * 9 / half_rad**2,
     )
     match = search(grids, scan.points, expected.pose, window, above=CAPTURE)
-    return None if match is None else _polished(grids, expected, match.pose, scan)
+    return None if match is None else _polish_pose(grids, expected, match.pose, scan)
 
 
 def _around(grids: LocalMap, expected: PoseEstimate, scan: Scan) -> TrackedPose | None:
@@ -162,19 +162,19 @@ def _around(grids: LocalMap, expected: PoseEstimate, scan: Scan) -> TrackedPose 
         return None
     vague = np.diag([WHEEL_SLIP_WINDOW_M**2, WHEEL_SLIP_WINDOW_M**2, WHEEL_SLIP_WINDOW_RAD**2])
     at = PoseEstimate(match.pose, vague)
-    track = _polished(grids, at, match.pose, scan)
+    track = _polish_pose(grids, at, match.pose, scan)
     sound = track.agreement.fit >= WHEEL_SLIP_FIT and track.agreement.overlap >= 2 * MIN_OVERLAP
     return replace(track, moved=True) if sound else None
 
 
-def _polished(grids: LocalMap, expected: PoseEstimate, begin: Floats, scan: Scan) -> TrackedPose:
-    information = inverted(expected.covariance + 1e-8 * np.eye(3))
+def _polish_pose(grids: LocalMap, expected: PoseEstimate, begin: Floats, scan: Scan) -> TrackedPose:
+    information = invert(expected.covariance + 1e-8 * np.eye(3))
     fit = polish(grids, scan.points, scan.facing, begin, Prior(expected.pose, information), LASER_NOISE_M)
-    estimate = fused(expected, fit, information)
+    estimate = fuse_match(expected, fit, information)
     return TrackedPose(estimate, agreement(grids, estimate.pose, scan), matched=True)
 
 
-def fused(expected: PoseEstimate, fit: Fit, information: Floats) -> PoseEstimate:
+def fuse_match(expected: PoseEstimate, fit: Fit, information: Floats) -> PoseEstimate:
     """The prediction, of this information, corrected by the match: as far as the scan says something, and no further."""
     off = np.array([*(fit.pose[:2] - expected.pose[:2]), wrap(fit.pose[2:] - expected.pose[2:])[0]])
     noise = np.array([MAP_SIGMA_M**2, MAP_SIGMA_M**2, MAP_SIGMA_RAD**2])

@@ -124,11 +124,12 @@ def search(
     """
     if len(points) == 0:
         return None
-    whole = begun(grids, points, guess, window, above=above, points_at_most=points_at_most)
-    return advanced(replace(whole, within=whole.within._replace(excluded=excluded)), WITHOUT_LIMIT).best_pose
+    whole = start_window_search(grids, points, guess, window, above=above, points_at_most=points_at_most)
+    search = replace(whole, within=whole.within._replace(excluded=excluded))
+    return advance_window_search(search, WITHOUT_LIMIT).best_pose
 
 
-def begun(
+def start_window_search(
     grids: LocalMap,
     points: Singles,
     guess: Floats,
@@ -146,7 +147,7 @@ def begun(
     the next a far point moves by ``turn_m``.
     """
     shift = 4 if window.half_m >= WIDE_M else 2
-    top = _pooled(grids.coarse) if shift == 4 else grids.coarse
+    top = _pool_coarse(grids.coarse) if shift == 4 else grids.coarse
     turns = _turns(points, window.half_rad, turn_m)
     reach = math.ceil(window.half_m / CELL_M)
     blocks = _blocks(guess, reach, 1 << shift, near, near_m)
@@ -166,7 +167,7 @@ def for_another(search: WindowSearch, above: float, excluded: Excluded) -> Windo
     return replace(search, within=within, best=best, above=above, at=at, is_done=False)
 
 
-def advanced(search: WindowSearch, lookups: int) -> WindowSearch:
+def advance_window_search(search: WindowSearch, lookups: int) -> WindowSearch:
     """The search further by about so many likelihoods; in how many parts it goes on changes nothing."""
     if search.is_done:
         return search
@@ -198,7 +199,7 @@ def _turns(points: Singles, half_rad: float, turn_m: float) -> Floats:
     return (np.arange(-most, most + 1) * step).astype(np.float64)
 
 
-def _pooled(coarse: Bytes) -> Bytes:
+def _pool_coarse(coarse: Bytes) -> Bytes:
     top = np.zeros(((coarse.shape[0] + 3) // 4, (coarse.shape[1] + 3) // 4), np.uint8)
     _pool(coarse, top)
     return top

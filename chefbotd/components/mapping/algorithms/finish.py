@@ -8,7 +8,7 @@ from chefbotd.components.mapping.algorithms.graph import NO_EDGES, Edges, edge
 from chefbotd.components.mapping.algorithms.loops import is_sound, loop_covariance
 from chefbotd.components.mapping.algorithms.parameters import SlamParameters
 from chefbotd.components.mapping.algorithms.refine import Prior, polish
-from chefbotd.components.mapping.algorithms.slam import solved
+from chefbotd.components.mapping.algorithms.slam import solve_graph
 from chefbotd.components.mapping.algorithms.state import SlamState, Submap, rebuilt
 from chefbotd.core.poses import between
 from chefbotd.core.record import replace
@@ -19,7 +19,7 @@ EXPECTED = np.diag([0.2**-2, 0.2**-2, 0.05**-2])
 """The graph's poses are this good once its loops are closed (an information matrix)."""
 
 
-def refined(params: SlamParameters, state: SlamState) -> SlamState:
+def refine_graph(params: SlamParameters, state: SlamState) -> SlamState:
     """The state with more loops, between all that overlaps, and the poses that fit them."""
     work = refining(params, state)
     while True:
@@ -37,9 +37,9 @@ def refining(params: SlamParameters, state: SlamState) -> Generator[tuple[int, i
     for k, (submap, members) in enumerate(zip(submaps, _members(state, submaps), strict=True)):
         yield k, len(submaps)
         if members:
-            loops = loops.joined(_matched(params, state, submap, members))
+            loops = loops.joined(_match_members(params, state, submap, members))
     yield len(submaps), len(submaps)
-    return solved(replace(state, edges=_without(state.edges, loops).joined(loops)))
+    return solve_graph(replace(state, edges=_without(state.edges, loops).joined(loops)))
 
 
 def _members(state: SlamState, submaps: list[Submap]) -> list[list[int]]:
@@ -59,7 +59,7 @@ def _members(state: SlamState, submaps: list[Submap]) -> list[list[int]]:
     return members
 
 
-def _matched(params: SlamParameters, state: SlamState, submap: Submap, members: list[int]) -> Edges:
+def _match_members(params: SlamParameters, state: SlamState, submap: Submap, members: list[int]) -> Edges:
     """The loops from a submap's anchor to these nodes, where they fit."""
     poses, loops = between(state.nodes.map[submap.first], state.nodes.map), NO_EDGES
     grids = rebuilt(state.nodes, submap.first, submap.last, poses)

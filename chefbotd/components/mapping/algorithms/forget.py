@@ -27,7 +27,7 @@ class Forgotten(Record, frozen=True):
     pose: Floats
 
 
-def thinned(state: SlamState, most_per_place: int) -> tuple[SlamState, tuple[Forgotten, ...]]:
+def thin_scans(state: SlamState, most_per_place: int) -> tuple[SlamState, tuple[Forgotten, ...]]:
     """The state with so many scans at most for each square metre and quarter turn, but for those still in use."""
     submaps = tuple(s for s in state.submaps if s.last - s.first + 1 >= LEAST_NODES)
     if len(submaps) < len(state.submaps):
@@ -44,7 +44,7 @@ def thinned(state: SlamState, most_per_place: int) -> tuple[SlamState, tuple[For
     edges = state.edges
     for node in gone:
         edges = _handed_on(edges, poses, int(node))
-    return _renumbered(state, edges, gone), forgotten
+    return _renumber_nodes(state, edges, gone), forgotten
 
 
 def _is_superfluous(state: SlamState, most_per_place: int) -> np.ndarray[tuple[int, ...], np.dtype[np.bool_]]:
@@ -127,7 +127,7 @@ def _surest(edges: Edges) -> Edges:
     return edges.only(np.sort(order[~again]))
 
 
-def _renumbered(state: SlamState, edges: Edges, gone: Indices) -> SlamState:
+def _renumber_nodes(state: SlamState, edges: Edges, gone: Indices) -> SlamState:
     """The state without these nodes; those after them move up."""
     stays = np.ones(len(state.nodes), np.bool_)
     stays[gone] = False

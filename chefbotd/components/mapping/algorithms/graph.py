@@ -14,7 +14,7 @@ from scipy.sparse import csc_matrix, csr_matrix
 from scipy.sparse.csgraph import dijkstra
 from scipy.sparse.linalg import splu
 
-from chefbotd.core.poses import Floats, inverted, wrap
+from chefbotd.core.poses import Floats, invert, wrap
 from chefbotd.core.record import Record
 
 Indices: TypeAlias = NDArray[np.int64]
@@ -79,7 +79,7 @@ def edge(first: int, second: int, pose: Floats, covariance: Floats, *, loop: boo
         np.array([first]),
         np.array([second]),
         pose[None].copy(),
-        inverted(covariance)[None],
+        invert(covariance)[None],
         np.array([spread]),
         np.array([loop]),
     )
@@ -103,7 +103,7 @@ def weights(squared: Floats, loop: Flags, scale: float) -> Floats:
     return scaled
 
 
-def optimised(poses: Floats, edges: Edges, fixed: Indices, scale: float = SCALE) -> Floats:
+def optimise_graph(poses: Floats, edges: Edges, fixed: Indices, scale: float = SCALE) -> Floats:
     """The poses that fit the edges best; those of the nodes ``fixed`` stay (one at least in each connected part).
 
     ``scale`` is where the loops' kernel begins; it narrows to ``SCALE``.
@@ -132,13 +132,13 @@ def _step(poses: Floats, edges: Edges, fixed: Indices, scale: float) -> Floats:
     blocks = [first @ of_first, first @ of_second, second @ of_first, second @ of_second, anchors]
     rows = np.concatenate([edges.first, edges.first, edges.second, edges.second, fixed])
     columns = np.concatenate([edges.first, edges.second, edges.first, edges.second, fixed])
-    system = _assembled(len(poses), rows, columns, np.concatenate(blocks))
+    system = _assemble_matrix(len(poses), rows, columns, np.concatenate(blocks))
     factors = splu(system, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True})
     step: Floats = -factors.solve(gradient.ravel()).reshape(-1, 3)
     return step
 
 
-def _assembled(nodes: int, rows: Indices, columns: Indices, blocks: Floats) -> Any:
+def _assemble_matrix(nodes: int, rows: Indices, columns: Indices, blocks: Floats) -> Any:
     """The sparse matrix of these 3 by 3 blocks; those at the same place add up."""
     three = np.arange(3)
     at_row = np.broadcast_to(3 * rows[:, None, None] + three[None, :, None], blocks.shape)

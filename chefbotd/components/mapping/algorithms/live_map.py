@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from chefbotd.components.mapping.algorithms.graph import Indices
 from chefbotd.components.mapping.algorithms.local_map import Counts
-from chefbotd.components.mapping.algorithms.occupancy import Placed, extent_m, percent_of, placed, trace
+from chefbotd.components.mapping.algorithms.occupancy import Placed, extent_m, percent_of, place_scan, trace
 from chefbotd.components.mapping.algorithms.state import Nodes, SlamState
 from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.events import MapChanged
@@ -47,13 +47,13 @@ def nothing(resolution_m: float) -> LiveMap:
     return LiveMap(resolution_m, np.zeros(2), counts, np.zeros(0, np.int64), np.zeros((0, 3)))
 
 
-def updated(live: LiveMap, nodes: Nodes) -> LiveMap:
+def update_live_map(live: LiveMap, nodes: Nodes) -> LiveMap:
     """The map with all kept scans of the first part. Uses up ``live``."""
     chosen = np.flatnonzero(nodes.part == 0)
     if not _still_stands(live, nodes.number[chosen], nodes.map[chosen]):
         live = nothing(live.resolution_m)
     new = chosen[len(live.numbers) :]
-    scans = [placed(nodes.map[k], nodes.scans[k]) for k in new]
+    scans = [place_scan(nodes.map[k], nodes.scans[k]) for k in new]
     if not scans:
         return live
     live = _with_room(live, scans)
@@ -143,7 +143,7 @@ class MapUpdates:
     def changes(self, now_s: float, state: SlamState) -> MapChanged | None:
         """The cells that have changed since the last update, or after a while all of them; None: nothing has changed."""
         before, self.number = self.grid, state.next_number
-        self._live = updated(self._live, state.nodes)
+        self._live = update_live_map(self._live, state.nodes)
         self.grid = grid_of(self._live)
         if self.grid is None:
             return None

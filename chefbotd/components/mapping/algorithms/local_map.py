@@ -65,7 +65,7 @@ def empty() -> LocalMap:
     )
 
 
-def inserted(
+def insert_scan(
     into: LocalMap, pose: Floats, sensor_m: Floats | Singles, points: Singles, facing: Singles
 ) -> LocalMap:
     """The map with a scan in it, taken at ``pose``; it uses up ``into``, whose grids it fills.
@@ -75,13 +75,13 @@ def inserted(
     """
     sensors = places(sensor_m)
     from_m, placed = transform(pose, sensors), transform(pose, points)
-    grown = _grown(into, np.vstack([from_m, placed]))
+    grown = _grow_map(into, np.vstack([from_m, placed]))
     turned = transform(np.array([0.0, 0.0, pose[2]]), facing)
     _fill(grown, sensors, points, from_m, placed, turned)
     return grown
 
 
-def _grown(old: LocalMap, placed: Floats) -> LocalMap:
+def _grow_map(old: LocalMap, placed: Floats) -> LocalMap:
     """The map with room for all of these points, and for their smear."""
     low, high = placed.min(axis=0) - BLOCK_M / 8, placed.max(axis=0) + BLOCK_M / 8
     if old.likelihood.size:

@@ -16,7 +16,7 @@ from chefbotd.components.mapping.algorithms.correlate import (
     ScoredPose,
     Window,
     WindowSearch,
-    advanced,
+    advance_window_search,
     for_another,
 )
 from chefbotd.components.mapping.algorithms.graph import drift_m
@@ -31,7 +31,7 @@ from chefbotd.components.mapping.algorithms.state import (
     Target,
     rebuilt,
 )
-from chefbotd.core.poses import Floats, between, compose, inverse, inverted, wrap
+from chefbotd.core.poses import Floats, between, compose, inverse, invert, wrap
 from chefbotd.core.record import replace
 
 LOOP_SIGMA_M, LOOP_SIGMA_RAD = 0.01, 0.003
@@ -65,14 +65,14 @@ def is_due(params: LoopParameters, state: SlamState) -> bool:
     return state.path_m - state.tried_at_m >= params.every_m and len(state.submaps) > 0
 
 
-def begun(params: LoopParameters, state: SlamState) -> SlamState:
+def start_place_search(params: LoopParameters, state: SlamState) -> SlamState:
     """Search the last node's scan in older submaps, from now on; nothing is computed yet."""
     targets, again = _lost_targets(state) if state.part else (_targets(params, state), 0)
     search = PlaceSearch(len(state.nodes) - 1, tuple(targets), again)
     return replace(state, tried_at_m=state.path_m, searching=search)
 
 
-def searched(
+def advance_place_search(
     params: SlamParameters, state: SlamState, search: PlaceSearch
 ) -> tuple[SlamState, tuple[Candidate, ...]]:
     """The search a bounded bit further, and the verified matches of that; once it is over, the state is without it.
@@ -81,7 +81,7 @@ def searched(
     """
     left, candidates, again = params.loops.lookups_a_step, list[Candidate](), search.again
     while left > 0 and search.done < len(search.targets):
-        state, search, used, candidate = _advanced(params, state, search, left)
+        state, search, used, candidate = _advance_in_submap(params, state, search, left)
         candidates += [] if candidate is None else [candidate]
         left -= used
     if search.done < len(search.targets):
@@ -159,7 +159,7 @@ def _grids(state: SlamState, submap: int) -> tuple[SlamState, LocalMap]:
     return replace(state, built=(*state.built[-BUILT_AT_MOST + 1 :], (submap, grids))), grids
 
 
-def _advanced(
+def _advance_in_submap(
     params: SlamParameters, state: SlamState, search: PlaceSearch, lookups: int
 ) -> tuple[SlamState, PlaceSearch, int, Candidate | None]:
     """The search in one submap further by about so much work; also how much it was, and the match that it ends with.
@@ -173,20 +173,20 @@ def _advanced(
         best = None
     candidate = None
     while True:
-        within = advanced(within, until - within.work)
+        within = advance_window_search(within, until - within.work)
         if not within.is_done:
             used = within.work - search.work
             return state, replace(search, work=within.work, search=within, best=best), used, None
         match = within.best_pose
         if best is None and match is not None:
-            candidate = _verified(params, state, search.node, target, within.within.grids, match)
+            candidate = _verify_match(params, state, search.node, target, within.within.grids, match)
             if candidate is not None and target.drift_m > params.loops.sure_within_m:
                 best, within = match, for_another(within, *_rival(params.loops, match))
                 continue
         elif best is not None:
             candidate = None
             if match is None:
-                candidate = _verified(params, state, search.node, target, within.within.grids, best)
+                candidate = _verify_match(params, state, search.node, target, within.within.grids, best)
         done = replace(search, done=search.done + 1, work=0, search=None, best=None)
         return state, done, within.work - search.work, candidate
 
@@ -197,7 +197,7 @@ def _in_submap(
     """The search for a node's scan in a submap; building its grids counts as work."""
     state, grids = _grids(state, target.submap)
     is_lost = math.isinf(target.drift_m)
-    search = correlate.begun(
+    search = correlate.start_window_search(
         grids,
         state.nodes.scans[node].points,
         target.guess,
@@ -215,7 +215,7 @@ def _in_submap(
     return state, search
 
 
-def _verified(
+def _verify_match(
     params: SlamParameters, state: SlamState, node: int, target: Target, grids: LocalMap, match: ScoredPose
 ) -> Candidate | None:
     """The match, if the scan fits there and tells where it is."""
@@ -238,7 +238,7 @@ def _rival(params: LoopParameters, match: ScoredPose) -> tuple[float, Excluded]:
 
 def loop_covariance(fit: Fit) -> Floats:
     """How surely the match is known: by its information, and by how straight a submap is."""
-    covariance = inverted(fit.information + 1e-3 * np.eye(3))
+    covariance = invert(fit.information + 1e-3 * np.eye(3))
     return covariance + np.diag([LOOP_SIGMA_M**2, LOOP_SIGMA_M**2, LOOP_SIGMA_RAD**2])
 
 
@@ -250,7 +250,7 @@ def is_sound(params: LoopParameters, fit: Fit, start: Floats) -> bool:
     )
 
 
-def believed(
+def accept_candidates(
     params: LoopParameters, state: SlamState, new: tuple[Candidate, ...]
 ) -> tuple[tuple[Candidate, ...], tuple[Candidate, ...]]:
     """Which candidates, old and new, may close their loops now, and which still wait for others that agree."""

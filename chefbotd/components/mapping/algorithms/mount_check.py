@@ -40,7 +40,7 @@ class MountCheck(Record, frozen=True):
     turned_rad: float | None = None
 
 
-def checked(now: MountCheck, odometry: Floats, map_from_base: Floats | None) -> MountCheck:
+def check_scan(now: MountCheck, odometry: Floats, map_from_base: Floats | None) -> MountCheck:
     """Take a scan's poses into account: by odometry, and as found in the map (None: scans do not fit just now)."""
     if now.turned_rad is not None:
         return now
@@ -57,7 +57,7 @@ def checked(now: MountCheck, odometry: Floats, map_from_base: Floats | None) -> 
     if min(length_m, other_m) < MIN_SHARE * max(length_m, other_m):
         return MountCheck((odometry, map_from_base))
     off = math.atan2(by_wheels[1], by_wheels[0]) - math.atan2(by_scans[1], by_scans[0])
-    return replace(_said(now, wrap_angle(off)), begun=(odometry, map_from_base))
+    return replace(_say_offset(now, wrap_angle(off)), begun=(odometry, map_from_base))
 
 
 def mount_problem(check: MountCheck, lidars: Sequence[str]) -> str:
@@ -66,19 +66,19 @@ def mount_problem(check: MountCheck, lidars: Sequence[str]) -> str:
         return ""
     degrees = round(math.degrees(check.turned_rad))
     return (
-        f"the {_named(lidars)} and the wheels disagree about where the robot drives: "
+        f"the {_name_lidars(lidars)} and the wheels disagree about where the robot drives: "
         f"the lidar seems to be turned by about {180 if degrees == -180 else degrees} degrees "
         "against its configured mounting, or wheels have the wrong sign"
     )
 
 
-def _named(lidars: Sequence[str]) -> str:
+def _name_lidars(lidars: Sequence[str]) -> str:
     """With several the first is meant: the others' points are matched with its own."""
     subject = f"lidar {lidars[0]!r}"
     return subject if len(lidars) == 1 else f"{subject} (with {', '.join(map(repr, lidars[1:]))})"
 
 
-def _said(now: MountCheck, off_rad: float) -> MountCheck:
+def _say_offset(now: MountCheck, off_rad: float) -> MountCheck:
     if abs(off_rad) < LEAST_RAD:
         return MountCheck()
     same = now.said_rad and abs(wrap_angle(off_rad - now.said_rad[0])) <= ALIKE_RAD

@@ -36,7 +36,7 @@ def occupancy(nodes: Nodes, resolution_m: float = RESOLUTION_M) -> OccupancyGrid
     Raises:
         ValueError: there are no scans in it.
     """
-    scans = [placed(nodes.map[k], nodes.scans[k]) for k in np.flatnonzero(nodes.part == 0)]
+    scans = [place_scan(nodes.map[k], nodes.scans[k]) for k in np.flatnonzero(nodes.part == 0)]
     if not scans:
         raise ValueError("a map is made of scans, but there are none")
     low, high = extent_m(scans)
@@ -56,7 +56,7 @@ class Placed(Record, frozen=True):
     points_m: Floats
 
 
-def placed(pose: Floats, scan: Scan) -> Placed:
+def place_scan(pose: Floats, scan: Scan) -> Placed:
     """A scan that was taken at this pose."""
     return Placed(transform(pose, places(scan.sensor_m)), transform(pose, scan.points))
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from chefbotd.components.mapping.algorithms.correlate import Window
 from chefbotd.components.mapping.algorithms.graph import Edges
-from chefbotd.components.mapping.algorithms.local_map import empty, inserted
+from chefbotd.components.mapping.algorithms.local_map import empty, insert_scan
 from chefbotd.components.mapping.algorithms.state import (
     Active,
     Candidate,
@@ -29,10 +29,10 @@ FORMAT = 1
 
 
 class NotASavedState(ValueError):
-    """The arrays are not what ``saved`` makes: something is missing, or of another format, or does not fit together."""
+    """The arrays are not what ``save_state`` makes: something is missing, of another format, or does not fit."""
 
 
-def saved(state: SlamState) -> Arrays:
+def save_state(state: SlamState) -> Arrays:
     """All of a state but what can be made again: the grids, and the normals of the scans."""
     nodes, edges, candidates = state.nodes, state.edges, state.candidates
     sizes = [len(scan.points) for scan in nodes.scans]
@@ -89,7 +89,7 @@ RENAMED_MODES = {"slipped": "wheel_slip", "doubtful": "uncertain"}
 """Modes in files of earlier versions, and their names today."""
 
 
-def restored(arrays: Mapping[str, NDArray[Any]]) -> SlamState:
+def restore_state(arrays: Mapping[str, NDArray[Any]]) -> SlamState:
     """The state that was saved.
 
     Raises:
@@ -98,14 +98,14 @@ def restored(arrays: Mapping[str, NDArray[Any]]) -> SlamState:
     try:
         if int(arrays["format"]) != FORMAT:
             raise NotASavedState(f"a saved state has format {FORMAT}, got {int(arrays['format'])}")
-        return _restored(arrays)
+        return _restore_arrays(arrays)
     except KeyError as missing:
         raise NotASavedState(f"a saved state has an array {missing}, which is missing") from missing
     except (IndexError, TypeError) as error:
         raise NotASavedState(f"the arrays of the saved state do not fit together: {error}") from error
 
 
-def _restored(arrays: Mapping[str, NDArray[Any]]) -> SlamState:
+def _restore_arrays(arrays: Mapping[str, NDArray[Any]]) -> SlamState:
     nodes = _nodes(arrays)
     misfits, part, tried, unsolved, next_number = (int(count) for count in arrays["counts"])
     path_m, tried_at_m = (float(length_m) for length_m in arrays["path_m"])
@@ -165,7 +165,7 @@ def _active(nodes: Nodes, first: int, travel_m: float) -> Active:
     grids = empty()
     for node in range(first, len(nodes)):
         scan = nodes.scans[node]
-        grids = inserted(grids, nodes.local[node], scan.sensor_m, scan.points, scan.facing)
+        grids = insert_scan(grids, nodes.local[node], scan.sensor_m, scan.points, scan.facing)
     return Active(first, travel_m, grids)
 
 

@@ -10,19 +10,24 @@ import math
 
 import numpy as np
 
-from chefbotd.components.mapping.algorithms.forget import Forgotten, thinned
+from chefbotd.components.mapping.algorithms.forget import Forgotten, thin_scans
 from chefbotd.components.mapping.algorithms.graph import (
     NO_EDGES,
     REJECTED_BELOW,
     SCALE,
     Edges,
     edge,
-    optimised,
+    optimise_graph,
     squared_errors,
     weights,
 )
-from chefbotd.components.mapping.algorithms.local_map import empty, inserted
-from chefbotd.components.mapping.algorithms.loops import begun, believed, is_due, searched
+from chefbotd.components.mapping.algorithms.local_map import empty, insert_scan
+from chefbotd.components.mapping.algorithms.loops import (
+    accept_candidates,
+    advance_place_search,
+    is_due,
+    start_place_search,
+)
 from chefbotd.components.mapping.algorithms.parameters import SlamParameters, SubmapParameters
 from chefbotd.components.mapping.algorithms.state import (
     Active,
@@ -32,11 +37,11 @@ from chefbotd.components.mapping.algorithms.state import (
     SlamMode,
     SlamState,
     Submap,
-    joined,
+    join_part,
     start_new_part,
 )
-from chefbotd.components.mapping.algorithms.tracking import ScanMatch, tracked
-from chefbotd.core.poses import Floats, between, compose, turned
+from chefbotd.components.mapping.algorithms.tracking import ScanMatch, track_scan
+from chefbotd.core.poses import Floats, between, compose, turn_covariance
 from chefbotd.core.record import Record, replace
 
 TURN_M_PER_RAD = 0.5
@@ -108,7 +113,7 @@ def step(
         first = _with_node(params.submaps, state, stamp_s, scan, None)
         return first, _report(first, None, _Kept(first), kept=True)
     moved = between(state.odometry, odometry)
-    track = tracked(
+    track = track_scan(
         params.matching, state.active[0].grids, state.local_pose, moved, scan, state.usual_fit, noise
     )
     if not track.fits or (state.misfits and track.fit.overlap < params.matching.min_overlap):
@@ -129,7 +134,7 @@ def step(
     forgotten: tuple[Forgotten, ...] = ()
     if kept:
         state = _with_node(params.submaps, state, stamp_s, scan, track)
-        state, forgotten = _rolled(params.submaps, state)
+        state, forgotten = _roll_submaps(params.submaps, state)
     result = replace(_looked_around(params, state, kept=kept), forgotten=forgotten)
     return result.state, _report(result.state, track, result, kept=kept)
 
@@ -204,7 +209,7 @@ def _with_node(
             course = course.joined(_course(params, grown, state.active[0].first, track.covariance))
         edges = edges.joined(course)
     active = tuple(
-        replace(a, grids=inserted(a.grids, state.local_pose, scan.sensor_m, scan.points, scan.facing))
+        replace(a, grids=insert_scan(a.grids, state.local_pose, scan.sensor_m, scan.points, scan.facing))
         for a in state.active
     )
     return replace(state, nodes=grown, edges=edges, active=active, next_number=state.next_number + 1)
@@ -215,44 +220,44 @@ def _course(params: SubmapParameters, nodes: Nodes, first: int, covariance: Floa
     way_m = nodes.path_m[-1] - nodes.path_m[first]
     place = STEP_SIGMA_M**2 + params.drift_m_per_root_m**2 * way_m
     heading = STEP_SIGMA_RAD**2 + params.drift_rad_per_root_m**2 * way_m
-    seen = turned(covariance, -float(nodes.local[first, 2]))
+    seen = turn_covariance(covariance, -float(nodes.local[first, 2]))
     grown = seen + np.diag([place, place, heading])
     return edge(first, len(nodes) - 1, between(nodes.local[first], nodes.local[-1]), grown, loop=False)
 
 
-def _rolled(params: SubmapParameters, state: SlamState) -> tuple[SlamState, tuple[Forgotten, ...]]:
+def _roll_submaps(params: SubmapParameters, state: SlamState) -> tuple[SlamState, tuple[Forgotten, ...]]:
     """Begin the next submap when the growing one is half done, and end it when it is; then forget what is too much."""
     active, submaps = state.active, state.submaps
     last = len(state.nodes) - 1
     if len(active) == 1 and active[0].travel_m >= params.length_m / 2:
         scan = state.nodes.scans[last]
-        grids = inserted(empty(), state.local_pose, scan.sensor_m, scan.points, scan.facing)
+        grids = insert_scan(empty(), state.local_pose, scan.sensor_m, scan.points, scan.facing)
         active = (*active, Active(last, 0.0, grids))
     if active[0].travel_m < params.length_m:
         return replace(state, active=active), ()
     ended = (*submaps, Submap(active[0].first, last))
-    return thinned(replace(state, active=active[1:], submaps=ended), params.max_scans_per_place)
+    return thin_scans(replace(state, active=active[1:], submaps=ended), params.max_scans_per_place)
 
 
 def _looked_around(params: SlamParameters, state: SlamState, *, kept: bool = True) -> _Kept:
     """Search older submaps if it is time, close the loops that are believed, and solve the graph if that pays."""
     if kept and state.searching is None and is_due(params.loops, state):
-        state = begun(params.loops, state)
+        state = start_place_search(params.loops, state)
     if state.searching is None:
         return _Kept(state)
-    state, candidates = searched(params, state, state.searching)
+    state, candidates = advance_place_search(params, state, state.searching)
     if not candidates:
         return _Kept(state)
-    accepted, waiting = believed(params.loops, state, candidates)
+    accepted, waiting = accept_candidates(params.loops, state, candidates)
     state = replace(state, candidates=waiting)
     if not accepted:
         return _Kept(state)
     if state.part:
-        state = joined(state, accepted[-1].correction)
-    return closed(state, accepted)
+        state = join_part(state, accepted[-1].correction)
+    return close_loops(state, accepted)
 
 
-def closed(state: SlamState, accepted: tuple[Candidate, ...]) -> _Kept:
+def close_loops(state: SlamState, accepted: tuple[Candidate, ...]) -> _Kept:
     """The state with these loops in its graph, which is solved if they are off by much or if there are many."""
     new = NO_EDGES
     for c in accepted:
@@ -262,17 +267,17 @@ def closed(state: SlamState, accepted: tuple[Candidate, ...]) -> _Kept:
     state = replace(state, edges=state.edges.joined(new), unsolved=state.unsolved + count)
     if squared.max() < NEEDS_SOLVING and state.unsolved < UNSOLVED_AT_MOST:
         return _Kept(state, loops=count)
-    return _Kept(solved(state, max(SCALE, float(squared.max()))), loops=count, solved=True)
+    return _Kept(solve_graph(state, max(SCALE, float(squared.max()))), loops=count, solved=True)
 
 
-def solved(state: SlamState, scale: float = SCALE) -> SlamState:
+def solve_graph(state: SlamState, scale: float = SCALE) -> SlamState:
     """The state with the graph's poses made to fit; loops that do not are taken out, and it is solved without them."""
     fixed = np.unique(state.nodes.part, return_index=True)[1]
-    poses, edges = optimised(state.nodes.map, state.edges, fixed, scale), state.edges
+    poses, edges = optimise_graph(state.nodes.map, state.edges, fixed, scale), state.edges
     good = ~edges.loop | (weights(squared_errors(poses, edges), edges.loop, SCALE) >= REJECTED_BELOW)
     if not good.all():
         edges = edges.only(good)
-        poses = optimised(poses, edges, fixed)
+        poses = optimise_graph(poses, edges, fixed)
     nodes = replace(state.nodes, map=poses)
     return replace(state, nodes=nodes, edges=edges, candidates=(), unsolved=0, built=(), searching=None)
 
@@ -284,7 +289,7 @@ def _report(state: SlamState, track: ScanMatch | None, result: _Kept, *, kept: b
     return SlamReport(
         mode=SlamMode.SEARCHING if state.mode is SlamMode.LOST and state.searching else state.mode,
         map_pose=map_pose,
-        covariance=turned(track.covariance, turn_rad) if track else np.zeros((3, 3)),
+        covariance=turn_covariance(track.covariance, turn_rad) if track else np.zeros((3, 3)),
         fit=track.fit.share if track else 1.0,
         overlap=track.fit.overlap if track else 0.0,
         node=int(state.nodes.number[-1]),

@@ -10,7 +10,7 @@ import numpy as np
 
 from chefbotd.components.mapping.algorithms.correlate import ScoredPose, Window, WindowSearch
 from chefbotd.components.mapping.algorithms.graph import NO_EDGES, Edges, Indices
-from chefbotd.components.mapping.algorithms.local_map import LocalMap, empty, inserted
+from chefbotd.components.mapping.algorithms.local_map import LocalMap, empty, insert_scan
 from chefbotd.components.mapping.algorithms.surfaces import Singles
 from chefbotd.core.poses import Floats, compose
 from chefbotd.core.record import Record, replace
@@ -200,7 +200,7 @@ def rebuilt(nodes: Nodes, first: int, last: int, frame: Floats) -> LocalMap:
     grids = empty()
     for node in range(first, last + 1):
         scan = nodes.scans[node]
-        grids = inserted(grids, frame[node], scan.sensor_m, scan.points, scan.facing)
+        grids = insert_scan(grids, frame[node], scan.sensor_m, scan.points, scan.facing)
     return grids
 
 
@@ -234,7 +234,7 @@ def _without_part(state: SlamState, part: int) -> SlamState:
     return replace(state, nodes=state.nodes.only(np.arange(count)), edges=kept, submaps=submaps)
 
 
-def joined(state: SlamState, correction: Floats) -> SlamState:
+def join_part(state: SlamState, correction: Floats) -> SlamState:
     """Move the part that was apart to where it belongs; its nodes are the map's now."""
     nodes, moved = state.nodes, state.nodes.part == state.part
     poses = np.where(moved[:, None], compose(correction, nodes.map), nodes.map)

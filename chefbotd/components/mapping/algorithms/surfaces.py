@@ -71,7 +71,7 @@ def _normals(points: Floats, facing: Singles) -> None:
     sums = np.empty(6)
     for i in range(points.shape[0]):
         sums[:] = 0.0
-        if not (_gathered(points, i, -1, sums) and _gathered(points, i, 1, sums)):
+        if not (_gather_neighbours(points, i, -1, sums) and _gather_neighbours(points, i, 1, sums)):
             continue
         n = sums[0] + 1.0
         xx, xy = sums[3] / n - (sums[1] / n) ** 2, sums[4] / n - sums[1] * sums[2] / n / n
@@ -86,7 +86,7 @@ def _normals(points: Floats, facing: Singles) -> None:
 
 
 @kernel
-def _gathered(points: Floats, i: int, step: int, sums: Floats) -> bool:
+def _gather_neighbours(points: Floats, i: int, step: int, sums: Floats) -> bool:
     """Add the neighbours on one side to ``sums`` (n, x, y, xx, xy, yy about point i); whether there are any."""
     k, count = i + step, 0
     while 0 <= k < points.shape[0] and count < MOST:

@@ -9,7 +9,7 @@ from chefbotd.components.mapping.algorithms.local_map import LocalMap
 from chefbotd.components.mapping.algorithms.parameters import MatchingParameters
 from chefbotd.components.mapping.algorithms.refine import Fit, Prior, polish
 from chefbotd.components.mapping.algorithms.state import Scan
-from chefbotd.core.poses import Floats, between, compose, inverted
+from chefbotd.core.poses import Floats, between, compose, invert
 from chefbotd.core.record import Record
 
 PENALTY = 0.01
@@ -34,7 +34,7 @@ class ScanMatch(Record, frozen=True):
     slipped: bool = False
 
 
-def tracked(
+def track_scan(
     params: MatchingParameters,
     grids: LocalMap,
     last: Floats,
@@ -53,7 +53,7 @@ def tracked(
         sigma_m = max(sigma_m, math.sqrt(max(float(noise[0, 0]), float(noise[1, 1]), 0.0)))
         sigma_rad = max(sigma_rad, math.sqrt(max(float(noise[2, 2]), 0.0)))
     if math.hypot(moved[0], moved[1]) > params.max_jump_m:
-        return _jumped(params, grids, last, scan)
+        return _match_after_jump(params, grids, last, scan)
     guess = compose(last, moved)
     information = np.diag([sigma_m**-2, sigma_m**-2, sigma_rad**-2])
     window = Window(
@@ -65,11 +65,11 @@ def tracked(
     match = search(grids, scan.points, guess, window)
     begin = guess if match is None else match.pose
     fit = polish(grids, scan.points, scan.facing, begin, Prior(guess, information), params.laser_noise_m)
-    covariance = inverted(fit.information + information)
+    covariance = invert(fit.information + information)
     if fit.overlap < params.min_overlap:
         return ScanMatch(fit, covariance, fits=fit.contradictions <= fit.inliers)
     if fit.share < max(usual_fit - params.suspicious_drop, params.fits_share):
-        elsewhere = _slipped(params, grids, (last, guess), scan)
+        elsewhere = _match_after_slip(params, grids, (last, guess), scan)
         if elsewhere is not None and elsewhere.fit.share >= fit.share + params.better_share:
             return elsewhere
     fits = fit.share >= params.fits_share
@@ -92,17 +92,17 @@ def odometry_sigmas(params: MatchingParameters, moved: Floats) -> tuple[float, f
     )
 
 
-def _jumped(params: MatchingParameters, grids: LocalMap, last: Floats, scan: Scan) -> ScanMatch:
+def _match_after_jump(params: MatchingParameters, grids: LocalMap, last: Floats, scan: Scan) -> ScanMatch:
     """The odometry is not to be believed: look where the robot was."""
-    track = _slipped(params, grids, (last,), scan)
+    track = _match_after_slip(params, grids, (last,), scan)
     if track is not None:
         return track
     prior = Prior(last, np.eye(3))
     fit = polish(grids, scan.points, scan.facing, last, prior, params.laser_noise_m)
-    return ScanMatch(fit, inverted(fit.information + prior.information), fits=False)
+    return ScanMatch(fit, invert(fit.information + prior.information), fits=False)
 
 
-def _slipped(
+def _match_after_slip(
     params: MatchingParameters, grids: LocalMap, guesses: tuple[Floats, ...], scan: Scan
 ) -> ScanMatch | None:
     """Look further around, without the odometry: where the robot was, too, since wheels that slip get nowhere."""
@@ -118,4 +118,4 @@ def _slipped(
     fit = polish(grids, scan.points, scan.facing, match.pose, prior, params.laser_noise_m)
     if fit.share < params.wheel_slip_share or fit.overlap < 2 * params.min_overlap:
         return None
-    return ScanMatch(fit, inverted(fit.information + prior.information), fits=True, slipped=True)
+    return ScanMatch(fit, invert(fit.information + prior.information), fits=True, slipped=True)

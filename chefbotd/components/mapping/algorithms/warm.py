@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from chefbotd.components.mapping.algorithms.correlate import Window, search
-from chefbotd.components.mapping.algorithms.finish import refined
+from chefbotd.components.mapping.algorithms.finish import refine_graph
 from chefbotd.components.mapping.algorithms.occupancy import occupancy
 from chefbotd.components.mapping.algorithms.parameters import SlamParameters
 from chefbotd.components.mapping.algorithms.slam import step
@@ -29,5 +29,5 @@ def warm() -> None:
         odometry = np.array([0.2 * k, 0.0, 0.0])
         state, _ = step(params, state, float(k), odometry, scan)
         search(state.active[0].grids, points, odometry, Window(1.0, 0.1))
-    occupancy(refined(params, state).nodes)
+    occupancy(refine_graph(params, state).nodes)
     release_libraries()

@@ -81,7 +81,7 @@ def parse_description(content: bytes | str, name: str) -> MapDescription:
     Raises:
         MapFileError: it is no YAML, or no map's.
     """
-    text = content if isinstance(content, str) else _decoded(content, name)
+    text = content if isinstance(content, str) else _decode_text(content, name)
     try:
         values = _values(text)
     except ValueError as error:
@@ -95,7 +95,7 @@ def parse_description(content: bytes | str, name: str) -> MapDescription:
         raise MapFileError(f"{name}: {_explain(error)}") from error
 
 
-def _decoded(content: bytes, name: str) -> str:
+def _decode_text(content: bytes, name: str) -> str:
     """The text; what is not UTF-8, such as an umlaut in a comment, was most likely written on Windows."""
     require_no_pointer(content, name)
     if content.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)):

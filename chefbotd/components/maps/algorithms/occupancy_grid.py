@@ -33,7 +33,7 @@ class OccupancyGrid(Record, frozen=True):
             raise ValueError(f"cells are from -1 to 100, got {self.percent.min()} to {self.percent.max()}")
 
 
-def cropped(grid: OccupancyGrid, margin_m: float) -> OccupancyGrid:
+def crop_grid(grid: OccupancyGrid, margin_m: float) -> OccupancyGrid:
     """The grid without what is unknown all round, but for a margin; what is known stays where it is in ``map``."""
     is_known = grid.percent != UNKNOWN
     rows, columns = np.flatnonzero(is_known.any(axis=1)), np.flatnonzero(is_known.any(axis=0))

@@ -108,7 +108,7 @@ def sha256(path: Path) -> str:
 
 
 @contextmanager
-def locked(folder: Path) -> Iterator[None]:
+def lock_folder(folder: Path) -> Iterator[None]:
     """Keep every other process and thread from changing this folder's maps. The kernel ends it with the process.
 
     Raises:

@@ -56,14 +56,14 @@ def main(arguments: list[str]) -> int:
 
 def _import(order: Order) -> tuple[int, tuple[str, ...]]:
     """The version that was saved, and what its owner might not expect of it."""
-    from chefbotd.components.maps.algorithms.occupancy_grid import cropped
+    from chefbotd.components.maps.algorithms.occupancy_grid import crop_grid
     from chefbotd.components.maps.storage.contents import contents_of, extent_of, read_map_server
     from chefbotd.components.maps.storage.limits import explain_size, why_doubtful
 
     store = MapStore(order.folder, order.versions_kept)
     _progress(0)
     read = read_map_server(order.yaml)
-    grid, notes = cropped(read.grid, MARGIN_M), read.notes
+    grid, notes = crop_grid(read.grid, MARGIN_M), read.notes
     if grid is not read.grid:
         was, now = explain_size(extent_of(read.grid)), explain_size(extent_of(grid))
         notes += (f"what is unknown around the known was cropped: {was} became {now}",)

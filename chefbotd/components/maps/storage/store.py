@@ -25,7 +25,6 @@ from chefbotd.components.maps.storage.versions import (
     add,
     clean,
     discard,
-    edited,
     keep_edited,
     latest,
     prune,
@@ -34,6 +33,7 @@ from chefbotd.components.maps.storage.versions import (
     take_back,
     unpublish,
     versions,
+    was_edited,
 )
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.record import Record
@@ -116,7 +116,7 @@ class MapStore:
     def needs_import(self, name: str) -> bool:
         """Whether NAME.yaml and NAME.pgm are files of others: put there, or changed after they were saved."""
         with refusing_os_errors(f"inspect the map {name!r}", self.folder):
-            return edited(self.folder, self._own(name), map_name(name))
+            return was_edited(self.folder, self._own(name), map_name(name))
 
     # writing
 
@@ -286,7 +286,7 @@ class MapStore:
         """Alone, and after what a process that was killed has left is finished or removed."""
         with refusing_os_errors(doing, self.folder):
             self._disk.make_folder(self.folder)
-            with disks.locked(self.folder):
+            with disks.lock_folder(self.folder):
                 self._repair()
                 yield
 
@@ -301,7 +301,7 @@ class MapStore:
         own = self._own(name)
         version, _ = latest(own)
         if version is not None:
-            if edited(self.folder, own, name):
+            if was_edited(self.folder, own, name):
                 keep_edited(self._disk, self.folder, name, version)
             publish(self._disk, self.folder, name, version)
         with suppress(OSError):  # then the next change publishes them again

@@ -239,7 +239,7 @@ def keep_edited(disk: Disk, folder: Path, name: str, version: Version) -> None:
     disk.sync_folder(kept.parent)
 
 
-def edited(folder: Path, own: Path, name: str) -> bool:
+def was_edited(folder: Path, own: Path, name: str) -> bool:
     """Whether the two files were changed or put there by others since a version was published.
 
     What a publication that was cut off has left is no change. A file that is missing is none either.

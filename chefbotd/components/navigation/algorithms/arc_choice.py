@@ -5,7 +5,7 @@ from collections.abc import Iterable, Iterator
 
 from chefbotd.components.navigation.algorithms.arcs import HORIZON_M, KEEP_FOR_M, Arc, check_arc, check_turn
 from chefbotd.components.navigation.algorithms.steering import ALIGNED_RAD, MOST_CURVATURE_PER_M, Control
-from chefbotd.components.navigation.algorithms.surroundings import turned
+from chefbotd.components.navigation.algorithms.surroundings import turn_surroundings
 from chefbotd.core.record import replace
 
 CLEAR_WORTH, SLIGHT_M = 4.0, 0.005
@@ -62,7 +62,7 @@ def is_clearer_turned(control: Control, bearing_rad: float, away_m: float, arc: 
     if arc.lacking_m < TURN_GAIN_M or abs(bearing_rad) <= ALIGNED_RAD:
         return False
     free_rad = check_turn(control.outline, control.near, bearing_rad).free
-    straight = limited_arc(replace(control, near=turned(control.near, bearing_rad)), 0.0, away_m)
+    straight = limited_arc(replace(control, near=turn_surroundings(control.near, bearing_rad)), 0.0, away_m)
     is_clearer = straight.lacking_m + TURN_GAIN_M < arc.lacking_m
     return is_clearer and straight.free >= away_m - 1e-6 and free_rad >= abs(bearing_rad) - 1e-6
 

@@ -60,14 +60,14 @@ class Crawl(Record, frozen=True):
 
     def predicted(self, pose: Pose2D) -> Pose2D:
         """Where the motion before the last one will have taken the robot; the last one is the follower's to predict."""
-        return moved(pose, self.asked[1], WAIT_S)
+        return move_pose(pose, self.asked[1], WAIT_S)
 
     def then(self, read_s: float, twist: Twist2D) -> "Crawl":
         """The same with the next motion."""
         return replace(self, decided_s=read_s, asked=(twist, self.asked[0]))
 
 
-def watched(last: Crawl, read_s: float, now_s: float, silent_s: float, asked: Twist2D) -> Crawl:
+def watch_silence(last: Crawl, read_s: float, now_s: float, silent_s: float, asked: Twist2D) -> Crawl:
     """Whether the board is silent in every cycle; ``asked`` is what was asked for last."""
     if now_s - read_s < silent_s:
         if last.is_on and now_s - last.silent_until_s > ENDED_S:
@@ -81,13 +81,13 @@ def watched(last: Crawl, read_s: float, now_s: float, silent_s: float, asked: Tw
     return replace(last, silent_from_s=now_s, silent_until_s=now_s, is_on=True, asked=asks)
 
 
-def moved(pose: Pose2D, twist: Twist2D, for_s: float) -> Pose2D:
+def move_pose(pose: Pose2D, twist: Twist2D, for_s: float) -> Pose2D:
     """A pose after a motion."""
     turned, along_m = twist.angular_rad_s * for_s, twist.linear_m_s * for_s
     return pose.compose(Pose2D(along_m * math.cos(turned / 2), along_m * math.sin(turned / 2), turned))
 
 
-def slowed(params: NavigationParameters) -> NavigationParameters:
+def slow_for_silence(params: NavigationParameters) -> NavigationParameters:
     """The same for such a board: what is asked for is driven for one cycle, whatever it was before."""
     usual, rim_m_s = params.follower, params.silent_speed_m_s
     speed_m_s, turn_rad_s = SPEED_SHARE * rim_m_s, TURN_PER_M * rim_m_s

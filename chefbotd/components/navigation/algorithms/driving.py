@@ -7,7 +7,7 @@ from chefbotd.components.navigation.algorithms.follower import follow
 from chefbotd.components.navigation.algorithms.grid import Floats
 from chefbotd.components.navigation.algorithms.interface import NavigationParameters, PoseStatus, StepInput
 from chefbotd.components.navigation.algorithms.states import End
-from chefbotd.components.navigation.algorithms.steering import Control, Followed, Track, predicted
+from chefbotd.components.navigation.algorithms.steering import Control, Followed, Track, predict_pose
 from chefbotd.components.navigation.algorithms.surroundings import Surroundings
 from chefbotd.components.navigation.algorithms.trips import Trip
 from chefbotd.components.navigation.algorithms.world_model import WorldModel
@@ -94,7 +94,7 @@ def _lost(params: NavigationParameters, last: Missing, now: StepInput) -> InputC
 
 def surroundings(params: NavigationParameters, world: WorldModel, now: StepInput) -> Surroundings:
     """What is around the robot at the pose where the next twist takes effect."""
-    here = predicted(params.follower, world.frame.pose_to_grid(now.pose), now.last)
+    here = predict_pose(params.follower, world.frame.pose_to_grid(now.pose), now.last)
     return world.surroundings(here, now.now_s, now.last.linear_m_s)
 
 

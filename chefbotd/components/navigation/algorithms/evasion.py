@@ -11,7 +11,7 @@ import numpy as np
 from chefbotd.components.navigation.algorithms.evade import ROOM_M, evading_twist, safest
 from chefbotd.components.navigation.algorithms.interface import NavigationParameters, StepInput
 from chefbotd.components.navigation.algorithms.outline import Footprint, clearances_m
-from chefbotd.components.navigation.algorithms.steering import slewed
+from chefbotd.components.navigation.algorithms.steering import limit_change
 from chefbotd.components.navigation.algorithms.surroundings import Surroundings
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.core.record import Record, replace
@@ -68,7 +68,7 @@ def evade(
     goal evades nobody who is slow.
     """
     here, start = near.grid_from_base, evasion.grid_from_start
-    evasion = _counted(evasion, now, here)
+    evasion = _count_evasion(evasion, now, here)
     near = _without_followers(params.outline, near, evasion, now.now_s, arrives=arrives)
     goes = twist is not None and twist.linear_m_s > 0.0 and not is_blocked
     if goes and not evasion.is_active:
@@ -86,11 +86,11 @@ def evade(
     last_s = evasion.last_s if evading is None else now.now_s
     evasion = replace(evasion, is_active=evading is not None, last_s=last_s, grid_from_start=start, who=who)
     if evading is not None:
-        twist = slewed(params.follower, now.last, evading, now.dt_s)
+        twist = limit_change(params.follower, now.last, evading, now.dt_s)
     return evasion, safest(params.outline, near, now.last, twist)
 
 
-def _counted(evasion: Evasion, now: StepInput, here: Pose2D) -> Evasion:
+def _count_evasion(evasion: Evasion, now: StepInput, here: Pose2D) -> Evasion:
     """The same with the way of the last step, if that was driven to evade, and with whom it may have led."""
     if evasion.is_active:
         return replace(evasion, evaded_m=evasion.evaded_m + abs(now.last.linear_m_s) * now.dt_s)

@@ -41,7 +41,7 @@ from chefbotd.components.navigation.algorithms.steering import (
     on_arc,
     turn_by,
 )
-from chefbotd.components.navigation.algorithms.surroundings import standing_only, swept
+from chefbotd.components.navigation.algorithms.surroundings import standing_only, sweep_movers
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D, wrap_angle
 from chefbotd.core.record import replace
 
@@ -88,7 +88,7 @@ def follow(control: Control, state: FollowState, track: Track) -> Followed:
         state = replace(state, phase=Phase.APPROACHING)
         if _is_between_walls(control):  # which is no reason to turn round
             return _approach(control, state, track, steers_for=_beyond_end(control, points))
-        return _approach(control, _held(state, pose, last, control.dt_s), track)
+        return _approach(control, _count_standstill(state, pose, last, control.dt_s), track)
     return _pursue(control, state, track)
 
 
@@ -153,7 +153,7 @@ def _stopping(control: Control, curvature: float, arc: Arc) -> float:
     if near.velocity_m_s.any():
         standing = limited_arc(replace(control, near=standing_only(near)), curvature)
         if free_m < standing.free - 0.05:
-            paths = replace(control, near=swept(near, FORESIGHT_S))
+            paths = replace(control, near=sweep_movers(near, FORESIGHT_S))
             free_m = min(free_m, limited_arc(paths, curvature).free)
     if free_m >= HORIZON_M:
         return math.inf
@@ -177,7 +177,7 @@ def _beyond_end(control: Control, points: Floats) -> Pose2D:
     return control.in_base(points[-1] + BEYOND_M * along / max(float(np.hypot(*along)), 1e-6))
 
 
-def _held(state: FollowState, pose: Pose2D, last: Twist2D, dt_s: float) -> FollowState:
+def _count_standstill(state: FollowState, pose: Pose2D, last: Twist2D, dt_s: float) -> FollowState:
     """The same, with how often the robot was commanded to drive and did not move."""
     here = (pose.x_m, pose.y_m)
     if state.from_m is None or math.dist(state.from_m, here) > STAYED_M:

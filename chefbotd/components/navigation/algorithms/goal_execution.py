@@ -40,7 +40,7 @@ from chefbotd.components.navigation.algorithms.recovery import (
     back_out,
     checked_progress,
     is_over,
-    stuck,
+    start_recovery,
 )
 from chefbotd.components.navigation.algorithms.states import End, GoalEvent, GoalState, next_state
 from chefbotd.components.navigation.algorithms.steering import Followed, Phase
@@ -392,7 +392,7 @@ class GoalExecution:
         left_m = math.hypot(self._goal.x_m - now.pose.x_m, self._goal.y_m - now.pose.y_m)
         if self.trip is not None:
             left_m = self.trip.left.length_m
-        recovery = stuck(self._recovery, now.now_s, left_m)
+        recovery = start_recovery(self._recovery, now.now_s, left_m)
         if recovery is None:
             self._give_up(now)
         else:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from chefbotd.components.navigation.algorithms.costmap import Costmap
-from chefbotd.components.navigation.algorithms.grid import Floats, placed
+from chefbotd.components.navigation.algorithms.grid import Floats, place_points
 from chefbotd.components.navigation.algorithms.outline import Footprint, clearances_m
 from chefbotd.components.navigation.algorithms.path import Path
 from chefbotd.core.geometry import Pose2D
@@ -69,4 +69,4 @@ def _nearest_ahead(
 
 def _clearances_m(outline: Footprint, pose: Pose2D, points_m: Floats) -> Floats:
     """How far points of the grid's frame are outside of the outline of a robot at a pose."""
-    return clearances_m(outline.hull, outline.pad_m, placed(pose.inverse(), points_m))
+    return clearances_m(outline.hull, outline.pad_m, place_points(pose.inverse(), points_m))

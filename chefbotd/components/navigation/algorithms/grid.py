@@ -119,7 +119,7 @@ def _lower_envelope(squared: Floats, vertex: NDArray[np.int64], begin: Floats) -
         vertex[k], begin[k], begin[k + 1] = q, crossing, math.inf
 
 
-def placed(pose: Pose2D, points_m: Floats) -> Floats:
+def place_points(pose: Pose2D, points_m: Floats) -> Floats:
     """Points of the pose's frame in the frame that the pose is in."""
     cos, sin = math.cos(pose.heading_rad), math.sin(pose.heading_rad)
     turned: Floats = points_m @ np.array([[cos, sin], [-sin, cos]]) + [pose.x_m, pose.y_m]

@@ -196,13 +196,13 @@ def see_range(
         ends = range_m * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
         ends += [grid_from_sensor.x_m, grid_from_sensor.y_m]
         near_m, since_s = CONE_EXPLAINED_M, stamp_s - SCAN_KEPT_S
-        if not _explained(live.scan_s, fixed_m, frame.resolution_m, ends, near_m, since_s):
+        if not _is_explained(live.scan_s, fixed_m, frame.resolution_m, ends, near_m, since_s):
             _hear(live.scan_s, live.range_s, live.at_m, frame.resolution_m, stamp_s, ends)
     return live
 
 
 @kernel
-def _explained(
+def _is_explained(
     scan_s: Floats, fixed_m: Singles, cell_m: float, ends_m: Floats, near_m: float, since_s: float
 ) -> bool:
     """Whether the map has an obstacle near one of these places, or a lidar has seen one since then."""

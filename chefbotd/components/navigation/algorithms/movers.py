@@ -98,7 +98,7 @@ def track(
             continue
         x_m, y_m = (float(value) for value in (thing.min(axis=0) + thing.max(axis=0)) / 2)
         round_m = (x_m, y_m) if sensor_m is None else _middle_of_round(thing, sensor_m[span])
-        mover = _matched(left, (stamp_s, x_m, y_m, *round_m), widest_m / 2)
+        mover = _match_mover(left, (stamp_s, x_m, y_m, *round_m), widest_m / 2)
         matched.append(mover)
         walkers[span] = mover.is_walker
         if math.hypot(mover.vx_m_s, mover.vy_m_s) > SLOWEST_M_S:
@@ -108,7 +108,7 @@ def track(
     return TrackedScan((*matched, *left), velocities, intents, walkers)
 
 
-def displaced(movers: tuple[Mover, ...]) -> tuple[Mover, ...]:
+def displace_movers(movers: tuple[Mover, ...]) -> tuple[Mover, ...]:
     """The same after a jump of the robot's pose: velocities are kept, and not measured across the jump."""
     return tuple(replace(mover, was=()) for mover in movers)
 
@@ -142,7 +142,7 @@ def _middle_of_round(points_m: Floats, sensor_m: Floats) -> tuple[float, float]:
     return float(x_m) + away_m * math.cos(angle), float(y_m) + away_m * math.sin(angle)
 
 
-def _matched(left: list[Mover], here: tuple[float, float, float, float, float], radius_m: float) -> Mover:
+def _match_mover(left: list[Mover], here: tuple[float, float, float, float, float], radius_m: float) -> Mover:
     """The thing with its new position; the old one is removed from ``left``."""
     stamp_s, x_m, y_m = here[:3]
     nearest, best = None, 0.35

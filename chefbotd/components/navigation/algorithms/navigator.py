@@ -11,7 +11,7 @@ from typing import Final
 from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.navigation.algorithms.beside_people import slowed_beside_people
 from chefbotd.components.navigation.algorithms.costmap import Costmap
-from chefbotd.components.navigation.algorithms.crawl import CYCLE_S, Crawl, slowed, watched
+from chefbotd.components.navigation.algorithms.crawl import CYCLE_S, Crawl, slow_for_silence, watch_silence
 from chefbotd.components.navigation.algorithms.driving import POSE_SILENT_S, surroundings
 from chefbotd.components.navigation.algorithms.goal_execution import GoalExecution
 from chefbotd.components.navigation.algorithms.interface import (
@@ -27,7 +27,7 @@ from chefbotd.components.navigation.algorithms.noise import noise_sentence
 from chefbotd.components.navigation.algorithms.path import Goal, NoPath, Path, Planner
 from chefbotd.components.navigation.algorithms.planner import plan
 from chefbotd.components.navigation.algorithms.states import End, GoalEvent, GoalState, next_state
-from chefbotd.components.navigation.algorithms.steering import slewed
+from chefbotd.components.navigation.algorithms.steering import limit_change
 from chefbotd.components.navigation.algorithms.trips import Trip, duration_s, plan_now
 from chefbotd.components.navigation.algorithms.world_model import WorldModel
 from chefbotd.components.navigation.algorithms.zones import NO_ZONES, Zones
@@ -53,14 +53,16 @@ class GoalQueue(Record, frozen=True):
         return self.goals[0][0] if self.goals else None
 
 
-def added(queue: GoalQueue, goals: tuple[Goal, ...]) -> tuple[GoalQueue, tuple[int, ...]]:
+def add_goals(queue: GoalQueue, goals: tuple[Goal, ...]) -> tuple[GoalQueue, tuple[int, ...]]:
     """The queue with goals behind those that are there, and their numbers."""
     numbers = tuple(range(queue.count + 1, queue.count + len(goals) + 1))
     behind = tuple(zip(numbers, goals, strict=True))
     return GoalQueue((*queue.goals, *behind), queue.count + len(goals)), numbers
 
 
-def kept(queue: GoalQueue, numbers: Collection[int], reason: str) -> tuple[GoalQueue, tuple[Ended, ...]]:
+def keep_goals(
+    queue: GoalQueue, numbers: Collection[int], reason: str
+) -> tuple[GoalQueue, tuple[Ended, ...]]:
     """The queue with no goals but these, and the ends of the others, which are cancelled."""
     ended = tuple(Ended(number, End.CANCELLED, reason) for number, _ in queue.goals if number not in numbers)
     left = tuple((number, goal) for number, goal in queue.goals if number in numbers)
@@ -73,7 +75,7 @@ def first_ended(queue: GoalQueue, end: End, reason: str) -> tuple[GoalQueue, tup
     first, left = Ended(number, end, reason), replace(queue, goals=tuple(following))
     if end is End.REACHED:
         return left, (first,)
-    left, others = kept(left, (), f"cancelled: goal {number} before it ended {end}")
+    left, others = keep_goals(left, (), f"cancelled: goal {number} before it ended {end}")
     return left, (first, *others)
 
 
@@ -87,7 +89,7 @@ class Navigator:
         self._queue = GoalQueue()
         self._ended: tuple[Ended, ...] = ()
         self._last, self._stepped_s = STANDING, -math.inf
-        self._crawl, self._slow_params = Crawl(), slowed(params)
+        self._crawl, self._slow_params = Crawl(), slow_for_silence(params)
         self._idle_reason, self._status = "", PoseStatus.LOCALIZED
 
     @property
@@ -166,13 +168,13 @@ class Navigator:
         if queue or not goals or self._execution is None:
             if not queue:
                 self.cancel(REPLACED)
-            self._queue, numbers = added(self._queue, goals)
+            self._queue, numbers = add_goals(self._queue, goals)
             if self._execution is None:
                 self._execute_next()
             return numbers
-        self._queue, ended = kept(self._queue, (), f"cancelled: {REPLACED}")
+        self._queue, ended = keep_goals(self._queue, (), f"cancelled: {REPLACED}")
         self._ended += ended
-        self._queue, numbers = added(self._queue, goals)
+        self._queue, numbers = add_goals(self._queue, goals)
         if not self._execution.retarget(goals[0]):
             self._open_all()
         return numbers
@@ -184,7 +186,7 @@ class Navigator:
     def keep(self, numbers: Collection[int], reason: str = "as asked") -> None:
         """Cancel all goals but these."""
         sentence, before = f"cancelled: {reason}", self._queue.number
-        self._queue, ended = kept(self._queue, numbers, sentence)
+        self._queue, ended = keep_goals(self._queue, numbers, sentence)
         self._ended += ended
         if self._execution is not None and self._queue.number != before:
             self._execution.end(End.CANCELLED, sentence)
@@ -236,7 +238,7 @@ class Navigator:
         self._stepped_s, self._status = now_s, status
         read_s = now_s - pose_age_s
         if self._params.silent_speed_m_s > 0:
-            self._crawl = watched(self._crawl, read_s, now_s, POSE_SILENT_S, self._last)
+            self._crawl = watch_silence(self._crawl, read_s, now_s, POSE_SILENT_S, self._last)
         if self._crawl.is_on and self.state in (GoalState.PLANNING, GoalState.DRIVING, GoalState.RECOVERING):
             return self._crawled(now_s, read_s, pose, status)
         if self._crawl.is_on and self._crawl.is_due(read_s, now_s):
@@ -244,7 +246,7 @@ class Navigator:
         twist = None
         execution = self._execution
         if execution is not None and execution.state is not GoalState.PAUSED:
-            standing = slewed(self._params.follower, self._last, STANDING, dt_s)
+            standing = limit_change(self._params.follower, self._last, STANDING, dt_s)
             now = StepInput(now_s, dt_s, pose, status, self._last, pose_age_s)
             chosen = None if self.world is None else self._act(self.world, execution, now)
             twist = standing if chosen is None else chosen

@@ -5,7 +5,7 @@ from typing import Final
 
 import numpy as np
 
-from chefbotd.components.navigation.algorithms.grid import Floats, placed
+from chefbotd.components.navigation.algorithms.grid import Floats, place_points
 from chefbotd.components.navigation.algorithms.outline import Footprint
 from chefbotd.components.navigation.algorithms.path import SPACING_M, Path
 from chefbotd.core.geometry import Pose2D
@@ -72,7 +72,7 @@ def measured_passages(outline: Footprint, walls_m: Floats, pose: Pose2D) -> list
     What is less than half as wide as the robot is a wall ahead.
     """
     half_m = float(np.abs(outline.hull[:, 1]).max()) + outline.pad_m
-    points = placed(pose.inverse(), walls_m)
+    points = place_points(pose.inverse(), walls_m)
     beside = (points[:, 0] >= BEHIND_M) & (points[:, 0] < AHEAD_M)
     beside &= np.abs(points[:, 1]) < half_m + BESIDE_M
     x, y = points[beside].T
@@ -144,16 +144,21 @@ class Passages:
 
     def too_narrow(self, path: Path) -> Passage | None:
         """The narrowest one on the path that the robot does not pass, and that was measured often enough; or None."""
-        known = [each for each, count in self._ahead if count >= LEAST_MEASURED and each.is_too_narrow]
-        known = [each for each in known if path.away_m(each.middle) <= BESIDE_PATH_M]
-        return min(known, key=lambda each: each.width_m, default=None)
+        narrow = [
+            passage
+            for passage, count in self._ahead
+            if count >= LEAST_MEASURED
+            and passage.is_too_narrow
+            and path.away_m(passage.middle) <= BESIDE_PATH_M
+        ]
+        return min(narrow, key=lambda passage: passage.width_m, default=None)
 
     def centred(self, path: Path) -> Floats:
         """The path's points, moved to the middle of the tight passages that are ahead.
 
         In a map with cells of 5 cm the path itself is up to 2.5 cm beside the middle.
         """
-        tight = [each for each, count in self._ahead if count >= LEAST_CENTRED and each.is_tight]
+        tight = [passage for passage, count in self._ahead if count >= LEAST_CENTRED and passage.is_tight]
         if not tight:
             return path.points_m
         left = np.stack([-np.sin(path.heading_rad), np.cos(path.heading_rad)], axis=1)

@@ -15,9 +15,9 @@ from chefbotd.components.navigation.algorithms.search import BLOCKED, search
 from chefbotd.components.navigation.algorithms.smooth import (
     first_touch,
     headings,
-    resampled,
-    rounded,
-    straightened,
+    resample_path,
+    round_corners,
+    straighten_path,
     touches,
 )
 from chefbotd.core.geometry import Pose2D
@@ -51,7 +51,7 @@ def plan(outline: Footprint, costs: Costmap, start: Pose2D, goal: Goal) -> Path 
     else:
         why = f"the goal ({goal.x_m:.2f}, {goal.y_m:.2f}) {problem}"
     nearest = nearest_free(outline, costs, here, end, goal.tolerance_m)
-    if nearest is None and not _reached(costs, here).any():
+    if nearest is None and not _flood_free(costs, here).any():
         at = f"({start.x_m:.2f}, {start.y_m:.2f})"
         return NoPath(
             f"{why}: the robot itself is in an obstacle or a keep-out zone, at {at}, and cannot leave it"
@@ -96,12 +96,12 @@ def _problem(outline: Footprint, costs: Costmap, pose: Pose2D) -> str | None:
     if math.isinf(costs.costs[cell]):
         return f"is {has_m:.2f} m from an obstacle, and the robot needs {needed_m:.2f} m"
     if _touches(outline, costs, pose):
-        at = _touched(outline, costs, pose)
+        at = _find_touch(outline, costs, pose)
         return f"has a heading with which the robot would touch the obstacle at {at}"
     return None
 
 
-def _touched(outline: Footprint, costs: Costmap, pose: Pose2D) -> str:
+def _find_touch(outline: Footprint, costs: Costmap, pose: Pose2D) -> str:
     """Where in the map the obstacle is that lies deepest in the outline at a pose of the grid's frame."""
     frame, reach_m = costs.frame, outline.outer_radius_m + costs.frame.resolution_m
     rows, columns = np.nonzero(costs.distance_m == 0)
@@ -132,7 +132,7 @@ def nearest_free(
     as the other lacks, but no pose beyond ``tolerance_m`` is better than one within.
     """
     cell_m, inflation = costs.frame.resolution_m, costs.inflation
-    reached, guards = _reached(costs, here), inflation.guards
+    reached, guards = _flood_free(costs, here), inflation.guards
     roomy = reached & (costs.distance_m >= inflation.inner_m + guards.stop_m + guards.clearance_m)
     rows, columns = np.nonzero(roomy if roomy.any() else reached)
     away = np.hypot((columns + 0.5) * cell_m - end.x_m, (rows + 0.5) * cell_m - end.y_m)
@@ -145,7 +145,7 @@ def nearest_free(
     return None
 
 
-def _reached(costs: Costmap, here: Pose2D) -> Flags:
+def _flood_free(costs: Costmap, here: Pose2D) -> Flags:
     """Which free cells the robot can get to from where it stands, were it a point with its inner radius."""
     free = np.isfinite(costs.costs)
     begin = costs.frame.cell(here.x_m, here.y_m)
@@ -170,7 +170,7 @@ def _between(
             touched = first_touch(points[fixed:], heading_rad[fixed:], hull, pad_m, costs.distance_m, cell_m)
         if touched < 0:
             return Path(costs.frame, points, heading_rad, goal, is_substitute)
-        costs = _closed(costs, points[_after_escape(points) + touched])
+        costs = _close_point(costs, points[_after_escape(points) + touched])
     return None
 
 
@@ -181,7 +181,7 @@ def _after_escape(points: Floats) -> int:
     return int(beyond[0]) if len(beyond) else len(points)
 
 
-def _closed(costs: Costmap, point: Floats) -> Costmap:
+def _close_point(costs: Costmap, point: Floats) -> Costmap:
     cell = costs.frame.cell(float(point[0]), float(point[1]))
     blocked = costs.costs.copy()
     if cell is not None:
@@ -200,14 +200,14 @@ def _points(outline: Footprint, costs: Costmap, here: Pose2D, end: Pose2D) -> Fl
     cheapest = search(passable, first, last)
     if cheapest is None:
         return None
-    corners = straightened(cheapest.cells, passable, frame.resolution_m)
+    corners = straighten_path(cheapest.cells, passable, frame.resolution_m)
     if len(corners) == 1:
         corners = np.repeat(corners, 2, axis=0)
     corners[0], corners[-1] = (here.x_m, here.y_m), (end.x_m, end.y_m)
-    points = resampled(corners, SPACING_M)
+    points = resample_path(corners, SPACING_M)
     wide_m = outline.inner_radius_m + WIDE_M
-    smoothed = rounded(points, passable, costs.distance_m, costs.standing_m, frame.resolution_m, wide_m)
-    return resampled(smoothed, SPACING_M)
+    smoothed = round_corners(points, passable, costs.distance_m, costs.standing_m, frame.resolution_m, wide_m)
+    return resample_path(smoothed, SPACING_M)
 
 
 def _with_escape(costs: Costmap, begin: tuple[int, int]) -> Singles:

@@ -89,7 +89,9 @@ def checked_progress(
     """One step of driving, with what blocks the robot now."""
     if in_the_way is None:
         free = replace(last, blocked_since_s=None)
-        return _moved(params, ProgressCheck(free, drives_again=last.blocked_since_s is not None), now)
+        return _count_progress(
+            params, ProgressCheck(free, drives_again=last.blocked_since_s is not None), now
+        )
     why, waits = f"something is in the way{in_the_way.where}", ""
     since_s = last.blocked_since_s
     if since_s is None:
@@ -98,10 +100,10 @@ def checked_progress(
     patience_s = WALKER_S if in_the_way.walks else STUCK_S * params.slower
     if now.now_s - since_s >= patience_s:
         return ProgressCheck(blocked, waits, stuck=why)
-    return _moved(params, ProgressCheck(blocked, waits), now, why)
+    return _count_progress(params, ProgressCheck(blocked, waits), now, why)
 
 
-def _moved(
+def _count_progress(
     params: NavigationParameters,
     check: ProgressCheck,
     now: StepInput,
@@ -147,7 +149,7 @@ class Recovery(Record, frozen=True):
     left_m: float
 
 
-def stuck(last: Recovery | None, now_s: float, left_m: float) -> Recovery | None:
+def start_recovery(last: Recovery | None, now_s: float, left_m: float) -> Recovery | None:
     """Begin with the first action or, without progress since the last recovery, with the one after its last action.
 
     None: no action is left and the patience is over, so the goal is blocked.
@@ -178,7 +180,7 @@ def is_over(recovery: Recovery, now_s: float, slower: float = 1.0) -> bool:
     return now_s - recovery.action_began_s >= times[recovery.action]
 
 
-def extended(trail: Trail, here: Pose2D, twist: Twist2D) -> Trail:
+def extend_trail(trail: Trail, here: Pose2D, twist: Twist2D) -> Trail:
     """The trail of a robot that is here (in the grid's frame) and drives so."""
     if twist.linear_m_s <= 0:
         return trail

@@ -50,7 +50,7 @@ def search(costs: Singles, start: tuple[int, int], goal: tuple[int, int]) -> Gri
     cost = _search(bordered.reshape(-1), columns, dearest, first, last, parents)
     if math.isinf(cost):
         return None
-    cells = _followed(parents, first, last)
+    cells = _follow_parents(parents, first, last)
     return GridPath(np.stack([cells // columns - 1 + top, cells % columns - 1 + left], axis=1), cost)
 
 
@@ -70,7 +70,7 @@ def _bounds(costs: Singles) -> tuple[int, int, int, int, float]:
 
 
 @kernel
-def _followed(parents: NDArray[np.int32], first: int, last: int) -> Integers:
+def _follow_parents(parents: NDArray[np.int32], first: int, last: int) -> Integers:
     count, cell = 1, last
     while cell != first:
         cell = parents[cell]

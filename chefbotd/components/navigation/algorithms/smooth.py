@@ -15,7 +15,7 @@ ROUNDS = 60
 WORTH = 1.02
 
 
-def straightened(cells: Integers, costs: Singles, cell_m: float) -> Floats:
+def straighten_path(cells: Integers, costs: Singles, cell_m: float) -> Floats:
     """The corners (n, 2) of a path of straight lines, in metres, that costs no more than the path over cells.
 
     From each corner the line goes to the farthest cell that it reaches for at most 2 percent more than the path does.
@@ -58,7 +58,7 @@ def _line_cost(costs: Singles, a: Integers, b: Integers) -> float:
     return total * length / steps
 
 
-def resampled(corners: Floats, spacing_m: float) -> Floats:
+def resample_path(corners: Floats, spacing_m: float) -> Floats:
     """Points (n, 2) along straight lines through the corners, at most ``spacing_m`` apart, evenly between its ends."""
     lengths = np.hypot(*np.diff(corners, axis=0).T)
     along = np.concatenate([[0.0], np.cumsum(lengths)])
@@ -67,7 +67,7 @@ def resampled(corners: Floats, spacing_m: float) -> Floats:
     return np.stack([np.interp(at, along, corners[:, 0]), np.interp(at, along, corners[:, 1])], axis=1)
 
 
-def rounded(
+def round_corners(
     points: Floats, costs: Singles, distance_m: Singles, standing_m: Singles, cell_m: float, wide_m: float
 ) -> Floats:
     """The points with corners rounded and, where it is narrow, moved to the middle; the ends stay.

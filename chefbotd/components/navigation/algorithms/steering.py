@@ -102,7 +102,7 @@ class Track(Record, frozen=True):
 class Control(Record, frozen=True):
     """What a step of the follower is made with: the robot, what is around it, and the twist that was commanded last.
 
-    The robot is (or will be, see ``predicted``) at ``near.grid_from_base``.
+    The robot is (or will be, see ``predict_pose``) at ``near.grid_from_base``.
     """
 
     limits: FollowerLimits
@@ -114,14 +114,14 @@ class Control(Record, frozen=True):
     @property
     def standing(self) -> Twist2D:
         """As near to standing as the deceleration allows."""
-        return slewed(self.limits, self.last, STANDING, self.dt_s)
+        return limit_change(self.limits, self.last, STANDING, self.dt_s)
 
     def in_base(self, point: Floats) -> Pose2D:
         """A point (x, y) of the grid's frame in the robot's frame."""
         return self.near.grid_from_base.inverse().compose(Pose2D(float(point[0]), float(point[1])))
 
 
-def predicted(params: FollowerLimits, pose: Pose2D, twist: Twist2D) -> Pose2D:
+def predict_pose(params: FollowerLimits, pose: Pose2D, twist: Twist2D) -> Pose2D:
     """Where the robot will be when a command that is given now takes effect."""
     turned = twist.angular_rad_s * params.delay_s
     moved = twist.linear_m_s * params.delay_s
@@ -140,19 +140,19 @@ def turn_by(control: Control, state: FollowState, error_rad: float) -> Followed:
             speed = stopping_speed(abs(angle_rad), braking_rad_s2, limits.delay_s)
             speed = min(max(speed, limits.least_turn_rad_s), limits.max_turn_rad_s)
             wish = Twist2D(0.0, math.copysign(speed, angle_rad))
-            return Followed(state, slewed(limits, last, wish, control.dt_s))
+            return Followed(state, limit_change(limits, last, wish, control.dt_s))
     return Followed(state, control.standing, is_blocked=True, turns_rad=error_rad)
 
 
 def on_arc(control: Control, speed_m_s: float, curvature: float) -> Twist2D:
     """A twist on an arc; ``curvature`` times the speed is the turning, also in reverse."""
     limits, last, dt_s = control.limits, control.last, control.dt_s
-    linear = slewed(limits, last, Twist2D(speed_m_s, 0.0), dt_s).linear_m_s
+    linear = limit_change(limits, last, Twist2D(speed_m_s, 0.0), dt_s).linear_m_s
     most = limits.max_turn_rad_s
-    return slewed(limits, last, Twist2D(linear, min(max(linear * curvature, -most), most)), dt_s)
+    return limit_change(limits, last, Twist2D(linear, min(max(linear * curvature, -most), most)), dt_s)
 
 
-def slewed(params: FollowerLimits, last: Twist2D, wish: Twist2D, dt_s: float) -> Twist2D:
+def limit_change(params: FollowerLimits, last: Twist2D, wish: Twist2D, dt_s: float) -> Twist2D:
     """As much of a change as the accelerations allow."""
     braking = abs(wish.linear_m_s) < abs(last.linear_m_s)
     rate = params.deceleration_m_s2 * BRAKING if braking else params.acceleration_m_s2

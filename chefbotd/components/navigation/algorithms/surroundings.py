@@ -44,7 +44,7 @@ def standing_only(near: Surroundings) -> Surroundings:
     )
 
 
-def turned(near: Surroundings, angle_rad: float) -> Surroundings:
+def turn_surroundings(near: Surroundings, angle_rad: float) -> Surroundings:
     """The surroundings of the robot after a turn on the spot by an angle (CCW positive)."""
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     turn_back = np.array([[cos, -sin], [sin, cos]])
@@ -53,7 +53,7 @@ def turned(near: Surroundings, angle_rad: float) -> Surroundings:
     return replace(near, points_m=points_m, velocity_m_s=velocity_m_s, grid_from_base=here)
 
 
-def swept(near: Surroundings, foresight_s: float) -> Surroundings:
+def sweep_movers(near: Surroundings, foresight_s: float) -> Surroundings:
     """The same with what moves at every place of its path: a robot that lets it pass must stand clear of all of them."""
     moving = np.hypot(near.velocity_m_s[:, 0], near.velocity_m_s[:, 1]) > 0
     points, margin = near.points_m[moving], near.margin_m[moving]

@@ -22,7 +22,7 @@ from chefbotd.components.navigation.algorithms.costmap import (
     with_obstacles,
     without_thing,
 )
-from chefbotd.components.navigation.algorithms.grid import Floats, GridFrame, placed
+from chefbotd.components.navigation.algorithms.grid import Floats, GridFrame, place_points
 from chefbotd.components.navigation.algorithms.interface import NavigationParameters, Seen
 from chefbotd.components.navigation.algorithms.live import (
     EXPLAINED_M,
@@ -37,10 +37,16 @@ from chefbotd.components.navigation.algorithms.live import (
     see_range,
     see_scan,
 )
-from chefbotd.components.navigation.algorithms.movers import SLOWEST_M_S, Mover, displaced, track, with_people
+from chefbotd.components.navigation.algorithms.movers import (
+    SLOWEST_M_S,
+    Mover,
+    displace_movers,
+    track,
+    with_people,
+)
 from chefbotd.components.navigation.algorithms.noise import BELIEVED_M, Noise, after_turn, find_confirmed
 from chefbotd.components.navigation.algorithms.outline import clearance_m
-from chefbotd.components.navigation.algorithms.recovery import CLOSED_RADIUS_M, LEAVES_S, Trail, extended
+from chefbotd.components.navigation.algorithms.recovery import CLOSED_RADIUS_M, LEAVES_S, Trail, extend_trail
 from chefbotd.components.navigation.algorithms.removed import (
     THERE_TURNS,
     find_gone,
@@ -52,7 +58,7 @@ from chefbotd.components.navigation.algorithms.removed import (
 from chefbotd.components.navigation.algorithms.surroundings import Surroundings
 from chefbotd.components.navigation.algorithms.zones import Zones
 from chefbotd.core.geometry import Pose2D, Twist2D
-from chefbotd.perception.surface_points import smoothed
+from chefbotd.perception.surface_points import smooth_points
 
 NEAR_M: Final = 1.6
 """Points farther away than this do not matter for the next motion."""
@@ -135,9 +141,9 @@ class WorldModel:
         if is_void:
             self._forget_seen(pose)
         elif self._has_jumped(pose, seen.stamp_s):
-            self._movers = displaced(self._movers)
+            self._movers = displace_movers(self._movers)
         self._seen_from = pose
-        points, sensor = placed(pose, seen.points_m), placed(pose, places(seen.sensor_m))
+        points, sensor = place_points(pose, seen.points_m), place_points(pose, places(seen.sensor_m))
         confirmed = find_confirmed(self._noise, points, sensor)
         away_m = between_cells_at(self.ground.fixed_m, self.frame.resolution_m, points)
         is_known = np.asarray(away_m <= EXPLAINED_M) & self._is_on_map(points)
@@ -150,7 +156,7 @@ class WorldModel:
         if is_sure and len(points) and float(is_known.mean()) >= FITS_SHARE:
             see_through(self.things, self.frame, beams, points[confirmed])
         kept, self.walls_seen_m = confirmed | near, points[(confirmed | near) & is_known]
-        points = smoothed(points, sensor if len(sensor) == len(points) else sensor[0])
+        points = smooth_points(points, sensor if len(sensor) == len(points) else sensor[0])
         sensor = sensor[kept] if len(sensor) == len(points) else sensor
         points, away_m = points[kept], away_m[kept]
         self._is_unmapped = np.asarray(away_m > EXPLAINED_M)
@@ -208,7 +214,7 @@ class WorldModel:
     def take_low_scan(self, seen: Seen) -> None:
         """Remember what a depth camera shows: only its own beams clear it, since a lidar's pass above or below it."""
         pose = self.frame.pose_to_grid(seen.map_from_base)
-        points, sensor = placed(pose, seen.points_m), placed(pose, places(seen.sensor_m))
+        points, sensor = place_points(pose, seen.points_m), place_points(pose, places(seen.sensor_m))
         before = self._low or nothing_seen(self.frame)
         self._low = see_scan(before, self.frame, seen.stamp_s, sensor, points)
 
@@ -278,11 +284,11 @@ class WorldModel:
 
     def remember_drive(self, here: Pose2D, twist: Twist2D) -> None:
         """Keep the trail of a robot that is here (in the grid's frame) and drives so."""
-        self.trail = extended(self.trail, here, twist)
+        self.trail = extend_trail(self.trail, here, twist)
 
     def meets_walker(self, here: Pose2D) -> bool:
         """Whether the nearest thing in front of a pose of the grid's frame is a person who will walk on."""
-        points = placed(here.inverse(), self._points_m)
+        points = place_points(here.inverse(), self._points_m)
         apart_m = np.where(points[:, 0] > 0, np.hypot(points[:, 0], points[:, 1]), math.inf)
         return bool(len(points) and self._is_walker[int(np.argmin(apart_m))])
 
@@ -317,7 +323,7 @@ class WorldModel:
         ]
         rows = np.array(moving).reshape(-1, 4)
         turn = Pose2D(0.0, 0.0, self.frame.map_from_grid.heading_rad)
-        return np.hstack([self.frame.to_map(rows[:, :2]), placed(turn, rows[:, 2:])])
+        return np.hstack([self.frame.to_map(rows[:, :2]), place_points(turn, rows[:, 2:])])
 
     def _with_closed(self, points_m: Floats, now_s: float) -> Floats:
         self._closed = [(until_s, place) for until_s, place in self._closed if until_s > now_s]
@@ -343,13 +349,13 @@ class WorldModel:
         back = here.inverse()
         turned = Pose2D(0.0, 0.0, back.heading_rad)
         return Surroundings(
-            placed(back, points[near]),
-            placed(turned, velocity[near]),
+            place_points(back, points[near]),
+            place_points(turned, velocity[near]),
             margin[near],
             self.ground.fixed_m,
             self.frame.resolution_m,
             here,
-            placed(turned, intent[near]),
+            place_points(turned, intent[near]),
             speed_m_s,
             is_walker=np.append(self._is_walker, np.zeros(len(remembered), np.bool_))[near],
         )

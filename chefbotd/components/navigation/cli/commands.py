@@ -143,14 +143,14 @@ def localize(context: CommandContext, turn: bool) -> None:
 
     It does not move, unless --turn allows it to.
     """
-    state, reason = _run(context, lambda robot: _looked(robot, turn=turn))
+    state, reason = _run(context, lambda robot: _look_around(robot, turn=turn))
     localization, pose = _known_of(state)
     if localization["state"] != "localized" or pose is None:
         raise ProgramError(Exit.NOT_DONE, "; ".join(filter(None, (reason, _where(localization, None)))))
     output.say(context.as_json, {"localization": localization, "pose": pose}, _where(localization, pose))
 
 
-async def _looked(robot: Client, *, turn: bool) -> tuple[dict[str, Any], str]:
+async def _look_around(robot: Client, *, turn: bool) -> tuple[dict[str, Any], str]:
     """The robot's state after it has looked, and turned where it may and had to; and what came of the turn."""
     reason = ""
     if turn:
@@ -178,7 +178,7 @@ def _navigate(context: CommandContext, drive: Callable[[Client], Awaitable[str]]
 
     async def driving(robot: Client) -> str:
         with view.showing() as show:
-            return await _watched(robot, NavigationScene(doing=doing), show, drive)
+            return await _watch_goal(robot, NavigationScene(doing=doing), show, drive)
 
     try:
         return _run(context, driving)
@@ -186,7 +186,7 @@ def _navigate(context: CommandContext, drive: Callable[[Client], Awaitable[str]]
         raise ProgramError(Exit.NOT_DONE, error.reason, end=error.end) from error
 
 
-async def _watched(
+async def _watch_goal(
     robot: Client, scene: "NavigationScene", show: "Show", drive: Callable[[Client], Awaitable[str]]
 ) -> str:
     from chefbotd.components.maps.cli.draw import MapMark

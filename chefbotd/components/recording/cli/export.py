@@ -10,7 +10,7 @@ from typing import Any, TextIO
 
 from chefbotd.cli.common.add_on import ros2_add_on
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.components.recording.cli.info import opened
+from chefbotd.components.recording.cli.info import open_recording
 from chefbotd.components.recording.reader import RecordedMessage
 
 WIDEST_LIST = 16
@@ -32,11 +32,11 @@ def export_csv(path: Path, folder: Path, topics: Collection[str], *, force: bool
         ProgramError: the file is no recording, has not this topic, or a table cannot be written.
     """
     columns: dict[str, dict[str, None]] = {}
-    with opened(path) as reader:
+    with open_recording(path) as reader:
         for message in reader.messages():
             row = columns.setdefault(message.topic, dict.fromkeys(OWN_COLUMNS))
             if not topics or message.topic in topics:
-                row.update(dict.fromkeys(name for name, _ in _cells(_decoded(path, message))))
+                row.update(dict.fromkeys(name for name, _ in _cells(_decode_message(path, message))))
     if not columns:
         raise ProgramError(Exit.FAILED, f"{path} has no message that can be read")
     if unknown := sorted(set(topics) - columns.keys()):
@@ -67,7 +67,7 @@ def export_ros2(path: Path, bag: Path) -> dict[str, int]:
         ProgramError: the file is no recording, the bag cannot be written, or the package for it is not installed.
     """
     bags = ros2_add_on("bag")
-    with opened(path):
+    with open_recording(path):
         try:
             return dict(bags.write_bag(path, bag))
         except bags.CannotWriteBagError as error:
@@ -82,7 +82,7 @@ def _write(path: Path, files: dict[str, Path], columns: dict[str, dict[str, None
             streams[topic] = file.open("w", newline="", encoding="utf-8")
             writers[topic] = csv.DictWriter(streams[topic], list(columns[topic]))
             writers[topic].writeheader()
-        with opened(path) as reader:
+        with open_recording(path) as reader:
             for message in reader.messages():
                 if message.topic in writers:
                     writers[message.topic].writerow(_row(path, message))
@@ -93,10 +93,10 @@ def _write(path: Path, files: dict[str, Path], columns: dict[str, dict[str, None
 
 def _row(path: Path, message: RecordedMessage) -> dict[str, Any]:
     own = {"log_time_s": f"{message.log_ns / 1e9:.9f}", "sequence": message.sequence}
-    return {**own, **dict(_cells(_decoded(path, message)))}
+    return {**own, **dict(_cells(_decode_message(path, message)))}
 
 
-def _decoded(path: Path, message: RecordedMessage) -> Any:
+def _decode_message(path: Path, message: RecordedMessage) -> Any:
     try:
         return json.loads(message.data)
     except (ValueError, RecursionError):

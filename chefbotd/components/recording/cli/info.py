@@ -23,7 +23,7 @@ from chefbotd.components.recording.status import UnreadableRecording
 
 
 @contextmanager
-def opened(path: Path) -> Iterator[RecordingReader]:
+def open_recording(path: Path) -> Iterator[RecordingReader]:
     """A reader of the file.
 
     Raises:
@@ -47,7 +47,7 @@ class _Topic(Struct):
 
 def show_info(context: CommandContext, path: Path) -> None:
     """Print it."""
-    with opened(path) as reader:
+    with open_recording(path) as reader:
         summary = _read(reader)
     if context.as_json:
         output.say(True, summary, "")

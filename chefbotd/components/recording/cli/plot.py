@@ -8,7 +8,7 @@ from msgspec import Struct, field
 
 from chefbotd.cli.common.exits import Exit, ProgramError, extra
 from chefbotd.components.maps.cli.asking import write_file
-from chefbotd.components.recording.cli.info import opened
+from chefbotd.components.recording.cli.info import open_recording
 
 WANTED = {"WheelsDriven", "OdometryUpdated", "BatteryMeasured", "SafetyChanged"}
 WIDTH_INCHES, PANEL_INCHES, PATH_INCHES, DOTS_PER_INCH = 11.0, 2.6, 5.0, 110
@@ -36,7 +36,7 @@ def read_curves(path: Path) -> Curves:
         ProgramError: the file is no recording, or nothing in it can be drawn.
     """
     curves, began_s, fault = Curves(), None, None
-    with opened(path) as reader:
+    with open_recording(path) as reader:
         for event in reader.events():
             name = type(event).__name__
             if name not in WANTED:

@@ -109,7 +109,7 @@ class Comparison:
                 row.replayed += 1
             return True
         if self.first is None:
-            self.first = _first_difference(entry.stamp_s, described(entry), was, replayed)
+            self.first = _first_difference(entry.stamp_s, describe_entry(entry), was, replayed)
         self.different += 1
         for kind in dict.fromkeys(kind for kind, _ in (*was, *replayed)):
             self._row(kind).add(_of_kind(kind, was), _of_kind(kind, replayed))
@@ -185,7 +185,7 @@ def _short(event: EncodedEvent) -> str:
     return text if len(text) <= 160 else text[:157] + "..."
 
 
-def described(entry: Any) -> str:
+def describe_entry(entry: Any) -> str:
     """An entry in a few words."""
     match entry:
         case LinkBytesRead():

@@ -9,7 +9,7 @@ from pydantic import ValidationError
 
 from chefbotd.app import Daemon
 from chefbotd.components.recording.replay.entries import ReplayEntries, Tasks
-from chefbotd.components.recording.replay.recorded import EntryGroup, decoded
+from chefbotd.components.recording.replay.recorded import EntryGroup, decode_event
 from chefbotd.components.recording.replay.stand_ins import (
     ReplayedCaller,
     ReplayedPort,
@@ -175,7 +175,7 @@ class Pipeline:
     def _observe(self, group: EntryGroup) -> str:
         if not group.followers:
             return "the event that was observed is not in the recording"
-        event = decoded(group.followers[0], self._daemon.strangers_events)
+        event = decode_event(group.followers[0], self._daemon.strangers_events)
         if (take := self._input_handlers.get(type(event))) is not None:
             take(event)
         self._daemon.bus.publish(event)

@@ -50,10 +50,10 @@ class EntryGroup:
 
     def answers(self) -> list[Any]:
         """What the outside answered meanwhile."""
-        return [decoded(event) for event in self.followers if event.kind in _ANSWER_NAMES]
+        return [decode_event(event) for event in self.followers if event.kind in _ANSWER_NAMES]
 
 
-def decoded(recorded: Recorded, strangers: Mapping[str, type[Any]] = NO_STRANGERS) -> Any:
+def decode_event(recorded: Recorded, strangers: Mapping[str, type[Any]] = NO_STRANGERS) -> Any:
     """The event itself; ``strangers`` are the classes of the events of strangers' components.
 
     Raises:
@@ -92,7 +92,7 @@ def groups_of(stream: Iterable[Recorded]) -> Iterator[EntryGroup]:
         if event.kind in _ENTRY_NAMES:
             if group is not None:
                 yield group
-            group, lost = EntryGroup(decoded(event), lost), 0
+            group, lost = EntryGroup(decode_event(event), lost), 0
         elif group is not None:
             group.followers.append(event)
 

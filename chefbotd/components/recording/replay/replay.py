@@ -14,7 +14,7 @@ from chefbotd.components.recording.replay.comparison import (
     Difference,
     EncodedEvent,
     SpeedError,
-    described,
+    describe_entry,
 )
 from chefbotd.components.recording.replay.entries import ReplayEntries
 from chefbotd.components.recording.replay.pipeline import Pipeline
@@ -146,7 +146,7 @@ class Replay:
         except NotReplayable:
             raise
         except Exception as error:
-            what = f"at {group.entry.stamp_s:.6f} s: {described(group.entry)}"
+            what = f"at {group.entry.stamp_s:.6f} s: {describe_entry(group.entry)}"
             raise NotReplayable(f"{what} cannot be replayed: {type(error).__name__}: {error}") from error
 
     async def _begin_again(self, state: StateRecorded | None) -> None:

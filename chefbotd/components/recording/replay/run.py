@@ -48,7 +48,7 @@ class Serving:
 
     async def __aenter__(self) -> Self:
         daemon = self._daemon
-        daemon.rpc.exchange_methods(_guarded)
+        daemon.rpc.exchange_methods(_guard_method)
         loops = [daemon.rpc.run, daemon.server.run, *([daemon.page.run] if daemon.page is not None else [])]
         self._tasks = [asyncio.create_task(loop()) for loop in loops]
         await daemon.server.address()
@@ -64,7 +64,7 @@ class Serving:
         await asyncio.gather(*self._tasks, return_exceptions=True)
 
 
-def _guarded(method: Method) -> Method:
+def _guard_method(method: Method) -> Method:
     if method.name in LOOKING:
         return method
     return replace(method, handle=_refusing(method.handle))

@@ -190,26 +190,28 @@ BOUNDS: Mapping[Drawn, Bounds] = MappingProxyType(
 """Of a robot that was built with care, and of one that is wrong in everything that a calibration finds."""
 
 
-def resolved(given: TrueParameters, configured: TrueParameters, seed: int) -> TrueParameters:
+def resolve_true(given: TrueParameters, configured: TrueParameters, seed: int) -> TrueParameters:
     """The robot with every value given: as ``given``, else as drawn from the seed, else as ``configured``."""
     robot = configured
     if given.drawn is not Drawn.PERFECT:
         seed = seed if given.seed is None else given.seed
-        robot = _drawn(configured, BOUNDS[given.drawn], random.Random(seed))
+        robot = _draw_robot(configured, BOUNDS[given.drawn], random.Random(seed))
     own = given.model_dump(exclude_unset=True, exclude_none=True, exclude={"drawn", "seed"})
-    return TrueParameters.model_validate(_merged(robot.model_dump(exclude={"drawn", "seed"}), own))
+    return TrueParameters.model_validate(_merge_tables(robot.model_dump(exclude={"drawn", "seed"}), own))
 
 
-def _merged(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+def _merge_tables(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
     """A table with the values of another put over its own, to any depth."""
     merged = dict(below)
     for key, value in above.items():
         inner = merged.get(key)
-        merged[key] = _merged(inner, value) if isinstance(inner, dict) and isinstance(value, dict) else value
+        merged[key] = (
+            _merge_tables(inner, value) if isinstance(inner, dict) and isinstance(value, dict) else value
+        )
     return merged
 
 
-def _drawn(configured: TrueParameters, bounds: Bounds, chance: random.Random) -> TrueParameters:
+def _draw_robot(configured: TrueParameters, bounds: Bounds, chance: random.Random) -> TrueParameters:
     """A robot that differs from the configured one; each value that the configuration has must be given."""
 
     def off(most: float) -> float:

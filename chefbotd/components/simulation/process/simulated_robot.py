@@ -9,7 +9,7 @@ from chefbotd.components.simulation.parameters.true import (
     TrueLidar,
     TrueParameters,
     TrueWheel,
-    resolved,
+    resolve_true,
 )
 from chefbotd.components.simulation.sensors import Divider, InfraredMount, UltrasonicMount
 from chefbotd.components.simulation.simulation import Simulation, build_launchpad, build_lidars
@@ -51,7 +51,7 @@ def simulation_of(settings: Settings) -> Simulation:
         variant_of(settings.robot.wire),
         _chassis(settings, true),
         settings.link.baud / BITS_A_BYTE,
-        Divider(nominal_battery(settings).reference_v, _given(true.divider_ratio)),
+        Divider(nominal_battery(settings).reference_v, _require_given(true.divider_ratio)),
         None
         if ultrasonic is None
         else UltrasonicMount(ultrasonic.base_from_sensor, ultrasonic.field_of_view_rad),
@@ -142,14 +142,14 @@ def true_of(settings: Settings) -> TrueParameters:
         lidars={name: _as_configured(lidar) for name, lidar in lidars.items()},
         divider_ratio=nominal_battery(settings).divider_ratio,
     )
-    return resolved(given, configured, settings.sim.seed)
+    return resolve_true(given, configured, settings.sim.seed)
 
 
 def _as_configured(lidar: LidarParameters) -> TrueLidar:
     return TrueLidar(mount_x_m=lidar.mount_x_m, mount_y_m=lidar.mount_y_m, mount_yaw_rad=lidar.mount_yaw_rad)
 
 
-def _given(value: float | None) -> float:
+def _require_given(value: float | None) -> float:
     """A value of a robot that has every value given."""
     if value is None:
         raise TypeError("a value of the simulated robot is not given")
@@ -164,7 +164,7 @@ def _chassis(settings: Settings, true: TrueParameters) -> Chassis:
         wheels.append(
             Wheel(
                 wheel.side is Side.LEFT,
-                _given(own.radius_m),
+                _require_given(own.radius_m),
                 wheel.motor_sign,
                 wheel.encoder_sign,
                 own.forward,
@@ -172,7 +172,7 @@ def _chassis(settings: Settings, true: TrueParameters) -> Chassis:
                 own.backlash_rad,
             )
         )
-    return Chassis(tuple(wheels), _given(true.track_width_m), settings.encoders.counts_per_turn)
+    return Chassis(tuple(wheels), _require_given(true.track_width_m), settings.encoders.counts_per_turn)
 
 
 def _lidar(real: LidarParameters, true: TrueLidar, height_m: float) -> LidarMount:
@@ -180,7 +180,9 @@ def _lidar(real: LidarParameters, true: TrueLidar, height_m: float) -> LidarMoun
     if real.mount_z_m is not None:
         height_m = real.mount_z_m
     wire = LidarWire.LD19 if real.model.is_ldrobot else LidarWire(real.model)
-    place = Pose2D(_given(true.mount_x_m), _given(true.mount_y_m), _given(true.mount_yaw_rad))
+    place = Pose2D(
+        _require_given(true.mount_x_m), _require_given(true.mount_y_m), _require_given(true.mount_yaw_rad)
+    )
     errors = true.range_offset_m, true.range_scale, true.lone_share
     return LidarMount(real.name, place, real.upside_down, height_m, wire, *errors)
 

@@ -166,7 +166,7 @@ class Building(Record, frozen=True):
             if solid.bottom_m <= SLICE_M < solid.top_m:
                 _fill(occupied, (solid.corners - low) / RESOLUTION_M)
         percent = np.full((rows, columns), UNKNOWN, np.int8)
-        percent[_connected(~occupied, *self._air(low))] = FREE
+        percent[_find_connected(~occupied, *self._air(low))] = FREE
         percent[occupied] = OCCUPIED
         return OccupancyGrid(RESOLUTION_M, Pose2D(float(low[0]), float(low[1])), percent)
 
@@ -187,7 +187,7 @@ def _fill(cells: npt.NDArray[np.bool_], corners: Vector) -> None:
     cells[bottom:top, left:right] |= within
 
 
-def _connected(free: npt.NDArray[np.bool_], *seeds: tuple[int, int]) -> npt.NDArray[np.bool_]:
+def _find_connected(free: npt.NDArray[np.bool_], *seeds: tuple[int, int]) -> npt.NDArray[np.bool_]:
     """The free cells that are connected with a seed: spread along rows and columns until nothing more is reached."""
     reached = np.zeros_like(free)
     for row, column in seeds:

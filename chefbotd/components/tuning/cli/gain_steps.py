@@ -28,7 +28,7 @@ COARSE, FINE = 0.1, 0.01
 DIGITS = 4
 
 
-def stepped(name: str, value: Gain, direction: int, share: float = COARSE) -> Gain:
+def step_gain(name: str, value: Gain, direction: int, share: float = COARSE) -> Gain:
     """The gain after one step up (``direction`` 1) or down (-1) by ``share`` of its value; a boolean is toggled.
 
     Below a tenth of its first step a gain becomes zero, or None if it can be off. The next step up is the first step.
@@ -38,13 +38,13 @@ def stepped(name: str, value: Gain, direction: int, share: float = COARSE) -> Ga
     first = FIRST_STEP[name]
     if not value:
         return first if direction > 0 else value
-    after = _rounded(value * (1 + share) if direction > 0 else value / (1 + share))
+    after = _round_gain(value * (1 + share) if direction > 0 else value / (1 + share))
     if after < first / 10:
         return None if name in CAN_BE_OFF else 0.0
     return after
 
 
-def _rounded(value: float) -> float:
+def _round_gain(value: float) -> float:
     """Four significant digits: finer than any step, and short to read."""
     return round(value, DIGITS - 1 - floor(log10(value)))
 

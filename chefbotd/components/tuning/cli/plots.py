@@ -145,7 +145,7 @@ class WheelPlot(PlotWidget, can_focus=False):
         """Draw these wheels."""
         self.clear()
         drawn: list[Curve] = []
-        for trace, colour in coloured(traces):
+        for trace, colour in assign_colours(traces):
             if self._panel.reference is not None:
                 self._draw(trace, self._panel.reference(trace), TARGET_COLOUR, drawn)
             self._draw(trace, self._panel.curve(trace), colour, drawn)
@@ -199,6 +199,6 @@ def span(curves: Sequence[Curve], least: float) -> tuple[float, float]:
     return lowest - margin, highest + margin
 
 
-def coloured(wheels: Sequence[T]) -> Iterator[tuple[T, str]]:
+def assign_colours(wheels: Sequence[T]) -> Iterator[tuple[T, str]]:
     """Every wheel with its colour; the colours repeat when there are more wheels."""
     return zip(wheels, cycle(COLOURS), strict=False)

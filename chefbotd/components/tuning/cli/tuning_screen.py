@@ -26,9 +26,9 @@ from chefbotd.components.tuning.cli.gain_steps import (
     FIRST_STEP,
     Gain,
     restore_commands,
-    stepped,
+    step_gain,
 )
-from chefbotd.components.tuning.cli.plots import PANELS, SHOWN_S, Trace, WheelPlot, coloured
+from chefbotd.components.tuning.cli.plots import PANELS, SHOWN_S, Trace, WheelPlot, assign_colours
 from chefbotd.components.tuning.gains_file import save
 from chefbotd.motion.pid import PidParameters
 from chefbotd.rpc.encoding import plain
@@ -153,8 +153,8 @@ class Tune(RobotScreen):
 
     async def _step(self, direction: int, share: float) -> None:
         if self._gains:
-            value = stepped(self._chosen, self._value(), direction, share)
-            await self.ask(self._change(value), f"{self._chosen} = {_shown(value)} on {self._wheel}")
+            value = step_gain(self._chosen, self._value(), direction, share)
+            await self.ask(self._change(value), f"{self._chosen} = {_format_gain(value)} on {self._wheel}")
 
     async def _change(self, value: Gain) -> None:
         self._take_gains(await self.robot.set_pid(self._wheel, **cast(Gains, {self._chosen: value})))
@@ -212,7 +212,7 @@ class Tune(RobotScreen):
         for name in NAMES if self._gains else ():
             style = "reverse" if name == self._chosen else Style.PLAIN
             side.add_row(Text(SHORT.get(name, name), style=style), Text(self._gain_text(name), style=style))
-        for wheel, colour in coloured(self._trace.wheels):
+        for wheel, colour in assign_colours(self._trace.wheels):
             rms = f"{self._trace.of(wheel).rms_error_rad_s():.3f} rms"
             side.add_row(Text(wheel.removesuffix("_wheel"), style=colour), Text(rms))
         return side
@@ -221,7 +221,7 @@ class Tune(RobotScreen):
         """A gain of the chosen wheel; for all wheels the first one's, marked where they differ."""
         wheels = self._gains if self._wheel == ALL_WHEELS else [self._wheel]
         values = [getattr(self._gains[wheel], name) for wheel in wheels]
-        return _shown(values[0]) + ("" if values.count(values[0]) == len(values) else " (differ)")
+        return _format_gain(values[0]) + ("" if values.count(values[0]) == len(values) else " (differ)")
 
 
 SHORT = {
@@ -234,7 +234,7 @@ SHORT = {
 """Short labels for names that do not fit beside their values."""
 
 
-def _shown(value: Gain) -> str:
+def _format_gain(value: Gain) -> str:
     if value is None:
         return "off"
     return ("on" if value else "off") if isinstance(value, bool) else f"{value:g}"

@@ -15,7 +15,7 @@ from chefbotd.cli.drive.gamepad import (
     PadRequest,
     StickScale,
     deflection,
-    disabled,
+    disable_pad,
     step,
 )
 from chefbotd.core.geometry import STANDING, Twist2D
@@ -156,7 +156,7 @@ def test_after_a_refusal_the_button_is_needed_anew() -> None:
     driver = Driver()
     held = reading(Button.ENABLE, forward=1.0)
     driver.looks(reading(), held)
-    driver.pad = disabled(driver.pad)
+    driver.pad = disable_pad(driver.pad)
     assert driver.looks(held, held) == []
 
 

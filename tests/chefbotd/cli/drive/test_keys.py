@@ -15,7 +15,7 @@ from chefbotd.cli.drive.keys import (
     SCALES,
     Keys,
     press,
-    released,
+    release_keys,
 )
 from chefbotd.core.geometry import STANDING, Twist2D
 from tests.budget import examples
@@ -116,7 +116,7 @@ def test_any_other_key_stops(key: str) -> None:
 
 def test_release_keeps_the_speeds() -> None:
     """Releasing forgets the key, not the chosen speeds."""
-    keys = released(pressed((0.0, "+"), (0.1, "i")))
+    keys = release_keys(pressed((0.0, "+"), (0.1, "i")))
     assert keys.twist(0.1) == STANDING
     assert press(keys, "i", 0.2).twist(0.2).linear_m_s == pytest.approx(0.22)
 

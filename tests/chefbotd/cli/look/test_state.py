@@ -8,7 +8,7 @@ import pytest
 from rich.console import Console
 
 from chefbotd.cli.look.commands import follow
-from chefbotd.cli.look.view import drawn
+from chefbotd.cli.look.view import draw_state
 from chefbotd.client import Client, ConnectionLost
 from tests.chefbotd.cli.fake_daemon import FakeDaemon
 from tests.chefbotd.conftest import Control
@@ -55,7 +55,7 @@ def test_without_an_answer_the_last_state_stays_with_the_reason(daemon: FakeDaem
     assert shown[0][0] == shown[1][0] is not None
     console = Console(width=100)
     with console.capture() as captured:
-        console.print(drawn(*shown[1]))
+        console.print(draw_state(*shown[1]))
     assert "no answer: the daemon hung up" in captured.get()
     assert "armed, nobody drives" in captured.get()
 

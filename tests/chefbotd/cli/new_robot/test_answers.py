@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from chefbotd.cli.new_robot.answers import Answer, differing, edited, new_file
+from chefbotd.cli.new_robot.answers import Answer, differing, edit_answers, new_file
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.settings.loader import read_values
 from tests.robot_files import full
@@ -27,21 +27,21 @@ def test_a_lidar_is_an_entry_of_a_list_in_a_new_file_and_in_an_old_one(tmp_path:
     assert [(lidar.name, lidar.device, lidar.mount_x_m) for lidar in new.lidar] == [
         ("lidar", "/dev/ttyUSB3", 0.05)
     ]
-    text = edited('extends = "chefbot"\nimu = false\n', LIDAR)
+    text = edit_answers('extends = "chefbot"\nimu = false\n', LIDAR)
     assert loaded(tmp_path, text).lidar == new.lidar
-    moved = edited(text, {"lidar.lidar.mount_x_m": Answer(0.07, "")})
+    moved = edit_answers(text, {"lidar.lidar.mount_x_m": Answer(0.07, "")})
     assert [lidar.mount_x_m for lidar in loaded(tmp_path, moved).lidar] == [0.07]
 
 
 def test_a_sensor_is_left_out_of_an_old_file_and_put_back(tmp_path: Path) -> None:
     """``imu = false`` comes below extends; a key of a section that was left out brings the section back."""
-    text = edited(
+    text = edit_answers(
         '# mine\nextends = "chefbot"  # two wheels\n\n[imu]\nlag_s = 0.1\n', {"imu": Answer(False, "")}
     )
     assert text.startswith('# mine\nextends = "chefbot"  # two wheels\nimu = false\n')
     assert loaded(tmp_path, text).imu is None
     without = 'extends = "chefbot"\nultrasonic = false\n'
-    back = edited(without, {"ultrasonic.mount_x_m": Answer(0.1, "")})
+    back = edit_answers(without, {"ultrasonic.mount_x_m": Answer(0.1, "")})
     sensor = loaded(tmp_path, back).ultrasonic
     assert sensor is not None
     assert (sensor.mount_x_m, sensor.max_range_m) == (0.1, 4.0)
@@ -49,7 +49,7 @@ def test_a_sensor_is_left_out_of_an_old_file_and_put_back(tmp_path: Path) -> Non
 
 def test_a_whole_file_loses_a_section_that_the_robot_lacks(tmp_path: Path) -> None:
     """A copy of ChefBot's whole file extends nothing; its section goes."""
-    text = edited(full().read_text(encoding="utf-8"), {"imu": Answer(False, "")})
+    text = edit_answers(full().read_text(encoding="utf-8"), {"imu": Answer(False, "")})
     assert loaded(tmp_path, text).imu is None
     assert "imu = false" not in text
 

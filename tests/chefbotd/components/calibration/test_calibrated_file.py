@@ -8,7 +8,7 @@ import pytest
 
 from chefbotd.components.calibration.calibrated_file import save, with_values
 from chefbotd.settings import SettingsError, load
-from chefbotd.settings.values import calibrated, value_of
+from chefbotd.settings.values import apply_calibration, value_of
 from tests.robot_files import full
 
 
@@ -86,11 +86,11 @@ def test_the_only_element_of_a_list_needs_no_name() -> None:
 
 def test_settings_with_values_are_checked() -> None:
     """The settings with calibrated values are those that the file would give; what is out of range is refused."""
-    settings = calibrated(load(), {"chassis.left_radius_multiplier": 1.004})
+    settings = apply_calibration(load(), {"chassis.left_radius_multiplier": 1.004})
     assert settings.chassis.left_radius_multiplier == 1.004
     assert settings.model_copy(update={"chassis": load().chassis}) == load()
     with pytest.raises(SettingsError, match="left_radius_multiplier"):
-        calibrated(load(), {"chassis.left_radius_multiplier": -0.5})
+        apply_calibration(load(), {"chassis.left_radius_multiplier": -0.5})
 
 
 def test_the_old_file_is_not_kept_where_a_link_leads(chefbot: Path) -> None:

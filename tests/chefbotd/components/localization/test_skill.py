@@ -24,7 +24,7 @@ from chefbotd.components.localization.skill_requests import (
     UseNone,
 )
 from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
-from chefbotd.components.worker.messages import packed
+from chefbotd.components.worker.messages import pack_body
 from chefbotd.components.worker.skill import Job, Struct
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.lidars import ScanMeasured
@@ -91,7 +91,7 @@ class Bench:
 
     def ask(self, request: LocalizationRequest) -> LocalizationChanged:
         """The answer."""
-        answer = self.skill.handle(packed(request))
+        answer = self.skill.handle(pack_body(request))
         if isinstance(answer, Generator):
             answer = ended(answer)
         assert isinstance(answer, LocalizationChanged)
@@ -221,7 +221,7 @@ def test_a_map_is_made_ready_in_steps_and_the_one_before_is_in_use_until_then() 
     """Each step is told; where it is given up, nothing has changed, and where it fails there is no map."""
     bench = Bench()
     bench.ask(UseMap("flat", 1))
-    job = bench.skill.handle(packed(UseMap("flat", 2)))
+    job = bench.skill.handle(pack_body(UseMap("flat", 2)))
     assert isinstance(job, Generator)
     assert [step.done for step in islice(job, 3)] == [0.0, 1.0, 2.0]
     job.close()
@@ -236,7 +236,7 @@ def test_the_grids_of_the_map_before_are_gone_before_those_of_another_are_made()
     bench = Bench()
     bench.ask(UseMap("flat", 1))
     bench.drive(0, 10)
-    job = bench.skill.handle(packed(UseMap("other", 1)))
+    job = bench.skill.handle(pack_body(UseMap("other", 1)))
     assert isinstance(job, Generator)
     assert next(job).text == "reading the map"
     with pytest.raises(Refused, match="no finished map is in use"):

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from msgspec.structs import astuple
 
-from chefbotd.components.mapping.algorithms.saved import restored
+from chefbotd.components.mapping.algorithms.saved import restore_state
 from chefbotd.components.mapping.skill_requests import (
     Discard,
     Finish,
@@ -20,7 +20,7 @@ from chefbotd.components.mapping.skill_requests import (
 )
 from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.events import MapChanged, MappingChanged
-from chefbotd.components.worker.messages import packed
+from chefbotd.components.worker.messages import pack_body
 from chefbotd.components.worker.skill import Struct
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.lidars import ScanMeasured
@@ -70,7 +70,7 @@ def test_patches_put_together_are_the_map(driven: Bench) -> None:
         revisions.append(part.revision)
     assert revisions == list(range(1, len(revisions) + 1))
     assert len(revisions) >= SCANS * 0.1 * 0.5
-    whole = driven.skill.handle(packed(GetGrid()))
+    whole = driven.skill.handle(pack_body(GetGrid()))
     assert isinstance(whole, MapChanged)
     assert np.array_equal(np.frombuffer(zlib.decompress(whole.cells), np.int8), cells.ravel())
 
@@ -103,7 +103,7 @@ def test_two_lidars_that_are_blind_behind_make_one_map() -> None:
     grid, slam = bench.memory.maps["flat"][0]
     off_m = walls_off_m(grid)
     assert (np.median(off_m) < 0.03, np.quantile(off_m, 0.95) < 0.06) == (True, True)
-    kept = restored(slam).nodes.scans
+    kept = restore_state(slam).nodes.scans
     assert all(len(np.unique(scan.sensor_m, axis=0)) == 2 for scan in kept[1:])
     assert all(scan.sensor_m.shape == scan.points.shape for scan in kept[1:])
 
@@ -176,7 +176,7 @@ def test_a_finished_map_is_saved_with_all_to_go_on_from() -> None:
     assert shares == sorted(shares)
     assert [done.text for done in progress[-2:]] == ["drawing the map", "saving the map"]
     assert bench.memory.kept is None
-    assert len(restored(bench.memory.maps["flat"][0][1]).nodes) == saved.keyframes
+    assert len(restore_state(bench.memory.maps["flat"][0][1]).nodes) == saved.keyframes
     with pytest.raises(Refused) as refused:
         bench.ask(PauseMapping())
     assert refused.value.kind is RefusalKind.NOT_MAPPING
@@ -187,7 +187,7 @@ def test_a_finish_that_is_given_up_changes_nothing() -> None:
     bench = Bench()
     bench.ask(Start())
     bench.drive(0, 40)
-    job = bench.skill.handle(packed(Finish("flat")))
+    job = bench.skill.handle(pack_body(Finish("flat")))
     assert not isinstance(job, Struct)
     next(job)
     job.close()
@@ -207,10 +207,10 @@ def test_nothing_else_is_done_to_a_map_that_is_being_finished(other: MappingRequ
     bench = Bench()
     bench.ask(Start())
     bench.drive(0, 30)
-    job = bench.skill.handle(packed(Finish("flat")))
+    job = bench.skill.handle(pack_body(Finish("flat")))
     assert not isinstance(job, Struct)
     with pytest.raises(Refused, match=r"being finished|it is finishing"):
-        bench.skill.handle(packed(other))
+        bench.skill.handle(pack_body(other))
     assert list(job)
     assert list(bench.memory.maps) == ["flat"]
 
@@ -220,7 +220,7 @@ def test_a_finish_that_is_cancelled_before_its_first_step_changes_nothing() -> N
     bench = Bench()
     bench.ask(Start())
     bench.drive(0, 30)
-    job = bench.skill.handle(packed(Finish("flat")))
+    job = bench.skill.handle(pack_body(Finish("flat")))
     assert not isinstance(job, Struct)
     job.close()
     assert bench.finish("flat")[0].version == 1
@@ -232,7 +232,7 @@ def test_a_name_that_cannot_be_is_refused_before_the_work() -> None:
     bench.ask(Start())
     bench.drive(0, 30)
     with pytest.raises(Refused, match=r"'\.\./x' cannot be a map's name") as refused:
-        bench.skill.handle(packed(Finish("../x")))
+        bench.skill.handle(pack_body(Finish("../x")))
     assert refused.value.kind is RefusalKind.BAD_NAME
     assert bench.finish("Ku\u0308che")[0].name == "K\u00fcche"
 
@@ -365,7 +365,7 @@ def test_a_pause_adds_nothing() -> None:
 def test_without_a_map_there_is_nothing_to_do(request_: MappingRequest, kind: RefusalKind) -> None:
     """Each is refused with its kind."""
     with pytest.raises(Refused) as refused:
-        Bench().skill.handle(packed(request_))
+        Bench().skill.handle(pack_body(request_))
     assert refused.value.kind is kind
 
 
@@ -377,7 +377,7 @@ def test_a_second_map_at_once_is_refused() -> None:
         bench.ask(Start(name="flat"))
     assert refused.value.kind is RefusalKind.ALREADY_MAPPING
     with pytest.raises(Refused, match="no scan has arrived yet"):
-        bench.skill.handle(packed(Finish("flat")))
+        bench.skill.handle(pack_body(Finish("flat")))
 
 
 def test_the_end_of_the_daemon_saves_what_there_is() -> None:
@@ -387,5 +387,5 @@ def test_the_end_of_the_daemon_saves_what_there_is() -> None:
     bench.drive(0, 80)
     bench.skill.close()
     assert bench.memory.kept is not None
-    kept = len(restored(bench.memory.kept[1]).nodes)
+    kept = len(restore_state(bench.memory.kept[1]).nodes)
     assert kept == bench.of(MappingChanged)[-1].keyframes or kept > 20  # type: ignore[attr-defined]

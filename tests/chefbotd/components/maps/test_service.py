@@ -32,7 +32,7 @@ from chefbotd.components.maps.models import (
 )
 from chefbotd.components.maps.service import MapsService
 from chefbotd.components.maps.storage.contents import read_slam, save
-from chefbotd.components.maps.storage.disk import MapStoreError, locked
+from chefbotd.components.maps.storage.disk import MapStoreError, lock_folder
 from chefbotd.components.maps.storage.importing import Order
 from chefbotd.components.maps.storage.killers import KILLED, why_it_ended
 from chefbotd.components.maps.storage.parameters import MapsParameters
@@ -631,7 +631,7 @@ def test_a_cancelled_import_ends_its_program_and_leaves_nothing(tmp_path: Path) 
             if text == "saving":
                 saving.set()
 
-        with locked(folder):
+        with lock_folder(folder):
             work = asyncio.create_task(client.import_map(str(yaml), on_progress=note))
             await asyncio.wait_for(saving.wait(), PATIENCE_S)
             assert importing(folder)

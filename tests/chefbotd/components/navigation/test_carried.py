@@ -24,7 +24,7 @@ from chefbotd.components.navigation.skill_requests import (
     NavigationSkillParameters,
     Stepped,
 )
-from chefbotd.components.worker.messages import packed
+from chefbotd.components.worker.messages import pack_body
 from chefbotd.core.geometry import Pose2D, Twist2D
 from tests.chefbotd.components.localization.algorithms.buildings import drawn, three_equal_rooms
 from tests.chefbotd.components.mapping.algorithms.slam.flat import Floats, box, cast, wall
@@ -87,14 +87,14 @@ class Carried:
         self._ask(SetPose(believed.x_m, believed.y_m, believed.heading_rad))
 
     def _ask(self, request: Any) -> None:
-        answer = self.finder.handle(packed(request))
+        answer = self.finder.handle(pack_body(request))
         if isinstance(answer, Generator):
             for _ in answer:
                 pass
 
     def go(self, x_m: float, y_m: float) -> None:
         """A goal for navigation."""
-        self.skill.handle(packed(NavigateTo((GoalAsked(1, x_m, y_m, None, 0.0),), queue=False)))
+        self.skill.handle(pack_body(NavigateTo((GoalAsked(1, x_m, y_m, None, 0.0),), queue=False)))
 
     def run(self, for_s: float) -> None:
         """A scan, odometry and a step ten times a second."""

@@ -19,7 +19,7 @@ from chefbotd.components.navigation.algorithms.zones import NO_ZONES
 from chefbotd.components.navigation.events import PlanResult
 from chefbotd.components.navigation.parameters import NavigationSection
 from chefbotd.components.navigation.skill import NavigationSkill
-from chefbotd.components.worker.messages import Measured, event_in, packed
+from chefbotd.components.worker.messages import Measured, event_in, pack_body
 from chefbotd.components.worker.parameters import WorkerParameters
 from chefbotd.components.worker.service import WorkerService
 from chefbotd.core.events import OdometryUpdated, RangeMeasured, RangeStatus
@@ -89,7 +89,7 @@ def test_the_skill_plans_round_what_a_sensor_heard(monkeypatch: pytest.MonkeyPat
     asked = messages.PlanTo(messages.GoalAsked(1, beyond.x_m, beyond.y_m, None, 0.0))
 
     def nearest_m() -> float:
-        answer = skill.handle(packed(asked))
+        answer = skill.handle(pack_body(asked))
         assert isinstance(answer, PlanResult)
         assert answer.possible, answer.reason
         return float(np.hypot(np.array(answer.x_m) - there.x_m, np.array(answer.y_m) - there.y_m).min())
@@ -120,7 +120,7 @@ def test_unknown_space_is_driven_if_the_configuration_says_so(
     finder.grid.percent[:, 50:60] = -1
     skill.connect({"localization": finder})
     skill.take_odometry(STANDS)
-    answer = skill.handle(packed(messages.PlanTo(messages.GoalAsked(1, 3.4, 1.0, None, 0.0))))
+    answer = skill.handle(pack_body(messages.PlanTo(messages.GoalAsked(1, 3.4, 1.0, None, 0.0))))
     assert isinstance(answer, PlanResult)
     assert answer.possible is possible
 

@@ -9,7 +9,7 @@ from chefbotd.clock import run_virtual
 from chefbotd.components.maps.storage.parameters import MapsParameters
 from chefbotd.components.navigation.events import CostmapChanged, ObstaclesSeen
 from chefbotd.components.navigation.skill_requests import REQUEST, SKILL, Show
-from chefbotd.components.worker.messages import SkillEvent, SkillRequest, packed
+from chefbotd.components.worker.messages import SkillEvent, SkillRequest, pack_body
 from chefbotd.core.geometry import Pose2D
 from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.settings import load
@@ -52,7 +52,7 @@ def test_what_nobody_looks_at_is_not_made(tmp_path: Path) -> None:
             async with client.subscribe("costmap") as costs:
                 await asyncio.sleep(0.1)
                 assert asked_of(nursery.last)[-1] == Show(costmap=True, obstacles=False)
-                nursery.last.say(SkillEvent(SKILL, packed(PART), "CostmapChanged"))
+                nursery.last.say(SkillEvent(SKILL, pack_body(PART), "CostmapChanged"))
                 data = (await anext(aiter(costs))).data
                 assert (data.map, data.revision, data.row, data.column) == ("flat", 3, 40, 80)
                 assert Pose2D(data.x_m, data.y_m, data.heading_rad) == Pose2D(-1.0, 2.0, 0.25)
@@ -61,7 +61,7 @@ def test_what_nobody_looks_at_is_not_made(tmp_path: Path) -> None:
                     await asyncio.sleep(0.1)
                     assert asked_of(nursery.last)[-1] == Show(costmap=True, obstacles=True)
                     seen = ObstaclesSeen(2.0, (1.25, 3.0), (-0.5, 0.75), 12, ((1.0, 2.0, 0.3, -0.1),))
-                    nursery.last.say(SkillEvent(SKILL, packed(seen), "ObstaclesSeen"))
+                    nursery.last.say(SkillEvent(SKILL, pack_body(seen), "ObstaclesSeen"))
                     told = (await anext(aiter(obstacles))).data
                     assert (told.x_m, told.y_m, told.omitted) == ((1.25, 3.0), (-0.5, 0.75), 12)
                     assert (told.dynamic_obstacles[0].vx_m_s, told.dynamic_obstacles[0].vy_m_s) == (0.3, -0.1)

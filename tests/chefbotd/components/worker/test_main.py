@@ -13,8 +13,8 @@ from chefbotd.components.worker.messages import (
     Ready,
     SkillRequest,
     ToWorker,
-    framed,
-    packed,
+    frame_message,
+    pack_body,
 )
 from chefbotd.components.worker.runner import Runner
 
@@ -34,7 +34,7 @@ class Answering(Runner):
         """Note it."""
         self.taken.append(message)
         assert isinstance(message, SkillRequest)
-        yield Answer(message.id, packed(Ready() if message.body == b"plan" else None))
+        yield Answer(message.id, pack_body(Ready() if message.body == b"plan" else None))
 
 
 @pytest.fixture
@@ -53,12 +53,12 @@ def test_the_drive_of_whoever_has_got_a_plan_is_of_the_same_turn(
 
     def answered(waiting: socket.socket, within_s: float) -> bool:
         assert ours.recv(1000)
-        ours.sendall(framed(DRIVE))
+        ours.sendall(frame_message(DRIVE))
         return within_s == FOLLOWS_WITHIN_S
 
     runner = Answering()
     inbox = _Inbox(theirs, _Line(theirs), runner, answered)
-    ours.sendall(framed(PLAN))
+    ours.sendall(frame_message(PLAN))
     assert inbox.take().has_result
     inbox.take_what_follows()
     assert runner.taken == [PLAN, DRIVE]
@@ -69,7 +69,7 @@ def test_a_turn_does_not_wait_after_what_has_no_result(sockets: tuple[socket.soc
     ours, theirs = sockets
     inbox = _Inbox(theirs, _Line(theirs), Answering())
     assert inbox.take() == (False, False)
-    ours.sendall(framed(DRIVE))
+    ours.sendall(frame_message(DRIVE))
     assert inbox.take() == (True, False)
 
 

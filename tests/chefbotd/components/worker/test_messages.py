@@ -25,10 +25,10 @@ from chefbotd.components.worker.messages import (
     SkillRequest,
     Unavailable,
     Warming,
-    decoded,
+    decode_message,
     event_in,
-    framed,
-    measured,
+    frame_message,
+    make_measured,
 )
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.events.lidars import ScanMeasured
@@ -58,10 +58,10 @@ FROM = [
 def test_every_message_comes_out_as_it_went_in() -> None:
     """Each message of both directions survives its way over the wire."""
     reader = FrameReader()
-    sent = b"".join(map(framed, TO))
+    sent = b"".join(map(frame_message, TO))
     assert [TO_WORKER.decode(frame) for frame in reader.feed(sent)] == TO
-    sent = b"".join(map(framed, FROM))
-    assert [decoded(FROM_WORKER, frame) for frame in reader.feed(sent)] == FROM
+    sent = b"".join(map(frame_message, FROM))
+    assert [decode_message(FROM_WORKER, frame) for frame in reader.feed(sent)] == FROM
 
 
 @pytest.mark.parametrize(
@@ -73,13 +73,13 @@ def test_every_message_comes_out_as_it_went_in() -> None:
 )
 def test_what_is_measured_comes_out_as_it_went_in(event: OdometryUpdated | RangeMeasured) -> None:
     """The event itself, with every field."""
-    assert event_in(measured(event)) == event
+    assert event_in(make_measured(event)) == event
 
 
 def test_a_turn_comes_out_in_single_precision() -> None:
     """0.1 becomes the nearest number of 32 bits, 1.5 has one; a reading that is none stays none."""
     scan = LaserScan(12.5, np.array([0.1, 1.5]), np.array([0.0, np.inf]), np.array([-0.1, 0.0]))
-    event = event_in(measured(ScanMeasured(12.5, "top", Pose2D(0.1, -0.02, 3.1), scan)))
+    event = event_in(make_measured(ScanMeasured(12.5, "top", Pose2D(0.1, -0.02, 3.1), scan)))
     assert isinstance(event, ScanMeasured)
     assert (event.stamp_s, event.lidar, event.base_from_lidar) == (12.5, "top", Pose2D(0.1, -0.02, 3.1))
     assert event.scan.bearing_rad.tolist() == [float(np.float32(0.1)), 1.5]
@@ -90,9 +90,9 @@ def test_a_turn_comes_out_in_single_precision() -> None:
 @given(st.lists(st.integers(1, 60), max_size=40))
 def test_chunks_do_not_matter(sizes: list[int]) -> None:
     """Whatever pieces the bytes come in, the same messages come out, in the same order."""
-    sent, reader, found, begin = b"".join(map(framed, FROM)), FrameReader(), [], 0
+    sent, reader, found, begin = b"".join(map(frame_message, FROM)), FrameReader(), [], 0
     for size in [*sizes, len(sent)]:
-        found += [decoded(FROM_WORKER, frame) for frame in reader.feed(sent[begin : begin + size])]
+        found += [decode_message(FROM_WORKER, frame) for frame in reader.feed(sent[begin : begin + size])]
         begin += size
     assert found == FROM
 
@@ -119,17 +119,17 @@ def test_a_length_that_no_message_has_is_refused_at_once(length: int) -> None:
 def test_what_is_no_message_of_the_worker_is_refused(body: bytes) -> None:
     """Bytes that are not MessagePack, or not one of the worker's messages, are told apart."""
     with pytest.raises(NotAMessage):
-        decoded(FROM_WORKER, body)
+        decode_message(FROM_WORKER, body)
 
 
 @given(st.binary(max_size=200))
 def test_no_bytes_raise_anything_else(body: bytes) -> None:
     """Any bytes are a message or are refused as none."""
     with contextlib.suppress(NotAMessage):
-        decoded(FROM_WORKER, body)
+        decode_message(FROM_WORKER, body)
 
 
 def test_a_message_that_is_too_long_is_not_sent() -> None:
     """The sender hears of it, with both sizes, instead of the receiver."""
     with pytest.raises(ValueError, match=str(MOST_BYTES)):
-        framed(SkillEvent("mapping", bytes(MOST_BYTES)))
+        frame_message(SkillEvent("mapping", bytes(MOST_BYTES)))

@@ -14,7 +14,7 @@ from chefbotd.components.worker.messages import (
     ToWorker,
     Unavailable,
     Warming,
-    packed,
+    pack_body,
 )
 from chefbotd.components.worker.requests import WorkerLost
 from chefbotd.components.worker.watch import WorkerState
@@ -209,11 +209,11 @@ def test_a_flood_ends_it() -> None:
     ("told", "reason"),
     [
         (
-            SkillEvent("other", packed(Pose2D()), "Pose2D"),
+            SkillEvent("other", pack_body(Pose2D()), "Pose2D"),
             "its skill 'other' tells what nobody knows: 'Pose2D'",
         ),
         (
-            SkillEvent("counting", packed(Pose2D()), "Twist2D"),
+            SkillEvent("counting", pack_body(Pose2D()), "Twist2D"),
             "'counting' tells what nobody knows: 'Twist2D'",
         ),
         (SkillEvent("counting", b"\x01", "Pose2D"), "counting sent what is no message"),
@@ -226,7 +226,7 @@ def test_what_a_skill_tells_reaches_its_listener(told: SkillEvent, reason: str) 
         async with running() as (worker, nursery):
             heard: list[Pose2D] = []
             worker.add_listener("counting", Pose2D, heard.append)
-            nursery.last.say(SkillEvent("counting", packed(Pose2D(1.0, 2.0, 0.5)), "Pose2D"))
+            nursery.last.say(SkillEvent("counting", pack_body(Pose2D(1.0, 2.0, 0.5)), "Pose2D"))
             await asyncio.sleep(0.01)
             assert heard == [Pose2D(1.0, 2.0, 0.5)]
             nursery.last.say(told)

@@ -15,7 +15,14 @@ import pytest
 import uvloop
 
 from chefbotd.clock import SystemClock
-from chefbotd.components.worker.messages import FROM_WORKER, Configure, FrameReader, FromWorker, Ready, packed
+from chefbotd.components.worker.messages import (
+    FROM_WORKER,
+    Configure,
+    FrameReader,
+    FromWorker,
+    Ready,
+    pack_body,
+)
 from chefbotd.components.worker.parameters import WorkerParameters
 from chefbotd.components.worker.process import Worker, WorkerStatus
 from chefbotd.components.worker.spawn import environment
@@ -160,7 +167,7 @@ def test_it_dies_with_a_daemon_that_is_killed(stopped: bool) -> None:
 def test_a_process_that_begins_anew_knows_its_configuration() -> None:
     """It is ready without having been told anything, and as nice as before: the daemon notices nothing."""
     ours, theirs = socket.socketpair()
-    known = base64.b64encode(packed(Configure({}))).decode()
+    known = base64.b64encode(pack_body(Configure({}))).decode()
     descriptor = theirs.fileno()
     command = [
         sys.executable,

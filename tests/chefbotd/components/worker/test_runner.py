@@ -20,8 +20,8 @@ from chefbotd.components.worker.messages import (
     SkillRequest,
     Unavailable,
     Warming,
-    measured,
-    packed,
+    make_measured,
+    pack_body,
 )
 from chefbotd.components.worker.runner import CannotLoad, Runner
 from chefbotd.components.worker.skill import Job, JobStep, Struct
@@ -32,8 +32,8 @@ from chefbotd.core.geometry import CERTAIN, ORIGIN, STANDING, Pose2D
 from chefbotd.core.scan import LaserScan
 from chefbotd.extras import how_to_add_extra
 
-SCAN = measured(ScanMeasured(1.0, "top", ORIGIN, LaserScan(1.0, *np.zeros((3, 0)))))
-ODOMETRY = measured(OdometryUpdated(1.0, 1.0, Pose2D(0.5), STANDING, CERTAIN))
+SCAN = make_measured(ScanMeasured(1.0, "top", ORIGIN, LaserScan(1.0, *np.zeros((3, 0)))))
+ODOMETRY = make_measured(OdometryUpdated(1.0, 1.0, Pose2D(0.5), STANDING, CERTAIN))
 
 
 class Counted(Message, frozen=True, tag="counted"):
@@ -94,7 +94,7 @@ def clock() -> ManualClock:
 def skill(clock: ManualClock, monkeypatch: pytest.MonkeyPatch) -> Counting:
     """The one skill that there is."""
     counting = Counting(clock)
-    monkeypatch.setattr(runner_module, "loaded", lambda name, parameters, clock: counting)
+    monkeypatch.setattr(runner_module, "load_skill", lambda name, parameters, clock: counting)
     return counting
 
 
@@ -139,8 +139,12 @@ def test_what_has_compiled_begins_anew_before_it_is_ready(
 def test_measurements_reach_the_skill_and_what_it_tells_is_sent(runner: Runner) -> None:
     """A scan's consequences leave in the order in which the skill tells them."""
     assert list(runner.take_message(ODOMETRY)) == []
-    assert list(runner.take_message(SCAN)) == [SkillEvent("counting", packed(Counted("scans", 1)), "Counted")]
-    assert list(runner.take_message(SCAN)) == [SkillEvent("counting", packed(Counted("scans", 2)), "Counted")]
+    assert list(runner.take_message(SCAN)) == [
+        SkillEvent("counting", pack_body(Counted("scans", 1)), "Counted")
+    ]
+    assert list(runner.take_message(SCAN)) == [
+        SkillEvent("counting", pack_body(Counted("scans", 2)), "Counted")
+    ]
 
 
 class Listening(Counting):
@@ -156,9 +160,9 @@ def test_an_echo_reaches_the_skills_that_want_echoes_and_no_other(
 ) -> None:
     """Of a counting skill and a listening one the second hears it."""
     listening = Listening(clock)
-    echo = measured(RangeMeasured(1.0, 1.0, "front", RangeStatus.OK, 0.65, 0.02, 4.0, 0.26))
+    echo = make_measured(RangeMeasured(1.0, 1.0, "front", RangeStatus.OK, 0.65, 0.02, 4.0, 0.26))
     assert list(runner.take_message(echo)) == []
-    monkeypatch.setattr(runner_module, "loaded", lambda name, parameters, clock: listening)
+    monkeypatch.setattr(runner_module, "load_skill", lambda name, parameters, clock: listening)
     list(runner.take_message(Configure({"listening": b"{}"})))
     assert list(runner.take_message(echo)) == []
     assert listening.ranges == [0.65]
@@ -167,7 +171,7 @@ def test_an_echo_reaches_the_skills_that_want_echoes_and_no_other(
 def test_a_request_is_answered_or_refused(runner: Runner) -> None:
     """At once where it takes no time; an unknown skill is refused too."""
     assert list(runner.take_message(SkillRequest(1, "counting", 5.0, b""))) == [
-        Answer(1, packed(Counted("scans", 0)))
+        Answer(1, pack_body(Counted("scans", 0)))
     ]
     assert list(runner.take_message(SkillRequest(2, "counting", 5.0, b"no"))) == [
         Failed(2, RefusalKind.NOT_MAPPING, "not now")
@@ -187,7 +191,7 @@ def test_a_job_goes_on_between_scans(runner: Runner) -> None:
         sent += runner.take_message(SCAN)
     assert [m for m in sent if not isinstance(m, SkillEvent)] == [
         *(RequestProgress(5, k, 3, "counting") for k in range(3)),
-        Answer(5, packed(Counted("job", 3))),
+        Answer(5, pack_body(Counted("job", 3))),
     ]
     assert runner.wait_s > 0.0
 
@@ -242,7 +246,7 @@ def test_a_missing_extra_is_one_clear_sentence(monkeypatch: pytest.MonkeyPatch, 
     monkeypatch.setattr(runner_module, "import_module", without_numba)
     told = f"mapping needs numba, which is not installed: {how_to_add_extra('navigation')}"
     with pytest.raises(CannotLoad, match="pip install"):
-        runner_module.loaded("mapping", b"{}", ManualClock())
+        runner_module.load_skill("mapping", b"{}", ManualClock())
     assert list(Runner(clock).take_message(Configure({"mapping": b"{}"}))) == [
         Warming("mapping"),
         Unavailable(told),
@@ -257,4 +261,4 @@ def test_a_fault_of_our_own_is_not_taken_for_a_missing_extra(monkeypatch: pytest
 
     monkeypatch.setattr(runner_module, "import_module", broken)
     with pytest.raises(ModuleNotFoundError):
-        runner_module.loaded("mapping", b"{}", ManualClock())
+        runner_module.load_skill("mapping", b"{}", ManualClock())

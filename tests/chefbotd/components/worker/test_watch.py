@@ -11,10 +11,10 @@ from chefbotd.components.worker.watch import (
     WorkerState,
     WorkerTransition,
     backoff_s,
-    checked,
-    excused,
+    check_vitals,
+    excuse_lateness,
+    note_work,
     why_to_kill,
-    worked,
 )
 from chefbotd.core.record import replace
 
@@ -90,11 +90,11 @@ def test_a_worker_that_compiles_may_be_silent(state: WorkerState, killed: bool) 
 
 def test_processor_time_that_grows_is_a_sign_of_life() -> None:
     """The first reading is one as well; where it cannot be read there is none."""
-    first = worked(GOOD, 1.0, 100.0)
+    first = note_work(GOOD, 1.0, 100.0)
     assert (first.cpu_s, first.worked_s) == (1.0, 100.0)
-    assert worked(first, 1.0, 101.0).worked_s == 100.0
-    assert worked(first, 1.01, 101.0).worked_s == 101.0
-    assert (worked(first, None, 101.0).cpu_s, worked(first, None, 101.0).worked_s) == (None, 100.0)
+    assert note_work(first, 1.0, 101.0).worked_s == 100.0
+    assert note_work(first, 1.01, 101.0).worked_s == 101.0
+    assert (note_work(first, None, 101.0).cpu_s, note_work(first, None, 101.0).worked_s) == (None, 100.0)
 
 
 def test_work_has_a_deadline() -> None:
@@ -119,16 +119,16 @@ def test_a_flood_is_a_reason() -> None:
     """More than a thousand messages in a second are not ours."""
     assert why(messages=1001) == "it sent 1001 messages within 0.1 s"
     assert why(messages=999) == ""
-    assert checked(replace(GOOD, messages=999), 100.0).messages == 0
+    assert check_vitals(replace(GOOD, messages=999), 100.0).messages == 0
 
 
 def test_what_the_daemon_slept_through_is_no_silence() -> None:
     """A daemon that was stopped for 10 s does not kill a worker that it could not hear meanwhile."""
     asleep = Vitals(spawned_s=50.0, heard_s=89.7, checked_s=90.0)
-    awake = excused(asleep, 100.25, 0.25)
+    awake = excuse_lateness(asleep, 100.25, 0.25)
     assert awake.heard_s == pytest.approx(99.7)
     assert awake.spawned_s == pytest.approx(60.0)
-    assert excused(asleep, 90.3, 0.25) == asleep, "a check on time excuses nothing"
+    assert excuse_lateness(asleep, 90.3, 0.25) == asleep, "a check on time excuses nothing"
 
 
 def test_the_wait_doubles_up_to_its_bound() -> None:

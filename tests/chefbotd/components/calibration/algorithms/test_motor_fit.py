@@ -13,7 +13,7 @@ from chefbotd.components.calibration.algorithms.motor_fit import (
     MotorRun,
     advance,
     fit,
-    simulated,
+    simulate_run,
 )
 
 TRUE = (0.04, 20.0, 0.1, 0.036, 25.0, 0.08, 0.01, 0.9)
@@ -30,7 +30,7 @@ def run(
     empty = MotorRun(spins, tuple(inputs), tuple(AngleSample(stamp_s, 0.0) for stamp_s in stamps))
     chance, wandered = random.Random(seed), 0.0
     samples = []
-    for stamp_s, angle_rad in zip(stamps, simulated(TRUE, empty), strict=True):
+    for stamp_s, angle_rad in zip(stamps, simulate_run(TRUE, empty), strict=True):
         wandered += chance.gauss(0.0, noise_rad)
         samples.append(AngleSample(stamp_s, math.floor((angle_rad + wandered) / COUNT_RAD) * COUNT_RAD))
     return MotorRun(spins, tuple(inputs), tuple(samples))

@@ -29,7 +29,7 @@ def _result(monkeypatch: pytest.MonkeyPatch, fit: object) -> StepResult:
     """What comes of a step with this fit."""
     step = StepDefinition("fake", "", "", 0.0, lambda robot: "", lambda robot: iter(()), fit)  # type: ignore[arg-type]
     monkeypatch.setattr(steps, "STEPS", {"fake": step})
-    return steps.fitted("fake", ROBOT, Measurements())
+    return steps.fit_step("fake", ROBOT, Measurements())
 
 
 def test_a_result_of_finite_numbers_is_handed_on_as_it_is(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -7,7 +7,7 @@ import pytest
 
 from chefbotd.components.calibration.algorithms.least_squares import Floats
 from chefbotd.components.calibration.algorithms.wheel_fit import RecordedDrive, fit, in_pieces, needs_rich
-from chefbotd.components.calibration.algorithms.wheel_model import NOMINAL, WheelModel, reckoned
+from chefbotd.components.calibration.algorithms.wheel_model import NOMINAL, WheelModel, dead_reckon
 from chefbotd.core.poses import between, compose
 
 TRACK_M = 0.3
@@ -43,7 +43,7 @@ def _drive(
     random = np.random.default_rng(seed)
     turned = np.abs(right_m - left_m) / TRACK_M
     slip_m = scatter * np.sqrt(2.5e-5 * turned) * random.normal(0, 1, len(left_m)) * TRACK_M / 2
-    poses = reckoned(model, TRACK_M, left_m - slip_m, right_m + slip_m)
+    poses = dead_reckon(model, TRACK_M, left_m - slip_m, right_m + slip_m)
     seen = compose(poses, mount if mount is not None else np.array([0.0, 0.0, yaw_rad]))
     first, last, motion, shares = in_pieces(seen, (40, 120), 10)
     return RecordedDrive(
@@ -53,15 +53,15 @@ def _drive(
 
 def test_a_quarter_turn_about_the_standing_left_wheel() -> None:
     """Track 1 m, left still, right rolls pi/2 m: the pose is (0.5, 0.5, 90 degrees)."""
-    poses = reckoned(NOMINAL, 1.0, np.zeros(100), np.full(100, math.pi / 200))
+    poses = dead_reckon(NOMINAL, 1.0, np.zeros(100), np.full(100, math.pi / 200))
     assert poses[-1] == pytest.approx([0.5, 0.5, math.pi / 2])
 
 
 def test_the_track_depends_on_the_share_of_spin() -> None:
     """A tenth wider on the spot: a turn of 1.1 rad becomes one of 1 rad; straight ahead changes nothing."""
     model = WheelModel(spin=0.1)
-    assert reckoned(model, 1.0, np.array([-0.55]), np.array([0.55]))[-1, 2] == pytest.approx(1.0)
-    assert reckoned(model, 1.0, np.ones(3), np.ones(3))[-1] == pytest.approx([3.0, 0.0, 0.0])
+    assert dead_reckon(model, 1.0, np.array([-0.55]), np.array([0.55]))[-1, 2] == pytest.approx(1.0)
+    assert dead_reckon(model, 1.0, np.ones(3), np.ones(3))[-1] == pytest.approx([3.0, 0.0, 0.0])
 
 
 def test_parameters_are_recovered_from_drives_with_truth() -> None:
@@ -94,7 +94,7 @@ def _with_play(play_m: float) -> RecordedDrive:
     """Stop and go by ``WRONG``: the first step of a side that turns round is in vain by the play."""
     sides = [np.array([way + sign * turn * TRACK_M / 2 for way, turn in TO_AND_FRO]) for sign in (-1, 1)]
     steps = [np.repeat(side / 20, 20) for side in sides]
-    poses = compose(reckoned(WRONG, TRACK_M, *steps), MOUNT)
+    poses = compose(dead_reckon(WRONG, TRACK_M, *steps), MOUNT)
     for side, rolled in zip(sides, steps, strict=True):
         turns_round = np.flatnonzero(np.diff(np.sign(side))) + 1
         rolled[20 * turns_round] += play_m * np.sign(side[turns_round])

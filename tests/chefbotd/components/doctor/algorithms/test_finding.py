@@ -7,13 +7,13 @@ from chefbotd.components.doctor.algorithms.finding import (
     Verdict,
     ok,
     problem,
-    skipped,
+    skip_check,
     warning,
     worst,
 )
 
 OK, WARNING = ok("a", "it is"), warning("b", "it may", "look")
-PROBLEM, SKIPPED = problem("c", "it is not", "mend it"), skipped("d", "nobody asked")
+PROBLEM, SKIPPED = problem("c", "it is not", "mend it"), skip_check("d", "nobody asked")
 
 
 @pytest.mark.parametrize(

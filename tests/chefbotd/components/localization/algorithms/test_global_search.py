@@ -9,10 +9,10 @@ from chefbotd.components.localization.algorithms.branch_and_bound import CELL_M,
 from chefbotd.components.localization.algorithms.global_search import (
     BOUNDS_A_STEP,
     GlobalSearch,
+    advance_global_search,
     places,
-    searched,
     start_search,
-    thinned,
+    thin_points,
 )
 from chefbotd.components.localization.algorithms.surface_map import surface_map
 from chefbotd.components.mapping.algorithms.surfaces import Singles
@@ -34,7 +34,7 @@ def done(search: GlobalSearch, bounds_a_step: int = BOUNDS_A_STEP) -> tuple[Glob
     """The finished search, and how many steps it took."""
     steps = 0
     while not search.is_done:
-        search, steps = searched(search, bounds_a_step=bounds_a_step), steps + 1
+        search, steps = advance_global_search(search, bounds_a_step=bounds_a_step), steps + 1
     return search, steps
 
 
@@ -87,7 +87,7 @@ def test_points_near_the_robot_do_not_outweigh_the_rest() -> None:
     """A hundred points within 0.1 m count as one or two; those further apart all stay."""
     near = np.linspace([0.31, 0.02], [0.31, 0.11], 100)
     far = np.array([[2.0, 0.5 * k] for k in range(5)])
-    kept = thinned(np.vstack([near, far]).astype(np.float32), 80)
+    kept = thin_points(np.vstack([near, far]).astype(np.float32), 80)
     assert len(kept) == 6
 
 

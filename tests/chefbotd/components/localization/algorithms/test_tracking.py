@@ -5,13 +5,13 @@ import math
 import numpy as np
 import pytest
 
-from chefbotd.components.localization.algorithms.state import Localization, Odometry, carried
+from chefbotd.components.localization.algorithms.state import Localization, Odometry, carry_estimate
 from chefbotd.components.localization.algorithms.tracking import (
     LASER_NOISE_M,
     MAP_SIGMA_M,
     PoseEstimate,
-    fused,
-    predicted,
+    fuse_match,
+    predict_pose,
     sigmas,
 )
 from chefbotd.components.mapping.algorithms.refine import Fit
@@ -21,7 +21,7 @@ from chefbotd.core.poses import motion_covariance
 def test_what_is_uncertain_grows_with_the_way() -> None:
     """Four metres straight ahead at 0.1 m for the root of a metre: 0.2 m, and what the heading adds across."""
     last = PoseEstimate(np.array([1.0, 2.0, math.pi / 2]), np.diag([0.0, 0.0, 0.01]))
-    found = predicted(last, np.array([4.0, 0.0, 0.0]))
+    found = predict_pose(last, np.array([4.0, 0.0, 0.0]))
     assert found.pose == pytest.approx([1.0, 6.0, math.pi / 2])
     assert found.covariance[1, 1] == pytest.approx(0.04)
     assert found.covariance[0, 0] == pytest.approx(0.04 + 16 * 0.01)
@@ -31,7 +31,7 @@ def test_what_is_uncertain_grows_with_the_way() -> None:
 def test_standing_adds_nothing() -> None:
     """A robot that stands for an hour is as sure as before."""
     last = PoseEstimate(np.array([1.0, 2.0, 0.4]), np.diag([0.01, 0.02, 0.003]))
-    found = predicted(last, np.zeros(3))
+    found = predict_pose(last, np.zeros(3))
     assert (found.covariance == last.covariance).all()
 
 
@@ -44,7 +44,7 @@ def test_the_odometry_s_own_covariance_is_used_in_the_robot_s_frame() -> None:
     assert noise is not None
     assert np.diag(noise) == pytest.approx([0.03**2, 0.01**2, 0.0])
     last = PoseEstimate(np.array([0.0, 0.0, 0.0]), np.zeros((3, 3)))
-    assert predicted(last, np.array([0.5, 0, 0]), noise).covariance[0, 0] == pytest.approx(0.03**2)
+    assert predict_pose(last, np.array([0.5, 0, 0]), noise).covariance[0, 0] == pytest.approx(0.03**2)
 
 
 def test_odometry_that_doubts_itself_makes_the_pose_less_certain_and_never_more() -> None:
@@ -55,7 +55,7 @@ def test_odometry_that_doubts_itself_makes_the_pose_less_certain_and_never_more(
     after = np.array([2.0, 0.0, 0.0])
 
     def sigma_m(covariance: np.ndarray | None) -> float:
-        estimate = carried(start, Odometry(after, covariance)).estimate
+        estimate = carry_estimate(start, Odometry(after, covariance)).estimate
         assert estimate is not None
         return float(np.sqrt(estimate.covariance[0, 0]))
 
@@ -66,7 +66,7 @@ def test_odometry_that_doubts_itself_makes_the_pose_less_certain_and_never_more(
 def test_odometry_that_jumps_is_not_believed() -> None:
     """Nobody drives 7 m between two scans."""
     last = PoseEstimate(np.array([1.0, 2.0, 0.4]), np.diag([0.01, 0.01, 0.01]))
-    assert predicted(last, np.array([5.0, 5.0, 0.0])) is last
+    assert predict_pose(last, np.array([5.0, 5.0, 0.0])) is last
 
 
 def test_the_largest_sigma_is_that_of_the_longest_axis() -> None:
@@ -82,7 +82,7 @@ def test_a_wall_corrects_across_itself_only() -> None:
     information = np.diag([200 * per_beam * math.sin(0.05) ** 2, 200 * per_beam, 200 * per_beam])
     expected = PoseEstimate(np.array([3.0, 4.0, 0.0]), np.diag([0.04, 0.04, 0.01]))
     fit = Fit(np.array([3.1, 4.1, 0.0]), information, 200, 200, 200, 0, 0.01)
-    found = fused(expected, fit, np.linalg.inv(expected.covariance))
+    found = fuse_match(expected, fit, np.linalg.inv(expected.covariance))
     assert found.pose[:2] == pytest.approx([3.0, 4.1], abs=0.002)
     assert math.sqrt(found.covariance[0, 0]) == pytest.approx(0.2, abs=0.001)
     assert math.sqrt(found.covariance[1, 1]) == pytest.approx(MAP_SIGMA_M, abs=0.002)

@@ -6,7 +6,7 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from chefbotd.components.mapping.algorithms.mount_check import MountCheck, checked
+from chefbotd.components.mapping.algorithms.mount_check import MountCheck, check_scan
 from chefbotd.core.poses import compose
 
 START = np.array([3.0, -1.0, 0.7])
@@ -19,7 +19,7 @@ def driven(
     """Drive an arc, 3 cm a scan; ``seen`` makes of the true pose what localization finds. When it was told, too."""
     now, odometry, true = MountCheck(), np.array([0.4, 0.9, -1.1]), START
     for k in range(scans):
-        now = checked(now, odometry, seen(k, true))
+        now = check_scan(now, odometry, seen(k, true))
         if now.turned_rad is not None:
             return now, k
         motion = np.array([STEP_M, 0.0, turn_rad])
@@ -65,7 +65,7 @@ def test_turning_in_place_says_nothing() -> None:
         heading = 0.2 * k
         odometry = np.array([0.03 * math.cos(heading), 0.03 * math.sin(heading), heading])
         found = np.array([-0.1 * math.cos(heading), -0.1 * math.sin(heading), heading + math.pi])
-        now = checked(now, odometry, found)
+        now = check_scan(now, odometry, found)
     assert now.turned_rad is None
 
 
@@ -74,7 +74,7 @@ def test_ways_that_do_not_say_the_same_are_not_believed() -> None:
     sides = [math.pi / 2, -math.pi / 2]
     now, odometry, true = MountCheck(), np.zeros(3), START
     for k in range(60):
-        now = checked(now, odometry, true)
+        now = check_scan(now, odometry, true)
         side = sides[k // 5 % 2]
         odometry = odometry + np.array([STEP_M, 0.0, 0.0])
         true = true + STEP_M * np.array([math.cos(0.7 + side), math.sin(0.7 + side), 0.0])

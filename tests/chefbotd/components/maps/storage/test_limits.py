@@ -11,7 +11,7 @@ from chefbotd.components.maps.algorithms.occupancy_grid import (
     OCCUPIED,
     UNKNOWN,
     OccupancyGrid,
-    cropped,
+    crop_grid,
 )
 from chefbotd.components.maps.storage.contents import read_map_server
 from chefbotd.components.maps.storage.limits import needed_memory_mb, why_doubtful, why_too_large
@@ -87,7 +87,7 @@ def test_what_is_unknown_around_the_known_is_cropped_with_a_margin() -> None:
     cells[5:8, 1:11] = FREE
     cells[6, 10] = OCCUPIED
     grid = OccupancyGrid(0.5, Pose2D(-3.0, 2.0, math.pi / 2), cells)
-    small = cropped(grid, 1.0)
+    small = crop_grid(grid, 1.0)
     assert small.percent.shape == (3 + 2 + 2, 10 + 1 + 2)
     assert (small.percent == cells[3:10, 0:13]).all()
     # 3 rows lower are 1.5 m along the grid's y, which a quarter turn makes -x in the map.
@@ -98,7 +98,7 @@ def test_what_is_unknown_around_the_known_is_cropped_with_a_margin() -> None:
 def test_a_map_that_is_known_or_unknown_everywhere_stays_as_it_is(value: int) -> None:
     """There is nothing to crop."""
     grid = OccupancyGrid(0.05, Pose2D(), np.full((5, 6), value, np.int8))
-    assert cropped(grid, 1.0) is grid
+    assert crop_grid(grid, 1.0) is grid
 
 
 @pytest.mark.parametrize(("free_thresh", "is_said"), [(0.25, True), (0.196, False)])

@@ -5,10 +5,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from chefbotd.components.navigation.algorithms.grid import placed
+from chefbotd.components.navigation.algorithms.grid import place_points
 from chefbotd.core.events import RangeMeasured, RangeStatus
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
-from chefbotd.perception.surface_points import smoothed
+from chefbotd.perception.surface_points import smooth_points
 from chefbotd.safety import guard, scan_guard
 from chefbotd.safety.guard import GuardParameters
 from chefbotd.safety.outline import Disc, Outline
@@ -67,9 +67,9 @@ class Guarded(Drive):
     def _view(self) -> View:
         if self.ticks % SCAN_EVERY == 0 or not self._turns:
             ranges = self._ranges(self.pose, BEARINGS) + self.chance.normal(0, NOISE_M, len(BEARINGS))
-            turn = smoothed(DIRECTIONS * ranges[:, None], np.zeros(2))
-            self._turns = [*self._turns[-1:], (self.now_s, placed(self.pose, turn))]
-        points = placed(self.pose.inverse(), np.vstack([turn for _, turn in self._turns]))
+            turn = smooth_points(DIRECTIONS * ranges[:, None], np.zeros(2))
+            self._turns = [*self._turns[-1:], (self.now_s, place_points(self.pose, turn))]
+        points = place_points(self.pose.inverse(), np.vstack([turn for _, turn in self._turns]))
         stamp_s = self._turns[-1][0]
         return View("lidar", points, stamp_s, stamp_s, TURN_S)
 

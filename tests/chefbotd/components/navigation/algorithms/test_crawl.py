@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from chefbotd.components.navigation.algorithms.crawl import Crawl, moved, slowed, watched
+from chefbotd.components.navigation.algorithms.crawl import Crawl, move_pose, slow_for_silence, watch_silence
 from chefbotd.components.navigation.algorithms.interface import Seen
 from chefbotd.components.navigation.algorithms.navigator import Navigator
 from chefbotd.components.navigation.algorithms.path import Goal
@@ -25,7 +25,7 @@ def after(*readings_s: float, until_s: float) -> Crawl:
     for k in range(round(until_s / 0.05) + 1):
         now_s = 0.05 * k
         read_s = max(each for each in readings_s if each <= now_s)
-        crawl = watched(crawl, read_s, now_s, SILENT_S, AHEAD)
+        crawl = watch_silence(crawl, read_s, now_s, SILENT_S, AHEAD)
     return crawl
 
 
@@ -60,7 +60,7 @@ def test_the_next_motion_begins_where_the_two_before_it_end() -> None:
     crawl = Crawl(is_on=True).then(10.0, AHEAD).then(11.05, Twist2D(0.0, 0.1))
     there = crawl.predicted(Pose2D(1.0, 2.0, math.pi / 2))
     assert (there.x_m, there.y_m) == (pytest.approx(1.0), pytest.approx(2.04))
-    assert moved(there, crawl.asked[0], 1.05).heading_rad == pytest.approx(math.pi / 2 + 0.105)
+    assert move_pose(there, crawl.asked[0], 1.05).heading_rad == pytest.approx(math.pi / 2 + 0.105)
     assert not crawl.rests
     standing = Twist2D()
     assert crawl.then(12.1, standing).then(13.15, standing).rests
@@ -69,7 +69,7 @@ def test_the_next_motion_begins_where_the_two_before_it_end() -> None:
 @pytest.mark.parametrize("rim_m_s", [0.03, 0.06, 0.1])
 def test_it_crawls_as_fast_as_the_gate_lets_a_rim_go(rim_m_s: float) -> None:
     """Two thirds of it ahead; in a curve or on the spot, wheels 0.3 m apart, no rim is asked for more."""
-    follower = slowed(replace(ROUND, silent_speed_m_s=rim_m_s)).follower
+    follower = slow_for_silence(replace(ROUND, silent_speed_m_s=rim_m_s)).follower
     assert follower.max_speed_m_s == pytest.approx(2 / 3 * rim_m_s)
     assert follower.max_speed_m_s + 0.15 * follower.curve_turn_rad_s <= rim_m_s
     assert 0.15 * follower.max_turn_rad_s <= rim_m_s

@@ -11,15 +11,15 @@ from hypothesis import strategies as st
 from chefbotd.components.navigation.algorithms.arcs import check_arc, check_turn, stopping_speed
 from chefbotd.components.navigation.algorithms.follower import backwards, follow
 from chefbotd.components.navigation.algorithms.outline import Footprint
-from chefbotd.components.navigation.algorithms.smooth import resampled
+from chefbotd.components.navigation.algorithms.smooth import resample_path
 from chefbotd.components.navigation.algorithms.steering import (
     Control,
     FollowerLimits,
     FollowState,
     Phase,
     Track,
-    predicted,
-    slewed,
+    limit_change,
+    predict_pose,
 )
 from chefbotd.components.navigation.algorithms.surroundings import Surroundings
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D, wrap_angle
@@ -136,13 +136,13 @@ def test_the_stopping_speed_counts_the_delay_and_the_braking() -> None:
 
 def test_changes_of_speed_keep_to_the_limits() -> None:
     """0.5 m/s2 for 0.1 s is 0.05 m/s, and 1.8 rad/s2 is 0.18 rad/s; braking may take half more."""
-    assert slewed(PARAMS, STANDING, Twist2D(0.3, -1.0), 0.1) == Twist2D(0.05, pytest.approx(-0.18))
-    assert slewed(PARAMS, Twist2D(0.3, 0.0), STANDING, 0.1).linear_m_s == pytest.approx(0.225)
+    assert limit_change(PARAMS, STANDING, Twist2D(0.3, -1.0), 0.1) == Twist2D(0.05, pytest.approx(-0.18))
+    assert limit_change(PARAMS, Twist2D(0.3, 0.0), STANDING, 0.1).linear_m_s == pytest.approx(0.225)
 
 
 def test_what_is_in_the_way_is_passed_or_waited_for() -> None:
     """A post on the path is passed on an arc; a wall across it is stopped at."""
-    track = Track(resampled(np.array([[5.0, 5.0], [8.0, 5.0]]), 0.05), None)
+    track = Track(resample_path(np.array([[5.0, 5.0], [8.0, 5.0]]), 0.05), None)
     passed = follow(
         Control(PARAMS, ROUND, about([(0.5, -0.05)]), Twist2D(0.2, 0.0), 0.05), FollowState(), track
     )
@@ -157,10 +157,10 @@ def driven(
     start: Pose2D, corners: list[tuple[float, float]], heading_rad: float | None
 ) -> tuple[Pose2D, list[Twist2D]]:
     """A robot with 0.1 s of delay and its real limits, until the follower is done; no obstacles."""
-    track = Track(resampled(np.array(corners), 0.05), heading_rad)
+    track = Track(resample_path(np.array(corners), 0.05), heading_rad)
     state, pose, twist, last, queue, said = FollowState(), start, STANDING, STANDING, [STANDING] * 2, []
     for _ in range(2400):
-        here = predicted(PARAMS, pose, last)
+        here = predict_pose(PARAMS, pose, last)
         done = follow(Control(PARAMS, ROUND, about([], here), last, 0.05), state, track)
         state, last = done.state, done.twist
         said.append(last)
@@ -180,10 +180,10 @@ def beside(
     walls: np.ndarray, corners: list[tuple[float, float]], pose: Pose2D, seconds: float = 10.0
 ) -> tuple[float, Pose2D]:
     """The least room to some points while a robot without delay follows a path, and where it ends."""
-    track, state = Track(resampled(np.array(corners), 0.05), None), FollowState()
+    track, state = Track(resample_path(np.array(corners), 0.05), None), FollowState()
     last, least_m = STANDING, np.inf
     for _ in range(round(seconds / 0.05)):
-        here = predicted(PARAMS, pose, last)
+        here = predict_pose(PARAMS, pose, last)
         done = follow(Control(PARAMS, ROUND, _seen(walls, here), last, 0.05), state, track)
         state, last = done.state, done.twist
         pose, least_m = _moved(pose, last), min(least_m, _room_m(walls, pose))
@@ -236,7 +236,7 @@ def test_it_backs_out_beside_a_wall_without_coming_nearer_than_it_likes() -> Non
     pose, last, least_m = Pose2D(5.0, 5.02, 0.0), STANDING, np.inf
     trail = np.stack([np.arange(5.0, 4.0, -0.05), 5.02 + np.arange(20) * 0.01], axis=1)
     for _ in range(90):
-        near = _seen(wall, predicted(PARAMS, pose, last))
+        near = _seen(wall, predict_pose(PARAMS, pose, last))
         done = backwards(Control(PARAMS, ROUND, near, last, 0.05), trail)
         last, pose = done.twist, _moved(pose, done.twist)
         least_m = min(least_m, _room_m(wall, pose))

@@ -8,16 +8,16 @@ import pytest
 from chefbotd.components.navigation.algorithms.costmap import costmap
 from chefbotd.components.navigation.algorithms.driving import Missing, checked_inputs
 from chefbotd.components.navigation.algorithms.interface import PoseStatus, StepInput
-from chefbotd.components.navigation.algorithms.navigator import GoalQueue, added, first_ended, kept
+from chefbotd.components.navigation.algorithms.navigator import GoalQueue, add_goals, first_ended, keep_goals
 from chefbotd.components.navigation.algorithms.path import Goal, Path
 from chefbotd.components.navigation.algorithms.recovery import (
     InTheWay,
     LastProgress,
     Trail,
     checked_progress,
-    extended,
+    extend_trail,
 )
-from chefbotd.components.navigation.algorithms.smooth import headings, resampled
+from chefbotd.components.navigation.algorithms.smooth import headings, resample_path
 from chefbotd.components.navigation.algorithms.states import End
 from chefbotd.components.navigation.algorithms.steering import FollowState
 from chefbotd.components.navigation.algorithms.surroundings import Surroundings
@@ -39,17 +39,17 @@ def at(now_s: float, pose: Pose2D = START, status: PoseStatus = PoseStatus.LOCAL
 
 def test_numbers_of_goals_go_on_after_a_cancellation() -> None:
     """Two goals are 1 and 2; cancelled, they both end, and the next one is 3."""
-    queue, numbers = added(GoalQueue(), (A, B))
+    queue, numbers = add_goals(GoalQueue(), (A, B))
     assert numbers == (1, 2)
-    queue, ended = kept(queue, (), "cancelled: as asked")
+    queue, ended = keep_goals(queue, (), "cancelled: as asked")
     assert [(each.goal, each.end) for each in ended] == [(1, End.CANCELLED), (2, End.CANCELLED)]
-    queue, numbers = added(queue, (C,))
+    queue, numbers = add_goals(queue, (C,))
     assert (numbers, queue.number) == ((3,), 3)
 
 
 def test_only_a_goal_that_was_reached_leaves_the_next_one() -> None:
     """Reached, the second is next; blocked, it takes the third with it, which says why."""
-    queue, _ = added(GoalQueue(), (A, B, C))
+    queue, _ = add_goals(GoalQueue(), (A, B, C))
     queue, ended = first_ended(queue, End.REACHED, "reached")
     assert ([each.goal for each in ended], queue.number) == ([1], 2)
     queue, ended = first_ended(queue, End.BLOCKED, "blocked for 30 s")
@@ -137,11 +137,11 @@ def test_the_trail_holds_the_last_two_metres_forward() -> None:
     """A point each 0.06 m: 41 of 60 are kept; backwards, and nearer than 0.05 m, adds none."""
     trail: Trail = ()
     for k in range(60):
-        trail = extended(trail, Pose2D(0.06 * k, 0.1), Twist2D(0.2, -0.1))
+        trail = extend_trail(trail, Pose2D(0.06 * k, 0.1), Twist2D(0.2, -0.1))
     assert len(trail) == 41
     assert trail[-1] == pytest.approx((3.54, 0.1))
-    assert extended(trail, Pose2D(3.0, 0.1), Twist2D(-0.1, 0.0)) is trail
-    assert extended(trail, Pose2D(3.58, 0.12), Twist2D(0.2, 0.0)) is trail
+    assert extend_trail(trail, Pose2D(3.0, 0.1), Twist2D(-0.1, 0.0)) is trail
+    assert extend_trail(trail, Pose2D(3.58, 0.12), Twist2D(0.2, 0.0)) is trail
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ def test_a_path_that_grazes_a_wall_gives_way_to_a_clearer_one_of_the_same_length
     costs = costmap(ROUND.outline, rasterised(box(0, 0, 30.0, 4.0), 30.0, 4.0), 0.3)
 
     def path(y_m: float) -> Path:
-        points = resampled(np.array([(1.0, 0.5), (1.6, y_m), (2.1, y_m), (2.8, 1.0), (29.0, 1.2)]), 0.05)
+        points = resample_path(np.array([(1.0, 0.5), (1.6, y_m), (2.1, y_m), (2.8, 1.0), (29.0, 1.2)]), 0.05)
         return Path(costs.frame, points, headings(points), Goal(29.0, 1.2))
 
     here, nothing = Pose2D(1.0, 0.5, -0.2), np.zeros((0, 2))

@@ -7,7 +7,7 @@ import pytest
 
 from chefbotd.components.navigation.algorithms.costmap import Costmap
 from chefbotd.components.navigation.algorithms.interface import Seen
-from chefbotd.components.navigation.algorithms.movers import displaced, track
+from chefbotd.components.navigation.algorithms.movers import displace_movers, track
 from chefbotd.components.navigation.algorithms.path import Goal, Path
 from chefbotd.components.navigation.algorithms.planner import plan
 from chefbotd.components.navigation.algorithms.world_model import WorldModel
@@ -131,7 +131,7 @@ def test_a_pose_that_jumps_gives_nobody_another_velocity() -> None:
     movers: tuple[object, ...] = ()
     for k in range(26):
         if k == 20:
-            movers = displaced(movers)
+            movers = displace_movers(movers)
         jump = np.array([0.2, 0.05]) if k >= 20 else 0.0
         person = ARC + np.array([1.0 + 0.03 * k, -1.0])
         done = track(movers, 0.1 * k, np.vstack([person, CHAIR]) + jump)

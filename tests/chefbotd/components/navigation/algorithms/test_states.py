@@ -4,7 +4,14 @@ import itertools
 
 import pytest
 
-from chefbotd.components.navigation.algorithms.recovery import ORDER, Action, Recovery, after, is_over, stuck
+from chefbotd.components.navigation.algorithms.recovery import (
+    ORDER,
+    Action,
+    Recovery,
+    after,
+    is_over,
+    start_recovery,
+)
 from chefbotd.components.navigation.algorithms.states import NEXT, GoalEvent, GoalState, next_state
 
 ENDED, REPLACED = {"goal_ended": "idle"}, {"goal_replaced": "planning"}
@@ -37,7 +44,7 @@ def test_every_state_is_left_by_an_end_but_idle() -> None:
 
 def test_what_is_tried_comes_in_order_and_has_an_end() -> None:
     """Looks, backs out, tries another way, waits, asks, and gives up."""
-    tried, recovery = [], stuck(None, 3.0, 5.0)
+    tried, recovery = [], start_recovery(None, 3.0, 5.0)
     while recovery is not None:
         tried.append(recovery.action)
         recovery = after(recovery, 4.0)
@@ -47,15 +54,15 @@ def test_what_is_tried_comes_in_order_and_has_an_end() -> None:
 def test_who_is_stuck_again_at_once_tries_the_next_thing() -> None:
     """0.5 m nearer is the same trouble, 0.7 m nearer another one."""
     last = Recovery(Action.BACK_OUT, 10.0, 8.0, left_m=4.0)
-    assert stuck(last, 20.0, 3.5) == Recovery(Action.OTHER_WAY, 20.0, 8.0, 4.0)
-    assert stuck(last, 20.0, 3.3) == Recovery(Action.LOOK, 20.0, 20.0, 3.3)
+    assert start_recovery(last, 20.0, 3.5) == Recovery(Action.OTHER_WAY, 20.0, 8.0, 4.0)
+    assert start_recovery(last, 20.0, 3.3) == Recovery(Action.LOOK, 20.0, 20.0, 3.3)
 
 
 def test_where_people_go_to_and_fro_it_is_patient_for_a_minute() -> None:
     """Everything was tried within 12 s: it waits again; after 61 s it is the end."""
     asked = Recovery(Action.ASK, 10.0, 8.0, 4.0)
-    assert stuck(asked, 20.0, 3.9) == Recovery(Action.WAIT, 20.0, 8.0, 4.0)
-    assert stuck(asked, 69.0, 3.9) is None
+    assert start_recovery(asked, 20.0, 3.9) == Recovery(Action.WAIT, 20.0, 8.0, 4.0)
+    assert start_recovery(asked, 69.0, 3.9) is None
 
 
 @pytest.mark.parametrize(("rung", "lasts_s"), [(Action.LOOK, 1.0), (Action.WAIT, 12.0), (Action.ASK, 12.0)])

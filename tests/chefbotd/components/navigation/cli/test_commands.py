@@ -56,7 +56,7 @@ def robot(monkeypatch: pytest.MonkeyPatch) -> Robot:
         return await drive(robot)
 
     monkeypatch.setattr(CommandContext, "run_with_client", run)
-    monkeypatch.setattr(commands, "_watched", without_screen)
+    monkeypatch.setattr(commands, "_watch_goal", without_screen)
     return robot
 
 

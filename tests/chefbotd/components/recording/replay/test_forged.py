@@ -21,11 +21,16 @@ from chefbotd.components.recording.classes import decode, encode
 from chefbotd.components.recording.reader import MAX_CHUNK_BYTES, RecordingReader
 from chefbotd.components.recording.replay.build import replayed_daemon
 from chefbotd.components.recording.replay.entries import ReplayEntries
-from chefbotd.components.recording.replay.recorded import MAX_EVENT_BYTES, NotReplayable, Recorded, decoded
+from chefbotd.components.recording.replay.recorded import (
+    MAX_EVENT_BYTES,
+    NotReplayable,
+    Recorded,
+    decode_event,
+)
 from chefbotd.components.recording.replay.run import settings_of
 from chefbotd.core.events.inputs import DaemonStarted, LimitsExchanged, StateRecorded, TimerFired, WorkerSaid
 from chefbotd.settings import load, packaged
-from chefbotd.snapshot import encoded
+from chefbotd.snapshot import encode_state
 from chefbotd.testing.daemon import SimulatedRobot
 from tests.chefbotd.components.recording.replay.recordings import recorded, replayed
 
@@ -243,7 +248,9 @@ def test_a_damaged_state_is_refused_or_is_one_of_this_daemon(robot: str) -> None
             problems = daemon.state.restore({part: b64encode(data).decode()})
             refused += bool(problems)
             assert all(len(problem) < 400 for problem in problems)
-            assert problems or not daemon.state.restore({part: encoded(daemon.state.parts[part].state())})
+            assert problems or not daemon.state.restore(
+                {part: encode_state(daemon.state.parts[part].state())}
+            )
         assert refused > 1000
         assert not {each for each in set(sys.modules) - loaded if each.startswith(("chefbotd", "firmware"))}
 
@@ -293,9 +300,9 @@ def test_a_state_is_neither_huge_nor_endlessly_deep() -> None:
         + b'},"open_links":[],"left_out":[]}'
     )
     with pytest.raises(NotReplayable, match="StateRecorded"):
-        decoded(Recorded(1, "StateRecorded", deeply))
+        decode_event(Recorded(1, "StateRecorded", deeply))
     with pytest.raises(NotReplayable, match=f"expected at most {MAX_EVENT_BYTES}"):
-        decoded(Recorded(1, "StateRecorded", bytes(MAX_EVENT_BYTES + 1)))
+        decode_event(Recorded(1, "StateRecorded", bytes(MAX_EVENT_BYTES + 1)))
 
 
 @pytest.mark.parametrize("robot", ["chefbot", "khan", "chefbot_lidar"])

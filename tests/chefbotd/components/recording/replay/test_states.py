@@ -27,7 +27,7 @@ from chefbotd.core.events.inputs import StateRecorded
 from chefbotd.core.record import MutableState
 from chefbotd.driving.service import DriveService, DriveServiceState
 from chefbotd.settings import Settings, load, packaged
-from chefbotd.snapshot import DaemonState, Stateful, encoded, state_class
+from chefbotd.snapshot import DaemonState, Stateful, encode_state, state_class
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from chefbotd.testing.worker import no_worker, worker_in_process
 from tests.chefbotd.components.recording.replay.attributes import attributes, changed_attributes
@@ -337,9 +337,9 @@ def test_a_part_that_is_its_own_state_is_restored_in_place() -> None:
     trip = Trip()
     state = DaemonState(ReplayEntries(), {"trip": trip}, tuple, ())
     assert not_restored(state) == set()
-    assert state.restore({"trip": encoded(Trip(metres=2.5, _turns=[3]))}) == []
+    assert state.restore({"trip": encode_state(Trip(metres=2.5, _turns=[3]))}) == []
     assert (trip.metres, trip._turns) == (2.5, [3])
-    (problem,) = state.restore({"trip": encoded(Trip(metres=2.5, _turns=["left"]))})  # type: ignore[list-item]
+    (problem,) = state.restore({"trip": encode_state(Trip(metres=2.5, _turns=["left"]))})  # type: ignore[list-item]
     assert "Expected `int`, got `str` - at `$._turns[0]`" in problem
     assert trip.metres == 2.5
 
@@ -350,7 +350,7 @@ def test_a_part_that_fails_to_offer_its_state_is_left_out_and_told(odd: Any) -> 
     bad, good = Forgetful(), Trip(metres=2.5)
     bad.metres = odd
     recorded = DaemonState(ReplayEntries(), {"sum": bad, "trip": good}, tuple, ()).record()
-    assert recorded.parts == {"trip": encoded(good)}
+    assert recorded.parts == {"trip": encode_state(good)}
     (told,) = recorded.left_out
     assert told.startswith("sum: ")
 

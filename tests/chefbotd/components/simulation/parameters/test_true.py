@@ -11,7 +11,7 @@ from chefbotd.components.simulation.parameters.true import (
     TrueLidar,
     TrueParameters,
     TrueWheel,
-    resolved,
+    resolve_true,
 )
 
 CONFIGURED = TrueParameters(
@@ -25,18 +25,18 @@ CONFIGURED = TrueParameters(
 
 def robot(seed: int, drawn: Drawn = Drawn.IMPERFECT, **given: object) -> TrueParameters:
     """The robot of a seed."""
-    return resolved(TrueParameters.model_validate({"drawn": drawn, **given}), CONFIGURED, seed)
+    return resolve_true(TrueParameters.model_validate({"drawn": drawn, **given}), CONFIGURED, seed)
 
 
 def test_a_robot_is_as_configured_unless_told_otherwise() -> None:
     """Nothing given, nothing drawn: every value is the configured one."""
-    assert resolved(TrueParameters(), CONFIGURED, 1) == CONFIGURED
+    assert resolve_true(TrueParameters(), CONFIGURED, 1) == CONFIGURED
 
 
 def test_a_seed_draws_the_same_robot_again() -> None:
     """The robot's own seed comes before the simulation's."""
     assert robot(3) == robot(3) != robot(4)
-    own = resolved(TrueParameters(drawn=Drawn.IMPERFECT, seed=3), CONFIGURED, 4)
+    own = resolve_true(TrueParameters(drawn=Drawn.IMPERFECT, seed=3), CONFIGURED, 4)
     assert own == robot(3)
 
 

@@ -4,7 +4,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from chefbotd.components.tuning.cli.gain_steps import CAN_BE_OFF, FINE, FIRST_STEP, Gain, stepped
+from chefbotd.components.tuning.cli.gain_steps import CAN_BE_OFF, FINE, FIRST_STEP, Gain, step_gain
 from chefbotd.components.tuning.cli.tuning_screen import NAMES
 from chefbotd.motion.pid import PidParameters
 from tests.budget import examples
@@ -29,19 +29,19 @@ from tests.budget import examples
 )
 def test_a_step(name: str, value: Gain, direction: int, after: Gain) -> None:
     """Ten per cent up and down again, four digits; the smallest become zero or off, and lead back up."""
-    assert stepped(name, value, direction) == after
+    assert step_gain(name, value, direction) == after
 
 
 def test_a_fine_step() -> None:
     """One per cent, where it was asked for."""
-    assert stepped("ki", 100.0, 1, FINE) == 101.0
+    assert step_gain("ki", 100.0, 1, FINE) == 101.0
 
 
 @settings(max_examples=examples(100))
 @given(st.sampled_from(sorted(FIRST_STEP)), st.floats(1e-9, 1e5), st.sampled_from([1, -1]))
 def test_steps_go_where_they_should(name: str, value: float, direction: int) -> None:
     """Up is more and down is less, until down is nothing at all."""
-    after = stepped(name, value, direction)
+    after = step_gain(name, value, direction)
     if direction > 0 and value > FIRST_STEP[name]:
         assert isinstance(after, float)
         assert after > value

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from chefbotd.components.tuning.cli.plots import COLOURS, Axis, TickLabels, coloured, span
+from chefbotd.components.tuning.cli.plots import COLOURS, Axis, TickLabels, assign_colours, span
 
 
 @pytest.mark.parametrize(
@@ -36,7 +36,7 @@ def test_zero_has_no_sign() -> None:
 def test_no_wheel_is_left_out_for_want_of_a_colour() -> None:
     """One wheel more than there are colours: it has the first one's."""
     wheels = [f"wheel_{number}" for number in range(len(COLOURS) + 1)]
-    assert list(coloured(wheels)) == [*zip(wheels[:-1], COLOURS, strict=True), (wheels[-1], COLOURS[0])]
+    assert list(assign_colours(wheels)) == [*zip(wheels[:-1], COLOURS, strict=True), (wheels[-1], COLOURS[0])]
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,7 @@ from chefbotd.components.mapping.skill_requests import (
 )
 from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.events import MappingChanged, MapSaved
-from chefbotd.components.worker.messages import packed
+from chefbotd.components.worker.messages import pack_body
 from chefbotd.components.worker.skill import JobStep, Struct
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.lidars import ScanMeasured
@@ -108,13 +108,13 @@ class Bench:
 
     def ask(self, request: MappingRequest) -> MappingChanged:
         """Have something done at once."""
-        answer = self.skill.handle(packed(request))
+        answer = self.skill.handle(pack_body(request))
         assert isinstance(answer, MappingChanged)
         return answer
 
     def finish(self, name: str) -> tuple[MapSaved, list[JobStep]]:
         """Finish the map; the answer, and how far it said to be."""
-        job, progress = self.skill.handle(packed(Finish(name))), []
+        job, progress = self.skill.handle(pack_body(Finish(name))), []
         assert not isinstance(job, Struct)
         while True:
             try:

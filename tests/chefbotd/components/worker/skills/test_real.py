@@ -14,7 +14,7 @@ import uvloop
 
 from chefbotd.clock import SystemClock
 from chefbotd.components.mapping.algorithms.parameters import MappingParameters
-from chefbotd.components.mapping.algorithms.saved import restored
+from chefbotd.components.mapping.algorithms.saved import restore_state
 from chefbotd.components.mapping.skill_requests import (
     SKILL,
     Finish,
@@ -111,7 +111,7 @@ def test_killed_at_any_moment_what_was_saved_is_whole(tmp_path: Path) -> None:
                 await until(lambda was=restarts: bench.worker.is_ready and bench.worker.status.restarts > was)
                 found = MapStore(tmp_path).read_autosave()
                 assert found is not None, "it is saved with its first scans"
-                nodes = restored(contents.read_arrays(found.folder / GRAPH)).nodes
+                nodes = restore_state(contents.read_arrays(found.folder / GRAPH)).nodes
                 assert len(nodes) >= kept
                 kept = len(nodes)
                 status = await bench.ask(ResumeMapping(paused=False))

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from chefbotd.components.calibration.algorithms.bundle import Adjusted, adjusted
+from chefbotd.components.calibration.algorithms.bundle import Adjusted, adjust_bundle
 from chefbotd.components.calibration.algorithms.least_squares import Floats
 from chefbotd.components.calibration.algorithms.scan_motion import Keyframe, keyframe
 from chefbotd.components.calibration.algorithms.walls import wall_pieces
@@ -58,7 +58,7 @@ def _found(offset_m: float, seed: int) -> tuple[Adjusted, Floats]:
     """What came of it, from poses that are up to 3 mm and 3 mrad off, and the true poses."""
     chance, poses = np.random.default_rng(seed), _stops(seed)
     thought = poses + chance.uniform(-3e-3, 3e-3, poses.shape)
-    found = adjusted(_frames(poses, offset_m, chance), between(thought[0], thought))
+    found = adjust_bundle(_frames(poses, offset_m, chance), between(thought[0], thought))
     assert found is not None
     return found, poses
 
@@ -87,7 +87,7 @@ def test_clutter_says_nothing() -> None:
         keyframe(number, [between(pose, np.column_stack([cloud, np.zeros(len(cloud))]))[:, :2]])
         for number, pose in enumerate(poses)
     ]
-    assert adjusted([frame for frame in frames if frame is not None], poses) is None
+    assert adjust_bundle([frame for frame in frames if frame is not None], poses) is None
 
 
 def test_the_two_sides_of_a_thin_wall_are_two_walls() -> None:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from chefbotd.components.mapping.algorithms.finish import refined
+from chefbotd.components.mapping.algorithms.finish import refine_graph
 from chefbotd.components.mapping.algorithms.occupancy import occupancy
 from chefbotd.components.mapping.algorithms.parameters import SlamParameters
 from chefbotd.components.mapping.algorithms.slam import SlamReport, step
@@ -59,7 +59,7 @@ def drive(
     for k, pose in enumerate(odometry):
         state, report = step(params, state, 0.1 * k, pose, scan_of(seen(k)))
         reports.append(report)
-    return Drive(refined(params, state) if finish else state, reports)
+    return Drive(refine_graph(params, state) if finish else state, reports)
 
 
 def off_m(poses: Floats, truth: Floats) -> Floats:

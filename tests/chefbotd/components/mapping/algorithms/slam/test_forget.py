@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from chefbotd.components.mapping.algorithms.forget import thinned
-from chefbotd.components.mapping.algorithms.graph import NO_EDGES, edge, optimised
+from chefbotd.components.mapping.algorithms.forget import thin_scans
+from chefbotd.components.mapping.algorithms.graph import NO_EDGES, edge, optimise_graph
 from chefbotd.components.mapping.algorithms.parameters import SlamParameters, SubmapParameters
 from chefbotd.components.mapping.algorithms.state import Nodes, Scan, SlamState, start
 from chefbotd.core.record import replace
@@ -46,7 +46,7 @@ def test_two_steps_become_one() -> None:
     cos, sin = math.cos(0.1), math.sin(0.1)
     poses = [(0.1 + way * cos, 0.1 + way * sin, 0.1) for way in (0, 0.3, 0.5)]
     state = chain(poses, [(0.3, 0, 0), (0.2, 0, 0)])
-    fewer, told = thinned(state, most_per_place=1)
+    fewer, told = thin_scans(state, most_per_place=1)
     assert fewer.nodes.number.tolist() == [70, 72]
     assert np.allclose(fewer.edges.pose, [[0.5, 0, 0]])
     covariance = np.linalg.inv(fewer.edges.information[0])
@@ -62,20 +62,20 @@ def test_a_loop_is_handed_to_the_next_node() -> None:
     state = chain(poses, [(5.1, 0, 0), (0.3, 0, 0), (0.2, 0, 0)])
     loop = edge(0, 2, np.array([5.7, 0.0, 0.0]), np.diag([0.01, 0.01, 0.0025]), loop=True)
     state = replace(state, edges=state.edges.joined(loop))
-    fewer, _ = thinned(state, most_per_place=1)
+    fewer, _ = thin_scans(state, most_per_place=1)
     assert fewer.nodes.number.tolist() == [70, 73]
     looped = fewer.edges.only(fewer.edges.loop)
     assert (looped.first.tolist(), looped.second.tolist()) == ([0], [1])
     assert looped.pose[0, 0] == pytest.approx(5.9)
     fixed = np.array([0])
-    before, after = (optimised(s.nodes.map, s.edges, fixed) for s in (state, fewer))
+    before, after = (optimise_graph(s.nodes.map, s.edges, fixed) for s in (state, fewer))
     assert after[-1, 0] == pytest.approx(before[-1, 0], abs=0.03)
 
 
 def test_places_that_are_not_full_keep_everything() -> None:
     """Two nodes in one place where two are allowed; a node that looks elsewhere counts for itself."""
     state = chain([(0.1, 0.1, 0.1), (0.4, 0.1, 0.1), (0.4, 0.1, 2.0)], [(0.3, 0, 0), (0, 0, 1.9)])
-    fewer, told = thinned(state, most_per_place=2)
+    fewer, told = thin_scans(state, most_per_place=2)
     assert len(fewer.nodes) == 3
     assert told == ()
 

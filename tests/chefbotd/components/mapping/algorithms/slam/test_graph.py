@@ -10,7 +10,7 @@ from chefbotd.components.mapping.algorithms.graph import (
     Edges,
     drift_m,
     edge,
-    optimised,
+    optimise_graph,
     residuals,
     squared_errors,
     weights,
@@ -38,14 +38,14 @@ def straight(first: int, second: int, way_m: float, sigma_m: float = 0.1, *, loo
 def test_a_loop_of_equals_is_spread_evenly() -> None:
     """Two steps of 1 m and a loop that says 2.3 m: each of the three gives way by a tenth of a metre."""
     edges = joined(straight(0, 1, 1.0), straight(1, 2, 1.0), straight(0, 2, 2.3, loop=True))
-    found = optimised(np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0]], float), edges, FIRST)
+    found = optimise_graph(np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0]], float), edges, FIRST)
     assert np.allclose(found, [[0, 0, 0], [1.1, 0, 0], [2.2, 0, 0]], atol=1e-6)
 
 
 def test_what_is_known_more_surely_gives_way_less() -> None:
     """With twice the sigma, so four times the variance, the loop takes four sixths of the 0.3 m."""
     edges = joined(straight(0, 1, 1.0), straight(1, 2, 1.0), straight(0, 2, 2.3, 0.2, loop=True))
-    found = optimised(np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0]], float), edges, FIRST)
+    found = optimise_graph(np.array([[0, 0, 0], [1, 0, 0], [2, 0, 0]], float), edges, FIRST)
     assert np.allclose(found[:, 0], [0, 1.05, 2.1], atol=1e-6)
 
 
@@ -90,7 +90,7 @@ def test_a_loop_that_corrects_a_metre_of_drift_is_not_switched_off() -> None:
     assert math.hypot(*(begin[-1] - truth[-1])[:2]) > 0.5
     loop = edge(0, len(truth) - 1, between(truth[0], truth[-1]), np.diag([1e-4, 1e-4, 1e-5]), loop=True)
     scale = float(squared_errors(begin, loop)[0])
-    found = optimised(begin, edges.joined(loop), FIRST, scale)
+    found = optimise_graph(begin, edges.joined(loop), FIRST, scale)
     assert math.hypot(*(found[-1] - truth[-1])[:2]) < 0.01
     assert weights(squared_errors(found, loop), loop.loop, 10.0)[0] == 1
 
@@ -107,7 +107,7 @@ def test_a_wrong_loop_among_right_ones_does_not_fold_the_map(seed: int) -> None:
     wrong = edge(1, 13, np.array([0.1, 0.0, 0.2]), tight, loop=True)
     begin = laid_out(edges, len(truth))
     everything = joined(edges, *right, wrong)
-    found = optimised(begin, everything, FIRST, float(squared_errors(begin, everything).max()))
+    found = optimise_graph(begin, everything, FIRST, float(squared_errors(begin, everything).max()))
     assert np.hypot(*(found - truth)[:, :2].T).max() < 0.2
     assert weights(squared_errors(found, wrong), wrong.loop, 10.0)[0] < 0.05
 
@@ -116,7 +116,7 @@ def test_parts_that_are_not_connected_stay_where_they_are() -> None:
     """With a fixed node in each part there is one solution, and neither part moves the other."""
     edges = joined(straight(0, 1, 1.0), straight(2, 3, 2.0))
     poses = np.array([[0, 0, 0], [1.2, 0, 0], [5, 5, 0], [6.5, 5, 0]])
-    found = optimised(poses, edges, np.array([0, 2]))
+    found = optimise_graph(poses, edges, np.array([0, 2]))
     assert np.allclose(found, [[0, 0, 0], [1, 0, 0], [5, 5, 0], [7, 5, 0]], atol=1e-6)
 
 

@@ -3,7 +3,13 @@
 import numpy as np
 import pytest
 
-from chefbotd.components.mapping.algorithms.live_map import LiveMap, changes, grid_of, nothing, updated
+from chefbotd.components.mapping.algorithms.live_map import (
+    LiveMap,
+    changes,
+    grid_of,
+    nothing,
+    update_live_map,
+)
 from chefbotd.components.mapping.algorithms.occupancy import occupancy
 from chefbotd.components.mapping.algorithms.state import NO_NODES, Nodes
 from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
@@ -45,7 +51,7 @@ def grown(nodes: Nodes) -> LiveMap:
     """The live map, scan by scan."""
     live = nothing(0.05)
     for count in range(1, len(nodes) + 1):
-        live = updated(live, first(nodes, count))
+        live = update_live_map(live, first(nodes, count))
     return live
 
 
@@ -66,18 +72,18 @@ def test_scans_that_the_graph_has_moved_are_drawn_anew(nodes: Nodes) -> None:
     """After a loop is closed nothing of the old places remains."""
     live = grown(first(nodes, 20))
     moved = replace(nodes, map=nodes.map + np.array([0.4, -0.3, 0.0]))
-    assert known(grid(updated(live, moved))) == known(occupancy(moved))
+    assert known(grid(update_live_map(live, moved))) == known(occupancy(moved))
 
 
 def test_forgotten_scans_are_not_in_it(nodes: Nodes) -> None:
     """A scan that is kept no longer is taken out."""
     live, fewer = grown(nodes), first(nodes, 25)
-    assert known(grid(updated(live, fewer))) == known(occupancy(fewer))
+    assert known(grid(update_live_map(live, fewer))) == known(occupancy(fewer))
 
 
 def test_nothing_gives_no_grid() -> None:
     """Before the first scan there is none."""
-    assert grid_of(updated(nothing(0.05), NO_NODES)) is None
+    assert grid_of(update_live_map(nothing(0.05), NO_NODES)) is None
 
 
 def test_changes_put_together_are_the_grid(nodes: Nodes) -> None:
@@ -85,7 +91,7 @@ def test_changes_put_together_are_the_grid(nodes: Nodes) -> None:
     live, before, copy = nothing(0.05), None, np.zeros((0, 0), np.int8)
     wholes = 0
     for count in range(1, len(nodes) + 1, 3):
-        live = updated(live, first(nodes, count))
+        live = update_live_map(live, first(nodes, count))
         after = grid(live)
         patch = changes(before, after)
         if patch is not None:

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 
 from chefbotd.components.mapping.algorithms import correlate
 from chefbotd.components.mapping.algorithms.correlate import Excluded, Window, search
-from chefbotd.components.mapping.algorithms.local_map import CELL_M, SURFEL_M, LocalMap, empty, inserted
+from chefbotd.components.mapping.algorithms.local_map import CELL_M, SURFEL_M, LocalMap, empty, insert_scan
 from chefbotd.components.mapping.algorithms.refine import Prior, polish, solve3
 from chefbotd.components.mapping.algorithms.surfaces import Singles, normals
 from chefbotd.core.poses import Floats, between, transform
@@ -38,7 +38,7 @@ def seen_from(pose: Floats, points: Singles) -> Singles:
 
 def mapped(points: Singles) -> LocalMap:
     """A map of one scan taken at the origin."""
-    return inserted(empty(), np.zeros(3), CENTER, points, normals(points, CENTER))
+    return insert_scan(empty(), np.zeros(3), CENTER, points, normals(points, CENTER))
 
 
 def test_normals_face_the_sensor() -> None:
@@ -67,7 +67,7 @@ def test_each_beam_clears_the_way_from_its_own_lidar() -> None:
     """Two posts, each seen from straight before it: the slant to the other lidar is unseen."""
     posts = np.array([[1.05, 0.05], [1.05, 2.05]], np.float32)
     places, none = np.array([[0.05, 0.05], [0.05, 2.05]]), np.zeros((2, 2), np.float32)
-    grids = inserted(empty(), np.zeros(3), places, posts, none)
+    grids = insert_scan(empty(), np.zeros(3), places, posts, none)
     passes = {
         (x, y): int(grids.seen[int((y - grids.origin_m[1]) / 0.1), int((x - grids.origin_m[0]) / 0.1), 1])
         for x, y in ((0.55, 0.05), (0.55, 2.05), (0.55, 1.05))
@@ -116,7 +116,7 @@ def test_both_sides_of_a_thin_wall_are_kept_apart() -> None:
     grids = mapped(near)
     behind = np.array([3.0, 0.0, math.pi])
     there = seen_from(behind, far)
-    grids = inserted(grids, behind, CENTER, there, normals(there, CENTER))
+    grids = insert_scan(grids, behind, CENTER, there, normals(there, CENTER))
     for pose, points in ((np.zeros(3), near), (behind, there)):
         fit = polish(grids, points, normals(points, CENTER), pose, Prior(pose, np.eye(3)), SIGMA_M)
         assert abs(fit.pose[0] - pose[0]) < 2e-3
@@ -130,7 +130,7 @@ def test_a_map_grows_without_losing_anything() -> None:
         before.surfels[..., 0].sum(),
         before.origin_m + np.argwhere(before.likelihood.T == 255).min(0),
     )
-    after = inserted(before, np.array([-7.0, 5.0, 2.0]), CENTER, corner(), normals(corner(), CENTER))
+    after = insert_scan(before, np.array([-7.0, 5.0, 2.0]), CENTER, corner(), normals(corner(), CENTER))
     assert after.surfels[..., 0].sum() == pytest.approx(2 * total, rel=0.02)
     assert (after.origin_m <= before.origin_m).all()
     shift = np.rint((before.origin_m - after.origin_m) / CELL_M).astype(int)
@@ -252,11 +252,13 @@ def test_three_equations_are_solved_as_numpy_does() -> None:
 def test_a_search_in_parts_finds_the_same_as_one_at_once() -> None:
     """In how many parts it goes on changes neither the pose nor the work."""
     known, points = mapped(corner()), seen_from(np.array([0.15, -0.22, 0.13]), corner())
-    parts = correlate.begun(known, points, np.zeros(3), Window(0.9, 0.5))
-    at_once = correlate.advanced(correlate.begun(known, points, np.zeros(3), Window(0.9, 0.5)), 10**12)
+    parts = correlate.start_window_search(known, points, np.zeros(3), Window(0.9, 0.5))
+    at_once = correlate.advance_window_search(
+        correlate.start_window_search(known, points, np.zeros(3), Window(0.9, 0.5)), 10**12
+    )
     steps = 0
     while not parts.is_done:
-        parts, steps = correlate.advanced(parts, 50_000), steps + 1
+        parts, steps = correlate.advance_window_search(parts, 50_000), steps + 1
     assert steps > 3
     assert parts.work == at_once.work
     assert parts.best_pose is not None

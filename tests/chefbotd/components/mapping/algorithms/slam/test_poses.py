@@ -5,7 +5,7 @@ import math
 import numpy as np
 
 from chefbotd.core.geometry import Pose2D
-from chefbotd.core.poses import between, compose, inverse, transform, turned, wrap
+from chefbotd.core.poses import between, compose, inverse, transform, turn_covariance, wrap
 
 
 def test_a_quarter_turn_composes_as_by_hand() -> None:
@@ -37,8 +37,8 @@ def test_headings_wrap() -> None:
 def test_an_uncertainty_ahead_turns_with_the_robot() -> None:
     """2 m ahead and 1 m across, of a robot that looks left, are 2 m along y; at 30 degrees they are mixed by hand."""
     ahead = np.diag([4.0, 1.0, 0.5])
-    assert np.allclose(turned(ahead, math.pi / 2), np.diag([1.0, 4.0, 0.5]))
-    oblique = turned(ahead, math.pi / 6)
+    assert np.allclose(turn_covariance(ahead, math.pi / 2), np.diag([1.0, 4.0, 0.5]))
+    oblique = turn_covariance(ahead, math.pi / 6)
     assert np.allclose(
         oblique[:2, :2], [[4 * 0.75 + 0.25, 3 * math.sqrt(0.75) / 2], [3 * math.sqrt(0.75) / 2, 1.75]]
     )

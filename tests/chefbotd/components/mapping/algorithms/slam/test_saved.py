@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from chefbotd.components.mapping.algorithms.occupancy import occupancy
-from chefbotd.components.mapping.algorithms.saved import Arrays, NotASavedState, restored, saved
+from chefbotd.components.mapping.algorithms.saved import Arrays, NotASavedState, restore_state, save_state
 from chefbotd.components.mapping.algorithms.state import Scan, SlamState, start
 from chefbotd.components.mapping.algorithms.surfaces import normals
 from chefbotd.core.record import replace
@@ -29,13 +29,13 @@ def driven() -> SlamState:
 
 def test_everything_is_restored(driven: SlamState) -> None:
     """Each array of the restored state, saved again, is the same; the growing grids too."""
-    arrays = saved(driven)
-    again = saved(restored(arrays))
+    arrays = save_state(driven)
+    again = save_state(restore_state(arrays))
     assert arrays.keys() == again.keys()
     for name, array in arrays.items():
         assert np.array_equal(array, again[name]), name
         assert array.dtype == again[name].dtype, name
-    back = restored(arrays)
+    back = restore_state(arrays)
     for one, other in zip(driven.active, back.active, strict=True):
         for grid, same in zip(one.grids, other.grids, strict=True):
             assert np.array_equal(grid, same)
@@ -49,18 +49,18 @@ def test_each_point_is_restored_with_the_lidar_that_saw_it(driven: SlamState) ->
     points = nodes.scans[1].points
     both = Scan(points, normals(points, places), places)
     state = replace(driven, nodes=replace(nodes, scans=(nodes.scans[0], both, *nodes.scans[2:])))
-    back = restored(saved(state)).nodes.scans
+    back = restore_state(save_state(state)).nodes.scans
     assert np.array_equal(back[1].sensor_m, places)
     assert back[1].sensor_m.dtype == np.float32
     assert np.array_equal(back[1].facing, both.facing)
     assert back[2].sensor_m.tolist() == [0.0, 0.0]
-    older = restored(without(saved(driven), "sensor_sizes")).nodes.scans
+    older = restore_state(without(save_state(driven), "sensor_sizes")).nodes.scans
     assert np.array_equal([scan.sensor_m for scan in older], [scan.sensor_m for scan in nodes.scans])
 
 
 def test_an_empty_state_is_restored() -> None:
     """Saved before the first scan, it begins anew."""
-    assert len(restored(saved(start())).nodes) == 0
+    assert len(restore_state(save_state(start())).nodes) == 0
 
 
 def without(arrays: Arrays, name: str) -> Arrays:
@@ -71,7 +71,7 @@ def without(arrays: Arrays, name: str) -> Arrays:
 @pytest.mark.parametrize(("old", "new"), [("slipped", "wheel_slip"), ("doubtful", "uncertain")])
 def test_a_mode_of_an_earlier_version_has_its_name_of_today(driven: SlamState, old: str, new: str) -> None:
     """A map that was left unfinished by an earlier version can be gone on with."""
-    assert restored(saved(driven) | {"mode": np.array(old)}).mode == new
+    assert restore_state(save_state(driven) | {"mode": np.array(old)}).mode == new
 
 
 @pytest.mark.parametrize(
@@ -88,7 +88,7 @@ def test_what_is_not_a_saved_state_is_refused(driven: SlamState, change: object,
     """The reason names what is missing or does not fit."""
     assert callable(change)
     with pytest.raises(NotASavedState, match=reason):
-        restored(change(saved(driven)))
+        restore_state(change(save_state(driven)))
 
 
 def test_a_map_of_nothing_is_refused() -> None:

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from chefbotd.components.mapping.algorithms.occupancy import occupancy
 from chefbotd.components.mapping.algorithms.parameters import SlamParameters
-from chefbotd.components.mapping.algorithms.saved import restored, saved
+from chefbotd.components.mapping.algorithms.saved import restore_state, save_state
 from chefbotd.components.mapping.algorithms.slam import step
 from chefbotd.components.mapping.algorithms.state import Scan, SlamMode, SlamState, start, start_new_part
 from chefbotd.core.poses import transform
@@ -98,8 +98,8 @@ def test_a_saved_state_goes_on_as_if_nothing_had_been() -> None:
     scans = [lidar.points(pose) for pose in TRUTH[:500]]
     whole = drive(odom[:500], lambda k: scans[k], finish=False)
     first = drive(odom[:middle], lambda k: scans[k], finish=False)
-    kept = {name: array.copy() for name, array in saved(first.state).items()}
-    rest = drive(odom[middle:500], lambda k: scans[middle + k], restored(kept), finish=False)
+    kept = {name: array.copy() for name, array in save_state(first.state).items()}
+    rest = drive(odom[middle:500], lambda k: scans[middle + k], restore_state(kept), finish=False)
     assert rest.state.nodes.map.tobytes() == whole.state.nodes.map.tobytes()
     assert rest.state.edges.pose.tobytes() == whole.state.edges.pose.tobytes()
 
@@ -177,7 +177,7 @@ def test_a_kidnapped_robot_says_that_it_is_lost_and_finds_back() -> None:
 def test_a_map_is_gone_on_with_from_anywhere() -> None:
     """Restored, and the robot put down in another room: it is lost until it has seen enough, then maps on."""
     first = toured(31)
-    state = start_new_part(restored(saved(first.state)))
+    state = start_new_part(restore_state(save_state(first.state)))
     there = poses_along([(1.2, 6.2), (3.3, 5.3), (3.35, 3.9), (6.5, 3.9)], heading_rad=0.9)
     lidar = Lidar(WALLS, 32)
     nodes = len(state.nodes)
@@ -321,10 +321,10 @@ def searching_on(state: SlamState, lookups_a_step: int, scans: int, *, save_at: 
     """Some scans from where the tour went on, with so much of a search in each; at one of them all is restored."""
     params = SlamParameters.model_validate({"loops": {"lookups_a_step": lookups_a_step}})
     lidar, truth, reports = Lidar(WALLS, 34), TRUTH[20 : 20 + scans], []
-    state = restored(saved(state))
+    state = restore_state(save_state(state))
     for k, pose in enumerate(odometry(truth, 34)):
         if k == save_at:
-            state = restored(saved(state))
+            state = restore_state(save_state(state))
         state, report = step(params, state, 0.1 * k, pose, scan_of(lidar.points(truth[k])))
         reports.append(report)
     return Drive(state, reports)
