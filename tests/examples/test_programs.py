@@ -160,10 +160,10 @@ def test_a_scan_is_points_in_the_robots_frame() -> None:
     assert nearest_m(points_of(uneven), 4).tolist() == pytest.approx([1.0, 0.5, 10.0, 10.0], abs=1e-3)
 
 
-def test_the_readme_lists_seven_programs_that_there_are() -> None:
-    """Each row's link leads somewhere."""
+def test_the_readme_lists_programs_that_there_are() -> None:
+    """Each row's link leads somewhere; that no program is missing is another test's."""
     linked = re.findall(r"^\| \[\S+\]\((\S+)\)", README.read_text(), re.MULTILINE)
-    assert len(linked) == 7
+    assert linked
     assert all((README.parent / path).exists() for path in linked)
 
 

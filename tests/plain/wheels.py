@@ -31,10 +31,15 @@ def push(
     else:
         pushed_s = max(0.0, before.pushed_s - dt_s / params.decay_s * params.stalled_s)
         against = max(0.0, before.against_rad - dt_s / params.decay_s * params.reversed_rad)
+    if driven and not rolls_on and ahead <= -params.turned_rad:
+        pushed_s += before.cleared_s
     turned = max(0.0, before.turned_rad + (abs(moved) if rolls_on or not driven else ahead))
+    cleared_s = 0.0
     if pushed_s == 0.0 or turned >= params.turned_rad:
+        cleared_s = pushed_s
         pushed_s = turned = 0.0
-    return PushedWheel(direction, pushed_s, turned, against, coast_s - dt_s if rolls_on else 0.0, play)
+    coast_s = coast_s - dt_s if rolls_on else 0.0
+    return PushedWheel(direction, pushed_s, turned, against, coast_s, play, cleared_s)
 
 
 def add(

@@ -191,7 +191,7 @@ def test_one_address_cannot_take_all_the_room() -> None:
                 assert "result" in await first.ask("ping")
                 assert "result" in await second.ask("ping")
                 async with line_client(served) as third:
-                    error = (await third.ask("ping"))["error"]
+                    error = (await third.ask("describe"))["error"]
                     assert error["data"]["kind"] == "too_many_clients"
                     assert "2 clients from 127.0.0.1" in error["message"]
                 elsewhere = await asyncio.open_connection(

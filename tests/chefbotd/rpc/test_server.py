@@ -176,7 +176,7 @@ def test_one_client_too_many_is_told_so() -> None:
         async with serving(max_clients=1, reserved_stop_connections=0) as served:
             async with line_client(served) as first, line_client(served) as second:
                 assert "result" in await first.ask("ping")
-                assert (await second.ask("ping"))["error"]["data"]["kind"] == "too_many_clients"
+                assert (await second.ask("describe"))["error"]["data"]["kind"] == "too_many_clients"
                 with pytest.raises(EOFError):
                     await second.read()
             await asyncio.sleep(0.01)

@@ -215,17 +215,17 @@ def test_a_resolution_that_can_hardly_be_meant_is_asked_about_before_the_map_is_
 
 
 def test_a_map_that_needs_too_much_memory_is_refused_and_the_one_in_use_stays(tmp_path: Path) -> None:
-    """Of 200 MB and 130 bytes a cell none is left with 200 MB: by load_map, after mapping, and at the start."""
+    """Of 150 MB and 80 bytes a cell none is left with 150 MB: by load_map, after mapping, and at the start."""
     for name in ("small", "large"):
         save(MapStore(tmp_path), name, grid(1))
 
     async def scenario() -> None:
         service = MapsService(Bus(), LoopClock(), MapStore(tmp_path), 3)
         await service.load_map(NOBODY, LoadMapParams(name="small"), NOT_TOLD)
-        tight = MapsService(Bus(), LoopClock(), MapStore(tmp_path), 3, most_memory_mb=200.0)
+        tight = MapsService(Bus(), LoopClock(), MapStore(tmp_path), 3, most_memory_mb=150.0)
         tight.in_use = "small"
         with pytest.raises(
-            MapStoreError, match=r"'large' is not used.*about 200 MB.*the worker may take 200"
+            MapStoreError, match=r"'large' is not used.*about 150 MB.*the worker may take 150"
         ):
             await tight.load_map(NOBODY, LoadMapParams(name="large"), NOT_TOLD)
         with pytest.raises(MapStoreError, match="crop the map"):

@@ -61,6 +61,7 @@ class Located(LocalizationSkill):
     def __init__(self) -> None:
         self.grid = OccupancyGrid(0.05, Pose2D(), np.zeros((80, 80), np.int8))
         self._map, self.seen = ("room", 1), None
+        self._within = SimpleNamespace()  # type: ignore[assignment]
         self.report = SimpleNamespace(map_from_odom=np.array([1.0, 0.8, 0.2]), state=PoseState.LOCALIZED)  # type: ignore[assignment]
 
     problem = ""  # nothing is wrong with the lidar's mount

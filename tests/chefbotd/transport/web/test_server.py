@@ -234,7 +234,7 @@ def test_when_there_is_no_room_a_browser_hears_so() -> None:
     async def scenario(served: Served) -> None:
         async with frame_client(served) as first, frame_client(served) as second:
             assert "result" in await first.ask("ping")
-            assert (await second.ask("ping"))["error"]["data"]["kind"] == "too_many_clients"
+            assert (await second.ask("describe"))["error"]["data"]["kind"] == "too_many_clients"
         async with frame_client(served) as first, frame_client(served) as second:
             assert "result" in await first.ask("ping")
             assert "result" in await second.ask("stop")

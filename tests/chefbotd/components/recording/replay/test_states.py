@@ -103,6 +103,7 @@ NO_STATE = {
     "Worker._dropped": "the worker's process",
     "Worker._ended": "the worker's process",
     "Worker._failures": "starts the worker's process again",
+    "Worker._references": "where the skills of components are",
     "Worker._skills": "the worker's parameters",
     "Worker._vitals": "the worker's process",
     "Session.token_digest": "admits connections",
