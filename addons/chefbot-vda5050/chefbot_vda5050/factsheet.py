@@ -6,6 +6,7 @@ from chefbot_vda5050.acceptance import MOST_NODES
 from chefbot_vda5050.actions import ACTIONS, UNUSED
 from chefbot_vda5050.messages import LONGEST_ID, LONGEST_MESSAGE, Factsheet
 from chefbot_vda5050.vehicle import LEAST_SPEED_M_S
+from chefbotd.components.navigation.parameters import NavigationSection
 from chefbotd.settings import Settings
 
 SUPPORTED: Final = (
@@ -74,7 +75,7 @@ def physical(settings: Settings | None) -> dict[str, float]:
     linear, body = settings.limits.linear, settings.body
     own_m_s = min(linear.max_forward_m_s, settings.drive.max_rim_speed_m_s)
     values["speedMin"] = LEAST_SPEED_M_S
-    values["speedMax"] = min(own_m_s, settings.navigation.max_speed_m_s)
+    values["speedMax"] = min(own_m_s, settings.of("navigation", NavigationSection).max_speed_m_s)
     values["accelerationMax"] = values["decelerationMax"] = linear.acceleration_m_s2
     if body is not None:
         values["width"], values["length"] = body.width_m or body.length_m, body.length_m
