@@ -2,6 +2,7 @@
 
 import asyncio
 import json
+import math
 import random
 from contextlib import AsyncExitStack
 
@@ -12,7 +13,7 @@ from chefbotd.client import CallError, Client
 from chefbotd.clock import VirtualLoop, run_virtual
 from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
-from tests.chefbotd.driving.stop_rule import Deed, is_held
+from tests.chefbotd.driving.stop_rule import PAUSE_S, TAKING_PAUSE_S, Deed, is_held
 from tests.scenarios.instruments import is_moving
 from tests.scenarios.robots import OBEYED_S
 
@@ -29,6 +30,7 @@ class Clients:
         self._clients: dict[str, tuple[int, Client, AsyncExitStack]] = {}
         self._connections = 0
         self._deeds: list[Deed] = []
+        self._taken_s = -math.inf
 
     async def do(self, who: str, what: str) -> str:
         """One step; the kind of its error, or nothing. A drive is carried out just where the rule lets it."""
@@ -56,9 +58,21 @@ class Clients:
             assert held or kind != "stopped", f"{who} is held by nothing"
         elif what in ("stop", "estop"):
             self._deeds.append(Deed(now_s, number, what))
-        elif (what == "arm" and not kind) or taken_from is not None:
-            self._deeds.append(Deed(now_s, number, "ask", "" if what == "arm" else "teleop"))
+        elif what == "arm" and not kind:
+            self._deeds.append(Deed(now_s, number, "ask"))
+        elif what == "take" and not kind:
+            self._note_taking(now_s, number, taken_from, latched=latched)
         return kind
+
+    def _note_taking(self, now_s: float, number: int, taken_from: str | None, *, latched: bool) -> None:
+        """It is a try, and asks to drive where it is no repetition, of this client or of another one."""
+        tries = [deed for deed in self._deeds if (deed.what, deed.client) == ("try", number)]
+        has_tried = any(deed.source == "teleop" and now_s - deed.at_s < PAUSE_S for deed in tries)
+        is_anew = not has_tried and now_s - self._taken_s >= TAKING_PAUSE_S
+        self._taken_s = now_s
+        if taken_from is not None and is_anew and not latched:
+            self._deeds.append(Deed(now_s, number, "ask", "teleop"))
+        self._deeds.append(Deed(now_s, number, "try", "teleop", latched))
 
     async def _connected(self, who: str) -> tuple[int, Client]:
         if who not in self._clients:
