@@ -24,8 +24,8 @@ AHEAD_S, STEP_S = 0.8, 0.1
 
 DECELERATION_M_S2: Final = 0.4
 
-WIDENS_M: Final = 0.004
-"""A motion that leaves so much more room than standing, and avoids the touch, makes way."""
+WIDENS_M, CLEARS_M = 0.004, 0.0025
+"""A motion that leaves so much more room than standing, and so much room at all, makes way."""
 
 DOUBT_M: Final = 0.03
 """A predicted gap may be wrong by so much. Somebody who would graze the robot is evaded on, if that leaves so much more
@@ -47,7 +47,7 @@ def slowed_beside_people(outline: Footprint, near: Surroundings, twist: Twist2D 
     motion = np.array([twist.linear_m_s, twist.angular_rad_s])
     points, velocity = near.points_m[walks], near.velocity_m_s[walks]
     close_s, driving_m, standing_m, now_m = _gaps(outline.hull, outline.pad_m, points, velocity, motion)
-    if close_s == math.inf or driving_m > max(standing_m + WIDENS_M, STANDS_M):
+    if close_s == math.inf or driving_m > max(standing_m + WIDENS_M, CLEARS_M):
         return twist
     _, evading_m, _, _ = _gaps(
         outline.hull, outline.pad_m, points, velocity, motion * SPEED_M_S / abs(motion[0])
