@@ -20,7 +20,8 @@ from tests.chefbotd.components.localization.algorithms.buildings import Robot, d
 from chefbotd.components.localization.algorithms.searching import localization_map
 from tests.chefbotd.components.mapping.algorithms.slam.flat import TOUR, Lidar, furnished_flat, odometry, poses_along
 kernels = [
-    a._agreement, b.bound, b.divide, b._smear_likelihood, s._lines, s._fill, t._fuse, c._advance, c._pool, r._polish, n._normals
+    a._agreement, b.bound, b.divide, b._smear_likelihood, s._lines, s._fill, t._fuse,
+    c._advance, c._pool, r._polish, n._normals,
 ]
 before = [len(each.signatures) for each in kernels]
 truth, walls = poses_along(TOUR)[:80], furnished_flat()
