@@ -21,7 +21,9 @@ from tests.core_install import tried
 from tests.doc_commands import NOT_RUN, PAGES, ROOT, Line, commands_of, runnable
 from tests.waiting import PATIENCE_S
 
-pytestmark = pytest.mark.skipif(not (ROOT / "CONTRIBUTING.md").exists(), reason="only the sources have it")
+if not (ROOT / "CONTRIBUTING.md").exists():
+    pytest.skip("only the sources have the pages", allow_module_level=True)
+
 PROGRAMS: dict[str, click.Command] = {"chefbotd": chefbotd.main, "chefbotctl": chefbotctl.main}
 OF_ADDONS = ("shell", "sweep")
 SHELL = re.compile(r"^(\$ |sudo |make |pip |pipx |chefbotd |chefbotctl |\.venv/bin/)")
