@@ -119,7 +119,7 @@ def test_what_is_six_centimetres_wider_than_the_robot_is_passed_steadily(
     """With 1.5 cm to the walls or more, without turning about: 4 m in 50 s, and no more than 2 radians of turning."""
     if place == "corridor" and angle_deg in (15, 45):
         reason = (
-            "corridors of 6 cm more at these angles are not passed since the follower keeps in line at a goal"
+            "it waits on its way for a wall that it takes for an obstacle: 57 and 55 s, where 50 is the bound"
         )
         request.applymarker(pytest.mark.xfail(reason=reason))
     run = squeezed(1, 0.06, is_door=place == "door", turned_rad=math.radians(angle_deg))
