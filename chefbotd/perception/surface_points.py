@@ -5,7 +5,7 @@ before it, so whoever keeps 2 cm from every point never passes where there are 3
 dense that a dozen of them hit the same few centimetres of a wall: their mean is three times as exact as one of them.
 
 A point is moved to the mean of itself and its neighbours on the same surface, and no farther than ``MOST_M``. What
-stands alone, such as a leg, has no neighbours but its own, and stays. A corner is rounded by up to 7 mm.
+stands alone, such as a leg, has no neighbours but its own, and stays. A right-angled corner is rounded by up to 13 mm.
 """
 
 from typing import Final, TypeAlias

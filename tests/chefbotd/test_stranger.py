@@ -99,7 +99,7 @@ def test_a_secret_that_is_refused_is_not_repeated(write: Write) -> None:
 
 
 def test_a_section_of_a_component_that_is_not_allowed_is_refused_with_what_to_do(write: Write) -> None:
-    """An installed package does nothing before it is allowed."""
+    """An installed package does nothing in a daemon before it is allowed there."""
     text = refusal(write(ROBOT.replace('plugins.allow = ["pressure"]', "")))
     assert "pressure: unknown key; it is the section of an installed component, which is not allowed" in text
 

@@ -79,3 +79,28 @@ def test_points_that_were_seen_from_two_places_are_smoothed_along_their_own_beam
     points = np.array([[0.5, 0.0], [0.5, 0.005], [-0.5, 0.0], [-0.5, 0.005]])
     sensors = np.array([[0.1, 0.0], [0.1, 0.0], [-0.1, 0.0], [-0.1, 0.0]])
     assert smooth_points(points, sensors)[:, 0] == pytest.approx(points[:, 0])
+
+
+@pytest.mark.parametrize("beams", [360, 450, 720])
+@pytest.mark.parametrize("range_m", [0.15, 0.2, 0.3, 0.5, 1.0])
+def test_a_corner_that_points_at_the_robot_is_rounded_by_no_more_than_13_millimetres(
+    beams: int, range_m: float
+) -> None:
+    """However it is turned: two walls of 1 m that meet at a right angle, seen without noise."""
+    angles = np.arange(beams) * math.tau / beams - math.pi
+    along = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    for turned_rad in np.linspace(-0.7, 0.7, 15).tolist():
+        ranges = np.full(beams, np.inf)
+        for wall_rad in (turned_rad + math.pi / 4, turned_rad - math.pi / 4):
+            x, y = math.cos(wall_rad), math.sin(wall_rad)
+            across = (
+                along[:, 0] * y - along[:, 1] * x
+            )  # where a beam meets the wall that begins at the corner
+            hit_m = np.divide(range_m * y, across, out=np.full(beams, np.inf), where=np.abs(across) > 1e-9)
+            wall_m = np.divide(
+                range_m * along[:, 1], across, out=np.full(beams, np.inf), where=np.abs(across) > 1e-9
+            )
+            ranges = np.where((hit_m > 0) & (wall_m >= 0) & (wall_m <= 1), np.minimum(ranges, hit_m), ranges)
+        points = (along * ranges[:, None])[np.isfinite(ranges)]
+        nearer_m = np.hypot(*smooth_points(points, np.zeros(2)).T).min() - np.hypot(*points.T).min()
+        assert nearer_m <= 0.013
