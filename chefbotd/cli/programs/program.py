@@ -45,6 +45,9 @@ def _json_option() -> click.Option:
     return click.Option(["--json"], is_flag=True, expose_value=False, callback=_set_json, help=JSON_HELP)
 
 
+STRANGERS = f"{__name__}.strangers"
+
+
 class CommandGroup(click.Group):
     """A group of commands whose failures and interruptions become exit codes; it and each of them take ``--json``.
 
@@ -78,9 +81,8 @@ class CommandGroup(click.Group):
             attribute = self._attributes.get(cmd_name, cmd_name.replace("-", "_"))
             self.add_command(_late_command(module, cmd_name, attribute), cmd_name)
         command = super().get_command(ctx, cmd_name)
-        if command is None and self._has_strangers:
-            self._take_strangers()
-            command = super().get_command(ctx, cmd_name)
+        if command is None:
+            command = self._strangers(ctx).get(cmd_name)
         if command is None and self._late:  # click suggests commands of similar names: load them all
             for late in tuple(self._late):
                 self.get_command(ctx, late)
@@ -88,19 +90,26 @@ class CommandGroup(click.Group):
 
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Every name."""
-        if self._has_strangers:
-            self._take_strangers()
-        return sorted({*super().list_commands(ctx), *self._late})
+        return sorted({*super().list_commands(ctx), *self._late, *self._strangers(ctx)})
 
-    def _take_strangers(self) -> None:
-        from chefbotd.cli.common.strangers import strangers_command, strangers_commands
+    def _strangers(self, ctx: click.Context) -> dict[str, click.Command]:
+        """The commands of installed components, looked for once in each call of the program."""
+        if not self._has_strangers:
+            return {}
+        if STRANGERS not in ctx.meta:
+            from chefbotd.cli.common.strangers import strangers_command, strangers_commands
 
-        self._has_strangers = False
-        for name, reference in strangers_commands().items():
-            if name not in self.commands and name not in self._late:
-                command = strangers_command(name, reference)
-                if command is not None:
-                    self.add_command(command, name)
+            taken = {*self.commands, *self._late}
+            loaded = {
+                name: strangers_command(name, reference)
+                for name, reference in strangers_commands().items()
+                if name not in taken
+            }
+            ctx.meta[STRANGERS] = {
+                name: _with_json(command) for name, command in loaded.items() if command is not None
+            }
+        commands: dict[str, click.Command] = ctx.meta[STRANGERS]
+        return commands
 
     def add_command(self, cmd: click.Command, name: str | None = None) -> None:
         """Add a command, or a group with all its commands."""
