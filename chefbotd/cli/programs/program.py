@@ -99,11 +99,11 @@ class CommandGroup(click.Group):
         if STRANGERS not in ctx.meta:
             from chefbotd.cli.common.strangers import strangers_command, strangers_commands
 
-            taken = {*self.commands, *self._late}
+            own_names = {*self.commands, *self._late}
             loaded = {
                 name: strangers_command(name, reference)
                 for name, reference in strangers_commands().items()
-                if name not in taken
+                if name not in own_names
             }
             ctx.meta[STRANGERS] = {
                 name: _with_json(command) for name, command in loaded.items() if command is not None
