@@ -100,8 +100,8 @@ def as_json(result: CourseResult, problems: Sequence[str]) -> dict[str, Any]:
 
 
 def poses(result: CourseResult) -> Table:
-    """Commanded, odometric and true pose at the end of each leg."""
-    table = Table("x y m, °", box=box.SIMPLE_HEAD, pad_edge=False)
+    """Commanded, odometric and true pose at the end of each leg: 80 columns, as a terminal has them."""
+    table = Table("x y m, °", box=box.SIMPLE_HEAD, pad_edge=False, show_edge=False, padding=(0, 1, 0, 0))
     for title in ("commanded", "odometric", "true"):
         table.add_column(title, justify="right")
     for mark in result.marks:

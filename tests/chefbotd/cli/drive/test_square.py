@@ -14,7 +14,14 @@ from chefbotd.cli.common.arguments import Address
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.drive import square_view
 from chefbotd.cli.drive.course import square
-from chefbotd.cli.drive.course_driver import CourseDriver, CourseProgress, CourseResult, problems
+from chefbotd.cli.drive.course_driver import (
+    CourseDriver,
+    CourseProgress,
+    CourseResult,
+    Latencies,
+    LegEnd,
+    problems,
+)
 from chefbotd.cli.drive.square_view import SquareView
 from chefbotd.client import Client
 from chefbotd.core.geometry import Pose2D
@@ -179,3 +186,14 @@ def test_the_numbers_of_poses_stand_below_each_other() -> None:
     ]
     ends = [[match.end() for match in re.finditer(r"\S+", text)] for text in told]
     assert ends == [[7, 15, 22]] * 3
+
+
+def test_a_pose_stays_in_one_line_on_a_terminal_of_80_columns() -> None:
+    """The table of a 12 m square: its head, a rule and a line for the leg."""
+    pose = Pose2D(-12.5, -12.5, math.pi)
+    result = CourseResult((LegEnd("at rest", pose, pose, pose),), Latencies(), 1.0)
+    screen = Console(file=io.StringIO(), width=80)
+    screen.print(square_view.poses(result))
+    assert isinstance(screen.file, io.StringIO)
+    lines = [line for line in screen.file.getvalue().splitlines() if line.strip()]
+    assert [line.split()[0] for line in lines] == ["x", "─" * 80, "at"]
