@@ -1,6 +1,7 @@
 """Builds and checks every distribution, and writes the release's notes: python packaging/release.py [OPTION ...].
 
     --repository URL   where the sources are published: links and pictures of the READMEs lead there
+    --email ADDRESS    the authors' address in the metadata
     --quick            install the core alone, without its extras and the add-ons
 
 What is published is in dist/release. Nothing is uploaded.
@@ -24,7 +25,7 @@ PYTHONS = ("3.11", "3.12", "3.13")
 METADATA_VERSION = "2.4"
 FOR_DEVELOPERS = {"dev", "docs", "fuzz", "release"}
 LINK = re.compile(r"(!?)\[((?:[^\[\]]|\[[^\]]*\])*)\]\((?!https?:|#)([^)\s]+)\)")
-WANTED = ("Author", "Keywords", "License-Expression", "License-File", "Requires-Python", "Summary")
+WANTED = ("Author-Email", "Keywords", "License-Expression", "License-File", "Requires-Python", "Summary")
 """What each distribution's metadata has to say."""
 
 
@@ -32,6 +33,7 @@ def main(arguments: Sequence[str]) -> int:
     """Build, check, install, and write the notes."""
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawTextHelpFormatter)
     parser.add_argument("--repository", default="")
+    parser.add_argument("--email", required=True)
     parser.add_argument("--quick", action="store_true")
     asked = parser.parse_args(arguments)
     copy_sources()
@@ -40,7 +42,7 @@ def main(arguments: Sequence[str]) -> int:
     )[0]
     shutil.rmtree(OUT, ignore_errors=True)
     for folder in (".", *ADD_ONS):
-        prepare(TREE / folder, folder, asked.repository.rstrip("/"), version)
+        prepare(TREE / folder, folder, asked.repository.rstrip("/"), version, asked.email)
         print(f"building {folder}", flush=True)
         run(sys.executable, "-m", "build", "--no-isolation", "--outdir", str(OUT), str(TREE / folder))
     built = sorted(path for path in OUT.iterdir() if path.suffix in (".whl", ".gz"))
@@ -53,7 +55,7 @@ def main(arguments: Sequence[str]) -> int:
     run(sys.executable, "-m", "twine", "check", "--strict", *map(str, built))
     for path in built:
         if path.suffix == ".gz":
-            run(sys.executable, "-m", "pyroma", "--min", "9" if asked.repository else "8", str(path))
+            run(sys.executable, "-m", "pyroma", "--min", "9", str(path))
     install_everywhere(version, quick=asked.quick)
     notes = changes(Path("CHANGELOG.md").read_text(encoding="utf-8"), version)
     (OUT / "NOTES.md").write_text(notes, encoding="utf-8")
@@ -85,18 +87,32 @@ def copy_sources() -> None:
             shutil.copy2(name, TREE / name)
 
 
-def prepare(tree: Path, folder: str, repository: str, version: str) -> None:
+def prepare(tree: Path, folder: str, repository: str, version: str, email: str) -> None:
     """Give a distribution the README that an index can show, and the addresses that are known."""
     page = tree / "README.md"
     page.write_text(
         for_index(page.read_text(encoding="utf-8"), folder, repository, version), encoding="utf-8"
     )
+    project = tree / "pyproject.toml"
+    text = with_email(project.read_text(encoding="utf-8"), email)
     if repository:
         urls = {"Repository": "", "Changelog": f"/blob/v{version}/CHANGELOG.md", "Issues": "/issues"}
         rows = [f'{name} = "{repository}{path}"' for name, path in urls.items()]
-        project = tree / "pyproject.toml"
-        text = project.read_text(encoding="utf-8")
-        project.write_text("\n".join([text, "[project.urls]", *rows, ""]), encoding="utf-8")
+        text = "\n".join([text, "[project.urls]", *rows, ""])
+    project.write_text(text, encoding="utf-8")
+
+
+def with_email(project: str, email: str) -> str:
+    """The text of a pyproject.toml whose only author has this address."""
+    text, count = re.subn(
+        r'^authors = \[\{ name = "([^"]+)" \}\]$',
+        lambda match: f'authors = [{{ name = "{match[1]}", email = "{email}" }}]',
+        project,
+        flags=re.MULTILINE,
+    )
+    if count != 1:
+        sys.exit(f"expected a line with one author and no address in pyproject.toml, found {count}")
+    return text
 
 
 def for_index(text: str, folder: str, repository: str, version: str) -> str:

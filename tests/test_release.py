@@ -64,6 +64,17 @@ def test_an_incomplete_distribution_is_refused(release: Any, tmp_path: Path) -> 
 
 
 @pytest.mark.parametrize("path", PROJECTS, ids=lambda path: path.parent.name)
+def test_the_authors_address_is_given_at_the_release(release: Any, path: Path) -> None:
+    """No address stands in the sources; what is built has the one that was given."""
+    text = path.read_text(encoding="utf-8")
+    (author,) = tomllib.loads(text)["project"]["authors"]
+    (built,) = tomllib.loads(release.with_email(text, "a@b.example"))["project"]["authors"]
+    assert built == {"name": author["name"], "email": "a@b.example"}
+    with pytest.raises(SystemExit, match="one author and no address"):
+        release.with_email(release.with_email(text, "a@b.example"), "c@d.example")
+
+
+@pytest.mark.parametrize("path", PROJECTS, ids=lambda path: path.parent.name)
 def test_every_distribution_has_complete_metadata_and_the_cores_version(path: Path) -> None:
     """The version is written once, in chefbotd/__init__.py; the licence lies beside each."""
     read = tomllib.loads(path.read_text(encoding="utf-8"))
