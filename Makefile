@@ -17,6 +17,7 @@ SOAK_MINUTES ?= 60
 SEQUENCES ?= 100000
 RUNS ?= 5
 REPOSITORY ?=
+EMAIL ?= $(shell git log -1 --format=%ae)
 SEED ?= 1
 ORDERS ?= 60
 JOBS_OF_FAULTS ?= 2
@@ -138,18 +139,17 @@ format: $(VENV)/ready  ## Format the code, and mend what can be mended
 	$(BIN)/ruff check --fix .
 
 wheel: $(VENV)/ready  ## Build the wheel into dist
-	rm -rf dist
+	rm -f dist/*.whl dist/*.tar.gz
 	$(BIN)/python -m build --no-isolation --outdir dist
 
 # For this computer's architecture and Debian's own Python; with DEB_EXTRAS, which are extras of pyproject.toml.
-deb: $(VENV)/ready build/constraints.txt  ## Build the Debian package into dist (WITH=navigation: one more extra)
-	rm -rf build/deb-wheel
-	$(BIN)/python -m build --no-isolation --wheel --outdir build/deb-wheel
-	packaging/deb/build "$$(ls build/deb-wheel/*.whl)" "$(DEB_EXTRAS)"
+deb: wheel build/constraints.txt  ## Build the Debian package into dist (WITH=navigation: one more extra)
+	packaging/deb/build "$$(ls dist/*.whl)" "$(DEB_EXTRAS)"
 
-# Nothing is published: CONTRIBUTING.md has the maintainer's command.
-release: $(VENV)/ready build/constraints.txt  ## Build and check every distribution, and write the notes (REPOSITORY=https://...)
-	$(BIN)/python packaging/release.py $(if $(REPOSITORY),--repository $(REPOSITORY))
+# Nothing is published: CONTRIBUTING.md has the maintainer's command. The authors' address is the last commit's, which whoever
+# has the sources knows.
+release: $(VENV)/ready build/constraints.txt  ## Build and check every distribution, and write the notes (REPOSITORY=https://... EMAIL=...)
+	$(BIN)/python packaging/release.py --email "$(EMAIL)" $(if $(REPOSITORY),--repository $(REPOSITORY))
 
 # The tests, run against the installed wheel in an environment of its own, away from the sources. TIER=rest leaves out
 # those that `make test` runs in the same way and that no wheel makes a difference to (tests/budget.py says which).
