@@ -16,10 +16,16 @@ from chefbot_fleet.fleet import Fleet
 from chefbot_fleet.store import Correction, Stage
 from chefbot_fleet.view import fleet_view, roadmap_view
 from chefbot_fleet.walls import Walls
+from chefbotd.transport.web import STOPS_SCRIPT
 from chefbotd.transport.web.origin import is_own_host
 
 PAGE = Path(__file__).parent / "page"
-FILES = {"/": "index.html", "/page.js": "page.js", "/page.css": "page.css"}
+FILES = {
+    "/": PAGE / "index.html",
+    "/page.js": PAGE / "page.js",
+    "/page.css": PAGE / "page.css",
+    "/stops.js": STOPS_SCRIPT,
+}
 HEADERS = {
     "Content-Security-Policy": "default-src 'self'; frame-ancestors 'none'",
     "X-Content-Type-Options": "nosniff",
@@ -108,9 +114,9 @@ class FleetPage:
         response.headers.update(HEADERS)
         return response
 
-    def _file(self, name: str) -> Handler:
+    def _file(self, path: Path) -> Handler:
         async def serve(request: web.Request) -> web.StreamResponse:
-            return web.FileResponse(PAGE / name)
+            return web.FileResponse(path)
 
         return serve
 

@@ -11,8 +11,8 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
-import chefbot_fleet
 import pytest
+from chefbot_fleet.web import FILES
 
 CHROMIUM = shutil.which("chromium")
 ROADMAP = {"points": [[0, 0], [3, 0]], "edges": [[0, 1]], "names": {"counter": 0, "table": 1}, "walls": None}
@@ -31,6 +31,10 @@ FLEET: dict[str, Any] = {"robots": [], "orders": [ORDER], "strangers": [], "igno
 class Files(http.server.SimpleHTTPRequestHandler):
     """The page's files, without a line of log for each."""
 
+    def translate_path(self, path: str) -> str:
+        """Where the manager serves it from."""
+        return str(FILES.get(path, Path("there is none")))
+
     def log_message(self, format: str, *args: Any) -> None:
         """Say nothing."""
 
@@ -38,10 +42,7 @@ class Files(http.server.SimpleHTTPRequestHandler):
 @pytest.fixture(scope="module")
 def url() -> Iterator[str]:
     """Where the page's files are."""
-    folder = Path(chefbot_fleet.__file__).parent / "page"
-    server = http.server.ThreadingHTTPServer(
-        ("127.0.0.1", 0), functools.partial(Files, directory=str(folder))
-    )
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Files)
     thread = threading.Thread(target=server.serve_forever)
     thread.start()
     yield f"http://127.0.0.1:{server.server_address[1]}/"

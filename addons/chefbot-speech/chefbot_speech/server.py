@@ -15,6 +15,7 @@ from typing import Any, Final, Protocol
 import structlog
 from aiohttp import WSMsgType, web
 
+from chefbotd.transport.web import STOPS_SCRIPT
 from chefbotd.transport.web.http_server import ADD_ON_LIMITS, HttpServer
 from chefbotd.transport.web.origin import is_own_host, is_own_origin
 from chefbotd.transport.web.server import HEADERS, TYPES
@@ -60,7 +61,8 @@ def files() -> dict[str, tuple[str, bytes]]:
         f"/{entry.name}": (TYPES[entry.name.rpartition(".")[2]], entry.read_bytes())
         for entry in folder.iterdir()
     }
-    return {"/": found["/index.html"], **found}
+    stops = (TYPES["js"], STOPS_SCRIPT.read_bytes())
+    return {"/": found["/index.html"], **found, f"/{STOPS_SCRIPT.name}": stops}
 
 
 class PageServer:

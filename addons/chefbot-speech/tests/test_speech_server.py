@@ -96,7 +96,7 @@ def test_the_page_allows_its_own_files_alone() -> None:
     """By the headers of the daemon's page; nothing else is there."""
 
     async def scenario(session: aiohttp.ClientSession, url: str, talker: FakeTalker) -> None:
-        for path in ("", "talk.js", "microphone.js", "style.css"):
+        for path in ("", "talk.js", "stops.js", "microphone.js", "style.css"):
             async with session.get(url + path) as answer:
                 assert answer.status == 200
                 assert "default-src 'none'; script-src 'self'" in answer.headers["Content-Security-Policy"]

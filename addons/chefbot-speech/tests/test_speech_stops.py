@@ -8,19 +8,27 @@ import re
 import shutil
 import threading
 from collections.abc import Iterator
+from http import HTTPStatus
 from importlib.util import find_spec
-from pathlib import Path
 from typing import Any
 
-import chefbot_speech
 import pytest
+from chefbot_speech.server import files
 
 CHROMIUM = shutil.which("chromium")
 READY = {"phase": "ready", "text": "", "proposal": "table 3", "places": ["table 3"], "left_out": []}
 
 
-class Files(http.server.SimpleHTTPRequestHandler):
+class Files(http.server.BaseHTTPRequestHandler):
     """The page's files, without a line of log for each."""
+
+    def do_GET(self) -> None:
+        """What the add-on serves at this path."""
+        content_type, body = files()[self.path]
+        self.send_response(HTTPStatus.OK)
+        self.send_header("Content-Type", content_type)
+        self.end_headers()
+        self.wfile.write(body)
 
     def log_message(self, format: str, *args: Any) -> None:
         """Say nothing."""
@@ -29,10 +37,7 @@ class Files(http.server.SimpleHTTPRequestHandler):
 @pytest.fixture(scope="module")
 def url() -> Iterator[str]:
     """Where the page's files are."""
-    folder = Path(chefbot_speech.__file__).parent / "page"
-    server = http.server.ThreadingHTTPServer(
-        ("127.0.0.1", 0), functools.partial(Files, directory=str(folder))
-    )
+    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), Files)
     thread = threading.Thread(target=server.serve_forever)
     thread.start()
     yield f"http://127.0.0.1:{server.server_address[1]}/"

@@ -1,9 +1,9 @@
 // Draws the fleet once a second. Text from elsewhere is only ever set as text.
+import { onContact } from "./stops.js";
+
 const SVG = "http://www.w3.org/2000/svg";
 const COLOURS = ["#06c", "#c30", "#080", "#808", "#a60", "#088", "#555", "#c08", "#660", "#00a"];
 const ANSWER_MS = 5000;
-const SAME_CONTACT_MS = 80; // one contact comes as a pointer, as a touch and as a mouse
-const CLICK_AFTER_MS = 700;
 const CANCELLABLE = ["waiting", "assigned", "picked"];
 const byId = (id) => document.getElementById(id);
 let roadmap = null;
@@ -45,27 +45,6 @@ async function command(path, body) {
     byId("message").textContent = `The manager does not answer: ${error.message}`;
     return false;
   }
-}
-
-// What takes a robot's order away does so when a finger, a pen or a mouse goes down on its button, whatever else touches
-// the screen; and for a click of the keyboard or of a screen reader. While another finger scrolls a browser tells of this
-// one only as a touch.
-function onContact(button, act) {
-  let [acted_ms, ended_ms, isDown] = [-Infinity, -Infinity, false];
-  const begin = (event) => {
-    if (event.cancelable) event.preventDefault();
-    isDown = true;
-    if (event.timeStamp - acted_ms < SAME_CONTACT_MS) return;
-    acted_ms = event.timeStamp;
-    act();
-  };
-  const end = (event) => { if (isDown) [isDown, ended_ms] = [false, event.timeStamp]; };
-  for (const name of ["pointerdown", "touchstart", "mousedown"]) button.addEventListener(name, begin, { passive: false });
-  for (const name of ["pointerup", "pointercancel", "touchend", "touchcancel", "mouseup", "blur"]) button.addEventListener(name, end);
-  button.addEventListener("contextmenu", (event) => event.preventDefault());
-  button.addEventListener("click", (event) => {
-    if (event.detail === 0 || (!isDown && event.timeStamp - ended_ms > CLICK_AFTER_MS)) act();
-  });
 }
 
 async function cancel(order) {

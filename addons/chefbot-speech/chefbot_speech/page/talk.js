@@ -1,11 +1,11 @@
 // The button to talk. Pressing it is told to the robot at once, before the microphone is even asked for.
 
+import { onContact } from "./stops.js";
+
 const $ = (id) => document.getElementById(id);
 const TOKEN_KEY = "chefbot-speech-token";
 const AGAIN_MS = 1000;
 const FLUSH_MS = 300;
-const SAME_CONTACT_MS = 80; // one contact comes as a pointer, as a touch and as a mouse
-const CLICK_AFTER_MS = 700;
 const ANSWER_MS = 800;
 const LOST = "not connected: the robot may still be driving, and nothing on this page stops it";
 const UNREACHED = "The stop did not reach the robot. Hold it or switch its motors off.";
@@ -48,26 +48,6 @@ function warn(isUnreached) {
   unanswered = null;
   $("unreached").hidden = !isUnreached;
   $("unreached").textContent = isUnreached ? UNREACHED : "";
-}
-
-// Act when a finger, a pen or a mouse goes down; and for a click of the keyboard or of a screen reader. While another
-// finger scrolls a browser tells of this one only as a touch.
-function onContact(button, act) {
-  let [acted_ms, ended_ms, isDown] = [-Infinity, -Infinity, false];
-  const begin = (event) => {
-    if (event.cancelable) event.preventDefault();
-    isDown = true;
-    if (event.timeStamp - acted_ms < SAME_CONTACT_MS) return;
-    acted_ms = event.timeStamp;
-    act();
-  };
-  const end = (event) => { if (isDown) [isDown, ended_ms] = [false, event.timeStamp]; };
-  for (const name of ["pointerdown", "touchstart", "mousedown"]) button.addEventListener(name, begin, { passive: false });
-  for (const name of ["pointerup", "pointercancel", "touchend", "touchcancel", "mouseup", "blur"]) addEventListener(name, end, { capture: true });
-  button.addEventListener("contextmenu", (event) => event.preventDefault());
-  button.addEventListener("click", (event) => {
-    if (event.detail === 0 || (!isDown && event.timeStamp - ended_ms > CLICK_AFTER_MS)) act();
-  });
 }
 
 function show(state) {
