@@ -128,13 +128,22 @@ print(socket.create_connection(("127.0.0.1", int(os.environ["DOC_TEST_PORT"]))).
 """In a page's blocks ``chefbotd run`` goes on for ever: here it is ended by Ctrl-C when it listens."""
 
 
+NAMED_ROBOT = re.compile(r"chefbotd run --sim --config (\w+)")
+
+
+def robot_of(page: str) -> str:
+    """The simulated robot that a page's first lines tell its reader to start; ChefBot without a word about it."""
+    named = NAMED_ROBOT.search("".join((ROOT / page).read_text(encoding="utf-8").splitlines(True)[:12]))
+    return named[1] if named else "chefbot"
+
+
 @contextmanager
-def simulated(folder: Path, environment: dict[str, str], port: int) -> Iterator[None]:
+def simulated(robot: str, folder: Path, environment: dict[str, str], port: int) -> Iterator[None]:
     """The simulated robot that a page's commands ask, on a port of its own."""
     program = shutil.which("chefbotd", path=environment["PATH"]) or "chefbotd"
     with (folder / "daemon.log").open("wb") as log:
         process = subprocess.Popen(
-            [program, "run", "--sim", "--listen", f"127.0.0.1:{port}"],
+            [program, "run", "--sim", "--config", robot, "--listen", f"127.0.0.1:{port}"],
             env=environment,
             stderr=log,
         )
@@ -169,7 +178,7 @@ def test_pages_commands_run(page: str, tmp_path: Path) -> None:
         "DOC_TEST_PORT": str(port),
         "CHEFBOTD_PAGE__PORT": "0",
     }
-    with simulated(tmp_path, environment, port):
+    with simulated(robot_of(page), tmp_path, environment, port):
         for block in runnable(page):
             script = PRELUDE + "\n".join(line.text for line in block)
             asked = {**environment, "CHEFBOTD_API__PORT": "0"}
