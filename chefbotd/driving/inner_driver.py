@@ -114,7 +114,7 @@ class InnerDriver:
 
     @property
     def stop_number(self) -> int:
-        """Changes with every stop, e-stop and fault: to be read when a request arrives, for ``require_unstopped``."""
+        """Changes with every stop, e-stop and fault: to be read when a request arrives, for ``begin``."""
         return self._gate.stop_number
 
     def require_unstopped(self, stop_number: int, what: str) -> None:
@@ -133,8 +133,13 @@ class InnerDriver:
         """Whether this source is a higher one; while a higher one is in force, this driver is not followed."""
         return source in self._higher
 
-    def begin(self) -> None:
-        """A new goal was requested: earlier stops do not hold it."""
+    def begin(self, stop_number: int, what: str) -> None:
+        """Let begin what was asked for at this stop number: earlier stops do not hold it.
+
+        Raises:
+            Refused: as ``require_unstopped``.
+        """
+        self.require_unstopped(stop_number, what)
         self._gate.acknowledge_stops(self._session.number, self.source)
 
     def let_go(self) -> None:

@@ -148,7 +148,7 @@ def test_no_client_drives_as_the_calibration_or_takes_it():
             await client.take_control(CALIBRATION)
         assert refused.value.kind == "unknown_source"
         await client.stop()
-        calibration.driver.begin()
+        calibration.driver.begin(calibration.driver.stop_number, "this was asked for")
         await calibration.drive(*TURN, seconds=0.2)
         assert calibration.driven[-1].duty == TURN
 

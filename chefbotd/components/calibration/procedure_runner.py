@@ -50,10 +50,10 @@ class ProcedureRunnerState(Record, frozen=True):
 
 
 class StopBaseline(Record, frozen=True):
-    """How many stops there had been when a step was asked for, and the number of the last e-stop or fault."""
+    """How many stops there had been when a step was asked for, and the number of the last stop or fault."""
 
     stops: int
-    latch: int | None
+    stop_number: int
 
 
 class ProcedureRunner:
@@ -115,7 +115,7 @@ class ProcedureRunner:
 
     def take_baseline(self) -> StopBaseline:
         """To be asked for when a step is: any stop or fault after it ends the step, also before its first motion."""
-        return StopBaseline(self._driver.stops, None if self._safety is None else self._safety.latch)
+        return StopBaseline(self._driver.stops, self._driver.stop_number)
 
     async def run(self, procedure: Procedure, baseline: StopBaseline) -> Measurements:
         """Everything that was measured during the procedure.
@@ -126,7 +126,7 @@ class ProcedureRunner:
         self._check_stopped(baseline)
         self.require()
         gathering, parts = Gathering(self._bus), []
-        self._driver.begin()
+        self._driver.begin(baseline.stop_number, "this step was asked for")
         end_s = self._entries.now_s() + STEP_TIMEOUT_S
         try:
             action = next(procedure, None)
@@ -217,7 +217,7 @@ class ProcedureRunner:
             who = self._driver.stopped_by or "somebody"
             raise Refused(RefusalKind.STOPPED, f"the calibration was stopped by {who}")
         safety = self._armed()
-        if safety.latch != baseline.latch:
+        if self._driver.stop_number != baseline.stop_number:
             raise Refused(RefusalKind.STOPPED, "a fault stopped the robot meanwhile; begin the step again")
         return safety
 

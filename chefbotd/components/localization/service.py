@@ -164,16 +164,14 @@ class LocalizationService:
         """Search the whole map for the robot's pose; the robot does not move, unless ``turn`` allows one turn."""
         if not params.turn:
             return await self._ask(Localize(), SHORT_S)
-        driver = self._turning.require()
-        stop_number = driver.stop_number
+        stop_number = self._turning.require().stop_number
         await self._ask(Localize(), SHORT_S)
-        driver.require_unstopped(stop_number, "this turn was asked for")
-        self._turning.begin(is_asked=True)
+        self._turning.begin(stop_number)
         return await self._turned(progress)
 
     async def _turned(self, progress: ProgressReporter) -> LocalizationData:
         """Wait for the end of the turn, which ends with whoever waits for it."""
-        end, task = self._turning.begin(is_asked=False), self._entries.task
+        end, task = self._turning.begin(), self._entries.task
         self._waits.add(task)
         self._reports.append(progress.report)
         try:
@@ -335,7 +333,7 @@ class LocalizationService:
                 log.info("the robot does not turn to find itself: it was stopped meanwhile; ask for a turn")
                 return
             try:
-                self._turning.begin(is_asked=False)
+                self._turning.begin()
             except Refused as refusal:
                 log.info("the robot does not turn to find itself", reason=str(refusal))
 

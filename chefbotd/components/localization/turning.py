@@ -126,15 +126,17 @@ class Turning:
             raise Refused(RefusalKind.STOPPED, f"{safety.source} drives; the robot does not turn meanwhile")
         return self._driver
 
-    def begin(self, *, is_asked: bool) -> "asyncio.Future[str]":
-        """Turn once, after a moment of looking; what comes of it is a sentence. ``is_asked``: no stop holds it.
+    def begin(self, stop_number: int | None = None) -> "asyncio.Future[str]":
+        """Turn once, after a moment of looking; what comes of it is a sentence.
+
+        ``stop_number`` is the driver's when somebody asked for the turn; None: nobody did, and stops hold it.
 
         Raises:
             Refused: the robot may not.
         """
         driver = self.require()
-        if is_asked:
-            driver.begin()
+        if stop_number is not None:
+            driver.begin(stop_number, "this turn was asked for")
         if self._end is None or self._end.done():
             self._end = asyncio.get_running_loop().create_future()
             self._turned_rad, self._stops = 0.0, driver.stops

@@ -234,9 +234,8 @@ class NavigationService:
             await self._requests.all_sent()  # or a cancel that waits for a busy worker would end these goals
             goals = await self._destinations.goals(numbers, waypoints)
             self._goals.require_room(len(goals))
-            self._driver.require_unstopped(stop_number, "this goal was sent")
+            self._driver.begin(stop_number, "this goal was sent")
             self._goals.add(goals)
-            self._driver.begin()
             is_told = True
             await self._ask(messages.NavigateTo(tuple(goals), params.queue))
         except BaseException:
@@ -327,7 +326,7 @@ class NavigationService:
         """Go on, as soon as nobody else drives."""
         self._end_if_stopped()
         self._paused = ""
-        self._driver.begin()
+        self._driver.begin(self._driver.stop_number, "this was asked for")
         if not self._is_taken_over:
             self._requests.put(messages.Resume())
 

@@ -12,6 +12,7 @@ from chefbotd.core.events import SafetyChanged, WheelsDriven
 from chefbotd.core.geometry import Twist2D
 from chefbotd.driving.inner_driver import InnerDriver
 from chefbotd.rpc.method import Unserved
+from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 
 WISH = Twist2D(0.14, 0.2)
@@ -147,7 +148,38 @@ def test_a_stop_holds_the_wishes_until_a_new_goal() -> None:
                 await navigation.wish(STEP_S)
             await asyncio.sleep(STEP_S)
         assert abs(navigation.speed_m_s) < 0.005
-        navigation.driver.begin()
+        navigation.driver.begin(navigation.driver.stop_number, "this was asked for")
+        await navigation.wish(1.0)
+        assert navigation.speed_m_s > 0.1
+
+    on_robot(scenario)
+
+
+async def _stop(robot: SimulatedRobot) -> None:
+    await robot.client.stop()
+
+
+async def _estop(robot: SimulatedRobot) -> None:
+    await robot.client.estop()
+
+
+async def _fail(robot: SimulatedRobot) -> None:
+    robot.daemon.driving.fail(Fault(FaultKind.LINK_LOST, "the link was lost"))
+
+
+@pytest.mark.parametrize("happens", [_stop, _estop, _fail])
+def test_what_has_waited_does_not_begin_after_a_stop_or_fault_and_somebodys_arm(
+    happens: Callable[[SimulatedRobot], Awaitable[None]],
+) -> None:
+    """A component that took its request before it, and begins after it, is refused; asked anew, it drives."""
+
+    async def scenario(navigation: Navigation) -> None:
+        asked_at = navigation.driver.stop_number
+        await happens(navigation.robot)
+        await navigation.robot.client.arm()
+        with pytest.raises(Refused, match="stopped after this was asked for"):
+            navigation.driver.begin(asked_at, "this was asked for")
+        navigation.driver.begin(navigation.driver.stop_number, "this was asked for")
         await navigation.wish(1.0)
         assert navigation.speed_m_s > 0.1
 

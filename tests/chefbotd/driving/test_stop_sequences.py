@@ -171,7 +171,7 @@ class Robot:
 
     def _own(self, what: str) -> None:
         if what == "goal":
-            self.own.begin()
+            self.own.begin(self.own.stop_number, "this was asked for")
         elif what == "navigation":
             self.own.drive(Twist2D(0.1, 0.0), self.clock.now_s())
 

@@ -108,7 +108,7 @@ class PressureService:
         """Drive on slowly, for as long as one command lasts."""
         if self._driver is None:
             raise Refused(RefusalKind.UNKNOWN_SOURCE, "[safety.sources] has no pressure")
-        self._driver.begin()
+        self._driver.begin(self._driver.stop_number, "this was asked for")
         self._driver.drive(Twist2D(0.1, 0.0), self._clock.now_s())
         return DONE
 

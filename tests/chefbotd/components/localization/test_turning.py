@@ -65,7 +65,7 @@ def test_it_looks_for_three_seconds_and_turns_once_round() -> None:
 
     async def scenario(bench: Bench) -> None:
         began_s = asyncio.get_running_loop().time()
-        end = bench.turning.begin(is_asked=True)
+        end = bench.turning.begin(bench.turning.require().stop_number)
         await asyncio.sleep(LOOKS_S - 0.1)
         assert bench.turn_rad_s < 0.01
         assert await end == "it has turned once"
@@ -85,7 +85,7 @@ def test_a_reset_of_the_odometry_is_no_rotation() -> None:
 
     async def scenario(bench: Bench) -> None:
         began_s = asyncio.get_running_loop().time()
-        end = bench.turning.begin(is_asked=True)
+        end = bench.turning.begin(bench.turning.require().stop_number)
         await bench.until_turning()
         for heading_rad in (3.0, 0.0, 3.0):
             await bench.robot.client.reset_odometry(0.0, 0.0, heading_rad)
@@ -139,7 +139,7 @@ def test_whatever_ends_a_turn_ends_it_for_good(
     """Also while it only looks: then it never begins to turn. When all is over, it does not go on."""
 
     async def scenario(bench: Bench) -> None:
-        end = bench.turning.begin(is_asked=True)
+        end = bench.turning.begin(bench.turning.require().stop_number)
         if is_turning:
             await bench.until_turning()
         else:
@@ -161,16 +161,16 @@ def test_a_robot_that_may_not_turn_says_why() -> None:
         turning, client = bench.turning, bench.robot.client
         await client.drive(0.0, 0.0, "teleop")
         with pytest.raises(Refused, match="teleop drives"):
-            turning.begin(is_asked=True)
+            turning.begin()
         await client.release_control()
         await _goal(bench)
         with pytest.raises(Refused, match="cancel the goal first"):
-            turning.begin(is_asked=True)
+            turning.begin()
         await _disarm(bench)
         with pytest.raises(Refused, match="arm the robot first"):
-            turning.begin(is_asked=True)
+            turning.begin()
         with pytest.raises(Refused, match="not set up to turn"):
-            Turning(bench.robot.daemon.bus, LoopClock(), None, lambda *told: None).begin(is_asked=True)
+            Turning(bench.robot.daemon.bus, LoopClock(), None, lambda *told: None).begin()
 
     on_robot(scenario)
 
@@ -179,7 +179,7 @@ def test_a_client_that_drives_as_navigation_is_not_disturbed() -> None:
     """It has the lease: the turn ends before it begins."""
 
     async def scenario(bench: Bench) -> None:
-        end = bench.turning.begin(is_asked=True)
+        end = bench.turning.begin(bench.turning.require().stop_number)
         await asyncio.sleep(LOOKS_S - 0.2)
         for _ in range(5):
             await bench.robot.client.drive(0.0, 0.0, "navigation")

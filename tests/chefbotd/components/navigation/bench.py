@@ -91,8 +91,9 @@ class FakeDriver:
     def gives_way_to(self, source: str | None) -> bool:
         return source in ("teleop", "safety")
 
-    def begin(self) -> None:
-        """Nothing held it."""
+    def begin(self, stop_number: int, what: str) -> None:
+        """Only what was stopped is held."""
+        self.require_unstopped(stop_number, what)
 
     def let_go(self) -> None:
         """Nothing is wished."""
