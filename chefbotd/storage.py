@@ -71,6 +71,26 @@ def create_file(path: Path) -> BufferedWriter:
     return file
 
 
+def replace_file(path: Path, content: bytes) -> None:
+    """Write a file so that there is the old one or the new one at any moment, also after a power cut.
+
+    Raises:
+        OSError: it could not be written; the old one is there. Or its folder could not be synchronized: the new one is
+            there, and a power cut may bring the old one back.
+    """
+    new = path.with_name(f".{path.name}.new")
+    with create_file(new) as file:
+        try:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+            new.replace(path)
+        except OSError:
+            new.unlink(missing_ok=True)
+            raise
+    sync_folder(path.parent)
+
+
 def explain(error: OSError) -> str:
     """The reason in words."""
     if isinstance(error, NotRegular):

@@ -13,7 +13,7 @@ from typing import Final
 from chefbotd.client import CallError, Client, GoalNotReached
 from chefbotd.client.agent import ACCIDENTS, AGAIN_S, BY_PEOPLE, Agent, run_agent
 from chefbotd.client.models import BatteryData
-from examples.waiter.notebook import Notebook, Order
+from examples.waiter.notebook import CannotNote, Notebook, Order
 
 Connect = Callable[[], AbstractAsyncContextManager[Client]]
 TAKEN: Final = "Taken, thank you"
@@ -27,7 +27,7 @@ class Waiter:
 
     def __init__(self, notebook: Notebook, speak: Callable[[str], None] = lambda text: None) -> None:
         self._notebook, self._speak = notebook, speak
-        self._has_order, self._is_low = asyncio.Event(), False
+        self._has_order, self._is_low, self._is_home = asyncio.Event(), False, False
 
     async def run(self, connect: Connect) -> None:
         """Serve until cancelled; a lost connection is opened again."""
@@ -46,10 +46,18 @@ class Waiter:
         async for table in agent.presses({f"Order to {table}": table for table in tables}):
             if self._is_low:
                 await self._say(agent, f"I cannot come to {table}: my battery is low")
-            elif self._notebook.take(table, agent.pressed_number) is None:
-                await self._say(agent, f"I know already that {table} has ordered")
             else:
-                self._has_order.set()
+                await self._take(agent, table)
+
+    async def _take(self, agent: Agent, table: str) -> None:
+        try:
+            order = self._notebook.take(table, agent.pressed_number)
+        except CannotNote as problem:
+            await self._say(agent, f"Nobody comes to {table}. {problem}")
+            return
+        if order is None:
+            await self._say(agent, f"I know already that {table} has ordered")
+        self._has_order.set()
 
     async def _watch_battery(self, robot: Client) -> None:
         async with robot.subscribe("battery", max_rate_hz=1.0) as events:
@@ -58,23 +66,33 @@ class Waiter:
                 self._has_order.set()
 
     async def _serve_all(self, agent: Agent, home: str) -> None:
-        is_home = False
-        await self._look_back(agent.robot)
+        """What cannot be noted is done again: goals have ids, so the robot drives no way twice."""
+        self._is_home, looks_back = False, True
         while True:
-            order = self._notebook.next()
-            if self._notebook.page.is_stopped:
-                is_home = False
-                await self._ask_to_go_on(agent)
-            elif order is not None and self._is_low and order.state == "waiting":
-                await self._refuse(agent, order, "my battery is low")
-            elif order is not None:
-                is_home = False
-                await self._serve(agent, order)
-            elif not is_home:
-                is_home = await self._go_home(agent, home)
-            else:
-                self._has_order.clear()
-                await self._has_order.wait()
+            try:
+                if looks_back:
+                    await self._look_back(agent.robot)
+                looks_back = False
+                await self._do_next(agent, home)
+            except CannotNote as problem:
+                await self._say(agent, str(problem))
+                await asyncio.sleep(AGAIN_S)
+
+    async def _do_next(self, agent: Agent, home: str) -> None:
+        order = self._notebook.next()
+        if self._notebook.page.is_stopped:
+            self._is_home = False
+            await self._ask_to_go_on(agent)
+        elif order is not None and self._is_low and order.state == "waiting":
+            await self._refuse(agent, order, "my battery is low")
+        elif order is not None:
+            self._is_home = False
+            await self._serve(agent, order)
+        elif not self._is_home:
+            self._is_home = await self._go_home(agent, home)
+        else:
+            self._has_order.clear()
+            await self._has_order.wait()
 
     async def _look_back(self, robot: Client) -> None:
         """Whether somebody stopped it on its way home while this program was not there."""
@@ -106,12 +124,8 @@ class Waiter:
             try:
                 await agent.drive_to(order.table, goal_id, order.stop_number)
             except GoalNotReached as ended:
-                if ended.cause in BY_PEOPLE:
-                    order.tries += 1
-                    self._notebook.note_stopped(is_stopped=True)
-                elif ended.cause in ACCIDENTS and order.tries < MOST_TRIES:
-                    order.tries += 1
-                    self._notebook.save()
+                if ended.cause in BY_PEOPLE or (ended.cause in ACCIDENTS and order.tries < MOST_TRIES):
+                    self._notebook.note_try(order, is_stopped=ended.cause in BY_PEOPLE)
                 else:
                     await self._refuse(agent, order, ended.reason)
                 return
@@ -120,8 +134,7 @@ class Waiter:
         if answer.choice is None:
             await self._refuse(agent, order, "nobody took the food")
         else:
-            self._notebook.page.stop_number = answer.stop_number
-            self._notebook.note(order, "served")
+            self._notebook.note_served(order, answer.stop_number)
             await self._say(agent, f"Enjoy your meal at {order.table}")
 
     async def _go_home(self, agent: Agent, home: str) -> bool:

@@ -31,7 +31,7 @@ from chefbotd.process.latch_file import LatchFile
 from chefbotd.rpc.access import AccessError, load_guard
 from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.safety.gate import GateState, Mode
-from chefbotd.storage import NotRegular, create_file, explain, read_file
+from chefbotd.storage import NotRegular, create_file, explain, read_file, replace_file
 
 
 def link_to_zero(path: Path) -> None:
@@ -221,3 +221,17 @@ def test_a_cell_is_in_a_zone_by_its_middle() -> None:
     frame = GridFrame(1.0, Pose2D(0.0, 0.0, 0.0), 5, 5)
     cells = keep_out_cells(Zones(keep_out=(Zone(corners_m=((0, 0), (4.2, 0), (0, 4.2))),)), frame)
     assert [int(row.sum()) for row in cells] == [4, 3, 2, 1, 0]
+
+
+def test_a_file_is_replaced_whole_or_not_at_all(tmp_path: Path) -> None:
+    """What stands in the way of the new one leaves the old one, and nothing beside it."""
+    path, obstacle = tmp_path / "page", tmp_path / ".page.new"
+    replace_file(path, b"old")
+    obstacle.mkdir()
+    with pytest.raises(IsADirectoryError):
+        replace_file(path, b"new")
+    assert path.read_bytes() == b"old"
+    obstacle.rmdir()
+    replace_file(path, b"new")
+    assert path.read_bytes() == b"new"
+    assert list(tmp_path.iterdir()) == [path]

@@ -13,6 +13,7 @@ import msgspec
 
 from chefbot_devtools.job import Job, Outcome
 from chefbotd.clock import LoopClock, run_virtual
+from chefbotd.storage import replace_file
 from chefbotd.testing.on_map import localized_robot
 
 LONGEST_TEXT = 500
@@ -56,9 +57,7 @@ def main() -> None:
     job, path = msgspec.json.decode(sys.stdin.buffer.read(), type=Job), Path(sys.argv[1])
     end, text, simulated_s = run_virtual(run(job))
     outcome = Outcome(job.world, job.seed, end, text, simulated_s, time.monotonic() - began_s)
-    new = path.with_suffix(".new")
-    new.write_bytes(msgspec.json.encode(outcome))
-    new.replace(path)
+    replace_file(path, msgspec.json.encode(outcome))
     sys.stdout.flush()
     os._exit(0)  # a program's threads keep nobody waiting
 

@@ -9,6 +9,7 @@ from chefbotd.cli.common.context import CommandContext
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.client import Client
 from chefbotd.client.wire import ProgressListener
+from chefbotd.storage import replace_file
 
 T = TypeVar("T")
 
@@ -31,13 +32,10 @@ def write_file(path: Path, data: bytes, *, force: bool) -> None:
     """
     if path.exists() and not force:
         raise ProgramError(Exit.FAILED, f"{path} exists already; --force replaces it")
-    new = path.with_name(f".{path.name}.new")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        new.write_bytes(data)
-        new.replace(path)
+        replace_file(path, data)
     except OSError as error:
-        new.unlink(missing_ok=True)
         raise ProgramError(Exit.FAILED, f"cannot write {path}: {error.strerror}") from error
 
 
