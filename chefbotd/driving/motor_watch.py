@@ -11,7 +11,7 @@ from chefbotd.driving.wheel_reader import WheelsRead
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.safety import commands_lost, echo, off_target, overspeed, unresponsive, wheels
 from chefbotd.safety.commands_lost import BoardSays
-from chefbotd.safety.faults import Fault
+from chefbotd.safety.faults import Fault, FaultKind
 from chefbotd.safety.gate import SafetyParameters
 from chefbotd.safety.in_force import Command, InForce
 
@@ -34,6 +34,9 @@ OFF_TARGET_PERIOD_S = 0.25
 
 SETTLING_READINGS = 3
 """The wheel loop needs so many to bring a wheel to another speed; a board that waits for echoes gives one a second."""
+
+NO_ECHO = ". This board sends no 's' lines, so nothing shows whether commands reach it: check its cable, too"
+"""What is added where a wheel stands and its board does not say what it obeys."""
 
 LEVEL_M_S = 0.01
 """Wheels that are asked for speeds no farther apart than this do not drag each other."""
@@ -202,7 +205,7 @@ class MotorWatch:
             envelope.may_turn_round,
         )
         if fault is not None:
-            yield fault
+            yield self._blame_line(now_s, fault)
         yield from self._watch_motion(now_s, envelope.asked_m_s, seen)
         if not envelope.is_steady or self._board_says.dead_man:
             self._steady = SteadyWheels()
@@ -223,6 +226,17 @@ class MotorWatch:
         self._lost_s, fault = commands_lost.watch(self._lost_s, self._board_says, dt_s, driven=driven)
         if fault is not None:
             yield fault
+
+    def _blame_line(self, now_s: float, fault: Fault) -> Fault:
+        """A wheel's fault, or the line's where the wheel stands as the board says that it is told to."""
+        if fault.kind is not FaultKind.WHEEL_STALLED or self._board_says.dead_man:
+            return fault
+        sent = self.in_force.commands[0].duty
+        if any(sent) and self._is_echo_fresh(now_s) and echo.says_no_motor(self._echo):
+            return commands_lost.explain_unheard(fault, self._echo.shown, sent)
+        if not self._echo.shown:
+            return Fault(fault.kind, fault.reason + NO_ECHO)
+        return fault
 
     def _watch_pace(self, effort: tuple[float, ...], seen: WheelsRead) -> None:
         """Whether wheels that are asked for a steady speed have it; wheels that drag each other are not judged."""
@@ -282,5 +296,8 @@ class MotorWatch:
 
     def _echoes_motion(self, now_s: float) -> bool:
         state = self._echo
-        fresh = now_s - state.shown_s <= ECHO_AGE_S
-        return fresh and any(state.shown) and echo.is_believed(self._parameters.echo, state)
+        is_fresh = self._is_echo_fresh(now_s)
+        return is_fresh and any(state.shown) and echo.is_believed(self._parameters.echo, state)
+
+    def _is_echo_fresh(self, now_s: float) -> bool:
+        return now_s - self._echo.shown_s <= ECHO_AGE_S

@@ -42,3 +42,14 @@ def _explain(lost_s: float, says: BoardSays) -> Fault:
         "wheels are not to blame: check the cable to the board, its plugs, and what runs beside it"
     )
     return Fault(FaultKind.COMMANDS_LOST, reason)
+
+
+def explain_unheard(wheels_fault: Fault, shown: tuple[float, ...], sent: tuple[int, ...]) -> Fault:
+    """The fault of a line behind which a wheel stands as the board's echo has it: ``shown``, where ``sent`` was sent."""
+    shown_text, sent_text = " ".join(f"{value:g}" for value in shown), " ".join(map(str, sent))
+    reason = (
+        f"no command reaches the board: it echoes {shown_text!r}, where {sent_text!r} was sent, so it says that it "
+        "drives no motor. Check the cable to the board and its plugs, and whether the board stops its motors by itself. If its "
+        f"'s' lines mean something else: {wheels_fault.reason}"
+    )
+    return Fault(FaultKind.COMMANDS_LOST, reason)

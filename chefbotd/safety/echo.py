@@ -37,8 +37,8 @@ class EchoParameters(Parameters):
 class EchoState(Record, frozen=True):
     """``said``: the recent commands, newest first, each with the time at which it was last sent.
 
-    ``fitting`` counts the echoes that equalled one of them. ``score`` is what speaks against the board, ``shown`` its
-    latest echo, received at ``shown_s``.
+    ``fitting`` counts the echoes that equalled one of them, ``strange`` those before it is believed that were motion and
+    did not. ``score`` is what speaks against the board, ``shown`` its latest echo, received at ``shown_s``.
     """
 
     said: tuple[tuple[float, Duty], ...] = ()
@@ -46,6 +46,7 @@ class EchoState(Record, frozen=True):
     score: float = 0.0
     shown: tuple[float, ...] = ()
     shown_s: float = float("-inf")
+    strange: int = 0
 
 
 UNKNOWN = EchoState()
@@ -65,6 +66,11 @@ def is_believed(params: EchoParameters, state: EchoState) -> bool:
     return state.fitting >= params.min_confirmations
 
 
+def says_no_motor(state: EchoState) -> bool:
+    """Whether the latest echo says that no motor is driven, by a board that has shown no other meaning of its echo."""
+    return bool(state.shown) and not any(state.shown) and state.strange <= state.fitting
+
+
 def note_echo(
     params: EchoParameters, state: EchoState, now_s: float, shown: tuple[float, ...]
 ) -> tuple[EchoState, Fault | None]:
@@ -76,7 +82,7 @@ def note_echo(
         return replace(state, shown=shown, shown_s=now_s, fitting=fitting, score=score), None
     state = replace(state, shown=shown, shown_s=now_s)
     if not is_believed(params, state):
-        return state, None
+        return replace(state, strange=state.strange + 1), None
     score = state.score + 1
     if score < params.mismatches:
         return replace(state, score=score), None

@@ -2,15 +2,19 @@
 
 import asyncio
 import contextlib
+import random
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 
 import pytest
 
 from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
+from chefbotd.components.simulation.parameters.sketches import PUBLISHED_SKETCHES
 from chefbotd.core import events
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from tests.budget import sample
+from tests.scenarios.robots import settings_of
 from tests.scenarios.wires import Rewrite, rewire
 
 DECELERATION_M_S2 = 1.0
@@ -98,5 +102,89 @@ def test_an_echo_that_comes_back_gives_the_speed_back():
             assert max(b - a for a, b in pairwise(means)) < 1.6 * DECELERATION_M_S2 * 25 * LOOK_S
             told = [judged.take_event().condition for _ in range(len(judged))]
             assert told == ["healthy", "echo_stuck", "healthy"]
+
+    run_virtual(run())
+
+
+JAMS: Mapping[str, Callable[[bytes], bytes]] = {
+    "nothing": lambda data: b"",
+    "noise": lambda data: random.Random(len(data)).randbytes(len(data)),
+    "flipped": lambda data: bytes(byte ^ 1 for byte in data),
+    "stuck": lambda data: bytes(len(data)),
+}
+"""What arrives on a line to the board that is cut, disturbed, at another rate, or shorted."""
+
+
+@pytest.mark.parametrize("jam", sample(list(JAMS)))
+@pytest.mark.parametrize("sketch", sample(PUBLISHED_SKETCHES))
+def test_a_sketch_to_which_no_command_comes_has_a_bad_line_and_no_stalled_wheel(sketch, jam):
+    """Jammed before the first motion, the board echoes `0 0`: the fault is the line's, and no wheel's."""
+
+    async def run() -> None:
+        settings = settings_of(f"chefbot/{sketch.value}", {"safety.guard.enabled": False})
+        async with simulated_robot(settings) as robot:
+            await asyncio.sleep(1.5)
+            write = robot.device.on_write
+            robot.device.on_write = lambda data: write(JAMS[jam](data))
+            await drive(robot, 0.2, 0.0, 1.6)
+            safety = (await robot.client.call("get_state"))["safety"]
+            assert safety["fault"] == "commands_lost"
+            assert "no command reaches the board: it echoes '0 0'" in safety["reason"]
+            assert "cable" in safety["reason"]
+
+    run_virtual(run())
+
+
+def test_a_line_that_is_jammed_at_rest_is_named_by_the_link_and_blames_no_encoder():
+    """It drove and stood for 1 s; then nothing arrives: the link says so within 0.5 s, and blames no wheel."""
+
+    async def run() -> None:
+        async with simulated_robot(settings_of("chefbot/tiva", {"safety.guard.enabled": False})) as robot:
+            warned = robot.daemon.bus.subscribe(events.DriveWarned)
+            await asyncio.sleep(1.5)
+            await drive(robot, 0.2, 0.0, 1.0)
+            await robot.client.stop()
+            await asyncio.sleep(1.0)
+            robot.device.on_write = lambda data: None
+            await drive(robot, 0.05, 0.0, 0.5)
+            health = (await robot.client.call("get_state"))["topics"]["link"]["data"]
+            assert health["condition"] == "echo_stuck"
+            await drive(robot, 0.05, 0.0, 4.0)
+            assert (await robot.client.call("get_state"))["safety"]["fault"] is None
+            assert len(warned) == 0
+
+    run_virtual(run())
+
+
+def test_a_blocked_wheel_of_a_board_that_echoes_speeds_is_the_wheels_fault():
+    """Its echo, in metres a second, has shown that it means no duty: zero of it excuses no wheel that stands."""
+
+    async def run() -> None:
+        async with simulated_robot(settings_of("chefbot/tiva", {"safety.guard.enabled": False})) as robot:
+            await asyncio.sleep(1.5)
+            rewire(robot, b"s", lambda duty: [b"%.2f" % (float(share) / 600) for share in duty])
+            await drive(robot, 0.2, 0.0, 1.5)
+            await robot.client.stop()
+            await asyncio.sleep(1.0)
+            rewire(robot, b"s", lambda speed: [b"0.00", b"0.00"])
+            rewire(robot, b"e", stuck())
+            await drive(robot, 0.2, 0.0, 2.6)
+            assert (await robot.client.call("get_state"))["safety"]["fault"] == "wheel_stalled"
+
+    run_virtual(run())
+
+
+def test_a_stalled_wheel_of_a_board_without_an_echo_may_be_the_lines_fault_too():
+    """It sends no `s` line: nothing shows whether commands arrive, and the reason says to check the cable, too."""
+
+    async def run() -> None:
+        async with simulated_robot(settings_of("chefbot/tiva", {"safety.guard.enabled": False})) as robot:
+            rewire(robot, b"s", lost())
+            robot.device.on_write = lambda data: None
+            await asyncio.sleep(1.5)
+            await drive(robot, 0.2, 0.0, 2.6)
+            safety = (await robot.client.call("get_state"))["safety"]
+            assert safety["fault"] == "wheel_stalled"
+            assert "sends no 's' lines" in safety["reason"]
 
     run_virtual(run())
