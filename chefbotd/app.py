@@ -28,6 +28,7 @@ from chefbotd.core.events.inputs import BOARD_LINK, DaemonStarted, DaemonStoppin
 from chefbotd.driving.board.service import board
 from chefbotd.features.feature import Feature, Service, Waiting, methods_and_topics
 from chefbotd.inputs import inputs_of
+from chefbotd.link.board_memory import BoardMemory
 from chefbotd.link.board_writer import FaultLog
 from chefbotd.link.entry_session import EntrySession
 from chefbotd.link.port import open_port
@@ -70,7 +71,8 @@ class Daemon:
     ``features`` makes further ones, beside those that every robot has. ``spawn_worker`` starts the worker of a robot
     with a lidar, ``depth_spawn`` the process of a depth camera: None starts the real one. ``start_writer`` starts the
     thread that records; without it nothing is recorded. ``session`` tells this start from any other: None makes one.
-    Calibration writes to ``config_file``, and computes by ``fit``; None: in a process of its own.
+    Calibration writes to ``config_file``, and computes by ``fit``; None: in a process of its own. ``board_memory`` keeps
+    whether the board was ours; None: it is not kept.
     """
 
     def __init__(
@@ -90,6 +92,7 @@ class Daemon:
         session: str | None = None,
         config_file: Path | None = None,
         fit: Fit | None = None,
+        board_memory: BoardMemory | None = None,
     ) -> None:
         self.bus = Bus()
         self.entries = clock = inputs_of(clock)
@@ -99,7 +102,7 @@ class Daemon:
         context = Context(
             settings, self.bus, clock, rng, self._session, simulated, *ways_out, config_file, fit
         )
-        self.session = board_session(context)
+        self.session = board_session(context, board_memory)
         link = PortLink(settings.link, EntrySession(BOARD_LINK, self.session, clock), opener, clock, rng)
         self._latch, self._supervisor = latch, supervisor
         self.driving = driving = drive_service(context, self.session, latch)

@@ -18,6 +18,7 @@ from chefbotd.driving.service import DriveService
 from chefbotd.driving.wheel_controller import WheelController
 from chefbotd.driving.wheel_reader import WheelReader
 from chefbotd.features.feature import Feature
+from chefbotd.link.board_memory import BoardMemory
 from chefbotd.link.counting import Counting
 from chefbotd.link.port import FirmwareMode
 from chefbotd.link.session import BoardSession
@@ -36,7 +37,7 @@ from chefbotd.settings.notes import guard_warning
 log = structlog.get_logger(component="app")
 
 
-def board_session(context: Context) -> BoardSession:
+def board_session(context: Context, memory: BoardMemory | None) -> BoardSession:
     """The session with the board, in the variant of the wire that it speaks."""
     settings = context.settings
     encoders = settings.encoders
@@ -52,6 +53,7 @@ def board_session(context: Context) -> BoardSession:
         negotiates=settings.link.firmware is FirmwareMode.AUTO,
         deadman_ms=settings.link.deadman_ms,
         counting=counting,
+        memory=memory,
     )
 
 

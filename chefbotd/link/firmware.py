@@ -14,8 +14,16 @@ from chefbotd.clock import Clock
 from chefbotd.core.events import FirmwareReported, SafetyChanged
 from chefbotd.inputs import inputs_of
 from chefbotd.link.board_clock import BoardClock
+from chefbotd.link.board_memory import BoardMemory
 from chefbotd.link.board_writer import BoardWriter
-from chefbotd.link.firmware_state import REFUSALS, FirmwareState, LineQuality, no_answer, report
+from chefbotd.link.firmware_state import (
+    REFUSALS,
+    FirmwareState,
+    LineQuality,
+    no_answer,
+    no_name,
+    report,
+)
 from chefbotd.link.send_window import SendWindow
 from chefbotd.link.wheel_loop import CAPABILITY, WheelLoop
 from chefbotd.logs import RateLimitedLog
@@ -63,7 +71,8 @@ class BoardFirmware:
     """The firmware on the other end of a session.
 
     ``codec`` decodes the board's lines, and so knows their mode. Unless it ``negotiates``, nothing is ever written.
-    ``quality`` tells how whole the board's lines have come since the port was opened.
+    ``quality`` tells how whole the board's lines have come since the port was opened, ``memory`` what the board was
+    when an earlier daemon heard it.
     Call ``look_at_mode`` and ``greet`` after each read.
     """
 
@@ -78,14 +87,15 @@ class BoardFirmware:
         negotiates: bool,
         deadman_ms: int,
         quality: Callable[[], LineQuality],
+        memory: BoardMemory,
     ) -> None:
         self._bus, self._clock, self._writer, self._window = bus, inputs_of(clock), writer, window
         self._negotiates, self._hello = negotiates, wire.Hello(PROTO, deadman_ms)
         self.codec = FirmwareCodec(variant)
         self._sealer = Sealer(checked_to_board(variant))
         self._log = RateLimitedLog(log)
-        self._quality = quality
-        self.now = FirmwareState()
+        self._quality, self._memory = quality, memory
+        self.now = FirmwareState(was_ours=memory.recall())
         self.loop = WheelLoop()
         bus.add_handler(self._on_safety, SafetyChanged)
 
@@ -127,16 +137,29 @@ class BoardFirmware:
         now = self.now
         return self._negotiates and (now.is_known or now.was_ours) and not now.is_checked
 
-    def judge_stranger(self) -> None:
+    def judge_stranger(self, now_s: float) -> None:
         """Whether another board was plugged in where ours was: its classic lines are whole, and none is a name."""
-        now, heard = self.now, self._quality()
-        if (
-            now.was_ours
-            and not now.is_known
-            and heard.seconds >= STRANGER_S
-            and heard.lines >= STRANGER_LINES
-        ):
-            now.was_ours = heard.damaged > STRANGER_SHARE * heard.lines
+        now = self.now
+        if not now.was_ours or now.is_known or not self._negotiates:
+            return
+        heard = self._quality()
+        if heard.seconds < STRANGER_S or heard.lines < STRANGER_LINES:
+            return
+        now.was_ours = heard.damaged > STRANGER_SHARE * heard.lines
+        if now.was_ours:
+            self._complain("no name", no_name(heard), now_s)
+        else:
+            self._memory.keep(is_ours=False)
+            now.complaint = now.complaint_kind = ""
+            log.info("the board at this port does not run our firmware any more")
+
+    def _recognize(self) -> None:
+        """It is ours, as its name or a checked line says."""
+        now = self.now
+        if not now.is_known:
+            now.is_known = True
+            if not now.was_ours:
+                self._memory.keep(is_ours=True)
 
     # What is written
 
@@ -230,7 +253,8 @@ class BoardFirmware:
         now, is_checked = self.now, self.codec.is_checked
         if now.is_checked is is_checked:
             return
-        now.is_known = now.is_known or is_checked
+        if is_checked:
+            self._recognize()
         now.is_checked = is_checked
         self._window.set_mode(is_checked=is_checked)
         self.loop.reset()
@@ -249,7 +273,7 @@ class BoardFirmware:
         now = self.now
         is_new, now.named = now.named != message, message
         if not now.is_known:
-            now.is_known = True
+            self._recognize()
             self._ask_soon(now_s)
         return self.report(now_s) if is_new else None
 

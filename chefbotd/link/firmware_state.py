@@ -68,11 +68,22 @@ def no_answer(heard: LineQuality, counters: wire.BoardCounters | None, hellos: i
     )
 
 
+def no_name(heard: LineQuality) -> str:
+    """What is known of a line on which a board that was ours has not named itself."""
+    return (
+        "the board at this port ran our firmware when it was last heard, and has not named itself; of its "
+        f"{heard.lines} lines since the port was opened {heard.damaged} came damaged "
+        f"({100 * heard.damaged / heard.lines:.0f} %). The motors stay off, as a line without a checksum can be a wrong "
+        "command: check the cable. Another board is driven once its lines come whole"
+    )
+
+
 class FirmwareState(MutableState):
     """What is known of the board's firmware, and of the checked lines on their way to it.
 
     ``written_s`` has the times at which checked commands were written, by their numbers, until their echo. ``was_ours``:
-    the board of an earlier connection was ours. ``counters_before`` are the newest of an earlier checked mode.
+    the board of an earlier connection, or of an earlier daemon, was ours. ``counters_before`` are the newest of an
+    earlier checked mode.
     """
 
     is_checked: bool = False

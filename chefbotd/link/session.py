@@ -20,6 +20,7 @@ from chefbotd.core.events import (
 from chefbotd.core.events.inputs import SetpointWithdrawn
 from chefbotd.core.record import Record
 from chefbotd.inputs import inputs_of
+from chefbotd.link.board_memory import BoardMemory, NoBoardMemory
 from chefbotd.link.board_reader import BoardReader, BoardReaderState
 from chefbotd.link.board_writer import FIRST_STOPS, BoardWriter, LineRing, Port, WriterState
 from chefbotd.link.counting import Counting
@@ -75,6 +76,7 @@ class BoardSession(asyncio.Protocol):
         negotiates: bool = True,
         deadman_ms: int = 250,
         counting: Counting | None = None,
+        memory: BoardMemory | None = None,
     ) -> None:
         clock = inputs_of(clock)
         self._bus, self._clock, self._device = bus, clock, device
@@ -99,6 +101,7 @@ class BoardSession(asyncio.Protocol):
             negotiates=negotiates,
             deadman_ms=deadman_ms,
             quality=lambda: self.monitor.quality(clock.now_s()),
+            memory=memory or NoBoardMemory(),
         )
         self.setpoints = SetpointWriter(
             self._write_duty,
@@ -211,7 +214,7 @@ class BoardSession(asyncio.Protocol):
     def judge_health(self) -> None:
         """Look at what has come in lately; a change is published and logged. Call it a few times a second."""
         now_s = self._clock.now_s()
-        self.firmware.judge_stranger()
+        self.firmware.judge_stranger(now_s)
         health = self.monitor.judge(now_s, self._complaint(now_s))
         if health is None or not self.is_open:
             return

@@ -12,6 +12,7 @@ import structlog
 from chefbotd.app import Daemon
 from chefbotd.clock import Clock
 from chefbotd.composition.context import DepthSpawn, FeatureBuilder, Fit, StartWriter, WorkerSpawn
+from chefbotd.link.board_memory import BoardMemory
 from chefbotd.link.port import open_port
 from chefbotd.link.reconnect import Opener
 from chefbotd.process.latch_file import LatchFile, path_of
@@ -101,6 +102,7 @@ def build(
     start_writer: StartWriter | None = None,
     config_file: Path | None = None,
     fit: Fit | None = None,
+    board_memory: BoardMemory | None = None,
 ) -> Daemon:
     """The robot of this configuration, ready to run; the rest is as in ``Daemon``."""
     for note in notes(settings):
@@ -119,4 +121,5 @@ def build(
         start_writer=start_writer,
         config_file=config_file,
         fit=fit,
+        board_memory=board_memory,
     )

@@ -16,6 +16,7 @@ from chefbotd.app import Daemon, Loop
 from chefbotd.clock import Clock, SystemClock
 from chefbotd.composition.context import StartWriter, WorkerSpawn
 from chefbotd.extras import how_to_add_extra
+from chefbotd.link.board_memory import BoardFile
 from chefbotd.process import keep_alive, signals
 from chefbotd.process.build import build
 from chefbotd.process.exit_deadline import ExitDeadline
@@ -25,6 +26,7 @@ from chefbotd.rpc.access import AccessError
 from chefbotd.safety.latch import LatchParameters
 from chefbotd.settings import Settings
 from chefbotd.shared_clock import SharedClock
+from chefbotd.storage import state_folder
 from chefbotd.transport.tcp import CannotListen, raise_descriptor_limit, require_descriptors
 
 if TYPE_CHECKING:
@@ -167,7 +169,14 @@ async def _serve_real(
     """On the robot's port; its latch is kept where systemd offers room, unless the configuration says where."""
     folder = settings.latch.folder or keep_alive.runtime_folder()
     settings = settings.model_copy(update={"latch": LatchParameters(folder=folder)})
-    daemon = build(settings, clock=clock, start_writer=_start_writer(settings), config_file=config_file)
+    memory = BoardFile(state_folder("boards", os.environ, simulated=False), settings.link.device)
+    daemon = build(
+        settings,
+        clock=clock,
+        start_writer=_start_writer(settings),
+        config_file=config_file,
+        board_memory=memory,
+    )
     if folder is None:
         log.info(
             "a restart forgets an e-stop or a fault: neither [latch] folder nor RuntimeDirectory= is set"

@@ -6,6 +6,7 @@ from collections.abc import Awaitable, Callable
 from chefbotd.bus import Bus, Inbox
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.core import events
+from chefbotd.link.board_memory import BoardMemory
 from chefbotd.link.counting import Counting
 from chefbotd.link.port import LinkParameters
 from chefbotd.link.session import BoardSession
@@ -37,12 +38,23 @@ OPENING = 2 * STOP
 class Bench:
     """A session on a fake device, with an inbox for everything it publishes."""
 
-    def __init__(self, variant: Variant = CLASSIC, counting: Counting | None = None) -> None:
+    def __init__(
+        self,
+        variant: Variant = CLASSIC,
+        counting: Counting | None = None,
+        memory: BoardMemory | None = None,
+    ) -> None:
         self.bus = Bus()
         self.device = FakeSerialDevice()
         self.board = ScriptedBoard(self.device, variant=variant)
         self.session = BoardSession(
-            self.bus, LoopClock(), variant, device="/dev/fake", setpoints_per_s=200.0, counting=counting
+            self.bus,
+            LoopClock(),
+            variant,
+            device="/dev/fake",
+            setpoints_per_s=200.0,
+            counting=counting,
+            memory=memory,
         )
         self.inbox: Inbox[object] = self.bus.subscribe(*EVERYTHING)
 
@@ -55,11 +67,12 @@ def on_bench(
     scenario: Callable[[Bench], Awaitable[None]],
     variant: Variant = CLASSIC,
     counting: Counting | None = None,
+    memory: BoardMemory | None = None,
 ) -> None:
     """Run a scenario with the device open, on the virtual clock."""
 
     async def run() -> None:
-        bench = Bench(variant, counting)
+        bench = Bench(variant, counting, memory)
         await bench.device.open(LinkParameters(), bench.session)
         await asyncio.sleep(0)
         assert isinstance(bench.inbox.take_event(), events.LinkOpened)

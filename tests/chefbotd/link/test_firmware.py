@@ -4,12 +4,14 @@ import asyncio
 import re
 from collections.abc import Awaitable, Callable
 from itertools import pairwise
+from pathlib import Path
 
 import pytest
 
 from chefbotd.bus import Inbox
 from chefbotd.clock import LoopClock
 from chefbotd.core import events
+from chefbotd.link.board_memory import BoardFile, BoardMemory
 from chefbotd.link.counting import Counting
 from chefbotd.link.port import LinkParameters
 from chefbotd.link.session import BoardSession
@@ -73,13 +75,15 @@ class OwnBoard:
         return newest
 
 
-def on_own_board(scenario: Callable[[Bench, OwnBoard], Awaitable[None]]) -> None:
+def on_own_board(
+    scenario: Callable[[Bench, OwnBoard], Awaitable[None]], memory: BoardMemory | None = None
+) -> None:
     """Run a scenario with a board of our firmware."""
 
     async def run(bench: Bench) -> None:
         await scenario(bench, OwnBoard(bench))
 
-    on_bench(run)
+    on_bench(run, memory=memory)
 
 
 def test_a_classic_sketch_is_written_nothing_but_what_it_is_told():
@@ -309,6 +313,82 @@ def test_another_board_in_the_place_of_ours_is_driven_as_what_it_is():
         assert set(await scenario(bench, OwnBoard(bench), b"e\t1\t2x\n")) == {b"s 0 0"}
 
     on_bench(run)
+
+
+class StoredAtOnce(BoardFile):
+    """The file, written by who asks for it."""
+
+    def keep(self, *, is_ours: bool) -> None:
+        """Not in a thread."""
+        self.store(is_ours)
+
+
+@pytest.mark.parametrize("damage", [b"", b"e\t1\t2x\n"])
+def test_the_next_daemon_drives_a_board_of_ours_by_checked_lines_alone(tmp_path: Path, damage: bytes):
+    """It named itself to a daemon before: another one moves nothing until it is asked, however late its name comes."""
+
+    async def first(bench: Bench, board: OwnBoard) -> None:
+        await board.agree()
+
+    async def second(bench: Bench, board: OwnBoard) -> None:
+        for number in range(150):
+            await asyncio.sleep(0.02)
+            bench.device.feed(cycle(number) + (damage if number % 5 == 0 else b""))
+            bench.session.send_duty((70 + number % 2, 71))
+            bench.session.judge_health()
+        assert bench.session.duty_ceiling(0.0) == (0, 0)
+        assert set(board.written()) == {b"s 0 0"}
+        await board.agree()
+        board.cycle()
+        bench.session.send_duty((50, 51))
+        await board.cycles(2)
+        assert b"s 50 51" in board.bodies()
+
+    on_own_board(first, StoredAtOnce(tmp_path / "boards", "/dev/fake"))
+    on_own_board(second, StoredAtOnce(tmp_path / "boards", "/dev/fake"))
+
+
+def test_the_next_daemon_says_why_a_board_that_does_not_name_itself_stands(tmp_path: Path):
+    """Damaged lines, and the name never comes: after 4 s the link says what the board was, with figures."""
+    memory = StoredAtOnce(tmp_path, "/dev/fake")
+    memory.keep(is_ours=True)
+
+    async def scenario(bench: Bench, board: OwnBoard) -> None:
+        health = bench.bus.subscribe(events.LinkHealthChanged)
+        for number in range(230):
+            await asyncio.sleep(0.02)
+            bench.device.feed(cycle(number) + (b"e\t1\t2x\n" if number % 2 else b""))
+            bench.session.judge_health()
+        *_, told = [health.take_event() for _ in range(len(health))]
+        assert told.condition == "not_negotiated"
+        assert "ran our firmware when it was last heard" in told.reason
+        assert "check the cable" in told.reason
+
+    on_own_board(scenario, memory)
+
+
+def test_a_sketch_where_a_board_of_ours_was_is_driven_and_remembered_as_one(tmp_path: Path):
+    """Four seconds of whole lines without a name; the daemon after that one drives it from its first line on."""
+
+    async def scenario(bench: Bench, board: OwnBoard, seconds: float) -> list[bytes]:
+        for number in range(round(seconds / 0.02)):
+            await asyncio.sleep(0.02)
+            bench.device.feed(cycle(number))
+            bench.session.send_duty((70 + number % 2, 71))
+            bench.session.judge_health()
+        return board.written()
+
+    async def first(bench: Bench, board: OwnBoard) -> None:
+        assert set(await scenario(bench, board, 3.9)) == {b"s 0 0"}
+        assert b"s 70 71" in await scenario(bench, board, 0.5)
+
+    async def second(bench: Bench, board: OwnBoard) -> None:
+        assert b"s 70 71" in await scenario(bench, board, 0.1)
+
+    memory = StoredAtOnce(tmp_path, "/dev/fake")
+    memory.keep(is_ours=True)
+    on_own_board(first, memory)
+    on_own_board(second, memory)
 
 
 def test_a_board_that_restarted_is_classic_and_asked_again():
