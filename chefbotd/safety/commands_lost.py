@@ -49,7 +49,7 @@ def explain_unheard(wheels_fault: Fault, shown: tuple[float, ...], sent: tuple[i
     shown_text, sent_text = " ".join(f"{value:g}" for value in shown), " ".join(map(str, sent))
     reason = (
         f"no command reaches the board: it echoes {shown_text!r}, where {sent_text!r} was sent, so it says that it "
-        "drives no motor. Check the cable to the board and its plugs, and whether the board stops its motors by itself. If its "
-        f"'s' lines mean something else: {wheels_fault.reason}"
+        "drives no motor. Check the cable to the board and its plugs, and whether the board stops its motors by itself. "
+        f"If its 's' lines mean something else: {wheels_fault.reason}"
     )
     return Fault(FaultKind.COMMANDS_LOST, reason)
