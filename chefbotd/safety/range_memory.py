@@ -8,7 +8,9 @@ it was, while the robot's own motion brings it nearer or farther, until
 
 How many readings that takes depends on the sensor. Its share of misses is learned from readings that did not show a
 thing which the next ones showed again; with a share p, n misses in a row happen with probability p^n, which must be
-below ``CHANCE``. A nearer reading is believed at once.
+below ``CHANCE``. Readings of something farther away are counted by themselves, too: with a share q of those, m of them
+among n happen with less than (n over m) q^m. So a sensor that often hears nothing, and never anything false, is believed
+soon when it hears what is behind a thing that was taken away. A nearer reading is believed at once.
 """
 
 import math
@@ -50,9 +52,10 @@ class RangeMemoryParameters(Parameters):
 class Believed(Record, frozen=True):
     """What is believed, and what speaks against it.
 
-    ``distance_m`` (infinity: a free way) is as of the last reading. ``run`` readings in a row did not show it, of which
-    the nearest was ``nearest_m``; since it was seen the robot has turned by ``turned_rad``. ``shown`` and ``missed``
-    count what the sensor did where a thing was, and fade; ``longest`` is its longest burst of misses, and fades too.
+    ``distance_m`` (infinity: a free way) is as of the last reading. ``run`` readings in a row did not show it,
+    ``run_farther`` of them showed something farther, and the nearest was ``nearest_m``; since it was seen the robot has
+    turned by ``turned_rad``. ``shown``, ``missed`` and, of the latter, ``farther`` count what the sensor did where a
+    thing was, and fade; ``longest`` is its longest burst of misses, ``longest_farther`` the most farther ones in one.
     """
 
     distance_m: float = math.inf
@@ -62,6 +65,9 @@ class Believed(Record, frozen=True):
     shown: float = 0.0
     missed: float = 0.0
     longest: float = 0.0
+    run_farther: int = 0
+    farther: float = 0.0
+    longest_farther: float = 0.0
 
 
 NOTHING = Believed()
@@ -93,16 +99,24 @@ def add_reading(
         return _confirm(before, distance_m)
     if expected_m < 0:
         expected_m = 0.0
-    run, nearest_m = before.run + 1, before.nearest_m - shortened_m
-    nearest_m, turned_rad = min(nearest_m, distance_m), before.turned_rad + turned_rad
-    is_gone = (
-        run >= readings_needed(params, before)
-        or abs(turned_rad) > field_of_view_rad
-        or expected_m > max_range_m
+    missing = replace(
+        before,
+        distance_m=expected_m,
+        run=before.run + 1,
+        run_farther=before.run_farther + (distance_m != math.inf),
+        nearest_m=min(before.nearest_m - shortened_m, distance_m),
+        turned_rad=before.turned_rad + turned_rad,
     )
-    if is_gone:
-        return replace(before, distance_m=nearest_m, run=0, nearest_m=math.inf, turned_rad=0.0)
-    return replace(before, distance_m=expected_m, run=run, nearest_m=nearest_m, turned_rad=turned_rad)
+    if (
+        missing.run >= readings_needed(params, before)
+        or _is_behind_seen(params, missing)
+        or abs(missing.turned_rad) > field_of_view_rad
+        or missing.distance_m > max_range_m
+    ):
+        return replace(
+            missing, distance_m=missing.nearest_m, run=0, run_farther=0, nearest_m=math.inf, turned_rad=0.0
+        )
+    return missing
 
 
 def _confirm(before: Believed, distance_m: float) -> Believed:
@@ -110,19 +124,30 @@ def _confirm(before: Believed, distance_m: float) -> Believed:
     if before.distance_m == math.inf:
         return before if distance_m == math.inf else replace(before, distance_m=distance_m)
     keep = 1 - FORGET_SHARE
-    longest = before.longest * keep
     return Believed(
         distance_m,
         shown=before.shown * keep + 1,
         missed=before.missed * keep + before.run,
-        longest=longest if before.run < longest else float(before.run),
+        longest=max(before.longest * keep, float(before.run)),
+        farther=before.farther * keep + before.run_farther,
+        longest_farther=max(before.longest_farther * keep, float(before.run_farther)),
     )
 
 
 def readings_needed(params: RangeMemoryParameters, believed: Believed) -> int:
     """How many readings in a row must not show a thing until it is gone."""
-    missed = believed.missed + FIRST_SHARE * FIRST_READINGS
-    share = missed / (believed.shown + believed.missed + FIRST_READINGS)
-    needed = math.ceil(math.log(CHANCE) / math.log(share))
+    needed = math.ceil(math.log(CHANCE) / math.log(_share(believed, believed.missed)))
     needed = max(needed, math.ceil(believed.longest) + BEYOND_LONGEST, params.free_readings)
     return min(needed, params.most_free_readings)
+
+
+def _share(believed: Believed, count: float) -> float:
+    return (count + FIRST_SHARE * FIRST_READINGS) / (believed.shown + believed.missed + FIRST_READINGS)
+
+
+def _is_behind_seen(params: RangeMemoryParameters, believed: Believed) -> bool:
+    """Whether so many readings of a run show something farther that they cannot all be false: the thing is gone."""
+    run, farther = believed.run, believed.run_farther
+    if run < params.free_readings or farther < math.ceil(believed.longest_farther) + BEYOND_LONGEST:
+        return False
+    return math.comb(run, farther) * _share(believed, believed.farther) ** farther <= CHANCE
