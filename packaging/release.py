@@ -8,14 +8,17 @@ What is published is in dist/release. Nothing is uploaded.
 """
 
 import argparse
+import os
 import re
 import shutil
 import subprocess
 import sys
 import tarfile
+import time
 import tomllib
 import zipfile
 from collections.abc import Iterator, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from email.parser import Parser
 from pathlib import Path, PurePosixPath
 
@@ -172,34 +175,38 @@ def contents(path: Path) -> tuple[list[str], str]:
 
 def install_everywhere(version: str, *, quick: bool) -> None:
     """Install the core, the core with each extra, and each add-on into an environment of its own, for each Python."""
-    for python in PYTHONS:
-        program = shutil.which(f"python{python}") or ""
-        if not program or subprocess.run([program, "--version"], capture_output=True, check=False).returncode:
-            print(f"Python {python} is not here: nothing was installed with it")
-            continue
-        install(program, "chefbotd", version)
-        if quick:
-            continue
-        extras = tomllib.loads((TREE / "pyproject.toml").read_text(encoding="utf-8"))["project"][
-            "optional-dependencies"
-        ]
-        for extra in sorted(extras.keys() - FOR_DEVELOPERS):
-            install(program, f"chefbotd[{extra}]", version)
-        for add_on in ADD_ONS:
-            install(program, Path(add_on).name, version)
+    extras = tomllib.loads((TREE / "pyproject.toml").read_text(encoding="utf-8"))["project"][
+        "optional-dependencies"
+    ]
+    whats = ["chefbotd"]
+    if not quick:
+        whats += [f"chefbotd[{extra}]" for extra in sorted(extras.keys() - FOR_DEVELOPERS)]
+        whats += [Path(add_on).name for add_on in ADD_ONS]
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        for python in PYTHONS:
+            program = shutil.which(f"python{python}") or ""
+            if (
+                not program
+                or subprocess.run([program, "--version"], capture_output=True, check=False).returncode
+            ):
+                print(f"Python {python} is not here: nothing was installed with it")
+                continue
+            for done in [pool.submit(install, program, what, version) for what in whats]:
+                done.result()
 
 
 def install(python: str, what: str, version: str) -> None:
     """Into a clean environment; its packages fit together, and the programs start."""
-    print(f"installing {what} with {Path(python).name}", flush=True)
-    venv = Path("build/release/venv")
+    began_s = time.monotonic()
+    venv = Path("build/release/venvs", f"{Path(python).name}-{what}")
     shutil.rmtree(venv, ignore_errors=True)
-    run(python, "-m", "venv", str(venv))
-    pip = str(venv / "bin" / "pip")
+    run(python, "-m", "venv", "--without-pip", str(venv))
+    pip = (sys.executable, "-m", "pip", "--python", str(venv / "bin" / "python"))
     name, _, extra = what.partition("[")
     need = f"{name}{'[' * bool(extra)}{extra}=={version}"
-    run(pip, "install", "--quiet", "--find-links", str(OUT), "--constraint", "build/constraints.txt", need)
-    run(pip, "check")
+    found = ("--find-links", str(OUT), "--constraint", "build/constraints.txt")
+    run(*pip, "install", "--quiet", "--no-compile", *found, need)
+    run(*pip, "check")
     run(str(venv / "bin" / "chefbotd"), "--version")
     run(str(venv / "bin" / "chefbotctl"), "--help")
     if what == "chefbotd":
@@ -211,6 +218,8 @@ def install(python: str, what: str, version: str) -> None:
         )
         if lines.returncode:
             sys.exit(f"a command fails where no extra is installed:\n{lines.stdout[-2000:]}{lines.stderr}")
+    shutil.rmtree(venv)
+    print(f"installed {what} with {Path(python).name} in {time.monotonic() - began_s:.0f} s", flush=True)
 
 
 def changes(changelog: str, version: str) -> str:
