@@ -32,7 +32,7 @@ unexport PYTHONDONTWRITEBYTECODE
 JOBS ?= $(shell expr $$(nproc 2>/dev/null || echo 1) + 1)
 PARALLEL := -n $(JOBS) --dist loadgroup
 
-.PHONY: addons-test addons-tools fleet firmware firmware-test docs run serve waiter map calibrate test examples-test test-loaded test-all coverage check audit lock newest lint format client wheel deb release wheel-test bench fuzz soak faults sequences clean help
+.PHONY: addons-test addons-tools fleet firmware firmware-test docs pictures run serve waiter map calibrate test examples-test test-loaded test-all coverage check audit lock newest lint format client wheel deb release wheel-test bench fuzz soak faults sequences clean help
 
 help:  ## List the targets
 	@echo "make TARGET, one of:"
@@ -199,8 +199,13 @@ sequences: $(VENV)/ready  ## Search sequences for a motion that nobody decided o
 	! $(BIN)/python -c "import chefbot_vda5050" 2>/dev/null || SEQUENCES=$(SEQUENCES) $(BIN)/python -m pytest -q \
 	  addons/chefbot-vda5050/tests/test_vda5050_sequences.py
 
-docs: $(VENV)/ready  ## Build the documentation as a site, build/site/index.html, and check its links
+docs: $(VENV)/ready  ## Build the documentation as a site, build/site/index.html; check its links, and its widths in Chromium
 	$(BIN)/sphinx-build -q -W --keep-going -b html -d build/doctrees docs build/site
+	$(BIN)/python docs/_site/check_widths.py build/site
+
+# Where Chromium is. Look at what was drawn: a busy computer shows in it.
+pictures: $(VENV)/ready  ## Draw the pictures of README and the pages anew, from the programs
+	PYTHONPATH=. $(BIN)/python docs/_site/pictures.py docs/images
 
 bench: $(VENV)/ready  ## Measure, as in docs/benchmarks.md
 	$(BIN)/python -m benchmarks
