@@ -27,6 +27,7 @@ if not (ROOT / "CONTRIBUTING.md").exists():
 PROGRAMS: dict[str, click.Command] = {"chefbotd": chefbotd.main, "chefbotctl": chefbotctl.main}
 OF_ADDONS = ("shell", "sweep")
 SHELL = re.compile(r"^(\$ |sudo |make |pip |pipx |chefbotd |chefbotctl |\.venv/bin/)")
+FLAGS = re.MULTILINE | re.DOTALL
 LINES = [line for page in PAGES for line in commands_of(page)]
 
 
@@ -56,9 +57,7 @@ def leaf(program: str, words: list[str]) -> tuple[click.Command, list[str], list
 def test_commands_stand_in_blocks_for_a_shell() -> None:
     """None is indented only: this test would not see it, nor would a reader's copy button."""
     for page in PAGES:
-        text = re.sub(
-            r"^```.*?^```$", "", (ROOT / page).read_text(encoding="utf-8"), flags=re.MULTILINE | re.DOTALL
-        )
+        text = re.sub(r"^```.*?^```$", "", (ROOT / page).read_text(encoding="utf-8"), flags=FLAGS)
         stray = [line for line in text.splitlines() if line.startswith("    ") and SHELL.match(line.strip())]
         assert not stray, page
     assert len(LINES) > 150
@@ -85,6 +84,15 @@ def targets_in(makefile: Path) -> set[str]:
     text = makefile.read_text(encoding="utf-8")
     declared = re.findall(r"^\.PHONY: (.+)$", text, re.MULTILINE)
     return {*re.findall(r"^([a-z][\w-]*):(?!=)", text, re.MULTILINE), *" ".join(declared).split()}
+
+
+def test_commands_are_called_in_one_way() -> None:
+    """As where `.venv` is activated, which stands in the same pages: no path of the environment before them."""
+    for page in PAGES:
+        for block in re.findall(
+            r"^```(?:sh|console)\n(.*?)^```$", (ROOT / page).read_text(encoding="utf-8"), FLAGS
+        ):
+            assert not re.search(r"\.venv/bin/(?!activate)", block), page
 
 
 def test_every_target_is_there() -> None:

@@ -60,12 +60,12 @@ def test_the_examples_list_every_folder_and_program() -> None:
         assert re.search(rf"\]\({name}[)/]", page), name
 
 
-def test_the_files_that_readme_runs_with_are_those_that_init_writes() -> None:
+def test_the_file_that_readme_runs_with_is_the_one_that_new_robot_writes() -> None:
     """No command names a file that nobody has made."""
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     shell = " ".join(re.findall(r"```sh\n(.*?)```", text, re.DOTALL))
-    assert "chefbotd init my-robot " in shell
-    assert set(re.findall(r"\S+\.toml", re.sub(r"#.*", "", shell))) == {"my-robot/chefbot.toml"}
+    assert "chefbotctl new-robot my-robot.toml " in shell
+    assert set(re.findall(r"\S+\.toml", re.sub(r"#.*", "", shell))) == {"my-robot.toml"}
 
 
 def test_readme_names_only_commands_and_options_that_there_are() -> None:
