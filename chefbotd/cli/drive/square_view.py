@@ -85,6 +85,7 @@ class SquareView:
             echo(json.dumps(as_json(result, problems)))
             return
         with writing():
+            self._console.print()
             self._console.print(poses(result), latencies(result.latencies), sep="")
         self.say(f"[{'red' if problems else 'green'}]{closing_words(result)}[/]")
 

@@ -1,0 +1,95 @@
+"""Makes the pictures of README and the pages anew, from the programs: python docs/_site/pictures.py [FOLDER].
+
+It needs Chromium and Playwright. Drawn are the table of ``make run``, the page of a simulated ChefBot with a lidar while
+it drives, and the tuning screen while the wheels are excited.
+"""
+
+import asyncio
+import io
+import shutil
+import sys
+from pathlib import Path
+
+from playwright.async_api import async_playwright
+from rich.console import Console
+from rich.terminal_theme import MONOKAI
+
+from chefbotd.cli.common.context import CommandContext
+from chefbotd.cli.drive import course_driver, square_view
+from chefbotd.cli.drive.course import square
+from chefbotd.cli.drive.simulated_daemon import simulated_daemon
+from chefbotd.client import Client
+from chefbotd.components.tuning.cli import tuning_screen
+from chefbotd.components.tuning.cli.excitation import Wave
+from chefbotd.components.tuning.cli.tuning_screen import Tune
+from chefbotd.transport.ports import reserve_port
+
+COLUMNS, ROWS = 80, 24
+PAGE_SIZE = {"width": 1600, "height": 1000}
+SEEN_S = 12.0
+"""Until curves and a path are long enough to be seen."""
+
+
+async def draw_square(file: Path) -> None:
+    """What ``chefbotctl square --sim`` prints at its end."""
+    console = Console(record=True, width=COLUMNS, file=io.StringIO(), highlight=False, force_terminal=True)
+
+    async def drive(client: Client) -> course_driver.CourseResult:
+        return await course_driver.CourseDriver(client, lambda progress: None).drive_course(square(2.0))
+
+    async with simulated_daemon() as (address, _):
+        result = await CommandContext(address).with_client(drive)
+    console.print("$ make run\nchefbotctl square --sim --robot chefbot")
+    square_view.SquareView(False, console).show(result, [])
+    console.save_svg(str(file), title="make run", theme=MONOKAI, unique_id="square")
+
+
+async def draw_page(file: Path) -> None:
+    """The page of a robot that has no map yet, while it drives a curve."""
+    port = reserve_port()
+    environment = {"CHEFBOTD_PAGE__ENABLED": "true", "CHEFBOTD_PAGE__PORT": str(port)}
+    async with (
+        simulated_daemon("chefbot_lidar", environment) as (address, _),
+        async_playwright() as playwright,
+        Client.connect(address.host, address.port) as robot,
+    ):
+        browser = await playwright.chromium.launch(
+            executable_path=shutil.which("chromium"), args=["--no-sandbox"]
+        )
+        page = await browser.new_page(viewport=PAGE_SIZE)
+        await page.goto(f"http://127.0.0.1:{port}/")
+        await robot.wait_until_armed()
+        async with asyncio.TaskGroup() as tasks:
+            tasks.create_task(robot.drive_for(1.2 * SEEN_S, linear_m_s=0.1, angular_rad_s=0.2))
+            await asyncio.sleep(SEEN_S)
+            await page.screenshot(path=file)
+        await browser.close()
+
+
+async def draw_tuning(file: Path) -> None:
+    """The tuning screen, with the wheels excited and one gain changed."""
+    async with (
+        simulated_daemon() as (address, _),
+        Client.connect(address.host, address.port) as robot,
+    ):
+        await robot.wait_until_armed()
+        screen = Tune(robot, "127.0.0.1:7333", None, Wave(0.1, 1.5))
+        async with screen.run_test(size=(COLUMNS, ROWS)) as user:
+            screen.title = "chefbotctl pid tune"
+            tuning_screen.SHOWN_HZ = 4.0  # drawing is what costs time here
+            for key in ("down", "right", "e", "e"):
+                await asyncio.sleep(1.0)
+                await user.press(key)
+            await asyncio.sleep(SEEN_S)
+            screen.save_screenshot(file.name, path=str(file.parent))
+
+
+async def main(folder: Path) -> None:
+    """Draw all of them."""
+    await draw_square(folder / "square.svg")
+    await draw_page(folder / "page.png")
+    await draw_tuning(folder / "tune.svg")
+
+
+if __name__ == "__main__":
+    asyncio.run(main(Path(*sys.argv[1:2] or ["docs/images"])))
