@@ -14,14 +14,20 @@ CLEAR_WORTH, SLIGHT_M = 4.0, 0.005
 NEEDED_M = 0.4
 """A clearer arc need not be free farther than this: the next step chooses again."""
 
+BEYOND_M = 0.2
+"""An arc is to be free so far beyond the point that it leads to. In a tight passage the robot is in line there: the arc
+itself would go on into its wall."""
+
 TURN_GAIN_M = 0.015
 """The robot first turns on the spot if the arc lacks so much more room than turning and driving straight."""
 
 
-def free_arc(control: Control, curvature: float, carrot: tuple[float, float]) -> tuple[float, Arc]:
+def free_arc(
+    control: Control, curvature: float, carrot: tuple[float, float], beyond_m: float = BEYOND_M
+) -> tuple[float, Arc]:
     """The curvature of the arc to the carrot or, if it is not free far enough, of the best one beside it; that arc."""
     direct = limited_arc(control, curvature)
-    enough_m = min(0.6, math.hypot(*carrot) + 0.2)
+    enough_m = min(0.6, math.hypot(*carrot) + beyond_m)
     if direct.free >= enough_m:
         return curvature, direct
     best, chosen = _worth(direct, curvature, curvature, carrot), (curvature, direct)

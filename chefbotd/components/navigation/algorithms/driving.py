@@ -106,7 +106,7 @@ def follow_trip(
     near: Surroundings,
     points_m: Floats | None = None,
 ) -> Followed:
-    """The next twist along the trip; along these points of it, which may lie a little beside."""
+    """The next twist along the trip; ``points_m`` lead through the middle of a tight passage, a little beside it."""
     goal, heading_rad = trip.path.goal, None
     if goal.heading_rad is not None:
         end = Pose2D(goal.x_m, goal.y_m, goal.heading_rad)
@@ -114,7 +114,9 @@ def follow_trip(
     limit_m_s = speed_limit_m_s(params, world, now, near.grid_from_base)
     if goal.max_speed_m_s is not None:
         limit_m_s = min(limit_m_s, goal.max_speed_m_s)
-    track = Track(trip.path.points_m if points_m is None else points_m, heading_rad, limit_m_s)
+    track = Track(
+        trip.path.points_m if points_m is None else points_m, heading_rad, limit_m_s, points_m is not None
+    )
     control = Control(params.follower, params.outline, near, now.last, now.dt_s)
     return follow(control, trip.follow, track)
 

@@ -11,6 +11,7 @@ import math
 import numpy as np
 
 from chefbotd.components.navigation.algorithms.arc_choice import (
+    BEYOND_M,
     clear_arc,
     free_arc,
     is_clearer_turned,
@@ -32,6 +33,7 @@ from chefbotd.components.navigation.algorithms.steering import (
     LOOKAHEAD_S,
     MOST_CURVATURE_PER_M,
     MOST_LOOKAHEAD_M,
+    TIGHT_SHARE,
     TURN_ON_THE_SPOT_RAD,
     Control,
     Followed,
@@ -58,7 +60,7 @@ keeps more distance from a wall than the goal has."""
 BESIDE_M, TIGHT_M = 0.1, 0.08
 """Walls are beside the robot so far along it, and close up to here: it keeps its heading between them."""
 
-BEYOND_M, IN_LINE_POINTS = 0.3, 4
+BEYOND_END_M, IN_LINE_POINTS = 0.3, 4
 """There it steers for a point so far beyond the path's end, in line with its last points: nearer it would weave."""
 
 GUARDED_AHEAD_M = 0.25
@@ -112,10 +114,12 @@ def _length(points: Floats) -> float:
     return float(np.hypot(*np.diff(points, axis=0).T).sum())
 
 
-def _carrot(control: Control, points: Floats) -> tuple[float, float]:
+def _carrot(control: Control, points: Floats, *, is_tight: bool) -> tuple[float, float]:
     """In the robot's frame, where a path leaves the circle of the lookahead; its end if it does not."""
     pose, lookahead_m = control.near.grid_from_base, abs(control.last.linear_m_s) * LOOKAHEAD_S
-    lookahead_m = min(max(lookahead_m, LEAST_LOOKAHEAD_M), MOST_LOOKAHEAD_M)
+    lookahead_m = min(max(lookahead_m, LEAST_LOOKAHEAD_M), MOST_LOOKAHEAD_M) * (
+        TIGHT_SHARE if is_tight else 1
+    )
     away = np.hypot(points[:, 0] - pose.x_m, points[:, 1] - pose.y_m)
     beyond = np.flatnonzero(away >= lookahead_m)
     carrot = control.in_base(points[int(beyond[0])] if len(beyond) else points[-1])
@@ -124,7 +128,7 @@ def _carrot(control: Control, points: Floats) -> tuple[float, float]:
 
 def _pursue(control: Control, state: FollowState, track: Track) -> Followed:
     limits, pose = control.limits, control.near.grid_from_base
-    carrot = x_m, y_m = _carrot(control, track.points_m[state.index :])
+    carrot = x_m, y_m = _carrot(control, track.points_m[state.index :], is_tight=track.is_tight)
     bearing_rad, away_m = math.atan2(y_m, x_m), max(math.hypot(x_m, y_m), 0.05)
     limit_rad = ALIGNED_RAD if state.phase is Phase.TURNING else TURN_ON_THE_SPOT_RAD
     turning = replace(state, phase=Phase.TURNING)
@@ -135,7 +139,8 @@ def _pursue(control: Control, state: FollowState, track: Track) -> Followed:
     left_m = max(_length(track.points_m[state.index :]), float(np.hypot(*end)))
     control = replace(control, near=replace(control.near, stops_m=left_m))
     curvature = min(max(2 * y_m / away_m**2, -MOST_CURVATURE_PER_M), MOST_CURVATURE_PER_M)
-    curvature, arc = clear_arc(control, *free_arc(control, curvature, carrot))
+    beyond_m = 0.0 if track.is_tight else BEYOND_M
+    curvature, arc = clear_arc(control, *free_arc(control, curvature, carrot, beyond_m))
     if is_clearer_turned(control, bearing_rad, away_m, arc):
         return turn_by(control, turning, bearing_rad)
     stopping = _stopping(control, curvature, arc)
@@ -174,7 +179,7 @@ def _beyond_end(control: Control, points: Floats) -> Pose2D:
     """A point in line with the path's end, beyond it, in the robot's frame."""
     before = points[max(len(points) - 1 - IN_LINE_POINTS, 0)]
     along = points[-1] - before
-    return control.in_base(points[-1] + BEYOND_M * along / max(float(np.hypot(*along)), 1e-6))
+    return control.in_base(points[-1] + BEYOND_END_M * along / max(float(np.hypot(*along)), 1e-6))
 
 
 def _count_standstill(state: FollowState, pose: Pose2D, last: Twist2D, dt_s: float) -> FollowState:

@@ -153,14 +153,14 @@ class Passages:
         ]
         return min(narrow, key=lambda passage: passage.width_m, default=None)
 
-    def centred(self, path: Path) -> Floats:
-        """The path's points, moved to the middle of the tight passages that are ahead.
+    def centred(self, path: Path) -> Floats | None:
+        """The path's points, moved to the middle of the tight passages that are ahead; None: there are none.
 
         In a map with cells of 5 cm the path itself is up to 2.5 cm beside the middle.
         """
         tight = [passage for passage, count in self._ahead if count >= LEAST_CENTRED and passage.is_tight]
         if not tight:
-            return path.points_m
+            return None
         left = np.stack([-np.sin(path.heading_rad), np.cos(path.heading_rad)], axis=1)
         offsets: dict[int, float] = {}
         for passage in tight:
@@ -171,7 +171,7 @@ class Passages:
             if is_beside and abs(off_m) <= BESIDE_PATH_M:
                 offsets[k] = off_m
         if not offsets:
-            return path.points_m
+            return None
         at = sorted(offsets)
         beside_m = np.interp(np.arange(len(left)), at, [offsets[k] for k in at])
         points: Floats = path.points_m + left * beside_m[:, None]

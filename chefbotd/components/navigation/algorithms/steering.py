@@ -20,7 +20,10 @@ BRAKING = 1.5
 
 LOOKAHEAD_S: Final = 1.0
 LEAST_LOOKAHEAD_M, MOST_LOOKAHEAD_M = 0.18, 0.5
-"""The robot steers for where the path is so far ahead, in seconds of its speed and within these bounds."""
+"""The robot steers for where the path is so far ahead, in seconds of its speed and within these bounds,"""
+
+TIGHT_SHARE: Final = 0.6
+"""and in a tight passage for this share of it: it has a centimetre to either side, and must be in line at its mouth."""
 
 MOST_CURVATURE_PER_M: Final = 6.0
 TURN_ON_THE_SPOT_RAD: Final = 0.9
@@ -92,11 +95,15 @@ class Followed(Record, frozen=True):
 
 
 class Track(Record, frozen=True):
-    """The path to follow, in the grid's frame; ``speed_limit_m_s`` is what is allowed here."""
+    """The path to follow, in the grid's frame; ``speed_limit_m_s`` is what is allowed here.
+
+    ``is_tight`` says that it leads along the measured middle of a tight passage.
+    """
 
     points_m: Floats
     end_heading_rad: float | None
     speed_limit_m_s: float = math.inf
+    is_tight: bool = False
 
 
 class Control(Record, frozen=True):
