@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from benchmarks.figures import Figure, Outcome
-from chefbotd.perception.depth_scan import DepthCameraParameters, DepthToScan
+from chefbotd.components.depth_camera.algorithms.depth_scan import DepthCameraParameters, DepthToScan
 
 IMAGES = 300
 CAMERA = DepthCameraParameters(mount_pitch_rad=0.2, mount_roll_rad=0.03)

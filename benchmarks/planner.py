@@ -16,13 +16,13 @@ from scipy import ndimage
 from benchmarks.figures import Figure, Outcome, percentile
 from benchmarks.movingai import Scenario, scenarios
 from chefbotd.components.maps.algorithms.map_server import parse_description, parse_image
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.navigation.algorithms.costmap import Costmap, costmap
 from chefbotd.components.navigation.algorithms.outline import Footprint
 from chefbotd.components.navigation.algorithms.path import Goal, NoPath
 from chefbotd.components.navigation.algorithms.planner import plan
 from chefbotd.components.navigation.algorithms.search import search
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from tests.chefbotd.components.mapping.algorithms.slam.flat import furnished_flat
 from tests.chefbotd.components.navigation.algorithms.grids import rasterised
 

@@ -12,15 +12,7 @@ from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.component_list import FIRST, OWN, SCANNING
 from chefbotd.composition.components import Built, build_own, build_strangers
-from chefbotd.composition.context import (
-    Context,
-    DaemonParts,
-    DepthSpawn,
-    FeatureBuilder,
-    Fit,
-    StartWriter,
-    WorkerSpawn,
-)
+from chefbotd.composition.context import NO_SUBSTITUTES, Context, DaemonParts, FeatureBuilder
 from chefbotd.composition.network import page_server
 from chefbotd.composition.robot import board_session, drive_service, robot_features
 from chefbotd.composition.scanners import lidars
@@ -68,11 +60,10 @@ class Daemon:
     """One robot, ready to run: on its serial port, or through whatever ``opener`` opens.
 
     ``latch`` keeps the gate's state beyond the end of the process, ``supervisor`` runs the services.
-    ``features`` makes further ones, beside those that every robot has. ``spawn_worker`` starts the worker of a robot
-    with a lidar, ``depth_spawn`` the process of a depth camera: None starts the real one. ``start_writer`` starts the
-    thread that records; without it nothing is recorded. ``session`` tells this start from any other: None makes one.
-    Calibration writes to ``config_file``, and computes by ``fit``; None: in a process of its own. ``board_memory`` keeps
-    whether the board was ours; None: it is not kept.
+    ``features`` makes further ones, beside those that every robot has. ``substitutes`` are what components use in place
+    of their own processes and threads, by the component's name. ``session`` tells this start from any other: None makes
+    one. ``config_file`` is where the configuration was read from. ``own_process``: it is a program of its own.
+    ``board_memory`` keeps whether the board was ours; None: it is not kept.
     """
 
     def __init__(
@@ -86,21 +77,27 @@ class Daemon:
         simulated: bool = False,
         rng: random.Random | None = None,
         features: Sequence[FeatureBuilder] = (),
-        spawn_worker: WorkerSpawn | None = None,
-        depth_spawn: DepthSpawn | None = None,
-        start_writer: StartWriter | None = None,
+        substitutes: Mapping[str, Any] = NO_SUBSTITUTES,
         session: str | None = None,
         config_file: Path | None = None,
-        fit: Fit | None = None,
+        own_process: bool = False,
         board_memory: BoardMemory | None = None,
     ) -> None:
         self.bus = Bus()
         self.entries = clock = inputs_of(clock)
         self.entries.bus = self.bus
         rng, self._session = rng or random.Random(), session or os.urandom(4).hex()
-        ways_out = opener, spawn_worker, depth_spawn, start_writer
         context = Context(
-            settings, self.bus, clock, rng, self._session, simulated, *ways_out, config_file, fit
+            settings,
+            self.bus,
+            clock,
+            rng,
+            self._session,
+            simulated,
+            opener,
+            substitutes,
+            config_file,
+            own_process,
         )
         self.session = board_session(context, board_memory)
         link = PortLink(settings.link, EntrySession(BOARD_LINK, self.session, clock), opener, clock, rng)

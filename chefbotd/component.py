@@ -55,6 +55,35 @@ class PagePart(Struct, frozen=True):
     before: str = ""
 
 
+class RunOption(Struct, frozen=True):
+    """An option of ``chefbotd run``: a flag, or with ``choices`` one of these words.
+
+    ``keys`` are the keys of the configuration that it sets, of what was given. ``needs_simulated`` says why a real robot
+    has no use for it; empty: it has.
+    """
+
+    name: str
+    help: str
+    keys: Callable[[Any], Mapping[str, object]]
+    choices: tuple[str, ...] = ()
+    needs_simulated: str = ""
+
+
+class Hardware(Struct, frozen=True):
+    """What ``chefbotd run`` drives in place of the robot's own board, where its ``option`` is given.
+
+    ``check`` is called with the settings, and raises ``ProgramError`` where this robot cannot be simulated. ``clock``
+    returns the clock and what makes its loop. ``connect`` takes settings and clock, and returns a context manager of
+    ``component_context.ConnectedHardware``.
+    """
+
+    option: str
+    help: str
+    check: Reference
+    clock: Reference
+    connect: Reference
+
+
 class Extra(Struct, frozen=True):
     """What a component needs that is not installed with chefbotd: the ``packages`` of the extra ``name``.
 
@@ -75,11 +104,13 @@ class Component(Struct, frozen=True, kw_only=True):
     """One capability. ``api`` is the ``API_VERSION`` that it was written for, as a number of its own.
 
     ``build`` makes its feature, or a list of them, of a ``component_context.Context``; what it raises is said, and the
-    daemon runs without the component.
+    daemon runs without the component. Where all runs on one loop, as in a test, ``in_loop`` is its ``substitute``.
 
-    ``section`` is the class of its section, which stands in the configuration under the component's name; ``paths`` are
-    its keys that are paths from the configuration's folder. ``check`` is called with the section and all settings, and
-    yields a sentence for everything that does not fit together.
+    ``section`` is the class of its section, which stands in the configuration under the component's name, or under
+    ``section_key``; ``paths`` are its keys that are paths from the configuration's folder. A key in ``short_forms`` may
+    be a text alone: it is then the named key of its table. ``check`` is called with the section and all settings, and
+    yields a sentence for everything that does not fit together. ``scanners`` are what sees as a lidar does, by the
+    section (``settings.model.Scanner``); ``wheelbase_m`` is how far the wheels of a side are spread, if it knows that.
 
     It is built where its section and the whole settings say that it ``is_enabled``, and then needs its ``extra``. One
     that serves others than the socket's clients, or tells them of the robot, is ``outward``: a replay and a private
@@ -89,14 +120,22 @@ class Component(Struct, frozen=True, kw_only=True):
 
     ``events`` are the classes of its events, for those who read a recording. A component that publishes what came from
     outside does so by ``context.clock.observe``: a replay takes it from the recording. ``skills`` run in the worker,
-    each made with the section as JSON and the worker's clock. ``commands`` are those of ``chefbotctl`` by name.
+    each made with the section as JSON and the worker's clock. ``commands`` are those of ``chefbotctl`` by name,
+    ``daemon_commands`` those of ``chefbotd``; ``run_options`` are options of ``chefbotd run``, and ``hardware`` is what
+    that drives in place of a real board. ``client_methods`` are classes with those methods of the typed client that do
+    more than ask: ``make client`` puts them into it, beside those of the socket, which it writes.
     """
 
     name: str
     api: int
     build: Callable[[Any], Any] | Reference | None = None
+    in_loop: Reference | None = None
     section: "type[Parameters] | Reference | None" = None
+    section_key: str = ""
     form: SectionForm = SectionForm.TABLE
+    short_forms: Mapping[str, str] = {}
+    scanners: Callable[[Any], tuple[Any, ...]] | None = None
+    wheelbase_m: Callable[[Any], float] | None = None
     paths: tuple[str, ...] = ()
     is_enabled: Callable[[Any, Any], bool] = _always
     extra: Extra | None = None
@@ -108,8 +147,17 @@ class Component(Struct, frozen=True, kw_only=True):
     events: tuple[type[Any] | Reference, ...] = ()
     skills: Mapping[str, Reference] = {}
     commands: Mapping[str, Reference] = {}
+    client_methods: tuple[Reference, ...] = ()
+    daemon_commands: Mapping[str, Reference] = {}
+    run_options: tuple[RunOption, ...] = ()
+    hardware: Hardware | None = None
     status: tuple[StatusRow, ...] = ()
     page: tuple[PagePart, ...] = ()
+
+    @property
+    def key(self) -> str:
+        """The name of its section in the configuration."""
+        return self.section_key or self.name
 
 
 def resolve(reference: Any) -> Any:

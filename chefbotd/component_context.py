@@ -1,6 +1,6 @@
 """What a component is built with, ours and strangers' alike."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Coroutine, Mapping
 from typing import TYPE_CHECKING, Any, Generic, Protocol, TypeVar
 
 from msgspec import Struct
@@ -52,13 +52,26 @@ class SkillHost(Protocol):
         ...
 
 
+class ConnectedHardware(Struct, frozen=True):
+    """A simulated robot that is plugged in: ``settings`` name its devices.
+
+    ``run`` simulates it until cancelled, and is handed the function that publishes what is true. ``substitutes`` are
+    what components use in place of their own processes, by the component's name.
+    """
+
+    settings: "Settings"
+    run: Callable[[Callable[[object], None]], Coroutine[Any, Any, None]]
+    substitutes: Mapping[str, Any]
+
+
 class Context(Struct, Generic[S], frozen=True):
     """What a component is built with; ``section`` is its own section of the configuration.
 
     ``driver`` moves the robot as the source of the component's name, None where ``[safety.sources]`` does not have it.
     ``worker`` runs the component's skills, None where there is no worker. ``clock`` is to be asked for the time and for
     timers, so that a recording can be replayed. ``parts`` are the daemon's own: they may change with every version.
-    ``others`` is what components that were built before offer, by name.
+    ``others`` is what components that were built before offer, by name. ``substitute`` is what the component uses in
+    place of its own process or thread, as in a test; None: it starts its own.
     """
 
     section: S
@@ -70,6 +83,7 @@ class Context(Struct, Generic[S], frozen=True):
     worker: SkillHost | None
     others: Mapping[str, Any]
     parts: "DaemonParts"
+    substitute: Any = None
 
     def of(self, name: str, kind: type[Offered]) -> Offered:
         """What the component of this name offers.

@@ -15,7 +15,7 @@ SCANNING: Final = ("maps", "worker", "mapping", "localization", "navigation", "d
 OWN: Final = ("tuning", "statistics", "agents", "calibration", "simulation", "discovery")
 """The others; of each of the three, in the order in which they are built."""
 
-COMMANDS: Final = ("doctor", "flash")
+COMMANDS: Final = ("doctor", "flash", "new_robot")
 """What has commands alone: no daemon loads it."""
 
 

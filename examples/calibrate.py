@@ -18,7 +18,7 @@ from chefbotd.client import Client
 from chefbotd.client.models import CalibrationStep
 from chefbotd.components.calibration.events import Ask, StepResult
 from chefbotd.components.simulation.parameters.true import TrueParameters
-from chefbotd.components.simulation.process.simulated_robot import nominal_battery, true_of
+from chefbotd.components.simulation.process.simulated_robot import nominal_battery, sim_of, true_of
 from chefbotd.components.simulation.process.true_values import true_values
 from chefbotd.core.geometry import Pose2D, wrap_angle
 from chefbotd.core.record import Record
@@ -77,7 +77,7 @@ async def calibrate(
     config = out / "robot.toml"
     config.write_bytes(packaged(ROBOT).read_bytes())
     nominal = load(config)
-    drawn = nominal.sim.true.model_copy(update={"drawn": "imperfect", "seed": seed})
+    drawn = sim_of(nominal).true.model_copy(update={"drawn": "imperfect", "seed": seed})
     true = true_of(_simulated(nominal, drawn))  # all of it given: another configuration is the same robot
     before = await _squares(nominal, true, side_m, out, say) if squares and compares else ()
     async with simulated_robot(_simulated(nominal, true, START), config_file=config) as robot:
@@ -110,7 +110,7 @@ def _simulated(
     settings: Settings, true: TrueParameters, world: Mapping[str, Any] | None = None, **board: Any
 ) -> Settings:
     """The settings of a robot that is so, in this world."""
-    sim = settings.sim.model_copy(update={"true": true})
+    sim = sim_of(settings).model_copy(update={"true": true})
     sim = sim.model_copy(
         update={
             "world": sim.world.model_copy(update=dict(world or {})),

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 import numpy as np
 from msgspec import Struct, field
 
-from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OccupancyGrid
 from chefbotd.components.navigation.algorithms.grid import distances_m
 from chefbotd.components.navigation.algorithms.search import search
 from chefbotd.components.navigation.algorithms.smooth import straighten_path
@@ -14,6 +13,7 @@ from chefbotd.components.navigation.algorithms.steering import FollowerLimits
 from chefbotd.components.navigation.cli.view import Disc
 from chefbotd.components.simulation.world import World
 from chefbotd.core.geometry import Pose2D, wrap_angle
+from chefbotd.core.occupancy_grid import FREE, OccupancyGrid
 from chefbotd.core.record import Record
 
 STILL_M = 1e-4

@@ -15,9 +15,9 @@ from chefbotd.cli.drive.control import send_drive
 from chefbotd.cli.drive.simulated_daemon import simulated_daemon, until_worker_ready
 from chefbotd.client import Client
 from chefbotd.client.models import MapSaved
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.cli.live_view import MappingScene, Show, listen
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.record import Record
 from examples.robot_time import RobotTime, follow
 from examples.route import Point, is_reached, length_m, seen_from, velocity_to

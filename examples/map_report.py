@@ -8,9 +8,9 @@ import numpy as np
 from rich import box
 from rich.table import Table
 
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.cli.live_view import LiveMapView
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.poses import Floats, row_of, transform
 from chefbotd.core.record import Record
 from examples.map_demo import DemoResult

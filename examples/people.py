@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from chefbotd.client import Client
-from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OccupancyGrid
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import FREE, OccupancyGrid
 from examples.program import run
 from examples.scans import Array, points_of
 

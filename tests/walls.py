@@ -8,6 +8,9 @@ from pathlib import Path
 from tests.house import House
 
 COMPONENTS = "chefbotd.components"
+ABOVE = "chefbotd.testing"
+"""What stands above the components, by the contract of the layers."""
+
 WRITTEN = frozenset({"chefbotd.client.generated", "chefbotd.client.generated_sync", "chefbotd.client.models"})
 """What ``make client`` writes from the components that there are."""
 
@@ -33,15 +36,27 @@ class Walls:
         )
 
     def imports_from_core(self) -> dict[str, set[str]]:
-        """For each component, the modules outside all components that import it; written ones are left out."""
+        """For each component, the modules below all components that import it; written ones are left out."""
         knows: dict[str, set[str]] = {name: set() for name in self.names}
         for module in self._house.modules.values():
-            if module.name.startswith(COMPONENTS) or module.name in WRITTEN:
+            if module.name.startswith((COMPONENTS, ABOVE)) or module.name in WRITTEN:
                 continue
             for origin, _ in module.imports:
                 if origin.startswith(f"{COMPONENTS}.") and (name := origin.split(".")[2]) in knows:
                     knows[name].add(module.name)
         return knows
+
+    def imports_from_above(self) -> int:
+        """How many modules above the components import one, each counted once a component."""
+        return len(
+            {
+                (module.name, origin.split(".")[2])
+                for module in self._house.modules.values()
+                if module.name.startswith(ABOVE)
+                for origin, _ in module.imports
+                if origin.startswith(f"{COMPONENTS}.")
+            }
+        )
 
     def folders(self, root: Path) -> dict[str, int]:
         """For each component, how many packages bear its name."""
@@ -94,6 +109,7 @@ class Walls:
         )
         imports = sum(map(len, knows.values()))
         yield "imports from the core to a component", imports, f"by {len(set().union(*knows.values()))} files"
+        yield "imports from testing, above the components", self.imports_from_above(), ""
         folders = self.folders(root)
         yield "most folders of one component", max(folders.values()), max(folders, key=folders.__getitem__)
         yield "functions that are a bare participle", len(self.bare_participles()), ""

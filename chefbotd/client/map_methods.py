@@ -13,7 +13,7 @@ from chefbotd.core.record import Record
 
 if TYPE_CHECKING:
     from chefbotd.client import models
-    from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
+    from chefbotd.core.occupancy_grid import OccupancyGrid
 
 
 import asyncio
@@ -49,8 +49,8 @@ class MapImage(Record, frozen=True):
         """The same for numpy, as the packages for mapping and planning use it."""
         import numpy as np
 
-        from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
         from chefbotd.core.geometry import Pose2D
+        from chefbotd.core.occupancy_grid import OccupancyGrid
 
         percent = np.frombuffer(self.cells, np.int8).reshape(self.rows, self.columns)
         return OccupancyGrid(self.resolution_m, Pose2D(self.x_m, self.y_m, self.heading_rad), percent)

@@ -91,7 +91,7 @@ def is_wanted(component: Component, settings: Settings) -> bool:
 
 def section_of(component: Component, settings: Settings) -> Any:
     """Its own section; None where it has none."""
-    return None if component.section is None else getattr(settings, component.name)
+    return None if component.section is None else getattr(settings, component.key)
 
 
 def hosts_of_components(settings: Settings) -> list[str]:
@@ -155,6 +155,7 @@ def open_door(component: Component, parts: DaemonParts, built: Built) -> Compone
         worker=built.worker,
         others=built.offers,
         parts=parts,
+        substitute=context.substitutes.get(component.name),
     )
 
 
@@ -191,7 +192,7 @@ def _check_events(component: Component) -> None:
     """Raises TypeError or ValueError where a recording could not tell them from others."""
     if not component.events:
         return
-    from chefbotd.components.recording.classes import event_names  # every class of events
+    from chefbotd.event_classes import event_names  # every class of events
 
     for name, event in _events(component).items():
         if "stamp_s" not in getattr(event, "__struct_fields__", ()):

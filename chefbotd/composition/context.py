@@ -1,9 +1,10 @@
 """The means with which every part of a daemon is built."""
 
 import random
-from collections.abc import Awaitable, Callable
+from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeAlias
+from types import MappingProxyType
+from typing import TYPE_CHECKING, Any, Final, TypeAlias
 
 from msgspec import Struct
 
@@ -22,25 +23,15 @@ if TYPE_CHECKING:
 
 FeatureBuilder: TypeAlias = Callable[[Bus, Clock], Feature]
 
-DepthSpawn: TypeAlias = Callable[[Any], Awaitable[Any]]
-"""Starts the process of a depth camera: ``components.depth_camera.link.process.Spawn``."""
-
-WorkerSpawn: TypeAlias = Callable[[Any, Any], Awaitable[Any]]
-"""Starts the worker's process: ``components.worker.spawn.Spawn``."""
-
-StartWriter: TypeAlias = Callable[[Any, int], Any]
-"""Starts the writer of recordings: ``components.recording.writer.WriterThread``, or a substitute in tests."""
-
-Fit: TypeAlias = Callable[[str, Any, Any], Awaitable[Any]]
-"""Computes a step of the calibration: ``components.calibration.fit_process.Fitter``."""
+NO_SUBSTITUTES: Final[Mapping[str, Any]] = MappingProxyType({})
 
 
 class Context(Struct, frozen=True):
     """One robot's configuration, bus and clock, and the functions that start threads and processes.
 
-    ``session`` tells this run of the daemon from others. ``spawn_worker`` and ``depth_spawn`` start processes; None
-    starts the real ones. Without ``start_writer`` nothing is recorded. Calibration writes to ``config_file`` (None: the
-    robot runs with the packaged one, which is not written to), and computes by ``fit`` (None: in a process of its own).
+    ``session`` tells this run of the daemon from others. ``substitutes`` are what components use in place of their own
+    processes and threads, by the component's name. ``config_file`` is where the configuration was read from; None: it is
+    the packaged one, which is not written to. ``own_process``: the daemon is a program of its own, which records.
     """
 
     settings: Settings
@@ -50,11 +41,9 @@ class Context(Struct, frozen=True):
     session: str
     simulated: bool
     opener: Opener
-    spawn_worker: WorkerSpawn | None
-    depth_spawn: DepthSpawn | None
-    start_writer: StartWriter | None
+    substitutes: Mapping[str, Any] = NO_SUBSTITUTES
     config_file: Path | None = None
-    fit: Fit | None = None
+    own_process: bool = False
 
     @property
     def wheel_names(self) -> tuple[str, ...]:

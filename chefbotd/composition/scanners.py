@@ -27,19 +27,19 @@ def robot_outline(settings: Settings) -> "Outline":
     """The radius of a disc that contains the robot's body and wheels."""
     from chefbotd.driving.scan_watch import outline_of
 
-    return outline_of(settings.chassis, settings.body_size_m, settings.sim.body.wheelbase_m)
+    return outline_of(settings.chassis, settings.body_size_m, settings.wheelbase_m)
 
 
 def scan_guard(context: Context) -> Callable[[OnError], Scans] | None:
-    """Builds the guard over scans; None where neither a lidar nor a depth camera guards."""
+    """Builds the guard over scans; None where no scanner guards."""
     settings = context.settings
-    scanners: list[GuardSensor] = [*settings.lidar, *settings.depth_camera]
+    scanners: list[GuardSensor] = [*settings.lidar, *settings.further_scanners]
     if not any(scanner.guards for scanner in scanners):
         return None
     from chefbotd.driving.scan_watch import ScanWatch
 
     guard, chassis, outline = settings.safety.guard, settings.chassis, robot_outline(settings)
-    near = [camera.name for camera in settings.depth_camera]
+    near = [scanner.name for scanner in settings.further_scanners if scanner.blind_near]
     return lambda on_error: ScanWatch(
         context.bus, context.clock, guard, chassis, scanners, outline, blind_near=near, on_error=on_error
     )

@@ -3,7 +3,7 @@
 import asyncio
 import random
 from collections import Counter, deque
-from collections.abc import Callable, Coroutine, Sequence
+from collections.abc import Callable, Coroutine, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +11,7 @@ import structlog
 
 from chefbotd.app import Daemon
 from chefbotd.clock import Clock
-from chefbotd.composition.context import DepthSpawn, FeatureBuilder, Fit, StartWriter, WorkerSpawn
+from chefbotd.composition.context import NO_SUBSTITUTES, FeatureBuilder
 from chefbotd.link.board_memory import BoardMemory
 from chefbotd.link.port import open_port
 from chefbotd.link.reconnect import Opener
@@ -97,11 +97,9 @@ def build(
     simulated: bool = False,
     rng: random.Random | None = None,
     features: Sequence[FeatureBuilder] = (),
-    spawn_worker: WorkerSpawn | None = None,
-    depth_spawn: DepthSpawn | None = None,
-    start_writer: StartWriter | None = None,
+    substitutes: Mapping[str, Any] = NO_SUBSTITUTES,
     config_file: Path | None = None,
-    fit: Fit | None = None,
+    own_process: bool = False,
     board_memory: BoardMemory | None = None,
 ) -> Daemon:
     """The robot of this configuration, ready to run; the rest is as in ``Daemon``."""
@@ -116,10 +114,8 @@ def build(
         simulated=simulated,
         rng=rng,
         features=features,
-        spawn_worker=spawn_worker,
-        depth_spawn=depth_spawn,
-        start_writer=start_writer,
+        substitutes=substitutes,
         config_file=config_file,
-        fit=fit,
+        own_process=own_process,
         board_memory=board_memory,
     )

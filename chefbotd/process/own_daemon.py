@@ -30,7 +30,6 @@ def alone(settings: Settings) -> Settings:
         "api": ApiParameters(port=0),
         "page": PageParameters(),
         "latch": LatchParameters(),
-        "depth_camera": (),
         **switched_off(settings, exclusive=True),
     }
     return settings.model_copy(update=private)

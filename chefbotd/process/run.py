@@ -5,17 +5,15 @@ import gc
 import os
 from collections.abc import Callable, Iterator
 from functools import partial
-from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Optional
+from typing import TYPE_CHECKING, Optional, TypeAlias
 
 import structlog
 import uvloop
 
 from chefbotd.app import Daemon, Loop
 from chefbotd.clock import Clock, SystemClock
-from chefbotd.composition.context import StartWriter, WorkerSpawn
-from chefbotd.extras import how_to_add_extra
+from chefbotd.component import Hardware, resolve
 from chefbotd.link.board_memory import BoardFile
 from chefbotd.process import keep_alive, signals
 from chefbotd.process.build import build
@@ -25,7 +23,6 @@ from chefbotd.process.watchdog import Watchdog, log_priority, raise_priority
 from chefbotd.rpc.access import AccessError
 from chefbotd.safety.latch import LatchParameters
 from chefbotd.settings import Settings
-from chefbotd.shared_clock import SharedClock
 from chefbotd.storage import state_folder
 from chefbotd.transport.tcp import CannotListen, raise_descriptor_limit, require_descriptors
 
@@ -35,25 +32,29 @@ if TYPE_CHECKING:
 log = structlog.get_logger(component="app")
 
 AsService = Callable[[Daemon], Optional["DaemonService"]]
-LIBRARIES = {"zstd": "zstandard", "lz4": "lz4"}
-"""What each compression of recordings needs."""
+ClockAndLoop: TypeAlias = tuple[Clock, Callable[[], asyncio.AbstractEventLoop]]
 
 
 def run(
-    settings: Settings, *, simulated: bool, load: "Load | None" = None, config_file: Path | None = None
+    settings: Settings,
+    *,
+    hardware: Hardware | None = None,
+    load: "Load | None" = None,
+    config_file: Path | None = None,
 ) -> int:
     """Run the daemon until a signal ends it; returns the exit code. ``load`` reads the configuration again, on SIGHUP.
 
-    ``config_file`` is the one that it was read from, None: the packaged one, which calibration does not write to.
+    It drives ``hardware``; None: the robot's own board. ``config_file`` is the one that it was read from, None: the
+    packaged one, which calibration does not write to.
 
     0, 1 after a failure, or 78 when the socket cannot be guarded as configured, or has too few descriptors.
     """
-    clock, new_loop = _time_of(settings, simulated=simulated)
+    clock, new_loop = _clock_of(settings, hardware)
     try:
         raise_descriptor_limit()
         require_descriptors(settings.api.reserved_stop_connections)
         with asyncio.Runner(loop_factory=new_loop) as runner:
-            runner.run(_until_signalled(settings, load, config_file, clock, simulated=simulated))
+            runner.run(_until_signalled(settings, load, config_file, clock, hardware))
     except BaseExceptionGroup as failures:
         for failure in _leaves(failures):
             if isinstance(failure, CannotListen):
@@ -67,16 +68,12 @@ def run(
     return 0
 
 
-def _time_of(settings: Settings, *, simulated: bool) -> tuple[Clock, Callable[[], asyncio.AbstractEventLoop]]:
-    """The clock, and how to make its loop; a simulated robot may share one with others."""
-    if not simulated or settings.sim.shared_clock is None:
+def _clock_of(settings: Settings, hardware: Hardware | None) -> ClockAndLoop:
+    """The clock, and how to make its loop; simulated hardware may bring its own."""
+    if hardware is None:
         return SystemClock(), uvloop.new_event_loop
-    from chefbotd.components.simulation.process.shared_loop import (
-        SharedClockLoop,  # not in the memory of a daemon on a real robot
-    )
-
-    clock = SharedClock(settings.sim.shared_clock)
-    return clock, partial(SharedClockLoop, clock)
+    made: ClockAndLoop = resolve(hardware.clock)(settings)
+    return made
 
 
 def _leaves(group: BaseExceptionGroup[BaseException]) -> Iterator[BaseException]:
@@ -98,7 +95,11 @@ class _Hangup:
 
 
 async def _until_signalled(
-    settings: Settings, load: "Load | None", config_file: Path | None, clock: Clock, *, simulated: bool
+    settings: Settings,
+    load: "Load | None",
+    config_file: Path | None,
+    clock: Clock,
+    hardware: Hardware | None,
 ) -> None:
     task = asyncio.current_task()
     assert task is not None  # noqa: S101 - a coroutine that runs has a task
@@ -122,7 +123,7 @@ async def _until_signalled(
         return hangup.service
 
     try:
-        serve = _serve_simulated if simulated else _serve_real
+        serve = _serve_real if hardware is None else partial(_serve_simulated, hardware)
         await serve(settings, as_service, config_file, clock)
     except asyncio.CancelledError:
         if not received:
@@ -170,13 +171,7 @@ async def _serve_real(
     folder = settings.latch.folder or keep_alive.runtime_folder()
     settings = settings.model_copy(update={"latch": LatchParameters(folder=folder)})
     memory = BoardFile(state_folder("boards", os.environ, simulated=False), settings.link.device)
-    daemon = build(
-        settings,
-        clock=clock,
-        start_writer=_start_writer(settings),
-        config_file=config_file,
-        board_memory=memory,
-    )
+    daemon = build(settings, clock=clock, config_file=config_file, own_process=True, board_memory=memory)
     if folder is None:
         log.info(
             "a restart forgets an e-stop or a fault: neither [latch] folder nor RuntimeDirectory= is set"
@@ -186,67 +181,25 @@ async def _serve_real(
 
 
 async def _serve_simulated(
-    settings: Settings, as_service: AsService, config_file: Path | None, clock: Clock
+    hardware: Hardware, settings: Settings, as_service: AsService, config_file: Path | None, clock: Clock
 ) -> None:
-    from chefbotd.components.simulation.embedded import EmbeddedBoard
-    from chefbotd.components.simulation.process.simulated_robot import (
-        simulation_of,  # not in the memory of a daemon on a real robot
-    )
-
-    with EmbeddedBoard(simulation_of(settings), clock) as board:
-        link = settings.link.model_copy(update={"device": str(board.device)})
-        lidars = tuple(
-            [
-                lidar.model_copy(update={"device": str(board.lidar_devices[lidar.name])})
-                for lidar in settings.lidar
-            ]
-        )
-        plugged = settings.model_copy(update={"link": link, "lidar": lidars})
-        depth_spawn = None
-        if settings.depth_camera:
-            from chefbotd.components.simulation.process.simulated_depth import spawn_with
-
-            depth_spawn = spawn_with(board.share_truth(), settings.sim)
+    """On simulated hardware, whose modules are not in the memory of a daemon on a real robot."""
+    with resolve(hardware.connect)(settings, clock) as connected:
         daemon = build(
-            plugged,
+            connected.settings,
             clock=clock,
             simulated=True,
-            spawn_worker=_spawn_worker(settings),
-            depth_spawn=depth_spawn,
-            start_writer=_start_writer(settings),
+            substitutes=connected.substitutes,
             config_file=config_file,
+            own_process=True,
         )
         await _serve(
             daemon,
             settings,
             as_service,
             clock,
-            lambda: board.run(partial(daemon.entries.observe, daemon.bus)),
+            lambda: connected.run(partial(daemon.entries.observe, daemon.bus)),
         )
-
-
-def _spawn_worker(settings: Settings) -> WorkerSpawn | None:
-    """Starts a worker on the clock that the robot shares; None: one on the computer's."""
-    if settings.sim.shared_clock is None:
-        return None
-    from chefbotd.components.worker.spawn import spawn
-
-    return partial(spawn, shared_clock=settings.sim.shared_clock)
-
-
-def _start_writer(settings: Settings) -> StartWriter | None:
-    """The thread that records; None where the extra ``recording`` is not installed."""
-    from chefbotd.components.recording.parameters import RecordingParameters
-
-    parameters = settings.of("recording", RecordingParameters)
-    if not parameters.enabled:
-        return None
-    if not (find_spec("mcap") and find_spec(LIBRARIES[parameters.compression])):
-        log.info(f"nothing is recorded, because the extra is missing: {how_to_add_extra('recording')}")
-        return None
-    from chefbotd.components.recording.writer import WriterThread
-
-    return WriterThread
 
 
 def freeze_gc() -> None:

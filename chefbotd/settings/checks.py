@@ -124,10 +124,11 @@ def _names(settings: Settings) -> Iterator[str]:
 
 def _lidars(settings: Settings) -> Iterator[str]:
     """Names and devices must be unique; no lidar may use the board's device, under any name."""
-    cameras = [camera.name for camera in settings.depth_camera]
-    names = [*settings.range_mounts(), *(lidar.name for lidar in settings.lidar), *cameras]
+    further = settings.further_scanners
+    lidars = [lidar.name for lidar in settings.lidar]
+    names = [*settings.range_mounts(), *lidars, *(scanner.name for scanner in further)]
     if repeated := sorted({name for name in names if names.count(name) > 1}):
-        what = "lidars and depth cameras" if cameras else "lidars"
+        what = " and ".join(dict.fromkeys(["lidars", *(f"{scanner.kind}s" for scanner in further)]))
         yield f"{what} need names of their own among the sensors, repeated: {', '.join(repeated)}"
     holders = {_device(settings.link.device): "link.device"}
     for lidar in settings.lidar:
@@ -144,8 +145,8 @@ def _device(name: str) -> str:
 def _guard(settings: Settings) -> Iterator[str]:
     guard = settings.safety.guard
     lidars = [lidar.name for lidar in settings.lidar if lidar.guards]
-    cameras = [camera.name for camera in settings.depth_camera if camera.guards]
-    sensors = [*settings.range_mounts(), *lidars, *cameras]
+    further = [scanner.name for scanner in settings.further_scanners if scanner.guards]
+    sensors = [*settings.range_mounts(), *lidars, *further]
     if guard.enabled and "guard" in settings.safety.model_fields_set and not sensors:
         yield (
             "[safety.guard] has no sensor to guard with: configure [ultrasonic], [[infrared]] or [[lidar]], "

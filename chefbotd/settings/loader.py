@@ -16,6 +16,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from chefbotd.component_list import own_components
 from chefbotd.extras import how_to_add_extra
 from chefbotd.settings.base import base_of, drop_left_out, merge, packaged
 from chefbotd.settings.checks import check
@@ -138,11 +139,12 @@ def _content(path: Path) -> bytes:
 
 
 def _name_tables(values: dict[str, Any]) -> None:
-    """``[sim] world`` may be a name or a path alone, ``[sim] true`` what is drawn."""
-    sim = values.get("sim")
-    for key, meant in (("world", "map_path"), ("true", "drawn")):
-        if isinstance(sim, dict) and isinstance(named := sim.get(key), str):
-            sim[key] = {meant: named}
+    """A key of a component that may be a text alone becomes the table that it stands for."""
+    for component in own_components():
+        section = values.get(component.key)
+        for key, meant in component.short_forms.items():
+            if isinstance(section, dict) and isinstance(named := section.get(key), str):
+                section[key] = {meant: named}
 
 
 def _validate(model: type[Settings], values: dict[str, Any], texts: Mapping[Keys, str]) -> Settings:

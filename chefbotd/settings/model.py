@@ -5,12 +5,11 @@ A key is a field of the parameter class that lives beside its algorithm.
 
 from collections.abc import Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, ClassVar, Literal, TypeAlias, TypeVar
+from typing import TYPE_CHECKING, Any, ClassVar, Literal, Protocol, TypeAlias, TypeVar
 
 from pydantic import Field, ValidationInfo, field_validator
 
 from chefbotd.component_list import own_components
-from chefbotd.components.simulation.parameters.simulation import SimulationParameters
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.parameters import Parameters, section
 from chefbotd.link.port import LinkParameters
@@ -23,7 +22,6 @@ from chefbotd.motion.limits import MotionLimits
 from chefbotd.motion.odometry import OdometryParameters
 from chefbotd.motion.pid import PidParameters
 from chefbotd.motion.same_side import SameSideParameters
-from chefbotd.perception.depth_camera import DepthSourceParameters
 from chefbotd.rpc.parameters import ApiParameters, PluginsParameters
 from chefbotd.safety.gate import SafetyParameters
 from chefbotd.safety.latch import LatchParameters
@@ -96,6 +94,39 @@ class LogParameters(Parameters):
 P = TypeVar("P", bound=Parameters)
 
 
+class Scanner(Protocol):
+    """A sensor that sees as a lidar does, of a component: its name, and what kind of sensor it is, in words.
+
+    One that ``guards`` has the obstacle guard slow the robot for what it sees. One that is ``blind_near`` does not see
+    what is next to it, so that a point which it has lost there still counts.
+    """
+
+    @property
+    def name(self) -> str:
+        """Its name in topics and messages."""
+        ...
+
+    @property
+    def kind(self) -> str:
+        """What it is, in words."""
+        ...
+
+    @property
+    def guards(self) -> bool:
+        """Whether the obstacle guard slows for what it sees."""
+        ...
+
+    @property
+    def blind_near(self) -> bool:
+        """Whether it does not see what is next to it."""
+        ...
+
+    @property
+    def band_m(self) -> tuple[float, float]:
+        """The nearest and the farthest range that is seen."""
+        ...
+
+
 class CoreSettings(Parameters):
     """The whole configuration, one section per part of the robot.
 
@@ -123,14 +154,12 @@ class CoreSettings(Parameters):
     ultrasonic: UltrasonicParameters | None = None
     infrared: tuple[InfraredParameters, ...] = ()
     lidar: tuple[LidarParameters, ...] = ()
-    depth_camera: tuple[DepthSourceParameters, ...] = ()
     imu: ImuParameters | None = None
     battery: BatteryParameters | None = None
     api: ApiParameters = section()
     page: PageParameters = section()
     plugins: PluginsParameters = section()
     log: LogParameters = section()
-    sim: SimulationParameters = section()
 
     @field_validator("wheel_pid")
     @classmethod
@@ -158,8 +187,28 @@ class CoreSettings(Parameters):
     @property
     def first_scanner(self) -> str | None:
         """The scanner whose scans stand for the robot's."""
-        names = [lidar.name for lidar in self.lidar] + [camera.name for camera in self.depth_camera]
+        names = [lidar.name for lidar in self.lidar] + [scanner.name for scanner in self.further_scanners]
         return names[0] if names else None
+
+    @property
+    def further_scanners(self) -> tuple[Scanner, ...]:
+        """What sees as a lidar does, of components."""
+        return tuple(
+            scanner
+            for component in own_components()
+            if component.scanners is not None
+            for scanner in component.scanners(getattr(self, component.key))
+        )
+
+    @property
+    def wheelbase_m(self) -> float:
+        """How far the wheels of a side are spread along the robot; 0 where no component knows that."""
+        known_m = [
+            component.wheelbase_m(getattr(self, component.key))
+            for component in own_components()
+            if component.wheelbase_m is not None
+        ]
+        return known_m[0] if known_m else 0.0
 
     @property
     def body_size_m(self) -> tuple[float, float | None] | None:

@@ -24,8 +24,9 @@ def guard_warning(settings: Settings) -> str:
         "a lidar": [lidar.name for lidar in settings.lidar],
         "an ultrasonic": [] if settings.ultrasonic is None else [settings.ultrasonic.name],
         "an infrared sensor": [sensor.name for sensor in settings.infrared],
-        "a depth camera": [camera.name for camera in settings.depth_camera],
     }
+    for scanner in settings.further_scanners:
+        seeing.setdefault(f"a {scanner.kind}", []).append(scanner.name)
     sensors = [f"{kind} ({', '.join(names)})" for kind, names in seeing.items() if names]
     if not sensors:
         return ""

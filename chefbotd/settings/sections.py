@@ -21,7 +21,7 @@ def with_sections(model: type[M], components: Iterable[Component]) -> type[M]:
     """The model with a field for the section of each component, under the component's name."""
     return _compose_model(
         model,
-        {component.name: _field(component) for component in components if component.section is not None},
+        {component.key: _field(component) for component in components if component.section is not None},
     )
 
 
@@ -60,7 +60,7 @@ def model_for(values: Mapping[str, Any], model: "type[Settings]") -> "type[Setti
             fields[stranger.name] = (Annotated[Any, PlainSerializer(lambda _: {}, when_used="json")], None)
         elif stranger.component is not None and stranger.component.section is not None:
             kind, default = _field(stranger.component)
-            fields[stranger.name] = (Annotated[kind, WrapValidator(_refuse_faults)], default)
+            fields[stranger.component.key] = (Annotated[kind, WrapValidator(_refuse_faults)], default)
     made = _compose_model(model, fields)
     made.strangers = tuple(strangers)
     return made
@@ -78,11 +78,11 @@ def _allowed_names(values: Mapping[str, Any]) -> list[str]:
 def _with_own_section(stranger: "Installed", model: type[Parameters]) -> "Installed":
     """Left out where its section is another part's."""
     component = stranger.component
-    if component is None or component.section is None or component.name not in model.model_fields:
+    if component is None or component.section is None or component.key not in model.model_fields:
         return stranger
     from chefbotd.rpc.models import PluginState
 
-    reason = f"ValueError: there is a section [{component.name}] already"
+    reason = f"ValueError: there is a section [{component.key}] already"
     return replace(stranger, component=None, state=PluginState.FAILED, reason=reason)
 
 
@@ -99,13 +99,13 @@ def _refuse_faults(value: Any, validate: Callable[[Any], Any]) -> Any:
 def paths_of(model: "type[Settings]") -> list[tuple[str, str]]:
     """The sections and keys of components that are paths from the configuration's folder."""
     strangers = [stranger.component for stranger in model.strangers if stranger.component is not None]
-    return [(component.name, key) for component in (*own_components(), *strangers) for key in component.paths]
+    return [(component.key, key) for component in (*own_components(), *strangers) for key in component.paths]
 
 
 def switched_off(settings: "Settings", *, exclusive: bool = False) -> dict[str, Any]:
     """The sections of what serves others or tells them of the robot, each switched off; or of what is exclusive, too."""
     return {
-        component.name: _off(component, getattr(settings, component.name))
+        component.key: _off(component, getattr(settings, component.key))
         for component in _components(settings)
         if component.section is not None and (component.outward or (exclusive and component.exclusive))
     }
@@ -124,7 +124,7 @@ def _off(component: Component, section_of_component: Any) -> Any:
 def fixed_sections(settings: "Settings") -> dict[str, Any]:
     """The sections that stay as they were recorded in a replay with another configuration."""
     return {
-        component.name: getattr(settings, component.name)
+        component.key: getattr(settings, component.key)
         for component in _components(settings)
         if component.section is not None and component.fixed
     }
@@ -140,7 +140,7 @@ def check_components(settings: "Settings", components: Iterable[Component]) -> I
     """What each component says of its section and of others."""
     for component in components:
         if component.check is not None:
-            yield from resolve(component.check)(getattr(settings, component.name, None), settings)
+            yield from resolve(component.check)(getattr(settings, component.key, None), settings)
 
 
 def check_strangers(settings: "Settings") -> Iterator[str]:

@@ -86,7 +86,7 @@ def urdf_of(settings: Settings) -> str:
     if body is not None:
         _add_body(base, body, axle_height_m)
     sides = [wheel.side is Side.LEFT for wheel in chassis.wheels]
-    for wheel, x_m in zip(chassis.wheels, places_x_m(sides, settings.sim.body.wheelbase_m), strict=True):
+    for wheel, x_m in zip(chassis.wheels, places_x_m(sides, settings.wheelbase_m), strict=True):
         y_m = chassis.track_width_m / 2 if wheel.side is Side.LEFT else -chassis.track_width_m / 2
         _add_wheel(robot, wheel, (x_m, y_m, wheel.radius_m - axle_height_m), body)
     for mount in mounts(settings):

@@ -4,75 +4,36 @@ import asyncio
 import contextlib
 import random
 import ssl
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping, Sequence
+from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any, TypeAlias
 
-import numpy as np
 from msgspec import field
 
 from chefbotd.app import Daemon
 from chefbotd.client import Client
 from chefbotd.clock import LoopClock
-from chefbotd.components.calibration.fit_process import fit_here
-from chefbotd.components.depth_camera.link.child import ScanWriter
-from chefbotd.components.depth_camera.link.process import DepthChild
-from chefbotd.components.depth_camera.link.sources import Frame
+from chefbotd.component import resolve
+from chefbotd.component_list import own_components
 from chefbotd.components.simulation.board import BoardRunner
-from chefbotd.components.simulation.depth_image import DepthRenderer
 from chefbotd.components.simulation.lidar import LidarRunner
-from chefbotd.components.simulation.parameters.simulation import SimulationParameters
-from chefbotd.components.simulation.process.simulated_robot import simulation_of
-from chefbotd.components.simulation.rooms import scene_of
-from chefbotd.components.simulation.scene import Scene
+from chefbotd.components.simulation.process.simulated_robot import sim_of, simulation_of
 from chefbotd.components.simulation.shared_floor import floor_of, left_where_it_stands
 from chefbotd.components.simulation.simulation import board_sender, build_launchpad, build_lidars
 from chefbotd.components.simulation.spinning import SpinningLidar
 from chefbotd.components.worker.spawn import Spawn
-from chefbotd.composition.context import FeatureBuilder, StartWriter
+from chefbotd.composition.context import FeatureBuilder
 from chefbotd.core.record import Record
 from chefbotd.link.port import LinkParameters
 from chefbotd.link.reconnect import Opener
-from chefbotd.perception.depth_camera import DepthSourceParameters
 from chefbotd.process.build import build
 from chefbotd.settings import Settings, load
 from chefbotd.testing.transport import FakeSerialDevice
 from chefbotd.testing.worker import no_worker
 
-
-class SimulatedDepthChild:
-    """The bytes that a camera's process would write, from the robot's true pose."""
-
-    def __init__(
-        self, parameters: DepthSourceParameters, scene: Scene, board: BoardRunner, seed: int
-    ) -> None:
-        self._renderer, self._writer = DepthRenderer(parameters, scene), ScanWriter(parameters)
-        self._board, self._period_s = board, 1 / parameters.rate_hz
-        self._chance = np.random.default_rng(seed)
-
-    async def read(self) -> bytes:
-        """The next scan, once it is due."""
-        await asyncio.sleep(self._period_s)
-        now_s = asyncio.get_running_loop().time()
-        pose, discs = self._board.truth(now_s).world_from_base, self._board.crowd.discs
-        return self._writer.messages(Frame(now_s, self._renderer.image(pose, discs, self._chance)))
-
-    async def end(self) -> str:
-        """Release nothing: there is no process."""
-        return "ended"
-
-
-def depth_spawn(
-    board: BoardRunner, sim: SimulationParameters
-) -> Callable[[DepthSourceParameters], Awaitable[DepthChild]]:
-    """Starts the simulated camera in the place of the configured one's process."""
-
-    async def spawn(parameters: DepthSourceParameters) -> DepthChild:
-        scene = scene_of(sim.world.map_path, sim.world.closed_doors)
-        return SimulatedDepthChild(parameters, scene, board, sim.seed)
-
-    return spawn
-
+StartWriter: TypeAlias = Callable[[Any, int], Any]
+"""Starts what records: ``testing.recording.write_inline`` does so on the same clock."""
 
 NO_LIDARS: Mapping[str, FakeSerialDevice] = MappingProxyType({})
 
@@ -96,7 +57,7 @@ async def running_daemon(
     To be used inside ``chefbotd.clock.run_virtual``. The socket gets a free port of the loopback interface.
     """
     settings = _on_free_port(settings or load())
-    rng = random.Random(settings.sim.seed)
+    rng = random.Random(sim_of(settings).seed)
     opener = _opener(settings, device, lidars)
     daemon = build(
         settings,
@@ -104,11 +65,24 @@ async def running_daemon(
         opener=opener,
         rng=rng,
         features=features,
-        spawn_worker=spawn_worker,
-        start_writer=start_writer,
+        substitutes=_substitutes(spawn_worker, start_writer),
     )
     async with _running(daemon) as client:
         yield client
+
+
+def _substitutes(spawn_worker: Spawn, start_writer: StartWriter | None) -> dict[str, Any]:
+    """What the worker and the recorder use in place of a process and a thread."""
+    return {"worker": spawn_worker, "recording": start_writer}
+
+
+def _in_loop() -> dict[str, Any]:
+    """What components use in place of processes of their own, where all runs on one loop."""
+    return {
+        component.name: resolve(component.in_loop)
+        for component in own_components()
+        if component.in_loop is not None
+    }
 
 
 def _opener(settings: Settings, board: FakeSerialDevice, lidars: Mapping[str, FakeSerialDevice]) -> Opener:
@@ -178,13 +152,10 @@ async def simulated_robot(
         clock=LoopClock(),
         opener=_opener(settings, device, {name: lidar.device for name, lidar in lidars.items()}),
         simulated=True,
-        rng=random.Random(settings.sim.seed),
-        spawn_worker=spawn_worker,
-        start_writer=start_writer,
+        rng=random.Random(sim_of(settings).seed),
+        substitutes={"simulation": board, **_in_loop(), **_substitutes(spawn_worker, start_writer)},
         config_file=config_file,
-        fit=fit_here,
         features=features,
-        depth_spawn=depth_spawn(board, settings.sim),
     )
     try:
         async with _running(daemon, token, tls) as client:
@@ -196,7 +167,7 @@ async def simulated_robot(
 
 def _in_memory(lidar: SpinningLidar, board: BoardRunner, settings: Settings) -> SimulatedLidar:
     device = FakeSerialDevice()
-    handover_s, seed = settings.sim.lidar.handover_s, settings.sim.seed
+    handover_s, seed = sim_of(settings).lidar.handover_s, sim_of(settings).seed
     runner = LidarRunner(
         lidar, board, lambda data: device.feed(data), LoopClock(), handover_s=handover_s, seed=seed
     )

@@ -19,13 +19,13 @@ from chefbotd.components.maps.algorithms.map_server import (
     to_description,
     to_image,
 )
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage.contents import save
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.components.simulation.rooms import BUILDINGS
 from chefbotd.components.worker.spawn import Spawn
 from chefbotd.composition.context import FeatureBuilder
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.settings import load, packaged
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from chefbotd.testing.worker import worker_in_process

@@ -18,9 +18,9 @@ from chefbotd.cli.common.strangers import strangers_rows
 from chefbotd.cli.programs import chefbotctl, chefbotd
 from chefbotd.client import CallError
 from chefbotd.components.doctor.cli.bundle import secrets_of
-from chefbotd.components.recording.classes import encode
 from chefbotd.components.recording.replay.recorded import Recorded, groups_of
 from chefbotd.components.recording.replay.run import ReplayOptions, replay_groups, settings_of
+from chefbotd.event_classes import encode
 from chefbotd.settings import Settings, SettingsError, load
 from chefbotd.testing.daemon import SimulatedRobot
 from chefbotd.testing.worker import worker_in_process

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from chefbotd.components.simulation.world import World
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from examples.legs import Best, Truth, ended_leg
 
 ORIGIN = Pose2D(-1.0, -2.0)

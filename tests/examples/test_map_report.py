@@ -5,8 +5,8 @@ import math
 import numpy as np
 import pytest
 
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from examples.map_report import wall_errors
 
 

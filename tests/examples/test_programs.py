@@ -14,9 +14,9 @@ from chefbotd.cli.common.context import beside
 from chefbotd.client import CallError, Client
 from chefbotd.client.models import ScanData
 from chefbotd.clock import run_virtual, suspended_s
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.core.events import TruthSimulated
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.testing.daemon import SimulatedRobot
 from chefbotd.testing.on_map import localized_robot
 from examples import patrol, people, square, wall

@@ -24,10 +24,10 @@ import structlog
 from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
 from chefbotd.components.maps.algorithms.map_server import to_description, to_image
-from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from chefbotd.components.simulation.parameters.sketches import PUBLISHED_SKETCHES
 from chefbotd.core.events import DriveWarned, SafetyChanged
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from chefbotd.core.record import Record
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from chefbotd.testing.on_map import localized_robot

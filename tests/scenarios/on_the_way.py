@@ -10,12 +10,12 @@ from types import MappingProxyType
 from typing import Any
 
 from chefbotd.clock import run_virtual
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.navigation.events import NavigationChanged
 from chefbotd.components.worker.parameters import WorkerParameters
 from chefbotd.components.worker.spawn import Child
 from chefbotd.core.events import SafetyChanged
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.testing.daemon import SimulatedRobot
 from chefbotd.testing.on_map import localized_robot
 from chefbotd.testing.worker import WorkerInProcess, worker_in_process

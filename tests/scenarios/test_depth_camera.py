@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from chefbotd.clock import run_virtual
+from chefbotd.components.depth_camera.simulated.spawn import SimulatedDepthChild
 from chefbotd.components.maps.storage.contents import save
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.components.simulation.worlds.flat import FLAT
@@ -16,7 +17,7 @@ from chefbotd.core.events.lidars import DepthCameraChanged, ScanMeasured
 from chefbotd.rpc.encoding import plain
 from chefbotd.settings import SettingsError, load, packaged
 from chefbotd.settings.model import Settings
-from chefbotd.testing.daemon import SimulatedDepthChild, simulated_robot
+from chefbotd.testing.daemon import simulated_robot
 from chefbotd.testing.worker import worker_in_process
 from tests.budget import sample
 

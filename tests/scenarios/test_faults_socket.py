@@ -319,7 +319,7 @@ def test_a_daemon_that_cannot_be_guarded_does_not_start(tmp_path: Path):
     absent = tmp_path / "tokens"
     settings = load(overrides={"api.token_file": str(absent), "api.port": 0, "link.device": "/dev/null"})
     with capture_logs() as logs:
-        assert process.run(settings, simulated=False) == 78
+        assert process.run(settings) == 78
     assert [entry["event"] for entry in logs] == ["cannot serve"]
     assert f"{absent}: cannot be read" in logs[0]["error"]
     assert "openssl rand" in logs[0]["error"]

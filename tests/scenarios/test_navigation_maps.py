@@ -10,11 +10,11 @@ import pytest
 
 from chefbotd.client import CallError, GoalFault, GoalUnreachable
 from chefbotd.clock import run_virtual
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage.contents import save
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.components.simulation.worlds.flat import FLAT
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.settings import load, packaged
 from chefbotd.testing.daemon import simulated_robot
 from chefbotd.testing.worker import worker_in_process

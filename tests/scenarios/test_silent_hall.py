@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from tests.scenarios.on_the_way import Drive, in_flat
 from tests.scenarios.robots import AS_CONFIGURED
 

@@ -22,9 +22,9 @@ from chefbot_fleet.records import FleetParameters
 from chefbot_fleet.roadmap import Point, Roadmap
 from chefbot_fleet.routes import Pace
 from chefbot_fleet.store import Store
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage.contents import read_map_server
 from chefbotd.components.maps.storage.disk import MapStoreError
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.rpc.parameters import is_loopback
 
 REPEAT_S = 5.0

@@ -12,9 +12,9 @@ from scipy.sparse import csr_matrix
 from scipy.sparse.csgraph import connected_components, dijkstra
 
 from chefbot_fleet.roadmap import Edge, Flags, Floats, Point, Roadmap, to_segment_m
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.navigation.algorithms.costmap import OCCUPIED_PERCENT
 from chefbotd.components.navigation.algorithms.grid import GridFrame, distances_m
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.record import Record
 
 Integers = NDArray[np.int64]

@@ -6,7 +6,7 @@ import zlib
 import numpy as np
 import numpy.typing as npt
 
-from chefbotd.components.maps.algorithms.occupancy_grid import OCCUPIED, UNKNOWN, OccupancyGrid
+from chefbotd.core.occupancy_grid import OCCUPIED, UNKNOWN, OccupancyGrid
 from chefbotd.core.record import Record
 
 GREY, SHADED = 128, 60

@@ -17,8 +17,8 @@ from chefbot_vda5050.messages import ConnectionState
 from fleet_robots import StandardRobot
 
 from chefbotd.components.maps.algorithms.map_server import to_description, to_image
-from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 
 HOMES = (0, 4, 5)
 PLACES = {"counter": (1.0, 2.4), "table": (8.5, 2.4)}

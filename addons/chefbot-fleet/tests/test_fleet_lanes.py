@@ -6,9 +6,9 @@ from chefbot_fleet.lanes import LaneParameters, find_lanes, free_space, thinned
 from chefbot_fleet.roadmap import Roadmap, segment_distances_m
 from scipy.ndimage import label
 
-from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from chefbotd.components.simulation.rooms import BUILDINGS
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 
 PARAMETERS = LaneParameters()
 OFFICE = BUILDINGS["office"]

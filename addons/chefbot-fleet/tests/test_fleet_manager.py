@@ -15,8 +15,8 @@ from chefbot_vda5050.messages import ConnectionState
 from fleet_robots import StandardRobot
 from fleet_world import VICTIMS, World, small_roadmap
 
-from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 
 
 @pytest.fixture

@@ -28,8 +28,8 @@ from click.testing import CliRunner, Result
 from fleet_world import HOMES, small_roadmap, write_map
 from PIL import Image
 
-from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 TOKEN = "a token for tests"
 ORDER = {"id": "a", "pick": "counter", "drop": "table"}

@@ -9,10 +9,10 @@ from typing import Any, Final
 from rosbags.rosbag2 import StoragePlugin, Writer
 
 from chefbot_ros2.messages import TYPESTORE, messages, mount, stamped
-from chefbotd.components.recording.classes import class_of, decode
 from chefbotd.components.recording.encoder import REPEATED
 from chefbotd.components.recording.reader import OWN, RecordingReader
 from chefbotd.core.events.lidars import ScanMeasured
+from chefbotd.event_classes import class_of, decode
 
 BAG_VERSION: Final = 9
 """Of ROS 2 Humble's metadata.yaml and later ones."""

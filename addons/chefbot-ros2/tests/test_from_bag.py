@@ -13,10 +13,10 @@ from rosbags.rosbag2 import Reader, StoragePlugin, Writer
 from test_bag import ODOMETRY, export, recording
 
 from chefbotd.cli.programs.chefbotctl import main
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage.contents import read_grid, read_slam
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.core.events.lidars import ScanMeasured
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from tests.chefbotd.components.worker.skills.drives import measured, measured_by_two
 
 SCANS = 60

@@ -24,10 +24,10 @@ from benchmarks.phrases import in_room, synthesized
 from chefbotd.cli.drive.simulated_daemon import simulated_daemon
 from chefbotd.client import Client, ConnectionLost
 from chefbotd.client.errors import CallError
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage.contents import save
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 
 PORT: Final = 17_381
 TIMES: Final = 10

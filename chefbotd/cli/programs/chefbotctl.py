@@ -110,7 +110,6 @@ for command in COMMANDS:
 for component in components_with_commands():
     main.add_referenced(component.commands)
 main.add_strangers()
-main.add_late("chefbotd.cli.new_robot.command", "new-robot")
 main.add_late("chefbot_devtools.commands", "shell", "sweep")
 
 if __name__ == "__main__":

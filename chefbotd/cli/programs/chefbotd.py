@@ -1,29 +1,30 @@
-"""The program chefbotd: run the daemon, run a simulated board, check a configuration.
+"""The program chefbotd: run the daemon, check a configuration, and the commands of components.
 
 Users wait for the start, so each command imports what it needs when it is called.
 """
 
-import asyncio
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, TypeAlias
 
 import click
 
 from chefbotd import __version__, start
-from chefbotd.cli.common.arguments import PHYSICS, Address, address, configuration
+from chefbotd.cli.common.arguments import Address, address, configuration
 from chefbotd.cli.common.echo import echo, tell
 from chefbotd.cli.common.exits import Exit, ProgramError, exit_table, require
 from chefbotd.cli.programs.load import load_valid
-from chefbotd.cli.programs.load import simulation as simulation_of
 from chefbotd.cli.programs.program import CommandGroup, completion, wants_json
+from chefbotd.component import Hardware, resolve
 from chefbotd.component_list import own_components
 from chefbotd.process import signals
 
 if TYPE_CHECKING:
     from chefbotd.settings import Settings
+
+Function: TypeAlias = Callable[..., Any]
 
 
 @click.command()
@@ -81,11 +82,8 @@ EXITS = (
     Exit.INTERRUPTED,
     Exit.OUTPUT_CLOSED,
 )
-CYCLE_HZ = click.FloatRange(0.1, 1000.0)
-SKETCHES = click.Choice(["tiva", "tiva_bare", "duemilanove", "tiva_second", "chefbot", "emulated"])
-OWN_FIRMWARE = ("chefbot", "emulated")
-SKETCH = "Which sketch the simulated board runs, instead of the configured one; chefbot: our own firmware."
-WHICH_PHYSICS = "What moves the simulated robot, instead of what is configured; mujoco is an extra."
+HARDWARE = [component.hardware for component in own_components() if component.hardware is not None]
+OPTIONS = [option for component in own_components() for option in component.run_options]
 FILE_OR_ROBOT = "The robot's TOML file, or the name of a packaged one; ChefBot by default."
 
 
@@ -95,67 +93,61 @@ def main() -> None:
     """Drive a small wheeled robot over its serial board, and serve its command socket."""
 
 
+def with_component_options(command: Function) -> Function:
+    """The command with the options of components, in the order of their list."""
+    for option in reversed(OPTIONS):
+        kind: dict[str, Any] = {"type": click.Choice(option.choices)} if option.choices else {"is_flag": True}
+        command = click.option(option.name, help=option.help, **kind)(command)
+    for hardware in reversed(HARDWARE):
+        command = click.option(hardware.option, is_flag=True, help=hardware.help)(command)
+    return command
+
+
 @main.command()
 @click.option("--config", "path", metavar="FILE|ROBOT", type=configuration, help=FILE_OR_ROBOT)
 @click.option("--port", "device", metavar="DEV", help="The serial device, instead of the configured one.")
-@click.option("--sim", "simulated", is_flag=True, help="Drive a simulated robot; no device is needed.")
-@click.option("--sketch", type=SKETCHES, help=SKETCH)
-@click.option("--physics", type=PHYSICS, help=WHICH_PHYSICS)
 @click.option(
     "--listen", "where", type=address, metavar="HOST:PORT", help="Where to serve the command socket."
 )
 @click.option(
     "--page", "with_page", is_flag=True, help="Serve the page in the browser, as [page] enabled = true does."
 )
-@click.option(
-    "--record",
-    "with_recording",
-    is_flag=True,
-    help="Record from the start on, so that 'replay' can repeat it, as [recording] auto_start = true does.",
-)
-@click.option(
-    "--foxglove", "with_foxglove", is_flag=True, help="Serve Foxglove, as [foxglove] enabled = true does."
-)
+@with_component_options
 @click.option(
     "--log-level", metavar="LEVEL", help="The lowest level that is logged: debug, info, warning, error."
 )
 @click.pass_context
 def run(
     ctx: click.Context,
+    /,
     path: Path | None,
     device: str | None,
-    simulated: bool,
-    sketch: str | None,
-    physics: str | None,
     where: Address | None,
     with_page: bool,
-    with_recording: bool,
-    with_foxglove: bool,
     log_level: str | None,
+    **given: Any,
 ) -> None:
     """Run the daemon until SIGINT or SIGTERM."""
     start.open_standard_streams()
     signals.hold_crashes()  # libraries start threads as they are imported
-    _check_simulated(simulated, device, sketch, physics)
-    overrides = _options_given(
-        {
-            "sim.board.sketch": sketch,
-            "encoders.counted_by": _counted_by(sketch),
-            "sim.physics": physics,
-            "link.device": device,
-            "api.host": where and where.host,
-            "api.port": where and where.port,
-            "page.enabled": with_page or None,
-            "recording.enabled": with_recording or None,
-            "recording.auto_start": with_recording or None,
-            "foxglove.enabled": with_foxglove or None,
-            "log.level": log_level,
-        }
-    )
+    hardware = next((hardware for hardware in HARDWARE if given[_parameter(hardware.option)]), None)
+    _check_simulated(hardware, device, given)
+    overrides = {
+        **_options_given(
+            {
+                "link.device": device,
+                "api.host": where and where.host,
+                "api.port": where and where.port,
+                "page.enabled": with_page or None,
+                "log.level": log_level,
+            }
+        ),
+        **_keys_of_options(given),
+    }
     with start.light_imports():
         settings = load_valid(path, overrides)
-        if simulated:
-            simulation_of(settings)
+        if hardware is not None:
+            resolve(hardware.check)(settings)
         _require_extras(settings)
         from chefbotd.process import logs
         from chefbotd.process import run as process
@@ -164,25 +156,34 @@ def run(
     logs.configure(settings.log.level)
     ctx.exit(
         process.run(
-            settings, simulated=simulated, load=partial(load, path, overrides=overrides), config_file=path
+            settings, hardware=hardware, load=partial(load, path, overrides=overrides), config_file=path
         )
     )
 
 
-def _counted_by(sketch: str | None) -> str | None:
-    """A simulated board counts as is configured, and the daemon asks whose counts that are."""
-    if sketch is None:
-        return None
-    return "firmware" if sketch in OWN_FIRMWARE else "sketch"
+def _check_simulated(hardware: Hardware | None, device: str | None, given: Mapping[str, Any]) -> None:
+    if hardware is not None and device is not None:
+        raise click.UsageError(
+            f"{hardware.option} and --port exclude each other: a simulated board brings its own device"
+        )
+    for option in OPTIONS:
+        if option.needs_simulated and hardware is None and given[_parameter(option.name)]:
+            needed = " or ".join(hardware.option for hardware in HARDWARE)
+            raise click.UsageError(f"{option.name} needs {needed}: {option.needs_simulated}")
 
 
-def _check_simulated(simulated: bool, device: str | None, sketch: str | None, physics: str | None) -> None:
-    if simulated and device is not None:
-        raise click.UsageError("--sim and --port exclude each other: a simulated board brings its own device")
-    if sketch is not None and not simulated:
-        raise click.UsageError("--sketch needs --sim: a real board runs its own")
-    if physics is not None and not simulated:
-        raise click.UsageError("--physics needs --sim: it moves a simulated robot")
+def _keys_of_options(given: Mapping[str, Any]) -> dict[str, object]:
+    """What the options of components set, where they were given."""
+    keys: dict[str, object] = {}
+    for option in OPTIONS:
+        if value := given[_parameter(option.name)]:
+            keys |= option.keys(value)
+    return keys
+
+
+def _parameter(option: str) -> str:
+    """How click names the parameter of an option."""
+    return option.removeprefix("--").replace("-", "_")
 
 
 def _options_given(options: Mapping[str, object]) -> dict[str, object]:
@@ -195,46 +196,10 @@ def _require_extras(settings: "Settings") -> None:
     if settings.page.enabled:
         require("page", "aiohttp", "websockets", "prometheus_client")
     for component in own_components():
-        section = getattr(settings, component.name, None)
+        section = getattr(settings, component.key, None)
         extra = component.extra
         if extra is not None and component.is_enabled(section, settings) and extra.when(section):
             require(extra.name, *extra.packages)
-
-
-@main.command()
-@click.option("--config", "path", metavar="FILE|ROBOT", type=configuration, help=FILE_OR_ROBOT)
-@click.option(
-    "--link", type=click.Path(path_type=Path), help="A symbolic link to keep pointed at the device."
-)
-@click.option("--seed", type=click.IntRange(min=0), help="For the noise; the same seed, the same noise.")
-@click.option("--sketch", type=SKETCHES, help=SKETCH)
-@click.option("--physics", type=PHYSICS, help=WHICH_PHYSICS)
-@click.option("--cycle-hz", type=CYCLE_HZ, metavar="HZ", help="How often the board reports, 0.1 to 1000.")
-@click.pass_context
-def simulate(
-    ctx: click.Context,
-    path: Path | None,
-    link: Path | None,
-    seed: int | None,
-    sketch: str | None,
-    physics: str | None,
-    cycle_hz: float | None,
-) -> None:
-    """Run a simulated board, on a device of its own, and the robot's lidars, each on another.
-
-    The board's path is the first line printed, the lidars' are the next. It obeys words on standard input, one a line:
-    plug, unplug, truth, reset, quit.
-    """
-    cycle_s = None if cycle_hz is None else 1 / cycle_hz
-    options = {"sim.board.sketch": sketch, "sim.board.cycle_s": cycle_s, "sim.physics": physics}
-    settings = load_valid(path, _options_given(options))
-    from chefbotd.components.simulation.simulate import simulate as run_board
-
-    simulation = simulation_of(settings)
-    try:
-        asyncio.run(run_board(simulation, link_path=link, seed=seed, as_json=wants_json(ctx)))
-    except (OSError, ValueError) as error:
-        raise ProgramError(Exit.FAILED, str(error)) from error
 
 
 @main.command()
@@ -251,10 +216,11 @@ def check_config(ctx: click.Context, path: Path | None, shows_all: bool) -> None
     cannot be simulated is valid; a note says so.
     """
     settings = load_valid(path)
-    try:
-        simulation_of(settings)
-    except ProgramError as problem:
-        tell(f"Note: {problem}")
+    for hardware in HARDWARE:
+        try:
+            resolve(hardware.check)(settings)
+        except ProgramError as problem:
+            tell(f"Note: {problem}")
     from chefbotd.settings.notes import notes
 
     for stranger in settings.strangers:
@@ -278,7 +244,8 @@ def check_config(ctx: click.Context, path: Path | None, shows_all: bool) -> None
 
 
 main.add_late("chefbotd.cli.programs.chefbotd", "init", "urdf")
-main.add_late("chefbotd.components.recording.cli.replay", "replay")
+for component in own_components():
+    main.add_referenced(component.daemon_commands)
 main.add_late("chefbotd.cli.programs.new_component", "new-component", "new-plugin")
 main.add_late("chefbotd.cli.programs.service", "install-service", "uninstall-service")
 main.add_command(completion)

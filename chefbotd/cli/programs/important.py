@@ -43,7 +43,7 @@ def _sensors(settings: "Settings") -> str:
         *([f"ultrasonic {settings.ultrasonic.name}"] if settings.ultrasonic else []),
         *(f"infrared {sensor.name}" for sensor in settings.infrared),
         *(f"lidar {lidar.name}" for lidar in settings.lidar),
-        *(f"depth camera {camera.name}" for camera in settings.depth_camera),
+        *(f"{scanner.kind} {scanner.name}" for scanner in settings.further_scanners),
         *(["IMU"] if settings.imu else []),
         *(["battery"] if settings.battery else []),
     ]
@@ -52,12 +52,12 @@ def _sensors(settings: "Settings") -> str:
 
 def _guard(settings: "Settings") -> str:
     """Whether anything stops the robot before an obstacle, and the outline that it keeps clear."""
-    sees = settings.range_mounts() or settings.lidar or settings.depth_camera
+    sees = settings.range_mounts() or settings.lidar or settings.further_scanners
     if not sees:
         return "nothing sees obstacles: the robot drives into what is in its way"
     if not settings.safety.guard.enabled:
         return "OFF: the robot drives into what it sees"
-    if not settings.lidar and not settings.depth_camera:
+    if not settings.lidar and not settings.further_scanners:
         return f"on, only in the beam of {', '.join(settings.range_mounts())}"
     body = settings.body
     if body is None:

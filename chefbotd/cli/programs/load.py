@@ -4,10 +4,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from chefbotd.cli.common.exits import Exit, ProgramError, extra
+from chefbotd.cli.common.exits import Exit, ProgramError
 
 if TYPE_CHECKING:
-    from chefbotd.components.simulation.simulation import Simulation
     from chefbotd.settings import Settings, SettingsError
 
 
@@ -23,22 +22,6 @@ def load_valid(path: Path | None, overrides: Mapping[str, object] | None = None)
         return load(path, overrides=overrides)
     except SettingsError as error:
         raise bad_configuration(error) from error
-
-
-def simulation(settings: "Settings") -> "Simulation":
-    """The simulation that this configuration describes.
-
-    Raises:
-        ProgramError: it cannot be simulated, or what it needs is not installed: Pillow for a map, MuJoCo for its
-            physics; the message says why.
-    """
-    from chefbotd.components.simulation.process.simulated_robot import CannotSimulateError, checked_simulation
-
-    try:
-        with extra("maps", "PIL"), extra("mujoco", "mujoco"):
-            return checked_simulation(settings)
-    except CannotSimulateError as error:
-        raise ProgramError(Exit.BAD_CONFIGURATION, str(error)) from error
 
 
 def bad_configuration(error: "SettingsError") -> ProgramError:

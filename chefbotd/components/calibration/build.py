@@ -28,7 +28,7 @@ def calibration_of(context: Context[None]) -> Feature:
         context.driver,
         lambda values: robot_with(settings, values),
         lambda values: _save(daemon.config_file, values),
-        daemon.fit or fit_in_process,
+        context.substitute or fit_in_process,
         "" if daemon.config_file is None else str(daemon.config_file),
     )
     return feature(service)

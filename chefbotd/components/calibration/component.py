@@ -22,6 +22,7 @@ COMPONENT = Component(
     name="calibration",
     api=API_VERSION,
     build=build,
+    in_loop="chefbotd.components.calibration.fit_process:fit_here",
     is_enabled=lambda section, settings: SOURCE in settings.safety.sources,
     commands={"calibrate": "chefbotd.components.calibration.cli.commands:calibrate"},
 )

@@ -8,10 +8,10 @@ from chefbotd.clock import Clock
 from chefbotd.components.depth_camera.link.camera import DepthCamera
 from chefbotd.components.depth_camera.link.process import Spawn, spawn_program
 from chefbotd.components.depth_camera.models import DepthCamerasData
+from chefbotd.components.depth_camera.parameters import DepthSourceParameters
 from chefbotd.core.events.lidars import DepthCameraChanged
 from chefbotd.features.feature import Feature, Service
 from chefbotd.metrics import Metrics
-from chefbotd.perception.depth_camera import DepthSourceParameters
 from chefbotd.rpc.topics import Topic
 
 Health = Mapping[str, DepthCameraChanged]

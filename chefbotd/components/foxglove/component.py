@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from chefbotd.component import API_VERSION, Component, Extra
+from chefbotd.component import API_VERSION, Component, Extra, RunOption
 
 if TYPE_CHECKING:
     from chefbotd.component_context import Context
@@ -26,4 +26,11 @@ COMPONENT = Component(
     is_enabled=lambda section, settings: section.enabled,
     extra=Extra("foxglove", ("foxglove",)),
     outward=True,
+    run_options=(
+        RunOption(
+            "--foxglove",
+            "Serve Foxglove, as [foxglove] enabled = true does.",
+            lambda given: {"foxglove.enabled": True},
+        ),
+    ),
 )

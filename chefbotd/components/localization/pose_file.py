@@ -6,10 +6,10 @@ from typing import Literal, Protocol, Self
 
 from pydantic import Field, ValidationError, model_validator
 
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage.disk import TEMPORARY, Disk
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.parameters import Parameters
 from chefbotd.storage import read_file
 

@@ -26,13 +26,13 @@ from chefbotd.components.localization.pose_file import PoseFile, PoseOnDisk, Sav
 from chefbotd.components.localization.skill_requests import POSE_FILE, LocalizationSkillParameters
 from chefbotd.components.mapping.algorithms.mount_check import MountCheck, check_scan, mount_problem
 from chefbotd.components.mapping.aligned_scans import AlignedScan, ScanAligner, Silence, pose_of, pose_updated
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage.contents import read_grid
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.components.worker.skill import Job, JobStep, Struct
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import OdometryUpdated
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.poses import Floats, compose
 from chefbotd.core.record import replace
 

@@ -7,11 +7,11 @@ import numpy as np
 
 from chefbotd.components.mapping.algorithms.saved import Arrays, NotASavedState, restore_state, save_state
 from chefbotd.components.mapping.algorithms.state import SlamState, start, start_new_part
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage import contents
 from chefbotd.components.maps.storage.manifest import GRAPH
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.record import Record
 
 

@@ -14,6 +14,8 @@ class MapChanged(GridPatch, frozen=True):
     Cells are percentages, -1 for unknown. Revisions count up by one; a gap means that a change is missing.
     """
 
+    drawn_as: ClassVar[str] = "map"
+
     whole: bool
 
 
@@ -58,6 +60,8 @@ class MapLoaded(Record, frozen=True):
 
     ``renamed_from`` is the name that the same map had until now; None: it is another map, or another version.
     """
+
+    drawn_as: ClassVar[str] = "map"
 
     retained: ClassVar[bool] = True
 

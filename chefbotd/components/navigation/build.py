@@ -47,7 +47,7 @@ def navigation_skill_parameters(settings: Settings, folder: Path) -> NavigationS
         silent_speed_m_s=settings.safety.encoders.silent_speed_m_s,
         guard_stop_m=guards[0],
         guard_clearance_m=guards[1],
-        cameras=tuple(camera.name for camera in settings.depth_camera),
+        cameras=tuple(scanner.name for scanner in settings.further_scanners),
         range_mounts={
             name: (mount.x_m, mount.y_m, mount.heading_rad) for name, mount in settings.range_mounts().items()
         },

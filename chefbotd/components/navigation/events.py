@@ -87,6 +87,8 @@ class PathData(Record, frozen=True):
 class PathChanged(PathData, frozen=True, kw_only=True):
     """A new path is followed."""
 
+    drawn_as: ClassVar[str] = "path"
+
     stamp_s: float
 
 

@@ -9,7 +9,6 @@ import numpy as np
 from chefbotd.components.localization.algorithms.state import PoseState
 from chefbotd.components.localization.skill import LocalizationSkill
 from chefbotd.components.mapping.aligned_scans import AlignedScan, ScanAligner
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.components.navigation import skill_requests as requests
 from chefbotd.components.navigation.algorithms.costmap import GuardDistances
@@ -34,6 +33,7 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import OdometryUpdated, RangeMeasured
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.poses import Floats, compose, row_of
 from chefbotd.core.record import replace
 

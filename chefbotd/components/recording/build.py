@@ -1,15 +1,38 @@
 """Builds the recorder from the configuration."""
 
 import os
+from collections.abc import Callable
 from functools import partial
+from importlib.util import find_spec
+from typing import Any, TypeAlias
+
+import structlog
 
 from chefbotd.component_context import Context
 from chefbotd.components.recording.parameters import RecordingParameters, folder_of
 from chefbotd.components.recording.recorder_thread import RecordingHeader, recorder_maker
 from chefbotd.components.recording.service import RecordingService, recording
-from chefbotd.composition.context import StartWriter
 from chefbotd.composition.robot import robot_description
+from chefbotd.extras import how_to_add_extra
 from chefbotd.features.feature import Feature
+
+log = structlog.get_logger(component="app")
+
+StartWriter: TypeAlias = Callable[[Any, int], Any]
+"""Starts the writer of recordings: ``writer.WriterThread``, or a substitute in tests."""
+
+LIBRARIES = {"zstd": "zstandard", "lz4": "lz4"}
+"""What each compression of recordings needs."""
+
+
+def writer_of(parameters: RecordingParameters) -> StartWriter | None:
+    """The thread that records; None where the extra ``recording`` is not installed."""
+    if not (find_spec("mcap") and find_spec(LIBRARIES[parameters.compression])):
+        log.info(f"nothing is recorded, because the extra is missing: {how_to_add_extra('recording')}")
+        return None
+    from chefbotd.components.recording.writer import WriterThread
+
+    return WriterThread
 
 
 def recorder_of(context: Context[RecordingParameters], start: StartWriter) -> Feature:

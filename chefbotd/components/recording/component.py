@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from chefbotd.component import API_VERSION, Component, Extra, StatusRow
+from chefbotd.component import API_VERSION, Component, Extra, RunOption, StatusRow
 
 if TYPE_CHECKING:
     from chefbotd.component_context import Context
@@ -16,19 +16,19 @@ EVENTS = "chefbotd/core/events"
 
 
 def build(context: "Context[RecordingParameters]") -> "list[Feature]":
-    """Records, where the daemon is given a writer. Its modules are loaded after the first stop."""
-    start = context.parts.context.start_writer
-    if start is None:
+    """Records, in a process of its own or with the writer of a test."""
+    if context.substitute is None and not context.parts.context.own_process:
         return []
-    from chefbotd.components.recording.build import recorder_of
+    from chefbotd.components.recording.build import recorder_of, writer_of
 
-    return [recorder_of(context, start)]
+    start = context.substitute or writer_of(context.section)
+    return [] if start is None else [recorder_of(context, start)]
 
 
 def check(section: "RecordingParameters", settings: "Settings") -> Iterator[str]:
     """Every class of events that is not to be recorded is one."""
     if section.exclude:
-        from chefbotd.components.recording.classes import event_names  # every class of events
+        from chefbotd.event_classes import event_names  # every class of events
 
         every_name = event_names() | strangers_events(settings)
         for name in sorted(section.exclude - every_name):
@@ -60,5 +60,13 @@ COMPONENT = Component(
         "record": "chefbotd.components.recording.cli.commands:record",
         "log": "chefbotd.components.recording.cli.commands:log_group",
     },
+    run_options=(
+        RunOption(
+            "--record",
+            "Record from the start on, so that 'replay' can repeat it, as [recording] auto_start = true does.",
+            lambda given: {"recording.enabled": True, "recording.auto_start": True},
+        ),
+    ),
+    daemon_commands={"replay": "chefbotd.components.recording.cli.replay:replay"},
     status=(StatusRow("recording", "chefbotd.components.recording.status_text:recording", after="worker"),),
 )

@@ -9,10 +9,10 @@ from msgspec import Struct
 from chefbotd.components.recording import foxglove as fg
 from chefbotd.components.recording import foxglove_messages as fm
 from chefbotd.components.recording.chunk import Channels
-from chefbotd.components.recording.classes import encode_scan
 from chefbotd.core.events.robot import POSE_ENDED
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.record import LogLine
+from chefbotd.event_classes import encode_scan
 
 POSE: Mapping[str, Any] = {
     "type": "object",
@@ -111,13 +111,12 @@ class Encoder:
         self._links: dict[tuple[str, str], int] = {}
         self._retained: dict[tuple[int, str], bytes] = {}
         self._drawings = {
-            "OdometryUpdated": self._draw_odometry,
-            "MapPoseUpdated": self._draw_map_pose,
-            "OdometryReset": self._draw_at_once,
-            "ScanMeasured": self._draw_scan,
-            "MapChanged": self._keep_map,
-            "MapLoaded": self._keep_map,
-            "PathChanged": self._draw_path,
+            "odometry": self._draw_odometry,
+            "odometry_reset": self._draw_at_once,
+            "map_pose": self._draw_map_pose,
+            "scan": self._draw_scan,
+            "map": self._keep_map,
+            "path": self._draw_path,
         }
         self._drawn_ns = 0
         self._map_from_odom: Pose2D | None = None
@@ -169,7 +168,7 @@ class Encoder:
             channel,
             "arrival_s" in event_class.__annotations__,
             encode_scan if name == "ScanMeasured" else msgspec.json.encode,
-            self._drawings.get(name),
+            self._drawings.get(getattr(event_class, "drawn_as", "")),
             getattr(event_class, "log_line", None),
             getattr(event_class, "retained", False),
         )

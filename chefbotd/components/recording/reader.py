@@ -27,9 +27,9 @@ from mcap.stream_reader import CRCValidationError, StreamReader
 from msgspec import Struct
 
 from chefbotd.components.recording.chunk import MAGIC
-from chefbotd.components.recording.classes import class_of, decode
 from chefbotd.components.recording.encoder import REPEATED
 from chefbotd.components.recording.status import UnreadableRecording
+from chefbotd.event_classes import class_of, decode
 from chefbotd.storage import explain, open_regular
 
 RECORD_HEAD, MESSAGE_HEAD = struct.Struct("<BQ"), struct.Struct("<HIQQ")

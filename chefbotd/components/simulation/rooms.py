@@ -7,7 +7,6 @@ import numpy as np
 import numpy.typing as npt
 
 from chefbotd.components.maps.algorithms.map_server import parse_description, parse_image
-from chefbotd.components.maps.algorithms.occupancy_grid import OCCUPIED
 from chefbotd.components.simulation import scene
 from chefbotd.components.simulation.arrays import Vector
 from chefbotd.components.simulation.scene import Scene
@@ -15,6 +14,7 @@ from chefbotd.components.simulation.worlds.building import Building
 from chefbotd.components.simulation.worlds.flat import FLAT
 from chefbotd.components.simulation.worlds.office import OFFICE
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import OCCUPIED
 from chefbotd.core.poses import row_of, transform
 
 BUILDINGS: dict[str, Building] = {building.name: building for building in (FLAT, OFFICE)}

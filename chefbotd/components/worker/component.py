@@ -14,8 +14,7 @@ def build(context: "Context[WorkerParameters]") -> "Feature":
     """The process that runs skills; each component adds its own."""
     from chefbotd.components.worker.service import WorkerService, worker
 
-    spawn = context.parts.context.spawn_worker
-    return worker(WorkerService(context.bus, context.clock, context.section, {}, spawn))
+    return worker(WorkerService(context.bus, context.clock, context.section, {}, context.substitute))
 
 
 def is_enabled(section: "WorkerParameters", settings: Any) -> bool:

@@ -15,6 +15,8 @@ class ScanMeasured(Record, frozen=True):
     ``stamp_s`` is the host's monotonic time, as is the scan's own stamp: when its last beam was measured.
     """
 
+    drawn_as: ClassVar[str] = "scan"
+
     stamp_s: float
     lidar: str
     base_from_lidar: Pose2D

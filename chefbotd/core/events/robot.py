@@ -76,6 +76,8 @@ class MotionAnomaly(StrEnum):
 class OdometryUpdated(Record, frozen=True):
     """Dead reckoning: ``odom_from_base`` with its covariance, and the twist in the base frame."""
 
+    drawn_as: ClassVar[str] = "odometry"
+
     stamp_s: float
     arrival_s: float
     odom_from_base: Pose2D
@@ -108,6 +110,8 @@ class OdometryConditionChanged(OdometryConditionData, frozen=True, kw_only=True)
 
 class OdometryReset(Record, frozen=True):
     """A client declared the robot's pose: the pose ``before`` in ``odom`` is now ``after``. Nothing moved."""
+
+    drawn_as: ClassVar[str] = "odometry_reset"
 
     stamp_s: float
     before: Pose2D
@@ -336,6 +340,8 @@ class MapPoseUpdated(Record, frozen=True):
     map that the pose is in; None: a new one that is being made. With the state ended, there is no pose in that map any
     more: another one is in use, or none.
     """
+
+    drawn_as: ClassVar[str] = "map_pose"
 
     stamp_s: float
     map_from_base: Pose2D

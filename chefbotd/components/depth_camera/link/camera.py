@@ -15,10 +15,10 @@ from chefbotd.components.depth_camera.link.process import (
     MessageReader,
     Spawn,
 )
+from chefbotd.components.depth_camera.parameters import DepthSourceParameters
 from chefbotd.core.events.lidars import DepthCameraChanged, ScanMeasured
 from chefbotd.core.scan import Floats, LaserScan
 from chefbotd.inputs import inputs_of
-from chefbotd.perception.depth_camera import DepthSourceParameters
 
 log = structlog.get_logger(component="depth camera")
 

@@ -8,10 +8,10 @@ from collections.abc import Iterable
 import numpy as np
 
 from chefbotd.clock import SystemClock
+from chefbotd.components.depth_camera.algorithms.depth_scan import DepthToScan
 from chefbotd.components.depth_camera.link.process import BEARINGS, SCAN, encode
 from chefbotd.components.depth_camera.link.sources import Frame, NoImagesError, frames
-from chefbotd.perception.depth_camera import DepthCameraParameters, DepthSourceParameters
-from chefbotd.perception.depth_scan import DepthToScan
+from chefbotd.components.depth_camera.parameters import DepthCameraParameters, DepthSourceParameters
 
 
 class ScanWriter:

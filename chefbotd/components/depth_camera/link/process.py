@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from chefbotd.child import send_signal
+from chefbotd.components.depth_camera.parameters import DepthSourceParameters
 from chefbotd.core.record import Record
-from chefbotd.perception.depth_camera import DepthSourceParameters
 
 HEADER = struct.Struct("<4sdI")
 BEARINGS, SCAN = b"bear", b"scan"

@@ -10,9 +10,9 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from chefbotd.components.depth_camera.parameters import DepthSource, DepthSourceParameters
 from chefbotd.core.record import Record
 from chefbotd.extras import how_to_add_extra
-from chefbotd.perception.depth_camera import DepthSource, DepthSourceParameters
 
 DepthImage: TypeAlias = npt.NDArray[np.uint16]
 Sleep: TypeAlias = Callable[[float], None]

@@ -122,7 +122,7 @@ def check_missing_of(settings: Settings, heard: LinesHeard) -> Finding:
     guard = settings.safety.guard
     others = [sensor.name for sensor in settings.infrared]
     others += [lidar.name for lidar in settings.lidar]
-    others += [camera.name for camera in settings.depth_camera if camera.guards]
+    others += [scanner.name for scanner in settings.further_scanners if scanner.guards]
     return check_missing(
         heard,
         others if guard.enabled else (),

@@ -18,7 +18,7 @@ from chefbotd.components.localization.algorithms.hypotheses import (
 )
 from chefbotd.components.localization.algorithms.surface_map import SurfaceMap, surface_map
 from chefbotd.components.mapping.algorithms.state import Scan
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.poses import Floats, between
 from chefbotd.core.record import Record, replace
 

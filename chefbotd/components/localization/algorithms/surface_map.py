@@ -21,8 +21,8 @@ from chefbotd.components.mapping.algorithms.local_map import (
     smear,
 )
 from chefbotd.components.mapping.algorithms.surfaces import Singles
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.worker.compiled import kernel
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.poses import Floats, row_of, transform
 from chefbotd.core.record import Record
 

@@ -14,9 +14,9 @@ from chefbotd.components.localization.algorithms.state import (
 from chefbotd.components.mapping.algorithms.correlate import Window, search
 from chefbotd.components.mapping.algorithms.state import Scan
 from chefbotd.components.mapping.algorithms.surfaces import normals
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.worker.compiled import release_libraries
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 
 SIDE, BEAMS = 60, 90
 

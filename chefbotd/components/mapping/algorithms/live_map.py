@@ -12,10 +12,10 @@ from chefbotd.components.mapping.algorithms.graph import Indices
 from chefbotd.components.mapping.algorithms.local_map import Counts
 from chefbotd.components.mapping.algorithms.occupancy import Placed, extent_m, percent_of, place_scan, trace
 from chefbotd.components.mapping.algorithms.state import Nodes, SlamState
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.events import MapChanged
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.grid_patch import patch_of
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.poses import Floats
 from chefbotd.core.record import Record
 

@@ -12,9 +12,9 @@ import numpy as np
 from chefbotd.components.mapping.algorithms.local_map import MOST, Counts, clear
 from chefbotd.components.mapping.algorithms.state import Nodes, Scan
 from chefbotd.components.mapping.algorithms.surfaces import places
-from chefbotd.components.maps.algorithms.occupancy_grid import UNKNOWN, OccupancyGrid
 from chefbotd.components.worker.compiled import kernel
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import UNKNOWN, OccupancyGrid
 from chefbotd.core.poses import Floats, transform
 from chefbotd.core.record import Record
 

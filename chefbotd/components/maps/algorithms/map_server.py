@@ -18,9 +18,9 @@ import numpy.typing as npt
 import yaml
 from pydantic import Field, ValidationError
 
-from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from chefbotd.core.bounded_yaml import load_first_document
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from chefbotd.core.parameters import Parameters
 
 if TYPE_CHECKING:

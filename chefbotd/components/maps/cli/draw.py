@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 from rich.text import Text
 
-from chefbotd.components.maps.algorithms.occupancy_grid import UNKNOWN, OccupancyGrid
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import UNKNOWN, OccupancyGrid
 from chefbotd.core.record import Record
 
 Percents = npt.NDArray[np.int8]

@@ -18,10 +18,10 @@ from chefbotd.cli.common.echo import writing
 from chefbotd.client import Client
 from chefbotd.client.errors import ProtocolError
 from chefbotd.client.models import MapData, MapPoseData, OdometryData
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.cli.draw import MapMark, draw_map
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.grid_patch import GridAssembler, GridPatch
+from chefbotd.core.occupancy_grid import OccupancyGrid
 
 REMEMBERED_READINGS = 400
 

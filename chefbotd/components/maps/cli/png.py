@@ -7,9 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from chefbotd.components.maps.algorithms.occupancy_grid import UNKNOWN, OccupancyGrid
 from chefbotd.components.maps.cli.draw import LIKELY_OCCUPIED, MapMark
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import UNKNOWN, OccupancyGrid
 
 WISHED_PIXELS, MOST_PIXELS_A_CELL = 1000, 8
 UNSEEN, WALL, MARK = (154, 160, 166), (20, 20, 24), (200, 30, 45)

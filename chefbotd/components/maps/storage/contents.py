@@ -20,11 +20,11 @@ from chefbotd.components.maps.algorithms.map_server import (
     to_description,
     to_image,
 )
-from chefbotd.components.maps.algorithms.occupancy_grid import UNKNOWN, OccupancyGrid
 from chefbotd.components.maps.storage.disk import Content, MapStoreError
 from chefbotd.components.maps.storage.manifest import CELLS, DESCRIPTION, GRAPH, IMAGE, Extent
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.core.commands import RefusalKind
+from chefbotd.core.occupancy_grid import UNKNOWN, OccupancyGrid
 from chefbotd.core.record import Record
 from chefbotd.extras import how_to_add_extra
 from chefbotd.storage import NotRegular, open_regular, read_file

@@ -56,9 +56,9 @@ def main(arguments: list[str]) -> int:
 
 def _import(order: Order) -> tuple[int, tuple[str, ...]]:
     """The version that was saved, and what its owner might not expect of it."""
-    from chefbotd.components.maps.algorithms.occupancy_grid import crop_grid
     from chefbotd.components.maps.storage.contents import contents_of, extent_of, read_map_server
     from chefbotd.components.maps.storage.limits import explain_size, why_doubtful
+    from chefbotd.core.occupancy_grid import crop_grid
 
     store = MapStore(order.folder, order.versions_kept)
     _progress(0)

@@ -12,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from chefbotd.components.maps.algorithms.occupancy_grid import UNKNOWN, OccupancyGrid
 from chefbotd.components.navigation.algorithms.grid import Flags, Floats, GridFrame, Singles, distances_m
 from chefbotd.components.navigation.algorithms.outline import Footprint
 from chefbotd.components.navigation.algorithms.search import BLOCKED
 from chefbotd.components.navigation.algorithms.states import UnknownSpace
 from chefbotd.components.navigation.algorithms.zones import NO_ZONES, Zones, keep_out_cells, speed_limits_m_s
 from chefbotd.components.worker.compiled import kernel
+from chefbotd.core.occupancy_grid import UNKNOWN, OccupancyGrid
 from chefbotd.core.record import Record, replace
 
 OCCUPIED_PERCENT: Final = 65

@@ -8,7 +8,6 @@ import math
 from collections.abc import Collection
 from typing import Final
 
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.navigation.algorithms.beside_people import slowed_beside_people
 from chefbotd.components.navigation.algorithms.costmap import Costmap
 from chefbotd.components.navigation.algorithms.crawl import CYCLE_S, Crawl, slow_for_silence, watch_silence
@@ -32,6 +31,7 @@ from chefbotd.components.navigation.algorithms.trips import Trip, duration_s, pl
 from chefbotd.components.navigation.algorithms.world_model import WorldModel
 from chefbotd.components.navigation.algorithms.zones import NO_ZONES, Zones
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.record import Record, replace
 
 REPLACED: Final = "a new goal replaced it"

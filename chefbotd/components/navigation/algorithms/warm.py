@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from chefbotd.components.navigation.algorithms.beside_people import slowed_beside_people
 from chefbotd.components.navigation.algorithms.evade import evading_twist
 from chefbotd.components.navigation.algorithms.interface import NavigationParameters, Seen
@@ -14,6 +13,7 @@ from chefbotd.components.navigation.algorithms.world_model import WorldModel
 from chefbotd.components.navigation.algorithms.zones import NO_ZONES
 from chefbotd.components.worker.compiled import release_libraries
 from chefbotd.core.geometry import ORIGIN, STANDING, Pose2D, Twist2D
+from chefbotd.core.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 
 CELLS, CELL_M, STEPS, WALKED = 80, 0.05, 60, 20
 

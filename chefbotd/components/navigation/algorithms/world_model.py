@@ -7,7 +7,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from chefbotd.components.mapping.algorithms.surfaces import places
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.navigation.algorithms.arcs import (
     FORESIGHT_S,
     MARGIN_M,
@@ -58,6 +57,7 @@ from chefbotd.components.navigation.algorithms.removed import (
 from chefbotd.components.navigation.algorithms.surroundings import Surroundings
 from chefbotd.components.navigation.algorithms.zones import Zones
 from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.perception.surface_points import smooth_points
 
 NEAR_M: Final = 1.6

@@ -13,9 +13,9 @@ from rich.text import Text
 from chefbotd.cli.common.console import Printer
 from chefbotd.cli.common.echo import writing
 from chefbotd.client import Client
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.cli.draw import MapMark, draw_map
 from chefbotd.components.maps.cli.live_view import MapTracker
+from chefbotd.core.occupancy_grid import OccupancyGrid
 
 Disc = tuple[float, float, float]
 """x, y and radius in metres."""

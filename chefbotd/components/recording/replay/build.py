@@ -80,8 +80,7 @@ def replayed_daemon(
         latch=RecordedLatch(gate_of(started)),
         supervisor=NoSupervisor(),
         opener=never_open,
-        spawn_worker=never_spawn,
-        depth_spawn=never_spawn,
+        substitutes={"worker": never_spawn, "depth_camera": never_spawn},
         session=None if started is None else started.session,
     )
 

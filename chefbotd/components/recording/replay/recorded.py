@@ -7,12 +7,12 @@ from types import MappingProxyType
 from typing import Any
 
 from chefbotd import __version__
-from chefbotd.components.recording.classes import class_of, decode
 from chefbotd.components.recording.encoder import REPEATED
 from chefbotd.components.recording.reader import OWN, RecordingReader
 from chefbotd.components.recording.status import UnreadableRecording
 from chefbotd.core.events.inputs import ANSWERS, ENTRIES, DaemonStarted, DaemonStopping, StateRecorded
 from chefbotd.core.record import Record
+from chefbotd.event_classes import class_of, decode
 
 OF_THE_RECORDER = frozenset({"RecordingChanged", "EventsDropped"})
 NOT_COMPARED = OF_THE_RECORDER | {"LineSeen"}

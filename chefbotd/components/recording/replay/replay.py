@@ -8,7 +8,6 @@ import msgspec
 
 from chefbotd.app import Daemon
 from chefbotd.bus import Inbox
-from chefbotd.components.recording.classes import encode
 from chefbotd.components.recording.replay.comparison import (
     Comparison,
     Difference,
@@ -20,6 +19,7 @@ from chefbotd.components.recording.replay.entries import ReplayEntries
 from chefbotd.components.recording.replay.pipeline import Pipeline
 from chefbotd.components.recording.replay.recorded import NOT_COMPARED, EntryGroup, NotReplayable
 from chefbotd.core.events.inputs import DaemonStarted, StateRecorded, TimerFired
+from chefbotd.event_classes import encode
 
 MOST_EVENTS = 100_000
 """That follow one entry."""

@@ -4,6 +4,7 @@ from statistics import fmean
 
 from chefbotd.components.simulation.chassis import Chassis, Wheel
 from chefbotd.components.simulation.parameters.motor import MotorParameters
+from chefbotd.components.simulation.parameters.simulation import SimulationParameters
 from chefbotd.components.simulation.parameters.true import (
     TrueImu,
     TrueLidar,
@@ -22,6 +23,11 @@ from chefbotd.sensing.battery import BatteryParameters
 from chefbotd.sensing.infrared import InfraredParameters
 from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.settings import Settings
+
+
+def sim_of(settings: Settings) -> SimulationParameters:
+    """The section ``[sim]``."""
+    return settings.of("sim", SimulationParameters)
 
 
 class CannotSimulateError(Exception):
@@ -47,7 +53,7 @@ def simulation_of(settings: Settings) -> Simulation:
     """
     ultrasonic, true = settings.ultrasonic, true_of(settings)
     return Simulation(
-        settings.sim.model_copy(update={"true": true, "motor": motor_of(settings)}),
+        sim_of(settings).model_copy(update={"true": true, "motor": motor_of(settings)}),
         variant_of(settings.robot.wire),
         _chassis(settings, true),
         settings.link.baud / BITS_A_BYTE,
@@ -58,7 +64,10 @@ def simulation_of(settings: Settings) -> Simulation:
         tuple(map(_infrared, settings.infrared)),
         has_imu=settings.imu is not None,
         lidars=tuple(
-            [_lidar(lidar, true.lidars[lidar.name], settings.sim.lidar.height_m) for lidar in settings.lidar]
+            [
+                _lidar(lidar, true.lidars[lidar.name], sim_of(settings).lidar.height_m)
+                for lidar in settings.lidar
+            ]
         ),
     )
 
@@ -74,8 +83,8 @@ def motor_of(settings: Settings) -> MotorParameters:
     feedforward (or the calibrated models) and ``max_rim_speed_m_s`` say. Where the two do not agree, as where the speed
     is only limited, the usual ones stay.
     """
-    motor = settings.sim.motor
-    if "motor" in settings.sim.model_fields_set:
+    motor = sim_of(settings).motor
+    if "motor" in sim_of(settings).model_fields_set:
         return motor
     radius_m = fmean(Kinematics(settings.chassis).radii_m)
     by_gains_m_s = _free_by_feedforward(settings, radius_m)
@@ -129,7 +138,7 @@ def true_of(settings: Settings) -> TrueParameters:
     """
     radii_m = Kinematics(settings.chassis).radii_m
     names = [wheel.name for wheel in settings.chassis.wheels]
-    lidars, given = {lidar.name: lidar for lidar in settings.lidar}, settings.sim.true
+    lidars, given = {lidar.name: lidar for lidar in settings.lidar}, sim_of(settings).true
     for section, named, existing in (("wheels", given.wheels, names), ("lidars", given.lidars, lidars)):
         if unknown := sorted(named.keys() - set(existing)):
             raise ValueError(
@@ -142,7 +151,7 @@ def true_of(settings: Settings) -> TrueParameters:
         lidars={name: _as_configured(lidar) for name, lidar in lidars.items()},
         divider_ratio=nominal_battery(settings).divider_ratio,
     )
-    return resolve_true(given, configured, settings.sim.seed)
+    return resolve_true(given, configured, sim_of(settings).seed)
 
 
 def _as_configured(lidar: LidarParameters) -> TrueLidar:

@@ -8,9 +8,9 @@ from itertools import pairwise
 import numpy as np
 import numpy.typing as npt
 
-from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from chefbotd.components.simulation.arrays import Vector
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from chefbotd.core.record import Record
 
 CEILING_M = 2.5

@@ -7,8 +7,8 @@ from pathlib import Path
 from PIL import Image
 
 from chefbotd.components.maps.algorithms.map_server import to_description, to_image
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.simulation.rooms import BUILDINGS
+from chefbotd.core.occupancy_grid import OccupancyGrid
 
 FOLDER = Path(__file__).parent
 

@@ -16,8 +16,8 @@ from chefbotd.clock import SystemClock
 from chefbotd.components.foxglove.parameters import FoxgloveParameters
 from chefbotd.components.foxglove.server import FoxgloveServer
 from chefbotd.components.foxglove.service import EXCLUDED, FoxgloveService
-from chefbotd.components.recording.classes import class_of, event_names
 from chefbotd.core.events.robot import EventsDropped
+from chefbotd.event_classes import class_of, event_names
 from chefbotd.settings import SettingsError, load
 from tests.chefbotd.components.recording.events import cycle, example, fault
 from tests.robot_files import full

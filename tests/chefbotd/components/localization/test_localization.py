@@ -10,10 +10,10 @@ import pytest
 from chefbotd.client.errors import CallError
 from chefbotd.clock import run_virtual
 from chefbotd.components.localization.skill_requests import POSE_FILE
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage.contents import save
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from tests.chefbotd.components.localization.algorithms.buildings import drawn
 from tests.chefbotd.components.mapping.algorithms.slam.flat import furnished_flat, odometry
 from tests.chefbotd.components.mapping.test_mapping import Workers, scene

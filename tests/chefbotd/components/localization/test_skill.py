@@ -23,13 +23,13 @@ from chefbotd.components.localization.skill_requests import (
     UseMap,
     UseNone,
 )
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.worker.messages import pack_body
 from chefbotd.components.worker.skill import Job, Struct
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import MapPoseUpdated
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from tests.chefbotd.components.localization.algorithms.buildings import drawn
 from tests.chefbotd.components.mapping.algorithms.slam.flat import furnished_flat
 from tests.chefbotd.components.worker.skills.drives import TRUTH, measured, measured_by_two

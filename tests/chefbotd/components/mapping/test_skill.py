@@ -18,13 +18,13 @@ from chefbotd.components.mapping.skill_requests import (
     PauseMapping,
     Start,
 )
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.events import MapChanged, MappingChanged
 from chefbotd.components.worker.messages import pack_body
 from chefbotd.components.worker.skill import Struct
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import MapPoseUpdated, OdometryUpdated
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.poses import Floats, transform
 from chefbotd.core.record import replace
 from tests.chefbotd.components.mapping.algorithms.slam.flat import furnished_flat, to_walls_m

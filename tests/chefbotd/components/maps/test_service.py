@@ -21,7 +21,6 @@ from chefbotd.client import CallError, Client
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.components.maps import importer, parts
 from chefbotd.components.maps.algorithms.map_server import to_description, to_image
-from chefbotd.components.maps.algorithms.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 from chefbotd.components.maps.events import MapChanged, MapLoaded, MappingChanged, MapUnloaded
 from chefbotd.components.maps.models import (
     GetMapParams,
@@ -39,6 +38,7 @@ from chefbotd.components.maps.storage.parameters import MapsParameters
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.core.events.robot import MapPoseUpdated, WorkerReported
 from chefbotd.core.geometry import CERTAIN, Pose2D
+from chefbotd.core.occupancy_grid import FREE, UNKNOWN, OccupancyGrid
 from chefbotd.rpc.models import NoParams
 from chefbotd.settings import load
 from chefbotd.testing.daemon import running_daemon

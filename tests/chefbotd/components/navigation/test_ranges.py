@@ -11,7 +11,6 @@ from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, ManualClock, run_virtual
 from chefbotd.components.localization.algorithms.state import PoseState
 from chefbotd.components.localization.skill import LocalizationSkill
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.navigation import build
 from chefbotd.components.navigation import skill as navigation_skill
 from chefbotd.components.navigation import skill_requests as messages
@@ -24,6 +23,7 @@ from chefbotd.components.worker.parameters import WorkerParameters
 from chefbotd.components.worker.service import WorkerService
 from chefbotd.core.events import OdometryUpdated, RangeMeasured, RangeStatus
 from chefbotd.core.geometry import CERTAIN, STANDING, Pose2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.record import replace
 from chefbotd.settings import load
 from tests.fakes.worker import Nursery, healthy

@@ -13,7 +13,6 @@ import jsonschema
 import pytest
 from mcap.reader import make_reader
 
-from chefbotd.components.recording.classes import class_of, event_names
 from chefbotd.components.recording.encoder import schema_of
 from chefbotd.components.recording.reader import RecordingReader
 from chefbotd.components.recording.status import RecordingError
@@ -21,6 +20,7 @@ from chefbotd.core.commands import RefusalKind
 from chefbotd.core.events import LineSeen
 from chefbotd.core.events.robot import EventsDropped
 from chefbotd.core.geometry import Pose2D
+from chefbotd.event_classes import class_of, event_names
 from tests.chefbotd.components.recording.events import START_S, WALL_S, cycle, example, fault, recorder
 
 

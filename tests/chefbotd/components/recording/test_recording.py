@@ -15,7 +15,7 @@ from chefbotd.components.recording.parameters import RecordingParameters, folder
 from chefbotd.components.recording.reader import RecordingReader
 from chefbotd.components.recording.recorder import Recorder
 from chefbotd.components.recording.writer import InlineWriter, MakeRecorder
-from chefbotd.composition.context import StartWriter
+from chefbotd.components.recording.build import StartWriter
 from chefbotd.settings import Settings, SettingsError, load
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from chefbotd.testing.recording import write_inline

@@ -22,8 +22,8 @@ from chefbotd.components.depth_camera.link.process import (
     encode,
     spawn_program,
 )
+from chefbotd.components.depth_camera.parameters import DepthSourceParameters
 from chefbotd.core.events.lidars import DepthCameraChanged, ScanMeasured
-from chefbotd.perception.depth_camera import DepthSourceParameters
 from tests.waiting import PATIENCE_S
 
 BEARS = encode(BEARINGS, 0.0, np.array([-0.5, 0.25]))

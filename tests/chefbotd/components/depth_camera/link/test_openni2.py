@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 from chefbotd.components.depth_camera.link.process import BEARINGS, SCAN, MessageReader
-from chefbotd.perception.depth_camera import DepthSourceParameters
+from chefbotd.components.depth_camera.parameters import DepthSourceParameters
 from tests.waiting import PATIENCE_S
 
 SOURCE = Path(__file__).parents[4] / "fakes" / "openni2.c"
@@ -25,7 +25,7 @@ import sys
 from itertools import islice
 from chefbotd.clock import SystemClock
 from chefbotd.components.depth_camera.link.sources import NoImagesError, frames
-from chefbotd.perception.depth_camera import DepthSourceParameters
+from chefbotd.components.depth_camera.parameters import DepthSourceParameters
 told = DepthSourceParameters.model_validate_json(sys.argv[1])
 try:
     for frame in islice(frames(told, SystemClock().now_s), 5):

@@ -12,7 +12,7 @@ from PIL import Image
 from pydantic import ValidationError
 
 from chefbotd.components.depth_camera.link.sources import NoImagesError, frames
-from chefbotd.perception.depth_camera import DepthSourceParameters
+from chefbotd.components.depth_camera.parameters import DepthSourceParameters
 from tests.missing import PILLOW, hide
 
 SMALL = {"width": 4, "height": 2, "center_x_px": 2, "center_y_px": 1}

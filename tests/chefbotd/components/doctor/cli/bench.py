@@ -100,7 +100,11 @@ async def bench(
 
     living = [asyncio.create_task(each) for each in (board.run(), *runners)]
     daemon = build(
-        alone(believed), clock=LoopClock(), opener=opener, rng=random.Random(1), spawn_worker=no_worker
+        alone(believed),
+        clock=LoopClock(),
+        opener=opener,
+        rng=random.Random(1),
+        substitutes={"worker": no_worker},
     )
     living.append(asyncio.create_task(daemon.run()))
     try:

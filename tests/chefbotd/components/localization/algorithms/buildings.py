@@ -11,8 +11,8 @@ from chefbotd.components.localization.algorithms.searching import LocalizationMa
 from chefbotd.components.localization.algorithms.state import Localization, Odometry
 from chefbotd.components.mapping.algorithms.state import Scan
 from chefbotd.components.mapping.algorithms.surfaces import Singles, normals
-from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from chefbotd.core.poses import between
 from tests.chefbotd.components.mapping.algorithms.slam.flat import Floats, box, wall
 

@@ -9,8 +9,8 @@ from chefbotd.components.localization.algorithms.agreement import Agreement, agr
 from chefbotd.components.localization.algorithms.surface_map import surface_map
 from chefbotd.components.mapping.algorithms.local_map import LocalMap
 from chefbotd.components.mapping.algorithms.state import Scan
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.poses import Floats
 
 HERE = np.array([-1.0, 0.3, 0.4])

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from chefbotd.components.localization.algorithms.surface_map import surface_map
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 
 
 def half_plane(

@@ -18,8 +18,8 @@ from chefbotd.components.maps.algorithms.map_server import (
     to_description,
     to_image,
 )
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 
 YAML = """\
 image: flat.pgm

@@ -10,10 +10,10 @@ from PIL import Image
 
 from chefbotd.cli.common.exits import Exit
 from chefbotd.components.maps.algorithms.map_server import parse_description, parse_image
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage.contents import read_grid, save
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from tests.chefbotd.components.maps.storage.test_store import grid, same
 from tests.chefbotd.components.maps.test_service import write_files
 from tests.chefbotd.conftest import Control

@@ -6,9 +6,9 @@ import numpy as np
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.cli.draw import FOG, FULL, LOWER, UPPER, MapMark, draw_map
 from chefbotd.core.geometry import ORIGIN, Pose2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 
 
 def grid(rows: list[list[int]], origin: Pose2D = ORIGIN, resolution_m: float = 0.1) -> OccupancyGrid:

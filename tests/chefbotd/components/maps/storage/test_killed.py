@@ -19,7 +19,7 @@ import sys
 from pathlib import Path
 import numpy as np
 from chefbotd.core.geometry import Pose2D
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage.contents import autosave, save
 from chefbotd.components.maps.storage.store import MapStore
 

@@ -6,17 +6,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from chefbotd.components.maps.algorithms.occupancy_grid import (
+from chefbotd.components.maps.storage.contents import read_map_server
+from chefbotd.components.maps.storage.limits import needed_memory_mb, why_doubtful, why_too_large
+from chefbotd.components.maps.storage.manifest import Extent
+from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import (
     FREE,
     OCCUPIED,
     UNKNOWN,
     OccupancyGrid,
     crop_grid,
 )
-from chefbotd.components.maps.storage.contents import read_map_server
-from chefbotd.components.maps.storage.limits import needed_memory_mb, why_doubtful, why_too_large
-from chefbotd.components.maps.storage.manifest import Extent
-from chefbotd.core.geometry import Pose2D
 
 MOST_MB = 800.0  # of [worker] max_memory_mb
 

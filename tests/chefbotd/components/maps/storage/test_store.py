@@ -7,7 +7,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.storage.contents import (
     autosave,
     read_arrays,
@@ -21,6 +20,7 @@ from chefbotd.components.maps.storage.manifest import CELLS, GRAPH, MANIFEST
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 
 ORIGIN = Pose2D(-1.25, 2.5, 0.3)
 

@@ -5,7 +5,6 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.navigation.algorithms.interface import (
     Ended,
     NavigationParameters,
@@ -18,6 +17,7 @@ from chefbotd.components.navigation.algorithms.outline import Footprint, clearan
 from chefbotd.components.navigation.algorithms.path import Planner
 from chefbotd.components.navigation.algorithms.planner import plan
 from chefbotd.core.geometry import Pose2D, Twist2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from tests.chefbotd.components.mapping.algorithms.slam.flat import BEAMS, Floats, cast
 
 STEP_S, CONTROL_EVERY, SCAN_EVERY = 0.02, 2, 5

@@ -6,8 +6,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 from chefbotd.core.geometry import ORIGIN, Pose2D
+from chefbotd.core.occupancy_grid import FREE, OCCUPIED, UNKNOWN, OccupancyGrid
 
 MEANING = {".": FREE, "#": OCCUPIED, "?": UNKNOWN}
 

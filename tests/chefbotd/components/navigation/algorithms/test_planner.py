@@ -7,7 +7,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.navigation.algorithms.costmap import costmap
 from chefbotd.components.navigation.algorithms.outline import Footprint
 from chefbotd.components.navigation.algorithms.path import Goal, NoPath, Path
@@ -16,6 +15,7 @@ from chefbotd.components.navigation.algorithms.search import search
 from chefbotd.components.navigation.algorithms.states import UnknownSpace
 from chefbotd.components.navigation.algorithms.zones import Zones
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from tests.chefbotd.components.mapping.algorithms.slam.flat import box, furnished_flat, wall
 from tests.chefbotd.components.navigation.algorithms.grids import (
     dijkstra,

@@ -4,7 +4,6 @@ import math
 
 import numpy as np
 
-from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from chefbotd.components.navigation.algorithms.interface import NavigationParameters, Seen
 from chefbotd.components.navigation.algorithms.outline import Footprint
 from chefbotd.components.navigation.algorithms.shown import (
@@ -18,6 +17,7 @@ from chefbotd.components.navigation.algorithms.shown import (
 from chefbotd.components.navigation.algorithms.world_model import WorldModel
 from chefbotd.components.navigation.algorithms.zones import NO_ZONES
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 
 PARAMS = NavigationParameters(outline=Footprint(radius_m=0.2))
 ORIGIN = Pose2D(-3.0, 1.0, math.radians(30))

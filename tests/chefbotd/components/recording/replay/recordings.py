@@ -7,7 +7,6 @@ from typing import Any
 
 from chefbotd.bus import Bus, Inbox
 from chefbotd.clock import Clock, run_virtual
-from chefbotd.components.recording.classes import encode
 from chefbotd.components.recording.replay.build import replayed_daemon
 from chefbotd.components.recording.replay.entries import ReplayEntries
 from chefbotd.components.recording.replay.recorded import Recorded, from_beginning, groups_of
@@ -15,6 +14,7 @@ from chefbotd.components.recording.replay.replay import Replay, ReplayOutcome
 from chefbotd.components.worker.spawn import Spawn
 from chefbotd.composition.context import FeatureBuilder
 from chefbotd.core.events.inputs import DaemonStarted
+from chefbotd.event_classes import encode
 from chefbotd.features.feature import Feature
 from chefbotd.inputs import inputs_of
 from chefbotd.settings import Settings

@@ -17,7 +17,6 @@ from mcap.data_stream import RecordBuilder
 from mcap.records import Chunk
 
 from chefbotd.components.recording.chunk import MAGIC
-from chefbotd.components.recording.classes import decode, encode
 from chefbotd.components.recording.reader import MAX_CHUNK_BYTES, RecordingReader
 from chefbotd.components.recording.replay.build import replayed_daemon
 from chefbotd.components.recording.replay.entries import ReplayEntries
@@ -29,6 +28,7 @@ from chefbotd.components.recording.replay.recorded import (
 )
 from chefbotd.components.recording.replay.run import settings_of
 from chefbotd.core.events.inputs import DaemonStarted, LimitsExchanged, StateRecorded, TimerFired, WorkerSaid
+from chefbotd.event_classes import decode, encode
 from chefbotd.settings import load, packaged
 from chefbotd.snapshot import encode_state
 from chefbotd.testing.daemon import SimulatedRobot

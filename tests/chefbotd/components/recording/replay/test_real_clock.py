@@ -58,7 +58,9 @@ async def recorded_live(settings: Settings) -> tuple[list[Any], Settings]:
         )
         link = settings.link.model_copy(update={"device": str(board.device)})
         plugged = settings.model_copy(update={"link": link, "lidar": lidars})
-        daemon = build(plugged, clock=SystemClock(), features=[recorder.feature], spawn_worker=no_worker)
+        daemon = build(
+            plugged, clock=SystemClock(), features=[recorder.feature], substitutes={"worker": no_worker}
+        )
         publish = partial(daemon.entries.observe, daemon.bus)
         task = asyncio.create_task(daemon.run(lambda: board.run(publish)))
         host, port = await daemon.server.address()

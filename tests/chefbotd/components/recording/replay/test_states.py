@@ -17,7 +17,6 @@ from chefbotd.client import GoalCancelled
 from chefbotd.clock import run_virtual
 from chefbotd.components.maps.storage.contents import save
 from chefbotd.components.maps.storage.store import MapStore
-from chefbotd.components.recording.classes import decode, encode
 from chefbotd.components.recording.replay.build import replayed_daemon
 from chefbotd.components.recording.replay.entries import ReplayEntries
 from chefbotd.components.recording.replay.pipeline import Pipeline
@@ -26,6 +25,7 @@ from chefbotd.components.worker.spawn import Spawn
 from chefbotd.core.events.inputs import StateRecorded
 from chefbotd.core.record import MutableState
 from chefbotd.driving.service import DriveService, DriveServiceState
+from chefbotd.event_classes import decode, encode
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.snapshot import DaemonState, Stateful, encode_state, state_class
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot

@@ -11,11 +11,11 @@ import pytest
 from PIL import Image
 
 from chefbotd.components.maps.algorithms.map_server import parse_description, parse_image
-from chefbotd.components.maps.algorithms.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 from chefbotd.components.simulation.rooms import BUILDINGS, scene_of
 from chefbotd.components.simulation.worlds import draw
 from chefbotd.components.simulation.worlds.building import Building
 from chefbotd.components.simulation.worlds.flat import FLAT
+from chefbotd.core.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 
 ROBOT_M = 0.18
 FOLDER = Path(draw.__file__).parent

@@ -13,13 +13,13 @@ from chefbotd.components.mapping.skill_requests import (
     MappingRequest,
     MappingSkillParameters,
 )
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.components.maps.events import MappingChanged, MapSaved
 from chefbotd.components.worker.messages import pack_body
 from chefbotd.components.worker.skill import JobStep, Struct
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import OdometryUpdated
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from tests.chefbotd.components.worker.skills.drives import measured
 
 SCANS = 130

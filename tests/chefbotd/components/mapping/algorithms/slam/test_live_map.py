@@ -12,8 +12,8 @@ from chefbotd.components.mapping.algorithms.live_map import (
 )
 from chefbotd.components.mapping.algorithms.occupancy import occupancy
 from chefbotd.components.mapping.algorithms.state import NO_NODES, Nodes
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.record import replace
 from tests.chefbotd.components.mapping.algorithms.slam.drives import drive
 from tests.chefbotd.components.mapping.algorithms.slam.flat import (

@@ -5,7 +5,7 @@ import pytest
 
 from chefbotd.components.mapping.algorithms.occupancy import occupancy
 from chefbotd.components.mapping.algorithms.state import Nodes, Scan
-from chefbotd.components.maps.algorithms.occupancy_grid import OccupancyGrid
+from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.record import replace
 
 

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from chefbotd.cli.new_robot.answers import Answer, differing, edit_answers, new_file
+from chefbotd.components.new_robot.answers import Answer, differing, edit_answers, new_file
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.settings.loader import read_values
 from tests.robot_files import full

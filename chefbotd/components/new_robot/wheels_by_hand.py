@@ -3,8 +3,9 @@
 import math
 from collections.abc import Mapping
 
-from chefbotd.cli.new_robot.interview import Interview
-from chefbotd.cli.new_robot.measuring import (
+from chefbotd.client import Client
+from chefbotd.components.new_robot.interview import Interview
+from chefbotd.components.new_robot.measuring import (
     LEAST_TURNED_RAD_S,
     UNKNOWN_COUNTS,
     MotorFigures,
@@ -13,7 +14,6 @@ from chefbotd.cli.new_robot.measuring import (
     motor_figures,
     run_wheel,
 )
-from chefbotd.client import Client
 from chefbotd.core.record import Record
 from chefbotd.motion.kinematics import Side
 

@@ -8,14 +8,14 @@ from pathlib import Path
 import pytest
 
 from chefbotd.cli.common.exits import ProgramError
-from chefbotd.cli.new_robot.board import Serial
-from chefbotd.cli.new_robot.command import converse
-from chefbotd.cli.new_robot.interview import Interview, NobodyAnswersError
-from chefbotd.cli.new_robot.walk import Walk
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.components.doctor.listening.ports import SerialPort
+from chefbotd.components.new_robot.board import Serial
+from chefbotd.components.new_robot.command import converse
+from chefbotd.components.new_robot.interview import Interview, NobodyAnswersError
+from chefbotd.components.new_robot.walk import Walk
 from chefbotd.settings import Settings, load
-from tests.chefbotd.cli.new_robot.own_board import OwnBoard
+from tests.chefbotd.components.new_robot.own_board import OwnBoard
 
 DEVICE = "/dev/ttyUSB7"
 RADIUS_M, TRACK_M = 0.033, 0.17

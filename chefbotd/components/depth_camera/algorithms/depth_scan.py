@@ -16,8 +16,8 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from chefbotd.components.depth_camera.parameters import DepthCameraParameters
 from chefbotd.core.record import Record
-from chefbotd.perception.depth_camera import DepthCameraParameters
 
 INVALID_MM = 65535
 """Some drivers' mark for no reading; 0 is everybody's."""

@@ -3,11 +3,11 @@
 import math
 from collections.abc import Callable, Mapping
 
-from chefbotd.cli.new_robot.answers import LIDAR, Answer, Answers
-from chefbotd.cli.new_robot.board import CLASSIC, Found, Serial, find_board
-from chefbotd.cli.new_robot.interview import Interview
-from chefbotd.cli.new_robot.measuring import Connect, by_duty, draft
-from chefbotd.cli.new_robot.wheels_by_hand import Motors, run_motors, turn_on_floor, turn_wheels
+from chefbotd.components.new_robot.answers import LIDAR, Answer, Answers
+from chefbotd.components.new_robot.board import CLASSIC, Found, Serial, find_board
+from chefbotd.components.new_robot.interview import Interview
+from chefbotd.components.new_robot.measuring import Connect, by_duty, draft
+from chefbotd.components.new_robot.wheels_by_hand import Motors, run_motors, turn_on_floor, turn_wheels
 from chefbotd.motion.drive_state import LOADED_SHARE
 from chefbotd.settings import Settings, load, packaged
 from chefbotd.settings.values import value_of

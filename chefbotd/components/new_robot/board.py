@@ -3,11 +3,11 @@
 from collections.abc import AsyncIterator, Callable, Mapping, Sequence
 
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.new_robot.answers import Answer
-from chefbotd.cli.new_robot.interview import Interview
 from chefbotd.clock import Clock
 from chefbotd.components.doctor.algorithms.lines import NAMES, LinesHeard
 from chefbotd.components.doctor.listening.ports import Behind, SerialPort, listen, look_behind, survey
+from chefbotd.components.new_robot.answers import Answer
+from chefbotd.components.new_robot.interview import Interview
 from chefbotd.core.record import Record
 from chefbotd.link.port import LinkParameters
 from chefbotd.link.reconnect import Opener

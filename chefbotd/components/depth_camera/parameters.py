@@ -120,6 +120,16 @@ class DepthSourceParameters(DepthCameraParameters):
     guards: bool = True
 
     @property
+    def kind(self) -> str:
+        """What it is, in words."""
+        return "depth camera"
+
+    @property
+    def blind_near(self) -> bool:
+        """It does not see what is nearer than ``min_range_m``."""
+        return True
+
+    @property
     def band_m(self) -> tuple[float, float]:
         """The nearest and the farthest range that is seen."""
         return self.min_range_m, self.max_range_m

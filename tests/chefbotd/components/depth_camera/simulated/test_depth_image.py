@@ -7,13 +7,13 @@ from typing import Any
 import numpy as np
 import pytest
 
+from chefbotd.components.depth_camera.algorithms.depth_scan import DepthToScan
+from chefbotd.components.depth_camera.parameters import DepthCameraParameters
+from chefbotd.components.depth_camera.simulated.depth_image import DepthRenderer
 from chefbotd.components.simulation import scene
-from chefbotd.components.simulation.depth_image import DepthRenderer
 from chefbotd.components.simulation.rooms import scene_of
 from chefbotd.components.simulation.worlds.building import Material, Placement, box, table
 from chefbotd.core.geometry import Pose2D
-from chefbotd.perception.depth_camera import DepthCameraParameters
-from chefbotd.perception.depth_scan import DepthToScan
 
 NOBODY = np.zeros((0, 3))
 HERE = Pose2D()

@@ -5,39 +5,21 @@ It draws what the camera would see from where the robot truly is, and sends it a
 
 import sys
 import time
-from collections.abc import Awaitable, Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
 from chefbotd.clock import SystemClock
 from chefbotd.components.depth_camera.link.child import run
-from chefbotd.components.depth_camera.link.process import DepthChild, spawn_program
 from chefbotd.components.depth_camera.link.sources import Frame
-from chefbotd.components.simulation.depth_image import DepthRenderer
+from chefbotd.components.depth_camera.parameters import DepthSourceParameters
+from chefbotd.components.depth_camera.simulated.depth_image import DepthRenderer
 from chefbotd.components.simulation.parameters.simulation import SimulationParameters
 from chefbotd.components.simulation.rooms import scene_of
 from chefbotd.components.simulation.truth_file import TruthReader
-from chefbotd.perception.depth_camera import DepthSourceParameters
 
 RETRY_S = 0.001
-
-
-def spawn_with(
-    truth: Path, sim: SimulationParameters
-) -> Callable[[DepthSourceParameters], Awaitable[DepthChild]]:
-    """Starts this process for a camera, independent of the configured source."""
-
-    async def spawn(parameters: DepthSourceParameters) -> DepthChild:
-        program = (
-            "-m",
-            "chefbotd.components.simulation.process.simulated_depth",
-            str(truth),
-            sim.model_dump_json(),
-        )
-        return await spawn_program(parameters, *program)
-
-    return spawn
 
 
 def images(truth: Path, sim: SimulationParameters, parameters: DepthSourceParameters) -> Iterator[Frame]:

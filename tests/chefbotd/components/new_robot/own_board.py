@@ -89,7 +89,9 @@ class OwnBoard:
     @contextlib.asynccontextmanager
     async def connect(self, settings: Settings) -> AsyncIterator[Client]:
         """A daemon with these settings at this board."""
-        daemon = build(alone(settings), clock=LoopClock(), opener=self.device.open, spawn_worker=no_worker)
+        daemon = build(
+            alone(settings), clock=LoopClock(), opener=self.device.open, substitutes={"worker": no_worker}
+        )
         task = asyncio.create_task(daemon.run())
         try:
             host, port = await daemon.server.address()

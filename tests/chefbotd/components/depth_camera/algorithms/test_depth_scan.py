@@ -9,7 +9,12 @@ import numpy.typing as npt
 import pytest
 from pydantic import ValidationError
 
-from chefbotd.perception.depth_scan import INVALID_MM, DepthCameraParameters, DepthScan, DepthToScan
+from chefbotd.components.depth_camera.algorithms.depth_scan import (
+    INVALID_MM,
+    DepthCameraParameters,
+    DepthScan,
+    DepthToScan,
+)
 
 Image = npt.NDArray[np.uint16]
 SMALL = {

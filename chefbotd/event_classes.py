@@ -1,4 +1,4 @@
-"""Finds the classes of events by name, for readers of a recording."""
+"""Finds the classes of events by name, the core's and those of components, for readers of a recording."""
 
 from collections.abc import Iterator
 from functools import cache
@@ -9,7 +9,7 @@ from typing import Any
 
 import msgspec
 
-from chefbotd import components
+from chefbotd.component_list import components_with_commands
 from chefbotd.core import events as events_package
 from chefbotd.core.geometry import ORIGIN, Pose2D
 
@@ -34,9 +34,10 @@ def _modules() -> Iterator[str]:
     """Those of the driving core's events, and the module ``events`` of each component that has one."""
     for module in iter_modules(events_package.__path__):
         yield f"{events_package.__name__}.{module.name}"
-    for component in iter_modules(components.__path__, f"{components.__name__}."):
-        if find_spec(f"{component.name}.events") is not None:
-            yield f"{component.name}.events"
+    for component in components_with_commands():
+        events = f"chefbotd.components.{component.name}.events"
+        if find_spec(events) is not None:
+            yield events
 
 
 def _classes_in(module_name: str) -> dict[str, type[Any]]:

@@ -9,10 +9,10 @@ import pytest
 
 from chefbotd.clock import SystemClock
 from chefbotd.components.depth_camera.link.process import SCAN, DepthMessage, MessageReader
+from chefbotd.components.depth_camera.parameters import DepthSourceParameters
+from chefbotd.components.depth_camera.simulated.spawn import spawn_with
 from chefbotd.components.simulation.embedded import EmbeddedBoard
-from chefbotd.components.simulation.process.simulated_depth import spawn_with
 from chefbotd.components.simulation.process.simulated_robot import simulation_of
-from chefbotd.perception.depth_camera import DepthSourceParameters
 from chefbotd.settings import load, packaged
 from tests.scenarios.test_depth_camera import EYE
 from tests.waiting import PATIENCE_S
@@ -29,7 +29,7 @@ def test_it_draws_what_is_before_the_robot_and_the_things_that_are_put_there() -
     async def newest(things: list[dict[str, float]]) -> DepthMessage:
         settings = load(packaged("chefbot_lidar"), overrides={"sim.world": sim, "sim.things": things})
         with EmbeddedBoard(simulation_of(settings), SystemClock()) as board:
-            child = await spawn_with(board.share_truth(), settings.sim)(
+            child = await spawn_with(str(board.share_truth()), settings.sim)(
                 DepthSourceParameters.model_validate_json(json.dumps(EYE))
             )
             running = asyncio.create_task(board.run(lambda _: None))
@@ -56,7 +56,7 @@ def test_a_process_without_truth_ends_with_a_reason(tmp_path: Path) -> None:
 
     async def scenario() -> str:
         camera = DepthSourceParameters.model_validate_json(json.dumps(EYE))
-        child = await spawn_with(tmp_path / "nothing", load().sim)(camera)
+        child = await spawn_with(str(tmp_path / "nothing"), load().sim)(camera)
         assert await child.read() == b""
         return await child.end()
 

@@ -1,7 +1,7 @@
 """What a depth camera sees of a scene: faces and slabs drawn into a depth buffer, with the noise of structured light.
 
 Noise and quantisation grow with the square of the depth (Khoshelham and Elberink, Sensors 2012, as in
-``perception.depth_scan``). What is too near or too far, and a share of the rest, is no reading (assumed).
+``depth_camera.algorithms.depth_scan``). What is too near or too far, and a share of the rest, is no reading (assumed).
 """
 
 import math
@@ -10,11 +10,11 @@ from typing import Any, TypeAlias
 import numpy as np
 import numpy.typing as npt
 
+from chefbotd.components.depth_camera.parameters import DepthCameraParameters
 from chefbotd.components.simulation.arrays import Vector
 from chefbotd.components.simulation.scene import Scene
 from chefbotd.components.simulation.worlds.building import CEILING_M, Material
 from chefbotd.core.geometry import Pose2D
-from chefbotd.perception.depth_camera import DepthCameraParameters
 
 Depths: TypeAlias = npt.NDArray[np.float32]
 Part: TypeAlias = tuple[slice, slice]

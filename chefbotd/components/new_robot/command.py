@@ -11,8 +11,8 @@ from chefbotd.cli.common.echo import echo, tell
 from chefbotd.cli.common.exits import Exit, ProgramError
 
 if TYPE_CHECKING:
-    from chefbotd.cli.new_robot.interview import Interview
-    from chefbotd.cli.new_robot.walk import Walk
+    from chefbotd.components.new_robot.interview import Interview
+    from chefbotd.components.new_robot.walk import Walk
     from chefbotd.settings import Settings
 
 
@@ -27,8 +27,8 @@ def new_robot(context: CommandContext, path: Path, device: str | None) -> None:
     Enter. Motors turn only where you have typed yes. The file says only what differs from a packaged robot. Where it is
     there already, it is changed only after you have seen what would change. No daemon may run.
     """
-    from chefbotd.cli.new_robot.interview import NobodyAnswersError
     from chefbotd.components.doctor.cli.bundle import keep_log
+    from chefbotd.components.new_robot.interview import NobodyAnswersError
 
     if path.suffix != ".toml":
         raise click.UsageError(f"{path}: the name of a robot's file ends in .toml")
@@ -77,12 +77,12 @@ def _present(path: Path) -> "Settings | None":
 
 
 def _walk(path: Path, present: "Settings | None") -> "tuple[Walk, Interview]":
-    from chefbotd.cli.new_robot.board import Serial
-    from chefbotd.cli.new_robot.interview import Interview
-    from chefbotd.cli.new_robot.walk import Walk
     from chefbotd.clock import SystemClock
     from chefbotd.components.doctor.cli.diagnosis import TerminalAsker
     from chefbotd.components.doctor.listening.ports import serial_ports
+    from chefbotd.components.new_robot.board import Serial
+    from chefbotd.components.new_robot.interview import Interview
+    from chefbotd.components.new_robot.walk import Walk
     from chefbotd.link.port import open_port
     from chefbotd.process.own_daemon import own_daemon
 
@@ -114,7 +114,7 @@ def _resolved(path: Path) -> dict[str, Any]:
 
 
 def _write_new(path: Path, walk: "Walk") -> None:
-    from chefbotd.cli.new_robot.answers import differing, new_file
+    from chefbotd.components.new_robot.answers import differing, new_file
     from chefbotd.settings import SettingsError, load, packaged
 
     differences = differing(walk.answers, _resolved(packaged(walk.base)))
@@ -140,8 +140,8 @@ def _write_new(path: Path, walk: "Walk") -> None:
 
 def _changed_text(path: Path, walk: "Walk") -> str | None:
     """The file with what has changed, which is shown; None where nothing has."""
-    from chefbotd.cli.new_robot.answers import differing, edit_answers
     from chefbotd.components.calibration.calibrated_file import difference
+    from chefbotd.components.new_robot.answers import differing, edit_answers
 
     before = path.read_text(encoding="utf-8-sig")
     changes = differing(walk.answers, _resolved(path))

@@ -1,0 +1,1 @@
+"""Depth cameras on a simulated robot: what they would see of its world."""
