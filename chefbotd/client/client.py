@@ -25,7 +25,7 @@ from chefbotd.client.errors import (
     SubscriptionConflict,
 )
 from chefbotd.client.event import Event, Gap
-from chefbotd.client.generated import Topics
+from chefbotd.client.generated import ComponentMethods, Topics
 from chefbotd.client.handshake import (
     CLOSING_PATIENCE_S,
     RECOVERABLE,
@@ -34,7 +34,6 @@ from chefbotd.client.handshake import (
     GreetedConnection,
     open_connection,
 )
-from chefbotd.client.map_methods import MapMethods, NavigationMethods
 from chefbotd.client.methods import Methods
 from chefbotd.client.sleep_watch import SleepWatch
 from chefbotd.client.subscription import SubscribeOptions, Subscription, SubscriptionRequest
@@ -43,7 +42,7 @@ from chefbotd.client.wire import ProgressListener
 FIRST_RETRY_PAUSE_S, LONGEST_RETRY_PAUSE_S = 0.1, 2.0
 
 
-class Client(Methods, MapMethods, NavigationMethods, Topics):
+class Client(Methods, ComponentMethods, Topics):
     """A connected daemon; made by ``connect``. ``hello`` is its latest greeting."""
 
     def __init__(self, endpoint: Endpoint, *, reconnect: bool) -> None:

@@ -16,6 +16,13 @@ if TYPE_CHECKING:
     from chefbotd.client import models as m
     from chefbotd.client.wire import ProgressListener
 
+from chefbotd.components.maps.client_methods import MapMethods
+from chefbotd.components.navigation.client_methods import NavigationMethods
+
+
+class ComponentMethods(MapMethods, NavigationMethods):
+    """The methods that components have written by hand."""
+
 
 class GeneratedMethods(MethodCaller):
     """The methods of the socket for which asking is all there is to do."""

@@ -20,8 +20,8 @@ from chefbot_ros2.messages import (
     pose_message,
     ros_type,
 )
-from chefbotd.client.map_methods import MapImage
 from chefbotd.client.models import PathData
+from chefbotd.components.maps.client_methods import MapImage
 from chefbotd.core.geometry import Pose2D, wrap_angle
 
 OccupancyGrid, MapMetaData = ros_type("nav_msgs/OccupancyGrid"), ros_type("nav_msgs/MapMetaData")

@@ -45,6 +45,7 @@ COMPONENT = Component(
     is_enabled=lambda section, settings: section is not None or makes_maps(settings),
     exclusive=True,
     fixed=True,
+    client_methods=("chefbotd.components.maps.client_methods:MapMethods",),
     commands={
         "map": "chefbotd.components.maps.cli.commands:map_group",
         "places": "chefbotd.components.maps.cli.places:places",

@@ -27,6 +27,7 @@ COMPONENT = Component(
     build=build,
     is_enabled=lambda section, settings: makes_maps(settings),
     skills={"navigation": "chefbotd.components.navigation.skill:NavigationSkill"},
+    client_methods=("chefbotd.components.navigation.client_methods:NavigationMethods",),
     commands={name: f"{COMMANDS}:{name}" for name in ("go", "home", "dock", "patrol", "where", "localize")},
     status=(
         StatusRow(

@@ -18,6 +18,7 @@ from pydantic import SecretStr
 import chefbotd.client
 from chefbotd.client.client import Client
 from chefbotd.client.generated import GeneratedMethods
+from chefbotd.component_list import own_components
 from chefbotd.core.record import Record
 from chefbotd.rpc.encoding import UnknownData
 from chefbotd.rpc.method import Method
@@ -37,6 +38,8 @@ MARK = """# Written by `make client`: see tests/chefbotd/client/generate.py. Wha
 # fmt: off
 """
 
+COMPONENTS = "chefbotd.components"
+
 METHODS_HEAD = '''# mypy: disable-error-code="no-any-return"
 """The client's methods that only ask, and the types of ``subscribe``."""
 
@@ -52,6 +55,11 @@ from chefbotd.client.subscription import SubscribeOptions as Options, Subscripti
 if TYPE_CHECKING:
     from chefbotd.client import models as m
     from chefbotd.client.wire import ProgressListener
+
+{imports}
+
+class ComponentMethods({bases}):
+    """The methods that components have written by hand."""
 
 
 class GeneratedMethods(MethodCaller):
@@ -187,7 +195,13 @@ def _exported(model: type[Any], exported: Mapping[str, type[Any]]) -> str:
     return next(each.__name__ for each in model.__mro__ if exported.get(each.__name__) is each)
 
 
-def _methods_module(asking: list[Method], exported: Mapping[str, type[Any]], data: Mapping[str, str]) -> str:
+def _methods_module(
+    asking: list[Method], exported: Mapping[str, type[Any]], data: Mapping[str, str], by_component: list[str]
+) -> str:
+    classes = [reference.partition(":")[::2] for reference in by_component]
+    head = METHODS_HEAD.replace(
+        "{imports}", "".join(f"from {module} import {name}\n" for module, name in sorted(classes))
+    ).replace("{bases}", ", ".join(name for _, name in classes) or "MethodCaller")
     methods = "".join(f"\n{_method(each, exported)}\n" for each in asking)
     overloads = "\n".join(
         "    @overload\n"
@@ -198,7 +212,7 @@ def _methods_module(asking: list[Method], exported: Mapping[str, type[Any]], dat
         )
         for topic, model in data.items()
     )
-    return MARK + METHODS_HEAD + methods + TOPICS_HEAD + overloads + SUBSCRIBE
+    return MARK + head + methods + TOPICS_HEAD + overloads + SUBSCRIBE
 
 
 def _sync_module(asking: list[Method], by_hand: Mapping[str, object]) -> str:
@@ -249,21 +263,49 @@ def _import(module: str, names: str) -> str:
     return line if len(line) <= WIDTH else f"from {module} import (\n{_filled('    ' + names, 4)}\n)"
 
 
-def written(methods: Mapping[str, Method], topics: Mapping[str, Topic]) -> dict[Path, str]:
-    """What each file should say."""
+def without_component(
+    name: str, methods: Mapping[str, Method], topics: Mapping[str, Topic]
+) -> tuple[dict[str, Method], dict[str, Topic]]:
+    """The methods and topics that are left without a component: none whose models are in its folder."""
+    folder = f"{COMPONENTS}.{name}."
+
+    def belongs(kinds: Iterable[type[Any]]) -> bool:
+        return any(f"{kind.__module__}.".startswith(folder) for kind in kinds)
+
+    return (
+        {key: each for key, each in methods.items() if not belongs(_kinds_of(each))},
+        {key: each for key, each in topics.items() if not belongs([each.model])},
+    )
+
+
+def _kinds_of(method: Method) -> list[type[Any]]:
+    """The models of a method, and the class that has its handler."""
+    owner = sys.modules[method.handle.__module__]
+    return [method.params, method.result, type("Owner", (), {"__module__": owner.__name__})]
+
+
+def written(methods: Mapping[str, Method], topics: Mapping[str, Topic], removed: str = "") -> dict[Path, str]:
+    """What each file should say; without the component ``removed``, where one is."""
+    by_component = [
+        reference
+        for component in own_components()
+        if component.name != removed
+        for reference in component.client_methods
+    ]
+    folder = f"{COMPONENTS}.{removed}."
     kinds = [*(each.result for each in methods.values()), *(topic.model for topic in topics.values())]
     exported = _models([*kinds, UnknownData])
     data = {name: _exported(topic.model, exported) for name, topic in topics.items()}
     by_hand = {
         name: each
         for kind in Client.__mro__
-        if kind is not GeneratedMethods
+        if kind is not GeneratedMethods and not (removed and kind.__module__.startswith(folder))
         for name, each in vars(kind).items()
     }
     asking = [each for name, each in methods.items() if name not in {*by_hand, *WITHOUT_METHOD}]
     files = {
         PACKAGE / "models.py": _models_module(exported, data),
-        PACKAGE / "generated.py": _methods_module(asking, exported, data),
+        PACKAGE / "generated.py": _methods_module(asking, exported, data, by_component),
         PACKAGE / "generated_sync.py": _sync_module(asking, by_hand),
     }
     return files | ({PAGE: page(PAGE.read_text(encoding="utf-8"), methods, topics)} if PAGE.exists() else {})

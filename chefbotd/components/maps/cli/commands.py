@@ -19,9 +19,9 @@ from chefbotd.components.maps.cli.asking import ask, progress_bar, write_file
 from chefbotd.core.geometry import Pose2D
 
 if TYPE_CHECKING:
-    from chefbotd.client.map_methods import MapImage
     from chefbotd.client.models import MapSummary
     from chefbotd.components.maps.cli.draw import MapMark
+    from chefbotd.components.maps.client_methods import MapImage
 
 
 T = TypeVar("T")

@@ -10,12 +10,12 @@ from structlog.testing import capture_logs
 
 from chefbotd.client import CallError
 from chefbotd.clock import run_virtual
+from chefbotd.components.recording.build import StartWriter
 from chefbotd.components.recording.chunk_encoder import ChunkEncoder
 from chefbotd.components.recording.parameters import RecordingParameters, folder_of
 from chefbotd.components.recording.reader import RecordingReader
 from chefbotd.components.recording.recorder import Recorder
 from chefbotd.components.recording.writer import InlineWriter, MakeRecorder
-from chefbotd.components.recording.build import StartWriter
 from chefbotd.settings import Settings, SettingsError, load
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from chefbotd.testing.recording import write_inline
