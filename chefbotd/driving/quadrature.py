@@ -14,28 +14,33 @@ from chefbotd.motion.quadrature import QuadratureState
 
 log = structlog.get_logger(component="quadrature")
 
+MOST_DOUBTFUL = 10
+"""After so many incomplete cycles, less those that were complete, a complete one alone is no reading either."""
+
 SLACK_S = 0.001
 """The tolerance of a cycle's end: a board may see an edge while it reads its clock."""
 
 
 class EdgesState(Record, frozen=True):
-    """The decoder's state of each wheel, and the end of the last cycle."""
+    """The decoder's state of each wheel, the end of the last cycle, and the cycles in doubt."""
 
     wheels: list[QuadratureState]
     since_s: float | None
+    doubtful: int = 0
 
 
 class QuadratureService:
     """Counts every wheel's edges; a cycle becomes an ``EncodersCounted`` with the rates that the edges' times give.
 
     A cycle that lacks a wheel or some of its edges gives no reading, as the motion would look too slow. The next
-    complete cycle includes it.
+    complete cycle includes it, unless most cycles of late were incomplete: a few good ones do not make up for those.
     """
 
     def __init__(self, bus: Bus, parameters: QuadratureParameters, wheel_names: tuple[str, ...]) -> None:
         self._bus, self._parameters, self._wheel_names = bus, parameters, wheel_names
         self._states = [quadrature.START] * len(wheel_names)
         self._since_s: float | None = None
+        self._doubtful = 0
         self._failure = HandlerFailure()
         bus.add_handler(self._count_edges, EdgesSeen, on_error=self._failure.report)
         bus.add_handler(self._rebase, BoardRestarted, on_error=self._failure.report)
@@ -43,11 +48,11 @@ class QuadratureService:
 
     def state(self) -> EdgesState:
         """Return the state of this part."""
-        return EdgesState(self._states, self._since_s)
+        return EdgesState(self._states, self._since_s, self._doubtful)
 
     def restore(self, state: EdgesState) -> None:
         """Restore this state."""
-        self._states, self._since_s = state.wheels, state.since_s
+        self._states, self._since_s, self._doubtful = state.wheels, state.since_s, state.doubtful
 
     @property
     def illegal_transitions(self) -> int:
@@ -70,7 +75,7 @@ class QuadratureService:
 
     def _rebase(self, event: BoardRestarted) -> None:
         self._states = [quadrature.rebase(state) for state in self._states]
-        self._since_s = None
+        self._since_s, self._doubtful = None, 0
 
     def _count_edges(self, event: EdgesSeen) -> None:
         before = self._states.copy()
@@ -86,8 +91,13 @@ class QuadratureService:
             if wheel not in counted or quadrature.misses_edges(before[wheel], self._states[wheel])
         ]
         if doubtful or len(bursts) < len(event.bursts):
+            self._doubtful = min(self._doubtful + 1, 2 * MOST_DOUBTFUL)
             self._log.warning("encoder edges were lost, so this cycle has no reading", wheels=doubtful)
             return
+        if self._doubtful:
+            self._doubtful -= 1
+            if self._doubtful >= MOST_DOUBTFUL:
+                return
         rates = [quadrature.rate_counts_s(self._parameters, state, event.board_s) for state in self._states]
         counts = tuple(state.counts for state in self._states)
         self._bus.publish(

@@ -12,7 +12,7 @@ import math
 from typing import Final
 
 from chefbotd.core.events.robot import ImuMeasured, ImuTrust, MotionAnomaly, WheelsDriven
-from chefbotd.core.geometry import Pose2D
+from chefbotd.core.geometry import Pose2D, wrap_angle
 from chefbotd.core.record import replace
 from chefbotd.motion import motion_filter
 from chefbotd.motion.bias_evidence import EVIDENCE_S, NO_EVIDENCE, BiasEvidence, with_evidence
@@ -28,6 +28,10 @@ LOST_S: Final = 0.5
 FROZEN_RAD: Final = 0.2
 FROZEN_READINGS: Final = 5
 """The wheels turn the robot so far, and so many readings of the IMU repeat the one before."""
+
+MOST_REPEATS: Final = 2 * FROZEN_READINGS
+CHANGE_REPEATS: Final = 2
+"""Of the repeats that are counted, a reading that repeats nothing takes so many off: a single one ends nothing."""
 
 REST_S: Final = 0.5
 REST_RAD_S: Final = 0.05
@@ -156,9 +160,10 @@ class FusedOdometry:
             return
         rates, orientation = event.angular_velocity_rad_s, event.orientation
         values = (rates or ()) + (orientation or ())
-        now.imu_repeats += 1
-        if values != now.imu_values:
-            now.imu_values, now.imu_repeats, now.unchanged_rad = values, 0, 0.0
+        if values == now.imu_values:
+            now.imu_repeats = min(now.imu_repeats + 1, MOST_REPEATS)
+        else:
+            self._note_change(values, event.heading_rad)
         if rates is not None:
             if not now.has_rates:
                 now.has_rates = True
@@ -174,6 +179,18 @@ class FusedOdometry:
         if event.heading_rad is not None:
             now.agreement.add_heading(event.heading_rad, orientation)
             self._add_heading(stamp_s, event.heading_rad)
+
+    def _note_change(self, values: tuple[float, ...], heading_rad: float | None) -> None:
+        """A reading that repeats nothing: the IMU follows the wheels, unless it has not for long, or by too little."""
+        now = self._memory
+        now.imu_values, now.imu_repeats = values, max(0, now.imu_repeats - CHANGE_REPEATS)
+        last_rad, unchanged_rad = now.agreement.last_rad, abs(now.unchanged_rad)
+        shown_rad = math.inf
+        if heading_rad is not None and last_rad is not None:
+            shown_rad = abs(wrap_angle(heading_rad - last_rad))
+        follows = unchanged_rad <= FROZEN_RAD and shown_rad >= unchanged_rad / 2
+        if follows or now.imu_repeats < FROZEN_READINGS:
+            now.unchanged_rad = 0.0
 
     def _add_heading(self, stamp_s: float, reading_rad: float) -> None:
         now = self._memory

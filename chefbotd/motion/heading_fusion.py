@@ -61,8 +61,8 @@ class FusionState(MutableState):
     ``by_wheels`` is the pose by the wheels alone since the IMU agreed with them last, ``rest_from`` the time, the
     IMU's heading and its offset from which on its drift is measured while the robot rests.
     ``drifted_rad`` is how far the heading has drifted, as far as that is known.
-    ``unchanged_rad`` is how far the wheels have turned the robot since the IMU's values last changed, ``imu_repeats``
-    how often it has sent them since.
+    ``unchanged_rad`` is how far the wheels have turned the robot while the IMU's values did not change, ``imu_repeats``
+    how often it has sent them again, less those that did change.
     """
 
     estimate: MotionEstimate = MotionEstimate()

@@ -121,6 +121,29 @@ def test_a_cycle_that_lacks_edges_is_no_reading_and_the_next_is(
     )
 
 
+def alternating(pattern: str) -> list[bool]:
+    """Whether each cycle gave a reading: the right wheel is told (``+``), or its line was lost (``-``)."""
+    cycles = [
+        cycle(1.02 + 0.02 * number, LEFT_STANDS, *([RIGHT_STANDS] if told_of == "+" else []))
+        for number, told_of in enumerate(pattern)
+    ]
+    stamps = {round(reading.board_s, 3) for reading in counted(BEGUN, *cycles).readings}
+    return [round(one.board_s, 3) in stamps for one in cycles]
+
+
+def test_one_complete_cycle_in_three_is_no_reading_any_more():
+    """Of every three cycles two are incomplete: after ten more of those than of complete ones, none is a reading."""
+    readings = alternating("--+" * 40)
+    assert any(readings[:27])
+    assert not any(readings[33:])
+
+
+def test_complete_cycles_are_readings_again_and_a_third_of_losses_costs_none_of_them():
+    """Forty are lost in a row, and count as twenty: the eleventh complete one is a reading."""
+    assert alternating("-" * 40 + "+" * 15) == [False] * 50 + [True] * 5
+    assert alternating("++-" * 40) == [True, True, False] * 40
+
+
 def test_a_cycle_in_which_a_wheel_is_not_told_is_no_reading():
     """Its line was lost: it may have stood (the next cycle is whole), or moved (the next lacks two edges)."""
     stood = counted(BEGUN, cycle(1.02, AHEAD), cycle(1.04, GONE_AHEAD, RIGHT_STANDS))

@@ -191,6 +191,45 @@ def test_a_frozen_imu_is_said_and_not_used() -> None:
     assert abs(drive.off_rad) < 0.35
 
 
+@pytest.mark.parametrize("every", [8, 20, 100])
+def test_a_frozen_imu_that_once_moves_a_little_is_still_frozen(every: int) -> None:
+    """One reading in so many is another by a hundredth: that ends nothing. Of 6 rad the first 0.6 are lost at most."""
+    count, frozen = iter(range(100_000)), False
+
+    def stuck(now_s: float, true_rad: float, _: float) -> ImuMeasured:
+        if not frozen:
+            return heading(now_s, true_rad)
+        return heading(now_s, 0.5 + 0.01 * (next(count) % every == every - 1))
+
+    drive = Drive(stuck)
+    drive.go(2.0, 0.2, 0.25)
+    frozen = True
+    drive.go(2.0, 0.2, 0.5)
+    for _ in range(20):
+        drive.go(0.5, 0.2, 0.5)
+        assert drive.odometry.imu_trust is ImuTrust.FROZEN
+    assert abs(drive.off_rad) < 0.65
+
+
+def test_an_imu_that_wakes_up_is_used_again_with_its_third_reading() -> None:
+    """Frozen for 3 s of turning; then each reading is another: it is not frozen any more 0.15 s later."""
+    frozen = True
+    drive = Drive(lambda now_s, true_rad, _: heading(now_s, 0.5 if frozen else true_rad))
+    drive.go(3.0, 0.2, 0.5)
+    assert drive.odometry.imu_trust is ImuTrust.FROZEN
+    frozen = False
+    drive.go(0.15, 0.2, 0.5)
+    assert drive.odometry.imu_trust is not ImuTrust.FROZEN
+
+
+def test_an_imu_of_coarse_readings_is_not_frozen_however_slowly_the_robot_turns() -> None:
+    """A hundredth of a radian a step at 0.02 rad/s repeats each reading many times, for half a turn."""
+    drive = Drive(lambda now_s, true_rad, _: heading(now_s, round(true_rad, 2)))
+    for _ in range(50):
+        drive.go(3.0, 0.1, 0.02)
+        assert drive.odometry.imu_trust is not ImuTrust.FROZEN
+
+
 def test_an_imu_that_is_lost_is_said() -> None:
     """After half a second without a word the IMU is lost, and the wheels go on alone."""
     lost = False

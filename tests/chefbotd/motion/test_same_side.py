@@ -141,6 +141,18 @@ def test_a_wheel_comes_back_when_the_disagreement_has_faded():
     assert excluded == sorted(excluded, reverse=True)  # and does not go and come
 
 
+@pytest.mark.parametrize("good_every", [2, 5, 10, 50])
+def test_a_reading_that_agrees_brings_no_broken_wheel_back(good_every: int):
+    """An encoder that counts right in one cycle of so many is left out in every one, good or bad."""
+    judge = wheels_of(params=SameSideParameters(memory_s=0.2, tolerance_m=0.001, share=0.1))
+    state = after(judge, (0.3, 0.3, 0.0, 0.3), ALL, steps=50)
+    for step in range(500):
+        rim_m_s = 0.3 if step % good_every == 0 else 0.0
+        travel_rad = tuple(rim * DT_S / RADIUS_M for rim in (0.3, 0.3, rim_m_s, 0.3))
+        state = judge.compare(state, travel_rad, ALL, DT_S)
+        assert state.excluded == (2,)
+
+
 def test_counts_too_coarse_to_tell_are_allowed_for():
     """80 counts a turn are 2.36 mm each: wheels two counts apart agree."""
     judge = SameSideWheels(NO_MEMORY, Kinematics(chassis(2)), counts_per_turn=80)
