@@ -13,6 +13,7 @@ from chefbotd.settings.toml_edit import Editor, toml_value
 Value = str | float | bool
 LIDAR_NAME = "lidar"
 LIDAR = f"lidar.{LIDAR_NAME}"
+NOT_MEASURED = "# Not measured yet, and still "
 
 
 class Answer(Record, frozen=True):
@@ -36,7 +37,7 @@ def new_file(base: str, answers: Answers, missing: Sequence[str] = ()) -> str:
     lines = [
         f"# Only what differs from the packaged robot {base!r}; 'chefbotd check-config FILE --all' prints every value.",
         "# Every key: docs/reference/configuration.md. 'chefbotctl new-robot' again proposes what has changed.",
-        *[f"# Not measured yet, and still {base}'s: {key}" for key in missing],
+        *[f"{NOT_MEASURED}{base}'s: {key}" for key in missing],
         f'extends = "{base}"',
     ]
     lines += [_line(key, answer) for key, answer in answers.items() if "." not in key]
@@ -55,13 +56,17 @@ def _section(section: str, answers: Answers) -> list[str]:
     return ["", *header, *(_line(key, answers[key]) for key in keys)]
 
 
-def edit_answers(text: str, answers: Answers) -> str:
-    """A robot's file with these answers; everything else in it is unchanged.
+def edit_answers(text: str, answers: Answers, missing: Sequence[str] = ()) -> str:
+    """A robot's file with these answers; else only comments of ours change that are not true any more.
 
     Raises:
         ValueError: it has a form that cannot be edited.
     """
-    editor, left_out, present = Editor(text), list[str](), tomllib.loads(text)
+    present, left_out = tomllib.loads(text), list[str]()
+    for name in OPTIONAL_SECTIONS:
+        if present.get(name) is False and any(key.startswith(f"{name}.") for key in answers):
+            text = re.sub(rf"(?m)^{name} *= *false.*\n?", "", text, count=1)
+    editor = Editor(_true_comments(text, answers, missing))
     extends, has_lidar = "extends" in present, isinstance(present.get("lidar"), list)
     for key, answer in answers.items():
         *section, name = key.split(".")
@@ -72,14 +77,31 @@ def edit_answers(text: str, answers: Answers) -> str:
             left_out += [name] if extends else []
         else:
             editor.change(tuple(section), {name: answer.value})
-    for name in OPTIONAL_SECTIONS:
-        if present.get(name) is False and any(key.startswith(f"{name}.") for key in answers):
-            editor.change((), {name: None})
     lines = "".join(f"\n{name} = false" for name in left_out)
     after = re.sub(r"(?m)^extends\s*=.*$", lambda match: match[0] + lines, editor.text(), count=1)
     if not has_lidar and any(key.startswith(f"{LIDAR}.") for key in answers):
         after += "\n".join(_section(LIDAR, answers)) + "\n"
     return after
+
+
+def _true_comments(text: str, answers: Answers, missing: Sequence[str]) -> str:
+    """Without lines about what is measured by now; a changed value with its new reason, if it had one of ours."""
+    lines, section = list[str](), ""
+    for line in text.splitlines(keepends=True):
+        if line.startswith(NOT_MEASURED) and line.rstrip().partition("'s: ")[2] not in missing:
+            continue
+        if header := re.match(r"\[+([\w.]+)\]+", line):
+            section = f"{header[1]}."
+        reason = re.match(r"(\w+) *=.*? +# (.*)", line)
+        answer = answers.get(f"{section}{reason[1]}") if reason else None
+        if reason and answer and _without_numbers(reason[2]) == _without_numbers(answer.reason):
+            line = line.replace(reason[2], answer.reason)
+        lines.append(line)
+    return "".join(lines)
+
+
+def _without_numbers(reason: str) -> str:
+    return re.sub(r"[\d.]+", "0", reason)
 
 
 def _line(key: str, answer: Answer) -> str:

@@ -15,6 +15,8 @@ if TYPE_CHECKING:
     from chefbotd.components.new_robot.walk import Walk
     from chefbotd.settings import Settings
 
+NOT_ASKED = "everything that was not asked yet"
+
 
 @click.command("new-robot")
 @click.argument("path", metavar="FILE.toml", type=click.Path(dir_okay=False, path_type=Path))
@@ -43,7 +45,7 @@ def new_robot(context: CommandContext, path: Path, device: str | None) -> None:
             raise
         raise ProgramError(Exit.NOT_DONE, "nobody answers any more") from end
     if is_done:
-        _say_next(path, walk)
+        _say_next(path, walk, is_new=present is None)
 
 
 async def converse(
@@ -62,8 +64,13 @@ async def converse(
     after = _changed_text(path, walk)
     if after is None:
         return True
-    if await interview.text(f"Write this to {path}? Type yes; Enter leaves the file as it is.") != "yes":
-        echo(f"{path} was not changed.")
+    if (
+        await interview.text(
+            f"Write this to {path}? Type yes; Enter leaves the file as it is, and this beside it."
+        )
+        != "yes"
+    ):
+        _propose(path, after)
         return False
     _write_changed(path, after)
     return True
@@ -148,7 +155,7 @@ def _changed_text(path: Path, walk: "Walk") -> str | None:
     if not changes:
         echo(f"Nothing has changed: {path} stays as it is.")
         return None
-    after = edit_answers(before, changes)
+    after = edit_answers(before, changes, walk.missing)
     echo(difference(path.name, before, after))
     return after
 
@@ -164,25 +171,43 @@ def _write_changed(path: Path, after: str) -> None:
     echo(f"Wrote {path}; it was {kept}.")
 
 
+def _propose(path: Path, after: str) -> None:
+    """Write beside a file what it could be: nobody wants to measure twice.
+
+    Raises:
+        ProgramError: it cannot be written.
+    """
+    proposed = path.with_name(f"{path.stem}.proposed.toml")
+    try:
+        proposed.write_text(after, encoding="utf-8")
+    except OSError as error:
+        raise ProgramError(Exit.FAILED, f"{proposed}: cannot be written: {error.strerror}") from error
+    echo(f"{path} was not changed; what was measured is in {proposed}.")
+
+
 def _keep_unfinished(path: Path, walk: "Walk", *, is_new: bool) -> None:
     """Write a new robot's answers so far: nobody wants to turn wheels twice."""
     if not is_new:
-        tell(f"{path} was not changed.")
+        tell(f"Interrupted: {path} is not changed.")
+        walk.missing.append(NOT_ASKED)
+        if (after := _changed_text(path, walk)) is not None:
+            _propose(path, after)
     elif len(walk.answers) > 1:
         tell("Interrupted: what is known so far is written; this command goes on from it.")
-        walk.missing.append("everything that was not asked yet")
+        walk.missing.append(NOT_ASKED)
         _write_new(path, walk)
     else:
         tell("Nothing was written.")
 
 
-def _say_next(path: Path, walk: "Walk") -> None:
+def _say_next(path: Path, walk: "Walk", *, is_new: bool) -> None:
     """The commands that come next, in their order."""
     settings = _present(path)
     if settings is None:
         return
+    still = f", and still {walk.base}'s" if is_new else " this time"
     for key in walk.missing:
-        echo(f"Not measured, and still {walk.base}'s: {key}.")
+        echo(f"Not measured{still}: {key}.")
     steps = [
         (f"chefbotd check-config {path}", "the values that matter"),
         (f"chefbotd run --sim --config {path}", "try it on a simulated robot first"),

@@ -54,7 +54,7 @@ class Walk:
         if board.link is not None:
             await self._measure(board, radius_m, tape_m)
         else:
-            self.missing.append("encoders.counts_per_turn")
+            self.missing += ["encoders.counts_per_turn", "drive.max_rim_speed_m_s and the gains"]
         await self._ask_sensors(board)
         await self._ask_outline()
         return self.answers

@@ -63,8 +63,8 @@ async def _turn_one(interview: Interview, robot: Client, name: str) -> float | N
     while True:
         before = await count_positions(robot, UNKNOWN_COUNTS)
         turns = await interview.number(
-            f"{HANG_FREE} Mark {name}, turn it forward by hand (as when the robot drives ahead), whole turns back to "
-            f"its mark. How many turns were it? {TURNS} is good",
+            f"{HANG_FREE} Mark {name} and turn it forward by hand (as when the robot drives ahead), {TURNS} whole turns "
+            "back to its mark. When it is done, type how many turns it was",
             "turns", 1, 100,
         )  # fmt: skip
         if turns is None:
@@ -144,7 +144,8 @@ async def turn_on_floor(
         before = await count_positions(robot, counts_per_turn)
         turns = await interview.number(
             "Put the robot on the floor, and mark its front and the floor. Turn it on the spot to the left by hand, "
-            f"pushed at its body, whole turns back to the mark. How many turns were it? {FLOOR_TURNS} is good",
+            f"pushed at its body, {FLOOR_TURNS} whole turns back to the mark. When it is done, type how many "
+            "turns it was",
             "turns", 1, 50,
         )  # fmt: skip
         if turns is None:

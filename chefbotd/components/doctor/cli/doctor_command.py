@@ -170,7 +170,7 @@ def ports(context: CommandContext, devices: tuple[str, ...], listens: bool, name
         _print_rule(ports_here, name, context)
         return
     if not context.as_json:
-        _show(ports_here)
+        _show(ports_here, is_search=not devices)
     if listens and not context.as_json and ports_here:
         echo("Listening; this takes up to 10 s a port.")
     behind = context.run(_all(look_behind(ports_here, open_port, SystemClock()), context)) if listens else []
@@ -202,8 +202,8 @@ NOTHING_ON_USB = (
 )
 
 
-def _show(ports_here: "list[SerialPort]") -> None:
-    if not any(port.usb_id or port.device.startswith("/dev/pts/") for port in ports_here):
+def _show(ports_here: "list[SerialPort]", *, is_search: bool) -> None:
+    if is_search and not any(port.usb_id or port.device.startswith("/dev/pts/") for port in ports_here):
         echo(NOTHING_ON_USB)
     if not ports_here:
         return

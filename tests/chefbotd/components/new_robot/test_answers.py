@@ -47,6 +47,32 @@ def test_a_sensor_is_left_out_of_an_old_file_and_put_back(tmp_path: Path) -> Non
     assert (sensor.mount_x_m, sensor.max_range_m) == (0.1, 4.0)
 
 
+def test_comments_of_ours_are_true_after_a_second_run() -> None:
+    """What is measured now is not "not measured yet"; a number in a reason is the new one; a user's words stay."""
+    radius = "chassis.wheels.left_wheel.radius_m"
+    before = {
+        radius: Answer(0.033, "20.73 cm a turn, by tape"),
+        "chassis.track_width_m": Answer(0.17, "by tape"),
+        "body": Answer(False, "not measured: the box about the wheels is the outline"),
+    }
+    text = new_file("chefbot", before, ["encoders.counts_per_turn", "drive.max_rim_speed_m_s and the gains"])
+    text = text.replace("# by tape", "# as Ann says")
+    answers = {
+        "encoders.counts_per_turn": Answer(1440.0, ""),
+        radius: Answer(0.034, "21.36 cm a turn, by tape"),
+        "chassis.track_width_m": Answer(0.18, "by tape"),
+        "body.length_m": Answer(0.2, ""),
+    }
+    after = edit_answers(text, answers, ["drive.max_rim_speed_m_s and the gains"])
+    assert "Not measured yet, and still chefbot's: encoders" not in after
+    assert "Not measured yet, and still chefbot's: drive.max_rim_speed_m_s and the gains" in after
+    assert "radius_m = 0.034" in after
+    assert "# 21.36 cm a turn, by tape" in after
+    assert "track_width_m = 0.18" in after
+    assert "# as Ann says" in after
+    assert "the outline" not in after
+
+
 def test_a_whole_file_loses_a_section_that_the_robot_lacks(tmp_path: Path) -> None:
     """A copy of ChefBot's whole file extends nothing; its section goes."""
     text = edit_answers(full().read_text(encoding="utf-8"), {"imu": Answer(False, "")})

@@ -264,6 +264,7 @@ def test_run_again_it_proposes_what_changed(tmp_path: Path) -> None:
         steps[5] = ("AT FULL SPEED", "")
         conversation(path, other, Person(*steps), load(path))
         assert (path.read_bytes() != before) is is_written
+        assert load(tmp_path / "rover.proposed.toml").encoders.counts_per_turn == 2880
     assert load(path).encoders.counts_per_turn == 2880
     assert path.read_text(encoding="utf-8").startswith("# the blue one\n")
     assert (tmp_path / "rover.toml.before").read_bytes() == before

@@ -68,5 +68,6 @@ def test_a_board_without_its_driver_is_thought_of(
     told = CliRunner().invoke(main, ["ports"])
     assert told.exit_code == 0
     assert "If lsusb lists it, its driver is missing" in told.stdout
+    assert "lsusb" not in CliRunner().invoke(main, ["ports", "/dev/ttyAMA0"]).stdout
     monkeypatch.setattr(ports, "serial_ports", lambda devices: [UNO])
     assert "lsusb" not in CliRunner().invoke(main, ["ports"]).stdout
