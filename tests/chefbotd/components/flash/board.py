@@ -19,9 +19,21 @@ OLD_PROGRAM = b"the classic sketch" * 106
 
 
 class Duemilanove:
-    """``speech`` maps a program to what it says again and again; ``refused_pages`` writes fail before one succeeds."""
+    """``speech`` maps a program to what it says again and again, any other says ``otherwise`` and its ``counts``.
 
-    def __init__(self, speech: dict[bytes, bytes], *, refused_pages: int = 0) -> None:
+    ``refused_pages`` writes fail before one succeeds. Unless it is ``held_open``, no process has the device open but
+    those that open it.
+    """
+
+    def __init__(
+        self,
+        speech: dict[bytes, bytes],
+        *,
+        refused_pages: int = 0,
+        otherwise: bytes = b"",
+        held_open: bool = True,
+    ) -> None:
+        self.otherwise, self.counts = otherwise, [0, 0]
         self.flash = bytearray(b"\xff" * FLASH_BYTES)
         self.flash[: len(OLD_PROGRAM)] = OLD_PROGRAM
         self.flash[BOOT_LOADER.start :] = b"B" * len(BOOT_LOADER)
@@ -31,7 +43,11 @@ class Duemilanove:
         self._ours, theirs = pty.openpty()
         tty.setraw(self._ours)
         tty.setraw(theirs)
-        self._theirs, self.device = theirs, os.ttyname(theirs)
+        self._theirs: int | None = theirs
+        self.device = os.ttyname(theirs)
+        if not held_open:
+            os.close(theirs)
+            self._theirs = None
         self._wake, self._end = os.pipe()
         self._thread = threading.Thread(target=self._run, name="duemilanove")
         self._thread.start()
@@ -41,7 +57,8 @@ class Duemilanove:
         os.close(self._end)
         self._thread.join()
         for descriptor in (self._ours, self._theirs, self._wake):
-            os.close(descriptor)
+            if descriptor is not None:
+                os.close(descriptor)
 
     def program(self) -> bytes:
         """What is in its flash memory, before the boot loader."""
@@ -59,14 +76,25 @@ class Duemilanove:
         ready, _, _ = select.select([self._ours, self._wake], [], [], timeout_s)
         if self._wake in ready:
             raise EOFError
-        return os.read(self._ours, 4096) if ready else b""
+        try:
+            return os.read(self._ours, 4096) if ready else b""
+        except OSError:  # nobody has it open
+            if select.select([self._wake], [], [], 0.05)[0]:
+                raise EOFError from None
+            return b""
 
     def _run_program(self) -> None:
         """Talk until a programmer comes. The line's opening would reset a real one; a pseudo-terminal has no DTR."""
         while (data := self._read(0.05)) != GET_SYNC:
             self.heard += data
-            if not data and (words := self._speech.get(self.program())):
+            words = b"" if data else self._speech.get(self.program(), self._otherwise())
+            if (
+                words and select.select([], [self._ours], [], 0)[1]
+            ):  # as a line does, it drops what nobody reads
                 os.write(self._ours, words)
+
+    def _otherwise(self) -> bytes:
+        return self.otherwise and self.otherwise + b"e\t%d\t%d\n" % tuple(self.counts)
 
     def _run_boot_loader(self) -> None:
         os.write(self._ours, IN_SYNC + OK)
