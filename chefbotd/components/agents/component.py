@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from chefbotd.component import API_VERSION, Component
+from chefbotd.component import API_VERSION, Component, PagePart
 
 if TYPE_CHECKING:
     from chefbotd.component_context import Context
@@ -16,4 +16,9 @@ def build(context: "Context[None]") -> "Feature":
     return agents(context.bus, context.clock)
 
 
-COMPONENT = Component(name="agents", api=API_VERSION, build=build)
+COMPONENT = Component(
+    name="agents",
+    api=API_VERSION,
+    build=build,
+    page=(PagePart("chefbotd.components.agents", "card.js", column="left", before="driving"),),
+)

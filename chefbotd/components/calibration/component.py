@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from chefbotd.component import API_VERSION, Component
+from chefbotd.component import API_VERSION, Component, PagePart
 
 if TYPE_CHECKING:
     from chefbotd.component_context import Context
@@ -23,6 +23,7 @@ COMPONENT = Component(
     api=API_VERSION,
     build=build,
     in_loop="chefbotd.components.calibration.fit_process:fit_here",
+    page=(PagePart("chefbotd.components.calibration", "card.js", before="wheels-part"),),
     is_enabled=lambda section, settings: SOURCE in settings.safety.sources,
     commands={"calibrate": "chefbotd.components.calibration.cli.commands:calibrate"},
 )

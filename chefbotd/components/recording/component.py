@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from chefbotd.component import API_VERSION, Component, Extra, RunOption, StatusRow
+from chefbotd.component import API_VERSION, Component, Extra, PagePart, RunOption, StatusRow
 
 if TYPE_CHECKING:
     from chefbotd.component_context import Context
@@ -68,5 +68,6 @@ COMPONENT = Component(
         ),
     ),
     daemon_commands={"replay": "chefbotd.components.recording.cli.replay:replay"},
+    page=(PagePart("chefbotd.components.recording", "card.js", before="wheels-part"),),
     status=(StatusRow("recording", "chefbotd.components.recording.status_text:recording", after="worker"),),
 )

@@ -1,7 +1,5 @@
 // Puts the page together: what the daemon can do is shown, the rest is not there.
 
-import { Agents } from "./agents.js";
-import { Calibration } from "./calibration.js";
 import { addComponents } from "./components.js";
 import { Connection } from "./connection.js";
 import { Costs } from "./costs.js";
@@ -13,7 +11,6 @@ import { Lately } from "./lately.js";
 import { Login } from "./login.js";
 import { Maps } from "./maps.js";
 import { Places } from "./places.js";
-import { Recorder } from "./recorder.js";
 import { Route } from "./route.js";
 import { Proposal } from "./proposal.js";
 import { SafetyCard } from "./safety.js";
@@ -22,6 +19,8 @@ import { Stopping } from "./stopping.js";
 import { View } from "./view.js";
 import { Wheels } from "./wheels.js";
 import { battery, board, firmware, firmwareFigures, GAMEPAD, GESTURE, limit, plain, refusal, sentence } from "./words.js";
+
+const CARDS_WAITED_MS = 2000;
 
 // Beside the page, wherever a proxy shows it.
 const connection = new Connection(new URL("socket", location.href).href.replace(/^http/, "ws"));
@@ -37,7 +36,7 @@ const places = new Places(ask, say, route);
 const sensors = new Sensors(connection, view);
 const wheels = new Wheels(connection, ask);
 const parts = [safety, stopping, goal, places, sensors, wheels, new Costs(connection, ask, view),
-  new Recorder(connection, ask), new Calibration(connection, ask), new Maps(connection, view, say), new Agents(connection, ask)];
+  new Maps(connection, view, say)];
 
 function say(words) {
   text("alert", words);
@@ -57,7 +56,7 @@ async function ask(method, params) {
 }
 
 let permitted = null;
-addComponents({ connection, ask, say, view }, (part) => {
+const cards = addComponents({ connection, ask, say, view }, (part) => {
   parts.push(part);
   if (permitted) part.begin(permitted);
 });
@@ -171,4 +170,5 @@ view.onPose = usePose;
 new Proposal(view, usePose);
 driver.addEventListener("dead", () => view.gestures.cancel()); // a stop: what is aimed at is not wanted any more
 
-connection.connect();
+// Cards see every event from the first on; one that does not come must not keep the page from its stop button.
+Promise.race([cards, new Promise((resolve) => setTimeout(resolve, CARDS_WAITED_MS))]).then(() => connection.connect());

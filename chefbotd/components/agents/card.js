@@ -1,14 +1,20 @@
 // Agents, the programs that talk to people: what each says, its question with the answers to choose from, its buttons.
 
-import { $, element } from "./dom.js";
+import { $, element } from "../../dom.js";
 
-export class Agents {
+const HTML = `
+  <h2 id="agents-title">Programs</h2>
+  <ul id="agents"></ul>`;
+
+export default class Agents {
   #can = new Set();
   #ask;
   #shown = "";
   #agents = { agents: [], buttons: [], questions: [] };
 
-  constructor(connection, ask) {
+  constructor({ connection, ask, section }) {
+    section.innerHTML = HTML;
+    section.setAttribute("aria-labelledby", "agents-title");
     this.#ask = ask;
     connection.on("agents", (agents) => { this.#agents = agents; this.#show(); });
     connection.addEventListener("closed", () => { this.#agents = { agents: [], buttons: [], questions: [] }; this.#show(); });

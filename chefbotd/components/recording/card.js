@@ -1,12 +1,25 @@
 // The recorder: whether it records, and what is kept in memory, to be saved after something has happened.
 
-import { $, text } from "./dom.js";
-import { full, plain, sentence } from "./words.js";
+import { $, text } from "../../dom.js";
+import { full, plain, sentence } from "../../words.js";
 
-export class Recorder {
+const HTML = `
+  <h2 id="recorder-title">Recorder</h2>
+  <p id="recorder"></p>
+  <p id="recorder-told" role="status"></p>
+  <div class="buttons">
+    <button type="button" id="recorder-save" hidden>Save what has just happened</button>
+    <button type="button" id="recorder-start" hidden>Record</button>
+    <button type="button" id="recorder-stop" hidden>Stop recording</button>
+  </div>`;
+
+export default class Recorder {
   #can = new Set();
 
-  constructor(connection, ask) {
+  constructor({ connection, ask, section }) {
+    section.innerHTML = HTML;
+    this.section = section;
+    section.setAttribute("aria-labelledby", "recorder-title");
     connection.on("recording", (recording) => this.#show(recording));
     $("recorder-start").addEventListener("click", () => ask("start_recording"));
     $("recorder-stop").addEventListener("click", async () => {
@@ -21,7 +34,7 @@ export class Recorder {
 
   begin(can) {
     this.#can = can;
-    $("recorder-part").hidden = !can.has("topic.recording");
+    this.section.hidden = !can.has("topic.recording");
     text("recorder-told", "");
   }
 

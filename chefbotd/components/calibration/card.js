@@ -1,14 +1,31 @@
 // Calibration: what to prepare, how far a step is, what it asks, what came of it with its plots, and writing it.
 
-import { confirmed } from "./confirm.js";
-import { $, element, text } from "./dom.js";
-import { full, parameter, plain, sentence } from "./words.js";
+import { confirmed } from "../../confirm.js";
+import { $, element, text } from "../../dom.js";
+import { full, parameter, plain, sentence } from "../../words.js";
 
 const WORDS = { passed: "passed", not_enough: "not enough", refused: "no result" };
 const [WIDTH, HEIGHT, EDGE] = [320, 170, 12];
 const COLOURS = ["--accent", "--scan", "--good", "--warn"];
 
-export class Calibration {
+const HTML = `
+  <h2 id="calibration-title">Calibration</h2>
+  <p id="calibration" role="status"></p>
+  <progress id="calibration-done" max="1" aria-labelledby="calibration-title" hidden></progress>
+  <form id="calibration-question" class="row" hidden>
+    <label for="calibration-value" id="calibration-asked"></label>
+    <input id="calibration-value" type="number" step="any" required>
+    <button type="submit">Answer</button>
+  </form>
+  <ul id="calibration-steps"></ul>
+  <div class="buttons">
+    <button type="button" id="calibration-end" hidden>End this step</button>
+    <button type="button" id="calibration-apply" hidden>Write the results</button>
+  </div>
+  <p id="calibration-told" role="status"></p>
+  <pre id="calibration-difference" class="small" tabindex="0" hidden></pre>`;
+
+export default class Calibration {
   #can = new Set();
   #ask;
   #steps = [];
@@ -16,7 +33,9 @@ export class Calibration {
   #running = "";
   #question = null;
 
-  constructor(connection, ask) {
+  constructor({ connection, ask, section }) {
+    section.innerHTML = HTML;
+    section.setAttribute("aria-labelledby", "calibration-title");
     this.#ask = ask;
     connection.on("calibration", (now) => this.#take(now));
     $("calibration-end").addEventListener("click", () => ask("stop"));
