@@ -235,7 +235,7 @@ class Daemon:
         with self.entries.entry(self._started):
             pass
         try:
-            await self._run(*more)
+            await self._run_services(*more)
         except asyncio.CancelledError:
             self._latch.end()
             raise
@@ -245,7 +245,7 @@ class Daemon:
         fault = None if gate.fault is None else str(gate.fault)
         return DaemonStarted(stamp_s, str(gate.mode), gate.reason, fault, self._session)
 
-    def _fail(self, fault: Fault) -> None:
+    def _stop_for_fault(self, fault: Fault) -> None:
         with self.entries.entry(ServiceFailed, fault.reason):
             self.driving.fail(fault)
 
@@ -255,8 +255,8 @@ class Daemon:
             return service.run
         return partial(self.entries.in_steps, service.name, service.run)
 
-    async def _run(self, *more: Loop) -> None:
-        run_restarting = partial(self._supervisor.run_restarting, on_failure=self._fail)
+    async def _run_services(self, *more: Loop) -> None:
+        run_restarting = partial(self._supervisor.run_restarting, on_failure=self._stop_for_fault)
         run_critical = self._supervisor.run_critical
         async with asyncio.TaskGroup() as group:
             try:

@@ -220,12 +220,12 @@ class Bus:
                     try:
                         handler(event)
                     except Exception as error:  # noqa: BLE001 (handed on)
-                        self._report(event, error, on_error)
+                        self._report_error(event, error, on_error)
         finally:
             self._undelivered.clear()
             self._is_held = False
 
-    def _report(self, event: object, error: Exception, on_error: OnError) -> None:
+    def _report_error(self, event: object, error: Exception, on_error: OnError) -> None:
         self.handler_errors[type(event).__name__] += 1
         try:
             on_error(error)

@@ -82,29 +82,29 @@ class Metrics:
         Raises:
             ValueError: the name is taken, or is not in snake case; as for the others.
         """
-        self._add(Metric(name, help, Kind.COUNTER, int, read))
+        self._add_metric(Metric(name, help, Kind.COUNTER, int, read))
 
     def counters(self, name: str, help: str, label: str, read: Callable[[], Mapping[str, int]]) -> None:
         """Add numbers that only grow, by what ``label`` says."""
-        self._add(Metric(name, help, Kind.COUNTER, dict[str, int], read, label))
+        self._add_metric(Metric(name, help, Kind.COUNTER, dict[str, int], read, label))
 
     def gauge(self, name: str, help: str, read: Callable[[], float]) -> None:
         """Add a number that goes up and down."""
-        self._add(Metric(name, help, Kind.GAUGE, float, read))
+        self._add_metric(Metric(name, help, Kind.GAUGE, float, read))
 
     def optional_gauge(self, name: str, help: str, read: Callable[[], float | None]) -> None:
         """Add a number that goes up and down, and is None as long as it is not known."""
-        self._add(Metric(name, help, Kind.GAUGE, float | None, read))
+        self._add_metric(Metric(name, help, Kind.GAUGE, float | None, read))
 
     def histogram(self, name: str, help: str, histogram: Histogram) -> None:
         """Add a count of values by their size; collected as a mapping from each upper bound to its count."""
-        self._add(Metric(name, help, Kind.HISTOGRAM, dict[str, int], lambda: histogram, "at_most"))
+        self._add_metric(Metric(name, help, Kind.HISTOGRAM, dict[str, int], lambda: histogram, "at_most"))
 
     def collect(self) -> dict[str, Figure]:
         """Every figure by its name, as it is now; mappings are copies."""
         return {metric.name: _copy_value(metric.read()) for metric in self}
 
-    def _add(self, metric: Metric) -> None:
+    def _add_metric(self, metric: Metric) -> None:
         if metric.name in self._metrics:
             raise ValueError(f"there is a metric named {metric.name!r} already")
         if not NAME.fullmatch(metric.name):

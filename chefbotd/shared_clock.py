@@ -96,15 +96,15 @@ class ClockServer:
         due_s = time.monotonic()
         while True:
             while self._busy or not self._clients:
-                self._listen(None)
+                self._serve_sockets(None)
             due_s = next_due_s(due_s, time.monotonic(), self._real_tick_s)
             while (left_s := due_s - time.monotonic()) > 0:
-                self._listen(left_s)
+                self._serve_sockets(left_s)
             self._tick += 1
             for client in list(self._clients):
                 self._send_time(client)
 
-    def _listen(self, timeout_s: float | None) -> None:
+    def _serve_sockets(self, timeout_s: float | None) -> None:
         for key, _ in self._selector.select(timeout_s):
             if key.fileobj is self._listening:
                 client, _address = self._listening.accept()
@@ -112,9 +112,9 @@ class ClockServer:
                 self._clients.add(client)
                 self._send_time(client)
             elif isinstance(key.fileobj, socket.socket):
-                self._take(key.fileobj)
+                self._take_word(key.fileobj)
 
-    def _take(self, client: socket.socket) -> None:
+    def _take_word(self, client: socket.socket) -> None:
         try:
             data = client.recv(64)
         except OSError:
@@ -122,16 +122,16 @@ class ClockServer:
         if data:
             self._busy.discard(client)
         else:
-            self._forget(client)
+            self._forget_client(client)
 
     def _send_time(self, client: socket.socket) -> None:
         self._busy.add(client)
         try:
             client.sendall(TIME.pack(START_S + self._tick * TICK_S))
         except OSError:
-            self._forget(client)
+            self._forget_client(client)
 
-    def _forget(self, client: socket.socket) -> None:
+    def _forget_client(self, client: socket.socket) -> None:
         self._busy.discard(client)
         self._clients.discard(client)
         self._selector.unregister(client)

@@ -82,13 +82,13 @@ class Wire(asyncio.Protocol):
             self._abort(f"no JSON object: {bytes(line[:60])!r}")
             return
         if method == "progress":
-            self._report(message.get("params", {}))
+            self._report_progress(message.get("params", {}))
         elif method is not None:
             self._on_notification(method, message.get("params", {}))
         else:
             self._resolve(message)
 
-    def _report(self, params: Mapping[str, Any]) -> None:
+    def _report_progress(self, params: Mapping[str, Any]) -> None:
         request_id = params.get("id") or 0
         report, answer = self._on_progress.get(request_id), self._answers.get(request_id)
         if report is None or answer is None or answer.done():
@@ -136,7 +136,7 @@ class Wire(asyncio.Protocol):
             async with asyncio.timeout(timeout_s) as limit:
                 if on_progress is not None:
                     self._on_progress[request_id] = _extending(limit, timeout_s, on_progress)
-                answer = await self._ask(request_id, method, params)
+                answer = await self._send_request(request_id, method, params)
                 return await answer
         except TimeoutError:
             raise CallTimeout(f"no answer to {method} within {timeout_s} s") from None
@@ -145,7 +145,7 @@ class Wire(asyncio.Protocol):
             if self._answers.pop(request_id, None) is not None:  # nobody waits for it any more
                 self.notify("cancel", {"id": request_id})
 
-    async def _ask(
+    async def _send_request(
         self, request_id: int, method: str, params: Mapping[str, Any]
     ) -> asyncio.Future[dict[str, Any]]:
         await self._writable.wait()

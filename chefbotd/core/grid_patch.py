@@ -82,11 +82,11 @@ class GridAssembler:
         elif self._revision is None or patch.revision != self._revision + 1:
             return False
         else:
-            self._put(patch, shape, part)
+            self._place_patch(patch, shape, part)
         self._revision = patch.revision
         return True
 
-    def _put(self, patch: GridPatch, shape: tuple[int, int], part: bytes) -> None:
+    def _place_patch(self, patch: GridPatch, shape: tuple[int, int], part: bytes) -> None:
         width, lasts = patch.part_columns, (patch.row + patch.part_rows, patch.column + patch.part_columns)
         if (
             shape != self._shape

@@ -294,7 +294,7 @@ class DriveService:
             self._watch_timer.note_stillness(now_s)
         self.steps += 1
         self.keeper.announce(now_s)
-        self._publish(event, seen)
+        self._publish_wheels(event, seen)
         self.step_times.observe(perf_counter() - began_s)
 
     def _on_echo(self, event: DutyEchoed) -> None:
@@ -305,7 +305,7 @@ class DriveService:
     def _on_battery(self, event: BatteryMeasured) -> None:
         self.wheels.note_voltage(event.voltage_v)
 
-    def _publish(self, event: EncodersCounted, seen: WheelsRead) -> None:
+    def _publish_wheels(self, event: EncodersCounted, seen: WheelsRead) -> None:
         stamp_s, reading, excluded = event.stamp_s, seen.reading, seen.same_side.excluded
         position_rad, velocity_rad_s = reading.position_rad, reading.velocity_rad_s
         times = stamp_s, event.arrival_s, event.board_s

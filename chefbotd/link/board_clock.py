@@ -169,11 +169,11 @@ class BoardClock(MutableState):
         """Take a `t` line: µs since boot (uint32), seconds since the cycle before, and when it was read."""
         last = self._last
         if last is None:
-            self._accept(_Reading(micros, host_s, host_s))
+            self._accept_reading(_Reading(micros, host_s, host_s))
             return StampVerdict.GOOD
         if _follows(last, micros, cycle_s, host_s):
             step_s = ((micros - last.micros) % MICROS_PER_TURN) * 1e-6
-            self._accept(_Reading(micros, last.board_s + step_s, host_s))
+            self._accept_reading(_Reading(micros, last.board_s + step_s, host_s))
             return StampVerdict.GOOD
         if self._suspect is not None and _follows(self._suspect, micros, cycle_s, host_s):
             return self._reanchor(last, micros, host_s)
@@ -206,7 +206,7 @@ class BoardClock(MutableState):
         reading = self._suspect or self._last
         return None if reading is None else (reading.micros, reading.host_s)
 
-    def _accept(self, reading: _Reading) -> None:
+    def _accept_reading(self, reading: _Reading) -> None:
         self._last, self._suspect = reading, None
         self.relation.observe(reading.board_s, reading.host_s)
         made_s = self.relation.host_s(reading.board_s)
@@ -223,10 +223,10 @@ class BoardClock(MutableState):
         elapsed_s = max(0.0, host_s - last.host_s)
         restarted = micros * 1e-6 < elapsed_s + RESTART_SLACK_S and not _agree(ahead_s, elapsed_s)
         if ahead_s <= LONGEST_GAP_S and not restarted:
-            self._accept(_Reading(micros, last.board_s + ahead_s, host_s))
+            self._accept_reading(_Reading(micros, last.board_s + ahead_s, host_s))
             return StampVerdict.RESYNCED
         self.relation = ClockRelation()
-        self._accept(_Reading(micros, last.board_s + elapsed_s, host_s))
+        self._accept_reading(_Reading(micros, last.board_s + elapsed_s, host_s))
         return StampVerdict.RESTARTED if restarted else StampVerdict.RESYNCED
 
 

@@ -182,12 +182,12 @@ class BoardFirmware:
             return
         if now.unanswered >= MOST_HELLOS:
             if not now.is_checked:
-                self._give_up(now_s)
+                self._stop_asking(now_s)
                 return
             self._complain(UNKNOWN_DEADMAN, UNKNOWN_DEADMAN, now_s)
         now.hello_sequence, now.hello_s = self._sealer.sequence, now_s
         now.unanswered, now.due_s = now.unanswered + 1, now_s + ANSWER_S
-        self._write(self._sealer.encode(self._hello), now_s)
+        self._write_line(self._sealer.encode(self._hello), now_s)
 
     def set_up_loop(self, now_s: float) -> None:
         """Write the next parameter of the wheel loop, if the board has one and room for it; else the next read will."""
@@ -197,9 +197,9 @@ class BoardFirmware:
             return
         parameter = self.loop.next_parameter(now_s)
         if parameter is not None:
-            self._write(self._sealer.encode(wire.SetParameter(*parameter)), now_s)
+            self._write_line(self._sealer.encode(wire.SetParameter(*parameter)), now_s)
 
-    def _write(self, line: bytes, now_s: float) -> None:
+    def _write_line(self, line: bytes, now_s: float) -> None:
         self._writer.write(line, now_s)
         self._window.note_other(len(line), now_s)
 
@@ -209,7 +209,7 @@ class BoardFirmware:
         if self._negotiates:
             now.due_s = max(now_s, now.hello_s + ANSWER_S)
 
-    def _give_up(self, now_s: float) -> None:
+    def _stop_asking(self, now_s: float) -> None:
         now = self.now
         now.due_s, now.unanswered = now_s + AGAIN_S, 0
         self._complain("no answer", no_answer(self._quality(), now.counters_before, MOST_HELLOS), now_s)
@@ -239,12 +239,12 @@ class BoardFirmware:
 
     def _stop_board(self, now_s: float) -> None:
         if self._negotiates and self.now.is_known:
-            self._write(ESTOP, now_s)
+            self._write_line(ESTOP, now_s)
 
     def _arm_board(self, now_s: float) -> None:
         board = self.now.board
         if self.now.is_checked and board is not None and self.now.has_latched:
-            self._write(self._sealer.encode(wire.Arm(board.estop)), now_s)
+            self._write_line(self._sealer.encode(wire.Arm(board.estop)), now_s)
 
     # What the board says
 
@@ -304,7 +304,7 @@ class BoardFirmware:
         now = self.now
         if now.about is None and now.about_asks < MOST_ASKS and self._window.has_room(ABOUT_BYTES):
             now.about_asks, now.about_sequence = now.about_asks + 1, self._sealer.sequence
-            self._write(self._sealer.encode(wire.AskAbout()), now_s)
+            self._write_line(self._sealer.encode(wire.AskAbout()), now_s)
 
     def told_about(self, message: wire.BoardAbout, now_s: float) -> FirmwareReported:
         """What the board counts, and which build it is."""

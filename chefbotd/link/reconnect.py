@@ -117,7 +117,7 @@ class PortLink:
             while True:
                 await self._open()
                 log.info("link opened", device=self._parameters.device)
-                await self._watch()
+                await self._watch_device()
                 log.warning("link lost", device=self._parameters.device)
                 await self._look_for_sharers()
                 await self._back_off()
@@ -126,7 +126,7 @@ class PortLink:
                 self._session.close()
                 await self._session.wait_closed()
 
-    async def _watch(self) -> None:
+    async def _watch_device(self) -> None:
         """Judge until the link is lost whether the right device is connected."""
         closed = asyncio.ensure_future(self._session.wait_closed())
         looked_s, refused = self._clock.now_s(), self._session.refused_lines

@@ -151,7 +151,7 @@ class Restarts:
     def restore(self, state: RestartsState) -> None:
         """Restore this state."""
         self._watch, self._reset, self.count = state.watch, state.reset, state.count
-        self._timer = self._clock.resume(state.due_s, self._look, TIMER)
+        self._timer = self._clock.resume(state.due_s, self._look_at_reset, TIMER)
 
     @property
     def holds_motion(self) -> bool:
@@ -162,24 +162,24 @@ class Restarts:
         """Begin a restart, after its stop was sent; a restart that is under way goes on."""
         if self._reset.stage is None:
             self._reset.begin(self._clock.now_s())
-            self._tell(ResetStage.STOPPING)
-            self._look()
+            self._report_stage(ResetStage.STOPPING)
+            self._look_at_reset()
 
     def link_lost(self) -> None:
         """The board that was to restart is gone."""
-        self._end(ResetStage.LINK_LOST)
+        self._end_reset(ResetStage.LINK_LOST)
 
     def echoed(self, duty: tuple[float, ...], now_s: float) -> None:
         """The board said which command is in force."""
         if self._reset.stage is ResetStage.STOPPING:
             self._reset.echoed(duty, now_s)
-            self._look()
+            self._look_at_reset()
 
     def turned(self, counts: tuple[int, ...], now_s: float) -> None:
         """The board said how far its wheels have turned."""
         if self._reset.stage is ResetStage.STOPPING:
             self._reset.counted(counts, now_s)
-            self._look()
+            self._look_at_reset()
 
     def reset_done(self, now_s: float) -> None:
         """The board said that it is about to restart."""
@@ -191,7 +191,7 @@ class Restarts:
         if cause is None and self._watch.has_gone_on:
             self._watch.has_gone_on = False
             if self._reset.stage is ResetStage.ASKED:
-                self._end(ResetStage.NOT_RESTARTED)
+                self._end_reset(ResetStage.NOT_RESTARTED)
             else:
                 log.warning("the board sent 'Reset Done' without being asked, and continued")
         return cause
@@ -201,29 +201,29 @@ class Restarts:
         self.count += 1
         self._watch.restarted()
         self._bus.publish(BoardRestarted(now_s, cause))
-        self._end(ResetStage.RESTARTED)
+        self._end_reset(ResetStage.RESTARTED)
 
-    def _look(self) -> None:
+    def _look_at_reset(self) -> None:
         """Ask as soon as the robot stands and the port accepts it; give up if the board is not back in time."""
         self._cancel_timer()
         now_s = self._clock.now_s()
         if self._reset.is_overdue(now_s):
-            self._end(ResetStage.NO_ANSWER)
+            self._end_reset(ResetStage.NO_ANSWER)
             return
         if self._reset.may_ask(now_s) and self._writer.has_drained():
             self._writer.write(self._request_line(), now_s)
             self._reset.asked(now_s)
-            self._tell(ResetStage.ASKED)
+            self._report_stage(ResetStage.ASKED)
         wait_s = max(self._reset.look_again_s - now_s, LOOK_AGAIN_S)
-        self._timer = self._clock.call_later(wait_s, self._look, TIMER)
+        self._timer = self._clock.call_later(wait_s, self._look_at_reset, TIMER)
 
-    def _end(self, stage: ResetStage) -> None:
+    def _end_reset(self, stage: ResetStage) -> None:
         self._cancel_timer()
         if self._reset.stage is not None:
             self._reset.end()
-            self._tell(stage)
+            self._report_stage(stage)
 
-    def _tell(self, stage: ResetStage) -> None:
+    def _report_stage(self, stage: ResetStage) -> None:
         self._bus.publish(BoardResetProgressed(self._clock.now_s(), str(stage), REASONS[stage]))
         logged = log.info if stage in ENDS_WELL else log.warning
         logged("restart of the board", stage=str(stage), reason=REASONS[stage])

@@ -105,13 +105,13 @@ class SetpointWriter:
         if wait_s > 0 and not self._ends_motion(duty):
             self._wake_in(wait_s)
         else:
-            self._send(now_s)
+            self._send_setpoint(now_s)
 
     def resume(self) -> None:
         """Send what waits, if nothing holds it back."""
-        self._send(self._now_s())
+        self._send_setpoint(self._now_s())
 
-    def _send(self, now_s: float) -> None:
+    def _send_setpoint(self, now_s: float) -> None:
         if self._withdrawn:
             self._note_withdrawn()
         if self._timer is not None:

@@ -26,9 +26,9 @@ class ExitDeadline:
         """End the process so long from now, unless it has ended by itself. Only the first call counts."""
         if not self._started:
             self._started = True
-            threading.Thread(target=self._wait, args=(loop,), name="exit deadline", daemon=True).start()
+            threading.Thread(target=self._end_late_process, args=(loop,), name="exit deadline", daemon=True).start()
 
-    def _wait(self, loop: asyncio.AbstractEventLoop) -> None:
+    def _end_late_process(self, loop: asyncio.AbstractEventLoop) -> None:
         time.sleep(self._within_s)
         log.error(
             "the process does not end by itself, and is ended: a plug-in keeps a task or a thread",

@@ -32,7 +32,7 @@ class LogWriter:
         self._descriptor = descriptor
         self._texts: queue.Queue[str | None] = queue.Queue(ROOM_FOR_LINES)
         self._lost = 0
-        self._thread = threading.Thread(target=self._run, name="log", daemon=True)
+        self._thread = threading.Thread(target=self._write_texts, name="log", daemon=True)
         self._thread.start()
         atexit.register(self.close)
 
@@ -55,14 +55,14 @@ class LogWriter:
             return
         self._thread.join(FLUSH_TIMEOUT_S)
 
-    def _run(self) -> None:
+    def _write_texts(self) -> None:
         while (text := self._texts.get()) is not None:
             lost, self._lost = self._lost, 0
             if lost:
-                self._put(f'{{"event": "log lines lost, nobody reads them", "lines": {lost}}}\n')
-            self._put(text)
+                self._write_text(f'{{"event": "log lines lost, nobody reads them", "lines": {lost}}}\n')
+            self._write_text(text)
 
-    def _put(self, text: str) -> None:
+    def _write_text(self, text: str) -> None:
         data = text.encode(errors="backslashreplace")
         try:
             while data:

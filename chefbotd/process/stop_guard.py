@@ -44,7 +44,7 @@ class _Guard:
 
     def __init__(self, link: LinkParameters, stop: bytes) -> None:
         self._link, self._stop = link, stop
-        self._starting = self._start()
+        self._starting = self._start_process()
 
     async def keep(self) -> None:
         """Start another one whenever it ends."""
@@ -52,7 +52,7 @@ class _Guard:
             code = await process.wait()
             log.warning("the stop guard has ended, and is started again", code=code)
             await asyncio.sleep(AGAIN_S)
-            self._starting = self._start()
+            self._starting = self._start_process()
 
     async def end_cleanly(self) -> None:
         """Let the running one end without a stop."""
@@ -61,7 +61,7 @@ class _Guard:
                 async with asyncio.timeout(ENDING_S):
                     await process.communicate(END_MESSAGE)
 
-    def _start(self) -> "asyncio.Task[Process | None]":
+    def _start_process(self) -> "asyncio.Task[Process | None]":
         return asyncio.create_task(_start_guard(self._link, self._stop))
 
 

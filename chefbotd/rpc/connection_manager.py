@@ -220,12 +220,12 @@ class ConnectionManager:
         try:
             evicted = self._stop_places.add(session, session.host, self.clock.now_s())
         except NoSlot:
-            asyncio.get_running_loop().call_soon(self._end, session, no_room)
+            asyncio.get_running_loop().call_soon(self._end_session, session, no_room)
         else:
             for gives_way in evicted:
                 self.disconnect(gives_way)
 
-    def _end(self, session: Session, no_room: str) -> None:
+    def _end_session(self, session: Session, no_room: str) -> None:
         connection = self._sessions.get(session)
         if connection is not None and not connection.closing:
             connection.end(Failure(ErrorKind.TOO_MANY_CLIENTS, no_room))

@@ -132,7 +132,7 @@ class ControlLeases:
             lease.stamp_s = now_s
         else:
             self._leases[source] = Lease(session, now_s)
-            self._tell(now_s)
+            self._announce_control(now_s)
 
     def take_source(self, source: str, session: Session, now_s: float) -> Session | None:
         """Give a source to a client. Returns the client that had it."""
@@ -149,7 +149,7 @@ class ControlLeases:
             del self._leases[source]
             self._withdraw(source)
         if sources:
-            self._tell(now_s)
+            self._announce_control(now_s)
         return sources
 
     def forget(self) -> None:
@@ -162,12 +162,12 @@ class ControlLeases:
         for source in over:
             del self._leases[source]
         if over:
-            self._tell(now_s)
+            self._announce_control(now_s)
 
     def renamed(self, session: Session, now_s: float) -> None:
         """A client goes by another name now."""
         if any(lease.holder is session for lease in self._leases.values()):
-            self._tell(now_s)
+            self._announce_control(now_s)
 
-    def _tell(self, now_s: float) -> None:
+    def _announce_control(self, now_s: float) -> None:
         self._announce(ControlChanged(now_s, {s: str(lease.holder) for s, lease in self._leases.items()}))

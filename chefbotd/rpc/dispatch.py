@@ -107,7 +107,7 @@ class Dispatcher:
 
         What moves the robot is not carried out when it came before a stop, or too long ago.
         """
-        request = self._read(line)
+        request = self._parse_line(line)
         if isinstance(request, Failure):
             self._refuse(caller, request, wants_answer=True, foreign=_is_foreign(line, request))
             return
@@ -126,7 +126,7 @@ class Dispatcher:
 
     def urgent_request(self, session: Session, line: bytes | bytearray) -> Request | None:
         """The request in a line that is served before others: a stop, or the token that it needs; else None."""
-        request = self._read(line)
+        request = self._parse_line(line)
         method = None if isinstance(request, Failure) else self._methods.get(request.method)
         if isinstance(request, Failure) or method is None:
             return None
@@ -134,10 +134,10 @@ class Dispatcher:
 
     def is_foreign(self, line: bytes | bytearray) -> bool:
         """Whether a line is of another protocol."""
-        request = self._read(line)
+        request = self._parse_line(line)
         return isinstance(request, Failure) and _is_foreign(line, request)
 
-    def _read(self, line: bytes | bytearray) -> Request | Failure:
+    def _parse_line(self, line: bytes | bytearray) -> Request | Failure:
         request = jsonrpc.parse(line)
         return (self._urgent_in(line) or request) if isinstance(request, Failure) else request
 

@@ -112,20 +112,20 @@ class Group:
     def offer(self, now_s: float) -> None:
         """Send a new value, now or when it is due."""
         if self._interval_s == 0.0 or now_s >= self._due_s:
-            self._send(now_s)
+            self._send_payload(now_s)
         elif self._timer is None:
             self._send_when_due(now_s)
 
     def _send_when_due(self, now_s: float) -> None:
         loop = asyncio.get_running_loop()
-        self._timer = loop.call_later(self._due_s - now_s, lambda: self._send(self._clock.now_s()))
+        self._timer = loop.call_later(self._due_s - now_s, lambda: self._send_payload(self._clock.now_s()))
 
     def _cancel_timer(self) -> None:
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
 
-    def _send(self, now_s: float) -> None:
+    def _send_payload(self, now_s: float) -> None:
         if self._timer is not None:
             self._cancel_timer()
         self._due_s = now_s + self._interval_s

@@ -100,7 +100,7 @@ class SocketConnection(asyncio.Protocol):
         if self._state not in READING:
             return
         self.session.record_activity(self._manager.clock.now_s())
-        self._take(data)
+        self._add_requests(data)
         self._clear_unread_mark()
         if self.closing:
             self._search.limit.count_bytes(len(data))
@@ -110,7 +110,7 @@ class SocketConnection(asyncio.Protocol):
         elif self._framing.ended and self._state in READING:
             self._read_no_more(ConnectionEvent.EOF)
 
-    def _take(self, data: bytes) -> None:
+    def _add_requests(self, data: bytes) -> None:
         """Put the requests in these bytes into the backlog; a request is as old as its first byte."""
         lines = self._framing.lines(data)
         self._backlog.add(lines, self._held.arrival_of(lines, partial=self._framing.partial))
@@ -257,7 +257,7 @@ class SocketConnection(asyncio.Protocol):
         if self._drain_timer is not None:
             self._drain_timer.cancel()
         if self._state in READING:
-            self._take(kernel_bytes(self._plain))
+            self._add_requests(kernel_bytes(self._plain))
         self._unread.unregister(self._descriptor, self)
         self._manager.remove(self.session)
         self._enter(ConnectionEvent.LOST)
@@ -292,7 +292,7 @@ class SocketConnection(asyncio.Protocol):
         self._finish = finish
         self._enter(ConnectionEvent.END)
         if at_once:
-            self._take(kernel_bytes(self._plain))
+            self._add_requests(kernel_bytes(self._plain))
             self._read_no_more(ConnectionEvent.DRAIN_OVER)
         else:
             loop = asyncio.get_running_loop()

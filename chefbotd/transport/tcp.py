@@ -212,14 +212,14 @@ class Listener:
         """Accept clients until cancelled."""
         async with asyncio.TaskGroup() as group:
             for listener in self._listeners:
-                group.create_task(self._accept(listener, group))
+                group.create_task(self._accept_connections(listener, group))
 
     def close(self) -> None:
         """Listen no more."""
         for listener in self._listeners:
             listener.close()
 
-    async def _accept(self, listener: socket.socket, group: asyncio.TaskGroup) -> None:
+    async def _accept_connections(self, listener: socket.socket, group: asyncio.TaskGroup) -> None:
         loop, queue = asyncio.get_running_loop(), _AcceptQueue(listener, self._manager.arrivals, self._unread)
         while True:
             try:
@@ -295,12 +295,12 @@ class TcpServer:
         """
         self._address = self._listener.listen(self._parameters.host, self._parameters.port)
         try:
-            self._announce()
+            self._announce_address()
             await self._listener.run()
         finally:
             self._listener.close()
 
-    def _announce(self) -> None:
+    def _announce_address(self) -> None:
         host, port = self._address
         self._listening.set()
         log.info("api_listening", host=host, port=port, tls=self._tls is not None)

@@ -121,14 +121,14 @@ class Pilot:
         """Send commands until cancelled, and release the source at the end. Raises client errors other than refusals."""
         try:
             while True:
-                await self._send()
+                await self._send_command()
                 await self._wait()
         finally:
             moving, self.asked = self.asked != STANDING, STANDING
             if moving and self._robot.connected:
                 await release_source(self._robot)
 
-    async def _send(self) -> None:
+    async def _send_command(self) -> None:
         self._woken.clear()
         command = self.keys.twist(asyncio.get_running_loop().time())
         stop_due, self._stop_due = self._stop_due, False

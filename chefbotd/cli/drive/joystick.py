@@ -105,7 +105,7 @@ class JoystickPilot:
 
     async def _obey(self, order: Order) -> None:
         try:
-            await self._ask(order)
+            await self._send_order(order)
         except CallError as error:
             if self._falls_back(error):
                 await self._obey(order)
@@ -116,7 +116,7 @@ class JoystickPilot:
             self._pad = disable_pad(self._pad)
             self._say(str(error))
 
-    async def _ask(self, order: Order) -> None:
+    async def _send_order(self, order: Order) -> None:
         if order is PadRequest.RELEASE:
             await release_source(self._robot, self._source)
         elif order is PadRequest.STOP:

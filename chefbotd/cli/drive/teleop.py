@@ -72,7 +72,7 @@ class Teleop(RobotScreen):
 
     async def on_mount(self) -> None:
         """Textual: the screen is there, so begin."""
-        self.run_tasks(self._drive(), self._listen(), self._measure())
+        self.run_tasks(self._send_commands(), self._read_events(), self._measure())
         self.draw_at(SHOWN_HZ, self._draw)
 
     async def on_app_blur(self) -> None:
@@ -94,7 +94,7 @@ class Teleop(RobotScreen):
         else:
             self._pilot.press(key)
 
-    async def _drive(self) -> None:
+    async def _send_commands(self) -> None:
         """Send the keys' commands. After a lost connection no key counts as held: the command was withdrawn."""
         while True:
             try:
@@ -109,7 +109,7 @@ class Teleop(RobotScreen):
         self._pilot.release()
         await self.ask(request, done)
 
-    async def _listen(self) -> None:
+    async def _read_events(self) -> None:
         async with self.robot.subscribe(TOPICS, max_rate_hz=SHOWN_HZ) as events:
             async for event in events:
                 self._latest[event.topic] = event

@@ -127,13 +127,13 @@ class CommandGroup(click.Group):
             return super().invoke(ctx)
         except ProgramError as failure:
             if failure.code is not Exit.OUTPUT_CLOSED:  # closed by the reader, such as head: print nothing
-                self._report(failure, wants_json(ctx))
+                self._report_failure(failure, wants_json(ctx))
             ctx.exit(failure.code)
         except KeyboardInterrupt:
             tell("Interrupted.")
             ctx.exit(Exit.INTERRUPTED)
 
-    def _report(self, failure: ProgramError, as_json: bool) -> None:
+    def _report_failure(self, failure: ProgramError, as_json: bool) -> None:
         if as_json:
             error = {"exit_code": int(failure.code), "message": str(failure), **failure.details}
             tell(json.dumps({"error": error}))

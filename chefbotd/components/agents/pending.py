@@ -123,9 +123,9 @@ class PendingRequests:
 
     def _look_at(self, number: int, due_s: float) -> None:
         name = f"agent request {number}"
-        self._timers[number] = self._entries.call_at(due_s, partial(self._look, number), name)
+        self._timers[number] = self._entries.call_at(due_s, partial(self._look_at_request, number), name)
 
-    def _look(self, number: int) -> None:
+    def _look_at_request(self, number: int) -> None:
         """Its time is over, or who waits is told that it still waits."""
         pending, now_s = self._pending[number], self._entries.now_s()
         if now_s < pending.due_s - EARLY_S:

@@ -89,12 +89,12 @@ class AgentsService:
         self._bus, self._entries = bus, inputs_of(clock)
         self._agents: dict[int, RegisteredAgent] = {}  # by client
         self._buttons: dict[int, ButtonData] = {}
-        self.waits = PendingRequests(self._entries, self._tell)
+        self.waits = PendingRequests(self._entries, self._publish_state)
         self._last_number = self._stop_number = 0
         self._may_tell, self._told_s = MOST_TOLD, 0.0
         self._timer: Timer | None = None
         bus.add_handler(self._take_client_left, ClientDisconnected)
-        bus.add_handler(self._take_safety, SafetyChanged)
+        bus.add_handler(self._note_stop_number, SafetyChanged)
 
     def state(self) -> AgentsState:
         """Return the state of this part."""
@@ -116,7 +116,7 @@ class AgentsService:
         self._buttons = {button.button_id: button for button in state.buttons}
         self._last_number, self._stop_number = state.last_number, state.stop_number
         self._may_tell, self._told_s = state.may_tell, state.told_s
-        self._timer = self._entries.resume(state.due_s, self._tell, TIMER)
+        self._timer = self._entries.resume(state.due_s, self._publish_state, TIMER)
         self.waits.restore(state.waits)
 
     # what an agent asks
@@ -133,7 +133,7 @@ class AgentsService:
         _require_room("agents", len(self._agents) - (own is not None), MOST_AGENTS)
         data = AgentData(params.name, params.version, tuple(params.methods))
         self._agents[client] = RegisteredAgent(data, client, MOST_SAID, self._entries.now_s())
-        self._tell()
+        self._publish_state()
         return DONE
 
     @method(role=Role.AGENT, moves=False)
@@ -145,7 +145,7 @@ class AgentsService:
             raise Unserved(ErrorKind.RATE_LIMITED, f"the agent {agent.data.name!a} speaks too often")
         data = replace(agent.data, text=params.text)
         self._agents[agent.client] = RegisteredAgent(data, agent.client, may_say - 1.0, now_s)
-        self._tell()
+        self._publish_state()
         self._bus.publish(AgentSaid(now_s, data.name, params.text))
         return DONE
 
@@ -157,7 +157,7 @@ class AgentsService:
         number = self._next_number()
         question = QuestionData(number, name, params.question, tuple(params.choices))
         self.waits.add(number, name, params.timeout_s, question)
-        self._tell()
+        self._publish_state()
         answer: AskResult = await self.waits.wait(number, progress)
         return answer
 
@@ -169,7 +169,7 @@ class AgentsService:
         _require_room("buttons of an agent", len(own), MOST_BUTTONS)
         number = self._next_number()
         self._buttons[number] = ButtonData(number, name, params.label)
-        self._tell()
+        self._publish_state()
         return ButtonAdded(number)
 
     @method(role=Role.AGENT, moves=False)
@@ -180,7 +180,7 @@ class AgentsService:
             why = f"the button {button.label!a} belongs to the agent {button.agent!a}"
             raise Refused(RefusalKind.UNKNOWN_BUTTON, why)
         del self._buttons[button.button_id]
-        self._tell()
+        self._publish_state()
         return DONE
 
     @method(role=Role.AGENT, moves=False)
@@ -270,21 +270,21 @@ class AgentsService:
         details["stop_number"] = self._stop_number  # what is decided now is decided before the next stop
         self._bus.publish(AgentNotified(agent, event, str(by), **details, stamp_s=now_s))
 
-    def _tell(self) -> None:
+    def _publish_state(self) -> None:
         """Tell how things stand, now or as soon as the rate allows it."""
         if due_of(self._timer) is not None:
             return
         now_s = self._entries.now_s()
         level = min(MOST_TOLD, self._may_tell + (now_s - self._told_s) * TELL_PER_S)
         if level < 1.0 - EARLY:
-            self._timer = self._entries.call_later((1.0 - level) / TELL_PER_S, self._tell, TIMER)
+            self._timer = self._entries.call_later((1.0 - level) / TELL_PER_S, self._publish_state, TIMER)
             return
         self._may_tell, self._told_s = max(0.0, level - 1.0), now_s
         agents = tuple(agent.data for agent in self._agents.values())
         buttons = tuple(self._buttons.values())
         self._bus.publish(AgentsChanged(agents, buttons, self.waits.questions(), stamp_s=now_s))
 
-    def _take_safety(self, event: SafetyChanged) -> None:
+    def _note_stop_number(self, event: SafetyChanged) -> None:
         self._stop_number = event.stop_number
 
     def _take_client_left(self, event: ClientDisconnected) -> None:
@@ -297,7 +297,7 @@ class AgentsService:
         left = Refused(RefusalKind.AGENT_LEFT, f"the agent {name!a} has left before it answered")
         for pending in (*self.waits.of(name, questions=True), *self.waits.of(name, questions=False)):
             self.waits.end(pending.number, left)
-        self._tell()
+        self._publish_state()
 
 
 def _require_room(what: str, count: int, most: int) -> None:

@@ -151,7 +151,7 @@ class ProcedureRunner:
 
     async def _perform(self, action: Action, baseline: StopBaseline) -> Mapping[str, float]:
         if isinstance(action, Ask):
-            return {action.key: await self._ask(action, baseline)}
+            return {action.key: await self._ask_person(action, baseline)}
         await self._move(action, baseline)
         return {}
 
@@ -221,7 +221,7 @@ class ProcedureRunner:
             raise Refused(RefusalKind.STOPPED, "a fault stopped the robot meanwhile; begin the step again")
         return safety
 
-    async def _ask(self, ask: Ask, baseline: StopBaseline) -> float:
+    async def _ask_person(self, ask: Ask, baseline: StopBaseline) -> float:
         self._driver.let_go()
         self._asked, self._answer = ask, asyncio.get_running_loop().create_future()
         end_s = self._entries.now_s() + ANSWER_TIMEOUT_S

@@ -118,7 +118,7 @@ class CalibrationService:
             step = step_named(params.step)
             self._require(step, robot, params.space_m)
             measured = await self._runner.run(step.procedure(robot), baseline)
-            self._tell("computing", "computes the parameters", 1.0)
+            self._publish_state("computing", "computes the parameters", 1.0)
             measured = as_calibrated(measured, self._robot_with({}), robot)
             result = self._compared(await self._fitted(step.name, robot, measured))
             self._results[step.name] = result
@@ -135,7 +135,7 @@ class CalibrationService:
         finally:
             self._step, self._report = "", _report_nothing
             if self._state != "idle":
-                self._tell("idle")
+                self._publish_state("idle")
 
     @method(role=Role.DRIVE, moves=False)
     def answer_calibration(self, caller: Caller, params: AnswerCalibrationParams) -> Done:
@@ -240,9 +240,9 @@ class CalibrationService:
             self._report(action.done, 1.0, action.text)
             return
         self._action = action
-        self._tell(state, action.text, action.done, action if isinstance(action, Ask) else None)
+        self._publish_state(state, action.text, action.done, action if isinstance(action, Ask) else None)
 
-    def _tell(self, state: str, text: str = "", done: float = 0.0, question: Ask | None = None) -> None:
+    def _publish_state(self, state: str, text: str = "", done: float = 0.0, question: Ask | None = None) -> None:
         results = tuple(replace(result, plots=()) for result in self._results.values())
         self._state = state
         self._bus.publish(

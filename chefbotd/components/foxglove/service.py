@@ -111,7 +111,7 @@ class FoxgloveService:
             for event in inbox.take_all():
                 if watched or type(event) not in offered or getattr(event, "retained", False):
                     offered.add(type(event))
-                    self._send(encoder, event)
+                    self._send_event(encoder, event)
             drawn, now_ns = encoder.take_maps(), self._now_ns(offset_ns)
             is_due = watched and now_ns - maps.drawn_ns > AGAIN_S * 1e9
             if is_due:  # for whoever has come since
@@ -120,7 +120,7 @@ class FoxgloveService:
             if drawn or is_due:
                 await asyncio.to_thread(_draw, maps, drawn, now_ns, live)
 
-    def _send(self, encoder: Encoder, event: Any) -> None:
+    def _send_event(self, encoder: Encoder, event: Any) -> None:
         try:
             encoder.encode_event(event)
         except Exception as error:  # noqa: BLE001 - told; the robot is not to suffer

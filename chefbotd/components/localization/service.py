@@ -109,7 +109,7 @@ class LocalizationService:
         self._latest: LocalizationChanged | None = None
         self._pose: MapPoseUpdated | None = None  # in the map in use
         self._jumps_before = 0  # by the workers before this one
-        self._entries, self._turning = inputs_of(clock), Turning(bus, clock, driver, self._report)
+        self._entries, self._turning = inputs_of(clock), Turning(bus, clock, driver, self._report_progress)
         self._may_turn = turns_at_start  # it has neither turned nor found itself yet
         self._waits: set[str] = set()  # requests that wait for a turn, by their tasks
         self._worker.add_listener(SKILL, LocalizationChanged, self._take_told)
@@ -155,7 +155,7 @@ class LocalizationService:
         self, caller: Caller, params: SetPoseParams, progress: ProgressReporter
     ) -> LocalizationData:
         """Set the robot's approximate pose in the map in use; the next scans confirm it, or it searches."""
-        return await self._ask(SetPose(params.x_m, params.y_m, params.heading_rad), SHORT_S)
+        return await self._ask_skill(SetPose(params.x_m, params.y_m, params.heading_rad), SHORT_S)
 
     @method(role=Role.DRIVE, moves=True)
     async def localize(
@@ -163,9 +163,9 @@ class LocalizationService:
     ) -> LocalizationData:
         """Search the whole map for the robot's pose; the robot does not move, unless ``turn`` allows one turn."""
         if not params.turn:
-            return await self._ask(Localize(), SHORT_S)
+            return await self._ask_skill(Localize(), SHORT_S)
         stop_number = self._turning.require().stop_number
-        await self._ask(Localize(), SHORT_S)
+        await self._ask_skill(Localize(), SHORT_S)
         self._turning.begin(stop_number)
         return await self._turned(progress)
 
@@ -213,9 +213,9 @@ class LocalizationService:
         try:
             if self._was_unloaded:  # the next map may have its name and version
                 self._was_unloaded = False
-                await self._ask(UseNone(), LONG_S)
+                await self._ask_skill(UseNone(), LONG_S)
             request = UseNone() if used is None else UseMap(used.name, used.version, renamed_from)
-            await self._ask(request, LONG_S)
+            await self._ask_skill(request, LONG_S)
             if used is not None:
                 self._problem = await self.check_map()
         except Refused as problem:
@@ -223,7 +223,7 @@ class LocalizationService:
             log.error("localization has no map", reason=self._problem)
             self._publish_unknown(self._clock.now_s(), self._problem)
 
-    def _report(self, done: float, total: float, text: str) -> None:
+    def _report_progress(self, done: float, total: float, text: str) -> None:
         for report in self._reports:
             report(done, total, text)
 
@@ -231,13 +231,13 @@ class LocalizationService:
         """Know whether the robot has a goal: then it does not turn."""
         self._turning.note_goal(has_goal=has_goal)
 
-    async def _ask(
+    async def _ask_skill(
         self, request: UseMap | UseNone | SetPose | Localize, deadline_s: float
     ) -> LocalizationData:
         answer = await self._worker.request(
-            SKILL, request, LocalizationChanged, deadline_s=deadline_s, on_progress=self._report
+            SKILL, request, LocalizationChanged, deadline_s=deadline_s, on_progress=self._report_progress
         )
-        return localization_data(self._publish(answer))
+        return localization_data(self._publish_state(answer))
 
     # what happens
 
@@ -274,7 +274,7 @@ class LocalizationService:
             return
         if self._map is None and not event.reason:
             event = replace(event, reason=self._why_no_map)
-        self._publish(event)
+        self._publish_state(event)
 
     def _take_pose(self, event: MapPoseUpdated) -> None:
         """A pose in a map that is no longer in use is void: the worker was still at it."""
@@ -302,9 +302,9 @@ class LocalizationService:
 
     def _publish_unknown(self, stamp_s: float, reason: str) -> None:
         jumps = self._jumps - self._jumps_before
-        self._publish(LocalizationChanged(stamp_s, "unknown", None, 0.0, (), 0.0, jumps, reason))
+        self._publish_state(LocalizationChanged(stamp_s, "unknown", None, 0.0, (), 0.0, jumps, reason))
 
-    def _publish(self, event: LocalizationChanged) -> LocalizationChanged:
+    def _publish_state(self, event: LocalizationChanged) -> LocalizationChanged:
         """Publish the state if it has changed, or was published a while ago; ``jumps`` are those of this worker."""
         last, now = self._latest, replace(event, jumps=self._jumps_before + event.jumps)
         if last is not None:

@@ -68,7 +68,7 @@ class MappingService:
         self._bus, self._clock, self._feed, self._worker = bus, inputs_of(clock), feed, feed.worker
         self._status = MappingChanged(stamp_s=0.0)
         self._has_to_resume = asyncio.Event()
-        self._worker.add_listener(SKILL, MappingChanged, self._publish)
+        self._worker.add_listener(SKILL, MappingChanged, self._publish_status)
         self._worker.add_listener(SKILL, MapPoseUpdated, lambda event: bus.publish(feed.in_odom(event)))
         self._worker.add_listener(SKILL, MapChanged, bus.publish)
         self._worker.add_on_ready(self._has_to_resume.set)
@@ -92,14 +92,14 @@ class MappingService:
         self, caller: Caller, params: StartMappingParams, progress: ProgressReporter
     ) -> MappingData:
         """Begin a map, continue a saved one by its name, or continue after a pause."""
-        return await self._ask(Start(params.name, params.unfinished), LONG_S)
+        return await self._ask_skill(Start(params.name, params.unfinished), LONG_S)
 
     @method(role=Role.DRIVE, moves=False)
     async def pause_mapping(
         self, caller: Caller, params: NoParams, progress: ProgressReporter
     ) -> MappingData:
         """Pause mapping until start_mapping is sent."""
-        return await self._ask(PauseMapping(), SHORT_S)
+        return await self._ask_skill(PauseMapping(), SHORT_S)
 
     @method(role=Role.DRIVE, moves=False)
     async def finish_mapping(
@@ -109,7 +109,7 @@ class MappingService:
         saved = await self._worker.request(
             SKILL, Finish(params.name), MapSaved, deadline_s=LONG_S, on_progress=progress.report, settles=True
         )
-        self._publish(MappingChanged(stamp_s=self._clock.now_s()))
+        self._publish_status(MappingChanged(stamp_s=self._clock.now_s()))
         await self._learn_status()  # what it saved on its own may be there still
         await self._use(saved.name)
         return saved
@@ -119,7 +119,7 @@ class MappingService:
         self, caller: Caller, params: NoParams, progress: ProgressReporter
     ) -> MappingData:
         """End without saving, and forget the map that was never finished; saved maps stay."""
-        return await self._ask(Discard(), SHORT_S)
+        return await self._ask_skill(Discard(), SHORT_S)
 
     async def _use(self, name: str) -> None:
         """Use the saved map. If it cannot be used now, only the log says so."""
@@ -146,7 +146,7 @@ class MappingService:
     async def _learn_status(self) -> None:
         """Ask the skill for its state; a worker that has died does not answer."""
         with contextlib.suppress(Refused):
-            await self._ask(GetStatus(), SHORT_S)
+            await self._ask_skill(GetStatus(), SHORT_S)
 
     async def _resume(self) -> None:
         status = self._status
@@ -154,21 +154,21 @@ class MappingService:
         paused = status.state == "paused"
         request = ResumeMapping(paused, status.name) if begun else Start(paused=paused)
         try:
-            await self._ask(request, LONG_S)
+            await self._ask_skill(request, LONG_S)
             log.info("mapping continues after a restart of the worker", state=self._status.state)
         except Refused as problem:
             log.error("mapping cannot continue after a restart of the worker", reason=str(problem))
             if self._worker.is_ready:  # else the next one is asked
-                self._publish(MappingChanged(stamp_s=self._clock.now_s(), reason=str(problem)))
+                self._publish_status(MappingChanged(stamp_s=self._clock.now_s(), reason=str(problem)))
 
-    async def _ask(
+    async def _ask_skill(
         self, request: Start | ResumeMapping | PauseMapping | Discard | GetStatus, deadline_s: float
     ) -> MappingData:
         status = await self._worker.request(SKILL, request, MappingChanged, deadline_s=deadline_s)
-        self._publish(status)
+        self._publish_status(status)
         return mapping_data(status)
 
-    def _publish(self, status: MappingChanged) -> None:
+    def _publish_status(self, status: MappingChanged) -> None:
         if status.warning and status.warning != self._status.warning:
             log.warning("the unfinished map is damaged", state=status.state, warning=status.warning)
         if status.reason and not self._status.reason:

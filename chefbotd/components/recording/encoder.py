@@ -188,9 +188,9 @@ class Encoder:
         if self._log_lines.get(line.source) != line:
             self._log_lines[line.source] = line
             level = fg.LEVELS[line.level]
-            self._put("/log", fm.Log(fg.time_of(log_ns), level, line.text, line.source), log_ns)
+            self._put_message("/log", fm.Log(fg.time_of(log_ns), level, line.text, line.source), log_ns)
 
-    def _put(self, topic: str, message: Struct, log_ns: int) -> tuple[int, bytes]:
+    def _put_message(self, topic: str, message: Struct, log_ns: int) -> tuple[int, bytes]:
         kind = type(message)
         channel = self._channels.number(topic, f"foxglove.{kind.__name__}", fm.SCHEMAS[kind])
         payload = msgspec.json.encode(message)
@@ -208,12 +208,12 @@ class Encoder:
         moved = fg.transform(stamp_ns, fg.ODOM, fg.BASE, odom_from_base)
         frame, pose = fg.ODOM, odom_from_base
         if self._map_from_odom is None:
-            self._put("/tf", fm.FrameTransforms((moved,)), log_ns)
+            self._put_message("/tf", fm.FrameTransforms((moved,)), log_ns)
         else:
             held = fg.transform(stamp_ns, fg.MAP, fg.ODOM, self._map_from_odom)
-            self._put("/tf", fm.FrameTransforms((held, moved)), log_ns)
+            self._put_message("/tf", fm.FrameTransforms((held, moved)), log_ns)
             frame, pose = fg.MAP, self._map_from_odom.compose(odom_from_base)
-        self._put("/pose", fm.PoseInFrame(fg.time_of(stamp_ns), frame, fg.pose_of(pose)), log_ns)
+        self._put_message("/pose", fm.PoseInFrame(fg.time_of(stamp_ns), frame, fg.pose_of(pose)), log_ns)
 
     def _draw_at_once(self, event: Any, log_ns: int) -> None:
         self._drawn_ns = 0
@@ -226,12 +226,12 @@ class Encoder:
         scan = event.scan
         stamp_ns = self.ns_of(event.stamp_s)
         drawn = fg.laser_scan(stamp_ns, event.base_from_lidar, scan.bearing_rad, scan.range_m)
-        self._put(topic, drawn, log_ns)
+        self._put_message(topic, drawn, log_ns)
 
     def _keep_map(self, event: Any, log_ns: int) -> None:
         self._maps.append((event, log_ns, self.sequence))
 
     def _draw_path(self, event: Any, log_ns: int) -> None:
         path = fg.path(self.ns_of(event.stamp_s), event.x_m, event.y_m)
-        channel, payload = self._put("/path", path, log_ns)
+        channel, payload = self._put_message("/path", path, log_ns)
         self._retained[channel, ""] = payload

@@ -50,13 +50,13 @@ class RecordingFile:
 
     def begin(self) -> None:
         """Write what stands before everything else."""
-        self._put(MAGIC + _bytes_of(Header(PROFILE, LIBRARY)))
+        self._write_data(MAGIC + _bytes_of(Header(PROFILE, LIBRARY)))
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Add facts by name."""
         data = _bytes_of(Metadata(name=name, metadata=dict(values)))
         self._metadata.append(MetadataIndex(offset=self.size, length=len(data), name=name))
-        self._put(data)
+        self._write_data(data)
 
     def add_attachment(self, name: str, media_type: str, data: bytes, stamp_ns: int) -> None:
         """Add a file within the file."""
@@ -74,7 +74,7 @@ class RecordingFile:
                 media_type=media_type,
             )
         )
-        self._put(record)
+        self._write_data(record)
 
     def add_chunk(self, chunk: Chunk) -> None:
         """Append a chunk, and before it the channels that are new in it."""
@@ -82,7 +82,7 @@ class RecordingFile:
         news = b"".join(_bytes_of(record) for group in self._described(before) for record in group)
         start = self.size + len(news)
         indexes = start + len(chunk.head) + len(chunk.data)
-        self._put(news + chunk.head + chunk.data + chunk.indexes)
+        self._write_data(news + chunk.head + chunk.data + chunk.indexes)
         self._counts.update(chunk.counts)
         self.messages += chunk.messages
         self._chunks.append(
@@ -107,7 +107,7 @@ class RecordingFile:
 
     def finish(self) -> None:
         """Write the summary, wait until all is on the disk, and close."""
-        self._put(_bytes_of(DataEnd(self._checksum)))
+        self._write_data(_bytes_of(DataEnd(self._checksum)))
         summary, start = RecordBuilder(), self.size
         offsets: list[SummaryOffset] = []
         schemas, channels = self._described(0)
@@ -133,7 +133,7 @@ class RecordingFile:
             offset.write(summary)
         Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=0).write(summary)
         data: bytes = summary.end()  # type: ignore[no-untyped-call]
-        self._put(data + MAGIC)
+        self._write_data(data + MAGIC)
         self._file.sync()
         self._file.close()
 
@@ -165,7 +165,7 @@ class RecordingFile:
         ]
         return list(schemas.values()), channels
 
-    def _put(self, data: bytes) -> None:
+    def _write_data(self, data: bytes) -> None:
         self._file.write(data)
         self.size += len(data)
         self._checksum = zlib.crc32(data, self._checksum)

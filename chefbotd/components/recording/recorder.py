@@ -110,12 +110,12 @@ class Recorder:
         if now_s - self._looked_s >= LOOK_AT_DISK_S:
             self._looked_s = now_s
             if problem := self._look_at_disk():
-                self._close(file)
+                self._close_file(file)
                 self._end_for(problem, full=True)
                 return
         age_s, most_s = now_s - self._file_began_s, self._parameters.rotate_minutes * 60
         if file.size >= self._parameters.rotate_mb * MEGABYTE or age_s >= most_s:
-            self._close(file)
+            self._close_file(file)
             self._tell_again(self._open_part(now_s), now_s)
 
     def _note(self, now_s: float) -> None:
@@ -170,7 +170,7 @@ class Recorder:
         if self._file is None:
             raise RecordingError(RefusalKind.NOT_RECORDING, f"nothing is being recorded{self._why()}")
         try:
-            self._close(self._file)
+            self._close_file(self._file)
         except OSError as error:
             self._fail(error)
             raise self._folder.refusal("the recording could not be ended", error) from error
@@ -204,7 +204,7 @@ class Recorder:
                     file.add_chunk(chunk)
                 file.finish()
             except OSError:
-                self._give_up(file)
+                self._abandon_file(file)
                 raise
             self._folder.sync()
             self._folder.remove_old(self._current)
@@ -260,11 +260,11 @@ class Recorder:
                 stamp_ns = round(self._wall_s() * 1e9)
                 file.add_attachment("robot.urdf", "application/xml", about.urdf.encode(), stamp_ns)
         except OSError:
-            self._give_up(file)
+            self._abandon_file(file)
             raise
         return file
 
-    def _close(self, file: "RecordingFile") -> None:
+    def _close_file(self, file: "RecordingFile") -> None:
         file.finish()
         self._bytes_before += file.size
         self._messages_before += file.messages
@@ -290,7 +290,7 @@ class Recorder:
         reason = f"{problem}; a new file begins when it has room" if self._waits_for_room else problem
         self.status = replace(self.status, state="failed", reason=reason)
 
-    def _give_up(self, file: "RecordingFile") -> None:
+    def _abandon_file(self, file: "RecordingFile") -> None:
         """Nothing of it is left, as far as the disk lets it be removed."""
         with contextlib.suppress(OSError):
             file.abandon()

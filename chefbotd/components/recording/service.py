@@ -90,7 +90,7 @@ class RecordingService:
         self._keeps_ring = parameters.ring_s > 0.0
         self._faults = bus.subscribe(SafetyChanged) if self._keeps_ring else None
         if self._keeps_ring or parameters.auto_start:
-            self._listen()
+            self._subscribe_events()
         self._lost = 0
         self.faults_saved = 0
 
@@ -108,11 +108,11 @@ class RecordingService:
                 await self._load_ring()
             async with asyncio.TaskGroup() as group:
                 group.create_task(self._collect())
-                group.create_task(self._tell())
+                group.create_task(self._report_status())
                 if self._faults is not None:
                     group.create_task(self._watch_faults(self._faults))
         finally:
-            await self._end()
+            await self._end_recorder()
 
     async def _begin_by_itself(self) -> None:
         try:
@@ -138,15 +138,15 @@ class RecordingService:
             log.warning("nothing is recorded", error=str(problem))
             self._listen_no_more()
 
-    async def _end(self) -> None:
+    async def _end_recorder(self) -> None:
         if self.thread.writer is None:
             return
         try:
-            await self._ask(lambda recorder, now_s: recorder.close(now_s), FLUSH_TIMEOUT_S)
+            await self._ask_recorder(lambda recorder, now_s: recorder.close(now_s), FLUSH_TIMEOUT_S)
         except RecordingError as problem:
             log.warning("the recording was not closed properly", error=str(problem))
 
-    def _listen(self) -> None:
+    def _subscribe_events(self) -> None:
         """Take every event of the bus, and let entries be published there."""
         if self._inbox is None:
             excluded = REPEATED_ELSEWHERE | self._parameters.exclude
@@ -198,7 +198,7 @@ class RecordingService:
             writer.put_events(events, self._clock.now_s())
         return len(inbox) > 0
 
-    async def _tell(self) -> None:
+    async def _report_status(self) -> None:
         reported, last = 0, ""
         while True:
             self._look_at_state()
@@ -213,10 +213,10 @@ class RecordingService:
             if self.thread.dropped > reported:
                 log.warning("events are missing from the recording", events=self.thread.dropped - reported)
                 reported = self.thread.dropped
-            self._publish()
+            self._publish_status()
             await next_beat(self._clock, TELL_BEATS)
 
-    def _publish(self) -> None:
+    def _publish_status(self) -> None:
         self._entries.observe(self._bus, self._changed())
 
     def _changed(self) -> RecordingChanged:
@@ -254,15 +254,15 @@ class RecordingService:
         return await waiting(self._start(params.name), progress)
 
     async def _start(self, name: str | None) -> RecordingStarted:
-        self._listen()
+        self._subscribe_events()
         try:
-            status = await self._ask(lambda recorder, now_s: recorder.start(name, now_s))
+            status = await self._ask_recorder(lambda recorder, now_s: recorder.start(name, now_s))
         except RecordingError:
             if self.thread.status.state != "recording":
                 self._listen_no_more()
             raise
         self._record_state()
-        self._publish()
+        self._publish_status()
         return RecordingStarted(name=str(status.name), file=str(status.file))
 
     @method(role=Role.DRIVE, moves=False)
@@ -273,9 +273,9 @@ class RecordingService:
         return await waiting(self._stop(), progress)
 
     async def _stop(self) -> RecordingEnded:
-        status = await self._ask(lambda recorder, now_s: recorder.stop(now_s))
+        status = await self._ask_recorder(lambda recorder, now_s: recorder.stop(now_s))
         self._listen_no_more()
-        self._publish()
+        self._publish_status()
         return RecordingEnded(
             name=str(status.name),
             file=str(status.file),
@@ -290,7 +290,7 @@ class RecordingService:
         self, caller: Caller, params: NoParams, progress: ProgressReporter
     ) -> RecordingList:
         """Every recording in the robot's folder."""
-        rows = await waiting(self._ask(lambda recorder, now_s: recorder.list_files()), progress)
+        rows = await waiting(self._ask_recorder(lambda recorder, now_s: recorder.list_files()), progress)
         return RecordingList(folder=str(self._folder), files=tuple(rows))
 
     @method(role=Role.DRIVE, moves=False)
@@ -301,11 +301,11 @@ class RecordingService:
         return await waiting(self._save_ring(params.reason or "asked", fault=False), progress)
 
     async def _save_ring(self, reason: str, *, fault: bool) -> RingSaved:
-        status = await self._ask(lambda recorder, now_s: recorder.save_ring(reason, now_s, fault=fault))
-        self._publish()
+        status = await self._ask_recorder(lambda recorder, now_s: recorder.save_ring(reason, now_s, fault=fault))
+        self._publish_status()
         return RingSaved(file=str(status.saved), seconds=status.ring_s)
 
-    async def _ask(self, work: "Callable[[Recorder, float], T]", patience_s: float = DISK_PATIENCE_S) -> T:
+    async def _ask_recorder(self, work: "Callable[[Recorder, float], T]", patience_s: float = DISK_PATIENCE_S) -> T:
         """Let the recorder do something after all events so far."""
         return await self.thread.ask(work, patience_s, before=self._hand_over)
 

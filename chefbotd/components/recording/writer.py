@@ -181,12 +181,12 @@ class WriterThread(_Queue):
     def __init__(self, make: MakeRecorder, most_bytes: int) -> None:
         super().__init__(make, most_bytes)
         self._work: queue.SimpleQueue[Callable[[Recorder], object]] = queue.SimpleQueue()
-        threading.Thread(target=self._run, name="recording", daemon=True).start()
+        threading.Thread(target=self._run_writer, name="recording", daemon=True).start()
 
     def _put(self, work: "Callable[[Recorder], object]") -> None:
         self._work.put(work)
 
-    def _run(self) -> None:
+    def _run_writer(self) -> None:
         try:
             self.make()
         except Exception as error:

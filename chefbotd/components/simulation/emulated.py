@@ -90,10 +90,10 @@ class EmulatedLaunchpad(SimulatedBoard):
             self.robot.advance(now_s)
             self._measure_battery()
             self._board.run(_cycle(now_s))
-            self._send()
-            self._drive()
+            self._send_lines()
+            self._drive_motors()
 
-    def _send(self) -> None:
+    def _send_lines(self) -> None:
         """The lines that are complete, each when its last byte has left."""
         for at_cycle, byte in self._board.take_bytes():
             self._line.append(byte)
@@ -101,7 +101,7 @@ class EmulatedLaunchpad(SimulatedBoard):
                 self.uart.send(bytes(self._line), at_cycle / CYCLES_S - len(self._line) * self._byte_s)
                 self._line.clear()
 
-    def _drive(self) -> None:
+    def _drive_motors(self) -> None:
         for change in self._board.take_duties():
             self.sketch.duty, self.duty_since_s = change.duty, change.at_cycle / CYCLES_S
             signed = zip(change.duty, self._motor_signs, strict=True)

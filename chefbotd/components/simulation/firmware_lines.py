@@ -109,7 +109,7 @@ class Receiver:
     def receive(self, data: bytes, now_us: int) -> None:
         """Bytes that came in now; those for which there is no room are lost."""
         for byte in data:
-            self._listen(byte)
+            self._take_byte(byte)
             if self._has_lost and len(self._ring) <= RING_BYTES - 2:
                 self._store(DAMAGE)
                 self._has_lost = False
@@ -127,7 +127,7 @@ class Receiver:
         self._ring.append(byte)
         self._is_inside = byte != CR
 
-    def _listen(self, byte: int) -> None:
+    def _take_byte(self, byte: int) -> None:
         if byte == CR:
             self.estops += self._heard == ESTOP
             self._heard = b""

@@ -139,12 +139,12 @@ class WheelLoop:
                 wheel.ramp = between(self._measured(wheel), MOST_SPEED_MRAD_S) * RAMP_SCALE
                 wheel.integral = wheel.lost_duty_ms = 0
         self._is_beginning = False
-        duties = tuple([self._run(wheel) for wheel in self._wheels])
+        duties = tuple([self._run_wheel(wheel) for wheel in self._wheels])
         lost = [_is_lost(wheel, duty) for wheel, duty in zip(self._wheels, duties, strict=True)]
         self.lost = (1 if any(lost[::2]) else 0) + (2 if any(lost[1::2]) else 0)
         return duties
 
-    def _run(self, wheel: _Wheel) -> int:
+    def _run_wheel(self, wheel: _Wheel) -> int:
         step, aim = binary(self._set.get(Parameter.ACCELERATION, 0)), wheel.aim * RAMP_SCALE
         wheel.ramp = aim if not step else wheel.ramp + between(aim - wheel.ramp, step)
         target = divide_like_c(wheel.ramp, RAMP_SCALE)

@@ -82,7 +82,7 @@ class Motors:
         self.stops = Stops.ESTOP if kept.is_stopped else Stops.NONE
         self.deadman_us, self.fed_us = 0, 0
         self.deadman_stops = self._heard = 0
-        self._put(self._still)
+        self._set_duty(self._still)
 
     @property
     def state(self) -> MotorsState:
@@ -91,15 +91,15 @@ class Motors:
 
     def set_duty(self, duty: tuple[int, ...], received: Received, now_us: int) -> Motion:
         """Duty for each wheel, limited. 0 for all is always obeyed, and ends a stall and what a wheel has stopped."""
-        motion = self._accept(not any(duty), received, now_us)
+        motion = self._accept_motion(not any(duty), received, now_us)
         if motion is Motion.OBEYED:
             self.mode = DUTY_MODE
-            self._put(tuple([max(-FULL_DUTY, min(FULL_DUTY, value)) for value in duty]))
+            self._set_duty(tuple([max(-FULL_DUTY, min(FULL_DUTY, value)) for value in duty]))
         return motion
 
     def set_speeds(self, mrad_s: tuple[int, ...], received: Received, now_us: int) -> Motion:
         """Speeds for the wheel loop."""
-        motion = self._accept(False, received, now_us)
+        motion = self._accept_motion(False, received, now_us)
         if motion is Motion.OBEYED:
             if self.mode != LOOP_MODE:
                 self.loop.begin()
@@ -107,7 +107,7 @@ class Motors:
             self.loop.aim(mrad_s)
         return motion
 
-    def _accept(self, is_stop: bool, received: Received, now_us: int) -> Motion:
+    def _accept_motion(self, is_stop: bool, received: Received, now_us: int) -> Motion:
         is_stale = bool(self.deadman_us) and now_us - received.at_us >= self.deadman_us
         if is_stale and not is_stop:
             return Motion.STALE
@@ -175,13 +175,13 @@ class Motors:
             if self.loop.lost:
                 self._stop(Stops(self.loop.lost * Stops.LEFT_LOST))
             else:
-                self._put(duty)
+                self._set_duty(duty)
 
     def _stop(self, stops: Stops) -> None:
         self.stops |= stops
         self.mode = DUTY_MODE
-        self._put(self._still)
+        self._set_duty(self._still)
 
-    def _put(self, duty: tuple[int, ...]) -> None:
+    def _set_duty(self, duty: tuple[int, ...]) -> None:
         self.duty = duty
         self._write(duty)

@@ -200,11 +200,11 @@ class FirmwareProgram:
 
     def _take_lines(self, now_us: int) -> None:
         while self._reset_us is None and (line := self.receiver.next_line(now_us)) is not None:
-            self._take(line, now_us)
+            self._take_line(line, now_us)
         self.counters.refused += self.receiver.cut_lines
         self.receiver.cut_lines = 0
 
-    def _take(self, line: Line, now_us: int) -> None:
+    def _take_line(self, line: Line, now_us: int) -> None:
         seal = seal_of(line.text)
         if line.text.endswith(ESTOP):
             return  # the receive interrupt has heard it
@@ -221,7 +221,7 @@ class FirmwareProgram:
         request = parse(line.text)
         is_allowed = line.text == self._stop_line if self.is_checked else request.word in ("s", "r")
         is_complete = len(request.numbers) == self._count_of(request.word)
-        if not is_allowed or not is_complete or self._obey(request, Received(line.at_us), now_us) is not None:
+        if not is_allowed or not is_complete or self._obey_request(request, Received(line.at_us), now_us) is not None:
             self.counters.refused += 1
 
     @property
@@ -244,7 +244,7 @@ class FirmwareProgram:
         elif sequence is None:
             refusal = RANGE
         else:
-            refusal = self._obey(request, Received(at_us, sequence), now_us)
+            refusal = self._obey_request(request, Received(at_us, sequence), now_us)
         if refusal is not None:
             self.counters.refused += 1
         if refusal:
@@ -255,7 +255,7 @@ class FirmwareProgram:
             return False
         return word != "" and (self.is_checked or word not in ("s", "w", "g"))
 
-    def _obey(self, request: Request, received: Received, now_us: int) -> int | None:
+    def _obey_request(self, request: Request, received: Received, now_us: int) -> int | None:
         """Obey a request with the right number of numbers; why not, or None."""
         numbers = request.numbers
         match request.word:

@@ -108,7 +108,7 @@ class SimulateRun:
             for name, device in self._lidars.plug().items():
                 self._say({"lidar": name, "device": str(device)}, "device")
             async with asyncio.TaskGroup() as tasks:
-                loops = (self._runner.run(), self._lidars.run(), self._obey(commands))
+                loops = (self._runner.run(), self._lidars.run(), self._obey_words(commands))
                 running = [tasks.create_task(loop) for loop in loops]
                 await self._done.wait()
                 for task in running:
@@ -117,7 +117,7 @@ class SimulateRun:
             self._lidars.unplug()
             self._pty.unplug()
 
-    async def _obey(self, commands: AsyncIterator[str]) -> None:
+    async def _obey_words(self, commands: AsyncIterator[str]) -> None:
         async for line in commands:
             word = line.strip()
             if word in self._words:

@@ -127,7 +127,7 @@ class Sketch:
         self._uart.read()
         self.commands.reset()
         self._asked = (0,) * len(self.duty)
-        self._drive(self._asked)
+        self._drive_motors(self._asked)
         self._counts_at_boot = self._counted()
         if self._wiring.imu is not None:
             self._imu = Imu(self._wiring.imu, self._now_s, self._robot.motion, self._wiring.true_imu)
@@ -187,7 +187,7 @@ class Sketch:
         yield from self._print(UltrasonicDistance(int(echo_s * 1e6) // SKETCH_US_PER_CM // 2 if heard else 0))
 
     def _drive_and_report(self) -> Iterator[float]:
-        self._drive(self._asked)
+        self._drive_motors(self._asked)
         echo = "\t".join(
             ["s", *(f"{duty:.2f}" for duty in self.duty)]
         )  # also of what the wire's table has no room for
@@ -243,7 +243,7 @@ class Sketch:
         levels = tuple(edge.levels for edge in edges)
         return QuadratureEdges(wheel, total % UINT16_SPAN, levels, micros[-1], gaps_us)
 
-    def _drive(self, duty: tuple[int, ...]) -> None:
+    def _drive_motors(self, duty: tuple[int, ...]) -> None:
         self.duty = duty
         law, full_scale = self._parameters.pwm_law, self._parameters.pwm_full_scale
         wheels = zip(duty, self._motor_signs, strict=True)

@@ -64,7 +64,7 @@ class Channel:
         if self._spare_bytes > self._most_bytes:
             self._make_room()
         if self._queued_bytes > MOST_BYTES + self._most_bytes:
-            self._end("it does not read what it is asked")
+            self._end_channel("it does not read what it is asked")
             return
         if not self._scheduled and not self._writing:
             self._scheduled = True
@@ -113,7 +113,7 @@ class Channel:
                 self._loop.add_writer(self._socket, self._write)
             return
         except OSError:
-            self._end(CLOSED)
+            self._end_channel(CLOSED)
             return
         if self._writing:
             self._writing = False
@@ -125,10 +125,10 @@ class Channel:
         except BlockingIOError:
             return
         except OSError:
-            self._end(CLOSED)
+            self._end_channel(CLOSED)
             return
         if not data:
-            self._end(CLOSED)
+            self._end_channel(CLOSED)
             return
         try:
             for frame in self._reader.feed(data):
@@ -136,9 +136,9 @@ class Channel:
                 if self._closed:
                     return
         except NotAMessage as garbage:
-            self._end(f"it sent what is no message: {garbage}")
+            self._end_channel(f"it sent what is no message: {garbage}")
 
-    def _end(self, reason: str) -> None:
+    def _end_channel(self, reason: str) -> None:
         if not self._closed:
             self.close()
             self._on_end(reason)

@@ -189,7 +189,7 @@ class Worker:
                 begun_s = self._clock.now_s()
                 reason = await self._run_once()
                 if self.status.state is WorkerState.UNAVAILABLE:  # starting it again would not help
-                    self._report(replace(self.status, pid=None, rss_mb=None, cpu=None))
+                    self._report_status(replace(self.status, pid=None, rss_mb=None, cpu=None))
                     break
                 self._failures = 1 if self._clock.now_s() - begun_s > HEALTHY_S else self._failures + 1
                 wait_s = backoff_s(self._parameters, self._failures)
@@ -216,7 +216,7 @@ class Worker:
         now_s = self._clock.now_s()
         self._vitals = Vitals(spawned_s=now_s, heard_s=now_s, checked_s=now_s)
         self._ended = asyncio.get_running_loop().create_future()
-        self._channel = Channel(ours, 1024 * self._parameters.queue_kb, self._take_message, self._end)
+        self._channel = Channel(ours, 1024 * self._parameters.queue_kb, self._take_message, self._mark_ended)
         self._channel.send(messages.Configure(self._skills, self._references))
         self._set(WorkerTransition.SPAWNED, pid=child.pid)
         waiting = asyncio.create_task(child.wait(), name="worker's end")
@@ -252,7 +252,7 @@ class Worker:
                 used_s = child.cpu_s()
                 share = None if None in (used_s, cpu_s) else (used_s - cpu_s) / (now_s - reported_s)  # type: ignore[operator]
                 reported_s, cpu_s = now_s, used_s
-                self._report(replace(self.status, rss_mb=rss_mb, cpu=share))
+                self._report_status(replace(self.status, rss_mb=rss_mb, cpu=share))
 
     def _excuse(self, now_s: float) -> None:
         """What the daemon slept through was no delay of the worker."""
@@ -288,7 +288,7 @@ class Worker:
             for handler in self._on_ready:
                 handler()
 
-    def _end(self, reason: str) -> None:
+    def _mark_ended(self, reason: str) -> None:
         if self._ended is not None and not self._ended.done():
             self._ended.set_result(reason)
 
@@ -315,7 +315,7 @@ class Worker:
             case messages.Unavailable():
                 log.warning("the worker is not available", reason=message.reason)
                 self._set(WorkerTransition.UNAVAILABLE, reason=message.reason)
-                self._end(message.reason)
+                self._mark_ended(message.reason)
 
     def take_of_skill(self, message: OfSkill) -> None:
         """What a skill tells or answers: hand it on to whom it concerns."""
@@ -330,12 +330,12 @@ class Worker:
             self._hand_to_stranger(message, listener)
             return
         if listener is None:
-            self._end(f"its skill {message.skill!r} tells what nobody knows: {message.kind!r}")
+            self._mark_ended(f"its skill {message.skill!r} tells what nobody knows: {message.kind!r}")
             return
         try:
             listener(message.body)
         except ValueError as error:
-            self._end(f"its skill {message.skill} sent what is no message: {error}")
+            self._mark_ended(f"its skill {message.skill} sent what is no message: {error}")
 
     def _hand_to_stranger(
         self, message: messages.SkillEvent, listener: Callable[[bytes], None] | None
@@ -353,12 +353,12 @@ class Worker:
         """Go on to the next state; a worker that tells what cannot be is not believed."""
         state = NEXT.get((self.status.state, happened))
         if state is None:
-            self._end(f"it says that it is {happened} while it is {self.status.state}")
+            self._mark_ended(f"it says that it is {happened} while it is {self.status.state}")
             return False
-        self._report(replace(self.status, state=state, **fields))
+        self._report_status(replace(self.status, state=state, **fields))
         return True
 
-    def _report(self, status: WorkerStatus) -> None:
+    def _report_status(self, status: WorkerStatus) -> None:
         self.status = status
         self._on_status(status)
 

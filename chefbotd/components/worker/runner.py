@@ -95,7 +95,7 @@ class Runner:
             case messages.Measured():
                 yield from self._take_measurement(messages.event_in(message))
             case messages.SkillRequest():
-                yield from self._begin(message)
+                yield from self._begin_request(message)
             case messages.Cancel():
                 yield from self._cancel(message.id)
             case messages.Configure():
@@ -159,12 +159,12 @@ class Runner:
         self._range_skills = {
             name: skill for name, skill in self._skills.items() if isinstance(skill, RangeSkill)
         }
-        yield from self._connect()
+        yield from self._connect_skills()
         if self._renew is not None and _has_compiled():
             self._renew(message)
         yield messages.Ready()
 
-    def _connect(self) -> Iterator[FromWorker]:
+    def _connect_skills(self) -> Iterator[FromWorker]:
         for name, skill in list(self._skills.items()):
             if isinstance(skill, DependentSkill):
                 try:
@@ -181,7 +181,7 @@ class Runner:
         self._range_skills.pop(name, None)
         return messages.SkillLeftOut(name, reason)
 
-    def _begin(self, request: messages.SkillRequest) -> Iterator[FromWorker]:
+    def _begin_request(self, request: messages.SkillRequest) -> Iterator[FromWorker]:
         skill = self._skills.get(request.skill)
         if skill is None:
             reason = f"the worker has no skill {request.skill!r}"
@@ -196,7 +196,7 @@ class Runner:
             yield messages.Failed(request.id, refusal.kind, str(refusal))
             return
         except Exception as fault:  # noqa: BLE001 - raised again, but for a stranger's
-            yield from self._fail(request, fault)
+            yield from self._refuse_request(request, fault)
             return
         finally:
             self.doing = None
@@ -218,13 +218,13 @@ class Runner:
             yield messages.Failed(request.id, refusal.kind, str(refusal))
         except Exception as fault:  # noqa: BLE001 - raised again, but for a stranger's
             self._jobs.remove(running)
-            yield from self._fail(request, fault)
+            yield from self._refuse_request(request, fault)
         else:
             yield messages.RequestProgress(request.id, done.done, done.total, done.text)
         finally:
             self.doing = None
 
-    def _fail(self, request: messages.SkillRequest, fault: Exception) -> Iterator[FromWorker]:
+    def _refuse_request(self, request: messages.SkillRequest, fault: Exception) -> Iterator[FromWorker]:
         """Refuse what a stranger's skill fails at, and go on without it; our own ends the worker."""
         if request.skill not in self._strangers:
             raise fault

@@ -41,7 +41,7 @@ class WorkerService:
         start: Spawn | None = None,
     ) -> None:
         self._bus, self._entries = bus, inputs_of(clock)
-        self.worker = Worker(parameters, clock, skills, self._report, start or spawn)
+        self.worker = Worker(parameters, clock, skills, self._report_status, start or spawn)
         self._steady_from_odom = ORIGIN
         bus.add_handler(self._send_odometry, OdometryUpdated)
         bus.add_handler(self._take_reset, OdometryReset)
@@ -65,7 +65,7 @@ class WorkerService:
         """Keep the worker alive."""
         await self.worker.run()
 
-    def _report(self, status: WorkerStatus) -> None:
+    def _report_status(self, status: WorkerStatus) -> None:
         self._entries.observe(
             self._bus,
             WorkerReported(stamp_s=self._entries.now_s(), **{**asdict(status), "state": str(status.state)}),

@@ -124,7 +124,7 @@ class OdometryService:
         if self.fused is not None:
             self.fused.set_pose(self._state.odom_from_base)
         self._bus.publish(OdometryReset(now_s, before, self._state.odom_from_base))
-        self._publish(now_s, now_s)
+        self._publish_odometry(now_s, now_s)
 
     async def run(self) -> None:
         """Raise the error of a reading that could not be integrated; readings are integrated as they are published."""
@@ -136,7 +136,7 @@ class OdometryService:
         self._state = dead_reckoning.integrate(
             self._parameters, self._kinematics.track_width_m, self._state, left_m, right_m, twist
         )
-        self._publish(event.stamp_s, event.arrival_s)
+        self._publish_odometry(event.stamp_s, event.arrival_s)
 
     def _follow_command(self, event: WheelsDriven) -> None:
         """Follow the speeds that were commanded up to now; the wheels reach them with a first-order lag."""
@@ -155,7 +155,7 @@ class OdometryService:
         self._state = dead_reckoning.integrate(
             self._parameters, self._kinematics.track_width_m, self._state, left_m, right_m, twist
         )
-        self._publish(event.stamp_s, event.stamp_s)
+        self._publish_odometry(event.stamp_s, event.stamp_s)
 
     def _integrate_fused(self, fused: FusedOdometry, event: WheelsMeasured) -> None:
         left_m, right_m = self._kinematics.side_travel_m(event.travel_rad, event.excluded)
@@ -177,9 +177,9 @@ class OdometryService:
                     stamp_s=event.stamp_s, imu=imu, anomaly=anomaly, reason=fused.imu_reason
                 )
             )
-        self._publish(event.stamp_s, event.arrival_s)
+        self._publish_odometry(event.stamp_s, event.arrival_s)
 
-    def _publish(self, stamp_s: float, arrival_s: float) -> None:
+    def _publish_odometry(self, stamp_s: float, arrival_s: float) -> None:
         state = self._state
         self._bus.publish(
             OdometryUpdated(

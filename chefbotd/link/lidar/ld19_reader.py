@@ -161,7 +161,7 @@ class Ld19Reader:
             return False
         if self._last is None or now_s - self._last_read_s > LONGEST_SILENCE_S:
             self._start_anew()
-            return self._accept(_Placed(packet.start_cdeg, packet.stamp_ms, packet), now_s)
+            return self._accept_packet(_Placed(packet.start_cdeg, packet.stamp_ms, packet), now_s)
         last = self._last
         step_ms = (packet.stamp_ms - last.packet.stamp_ms) % TIME_SPAN_MS
         if packet == last.packet:
@@ -173,9 +173,9 @@ class Ld19Reader:
             self._drop_turn()
         advance = (packet.start_cdeg - last.packet.start_cdeg + HALF_TURN_CDEG) % FULL_TURN_CDEG
         start_cdeg = last.start_cdeg + advance - HALF_TURN_CDEG
-        return self._accept(_Placed(start_cdeg, last.device_ms + step_ms, packet), now_s)
+        return self._accept_packet(_Placed(start_cdeg, last.device_ms + step_ms, packet), now_s)
 
-    def _accept(self, placed: _Placed, now_s: float) -> bool:
+    def _accept_packet(self, placed: _Placed, now_s: float) -> bool:
         self._last, self._last_read_s = placed, now_s
         self._odd, self._odd_in_a_row = None, 0
         self._placed.append(placed)
@@ -190,7 +190,7 @@ class Ld19Reader:
             self._passed_over["out_of_order"] += 1
             return False
         self._start_anew()
-        return self._accept(_Placed(packet.start_cdeg, packet.stamp_ms, packet), now_s)
+        return self._accept_packet(_Placed(packet.start_cdeg, packet.stamp_ms, packet), now_s)
 
     def _whole_turn(self) -> tuple[list[_Placed], int] | None:
         """The packets of a turn that the newest one ends, and the angle of its end; that packet begins the next."""

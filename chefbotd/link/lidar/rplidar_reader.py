@@ -226,7 +226,7 @@ class RplidarReader:
             self._heard_s = now_s
             if isinstance(answer, ScanNode | Capsule):
                 self.awaits_scan = False
-            turn = self._take(answer, now_s, behind)
+            turn = self._take_answer(answer, now_s, behind)
             if turn is not None:
                 turns.append(turn)
         return turns
@@ -259,7 +259,7 @@ class RplidarReader:
         self._decoder.reset()
         self._turns.begin()
 
-    def _take(self, answer: Answer, now_s: float, behind: int) -> LidarTurn | None:
+    def _take_answer(self, answer: Answer, now_s: float, behind: int) -> LidarTurn | None:
         match answer:
             case DeviceInfo() if self.phase is ScanPhase.ASKING_INFO:
                 self.info, self.complaint = answer, self._complaint_about(answer)

@@ -148,7 +148,7 @@ class LidarSession(asyncio.Protocol):
         self._scans_before, self._sample = self.scans, b""
         self._health = LidarHealthWatch(now_s, self._heard())
         self._say(self.reader.begin(now_s))
-        self._tell(UNKNOWN, "", healthy=None)
+        self._report_condition(UNKNOWN, "", healthy=None)
         self._poll()
 
     def connection_lost(self, exc: Exception | None) -> None:
@@ -156,7 +156,7 @@ class LidarSession(asyncio.Protocol):
         self._transport = None
         if self._poll_timer is not None:
             self._poll_timer.cancel()
-        self._tell(DOWN, str(exc) if exc else "closed", healthy=False)
+        self._report_condition(DOWN, str(exc) if exc else "closed", healthy=False)
         self._closed.set()
 
     def data_received(self, data: bytes) -> None:
@@ -200,7 +200,7 @@ class LidarSession(asyncio.Protocol):
             return
         healthy = health.condition is LidarCondition.HEALTHY
         reason = "; ".join(text for text in (health.reason, self._sharers) if text and not healthy)
-        self._tell(str(health.condition), reason, healthy=healthy)
+        self._report_condition(str(health.condition), reason, healthy=healthy)
         if not healthy:
             log.warning(
                 "the link to the lidar is not healthy",
@@ -211,7 +211,7 @@ class LidarSession(asyncio.Protocol):
 
     def report_not_opened(self, reason: str) -> None:
         """Publish why the port cannot be opened."""
-        self._tell(DOWN, reason, healthy=False)
+        self._report_condition(DOWN, reason, healthy=False)
 
     @property
     def refused_lines(self) -> int:
@@ -271,7 +271,7 @@ class LidarSession(asyncio.Protocol):
             self.bytes_in, reader.packets, self.scans, repeated, self._heard_s, reader.awaits_scan
         )
 
-    def _tell(self, condition: str, reason: str, *, healthy: bool | None) -> None:
+    def _report_condition(self, condition: str, reason: str, *, healthy: bool | None) -> None:
         device, is_open = self.lidar.device, self.is_open
         now_s = self._clock.now_s()
         self._bus.publish(LidarChanged(now_s, self.lidar.name, device, is_open, healthy, condition, reason))

@@ -115,7 +115,7 @@ class HttpServer:
             listening(*listeners[0].getsockname()[:2])
             async with asyncio.TaskGroup() as group:
                 for listener in listeners:
-                    group.create_task(self._accept(listener, server, group))
+                    group.create_task(self._accept_connections(listener, server, group))
         finally:
             for listener in listeners:
                 listener.close()
@@ -139,7 +139,7 @@ class HttpServer:
 
     # accepting
 
-    async def _accept(self, listener: socket.socket, server: web.Server, group: asyncio.TaskGroup) -> None:
+    async def _accept_connections(self, listener: socket.socket, server: web.Server, group: asyncio.TaskGroup) -> None:
         loop = asyncio.get_running_loop()
         while True:
             try:

@@ -45,7 +45,7 @@ class DepthCamera:
         while True:
             scans = self.scans
             reason = await self._serve_once()
-            self._tell(healthy=False, reason=reason)
+            self._report_health(healthy=False, reason=reason)
             longer_s = 0.0 if self.scans > scans else 2 * wait_s
             wait_s = min(max(longer_s, FIRST_WAIT_S), LONGEST_WAIT_S)
             await asyncio.sleep(wait_s * self._rng.uniform(0.8, 1.2))
@@ -59,12 +59,12 @@ class DepthCamera:
             return f"its process cannot be started: {error.strerror or error}"
         reason = ""
         try:
-            reason = await self._listen(child)
+            reason = await self._read_scans(child)
         finally:
             ended = await child.end()
         return reason or ended
 
-    async def _listen(self, child: DepthChild) -> str:
+    async def _read_scans(self, child: DepthChild) -> str:
         """Publish what comes; the reason for ending, empty if the process has ended by itself."""
         reader, bearing_rad, patience_s = MessageReader(), np.zeros(0), START_S
         while True:
@@ -80,21 +80,21 @@ class DepthCamera:
                     if message.kind == BEARINGS:
                         bearing_rad = message.values
                     else:
-                        self._publish(message.stamp_s, bearing_rad, message.values)
+                        self._publish_scan(message.stamp_s, bearing_rad, message.values)
                         patience_s = self.parameters.silence_timeout_s
             except BadMessage as error:
                 return str(error)
 
-    def _publish(self, stamp_s: float, bearing_rad: Floats, range_m: Floats) -> None:
+    def _publish_scan(self, stamp_s: float, bearing_rad: Floats, range_m: Floats) -> None:
         if len(range_m) != len(bearing_rad):
             raise BadMessage(f"{len(range_m)} ranges for {len(bearing_rad)} bearings")
         self.scans += 1
-        self._tell(healthy=True, reason="")
+        self._report_health(healthy=True, reason="")
         scan = LaserScan(stamp_s, bearing_rad, range_m, np.zeros(len(range_m)))
         mount = self.parameters.base_from_camera
         self._entries.observe(self._bus, ScanMeasured(stamp_s, self.parameters.name, mount, scan))
 
-    def _tell(self, *, healthy: bool, reason: str) -> None:
+    def _report_health(self, *, healthy: bool, reason: str) -> None:
         """Publish and log a change."""
         if (healthy, reason) == self._reported:
             return

@@ -76,9 +76,9 @@ class _LineListener:
                 self.kinds[letter] += 1
                 self.first_s.setdefault(letter, now_s)
                 self.last_s[letter] = now_s
-            self._take(line, message, now_s)
+            self._take_line(line, message, now_s)
 
-    def _take(self, line: bytes, message: object, now_s: float) -> None:
+    def _take_line(self, line: bytes, message: object, now_s: float) -> None:
         match message:
             case wire.BoardTime(micros=micros):
                 self._tick(micros, now_s)

@@ -127,7 +127,7 @@ class MapStore:
             self._begin(own)
             version = add(self._disk, own, contents, extent, source)
             try:
-                self._publish(map_name(name))
+                self._publish_files(map_name(name))
             except OSError:
                 take_back(version, self.folder / f"{map_name(name)}.yaml")
                 raise
@@ -296,7 +296,7 @@ class MapStore:
         self._disk.write(own / UNFINISHED, b"")
         self._disk.sync_folder(own)
 
-    def _publish(self, name: str) -> None:
+    def _publish_files(self, name: str) -> None:
         """Put the two files there; what others have changed in them is kept first."""
         own = self._own(name)
         version, _ = latest(own)
@@ -320,7 +320,7 @@ class MapStore:
             if not versions(own) and {path.name for path in own.iterdir()} <= {UNFINISHED}:
                 discard(self._disk, own)  # a first save that was cut off
             elif (own / UNFINISHED).is_file():
-                self._publish(name)
+                self._publish_files(name)
 
     def _repair_renaming(self, own: Path, name: str) -> None:
         try:
@@ -331,12 +331,12 @@ class MapStore:
         if name == new != old:
             self._finish_renaming(old, new)
         else:
-            self._publish(name)
+            self._publish_files(name)
             self._disk.remove(own / RENAMING)
 
     def _finish_renaming(self, old: str, new: str) -> None:
         """The folder has its new name: so have the files beside it, and the map in use."""
-        self._publish(new)
+        self._publish_files(new)
         if self.current() == old:
             disks.replace(self._disk, self.folder / CURRENT, json.dumps({"name": new}).encode())
         with suppress(OSError):  # then the next change finishes it again

@@ -103,14 +103,14 @@ class Replay:
             for group in groups:
                 if pace is not None:
                     await pace.wait(group.entry.stamp_s)
-                await self._take(group)
+                await self._take_group(group)
         finally:
             self._pipeline.close()
             self._inbox.close()
         outcome.comparison.finish()
         return outcome
 
-    async def _take(self, group: EntryGroup) -> None:
+    async def _take_group(self, group: EntryGroup) -> None:
         entry, outcome = group.entry, self.outcome
         stamp_s = entry.stamp_s
         if outcome.began_s is None:

@@ -147,13 +147,13 @@ class WheelPlot(PlotWidget, can_focus=False):
         drawn: list[Curve] = []
         for trace, colour in assign_colours(traces):
             if self._panel.reference is not None:
-                self._draw(trace, self._panel.reference(trace), TARGET_COLOUR, drawn)
-            self._draw(trace, self._panel.curve(trace), colour, drawn)
+                self._draw_curve(trace, self._panel.reference(trace), TARGET_COLOUR, drawn)
+            self._draw_curve(trace, self._panel.curve(trace), colour, drawn)
         axis = Axis.over(*span(drawn, self._panel.least_span), rows=self._scale_rectangle.height)
         self.set_ylimits(axis.lowest, axis.highest)
         self.set_yticks(axis.ticks)
 
-    def _draw(self, trace: WheelTrace, curve: Curve, colour: str, drawn: list[Curve]) -> None:
+    def _draw_curve(self, trace: WheelTrace, curve: Curve, colour: str, drawn: list[Curve]) -> None:
         self.plot(trace.age_s, curve, colour, HiResMode.BRAILLE)
         drawn.append(curve)
 

@@ -100,7 +100,7 @@ class Tune(RobotScreen):
 
     async def on_mount(self) -> None:
         """Textual: the screen is there, so begin."""
-        self.run_tasks(self._exciter.run(), self._listen(), self._follow_gains())
+        self.run_tasks(self._exciter.run(), self._read_samples(), self._follow_gains())
         self.draw_at(SHOWN_HZ, self._draw)
 
     async def on_app_blur(self) -> None:
@@ -118,7 +118,7 @@ class Tune(RobotScreen):
         confirmed, self._confirming = self._confirming and key == "e", False
         self.say("")
         if key in STEPS:
-            await self._step(*STEPS[key])
+            await self._step_gain(*STEPS[key])
         elif key in ("up", "down"):
             self._chosen = NAMES[(NAMES.index(self._chosen) + (1 if key == "down" else -1)) % len(NAMES)]
         elif key == "e":
@@ -151,7 +151,7 @@ class Tune(RobotScreen):
 
     # Gains
 
-    async def _step(self, direction: int, share: float) -> None:
+    async def _step_gain(self, direction: int, share: float) -> None:
         if self._gains:
             value = step_gain(self._chosen, self._value(), direction, share)
             await self.ask(self._change(value), f"{self._chosen} = {_format_gain(value)} on {self._wheel}")
@@ -191,7 +191,7 @@ class Tune(RobotScreen):
 
     # What is shown
 
-    async def _listen(self) -> None:
+    async def _read_samples(self) -> None:
         async with self.robot.subscribe("wheels", policy="ordered") as samples:
             async for sample in samples:
                 self._trace.add(sample.stamp_s, plain(sample.data))
