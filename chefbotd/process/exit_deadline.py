@@ -26,7 +26,9 @@ class ExitDeadline:
         """End the process so long from now, unless it has ended by itself. Only the first call counts."""
         if not self._started:
             self._started = True
-            threading.Thread(target=self._end_late_process, args=(loop,), name="exit deadline", daemon=True).start()
+            threading.Thread(
+                target=self._end_late_process, args=(loop,), name="exit deadline", daemon=True
+            ).start()
 
     def _end_late_process(self, loop: asyncio.AbstractEventLoop) -> None:
         time.sleep(self._within_s)

@@ -94,7 +94,7 @@ def without(name: str, folder: Path) -> Path:
         text = whole.read_text(encoding="utf-8")
         whole.write_text(re.sub(rf"^\[{name}\]\n(?:[^\[\n].*\n|\n)*", "", text, flags=re.M), encoding="utf-8")
     run_in(folder, "-m", "ruff", "format", "-q", str(LIST))
-    for path, text in written(*without_component(name, *whole_socket()), removed=name).items():
+    for path, text in written(*without_component(name, *whole_socket()), removed=(name,)).items():
         (folder / path.relative_to(ROOT)).write_text(text, encoding="utf-8")
     return folder
 

@@ -242,7 +242,9 @@ class CalibrationService:
         self._action = action
         self._publish_state(state, action.text, action.done, action if isinstance(action, Ask) else None)
 
-    def _publish_state(self, state: str, text: str = "", done: float = 0.0, question: Ask | None = None) -> None:
+    def _publish_state(
+        self, state: str, text: str = "", done: float = 0.0, question: Ask | None = None
+    ) -> None:
         results = tuple(replace(result, plots=()) for result in self._results.values())
         self._state = state
         self._bus.publish(

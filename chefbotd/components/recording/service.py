@@ -301,11 +301,15 @@ class RecordingService:
         return await waiting(self._save_ring(params.reason or "asked", fault=False), progress)
 
     async def _save_ring(self, reason: str, *, fault: bool) -> RingSaved:
-        status = await self._ask_recorder(lambda recorder, now_s: recorder.save_ring(reason, now_s, fault=fault))
+        status = await self._ask_recorder(
+            lambda recorder, now_s: recorder.save_ring(reason, now_s, fault=fault)
+        )
         self._publish_status()
         return RingSaved(file=str(status.saved), seconds=status.ring_s)
 
-    async def _ask_recorder(self, work: "Callable[[Recorder, float], T]", patience_s: float = DISK_PATIENCE_S) -> T:
+    async def _ask_recorder(
+        self, work: "Callable[[Recorder, float], T]", patience_s: float = DISK_PATIENCE_S
+    ) -> T:
         """Let the recorder do something after all events so far."""
         return await self.thread.ask(work, patience_s, before=self._hand_over)
 

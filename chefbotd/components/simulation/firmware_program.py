@@ -221,7 +221,11 @@ class FirmwareProgram:
         request = parse(line.text)
         is_allowed = line.text == self._stop_line if self.is_checked else request.word in ("s", "r")
         is_complete = len(request.numbers) == self._count_of(request.word)
-        if not is_allowed or not is_complete or self._obey_request(request, Received(line.at_us), now_us) is not None:
+        if (
+            not is_allowed
+            or not is_complete
+            or self._obey_request(request, Received(line.at_us), now_us) is not None
+        ):
             self.counters.refused += 1
 
     @property

@@ -139,7 +139,9 @@ class HttpServer:
 
     # accepting
 
-    async def _accept_connections(self, listener: socket.socket, server: web.Server, group: asyncio.TaskGroup) -> None:
+    async def _accept_connections(
+        self, listener: socket.socket, server: web.Server, group: asyncio.TaskGroup
+    ) -> None:
         loop = asyncio.get_running_loop()
         while True:
             try:

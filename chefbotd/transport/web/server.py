@@ -132,7 +132,9 @@ class PageServer:
         Raises:
             CannotListen: the address cannot be listened on.
         """
-        await self._http.run(self._parameters.host, self._parameters.port, self._announce_address, "page.port")
+        await self._http.run(
+            self._parameters.host, self._parameters.port, self._announce_address, "page.port"
+        )
 
     def _announce_address(self, host: str, port: int) -> None:
         self._address = host, port

@@ -7,7 +7,7 @@ import inspect
 import re
 import sys
 import textwrap
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from enum import Enum
 from pathlib import Path
 from types import NoneType, UnionType
@@ -284,22 +284,24 @@ def _kinds_of(method: Method) -> list[type[Any]]:
     return [method.params, method.result, type("Owner", (), {"__module__": owner.__name__})]
 
 
-def written(methods: Mapping[str, Method], topics: Mapping[str, Topic], removed: str = "") -> dict[Path, str]:
-    """What each file should say; without the component ``removed``, where one is."""
+def written(
+    methods: Mapping[str, Method], topics: Mapping[str, Topic], removed: Collection[str] = ()
+) -> dict[Path, str]:
+    """What each file should say; without the components ``removed``."""
     by_component = [
         reference
         for component in own_components()
-        if component.name != removed
+        if component.name not in removed
         for reference in component.client_methods
     ]
-    folder = f"{COMPONENTS}.{removed}."
+    folders = tuple(f"{COMPONENTS}.{name}." for name in removed)
     kinds = [*(each.result for each in methods.values()), *(topic.model for topic in topics.values())]
     exported = _models([*kinds, UnknownData])
     data = {name: _exported(topic.model, exported) for name, topic in topics.items()}
     by_hand = {
         name: each
         for kind in Client.__mro__
-        if kind is not GeneratedMethods and not (removed and kind.__module__.startswith(folder))
+        if kind is not GeneratedMethods and not kind.__module__.startswith(folders)
         for name, each in vars(kind).items()
     }
     asking = [each for name, each in methods.items() if name not in {*by_hand, *WITHOUT_METHOD}]
