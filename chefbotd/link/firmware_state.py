@@ -125,20 +125,20 @@ class FirmwareState(MutableState):
         self.round_trip_s = mean_s + SMOOTHING * (round_trip_s - mean_s)
 
 
-def report(now: FirmwareState, now_s: float, *, lines_lost: int) -> FirmwareReported:
+def report(state: FirmwareState, now_s: float, *, lines_lost: int) -> FirmwareReported:
     """Everything that is known; ``lines_lost`` are the board's lines that did not come, or damaged."""
-    named, board, counters = now.named, now.board, now.counters
+    named, board, counters = state.named, state.board, state.counters
     cause = board.reset_cause if board is not None else named.reset_cause if named is not None else 0
     return FirmwareReported(
         now_s,
-        mode="checked" if now.is_checked else "classic",
+        mode="checked" if state.is_checked else "classic",
         version="" if named is None else f"{named.major}.{named.minor}",
         board="" if named is None else BOARDS.get(named.board, str(named.board)),
         capabilities=names(CAPABILITIES, 0 if named is None else named.capabilities),
-        deadman_ms=None if now.answer is None or not now.is_checked else now.answer.deadman_ms,
+        deadman_ms=None if state.answer is None or not state.is_checked else state.answer.deadman_ms,
         reset_cause=RESET_CAUSES.get(cause, ""),
         stops=names(STOPS, 0 if board is None else board.stops),
-        stopped_itself=now.has_latched and now.armed and now_s >= now.arming_until_s,
+        stopped_itself=state.has_latched and state.armed and now_s >= state.arming_until_s,
         crc_errors=0 if counters is None else counters.crc,
         refused=0 if counters is None else counters.refused,
         overruns=0 if counters is None else counters.overrun,
@@ -146,10 +146,10 @@ def report(now: FirmwareState, now_s: float, *, lines_lost: int) -> FirmwareRepo
         deadman_stops=0 if counters is None else counters.deadman,
         late_cycles=0 if counters is None else counters.late,
         lines_lost=lines_lost,
-        round_trip_s=now.round_trip_s,
-        clock_late_s=now.clock_late_s,
-        reason=now.complaint,
-        build="" if now.about is None else f"{now.about.build:04X}",
-        counted_edges=None if now.about is None else now.about.edges,
-        most_edges_s=None if now.about is None else now.about.most_edges_s,
+        round_trip_s=state.round_trip_s,
+        clock_late_s=state.clock_late_s,
+        reason=state.complaint,
+        build="" if state.about is None else f"{state.about.build:04X}",
+        counted_edges=None if state.about is None else state.about.edges,
+        most_edges_s=None if state.about is None else state.about.most_edges_s,
     )

@@ -37,7 +37,7 @@ NO_EVIDENCE: Final = BiasEvidence()
 
 
 def with_evidence(
-    now: MotionEstimate, seen: BiasEvidence, wheels: Considered, variances: tuple[float, float]
+    state: MotionEstimate, seen: BiasEvidence, wheels: Considered, variances: tuple[float, float]
 ) -> MotionEstimate:
     """The state corrected by the evidence.
 
@@ -48,4 +48,4 @@ def with_evidence(
     constant = (wheels.turn + wheels.imu_heading) * turn_rad**2 + wheels.turn_per_m * travel_m**2
     rolled = 2 * variances[0] * abs(travel_m) + variances[1] * abs(turn_rad)
     variance = (constant * SHARED + rolled + LEAST_RAD**2) / seen.lasted_s**2
-    return with_bias(now, (seen.by_gyro_rad - turn_rad) / seen.lasted_s, variance)
+    return with_bias(state, (seen.by_gyro_rad - turn_rad) / seen.lasted_s, variance)

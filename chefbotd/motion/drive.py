@@ -192,7 +192,7 @@ class Drive:
         wheels = zip(gains, pids, state.setpoint_m_s, accelerations, speeds_m_s, strict=True)
         stepped, outputs = self._step_wheels(wheels, state, dt_s, shares)
         share = self._share_left(state, outputs, speeds_m_s, dt_s)
-        driven = state.setpoint_m_s, accelerations, state.loose, history, steady_s
+        driven = state.setpoint_m_s, accelerations, state.wheels_differ, history, steady_s
         supplied = reached_m_s, cycle_s, state.supply_share, (), state.offered
         return DriveState(
             stepped, self._duty(outputs), state.limiter, state.stepped_s, share, *driven, *supplied
@@ -280,7 +280,7 @@ class Drive:
     def _scrub_duty(self, state: DriveState) -> float:
         """What a commanded turn adds to each wheel's friction; 0 where the setpoints of a side differ."""
         twist = state.limiter.twist
-        if state.loose or not (self._parameters.scrub_duty and twist.angular_rad_s):
+        if state.wheels_differ or not (self._parameters.scrub_duty and twist.angular_rad_s):
             return 0.0
         sideways_m_s = abs(twist.angular_rad_s) * self._parameters.scrub_reach_m
         return self._parameters.scrub_duty * sideways_m_s / math.hypot(twist.linear_m_s, sideways_m_s)
@@ -300,5 +300,5 @@ class Drive:
             saturated = not -gains.output_limit < output < gains.output_limit
             if saturated and abs(setpoint) - abs(speed) > LAGGING_M_S:
                 change = -self._parameters.saturation_slowdown_per_s
-        share = state.share + change * dt_s
+        share = state.saturation_scale + change * dt_s
         return 1.0 if share > 1.0 else LEAST_SHARE if share < LEAST_SHARE else share

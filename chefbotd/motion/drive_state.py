@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 
+from msgspec import field
 from pydantic import Field
 
 from chefbotd.core.parameters import Parameters
@@ -70,17 +71,20 @@ class DriveState(Record, frozen=True):
     ``offered`` are the last duties with their setpoints: the board's echo tells which of them it obeys.
     ``supply_share`` is the factor that makes up for the battery's voltage.
     ``by_duty``: the duty was commanded, not found by a controller.
-    ``loose``: the wheels of a side are not set to the same speed, so ``limiter`` alone does not describe the motion.
+    ``wheels_differ``: the wheels of a side are not set to the same speed, so ``limiter`` does not describe the motion.
+    ``saturation_scale`` is the share of the twist that is still asked for while a wheel saturates.
     """
 
     pids: tuple[PidState, ...]
     duty: tuple[int, ...]
     limiter: LimiterState = AT_REST
     stepped_s: float | None = None
-    share: float = 1.0
+    saturation_scale: float = field(
+        default=1.0, name="share"
+    )  # recorded under its first name, as the next is
     setpoint_m_s: tuple[float, ...] = ()
     acceleration_m_s2: tuple[float, ...] = ()
-    loose: bool = False
+    wheels_differ: bool = field(default=False, name="loose")
     asked: reference.History = ()
     steady_s: float = 0.0
     held_m_s: tuple[float, ...] = ()

@@ -101,100 +101,104 @@ class FusionState(MutableState):
     drifted_rad: float = 0.0
 
 
-def note_refusal(now: FusionState, *, refused: bool) -> None:
+def note_refusal(state: FusionState, *, refused: bool) -> None:
     """Count a reading that was used, or refused."""
-    now.outlier_share += (float(refused) - now.outlier_share) / OUTLIER_MEMORY
+    state.outlier_share += (float(refused) - state.outlier_share) / OUTLIER_MEMORY
 
 
-def note_cycle(now: FusionState, dt_s: float) -> None:
+def note_cycle(state: FusionState, dt_s: float) -> None:
     """Follow the board's cycle: after a silence headings are late until cycles last as long as usual again."""
     if dt_s > SILENT_S:
-        now.irregular_cycles = REGULAR_CYCLES
-    elif now.cycle_s is None:
-        now.cycle_s = dt_s or None
-    elif now.irregular_cycles == 0:
-        now.cycle_s += 0.05 * (dt_s - now.cycle_s)
+        state.irregular_cycles = REGULAR_CYCLES
+    elif state.cycle_s is None:
+        state.cycle_s = dt_s or None
+    elif state.irregular_cycles == 0:
+        state.cycle_s += 0.05 * (dt_s - state.cycle_s)
     else:
-        is_usual = dt_s >= REGULAR_SHARE * now.cycle_s
-        now.irregular_cycles = now.irregular_cycles - 1 if is_usual else REGULAR_CYCLES
+        is_usual = dt_s >= REGULAR_SHARE * state.cycle_s
+        state.irregular_cycles = state.irregular_cycles - 1 if is_usual else REGULAR_CYCLES
 
 
-def take_headings(now: FusionState, noise_rad: float, limits: tuple[float, float], *, may_slip: bool) -> None:
+def take_headings(
+    state: FusionState, noise_rad: float, limits: tuple[float, float], *, may_slip: bool
+) -> None:
     """Take the headings that are not newer than the last travel of the wheels.
 
     Where there are no rates, they are also compared with the wheels; ``limits`` are those of ``TurnWatch.add``.
     """
-    ready, newest_s = 0, now.history.turns[-1][0]
-    for heading in now.waiting:
-        if heading.stamp_s - now.lag_s > newest_s:
+    ready, newest_s = 0, state.history.turns[-1][0]
+    for heading in state.waiting:
+        if heading.stamp_s - state.lag_s > newest_s:
             break
         ready += 1
-        if now.irregular_cycles:
-            now.readings.clear()
-            now.turns.clear()
+        if state.irregular_cycles:
+            state.readings.clear()
+            state.turns.clear()
             continue
-        if not now.has_rates:
-            _compare(now, heading, limits, may_slip=may_slip)
-        if heading.is_new or not now.has_offset:
-            _take(now, heading, noise_rad)
-    del now.waiting[:ready]
-    if now.stamp_s is not None and now.stamp_s - now.lag_checked_s >= LAG_EVERY_S:
-        now.lag_checked_s = now.stamp_s
-        check_lag(now, noise_rad)
+        if not state.has_rates:
+            _compare(state, heading, limits, may_slip=may_slip)
+        if heading.is_new or not state.has_offset:
+            _take(state, heading, noise_rad)
+    del state.waiting[:ready]
+    if state.stamp_s is not None and state.stamp_s - state.lag_checked_s >= LAG_EVERY_S:
+        state.lag_checked_s = state.stamp_s
+        check_lag(state, noise_rad)
 
 
-def _compare(now: FusionState, heading: Heading, limits: tuple[float, float], *, may_slip: bool) -> None:
-    turned = now.history.at(heading.stamp_s - now.lag_s)
+def _compare(state: FusionState, heading: Heading, limits: tuple[float, float], *, may_slip: bool) -> None:
+    turned = state.history.at(heading.stamp_s - state.lag_s)
     if turned is None:
         return
-    sample = TurnSample(heading.stamp_s, heading.heading_rad, turned[1], now.reach_rad)
-    off_rad = now.turns.add(sample, *limits, may_slip=may_slip)
+    sample = TurnSample(heading.stamp_s, heading.heading_rad, turned[1], state.reach_rad)
+    off_rad = state.turns.add(sample, *limits, may_slip=may_slip)
     if off_rad:
-        now.estimate = motion_filter.widen(now.estimate, 0.0, off_rad * off_rad)
+        state.estimate = motion_filter.widen(state.estimate, 0.0, off_rad * off_rad)
 
 
-def _take(now: FusionState, heading: Heading, noise_rad: float) -> None:
+def _take(state: FusionState, heading: Heading, noise_rad: float) -> None:
     """Correct the estimate by a heading, as it would be now."""
-    then, last = now.history.at(heading.middle_s - now.lag_s), now.history.turns[-1]
+    then, last = state.history.at(heading.middle_s - state.lag_s), state.history.turns[-1]
     if then is None:
         return
-    if not now.readings or heading.middle_s - now.readings[-1][0] >= LAG_SPACING_S:
-        now.readings.append((heading.middle_s, heading.middle_rad - now.drifted_rad))
-        if len(now.readings) > LAG_READINGS:
-            del now.readings[0]
+    if not state.readings or heading.middle_s - state.readings[-1][0] >= LAG_SPACING_S:
+        state.readings.append((heading.middle_s, heading.middle_rad - state.drifted_rad))
+        if len(state.readings) > LAG_READINGS:
+            del state.readings[0]
     heading_rad = heading.middle_rad + last[2] - then[2]
     variance = noise_rad * noise_rad + last[3] - then[3]
-    if not now.has_offset:
-        _begin(now, noise_rad)
+    if not state.has_offset:
+        _begin(state, noise_rad)
         return
-    if now.resting_s > RESTS_S and _hold(now, heading, heading_rad, variance, noise_rad):
+    if state.resting_s > RESTS_S and _hold(state, heading, heading_rad, variance, noise_rad):
         return
-    off_rad, expected = motion_filter.surprise(now.estimate, heading_rad, variance)
+    off_rad, expected = motion_filter.surprise(state.estimate, heading_rad, variance)
     refused = off_rad * off_rad > GATE * expected
-    note_refusal(now, refused=refused)
+    note_refusal(state, refused=refused)
     if refused:
-        if not now.refused_in_a_row:
-            now.refused_since_s = heading.stamp_s
-        now.refused_in_a_row += 1
-        if now.refused_in_a_row < REFUSED_IN_A_ROW or heading.stamp_s - now.refused_since_s < REFUSED_S:
+        if not state.refused_in_a_row:
+            state.refused_since_s = heading.stamp_s
+        state.refused_in_a_row += 1
+        if state.refused_in_a_row < REFUSED_IN_A_ROW or heading.stamp_s - state.refused_since_s < REFUSED_S:
             return
-        if now.agreement.contradicts:
+        if state.agreement.contradicts:
             return
-        now.estimate = motion_filter.widen(now.estimate, 0.0, off_rad * off_rad)
-    now.refused_in_a_row = 0
-    now.estimate = motion_filter.with_imu_heading(now.estimate, heading_rad, variance)
+        state.estimate = motion_filter.widen(state.estimate, 0.0, off_rad * off_rad)
+    state.refused_in_a_row = 0
+    state.estimate = motion_filter.with_imu_heading(state.estimate, heading_rad, variance)
 
 
-def _hold(now: FusionState, heading: Heading, heading_rad: float, variance: float, noise_rad: float) -> bool:
+def _hold(
+    state: FusionState, heading: Heading, heading_rad: float, variance: float, noise_rad: float
+) -> bool:
     """Let a heading that changes at rest move the offset, and show the drift; False where the robot is being turned."""
-    estimate = now.estimate
-    if now.rest_from is None:
-        now.rest_from = heading.middle_s, heading.middle_rad, estimate.offset_rad
-    from_s, from_rad, offset_rad = now.rest_from
+    estimate = state.estimate
+    if state.rest_from is None:
+        state.rest_from = heading.middle_s, heading.middle_rad, estimate.offset_rad
+    from_s, from_rad, offset_rad = state.rest_from
     lasted_s, drifted_rad = heading.middle_s - from_s, heading.middle_rad - from_rad
     if abs(drifted_rad) > MOST_DRIFT_RAD_S * lasted_s + 3 * noise_rad:
-        now.estimate = replace(estimate, offset_rad=offset_rad + estimate.bias_rad_s * lasted_s)
-        now.rest_from, now.resting_s = None, -TURNED_BY_HAND_S
+        state.estimate = replace(estimate, offset_rad=offset_rad + estimate.bias_rad_s * lasted_s)
+        state.rest_from, state.resting_s = None, -TURNED_BY_HAND_S
         return False
     estimate = motion_filter.with_new_offset(estimate, heading_rad, variance)
     if lasted_s >= DRIFT_EVERY_S:
@@ -203,38 +207,40 @@ def _hold(now: FusionState, heading: Heading, heading_rad: float, variance: floa
         if off_rad_s > sigma_rad_s:  # more than it is expected to drift: it settles
             estimate = motion_filter.with_unknown_bias(estimate, off_rad_s)
         estimate = motion_filter.with_bias(estimate, drift_rad_s, sigma_rad_s * sigma_rad_s)
-        now.rest_from = heading.middle_s, heading.middle_rad, estimate.offset_rad
-    now.estimate = estimate
+        state.rest_from = heading.middle_s, heading.middle_rad, estimate.offset_rad
+    state.estimate = estimate
     return True
 
 
-def _begin(now: FusionState, noise_rad: float) -> None:
+def _begin(state: FusionState, noise_rad: float) -> None:
     """Begin with the middle one of the first headings: the first alone may be an outlier."""
-    if len(now.readings) < FIRST_READINGS:
+    if len(state.readings) < FIRST_READINGS:
         return
-    turns = [(rad, turned) for at_s, rad in now.readings if (turned := now.history.at(at_s - now.lag_s))]
+    turns = [
+        (rad, turned) for at_s, rad in state.readings if (turned := state.history.at(at_s - state.lag_s))
+    ]
     if not turns:
         return
-    last = now.history.turns[-1]
+    last = state.history.turns[-1]
     headings = sorted([rad + last[2] - turned[2] for rad, turned in turns])
     variance = noise_rad * noise_rad + last[3] - turns[0][1][3]
     heading_rad = headings[len(headings) // 2]
-    now.estimate = motion_filter.with_new_offset(now.estimate, heading_rad, variance)
-    now.has_offset = True
+    state.estimate = motion_filter.with_new_offset(state.estimate, heading_rad, variance)
+    state.has_offset = True
 
 
-def check_lag(now: FusionState, noise_rad: float) -> None:
+def check_lag(state: FusionState, noise_rad: float) -> None:
     """Find by how much the headings come late, where they scatter about the turns as if they did."""
-    if len(now.readings) < LAG_READINGS:
+    if len(state.readings) < LAG_READINGS:
         return
     limit = LAG_MISFIT * noise_rad * noise_rad
-    present = scatter(now.history, now.readings, now.lag_s)
+    present = scatter(state.history, state.readings, state.lag_s)
     if present is None or present <= limit:
         return
-    best = best_lag(now.history, now.readings)
+    best = best_lag(state.history, state.readings)
     if best is None or best[1] > min(limit, 0.25 * present):
         return
-    now.lag_s = best[0]
-    now.estimate = motion_filter.widen(now.estimate, 0.0, present)
-    now.turns.clear()
-    now.refused_in_a_row = 0
+    state.lag_s = best[0]
+    state.estimate = motion_filter.widen(state.estimate, 0.0, present)
+    state.turns.clear()
+    state.refused_in_a_row = 0

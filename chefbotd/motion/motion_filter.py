@@ -77,7 +77,7 @@ class MotionStep(Record, frozen=True):
     climb_m: float = 0.0
 
 
-def predict(now: MotionEstimate, considered: Considered, step: MotionStep) -> MotionEstimate:
+def predict(state: MotionEstimate, considered: Considered, step: MotionStep) -> MotionEstimate:
     """The state after the motion along an arc.
 
     The rows of x, y, heading and offset are multiplied by the Jacobian F, with the error of the turn
@@ -89,11 +89,11 @@ def predict(now: MotionEstimate, considered: Considered, step: MotionStep) -> Mo
         hh, ho, hb, hs, ht, hm, hg,
         oo, ob, os, ot, om, og,
         bb, bs, bt, bm, bg,
-    ) = now.covariance  # fmt: skip
+    ) = state.covariance  # fmt: skip
     travel_m, turned_rad, dt_s = step.travel_m, step.turned_rad, step.dt_s
     half_rad = turned_rad / 2
     chord_m = travel_m * (1 - half_rad * half_rad / 6)
-    cos, sin = math.cos(now.heading_rad + half_rad), math.sin(now.heading_rad + half_rad)
+    cos, sin = math.cos(state.heading_rad + half_rad), math.sin(state.heading_rad + half_rad)
     dx, dy = chord_m * cos, chord_m * sin
     turns_s, drifts_s = (dt_s, 0.0) if step.bias_turns else (0.0, dt_s)
     # the covariance of the turn's error with each state and each considered error
@@ -164,46 +164,46 @@ def predict(now: MotionEstimate, considered: Considered, step: MotionStep) -> Mo
         bb + step.bias_variance_rad2_s2,
         bs, bt, bm, bg,
     )  # fmt: skip
-    x_m, y_m, heading_rad = now.x_m + dx, now.y_m + dy, now.heading_rad + turned_rad
-    climb_m = now.climb_m + step.climb_m
-    offset_rad = now.offset_rad + drifts_s * now.bias_rad_s
-    return MotionEstimate(x_m, y_m, heading_rad, offset_rad, now.bias_rad_s, climb_m, covariance)
+    x_m, y_m, heading_rad = state.x_m + dx, state.y_m + dy, state.heading_rad + turned_rad
+    climb_m = state.climb_m + step.climb_m
+    offset_rad = state.offset_rad + drifts_s * state.bias_rad_s
+    return MotionEstimate(x_m, y_m, heading_rad, offset_rad, state.bias_rad_s, climb_m, covariance)
 
 
-def surprise(now: MotionEstimate, imu_heading_rad: float, variance_rad2: float) -> tuple[float, float]:
+def surprise(state: MotionEstimate, imu_heading_rad: float, variance_rad2: float) -> tuple[float, float]:
     """How far a heading of the IMU is from the expected one, whole turns apart, and the variance of that."""
-    c = now.covariance
-    off_rad = math.remainder(imu_heading_rad - now.heading_rad - now.offset_rad, math.tau)
+    c = state.covariance
+    off_rad = math.remainder(imu_heading_rad - state.heading_rad - state.offset_rad, math.tau)
     return off_rad, c[17] + 2 * c[18] + c[24] + variance_rad2
 
 
-def with_imu_heading(now: MotionEstimate, imu_heading_rad: float, variance_rad2: float) -> MotionEstimate:
+def with_imu_heading(state: MotionEstimate, imu_heading_rad: float, variance_rad2: float) -> MotionEstimate:
     """The state corrected by a heading of the IMU, which measures heading + offset."""
-    off_rad, variance = surprise(now, imu_heading_rad, variance_rad2)
-    c = now.covariance
+    off_rad, variance = surprise(state, imu_heading_rad, variance_rad2)
+    c = state.covariance
     gains = (
         c[2] + c[3], c[10] + c[11], c[17] + c[18], c[18] + c[24], c[19] + c[25],
         c[20] + c[26], c[21] + c[27], c[22] + c[28], c[23] + c[29],
     )  # fmt: skip
-    return _correct(now, gains, off_rad, variance)
+    return _correct(state, gains, off_rad, variance)
 
 
-def with_bias(now: MotionEstimate, bias_rad_s: float, variance_rad2_s2: float) -> MotionEstimate:
+def with_bias(state: MotionEstimate, bias_rad_s: float, variance_rad2_s2: float) -> MotionEstimate:
     """The state corrected by a measurement of the bias."""
-    c = now.covariance
+    c = state.covariance
     gains = (c[4], c[12], c[19], c[25], c[30], c[31], c[32], c[33], c[34])
-    return _correct(now, gains, bias_rad_s - now.bias_rad_s, c[30] + variance_rad2_s2)
+    return _correct(state, gains, bias_rad_s - state.bias_rad_s, c[30] + variance_rad2_s2)
 
 
 def _correct(
-    now: MotionEstimate, to_measured: tuple[float, ...], off: float, variance: float
+    state: MotionEstimate, to_measured: tuple[float, ...], off: float, variance: float
 ) -> MotionEstimate:
     """The state after a measurement; ``to_measured`` is the covariance of each error with what was measured.
 
     The considered errors keep their variances: that is Schmidt's filter.
     """
     if variance <= 0:
-        return now
+        return state
     px, py, ph, po, pb, ps, pt, pm, pg = to_measured
     kx, ky, kh, ko, kb = px / variance, py / variance, ph / variance, po / variance, pb / variance
     (
@@ -212,7 +212,7 @@ def _correct(
         hh, ho, hb, hs, ht, hm, hg,
         oo, ob, os, ot, om, og,
         bb, bs, bt, bm, bg,
-    ) = now.covariance  # fmt: skip
+    ) = state.covariance  # fmt: skip
     covariance = (
         xx - kx * px, xy - kx * py, xh - kx * ph, xo - kx * po, xb - kx * pb,
         xs - kx * ps, xt - kx * pt, xm - kx * pm, xg - kx * pg,
@@ -225,62 +225,62 @@ def _correct(
         bb - kb * pb, bs - kb * ps, bt - kb * pt, bm - kb * pm, bg - kb * pg,
     )  # fmt: skip
     return MotionEstimate(
-        now.x_m + kx * off,
-        now.y_m + ky * off,
-        now.heading_rad + kh * off,
-        now.offset_rad + ko * off,
-        now.bias_rad_s + kb * off,
-        now.climb_m,
+        state.x_m + kx * off,
+        state.y_m + ky * off,
+        state.heading_rad + kh * off,
+        state.offset_rad + ko * off,
+        state.bias_rad_s + kb * off,
+        state.climb_m,
         covariance,
     )
 
 
-def widen(now: MotionEstimate, position_variance_m2: float, heading_variance_rad2: float) -> MotionEstimate:
+def widen(state: MotionEstimate, position_variance_m2: float, heading_variance_rad2: float) -> MotionEstimate:
     """The state, less certain of its position and heading."""
-    c = list(now.covariance)
+    c = list(state.covariance)
     c[0] += position_variance_m2
     c[9] += position_variance_m2
     c[17] += heading_variance_rad2
-    return replace(now, covariance=tuple(c))
+    return replace(state, covariance=tuple(c))
 
 
-def with_unknown_bias(now: MotionEstimate, sigma_rad_s: float) -> MotionEstimate:
+def with_unknown_bias(state: MotionEstimate, sigma_rad_s: float) -> MotionEstimate:
     """The state with a bias of 0, of this uncertainty."""
-    c = list(now.covariance)
+    c = list(state.covariance)
     for index in (4, 12, 19, 25, 31, 32, 33, 34):
         c[index] = 0.0
     c[30] = sigma_rad_s**2
-    return replace(now, bias_rad_s=0.0, covariance=tuple(c))
+    return replace(state, bias_rad_s=0.0, covariance=tuple(c))
 
 
-def with_new_turn_errors(now: MotionEstimate) -> MotionEstimate:
+def with_new_turn_errors(state: MotionEstimate) -> MotionEstimate:
     """The state when the turn is measured by another sensor from now on: its errors have had no effect yet."""
-    c = list(now.covariance)
+    c = list(state.covariance)
     for index in (6, 7, 14, 15, 21, 22, 27, 28, 32, 33):
         c[index] = 0.0
-    return replace(now, covariance=tuple(c))
+    return replace(state, covariance=tuple(c))
 
 
-def with_new_offset(now: MotionEstimate, imu_heading_rad: float, variance_rad2: float) -> MotionEstimate:
+def with_new_offset(state: MotionEstimate, imu_heading_rad: float, variance_rad2: float) -> MotionEstimate:
     """The state in which the IMU's heading has begun anew here: the offset is known as well as heading and reading are.
 
     ``offset = reading - heading``, so its error is that of the reading less that of the heading.
     """
-    c = list(now.covariance)
+    c = list(state.covariance)
     c[3], c[11], c[18] = -c[2], -c[10], -c[17]
     c[24] = c[17] + variance_rad2
     c[25] = -c[19]
     c[26], c[27], c[28], c[29] = -c[20], -c[21], -c[22], -c[23]
-    return replace(now, offset_rad=imu_heading_rad - now.heading_rad, covariance=tuple(c))
+    return replace(state, offset_rad=imu_heading_rad - state.heading_rad, covariance=tuple(c))
 
 
-def at_pose(now: MotionEstimate, pose: Pose2D) -> MotionEstimate:
+def at_pose(state: MotionEstimate, pose: Pose2D) -> MotionEstimate:
     """The state at a declared pose, which is certain; the IMU's heading stays where it is, and so do the biases."""
-    c = now.covariance
+    c = state.covariance
     covariance = (
         *(0.0,) * 24,
         c[17] + 2 * c[18] + c[24], c[19] + c[25], c[20] + c[26], c[21] + c[27], c[22] + c[28], c[23] + c[29],
         *c[30:],
     )  # fmt: skip
-    offset_rad = now.heading_rad + now.offset_rad - pose.heading_rad
-    return MotionEstimate(pose.x_m, pose.y_m, pose.heading_rad, offset_rad, now.bias_rad_s, 0.0, covariance)
+    offset_rad = state.heading_rad + state.offset_rad - pose.heading_rad
+    return MotionEstimate(pose.x_m, pose.y_m, pose.heading_rad, offset_rad, state.bias_rad_s, 0.0, covariance)

@@ -68,11 +68,13 @@ class Setpoints:
         dt_s = min(elapsed_s, self._parameters.max_step_s)
         if is_rest(target):
             state = replace(state, pids=tuple([pid.let_go(wheel) for wheel in state.pids]))
-        if state.loose or isinstance(target, WheelVelocities):
+        if state.wheels_differ or isinstance(target, WheelVelocities):
             return self._step_wheels(state, target, now_s, dt_s, apart)
         target = self._kinematics.saturate(target, self._parameters.max_rim_speed_m_s)
-        if state.share < 1.0:
-            target = Twist2D(target.linear_m_s * state.share, target.angular_rad_s * state.share)
+        if state.saturation_scale < 1.0:
+            target = Twist2D(
+                target.linear_m_s * state.saturation_scale, target.angular_rad_s * state.saturation_scale
+            )
         limits = self._limits_apart if apart else self._limits
         limiter = limit(limits, state.limiter, target, dt_s)
         setpoint = self._kinematics.rim_speeds_m_s(limiter.twist)
@@ -102,9 +104,9 @@ class Setpoints:
             share = rims.progress(state.limiter.twist, limiter.twist, aim)
         share = min(share, dt_s / pace_s) if pace_s > 0 else 1.0
         differs = rims.approach(differ, aims_differ, share)
-        loose = not (rims.alike(differs, self._still) and rims.alike(aims_differ, self._still))
+        wheels_differ = not (rims.alike(differs, self._still) and rims.alike(aims_differ, self._still))
         setpoint, acceleration = rims_of(limiter.twist), rims_of(limiter.acceleration)
-        if loose:
+        if wheels_differ:
             setpoint = rims.plus(setpoint, differs)
             change = rims.minus(differs, differ)
             acceleration = rims.plus(acceleration, tuple([one / dt_s for one in change]))
@@ -114,7 +116,7 @@ class Setpoints:
             stepped_s=now_s,
             setpoint_m_s=setpoint,
             acceleration_m_s2=acceleration,
-            loose=loose,
+            wheels_differ=wheels_differ,
         )
 
     def _aims(self, state: DriveState, target: Motion) -> tuple[rims.Rims, Twist2D]:
@@ -123,7 +125,9 @@ class Setpoints:
             aims_m_s, twist = self._kinematics.rims_at_m_s(target.rad_s), target.twist
         else:
             aims_m_s, twist = self._kinematics.rim_speeds_m_s(target), target
-        share = state.share * rims.share_of(self._limits, self._parameters.max_rim_speed_m_s, aims_m_s, twist)
+        share = state.saturation_scale * rims.share_of(
+            self._limits, self._parameters.max_rim_speed_m_s, aims_m_s, twist
+        )
         aims_m_s = tuple([aim_m_s * share for aim_m_s in aims_m_s])
         return aims_m_s, Twist2D(twist.linear_m_s * share, twist.angular_rad_s * share)
 

@@ -125,10 +125,10 @@ class LocalizationSkill:
                 return
             yield from self._followed(self._within, aligned)
 
-    def _followed(self, within: LocalizationMap, aligned: AlignedScan) -> Iterator[Struct]:
+    def _followed(self, map_: LocalizationMap, aligned: AlignedScan) -> Iterator[Struct]:
         odometry = Odometry(aligned.odometry, aligned.odometry_covariance)
         self._now, report = step(
-            within,
+            map_,
             self._now,
             aligned.stamp_s,
             odometry,
@@ -220,13 +220,13 @@ class LocalizationSkill:
             yield JobStep(1.0, 3.0, "finding its walls")
             surfaces = surface_map(grid)
             yield JobStep(2.0, 3.0, "preparing the search")
-            within = LocalizationMap(surfaces, pyramid(surfaces))
+            map_ = LocalizationMap(surfaces, pyramid(surfaces))
         except (ValueError, Refused) as problem:
             self._keep()
             self._rest()
             kind = problem.kind if isinstance(problem, Refused) else RefusalKind.MAP_UNREADABLE
             raise Refused(kind, f"the map {name!r} cannot be used for localization: {problem}") from problem
-        self._change_to(name, version, grid, within, renamed_from)
+        self._change_to(name, version, grid, map_, renamed_from)
         return self._standing()
 
     def _free(self) -> None:
@@ -237,12 +237,12 @@ class LocalizationSkill:
         self._aligner.clear()
 
     def _change_to(
-        self, name: str, version: int, grid: OccupancyGrid, within: LocalizationMap, renamed_from: str | None
+        self, name: str, version: int, grid: OccupancyGrid, map_: LocalizationMap, renamed_from: str | None
     ) -> None:
         """Find the way on another map, or version; the pose that was kept for it is tried first."""
         self._keep()
         self._rest()
-        self._within, self._map, self.grid = within, (name, version), grid
+        self._within, self._map, self.grid = map_, (name, version), grid
         kept = self._pose_file.read()
         if kept is not None and kept.map in (name, renamed_from):
             pose = np.array([kept.x_m, kept.y_m, kept.heading_rad])

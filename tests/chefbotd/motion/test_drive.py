@@ -3,6 +3,7 @@
 import itertools
 import math
 
+import msgspec
 import pytest
 
 from chefbotd.core.commands import Refused
@@ -104,7 +105,7 @@ def test_a_wheel_that_saturates_slows_the_twist_and_keeps_its_shape():
     weak = GAINS.model_copy(update={"output_limit": 150.0})
     controller = drive(weak)
     state = regulated(controller, controller.at_rest, Twist2D(0.4, 0.4), 1.0, rim_m_s=0.1)
-    assert state.share < 1.0
+    assert state.saturation_scale < 1.0
     assert state.limiter.twist.linear_m_s / state.limiter.twist.angular_rad_s == pytest.approx(1.0)
     recovered = regulated(controller, state, Twist2D(0.05, 0.05), 3.0, rim_m_s=0.05)
     assert recovered.share == 1.0
@@ -429,4 +430,12 @@ def test_a_saturated_wheel_that_keeps_up_does_not_slow_the_robot():
     for way in (1.0, -1.0):
         state = regulated(controller, controller.at_rest, Twist2D(0.2 * way, 0.0), 1.0, rim_m_s=0.19 * way)
         assert abs(state.duty[0]) == 150
-        assert state.share == 1.0
+        assert state.saturation_scale == 1.0
+
+
+def test_a_state_of_an_old_recording_has_the_first_names_of_its_fields() -> None:
+    """``share`` and ``loose`` are what the scale and the differing wheels were recorded as."""
+    recorded = b'{"pids":[],"duty":[0,0],"share":0.5,"loose":true}'
+    state = msgspec.json.decode(recorded, type=DriveState)
+    assert (state.saturation_scale, state.wheels_differ) == (0.5, True)
+    assert msgspec.to_builtins(state) | {"share": 0.5, "loose": True} == msgspec.to_builtins(state)

@@ -69,7 +69,7 @@ def _smear_likelihood(likelihood: Bytes, points: Floats) -> None:
 
 
 @kernel
-def place(within: Pyramid, points: Singles, heading: float, cells: NDArray[np.int64]) -> None:
+def place(pyramid: Pyramid, points: Singles, heading: float, cells: NDArray[np.int64]) -> None:
     """The cells that the points fall into from the middle of the first cell."""
     cos, sin = math.cos(heading), math.sin(heading)
     for i in range(points.shape[0]):
@@ -91,7 +91,7 @@ def _mean(level: Bytes, cells: NDArray[np.int64], x: int, y: int) -> float:
 
 @kernel
 def bound(
-    within: Pyramid,
+    pyramid: Pyramid,
     points: Singles,
     turns: Floats,
     across: int,
@@ -106,17 +106,17 @@ def bound(
     for k in range(begin, end):
         turn, block = k // (across * up), k % (across * up)
         if turn != placed:
-            place(within, points, turns[turn], cells)
+            place(pyramid, points, turns[turn], cells)
             placed = turn
         x, y = BLOCK * (block % across), BLOCK * (block // across)
         bounds[k] = -1.0
-        if within.is_free[LEVELS, y, x] > 0:
-            bounds[k] = _mean(within.levels[LEVELS], cells, x, y)
+        if pyramid.is_free[LEVELS, y, x] > 0:
+            bounds[k] = _mean(pyramid.levels[LEVELS], cells, x, y)
 
 
 @kernel
 def divide(
-    within: Pyramid,
+    pyramid: Pyramid,
     points: Singles,
     turns: Floats,
     across: int,
@@ -142,10 +142,10 @@ def divide(
         if used[0] >= budget:
             return
         turn, block = k // (across * up), k % (across * up)
-        place(within, points, turns[turn], cells)
+        place(pyramid, points, turns[turn], cells)
         best_leaf[2] = nearly * state[0]
         x, y = BLOCK * (block % across), BLOCK * (block // across)
-        _descend(within, cells, x, y, best_leaf, used)
+        _descend(pyramid, cells, x, y, best_leaf, used)
         state[1] += 1
         if best_leaf[2] <= nearly * state[0]:
             continue
@@ -153,16 +153,16 @@ def divide(
         if int(state[2]) == poses.shape[0] and not _drop_hopeless(poses, state, nearly):
             state[3] = 2.0
             return
-        _keep(within, best_leaf, turns[turn], poses, state)
+        _keep(pyramid, best_leaf, turns[turn], poses, state)
     state[3] = max(state[3], 1.0)
 
 
 @kernel
-def _keep(within: Pyramid, leaf: Floats, turn_rad: float, poses: Floats, state: Floats) -> None:
+def _keep(pyramid: Pyramid, leaf: Floats, turn_rad: float, poses: Floats, state: Floats) -> None:
     """Add the pose in the middle of a cell (x, y, score) to those that are found."""
     row = int(state[2])
-    poses[row, 0] = within.origin_m[0] + (leaf[0] + 0.5) * CELL_M
-    poses[row, 1] = within.origin_m[1] + (leaf[1] + 0.5) * CELL_M
+    poses[row, 0] = pyramid.origin_m[0] + (leaf[0] + 0.5) * CELL_M
+    poses[row, 1] = pyramid.origin_m[1] + (leaf[1] + 0.5) * CELL_M
     poses[row, 2], poses[row, 3] = turn_rad, leaf[2]
     state[2] += 1
 
@@ -181,7 +181,7 @@ def _drop_hopeless(poses: Floats, state: Floats, nearly: float) -> bool:
 
 @kernel
 def _descend(
-    within: Pyramid, cells: NDArray[np.int64], x: int, y: int, best: Floats, used: NDArray[np.int64]
+    pyramid: Pyramid, cells: NDArray[np.int64], x: int, y: int, best: Floats, used: NDArray[np.int64]
 ) -> None:
     """The best pose of a block, depth first; ``best`` (x, y, score) begins with the score to be above."""
     stack = np.empty((4 * LEVELS + 4, 3), np.int64)
@@ -190,11 +190,11 @@ def _descend(
     while size > 0:
         size -= 1
         level, bx, by = stack[size, 0], stack[size, 1], stack[size, 2]
-        if by >= within.is_free.shape[1] or bx >= within.is_free.shape[2]:
+        if by >= pyramid.is_free.shape[1] or bx >= pyramid.is_free.shape[2]:
             continue
-        if within.is_free[level, by, bx] == 0:
+        if pyramid.is_free[level, by, bx] == 0:
             continue
-        score = _mean(within.levels[level], cells, bx, by)
+        score = _mean(pyramid.levels[level], cells, bx, by)
         used[0] += 1
         if score <= best[2]:
             continue

@@ -61,32 +61,32 @@ DOUBTED_AGAIN_M: Final = 2.0
 
 
 def doubt_pose(
-    now: Localization, agreement: Agreement, odometry: Floats, stamp_s: float
+    state: Localization, agreement: Agreement, odometry: Floats, stamp_s: float
 ) -> tuple[Localization, PoseEvent | None]:
     """Have the whole map searched when scans contradict a pose, or fit worse than usual, for a while.
 
     Where much does not fit, the pose is uncertain meanwhile.
     """
     fits_badly = agreement.fit < DOUBTED_FIT
-    if not fits_badly and not now.misfits and agreement.contradiction <= DOUBTED_THROUGH:
-        return replace(now, doubted_since_s=None), None
-    if now.checked is not None:
-        before, fit = now.checked
+    if not fits_badly and not state.misfits and agreement.contradiction <= DOUBTED_THROUGH:
+        return replace(state, doubted_since_s=None), None
+    if state.checked is not None:
+        before, fit = state.checked
         motion = between(before, odometry)
         is_near = math.hypot(motion[0], motion[1]) < DOUBTED_AGAIN_M
         if is_near and agreement.fit >= fit - SUSPICIOUS_DROP:
-            return now, None
-    since_s = stamp_s if now.doubted_since_s is None else now.doubted_since_s
-    now = replace(now, doubted_since_s=since_s)
+            return state, None
+    since_s = stamp_s if state.doubted_since_s is None else state.doubted_since_s
+    state = replace(state, doubted_since_s=since_s)
     if stamp_s - since_s < UNCERTAIN_AFTER_S:
-        return now, None
-    now = replace(now, is_unchecked=True, doubted_since_s=None, searching=None)
-    return (on_event(now, PoseEvent.MISFITS), PoseEvent.MISFITS) if fits_badly else (now, None)
+        return state, None
+    state = replace(state, is_unchecked=True, doubted_since_s=None, searching=None)
+    return (on_event(state, PoseEvent.MISFITS), PoseEvent.MISFITS) if fits_badly else (state, None)
 
 
 def check_elsewhere(
-    within: LocalizationMap,
-    now: Localization,
+    map_: LocalizationMap,
+    state: Localization,
     odometry: Floats,
     stamp_s: float,
     scan: Scan,
@@ -98,40 +98,40 @@ def check_elsewhere(
     for some seconds is no better than a given one. It is as good as found where none does, and where the scans tell
     where it is in every direction: along a bare corridor they do not.
     """
-    last, estimate = now.searching, now.estimate
-    if estimate is None or now.overlap < MIN_OVERLAP:
-        return now, None
-    since_s = now.uncertain_since_s
+    last, estimate = state.searching, state.estimate
+    if estimate is None or state.overlap < MIN_OVERLAP:
+        return state, None
+    since_s = state.uncertain_since_s
     is_doubtful = since_s is not None and stamp_s - since_s >= UNCERTAIN_FOR_S
     if last is None or _is_due_again(last, odometry, stamp_s, is_doubtful=is_doubtful):
         candidates = () if last is None else last.candidates
-        last = search_room.start_search(within, scan, odometry, stamp_s, candidates)
+        last = search_room.start_search(map_, scan, odometry, stamp_s, candidates)
     else:
-        last = search_room.add_scan(within, last, odometry, scan)
+        last = search_room.add_scan(map_, last, odometry, scan)
     was_searched = last.search is None
-    last = search_room.advance_search(within, last, odometry)
+    last = search_room.advance_search(map_, last, odometry)
     if last.search is None and not was_searched:
-        given = Hypothesis(estimate, now.fit, now.overlap)
+        given = Hypothesis(estimate, state.fit, state.overlap)
         last = replace(last, candidates=merge_hypotheses((given,), last.candidates))
-    now = replace(now, searching=last)
+    state = replace(state, searching=last)
     if last.search is not None:
-        return now, None
+        return state, None
     best = max((one.fit for one in last.candidates), default=0.0)
-    own = max((one.fit for one in last.candidates if _is_at(one, estimate)), default=now.fit)
+    own = max((one.fit for one in last.candidates if _is_at(one, estimate)), default=state.fit)
     scans = min((one.scans for one in last.candidates), default=0)
-    was_found = now.checked is not None and not is_doubtful
+    was_found = state.checked is not None and not is_doubtful
     if own <= best - (REFUTED_BY if was_found else CONTRADICTED_BY):
-        return given_up(now), PoseEvent.GIVEN_UP
+        return given_up(state), PoseEvent.GIVEN_UP
     if scans < 2:
-        return now, None
+        return state, None
     is_fixed = was_found or sigmas(estimate.covariance)[0] <= FIXED_SIGMA_M
     if own <= best - CONTRADICTED_BY / 2 or not is_fixed:
-        is_doubted = now.state is PoseState.LOCALIZED
-        return (on_event(now, PoseEvent.MISFITS), PoseEvent.MISFITS) if is_doubted else (now, None)
-    now = replace(now, searching=None, is_unchecked=False, checked=(odometry, now.fit))
-    if now.state is PoseState.UNCERTAIN and now.fits >= CONFIRMED_SCANS and is_sure(estimate):
-        return on_event(now, PoseEvent.FITS), PoseEvent.FITS
-    return now, None
+        is_doubted = state.state is PoseState.LOCALIZED
+        return (on_event(state, PoseEvent.MISFITS), PoseEvent.MISFITS) if is_doubted else (state, None)
+    state = replace(state, searching=None, is_unchecked=False, checked=(odometry, state.fit))
+    if state.state is PoseState.UNCERTAIN and state.fits >= CONFIRMED_SCANS and is_sure(estimate):
+        return on_event(state, PoseEvent.FITS), PoseEvent.FITS
+    return state, None
 
 
 def _is_due_again(last: Searching, odometry: Floats, stamp_s: float, *, is_doubtful: bool) -> bool:
@@ -145,35 +145,35 @@ def _is_at(one: Hypothesis, estimate: PoseEstimate) -> bool:
     return is_same(one.estimate.pose, estimate.pose)
 
 
-def doubt_sentence(now: Localization) -> str:
+def doubt_sentence(state: Localization) -> str:
     """Why a pose is uncertain that was not given by somebody, and what is done about it; empty where it is not."""
-    if now.state is not PoseState.UNCERTAIN or not now.is_unchecked or now.checked is None:
+    if state.state is not PoseState.UNCERTAIN or not state.is_unchecked or state.checked is None:
         return ""
     return "the scans fit the pose worse than before: the whole map is searched for another place"
 
 
-def without_evidence(now: Localization, stamp_s: float) -> tuple[Localization, PoseEvent | None]:
+def without_evidence(state: Localization, stamp_s: float) -> tuple[Localization, PoseEvent | None]:
     """A pose in space that the map does not know is carried by odometry for a while.
 
     After that it is uncertain, and after as long again it is given up.
     """
-    since_s = stamp_s if now.no_evidence_since_s is None else now.no_evidence_since_s
-    now = replace(now, no_evidence_since_s=since_s)
+    since_s = stamp_s if state.no_evidence_since_s is None else state.no_evidence_since_s
+    state = replace(state, no_evidence_since_s=since_s)
     if stamp_s - since_s < NO_EVIDENCE_AFTER_S:
-        return now, None
-    if now.state is PoseState.UNCERTAIN:
-        return given_up(now), PoseEvent.GIVEN_UP
-    now = replace(now, no_evidence_since_s=stamp_s)
-    return on_event(now, PoseEvent.MISFITS), PoseEvent.MISFITS
+        return state, None
+    if state.state is PoseState.UNCERTAIN:
+        return given_up(state), PoseEvent.GIVEN_UP
+    state = replace(state, no_evidence_since_s=stamp_s)
+    return on_event(state, PoseEvent.MISFITS), PoseEvent.MISFITS
 
 
-def misfit(now: Localization, stamp_s: float, patience_s: float) -> tuple[Localization, PoseEvent | None]:
+def misfit(state: Localization, stamp_s: float, patience_s: float) -> tuple[Localization, PoseEvent | None]:
     """A pose whose scan fits badly is uncertain after a while, and given up after ``patience_s``."""
-    since_s = stamp_s if now.misfit_since_s is None else now.misfit_since_s
-    misfits = 1 if now.misfit_since_s is None else now.misfits + 1
-    now = replace(now, misfit_since_s=since_s, misfits=misfits, fits=0)
+    since_s = stamp_s if state.misfit_since_s is None else state.misfit_since_s
+    misfits = 1 if state.misfit_since_s is None else state.misfits + 1
+    state = replace(state, misfit_since_s=since_s, misfits=misfits, fits=0)
     if stamp_s - since_s >= patience_s and misfits >= LOST_AFTER_SCANS:
-        return given_up(now), PoseEvent.GIVEN_UP
-    if stamp_s - since_s >= UNCERTAIN_AFTER_S and now.state is PoseState.LOCALIZED:
-        return on_event(now, PoseEvent.MISFITS), PoseEvent.MISFITS
-    return now, None
+        return given_up(state), PoseEvent.GIVEN_UP
+    if stamp_s - since_s >= UNCERTAIN_AFTER_S and state.state is PoseState.LOCALIZED:
+        return on_event(state, PoseEvent.MISFITS), PoseEvent.MISFITS
+    return state, None

@@ -73,7 +73,7 @@ class GlobalSearch(Record, frozen=True):
         return 1.0 if self.is_done else 0.5 + 0.5 * self.divided / len(self.order)
 
 
-def start_search(within: Pyramid, points: Singles, *, points_at_most: int = POINTS_AT_MOST) -> GlobalSearch:
+def start_search(pyramid: Pyramid, points: Singles, *, points_at_most: int = POINTS_AT_MOST) -> GlobalSearch:
     """A search for a scan's points (n, 2), in the robot's frame; nothing is computed yet.
 
     Raises:
@@ -82,11 +82,11 @@ def start_search(within: Pyramid, points: Singles, *, points_at_most: int = POIN
     if not len(points):
         raise ValueError("a search needs a scan with points, but this one has none")
     some = thin_points(points, points_at_most)
-    rows, columns = within.levels.shape[1:]
+    rows, columns = pyramid.levels.shape[1:]
     blocks = (math.ceil(columns / BLOCK), math.ceil(rows / BLOCK))
     turns = _turns(some)
     return GlobalSearch(
-        within, some, turns, blocks, np.zeros(len(turns) * blocks[0] * blocks[1]), 0,
+        pyramid, some, turns, blocks, np.zeros(len(turns) * blocks[0] * blocks[1]), 0,
         np.zeros(0, np.int64), 0, np.zeros((4096, 4)), 0, MIN_SCORE / NEARLY,
     )  # fmt: skip
 

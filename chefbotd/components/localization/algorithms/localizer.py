@@ -104,8 +104,8 @@ class LocalizationReport(Record, frozen=True):
 
 
 def step(
-    within: LocalizationMap,
-    now: Localization,
+    map_: LocalizationMap,
+    state: Localization,
     stamp_s: float,
     odometry: Odometry,
     scan: Scan | None,
@@ -116,78 +116,78 @@ def step(
 
     With ``auto_search`` a robot that is lost searches without being asked to.
     """
-    now, event = carry_estimate(now, odometry), None
+    state, event = carry_estimate(state, odometry), None
     if scan is not None and len(scan.points):
-        if now.state in HAS_POSE and now.estimate is not None:
-            now, event = _follow(within, now, now.estimate, odometry.pose, stamp_s, scan)
-            if now.is_unchecked and event is None:
-                now, event = check_elsewhere(within, now, odometry.pose, stamp_s, scan)
+        if state.state in HAS_POSE and state.estimate is not None:
+            state, event = _follow(map_, state, state.estimate, odometry.pose, stamp_s, scan)
+            if state.is_unchecked and event is None:
+                state, event = check_elsewhere(map_, state, odometry.pose, stamp_s, scan)
         else:
-            now, event = _look(within, now, odometry.pose, stamp_s, scan, auto_search=auto_search)
-    if now.state is PoseState.LOCALIZED and now.estimate is not None and not is_sure(now.estimate):
-        now, event = on_event(now, PoseEvent.MISFITS), PoseEvent.MISFITS
-    now, jumped = _update_published(_time_uncertainty(now, stamp_s), stamp_s)
-    return now, _report(now, stamp_s, event, jumped)
+            state, event = _look(map_, state, odometry.pose, stamp_s, scan, auto_search=auto_search)
+    if state.state is PoseState.LOCALIZED and state.estimate is not None and not is_sure(state.estimate):
+        state, event = on_event(state, PoseEvent.MISFITS), PoseEvent.MISFITS
+    state, jumped = _update_published(_time_uncertainty(state, stamp_s), stamp_s)
+    return state, _report(state, stamp_s, event, jumped)
 
 
-def _time_uncertainty(now: Localization, stamp_s: float) -> Localization:
+def _time_uncertainty(state: Localization, stamp_s: float) -> Localization:
     """The same, with the time since when its pose is uncertain."""
-    if now.state is not PoseState.UNCERTAIN:
-        return now if now.uncertain_since_s is None else replace(now, uncertain_since_s=None)
-    return replace(now, uncertain_since_s=stamp_s) if now.uncertain_since_s is None else now
+    if state.state is not PoseState.UNCERTAIN:
+        return state if state.uncertain_since_s is None else replace(state, uncertain_since_s=None)
+    return replace(state, uncertain_since_s=stamp_s) if state.uncertain_since_s is None else state
 
 
-def advance_search(within: LocalizationMap, now: Localization) -> Localization:
+def advance_search(map_: LocalizationMap, state: Localization) -> Localization:
     """Go on with a search between two scans, a bounded bit."""
-    if now.searching is None or now.odometry is None:
-        return now
-    if now.state is not PoseState.SEARCHING and not now.is_unchecked:
-        return now
-    pose = now.odometry.pose
-    return replace(now, searching=search_room.advance_search(within, now.searching, pose))
+    if state.searching is None or state.odometry is None:
+        return state
+    if state.state is not PoseState.SEARCHING and not state.is_unchecked:
+        return state
+    pose = state.odometry.pose
+    return replace(state, searching=search_room.advance_search(map_, state.searching, pose))
 
 
 def _follow(
-    within: LocalizationMap,
-    now: Localization,
+    map_: LocalizationMap,
+    state: Localization,
     expected: PoseEstimate,
     odometry: Floats,
     stamp_s: float,
     scan: Scan,
 ) -> tuple[Localization, PoseEvent | None]:
     """Match the scan about the estimate, and count whether scans fit."""
-    around = now.misfits % LOOK_AROUND_EVERY == 0
-    grids = within.surfaces.grids
-    track = track_pose(grids, expected, scan, now.usual_fit, may_search=around)
+    around = state.misfits % LOOK_AROUND_EVERY == 0
+    grids = map_.surfaces.grids
+    track = track_pose(grids, expected, scan, state.usual_fit, may_search=around)
     agreement = track.agreement
-    now = replace(now, estimate=track.estimate, fit=agreement.fit, overlap=agreement.overlap)
+    state = replace(state, estimate=track.estimate, fit=agreement.fit, overlap=agreement.overlap)
     if agreement.overlap < MIN_OVERLAP:
-        return without_evidence(now, stamp_s)
-    now = replace(now, no_evidence_since_s=None)
+        return without_evidence(state, stamp_s)
+    state = replace(state, no_evidence_since_s=None)
     if not track.matched or agreement.fit < WEAK_FIT:
         patience_s = WEAK_AFTER_S if track.matched else LOST_AFTER_S
-        return misfit(now, stamp_s, patience_s)
-    if track.moved and not now.is_unchecked:  # it was looked for nearby only: it may be somewhere else
-        now = replace(now, is_unchecked=True, checked=None, searching=None, fits=0)
-    suspicious = agreement.fit < now.usual_fit - SUSPICIOUS_DROP
-    now = replace(
-        now,
-        usual_fit=(1 - USUAL_SHARE) * now.usual_fit + USUAL_SHARE * agreement.fit,
-        fits=now.fits + 1 if agreement.fit >= CONFIRMED_FIT else 0,
-        misfits=now.misfits + 1 if suspicious else 0,
+        return misfit(state, stamp_s, patience_s)
+    if track.moved and not state.is_unchecked:  # it was looked for nearby only: it may be somewhere else
+        state = replace(state, is_unchecked=True, checked=None, searching=None, fits=0)
+    suspicious = agreement.fit < state.usual_fit - SUSPICIOUS_DROP
+    state = replace(
+        state,
+        usual_fit=(1 - USUAL_SHARE) * state.usual_fit + USUAL_SHARE * agreement.fit,
+        fits=state.fits + 1 if agreement.fit >= CONFIRMED_FIT else 0,
+        misfits=state.misfits + 1 if suspicious else 0,
         misfit_since_s=None,
     )
-    if now.state is PoseState.LOCALIZED and not now.is_unchecked:
-        return doubt_pose(now, agreement, odometry, stamp_s)
-    confirmed = now.fits >= CONFIRMED_SCANS and is_sure(track.estimate) and not now.is_unchecked
-    if now.state is PoseState.UNCERTAIN and confirmed:
-        return on_event(now, PoseEvent.FITS), PoseEvent.FITS
-    return now, None
+    if state.state is PoseState.LOCALIZED and not state.is_unchecked:
+        return doubt_pose(state, agreement, odometry, stamp_s)
+    confirmed = state.fits >= CONFIRMED_SCANS and is_sure(track.estimate) and not state.is_unchecked
+    if state.state is PoseState.UNCERTAIN and confirmed:
+        return on_event(state, PoseEvent.FITS), PoseEvent.FITS
+    return state, None
 
 
 def _look(
-    within: LocalizationMap,
-    now: Localization,
+    map_: LocalizationMap,
+    state: Localization,
     odometry: Floats,
     stamp_s: float,
     scan: Scan,
@@ -195,32 +195,32 @@ def _look(
     auto_search: bool,
 ) -> tuple[Localization, PoseEvent | None]:
     """Search everywhere, a bit further with each scan."""
-    last = now.searching
-    if now.state is not PoseState.SEARCHING:
+    last = state.searching
+    if state.state is not PoseState.SEARCHING:
         due = last is None or search_room.is_due(last, odometry, stamp_s)
         if not (auto_search and due):
-            return now, None
-        begun = search_room.start_search(within, scan, odometry, stamp_s)
-        return on_event(replace(now, searching=begun), PoseEvent.SEARCH_STARTED), PoseEvent.SEARCH_STARTED
+            return state, None
+        begun = search_room.start_search(map_, scan, odometry, stamp_s)
+        return on_event(replace(state, searching=begun), PoseEvent.SEARCH_STARTED), PoseEvent.SEARCH_STARTED
     if last is None:
-        last = search_room.start_search(within, scan, odometry, stamp_s)
+        last = search_room.start_search(map_, scan, odometry, stamp_s)
     else:
-        last = search_room.add_scan(within, last, odometry, scan)
-    last = search_room.advance_search(within, last, odometry)
+        last = search_room.add_scan(map_, last, odometry, scan)
+    last = search_room.advance_search(map_, last, odometry)
     event, place = _result(last, odometry, stamp_s)
     if event is PoseEvent.SEARCH_STARTED:
-        last = search_room.start_search(within, scan, odometry, stamp_s, last.candidates)
-    now = replace(now, searching=last)
+        last = search_room.start_search(map_, scan, odometry, stamp_s, last.candidates)
+    state = replace(state, searching=last)
     if place is not None:
-        now = replace(
-            forgotten(now),
+        state = replace(
+            forgotten(state),
             estimate=place.estimate,
             usual_fit=place.fit,
             checked=(odometry, place.fit),
             fit=place.fit,
             overlap=place.overlap,
         )
-    return (now, None) if event is None else (on_event(now, event), event)
+    return (state, None) if event is None else (on_event(state, event), event)
 
 
 def _result(
@@ -244,32 +244,32 @@ def _result(
     return None, None
 
 
-def _update_published(now: Localization, stamp_s: float) -> tuple[Localization, bool]:
+def _update_published(state: Localization, stamp_s: float) -> tuple[Localization, bool]:
     """The ``map_from_odom`` to publish: it follows the estimate, and stays as it was where there is none."""
-    if now.estimate is None or now.odometry is None:
-        return now, False
-    odometry, pose = now.odometry.pose, now.estimate.pose
-    if now.published is None:
+    if state.estimate is None or state.odometry is None:
+        return state, False
+    odometry, pose = state.odometry.pose, state.estimate.pose
+    if state.published is None:
         published, jumped = compose(pose, inverse(odometry)), True
     else:
-        dt_s = max(stamp_s - now.published_s, 0.0)
-        published, jumped = correct_odom(now.published, pose, odometry, dt_s)
-    return replace(now, published=published, published_s=stamp_s), jumped
+        dt_s = max(stamp_s - state.published_s, 0.0)
+        published, jumped = correct_odom(state.published, pose, odometry, dt_s)
+    return replace(state, published=published, published_s=stamp_s), jumped
 
 
-def _report(now: Localization, stamp_s: float, event: PoseEvent | None, jumped: bool) -> LocalizationReport:
-    searching = None if now.state in HAS_POSE else now.searching
+def _report(state: Localization, stamp_s: float, event: PoseEvent | None, jumped: bool) -> LocalizationReport:
+    searching = None if state.state in HAS_POSE else state.searching
     candidates = () if searching is None else likely(searching.candidates)
-    has_pose = now.state in HAS_POSE
+    has_pose = state.state in HAS_POSE
     return LocalizationReport(
         stamp_s=stamp_s,
-        state=now.state,
+        state=state.state,
         event=event,
-        map_from_base=now.estimate if has_pose else None,
-        map_from_odom=now.published,
+        map_from_base=state.estimate if has_pose else None,
+        map_from_odom=state.published,
         jumped=jumped,
-        fit=now.fit if has_pose else max((one.fit for one in candidates), default=0.0),
-        overlap=now.overlap if has_pose else max((one.overlap for one in candidates), default=0.0),
+        fit=state.fit if has_pose else max((one.fit for one in candidates), default=0.0),
+        overlap=state.overlap if has_pose else max((one.overlap for one in candidates), default=0.0),
         alternatives=candidates,
         searched=0.0 if searching is None else searching.share_done,
     )

@@ -67,18 +67,18 @@ class Searching(Record, frozen=True):
 
 
 def start_search(
-    within: LocalizationMap,
+    map_: LocalizationMap,
     scan: Scan,
     odometry: Floats,
     stamp_s: float,
     candidates: tuple[Hypothesis, ...] = (),
 ) -> Searching:
     """A search for this scan; nothing is computed yet."""
-    search = global_search.start_search(within.pyramid, scan.points)
+    search = global_search.start_search(map_.pyramid, scan.points)
     return Searching(search, scan, odometry, stamp_s, candidates, is_complete=False, looked_at=odometry)
 
 
-def advance_search(within: LocalizationMap, searching: Searching, odometry: Floats) -> Searching:
+def advance_search(map_: LocalizationMap, searching: Searching, odometry: Floats) -> Searching:
     """The search a bounded bit further; ``odometry`` is where the robot is now."""
     if searching.search is None:
         return searching
@@ -86,17 +86,17 @@ def advance_search(within: LocalizationMap, searching: Searching, odometry: Floa
     if not search.is_done:
         return replace(searching, search=search)
     places, is_complete = global_search.places(search)
-    matching = hypotheses(within.surfaces.grids, places, searching.scan)
+    matching = hypotheses(map_.surfaces.grids, places, searching.scan)
     now = move_hypotheses(matching, between(searching.began_at, odometry), None)
     candidates = merge_hypotheses(searching.candidates, now)
     return replace(searching, search=None, candidates=candidates, is_complete=is_complete)
 
 
-def add_scan(within: LocalizationMap, searching: Searching, odometry: Floats, scan: Scan) -> Searching:
+def add_scan(map_: LocalizationMap, searching: Searching, odometry: Floats, scan: Scan) -> Searching:
     """The candidates after a scan."""
     new_look = is_look(between(searching.looked_at, odometry))
     left = confront_with_scan(
-        within.surfaces.grids,
+        map_.surfaces.grids,
         searching.candidates,
         scan,
         is_look=new_look,

@@ -136,7 +136,7 @@ class Localization(Record, frozen=True):
     checked: tuple[Floats, float] | None = None
 
 
-def set_pose(now: Localization, pose: Floats, covariance: Floats | None = None) -> Localization:
+def set_pose(state: Localization, pose: Floats, covariance: Floats | None = None) -> Localization:
     """The robot is about here, says a person or what was kept before a restart; the next scans confirm it or not.
 
     Raises:
@@ -146,29 +146,29 @@ def set_pose(now: Localization, pose: Floats, covariance: Floats | None = None) 
         raise ValueError(f"a pose is x, y and heading, got {pose.tolist()}")
     vague = np.diag([GIVEN_SIGMA_M**2, GIVEN_SIGMA_M**2, GIVEN_SIGMA_RAD**2])
     estimate = PoseEstimate(pose.astype(np.float64), vague if covariance is None else covariance)
-    return on_event(replace(forgotten(now), estimate=estimate, is_unchecked=True), PoseEvent.POSE_GIVEN)
+    return on_event(replace(forgotten(state), estimate=estimate, is_unchecked=True), PoseEvent.POSE_GIVEN)
 
 
-def localize(now: Localization) -> Localization:
+def localize(state: Localization) -> Localization:
     """Search everywhere, whatever is known."""
-    return on_event(forgotten(now), PoseEvent.SEARCH_STARTED)
+    return on_event(forgotten(state), PoseEvent.SEARCH_STARTED)
 
 
-def forgotten(now: Localization) -> Localization:
+def forgotten(state: Localization) -> Localization:
     """Without what is believed about the pose; what was published stays."""
     return Localization(
-        state=now.state, odometry=now.odometry, published=now.published, published_s=now.published_s
+        state=state.state, odometry=state.odometry, published=state.published, published_s=state.published_s
     )
 
 
-def on_event(now: Localization, event: PoseEvent) -> Localization:
+def on_event(state: Localization, event: PoseEvent) -> Localization:
     """In the state that follows on the event."""
-    return replace(now, state=NEXT[now.state, event])
+    return replace(state, state=NEXT[state.state, event])
 
 
-def given_up(now: Localization) -> Localization:
+def given_up(state: Localization) -> Localization:
     """Without its pose, which is wrong."""
-    return replace(on_event(now, PoseEvent.GIVEN_UP), estimate=None, searching=None, is_unchecked=False)
+    return replace(on_event(state, PoseEvent.GIVEN_UP), estimate=None, searching=None, is_unchecked=False)
 
 
 def is_sure(estimate: PoseEstimate) -> bool:
@@ -177,21 +177,21 @@ def is_sure(estimate: PoseEstimate) -> bool:
     return sigma_m <= MAX_SIGMA_M and sigma_rad <= MAX_SIGMA_RAD
 
 
-def carry_estimate(now: Localization, odometry: Odometry) -> Localization:
+def carry_estimate(state: Localization, odometry: Odometry) -> Localization:
     """The estimate and all candidates after the motion since the last step."""
-    if now.odometry is None:
-        return replace(now, odometry=odometry)
-    motion = between(now.odometry.pose, odometry.pose)
-    noise = _noise(now.odometry, odometry)
-    now = replace(now, odometry=odometry)
+    if state.odometry is None:
+        return replace(state, odometry=odometry)
+    motion = between(state.odometry.pose, odometry.pose)
+    noise = _noise(state.odometry, odometry)
+    state = replace(state, odometry=odometry)
     if not motion.any():
-        return now
-    if now.estimate is not None:
-        now = replace(now, estimate=predict_pose(now.estimate, motion, noise))
-    if now.searching is not None and now.searching.candidates:
-        candidates = move_hypotheses(now.searching.candidates, motion, noise)
-        now = replace(now, searching=replace(now.searching, candidates=candidates))
-    return now
+        return state
+    if state.estimate is not None:
+        state = replace(state, estimate=predict_pose(state.estimate, motion, noise))
+    if state.searching is not None and state.searching.candidates:
+        candidates = move_hypotheses(state.searching.candidates, motion, noise)
+        state = replace(state, searching=replace(state.searching, candidates=candidates))
+    return state
 
 
 def _noise(before: Odometry, after: Odometry) -> Floats | None:

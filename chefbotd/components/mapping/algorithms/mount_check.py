@@ -40,24 +40,24 @@ class MountCheck(Record, frozen=True):
     turned_rad: float | None = None
 
 
-def check_scan(now: MountCheck, odometry: Floats, map_from_base: Floats | None) -> MountCheck:
+def check_scan(state: MountCheck, odometry: Floats, map_from_base: Floats | None) -> MountCheck:
     """Take a scan's poses into account: by odometry, and as found in the map (None: scans do not fit just now)."""
-    if now.turned_rad is not None:
-        return now
+    if state.turned_rad is not None:
+        return state
     if map_from_base is None:
         return MountCheck()
-    if now.begun is None:
-        return replace(now, begun=(odometry, map_from_base))
-    by_wheels, by_scans = between(now.begun[0], odometry), between(now.begun[1], map_from_base)
+    if state.begun is None:
+        return replace(state, begun=(odometry, map_from_base))
+    by_wheels, by_scans = between(state.begun[0], odometry), between(state.begun[1], map_from_base)
     if abs(by_wheels[2]) > MOST_TURN_RAD:
         return MountCheck((odometry, map_from_base))
     length_m, other_m = math.hypot(*by_wheels[:2]), math.hypot(*by_scans[:2])
     if length_m < WINDOW_M:
-        return now
+        return state
     if min(length_m, other_m) < MIN_SHARE * max(length_m, other_m):
         return MountCheck((odometry, map_from_base))
     off = math.atan2(by_wheels[1], by_wheels[0]) - math.atan2(by_scans[1], by_scans[0])
-    return replace(_say_offset(now, wrap_angle(off)), begun=(odometry, map_from_base))
+    return replace(_say_offset(state, wrap_angle(off)), begun=(odometry, map_from_base))
 
 
 def mount_problem(check: MountCheck, lidars: Sequence[str]) -> str:
@@ -78,11 +78,11 @@ def _name_lidars(lidars: Sequence[str]) -> str:
     return subject if len(lidars) == 1 else f"{subject} (with {', '.join(map(repr, lidars[1:]))})"
 
 
-def _say_offset(now: MountCheck, off_rad: float) -> MountCheck:
+def _say_offset(state: MountCheck, off_rad: float) -> MountCheck:
     if abs(off_rad) < LEAST_RAD:
         return MountCheck()
-    same = now.said_rad and abs(wrap_angle(off_rad - now.said_rad[0])) <= ALIKE_RAD
-    said = (*now.said_rad, off_rad) if same else (off_rad,)
+    same = state.said_rad and abs(wrap_angle(off_rad - state.said_rad[0])) <= ALIKE_RAD
+    said = (*state.said_rad, off_rad) if same else (off_rad,)
     if len(said) < WINDOWS:
         return MountCheck(None, said)
     middle = sum(wrap_angle(one_rad - said[0]) for one_rad in said) / len(said)
