@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from chefbotd.client import CallError, Client, GoalNotReached, SleepWatch
-from chefbotd.client.agent import BY_PEOPLE
+from chefbotd.components.agents.agent import BY_PEOPLE
 from chefbotd.core.geometry import Pose2D
 from examples.program import run
 

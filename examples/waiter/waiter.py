@@ -11,8 +11,8 @@ from contextlib import AbstractAsyncContextManager
 from typing import Final
 
 from chefbotd.client import CallError, Client, GoalNotReached
-from chefbotd.client.agent import ACCIDENTS, AGAIN_S, BY_PEOPLE, Agent, run_agent
 from chefbotd.client.models import BatteryData
+from chefbotd.components.agents.agent import ACCIDENTS, AGAIN_S, BY_PEOPLE, Agent, run_agent
 from examples.waiter.notebook import CannotNote, Notebook, Order
 
 Connect = Callable[[], AbstractAsyncContextManager[Client]]

@@ -13,8 +13,8 @@ from chefbot_speech.commands import KINDS, Vocabulary, spoken
 from chefbot_speech.ear import Ear
 from chefbot_speech.speaker import Speaker
 from chefbotd.client import CallError, ChefbotError, Client, GoalNotReached
-from chefbotd.client.agent import BY_PEOPLE
 from chefbotd.client.models import AgentsData, NavigationData, SafetyData
+from chefbotd.components.agents.agent import BY_PEOPLE
 
 log = structlog.get_logger("speech")
 NAME, VERSION = "speech", "0.1"

@@ -19,7 +19,6 @@ from chefbot_vda5050.robot import CannotDo, DriveFailed
 from chefbot_vda5050.state import is_driving
 from chefbot_vda5050.vehicle import Facts
 from chefbotd.client import CallError, ChefbotError, Client, GoalNotReached
-from chefbotd.client.agent import BY_PEOPLE
 from chefbotd.client.models import (
     AgentEventData,
     BatteryData,
@@ -30,6 +29,7 @@ from chefbotd.client.models import (
     PathData,
     SafetyData,
 )
+from chefbotd.components.agents.agent import BY_PEOPLE
 
 log = structlog.get_logger("vda5050")
 

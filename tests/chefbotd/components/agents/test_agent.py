@@ -6,8 +6,16 @@ from contextlib import AbstractAsyncContextManager
 import pytest
 
 from chefbotd.client import CallError, Client, GoalNotReached
-from chefbotd.client.agent import ACCIDENTS, BY_PEOPLE, CAUSES, LONGEST_TEXT, TEMPORARY, Agent, run_agent
 from chefbotd.clock import run_virtual
+from chefbotd.components.agents.agent import (
+    ACCIDENTS,
+    BY_PEOPLE,
+    CAUSES,
+    LONGEST_TEXT,
+    TEMPORARY,
+    Agent,
+    run_agent,
+)
 from chefbotd.components.navigation.events import GoalCause
 from chefbotd.core.commands import RefusalKind
 from chefbotd.rpc.jsonrpc import ErrorKind

@@ -11,7 +11,7 @@ await run_agent(partial(Client.connect, name="waiter"), "waiter", "1.0", work)
 import asyncio
 from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import AbstractAsyncContextManager
-from typing import Any, Final, TypeVar
+from typing import Any, Final, Protocol, TypeVar, cast
 
 import structlog
 
@@ -19,6 +19,16 @@ from chefbotd.client.client import Client
 from chefbotd.client.errors import CallError, ChefbotError, GoalNotReached
 
 log = structlog.get_logger(__name__)
+
+
+class SendsGoals(Protocol):
+    """What an agent that drives needs of the client: a robot without navigation has no such method."""
+
+    async def navigate_to(self, *, place: str, goal_id: str, on_client_left: str, **condition: Any) -> object:
+        """Drive to a place; ends when the robot is there."""
+        ...
+
+
 T = TypeVar("T")
 AGAIN_S: Final = 2.0
 LONGEST_TEXT, LONGEST_LABEL = 200, 40
@@ -101,7 +111,8 @@ class Agent:
         condition: dict[str, Any] = {} if decided is None else {"if_stop_number": decided}
         while True:
             try:
-                await self.robot.navigate_to(place=place, goal_id=goal_id, on_client_left="keep", **condition)
+                navigating = cast("SendsGoals", self.robot)
+                await navigating.navigate_to(place=place, goal_id=goal_id, on_client_left="keep", **condition)
                 return
             except CallError as refused:
                 if refused.kind not in TEMPORARY:
