@@ -108,7 +108,7 @@ def test_a_wheel_that_saturates_slows_the_twist_and_keeps_its_shape():
     assert state.saturation_scale < 1.0
     assert state.limiter.twist.linear_m_s / state.limiter.twist.angular_rad_s == pytest.approx(1.0)
     recovered = regulated(controller, state, Twist2D(0.05, 0.05), 3.0, rim_m_s=0.05)
-    assert recovered.share == 1.0
+    assert recovered.saturation_scale == 1.0
 
 
 def test_halting_brakes_at_once_and_forgets_everything():
