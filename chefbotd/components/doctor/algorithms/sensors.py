@@ -89,8 +89,10 @@ def _metres(range_m: float | None) -> str:
     return "nothing" if range_m is None else f"{range_m:.2f} m"
 
 
-def check_imu(attitudes: Sequence[Attitude], *, configured: bool, sends_imu: bool) -> Finding:
-    """Whether the IMU sends, and whether gravity shows that its z axis points up."""
+def check_imu(
+    attitudes: Sequence[Attitude], *, configured: bool, sends_imu: bool, left_out: str = ""
+) -> Finding:
+    """Whether the IMU sends, whether gravity shows that its z axis points up, and why the daemon has ``left_out`` it."""
     if not configured:
         return skip_check("imu", "no [imu] is configured")
     if not attitudes:
@@ -108,6 +110,10 @@ def check_imu(attitudes: Sequence[Attitude], *, configured: bool, sends_imu: boo
             "imu",
             f"{text}; at rest it measures {gravity[2]:+.1f} m/s² along the robot's z axis, expected +9.8",
             "its z axis must point up: mount it flat",
+        )
+    if left_out:
+        return problem(
+            "imu", f"{text}; {left_out}", "mend that, then start the daemon again: it judges the IMU anew"
         )
     return ok("imu", text)
 

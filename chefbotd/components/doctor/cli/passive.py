@@ -146,7 +146,15 @@ def _sensor_findings(
 ) -> list[Finding]:
     settings, findings = diagnosis.settings, [_battery(diagnosis, heard, of_topic(events, "battery"))]
     attitudes = [attitude(event.data) for event in of_topic(events, "imu")]
-    findings.append(check_imu(attitudes, configured=settings.imu is not None, sends_imu=heard.sends("i")))
+    left_out = state.odometry_condition.reason if "odometry_condition" in state.topics else ""
+    findings.append(
+        check_imu(
+            attitudes,
+            configured=settings.imu is not None,
+            sends_imu=heard.sends("i"),
+            left_out=left_out,
+        )
+    )
     beams = _beams(of_topic(events, "ranges"))
     if settings.ultrasonic is not None:
         findings.append(check_ultrasonic(settings.ultrasonic.name, beams, sends=heard.sends("u")))

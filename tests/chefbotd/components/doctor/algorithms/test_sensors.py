@@ -49,6 +49,14 @@ def test_the_imu_at_rest():
     assert check_imu([], configured=False, sends_imu=False).verdict is Verdict.SKIPPED
 
 
+def test_an_imu_that_the_daemon_has_left_out_is_a_problem_with_its_reason():
+    """The same words as in ``status``: that it sends, and flat, does not make it a good one."""
+    reason = "the IMU shows -0.97 of the wheels' turns, the other way"
+    found = check_imu([FLAT], configured=True, sends_imu=True, left_out=reason)
+    assert found.verdict is Verdict.PROBLEM
+    assert reason in found.measured
+
+
 @pytest.mark.parametrize(
     ("imu_rad", "odometry_rad", "verdict"),
     [
