@@ -61,11 +61,13 @@ def evade(
     *,
     is_blocked: bool,
     arrives: bool = False,
+    waits: bool = False,
 ) -> tuple[Evasion, Twist2D | None]:
     """Evade who comes nearer while the robot stands, or brakes because it ``is_blocked``; else drive ``twist``.
 
     None is standing, which is best where a person would touch the moving robot at once. A robot that ``arrives`` at its
-    goal evades nobody who is slow.
+    goal evades nobody who is slow. Who stands where the robot ``waits`` for him has not stopped for it: he is evaded
+    when he walks.
     """
     here, start = near.grid_from_base, evasion.grid_from_start
     evasion = _count_evasion(evasion, now, here)
@@ -78,7 +80,7 @@ def evade(
     if start is None or now.now_s - evasion.last_s > CALM_S:
         start = here
     away_m = math.hypot(here.x_m - start.x_m, here.y_m - start.y_m)
-    is_stuck = evasion.is_active or twist is None or abs(twist.angular_rad_s) < 0.05
+    is_stuck = (evasion.is_active or twist is None or abs(twist.angular_rad_s) < 0.05) and not waits
     evading = evading_twist(params.outline, near, now.last, away_m, is_stuck=is_stuck, only_touch=moves)
     who = None if evading is None else _nearest_walker(near)
     if evasion.is_used_up:

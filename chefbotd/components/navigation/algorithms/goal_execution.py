@@ -160,8 +160,9 @@ class GoalExecution:
         arrives = self.trip is not None and self.trip.follow.phase in AT_GOAL and not self.trip.is_interim
         was_said, was_used_up = self._evasion.who is not None, self._evasion.is_used_up
         self._evasion, twist = evade(
-            self._params, self._evasion, now, near, twist, is_blocked=self._is_blocked, arrives=arrives
-        )
+            self._params, self._evasion, now, near, twist,
+            is_blocked=self._is_blocked, arrives=arrives, waits=self._waiting is not None,
+        )  # fmt: skip
         is_new = not was_said or was_used_up is not self._evasion.is_used_up
         if self._evasion.who is not None and is_new:
             self.reason = self._makes_way(self._evasion.who)

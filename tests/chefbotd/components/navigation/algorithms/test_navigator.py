@@ -166,7 +166,6 @@ def test_a_closed_door_with_another_way_is_gone_around() -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.xfail(reason="its ways are 7.13 and 13.55 m since a walker's velocity is that of his own middle")
 @pytest.mark.parametrize(("leaves_s", "most_m"), [(22.0, 7.0), (60.0, 13.0)])
 def test_somebody_in_a_door_is_waited_for_as_long_as_the_way_round_takes(
     leaves_s: float, most_m: float
