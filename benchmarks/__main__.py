@@ -96,6 +96,13 @@ def _situations(**options: Any) -> Outcome:
     return situations.run(**options)
 
 
+def _passings(**options: Any) -> Outcome:
+    """Imported when it is asked for: it needs the extra ``navigation``."""
+    from benchmarks import passings
+
+    return passings.run(**options)
+
+
 def _serving(**options: Any) -> Outcome:
     """Imported when it is asked for: it needs the extra ``navigation``."""
     from benchmarks import serving
@@ -175,6 +182,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     "planner": _planner,
     "navigation": _navigation,
     "situations": _situations,
+    "passings": _passings,
     "serving": _serving,
     "virtual_hours": _virtual_hours,
     "calls": calls.run,

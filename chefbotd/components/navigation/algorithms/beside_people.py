@@ -25,14 +25,18 @@ AHEAD_S, STEP_S = 0.8, 0.1
 DECELERATION_M_S2: Final = 0.4
 
 WIDENS_M, CLEARS_M = 0.004, 0.0025
-"""A motion that leaves so much more room than standing, and so much room at all, makes way."""
+"""Where standing may end in a touch, a motion that leaves so much more room, and so much at all, makes way. Where
+standing is safe it is no reason to be fast beside somebody."""
+
+GRAZING_M: Final = 0.01
+"""With less than this, which is the lidar's noise, somebody who seems to pass may touch."""
 
 DOUBT_M: Final = 0.03
 """A predicted gap may be wrong by so much. Somebody who would graze the robot is evaded on, if that leaves so much more
 room than standing (once it goes, half of that), creeping: he may not touch at all."""
 
-EVADES_M_S: Final = 0.12
-"""Where he surely would, the robot is a little faster."""
+EVADES_M_S: Final = 0.25
+"""Where he surely would, the robot makes way so fast: slower it would be touched while it moves."""
 
 
 def slowed_beside_people(outline: Footprint, near: Surroundings, twist: Twist2D | None) -> Twist2D | None:
@@ -47,7 +51,8 @@ def slowed_beside_people(outline: Footprint, near: Surroundings, twist: Twist2D 
     motion = np.array([twist.linear_m_s, twist.angular_rad_s])
     points, velocity = near.points_m[walks], near.velocity_m_s[walks]
     close_s, driving_m, standing_m, now_m = _gaps(outline.hull, outline.pad_m, points, velocity, motion)
-    if close_s == math.inf or driving_m > max(standing_m + WIDENS_M, CLEARS_M):
+    makes_way = standing_m < GRAZING_M and driving_m > max(standing_m + WIDENS_M, CLEARS_M)
+    if close_s == math.inf or makes_way:
         return twist
     _, evading_m, _, _ = _gaps(
         outline.hull, outline.pad_m, points, velocity, motion * SPEED_M_S / abs(motion[0])
