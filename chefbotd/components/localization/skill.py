@@ -297,6 +297,11 @@ class LocalizationSkill:
             filter(None, (self.problem, self._silence.problem, doubt or self._sought, self._reason))
         )
 
+    @property
+    def misfits(self) -> bool:
+        """Whether its pose is uncertain because the scans fit it worse than before."""
+        return bool(doubt_sentence(self._now))
+
     def search_again(self, why: str) -> None:
         """Search the whole map for a pose that is uncertain, and because of which nothing goes on."""
         if self._now.state is PoseState.UNCERTAIN:

@@ -215,15 +215,17 @@ class NavigationSkill:
             yield from self._layers.due(now_s, self._map[0], world)
 
     def _doubt_pose(self, now_s: float, status: PoseStatus, finder: LocalizationSkill) -> None:
-        """Have the whole map searched where an uncertain pose, and not the room, may be why there is no way."""
+        """Have the whole map searched where an uncertain pose may be why there is no way, or is not at the goal."""
         is_stuck = self._navigator.state in (GoalState.RECOVERING, GoalState.PLANNING)
-        if status is not PoseStatus.UNCERTAIN or not is_stuck:
+        has_come = self._navigator.is_unsure_at_goal and finder.misfits
+        if status is not PoseStatus.UNCERTAIN or not (is_stuck or has_come):
             self._stuck_since_s = None
         elif self._stuck_since_s is None:
             self._stuck_since_s = now_s
         elif now_s - self._stuck_since_s >= STUCK_S:
             self._stuck_since_s = None
-            finder.search_again("the robot finds no way from a pose that is uncertain")
+            what = "has come to its goal by" if has_come else "finds no way from"
+            finder.search_again(f"the robot {what} a pose that is uncertain")
 
     def _pose(self, now_s: float) -> tuple[Pose2D | None, PoseStatus]:
         """Where the robot is in the map, by the newest odometry."""

@@ -72,6 +72,12 @@ NARROW_S: Final = 600.0
 BEFORE_GOAL_M: Final = 0.15
 """A wall that stops the robot so near to its goal belongs to the goal, and not to the way there."""
 
+UNSURE_S: Final = 12.0
+"""At the goal the robot waits so long until it is sure of its pose."""
+
+CORRECTED_M: Final = 0.1
+"""A pose that was corrected by more takes the robot away from its goal."""
+
 HELD_BY_WALL: Final = 3
 """After so many approaches that a guard held back before a wall of the map, the goal ends."""
 
@@ -332,10 +338,34 @@ class GoalExecution:
             why = f"something stands at the goal ({self._goal.x_m:.2f}, {self._goal.y_m:.2f})"
             self._become_stuck(world, now, why)
             return
+        if self._waits_until_sure(now):
+            return
         where = f"reached ({now.pose.x_m:.2f}, {now.pose.y_m:.2f})"
         if trip.path.is_substitute:
             where += ", the nearest free place within the tolerance"
+        if now.status is PoseStatus.UNCERTAIN:
+            where += f", by a pose that was uncertain for {UNSURE_S:.0f} s"
         self.end(End.REACHED, where)
+
+    def _waits_until_sure(self, now: StepInput) -> bool:
+        """Whether the robot stands at its goal by a pose that may be wrong, or plans again since that was corrected."""
+        if now.status is not PoseStatus.UNCERTAIN:
+            left_m = math.hypot(self._goal.x_m - now.pose.x_m, self._goal.y_m - now.pose.y_m)
+            was_wrong = self._unsure_since_s is not None and left_m > self._goal.tolerance_m + CORRECTED_M
+            self._unsure_since_s = None
+            if was_wrong:
+                self.forget_path()
+            return was_wrong
+        if self._unsure_since_s is None:
+            self._unsure_since_s = now.now_s
+            self.reason = "has come to its goal, and waits until it is sure of its pose"
+        return now.now_s - self._unsure_since_s < UNSURE_S
+
+    @property
+    def is_unsure_at_goal(self) -> bool:
+        """Whether it waits at its goal until the pose is sure."""
+        has_come = self.trip is not None and self.trip.follow.phase is Phase.DONE
+        return has_come and self._unsure_since_s is not None
 
     def _judge(self, world: WorldModel, done: Followed, now: StepInput, near: Surroundings) -> None:
         """Whether it has been blocked, or has not come on, for too long."""

@@ -103,6 +103,11 @@ class Navigator:
         return self._crawl.is_on
 
     @property
+    def is_unsure_at_goal(self) -> bool:
+        """Whether the robot has come to its goal by a pose that is uncertain, and waits."""
+        return self._execution is not None and self._execution.is_unsure_at_goal
+
+    @property
     def _trip(self) -> Trip | None:
         return None if self._execution is None else self._execution.trip
 

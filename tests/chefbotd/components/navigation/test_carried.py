@@ -160,6 +160,22 @@ def test_a_robot_that_was_carried_to_the_next_equal_room_reaches_its_goal_and_as
     assert [reason for reason in robot.reasons if "the whole map is searched" in reason]
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2))
+def test_a_goal_in_the_door_of_an_equal_room_is_not_reached_by_a_pose_that_is_uncertain(
+    tmp_path: Path, seed: int
+) -> None:
+    """From the wrong room's door the corridor looks otherwise: it searches the whole map first, and then goes there."""
+    at = Pose2D(MIDDLE_M + 3.0, MIDDLE_M, 1.2)
+    robot = Carried(tmp_path, at, Pose2D(MIDDLE_M, MIDDLE_M, at.heading_rad), seed)
+    robot.run(3.0)
+    robot.go(1.45, 3.0)
+    robot.run(60.0)
+    assert robot.ends[-1].startswith("reached"), (robot.ends, robot.said[-1], robot.reasons[-1])
+    assert robot.off_m < 0.1
+    assert [reason for reason in robot.reasons if "the whole map is searched" in reason]
+
+
 HALLWAY = box(0.0, 0.0, 40.0, 2.0)
 """Bare: from its middle the lidar sees neither end, and nothing says how far along it the robot is."""
 
