@@ -26,7 +26,7 @@ DECLARED = {
 }
 FOR_DEVELOPERS = {"dev", "docs", "fuzz", "release"}
 IMPORTED_BY_ANOTHER = {"pysdl2-dll": "pysdl2"}
-FACES = {"pydantic-core": "pydantic", "textual-hires-canvas": "textual-plot"}
+FACES = {"annotated-types": "pydantic", "pydantic-core": "pydantic", "textual-hires-canvas": "textual-plot"}
 """Packages that another one always brings along and speaks in terms of; which version is its affair."""
 
 ADD_ONS = {"chefbot-ros2"}

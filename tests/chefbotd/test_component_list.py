@@ -137,7 +137,7 @@ def test_nothing_outside_its_folder_imports_a_component_but_what_is_written(name
     assert knows <= set(WRITTEN)
 
 
-@pytest.mark.skipif(not (ROOT / "pyproject.toml").exists(), reason="only the sources can be copied")
+@pytest.mark.skipif(not (ROOT / LIST).exists(), reason="only the sources can be copied")
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FREE)
 def test_without_a_component_the_rest_is_whole(name: str, tmp_path: Path) -> None:

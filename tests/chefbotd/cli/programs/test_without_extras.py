@@ -57,7 +57,7 @@ def test_packaged_robots_are_valid_copied_and_described(tmp_path: Path, robot: s
         ("urdf",),
         ("run", "--config"),
         ("run", "--sim", "--config"),
-        ("install-service", "--dry-run", "--root", ".", "--config"),
+        ("install-service", "--dry-run", "--root", ".", "--program", "/opt/chefbotd", "--config"),
     ],
 )
 def test_a_description_of_ones_own_is_refused_with_what_to_install(
