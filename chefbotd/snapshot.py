@@ -16,6 +16,7 @@ import msgspec
 from pydantic import BaseModel
 
 from chefbotd.core.events.inputs import StateRecorded
+from chefbotd.core.record import StatefulPart
 from chefbotd.inputs import InputLog
 
 LONGEST_PROBLEM = 200
@@ -110,6 +111,9 @@ def _describe(problem: Exception) -> str:
 def state_class(part: type[Any]) -> Any:
     """Of what type the states of a class of parts are."""
     declared = typing.get_type_hints(part.state)["return"]
+    if isinstance(declared, typing.TypeVar):
+        bases = typing.cast("Any", part).__orig_bases__
+        (declared,) = next(typing.get_args(base) for base in bases if typing.get_origin(base) is StatefulPart)
     return part if declared is typing.Self else declared
 
 

@@ -1,12 +1,12 @@
 """The base class of values that are made at the rate of the encoders: events, and states between two steps."""
 
 from enum import StrEnum
-from typing import Self
+from typing import Generic, Self, TypeVar
 
 from msgspec import Struct
 from msgspec.structs import replace
 
-__all__ = ["Level", "LogLine", "MutableState", "Record", "replace"]
+__all__ = ["Level", "LogLine", "MutableState", "Record", "StatefulPart", "replace"]
 
 
 class Record(Struct, frozen=True, gc=False):
@@ -49,3 +49,20 @@ class MutableState(Struct, eq=False):
         """Restore this state."""
         for name in self.__struct_fields__:
             setattr(self, name, getattr(state, name))
+
+
+M = TypeVar("M", bound=MutableState)
+
+
+class StatefulPart(Generic[M]):
+    """The base class of a part with more than its state: all that it remembers is one record, changed in place."""
+
+    memory: M
+
+    def state(self) -> M:
+        """Return the state of this part."""
+        return self.memory
+
+    def restore(self, state: M) -> None:
+        """Restore this state."""
+        self.memory.restore(state)

@@ -157,7 +157,7 @@ def _add_metrics(metrics: Metrics, service: DriveService, quadrature: Quadrature
     metrics.counter(
         "encoder_readings_refused",
         "Encoder readings that were rejected.",
-        lambda: service.reader.refused,
+        lambda: service.reader.memory.refused,
     )
     metrics.counter(
         "encoder_transitions_illegal",

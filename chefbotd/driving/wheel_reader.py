@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import structlog
 
 from chefbotd.core.events import EncodersCounted
-from chefbotd.core.record import Record
+from chefbotd.core.record import MutableState, Record, StatefulPart
 from chefbotd.logs import RateLimitedLog
 from chefbotd.motion import encoder
 from chefbotd.motion.encoder import EncoderParameters, EncodersState, Reading
@@ -28,16 +28,16 @@ class WheelsRead(Record, frozen=True):
     same_side: SameSideState
 
 
-class WheelReaderState(Record, frozen=True):
-    """The state of decoding and comparing."""
+class WheelReaderState(MutableState):
+    """The state of decoding and comparing, the board's time of the last good reading, and the refused ones."""
 
     encoders: EncodersState
     compared: SameSideState
-    board_s: float | None
-    refused: int
+    board_s: float | None = None
+    refused: int = 0
 
 
-class WheelReader:
+class WheelReader(StatefulPart[WheelReaderState]):
     """Keeps the state of decoding and comparing from frame to frame."""
 
     def __init__(
@@ -45,43 +45,39 @@ class WheelReader:
     ) -> None:
         self._names = tuple(wheel.name for wheel in chassis.wheels)
         self._signs = tuple(wheel.encoder_sign for wheel in chassis.wheels)
-        self._parameters, self._encoders = encoders, encoder.START
+        self._parameters = encoders
         self._same_side = SameSideWheels(same_side, Kinematics(chassis), encoders.counts_per_turn)
-        self._compared = self._same_side.start
-        self._board_s: float | None = None
+        self.memory = WheelReaderState(encoder.START, self._same_side.start)
         self._log = RateLimitedLog(log)
-        self.refused = 0
-
-    def state(self) -> WheelReaderState:
-        """Return the state of this part."""
-        return WheelReaderState(self._encoders, self._compared, self._board_s, self.refused)
-
-    def restore(self, state: WheelReaderState) -> None:
-        """Restore this state."""
-        self._encoders, self._compared = state.encoders, state.compared
-        self._board_s, self.refused = state.board_s, state.refused
 
     def read(self, event: EncodersCounted, setpoint_m_s: Sequence[float]) -> WheelsRead:
         """Read the next frame; ``setpoint_m_s`` are the commanded speeds of the rims since the last one."""
-        self._encoders, reading = encoder.decode(
-            self._parameters, self._signs, self._encoders, event.counts, event.board_s, event.rate_counts_s
+        self.memory.encoders, reading = encoder.decode(
+            self._parameters,
+            self._signs,
+            self.memory.encoders,
+            event.counts,
+            event.board_s,
+            event.rate_counts_s,
         )
         if reading.refused:
             self._refuse(event, reading)
-            return WheelsRead(reading, 0.0, self._compared)
+            return WheelsRead(reading, 0.0, self.memory.compared)
         if reading.recognised_narrow:
             log.warning(
                 "the encoders' counters wrap at 16 bits: set [encoders] width_bits = 16, or each start loses travel",
                 counts=event.counts,
             )
-        dt_s = 0.0 if self._board_s is None else event.board_s - self._board_s
-        self._board_s = event.board_s
-        before = self._compared.substitutes
-        self._compared = self._same_side.compare(self._compared, reading.travel_rad, setpoint_m_s, dt_s)
-        if self._compared.substitutes not in (before, ()):
-            names = [self._names[index] for index in self._compared.excluded]
+        dt_s = 0.0 if self.memory.board_s is None else event.board_s - self.memory.board_s
+        self.memory.board_s = event.board_s
+        before = self.memory.compared.substitutes
+        self.memory.compared = self._same_side.compare(
+            self.memory.compared, reading.travel_rad, setpoint_m_s, dt_s
+        )
+        if self.memory.compared.substitutes not in (before, ()):
+            names = [self._names[index] for index in self.memory.compared.excluded]
             self._log.warning("wheels disagree with their side and are excluded from odometry", wheels=names)
-        return WheelsRead(reading, dt_s, self._compared)
+        return WheelsRead(reading, dt_s, self.memory.compared)
 
     def effort(self, seen: WheelsRead, effort: tuple[float, ...]) -> tuple[float, ...]:
         """The effort of each wheel since the last frame (see ``Drive.effort``)."""
@@ -89,11 +85,11 @@ class WheelReader:
 
     def rebase(self) -> None:
         """Start again after a restart of the board, with new counters and time."""
-        self._encoders = encoder.rebase(self._encoders)
-        self._board_s = None
+        self.memory.encoders = encoder.rebase(self.memory.encoders)
+        self.memory.board_s = None
 
     def _refuse(self, event: EncodersCounted, reading: Reading) -> None:
-        self.refused += 1
+        self.memory.refused += 1
         if reading.unconfirmed:  # no fault of anyone's until the next reading has spoken
             return
         names = [self._names[index] for index in reading.jumped]

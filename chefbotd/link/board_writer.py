@@ -11,7 +11,7 @@ from chefbotd.bus import Bus, Inbox
 from chefbotd.clock import Clock
 from chefbotd.core.events import Direction, LineSeen, SafetyChanged
 from chefbotd.core.events.inputs import BOARD_LINK, DrainAnswered, LinkBytesWritten
-from chefbotd.core.record import Record
+from chefbotd.core.record import MutableState, StatefulPart
 from chefbotd.inputs import inputs_of
 from chefbotd.link.health import show
 
@@ -106,34 +106,25 @@ class Port(Protocol):
         """The same once more, and close when they are sent, or after a while."""
 
 
-class WriterState(Record, frozen=True):
-    """What was written and asked so far."""
-
-    lines_out: int
-    queries: int
-    had_drained: bool
-
-
-class BoardWriter:
-    """Says lines while a port is open; counts, keeps and publishes each. ``stop`` is the line that stops the motors.
+class WriterState(MutableState):
+    """What was written and asked so far.
 
     ``queries`` counts how often ``has_drained`` was asked, ``had_drained`` is what the answer was then.
     """
+
+    lines_out: int = 0
+    queries: int = 0
+    had_drained: bool = False
+
+
+class BoardWriter(StatefulPart[WriterState]):
+    """Says lines while a port is open; counts, keeps and publishes each. ``stop`` is the line that stops the motors."""
 
     def __init__(self, bus: Bus, clock: Clock, lines: LineRing, stop: bytes) -> None:
         self._bus, self._clock, self._lines, self._stop = bus, inputs_of(clock), lines, stop
         self._port: Port | None = None
         self._port_lock = threading.Lock()
-        self.lines_out = 0
-        self.queries, self.had_drained = 0, False
-
-    def state(self) -> WriterState:
-        """Return the state of this part."""
-        return WriterState(self.lines_out, self.queries, self.had_drained)
-
-    def restore(self, state: WriterState) -> None:
-        """Restore this state."""
-        self.lines_out, self.queries, self.had_drained = state.lines_out, state.queries, state.had_drained
+        self.memory = WriterState()
 
     def begin(self, port: Port) -> None:
         """A port was opened; ``stop_first`` is to follow."""
@@ -148,11 +139,11 @@ class BoardWriter:
     def has_drained(self) -> bool:
         """Whether the port is open and has sent everything."""
         drained = self._port is not None and not self._port.get_write_buffer_size()
-        self.queries += 1
-        if drained is not self.had_drained:
-            self.had_drained = drained
+        self.memory.queries += 1
+        if drained is not self.memory.had_drained:
+            self.memory.had_drained = drained
             if self._clock.recording:
-                self._clock.publish(DrainAnswered(self._clock.now_s(), self.queries, drained))
+                self._clock.publish(DrainAnswered(self._clock.now_s(), self.memory.queries, drained))
         return drained
 
     def unread_bytes(self) -> int:
@@ -200,7 +191,7 @@ class BoardWriter:
         if self._clock.recording:
             self._clock.publish(LinkBytesWritten(now_s, BOARD_LINK, line * times))
         text = line.rstrip(b"\r\n")
-        self.lines_out += times
+        self.memory.lines_out += times
         for _ in range(times):
             self._lines.said.append((now_s, text))
             if self._bus.has_listeners(LineSeen):

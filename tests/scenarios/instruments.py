@@ -73,7 +73,9 @@ class StepCount:
     def _behind(self) -> int:
         driving = self._robot.daemon.driving
         return (
-            self._robot.daemon.session.frames.get("EncoderCounts", 0) - driving.steps - driving.reader.refused
+            self._robot.daemon.session.frames.get("EncoderCounts", 0)
+            - driving.steps
+            - driving.reader.memory.refused
         )
 
 

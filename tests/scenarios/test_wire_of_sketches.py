@@ -105,7 +105,7 @@ def test_no_byte_overflows_the_buffer_of_a_board_that_waits_for_echoes(sketch: S
             for number in range(500):
                 await robot.client.drive(0.1 + 0.0001 * (number * 37 % 1000), 0.3 - 0.001 * (number % 7))
                 await asyncio.sleep(0.01)
-            assert robot.daemon.session.writer.lines_out > 300
+            assert robot.daemon.session.writer.memory.lines_out > 300
             assert robot.board.received_dropped == 0
 
     run_virtual(run())

@@ -46,7 +46,7 @@ def _add_metrics(metrics: Metrics, session: BoardSession) -> None:
     metrics.counter("bytes_in", "Bytes from the board.", lambda: session.monitor.bytes_in)
     metrics.counters("frames", "Accepted lines from the board.", "message", lambda: session.frames)
     metrics.counters("refused", "Malformed lines from the board.", "reason", lambda: session.refused)
-    metrics.counter("lines_out", "Lines to the board.", lambda: session.writer.lines_out)
+    metrics.counter("lines_out", "Lines to the board.", lambda: session.writer.memory.lines_out)
     metrics.counter(
         "setpoints_replaced",
         "Duties that newer ones replaced before they were sent.",

@@ -23,7 +23,7 @@ from chefbotd.core.events import (
     WheelsMeasured,
 )
 from chefbotd.core.geometry import Pose2D, Twist2D
-from chefbotd.core.record import Record
+from chefbotd.core.record import MutableState, StatefulPart
 from chefbotd.driving.odometry.models import TOPICS, ResetOdometryParams
 from chefbotd.features.feature import Feature, Service
 from chefbotd.motion import odometry as dead_reckoning
@@ -38,17 +38,17 @@ from chefbotd.sensing.imu import ImuParameters
 log = structlog.get_logger(component="odometry")
 
 
-class OdometryServiceState(Record, frozen=True):
+class OdometryServiceState(MutableState):
     """The pose, the speeds that the sides have by command with their time, and the condition that was published last."""
 
-    odometry: OdometryState
-    sides_m_s: tuple[float, float]
-    driven_s: float | None
-    imu: ImuTrust
-    anomaly: MotionAnomaly
+    odometry: OdometryState = dead_reckoning.START
+    sides_m_s: tuple[float, float] = (0.0, 0.0)
+    driven_s: float | None = None
+    imu: ImuTrust = ImuTrust.UNUSED
+    anomaly: MotionAnomaly = MotionAnomaly.NONE
 
 
-class OdometryService:
+class OdometryService(StatefulPart[OdometryServiceState]):
     """Owns the pose ``odom_from_base``. ``imu`` is asked only by the source ``wheels_imu``."""
 
     def __init__(
@@ -61,10 +61,7 @@ class OdometryService:
     ) -> None:
         self._bus, self._clock, self._parameters = bus, clock, parameters
         self._kinematics = Kinematics(chassis)
-        self._state = dead_reckoning.START
-        self._sides_m_s = 0.0, 0.0
-        self._driven_s: float | None = None
-        self._imu, self._anomaly = ImuTrust.UNUSED, MotionAnomaly.NONE
+        self.memory = OdometryServiceState()
         self._failure = HandlerFailure()
         self.fused: FusedOdometry | None = None
         match parameters.source:
@@ -102,15 +99,6 @@ class OdometryService:
         bus.add_handler(lambda _: fused.forget_imu(), BoardRestarted, LinkClosed, on_error=on_error)
         return fused
 
-    def state(self) -> OdometryServiceState:
-        """Return the state of this part."""
-        return OdometryServiceState(self._state, self._sides_m_s, self._driven_s, self._imu, self._anomaly)
-
-    def restore(self, state: OdometryServiceState) -> None:
-        """Restore this state."""
-        self._state, self._sides_m_s, self._driven_s = state.odometry, state.sides_m_s, state.driven_s
-        self._imu, self._anomaly = state.imu, state.anomaly
-
     @method(role=Role.DRIVE, moves=False)
     def reset_odometry(self, caller: Caller, params: ResetOdometryParams) -> Done:
         """Set the robot's pose in odom; the default is the origin."""
@@ -119,11 +107,11 @@ class OdometryService:
 
     def set_pose(self, odom_from_base: Pose2D) -> None:
         """Declare the robot's pose; the covariance starts again from zero."""
-        now_s, before = self._clock.now_s(), self._state.odom_from_base
-        self._state = dead_reckoning.set_pose(self._state, odom_from_base)
+        now_s, before = self._clock.now_s(), self.memory.odometry.odom_from_base
+        self.memory.odometry = dead_reckoning.set_pose(self.memory.odometry, odom_from_base)
         if self.fused is not None:
-            self.fused.set_pose(self._state.odom_from_base)
-        self._bus.publish(OdometryReset(now_s, before, self._state.odom_from_base))
+            self.fused.set_pose(self.memory.odometry.odom_from_base)
+        self._bus.publish(OdometryReset(now_s, before, self.memory.odometry.odom_from_base))
         self._publish_odometry(now_s, now_s)
 
     async def run(self) -> None:
@@ -133,27 +121,28 @@ class OdometryService:
     def _integrate(self, event: WheelsMeasured) -> None:
         left_m, right_m = self._kinematics.side_travel_m(event.travel_rad, event.excluded)
         twist = self._kinematics.twist(event.velocity_rad_s, event.excluded)
-        self._state = dead_reckoning.integrate(
-            self._parameters, self._kinematics.track_width_m, self._state, left_m, right_m, twist
+        self.memory.odometry = dead_reckoning.integrate(
+            self._parameters, self._kinematics.track_width_m, self.memory.odometry, left_m, right_m, twist
         )
         self._publish_odometry(event.stamp_s, event.arrival_s)
 
     def _follow_command(self, event: WheelsDriven) -> None:
         """Follow the speeds that were commanded up to now; the wheels reach them with a first-order lag."""
-        before_s, self._driven_s = self._driven_s, event.stamp_s
+        before_s, self.memory.driven_s = self.memory.driven_s, event.stamp_s
         dt_s = 0.0 if before_s is None else max(event.stamp_s - before_s, 0.0)
-        left_m, right_m = (speed_m_s * dt_s for speed_m_s in self._sides_m_s)
+        left_m, right_m = (speed_m_s * dt_s for speed_m_s in self.memory.sides_m_s)
         time_constant_s = self._parameters.command_time_constant_s
         share = 1.0 if time_constant_s == 0 else -math.expm1(-dt_s / time_constant_s)
         target_m_s = self._kinematics.side_travel_m(event.target_rad_s) if any(event.duty) else (0.0, 0.0)
         left_m_s, right_m_s = (
-            now + share * (target - now) for now, target in zip(self._sides_m_s, target_m_s, strict=True)
+            now + share * (target - now)
+            for now, target in zip(self.memory.sides_m_s, target_m_s, strict=True)
         )
-        self._sides_m_s = left_m_s, right_m_s
+        self.memory.sides_m_s = left_m_s, right_m_s
         turn_rad_s = (right_m_s - left_m_s) / self._kinematics.track_width_m
         twist = Twist2D((left_m_s + right_m_s) / 2, turn_rad_s)
-        self._state = dead_reckoning.integrate(
-            self._parameters, self._kinematics.track_width_m, self._state, left_m, right_m, twist
+        self.memory.odometry = dead_reckoning.integrate(
+            self._parameters, self._kinematics.track_width_m, self.memory.odometry, left_m, right_m, twist
         )
         self._publish_odometry(event.stamp_s, event.stamp_s)
 
@@ -166,12 +155,12 @@ class OdometryService:
         )
         if rate_rad_s is not None:
             twist = Twist2D(twist.linear_m_s, rate_rad_s)
-        self._state = OdometryState(estimate.odom_from_base, twist, estimate.pose_covariance)
+        self.memory.odometry = OdometryState(estimate.odom_from_base, twist, estimate.pose_covariance)
         imu, anomaly = fused.imu_trust, fused.anomaly
-        if imu is not self._imu or anomaly is not self._anomaly:
-            if imu is ImuTrust.DISAGREES and self._imu is not imu:
+        if imu is not self.memory.imu or anomaly is not self.memory.anomaly:
+            if imu is ImuTrust.DISAGREES and self.memory.imu is not imu:
                 log.warning("the IMU is left out", reason=fused.imu_reason)
-            self._imu, self._anomaly = imu, anomaly
+            self.memory.imu, self.memory.anomaly = imu, anomaly
             self._bus.publish(
                 OdometryConditionChanged(
                     stamp_s=event.stamp_s, imu=imu, anomaly=anomaly, reason=fused.imu_reason
@@ -180,7 +169,7 @@ class OdometryService:
         self._publish_odometry(event.stamp_s, event.arrival_s)
 
     def _publish_odometry(self, stamp_s: float, arrival_s: float) -> None:
-        state = self._state
+        state = self.memory.odometry
         self._bus.publish(
             OdometryUpdated(
                 stamp_s,

@@ -222,7 +222,7 @@ def test_an_impossible_jump_moves_nothing_and_is_counted():
         before = len(rig.wheels)
         await rig.frames(0.01, counts=(12345, 123))
         assert len(rig.wheels) == before
-        assert rig.service.reader.refused == 1
+        assert rig.service.reader.memory.refused == 1
         await rig.frames(0.01, counts=(12346, 12346))
         assert rig.wheels.take_event().position_rad == (0.0, 0.0)
 
@@ -243,7 +243,7 @@ def test_a_board_restart_rebases_the_encoders():
         ]
         assert len(measured) == 4
         assert all(event.travel_rad == (0.0, 0.0) for event in measured)
-        assert rig.service.reader.refused == 0
+        assert rig.service.reader.memory.refused == 0
 
     on_rig(scenario)
 

@@ -136,7 +136,7 @@ def test_every_line_is_counted_kept_and_published():
     told = [b"s 1 2", *[b"s 0 0"] * 6]
     assert [seen.take_event().line for _ in range(len(seen))] == told
     assert list(lines.said) == [(5.0, line) for line in told]
-    assert writer.lines_out == 7
+    assert writer.memory.lines_out == 7
 
 
 def test_after_the_shutdown_stop_nothing_is_said():

@@ -352,10 +352,10 @@ def test_nothing_is_said_to_a_lost_port():
     """Closing writes the last stops to a port that is there, and none where it was pulled before."""
 
     async def scenario(bench: Bench) -> None:
-        before = bench.session.writer.lines_out
+        before = bench.session.writer.memory.lines_out
         bench.session.connection_lost(OSError("unplugged"))
         bench.session.close()
-        assert bench.session.writer.lines_out == before
+        assert bench.session.writer.memory.lines_out == before
 
     on_bench(scenario)
 

@@ -104,8 +104,8 @@ class Pipeline:
         daemon = self._daemon
         self._entries.forget_timers()
         problems = daemon.state.restore(state.parts, self._configured if keeps_parameters else ())
-        if BOARD_LINK in self._ports and daemon.session.writer.queries:
-            self._ports[BOARD_LINK].set_drained(daemon.session.writer.had_drained)
+        if BOARD_LINK in self._ports and daemon.session.writer.memory.queries:
+            self._ports[BOARD_LINK].set_drained(daemon.session.writer.memory.had_drained)
         for session in daemon.leases.sessions():
             self._callers[session.number] = ReplayedCaller(session)
         for given in self._inputs:
@@ -152,7 +152,7 @@ class Pipeline:
     def _open(self, link: str) -> None:
         session = self._session(link)
         session.expect_connection()
-        self._ports[link] = ReplayedPort(lambda: self._daemon.session.writer.queries)
+        self._ports[link] = ReplayedPort(lambda: self._daemon.session.writer.memory.queries)
         session.connection_made(self._ports[link])
 
     def _lose(self, entry: inputs.PortLost) -> None:
