@@ -29,6 +29,8 @@ PAGE_SIZE = {"width": 1600, "height": 1000}
 SEEN_S = 12.0
 """Until curves and a path are long enough to be seen."""
 
+MOST_TRIES = 10
+
 
 async def draw_square(file: Path) -> None:
     """What ``chefbotctl square --sim`` prints at its end."""
@@ -77,10 +79,13 @@ async def draw_tuning(file: Path) -> None:
         async with screen.run_test(size=(COLUMNS, ROWS)) as user:
             screen.title = "chefbotctl pid tune"
             tuning_screen.SHOWN_HZ = 4.0  # drawing is what costs time here
-            for key in ("down", "right", "e", "e"):
+            await user.press("down", "right")
+            for _ in range(MOST_TRIES):
                 await asyncio.sleep(1.0)
-                await user.press(key)
-            await asyncio.sleep(SEEN_S)
+                await user.press("e", "e")
+                await asyncio.sleep(SEEN_S)
+                if "excited" in screen.export_screenshot():
+                    break  # else this program was late, and the excitation ended
             screen.save_screenshot(file.name, path=str(file.parent))
 
 

@@ -67,7 +67,7 @@ def firmware(data: Data) -> Fact:
     return Fact("firmware", f"{name}, stops by itself after {data['deadman_ms']} ms, {refused}", Style.GOOD)
 
 
-CLASSIC = Fact("firmware", "a published sketch, which does not stop by itself")
+CLASSIC = Fact("firmware", "not chefbotd's own, not known to stop by itself")
 """While no board of ours has named itself, as it does once a second."""
 
 

@@ -157,7 +157,7 @@ def test_calibration_speaks_of_parameters_and_asks_in_sentences(page: Any, serve
 def test_the_boards_firmware_is_told_in_words(page: Any, daemon: FakeDaemon) -> None:
     """A classic sketch does not stop by itself; ours says its version and its dead-man, or that it has none now."""
     daemon.say("link", state="up", device="/dev/ttyACM0", reason="", healthy=True, condition="healthy")
-    sync_api.expect(page.locator("#firmware")).to_have_text("classic, does not stop by itself")
+    sync_api.expect(page.locator("#firmware")).to_have_text("classic, not known to stop by itself")
     ours = {"version": "0.1", "board": "tm4c123", "reset_cause": "power_on", "round_trip_s": 0.012}
     counted = dict.fromkeys(("crc_errors", "refused", "deadman_stops"), 0)
     daemon.say("firmware", **ours, **counted, mode="checked", deadman_ms=250)

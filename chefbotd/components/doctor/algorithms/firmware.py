@@ -1,11 +1,11 @@
-"""Checks whether the board stops by itself: our own firmware does, a classic sketch does not."""
+"""Checks whether the board stops by itself: our own firmware does; of another it is not known."""
 
 from chefbotd.components.doctor.algorithms.finding import Finding, Verdict, ok, skip_check, warning
 from chefbotd.core.record import Record
 
 CHECK = "firmware"
 CLASSIC = (
-    "a classic sketch: this board does not stop by itself when the cable is pulled or the daemon is killed"
+    "not chefbotd's own: it is not known to stop by itself when the cable is pulled or the daemon is killed"
 )
 FLASH = "'chefbotctl flash' puts the firmware that does on it"
 

@@ -99,7 +99,7 @@ export const GAMEPAD = {
   standard: "Gamepad: hold LB and move the left stick; X stops, B is the emergency stop.",
 };
 
-const CLASSIC = "classic, does not stop by itself";
+const CLASSIC = "classic, not known to stop by itself";
 
 // The board's firmware in a few words; of a classic sketch nothing is known.
 export function firmware(told) {

@@ -73,7 +73,7 @@ def test_the_boards_firmware_is_told_with_its_dead_man(
 @pytest.mark.parametrize(
     ("state", "topics", "told"),
     [
-        ("up", {}, ["a published sketch, which does not stop by itself"]),
+        ("up", {}, ["not chefbotd's own, not known to stop by itself"]),
         ("down", {}, []),
         (
             "up",

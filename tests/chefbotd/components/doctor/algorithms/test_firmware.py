@@ -14,7 +14,7 @@ def test_a_classic_sketch_is_offered_the_firmware_that_stops():
     """It is no fault of the board, so all is well; the advice names the command."""
     finding = check_firmware(None, is_board=True)
     assert finding.verdict is Verdict.OK
-    assert "does not stop by itself" in finding.measured
+    assert "not known to stop by itself" in finding.measured
     assert "chefbotctl flash" in finding.advice
 
 
