@@ -7,6 +7,7 @@ from statistics import median
 from chefbotd.components.doctor.algorithms.finding import Finding, ok, problem, skip_check, warning
 from chefbotd.core.record import Record
 from chefbotd.motion.drive_state import LOADED_SHARE
+from chefbotd.safety.faults import FaultKind
 
 MOVED_RAD = 0.3
 """A wheel that turned less than this in a push by hand did not turn."""
@@ -207,6 +208,12 @@ def _still(check: str, text: str, run: WheelRun) -> Finding:
             check,
             f"{text}: its encoder counts nothing",
             "check the encoder's plug, its 5 V and wires A and B",
+        )
+    if run.fault == FaultKind.COMMANDS_LOST:
+        return problem(
+            check,
+            f"{text}: {run.reason}",
+            "check the line to the board first: the wheel is not to blame while no command arrives",
         )
     return problem(
         check,

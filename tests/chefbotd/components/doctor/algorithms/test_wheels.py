@@ -154,3 +154,14 @@ def test_a_wheel_that_was_never_driven():
     held = check_motor(BOTH, WheelRun("left", run(duty=0).samples, held_by="obstacle:front"))
     assert "(somebody else drives)" in refused.measured
     assert "(obstacle:front)" in held.measured
+
+
+def test_a_wheel_to_which_no_command_comes_is_not_to_blame():
+    """The daemon says that the line is jammed: neither the bridge's power nor the motor's wires are suspected."""
+    still = run()
+    lost = WheelRun("left", still.samples, fault="commands_lost", reason="no command reaches the board")
+    found = check_motor(BOTH, lost)
+    assert found.verdict is Verdict.PROBLEM
+    assert "no command reaches the board" in found.measured
+    assert found.advice.startswith("check the line to the board")
+    assert "bridge" not in found.advice
