@@ -32,7 +32,7 @@ unexport PYTHONDONTWRITEBYTECODE
 JOBS ?= $(shell expr $$(nproc 2>/dev/null || echo 1) + 1)
 PARALLEL := -n $(JOBS) --dist loadgroup
 
-.PHONY: addons-test addons-tools fleet firmware firmware-test docs pictures run serve waiter map calibrate test examples-test test-loaded test-all coverage check audit lock newest lint format client wheel deb release wheel-test bench fuzz soak faults sequences clean help
+.PHONY: sources-test addons-test addons-tools fleet firmware firmware-test docs pictures run serve waiter map calibrate test examples-test test-loaded test-all coverage check audit lock newest lint format client wheel deb release wheel-test bench fuzz soak faults sequences clean help
 
 help:  ## List the targets
 	@echo "make TARGET, one of:"
@@ -64,6 +64,10 @@ test: $(VENV)/ready  ## Run the tests that belong to every change, on all cores 
 # No test may depend on the computer's speed: here each has a sixth of it and less.
 test-loaded: $(VENV)/ready  ## Run the same with six busy loops beside, and name who fails (RUNS=5)
 	$(BIN)/python tests/flaky.py loaded $(RUNS) $(BIN)/pytest -q $(PARALLEL) -m "not slow" --ignore tests/firmware
+
+# Those long tests that `make wheel-test` cannot run: no wheel has what they need.
+sources-test: $(VENV)/ready  ## Run each command of the pages, and take each component out that can be
+	$(BIN)/pytest -q $(PARALLEL) -m slow tests/test_doc_commands.py tests/chefbotd/test_component_list.py
 
 # Everything, as `make check` and .ci/run try it.
 test-all: $(VENV)/ready  ## Run every test, with all examples and long scenarios
