@@ -9,6 +9,7 @@ holds to the daemon's own rule: nobody without a token, and nobody at all if the
 
 import argparse
 import asyncio
+import gc
 import signal
 import ssl
 from collections.abc import Callable, Coroutine
@@ -268,6 +269,8 @@ def main() -> None:
     def listening(at: int) -> None:
         log.info("rosbridge listens", url=f"{'ws' if tls is None else 'wss'}://{options.host}:{at}")
 
+    gc.collect()
+    gc.freeze()  # no collection looks at all these classes: it would keep a stop waiting
     asyncio.run(_until_signalled(server.run(options.host, options.port, options.origin, listening)))
 
 
