@@ -21,7 +21,7 @@ from chefbot_ros2.messages import (
     ros_type,
 )
 from chefbotd.client.models import PathData
-from chefbotd.components.maps.client_methods import MapImage
+from chefbotd.components.maps.map_image import MapImage
 from chefbotd.core.geometry import Pose2D, wrap_angle
 
 OccupancyGrid, MapMetaData = ros_type("nav_msgs/OccupancyGrid"), ros_type("nav_msgs/MapMetaData")

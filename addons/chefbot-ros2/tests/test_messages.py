@@ -9,7 +9,7 @@ from chefbot_ros2.topic_events import events_of
 
 from chefbotd.client import Event
 from chefbotd.client.models import OdometryData, PathData, RangeData, RangesData, ScanData
-from chefbotd.components.maps.client_methods import MapImage
+from chefbotd.components.maps.map_image import MapImage
 from chefbotd.core.events.robot import RangeStatus
 from chefbotd.core.geometry import Pose2D
 

@@ -21,7 +21,7 @@ from chefbotd.core.geometry import Pose2D
 if TYPE_CHECKING:
     from chefbotd.client.models import MapSummary
     from chefbotd.components.maps.cli.draw import MapMark
-    from chefbotd.components.maps.client_methods import MapImage
+    from chefbotd.components.maps.map_image import MapImage
 
 
 T = TypeVar("T")
