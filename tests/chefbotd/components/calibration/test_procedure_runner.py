@@ -23,13 +23,19 @@ from chefbotd.driving.inner_driver import InnerDriver
 class Driver:
     """Takes every motion."""
 
-    source, stops, stopped_by = "calibration", 0, ""
+    source, stops, stopped_by, latch = "calibration", 0, "", 0
 
     def __init__(self) -> None:
         self.driven = 0
 
-    def begin(self) -> None:
-        """Begin."""
+    @property
+    def stop_number(self) -> int:
+        """Of the last stop or fault."""
+        return self.stops + self.latch
+
+    def begin(self, stop_number: int, what: str) -> None:
+        """Begin what was asked for since then."""
+        assert stop_number == self.stop_number, what
 
     def drive(self, motion: Motion, wished_s: float) -> None:
         """Drive."""
@@ -54,6 +60,7 @@ class Robot:
 
     def tell(self, mode: str, latch: int, *, limited_by: str | None = None) -> None:
         """Publish the gate's state."""
+        self.driver.latch = latch
         now_s = asyncio.get_running_loop().time()
         reason = "" if mode == "armed" else "a wheel is stuck"
         self.bus.publish(SafetyChanged(now_s, mode, reason, "calibration", None, limited_by, latch))
