@@ -200,8 +200,8 @@ faults: $(VENV)/ready  ## Let every fault of docs/safety.md happen (CLOCK=virtua
 sequences: $(VENV)/ready  ## Search sequences for a motion that nobody decided on since the last stop (SEQUENCES=100000)
 	SEQUENCES=$(SEQUENCES) $(BIN)/python -m pytest -q tests/chefbotd/driving/test_stop_sequences.py \
 	  tests/chefbotd/components/navigation/test_waiting_sequences.py
-	$(foreach addon,ros2 speech vda5050,! $(BIN)/python -c "import chefbot_$(addon)" 2>/dev/null \
-	  || SEQUENCES=$(SEQUENCES) $(BIN)/python -m pytest -q addons/chefbot-$(addon)/tests/test_*_sequences.py &&) true
+	$(foreach addon,ros2 speech vda5050,{ ! $(BIN)/python -c "import chefbot_$(addon)" 2>/dev/null \
+	  || SEQUENCES=$(SEQUENCES) $(BIN)/python -m pytest -q addons/chefbot-$(addon)/tests/test_*_sequences.py; } &&) true
 
 docs: $(VENV)/ready  ## Build the documentation as a site, build/site/index.html; check its links, and its widths in Chromium
 	$(BIN)/sphinx-build -q -W --keep-going -b html -d build/doctrees docs build/site
