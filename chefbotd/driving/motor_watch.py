@@ -232,7 +232,8 @@ class MotorWatch:
         if fault.kind is not FaultKind.WHEEL_STALLED or self._board_says.dead_man:
             return fault
         sent = self.in_force.commands[0].duty
-        if any(sent) and self._is_echo_fresh(now_s) and echo.says_no_motor(self._echo):
+        is_fresh = now_s - self._echo.shown_s <= ECHO_AGE_S
+        if any(sent) and is_fresh and echo.says_no_motor(self._echo):
             return commands_lost.explain_unheard(fault, self._echo.shown, sent)
         if not self._echo.shown:
             return Fault(fault.kind, fault.reason + NO_ECHO)
@@ -296,8 +297,5 @@ class MotorWatch:
 
     def _echoes_motion(self, now_s: float) -> bool:
         state = self._echo
-        is_fresh = self._is_echo_fresh(now_s)
+        is_fresh = now_s - state.shown_s <= ECHO_AGE_S
         return is_fresh and any(state.shown) and echo.is_believed(self._parameters.echo, state)
-
-    def _is_echo_fresh(self, now_s: float) -> bool:
-        return now_s - self._echo.shown_s <= ECHO_AGE_S

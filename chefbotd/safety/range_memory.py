@@ -124,13 +124,16 @@ def _confirm(before: Believed, distance_m: float) -> Believed:
     if before.distance_m == math.inf:
         return before if distance_m == math.inf else replace(before, distance_m=distance_m)
     keep = 1 - FORGET_SHARE
+    longest, longest_farther = before.longest * keep, before.longest_farther * keep
     return Believed(
         distance_m,
         shown=before.shown * keep + 1,
         missed=before.missed * keep + before.run,
-        longest=max(before.longest * keep, float(before.run)),
+        longest=longest if longest > before.run else float(before.run),
         farther=before.farther * keep + before.run_farther,
-        longest_farther=max(before.longest_farther * keep, float(before.run_farther)),
+        longest_farther=longest_farther
+        if longest_farther > before.run_farther
+        else float(before.run_farther),
     )
 
 

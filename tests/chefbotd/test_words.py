@@ -15,7 +15,7 @@ import chefbotd
 ROOT = Path(chefbotd.__file__).parent
 NOT_ON_THE_PAGE = re.compile(
     r"(cli|client|process|settings|snapshot|testing)\b"
-    r"|components/(doctor|flash|simulation|\w+/cli|recording/(replay|encoder)|calibration/calibrated_file|tuning/gains_file)\b"
+    r"|components/(doctor|flash|new_robot|simulation|\w+/cli|\w+/(component|client_methods)|recording/(replay|encoder)|calibration/calibrated_file|tuning/gains_file)\b"
     r"|rpc/(jsonrpc|access|parameters)\.py|transport/web/server\.py"
 )
 """What is read on a terminal, in a recording or as HTTP; and what the kinds of errors mean, which is for programs."""
