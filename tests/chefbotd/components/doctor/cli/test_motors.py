@@ -123,11 +123,11 @@ def test_motors_whose_plugs_are_exchanged():
 
 
 @pytest.mark.slow
-def test_motors_without_power():
-    """No wheel turns at any duty: the bridge's power is asked for, and the scale is not guessed at."""
+def test_motors_to_which_no_command_comes():
+    """The board says that it drives none: the line is to be checked and no wheel, and the scale is not guessed at."""
     findings = examined(on_blocks(), seen="none", outward=lambda data: b"")
     assert findings["motor left_wheel"].verdict is Verdict.PROBLEM
-    assert "check the bridge's power" in findings["motor left_wheel"].advice
+    assert "check the line to the board first" in findings["motor left_wheel"].advice
     assert findings["duty_scale"].verdict is Verdict.SKIPPED
 
 
