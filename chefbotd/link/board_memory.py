@@ -48,8 +48,14 @@ class BoardFile:
         self._device = device
 
     def recall(self) -> bool:
-        """Whether the file is there. It is looked up once, before the port is opened."""
-        return self._path.is_file()
+        """Whether the file is there. It is looked up once, before the port is opened; what cannot be read is logged."""
+        try:
+            return self._path.is_file()
+        except OSError as error:
+            log.warning(
+                "it is not known whether the board ran our firmware", path=str(self._path), error=str(error)
+            )
+            return False
 
     def keep(self, *, is_ours: bool) -> None:
         """Write or remove it, in a thread: a disk may be slow."""

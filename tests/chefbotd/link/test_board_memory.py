@@ -1,7 +1,9 @@
 """What is kept of a board beyond the end of the daemon."""
 
+import errno
 from pathlib import Path
 
+import pytest
 from structlog.testing import capture_logs
 
 from chefbotd.link.board_memory import BoardFile
@@ -24,4 +26,18 @@ def test_a_folder_that_cannot_be_made_is_logged_and_stops_nothing(tmp_path: Path
         board = BoardFile(tmp_path / "boards", "/dev/ttyACM0")
         board.store(True)
     assert not board.recall()
+    assert [entry["log_level"] for entry in logged] == ["warning"]
+
+
+def test_what_cannot_be_looked_up_is_logged_and_stops_no_start(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A folder that this user may not search: nothing is known of the board."""
+
+    def refuse(path: Path) -> bool:
+        raise PermissionError(errno.EACCES, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "is_file", refuse)
+    with capture_logs() as logged:
+        assert not BoardFile(tmp_path, "/dev/ttyACM0").recall()
     assert [entry["log_level"] for entry in logged] == ["warning"]

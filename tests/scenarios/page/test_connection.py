@@ -173,7 +173,6 @@ def test_a_token_lets_in(page: Any, robot: RunningRobot) -> None:
     addresses: list[str] = []
     page.on("request", lambda request: addresses.append(request.url))
     page.goto(robot.url)
-    sync_api.expect(page.locator("#login")).to_be_visible()
     for _ in range(
         3
     ):  # the dialog stays: without a token there is nothing else to do, and no stop reaches the robot

@@ -3,17 +3,17 @@
 import { element } from "./dom.js";
 import { CARDS } from "./cards.js";
 
-// Call ``add`` with each card that can be loaded; one that cannot is left out, and the console says why. Ends when all
-// have been loaded or left out. They stand in the order in which the daemon lists them.
+// Call ``add`` with each card that can be loaded, once it is; one that cannot is left out, and the console says why. They
+// stand in the order in which the daemon lists them.
 export function addComponents(page, add) {
-  return Promise.all(CARDS.map(({ name, module, column, before }) => {
+  for (const { name, module, column, before } of CARDS) {
     const section = place(name, column, before);
-    return import(module).then(({ default: Card }) => add(new Card({ ...page, section })))
+    import(module).then(({ default: Card }) => add(new Card({ ...page, section })))
       .catch((error) => {
         section.remove();
         console.warn(`the card of the component ${name} is left out: ${error}`);
       });
-  }));
+  }
 }
 
 // Its section, which the card shows once it has something to say.

@@ -21,6 +21,7 @@ export class Connection extends EventTarget {
   #pinged = 0;
   #retryMs = 250;
   #rates = new Map();
+  #latest = new Map(); // the last event of each topic, of this connection
   #timer = null;
   #can = null;
 
@@ -66,12 +67,15 @@ export class Connection extends EventTarget {
     return new Promise((resolve, reject) => this.#waiting.set(id, { resolve, reject }));
   }
 
-  // Call ``take`` with the data of each event of a topic that ``begin`` subscribes to, at this rate at the most.
+  // Call ``take`` with the data of each event of a topic that ``begin`` subscribes to, at this rate at the most. A part
+  // that was loaded late gets the last one, too.
   on(topic, take, rate_hz = 0) {
     const isNew = !this.#rates.has(topic);
     this.#rates.set(topic, Math.max(rate_hz, this.#rates.get(topic) ?? 0));
-    if (isNew && this.#can) this.#subscribe([topic]).catch(() => {}); // a part that was loaded late
+    if (isNew && this.#can) this.#subscribe([topic]).catch(() => {});
     this.addEventListener(`topic:${topic}`, ({ detail }) => take(detail.data, detail));
+    const latest = this.#latest.get(topic);
+    if (latest) queueMicrotask(() => { if (this.#latest.get(topic) === latest) take(latest.data, latest); });
   }
 
   // Subscribe to what there is of the topics that the page shows.
@@ -96,7 +100,10 @@ export class Connection extends EventTarget {
   #take(message) {
     this.#heard = performance.now();
     if (this.stalled) this.#say("stalled", this.stalled = false);
-    if (message.method === "event") this.#say(`topic:${message.params.topic}`, message.params);
+    if (message.method === "event") {
+      this.#latest.set(message.params.topic, message.params);
+      this.#say(`topic:${message.params.topic}`, message.params);
+    }
     else if (message.method) this.#say(message.method, message.params);
     else this.#answer(message);
   }
@@ -133,6 +140,7 @@ export class Connection extends EventTarget {
   #lost(retry) {
     const waiting = [...this.#waiting.values()];
     this.#waiting.clear();
+    this.#latest.clear();
     this.#can = null;
     this.#pinged = 0;
     this.stalled = true;

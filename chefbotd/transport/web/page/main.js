@@ -20,8 +20,6 @@ import { View } from "./view.js";
 import { Wheels } from "./wheels.js";
 import { battery, board, firmware, firmwareFigures, GAMEPAD, GESTURE, limit, plain, refusal, sentence } from "./words.js";
 
-const CARDS_WAITED_MS = 2000;
-
 // Beside the page, wherever a proxy shows it.
 const connection = new Connection(new URL("socket", location.href).href.replace(/^http/, "ws"));
 const lately = new Lately(connection);
@@ -56,7 +54,7 @@ async function ask(method, params) {
 }
 
 let permitted = null;
-const cards = addComponents({ connection, ask, say, view }, (part) => {
+addComponents({ connection, ask, say, view }, (part) => {
   parts.push(part);
   if (permitted) part.begin(permitted);
 });
@@ -170,5 +168,4 @@ view.onPose = usePose;
 new Proposal(view, usePose);
 driver.addEventListener("dead", () => view.gestures.cancel()); // a stop: what is aimed at is not wanted any more
 
-// Cards see every event from the first on; one that does not come must not keep the page from its stop button.
-Promise.race([cards, new Promise((resolve) => setTimeout(resolve, CARDS_WAITED_MS))]).then(() => connection.connect());
+connection.connect(); // no card keeps the page from its stop button: one that comes late is told what it has missed
