@@ -24,7 +24,7 @@ AHEAD_S, STEP_S = 0.8, 0.1
 
 DECELERATION_M_S2: Final = 0.4
 
-WIDENS_M, CLEARS_M = 0.004, 0.0025
+WIDENS_M, CLEARS_M = 0.006, 0.0025
 """Where standing may end in a touch, a motion that leaves so much more room, and so much at all, makes way. Where
 standing is safe it is no reason to be fast beside somebody."""
 
