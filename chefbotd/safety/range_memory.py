@@ -10,7 +10,9 @@ How many readings that takes depends on the sensor. Its share of misses is learn
 thing which the next ones showed again; with a share p, n misses in a row happen with probability p^n, which must be
 below ``CHANCE``. Readings of something farther away are counted by themselves, too: with a share q of those, m of them
 among n happen with less than (n over m) q^m. So a sensor that often hears nothing, and never anything false, is believed
-soon when it hears what is behind a thing that was taken away. A nearer reading is believed at once.
+soon when it hears what is behind a thing that was taken away. A nearer reading is believed at once. Until three others
+have shown the same it may be a false one, such as a line with a digit too many: then nothing is learned of misses, and
+the fewest readings without it are enough.
 """
 
 import math
@@ -31,6 +33,9 @@ FORGET_SHARE = 1 / 400
 
 BEYOND_LONGEST = 2
 """Misses that come in bursts are no chance: so many more readings than the longest burst are asked for."""
+
+SURE = 3
+"""A thing that so many further readings have shown is there: one false reading in 25 makes few that are."""
 
 ROUNDING_M = 1e-9
 """The last bit of a sum is not a step of the sensor."""
@@ -56,6 +61,7 @@ class Believed(Record, frozen=True):
     ``run_farther`` of them showed something farther, and the nearest was ``nearest_m``; since it was seen the robot has
     turned by ``turned_rad``. ``shown``, ``missed`` and, of the latter, ``farther`` count what the sensor did where a
     thing was, and fade; ``longest`` is its longest burst of misses, ``longest_farther`` the most farther ones in one.
+    ``confirmed``: so many further readings have shown it, ``SURE`` at most.
     """
 
     distance_m: float = math.inf
@@ -68,6 +74,7 @@ class Believed(Record, frozen=True):
     run_farther: int = 0
     farther: float = 0.0
     longest_farther: float = 0.0
+    confirmed: int = 0
 
 
 NOTHING = Believed()
@@ -113,9 +120,7 @@ def add_reading(
         or abs(missing.turned_rad) > field_of_view_rad
         or missing.distance_m > max_range_m
     ):
-        return replace(
-            missing, distance_m=missing.nearest_m, run=0, run_farther=0, nearest_m=math.inf, turned_rad=0.0
-        )
+        return _begin_run(missing, missing.nearest_m)
     return missing
 
 
@@ -123,6 +128,8 @@ def _confirm(before: Believed, distance_m: float) -> Believed:
     """Something is where it was believed to be, or nearer: what did not show it was a miss."""
     if before.distance_m == math.inf:
         return before if distance_m == math.inf else replace(before, distance_m=distance_m)
+    if before.confirmed < SURE:
+        return _begin_run(before, distance_m, before.confirmed + 1)
     keep = 1 - FORGET_SHARE
     longest, longest_farther = before.longest * keep, before.longest_farther * keep
     return Believed(
@@ -134,11 +141,27 @@ def _confirm(before: Believed, distance_m: float) -> Believed:
         longest_farther=longest_farther
         if longest_farther > before.run_farther
         else float(before.run_farther),
+        confirmed=SURE,
+    )
+
+
+def _begin_run(before: Believed, distance_m: float, confirmed: int = 0) -> Believed:
+    """Something is seen here that so many further readings have shown."""
+    return replace(
+        before,
+        distance_m=distance_m,
+        run=0,
+        run_farther=0,
+        nearest_m=math.inf,
+        turned_rad=0.0,
+        confirmed=confirmed,
     )
 
 
 def readings_needed(params: RangeMemoryParameters, believed: Believed) -> int:
     """How many readings in a row must not show a thing until it is gone."""
+    if believed.confirmed < SURE:
+        return params.free_readings
     needed = math.ceil(math.log(CHANCE) / math.log(_share(believed, believed.missed)))
     needed = max(needed, math.ceil(believed.longest) + BEYOND_LONGEST, params.free_readings)
     return min(needed, params.most_free_readings)

@@ -292,3 +292,24 @@ def test_a_sonar_that_says_zero_every_fifty_milliseconds() -> None:
     for number in range(200):
         believed = read(believed, 0.42 if number % 2 else MISS)
         assert number == 0 or believed.distance_m == 0.42
+
+
+def test_a_sensor_with_false_near_readings_lets_the_robot_drive_on() -> None:
+    """One reading in 25 claims something near in a free way: each is gone after five others, and none teaches misses.
+
+    So a false reading holds the robot for 5 readings of 25 and less, where one of 30 at most would hold it for ever.
+    """
+    choose, believed, held = random.Random(1), NOTHING, 0
+    for _ in range(5000):
+        believed = read(believed, 0.3 if choose.random() < 0.04 else MISS)
+        held += believed.distance_m < math.inf
+    assert held < 0.25 * 5000
+
+
+def test_a_thing_that_was_shown_often_is_held_by_what_was_learned() -> None:
+    """Seen once and three times more, it is there: a sensor that is known to miss half is asked for twenty."""
+    sensor = read(NOTHING, *(0.5, MISS) * 40)
+    moved_off = read(sensor, *(MISS,) * 30)
+    assert moved_off.distance_m == math.inf
+    assert needed(read(moved_off, 0.5), MISS) == MEMORY.free_readings
+    assert needed(read(moved_off, *(0.5,) * 4), MISS) > 3 * MEMORY.free_readings

@@ -271,7 +271,7 @@ FAULTS = (
             partial(inject, f"{share}_share"),
             drives_on("line refused"),
             on_wire=True,
-            # A reading of KHAN's infrared with a digit lost or doubled claims an obstacle now and then: there it stands.
+            # A reading of KHAN's infrared with a digit lost or doubled claims an obstacle now and then: there it brakes.
             robots=ROBOTS if share == "flip" else ("chefbot",),
         )
         for way, inject in (("both ways", damaged), ("from the board", misheard))
