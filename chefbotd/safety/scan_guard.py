@@ -46,6 +46,9 @@ NOISE_M = 0.03
 FASTEST_M_S = 2.0
 """Nothing is expected to come faster: what seems to was hidden before, or is faster than people walk."""
 
+ROUNDING_M = 1e-6
+"""The last bits of a sum do not decide whether something comes."""
+
 STEADY = 1 / 8
 """What comes does at least so much of its way in each of two turns; what was only missed does all of it in one."""
 
@@ -235,7 +238,7 @@ def _closing_rate(view: View, room_of: Callable[[Floats], float], room_s: float,
         return 0.0
     between, before = view.earlier
     lost_s = room_of(before()) - room_s
-    if not NOISE_M < lost_s * rim_m_s <= FASTEST_M_S * view.before_s:
+    if not NOISE_M < lost_s * rim_m_s <= FASTEST_M_S * view.before_s + ROUNDING_M:
         return 0.0
     lately_s = room_of(between()) - room_s
     return lost_s / view.before_s if STEADY * lost_s <= lately_s <= (1 - STEADY) * lost_s else 0.0
