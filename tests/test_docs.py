@@ -119,6 +119,35 @@ def test_times_are_those_in_force() -> None:
         assert told in text, told
 
 
+@cache
+def files_of_tests() -> tuple[Path, ...]:
+    """Every file of tests, the add-ons' and the examples' too."""
+    folders = ("tests", "addons/*/tests", "examples")
+    return tuple(file for folder in folders for file in ROOT.glob(f"{folder}/**/test_*.py"))
+
+
+TEST_REFERENCE = re.compile(r"`([\w./-]*test_\w+\.py)?(?:::(test_\w+))?[^`\n]*`")
+"""A file of tests, a test of it, or a further test of the file that was named last."""
+
+
+def test_every_test_that_a_page_names_can_be_found() -> None:
+    """In each page, and of each reference the file and the name; a reader's own files are called "your ..."."""
+    missing, named = [], 0
+    for page in (*ROOT.glob("docs/**/*.md"), *ROOT.glob("*.md"), *ROOT.glob("addons/*/*.md")):
+        files: list[Path] = []
+        for match in TEST_REFERENCE.finditer(page.read_text(encoding="utf-8")):
+            file, name = match.groups()
+            if page.name == "CHANGELOG.md" or "your_" in (file or "") or not (file or name):
+                continue
+            if file:
+                files = [path for path in files_of_tests() if path.as_posix().endswith(f"/{file}")]
+            named += 1
+            if not files or (name and not any(name in names_in(path) for path in files)):
+                missing.append(f"{page.name}: {match[0]}")
+    assert not missing
+    assert named > 400
+
+
 @pytest.mark.parametrize("page", sorted((ROOT / "docs").rglob("*.md")), ids=lambda page: page.stem)
 def test_links_between_documents_lead_somewhere(page: Path) -> None:
     """Every relative link names a file that there is."""
