@@ -3,7 +3,7 @@
 import gc
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from importlib import import_module
 from types import ModuleType
@@ -14,8 +14,8 @@ INTERRUPTED = 130
 
 
 def chefbotd() -> None:
-    """The daemon."""
-    _run("chefbotd.cli.programs.chefbotd")
+    """The daemon. It stops the motors before it imports the rest."""
+    _run("chefbotd.cli.programs.chefbotd", first=_stop_motors)
 
 
 def chefbotctl() -> None:
@@ -23,10 +23,17 @@ def chefbotctl() -> None:
     _run("chefbotd.cli.programs.chefbotctl")
 
 
-def _run(program: str) -> None:
+def _stop_motors() -> None:
+    from chefbotd.link.early_stop import stop_early
+
+    stop_early(sys.argv[1:], os.environ)
+
+
+def _run(program: str, first: Callable[[], None] = lambda: None) -> None:
     """Import a program and run it; an interruption until then ends without a traceback."""
     open_standard_streams()
     try:
+        first()
         with no_collections():
             main = import_module(program).main
         main()

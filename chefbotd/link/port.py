@@ -16,6 +16,7 @@ from pydantic import Field, field_validator, model_validator
 
 from chefbotd.core.parameters import Parameters, check_device
 from chefbotd.link.device_threads import DEVICE_THREADS
+from chefbotd.link.early_stop import hand_over
 
 log = structlog.get_logger(component="link")
 
@@ -324,7 +325,8 @@ def _open_tty(parameters: LinkParameters) -> "BriefSerial":
     port = BriefSerial(baudrate=parameters.baud, exclusive=parameters.exclusive or None)
     port.dtr, port.rts = parameters.dtr, parameters.rts
     port.port = parameters.device
-    port.open()
+    with hand_over(parameters.device):
+        port.open()
     try:
         _keep_hang_up(port.fileno(), parameters.hang_up_on_close)
     except termios.error:

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-import chefbotd
+from chefbotd.packaged import packaged_folder
 from chefbotd.settings.errors import SettingsError, UnknownKey, place
 from chefbotd.settings.model import Settings
 
@@ -30,19 +30,12 @@ def packaged(robot: str = DEFAULT_ROBOT) -> Path:
     Raises:
         SettingsError: chefbotd has none; the message lists the robots that it has.
     """
-    folder = _packaged_folder()
+    folder = packaged_folder()
     path = folder / f"{robot}.toml"
     if not path.is_file() or path.parent != folder:
         names = ", ".join(sorted(p.stem for p in folder.glob("*.toml")))
         raise SettingsError(f"no configuration comes with chefbotd for robot {robot!r}; there are: {names}")
     return path
-
-
-def _packaged_folder() -> Path:
-    """The folder of configurations: in the installed package, or in the source tree."""
-    package = Path(chefbotd.__file__).parent
-    installed = package / "config"
-    return installed if installed.is_dir() else package.parent / "config"
 
 
 def base_of(values: Mapping[str, Any]) -> Path | None:

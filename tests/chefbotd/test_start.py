@@ -46,7 +46,7 @@ from chefbotd import start
 ours, board = os.openpty()
 tty.setraw(board)
 def write(descriptor, data, write=os.write):
-    if data.startswith(b"s "):
+    if data.startswith(b"s ") and ("chefbotd.app" in sys.modules) is %s:
         print(*sys.modules, flush=True)
         os._exit(0)
     return write(descriptor, data)
@@ -54,13 +54,30 @@ os.write = write
 sys.argv = ["chefbotd", "run", "--port", os.ttyname(board), "--listen", "127.0.0.1:0"]
 start.chefbotd()
 """
-"""This daemon tells what is loaded as it writes its first motor command."""
+"""This daemon tells what is loaded as it writes its first motor command, before or after it is built."""
+
+
+def test_the_first_stop_is_on_the_wire_before_what_takes_time_is_imported() -> None:
+    """No command line, no models, no loop, and less than a quarter of the modules of the daemon that is built."""
+    early, late = (
+        subprocess.run(
+            [sys.executable, "-c", LOADED % is_built],
+            capture_output=True,
+            text=True,
+            timeout=PATIENCE_S,
+            check=True,
+        ).stdout.split()
+        for is_built in (False, True)
+    )
+    assert {"click", "pydantic", "asyncio", "serial", "structlog", "numpy"} & set(early) == set()
+    assert "chefbotd.link.early_stop" in early
+    assert 4 * len(early) < len(late)
 
 
 def test_a_daemon_on_a_real_robot_loads_no_simulator_and_nothing_else_that_it_does_not_use() -> None:
     """Until the board is told to stop: no simulator, numpy, images, screens, clients, other formats, recorder."""
     said = subprocess.run(
-        [sys.executable, "-c", LOADED], capture_output=True, text=True, timeout=PATIENCE_S, check=False
+        [sys.executable, "-c", LOADED % True], capture_output=True, text=True, timeout=PATIENCE_S, check=False
     )
     assert said.returncode == 0, said.stderr
     loaded = set(said.stdout.split())
