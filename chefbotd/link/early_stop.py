@@ -127,13 +127,13 @@ def _options(arguments: Sequence[str]) -> dict[str, str] | None:
 
 def _read_sections(path: Path) -> dict[str, dict[str, Any]] | None:
     """The sections of a file, over those of the robots that it extends, over the defaults."""
-    found: list[dict[str, Any]] = []
+    files: list[dict[str, Any]] = []
     for _ in range(DEEPEST):
         status = path.stat()
         if not stat.S_ISREG(status.st_mode) or status.st_size > MOST_BYTES:
             return None
         values = tomllib.loads(path.read_bytes().decode("utf-8-sig"))
-        found.insert(0, values)
+        files.insert(0, values)
         base = values.get("extends")
         if base is None:
             break
@@ -141,7 +141,7 @@ def _read_sections(path: Path) -> dict[str, dict[str, Any]] | None:
         if path.parent != packaged_folder():
             return None
     sections = {name: dict(defaults) for name, defaults in DEFAULTS.items()}
-    for values in found:
+    for values in files:
         for name, section in sections.items():
             own = values.get(name, {})
             if not isinstance(own, dict):
