@@ -140,6 +140,8 @@ def _read_sections(path: Path) -> dict[str, dict[str, Any]] | None:
         path = packaged_folder() / f"{base}.toml"
         if path.parent != packaged_folder():
             return None
+    else:
+        return None
     sections = {name: dict(defaults) for name, defaults in DEFAULTS.items()}
     for values in files:
         for name, section in sections.items():

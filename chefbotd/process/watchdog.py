@@ -147,10 +147,8 @@ class Watchdog:
         self._thread.join()
 
     def _wait_s(self) -> float:
-        """The time until the next look: for a robot at rest, until the time-out can have passed at the earliest."""
+        """The time until the next look: until the time-out can have passed at the earliest."""
         period_s = self._patience_s / LOOKS_PER_PATIENCE
-        if self._control.is_driving:
-            return period_s
         left_s = self._control.acted_s + self._patience_s - self._clock.now_s()
         return min(max(period_s, left_s + JUST_S), self._patience_s)
 

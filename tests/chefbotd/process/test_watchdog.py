@@ -120,16 +120,20 @@ def looks_of(
     return passing.waits_s, stops_s
 
 
-def test_a_loop_at_rest_is_looked_at_when_it_can_have_stood_too_long(monkeypatch: pytest.MonkeyPatch):
-    """It acted 0.02 s ago, of a patience of 2 s: nothing for 1.98 s; while it drives, eight looks in that time."""
-    resting, _ = looks_of(StandingLoop(is_driving=False, acted_s=9.98), 2.0, monkeypatch)
-    assert resting[0] == pytest.approx(1.981)
-    driving, stops_s = looks_of(StandingLoop(is_driving=True, acted_s=9.98), 2.0, monkeypatch)
-    assert driving == [0.25, 0.25, 0.25]
-    assert stops_s == []
+@pytest.mark.parametrize("is_driving", [False, True])
+def test_a_loop_is_looked_at_when_it_can_have_stood_too_long(
+    is_driving: bool, monkeypatch: pytest.MonkeyPatch
+):
+    """It acted 0.02 s ago, of a patience of 2 s: nothing for 1.98 s; while it stands still, eight looks in that time."""
+    waits_s, stops_s = looks_of(StandingLoop(is_driving=is_driving, acted_s=9.98), 2.0, monkeypatch)
+    assert waits_s == pytest.approx([1.981, 0.25, 0.25])
+    assert stops_s == pytest.approx([11.981, 12.231])
 
 
-def test_a_loop_at_rest_that_stands_still_is_stopped_within_its_patience(monkeypatch: pytest.MonkeyPatch):
+@pytest.mark.parametrize("is_driving", [False, True])
+def test_a_loop_that_stands_still_is_stopped_as_soon_as_its_patience_has_passed(
+    is_driving: bool, monkeypatch: pytest.MonkeyPatch
+):
     """Acted 0.06 s before: of a patience of 0.4 s the rest is waited for, not a whole patience more."""
-    _, stops_s = looks_of(StandingLoop(is_driving=False, acted_s=9.94), 0.4, monkeypatch)
+    _, stops_s = looks_of(StandingLoop(is_driving=is_driving, acted_s=9.94), 0.4, monkeypatch)
     assert stops_s[0] == pytest.approx(9.94 + 0.401)
