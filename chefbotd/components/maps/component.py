@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING, Any
 
-from chefbotd.component import API_VERSION, Component, SectionForm
+from chefbotd.component import API_VERSION, Component, PagePart, SectionForm
 
 if TYPE_CHECKING:
     from chefbotd.component_context import Context
@@ -46,6 +46,7 @@ COMPONENT = Component(
     exclusive=True,
     fixed=True,
     client_methods=("chefbotd.components.maps.client_methods:MapMethods",),
+    page=(PagePart("chefbotd.components.maps", "page/card.js", column="left"),),
     commands={
         "map": "chefbotd.components.maps.cli.commands:map_group",
         "places": "chefbotd.components.maps.cli.places:places",

@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from chefbotd.component import API_VERSION, Component, StatusRow
+from chefbotd.component import API_VERSION, Component, PagePart, StatusRow
 from chefbotd.components.maps.component import makes_maps
 
 if TYPE_CHECKING:
@@ -29,6 +29,7 @@ COMPONENT = Component(
     skills={"navigation": "chefbotd.components.navigation.skill:NavigationSkill"},
     client_methods=("chefbotd.components.navigation.client_methods:NavigationMethods",),
     commands={name: f"{COMMANDS}:{name}" for name in ("go", "home", "dock", "patrol", "where", "localize")},
+    page=(PagePart("chefbotd.components.navigation", "page/card.js", column="left", before="maps-part"),),
     status=(
         StatusRow(
             "navigation", "chefbotd.components.navigation.status_text:navigation", after="localization"

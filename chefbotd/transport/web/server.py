@@ -56,7 +56,10 @@ class Card(Struct, frozen=True):
 
 
 def page_files(cards: Sequence[Card] = ()) -> dict[str, PageFile]:
-    """Every file of the page by its path; ``/`` is ``index.html``, ``/cards.js`` lists the cards of components."""
+    """Every file of the page by its path; ``/`` is ``index.html``, ``/cards.js`` lists the cards of components.
+
+    The JavaScript beside a card's is served beside it.
+    """
     folder = resources.files(__package__) / "page"
     files = {
         f"/{entry.name}": PageFile(TYPES[suffix], entry.read_bytes())
@@ -65,15 +68,15 @@ def page_files(cards: Sequence[Card] = ()) -> dict[str, PageFile]:
     }
     listed = []
     for card in cards:
-        path = f"/components/{card.name}/{card.file.name}"
+        base = f"/components/{card.name}"
         try:
-            files[path] = PageFile(TYPES["js"], card.file.read_bytes())
+            scripts = {card.file, *card.file.parent.glob("*.js")}
+            files |= {f"{base}/{path.name}": PageFile(TYPES["js"], path.read_bytes()) for path in scripts}
         except OSError as error:
             log.error("a card of the page is left out", component=card.name, reason=str(error))
         else:
-            listed.append(
-                {"name": card.name, "module": f".{path}", "column": card.column, "before": card.before}
-            )
+            module = f".{base}/{card.file.name}"
+            listed.append({"name": card.name, "module": module, "column": card.column, "before": card.before})
     files["/cards.js"] = PageFile(TYPES["js"], f"export const CARDS = {json.dumps(listed)};\n".encode())
     return {"/": files["/index.html"], **files}
 

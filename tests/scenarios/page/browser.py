@@ -6,8 +6,12 @@ import shutil
 import signal
 import subprocess
 import sys
+import threading
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from http import HTTPStatus
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.util import find_spec
 from pathlib import Path
 from typing import Any, ClassVar
@@ -15,6 +19,8 @@ from typing import Any, ClassVar
 import pytest
 
 from chefbotd.client import SyncClient
+from chefbotd.component_list import own_components
+from chefbotd.composition.network import cards_of
 from chefbotd.transport.ports import reserve_port
 from tests.robot_files import full
 from tests.waiting import PATIENCE_S
@@ -109,6 +115,40 @@ class RunningRobot:
     def log(self) -> str:
         """What the program has said."""
         return self._log_path.read_text()
+
+
+@contextmanager
+def page_alone() -> Iterator[str]:
+    """The address of the page with the cards of all our components, without a robot behind it."""
+    from chefbotd.transport.web.server import HEADERS, page_files
+
+    parts = [(component.name, part) for component in own_components() for part in component.page]
+    files = page_files(cards_of(parts))
+
+    class Files(BaseHTTPRequestHandler):
+        """Answers with a file of the page."""
+
+        def do_GET(self) -> None:
+            """Any other path is not found."""
+            file = files.get(self.path)
+            self.send_response(HTTPStatus.OK if file else HTTPStatus.NOT_FOUND)
+            for name, value in {
+                **HEADERS,
+                "Content-Type": file.content_type if file else "text/plain",
+            }.items():
+                self.send_header(name, value)
+            self.end_headers()
+            self.wfile.write(file.body if file else b"")
+
+        def log_message(self, *_: object) -> None:
+            """Say nothing."""
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Files) as server:
+        threading.Thread(target=server.serve_forever).start()
+        try:
+            yield f"http://127.0.0.1:{server.server_port}/"
+        finally:
+            server.shutdown()
 
 
 def open_page(page: Any, robot: RunningRobot) -> None:
@@ -277,8 +317,9 @@ class FakeDaemon:
         return [params for name, params in self.asked if name == method][-1]
 
     def opened(self, url: str) -> None:
-        """Have the page open on this daemon, in the light scheme."""
+        """Have the page open on this daemon with every card, in the light scheme."""
         self._page.goto(url)
+        sync_api.expect(self._page.locator(".side section:empty")).to_have_count(0)
         sync_api.expect(self._page.locator("#robot")).to_have_text("fake")
         self._page.emulate_media(color_scheme="light")
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.scenarios.page.browser import CHROMIUM, PATIENCE_MS, FakeDaemon, RunningRobot, sync_api
+from tests.scenarios.page.browser import CHROMIUM, PATIENCE_MS, FakeDaemon, RunningRobot, page_alone, sync_api
 
 
 @pytest.fixture(scope="module")
@@ -26,11 +26,10 @@ def robot(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[RunningRob
 
 
 @pytest.fixture(scope="module")
-def served(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
-    """The address of a page that is opened before a ``FakeDaemon``: one for all tests of a file."""
-    running = RunningRobot(tmp_path_factory.mktemp("served"))
-    yield running.url
-    running.end()
+def served() -> Iterator[str]:
+    """The address of a page with every card, which is opened before a ``FakeDaemon``: one for all tests of a file."""
+    with page_alone() as url:
+        yield url
 
 
 @pytest.fixture

@@ -173,9 +173,8 @@ def test_a_token_lets_in(page: Any, robot: RunningRobot) -> None:
     addresses: list[str] = []
     page.on("request", lambda request: addresses.append(request.url))
     page.goto(robot.url)
-    for _ in range(
-        3
-    ):  # the dialog stays: without a token there is nothing else to do, and no stop reaches the robot
+    sync_api.expect(page.locator("#login")).to_be_visible()
+    for _ in range(3):  # it stays: without a token there is nothing else to do, and no stop reaches the robot
         page.keyboard.press("Escape")
     sync_api.expect(page.locator("#unreached")).to_contain_text("did not reach the robot Log in first.")
     page.get_by_role("button", name="I have seen it").click()

@@ -28,7 +28,7 @@ def test_it_loads_light_and_only_from_the_robot(page: Any, robot: RunningRobot) 
     assert 5_000 < sum(len(answer.body()) for answer in answers) < MOST_BYTES
     assert page.locator("#robot").inner_text() == "chefbot"
     assert page.locator("#wheels-part").is_visible()
-    assert not page.locator("#map-part").is_visible()
+    assert not page.locator("#maps-part").is_visible()
     assert not page.locator("#gesture-label").is_visible()
     sync_api.expect(page.locator("#wheels tr")).to_have_count(2)
     sync_api.expect(page.locator("#wheels tr").first.locator("td").nth(3)).to_have_text("200")  # kp
@@ -48,7 +48,7 @@ def test_a_robot_with_four_wheels_and_no_lidar_shows_what_it_has(page: Any, robo
     )
     sync_api.expect(page.locator("#sensors li")).to_have_count(1)
     sync_api.expect(page.locator("#sensors li")).to_contain_text("front")
-    for part in ("#map-part", "#goal-part", "#gesture-label", "#costs-label", "#legend-scan", "#legend-map"):
+    for part in ("#maps-part", "#navigation-part", "#gesture-label", "#costs-label", "#legend-scan", ".wall"):
         sync_api.expect(page.locator(part)).to_be_hidden()
     with robot.client() as client:
         page.keyboard.down("KeyD")

@@ -13,7 +13,6 @@ export class Sensors {
   constructor(connection, view) {
     this.view = view;
     connection.on("odometry", (pose) => this.#showPose(pose), SHOWN_HZ);
-    connection.on("map_pose", (pose) => view.setPose(pose.state === "ended" ? null : pose, true), SHOWN_HZ);
     connection.on("scan", (scan) => {
       view.scans.set(scan.lidar, scanPoints(scan));
       $("legend-scan").hidden = false;

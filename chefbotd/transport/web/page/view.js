@@ -1,5 +1,6 @@
 // The surroundings from above, x forward to the right at first: map, trail, scan, ranges and robot; zoom and pan.
 
+import { $, element } from "./dom.js";
 import { Gestures } from "./gestures.js";
 
 const TRAIL_STEP_M = 0.05;
@@ -228,6 +229,19 @@ export class View {
     c.fillRect(10, height - 12, metres * this.scale, 3);
     c.font = "12px system-ui, sans-serif";
     c.fillText(`${metres} m`, 10, height - 18);
+  }
+
+  // A switch or a choice below the view.
+  addTool(tool) {
+    $("tools").append(tool);
+  }
+
+  // A sign of the legend, hidden until there is something of its kind.
+  addToLegend(kind, words) {
+    const sign = element("span", "", { hidden: true });
+    sign.append(element("i", "", { className: kind }), words);
+    $("legend").append(" ", sign);
+    return sign;
   }
 
   setFollow(follow) {

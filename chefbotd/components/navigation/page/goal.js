@@ -1,7 +1,7 @@
 // Where the robot is going, how far that is, and how it ended.
 
-import { $, text } from "./dom.js";
-import { because, GOAL, SEND } from "./words.js";
+import { $, text } from "../../dom.js";
+import { because, GOAL, SEND } from "../../words.js";
 
 export const GOING = ["planning", "driving", "recovering", "paused"];
 const NO_GOAL = `No goal. ${SEND} to send the robot there.`;
@@ -13,11 +13,12 @@ export class Goal {
   #can = new Set();
 
   constructor(connection, ask, view) {
+    const legend = view.addToLegend("path", "path to the goal");
     connection.on("navigation", (navigation) => { this.#last = navigation; this.#show(); });
     connection.on("localization", ({ map }) => { this.#map = map; this.#show(); });
     connection.on("path", ({ x_m, y_m }) => {
       view.path = x_m.map((x, index) => [x, y_m[index]]);
-      $("legend-path").hidden = x_m.length === 0;
+      legend.hidden = x_m.length === 0;
       view.draw();
     });
     for (const name of ["cancel", "pause", "resume"]) $(`goal-${name}`).addEventListener("click", () => ask(`${name}_navigation`));

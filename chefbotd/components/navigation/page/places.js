@@ -1,14 +1,15 @@
 // Named places of the map in use, or coordinates instead: go there, say that the robot is there, save, delete.
 
-import { confirmed, dismiss } from "./confirm.js";
-import { $ } from "./dom.js";
+import { confirmed, dismiss } from "../../confirm.js";
+import { $ } from "../../dom.js";
 
 export class Places {
   #map = null;
   #poses = new Map();
 
-  constructor(ask, say, route) {
+  constructor(connection, ask, say, route) {
     Object.assign(this, { ask, say, route });
+    connection.on("localization", ({ map }) => this.#show(map));
     $("place-form").addEventListener("submit", (event) => {
       event.preventDefault();
       this.#named((name) => this.ask("navigate_to", coordinates(name) ?? { place: name }));
@@ -28,7 +29,7 @@ export class Places {
   }
 
   // The places belong to a map: read anew when another one is in use.
-  show(map) {
+  #show(map) {
     if (map === this.#map) return;
     this.#map = map;
     $("place-form").hidden = !this.there || !map;

@@ -1,7 +1,7 @@
 // A list of goals, one after the other. The daemon has the list while the robot drives (follow_waypoints), and its request
 // waits for the end: so a stop ends the list, and so does the end of this page or of its connection.
 
-import { $, element } from "./dom.js";
+import { $, element } from "../../dom.js";
 import { GOING } from "./goal.js";
 
 const MOST_GOALS = 20;

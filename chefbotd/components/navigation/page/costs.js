@@ -1,8 +1,8 @@
 // What it costs to drive where, and what is not on the map: asked for only while it is shown.
 
-import { Grid, inflate } from "./grid.js";
+import { $, element } from "../../dom.js";
+import { Grid, inflate } from "../maps/grid.js";
 
-const $ = (id) => document.getElementById(id);
 const TOPICS = ["costmap", "obstacles"];
 
 export class Costs {
@@ -10,6 +10,7 @@ export class Costs {
 
   constructor(connection, ask, view) {
     Object.assign(this, { ask, view, topics: [], revision: null });
+    view.addTool(element("label", "", { id: "costs-label", hidden: true, innerHTML: '<input type="checkbox" id="costs"> Costs and obstacles' }));
     connection.addEventListener("topic:costmap", ({ detail }) => {
       this.#queue = this.#queue.then(() => this.#take(detail.data));
     });

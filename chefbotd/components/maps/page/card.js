@@ -1,9 +1,10 @@
 // Making and choosing maps, what is known of where the robot is, and what to do first where there is no map.
 
-import { confirmed } from "./confirm.js";
-import { $, text } from "./dom.js";
+import { confirmed } from "../../confirm.js";
+import { SHOWN_HZ } from "../../connection.js";
+import { $, element, text } from "../../dom.js";
 import { Grid, inflate } from "./grid.js";
-import { LOCATED, MAPPING, plain, refusal, sentence } from "./words.js";
+import { LOCATED, MAPPING, plain, sentence } from "../../words.js";
 
 const NO_MAP = "No map is in use. Start one and drive through the rooms, then finish it; or choose one that is stored.";
 const FIRST = {
@@ -12,35 +13,69 @@ const FIRST = {
   unfinished: ["There is an unfinished map", "The robot was restarted before this map was saved. A new one can begin when you have decided."],
 };
 
-export class Maps {
+const GUIDE_HTML = `
+  <h2 id="guide-title"></h2>
+  <p id="guide-words"></p>
+  <ol id="guide-steps">
+    <li>Press <b>Start a map</b>.</li>
+    <li>Drive slowly through every room, and back to where you began.</li>
+    <li>Give the map a name and save it. From then on a click in the view sends the robot there.</li>
+  </ol>
+  <div class="buttons">
+    <button type="button" id="guide-start" class="wanted" hidden>Start a map</button>
+    <button type="button" id="guide-choose" hidden>Choose a saved map</button>
+    <button type="button" id="guide-continue" class="wanted" hidden>Go on with it</button>
+    <button type="button" id="guide-discard" hidden>Discard it</button>
+  </div>`;
+const HTML = `
+  <h2 id="map-title">Map</h2>
+  <p id="map-told" role="status"></p>
+  <p id="maps-label" hidden><label>Map in use <select id="maps"></select></label></p>
+  <p id="map-name-label" hidden><label>Name of the map <input id="map-name" maxlength="64" autocomplete="off"></label></p>
+  <div class="buttons">
+    <button type="button" id="map-start" hidden>Start a map</button>
+    <button type="button" id="map-finish" hidden>Finish and save</button>
+    <button type="button" id="map-discard" hidden>Discard the map</button>
+    <button type="button" id="map-localize" hidden>Find the robot</button>
+    <button type="button" id="map-localize-turn" hidden>Find it, turning once</button>
+  </div>`;
+
+export default class Maps {
   #queue = Promise.resolve();
   #shown = null;
   #mapping = { state: "idle", unfinished: false };
   #inUse; // undefined until it is told
   #stored = 0;
 
-  constructor(connection, view, say) {
-    Object.assign(this, { connection, view, say, can: new Set() });
+  constructor({ connection, ask, view, say, section }) {
+    Object.assign(this, { ask, view, say, section, can: new Set() });
+    section.innerHTML = HTML;
+    section.setAttribute("aria-labelledby", "map-title");
+    const guide = element("section", "", { id: "guide", className: "guide", hidden: true, innerHTML: GUIDE_HTML });
+    guide.setAttribute("aria-labelledby", "guide-title");
+    $("notices").append(guide);
+    this.legend = view.addToLegend("wall", "wall on the map");
+    connection.on("map_pose", (pose) => view.setPose(pose.state === "ended" ? null : pose, true), SHOWN_HZ);
     connection.on("map", (part) => this.#enqueue(() => this.#take(part)));
     connection.on("mapping", (mapping) => this.#show(mapping));
     connection.on("localization", (found) => this.#located(found));
     connection.addEventListener("closed", () => { this.#shown = null; });
-    for (const id of ["map-start", "guide-start"]) $(id).addEventListener("click", () => this.#ask("start_mapping"));
-    $("guide-continue").addEventListener("click", () => this.#ask("start_mapping", { unfinished: true }));
+    for (const id of ["map-start", "guide-start"]) $(id).addEventListener("click", () => this.ask("start_mapping"));
+    $("guide-continue").addEventListener("click", () => this.ask("start_mapping", { unfinished: true }));
     for (const id of ["map-discard", "guide-discard"]) $(id).addEventListener("click", () => this.#discard());
     $("guide-choose").addEventListener("click", () => $("maps").focus());
     $("map-finish").addEventListener("click", () => this.#finish());
-    $("map-localize").addEventListener("click", () => this.#ask("localize"));
+    $("map-localize").addEventListener("click", () => this.ask("localize"));
     $("map-localize-turn").addEventListener("click", async () => {
-      const found = await this.#ask("localize", { turn: true });
+      const found = await this.ask("localize", { turn: true });
       if (found) this.say([LOCATED[found.state], sentence(plain(found.reason))].filter(Boolean).join(" "));
     });
-    $("maps").addEventListener("change", () => this.#ask("load_map", { name: $("maps").value }));
+    $("maps").addEventListener("change", () => this.ask("load_map", { name: $("maps").value }));
   }
 
   begin(can) {
     this.can = can;
-    $("map-part").hidden = !this.#has("list_maps");
+    this.section.hidden = !this.#has("list_maps");
     $("map-start").hidden = !this.#has("start_mapping");
     $("map-localize").hidden = $("map-localize-turn").hidden = true; // until a map is in use
     $("maps").disabled = !this.#has("load_map");
@@ -56,19 +91,8 @@ export class Maps {
     return this.can.has(`method.${method}`);
   }
 
-  async #ask(method, params = {}) {
-    try {
-      const answer = await this.connection.request(method, params);
-      this.say("");
-      return answer;
-    } catch (error) {
-      this.say(refusal(error));
-      return null;
-    }
-  }
-
   async #list() {
-    const stored = await this.#ask("list_maps");
+    const stored = await this.ask("list_maps");
     if (!stored) return;
     const options = stored.maps.map(({ name, in_use }) => new Option(name, name, in_use, in_use));
     if (!stored.in_use) options.unshift(new Option("none", "", true, true));
@@ -109,7 +133,7 @@ export class Maps {
     const texts = [];
     let map = null;
     do {
-      const next = await this.#ask("get_map", { ...(name ? { name } : {}), part: texts.length });
+      const next = await this.ask("get_map", { ...(name ? { name } : {}), part: texts.length });
       if (!next) return;
       if (map && next.version !== map.version) texts.length = 0; // it has grown meanwhile
       else texts.push(next.data);
@@ -121,7 +145,7 @@ export class Maps {
     grid.put(cells, 0, 0, map.rows, map.columns, this.view.rgb);
     grid.revision = name ? 0 : map.version;
     this.view.grid = grid;
-    $("legend-map").hidden = false;
+    this.legend.hidden = false;
     this.view.draw();
   }
 
@@ -131,7 +155,7 @@ export class Maps {
     if (part.whole) {
       this.view.grid = new Grid(part);
       this.#shown = null;
-      $("legend-map").hidden = false;
+      this.legend.hidden = false;
     } else if (!isPart() || part.revision > this.view.grid.revision + 1) {
       if (this.#mapping.state === "idle") return; // of a map that is not made any more
       await this.#fetch(); // parts were missed
@@ -166,12 +190,12 @@ export class Maps {
       $("map-name").focus();
       return;
     }
-    const saved = await this.#ask("finish_mapping", { name });
+    const saved = await this.ask("finish_mapping", { name });
     if (saved) text("map-told", `Saved as ${saved.name}.`);
   }
 
   async #discard() {
-    if (await confirmed("Discard the map that is not saved? It cannot be had back.", "Discard it")) this.#ask("discard_mapping");
+    if (await confirmed("Discard the map that is not saved? It cannot be had back.", "Discard it")) this.ask("discard_mapping");
   }
 
   #located(found) {

@@ -1,0 +1,57 @@
+// Navigation: what is aimed at in the view, the goal, named places, the list of goals, and what it costs to drive where.
+
+import { Aiming } from "./aiming.js";
+import { Costs } from "./costs.js";
+import { Goal } from "./goal.js";
+import { Places } from "./places.js";
+import { Route } from "./route.js";
+
+const HTML = `
+  <h2 id="goal-title">Goal</h2>
+  <p id="goal">No goal.</p>
+  <p id="goal-told" class="unseen" role="status"></p>
+  <div class="buttons">
+    <button type="button" id="goal-cancel" hidden>Cancel the goal</button>
+    <button type="button" id="goal-pause" hidden>Pause</button>
+    <button type="button" id="goal-resume" hidden>Go on</button>
+  </div>
+  <form id="place-form" hidden>
+    <label for="place">Place <span class="small">or x y in metres, then a heading in degrees</span></label>
+    <input id="place" list="places" maxlength="64" autocomplete="off" placeholder="kitchen, or 1.2 3.4 90">
+    <datalist id="places"></datalist>
+    <div class="buttons">
+      <button type="submit" id="place-go">Go there</button>
+      <button type="button" id="place-add">Add to the list</button>
+      <button type="button" id="place-here">The robot is here</button>
+      <button type="button" id="place-save">Save its position</button>
+      <button type="button" id="place-delete">Delete</button>
+    </div>
+  </form>
+  <div id="route-part" hidden>
+    <h3>List of goals</h3>
+    <ol id="route"></ol>
+    <div class="buttons">
+      <button type="button" id="route-go">Drive to all</button>
+      <button type="button" id="route-clear">Clear the list</button>
+    </div>
+    <p class="small">The robot goes on with the list only while this page is open.</p>
+  </div>`;
+
+export default class Navigation {
+  #section;
+  #parts;
+
+  constructor({ connection, ask, say, view, section }) {
+    section.innerHTML = HTML;
+    section.setAttribute("aria-labelledby", "goal-title");
+    this.#section = section;
+    const route = new Route(connection, ask, say, view);
+    const costs = new Costs(connection, ask, view);
+    this.#parts = [costs, new Goal(connection, ask, view), new Places(connection, ask, say, route), new Aiming(ask, view, route)];
+  }
+
+  begin(can) {
+    this.#section.hidden = !can.has("method.navigate_to");
+    for (const part of this.#parts) part.begin(can);
+  }
+}

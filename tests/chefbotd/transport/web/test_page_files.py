@@ -1,0 +1,53 @@
+"""Which files the page has, and that what it says itself knows no component."""
+
+import json
+import re
+from pathlib import Path
+
+from chefbotd.component_list import own_components
+from chefbotd.composition.network import cards_of
+from chefbotd.transport.web.server import Card, page_files
+
+PAGE = Path(__file__).parents[4] / "chefbotd" / "transport" / "web" / "page"
+
+
+def listed(body: bytes) -> list[dict[str, str]]:
+    """The cards that ``cards.js`` lists."""
+    cards: list[dict[str, str]] = json.loads(body.decode().partition("=")[2].rstrip(";\n"))
+    return cards
+
+
+def test_what_lies_beside_a_card_is_served_beside_it(tmp_path: Path) -> None:
+    """Its other modules, and nothing else of its folder; the card alone is listed. One that is missing is left out."""
+    for name in ("card.js", "plot.js", "secret.py"):
+        (tmp_path / name).write_text(name)
+    cards = [
+        Card("trip", tmp_path / "card.js", "left", ""),
+        Card("lost", tmp_path / "no" / "card.js", "left", ""),
+    ]
+    files = page_files(cards)
+    ours = {path: file.body for path, file in files.items() if path.startswith("/components/")}
+    assert ours == {"/components/trip/card.js": b"card.js", "/components/trip/plot.js": b"plot.js"}
+    assert [card["module"] for card in listed(files["/cards.js"].body)] == ["./components/trip/card.js"]
+
+
+def test_each_import_of_a_module_of_the_page_is_served() -> None:
+    """Of all our cards too, which import what the page has, and what another component has."""
+    parts = [(component.name, part) for component in own_components() for part in component.page]
+    files = page_files(cards_of(parts))
+    for path, file in files.items():
+        for name in re.findall(r'^import .* from "(.+)";$', file.body.decode(), re.MULTILINE):
+            origin = Path("/", *Path(path).parent.parts[1:], name)
+            assert str(origin.resolve()) in files, (path, name)
+
+
+def test_the_pages_own_modules_ask_for_nothing_of_maps_and_goals() -> None:
+    """Each capability has its card in its component's folder, and comes through the same door as a stranger's."""
+    asked = re.compile(r'"(\w*(?:map|navigat|localiz|place|waypoint|_pose|goal|cost|obstacle)\w*)"')
+    names = {
+        (path.name, name)
+        for path in PAGE.glob("*.js")
+        if path.name != "words.js"
+        for name in asked.findall(path.read_text(encoding="utf-8"))
+    }
+    assert names == set()
