@@ -57,7 +57,7 @@ def test_a_ratio_is_taken_from_rounds_measured_by_turns() -> None:
     order = iter([1.0, 10.0, 2.0, 40.0, 6.0, 20.0])
 
     def cost() -> Cost:
-        return Cost(next(order), 0.0, 0.0, 0.0, 0.0)
+        return Cost(next(order), 0.0, 0.0, 0.0, 0.0, 0.0)
 
     floor, ours = by_turns(3, cost, cost)
     assert (median(floor, "cores"), median(ours, "cores")) == (2.0, 20.0)
