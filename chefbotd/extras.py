@@ -34,6 +34,11 @@ def how_to_add_folder(folder: str, prefix: Path | None = None, *, editable: bool
     return f"{_pip_install(prefix)} {quoted}"
 
 
+def pytest_of(prefix: Path) -> str:
+    """The pytest that tests a package which ``how_to_add_folder`` has added with its extra ``test``."""
+    return ".venv/bin/pytest" if prefix == DEBIAN_PREFIX else shlex.quote(str(prefix / "bin" / "pytest"))
+
+
 def _pipx(prefix: Path) -> str | None:
     """The pipx that knows this environment; None where pipx did not make it."""
     if not (prefix / PIPX_FILE).exists():

@@ -16,6 +16,9 @@ import venv
 from collections.abc import Sequence
 from pathlib import Path
 
+INTERRUPTED = 130
+"""As of a program that was ended by Ctrl-C."""
+
 EVERY = 10
 """Where nobody watches a terminal, one package in ten is named."""
 
@@ -29,6 +32,17 @@ def main(arguments: Sequence[str]) -> int:
     parser.add_argument("--wheel", default="")
     asked = parser.parse_args(arguments)
     began_s = time.monotonic()
+    try:
+        code = _set_up(asked)
+    except KeyboardInterrupt:
+        code = INTERRUPTED
+    said = {0: "Done", INTERRUPTED: "Interrupted: run it again to go on; it ended"}.get(code, "Failed")
+    print(f"{said} after {time.monotonic() - began_s:.0f} s", flush=True)
+    return code
+
+
+def _set_up(asked: argparse.Namespace) -> int:
+    """Make the environment, and install what is asked for; the exit code is pip's."""
     print(f"[1/3] Making the environment {asked.folder} with Python {sys.version.split()[0]}", flush=True)
     venv.create(asked.folder, with_pip=True, symlinks=True)
     pip = [str(asked.folder / "bin/python"), "-m", "pip", "install", "--progress-bar", "off"]
@@ -43,7 +57,6 @@ def main(arguments: Sequence[str]) -> int:
     if code == 0:
         print("[3/3] Installing chefbotd", flush=True)
         code = _install([*pip, "--no-deps", *project], 0)
-    print(f"{'Done' if code == 0 else 'Failed'} after {time.monotonic() - began_s:.0f} s", flush=True)
     return code
 
 

@@ -1,9 +1,11 @@
 """The recipe of docs/service.md for a certificate, followed as far as it goes without systemd."""
 
+import http.client
 import os
 import re
 import shutil
 import signal
+import ssl
 import subprocess
 import sys
 from pathlib import Path
@@ -59,7 +61,7 @@ def test_the_command_makes_a_certificate_that_the_daemon_takes(tmp_path: Path) -
 @pytest.mark.slow
 @pytest.mark.realtime
 def test_a_client_with_the_certificate_and_the_token_reaches_the_robot(tmp_path: Path) -> None:
-    """By --ca, as the page writes it; without it the token is not sent, and the message names what is missing."""
+    """By --ca, as the page writes it, and in a browser by the name; without --ca the message names what is missing."""
     config, port = configured(tmp_path), reserve_port()
     (ask,) = re.findall(r"^chefbotctl (--connect .+)$", recipe(), re.MULTILINE)
     words = (
@@ -70,7 +72,12 @@ def test_a_client_with_the_certificate_and_the_token_reaches_the_robot(tmp_path:
     (tmp_path / ".chefbot-token").write_text(f"drive {'x' * 40}\n")
     program = (sys.executable, "-m", "chefbotd.cli.programs.chefbotd")
     daemon = (*program, "run", "--sim", "--config", str(config), "--listen", f"127.0.0.1:{port}")
-    environment = {**os.environ, "XDG_STATE_HOME": str(tmp_path / "state")}
+    page_port = reserve_port()
+    environment = {
+        **os.environ,
+        "XDG_STATE_HOME": str(tmp_path / "state"),
+        "CHEFBOTD_PAGE__PORT": str(page_port),
+    }
 
     def chefbotctl(said: str) -> subprocess.CompletedProcess[str]:
         client = (sys.executable, "-m", "chefbotd.cli.programs.chefbotctl", *said.split())
@@ -90,6 +97,10 @@ def test_a_client_with_the_certificate_and_the_token_reaches_the_robot(tmp_path:
             refused = chefbotctl(words.replace("--ca {ca} ", ""))
             assert refused.returncode != 0
             assert "--ca" in refused.stderr
+            trusted = ssl.create_default_context(cafile=str(tmp_path / "robot.pem"))
+            page = http.client.HTTPSConnection("127.0.0.1", page_port, timeout=PATIENCE_S, context=trusted)
+            page.request("GET", "/", headers={"Host": f"kitchen-bot.local:{page_port}"})
+            assert page.getresponse().status == http.HTTPStatus.OK
         finally:
             process.send_signal(signal.SIGINT)
             process.communicate(timeout=PATIENCE_S)

@@ -8,6 +8,7 @@ A file may say only what differs from a packaged robot (``chefbotd.settings.base
 
 import json
 import os
+import re
 import stat
 import tomllib
 from collections.abc import Mapping
@@ -34,6 +35,10 @@ from chefbotd.settings.errors import (
 )
 from chefbotd.settings.model import Settings
 from chefbotd.settings.sections import model_for, paths_of
+
+KEY = r"'([^']*)'"
+TWICE = re.compile(r"Cannot declare \((.*)\) twice")
+"""What tomllib says of a table, with its name as a tuple of Python's."""
 
 MAX_BYTES = 1 << 20
 """The longest configuration that is read: a hundred times the longest one of chefbotd."""
@@ -120,9 +125,14 @@ def _from_file(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise SettingsError(f"{path}: cannot be read: {error.strerror}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise SettingsError(f"{path}: not valid TOML: {error}") from error
+        raise SettingsError(f"{path}: not valid TOML: {TWICE.sub(_said_twice, str(error))}") from error
     except RecursionError as error:
         raise SettingsError(f"{path}: not valid TOML: lists or tables are nested too deep") from error
+
+
+def _said_twice(match: re.Match[str]) -> str:
+    """A table that was pasted below another of its name, as it stands in the file."""
+    return f"[{'.'.join(re.findall(KEY, match[1]))}] stands twice: put all its keys under one of them"
 
 
 def _content(path: Path) -> bytes:

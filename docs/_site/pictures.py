@@ -1,7 +1,7 @@
-"""Makes the pictures of README and the pages anew, from the programs: python docs/_site/pictures.py [FOLDER].
+"""Makes the pictures of README and the pages anew, from the programs: python docs/_site/pictures.py [FOLDER [NAME ...]].
 
-It needs Chromium and Playwright. Drawn are the table of ``make run``, the page of a simulated ChefBot with a lidar while
-it drives, and the tuning screen while the wheels are excited.
+NAME is square, page or tune; without any, all are made. It needs Chromium and Playwright. Drawn are the table of ``make
+run``, the page of a simulated ChefBot with a lidar while it drives, and the tuning screen while the wheels are excited.
 """
 
 import asyncio
@@ -30,6 +30,9 @@ SEEN_S = 12.0
 """Until curves and a path are long enough to be seen."""
 
 MOST_TRIES = 10
+
+PATIENT = {"CHEFBOTD_SAFETY__COMMAND_TIMEOUT_S": "2.0"}
+"""So that a busy computer, which draws late, does not end the excitation."""
 
 
 async def draw_square(file: Path) -> None:
@@ -71,7 +74,7 @@ async def draw_page(file: Path) -> None:
 async def draw_tuning(file: Path) -> None:
     """The tuning screen, with the wheels excited and one gain changed."""
     async with (
-        simulated_daemon() as (address, _),
+        simulated_daemon("chefbot", PATIENT, own_clock=True) as (address, _),
         Client.connect(address.host, address.port) as robot,
     ):
         await robot.wait_until_armed()
@@ -89,12 +92,19 @@ async def draw_tuning(file: Path) -> None:
             screen.save_screenshot(file.name, path=str(file.parent))
 
 
-async def main(folder: Path) -> None:
-    """Draw all of them."""
-    await draw_square(folder / "square.svg")
-    await draw_page(folder / "page.png")
-    await draw_tuning(folder / "tune.svg")
+PICTURES = {
+    "square": ("square.svg", draw_square),
+    "page": ("page.png", draw_page),
+    "tune": ("tune.svg", draw_tuning),
+}
+
+
+async def main(folder: Path, names: list[str]) -> None:
+    """Draw these; all where none is named."""
+    for name in names or PICTURES:
+        file, draw = PICTURES[name]
+        await draw(folder / file)
 
 
 if __name__ == "__main__":
-    asyncio.run(main(Path(*sys.argv[1:2] or ["docs/images"])))
+    asyncio.run(main(Path(*sys.argv[1:2] or ["docs/images"]), sys.argv[2:]))

@@ -70,6 +70,14 @@ def trip(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     return made
 
 
+def test_what_it_says_next_can_be_typed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The folder as a path, which no index is asked for, with the pytest that the second line runs."""
+    monkeypatch.chdir(tmp_path)
+    said = CliRunner().invoke(main, ["new-component", "trip"]).output
+    assert said.splitlines()[1].endswith(" --editable './chefbot-trip[test]'")
+    assert said.splitlines()[2].endswith("/bin/pytest ./chefbot-trip")
+
+
 def test_the_page_shows_what_the_command_writes(trip: Path) -> None:
     """Every file that it shows, to the letter."""
     shown = shown_files()

@@ -5,7 +5,7 @@ from pathlib import Path
 import pytest
 
 from chefbotd import extras
-from chefbotd.extras import how_to_add_extra, how_to_add_folder
+from chefbotd.extras import how_to_add_extra, how_to_add_folder, pytest_of
 
 
 @pytest.fixture
@@ -45,3 +45,9 @@ def test_an_environment_of_pipx_is_changed_by_pipx(prefix: Path, monkeypatch: py
 def test_the_debian_package_is_built_with_it() -> None:
     """It has no pip, and dpkg would not know what that installs."""
     assert how_to_add_extra("navigation", Path("/opt/chefbotd")).startswith("'make deb WITH=navigation'")
+
+
+def test_a_package_is_tested_where_it_was_added(prefix: Path) -> None:
+    """The Debian package has no pytest: its line makes an environment in the folder."""
+    assert pytest_of(prefix) == f"{prefix}/bin/pytest"
+    assert pytest_of(Path("/opt/chefbotd")) == ".venv/bin/pytest"

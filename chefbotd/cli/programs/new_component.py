@@ -13,7 +13,7 @@ from chefbotd import __version__
 from chefbotd.cli.common.echo import echo
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.component import API_VERSION
-from chefbotd.extras import how_to_add_folder
+from chefbotd.extras import how_to_add_folder, pytest_of
 
 TEMPLATES = files("chefbotd.cli.programs")
 NAME = re.compile(r"[a-z][a-z0-9_]{0,40}")
@@ -95,6 +95,7 @@ def _begin(name: str, folder: Path | None, kind: str, written: Mapping[str, str]
     except OSError as error:
         raise ProgramError(Exit.FAILED, f"{error.filename}: cannot be written: {error.strerror}") from error
     echo(f"Wrote {folder}.")
-    echo(f"Then: {how_to_add_folder(str(folder), editable=True)}")
-    echo(f"      {Path(sys.prefix, 'bin', 'pytest')} {folder}")
+    as_path = folder if folder.is_absolute() else f"./{folder}"  # a name alone would be asked of the index
+    echo(f"Then: {how_to_add_folder(f'{as_path}[test]', editable=True)}")
+    echo(f"      {pytest_of(Path(sys.prefix))} {as_path}")
     echo(f'and in the robot\'s configuration: [plugins] allow = ["{name}"]')

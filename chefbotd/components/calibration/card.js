@@ -4,6 +4,8 @@ import { confirmed } from "../../confirm.js";
 import { $, element, text } from "../../dom.js";
 import { full, parameter, plain, sentence } from "../../words.js";
 
+const NAMES = { imu: "IMU", umbmark: "UMBmark" };
+const named = (step) => NAMES[step] ?? sentence(step);
 const WORDS = { passed: "passed", not_enough: "not enough", refused: "no result" };
 const [WIDTH, HEIGHT, EDGE] = [320, 170, 12];
 const COLOURS = ["--accent", "--scan", "--good", "--warn"];
@@ -63,7 +65,7 @@ export default class Calibration {
   #take({ state, step, text: doing, done, question, results }) {
     this.#running = state === "idle" ? "" : step;
     this.#question = question;
-    text("calibration", state === "idle" ? "" : `${sentence(step)}: ${plain(doing)}`);
+    text("calibration", state === "idle" ? "" : `${named(step)}: ${plain(doing)}`);
     $("calibration-done").hidden = state === "idle";
     $("calibration-done").value = done;
     $("calibration-end").hidden = state === "idle";
@@ -101,11 +103,11 @@ export default class Calibration {
   #row(step) {
     const result = this.#results.get(step.name);
     const row = element("li");
-    row.append(element("b", sentence(step.name)), ` – ${step.purpose}`);
+    row.append(element("b", named(step.name)), ` – ${step.purpose}`);
     if (step.missing) row.append(element("p", sentence(plain(step.missing)), { className: "small" }));
     else if (this.#can.has("method.calibrate")) {
       const button = element("button", result ? "Again" : "Calibrate", { type: "button", disabled: this.#running !== "" });
-      button.setAttribute("aria-label", `${button.textContent}: ${step.name}`);
+      button.setAttribute("aria-label", `${button.textContent}: ${named(step.name)}`);
       button.addEventListener("click", () => this.#calibrate(step));
       row.append(" ", button);
     }

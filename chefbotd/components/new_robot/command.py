@@ -1,5 +1,6 @@
 """The command ``chefbotctl new-robot``."""
 
+import os
 import tomllib
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -34,6 +35,7 @@ def new_robot(context: CommandContext, path: Path, device: str | None) -> None:
 
     if path.suffix != ".toml":
         raise click.UsageError(f"{path}: the name of a robot's file ends in .toml")
+    _require_writable(path)
     present = _present(path)
     keep_log()  # what the daemons that measure say would hide the questions
     walk, interview = _walk(path, present)
@@ -74,6 +76,19 @@ async def converse(
         return False
     _write_changed(path, after)
     return True
+
+
+def _require_writable(path: Path) -> None:
+    """Refuse a place that cannot hold the file, before anybody has measured anything for it.
+
+    Raises:
+        ProgramError: the file, or the folder that it would be made in, may not be written.
+    """
+    place = path if path.exists() else next(folder for folder in path.absolute().parents if folder.exists())
+    if place != path and not place.is_dir():
+        raise ProgramError(Exit.FAILED, f"{path}: cannot be written: {place} is no folder")
+    if not os.access(place, os.W_OK):
+        raise ProgramError(Exit.FAILED, f"{path}: cannot be written: you may not write to {place}")
 
 
 def _present(path: Path) -> "Settings | None":

@@ -90,17 +90,19 @@ def _root_option(host: Host) -> tuple[str, ...]:
 
 def _configuration(host: Host, request: InstallRequest) -> Iterator[InstallationStep]:
     """Keep a configuration that exists, because people edit it. Otherwise install the robot's, or the named file."""
-    path, source = host.path(texts.CONFIGURATION), request.config
+    path, source, with_page = host.path(texts.CONFIGURATION), request.config, True
     if source is None:
-        text = texts.configuration(
-            packaged(request.robot).read_text(encoding="utf-8"),
-            with_page=_has_page(host, request.program),
-        )
+        with_page = _has_page(host, request.program)
+        text = texts.configuration(packaged(request.robot).read_text(encoding="utf-8"), with_page=with_page)
     else:
         load(source)
         text = source.read_text(encoding="utf-8")
     if not path.exists():
         yield file(host, texts.CONFIGURATION, text)
+        if not with_page:
+            yield InstallationStep(
+                f"its page is off, because {request.program} has no extra 'page' yet: [page] enabled = true turns it on"
+            )
         if source is not None:
             yield from _description(host, source)
         return

@@ -80,6 +80,18 @@ def test_a_mistyped_environment_variable_is_not_ignored(
         load()
 
 
+@pytest.mark.parametrize("table", ["api", "limits.linear"])
+def test_a_table_that_stands_twice_is_named_as_in_the_file(tmp_path: Path, table: str):
+    """As where the lines of a page are pasted below a file that has the table already."""
+    twice = tmp_path / "robot.toml"
+    twice.write_text(f"[{table}]\n[pid]\n[{table}]\n")
+    with pytest.raises(SettingsError) as told:
+        load(twice)
+    assert f"not valid TOML: [{table}] stands twice: put all its keys under one of them (at line 3" in str(
+        told.value
+    )
+
+
 def test_a_missing_file_and_a_broken_one_are_told_apart(tmp_path: Path):
     """Each error names the file and what is wrong with it."""
     with pytest.raises(SettingsError, match=r"absent.toml: cannot be read: No such file"):

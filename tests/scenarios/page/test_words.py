@@ -124,6 +124,14 @@ def test_a_sentence_ends_once_and_is_said_once(page: Any, daemon: FakeDaemon) ->
     sync_api.expect(page.locator("#lately").get_by_text("Making a map.")).to_have_count(1)
 
 
+def test_a_reason_that_says_the_same_is_left_out(page: Any, daemon: FakeDaemon) -> None:
+    """The robot waits for its board because it waits for its board."""
+    line = {"level": "info", "source": "safety", "text": "no_board: waiting for the board", "stamp_s": 1.0}
+    daemon.say("log", lines=[line], stamp_s=1.0)
+    sync_api.expect(page.locator("#lately")).to_contain_text("Waiting for the board.")
+    sync_api.expect(page.locator("#lately")).not_to_contain_text("board: waiting")
+
+
 def test_calibration_speaks_of_parameters_and_asks_in_sentences(page: Any, served: str) -> None:
     """No key of the configuration is shown, and the question has its ends; "Do not begin" begins nothing."""
     step = {"name": "motors", "purpose": "the motors", "missing": "", "space_m": 0.3, "on_request": False}
@@ -139,9 +147,11 @@ def test_calibration_speaks_of_parameters_and_asks_in_sentences(page: Any, serve
     daemon.capable_of("get_calibration", "calibrate", "apply_calibration")
     daemon.held = {"get_calibration"}
     daemon.opened(served)
-    steps = [{**step, "preparation": "put it on blocks, so that they hang free"}]
+    imu = {**step, "name": "imu", "purpose": "the heading", "missing": "there is none"}
+    steps = [{**each, "preparation": "put it on blocks, so that they hang free"} for each in (step, imu)]
     daemon.answer("get_calibration", steps=steps, results=[result])
     part = page.locator("#calibration-steps")
+    sync_api.expect(part).to_contain_text("IMU")
     sync_api.expect(part).to_contain_text("ks (left)")
     sync_api.expect(part).to_contain_text("Passed. Well done.")
     assert not FOR_PROGRAMS.search(part.inner_text())

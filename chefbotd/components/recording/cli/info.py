@@ -87,6 +87,7 @@ def _read(reader: RecordingReader) -> dict[str, Any]:
         "began_at_s": None if first_ns is None else first_ns / 1e9,
         "seconds": seconds,
         "messages": sum(row.count for row in topics.values()),
+        "repeated": sum(row.repeated for row in topics.values()),
         "dropped": dropped,
         "robot": {**reader.metadata.get("chefbotd", {}), **reader.metadata.get("recording", {})},
         "attachments": sorted(reader.attachments),
@@ -103,13 +104,17 @@ def _read(reader: RecordingReader) -> dict[str, Any]:
 
 def _lines(summary: dict[str, Any]) -> list[str]:
     robot = summary["robot"]
-    lines = [f"{summary['file']}: {summary['size_bytes'] / 1e6:.1f} MB, {summary['messages']} messages"]
+    size = f"{summary['size_bytes'] / 1e6:.1f} MB, {summary['messages']} messages"
+    again = f", and {summary['repeated']} that repeat what held when it began" if summary["repeated"] else ""
+    lines = [f"{summary['file']}: {size}{again}"]
     if summary["began_at_s"] is not None:
         began = datetime.fromtimestamp(summary["began_at_s"], UTC).strftime("%Y-%m-%d %H:%M:%S")
         lines.append(f"{summary['seconds']:.1f} s from {began} UTC on")
     if robot:
+        reason = robot.get("reason", "?")  # of a file that somebody asked for it is the file's own name
+        why = "" if Path(summary["file"]).name.startswith(reason) else f", recorded for: {reason}"
         text = f"robot {robot.get('robot', '?')}, chefbotd {robot.get('chefbotd', '?')}"
-        lines.append(f"{text}, recorded for: {robot.get('reason', '?')}, part {robot.get('part', '?')}")
+        lines.append(f"{text}{why}, part {robot.get('part', '?')}")
     if summary["dropped"]:
         lines.append(f"{summary['dropped']} events are missing: the disk was too slow")
     if summary["problem"]:

@@ -74,5 +74,5 @@ function inWords({ source, text }) {
 }
 
 function said(words, reason) {
-  return reason ? `${words}: ${plain(reason)}` : `${words}.`;
+  return reason && reason.toLowerCase() !== words.toLowerCase() ? `${words}: ${plain(reason)}` : `${words}.`;
 }

@@ -52,7 +52,8 @@ def test_a_dry_run_says_everything_and_writes_nothing(tmp_path: Path):
     assert [step["step"] for step in told["steps"]] == plain.output.splitlines()
     unchanged = [step["step"] for step in told["steps"] if not step["changes"]]
     assert unchanged == [
-        f"/opt/chefbotd/bin/chefbotd: not in {root} yet; the unit starts it, so install it there"
+        "its page is off, because /opt/chefbotd/bin/chefbotd has no extra 'page' yet: [page] enabled = true turns it on",
+        f"/opt/chefbotd/bin/chefbotd: not in {root} yet; the unit starts it, so install it there",
     ]
     assert list(root.iterdir()) == []
 
@@ -132,7 +133,9 @@ def test_the_page_is_served_where_the_folders_own_program_can(tmp_path: Path, ha
     (root / "usr/local/bin/chefbotd").symlink_to("/opt/pipx/venvs/chefbotd/bin/chefbotd")
     host, named = Host(root), Path("/usr/local/bin/chefbotd")
     assert plan._has_page(host, named) is has_page
-    assert not any("not in" in step.told for step in plan.install(host, plan.InstallRequest(named)))
+    told = [step.told for step in plan.install(host, plan.InstallRequest(named))]
+    assert not any("not in" in line for line in told)
+    assert any("its page is off" in line for line in told) is not has_page
 
 
 @pytest.mark.slow

@@ -1,13 +1,16 @@
 """A robot of one's own, asked question by question: what was measured comes into its file, and nothing else."""
 
 import asyncio
+import os
 import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
 
-from chefbotd.cli.common.exits import ProgramError
+from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.cli.programs.chefbotctl import main
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.components.doctor.listening.ports import SerialPort
 from chefbotd.components.new_robot.board import Serial
@@ -277,6 +280,22 @@ def test_an_answer_that_never_comes_ends_it_with_the_motors_at_rest(tmp_path: Pa
     with pytest.raises(NobodyAnswersError):
         conversation(tmp_path / "rover.toml", board, Person(*steps))
     assert (board.duty, board.hardest_duty) == ([0, 0], 0)
+
+
+def test_a_place_that_cannot_hold_the_file_is_refused_before_anything_is_asked(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Nobody measures for half an hour first: a folder of others, and a file that stands where a folder should."""
+    (tmp_path / "notes").touch()
+    said = CliRunner().invoke(main, ["new-robot", str(tmp_path / "notes" / "robot.toml")])
+    assert (said.exit_code, said.output) == (
+        Exit.FAILED,
+        f"Error: {tmp_path}/notes/robot.toml: cannot be written: {tmp_path}/notes is no folder\n",
+    )
+    monkeypatch.setattr(os, "access", lambda place, mode: False)
+    said = CliRunner().invoke(main, ["new-robot", str(tmp_path / "not" / "there" / "robot.toml")])
+    assert said.exit_code == Exit.FAILED
+    assert said.output.endswith(f"cannot be written: you may not write to {tmp_path}\n")
 
 
 def test_a_file_that_cannot_be_written_is_printed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -66,6 +66,22 @@ def test_info_tells_what_is_in_it(recorded: Path) -> None:
     assert "/events/WheelsDriven" in words
 
 
+def test_info_counts_what_is_repeated_apart_and_names_no_file_as_a_reason(tmp_path: Path) -> None:
+    """Recording and info count the same messages, and a reason is told where there is one beside the file's name."""
+    made = recorder(tmp_path)
+    made.record([fault(START_S)], START_S)
+    made.start("drive", START_S + 1.0)
+    made.record(cycle(START_S + 1.0), START_S + 1.0)
+    status = made.stop(START_S + 2.0)
+    (path,) = tmp_path.glob("*.mcap")
+    told = json.loads(run("info", path, "--json").output)
+    assert told["repeated"] > 0
+    assert told["messages"] + told["repeated"] == status.messages
+    words = " ".join(run("info", path).output.split())
+    assert f"{told['messages']} messages, and {told['repeated']} that repeat what held" in words
+    assert "recorded for" not in words
+
+
 def test_a_file_that_was_cut_is_told_and_read(recorded: Path) -> None:
     """What is left is shown, with a warning; its tables and picture can still be made."""
     recorded.write_bytes(recorded.read_bytes()[:-200])
