@@ -8,6 +8,7 @@ import signal
 import ssl
 import subprocess
 import sys
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -99,8 +100,10 @@ def test_a_client_with_the_certificate_and_the_token_reaches_the_robot(tmp_path:
             assert "--ca" in refused.stderr
             trusted = ssl.create_default_context(cafile=str(tmp_path / "robot.pem"))
             page = http.client.HTTPSConnection("127.0.0.1", page_port, timeout=PATIENCE_S, context=trusted)
-            page.request("GET", "/", headers={"Host": f"kitchen-bot.local:{page_port}"})
-            assert page.getresponse().status == http.HTTPStatus.OK
+            with closing(page):
+                page.request("GET", "/", headers={"Host": f"kitchen-bot.local:{page_port}"})
+                with page.getresponse() as answer:
+                    assert (answer.status, b"<title>" in answer.read()) == (http.HTTPStatus.OK, True)
         finally:
             process.send_signal(signal.SIGINT)
             process.communicate(timeout=PATIENCE_S)
