@@ -82,11 +82,14 @@ def configure(level: Level) -> LogWriter:
     The lines are written by a thread: closing what is returned waits for the last of them.
     """
     writer = LogWriter(STDERR)
+    on_terminal = sys.stderr.isatty()
     structlog.configure(
         processors=[
             structlog.processors.add_log_level,
-            structlog.processors.TimeStamper(fmt="iso", utc=True),
-            *_renderers(on_terminal=sys.stderr.isatty()),
+            structlog.processors.TimeStamper(fmt="%H:%M:%S", utc=False)
+            if on_terminal
+            else structlog.processors.TimeStamper(fmt="iso", utc=True),
+            *_renderers(on_terminal=on_terminal),
         ],
         wrapper_class=_logger_class(level),
         logger_factory=structlog.WriteLoggerFactory(writer),  # type: ignore[arg-type]
@@ -134,6 +137,11 @@ def _shorten_lists(_logger: object, _method: str, event: EventDict) -> EventDict
     return {**event, "lines": len(lines), "stack": "\n".join(text)}  # what is printed below the line
 
 
+def _leave_out_nothing(_logger: object, _method: str, event: EventDict) -> EventDict:
+    """Without the fields that say nothing: most lines then fit 80 columns, and an address is not cut in two."""
+    return {key: value for key, value in event.items() if value is not None}
+
+
 def _print_plainly(_logger: object, _method: str, event: EventDict) -> EventDict:
     """Show what a terminal would take for a command, whoever wrote it, as what it is not."""
     return {
@@ -152,7 +160,10 @@ def _renderers(*, on_terminal: bool) -> list[Processor]:
     if on_terminal:
         return [
             _shorten_lists,
+            _leave_out_nothing,
             _print_plainly,
-            structlog.dev.ConsoleRenderer(exception_formatter=_plain_traceback),
+            structlog.dev.ConsoleRenderer(
+                pad_event_to=0, pad_level=False, exception_formatter=_plain_traceback
+            ),
         ]
     return [structlog.processors.format_exc_info, structlog.processors.JSONRenderer(default=str)]

@@ -3,6 +3,7 @@
 import io
 import json
 import logging
+import re
 import sys
 from collections.abc import Iterator
 
@@ -57,6 +58,21 @@ def test_on_a_terminal_lines_are_coloured(monkeypatch: pytest.MonkeyPatch, capfd
     told = capfd.readouterr().err
     assert "\x1b[" in told
     assert "hello" in told
+
+
+def test_the_first_lines_on_a_terminal_fit_80_columns(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+):
+    """What says where the page is can be clicked: a short time, no padding, and no field that says nothing."""
+    monkeypatch.setattr(sys, "stderr", Terminal())
+    writer = logs.configure("info")
+    structlog.get_logger().info("page_listening", url="http://127.0.0.1:7380/")
+    log = structlog.get_logger(component="safety")
+    log.info("safety mode changed", fault=None, mode="armed", reason="started")
+    writer.close()
+    lines = [re.sub(r"\x1b\[[\d;]*m", "", line) for line in capfd.readouterr().err.splitlines()]
+    assert [len(line) <= 80 for line in lines] == [True, True]
+    assert re.fullmatch(r"\d\d:\d\d:\d\d \[info\] page_listening +url=http://127.0.0.1:7380/", lines[0])
 
 
 def test_below_the_level_nothing_is_written(capfd: pytest.CaptureFixture[str]):
