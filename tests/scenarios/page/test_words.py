@@ -125,9 +125,11 @@ def test_a_sentence_ends_once_and_is_said_once(page: Any, daemon: FakeDaemon) ->
 
 
 def test_a_reason_that_says_the_same_is_left_out(page: Any, daemon: FakeDaemon) -> None:
-    """The robot waits for its board because it waits for its board."""
+    """The robot waits for its board because it waits for its board. And who drives is called as it calls itself."""
     line = {"level": "info", "source": "safety", "text": "no_board: waiting for the board", "stamp_s": 1.0}
-    daemon.say("log", lines=[line], stamp_s=1.0)
+    driven = {"level": "info", "source": "control", "text": "teleop: chefbotctl drive on vm", "stamp_s": 2.0}
+    daemon.say("log", lines=[line, driven], stamp_s=2.0)
+    sync_api.expect(page.locator("#lately")).to_contain_text("chefbotctl drive on vm drives.")
     sync_api.expect(page.locator("#lately")).to_contain_text("Waiting for the board.")
     sync_api.expect(page.locator("#lately")).not_to_contain_text("board: waiting")
 

@@ -15,7 +15,7 @@ const STATES = {
   localization: (state) => LOCATED[state] ?? state,
   mapping: (state) => (MAPPING[state] ? `${MAPPING[state]}.` : ""),
   worker: (state, reason) => (["starting", "warming"].includes(state) ? "" : `Maps and navigation: ${[state, plain(reason)].filter(Boolean).join(": ")}`),
-  control: (_, name) => (name ? `${sentence(plain(name))} drives.` : "Nobody drives."),
+  control: (_, name) => (name ? `${plain(name)} drives.` : "Nobody drives."), // a name keeps its own letters,
 };
 
 export class Lately {
