@@ -1,6 +1,8 @@
-"""How many Python and C functions one cycle of the board calls in the whole daemon, by part.
+"""How many Python and C functions one cycle of the board calls in the whole daemon, by part; and Python's opcodes.
 
 A count says what a time cannot: it is the same on every machine and on a busy one, so a test holds it under a bound.
+Calls are of Python and C functions; frames are those of Python alone, and opcodes are what the interpreter executes in
+them.
 One cycle is six lines, ``t e u s i b``, in one read; one client takes odometry and wheels; the robot drives. Everything
 from the readiness of the serial port to the last byte to the client is counted, on a virtual clock, with a pty as the
 serial port. The event loop's own calls are left out: the daemon runs on uvloop, whose loop is not Python.
@@ -15,10 +17,10 @@ import statistics
 import sys
 import tty
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
-from typing import Any
+from typing import Any, TypeVar
 
 from benchmarks.figures import Figure, Outcome
 from chefbotd.clock import LoopClock, run_virtual
@@ -27,6 +29,7 @@ from chefbotd.process.build import build
 from chefbotd.settings import load
 
 TARGET = 400
+FRAMES_TARGET, OPCODES_TARGET = 190, 6500
 CYCLES = 40
 CYCLE_S = 0.01
 WARM_UP = 100
@@ -56,6 +59,7 @@ PARTS = {
     "serial": "port",
     "chefbotd/link/port": "port",
 }
+C = TypeVar("C", bound="CallCounter")
 LOOP = ("/asyncio/", "/selectors.py", "<frozen")
 OF_THE_VIRTUAL_LOOP = frozenset({"time", "select"})
 
@@ -95,6 +99,34 @@ class CallCounter:
         return part
 
 
+class OpcodeCounter(CallCounter):
+    """Counts Python's frames, by part, and the opcodes that are executed in them."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.opcodes = 0
+
+    @contextmanager
+    def counting(self) -> Iterator[None]:
+        """Count what is executed inside."""
+        sys.settrace(self._on_frame)
+        try:
+            yield
+        finally:
+            sys.settrace(None)
+
+    def _on_frame(self, frame: FrameType, event: str, argument: Any) -> Callable[..., Any] | None:
+        if (part := self._part_of(frame)) is None:
+            return None
+        self.by_part[part] += 1
+        frame.f_trace_lines, frame.f_trace_opcodes = False, True
+        return self._on_opcode
+
+    def _on_opcode(self, frame: FrameType, event: str, argument: Any) -> Callable[..., Any]:
+        self.opcodes += event == "opcode"
+        return self._on_opcode
+
+
 def part_of(file: str, function: str) -> str | None:
     """The part that a function belongs to; ``generated`` where it has no file, None for the event loop and for us."""
     if file.startswith("<") and not file.startswith("<frozen"):
@@ -112,19 +144,34 @@ def run(*, quick: bool = False) -> Outcome:
     counted = count()
     total = Figure("calls of a cycle", float(sum(counted.values())), "", TARGET)
     parts = [Figure(part, calls, "") for part, calls in counted.most_common()]
-    return Outcome((total, *(Figure(f"of which {each.name}", each.value, "") for each in parts)))
+    frames, opcodes = count_opcodes()
+    return Outcome(
+        (
+            total,
+            *(Figure(f"of which {each.name}", each.value, "") for each in parts),
+            Figure("Python frames of a cycle", float(frames), "", FRAMES_TARGET),
+            Figure("opcodes of a cycle", float(opcodes), "", OPCODES_TARGET),
+        )
+    )
 
 
 def count(cycles: int = CYCLES) -> Counter[str]:
     """The median number of calls of a cycle, by part."""
-    counters = run_virtual(_measure(cycles))
+    counters = run_virtual(_measure(cycles, CallCounter))
     parts = {part for each in counters for part in each.by_part}
     return Counter(
         {part: round(statistics.median([each.by_part[part] for each in counters])) for part in parts}
     )
 
 
-async def _measure(cycles: int) -> list[CallCounter]:
+def count_opcodes(cycles: int = CYCLES) -> tuple[int, int]:
+    """The median numbers of Python's frames and opcodes of a cycle."""
+    counters = run_virtual(_measure(cycles, OpcodeCounter))
+    frames = statistics.median([sum(each.by_part.values()) for each in counters])
+    return round(frames), round(statistics.median([each.opcodes for each in counters]))
+
+
+async def _measure(cycles: int, kind: type[C]) -> list[C]:
     board, device = pty.openpty()
     tty.setraw(board)
     tty.setraw(device)
@@ -132,7 +179,7 @@ async def _measure(cycles: int) -> list[CallCounter]:
     daemon = build(settings, clock=LoopClock(), opener=_opener(os.ttyname(device)), rng=random.Random(1))
     running = asyncio.create_task(daemon.run())
     reader, writer = await asyncio.open_connection(*await daemon.server.address())
-    counters: list[CallCounter] = []
+    counters: list[C] = []
     try:
         await asyncio.sleep(0.1)  # the port is open by then
         for cycle in range(WARM_UP + cycles):
@@ -142,7 +189,7 @@ async def _measure(cycles: int) -> list[CallCounter]:
             if cycle >= WARM_UP // 2:
                 await _ask(reader, writer, "drive", AS_FAST_AS_THE_WHEELS)
             await asyncio.sleep(CYCLE_S)
-            counters.append(await _cycle(cycle, board, device))
+            counters.append(await _cycle(cycle, board, device, kind()))
     finally:
         writer.close()
         running.cancel()
@@ -152,9 +199,8 @@ async def _measure(cycles: int) -> list[CallCounter]:
     return counters[WARM_UP:]
 
 
-async def _cycle(number: int, board: int, device: int) -> CallCounter:
+async def _cycle(number: int, board: int, device: int, counter: C) -> C:
     """Send the lines of a cycle, and count until nothing more follows from them."""
-    counter = CallCounter()
     os.write(board, lines_of(number))
     select.select([device], [], [], 1.0)
     with counter.counting():
@@ -204,7 +250,7 @@ def _opener(path: str) -> Any:
 
 def main() -> None:
     """Print every function that a cycle calls, and how often on average."""
-    counters = run_virtual(_measure(CYCLES))
+    counters = run_virtual(_measure(CYCLES, CallCounter))
     total: Counter[tuple[str, str]] = Counter()
     for counter in counters:
         total.update(counter.by_function)

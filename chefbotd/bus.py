@@ -10,7 +10,7 @@ handed to whoever answers for the handler.
 import asyncio
 from collections import Counter, deque
 from collections.abc import Callable
-from typing import Any, Generic, NoReturn, TypeVar
+from typing import Any, Generic, NoReturn, TypeAlias, TypeVar
 
 import structlog
 
@@ -113,6 +113,12 @@ def _expire(waiter: "asyncio.Future[None]") -> None:
         waiter.set_result(None)
 
 
+Route: TypeAlias = tuple[tuple[Inbox[Any], ...], tuple[tuple[Handler, OnError], ...]]
+"""Who takes a class of events: the inboxes, and the handlers with what they raise."""
+
+NOBODY: Route = ((), ())
+
+
 class Bus:
     """Hands each published event to the subscribers of exactly its class, and to those of all events.
 
@@ -123,7 +129,7 @@ class Bus:
         self._inboxes: dict[type[Any], tuple[Inbox[Any], ...]] = {}
         self._of_all: tuple[Inbox[Any], ...] = ()
         self._handlers: dict[type[Any], tuple[tuple[Handler, OnError], ...]] = {}
-        self._routes: dict[type[Any], tuple[tuple[Inbox[Any], ...], tuple[tuple[Handler, OnError], ...]]] = {}
+        self._routes: dict[type[Any], Route] = {}
         self._undelivered: list[object] = []
         self._is_held = False
         self.handler_errors: Counter[str] = Counter()
@@ -194,9 +200,10 @@ class Bus:
     def publish(self, event: object) -> None:
         """Put the event into every inbox of its class, and call every handler of its class."""
         topic = type(event)
-        if topic not in self._routes:
-            self._find_route(topic)
-        inboxes, handlers = self._routes[topic]
+        try:
+            inboxes, handlers = self._routes[topic]
+        except KeyError:
+            inboxes, handlers = self._find_route(topic)
         for inbox in inboxes:
             inbox.put(event)
         if handlers:
@@ -210,13 +217,14 @@ class Bus:
 
     def deliver(self) -> None:
         """Call the handlers of all that was published meanwhile, and of what they publish, in that order."""
-        self._is_held = True
+        self._is_held, routes = True, self._routes
         try:
             for event in self._undelivered:  # it grows meanwhile
-                topic = type(event)
-                if topic not in self._routes:  # somebody came or went meanwhile
-                    self._find_route(topic)
-                for handler, on_error in self._routes[topic][1]:
+                try:
+                    handlers = routes[type(event)][1]
+                except KeyError:  # somebody came or went meanwhile
+                    handlers = self._find_route(type(event))[1]
+                for handler, on_error in handlers:
                     try:
                         handler(event)
                     except Exception as error:  # noqa: BLE001 (handed on)
@@ -234,13 +242,15 @@ class Bus:
 
     def has_listeners(self, topic: type[Any]) -> bool:
         """Whether anyone listens: lets a publisher skip making an event that nobody takes."""
-        if topic not in self._routes:
-            self._find_route(topic)
-        return self._routes[topic] != ((), ())
+        try:
+            return self._routes[topic] != NOBODY
+        except KeyError:
+            return self._find_route(topic) != NOBODY
 
-    def _find_route(self, topic: type[Any]) -> None:
+    def _find_route(self, topic: type[Any]) -> Route:
         """Note who takes a class, until somebody comes or goes: events are published far more often."""
-        self._routes[topic] = self._inboxes_of(topic), self._handlers.get(topic, ())
+        route = self._routes[topic] = self._inboxes_of(topic), self._handlers.get(topic, ())
+        return route
 
     def _inboxes_of(self, topic: type[Any]) -> tuple[Inbox[Any], ...]:
         inboxes = self._inboxes.get(topic)

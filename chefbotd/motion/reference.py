@@ -26,8 +26,17 @@ STEADY_SHARE = 0.1
 """A setpoint that has changed by less, of itself, counts as steady."""
 
 
+STEADY_S = 10.0
+"""No measurement is a mean over so long: how much longer a setpoint has been in force is not counted."""
+
+
 def remember(history: History, newest: Asked, over_s: float) -> History:
-    """The history with the last setpoint, cut to the last ``over_s``."""
+    """The history with the last setpoint, cut to the last ``over_s``; one that stays the same is one entry."""
+    if history and history[-1].setpoint_m_s == newest.setpoint_m_s:
+        if len(history) == 1 and history[0].duration_s >= max(over_s, STEADY_S):
+            return history
+        newest = Asked(history[-1].duration_s + newest.duration_s, newest.setpoint_m_s)
+        history = history[:-1]
     first, age_s = len(history), newest.duration_s
     while first and age_s < over_s:
         first -= 1
@@ -42,6 +51,8 @@ def midway(before_m_s: tuple[float, ...], after_m_s: tuple[float, ...]) -> tuple
 
 def mean_m_s(history: History, over_s: float, delay_s: float) -> tuple[float, ...]:
     """Each rim's setpoint on the mean over ``over_s`` (> 0), which ended ``delay_s`` ago."""
+    if history[-1].duration_s >= delay_s + over_s:
+        return history[-1].setpoint_m_s
     way_m = [0.0] * len(history[-1].setpoint_m_s)
     age_s, until_s = 0.0, delay_s + over_s
     for asked in reversed(history):

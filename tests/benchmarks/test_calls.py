@@ -1,11 +1,12 @@
 """What a cycle of the board costs, as a number of calls."""
 
+import dis
 from typing import Any
 
-from benchmarks.calls import CallCounter, count, part_of
+from benchmarks.calls import CallCounter, OpcodeCounter, count, count_opcodes, part_of
 
-BOUND = 400
-"""A little above what a cycle takes. Raise it only for something that is worth its calls."""
+BOUND, FRAMES_BOUND, OPCODES_BOUND = 400, 280, 10_700
+"""A little above what a cycle takes. Raise one only for something that is worth it."""
 
 
 def test_a_cycle_calls_no_more_functions_than_it_did() -> None:
@@ -13,6 +14,28 @@ def test_a_cycle_calls_no_more_functions_than_it_did() -> None:
     counted = count(cycles=11)
     assert sum(counted.values()) <= BOUND, counted
     assert {"parsing", "link", "port", "motion", "safety", "drive service", "telemetry"} <= set(counted)
+
+
+def test_a_cycle_executes_no_more_opcodes_than_it_did() -> None:
+    """Python's frames, and what the interpreter executes in them; a cold processor feels each."""
+    frames, opcodes = count_opcodes(cycles=11)
+    assert 100 < frames <= FRAMES_BOUND
+    assert 1000 < opcodes <= OPCODES_BOUND
+
+
+def test_each_opcode_counts_one() -> None:
+    """A function and what it calls, by their disassembly; RESUME is not traced, and the counting's own end is taken off."""
+    made: dict[str, Any] = {}
+    code = "def outer():\n    inner(2)\ndef inner(x):\n    return x\n"
+    exec(compile(code, "/a/chefbotd/bus.py", "exec"), made)
+    counter, nothing = OpcodeCounter(), OpcodeCounter()
+    with counter.counting():
+        made["outer"]()
+    with nothing.counting():
+        pass
+    assert counter.by_part["bus"] == 2
+    executed = [each.opname for name in ("outer", "inner") for each in dis.get_instructions(made[name])]
+    assert counter.opcodes - nothing.opcodes == len(executed) - executed.count("RESUME")
 
 
 def test_python_and_c_functions_count_one_each() -> None:

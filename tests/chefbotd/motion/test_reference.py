@@ -37,5 +37,21 @@ def test_a_wheel_that_follows_late_is_where_it_should_be():
 
 def test_what_just_covers_the_time_is_all_that_is_remembered():
     """Of quarters of a second, half a second needs two: a third that begins where it ends adds nothing."""
-    quarter = Asked(0.25, (0.3, -0.1))
-    assert remember((quarter, quarter), quarter, 0.5) == (quarter, quarter)
+    quarters = tuple([Asked(0.25, (0.1 * n, -0.1)) for n in range(3)])
+    assert remember(quarters[:2], quarters[2], 0.5) == quarters[1:]
+
+
+def test_a_setpoint_that_stays_the_same_is_one_entry():
+    """Three quarters of a second in all, though half a second is asked for; what was before is cut."""
+    quarter, before = Asked(0.25, (0.3, -0.1)), Asked(0.25, (0.2, -0.1))
+    history = remember(remember((before, quarter), quarter, 0.5), quarter, 0.5)
+    assert history == (Asked(0.75, (0.3, -0.1)),)
+    assert mean_m_s(history, 0.4, 0.1) == (0.3, -0.1)
+    assert remember((before, quarter), quarter, 0.6) == (before, Asked(0.5, (0.3, -0.1)))
+
+
+def test_a_steady_history_stays_as_it_is():
+    """After ten seconds nothing is counted on; a measurement over a longer time still finds all of it."""
+    steady = (Asked(10.0, (0.3, -0.1)),)
+    assert remember(steady, Asked(0.02, (0.3, -0.1)), 0.5) is steady
+    assert remember(steady, Asked(0.02, (0.3, -0.1)), 12.0) == (Asked(10.02, (0.3, -0.1)),)
