@@ -24,7 +24,7 @@ def test_a_cycle_executes_no_more_opcodes_than_it_did() -> None:
 
 
 def test_each_opcode_counts_one() -> None:
-    """A function and what it calls, by their disassembly; RESUME is not traced, and the counting's own end is taken off."""
+    """A function and what it calls, by their disassembly; RESUME is not traced, and the counting's end is taken off."""
     made: dict[str, Any] = {}
     code = "def outer():\n    inner(2)\ndef inner(x):\n    return x\n"
     exec(compile(code, "/a/chefbotd/bus.py", "exec"), made)
