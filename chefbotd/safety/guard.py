@@ -169,7 +169,7 @@ def _measure_beam(
     if beam.blocked:
         stop_m = release_distance_m(params, max(stop_m, measured.min_range_m))
     before, shortened_m, turned_rad = beam.believed, 0.0, 0.0
-    if before.distance_m != math.inf and beam.wheels_rad:
+    if beam.wheels_rad and not (before.distance_m == math.inf == before.gone_m):
         ahead_m, turned_rad = moved(beam.wheels_rad)
         shortened_m = beam.per_linear * ahead_m + beam.per_angular_m * turned_rad
     believed = range_memory.add_reading(

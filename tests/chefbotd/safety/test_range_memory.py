@@ -161,6 +161,10 @@ KINDS: dict[str, Missing] = {
     "far spikes": lambda k, chance: chance.uniform(0.1, 3.0) if chance.random() < 0.35 else 0.0,
     "every second too far": lambda k, chance: 1.5 if k % 2 else 0.0,
     "nothing or too far": lambda k, chance: chance.choice([None, 1.0]) if chance.random() < 0.4 else 0.0,
+    "bursts of five": lambda k, chance: None if k % 25 < 5 else 0.0,
+    "bursts of eight": lambda k, chance: None if k % 30 < 8 else 0.0,
+    "all but every sixth": lambda k, chance: None if k % 6 else 0.0,
+    "six after two": lambda k, chance: None if k % 8 > 1 else 0.0,
     "bursts of both": lambda k, chance: (None, 1.0, None, 1.5)[k % 15] if k % 15 < 4 else 0.0,
 }
 
@@ -307,9 +311,39 @@ def test_a_sensor_with_false_near_readings_lets_the_robot_drive_on() -> None:
 
 
 def test_a_thing_that_was_shown_often_is_held_by_what_was_learned() -> None:
-    """Seen once and three times more, it is there: a sensor that is known to miss half is asked for twenty."""
+    """A sensor that is known to miss half is asked for 17 readings; of a thing that it showed once, for twice five."""
     sensor = read(NOTHING, *(0.5, MISS) * 40)
-    moved_off = read(sensor, *(MISS,) * 30)
+    moved_off = read(sensor, *(MISS,) * 60)
     assert moved_off.distance_m == math.inf
-    assert needed(read(moved_off, 0.5), MISS) == MEMORY.free_readings
-    assert needed(read(moved_off, *(0.5,) * 4), MISS) > 3 * MEMORY.free_readings
+    assert needed(read(moved_off, 0.5), MISS) == 2 * MEMORY.free_readings
+    assert needed(read(moved_off, *(0.5,) * 4), MISS) == 17
+
+
+def test_what_was_given_up_and_is_seen_again_in_its_place_was_missed() -> None:
+    """Of a wall 8 readings in a row miss: after the fifth it was given up; the next time it is held through 8."""
+    wall = read(NOTHING, *[0.5] * 20)
+    assert read(wall, *[MISS] * 8).distance_m == math.inf
+    again = read(wall, *[MISS] * 8, 0.5)
+    assert needed(again, MISS) == 10
+    assert needed(read(wall, *[MISS] * 8, 0.9), 0.9, 0.9, MISS) == 100  # another thing teaches nothing of it
+
+
+def test_what_was_given_up_is_looked_for_where_the_robot_has_brought_it() -> None:
+    """0.5 m, and 8 misses of 1 cm each: it would be 0.42 m away, so 0.42 is it, and 0.3 is something else."""
+    wall = read(read(NOTHING, *[0.5] * 20), *[MISS] * 8, shortened_m=0.01)
+    assert read(wall, 0.42).longest == 8
+    assert read(wall, 0.3).longest == 0
+
+
+def test_what_was_given_up_is_forgotten_in_the_end() -> None:
+    """Each miss is evidence against it: after 40 a thing in its place is a new one."""
+    gone = read(read(NOTHING, *[0.5] * 20), *[MISS] * 40)
+    assert gone.gone_m == math.inf
+    assert read(gone, 0.5).longest == 0
+
+
+def test_what_was_given_up_is_not_looked_for_where_the_robot_has_turned_to() -> None:
+    """After 0.3 rad, with a cone of 0.26, a thing as far away is another one."""
+    turned = read(read(NOTHING, *[0.5] * 20), *[MISS] * 6)
+    assert read(read(turned, MISS, turned_rad=0.3), 0.5).longest == 0
+    assert read(read(turned, MISS, turned_rad=0.2), 0.5).longest == 7
