@@ -56,7 +56,7 @@ def estimate(folder: Path, case: str, seed: int = 1) -> list[tuple[float, float,
     fused = FusedOdometry(
         PARAMETERS, track_width_m=TRACK_M, travel_variance=1e-3, turn_variance=0.1, is_skid_steer=True
     )
-    fused.set_pose(Pose2D(0.0, 0.0, imu[0]["yaw_rad"]))
+    fused.move_to(Pose2D(0.0, 0.0, imu[0]["yaw_rad"]))
     trajectory, readings = [], iter(_readings(imu, case, chance))
     reading, cycle_s = next(readings, None), (wheels[-1]["t_s"] - wheels[0]["t_s"]) / (len(wheels) - 1)
     fused.add_travel(wheels[0]["t_s"] - cycle_s / 2, 0.0, 0.0)

@@ -16,13 +16,12 @@ from chefbotd.composition.context import NO_SUBSTITUTES, Context, DaemonParts, F
 from chefbotd.composition.network import page_server
 from chefbotd.composition.robot import board_session, drive_service, robot_features
 from chefbotd.composition.scanners import lidars
-from chefbotd.core.events.inputs import BOARD_LINK, DaemonStarted, DaemonStopping, ServiceFailed
+from chefbotd.core.events.inputs import DaemonStarted, DaemonStopping, ServiceFailed
 from chefbotd.driving.board.service import board
 from chefbotd.features.feature import Feature, Service, Waiting, methods_and_topics
 from chefbotd.inputs import inputs_of
 from chefbotd.link.board_memory import BoardMemory
 from chefbotd.link.board_writer import FaultLog
-from chefbotd.link.entry_session import EntrySession
 from chefbotd.link.port import open_port
 from chefbotd.link.reconnect import Opener, PortLink
 from chefbotd.metrics import Metrics
@@ -100,7 +99,7 @@ class Daemon:
             own_process,
         )
         self.session = board_session(context, board_memory)
-        link = PortLink(settings.link, EntrySession(BOARD_LINK, self.session, clock), opener, clock, rng)
+        link = PortLink(settings.link, self.session, opener, clock, rng)
         self._latch, self._supervisor = latch, supervisor
         self.driving = driving = drive_service(context, self.session, latch)
         self.limit_preview = LimitPreview(settings.drive, settings.chassis, settings.limits)

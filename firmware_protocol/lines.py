@@ -96,9 +96,9 @@ class Number:
     def explain(self, text: bytes) -> Refusal | None:
         """Why the text is not such a number; None when it is one."""
         if not (_DECIMAL if self.decimals else _WHOLE).fullmatch(text):
-            return Reason.NOT_A_NUMBER, f"expected {self.describe()}, got {text.decode()!r}"
+            return Reason.NOT_A_NUMBER, f"expected {self.describe_range()}, got {text.decode()!r}"
         if not self.low <= float(text) <= self.high:
-            return Reason.OUT_OF_RANGE, f"expected {self.describe()}, got {text.decode()}"
+            return Reason.OUT_OF_RANGE, f"expected {self.describe_range()}, got {text.decode()}"
         return None
 
     def rewrite(self, text: bytes) -> tuple[bytes, int] | None:
@@ -117,10 +117,10 @@ class Number:
     def write(self, value: float) -> str:
         """The value's digits; raises ``ValueError`` when it is out of range or loses a fraction."""
         if not self.low <= value <= self.high or (not self.decimals and value % 1):
-            raise ValueError(f"expected {self.describe()}, got {value!r}")
+            raise ValueError(f"expected {self.describe_range()}, got {value!r}")
         return f"{value:.{self.decimals}f}"
 
-    def describe(self) -> str:
+    def describe_range(self) -> str:
         """For people: the type and the range."""
         return f"{'a number' if self.decimals else 'a whole number'} from {self.low} to {self.high}"
 
@@ -152,18 +152,18 @@ class PackedLevels:
     def explain(self, text: bytes) -> Refusal | None:
         """Why the text is not such levels; None when it is."""
         if not is_packed(text):
-            return Reason.NOT_A_NUMBER, f"expected {self.describe()}, got {text.decode()!r}"
+            return Reason.NOT_A_NUMBER, f"expected {self.describe_range()}, got {text.decode()!r}"
         if len(unpack(text)) > self.most:
-            return Reason.OUT_OF_RANGE, f"expected {self.describe()}, got {len(unpack(text))}"
+            return Reason.OUT_OF_RANGE, f"expected {self.describe_range()}, got {len(unpack(text))}"
         return None
 
     def write(self, levels: tuple[int, ...]) -> str:
         """The levels' text; raises ``ValueError`` when there are none, too many, or one is out of range."""
         if not 1 <= len(levels) <= self.most or any(level not in range(4) for level in levels):
-            raise ValueError(f"expected {self.describe()}, got {levels!r}")
+            raise ValueError(f"expected {self.describe_range()}, got {levels!r}")
         return pack(levels)
 
-    def describe(self) -> str:
+    def describe_range(self) -> str:
         """For people: what is packed, and how much of it."""
         return f"1 to {self.most} levels from 0 to 3, packed"
 

@@ -1,4 +1,4 @@
-"""Refuses names that say nothing: ``python -m tests.names``, a part of ``make lint``.
+"""Refuses names that say nothing, or too many things: ``python -m tests.names``, a part of ``make lint``.
 
 A name says what a thing is (``message``, ``poses``), in the field's own terms. The words below say only that there is
 something: each was given to dozens of different things. ``WORDS`` is the one list; it is short on purpose.
@@ -8,6 +8,9 @@ import ast
 import sys
 from collections.abc import Iterator
 from pathlib import Path
+
+from tests.house import ROOT, House
+from tests.walls import Walls
 
 WORDS = frozenset(
     {"told", "found", "each", "known", "wanted", "there", "way", "anew", "somebody", "taken", "bury", "glow"}
@@ -35,6 +38,9 @@ CLASSES = frozenset(
 """Names of classes that a reader has to look up."""
 
 FOLDERS = ("chefbotd", "firmware_protocol", "examples")
+
+MOST_COMMON = 60
+"""So many names of methods at most may be in four classes or more: what has a name that many share cannot be searched."""
 
 
 def refused(source: str) -> Iterator[tuple[int, str]]:
@@ -65,13 +71,18 @@ def _defined(node: ast.AST) -> str | None:
 
 
 def main() -> int:
-    """Print each refused name with its place; 1 if there is any."""
+    """Print each refused name with its place, and whether too many classes share theirs; 1 if there is any."""
     count = 0
     for folder in FOLDERS:
         for path in sorted(Path(folder).rglob("*.py")):
             for line, name in sorted(set(refused(path.read_text(encoding="utf-8")))):
                 print(f"{path}:{line}: {name!r} says nothing: name it for what it is (tests/names.py)")  # noqa: T201
                 count += 1
+    common = Walls(House(ROOT)).common_method_names()
+    if len(common) > MOST_COMMON:
+        rare = ", ".join(name for name, classes in common.items() if classes == min(common.values()))
+        print(f"{len(common)} names of methods are in four classes or more, expected {MOST_COMMON} at most: {rare}")  # noqa: T201
+        return 1
     return 1 if count else 0
 
 

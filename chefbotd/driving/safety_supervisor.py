@@ -373,7 +373,7 @@ class SafetySupervisor:
         self._decision = decision
         return decision
 
-    def announce(self, now_s: float) -> None:
+    def publish_gate_state(self, now_s: float) -> None:
         """Publish the gate's state if it has changed."""
         state, decision = self._gate, self._decision
         is_settled = (

@@ -239,7 +239,7 @@ class DriveService:
 
         Encoder frames and changes of the link are handled in the call that publishes them.
         """
-        self.keeper.announce(self._clock.now_s())
+        self.keeper.publish_gate_state(self._clock.now_s())
         self._watch_timer.start(self._clock.now_s())
         try:
             await self._clock.at_rest(self._failure.wait())
@@ -293,7 +293,7 @@ class DriveService:
         else:
             self._watch_timer.note_stillness(now_s)
         self.steps += 1
-        self.keeper.announce(now_s)
+        self.keeper.publish_gate_state(now_s)
         self._publish_wheels(event, seen)
         self.step_times.observe(perf_counter() - began_s)
 
@@ -329,7 +329,7 @@ class DriveService:
             self.wheels.make_change()
         if self._watch_timer.resting and self._is_asked():
             self._watch_timer.note_activity(now_s)
-        self.keeper.announce(now_s)
+        self.keeper.publish_gate_state(now_s)
 
     def _is_asked(self) -> bool:
         """Whether a duty is in force, a setpoint is not zero, or any source has a command, even zero."""
@@ -398,7 +398,7 @@ class DriveService:
         reason = f"the control loop failed and stopped: {error!r}; see the log"
         self.keeper.fail(Fault(FaultKind.INTERNAL_ERROR, reason))
         self._halt()
-        self.keeper.announce(self._clock.now_s())
+        self.keeper.publish_gate_state(self._clock.now_s())
 
     def _send_duty(self, now_s: float, duty: tuple[int, ...]) -> None:
         motors, setpoint_m_s = self.keeper.motors, self.wheels.drive_state.setpoint_m_s

@@ -152,7 +152,7 @@ class BoardClock(MutableState):
     _last: _Reading | None = None
     _suspect: _Reading | None = None
 
-    def restart(self) -> None:
+    def expect_new_count(self) -> None:
         """The board is known to have restarted (its banner was seen): take the next reading as it is."""
         if self._last is not None:
             self._suspect = None

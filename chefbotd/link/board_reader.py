@@ -258,7 +258,7 @@ class BoardReader:
     def _on_banner(self, message: wire.Banner, now_s: float) -> TextReceived:
         """The first banner line after others is a restart; the rest of the banner belongs to it."""
         if self.board_clock.latest_s is not None:
-            self.board_clock.restart()
+            self.board_clock.expect_new_count()
             self._restarted(now_s, f"it printed {message.text!r}")
         return TextReceived(now_s, message.text)
 

@@ -3,7 +3,6 @@
 import asyncio
 import threading
 from collections import deque
-from typing import Protocol
 
 import structlog
 
@@ -14,6 +13,7 @@ from chefbotd.core.events.inputs import BOARD_LINK, DrainAnswered, LinkBytesWrit
 from chefbotd.core.record import MutableState, StatefulPart
 from chefbotd.inputs import inputs_of
 from chefbotd.link.health import show
+from chefbotd.link.port import PortTransport
 
 log = structlog.get_logger(component="link")
 
@@ -79,33 +79,6 @@ LAST_STOPS = 4
 """One damaged line, which may take the next with it, must not leave the motors on for ever."""
 
 
-class Port(Protocol):
-    """What is asked of the transport that brings lines to the board: ``SerialPortTransport``, or a test's."""
-
-    def set_write_buffer_limits(self, high: int) -> None:
-        """As asyncio's."""
-
-    def get_write_buffer_size(self) -> int:
-        """As asyncio's: how many bytes are unsent."""
-
-    def unread_bytes(self) -> int:
-        """How many bytes have come in and wait to be read."""
-        ...
-
-    def write(self, data: bytes) -> None:
-        """As asyncio's."""
-
-    def overtake(self, words: bytes) -> None:
-        """Write instead of all that is unsent."""
-
-    def write_from_thread(self, words: bytes) -> bool:
-        """The same past a loop that stands still: whether they went."""
-        ...
-
-    def close_saying(self, words: bytes) -> None:
-        """The same once more, and close when they are sent, or after a while."""
-
-
 class WriterState(MutableState):
     """What was written and asked so far.
 
@@ -122,11 +95,11 @@ class BoardWriter(StatefulPart[WriterState]):
 
     def __init__(self, bus: Bus, clock: Clock, lines: LineRing, stop: bytes) -> None:
         self._bus, self._clock, self._lines, self._stop = bus, inputs_of(clock), lines, stop
-        self._port: Port | None = None
+        self._port: PortTransport | None = None
         self._port_lock = threading.Lock()
         self.memory = WriterState()
 
-    def begin(self, port: Port) -> None:
+    def begin(self, port: PortTransport) -> None:
         """A port was opened; ``stop_first`` is to follow."""
         port.set_write_buffer_limits(high=0)
         self._port = port

@@ -309,7 +309,7 @@ class BoardFirmware:
     def told_about(self, message: wire.BoardAbout, now_s: float) -> FirmwareReported:
         """What the board counts, and which build it is."""
         self.now.about = message
-        self.loop.limit(message.most_edges_s)
+        self.loop.limit_edges(message.most_edges_s)
         return self.report(now_s)
 
     def _disagreement(self, message: wire.HelloAnswer) -> str:

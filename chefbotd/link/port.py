@@ -114,7 +114,35 @@ class BriefSerial(serial.Serial):  # type: ignore[misc]
             log.debug("the device disappeared before all output was written")
 
 
-class SerialPortTransport(serial_asyncio.SerialTransport):  # type: ignore[misc]
+class PortTransport(asyncio.Transport):
+    """The transport of a port, which can say something in place of what is unsent; this one keeps nothing unsent."""
+
+    def unread_bytes(self) -> int:
+        """How many bytes have come in and wait to be read."""
+        return 0
+
+    def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None:
+        """There is no buffer."""
+
+    def overtake(self, words: bytes) -> None:
+        """Write instead of all that is unsent."""
+        self.write(words)
+
+    def write_from_thread(self, words: bytes) -> bool:
+        """The same past a loop that stands still, from any thread: whether the device took the words."""
+        return False
+
+    def close_saying(self, words: bytes) -> None:
+        """The same once more, and close when they are sent, or after a while."""
+        self.overtake(words)
+        self.abort()
+
+    def close_behind(self, words: bytes, *, dtr: bool) -> None:
+        """Set or clear DTR, say the words, and close; the loop does not wait for it."""
+        self.close_saying(words)
+
+
+class SerialPortTransport(serial_asyncio.SerialTransport, PortTransport):  # type: ignore[misc]
     """pyserial-asyncio's transport, which reads and writes the device itself while that gives and takes bytes.
 
     The library's own ``write`` waits for the loop to say that the device is writable, which costs a turn of the
@@ -129,10 +157,10 @@ class SerialPortTransport(serial_asyncio.SerialTransport):  # type: ignore[misc]
     def __init__(
         self, loop: asyncio.AbstractEventLoop, protocol: asyncio.BaseProtocol, port: serial.Serial
     ) -> None:
-        super().__init__(loop, protocol, port)
+        super().__init__(loop, protocol, port)  # type: ignore[call-arg, arg-type]  # the library's, which has no types
         self._descriptor: int = port.fileno()  # good for as long as this is not closing
 
-    def write(self, data: bytes) -> None:
+    def write(self, data: bytes | bytearray | memoryview) -> None:
         """Write now what the device takes; the rest follows as soon as it takes more."""
         if self._closing:
             return
@@ -290,8 +318,7 @@ async def open_port(parameters: LinkParameters, protocol: asyncio.BaseProtocol) 
     """
     loop = asyncio.get_running_loop()
     port = await loop.run_in_executor(DEVICE_THREADS, _open, parameters)
-    transport: asyncio.Transport = SerialPortTransport(loop, protocol, port)
-    return transport
+    return SerialPortTransport(loop, protocol, port)
 
 
 def _close_port(port: serial.Serial) -> None:

@@ -3,11 +3,14 @@
 import asyncio
 import random
 from collections.abc import Awaitable, Callable, Iterator
-from typing import TYPE_CHECKING, Protocol, cast
+from typing import TYPE_CHECKING
 
 import structlog
 
 from chefbotd.clock import Clock
+from chefbotd.core.events.inputs import BOARD_LINK, PortNotOpened, PortShared, TimerFired
+from chefbotd.inputs import inputs_of
+from chefbotd.link.entry_session import EntrySession, LinkSession, health_timer
 from chefbotd.link.port import LinkParameters
 from chefbotd.logs import RateLimitedLog
 
@@ -50,51 +53,8 @@ def waits_s(parameters: LinkParameters, rng: random.Random) -> Iterator[float]:
         wait_s = min(2 * wait_s, parameters.max_reconnect_delay_s)
 
 
-class LinkSession(Protocol):
-    """One end of a wire, an ``asyncio.Protocol`` that lives across reconnections: the board's, or a lidar's."""
-
-    @property
-    def is_open(self) -> bool:
-        """Whether a port is connected."""
-        ...
-
-    @property
-    def is_proven(self) -> bool:
-        """Whether the right device has been heard since the port was opened."""
-        ...
-
-    def expect_connection(self) -> None:
-        """A port is about to be opened: ``wait_closed`` is to wait for its end."""
-        ...
-
-    async def wait_closed(self) -> None:
-        """Wait until the expected connection has come and gone."""
-        ...
-
-    def judge_health(self) -> None:
-        """Look at what has come in lately."""
-        ...
-
-    def report_not_opened(self, reason: str) -> None:
-        """The port cannot be opened."""
-        ...
-
-    @property
-    def refused_lines(self) -> int:
-        """How many lines, or packets, were refused so far."""
-        ...
-
-    def report_sharers(self, sharers: str) -> None:
-        """Who else has the port open, for people; empty: nobody any more."""
-        ...
-
-    def close(self) -> None:
-        """Say the last words, and give the port up."""
-        ...
-
-
 class PortLink:
-    """Owns a port: opens it, waits until it is lost, opens it again."""
+    """Owns a port: opens it, waits until it is lost, opens it again. ``name`` is the link's in a recording."""
 
     def __init__(
         self,
@@ -104,8 +64,11 @@ class PortLink:
         clock: Clock,
         rng: random.Random,
         sharers_of: FindSharers = find_sharers,
+        name: str = BOARD_LINK,
     ) -> None:
         self._parameters, self._session, self._opener = parameters, session, opener
+        self._name, self._entries = name, inputs_of(clock)
+        self._protocol = EntrySession(name, session, clock)
         self._clock, self._rng = clock, rng
         self._waits_s = waits_s(parameters, rng)
         self._log = RateLimitedLog(log)
@@ -132,7 +95,8 @@ class PortLink:
         looked_s, refused = self._clock.now_s(), self._session.refused_lines
         try:
             while not (await asyncio.wait([closed], timeout=LISTEN_EVERY_S))[0]:
-                self._session.judge_health()
+                with self._entries.entry(TimerFired, health_timer(self._name)):
+                    self._session.judge_health()
                 now_s = self._clock.now_s()
                 if now_s - looked_s >= LOOK_EVERY_S:
                     if self._sharers or self._session.refused_lines - refused >= MANY_REFUSED:
@@ -147,7 +111,8 @@ class PortLink:
         seen, suspects = await asyncio.get_running_loop().run_in_executor(None, self._sharers_of, device)
         if seen != self._sharers:
             self._sharers = seen
-            self._session.report_sharers(seen)
+            with self._entries.entry(PortShared, self._name, seen):
+                self._session.report_sharers(seen)
         if seen or suspects:
             self._log.warning("others may read this port", device=device, who=seen or suspects)
 
@@ -166,7 +131,9 @@ class PortLink:
             except OSError as error:
                 now_s = self._clock.now_s()
                 if str(error) != complaint:
-                    self._session.report_not_opened(str(error).removeprefix(f"{self._parameters.device}: "))
+                    reason = str(error).removeprefix(f"{self._parameters.device}: ")
+                    with self._entries.entry(PortNotOpened, self._name, reason):
+                        self._session.report_not_opened(reason)
                 if str(error) != complaint or now_s - complained_s >= REMIND_EVERY_S:
                     complaint, complained_s = str(error), now_s
                     log.warning("link cannot be opened", device=self._parameters.device, error=complaint)
@@ -176,9 +143,7 @@ class PortLink:
 
     async def _open_port(self) -> None:
         """Open, and be cancelled only when it is known whether the port is open: it may lead to a robot that moves."""
-        opening = asyncio.ensure_future(
-            self._opener(self._parameters, cast(asyncio.BaseProtocol, self._session))
-        )
+        opening = asyncio.ensure_future(self._opener(self._parameters, self._protocol))
         try:
             await asyncio.shield(opening)
         except asyncio.CancelledError:

@@ -22,11 +22,12 @@ from chefbotd.core.record import Record
 from chefbotd.inputs import inputs_of
 from chefbotd.link.board_memory import BoardMemory, NoBoardMemory
 from chefbotd.link.board_reader import BoardReader, BoardReaderState
-from chefbotd.link.board_writer import FIRST_STOPS, BoardWriter, LineRing, Port, WriterState
+from chefbotd.link.board_writer import FIRST_STOPS, BoardWriter, LineRing, WriterState
 from chefbotd.link.counting import Counting
 from chefbotd.link.firmware import BoardFirmware
 from chefbotd.link.firmware_state import FirmwareState
 from chefbotd.link.health import Condition, LinkHealth, LinkMonitor, LinkMonitorState
+from chefbotd.link.port import PortTransport
 from chefbotd.link.restarts import Restarts, RestartsState
 from chefbotd.link.send_window import SendWindow, WindowState
 from chefbotd.link.setpoint import SetpointState, SetpointWriter
@@ -155,7 +156,7 @@ class BoardSession(asyncio.Protocol):
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         """A port was opened: forget half lines and put a stop on the wire."""
-        self.writer.begin(cast(Port, transport))
+        self.writer.begin(cast(PortTransport, transport))
         self.is_open = True
         self._reader.begin()
         self.firmware.begin()

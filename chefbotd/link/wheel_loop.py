@@ -103,7 +103,7 @@ class WheelLoop:
         """The board is to drive by other parameters from now on."""
         self._parameters = parameters
 
-    def limit(self, most_edges_s: int) -> None:
+    def limit_edges(self, most_edges_s: int) -> None:
         """The board counts no more edges of a wheel a second than these: it refuses a speed that would have more."""
         self.now.most_edges_s = most_edges_s
 

@@ -101,7 +101,7 @@ class FusedOdometry:
             return None
         return 0.0 if now.resting_s > REST_S else now.rates.rate_rad_s - now.estimate.bias_rad_s
 
-    def set_pose(self, pose: Pose2D) -> None:
+    def move_to(self, pose: Pose2D) -> None:
         """Declare the robot's pose; it becomes certain."""
         self._memory.estimate = motion_filter.at_pose(self._memory.estimate, pose)
 

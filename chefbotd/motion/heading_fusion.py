@@ -146,7 +146,7 @@ def take_headings(
 
 
 def _compare(state: FusionState, heading: Heading, limits: tuple[float, float], *, may_slip: bool) -> None:
-    turned = state.history.at(heading.stamp_s - state.lag_s)
+    turned = state.history.turned_at(heading.stamp_s - state.lag_s)
     if turned is None:
         return
     sample = TurnSample(heading.stamp_s, heading.heading_rad, turned[1], state.reach_rad)
@@ -157,7 +157,7 @@ def _compare(state: FusionState, heading: Heading, limits: tuple[float, float], 
 
 def _take(state: FusionState, heading: Heading, noise_rad: float) -> None:
     """Correct the estimate by a heading, as it would be now."""
-    then, last = state.history.at(heading.middle_s - state.lag_s), state.history.turns[-1]
+    then, last = state.history.turned_at(heading.middle_s - state.lag_s), state.history.turns[-1]
     if then is None:
         return
     if not state.readings or heading.middle_s - state.readings[-1][0] >= LAG_SPACING_S:
@@ -217,7 +217,9 @@ def _begin(state: FusionState, noise_rad: float) -> None:
     if len(state.readings) < FIRST_READINGS:
         return
     turns = [
-        (rad, turned) for at_s, rad in state.readings if (turned := state.history.at(at_s - state.lag_s))
+        (rad, turned)
+        for at_s, rad in state.readings
+        if (turned := state.history.turned_at(at_s - state.lag_s))
     ]
     if not turns:
         return

@@ -30,7 +30,7 @@ class TurnHistory(MutableState):
         else:
             turns.append((stamp_s, wheels_rad, used_rad, variance_rad2))
 
-    def at(self, stamp_s: float) -> Turned | None:
+    def turned_at(self, stamp_s: float) -> Turned | None:
         """The sums at a time, between two entries in proportion; None where it is later or no longer kept."""
         turns = self.turns
         if not turns or stamp_s > turns[-1][0] or stamp_s < turns[0][0]:
@@ -58,7 +58,7 @@ def scatter(history: TurnHistory, readings: list[tuple[float, float]], lag_s: fl
     """
     offsets = []
     for stamp_s, heading_rad in readings:
-        turned = history.at(stamp_s - lag_s)
+        turned = history.turned_at(stamp_s - lag_s)
         if turned is not None:
             offsets.append(heading_rad - turned[2])
     if len(offsets) < max(6, len(readings) // 2):

@@ -31,11 +31,11 @@ class ReloadTarget(Protocol):
         """The present gains by wheel name."""
         ...
 
-    def retune(self, gains: Mapping[str, PidParameters]) -> None:
+    def exchange_gains(self, gains: Mapping[str, PidParameters]) -> None:
         """Exchange the gains of every wheel without a bump."""
         ...
 
-    def relimit(self, limits: MotionLimits) -> bool:
+    def exchange_limits(self, limits: MotionLimits) -> bool:
         """Exchange the limits as soon as the robot stands; whether it was at once."""
         ...
 
@@ -100,7 +100,7 @@ class Reloader:
     def _exchange(self, before: Settings, after: Settings) -> bool:
         """Apply gains, limits and the log's level where they differ; returns whether the limits hold at once."""
         self._retune(before, after)
-        at_once = before.limits == after.limits or self._target.relimit(after.limits)
+        at_once = before.limits == after.limits or self._target.exchange_limits(after.limits)
         if after.log.level != before.log.level:
             self._target.set_level(after.log.level)
         return at_once
@@ -116,7 +116,7 @@ class Reloader:
         was, running, new = before.gains(), self._target.gains(), after.gains()
         gains = {name: _merge_gains(was[name], running[name], new[name]) for name in new}
         if gains != running:
-            self._target.retune(gains)
+            self._target.exchange_gains(gains)
 
 
 def _merge_gains(was: PidParameters, running: PidParameters, new: PidParameters) -> PidParameters:

@@ -66,13 +66,13 @@ class DaemonTarget:
         self.gains = daemon.driving.wheels.gains
         self.exchange_tokens = daemon.rpc.exchange_tokens
 
-    def retune(self, gains: Mapping[str, PidParameters]) -> None:
+    def exchange_gains(self, gains: Mapping[str, PidParameters]) -> None:
         """Change the gains without a jump in the duty."""
         recorded = {name: own.model_dump(mode="json") for name, own in gains.items()}
         with self._daemon.entries.entry(GainsExchanged, recorded):
             self._daemon.driving.wheels.retune(gains)
 
-    def relimit(self, limits: MotionLimits) -> bool:
+    def exchange_limits(self, limits: MotionLimits) -> bool:
         """Change the limits as soon as the robot stands, and with them the answers to commands."""
 
         def tell() -> None:

@@ -140,7 +140,7 @@ class Subscriptions(Protocol):
         """Whether a receiver takes any topic."""
         ...
 
-    def unsubscribe(self, receiver: Receiver, /) -> None:
+    def remove_receiver(self, receiver: Receiver, /) -> None:
         """Take a receiver out of all topics."""
         ...
 
@@ -304,7 +304,7 @@ class ConnectionManager:
         if not session.identified:
             return
         if connection is not None:
-            self._fanout.unsubscribe(connection)
+            self._fanout.remove_receiver(connection)
         with self._entries.entry(ClientLeft, session.number):
             self.leave(session)
         self.dispatcher.jobs.cancel_all(session)

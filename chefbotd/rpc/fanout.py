@@ -183,7 +183,7 @@ class Fanout:
                 for group in feed.groups.values():
                     group.offer(now_s)
 
-    def subscribe(self, receiver: Receiver, names: Iterable[str], policy: str, interval_s: float) -> None:
+    def add_receiver(self, receiver: Receiver, names: Iterable[str], policy: str, interval_s: float) -> None:
         """Put a receiver into these topics' groups, out of any other; an unknown topic raises ``KeyError``."""
         for feed in [self._feeds[name] for name in names]:
             had_subscribers = bool(feed.groups)
@@ -200,7 +200,7 @@ class Fanout:
                 if receiver in group:
                     group.snapshot(receiver)
 
-    def unsubscribe(self, receiver: Receiver, names: Iterable[str] | None = None) -> None:
+    def remove_receiver(self, receiver: Receiver, names: Iterable[str] | None = None) -> None:
         """Take a receiver out of these topics, or of all; raises ``KeyError`` for an unknown topic."""
         for feed in [self._feeds[name] for name in (self._feeds if names is None else names)]:
             had_subscribers = bool(feed.groups)

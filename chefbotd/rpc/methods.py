@@ -156,7 +156,7 @@ class ServerMethods:
         """Receive topics from now on, first the latest value of each; replaces their rate and policy."""
         self._require_known(params.topics)
         interval_s = 0.0 if params.max_rate_hz is None else 1.0 / params.max_rate_hz
-        self._fanout.subscribe(caller, params.topics, params.policy, interval_s)
+        self._fanout.add_receiver(caller, params.topics, params.policy, interval_s)
         return self._subscribed(caller)
 
     def _send_snapshots(self, caller: Caller, params: models.SubscribeParams) -> None:
@@ -166,7 +166,7 @@ class ServerMethods:
     def unsubscribe(self, caller: Caller, params: models.UnsubscribeParams) -> models.Subscribed:
         """Stop receiving these topics; without any, all topics."""
         self._require_known(params.topics or ())
-        self._fanout.unsubscribe(caller, params.topics)
+        self._fanout.remove_receiver(caller, params.topics)
         return self._subscribed(caller)
 
     def _subscribed(self, caller: Caller) -> models.Subscribed:

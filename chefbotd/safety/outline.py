@@ -29,7 +29,7 @@ class Outline(Protocol):
         """How far outside the points are; negative inside. At a corner a little less than the true distance."""
         ...
 
-    def closing(self, x: Floats, y: Floats, twist: Twist2D) -> Floats:
+    def closing_speed_m_s(self, x: Floats, y: Floats, twist: Twist2D) -> Floats:
         """How fast each point comes closer to the outline, in m/s; negative: it goes away."""
         ...
 
@@ -59,7 +59,7 @@ class Disc(Record, frozen=True):
         distances: Floats = np.hypot(x, y) - self.radius_m
         return distances
 
-    def closing(self, x: Floats, y: Floats, twist: Twist2D) -> Floats:
+    def closing_speed_m_s(self, x: Floats, y: Floats, twist: Twist2D) -> Floats:
         """Turning brings nothing closer to a disc."""
         closing: Floats = twist.linear_m_s * x / np.maximum(np.hypot(x, y), 1e-9)
         return closing
@@ -107,7 +107,7 @@ class Box(Record, frozen=True):
         distances: Floats = np.maximum(np.abs(x) - self.half_length_m, np.abs(y) - self.half_width_m)
         return distances
 
-    def closing(self, x: Floats, y: Floats, twist: Twist2D) -> Floats:
+    def closing_speed_m_s(self, x: Floats, y: Floats, twist: Twist2D) -> Floats:
         """Towards the side that it is farthest beyond."""
         at_end = np.abs(x) - self.half_length_m > np.abs(y) - self.half_width_m
         along = np.sign(x) * (twist.linear_m_s - twist.angular_rad_s * y)

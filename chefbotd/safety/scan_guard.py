@@ -260,7 +260,7 @@ def _room_s(
     around = outside_m > 0  # what is within the outline is the robot itself
     x, y, outside_m = x[around], y[around], outside_m[around]
     near = outside_m <= clearance_m
-    if near.any() and outline.closing(x[near], y[near], twist).max() > CLOSING_M_S:
+    if near.any() and outline.closing_speed_m_s(x[near], y[near], twist).max() > CLOSING_M_S:
         return -math.inf
     x, y, grown = x[~near], y[~near], outline.grown(clearance_m)
     if not len(x):

@@ -43,7 +43,7 @@ class MonotoneCurve:
         self._y = [y for _, y in points]
         self._slopes = _slopes(self._x, self._y)
 
-    def at(self, x: float) -> float:
+    def value_at(self, x: float) -> float:
         """The curve's value; beyond its ends that of the nearest one."""
         if x <= self._x[0]:
             return self._y[0]
@@ -199,7 +199,7 @@ class InfraredParameters(Parameters):
     def certain_below_v(self) -> float:
         """No object on the near side of the fold causes a voltage as low as this."""
         volts_by_metres = MonotoneCurve([(metres, volts) for volts, metres in self.near_curve_v_m])
-        return volts_by_metres.at(self.setback_m) - MARGIN_V
+        return volts_by_metres.value_at(self.setback_m) - MARGIN_V
 
 
 class InfraredSample(Record, frozen=True, array_like=True):
@@ -263,7 +263,7 @@ def _may_fold(params: InfraredParameters, before: tuple[InfraredSample, ...], sa
 def _distance_m(params: InfraredParameters, volts: float) -> float:
     """The distance of a voltage if no object is nearer than the fold; infinity below the last point of the curve."""
     farthest_v, _ = params.curve_v_m[-1]
-    return params.metres_by_volts.at(volts) - params.offset_m if volts >= farthest_v else math.inf
+    return params.metres_by_volts.value_at(volts) - params.offset_m if volts >= farthest_v else math.inf
 
 
 def _status(params: InfraredParameters, distance_m: float, maybe_folded: bool) -> RangeStatus:

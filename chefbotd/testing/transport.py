@@ -3,10 +3,10 @@
 import asyncio
 from collections.abc import Callable
 
-from chefbotd.link.port import LinkParameters
+from chefbotd.link.port import LinkParameters, PortTransport
 
 
-class FakeSerialTransport(asyncio.Transport):
+class FakeSerialTransport(PortTransport):
     """The transport between ``FakeSerialDevice`` and a protocol. It behaves like the serial transport.
 
     Writes after the link is lost are ignored. While the board does not read, the write buffer fills.
@@ -72,19 +72,10 @@ class FakeSerialTransport(asyncio.Transport):
         self._unsent.clear()
         self.write(words)
 
-    def close_saying(self, words: bytes) -> None:
-        """Replace all unsent bytes by these, and close. A stalled board may still read them."""
-        self.overtake(words)
-        self.abort()
-
     def close_behind(self, words: bytes, *, dtr: bool) -> None:
-        """Set or clear the line, and do the same."""
+        """Set or clear the line; a stalled board may still read the words."""
         self.dtr = dtr
-        self.close_saying(words)
-
-    def write_from_thread(self, words: bytes) -> bool:
-        """Return nothing: every byte goes through the loop."""
-        return False
+        super().close_behind(words, dtr=dtr)
 
     def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None:
         """Pause the protocol when more than ``high`` bytes are unsent."""

@@ -232,7 +232,7 @@ class SocketConnection(asyncio.Protocol):
 
     def pause_writing(self) -> None:
         """Asyncio: the client does not read; only stops are served now."""
-        self._outbox.pause()
+        self._outbox.hold_back()
 
     def resume_writing(self) -> None:
         """Asyncio: the client has read; it gets what waited, then its further requests are served."""

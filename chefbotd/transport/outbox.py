@@ -87,7 +87,7 @@ class Outbox:
         self._dropped[key[0]] += 1
         self._all_drops[key[0]] += 1
 
-    def pause(self) -> None:
+    def hold_back(self) -> None:
         """The client is behind: from now on it has to make progress."""
         self.blocked, self._late_bytes = True, 0
         self._expect_progress(self._parameters.write_timeout_s)

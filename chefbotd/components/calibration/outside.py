@@ -79,7 +79,7 @@ class CalibrationThread:
 
         await self._entries.outside(lambda: self._in_thread(check))
 
-    async def save(self, values: Values) -> CalibrationApplied:
+    async def write_configuration(self, values: Values) -> CalibrationApplied:
         """Write values into the configuration; raises ``Refused``."""
         return await self._entries.outside(lambda: self._in_thread(lambda: self._save(values)))
 

@@ -164,7 +164,7 @@ class CalibrationService:
         values = _values(passed)
         if not values:
             raise Refused(RefusalKind.NOT_CALIBRATED, "no step has passed yet, so there is nothing to write")
-        return await self._thread.save(values)
+        return await self._thread.write_configuration(values)
 
     def _require(self, step: StepDefinition, robot: ConfiguredRobot, space_m: float | None) -> None:
         """Check what must hold before anything moves.

@@ -234,7 +234,7 @@ class LocalizationSkill:
         self._keep()
         self._within = self._kept = self.report = self.seen = None
         self._now = Localization()
-        self._aligner.clear()
+        self._aligner.forget_scans()
 
     def _change_to(
         self, name: str, version: int, grid: OccupancyGrid, map_: LocalizationMap, renamed_from: str | None
@@ -252,7 +252,7 @@ class LocalizationSkill:
     def _rest(self) -> None:
         self._within = self._map = self._kept = self.grid = self.report = self.seen = None
         self._now, self._mount, self._reason, self._sought = Localization(), MountCheck(), "", ""
-        self._aligner.clear()
+        self._aligner.forget_scans()
 
     def _require_map(self) -> None:
         if self._within is None:

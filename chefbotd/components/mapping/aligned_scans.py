@@ -119,7 +119,7 @@ class ScanAligner:
         if len(self._waiting) > MOST_WAITING:
             self._waiting.popleft()
 
-    def clear(self) -> None:
+    def forget_scans(self) -> None:
         """Forget the scans that wait."""
         self._waiting.clear()
         self._assembler.clear()

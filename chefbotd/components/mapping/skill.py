@@ -69,7 +69,7 @@ class MappingSkill:
         self._last: AlignedScan | None = None
         self._saved_number = 0
         self._tell_at_s = self._save_at_s = float("-inf")
-        self._aligner.clear()
+        self._aligner.forget_scans()
 
     def warm(self) -> None:
         """Load, or compile, all that SLAM needs."""
@@ -210,7 +210,7 @@ class MappingSkill:
 
     def _pause(self) -> MappingChanged:
         self._require_map()
-        self._aligner.clear()
+        self._aligner.forget_scans()
         self._mode = MappingMode.PAUSED
         return self._status()
 
@@ -238,7 +238,7 @@ class MappingSkill:
     def _finishing(self, name: str, before: MappingMode) -> Generator[JobStep, None, Struct]:
         """Match all scans once more, in a copy, and save it; whatever ends this early leaves the map as it was."""
         self._mode = MappingMode.FINISHING
-        self._aligner.clear()
+        self._aligner.forget_scans()
         try:
             yield JobStep(0.0, 1.0, "")
             work = refining(self._parameters.mapping.slam, self._state)

@@ -175,7 +175,7 @@ class NavigationSkill:
         pose, status = self._pose(now_s)
         if pose is None or status is PoseStatus.LOST:
             raise Refused(RefusalKind.POSE_UNKNOWN, "where the robot is in the map is not known yet")
-        path = self._navigator.plan_to(pose, _goal(goal), now_s)
+        path = self._navigator.plan_path(pose, _goal(goal), now_s)
         if isinstance(path, NoPath):
             none, near = PlanResult(False, path.reason, only_for_now=path.only_for_now), path.nearest
             if near is None:

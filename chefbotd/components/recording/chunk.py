@@ -104,7 +104,7 @@ class Chunk(Struct, frozen=True):
     counts: dict[int, int]
 
     @property
-    def messages(self) -> int:
+    def message_count(self) -> int:
         """How many messages are in it."""
         return sum(self.counts.values())
 

@@ -124,7 +124,7 @@ class RecordingFolder:
         names = (f"{name}.mcap", *(f"{name}_{number}.mcap" for number in range(2, 10_000)))
         return self.path / next(candidate for candidate in names if candidate not in existing)
 
-    def sync(self) -> None:
+    def sync_names(self) -> None:
         """Wait until the names in the folder are on the disk."""
         self._disk.sync_folder(self.path)
 

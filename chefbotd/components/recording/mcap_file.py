@@ -84,7 +84,7 @@ class RecordingFile:
         indexes = start + len(chunk.head) + len(chunk.data)
         self._write_data(news + chunk.head + chunk.data + chunk.indexes)
         self._counts.update(chunk.counts)
-        self.messages += chunk.messages
+        self.messages += chunk.message_count
         self._chunks.append(
             ChunkIndex(
                 message_start_time=chunk.start_ns,

@@ -206,7 +206,7 @@ class Recorder:
             except OSError:
                 self._abandon_file(file)
                 raise
-            self._folder.sync()
+            self._folder.sync_names()
             self._folder.remove_old(self._current)
         except OSError as error:
             raise self._folder.refusal(f"cannot write in {self._folder.path}", error) from error
@@ -229,7 +229,7 @@ class Recorder:
         path = self._folder.new_path(name if self._part == 1 else f"{name}_part{self._part}")
         self._file_began_s = self._synced_s = now_s
         file = self._file = self._create(path, name)
-        self._folder.sync()
+        self._folder.sync_names()
         self.status = replace(self.status, state="recording", file=str(path), reason="")
         self._folder.remove_old(self._current)
         return file

@@ -133,7 +133,7 @@ class RecorderThread:
             self.writer = self._starting
         return self.writer
 
-    def look(self, elapsed_s: float) -> None:
+    def watch_disk(self, elapsed_s: float) -> None:
         """Notice a thread that waits for the disk; ``elapsed_s`` is the time since the last look.
 
         A chunk that the thread got a moment ago proves nothing.

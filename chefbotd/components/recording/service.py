@@ -202,7 +202,7 @@ class RecordingService:
         reported, last = 0, ""
         while True:
             self._look_at_state()
-            self.thread.look(TELL_BEATS * BEAT_S)
+            self.thread.watch_disk(TELL_BEATS * BEAT_S)
             problem = DISK_HANGS if self.thread.hangs else self.thread.status.reason
             if problem and problem != last:
                 log.warning("recording has a problem", reason=problem, state=str(self.thread.status.state))

@@ -160,7 +160,7 @@ class FirmwareSketch:
         now_us = self._micros()
         return [_edge(angle * per_rad, speed * per_rad, now_us) for angle, speed, per_rad in wheels]
 
-    def ping(self, now_us: int) -> None:
+    def trigger_ultrasonic(self, now_us: int) -> None:
         """The sensor's line rises, and falls when the echo is back."""
         sensor = self._wiring.ultrasonic
         if sensor is None or self.loses_echoes:

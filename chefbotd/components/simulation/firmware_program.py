@@ -71,7 +71,7 @@ class Hardware(Protocol):
         """Each wheel's count, and the time of its newest edge."""
         ...
 
-    def ping(self, now_us: int) -> None:
+    def trigger_ultrasonic(self, now_us: int) -> None:
         """Ask the ultrasonic sensor; its answer comes by ``FirmwareProgram.echo``."""
 
     def send(self, data: bytes) -> None:
@@ -185,7 +185,7 @@ class FirmwareProgram:
             self._note_distance(0, now_us)
         if self._rose_us is None:
             self._awaits_echo = True
-            self._hardware.ping(now_us)
+            self._hardware.trigger_ultrasonic(now_us)
 
     def _note_distance(self, distance_cm: int, at_us: int) -> None:
         readings = self.readings

@@ -94,9 +94,9 @@ class SimulateRun:
         self._as_json, self._say_line = as_json, say
         self._done = asyncio.Event()
         self._words = {
-            "plug": self.plug,
-            "unplug": self.unplug,
-            "truth": self.truth,
+            "plug": self.plug_cable,
+            "unplug": self.unplug_cable,
+            "truth": self.print_truth,
             "reset": self.reset,
             "quit": self.quit,
         }
@@ -104,7 +104,7 @@ class SimulateRun:
     async def run(self, commands: AsyncIterator[str]) -> None:
         """Plug in, run and obey until told to quit; unplugs on every way out."""
         try:
-            self.plug()
+            self.plug_cable()
             for name, device in self._lidars.plug().items():
                 self._say({"lidar": name, "device": str(device)}, "device")
             async with asyncio.TaskGroup() as tasks:
@@ -126,16 +126,16 @@ class SimulateRun:
                 words = " ".join(self._words)
                 self._say({"error": f"unknown word {word!r}, expected one of: {words}"}, "error")
 
-    def plug(self) -> None:
+    def plug_cable(self) -> None:
         """Connect the cable, and say the path of the device."""
         self._say({"device": str(self._pty.plug())}, "device")
 
-    def unplug(self) -> None:
+    def unplug_cable(self) -> None:
         """Pull the cable; the board runs on."""
         self._pty.unplug()
         self._say({"unplugged": True})
 
-    def truth(self) -> None:
+    def print_truth(self) -> None:
         """Say where the robot really is, always as JSON, and what its motors get, with times by the board's clock."""
         truth, runner = self._runner.truth(SystemClock().now_s()), self._runner
         moved = {**asdict(truth.world_from_base), **asdict(truth.twist), "in_contact": truth.in_contact}

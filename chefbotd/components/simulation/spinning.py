@@ -41,7 +41,7 @@ class Sight:
         self._opaque = RayCaster(edges[~glass], flaws.max_range_m)
         self._glass = RayCaster(edges[glass], flaws.max_range_m) if glass.any() else None
 
-    def look(self, origins: Vector, bearings_rad: Vector, discs: Vector) -> BeamReturns:
+    def cast_beams(self, origins: Vector, bearings_rad: Vector, discs: Vector) -> BeamReturns:
         """The echoes of beams from ``origins`` (B x 2), whose bearings in the world frame rise or fall."""
         hits = self._opaque.cast(origins, bearings_rad)
         range_m, intensity = hits.range_m, np.full(len(bearings_rad), BRIGHT)
@@ -212,7 +212,7 @@ class SpinningLidar(ABC):
         origins[:, 1] = y + sin * mount.x_m + cos * mount.y_m
         sense = 1.0 if self._mount.upside_down else -1.0
         bearings = base_rad + mount.heading_rad + sense * math.tau * (turned - math.floor(turned[0]))
-        return self._sight.look(origins, bearings, discs)
+        return self._sight.cast_beams(origins, bearings, discs)
 
     def _distances_m(self, seen: BeamReturns) -> Vector:
         """Ranges with the lidar's noise and resolution; 0 is no reading."""

@@ -100,7 +100,7 @@ class Worker:
         self.status, self._requests.last_number = state
 
     @property
-    def dropped(self) -> int:
+    def dropped_measurements(self) -> int:
         """What was measured and gave way to what is newer."""
         return self._dropped + (self._channel.dropped if self._channel is not None else 0)
 

@@ -96,7 +96,7 @@ def worker(service: WorkerService) -> Feature:
         metrics.counter(
             "worker_dropped",
             "Scans and odometry that were dropped, because the worker did not read in time.",
-            lambda: process.dropped,
+            lambda: process.dropped_measurements,
         )
         metrics.optional_gauge(
             "worker_rss_mb", "Resident memory of the worker.", lambda: process.status.rss_mb

@@ -10,7 +10,6 @@ from chefbotd.clock import Clock
 from chefbotd.core.events.lidars import LidarChanged, ScanMeasured
 from chefbotd.driving.lidars.models import LidarData, LidarsData, ScanData
 from chefbotd.features.feature import Feature, Service
-from chefbotd.link.entry_session import EntrySession
 from chefbotd.link.lidar.session import LidarSession, link_of, port_of
 from chefbotd.link.reconnect import Opener, PortLink
 from chefbotd.metrics import Metrics
@@ -29,14 +28,8 @@ def lidars(
     """Every lidar, each on a link of its own."""
     sessions = [LidarSession(bus, clock, lidar) for lidar in parameters]
     links = [
-        PortLink(
-            port_of(of_lidar.lidar),
-            EntrySession(link_of(of_lidar.lidar), of_lidar, clock),
-            opener,
-            clock,
-            rng,
-        )
-        for of_lidar in sessions
+        PortLink(port_of(session.lidar), session, opener, clock, rng, name=link_of(session.lidar))
+        for session in sessions
     ]
     return Feature(
         "lidars",

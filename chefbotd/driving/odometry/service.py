@@ -110,7 +110,7 @@ class OdometryService(StatefulPart[OdometryServiceState]):
         now_s, before = self._clock.now_s(), self.memory.odometry.odom_from_base
         self.memory.odometry = dead_reckoning.set_pose(self.memory.odometry, odom_from_base)
         if self.fused is not None:
-            self.fused.set_pose(self.memory.odometry.odom_from_base)
+            self.fused.move_to(self.memory.odometry.odom_from_base)
         self._bus.publish(OdometryReset(now_s, before, self.memory.odometry.odom_from_base))
         self._publish_odometry(now_s, now_s)
 

@@ -2,7 +2,7 @@
 
 import asyncio
 from collections import Counter
-from typing import Protocol, cast, runtime_checkable
+from typing import cast
 
 import structlog
 
@@ -17,7 +17,7 @@ from chefbotd.link.lidar.health import LidarCondition, LidarHealthWatch, LidarTo
 from chefbotd.link.lidar.ld19_reader import Ld19Reader, Ld19State
 from chefbotd.link.lidar.rplidar_reader import RplidarReader, RplidarState
 from chefbotd.link.lidar.turn import LidarTurn, RepeatFinder, Travel, scan_of
-from chefbotd.link.port import LinkParameters
+from chefbotd.link.port import LinkParameters, PortTransport
 from chefbotd.sensing.lidar import LidarModel, LidarParameters
 from firmware_protocol.lidar import ld19, rplidar
 
@@ -26,15 +26,6 @@ log = structlog.get_logger(component="lidar")
 SAMPLE_BYTES = 128
 DOWN, UNKNOWN = "down", "unknown"
 POLL_EVERY_S = 0.05
-
-
-@runtime_checkable
-class MotorPort(Protocol):
-    """A transport that knows DTR, and can say something before it closes."""
-
-    def close_behind(self, words: bytes, *, dtr: bool) -> None:
-        """Set or clear the line, write, and close; the loop does not wait for it."""
-        ...
 
 
 def baud_of(lidar: LidarParameters) -> int:
@@ -235,7 +226,7 @@ class LidarSession(asyncio.Protocol):
         transport, words = self._transport, self.reader.end()
         if transport is None:
             return
-        if words and isinstance(transport, MotorPort):
+        if words and isinstance(transport, PortTransport):
             transport.close_behind(words, dtr=True)
         else:
             transport.abort()

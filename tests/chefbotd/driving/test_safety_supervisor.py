@@ -113,19 +113,19 @@ def test_arm_clears_what_it_names_and_nothing_that_latched_after_it() -> None:
     """A fault, and an e-stop just before its arm: that one holds, until the arm that names it."""
     kept = Kept()
     kept.keeper.fail(Fault(FaultKind.WHEEL_STALLED, "a wheel is held"))
-    kept.keeper.announce(100.1)
+    kept.keeper.publish_gate_state(100.1)
     seen = kept.told()[-1].latch
     kept.keeper.estop("smoke")
     with pytest.raises(Refused, match="smoke") as refused:
         kept.keeper.arm(seen)
     assert refused.value.kind is RefusalKind.LATCHED_AGAIN
     assert kept.keeper.gate.mode is Mode.ESTOPPED
-    kept.keeper.announce(100.2)
+    kept.keeper.publish_gate_state(100.2)
     assert kept.told()[-1].latch == seen + 1
     kept.keeper.estop("smoke")  # the same words, by somebody else
     with pytest.raises(Refused):
         kept.keeper.arm(seen + 1)
-    kept.keeper.announce(100.3)
+    kept.keeper.publish_gate_state(100.3)
     kept.keeper.arm(kept.told()[-1].latch)
     assert kept.keeper.armed
 
@@ -136,7 +136,7 @@ def test_a_number_of_another_start_of_the_daemon_clears_nothing(session: int) ->
     before, after = Kept(session=0x1F3A07C1), Kept(session=session)
     for kept in (before, after):
         kept.keeper.estop("smoke")
-        kept.keeper.announce(100.1)
+        kept.keeper.publish_gate_state(100.1)
     kept_number, number = before.told()[-1].latch, after.told()[-1].latch
     assert kept_number == 0x1F3A07C1 * 2**20 + 1
     assert number == session * 2**20 + 1
@@ -152,7 +152,7 @@ def test_arm_clears_no_fault_that_a_thread_has_just_reported() -> None:
     """The watchdog's report waits for the loop: it counts as latched before the arm."""
     kept = Kept()
     kept.keeper.estop("smoke")
-    kept.keeper.announce(100.1)
+    kept.keeper.publish_gate_state(100.1)
     kept.keeper.arm(kept.told()[-1].latch)
     kept.keeper.report_from_thread(Fault(FaultKind.LOOP_BLOCKED, "it stood still"))
     with pytest.raises(Refused):
@@ -197,7 +197,7 @@ def test_a_fault_that_changes_nothing_is_not_counted_again() -> None:
     kept = Kept()
     for _ in range(5):
         kept.keeper.fail(Fault(FaultKind.WHEEL_STALLED, "a wheel is held"))
-    kept.keeper.announce(100.1)
+    kept.keeper.publish_gate_state(100.1)
     assert kept.told()[-1].latch == 1
     kept.keeper.arm(1)
     assert kept.keeper.armed
@@ -319,7 +319,7 @@ def test_what_is_logged_of_modes_and_limits() -> None:
         for step in steps:
             step()
             kept.keeper.decide(kept.clock.now_s(), driven=False)
-            kept.keeper.announce(kept.clock.now_s())
+            kept.keeper.publish_gate_state(kept.clock.now_s())
         await asyncio.sleep(11.0)
 
     with capture_logs() as log:
@@ -336,12 +336,12 @@ def test_a_board_that_drives_on_during_an_estop_is_logged_as_an_error() -> None:
     """The mode stays the same; what is wrong is said once, and loudly."""
     kept = Kept()
     with capture_logs() as log:
-        kept.keeper.announce(kept.clock.now_s())
+        kept.keeper.publish_gate_state(kept.clock.now_s())
         kept.keeper.estop("smoke")
-        kept.keeper.announce(kept.clock.now_s())
+        kept.keeper.publish_gate_state(kept.clock.now_s())
         for _ in range(2):
             kept.keeper.fail(Fault(FaultKind.BOARD_UNRESPONSIVE, "it does not listen"))
-            kept.keeper.announce(kept.clock.now_s())
+            kept.keeper.publish_gate_state(kept.clock.now_s())
     assert [(entry["log_level"], entry["event"]) for entry in log] == [
         ("warning", "safety mode changed"),
         ("error", "the robot moves although it must stand"),

@@ -153,5 +153,5 @@ def test_a_guard_that_is_off_is_announced_with_the_mode() -> None:
         motors=MotorWatch(parameters, CHASSIS, 1000),
         guard_warning="a lidar, and the guard is off",
     )
-    keeper.announce(100.0)
+    keeper.publish_gate_state(100.0)
     assert [event.guard_warning for event in told] == ["a lidar, and the guard is off"]

@@ -165,7 +165,7 @@ def test_after_a_banner_the_next_reading_counts():
     """Told of the restart, the clock takes the next reading as its new beginning, at once."""
     clock = BoardClock()
     host_s = run(clock, 50_000_000, 10)
-    clock.restart()
+    clock.expect_new_count()
     assert clock.latest_s is None
     assert clock.observe(20_000, 0.02, host_s + 2.0) is StampVerdict.GOOD
     assert clock.latest_s == pytest.approx(host_s + 2.0)
@@ -319,7 +319,7 @@ def test_a_banner_ends_a_doubt():
     clock = BoardClock()
     host_s = run(clock, 50_000_000, 10)
     assert clock.observe(518, 0.02, host_s + 0.02) is StampVerdict.SUSPECT
-    clock.restart()
+    clock.expect_new_count()
     assert not clock.in_doubt
 
 

@@ -8,6 +8,7 @@ from chefbotd.bus import Bus
 from chefbotd.clock import ManualClock
 from chefbotd.core.events import LineSeen
 from chefbotd.link.board_writer import BoardWriter, LineRing
+from chefbotd.link.port import PortTransport
 from firmware_protocol import messages as wire
 from firmware_protocol.codec import CLASSIC, FOUR_WHEELS, Variant, to_board
 from firmware_protocol.decoder import Decoder
@@ -17,37 +18,30 @@ from tests.fakes.classic_sketch import duty_in_force
 LARGEST_DIGIT = 9
 
 
-class Wire:
+class Wire(PortTransport):
     """A port that takes everything at once, and remembers what it took."""
 
     def __init__(self) -> None:
+        super().__init__()
         self.taken = b""
         self.closed = False
         self.unsent = 0
-
-    def set_write_buffer_limits(self, high: int) -> None:
-        """Nothing to do."""
 
     def get_write_buffer_size(self) -> int:
         """As told."""
         return self.unsent
 
-    def write(self, data: bytes) -> None:
+    def write(self, data: bytes | bytearray | memoryview) -> None:
         """Take it."""
         self.taken += data
-
-    def overtake(self, words: bytes) -> None:
-        """Take it."""
-        self.taken += words
 
     def write_from_thread(self, words: bytes) -> bool:
         """Take it."""
         self.taken += words
         return True
 
-    def close_saying(self, words: bytes) -> None:
-        """Take it, for the last time."""
-        self.taken += words
+    def abort(self) -> None:
+        """Take nothing any more."""
         self.closed = True
 
 

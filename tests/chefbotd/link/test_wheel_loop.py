@@ -63,5 +63,5 @@ def test_no_speed_is_asked_for_that_the_board_cannot_count() -> None:
     loop.use(WheelLoopParameters((8400,), SIGNS), lambda: (12.0, -3.0))
     loop.confirm(0, 8400)
     assert loop.command((200, -50)) == (12_000, -3_000)
-    loop.limit(12_500)
+    loop.limit_edges(12_500)
     assert loop.command((200, -50)) == (9_349, -3_000)

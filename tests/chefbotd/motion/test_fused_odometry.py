@@ -322,7 +322,7 @@ def test_a_declared_pose_is_where_it_goes_on() -> None:
     """Placed at (1, 2) and 90 degrees, a metre ahead is (1, 3)."""
     drive = Drive(by_heading)
     drive.go(2.0, 0.2, 0.3)
-    drive.odometry.set_pose(Pose2D(1.0, 2.0, math.pi / 2))
+    drive.odometry.move_to(Pose2D(1.0, 2.0, math.pi / 2))
     drive.go(5.0, 0.2, 0.0)
     estimate = drive.odometry.estimate
     assert (estimate.x_m, estimate.y_m) == pytest.approx((1.0, 3.0), abs=0.02)

@@ -76,7 +76,7 @@ def publish_texts(fanout: Fanout, *texts: str, stamp_s: float = 0.0) -> None:
 def test_an_event_that_leaves_the_state_as_it_is_is_not_sent() -> None:
     """The robot is armed, slower for an obstacle, armed: of two equal events the log of lines sends one."""
     reader, fanout = Reader(), Fanout(topics_of(simulated=False), ManualClock(100.0), ignore)
-    fanout.subscribe(reader, ["log"], "ordered", 0.0)
+    fanout.add_receiver(reader, ["log"], "ordered", 0.0)
     for stamp_s, limited_by in ((1.0, None), (2.0, None), (3.0, "obstacle:front"), (4.0, None), (5.0, None)):
         fanout.publish(SafetyChanged(stamp_s, "armed", "started", None, limited_by=limited_by))
     assert [(payload.seq, payload.stamp_s) for payload in reader.payloads] == [(1, 1.0), (2, 3.0), (3, 4.0)]
@@ -86,7 +86,7 @@ def test_a_payload_has_the_topic_its_times_and_the_encoded_data() -> None:
     """The second event of the topic, from 99.75 s, handed out at 100 s."""
     clock, reader = ManualClock(100.0), Reader()
     fanout = text_fanout(clock)
-    fanout.subscribe(reader, ["text"], "latest", 0.0)
+    fanout.add_receiver(reader, ["text"], "latest", 0.0)
     fanout.publish(TextReceived(99.5, "hi"))
     fanout.publish(TextReceived(99.75, "hello"))
     assert reader.payloads[1:] == [EventPayload("text", 2, 99.75, 0.25, b'{"text":"hello"}')]
@@ -96,9 +96,9 @@ def test_an_event_is_made_once_for_everyone() -> None:
     """Three clients in two groups and a state request: one conversion, the very same bytes for all."""
     counting, readers = CountingTopic(), [Reader(), Reader(), Reader()]
     fanout = Fanout(counting.table, ManualClock(), ignore)
-    fanout.subscribe(readers[0], ["text"], "latest", 0.0)
-    fanout.subscribe(readers[1], ["text"], "latest", 0.0)
-    fanout.subscribe(readers[2], ["text"], "ordered", 0.0)
+    fanout.add_receiver(readers[0], ["text"], "latest", 0.0)
+    fanout.add_receiver(readers[1], ["text"], "latest", 0.0)
+    fanout.add_receiver(readers[2], ["text"], "ordered", 0.0)
     publish_texts(fanout, "a")
     assert counting.conversions == 1
     assert readers[0].payloads[0] is readers[1].payloads[0]
@@ -111,7 +111,7 @@ def test_nothing_is_made_for_nobody() -> None:
     fanout = Fanout(counting.table, ManualClock(), ignore)
     publish_texts(fanout, "a", "b", "c")
     assert counting.conversions == 0
-    fanout.subscribe(reader, ["text"], "latest", 0.0)
+    fanout.add_receiver(reader, ["text"], "latest", 0.0)
     fanout.snapshot(reader, ["text"])
     assert (reader.texts, counting.conversions) == (["c"], 1)
 
@@ -121,8 +121,8 @@ def test_an_event_may_belong_to_several_topics() -> None:
     texts = topics_of(simulated=False)["text"]
     shout = replace(texts, name="shout", data=lambda event: TextData(text=event.text.upper()))
     fanout, quiet, loud = Fanout({"text": texts, "shout": shout}, ManualClock(), ignore), Reader(), Reader()
-    fanout.subscribe(quiet, ["text"], "latest", 0.0)
-    fanout.subscribe(loud, ["shout"], "latest", 0.0)
+    fanout.add_receiver(quiet, ["text"], "latest", 0.0)
+    fanout.add_receiver(loud, ["shout"], "latest", 0.0)
     publish_texts(fanout, "a", "b")
     assert [(p.topic, p.seq, p.data) for p in quiet.payloads] == [
         ("text", 1, b'{"text":"a"}'),
@@ -137,7 +137,7 @@ def test_sequence_numbers_count_events_not_deliveries() -> None:
     """A late subscriber sees how many events came before it."""
     reader, fanout = Reader(), text_fanout(ManualClock())
     publish_texts(fanout, "a", "b")
-    fanout.subscribe(reader, ["text"], "latest", 0.0)
+    fanout.add_receiver(reader, ["text"], "latest", 0.0)
     publish_texts(fanout, "c")
     assert reader.payloads[0].seq == 3
 
@@ -145,8 +145,8 @@ def test_sequence_numbers_count_events_not_deliveries() -> None:
 def test_a_snapshot_is_only_of_what_there_is() -> None:
     """A topic that has had no event yet has no snapshot."""
     reader, other, fanout = Reader(), Reader(), text_fanout(ManualClock())
-    fanout.subscribe(other, ["text"], "ordered", 0.0)
-    fanout.subscribe(reader, ["text", "battery"], "latest", 0.0)
+    fanout.add_receiver(other, ["text"], "ordered", 0.0)
+    fanout.add_receiver(reader, ["text", "battery"], "latest", 0.0)
     publish_texts(fanout, "a")
     reader.payloads.clear()
     fanout.snapshot(reader, ["text", "battery", "odometry"])
@@ -165,7 +165,7 @@ def timeline(max_rate_hz: float, script: Callable[[Fanout], Any]) -> list[tuple[
                 text = text_of(payload)
                 got.append((round(clock.now_s() - start_s, 3), text))
 
-        fanout.subscribe(Timed(), ["text"], "latest", 1.0 / max_rate_hz)
+        fanout.add_receiver(Timed(), ["text"], "latest", 1.0 / max_rate_hz)
         await script(fanout)
         await asyncio.sleep(1.0)
         return got
@@ -217,7 +217,7 @@ def test_nobody_gets_events_sooner_than_asked_for(
         async def join(number: int, after_ms: int) -> None:
             await asyncio.sleep(after_ms / 1000)
             reader = Numbered(number)
-            fanout.subscribe(reader, ["text"], "latest", interval_s)
+            fanout.add_receiver(reader, ["text"], "latest", interval_s)
             fanout.snapshot(reader, ["text"])
 
         async with asyncio.TaskGroup() as group:
@@ -249,7 +249,7 @@ def test_a_snapshot_is_an_interval_away_from_what_follows() -> None:
         reader = Timed()
         publish_texts(fanout, "first")
         await asyncio.sleep(0.005)
-        fanout.subscribe(reader, ["text"], "latest", 0.5)
+        fanout.add_receiver(reader, ["text"], "latest", 0.5)
         fanout.snapshot(reader, ["text"])
         for i in range(120):
             await asyncio.sleep(0.01)
@@ -264,9 +264,9 @@ def test_a_snapshot_is_not_repeated_as_trailing_value() -> None:
 
     async def scenario() -> None:
         early, late, fanout = Reader(), Reader(), text_fanout()
-        fanout.subscribe(early, ["text"], "latest", 0.1)
+        fanout.add_receiver(early, ["text"], "latest", 0.1)
         publish_texts(fanout, "a", "b")
-        fanout.subscribe(late, ["text"], "latest", 0.1)
+        fanout.add_receiver(late, ["text"], "latest", 0.1)
         fanout.snapshot(late, ["text"])
         await asyncio.sleep(0.2)
         assert (early.texts, late.texts) == (["a", "b"], ["b"])
@@ -279,9 +279,9 @@ def test_nothing_comes_after_unsubscribing() -> None:
 
     async def scenario() -> None:
         reader, fanout = Reader(), text_fanout()
-        fanout.subscribe(reader, ["text"], "latest", 0.1)
+        fanout.add_receiver(reader, ["text"], "latest", 0.1)
         publish_texts(fanout, "a", "b")
-        fanout.unsubscribe(reader)
+        fanout.remove_receiver(reader)
         await asyncio.sleep(0.2)
         publish_texts(fanout, "c")
         assert reader.texts == ["a"]
@@ -294,8 +294,8 @@ def test_others_stay_when_one_leaves() -> None:
     """Unsubscribing one topic of one client changes nothing else."""
     stays, leaves, fanout = Reader(), Reader(), text_fanout(ManualClock())
     for reader in (stays, leaves):
-        fanout.subscribe(reader, ["text", "link"], "latest", 0.0)
-    fanout.unsubscribe(leaves, ["text"])
+        fanout.add_receiver(reader, ["text", "link"], "latest", 0.0)
+    fanout.remove_receiver(leaves, ["text"])
     publish_texts(fanout, "a")
     assert (stays.texts, leaves.texts) == (["a"], [])
     assert fanout.subscribed(leaves) == ["link"]
@@ -304,8 +304,8 @@ def test_others_stay_when_one_leaves() -> None:
 def test_subscribing_again_replaces_rate_and_policy() -> None:
     """A client is in one group per topic: it gets each event once, by the newest terms."""
     reader, fanout = Reader(), text_fanout(ManualClock())
-    fanout.subscribe(reader, ["text", "text"], "latest", 0.0)
-    fanout.subscribe(reader, ["text"], "ordered", 0.0)
+    fanout.add_receiver(reader, ["text", "text"], "latest", 0.0)
+    fanout.add_receiver(reader, ["text"], "ordered", 0.0)
     publish_texts(fanout, "a")
     assert (reader.texts, reader.policies) == (["a"], {False})
 
@@ -319,12 +319,12 @@ def test_demand_is_told_when_it_begins_and_ends() -> None:
         lambda topic, wanted: heard.append((topic.name, wanted)),
     )
     one, two = Reader(), Reader()
-    fanout.subscribe(one, ["raw", "text"], "latest", 0.0)
-    fanout.subscribe(one, ["raw"], "ordered", 0.5)
-    fanout.subscribe(two, ["raw"], "latest", 0.0)
+    fanout.add_receiver(one, ["raw", "text"], "latest", 0.0)
+    fanout.add_receiver(one, ["raw"], "ordered", 0.5)
+    fanout.add_receiver(two, ["raw"], "latest", 0.0)
     fanout.publish(LineSeen(0.0, Direction.FROM_BOARD, b"t\t1"))
-    fanout.unsubscribe(one)
-    fanout.unsubscribe(two, ["raw"])
+    fanout.remove_receiver(one)
+    fanout.remove_receiver(two, ["raw"])
     assert heard == [("raw", True), ("raw", False)]
     assert len(two.payloads) == 1
 
@@ -333,14 +333,14 @@ def test_an_unknown_topic_is_a_bug_of_the_caller() -> None:
     """Names are checked before they get here; nothing is subscribed by half."""
     reader, fanout = Reader(), text_fanout(ManualClock())
     with pytest.raises(KeyError):
-        fanout.subscribe(reader, ["text", "nonsense"], "latest", 0.0)
+        fanout.add_receiver(reader, ["text", "nonsense"], "latest", 0.0)
     assert fanout.subscribed(reader) == []
 
 
 def test_data_that_does_not_fit_harms_only_its_own_topic() -> None:
     """A broken event is left out, of events, snapshots and states alike; the next good one comes through."""
     reader, fanout = Reader(), text_fanout(ManualClock())
-    fanout.subscribe(reader, ["text"], "latest", 0.0)
+    fanout.add_receiver(reader, ["text"], "latest", 0.0)
     broken: Any = None
     publish_texts(fanout, broken, broken)
     fanout.snapshot(reader, ["text"])

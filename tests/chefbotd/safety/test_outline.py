@@ -102,5 +102,5 @@ def test_closing_is_how_fast_the_distance_falls(
     step_s = 1e-4
     later_x, later_y = x - (linear - angular * y) * step_s, y - angular * x * step_s
     before, after = outline.distances(np.array([x, later_x]), np.array([y, later_y]))
-    closing = outline.closing(np.array([x]), np.array([y]), Twist2D(linear, angular))
+    closing = outline.closing_speed_m_s(np.array([x]), np.array([y]), Twist2D(linear, angular))
     assert closing[0] == pytest.approx((before - after) / step_s, abs=0.02)

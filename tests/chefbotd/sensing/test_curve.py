@@ -17,18 +17,18 @@ def test_slopes_and_values_are_those_computed_by_hand() -> None:
     2.1875.
     """
     curve = MonotoneCurve([(0, 0), (1, 1), (2, 4)])
-    assert [curve.at(x) for x in (0.5, 1.5)] == pytest.approx([0.3125, 2.1875])
+    assert [curve.value_at(x) for x in (0.5, 1.5)] == pytest.approx([0.3125, 2.1875])
 
 
 def test_two_points_are_a_line() -> None:
     """There is nothing to bend it."""
-    assert MonotoneCurve([(1, 10), (3, 4)]).at(2.5) == pytest.approx(5.5)
+    assert MonotoneCurve([(1, 10), (3, 4)]).value_at(2.5) == pytest.approx(5.5)
 
 
 def test_beyond_its_ends_it_is_flat() -> None:
     """The nearest end's value, on both sides."""
     curve = MonotoneCurve([(1, 10), (3, 4)])
-    assert (curve.at(0), curve.at(9)) == (10, 4)
+    assert (curve.value_at(0), curve.at(9)) == (10, 4)
 
 
 def test_an_end_that_would_overshoot_is_held() -> None:
@@ -36,7 +36,7 @@ def test_an_end_that_would_overshoot_is_held() -> None:
 
     A quarter in: 0.25 * 0.75^2 * 3 + 0.25^2 * (3 - 0.5) * 1 = 0.578125.
     """
-    assert MonotoneCurve([(0, 0), (1, 1), (2, -8)]).at(0.25) == pytest.approx(0.578125)
+    assert MonotoneCurve([(0, 0), (1, 1), (2, -8)]).value_at(0.25) == pytest.approx(0.578125)
 
 
 @pytest.mark.parametrize("points", [[], [(1, 1)], [(1, 1), (1, 2)], [(2, 1), (1, 2)]])
@@ -54,7 +54,7 @@ def test_rising_points_make_a_rising_curve_through_them(steps: list[tuple[float,
     for width, rise in steps:
         points.append((points[-1][0] + width, points[-1][1] + rise))
     curve = MonotoneCurve(points)
-    assert [curve.at(x) for x, _ in points] == pytest.approx([y for _, y in points])
+    assert [curve.value_at(x) for x, _ in points] == pytest.approx([y for _, y in points])
     end = points[-1][0]
-    values = [curve.at(end * k / 200) for k in range(201)]
+    values = [curve.value_at(end * k / 200) for k in range(201)]
     assert all(after >= before - 1e-9 for before, after in pairwise(values))

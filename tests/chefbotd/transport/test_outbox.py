@@ -18,7 +18,7 @@ def outbox() -> tuple[Outbox, FakeTransport, Counter[str]]:
     """An outbox on a fake socket, and the count of all clients' drops."""
     transport, drops = FakeTransport(), Counter[str]()
     box = Outbox(transport, LIMITS, drops, transport.abort, LineFraming().encode)
-    transport.pause_writing, transport.resume_writing = box.pause, box.resume
+    transport.pause_writing, transport.resume_writing = box.hold_back, box.resume
     return box, transport, drops
 
 

@@ -21,7 +21,7 @@ class ScanWriter:
         self._converter = DepthToScan(parameters)
         self._is_first = True
 
-    def messages(self, frame: Frame) -> bytes:
+    def encode_scan(self, frame: Frame) -> bytes:
         """What an image is told as."""
         scan = self._converter.scan(frame.depth_mm)
         bearings = encode(BEARINGS, 0.0, scan.bearing_rad) if self._is_first else b""
@@ -37,7 +37,7 @@ def run(parameters: DepthCameraParameters, images: Iterable[Frame]) -> int:
         try:
             writer = ScanWriter(parameters)
             for frame in images:
-                out.write(writer.messages(frame))
+                out.write(writer.encode_scan(frame))
         except NoImagesError as error:
             sys.stderr.write(f"{error}\n")
             return os.EX_UNAVAILABLE

@@ -33,7 +33,7 @@ class SimulatedDepthChild:
         await asyncio.sleep(self._period_s)
         now_s = asyncio.get_running_loop().time()
         pose, discs = self._board.truth(now_s).world_from_base, self._board.crowd.discs
-        return self._writer.messages(Frame(now_s, self._renderer.image(pose, discs, self._chance)))
+        return self._writer.encode_scan(Frame(now_s, self._renderer.image(pose, discs, self._chance)))
 
     async def end(self) -> str:
         """Release nothing: there is no process."""

@@ -144,7 +144,7 @@ class Navigator:
         """A scan; without a map nothing is remembered of it. After a jump of the pose a path is planned again."""
         if self.world is None:
             return
-        is_void = self.world.take_scan(seen, is_sure=self._status is PoseStatus.LOCALIZED)
+        is_void = self.world.add_scan(seen, is_sure=self._status is PoseStatus.LOCALIZED)
         if is_void and self._execution is not None:
             self._execution.forget_path()
 
@@ -158,7 +158,7 @@ class Navigator:
     ) -> None:
         """An echo of an ultrasonic or infrared sensor with a field of view."""
         if self.world is not None:
-            self.world.take_range(stamp_s, map_from_base, base_from_sensor, range_m, view_rad)
+            self.world.add_range(stamp_s, map_from_base, base_from_sensor, range_m, view_rad)
 
     def navigate_to(self, goals: tuple[Goal, ...], *, queue: bool = False) -> tuple[int, ...]:
         """Accept goals, to be reached one after the other; those before are cancelled unless ``queue``. Their numbers.
@@ -216,7 +216,7 @@ class Navigator:
 
     # Outputs
 
-    def plan_to(self, start: Pose2D, goal: Goal, now_s: float) -> Path | NoPath:
+    def plan_path(self, start: Pose2D, goal: Goal, now_s: float) -> Path | NoPath:
         """What would be driven, with what is known now.
 
         Raises:

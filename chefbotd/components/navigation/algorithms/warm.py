@@ -45,7 +45,7 @@ def _meet_somebody(params: NavigationParameters) -> None:
     pose, person = Pose2D(1.0, 2.0, 0.0), np.array([[0.0, -0.2], [-0.2, 0.0], [0.0, 0.2]])
     for k in range(WALKED):
         points = person + np.array([2.5 - 0.05 * k, 0.0])
-        world.take_scan(Seen(0.1 * k, pose, np.zeros(2), points))
+        world.add_scan(Seen(0.1 * k, pose, np.zeros(2), points))
     world.costs(0.1 * WALKED, pose)
     near = world.surroundings(pose, 0.1 * WALKED)
     world.beside(near)

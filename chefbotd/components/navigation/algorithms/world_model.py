@@ -131,7 +131,7 @@ class WorldModel:
         """The map's."""
         return self.ground.frame
 
-    def take_scan(self, seen: Seen, *, is_sure: bool = True) -> bool:
+    def add_scan(self, seen: Seen, *, is_sure: bool = True) -> bool:
         """Remember what lidars show; whether the pose has jumped so far that what was seen before is forgotten.
 
         From a pose that is not sure nothing of the map is taken for gone.
@@ -223,7 +223,7 @@ class WorldModel:
         inside = (rows >= 0) & (rows < self.frame.rows) & (columns >= 0) & (columns < self.frame.columns)
         self._walked_s[rows[inside], columns[inside]] = stamp_s
 
-    def take_range(
+    def add_range(
         self, stamp_s: float, map_from_base: Pose2D, base_from_sensor: Pose2D, range_m: float, view_rad: float
     ) -> None:
         """Remember an echo of an ultrasonic or infrared sensor with a field of view."""

@@ -1,8 +1,8 @@
 """Replacements for clients, ports and the worker in a replay."""
 
-import asyncio
 from collections.abc import Callable, Mapping
 
+from chefbotd.link.port import PortTransport
 from chefbotd.rpc.session import Session
 
 
@@ -39,7 +39,7 @@ class ReplayedCaller:
         """How far a request is: nobody is there."""
 
 
-class ReplayedPort(asyncio.Transport):
+class ReplayedPort(PortTransport):
     """Takes what is written. ``queries`` says how often it was asked before whether all is sent."""
 
     def __init__(self, queries: Callable[[], int]) -> None:
@@ -61,23 +61,7 @@ class ReplayedPort(asyncio.Transport):
         self._drained = self._changes.pop(self._queries() + 1, self._drained)
         return 0 if self._drained else 1
 
-    def set_write_buffer_limits(self, high: int | None = None, low: int | None = None) -> None:
-        """There is no buffer."""
-
     def write(self, data: bytes | bytearray | memoryview) -> None:
-        """It goes nowhere."""
-
-    def overtake(self, words: bytes) -> None:
-        """It goes nowhere."""
-
-    def close_saying(self, words: bytes) -> None:
-        """It goes nowhere."""
-
-    def write_from_thread(self, words: bytes) -> bool:
-        """There is no other thread."""
-        return False
-
-    def close_behind(self, words: bytes, *, dtr: bool) -> None:
         """It goes nowhere."""
 
     def is_closing(self) -> bool:

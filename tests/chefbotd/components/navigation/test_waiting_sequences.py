@@ -59,7 +59,7 @@ class Announcing(DriveService):
     """Takes commands and tells of the gate as ever, and steps no wheel."""
 
     def _obey(self, now_s: float) -> None:
-        self.keeper.announce(now_s)
+        self.keeper.publish_gate_state(now_s)
 
 
 class WatchedDriver(InnerDriver):
@@ -109,7 +109,7 @@ class Daemon:
             watchdog=WatchdogParameters(),
         )
         bus.publish(LinkOpened(clock.now_s(), "board"))
-        keeper.announce(clock.now_s())
+        keeper.publish_gate_state(clock.now_s())
         leases = ControlLeases(3.0, 1.0, self.driving.release, lambda event: None)
         self.driver = WatchedDriver(self.driving, leases, clock, "navigation", ("teleop", "safety"))
         self.turner = WatchedDriver(self.driving, leases, clock, "safety")

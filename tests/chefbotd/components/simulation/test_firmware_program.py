@@ -51,7 +51,7 @@ class Board:
         """What the conversation has told."""
         return self._edges
 
-    def ping(self, now_us: int) -> None:
+    def trigger_ultrasonic(self, now_us: int) -> None:
         """The conversation answers."""
 
     def send(self, data: bytes) -> None:

@@ -60,14 +60,14 @@ def test_a_goal_that_the_guards_keep_it_from_is_refused_before_it_drives(
     """Before the wall at y = 3 the guards stop it 7 cm from it; a pose with so much room is offered."""
     drive = Guarded(rasterised(SMALL, 4.0, 3.0), SMALL, Pose2D(2.0, 1.2, NORTH))
     goal = Goal(2.0, 3.0 - RADIUS_M - apart_m, heading_rad)
-    refused = drive.navigator.plan_to(drive.pose, goal, 0.0)
+    refused = drive.navigator.plan_path(drive.pose, goal, 0.0)
     assert isinstance(refused, NoPath)
     assert not refused.only_for_now
     assert refused.nearest is not None
     assert 0.06 < 3.0 - RADIUS_M - refused.nearest.y_m < 0.2
     assert abs(refused.nearest.x_m - 2.0) < 0.06
     assert (
-        drive.navigator.plan_to(drive.pose, Goal(2.0, refused.nearest.y_m, heading_rad), 0.0).length_m > 1.0
+        drive.navigator.plan_path(drive.pose, Goal(2.0, refused.nearest.y_m, heading_rad), 0.0).length_m > 1.0
     )
 
 
@@ -98,7 +98,7 @@ def test_a_heading_that_does_not_fit_is_refused_with_the_obstacle() -> None:
     drive = Guarded(
         rasterised(SMALL, 4.0, 3.0), SMALL, Pose2D(2.0, 1.5), params=NavigationParameters(outline=KHAN)
     )
-    refused = drive.navigator.plan_to(drive.pose, Goal(3.88, 1.5, 0.0), 0.0)
+    refused = drive.navigator.plan_path(drive.pose, Goal(3.88, 1.5, 0.0), 0.0)
     assert isinstance(refused, NoPath)
     at = re.search(
         r"with which the robot would touch the obstacle at \((.*), (.*)\); the nearest", refused.reason

@@ -25,7 +25,7 @@ def world() -> WorldModel:
     """A hall of 8 by 4 m, whose end wall was seen for a second from a pose 4 m off."""
     model = WorldModel(ROUND, rasterised(HALL, 8.0, 4.0), NO_ZONES)
     for k in range(10):
-        assert not model.take_scan(Seen(1.0 + 0.1 * k, WRONG, np.zeros(2), WALL))
+        assert not model.add_scan(Seen(1.0 + 0.1 * k, WRONG, np.zeros(2), WALL))
     assert len(model.obstacles(2.0)) > 20
     return model
 
@@ -33,7 +33,7 @@ def world() -> WorldModel:
 def test_walls_seen_from_a_wrong_pose_are_forgotten_when_the_right_one_is_told() -> None:
     """A wall across the hall, 4 m before the real one."""
     model = world()
-    assert model.take_scan(Seen(2.0, RIGHT, np.zeros(2), WALL))
+    assert model.add_scan(Seen(2.0, RIGHT, np.zeros(2), WALL))
     assert not len(model.obstacles(2.0))
 
 
@@ -41,8 +41,8 @@ def test_a_turn_of_the_pose_is_a_jump_too_and_a_small_correction_is_none() -> No
     """40 degrees at once; 8 cm are what localization corrects all the time."""
     model = world()
     small = Pose2D(WRONG.x_m + 0.08, WRONG.y_m, 0.02)
-    assert not model.take_scan(Seen(2.0, small, np.zeros(2), WALL))
-    assert model.take_scan(Seen(2.1, Pose2D(small.x_m, small.y_m, 0.7), np.zeros(2), WALL))
+    assert not model.add_scan(Seen(2.0, small, np.zeros(2), WALL))
+    assert model.add_scan(Seen(2.1, Pose2D(small.x_m, small.y_m, 0.7), np.zeros(2), WALL))
 
 
 def test_what_a_depth_camera_saw_beside_the_robot_goes_with_it() -> None:
@@ -51,7 +51,7 @@ def test_what_a_depth_camera_saw_beside_the_robot_goes_with_it() -> None:
     shoes = np.array([[0.0, 0.5], [0.02, 0.5], [2.0, 0.0], [2.02, 0.0]])
     for k in range(5):
         model.take_low_scan(Seen(1.5 + 0.1 * k, WRONG, np.zeros(2), shoes))
-    model.take_scan(Seen(2.0, RIGHT, np.zeros(2), WALL))
+    model.add_scan(Seen(2.0, RIGHT, np.zeros(2), WALL))
     points = model.obstacles(2.0)
     assert len(points)
     assert np.hypot(points[:, 0] - 6.0, points[:, 1] - 2.5).max() < 0.1

@@ -25,7 +25,7 @@ def after(*, images: int, points_m: np.ndarray = EDGE, scans: int = 0) -> WorldM
         if k < images:
             world.take_low_scan(Seen(0.1 * k, HERE, EYE, points_m))
         if k < scans:
-            world.take_scan(Seen(0.1 * k + 0.05, HERE, np.array([0.05, 0.0]), WALL))
+            world.add_scan(Seen(0.1 * k + 0.05, HERE, np.array([0.05, 0.0]), WALL))
     return world
 
 

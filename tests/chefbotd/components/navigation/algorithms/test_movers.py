@@ -158,7 +158,7 @@ def costs_after(
     for k in range(scans + 1):
         along_s = min(0.1 * k, walked_s) - walked_s
         points = PERSON + np.array([x_m + vx * along_s, y_m + vy * along_s])
-        world.take_scan(Seen(0.1 * k, Pose2D(), np.array([1.0, 3.0]), points))
+        world.add_scan(Seen(0.1 * k, Pose2D(), np.array([1.0, 3.0]), points))
     return world.costs(0.1 * scans, HERE)
 
 
@@ -196,7 +196,7 @@ def test_a_chair_is_planned_round_also_while_somebody_stands_at_it() -> None:
     chair = np.array([(2.6, y) for y in np.arange(2.8, 3.2, 0.04)])
     for k in range(180):
         person = PERSON + np.array([2.9, 3.2 + 0.4 * max(14.0 - 0.1 * k, 0.0)])
-        world.take_scan(Seen(0.1 * k, Pose2D(), np.array([1.0, 3.0]), np.vstack([chair, person])))
+        world.add_scan(Seen(0.1 * k, Pose2D(), np.array([1.0, 3.0]), np.vstack([chair, person])))
     assert cost(world.costs(17.9, HERE), 2.62, 2.9) == float("inf")
 
 

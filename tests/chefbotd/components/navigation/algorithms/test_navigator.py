@@ -63,7 +63,7 @@ def off(drive: Drive, goal: Goal) -> tuple[float, float]:
 def test_through_two_doors_into_another_room() -> None:
     """Reached within 0.03 m and 3 degrees, 0.1 m from everything, in the time that was foretold to a third."""
     drive = Drive(FLAT, furnished_flat(), KITCHEN)
-    path = drive.navigator.plan_to(KITCHEN, ROOM, 0.0)
+    path = drive.navigator.plan_path(KITCHEN, ROOM, 0.0)
     assert isinstance(path, Path)
     foretold_s = drive.navigator.time_s(path, KITCHEN)
     assert sent(drive, ROOM).end is End.REACHED
@@ -116,7 +116,7 @@ def test_what_only_an_ultrasonic_sensor_hears_is_driven_round_until_it_fades() -
     drive.run(0.2)
     drive.navigator.take_range(drive.now_s, drive.pose, sensor, 1.1, 0.26)
     for after_s, is_round in ((0.5, True), (2.9, True), (3.1, False)):
-        found = drive.navigator.plan_to(drive.pose, goal, drive.now_s + after_s)
+        found = drive.navigator.plan_path(drive.pose, goal, drive.now_s + after_s)
         assert isinstance(found, Path)
         away_m = np.hypot(*(found.in_map() - [2.7, 1.4]).T).min()
         assert bool(away_m > 0.18) is is_round, after_s
@@ -365,8 +365,8 @@ def test_a_robot_that_is_lost_stands_and_its_goal_ends_lost() -> None:
 def test_plan_to_drives_nothing() -> None:
     """It tells the way, or why there is none."""
     drive = hall()
-    assert isinstance(drive.navigator.plan_to(drive.pose, Goal(7.0, 1.5), 0.0), NoPath)
-    path = drive.navigator.plan_to(drive.pose, Goal(6.0, 1.5), 0.0)
+    assert isinstance(drive.navigator.plan_path(drive.pose, Goal(7.0, 1.5), 0.0), NoPath)
+    path = drive.navigator.plan_path(drive.pose, Goal(6.0, 1.5), 0.0)
     assert isinstance(path, Path)
     assert path.length_m == pytest.approx(5.2, abs=0.1)
     assert drive.navigator.state is GoalState.IDLE
@@ -381,7 +381,7 @@ def test_plan_to_tells_what_stands_there_for_now_from_what_is_on_the_map(
     """A goal where the lidar sees a box that is not on the map can be reached again; one in a wall cannot."""
     drive = hall(box(2.3, 1.3, 0.4, 0.4))
     drive.run(0.2)
-    found = drive.navigator.plan_to(drive.pose, goal, drive.now_s)
+    found = drive.navigator.plan_path(drive.pose, goal, drive.now_s)
     assert isinstance(found, NoPath)
     assert found.only_for_now is only_for_now
 
@@ -442,7 +442,7 @@ def test_a_robot_whose_map_is_freed_stands_and_drives_on_when_there_is_one_again
     assert drive.navigator.world is None
     assert drive.twist.linear_m_s == 0.0
     with pytest.raises(NoMapError, match="there is no map to plan on"):
-        drive.navigator.plan_to(drive.pose, Goal(3.0, 1.4), drive.now_s)
+        drive.navigator.plan_path(drive.pose, Goal(3.0, 1.4), drive.now_s)
     drive.navigator.use_map(drive.grid)
     drive.run(15.0)
     assert [ended.end for ended in drive.ended] == [End.REACHED]

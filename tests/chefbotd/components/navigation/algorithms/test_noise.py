@@ -42,23 +42,23 @@ def seen_at(model: WorldModel, x_m: float, y_m: float) -> bool:
 def test_one_beam_at_something_far_marks_nothing_until_a_second_turn_has_it_too() -> None:
     """1 m ahead: after one turn nothing is there, after the second there is, as for a chair's leg."""
     model = world()
-    model.take_scan(Seen(1.0, HERE, LIDAR, turn({180: 1.0})))
+    model.add_scan(Seen(1.0, HERE, LIDAR, turn({180: 1.0})))
     assert not seen_at(model, 4.0, 2.0)
-    model.take_scan(Seen(1.1, HERE, LIDAR, turn({180: 1.0})))
+    model.add_scan(Seen(1.1, HERE, LIDAR, turn({180: 1.0})))
     assert seen_at(model, 4.0, 2.0)
 
 
 def test_two_beams_side_by_side_mark_something_far_at_once() -> None:
     """A leg of 3 cm, 1 m ahead."""
     model = world()
-    model.take_scan(Seen(1.0, HERE, LIDAR, turn({180: 1.0, 181: 1.0})))
+    model.add_scan(Seen(1.0, HERE, LIDAR, turn({180: 1.0, 181: 1.0})))
     assert seen_at(model, 4.0, 2.0)
 
 
 def test_one_beam_at_something_near_is_driven_by_at_once() -> None:
     """0.4 m ahead, 0.22 m before the outline: it is among the points that the next arc is checked against."""
     model = world()
-    model.take_scan(Seen(1.0, HERE, LIDAR, turn({180: 0.4})))
+    model.add_scan(Seen(1.0, HERE, LIDAR, turn({180: 0.4})))
     near = model.surroundings(HERE, 1.0)
     assert (np.hypot(near.points_m[:, 0] - 0.4, near.points_m[:, 1]) < 0.01).any()
 

@@ -59,7 +59,7 @@ def away_m(points: Floats, place: tuple[float, float]) -> float:
 def test_a_path_begins_at_the_pose_and_ends_at_the_goal(planner: Planner) -> None:
     """Its points are 5 cm apart, measured along it."""
     drive = Drive(GRID, HALL, START, planner=planner)
-    path = drive.navigator.plan_to(START, GOAL, 0.0)
+    path = drive.navigator.plan_path(START, GOAL, 0.0)
     assert isinstance(path, paths.Path)
     points = path.in_map()
     assert points[0] == pytest.approx([0.8, 1.0])

@@ -51,7 +51,7 @@ def test_all_parts_come_a_few_at_a_time_and_then_only_what_changes() -> None:
     assert np.array_equal(cells, cells_of(hall.ground.costs))
     assert len(shown.changes(hall, 2.0)) == IN_TURN
     place = ORIGIN.compose(Pose2D(6.0, 5.0))
-    hall.take_scan(Seen(2.1, place, np.zeros(2), np.array([[1.02, 0.02], [1.02, 0.03]])))
+    hall.add_scan(Seen(2.1, place, np.zeros(2), np.array([[1.02, 0.02], [1.02, 0.03]])))
     changed = shown.changes(hall, 2.2)
     (chair,) = [part for row, column, part in changed if (row, column) == (80, 80)]
     assert chair[100 - 80, 140 - 80] == 100
@@ -77,7 +77,7 @@ def test_obstacles_are_told_in_the_map() -> None:
     pose = Pose2D(0.5, 5.0, math.pi / 2)
     wall = pose.inverse().compose(ORIGIN.compose(Pose2D(4.0, 0.02)))
     points = np.array([[1.02, 0.0], [wall.x_m, wall.y_m]])
-    hall.take_scan(Seen(3.0, pose, np.zeros(2), points))
+    hall.add_scan(Seen(3.0, pose, np.zeros(2), points))
     seen = shown_obstacles(hall, 3.0)
     assert np.allclose(seen.points_m, [[0.5, 6.02]], atol=1e-6)
     assert (seen.omitted, seen.movers.shape) == (0, (0, 4))
@@ -89,7 +89,7 @@ def test_who_walks_is_told_with_the_velocity_in_the_map() -> None:
     for k in range(11):
         walker = np.array([[-0.5 + 0.04 * k, 6.0 + 0.05 * each, 0.0] for each in range(4)])
         seen = [pose.inverse().compose(Pose2D(x, y)) for x, y, _ in walker]
-        hall.take_scan(Seen(0.1 * k, pose, np.zeros(2), np.array([[each.x_m, each.y_m] for each in seen])))
+        hall.add_scan(Seen(0.1 * k, pose, np.zeros(2), np.array([[each.x_m, each.y_m] for each in seen])))
     (mover,) = shown_obstacles(hall, 1.0).movers
     assert np.allclose(mover[2:], [0.4, 0.0], atol=0.02)
     assert abs(mover[0] - -0.1) < 0.03
@@ -101,7 +101,7 @@ def test_of_too_many_points_a_thousand_are_told() -> None:
     hall, pose = known(200, 200), Pose2D(0.0, 6.0, 0.0)
     grid = np.array([[0.05 * x, 0.05 * y] for x in range(40) for y in range(40)])
     for stamp_s in (0.0, 0.1):  # a far point counts that is there in two turns
-        hall.take_scan(Seen(stamp_s, pose, np.zeros(2), grid))
+        hall.add_scan(Seen(stamp_s, pose, np.zeros(2), grid))
     seen = shown_obstacles(hall, 0.1)
     assert len(seen.points_m) == MOST_POINTS
     assert seen.omitted > 300

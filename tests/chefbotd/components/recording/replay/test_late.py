@@ -56,7 +56,7 @@ def test_limits_that_wait_for_the_robot_to_stand_are_in_the_state() -> None:
         await drive(robot, 0.21, 0.37, 0.63)
         changed = {"limits.linear.acceleration_m_s2": 0.13, "limits.linear.deceleration_m_s2": 0.5}
         slower = load(overrides=changed).limits
-        assert not DaemonTarget(robot.daemon).relimit(slower)
+        assert not DaemonTarget(robot.daemon).exchange_limits(slower)
         recorder.begin()
         await robot.client.stop()
         await asyncio.sleep(1.9)
