@@ -28,7 +28,7 @@ def test_two_points_are_a_line() -> None:
 def test_beyond_its_ends_it_is_flat() -> None:
     """The nearest end's value, on both sides."""
     curve = MonotoneCurve([(1, 10), (3, 4)])
-    assert (curve.value_at(0), curve.at(9)) == (10, 4)
+    assert (curve.value_at(0), curve.value_at(9)) == (10, 4)
 
 
 def test_an_end_that_would_overshoot_is_held() -> None:

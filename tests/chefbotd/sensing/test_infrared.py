@@ -97,7 +97,7 @@ def test_a_range_is_in_the_band_or_not_there(levels: list[float]) -> None:
 
 def test_distance_grows_as_the_voltage_falls() -> None:
     """Over the whole band in millivolts, without a step back between the points."""
-    metres = [UNFILTERED.metres_by_volts.at(millivolts / 1000) for millivolts in range(2700, 399, -1)]
+    metres = [UNFILTERED.metres_by_volts.value_at(millivolts / 1000) for millivolts in range(2700, 399, -1)]
     assert all(nearer < farther for nearer, farther in pairwise(metres))
 
 
