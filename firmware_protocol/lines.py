@@ -80,13 +80,15 @@ class Number:
     """The values that a field can take, and with how many decimals it is written; none: a whole number.
 
     ``lenient``: a whole number may come with decimals, which are rounded down as the published sketch does, and a signed
-    one may come as the unsigned number of the same bits.
+    one may come as the unsigned number of the same bits. A text in ``nothing`` stands for a zero, for
+    nothing was measured.
     """
 
     low: float
     high: float
     decimals: int = 0
     lenient: bool = False
+    nothing: frozenset[bytes] = frozenset()
 
     @property
     def parse(self) -> Callable[[bytes], float]:
@@ -103,10 +105,14 @@ class Number:
 
     def rewrite(self, text: bytes) -> tuple[bytes, int] | None:
         """A whole number as it should have been written, and how many decimals it had; None where it is no number."""
+        if text.lower() in self.nothing:
+            return b"0", 0
         match = _LENIENT.fullmatch(text)
         if match is None:
             return None
         whole, fraction = int(match[1]), match[2] or b""
+        if match[1] in self.nothing and not fraction.strip(b"0"):
+            return b"0", len(fraction)
         if match[1].startswith(b"-") and fraction.strip(b"0"):
             whole -= 1
         span = int(self.high - self.low) + 1
@@ -125,10 +131,13 @@ class Number:
         return f"{'a number' if self.decimals else 'a whole number'} from {self.low} to {self.high}"
 
 
+NO_DISTANCE = frozenset({b"-1", b"65535", b"4294967295", b"nan", b"inf"})
+"""What drivers of range sensors say where the published sketch says 0: no echo (-1 also as an unsigned number)."""
+
 INT16 = Number(-(2**15), 2**15 - 1)
 INT32 = Number(-(2**31), 2**31 - 1)
 UINT32 = Number(0, 2**32 - 1)
-CENTIMETRES = Number(0, 2**15 - 1)
+CENTIMETRES = Number(0, 2**15 - 1, nothing=NO_DISTANCE)
 DUTY = Number(-(2**15), 2**15 - 1, decimals=2)
 CYCLE_SECONDS = Number(0, 4295, decimals=2)  # the sketch's difference of two uint32 µs is at most 2^32 µs
 COMPONENT = Number(-math.inf, math.inf, decimals=2)  # bounded by the norm of all four

@@ -19,6 +19,13 @@ from firmware_protocol.messages import (
         (b"u\t57.00", UltrasonicDistance(57)),
         (b"u\t0.00", UltrasonicDistance(0)),
         (b"u\t57.99", UltrasonicDistance(57)),  # rounded down, as the published sketch does
+        (b"u\t-1", UltrasonicDistance(0)),  # what drivers of sensors say of no echo
+        (b"u\t-1.00", UltrasonicDistance(0)),
+        (b"u\t65535", UltrasonicDistance(0)),
+        (b"u\t4294967295", UltrasonicDistance(0)),
+        (b"u\tnan", UltrasonicDistance(0)),
+        (b"u\tNaN", UltrasonicDistance(0)),
+        (b"u\tinf", UltrasonicDistance(0)),
         (b"e\t1204.00\t-1188.00", EncoderCounts((1204, -1188))),
         (b"e\t-0.5\t0.5", EncoderCounts((-1, 0))),
         (b"e\t4294967290\t4294967295", EncoderCounts((-6, -1))),  # 2**32 - 6, 2**32 - 1
@@ -29,7 +36,7 @@ from firmware_protocol.messages import (
     ],
 )
 def test_a_plain_meaning_is_read(line: bytes, message: Message) -> None:
-    """Decimals in whole numbers, and counts as unsigned numbers of 32 bits."""
+    """Decimals in whole numbers, counts as unsigned numbers of 32 bits, and other words for no echo."""
     assert from_board(CLASSIC).decode(line) == message
 
 
@@ -42,6 +49,13 @@ def test_a_plain_meaning_is_read(line: bytes, message: Message) -> None:
         b"e\t-2147483649\t7",
         b"e\t1204.\t11.",
         b"u\t-1.5",
+        b"u\t-2",
+        b"u\t-0.5",
+        b"u\t65534",
+        b"u\tnone",
+        b"e\tnan\t7",
+        b"e\tinf\tinf",
+        b"t\t-1\t0.05",
         b"u\t40000.0",
         b"u\t5.7.3",
         b"u\t5-7",

@@ -64,7 +64,7 @@ def test_a_good_board_is_healthy() -> None:
     ("kind", "line", "what"),
     [
         ("u", b"u\t57,3", "such as 'u\\t57,3'"),
-        ("u", b"u\t-1", "expected a whole number from 0 to 32767, got -1"),
+        ("u", b"u\t-7", "expected a whole number from 0 to 32767, got -7"),
         ("e", b"e\t1\t2\t3\t4", "expected 2 numbers, got 4"),
         ("b", b"b\t70000.00", "got 70000.00"),
         ("b", b"b\t11.3V", "got '11.3V'"),
