@@ -14,12 +14,11 @@ import pytest
 from chefbot_ros2.commands import Commands
 
 from chefbotd.client import Client
-from chefbotd.clock import run_virtual
 from chefbotd.core.geometry import Motion, Pose2D, Twist2D, WheelDuties
 from tests.chefbotd.components.navigation.test_waiting_sequences import DEEDS, Daemon
+from tests.fakes.sequences import run_sequences
 
 LENGTH = 14
-BLOCK = 250
 ON_ITS_WAY_S = 0.15
 ROS_DEEDS = (
     *("goal_pose", "goal_pose", "a goal comes", "what has waited is sent"),
@@ -118,24 +117,11 @@ async def one(choose: random.Random) -> tuple[bool, bool]:
     return daemon.moved > 0, has_moved
 
 
-def search(number: int, seed: int) -> tuple[int, int]:
-    """So many sequences; in how many of them a velocity, and in how many a goal moved the robot."""
-    choose = random.Random(seed)
-
-    async def block(size: int) -> list[tuple[bool, bool]]:
-        return [await one(choose) for _ in range(size)]
-
-    ended = [
-        pair for begun in range(0, number, BLOCK) for pair in run_virtual(block(min(BLOCK, number - begun)))
-    ]
-    return sum(by_velocity for by_velocity, _ in ended), sum(by_goal for _, by_goal in ended)
-
-
 @pytest.mark.parametrize(
     "number", [150, pytest.param(int(os.environ.get("SEQUENCES", "10000")), marks=pytest.mark.slow)]
 )
 def test_nothing_that_ros_asked_for_before_a_stop_moves_the_robot(number: int) -> None:
     """Whatever waits in a program of ROS, in the bridge or on the line; and a share of the sequences does move it."""
-    by_velocity, by_goal = search(number, seed=37)
-    assert by_velocity > number / 50
-    assert by_goal > number / 50
+    ended = run_sequences(one, number, seed=37)
+    assert sum(by_velocity for by_velocity, _ in ended) > number / 50
+    assert sum(by_goal for _, by_goal in ended) > number / 50

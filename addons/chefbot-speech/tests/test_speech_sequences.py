@@ -20,10 +20,9 @@ from test_speech_agent import PRESS, RELEASE, YES, FakeEar, FakeSpeaker
 
 from chefbotd.client import CallError, Client, ConnectionLost
 from chefbotd.client.models import SafetyData
-from chefbotd.clock import run_virtual
+from tests.fakes.sequences import run_sequences
 
 LENGTH = 16
-BLOCK = 100
 ON_ITS_WAY_S, HEARS_FOR_S, COUNTDOWN_S, DRIVES_S = 0.15, 1.0, 2.0, 8.0
 SENTENCE = "go to table two"
 DEEDS = (
@@ -206,19 +205,9 @@ async def one(choose: random.Random) -> int:
     return run.robot.drives
 
 
-def search(number: int, seed: int) -> int:
-    """So many sequences; how many of them have driven at all."""
-    choose = random.Random(seed)
-
-    async def block(size: int) -> int:
-        return sum([await one(choose) > 0 for _ in range(size)])
-
-    return sum(run_virtual(block(min(BLOCK, number - begun))) for begun in range(0, number, BLOCK))
-
-
 @pytest.mark.parametrize(
     "number", [100, pytest.param(int(os.environ.get("SEQUENCES", "10000")), marks=pytest.mark.slow)]
 )
 def test_no_sentence_from_before_a_stop_has_the_robot_drive(number: int) -> None:
     """Whoever waits for recognition, a yes, a countdown or the line; and a share of the sequences does drive."""
-    assert search(number, seed=37) > number / 20
+    assert sum(drives > 0 for drives in run_sequences(one, number, seed=37)) > number / 20

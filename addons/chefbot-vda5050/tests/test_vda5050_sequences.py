@@ -12,10 +12,9 @@ from chefbot_vda5050.messages import NodePosition
 from vda5050_fakes import FakeRobot, Fleet, fleet
 from vda5050_orders import line
 
-from chefbotd.clock import run_virtual
+from tests.fakes.sequences import run_sequences
 
 LENGTH = 14
-BLOCK = 100
 DEEDS = (
     *("order", "order", "update", "update", "go on", "stopPause", "cancelOrder"),
     *("disarm", "arm", "arm", "stop", "stop while away", "away", "back", "back"),
@@ -106,19 +105,9 @@ async def one(choose: random.Random) -> int:
     return robot.drives
 
 
-def search(number: int, seed: int) -> int:
-    """So many sequences; how many of them have driven at all."""
-    choose = random.Random(seed)
-
-    async def block(size: int) -> int:
-        return sum([await one(choose) > 0 for _ in range(size)])
-
-    return sum(run_virtual(block(min(BLOCK, number - begun))) for begun in range(0, number, BLOCK))
-
-
 @pytest.mark.parametrize(
     "number", [100, pytest.param(int(os.environ.get("SEQUENCES", "10000")), marks=pytest.mark.slow)]
 )
 def test_no_order_from_before_a_stop_has_the_robot_drive(number: int) -> None:
     """Whoever waits for a planner, for its daemon or behind another; and a share of the sequences does drive."""
-    assert search(number, seed=37) > number / 20
+    assert sum(drives > 0 for drives in run_sequences(one, number, seed=37)) > number / 20

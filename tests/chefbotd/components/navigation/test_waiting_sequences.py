@@ -14,7 +14,7 @@ from typing import Any, cast
 import pytest
 
 from chefbotd.bus import Bus
-from chefbotd.clock import LoopClock, run_virtual
+from chefbotd.clock import LoopClock
 from chefbotd.components.localization.events import LocalizationChanged
 from chefbotd.components.localization.service import LocalizationService
 from chefbotd.components.localization.turning import TURN
@@ -43,10 +43,9 @@ from chefbotd.safety.watchdog import ControlParameters, WatchdogParameters
 from tests.chefbotd.components.navigation.bench import FakeWorker
 from tests.chefbotd.driving.rig import CHASSIS
 from tests.chefbotd.driving.test_stop_sequences import DRIVE, ENCODERS, FAULT, SAFETY
+from tests.fakes.sequences import run_sequences
 
 LENGTH = 14
-BLOCK = 250
-"""So many sequences share an event loop."""
 
 DEEDS = (
     *("goal", "goal", "queued goal", "turn", "decide", "send what was decided"),
@@ -228,19 +227,9 @@ async def one(choose: random.Random) -> bool:
     return has_moved
 
 
-def search(number: int, seed: int) -> int:
-    """So many sequences; how many of them moved the robot at all."""
-    choose = random.Random(seed)
-
-    async def block(size: int) -> int:
-        return sum([await one(choose) for _ in range(size)])
-
-    return sum(run_virtual(block(min(BLOCK, number - begun))) for begun in range(0, number, BLOCK))
-
-
 @pytest.mark.parametrize(
     "number", [150, pytest.param(int(os.environ.get("SEQUENCES", "100000")), marks=pytest.mark.slow)]
 )
 def test_nothing_moves_that_was_asked_for_before_a_stop_or_a_fault(number: int) -> None:
     """Whatever waited for a worker, in a queue or in a client; and a share of the sequences does move the robot."""
-    assert search(number, seed=37) > number / 50
+    assert sum(run_sequences(one, number, seed=37)) > number / 50
