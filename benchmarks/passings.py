@@ -21,7 +21,9 @@ from tests.chefbotd.components.navigation.algorithms.grids import rasterised
 
 PASSINGS, QUICK_PASSINGS = 1000, 10
 CREEPS_M_S, CLOSE_M, LOOK_S = 0.1, 0.1, 0.04
+MOVES_M_S = 0.02
 CORRIDOR_M, DOOR_M = 1.6, 0.9
+JUST_S = 0.3
 PASSED_M = 0.6
 """Who was nearer than now by this has passed."""
 
@@ -32,7 +34,8 @@ class Passing:
 
     ``fast_s`` is how long the robot was faster than creeping with less than 0.1 m between them while the gap did not
     open, ``fastest_m_s`` its highest speed then. ``least_m`` is the least gap, ``moving_m`` that while it moved.
-    ``touches`` says whether it moved when they touched first, ``walked_into`` whether he walked into it while it stood.
+    ``touches`` says whether it moved when they touched first, ``walked_into`` whether he walked into it while it stood,
+    ``just_stood`` whether it had then moved within the last 0.3 s.
     """
 
     is_reached: bool
@@ -42,6 +45,7 @@ class Passing:
     moving_m: float
     touches: int
     walked_into: int
+    just_stood: int
 
 
 def passed(seed: int, *, until_reached: bool = False) -> Passing:
@@ -59,9 +63,11 @@ def passed(seed: int, *, until_reached: bool = False) -> Passing:
     opens = np.diff(gaps[:, 0], append=gaps[-1, 0]) > 0
     before = np.cumsum(gaps[:, 0] < 0) == 0  # he is no solid thing: what follows a touch is none of its own
     fast = (gaps[:, 0] < CLOSE_M) & (gaps[:, 1] > CREEPS_M_S) & ~opens & before
-    moving = (gaps[:, 1] > 0.02) & before
+    moving = (gaps[:, 1] > MOVES_M_S) & before
     first = np.flatnonzero(~before)[:1]
-    is_own = bool(len(first)) and gaps[max(first[0] - 1, 0) : first[0] + 1, 1].min() > 0.02
+    is_own = bool(len(first)) and gaps[max(first[0] - 1, 0) : first[0] + 1, 1].min() > MOVES_M_S
+    is_walked_into = bool(len(first)) and not is_own
+    lately = gaps[max(first[0] - round(JUST_S / LOOK_S), 0) : first[0], 1] if is_walked_into else gaps[:0, 1]
     return Passing(
         bool(drive.ended) and drive.ended[-1].end == "reached",
         float(fast.sum()) * LOOK_S,
@@ -69,7 +75,8 @@ def passed(seed: int, *, until_reached: bool = False) -> Passing:
         float(gaps[:, 0].min()),
         float(gaps[moving, 0].min(initial=math.inf)),
         int(is_own),
-        int(bool(len(first)) and not is_own),
+        int(is_walked_into),
+        int(lately.max(initial=0.0) > MOVES_M_S),
     )
 
 
@@ -117,6 +124,7 @@ def found(passings: Iterable[Passing]) -> Outcome:
     figures = (
         Figure("touches of a robot that moves", touches, "", 0),
         Figure("people who walk into a robot that stands", sum(one.walked_into for one in each), ""),
+        Figure("of these, that had moved within 0.3 s", sum(one.just_stood for one in each), ""),
         Figure("nearer than 0.1 m", count(lambda one: one.least_m < CLOSE_M), ""),
         Figure("of these, faster than 0.1 m/s while the gap did not open", count(lambda one: one.fast_s > 0), ""),
         Figure("longest time so", max(one.fast_s for one in each), "s"),

@@ -113,14 +113,14 @@ class _Waiting:
         self._goal: int | None = None
         self._path_m = self._left_m = 0.0
 
-    def report(self, now: NavigationChanged) -> None:
+    def report(self, change: NavigationChanged) -> None:
         """Metres done of the present goal's path; none while the request's goals have not begun."""
-        if now.goal not in self._goals:
-            self._progress.report(0.0, 0.0, f"waits for goal {now.goal}: {now.reason}")
+        if change.goal not in self._goals:
+            self._progress.report(0.0, 0.0, f"waits for goal {change.goal}: {change.reason}")
             return
-        if now.goal != self._goal:
-            self._goal, self._path_m, self._left_m = now.goal, 0.0, 0.0
-        if now.distance_m is not None:
-            self._left_m = now.distance_m
-            self._path_m = max(self._path_m, now.distance_m)
-        self._progress.report(self._path_m - self._left_m, self._path_m, now.reason)
+        if change.goal != self._goal:
+            self._goal, self._path_m, self._left_m = change.goal, 0.0, 0.0
+        if change.distance_m is not None:
+            self._left_m = change.distance_m
+            self._path_m = max(self._path_m, change.distance_m)
+        self._progress.report(self._path_m - self._left_m, self._path_m, change.reason)

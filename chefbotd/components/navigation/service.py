@@ -347,10 +347,10 @@ class NavigationService:
             self._end(replace(ended, cause=follows) if ended.end == "cancelled" else ended)
         if stepped.path is not None:
             self._bus.publish(PathChanged(*astuple(stepped.path), stamp_s=stepped.stamp_s))
-        now = stepped.now
-        is_active = now.goal in self._goals.active
-        if is_active or now.goal is None:
-            self._reporting.report(now.state, now.goal, now.reason, now.distance_m, now.time_s)
+        data = stepped.now
+        is_active = data.goal in self._goals.active
+        if is_active or data.goal is None:
+            self._reporting.report(data.state, data.goal, data.reason, data.distance_m, data.time_s)
         if stepped.twist is None or self._paused or not is_active:
             self._driver.let_go()
         else:

@@ -274,16 +274,16 @@ class NavigationSkill:
         is_new, self._path = planned is not self._path, planned
         number = None if progress.goal is None else self._numbers.get(progress.goal)
         state = str(progress.state)
-        now = NavigationData(state, number, progress.reason, progress.distance_m, progress.time_s)
+        data = NavigationData(state, number, progress.reason, progress.distance_m, progress.time_s)
         ended = tuple(
             GoalResult(self._numbers.pop(goal.goal, 0), str(goal.end), goal.reason) for goal in done.ended
         )
         path = PathData() if planned is None else PathData(*_points(planned))
-        return Stepped(now_s, done.twist, now, ended, path if is_new else None)
+        return Stepped(now_s, done.twist, data, ended, path if is_new else None)
 
     def _has_changed(self, stepped: Stepped) -> bool:
-        last, now = None if self._last is None else self._last.now, stepped.now
-        return last is None or (last.state, last.goal, last.reason) != (now.state, now.goal, now.reason)
+        last, data = None if self._last is None else self._last.now, stepped.now
+        return last is None or (last.state, last.goal, last.reason) != (data.state, data.goal, data.reason)
 
     # the map
 

@@ -67,8 +67,10 @@ def is_clearer_turned(control: Control, bearing_rad: float, away_m: float, arc: 
     """Whether turning on the spot before driving leaves more room than the arc."""
     if arc.lacking_m < TURN_GAIN_M or abs(bearing_rad) <= ALIGNED_RAD:
         return False
-    free_rad = check_turn(control.outline, control.near, bearing_rad).free
-    straight = limited_arc(replace(control, near=turn_surroundings(control.near, bearing_rad)), 0.0, away_m)
+    free_rad = check_turn(control.outline, control.surroundings, bearing_rad).free
+    straight = limited_arc(
+        replace(control, surroundings=turn_surroundings(control.surroundings, bearing_rad)), 0.0, away_m
+    )
     is_clearer = straight.lacking_m + TURN_GAIN_M < arc.lacking_m
     return is_clearer and straight.free >= away_m - 1e-6 and free_rad >= abs(bearing_rad) - 1e-6
 
@@ -78,7 +80,9 @@ def limited_arc(control: Control, curvature: float, horizon_m: float | None = No
     horizon_m, limits = HORIZON_M if horizon_m is None else horizon_m, control.limits
     most = limits.max_speed_m_s if horizon_m > 0 else limits.max_reverse_m_s
     speed_m_s = min(most, limits.curve_turn_rad_s / max(abs(curvature), 1e-6))
-    return check_arc(control.outline, control.near, curvature, horizon_m, speed_m_s, limits.deceleration_m_s2)
+    return check_arc(
+        control.outline, control.surroundings, curvature, horizon_m, speed_m_s, limits.deceleration_m_s2
+    )
 
 
 def _worth(arc: Arc, curvature: float, direct: float, carrot: tuple[float, float]) -> float:

@@ -95,7 +95,7 @@ class _Motion(NamedTuple):  # a kernel takes it, and numba knows no record
 
 def check_arc(
     outline: Footprint,
-    near: Surroundings,
+    surroundings: Surroundings,
     curvature_per_m: float,
     horizon_m: float,
     max_speed_m_s: float,
@@ -104,43 +104,58 @@ def check_arc(
     foresight_s: float = FORESIGHT_S,
 ) -> Arc:
     """Forward along an arc (CCW positive), or backward with a negative horizon."""
-    motion = _motion(outline, near, max_speed_m_s, deceleration_m_s2, foresight_s)
-    return Arc(*_check(*_arrays(outline, near), motion, curvature_per_m, horizon_m, 0.0))
+    motion = _motion(outline, surroundings, max_speed_m_s, deceleration_m_s2, foresight_s)
+    return Arc(*_check(*_arrays(outline, surroundings), motion, curvature_per_m, horizon_m, 0.0))
 
 
-def check_turn(outline: Footprint, near: Surroundings, angle_rad: float) -> Arc:
+def check_turn(outline: Footprint, surroundings: Surroundings, angle_rad: float) -> Arc:
     """Turning on the spot by an angle (CCW positive)."""
-    motion = _motion(outline, near, 1.0, 1.0, FORESIGHT_S)
-    return Arc(*_check(*_arrays(outline, near), motion, 0.0, 0.0, angle_rad))
+    motion = _motion(outline, surroundings, 1.0, 1.0, FORESIGHT_S)
+    return Arc(*_check(*_arrays(outline, surroundings), motion, 0.0, 0.0, angle_rad))
 
 
-def nearest_in_turn(outline: Footprint, near: Surroundings, angle_rad: float) -> int:
+def nearest_in_turn(outline: Footprint, surroundings: Surroundings, angle_rad: float) -> int:
     """The point that a turn on the spot brings too near first; if there is none, the one that is nearest now."""
-    return int(_nearest_in_turn(outline.hull, outline.pad_m, near.points_m, near.margin_m, angle_rad))
+    return int(
+        _nearest_in_turn(outline.hull, outline.pad_m, surroundings.points_m, surroundings.margin_m, angle_rad)
+    )
 
 
 def _arrays(
-    outline: Footprint, near: Surroundings
+    outline: Footprint, surroundings: Surroundings
 ) -> tuple[Floats, Floats, Floats, Flags, Floats, Singles, float, Floats]:
-    pose = near.grid_from_base
-    here = np.array([pose.x_m, pose.y_m, pose.heading_rad])
-    walks: Flags = np.asarray(near.velocity_m_s.any(axis=1))
-    if near.is_walker is not None:
-        walks &= near.is_walker
-    points, velocity = near.points_m, near.velocity_m_s
-    return outline.hull, points, velocity, walks, near.margin_m, near.fixed_m, near.cell_m, here
+    pose = surroundings.grid_from_base
+    robot_pose = np.array([pose.x_m, pose.y_m, pose.heading_rad])
+    walks: Flags = np.asarray(surroundings.velocity_m_s.any(axis=1))
+    if surroundings.is_walker is not None:
+        walks &= surroundings.is_walker
+    points, velocity = surroundings.points_m, surroundings.velocity_m_s
+    return (
+        outline.hull,
+        points,
+        velocity,
+        walks,
+        surroundings.margin_m,
+        surroundings.fixed_m,
+        surroundings.cell_m,
+        robot_pose,
+    )
 
 
 def _motion(
-    outline: Footprint, near: Surroundings, max_speed_m_s: float, deceleration_m_s2: float, foresight_s: float
+    outline: Footprint,
+    surroundings: Surroundings,
+    max_speed_m_s: float,
+    deceleration_m_s2: float,
+    foresight_s: float,
 ) -> _Motion:
     return _Motion(
         outline.pad_m,
         outline.inner_radius_m - MAP_SLACK_M,
         float(max_speed_m_s),
         float(deceleration_m_s2),
-        float(near.speed_m_s),
-        float(near.stops_m),
+        float(surroundings.speed_m_s),
+        float(surroundings.stops_m),
         foresight_s,
     )
 
@@ -154,7 +169,7 @@ def _check(
     margin: Floats,
     fixed_m: Singles,
     cell_m: float,
-    here: Floats,
+    robot_pose: Floats,
     motion: _Motion,
     curvature: float,
     horizon_m: float,
@@ -167,8 +182,10 @@ def _check(
     total = angle_rad if on_the_spot else horizon_m
     count = max(math.ceil(abs(total) / (STEP_RAD if on_the_spot else STEP_M)), 1)
     least = _least_allowed(hull, pad_m, points, margin)
-    map_least_m = min(motion.map_least_m, between_cells(fixed_m, cell_m, here[0], here[1]) - COMING_M)
-    cos_0, sin_0 = math.cos(here[2]), math.sin(here[2])
+    map_least_m = min(
+        motion.map_least_m, between_cells(fixed_m, cell_m, robot_pose[0], robot_pose[1]) - COMING_M
+    )
+    cos_0, sin_0 = math.cos(robot_pose[2]), math.sin(robot_pose[2])
     free, room_m, speed = abs(total), math.inf, most
     lacking_m, most_lacking_m, kept = 0.0, 0.0, 0
     for k in range(1, count + 1):
@@ -186,7 +203,7 @@ def _check(
         nearest, standing = _nearest(hull, pad_m, points, velocity, walks, least, x, y, heading, times)
         map_m = math.inf
         if not on_the_spot:
-            grid_x, grid_y = here[0] + cos_0 * x - sin_0 * y, here[1] + sin_0 * x + cos_0 * y
+            grid_x, grid_y = robot_pose[0] + cos_0 * x - sin_0 * y, robot_pose[1] + sin_0 * x + cos_0 * y
             map_m = between_cells(fixed_m, cell_m, grid_x, grid_y)
         if nearest == -math.inf or map_m < map_least_m:
             free = abs(total) * (k - 1) / count

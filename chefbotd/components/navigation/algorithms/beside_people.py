@@ -39,17 +39,19 @@ EVADES_M_S: Final = 0.25
 """Where he surely would, the robot makes way so fast: slower it would be touched while it moves."""
 
 
-def slowed_beside_people(outline: Footprint, near: Surroundings, twist: Twist2D | None) -> Twist2D | None:
+def slowed_beside_people(
+    outline: Footprint, surroundings: Surroundings, twist: Twist2D | None
+) -> Twist2D | None:
     """The twist, or a slower one along the same arc where somebody who walks is, or will be, close to the robot."""
     if twist is None or abs(twist.linear_m_s) < 1e-3:
         return twist
-    walks = near.velocity_m_s.any(axis=1)
-    if near.is_walker is not None:
-        walks &= near.is_walker
+    walks = surroundings.velocity_m_s.any(axis=1)
+    if surroundings.is_walker is not None:
+        walks &= surroundings.is_walker
     if not walks.any():
         return twist
     motion = np.array([twist.linear_m_s, twist.angular_rad_s])
-    points, velocity = near.points_m[walks], near.velocity_m_s[walks]
+    points, velocity = surroundings.points_m[walks], surroundings.velocity_m_s[walks]
     close_s, driving_m, standing_m, now_m = _gaps(outline.hull, outline.pad_m, points, velocity, motion)
     makes_way = standing_m < GRAZING_M and driving_m > max(standing_m + WIDENS_M, CLEARS_M)
     if close_s == math.inf or makes_way:
@@ -57,7 +59,7 @@ def slowed_beside_people(outline: Footprint, near: Surroundings, twist: Twist2D 
     _, evading_m, _, _ = _gaps(
         outline.hull, outline.pad_m, points, velocity, motion * SPEED_M_S / abs(motion[0])
     )
-    gain_m = DOUBT_M / 2 if near.speed_m_s * motion[0] > 0 else DOUBT_M
+    gain_m = DOUBT_M / 2 if surroundings.speed_m_s * motion[0] > 0 else DOUBT_M
     evades = standing_m >= -GRAZED_M and evading_m > max(standing_m + gain_m, -DOUBT_M)
     share = 1.0 if evades else min(max((now_m - STANDS_M) / (CLOSE_M - STANDS_M), 0.0), 1.0)
     least_m_s = EVADES_M_S if evades and standing_m < -DOUBT_M else CREEP_M_S * share

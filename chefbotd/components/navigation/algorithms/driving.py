@@ -62,20 +62,20 @@ class InputCheck(Record, frozen=True):
 
 
 def checked_inputs(
-    params: NavigationParameters, last: Missing, now: StepInput, scan_stamp_s: float
+    params: NavigationParameters, last: Missing, inputs: StepInput, scan_stamp_s: float
 ) -> InputCheck:
     """One step, with the time of the last scan."""
-    if now.status is PoseStatus.LOST:
-        return _lost(params, last, now)
+    if inputs.status is PoseStatus.LOST:
+        return _lost(params, last, inputs)
     was_missing = last.lost_since_s is not None or last.brakes_until_s > -math.inf
-    if now.now_s - scan_stamp_s < params.scan_silent_s:
+    if inputs.now_s - scan_stamp_s < params.scan_silent_s:
         until_s = last.brakes_until_s
-        if now.pose_age_s >= POSE_SILENT_S:
-            until_s = now.now_s + params.follower.delay_s + BRAKING_S
-        if now.now_s < until_s:
+        if inputs.pose_age_s >= POSE_SILENT_S:
+            until_s = inputs.now_s + params.follower.delay_s + BRAKING_S
+        if inputs.now_s < until_s:
             return InputCheck(Missing(brakes_until_s=until_s), "waits, because no odometry arrives")
         return InputCheck(Missing(), is_over=was_missing or last.without_scan_s is not None)
-    without_scan_s = now.dt_s + (last.without_scan_s or 0.0)
+    without_scan_s = inputs.dt_s + (last.without_scan_s or 0.0)
     missing, stands = Missing(without_scan_s=without_scan_s), "waits, because no scan arrives"
     if without_scan_s < SCAN_FAULT_S:
         return InputCheck(missing, stands, is_over=was_missing)
@@ -83,27 +83,27 @@ def checked_inputs(
     return InputCheck(missing, stands, End.FAULT, reason, is_over=was_missing)
 
 
-def _lost(params: NavigationParameters, last: Missing, now: StepInput) -> InputCheck:
-    since_s = now.now_s if last.lost_since_s is None else last.lost_since_s
+def _lost(params: NavigationParameters, last: Missing, inputs: StepInput) -> InputCheck:
+    since_s = inputs.now_s if last.lost_since_s is None else last.lost_since_s
     missing, stands = Missing(lost_since_s=since_s), "waits, because its pose is not known"
-    if now.now_s - since_s < LOST_S:
+    if inputs.now_s - since_s < LOST_S:
         return InputCheck(missing, stands)
     reason = f"lost: for {LOST_S:.0f} s the pose of the robot was not known"
     return InputCheck(missing, stands, End.LOST, reason)
 
 
-def surroundings(params: NavigationParameters, world: WorldModel, now: StepInput) -> Surroundings:
+def find_surroundings(params: NavigationParameters, world: WorldModel, inputs: StepInput) -> Surroundings:
     """What is around the robot at the pose where the next twist takes effect."""
-    here = predict_pose(params.follower, world.frame.pose_to_grid(now.pose), now.last)
-    return world.surroundings(here, now.now_s, now.last.linear_m_s)
+    pose = predict_pose(params.follower, world.frame.pose_to_grid(inputs.pose), inputs.last)
+    return world.surroundings(pose, inputs.now_s, inputs.last.linear_m_s)
 
 
 def follow_trip(
     params: NavigationParameters,
     world: WorldModel,
     trip: Trip,
-    now: StepInput,
-    near: Surroundings,
+    inputs: StepInput,
+    surroundings: Surroundings,
     points_m: Floats | None = None,
 ) -> Followed:
     """The next twist along the trip; ``points_m`` lead through the middle of a tight passage, a little beside it."""
@@ -111,33 +111,35 @@ def follow_trip(
     if goal.heading_rad is not None:
         end = Pose2D(goal.x_m, goal.y_m, goal.heading_rad)
         heading_rad = trip.path.frame.pose_to_grid(end).heading_rad
-    limit_m_s = speed_limit_m_s(params, world, now, near.grid_from_base)
+    limit_m_s = speed_limit_m_s(params, world, inputs, surroundings.grid_from_base)
     if goal.max_speed_m_s is not None:
         limit_m_s = min(limit_m_s, goal.max_speed_m_s)
     track = Track(
         trip.path.points_m if points_m is None else points_m, heading_rad, limit_m_s, points_m is not None
     )
-    control = Control(params.follower, params.outline, near, now.last, now.dt_s)
+    control = Control(params.follower, params.outline, surroundings, inputs.last, inputs.dt_s)
     return follow(control, trip.follow, track)
 
 
 def can_begin(
-    params: NavigationParameters, world: WorldModel, trip: Trip, now: StepInput, near: Surroundings
+    params: NavigationParameters, world: WorldModel, trip: Trip, inputs: StepInput, surroundings: Surroundings
 ) -> bool:
     """Whether nothing is in the way of the trip's first step."""
-    tried = replace(now, status=PoseStatus.LOCALIZED, dt_s=TRIED_S)
-    return not follow_trip(params, world, trip, tried, near).is_blocked
+    tried = replace(inputs, status=PoseStatus.LOCALIZED, dt_s=TRIED_S)
+    return not follow_trip(params, world, trip, tried, surroundings).is_blocked
 
 
-def speed_limit_m_s(params: NavigationParameters, world: WorldModel, now: StepInput, here: Pose2D) -> float:
+def speed_limit_m_s(
+    params: NavigationParameters, world: WorldModel, inputs: StepInput, pose: Pose2D
+) -> float:
     """What zones, an uncertain pose, late scans and late odometry allow at a pose of the grid's frame."""
-    cell = world.frame.cell(here.x_m, here.y_m)
+    cell = world.frame.cell(pose.x_m, pose.y_m)
     limit_m_s = math.inf if cell is None else float(world.ground.speed_limit_m_s[cell])
-    if now.status is PoseStatus.UNCERTAIN:
+    if inputs.status is PoseStatus.UNCERTAIN:
         limit_m_s = min(limit_m_s, UNCERTAIN_SPEED_M_S)
-    most_m_s, age_s = params.follower.max_speed_m_s, now.now_s - world.scan_stamp_s
+    most_m_s, age_s = params.follower.max_speed_m_s, inputs.now_s - world.scan_stamp_s
     by_scan = _late_share(age_s, params.scan_late_s, params.scan_silent_s)
-    by_pose = _late_share(now.pose_age_s, POSE_LATE_S, POSE_SILENT_S)
+    by_pose = _late_share(inputs.pose_age_s, POSE_LATE_S, POSE_SILENT_S)
     return min(limit_m_s, most_m_s * min(by_scan, by_pose))
 
 

@@ -75,7 +75,7 @@ FAST_M_S: Final = 0.4
 
 def evading_twist(
     outline: Footprint,
-    near: Surroundings,
+    surroundings: Surroundings,
     last: Twist2D,
     away_m: float,
     *,
@@ -87,10 +87,10 @@ def evading_twist(
     It stays if nobody comes too near, or if no place that it can reach is better. With ``only_touch`` it evades only a
     person who would touch it. It evades a person who stopped for it only if it cannot go on itself (``is_stuck``).
     """
-    coming = _coming(near, is_stuck=is_stuck)
+    coming = _coming(surroundings, is_stuck=is_stuck)
     if coming is None or away_m > _most_m(coming):
         return None
-    standing = standing_only(near)
+    standing = standing_only(surroundings)
     search = _Search(outline, last, coming, standing)
     stay_m = search.least_m(0.0, 0.0, FORESIGHT_S)
     if stay_m >= (TOUCH_M if only_touch else ROOM_M):
@@ -139,14 +139,14 @@ class _Search(Record, frozen=True):
         return chosen
 
 
-def _coming(near: Surroundings, *, is_stuck: bool) -> _Coming | None:
+def _coming(surroundings: Surroundings, *, is_stuck: bool) -> _Coming | None:
     """The people to be evaded; None when there is nobody."""
-    intent = near.velocity_m_s if near.intent_m_s is None else near.intent_m_s
-    walks: Flags = np.asarray(near.velocity_m_s.any(axis=1))
+    intent = surroundings.velocity_m_s if surroundings.intent_m_s is None else surroundings.intent_m_s
+    walks: Flags = np.asarray(surroundings.velocity_m_s.any(axis=1))
     moving: Flags = np.asarray(intent.any(axis=1)) if is_stuck else walks
     if not moving.any():
         return None
-    return _Coming(near.points_m[moving], intent[moving], np.logical_not(walks[moving]))
+    return _Coming(surroundings.points_m[moving], intent[moving], np.logical_not(walks[moving]))
 
 
 def _most_m(coming: _Coming) -> float:
@@ -165,15 +165,19 @@ def _arcs(outline: Footprint, standing: Surroundings, wall_m: float) -> Iterator
             yield curvature, direction * length_m
 
 
-def is_in_the_way(outline: Footprint, near: Surroundings, for_s: float) -> bool:
+def is_in_the_way(outline: Footprint, surroundings: Surroundings, for_s: float) -> bool:
     """Whether a walking person would come too near to a robot that stood here for so long."""
-    return _Search(outline, STANDING, _walking(near), near).least_m(0.0, 0.0, for_s) < ROOM_M
+    return _Search(outline, STANDING, _walking(surroundings), surroundings).least_m(0.0, 0.0, for_s) < ROOM_M
 
 
-def _walking(near: Surroundings, above_m_s: float = 0.0) -> _Coming:
+def _walking(surroundings: Surroundings, above_m_s: float = 0.0) -> _Coming:
     """The people who walk now, faster than this, each with his present velocity."""
-    walks: Flags = np.asarray(np.hypot(near.velocity_m_s[:, 0], near.velocity_m_s[:, 1]) > above_m_s)
-    return _Coming(near.points_m[walks], near.velocity_m_s[walks], np.zeros(int(walks.sum()), np.bool_))
+    walks: Flags = np.asarray(
+        np.hypot(surroundings.velocity_m_s[:, 0], surroundings.velocity_m_s[:, 1]) > above_m_s
+    )
+    return _Coming(
+        surroundings.points_m[walks], surroundings.velocity_m_s[walks], np.zeros(int(walks.sum()), np.bool_)
+    )
 
 
 @kernel
@@ -204,12 +208,17 @@ def _least_m(hull: Floats, points: Floats, velocity: Floats, waits: Flags, numbe
     return least
 
 
-def safest(outline: Footprint, near: Surroundings, last: Twist2D, twist: Twist2D | None) -> Twist2D | None:
+def safest(
+    outline: Footprint, surroundings: Surroundings, last: Twist2D, twist: Twist2D | None
+) -> Twist2D | None:
     """The twist; None, to brake, if a person would soon touch a robot that drives so, and comes no nearer then."""
-    people = _walking(near, FAST_M_S)
+    people = _walking(surroundings, FAST_M_S)
     if twist is None or abs(twist.linear_m_s) < 1e-3 or not len(people.points_m):
         return twist
-    search, speed_m_s = _Search(outline, last, people, near), math.copysign(SPEED_M_S, twist.linear_m_s)
+    search, speed_m_s = (
+        _Search(outline, last, people, surroundings),
+        math.copysign(SPEED_M_S, twist.linear_m_s),
+    )
     length_m = speed_m_s * (STANDS_S + SPEED_M_S / BRAKING_M_S2)  # so that it does not brake within that time
     driving_m = search.least_m(twist.angular_rad_s / twist.linear_m_s, length_m, STANDS_S)
     stands = driving_m < TOUCH_M and search.least_m(0.0, 0.0, STANDS_S) >= driving_m

@@ -55,8 +55,8 @@ class Evasion(Record, frozen=True):
 def evade(
     params: NavigationParameters,
     evasion: Evasion,
-    now: StepInput,
-    near: Surroundings,
+    inputs: StepInput,
+    surroundings: Surroundings,
     twist: Twist2D | None,
     *,
     is_blocked: bool,
@@ -69,75 +69,85 @@ def evade(
     goal evades nobody who is slow. Who stands where the robot ``waits`` for him has not stopped for it: he is evaded
     when he walks.
     """
-    here, start = near.grid_from_base, evasion.grid_from_start
-    evasion = _count_evasion(evasion, now, here)
-    near = _without_followers(params.outline, near, evasion, now.now_s, arrives=arrives)
+    pose, start = surroundings.grid_from_base, evasion.grid_from_start
+    evasion = _count_evasion(evasion, inputs, pose)
+    surroundings = _without_followers(params.outline, surroundings, evasion, inputs.now_s, arrives=arrives)
     goes = twist is not None and twist.linear_m_s > 0.0 and not is_blocked
     if goes and not evasion.is_active:
         evasion = replace(evasion, is_active=False, who=None)
-        return evasion, safest(params.outline, near, now.last, twist)
-    moves = goes or (not evasion.is_active and now.last.linear_m_s > 0.01)
-    if start is None or now.now_s - evasion.last_s > CALM_S:
-        start = here
-    away_m = math.hypot(here.x_m - start.x_m, here.y_m - start.y_m)
+        return evasion, safest(params.outline, surroundings, inputs.last, twist)
+    moves = goes or (not evasion.is_active and inputs.last.linear_m_s > 0.01)
+    if start is None or inputs.now_s - evasion.last_s > CALM_S:
+        start = pose
+    away_m = math.hypot(pose.x_m - start.x_m, pose.y_m - start.y_m)
     is_stuck = (evasion.is_active or twist is None or abs(twist.angular_rad_s) < 0.05) and not waits
-    evading = evading_twist(params.outline, near, now.last, away_m, is_stuck=is_stuck, only_touch=moves)
-    who = None if evading is None else _nearest_walker(near)
+    evading = evading_twist(
+        params.outline, surroundings, inputs.last, away_m, is_stuck=is_stuck, only_touch=moves
+    )
+    who = None if evading is None else _nearest_walker(surroundings)
     if evasion.is_used_up:
         evading = None
-    last_s = evasion.last_s if evading is None else now.now_s
+    last_s = evasion.last_s if evading is None else inputs.now_s
     evasion = replace(evasion, is_active=evading is not None, last_s=last_s, grid_from_start=start, who=who)
     if evading is not None:
-        twist = limit_change(params.follower, now.last, evading, now.dt_s)
-    return evasion, safest(params.outline, near, now.last, twist)
+        twist = limit_change(params.follower, inputs.last, evading, inputs.dt_s)
+    return evasion, safest(params.outline, surroundings, inputs.last, twist)
 
 
-def _count_evasion(evasion: Evasion, now: StepInput, here: Pose2D) -> Evasion:
+def evasion_sentence(evasion: Evasion, place: Pose2D) -> str:
+    """What the robot does for somebody at a place of the map."""
+    where = f"somebody at ({place.x_m:.2f}, {place.y_m:.2f})"
+    if not evasion.is_used_up:
+        return f"makes way for {where}"
+    return f"stands for {where}: it has made way for {evasion.evaded_m:.0f} m on the way to this goal"
+
+
+def _count_evasion(evasion: Evasion, inputs: StepInput, pose: Pose2D) -> Evasion:
     """The same with the way of the last step, if that was driven to evade, and with whom it may have led."""
     if evasion.is_active:
-        return replace(evasion, evaded_m=evasion.evaded_m + abs(now.last.linear_m_s) * now.dt_s)
-    if now.last.linear_m_s > LED_M_S:
-        return replace(evasion, led=here, led_s=now.now_s)
+        return replace(evasion, evaded_m=evasion.evaded_m + abs(inputs.last.linear_m_s) * inputs.dt_s)
+    if inputs.last.linear_m_s > LED_M_S:
+        return replace(evasion, led=pose, led_s=inputs.now_s)
     return evasion
 
 
 def _without_followers(
-    outline: Footprint, near: Surroundings, evasion: Evasion, now_s: float, *, arrives: bool
+    outline: Footprint, surroundings: Surroundings, evasion: Evasion, now_s: float, *, arrives: bool
 ) -> Surroundings:
     """The same without slow people who follow the robot, or come to it at its goal, and are not near yet."""
     led = evasion.led if now_s - evasion.led_s <= LED_FOR_S else None
     if led is None and not arrives:
-        return near
-    velocity = near.velocity_m_s if near.intent_m_s is None else near.intent_m_s
+        return surroundings
+    velocity = surroundings.velocity_m_s if surroundings.intent_m_s is None else surroundings.intent_m_s
     speed_m_s = np.hypot(velocity[:, 0], velocity[:, 1])
-    apart_m = clearances_m(outline.hull, outline.pad_m, near.points_m)
+    apart_m = clearances_m(outline.hull, outline.pad_m, surroundings.points_m)
     follows = (speed_m_s > 0) & (speed_m_s <= FOLLOWS_M_S) & (apart_m >= ROOM_M)
     if not arrives and led is not None:
-        turn = near.grid_from_base.heading_rad - led.heading_rad
+        turn = surroundings.grid_from_base.heading_rad - led.heading_rad
         direction = np.array([math.cos(turn), -math.sin(turn)])  # in which it drove, in its present frame
-        follows &= (near.points_m @ direction < 0) & (velocity @ direction > 0)
+        follows &= (surroundings.points_m @ direction < 0) & (velocity @ direction > 0)
     if not follows.any():
-        return near
+        return surroundings
     kept = ~follows
-    intent = None if near.intent_m_s is None else near.intent_m_s[kept]
-    walks = None if near.is_walker is None else near.is_walker[kept]
+    intent = None if surroundings.intent_m_s is None else surroundings.intent_m_s[kept]
+    walks = None if surroundings.is_walker is None else surroundings.is_walker[kept]
     return replace(
-        near,
-        points_m=near.points_m[kept],
-        velocity_m_s=near.velocity_m_s[kept],
-        margin_m=near.margin_m[kept],
+        surroundings,
+        points_m=surroundings.points_m[kept],
+        velocity_m_s=surroundings.velocity_m_s[kept],
+        margin_m=surroundings.margin_m[kept],
         intent_m_s=intent,
         is_walker=walks,
     )
 
 
-def _nearest_walker(near: Surroundings) -> tuple[float, float] | None:
+def _nearest_walker(surroundings: Surroundings) -> tuple[float, float] | None:
     """Where in the grid the nearest point is that belongs to somebody who walks, or will."""
-    intent = near.velocity_m_s if near.intent_m_s is None else near.intent_m_s
-    walks = np.flatnonzero(intent.any(axis=1) | near.velocity_m_s.any(axis=1))
+    intent = surroundings.velocity_m_s if surroundings.intent_m_s is None else surroundings.intent_m_s
+    walks = np.flatnonzero(intent.any(axis=1) | surroundings.velocity_m_s.any(axis=1))
     if not len(walks):
         return None
-    points = near.points_m[walks]
+    points = surroundings.points_m[walks]
     x_m, y_m = points[int(np.argmin(np.hypot(points[:, 0], points[:, 1])))]
-    place = near.grid_from_base.compose(Pose2D(float(x_m), float(y_m)))
+    place = surroundings.grid_from_base.compose(Pose2D(float(x_m), float(y_m)))
     return place.x_m, place.y_m

@@ -72,7 +72,7 @@ MOST_HELD = 4
 
 def follow(control: Control, state: FollowState, track: Track) -> Followed:
     """One step."""
-    pose, points, last = control.near.grid_from_base, track.points_m, control.last
+    pose, points, last = control.surroundings.grid_from_base, track.points_m, control.last
     index = _nearest(points, state.index, pose)
     end = points[-1]
     to_end_m = math.hypot(end[0] - pose.x_m, end[1] - pose.y_m)
@@ -116,7 +116,7 @@ def _length(points: Floats) -> float:
 
 def _carrot(control: Control, points: Floats, *, is_tight: bool) -> tuple[float, float]:
     """In the robot's frame, where a path leaves the circle of the lookahead; its end if it does not."""
-    pose, lookahead_m = control.near.grid_from_base, abs(control.last.linear_m_s) * LOOKAHEAD_S
+    pose, lookahead_m = control.surroundings.grid_from_base, abs(control.last.linear_m_s) * LOOKAHEAD_S
     lookahead_m = min(max(lookahead_m, LEAST_LOOKAHEAD_M), MOST_LOOKAHEAD_M) * (
         TIGHT_SHARE if is_tight else 1
     )
@@ -127,7 +127,7 @@ def _carrot(control: Control, points: Floats, *, is_tight: bool) -> tuple[float,
 
 
 def _pursue(control: Control, state: FollowState, track: Track) -> Followed:
-    limits, pose = control.limits, control.near.grid_from_base
+    limits, pose = control.limits, control.surroundings.grid_from_base
     carrot = x_m, y_m = _carrot(control, track.points_m[state.index :], is_tight=track.is_tight)
     bearing_rad, away_m = math.atan2(y_m, x_m), max(math.hypot(x_m, y_m), 0.05)
     limit_rad = ALIGNED_RAD if state.phase is Phase.TURNING else TURN_ON_THE_SPOT_RAD
@@ -137,7 +137,7 @@ def _pursue(control: Control, state: FollowState, track: Track) -> Followed:
     state = replace(state, phase=Phase.TRACKING)
     end = track.points_m[-1] - [pose.x_m, pose.y_m]
     left_m = max(_length(track.points_m[state.index :]), float(np.hypot(*end)))
-    control = replace(control, near=replace(control.near, stops_m=left_m))
+    control = replace(control, surroundings=replace(control.surroundings, stops_m=left_m))
     curvature = min(max(2 * y_m / away_m**2, -MOST_CURVATURE_PER_M), MOST_CURVATURE_PER_M)
     beyond_m = 0.0 if track.is_tight else BEYOND_M
     curvature, arc = clear_arc(control, *free_arc(control, curvature, carrot, beyond_m))
@@ -154,11 +154,11 @@ def _pursue(control: Control, state: FollowState, track: Track) -> Followed:
 
 def _stopping(control: Control, curvature: float, arc: Arc) -> float:
     """From which speed the robot stands before what blocks the arc: clear of the whole path of a walking person."""
-    near, limits, free_m = control.near, control.limits, arc.free
-    if near.velocity_m_s.any():
-        standing = limited_arc(replace(control, near=standing_only(near)), curvature)
+    surroundings, limits, free_m = control.surroundings, control.limits, arc.free
+    if surroundings.velocity_m_s.any():
+        standing = limited_arc(replace(control, surroundings=standing_only(surroundings)), curvature)
         if free_m < standing.free - 0.05:
-            paths = replace(control, near=sweep_movers(near, FORESIGHT_S))
+            paths = replace(control, surroundings=sweep_movers(surroundings, FORESIGHT_S))
             free_m = min(free_m, limited_arc(paths, curvature).free)
     if free_m >= HORIZON_M:
         return math.inf
@@ -168,7 +168,7 @@ def _stopping(control: Control, curvature: float, arc: Arc) -> float:
 def _is_between_walls(control: Control) -> bool:
     """Whether walls close to its left and right keep the robot in line, and none is ahead."""
     half_m = float(np.abs(control.outline.hull[:, 1]).max()) + control.outline.pad_m
-    x, y = control.near.points_m.T
+    x, y = control.surroundings.points_m.T
     beside = np.abs(x) < BESIDE_M
     left, right = (beside & (side > 0) & (side < half_m + TIGHT_M) for side in (y, -y))
     ahead = (np.abs(y) < half_m / 2) & (np.abs(x) < half_m + GUARDED_AHEAD_M)
@@ -184,13 +184,13 @@ def _beyond_end(control: Control, points: Floats) -> Pose2D:
 
 def _count_standstill(state: FollowState, pose: Pose2D, last: Twist2D, dt_s: float) -> FollowState:
     """The same, with how often the robot was commanded to drive and did not move."""
-    here = (pose.x_m, pose.y_m)
-    if state.from_m is None or math.dist(state.from_m, here) > STAYED_M:
-        return replace(state, from_m=here, asked_m=0.0)
+    place = (pose.x_m, pose.y_m)
+    if state.from_m is None or math.dist(state.from_m, place) > STAYED_M:
+        return replace(state, from_m=place, asked_m=0.0)
     asked_m = state.asked_m + abs(last.linear_m_s) * dt_s
     if asked_m < HELD_M:
         return replace(state, asked_m=asked_m)
-    return replace(state, held=state.held + 1, from_m=here, asked_m=0.0)
+    return replace(state, held=state.held + 1, from_m=place, asked_m=0.0)
 
 
 def _approach(
@@ -211,9 +211,9 @@ def _approach(
         return turn_by(control, state, bearing_rad)
     aim = goal if steers_for is None or direction < 0 else steers_for
     curvature = min(max(2 * aim.y_m / max(math.hypot(aim.x_m, aim.y_m), 0.08) ** 2, -4.0), 4.0)
-    near, horizon_m = replace(control.near, stops_m=away_m), direction * (away_m + 0.02)
+    surroundings, horizon_m = replace(control.surroundings, stops_m=away_m), direction * (away_m + 0.02)
     braking = limits.deceleration_m_s2
-    arc = check_arc(control.outline, near, curvature, horizon_m, limits.max_speed_m_s, braking)
+    arc = check_arc(control.outline, surroundings, curvature, horizon_m, limits.max_speed_m_s, braking)
     arriving = stopping_speed(away_m * math.cos(bearing_rad), braking / 2, limits.delay_s)
     stopping = math.inf
     if arc.free < away_m:
@@ -229,7 +229,7 @@ def _approach(
 def _final_turn(control: Control, state: FollowState, track: Track, to_end_m: float) -> Followed:
     limits, last, error_rad = control.limits, control.last, 0.0
     if track.end_heading_rad is not None:
-        error_rad = wrap_angle(track.end_heading_rad - control.near.grid_from_base.heading_rad)
+        error_rad = wrap_angle(track.end_heading_rad - control.surroundings.grid_from_base.heading_rad)
     if abs(last.linear_m_s) > 1e-3:
         return Followed(state, Twist2D(control.standing.linear_m_s, 0.0))
     if abs(error_rad) > limits.heading_rad:
@@ -243,7 +243,7 @@ def _final_turn(control: Control, state: FollowState, track: Track, to_end_m: fl
 
 def backwards(control: Control, trail: Floats) -> Followed:
     """Back along the robot's trail (n, 2 in the grid's frame, the newest first), as long as it is free."""
-    state, limits, pose = FollowState(), control.limits, control.near.grid_from_base
+    state, limits, pose = FollowState(), control.limits, control.surroundings.grid_from_base
     away = np.hypot(trail[:, 0] - pose.x_m, trail[:, 1] - pose.y_m)
     beyond = np.flatnonzero(away >= 0.2)
     target = control.in_base(trail[int(beyond[0])] if len(beyond) else trail[-1])

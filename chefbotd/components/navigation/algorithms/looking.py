@@ -53,20 +53,20 @@ class Look(Record, frozen=True):
 
 
 def in_the_way(
-    world: WorldModel, planner: Planner, outline: Footprint, now: StepInput, goal: Goal
+    world: WorldModel, planner: Planner, outline: Footprint, inputs: StepInput, goal: Goal
 ) -> int | None:
     """The first thing of the map on the way to a goal that could be reached without such things; None: no such thing.
 
     What the lidar sees to be there is none of them.
     """
     things = world.things
-    here = world.frame.pose_to_grid(now.pose)
+    pose = world.frame.pose_to_grid(inputs.pose)
     end = world.frame.to_grid(np.array([[goal.x_m, goal.y_m]]))[0]
-    away_m = _from_line_m(things.centers_m, np.array([here.x_m, here.y_m]), end) - things.radius_m
+    away_m = _from_line_m(things.centers_m, np.array([pose.x_m, pose.y_m]), end) - things.radius_m
     doubtful = [int(k) for k in np.argsort(away_m)[:MOST_THINGS] if not world.is_there(int(k))]
     if not doubtful:
         return None
-    path = planner(outline, world.ground_without(np.array(doubtful)), now.pose, goal)
+    path = planner(outline, world.ground_without(np.array(doubtful)), inputs.pose, goal)
     return _first_on(path, world, doubtful) if isinstance(path, Path) else None
 
 
@@ -99,22 +99,22 @@ def _along(costs: Costmap, points_m: Floats) -> Floats:
 
 
 def look_out(
-    world: WorldModel, planner: Planner, outline: Footprint, now: StepInput, thing: int, look: Look
+    world: WorldModel, planner: Planner, outline: Footprint, inputs: StepInput, thing: int, look: Look
 ) -> Trip | None:
     """The way to the nearest place from where to look at a thing; None: there is none that is new."""
     costs, frame = world.planned_costs, world.frame
-    here = frame.pose_to_grid(now.pose)
+    pose = frame.pose_to_grid(inputs.pose)
     ring_m = world.things.radius_m[thing] + outline.outer_radius_m + AWAY_M
     bearings = math.tau / BEARINGS * np.arange(BEARINGS)
     places = world.things.centers_m[thing] + ring_m * np.stack([np.cos(bearings), np.sin(bearings)], axis=1)
-    used = np.array([(here.x_m, here.y_m), *look.looked_from])
+    used = np.array([(pose.x_m, pose.y_m), *look.looked_from])
     apart_m = np.hypot(*(places[:, None, :] - used[None, :, :]).transpose(2, 0, 1)).min(axis=1)
-    for k in np.argsort(np.hypot(places[:, 0] - here.x_m, places[:, 1] - here.y_m)):
+    for k in np.argsort(np.hypot(places[:, 0] - pose.x_m, places[:, 1] - pose.y_m)):
         cell = frame.cell(float(places[k, 0]), float(places[k, 1]))
         if apart_m[k] < ELSEWHERE_M or cell is None or math.isinf(costs.costs[cell]):
             continue
         x_m, y_m = frame.to_map(places[[k]])[0]
-        path = planner(outline, costs, now.pose, Goal(float(x_m), float(y_m)))
+        path = planner(outline, costs, inputs.pose, Goal(float(x_m), float(y_m)))
         if isinstance(path, Path):
             return Trip(path, FollowState(), is_interim=True)
     return None

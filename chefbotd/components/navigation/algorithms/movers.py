@@ -142,9 +142,11 @@ def _middle_of_round(points_m: Floats, sensor_m: Floats) -> tuple[float, float]:
     return float(x_m) + away_m * math.cos(angle), float(y_m) + away_m * math.sin(angle)
 
 
-def _match_mover(left: list[Mover], here: tuple[float, float, float, float, float], radius_m: float) -> Mover:
+def _match_mover(
+    left: list[Mover], position: tuple[float, float, float, float, float], radius_m: float
+) -> Mover:
     """The thing with its new position; the old one is removed from ``left``."""
-    stamp_s, x_m, y_m = here[:3]
+    stamp_s, x_m, y_m = position[:3]
     nearest, best = None, 0.35
     for mover in left:
         dt_s = stamp_s - mover.stamp_s
@@ -153,14 +155,14 @@ def _match_mover(left: list[Mover], here: tuple[float, float, float, float, floa
         if away < best and dt_s > 0:
             nearest, best = mover, away
     if nearest is None:
-        return Mover(x_m, y_m, 0.0, 0.0, stamp_s, (here,), (x_m, y_m), radius_m=radius_m)
+        return Mover(x_m, y_m, 0.0, 0.0, stamp_s, (position,), (x_m, y_m), radius_m=radius_m)
     left.remove(nearest)
-    was = (*(place for place in nearest.was if stamp_s - place[0] <= OVER_S + 1e-6), here)
+    was = (*(place for place in nearest.was if stamp_s - place[0] <= OVER_S + 1e-6), position)
     over_s = stamp_s - was[0][0]
     k = 3 if nearest.is_walker else 1
     vx, vy = (
         (now - began) / max(over_s, 1e-3)
-        for now, began in zip(here[k : k + 2], was[0][k : k + 2], strict=True)
+        for now, began in zip(position[k : k + 2], was[0][k : k + 2], strict=True)
     )
     if over_s < AFTER_S or math.hypot(vx, vy) > FASTEST_M_S:  # not measured: who walked walks on
         vx, vy = (nearest.vx_m_s, nearest.vy_m_s) if nearest.is_walker else (0.0, 0.0)
@@ -210,8 +212,8 @@ def with_people(costs: Costmap, people: Sequence[Mover], x_m: float, y_m: float,
     inner_m, tight_m = costs.inflation.inner_m, costs.inflation.tight_m
     numbers = np.array([WEIGHT, ROOM_M, FORESIGHT_S, SLACK_M, inner_m, tight_m, speed_m_s])
     distance_m, extra = costs.distance_m.copy(), np.zeros_like(costs.costs)
-    here, cell_m = np.array([x_m, y_m]), costs.frame.resolution_m
-    _stamp_people(rows, here, numbers, cell_m, costs.standing_m, distance_m, extra)
+    position, cell_m = np.array([x_m, y_m]), costs.frame.resolution_m
+    _stamp_people(rows, position, numbers, cell_m, costs.standing_m, distance_m, extra)
     return replace(costs, distance_m=distance_m, costs=costs.costs + extra)
 
 

@@ -11,7 +11,7 @@ from typing import Final
 from chefbotd.components.navigation.algorithms.beside_people import slowed_beside_people
 from chefbotd.components.navigation.algorithms.costmap import Costmap
 from chefbotd.components.navigation.algorithms.crawl import CYCLE_S, Crawl, slow_for_silence, watch_silence
-from chefbotd.components.navigation.algorithms.driving import POSE_SILENT_S, surroundings
+from chefbotd.components.navigation.algorithms.driving import POSE_SILENT_S, find_surroundings
 from chefbotd.components.navigation.algorithms.goal_execution import GoalExecution
 from chefbotd.components.navigation.algorithms.interface import (
     Ended,
@@ -224,8 +224,8 @@ class Navigator:
         """
         if self.world is None:
             raise NoMapError("there is no map to plan on: load or make one first")
-        here = self.world.frame.pose_to_grid(start)
-        costs = self.world.costs(now_s, here, with_closed=False)
+        pose = self.world.frame.pose_to_grid(start)
+        costs = self.world.costs(now_s, pose, with_closed=False)
         return plan_now(self._planner, self._params.outline, costs, self.world.ground, start, goal)
 
     def time_s(self, path: Path, start: Pose2D) -> float:
@@ -252,8 +252,8 @@ class Navigator:
         execution = self._execution
         if execution is not None and execution.state is not GoalState.PAUSED:
             standing = limit_change(self._params.follower, self._last, STANDING, dt_s)
-            now = StepInput(now_s, dt_s, pose, status, self._last, pose_age_s)
-            chosen = None if self.world is None else self._act(self.world, execution, now)
+            inputs = StepInput(now_s, dt_s, pose, status, self._last, pose_age_s)
+            chosen = None if self.world is None else self._act(self.world, execution, inputs)
             twist = standing if chosen is None else chosen
         self._last = STANDING if twist is None else twist
         ended, self._ended = self._ended, ()
@@ -264,8 +264,8 @@ class Navigator:
         crawl, execution = self._crawl, self._execution
         if self.world is not None and execution is not None and crawl.is_due(read_s, now_s):
             dt_s = min(read_s - crawl.decided_s, CYCLE_S)
-            now = StepInput(now_s, dt_s, crawl.predicted(pose), status, crawl.asked[0])
-            twist = self._act(self.world, execution, now)
+            inputs = StepInput(now_s, dt_s, crawl.predicted(pose), status, crawl.asked[0])
+            twist = self._act(self.world, execution, inputs)
             self._last = STANDING if twist is None else twist
             self._crawl = crawl.then(read_s, self._last)
         ended, self._ended = self._ended, ()
@@ -283,22 +283,22 @@ class Navigator:
 
     # From goal to goal
 
-    def _act(self, world: WorldModel, execution: GoalExecution, now: StepInput) -> Twist2D | None:
+    def _act(self, world: WorldModel, execution: GoalExecution, inputs: StepInput) -> Twist2D | None:
         """The twist for the present goal; None is standing."""
         crawls = self._crawl.is_on
         execution.use(
             self._slow_params if crawls else self._params, has_to_rest=crawls and not self._crawl.rests
         )
-        if not execution.prepare(world, now):
+        if not execution.prepare(world, inputs):
             self._settle(execution)
             return None
-        near = surroundings(self._slow_params if crawls else self._params, world, now)
-        twist = execution.drive(world, now, near)
+        surroundings = find_surroundings(self._slow_params if crawls else self._params, world, inputs)
+        twist = execution.drive(world, inputs, surroundings)
         self._settle(execution)
         if self._execution is None or crawls:  # a board that obeys so late evades nobody
             return None if self._execution is None else twist
-        twist = self._execution.evade(now, near, twist)
-        return slowed_beside_people(self._params.outline, near, twist)
+        twist = self._execution.evade(inputs, surroundings, twist)
+        return slowed_beside_people(self._params.outline, surroundings, twist)
 
     def _settle(self, execution: GoalExecution) -> None:
         """Go on with the next goal if this one has ended."""

@@ -80,6 +80,6 @@ class Planner(Protocol):
 
 def turn_rad(start: Pose2D, path: Path) -> float:
     """How far the robot turns before it can go: from its heading to the path's first."""
-    here = path.frame.pose_to_grid(start)
+    pose = path.frame.pose_to_grid(start)
     ahead = path.heading_rad[min(4, len(path.heading_rad) - 1)]
-    return abs(wrap_angle(float(ahead) - here.heading_rad))
+    return abs(wrap_angle(float(ahead) - pose.heading_rad))

@@ -35,13 +35,13 @@ def plan(outline: Footprint, costs: Costmap, start: Pose2D, goal: Goal) -> Path 
 
     A goal where the robot cannot be is refused, with the nearest pose that it can reach.
     """
-    here = costs.frame.pose_to_grid(start)
-    if costs.frame.cell(here.x_m, here.y_m) is None:
+    pose = costs.frame.pose_to_grid(start)
+    if costs.frame.cell(pose.x_m, pose.y_m) is None:
         return NoPath(f"the robot is outside of the map, at ({start.x_m:.2f}, {start.y_m:.2f})")
     end = _in_grid(costs.frame, goal)
     problem = _problem(outline, costs, end)
     if problem is None:
-        path = _between(outline, costs, here, end, goal)
+        path = _between(outline, costs, pose, end, goal)
         wall_m = None if path is None else wall_before_goal(outline, costs, path)
         if path is not None and wall_m is None:
             return path
@@ -50,8 +50,8 @@ def plan(outline: Footprint, costs: Costmap, start: Pose2D, goal: Goal) -> Path 
             why = _kept_from(costs, goal, wall_m)
     else:
         why = f"the goal ({goal.x_m:.2f}, {goal.y_m:.2f}) {problem}"
-    nearest = nearest_free(outline, costs, here, end, goal.tolerance_m)
-    if nearest is None and not _flood_free(costs, here).any():
+    nearest = nearest_free(outline, costs, pose, end, goal.tolerance_m)
+    if nearest is None and not _flood_free(costs, pose).any():
         at = f"({start.x_m:.2f}, {start.y_m:.2f})"
         return NoPath(
             f"{why}: the robot itself is in an obstacle or a keep-out zone, at {at}, and cannot leave it"
@@ -63,7 +63,7 @@ def plan(outline: Footprint, costs: Costmap, start: Pose2D, goal: Goal) -> Path 
     if away_m <= goal.tolerance_m:
         heading_rad = None if goal.heading_rad is None else offered.heading_rad
         other = Goal(offered.x_m, offered.y_m, heading_rad, goal.tolerance_m, goal.max_speed_m_s)
-        path = _between(outline, costs, here, nearest, other, is_substitute=True)
+        path = _between(outline, costs, pose, nearest, other, is_substitute=True)
         if path is not None:
             return path
     near = f"the nearest place that can be reached is ({offered.x_m:.2f}, {offered.y_m:.2f})"
@@ -124,7 +124,7 @@ def _touches(outline: Footprint, costs: Costmap, pose: Pose2D) -> bool:
 
 
 def nearest_free(
-    outline: Footprint, costs: Costmap, here: Pose2D, end: Pose2D, tolerance_m: float = 0.0
+    outline: Footprint, costs: Costmap, pose: Pose2D, end: Pose2D, tolerance_m: float = 0.0
 ) -> Pose2D | None:
     """The pose nearest to ``end``, with its heading, that is free and can be reached; in the grid's frame.
 
@@ -132,7 +132,7 @@ def nearest_free(
     as the other lacks, but no pose beyond ``tolerance_m`` is better than one within.
     """
     cell_m, inflation = costs.frame.resolution_m, costs.inflation
-    reached, guards = _flood_free(costs, here), inflation.guards
+    reached, guards = _flood_free(costs, pose), inflation.guards
     roomy = reached & (costs.distance_m >= inflation.inner_m + guards.stop_m + guards.clearance_m)
     rows, columns = np.nonzero(roomy if roomy.any() else reached)
     away = np.hypot((columns + 0.5) * cell_m - end.x_m, (rows + 0.5) * cell_m - end.y_m)
@@ -145,10 +145,10 @@ def nearest_free(
     return None
 
 
-def _flood_free(costs: Costmap, here: Pose2D) -> Flags:
+def _flood_free(costs: Costmap, pose: Pose2D) -> Flags:
     """Which free cells the robot can get to from where it stands, were it a point with its inner radius."""
     free = np.isfinite(costs.costs)
-    begin = costs.frame.cell(here.x_m, here.y_m)
+    begin = costs.frame.cell(pose.x_m, pose.y_m)
     if begin is None:
         return np.zeros_like(free)
     parts, _ = ndimage.label(np.isfinite(_with_escape(costs, begin)))
@@ -156,10 +156,10 @@ def _flood_free(costs: Costmap, here: Pose2D) -> Flags:
 
 
 def _between(
-    outline: Footprint, costs: Costmap, here: Pose2D, end: Pose2D, goal: Goal, *, is_substitute: bool = False
+    outline: Footprint, costs: Costmap, pose: Pose2D, end: Pose2D, goal: Goal, *, is_substitute: bool = False
 ) -> Path | None:
     for _ in range(ATTEMPTS):
-        points = _points(outline, costs, here, end)
+        points = _points(outline, costs, pose, end)
         if points is None:
             break
         heading_rad = headings(points)
@@ -190,10 +190,10 @@ def _close_point(costs: Costmap, point: Floats) -> Costmap:
     return replace(costs, costs=blocked)
 
 
-def _points(outline: Footprint, costs: Costmap, here: Pose2D, end: Pose2D) -> Floats | None:
+def _points(outline: Footprint, costs: Costmap, pose: Pose2D, end: Pose2D) -> Floats | None:
     """A smoothed path between two poses of the grid's frame, which begins and ends exactly at them."""
     frame = costs.frame
-    first, last = frame.cell(here.x_m, here.y_m), frame.cell(end.x_m, end.y_m)
+    first, last = frame.cell(pose.x_m, pose.y_m), frame.cell(end.x_m, end.y_m)
     if first is None or last is None:
         return None
     passable = _with_escape(costs, first)
@@ -203,7 +203,7 @@ def _points(outline: Footprint, costs: Costmap, here: Pose2D, end: Pose2D) -> Fl
     corners = straighten_path(cheapest.cells, passable, frame.resolution_m)
     if len(corners) == 1:
         corners = np.repeat(corners, 2, axis=0)
-    corners[0], corners[-1] = (here.x_m, here.y_m), (end.x_m, end.y_m)
+    corners[0], corners[-1] = (pose.x_m, pose.y_m), (end.x_m, end.y_m)
     points = resample_path(corners, SPACING_M)
     wide_m = outline.inner_radius_m + WIDE_M
     smoothed = round_corners(points, passable, costs.distance_m, costs.standing_m, frame.resolution_m, wide_m)

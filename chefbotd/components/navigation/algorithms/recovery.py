@@ -84,38 +84,38 @@ class ProgressCheck(Record, frozen=True):
 
 
 def checked_progress(
-    params: NavigationParameters, last: LastProgress, now: StepInput, in_the_way: InTheWay | None
+    params: NavigationParameters, last: LastProgress, inputs: StepInput, in_the_way: InTheWay | None
 ) -> ProgressCheck:
     """One step of driving, with what blocks the robot now."""
     if in_the_way is None:
         free = replace(last, blocked_since_s=None)
         return _count_progress(
-            params, ProgressCheck(free, drives_again=last.blocked_since_s is not None), now
+            params, ProgressCheck(free, drives_again=last.blocked_since_s is not None), inputs
         )
     why, waits = f"something is in the way{in_the_way.where}", ""
     since_s = last.blocked_since_s
     if since_s is None:
-        since_s, waits = now.now_s, f"waits, because {why}"
+        since_s, waits = inputs.now_s, f"waits, because {why}"
     blocked = replace(last, blocked_since_s=since_s)
     patience_s = WALKER_S if in_the_way.walks else STUCK_S * params.slower
-    if now.now_s - since_s >= patience_s:
+    if inputs.now_s - since_s >= patience_s:
         return ProgressCheck(blocked, waits, stuck=why)
-    return _count_progress(params, ProgressCheck(blocked, waits), now, why)
+    return _count_progress(params, ProgressCheck(blocked, waits), inputs, why)
 
 
 def _count_progress(
     params: NavigationParameters,
     check: ProgressCheck,
-    now: StepInput,
+    inputs: StepInput,
     why: str = "the robot makes no progress",
 ) -> ProgressCheck:
     """The same, with the progress that the robot has made, or why it is stuck without any."""
     last = check.progress
-    moved_m = math.hypot(now.pose.x_m - last.pose.x_m, now.pose.y_m - last.pose.y_m)
-    turned_rad = abs(math.remainder(now.pose.heading_rad - last.pose.heading_rad, math.tau))
+    moved_m = math.hypot(inputs.pose.x_m - last.pose.x_m, inputs.pose.y_m - last.pose.y_m)
+    turned_rad = abs(math.remainder(inputs.pose.heading_rad - last.pose.heading_rad, math.tau))
     if moved_m > MOVED_M or turned_rad > MOVED_RAD:
-        return replace(check, progress=replace(last, moved_s=now.now_s, pose=now.pose))
-    if now.now_s - last.moved_s > IDLE_S * params.slower:
+        return replace(check, progress=replace(last, moved_s=inputs.now_s, pose=inputs.pose))
+    if inputs.now_s - last.moved_s > IDLE_S * params.slower:
         return replace(check, stuck=why)
     return check
 
@@ -180,25 +180,25 @@ def is_over(recovery: Recovery, now_s: float, slower: float = 1.0) -> bool:
     return now_s - recovery.action_began_s >= times[recovery.action]
 
 
-def extend_trail(trail: Trail, here: Pose2D, twist: Twist2D) -> Trail:
+def extend_trail(trail: Trail, pose: Pose2D, twist: Twist2D) -> Trail:
     """The trail of a robot that is here (in the grid's frame) and drives so."""
     if twist.linear_m_s <= 0:
         return trail
-    if trail and math.hypot(here.x_m - trail[-1][0], here.y_m - trail[-1][1]) <= SPACING_M:
+    if trail and math.hypot(pose.x_m - trail[-1][0], pose.y_m - trail[-1][1]) <= SPACING_M:
         return trail
-    return (*trail[-(MOST_POINTS - 1) :], (here.x_m, here.y_m))
+    return (*trail[-(MOST_POINTS - 1) :], (pose.x_m, pose.y_m))
 
 
 def back_out(
-    params: NavigationParameters, trail: Trail, began: Pose2D, now: StepInput, near: Surroundings
+    params: NavigationParameters, trail: Trail, began: Pose2D, inputs: StepInput, surroundings: Surroundings
 ) -> Twist2D | None:
     """A twist backwards; None when it is far enough, or if there is no room or no trail.
 
     ``began`` is where the robot was in the map when it began to back out.
     """
-    away_m = math.hypot(now.pose.x_m - began.x_m, now.pose.y_m - began.y_m)
+    away_m = math.hypot(inputs.pose.x_m - began.x_m, inputs.pose.y_m - began.y_m)
     if away_m >= BACK_OUT_M or len(trail) < LEAST_POINTS:
         return None
-    control = Control(params.follower, params.outline, near, now.last, now.dt_s)
+    control = Control(params.follower, params.outline, surroundings, inputs.last, inputs.dt_s)
     done = backwards(control, np.array(trail[::-1]))
     return None if done.is_blocked else done.twist

@@ -109,12 +109,12 @@ class Track(Record, frozen=True):
 class Control(Record, frozen=True):
     """What a step of the follower is made with: the robot, what is around it, and the twist that was commanded last.
 
-    The robot is (or will be, see ``predict_pose``) at ``near.grid_from_base``.
+    The robot is (or will be, see ``predict_pose``) at ``surroundings.grid_from_base``.
     """
 
     limits: FollowerLimits
     outline: Footprint
-    near: Surroundings
+    surroundings: Surroundings
     last: Twist2D
     dt_s: float
 
@@ -125,7 +125,7 @@ class Control(Record, frozen=True):
 
     def in_base(self, point: Floats) -> Pose2D:
         """A point (x, y) of the grid's frame in the robot's frame."""
-        return self.near.grid_from_base.inverse().compose(Pose2D(float(point[0]), float(point[1])))
+        return self.surroundings.grid_from_base.inverse().compose(Pose2D(float(point[0]), float(point[1])))
 
 
 def predict_pose(params: FollowerLimits, pose: Pose2D, twist: Twist2D) -> Pose2D:
@@ -141,7 +141,7 @@ def turn_by(control: Control, state: FollowState, error_rad: float) -> Followed:
     if abs(last.linear_m_s) > 0.02:  # first stand
         return Followed(state, control.standing)
     for angle_rad in (error_rad, error_rad - math.copysign(math.tau, error_rad)):
-        free_rad = check_turn(control.outline, control.near, angle_rad).free
+        free_rad = check_turn(control.outline, control.surroundings, angle_rad).free
         if free_rad >= abs(angle_rad) - 1e-6:
             braking_rad_s2 = limits.turn_acceleration_rad_s2 * TURN_BRAKING
             speed = stopping_speed(abs(angle_rad), braking_rad_s2, limits.delay_s)

@@ -32,36 +32,40 @@ class Surroundings(Record, frozen=True):
     is_walker: Flags | None = None
 
 
-def standing_only(near: Surroundings) -> Surroundings:
+def standing_only(surroundings: Surroundings) -> Surroundings:
     """The same without what moves."""
-    still = ~near.velocity_m_s.any(axis=1)
+    still = ~surroundings.velocity_m_s.any(axis=1)
     return replace(
-        near,
-        points_m=near.points_m[still],
-        margin_m=near.margin_m[still],
+        surroundings,
+        points_m=surroundings.points_m[still],
+        margin_m=surroundings.margin_m[still],
         is_walker=None,
-        velocity_m_s=near.velocity_m_s[still],
+        velocity_m_s=surroundings.velocity_m_s[still],
     )
 
 
-def turn_surroundings(near: Surroundings, angle_rad: float) -> Surroundings:
+def turn_surroundings(surroundings: Surroundings, angle_rad: float) -> Surroundings:
     """The surroundings of the robot after a turn on the spot by an angle (CCW positive)."""
     cos, sin = math.cos(angle_rad), math.sin(angle_rad)
     turn_back = np.array([[cos, -sin], [sin, cos]])
-    points_m, velocity_m_s = near.points_m @ turn_back, near.velocity_m_s @ turn_back
-    here = near.grid_from_base.compose(Pose2D(0.0, 0.0, angle_rad))
-    return replace(near, points_m=points_m, velocity_m_s=velocity_m_s, grid_from_base=here)
+    points_m, velocity_m_s = surroundings.points_m @ turn_back, surroundings.velocity_m_s @ turn_back
+    pose = surroundings.grid_from_base.compose(Pose2D(0.0, 0.0, angle_rad))
+    return replace(surroundings, points_m=points_m, velocity_m_s=velocity_m_s, grid_from_base=pose)
 
 
-def sweep_movers(near: Surroundings, foresight_s: float) -> Surroundings:
+def sweep_movers(surroundings: Surroundings, foresight_s: float) -> Surroundings:
     """The same with what moves at every place of its path: a robot that lets it pass must stand clear of all of them."""
-    moving = np.hypot(near.velocity_m_s[:, 0], near.velocity_m_s[:, 1]) > 0
-    points, margin = near.points_m[moving], near.margin_m[moving]
-    velocity = near.velocity_m_s[moving]
+    moving = np.hypot(surroundings.velocity_m_s[:, 0], surroundings.velocity_m_s[:, 1]) > 0
+    points, margin = surroundings.points_m[moving], surroundings.margin_m[moving]
+    velocity = surroundings.velocity_m_s[moving]
     times = np.arange(0.0, foresight_s + 1e-9, SWEEP_S)
     along = [points + velocity * time_s for time_s in times]
-    everything = np.vstack([near.points_m[~moving], *along])
-    margins = np.concatenate([near.margin_m[~moving], np.tile(margin, len(times))])
+    everything = np.vstack([surroundings.points_m[~moving], *along])
+    margins = np.concatenate([surroundings.margin_m[~moving], np.tile(margin, len(times))])
     return replace(
-        near, points_m=everything, margin_m=margins, velocity_m_s=np.zeros_like(everything), is_walker=None
+        surroundings,
+        points_m=everything,
+        margin_m=margins,
+        velocity_m_s=np.zeros_like(everything),
+        is_walker=None,
     )

@@ -170,8 +170,8 @@ def choice(
     costs: Costmap,
     trip: Trip,
     other: Trip | NoPath,
-    now: StepInput,
-    near: Surroundings,
+    inputs: StepInput,
+    surroundings: Surroundings,
 ) -> Choice:
     """Compare another trip, found with these costs, to what is left of the present one."""
     left = trip.left
@@ -181,13 +181,13 @@ def choice(
         return Choice.STUCK if is_stuck else Choice.KEEP
     if blocked_m is not None or other.is_interim != trip.is_interim:
         return Choice.TAKE_NEW
-    turn = turn_worth(params.follower, other.path, now.pose)
+    turn = turn_worth(params.follower, other.path, inputs.pose)
     is_better = worth(costs, other.path) + turn < BETTER_SHARE * worth(costs, left)
     if turn == 0.0 and not is_better:
         is_better = _is_clearer(costs, other.path, left)
     if not is_better or trip.is_interim:
         return Choice.KEEP
-    has_to_wait = turn > 0 and is_in_the_way(params.outline, near, TURN_S)
+    has_to_wait = turn > 0 and is_in_the_way(params.outline, surroundings, TURN_S)
     return Choice.KEEP if has_to_wait else Choice.TAKE_NEW
 
 

@@ -178,13 +178,13 @@ class WorldModel:
         inside: NDArray[np.bool_] = np.asarray(((points_m >= 0) & (points_m <= most_m)).all(axis=1))
         return inside
 
-    def _is_void(self, here: Pose2D, stamp_s: float) -> bool:
+    def _is_void(self, pose: Pose2D, stamp_s: float) -> bool:
         """Whether the pose was corrected by so much that what was seen from it before is void."""
         if self.scan_stamp_s == -math.inf:
             return False
         last, limits, passed_s = self._seen_from, self._params.follower, stamp_s - self.scan_stamp_s
-        gone_m = math.hypot(here.x_m - last.x_m, here.y_m - last.y_m)
-        turned_rad = abs(math.remainder(here.heading_rad - last.heading_rad, math.tau))
+        gone_m = math.hypot(pose.x_m - last.x_m, pose.y_m - last.y_m)
+        turned_rad = abs(math.remainder(pose.heading_rad - last.heading_rad, math.tau))
         could_m, could_rad = 1.5 * limits.max_speed_m_s * passed_s, 1.5 * limits.max_turn_rad_s * passed_s
         return gone_m > VOID_M + could_m or turned_rad > VOID_RAD + could_rad
 
@@ -204,10 +204,10 @@ class WorldModel:
         """The share of the lidars' points that neither other beams nor other turns confirm, lately."""
         return self._noise.share
 
-    def _has_jumped(self, here: Pose2D, stamp_s: float) -> bool:
+    def _has_jumped(self, pose: Pose2D, stamp_s: float) -> bool:
         """Whether the pose is farther from that of the last scan than the robot can have gone."""
         last = self._seen_from
-        gone_m = math.hypot(here.x_m - last.x_m, here.y_m - last.y_m)
+        gone_m = math.hypot(pose.x_m - last.x_m, pose.y_m - last.y_m)
         could_m = 1.5 * self._params.follower.max_speed_m_s * (stamp_s - self.scan_stamp_s)
         return gone_m > JUMP_M + could_m
 
@@ -264,31 +264,31 @@ class WorldModel:
         """No place is closed any more."""
         self._closed = []
 
-    def costs(self, now_s: float, here: Pose2D | None = None, *, with_closed: bool = True) -> Costmap:
-        """The costs with all that is seen now; with people who walk only for a robot that sets out from ``here``.
+    def costs(self, now_s: float, pose: Pose2D | None = None, *, with_closed: bool = True) -> Costmap:
+        """The costs with all that is seen now; with people who walk only for a robot that sets out from ``pose``.
 
         They are ``ground`` itself if nothing but the map is there.
         """
         seen = self._seen(now_s, self._walked_s)
         stood = with_obstacles(self.ground, self._with_closed(seen, now_s) if with_closed else seen)
-        if here is None:
+        if pose is None:
             return stood
         walkers = [mover for mover in self._movers if mover.is_walker and mover.stamp_s == self.scan_stamp_s]
         speed_m_s = self._params.follower.max_speed_m_s
-        return with_people(stood, walkers, here.x_m, here.y_m, speed_m_s)
+        return with_people(stood, walkers, pose.x_m, pose.y_m, speed_m_s)
 
-    def costs_to_plan(self, now_s: float, here: Pose2D, *, with_closed: bool) -> Costmap:
+    def costs_to_plan(self, now_s: float, pose: Pose2D, *, with_closed: bool) -> Costmap:
         """The same, kept as the costs that the last plan was made with."""
-        self.planned_costs = self.costs(now_s, here, with_closed=with_closed)
+        self.planned_costs = self.costs(now_s, pose, with_closed=with_closed)
         return self.planned_costs
 
-    def remember_drive(self, here: Pose2D, twist: Twist2D) -> None:
+    def remember_drive(self, pose: Pose2D, twist: Twist2D) -> None:
         """Keep the trail of a robot that is here (in the grid's frame) and drives so."""
-        self.trail = extend_trail(self.trail, here, twist)
+        self.trail = extend_trail(self.trail, pose, twist)
 
-    def meets_walker(self, here: Pose2D) -> bool:
+    def meets_walker(self, pose: Pose2D) -> bool:
         """Whether the nearest thing in front of a pose of the grid's frame is a person who will walk on."""
-        points = place_points(here.inverse(), self._points_m)
+        points = place_points(pose.inverse(), self._points_m)
         apart_m = np.where(points[:, 0] > 0, np.hypot(points[:, 0], points[:, 1]), math.inf)
         return bool(len(points) and self._is_walker[int(np.argmin(apart_m))])
 
@@ -332,11 +332,11 @@ class WorldModel:
         disc = np.array([(x, y) for x in around for y in around if math.hypot(x, y) <= radius_m])
         return np.vstack([points_m, *(place + disc for _, place in self._closed)])
 
-    def surroundings(self, here: Pose2D, now_s: float, speed_m_s: float = 0.0) -> Surroundings:
+    def surroundings(self, pose: Pose2D, now_s: float, speed_m_s: float = 0.0) -> Surroundings:
         """What is around a pose of the grid's frame: the last scan, its movers moved on, and what was seen before."""
         bridged_s = np.full(len(self._points_m), min(max(now_s - self.scan_stamp_s, 0.0), BRIDGED_S))
         bridged_s[self._is_walker] += self._params.follower.delay_s
-        remembered = self._remembered(here, now_s)
+        remembered = self._remembered(pose, now_s)
         points = np.vstack([self._points_m + self._velocity_m_s * bridged_s[:, None], remembered])
         velocity = np.vstack([self._velocity_m_s, np.zeros_like(remembered)])
         intent = np.vstack([self._intent_m_s, np.zeros_like(remembered)])
@@ -345,8 +345,8 @@ class WorldModel:
         margin = np.where(is_moving | self._is_walker, margin + MOVING_MARGIN_M, margin)
         margin = np.append(margin, np.full(len(remembered), MARGIN_M))
         reach_m = NEAR_M + FORESIGHT_S * np.hypot(velocity[:, 0], velocity[:, 1])
-        near = np.hypot(points[:, 0] - here.x_m, points[:, 1] - here.y_m) < reach_m
-        back = here.inverse()
+        near = np.hypot(points[:, 0] - pose.x_m, points[:, 1] - pose.y_m) < reach_m
+        back = pose.inverse()
         turned = Pose2D(0.0, 0.0, back.heading_rad)
         return Surroundings(
             place_points(back, points[near]),
@@ -354,17 +354,17 @@ class WorldModel:
             margin[near],
             self.ground.fixed_m,
             self.frame.resolution_m,
-            here,
+            pose,
             place_points(turned, intent[near]),
             speed_m_s,
             is_walker=np.append(self._is_walker, np.zeros(len(remembered), np.bool_))[near],
         )
 
-    def _remembered(self, here: Pose2D, now_s: float) -> Floats:
+    def _remembered(self, pose: Pose2D, now_s: float) -> Floats:
         """Points that the last scan does not show: of a sonar or a depth camera, or hidden from the lidar now."""
         frame, stamp_s = self.frame, self.scan_stamp_s
         reach = math.ceil(NEAR_M / frame.resolution_m)
-        row, column = int(here.y_m / frame.resolution_m), int(here.x_m / frame.resolution_m)
+        row, column = int(pose.y_m / frame.resolution_m), int(pose.x_m / frame.resolution_m)
         top, left = max(row - reach, 0), max(column - reach, 0)
         box = (slice(top, max(row + reach + 1, 0)), slice(left, max(column + reach + 1, 0)))
         seen = part_of(self._live, box)
@@ -376,39 +376,41 @@ class WorldModel:
         low = part_of(self._low, box)
         return np.vstack([seen.at_m[kept], low.at_m[is_occupied(low, now_s) & unmapped]])
 
-    def nearest_ahead(self, near: Surroundings, turns_rad: float = 0.0) -> str:
+    def nearest_ahead(self, surroundings: Surroundings, turns_rad: float = 0.0) -> str:
         """Where in the map the nearest point is, or the first that a turn on the spot meets, as a part of a sentence."""
-        if not len(near.points_m):
+        if not len(surroundings.points_m):
             return ""
-        k = int(np.argmin(np.hypot(near.points_m[:, 0] - 0.1, near.points_m[:, 1])))
+        k = int(np.argmin(np.hypot(surroundings.points_m[:, 0] - 0.1, surroundings.points_m[:, 1])))
         if turns_rad:
-            k = nearest_in_turn(self._params.outline, near, turns_rad)
-        return self._where(near, k)
+            k = nearest_in_turn(self._params.outline, surroundings, turns_rad)
+        return self._where(surroundings, k)
 
-    def wall_beside(self, near: Surroundings) -> str:
+    def wall_beside(self, surroundings: Surroundings) -> str:
         """Where in the map its own wall is that is nearest to the outline, and near enough for a guard; else empty."""
-        if not len(near.points_m):
+        if not len(surroundings.points_m):
             return ""
         outline = self._params.outline
-        k = nearest_in_turn(outline, near, 0.0)
-        x_m, y_m = (float(value) for value in near.points_m[k])
-        point = near.grid_from_base.compose(Pose2D(x_m, y_m))
+        k = nearest_in_turn(outline, surroundings, 0.0)
+        x_m, y_m = (float(value) for value in surroundings.points_m[k])
+        point = surroundings.grid_from_base.compose(Pose2D(x_m, y_m))
         at = np.array([[point.x_m, point.y_m]])
         is_mapped = between_cells_at(self.ground.fixed_m, self.frame.resolution_m, at)[0] <= EXPLAINED_M
         is_near = clearance_m(outline.hull, outline.pad_m, x_m, y_m) < GUARDED_M
-        return self._where(near, k) if is_mapped and is_near else ""
+        return self._where(surroundings, k) if is_mapped and is_near else ""
 
-    def beside(self, near: Surroundings) -> str:
+    def beside(self, surroundings: Surroundings) -> str:
         """Where in the map a point is that a guard may stop the robot for, as a part of a sentence."""
         outline = self._params.outline
-        if not len(near.points_m):
+        if not len(surroundings.points_m):
             return ""
-        k = nearest_in_turn(outline, near, 0.0)
-        x_m, y_m = near.points_m[k]
+        k = nearest_in_turn(outline, surroundings, 0.0)
+        x_m, y_m = surroundings.points_m[k]
         apart_m = clearance_m(outline.hull, outline.pad_m, float(x_m), float(y_m))
-        return f" beside something{self._where(near, k)}" if apart_m < BESIDE_M else ""
+        return f" beside something{self._where(surroundings, k)}" if apart_m < BESIDE_M else ""
 
-    def _where(self, near: Surroundings, k: int) -> str:
-        point = near.grid_from_base.compose(Pose2D(float(near.points_m[k, 0]), float(near.points_m[k, 1])))
+    def _where(self, surroundings: Surroundings, k: int) -> str:
+        point = surroundings.grid_from_base.compose(
+            Pose2D(float(surroundings.points_m[k, 0]), float(surroundings.points_m[k, 1]))
+        )
         place = self.frame.pose_to_map(point)
         return f" at ({place.x_m:.2f}, {place.y_m:.2f})"
