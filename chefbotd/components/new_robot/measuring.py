@@ -5,9 +5,10 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import AbstractAsyncContextManager
 
-from chefbotd.cli.drive.control import ignoring_too_old, release_source
-from chefbotd.client import CallError, Client
+from chefbotd.cli.drive.control import release_source
+from chefbotd.client import Client
 from chefbotd.components.doctor.cli.collecting import collect_events, of_topic, snapshot
+from chefbotd.components.doctor.cli.motors import STANDSTILL_S, turn_wheel
 from chefbotd.core.record import Record
 from chefbotd.settings import Settings, load, packaged
 
@@ -26,7 +27,6 @@ RAMP_PER_S, MOST_RAD_S = 4.0, 100.0
 FASTEST_RAD_S = 10_000.0
 """No reading is refused as impossible while nobody knows how fast the wheels are."""
 
-PERIOD_S, STANDSTILL_S = 0.05, 0.8
 LOW_SHARE, LOW_S = 0.35, 1.2
 FULL_S = 1.6
 MEASURED_S = 0.6
@@ -116,17 +116,10 @@ async def _run(
     robot: Client, name: str, speed_rad_s: float, seconds: float
 ) -> tuple[float, dict[str, float], str]:
     """The last duty of this wheel, each wheel's mean speed at the end, and why it was stopped (empty: it was not)."""
-    loop = asyncio.get_running_loop()
-    refused = ""
     async with collect_events(robot, ("wheels",)) as events:
-        ends_s = loop.time() + seconds
-        try:
-            while loop.time() < ends_s:
-                with ignoring_too_old():
-                    await robot.set_wheel_velocities({name: speed_rad_s})
-                await asyncio.sleep(PERIOD_S)
-        except CallError as error:
-            refused = (await robot.get_state()).safety.reason or error.message
+        refused = await turn_wheel(robot, name, speed_rad_s, seconds)
+        if refused:
+            refused = (await robot.get_state()).safety.reason or refused
         readings = [event.data for event in of_topic(events, "wheels")]
         stamps_s = [event.stamp_s for event in of_topic(events, "wheels")]
     late = [

@@ -153,10 +153,10 @@ async def run_wheel(
     top_rad_s = diagnosis.settings.drive.max_rim_speed_m_s / wheel.radius_m
     async with collect_events(robot, ("wheels", "raw", "safety")) as events:
         try:
-            refused = await _turn(robot, wheel.name, CREEP[0] * top_rad_s, CREEP[1])
+            refused = await turn_wheel(robot, wheel.name, CREEP[0] * top_rad_s, CREEP[1])
             if not refused:
                 share, seconds = STEADY if _has_turned(events) else HARD
-                refused = await _turn(robot, wheel.name, share * top_rad_s, seconds)
+                refused = await turn_wheel(robot, wheel.name, share * top_rad_s, seconds)
             samples = _samples(events)
         finally:
             if robot.connected:
@@ -176,7 +176,7 @@ async def run_wheel(
     return run, _lines(events)
 
 
-async def _turn(robot: Client, name: str, speed_rad_s: float, seconds: float) -> str:
+async def turn_wheel(robot: Client, name: str, speed_rad_s: float, seconds: float) -> str:
     """Repeat the command within the dead-man's time; why the daemon refuses it, as after a fault (empty: it does not).
 
     A command that came too late on a busy computer is sent again.
