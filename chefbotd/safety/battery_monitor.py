@@ -30,6 +30,12 @@ class BatteryMonitorParameters(Parameters):
 RECOVERED_SHARE = 0.5
 """Below this share of critical time a reading that is not critical ends the wait."""
 
+MOST_WEIGHT = 1 / 8
+"""A reading stands for so much of ``filter_s`` at most: one of a board that reads once a second counts as any other."""
+
+SLOWEST_S = 3.5
+"""A board that waits for echoes reads the battery once a second, and may lose a line or two; later nothing is known."""
+
 
 class BatteryWatch(Record, frozen=True):
     """Since when the battery has been critical (None: it is not), and for which share of the time lately.
@@ -58,7 +64,10 @@ def judge(
     now_s = measured.arrival_s
     if not critical and state.share == 0.0 and not state.was_critical:  # as it nearly always is
         return CHARGED, None
-    kept = math.exp(-max(0.0, now_s - state.stamp_s) / params.filter_s)
+    passed_s = max(0.0, now_s - state.stamp_s)
+    if passed_s <= SLOWEST_S:
+        passed_s = min(passed_s, params.filter_s * MOST_WEIGHT)
+    kept = math.exp(-passed_s / params.filter_s)
     share = kept * state.share + (1 - kept) * state.was_critical
     since_s = state.since_s
     if share < RECOVERED_SHARE and not (critical and state.was_critical):

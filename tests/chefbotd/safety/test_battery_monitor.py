@@ -86,3 +86,17 @@ def test_a_noisy_reading_of_a_flat_battery_is_a_fault() -> None:
 def test_low_readings_among_good_ones_are_no_fault() -> None:
     """Three of ten readings of a charged battery are critical, for half a minute."""
     assert flat(0, lambda count: count % 10 >= 3) is None
+
+
+def test_good_readings_of_a_board_that_reads_once_a_second_keep_no_flat_battery_alive() -> None:
+    """Every fourth of a board that waits for echoes: within 20 s; each restarted the time, so it was never found."""
+    readings = [(1.05 * count, 11.3, LOW if count % 4 == 3 else CRITICAL) for count in range(60)]
+    found = [at_s for (at_s, *_), fault in zip(readings, story(*readings), strict=True) if fault]
+    assert 5.0 <= found[0] <= 20.0
+
+
+def test_a_sag_once_a_while_is_no_fault_of_a_board_that_reads_once_a_second() -> None:
+    """Two readings of eight, for two minutes; and one before and one after a minute without any reading."""
+    sags = [(1.05 * count, 11.6, CRITICAL if count % 8 < 2 else LOW) for count in range(120)]
+    assert not any(story(*sags))
+    assert not any(story((0.0, 11.6, CRITICAL), (1.0, 12.5, LOW), (61.0, 11.6, CRITICAL)))
