@@ -125,7 +125,8 @@ def add_reading(
             before, distance_m, gone_m, before.gone_turned_rad + turned_rad, field_of_view_rad
         )
     expected_m = before.distance_m - shortened_m
-    if distance_m <= expected_m + _alike_m(expected_m, stand_m, hysteresis_m):
+    near_m = expected_m + hysteresis_m + ROUNDING_M  # most readings: these ask for no more
+    if distance_m <= near_m or distance_m <= expected_m + _alike_m(expected_m, stand_m, hysteresis_m):
         return _confirm(before, distance_m, is_sure=before.evidence >= SURE)
     if expected_m < 0:
         expected_m = 0.0
@@ -209,7 +210,7 @@ def _confirm(before: Believed, distance_m: float, *, is_sure: bool) -> Believed:
     if before.distance_m == math.inf:
         return before if distance_m == math.inf else replace(before, distance_m=distance_m, evidence=SHOWN)
     evidence = before.evidence + before.run * MISSED + SHOWN
-    evidence = min(max(evidence, SHOWN), SUREST)
+    evidence = SUREST if evidence > SUREST else SHOWN if evidence < SHOWN else evidence
     if not is_sure and evidence < SURE:
         return replace(_begin(before, distance_m), evidence=evidence)
     keep = 1 - FORGET_SHARE
