@@ -21,27 +21,26 @@ class Fingers:
         self._page, self._protocol = page, page.context.new_cdp_session(page)
         self._down: dict[int, tuple[float, float]] = {}
 
-    def _send(self, kind: str) -> None:
-        points = [{"x": x, "y": y, "id": number} for number, (x, y) in self._down.items()]
+    def _send(self, kind: str, fingers: dict[int, tuple[float, float]]) -> None:
+        points = [{"x": x, "y": y, "id": number} for number, (x, y) in fingers.items()]
         self._protocol.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
         self._page.wait_for_timeout(30)
 
     def down(self, number: int, where: "str | tuple[float, float]") -> None:
         """Put a finger on the middle of an element, or on a place."""
         self._down[number] = self.middle(where) if isinstance(where, str) else where
-        self._send("touchStart")
+        self._send("touchStart", self._down)
 
     def move(self, number: int, right: float, down: float) -> None:
         """Slide a finger in five steps."""
         for _ in range(5):
             x, y = self._down[number]
             self._down[number] = (x + right / 5, y + down / 5)
-            self._send("touchMove")
+            self._send("touchMove", self._down)
 
     def up(self, number: int) -> None:
-        """Take a finger away."""
-        del self._down[number]
-        self._send("touchEnd")
+        """Take a finger away; the others stay."""
+        self._send("touchEnd", {number: self._down.pop(number)})
 
     def tap(self, where: "str | tuple[float, float]") -> None:
         """Down and up."""
