@@ -45,7 +45,7 @@ def test_every_refusal_is_a_sentence(page: Any, daemon: FakeDaemon) -> None:
             data |= {"source": "teleop", "stopped_by": "Ann (10.0.0.7:5)", "stop_hold_s": 1.0}
         daemon.refusal = {"code": error.code, "message": message, "data": data}
         page.locator("#alert").evaluate("alert => { alert.textContent = ''; }")
-        page.locator("#stop").click()
+        page.keyboard.press("Space")  # clicks that follow one another at once are one contact
         alert = page.locator("#alert")
         sync_api.expect(alert).to_have_text(re.compile(r"^[A-Z].*\.?$"))
         assert not FOR_PROGRAMS.search(alert.inner_text()), kind

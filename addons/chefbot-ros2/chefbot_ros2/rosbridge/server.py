@@ -86,7 +86,7 @@ class Subscribers:
         client = self._clients.get(receiver)
         return client is not None and client.is_subscribed
 
-    def unsubscribe(self, receiver: Receiver) -> None:
+    def remove_receiver(self, receiver: Receiver) -> None:
         """A client has gone."""
         self._clients.pop(receiver, None)
 
