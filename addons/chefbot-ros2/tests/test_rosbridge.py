@@ -6,6 +6,7 @@ import os
 import re
 import shutil
 import signal
+import subprocess
 import sys
 from asyncio.subprocess import PIPE
 from collections.abc import AsyncIterator
@@ -25,6 +26,28 @@ HERE = Path(__file__).parent / "roslib"
 ROSLIB = Path(os.environ.get("ROSLIB", Path(__file__).parents[3] / "build" / "roslib"))
 PATIENCE_S = 100.0
 AHEAD = {"linear": {"x": 0.2}, "angular": {"z": 0.1}}
+
+
+PRIORITY = """
+import os, sys
+from chefbot_ros2.rosbridge import server
+server.asyncio.run = lambda serving: (serving.close(), print(os.getpriority(os.PRIO_PROCESS, 0)))
+server.main()
+"""
+ALLOWED = (
+    "from chefbotd.process.watchdog import raise_priority; print(raise_priority(0, lock_memory=False).nice)"
+)
+
+
+def test_it_serves_with_the_priority_that_the_computer_allows() -> None:
+    """The one that the daemon itself would get without real time: a busy computer keeps no stop waiting."""
+    serving, allowed = (
+        subprocess.run(
+            [sys.executable, "-c", program], capture_output=True, text=True, timeout=PATIENCE_S, check=True
+        )
+        for program in (PRIORITY, ALLOWED)
+    )
+    assert serving.stdout == allowed.stdout != ""
 
 
 @asynccontextmanager

@@ -32,6 +32,7 @@ from chefbotd.client.access import CA_HELP, CLEAR_TOKEN_HELP, daemon_access
 from chefbotd.client.models import SafetyData
 from chefbotd.clock import SystemClock
 from chefbotd.core.record import replace
+from chefbotd.process.watchdog import raise_priority
 from chefbotd.rpc.arrivals import SHORT_TICK_S, Arrivals
 from chefbotd.rpc.connection_manager import ConnectionManager
 from chefbotd.rpc.control_leases import ControlLeases
@@ -271,6 +272,7 @@ def main() -> None:
 
     gc.collect()
     gc.freeze()  # no collection looks at all these classes: it would keep a stop waiting
+    raise_priority(0, lock_memory=False)  # nor do other programs, where the computer allows it
     asyncio.run(_until_signalled(server.run(options.host, options.port, options.origin, listening)))
 
 
