@@ -80,8 +80,8 @@ class Number:
     """The values that a field can take, and with how many decimals it is written; none: a whole number.
 
     ``lenient``: a whole number may come with decimals, which are rounded down as the published sketch does, and a signed
-    one may come as the unsigned number of the same bits. A text in ``nothing`` stands for a zero, for
-    nothing was measured.
+    one may come as the unsigned number of the same bits. A text in ``nothing`` says that nothing was measured: it
+    counts as 0.
     """
 
     low: float
