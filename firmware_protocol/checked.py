@@ -222,6 +222,7 @@ class FirmwareCodec(LineCodec):
 
     def _change_mode(self, is_checked: bool) -> None:
         self.is_checked, self._unsealed = is_checked, ()
+        self.is_plain = not is_checked and not self._packed
         if is_checked:
             self.decode = self._decode_checked  # type: ignore[method-assign]
         else:

@@ -45,6 +45,8 @@ class LineCodec:
         phrases: lines of text that mean something, exactly as they stand.
         text_end: the end of a line of text; None where text has no place.
 
+    ``is_plain`` says whether a line of plain numbers means the same whatever came before it.
+
     Raises:
         ValueError: a row cannot be told from another, or its kind from a number.
     """
@@ -68,6 +70,7 @@ class LineCodec:
         self._writers: dict[type[Any], list[LineKind]] = {}
         for row in rows:
             self._add(row)
+        self.is_plain = not self._packed
 
     def _add(self, row: LineKind) -> None:
         kind, separator, count = row.kind.encode(), self.framing.separator, len(row.numbers)
@@ -82,6 +85,10 @@ class LineCodec:
         if row.is_packed:
             self._packed[kind, count] = reader_of(row, separator)
         self._writers.setdefault(row.message, []).append(row)
+
+    def reader_for(self, line: bytes) -> Reader | None:
+        """What reads well-formed lines of numbers of this line's shape; None for any other line."""
+        return self._readers.get(line.translate(None, NUMERIC))
 
     def decode(self, line: bytes) -> Message | Malformed:
         """What a line (without its end) means."""

@@ -28,10 +28,10 @@ Seen = tuple[float, bytes]
 
 
 class LineRing:
-    """The newest ``LINES_KEPT`` lines from the board and to it, each with the time it was read or written."""
+    """The last lines of the newest ``LINES_KEPT`` reads from the board, and as many to it, each with its time."""
 
     def __init__(self) -> None:
-        self.heard: deque[Seen] = deque(maxlen=LINES_KEPT)
+        self.heard: deque[tuple[float, list[bytes]]] = deque(maxlen=LINES_KEPT)
         self.said: deque[Seen] = deque(maxlen=LINES_KEPT)
 
     def as_text(self, now_s: float, most: int = LINES_LOGGED) -> list[str]:
@@ -39,7 +39,7 @@ class LineRing:
 
         The ring of the recorder has all of them, and the doctor's bundle has that ring.
         """
-        lines = [(stamp_s, "<", line) for stamp_s, line in self.heard]
+        lines = [(stamp_s, "<", line) for stamp_s, read in self.heard for line in read]
         lines += [(stamp_s, ">", line) for stamp_s, line in self.said]
         lines.sort(key=lambda seen: seen[0])
         return [f"{stamp_s - now_s:.3f} {sign} {show(line)}" for stamp_s, sign, line in lines[-most:]]

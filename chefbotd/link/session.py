@@ -11,6 +11,8 @@ from chefbotd.clock import Clock
 from chefbotd.core.events import (
     Direction,
     DutyWritten,
+    EdgesSeen,
+    EncodersCounted,
     LineSeen,
     LinkClosed,
     LinkHealthChanged,
@@ -22,7 +24,7 @@ from chefbotd.core.record import Record
 from chefbotd.inputs import inputs_of
 from chefbotd.link.board_memory import BoardMemory, NoBoardMemory
 from chefbotd.link.board_reader import BoardReader, BoardReaderState
-from chefbotd.link.board_writer import FIRST_STOPS, BoardWriter, LineRing, WriterState
+from chefbotd.link.board_writer import FIRST_STOPS, LINES_LOGGED, BoardWriter, LineRing, WriterState
 from chefbotd.link.counting import Counting
 from chefbotd.link.firmware import BoardFirmware
 from chefbotd.link.firmware_state import FirmwareState
@@ -40,6 +42,10 @@ log = structlog.get_logger(component="link")
 
 LINES_CACHED = 64
 """A command is asked for its length twice before it is written, and a robot at speed repeats a few commands."""
+
+
+MOTORS_FIRST = frozenset({EncodersCounted, EdgesSeen})
+"""What is answered by a motor command; what else is in the same read is handled after that."""
 
 
 class BoardSessionState(Record, frozen=True):
@@ -186,17 +192,20 @@ class BoardSession(asyncio.Protocol):
         """Stamp, decode and publish."""
         now_s = self._clock.now_s()
         self.monitor.count_bytes(data)
-        messages = self._decoder.feed(data)
-        self.lines.heard.extend([(now_s, line) for line, _ in messages])
+        lines, messages = self._decoder.read(data)
+        self.lines.heard.append((now_s, lines[-LINES_LOGGED:]))
         bus, events, listened = self._bus, self._events, self._bus.has_listeners(LineSeen)
-        bus.hold()  # what the lines of one read say belongs together: an echo is known before the next command
+        bus.hold()  # what the lines of one read say belongs together
         try:
-            for line, message in messages:
+            for line, message in zip(lines, messages, strict=True):
                 if listened:
                     bus.publish(LineSeen(now_s, Direction.FROM_BOARD, line))
                 event = events[type(message)](message, now_s)
                 if event is not None:
                     bus.publish(event)
+                    if type(event) in MOTORS_FIRST:
+                        bus.deliver()
+                        bus.hold()
             if self.firmware.codec.is_checked is not self.firmware.now.is_checked:
                 self.firmware.look_at_mode(now_s)
         finally:

@@ -21,7 +21,7 @@ def dumps(*changes: SafetyChanged) -> list[dict[str, Any]]:
 
     async def run() -> None:
         bus, ring = Bus(), LineRing()
-        ring.heard.append((1.0, b"e\t1\t2"))
+        ring.heard.append((1.0, [b"e\t1\t2"]))
         task = asyncio.create_task(FaultLog(bus, ring).run())
         start_s = asyncio.get_running_loop().time()
         for change in changes:
@@ -38,16 +38,16 @@ def dumps(*changes: SafetyChanged) -> list[dict[str, Any]]:
 def test_both_ways_are_told_in_the_order_of_time():
     """Seconds before the fault, the direction, the line with its tab shown."""
     ring = LineRing()
-    ring.heard.extend([(9.0, b"e\t1\t2"), (9.9, b"\xff")])
+    ring.heard.extend([(9.0, [b"e\t1\t2", b"u\t7"]), (9.9, [b"\xff"])])
     ring.said.append((9.5, b"s 1 2"))
-    assert ring.as_text(10.0) == ["-1.000 < e\\t1\\t2", "-0.500 > s 1 2", "-0.100 < \\xff"]
+    assert ring.as_text(10.0) == ["-1.000 < e\\t1\\t2", "-1.000 < u\\t7", "-0.500 > s 1 2", "-0.100 < \\xff"]
 
 
 def test_only_the_newest_are_kept():
-    """Of 1000 lines the last 200 stay, each way; the log has the last 20 of both."""
+    """Of 1000 reads and as many commands the last 200 stay, each way; the log has the last 20 lines of both."""
     ring = LineRing()
     for number in range(1000):
-        ring.heard.append((number, b"%d" % number))
+        ring.heard.append((number, [b"%d" % number]))
         ring.said.append((number, b"%d" % number))
     told = ring.as_text(1000.0, most=1000)
     assert len(told) == 2 * LINES_KEPT

@@ -321,7 +321,7 @@ def test_what_was_heard_is_kept_for_the_log():
         await asyncio.sleep(0.3)
         bench.board.say(b"u\t87\nb\t30x\n")
         now_s = LoopClock().now_s()
-        assert list(bench.session.lines.heard) == [(now_s, b"u\t87"), (now_s, b"b\t30x")]
+        assert list(bench.session.lines.heard) == [(now_s, [b"u\t87", b"b\t30x"])]
 
     on_bench(scenario)
 
