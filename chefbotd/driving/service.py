@@ -187,7 +187,7 @@ class DriveService:
     @property
     def stop_number(self) -> int:
         """That of the last stop, e-stop or fault; another one than before means that there was any."""
-        return self.keeper.stop_number
+        return self.keeper.memory.stop_number
 
     def take_over(self, client: int, source: str, *, from_another: bool) -> None:
         """A client takes control of a source: it knows of the stops so far where it did not try to drive lately."""
@@ -263,11 +263,11 @@ class DriveService:
             self._on_handler_error(error)
 
     def _on_encoders(self, event: EncodersCounted) -> None:
-        """One control step: decode, ask the keeper, regulate, write the duty, publish."""
+        """One control step: decode, ask the keeper, regulate, write the duty, judge the wheels, publish."""
         began_s, now_s = perf_counter(), self._clock.now_s()
         self._note_run(now_s)
         self.keeper.motors.note_line(event)
-        in_force, obeyed_m_s = self.keeper.motors.in_force, None
+        in_force, obeyed_m_s = self.keeper.motors.memory.in_force, None
         if in_force.taken_s - in_force.before_s > LOST_LINES_S:
             obeyed_m_s = in_force.likely_m_s()  # the board waited for an echo, and obeyed an older command
         seen = self.reader.read(event, obeyed_m_s or self.wheels.drive_state.setpoint_m_s)
@@ -280,10 +280,15 @@ class DriveService:
             self._watch_timer.note_activity(now_s)
             self._act(now_s)
             return
-        self.keeper.watch_wheels(now_s, seen, self.reader.effort)
+        self.keeper.note_reading(now_s, seen)
         obeyed_m_s = in_force.likely_m_s() if seen.dt_s > LOST_LINES_S else None
         self.wheels.regulate(self.keeper.decide(now_s, driven=self.is_driving), now_s, seen, obeyed_m_s)
-        self._send_duty(now_s, self.wheels.drive_state.duty)
+        duty = self.wheels.drive_state.duty
+        self._write_duty(duty)  # before the watches judge: a fault halts by the next write, in the same call
+        has_failed = self.keeper.watch_wheels(now_s, seen, self.reader.effort)
+        self._note_command(now_s, duty)
+        if has_failed:
+            self._act(now_s)
         self._watch_timer.restart(now_s)
         if self.wheels.change_waits:
             self.wheels.make_change()
@@ -401,13 +406,16 @@ class DriveService:
         self.keeper.publish_gate_state(self._clock.now_s())
 
     def _send_duty(self, now_s: float, duty: tuple[int, ...]) -> None:
+        self._note_command(now_s, duty)
+        self._write_duty(duty)
+
+    def _note_command(self, now_s: float, duty: tuple[int, ...]) -> None:
         motors, setpoint_m_s = self.keeper.motors, self.wheels.drive_state.setpoint_m_s
-        commands = motors.in_force.commands
+        commands = motors.memory.in_force.commands
         last = commands[0] if commands else None
         is_same = last is not None and last.duty == duty and last.setpoint_m_s == setpoint_m_s
         effort = last.effort if last is not None and is_same else self.wheels.effort
         motors.note_command(Command(now_s, duty, effort, setpoint_m_s), is_held_back=self.wheels.is_held_back)
-        self._write_duty(duty)
 
     def _halt(self) -> None:
         self.wheels.halt()

@@ -265,18 +265,24 @@ def _surprises(
     """
     if params.max_acceleration_rad_s2 is None:
         return False
-    elapsed_s = judged_s = board_s - state.window[-1].board_s
-    window_s = state.window[-1].board_s - state.window[0].board_s
+    newest_s = state.window[-1].board_s
+    elapsed_s = judged_s = board_s - newest_s
+    counts_per_radian = params.counts_per_turn / math.tau
+    expected = elapsed_s * counts_per_radian
+    least = params.tolerance_counts
+    off = [
+        sign * delta - velocity_rad_s * expected
+        for sign, delta, velocity_rad_s in zip(signs, deltas, state.velocity_rad_s, strict=True)
+    ]
+    if -least <= min(off) and max(off) <= least:
+        return False
+    window_s = newest_s - state.window[0].board_s
     if window_s and elapsed_s < LOST_LINES_S:
         cycle_s = min([later.board_s - earlier.board_s for earlier, later in pairwise(state.window)])
         judged_s = min(elapsed_s, GAP_CYCLES * cycle_s)
-    radians_per_count = math.tau / params.counts_per_turn
     tolerance_rad = params.max_acceleration_rad_s2 * judged_s * (window_s + judged_s) / 2
-    tolerance = tolerance_rad / radians_per_count + params.tolerance_counts
-    for sign, delta, velocity_rad_s in zip(signs, deltas, state.velocity_rad_s, strict=True):
-        if not -tolerance <= sign * delta - velocity_rad_s * elapsed_s / radians_per_count <= tolerance:
-            return True
-    return False
+    tolerance = tolerance_rad * counts_per_radian + least
+    return not (-tolerance <= min(off) and max(off) <= tolerance)
 
 
 def _fits(params: EncoderParameters, state: EncodersState, after: Sample) -> bool:

@@ -156,12 +156,13 @@ def _carry(
     xx, xy = xx - moved_y_m * (xh + swung_xh), xy - moved_y_m * yh + moved_x_m * swung_xh
     yy, xh, yh = yy + moved_x_m * (yh + swung_yh), swung_xh, swung_yh
     for (x, y, heading), variance in errors:
-        xx += variance * x * x
-        xy += variance * x * y
-        xh += variance * x * heading
-        yy += variance * y * y
-        yh += variance * y * heading
-        hh += variance * heading * heading
+        of_x, of_y, of_heading = variance * x, variance * y, variance * heading
+        xx += of_x * x
+        xy += of_x * y
+        xh += of_x * heading
+        yy += of_y * y
+        yh += of_y * heading
+        hh += of_heading * heading
     return PoseCovariance(xx, xy, xh, yy, yh, hh)
 
 

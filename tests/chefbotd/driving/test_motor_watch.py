@@ -132,3 +132,52 @@ def test_the_wheels_of_a_robot_with_more_than_two_may_be_dragged_along(
     asked, duty = (0.02, *[0.27] * (wheels - 1)), (50,) * wheels
     found = {kind for i in range(40) for kind in rig.read(i * CYCLE_S, asked, duty)}
     assert found == faults
+
+
+def pushed(cycle_s: float, most_s: float, steps: int, turns_round_s: float = 1e9) -> tuple[FaultKind, float]:
+    """The first fault, and when, of a board whose wheels go on by ``steps`` a cycle while half of the duty drives them.
+
+    The push turns round after each ``turns_round_s``.
+    """
+    settings = load()
+    watch = MotorWatch(settings.safety, settings.chassis, settings.encoders.counts_per_turn)
+    reader = WheelReader(settings.chassis, settings.encoders, settings.same_side)
+    for cycle in range(round(most_s / cycle_s)):
+        now_s, sign = cycle * cycle_s, -1 if int(cycle * cycle_s / turns_round_s) % 2 else 1
+        watch.loop_runs(now_s)
+        event = EncodersCounted(now_s - LATE_S, now_s, now_s, (steps * cycle,) * 2)
+        watch.note_line(event)
+        seen = reader.read(event, (0.2, 0.2))
+        for fault in watch.watch(now_s, seen, reader.effort):
+            return fault.kind, now_s
+        watch.note_command(Command(now_s, (sign * 512,) * 2, (sign * 0.5,) * 2, (sign * 0.2,) * 2))
+    raise AssertionError("no fault was found")
+
+
+@pytest.mark.parametrize("cycle_s", [0.005, 0.01, 0.02, 0.025, 0.034, 0.05])
+def test_a_wheel_that_stands_is_found_as_late_by_readings_that_are_judged_together(cycle_s: float) -> None:
+    """After 1.75 s; later by the first command's way to the board (two cycles), and by 35 ms and a cycle at most."""
+    kind, found_s = pushed(cycle_s, 3.0, steps=0)
+    assert kind is FaultKind.WHEEL_STALLED
+    assert 1.75 <= found_s <= 1.75 + 2 * cycle_s + 0.02 + 0.035 + cycle_s
+
+
+@pytest.mark.parametrize("cycle_s", [0.01, 0.05])
+def test_a_wheel_that_stands_is_found_however_often_the_push_turns_round(cycle_s: float) -> None:
+    """Ten changes a second: each of them costs no more than the readings in which both pushes may have been in force."""
+    kind, found_s = pushed(cycle_s, 5.0, steps=0, turns_round_s=0.1)
+    assert kind is FaultKind.WHEEL_STALLED
+    assert found_s <= 1.75 + 0.2
+
+
+@pytest.mark.parametrize("cycle_s", [0.005, 0.01, 0.02, 0.034, 0.05])
+def test_a_wheel_that_is_too_fast_is_found_as_late_by_readings_that_are_judged_together(
+    cycle_s: float,
+) -> None:
+    """0.6 m/s where 0.27 are allowed: 15 mm too far in 46 ms, 0.1 s more, two groups; the first second is free."""
+    settings = load()
+    radius_m = settings.chassis.wheels[0].radius_m
+    counts = round(0.6 / radius_m / 6.283185307 * settings.encoders.counts_per_turn * cycle_s)
+    kind, found_s = pushed(cycle_s, 2.0, steps=counts)
+    assert kind is FaultKind.OVERSPEED
+    assert 1.0 + 0.146 <= found_s <= 1.0 + 0.146 + 2 * (0.035 + cycle_s)

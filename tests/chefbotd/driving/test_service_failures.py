@@ -104,3 +104,19 @@ def test_arming_what_is_armed_blinds_no_detector():
             await keep_arming(rig)
 
     on_rig(scenario)
+
+
+def test_a_reading_that_shows_a_fault_is_answered_by_zero_in_the_same_call() -> None:
+    """The duty goes first; what judges the reading then writes zeros behind it, and the board reads both at once."""
+
+    async def scenario(rig: Rig) -> None:
+        with pytest.raises(Refused, match="does not turn"):
+            await rig.drive_for(
+                3.0
+            )  # the counts never change: the wheels are stalled after 1.75 s of driving
+        fault_s = next(when for when, duty in rig.written if when > 1.0 and not any(duty))
+        assert [duty for when, duty in rig.written if when == fault_s] == [FULL_DUTY, (0, 0)]
+        assert all(not any(duty) for when, duty in rig.written if when > fault_s)
+        assert not rig.service.keeper.armed
+
+    on_rig(scenario)
