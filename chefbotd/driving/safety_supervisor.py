@@ -25,7 +25,7 @@ from chefbotd.core.events import (
 )
 from chefbotd.core.events.inputs import FaultTaken
 from chefbotd.core.geometry import STANDING, Pose2D
-from chefbotd.core.record import Record, replace
+from chefbotd.core.record import MutableState, Record, replace
 from chefbotd.driving.gate_announcer import GateAnnouncer
 from chefbotd.driving.motor_watch import Credit, MotorWatch, MotorWatchState
 from chefbotd.driving.obstacle_guard import ObstacleGuard, Scans
@@ -70,28 +70,34 @@ LATCHES_PER_SESSION = 2**20
 """A latch's or a stop's number is the session times this, plus a count. With 32 bits of session a float holds it."""
 
 
-class KeeperState(Record, frozen=True):
-    """The gate's and the detectors' states, and the last announcement.
+class SupervisorMemory(MutableState):
+    """The gate's state, what was decided and announced last, and what lies between the parts.
 
-    ``reported`` is a fault that a thread has reported and that has not latched yet. ``wheels`` are the angles of the
-    wheels at the last reading, when it came, and the wheels that are left out.
+    ``without_echo`` is the sensor that waits for echoes that do not come. ``reported`` is a fault that a thread has
+    reported and that has not latched yet.
     """
 
     gate: GateState
-    decision: Decision
     latched: int
+    stop_number: int
+    decision: Decision = HALT
+    silence: EncoderTimeoutState = EncoderTimeoutState()
+    without_echo: str = ""
+    link_open: bool = False
+    reported: Fault | None = None
+    announced: tuple[str | int | None, ...] = ()
+    battery: battery_monitor.BatteryWatch = battery_monitor.CHARGED
+
+
+class KeeperState(Record, frozen=True):
+    """Its memory and its parts'; ``wheels``: their angles at the last reading, when it came, and those left out."""
+
+    memory: SupervisorMemory
     held: hold.State
     motors: MotorWatchState
-    silence: EncoderTimeoutState
-    without_echo: str
     beams: Beams
-    link_open: bool
-    reported: Fault | None
     announcer: tuple[SafetyChanged | None, dict[str, int]]
-    announced: tuple[str | int | None, ...]
-    stop_number: int = 0
     wheels: tuple[WheelAngles, float, tuple[int, ...]] = ((), -math.inf, ())
-    battery: battery_monitor.BatteryWatch = battery_monitor.CHARGED
 
 
 BOARD_STOP_ADVICE = {
@@ -108,9 +114,9 @@ class SafetySupervisor:
     """``mounts`` are the range sensors that guard: ``base_from_sensor`` by name.
 
     ``scans`` makes the guard by lidars. ``latch`` keeps the mode beyond the end of the process; latches are numbered
-    within the ``session``. ``motors`` judges whether board and wheels follow commands. ``stop_number`` is that of the
-    last stop, e-stop or fault: what waits compares it, and begins nothing where it has changed. ``guard_warning`` is
-    announced: that sensors see obstacles while the guard is off.
+    within the ``session``. ``motors`` judges whether board and wheels follow commands. ``guard_warning`` is announced:
+    that sensors see obstacles while the guard is off. The memory's ``stop_number`` is that of the last stop, e-stop or
+    fault: what waits compares it, and begins nothing where it has changed.
     """
 
     def __init__(
@@ -128,19 +134,13 @@ class SafetySupervisor:
     ) -> None:
         self._bus, self._clock, self._parameters = bus, inputs_of(clock), parameters
         self.motors, self._guard_warning = motors, guard_warning
-        self._gate, self._decision = latch.recall(), HALT
-        self._latched = self.stop_number = session * LATCHES_PER_SESSION
-        self._held = StopHold(parameters.held_until_silent_s)
-        self._silence = EncoderTimeoutState()
-        self._without_echo = ""  # the sensor that waits for echoes that do not come
-        self._battery, self._warned = battery_monitor.CHARGED, ""
+        first = session * LATCHES_PER_SESSION
+        self.memory = SupervisorMemory(latch.recall(), latched=first, stop_number=first)
+        self._held, self._warned = StopHold(parameters.held_until_silent_s), ""
         self.obstacles = ObstacleGuard(
             bus, parameters.guard, mounts, scans, self._keep_error, motors.kinematics
         )
-        self._link_open = False
-        self._reported: Fault | None = None
         self.announcer = GateAnnouncer(bus, latch)
-        self._announced: tuple[str | int | None, ...] = ()
         self._reading_error: Exception | None = None
         self._on_fault: Callable[[], None] = lambda: None
         self._on_latched: Callable[[], None] = lambda: None
@@ -151,52 +151,35 @@ class SafetySupervisor:
 
     def state(self) -> KeeperState:
         """The state of this part; the guard by scans is a part of its own."""
-        return KeeperState(
-            self._gate,
-            self._decision,
-            self._latched,
-            self._held.state(),
-            self.motors.state(),
-            self._silence,
-            self._without_echo,
-            self.obstacles.state(),
-            self._link_open,
-            self._reported,
-            self.announcer.state(),
-            self._announced,
-            self.stop_number,
-            (self.obstacles.wheels_rad, self.obstacles.wheels_s, self.obstacles.excluded),
-            self._battery,
-        )
+        obstacles = self.obstacles
+        wheels = obstacles.wheels_rad, obstacles.wheels_s, obstacles.excluded
+        parts = self._held.state(), self.motors.state(), obstacles.state(), self.announcer.state()
+        return KeeperState(self.memory, *parts, wheels)
 
     def restore(self, state: KeeperState) -> None:
         """Restore this state."""
-        self._gate, self._decision, self._latched = state.gate, state.decision, state.latched
+        self.memory.restore(state.memory)
         self._held.restore(state.held)
         self.motors.restore(state.motors)
         self._warned = self.motors.warning
-        self._silence, self._battery = state.silence, state.battery
-        self._without_echo = state.without_echo
         self.obstacles.restore(state.beams)
-        self._link_open, self._reported = state.link_open, state.reported
         self.announcer.restore(state.announcer)
-        self._announced, self.stop_number = state.announced, state.stop_number
         self.obstacles.wheels_rad, self.obstacles.wheels_s, self.obstacles.excluded = state.wheels
 
     @property
     def gate(self) -> GateState:
         """The gate's state."""
-        return self._gate
+        return self.memory.gate
 
     @property
     def armed(self) -> bool:
         """Whether the robot may move at all."""
-        return self._gate.mode is Mode.ARMED
+        return self.memory.gate.mode is Mode.ARMED
 
     @property
     def is_commanded(self) -> bool:
         """Whether the last decision was made for a source's command."""
-        return self._decision.source is not None
+        return self.memory.decision.source is not None
 
     def call_on_fault(self, callback: Callable[[], None]) -> None:
         """Have ``callback`` called when a reading other than the encoders' has led to a fault or an error."""
@@ -220,11 +203,11 @@ class SafetySupervisor:
             raise Refused(
                 RefusalKind.UNKNOWN_SOURCE, f"only the robot's own calibration drives as {CALIBRATION!r}"
             )
-        accepted = gate.accept(self._parameters, self._gate, command)
+        accepted = gate.accept(self._parameters, self.memory.gate, command)
         self._held.require_free(command.source, client)
-        if not self._link_open:
+        if not self.memory.link_open:
             raise Refused(RefusalKind.LINK_DOWN, "the board is not connected")
-        self._gate = accepted
+        self.memory.gate = accepted
 
     def record_attempt(self, source: str, client: int, now_s: float) -> None:
         """A client tries to drive, whether or not its command is taken into account."""
@@ -233,12 +216,12 @@ class SafetySupervisor:
 
     def forget_commands(self) -> None:
         """Forget every command; this is no stop."""
-        self._gate = gate.stop(self._gate)
+        self.memory.gate = gate.stop(self.memory.gate)
 
     def stop(self, by: str = "", client: int = 0) -> None:
         """Forget every command. With a name ``by``, also hold the sources that other clients drive."""
         self.forget_commands()
-        self.stop_number += 1
+        self.memory.stop_number += 1
         if by:
             self._held.stop(client, by, self._clock.now_s())
 
@@ -254,13 +237,13 @@ class SafetySupervisor:
 
     def release(self, source: str) -> None:
         """Forget a source's command."""
-        self._gate = gate.release(self._gate, source)
+        self.memory.gate = gate.release(self.memory.gate, source)
 
     def estop(self, reason: str) -> None:
         """Latch an emergency stop until ``arm``. Sources that are driven now are held longer."""
         self._held.latch(EMERGENCY_STOP, self._clock.now_s())
-        self._gate = gate.change_mode(self._gate, Trigger.ESTOP, reason)
-        self._latched, self.stop_number = self._latched + 1, self.stop_number + 1
+        self.memory.gate = gate.change_mode(self.memory.gate, Trigger.ESTOP, reason)
+        self.memory.latched, self.memory.stop_number = self.memory.latched + 1, self.memory.stop_number + 1
 
     def arm(self, latch: int | None = None) -> None:
         """Allow motion again, and reset every detector. If the gate is armed already, nothing changes.
@@ -273,75 +256,85 @@ class SafetySupervisor:
         """
         if latch is not None:
             self._take_report()
-        if latch not in (None, self._latched):
-            is_foreign = latch // LATCHES_PER_SESSION != self._latched // LATCHES_PER_SESSION
+        if latch not in (None, self.memory.latched):
+            is_foreign = latch // LATCHES_PER_SESSION != self.memory.latched // LATCHES_PER_SESSION
             since = "the daemon was restarted" if is_foreign else "the robot was stopped again"
             raise Refused(
                 RefusalKind.LATCHED_AGAIN,
-                f"{since} meanwhile: {gate.why_not_armed(self._gate.mode, self._gate.reason)}; "
+                f"{since} meanwhile: {gate.why_not_armed(self.memory.gate.mode, self.memory.gate.reason)}; "
                 "look at it, then arm the robot again",
             )
-        if not self._link_open:
+        if not self.memory.link_open:
             raise Refused(RefusalKind.LINK_DOWN, "the board is not connected, so the robot cannot be armed")
         if self.armed:
             return
-        armed = gate.change_mode(self._gate, Trigger.ARM, "armed")
+        armed = gate.change_mode(self.memory.gate, Trigger.ARM, "armed")
         if problem := self.announcer.store(armed):
             raise Refused(RefusalKind.STORAGE_FAILED, latch_file.unwritable(problem).reason)
-        self._gate = armed
+        self.memory.gate = armed
         self.motors.start_anew()
-        self._silence = replace(self._silence, interrupted=False)
+        self.memory.silence = replace(self.memory.silence, interrupted=False)
 
     # What happens to the robot
 
     def fail(self, fault: Fault) -> None:
         """A fault has happened: it latches. Sources that are driven now are held longer."""
-        before = self._gate
-        self._gate = gate.change_mode(before, Trigger.FAULT, fault.reason, fault.kind)
-        if self._gate is not before:
-            self._latched, self.stop_number = self._latched + 1, self.stop_number + 1
+        before = self.memory.gate
+        self.memory.gate = gate.change_mode(before, Trigger.FAULT, fault.reason, fault.kind)
+        if self.memory.gate is not before:
+            self.memory.latched, self.memory.stop_number = (
+                self.memory.latched + 1,
+                self.memory.stop_number + 1,
+            )
             if latched_by := self._latched_by():
                 self._held.latch(latched_by, self._clock.now_s())
             self._on_latched()
 
     def _latched_by(self) -> str:
         """What holds whoever drives until ``arm`` and beyond; nothing does where a fault is over by itself."""
-        if self._gate.mode is Mode.ESTOPPED:
+        if self.memory.gate.mode is Mode.ESTOPPED:
             return EMERGENCY_STOP
-        recovers = self._parameters.rearm is Rearm.AUTO and self._gate.fault in RECOVERABLE
+        recovers = self._parameters.rearm is Rearm.AUTO and self.memory.gate.fault in RECOVERABLE
         return "" if self.armed or recovers else FAULT
 
     def report_from_thread(self, fault: Fault) -> None:
         """Let a fault latch before the next decision or command; may be called from any thread."""
-        self._reported = fault
+        self.memory.reported = fault
 
     def on_link(self, event: LinkOpened | LinkClosed | BoardRestarted) -> None:
         """The board is back, gone, or another one: a fault that ends with ``arm`` or, if configured, by itself."""
         if isinstance(event, LinkOpened):
-            self._link_open = True
-            self._silence = EncoderTimeoutState()
+            self.memory.link_open = True
+            self.memory.silence = EncoderTimeoutState()
             self.motors.connected()
             self._recover("the link is back")
         elif isinstance(event, LinkClosed):
-            self._link_open = False
+            self.memory.link_open = False
             self.fail(Fault(FaultKind.LINK_LOST, f"the link was lost: {event.reason}"))
         else:
             self.fail(Fault(FaultKind.BOARD_RESTARTED, f"the board restarted: {event.cause}"))
             self._recover("the board is back")
 
-    def watch_wheels(self, now_s: float, seen: WheelsRead, credit: Credit) -> None:
-        """A good encoder reading (see ``MotorWatch.watch``)."""
-        self._silence = encoder_timeout.note_reading(self._silence, now_s)
+    def note_reading(self, now_s: float, seen: WheelsRead) -> None:
+        """A good encoder reading: the encoders are heard, and the wheels are there. Call it before ``decide``."""
+        self.memory.silence = encoder_timeout.note_reading(self.memory.silence, now_s)
         obstacles = self.obstacles
         obstacles.wheels_rad, obstacles.wheels_s = seen.reading.position_rad, now_s
         obstacles.excluded = seen.same_side.excluded
-        for fault in self.motors.watch(now_s, seen, credit):
+
+    def watch_wheels(self, now_s: float, seen: WheelsRead, credit: Credit) -> bool:
+        """Judge the wheels by a good reading (see ``MotorWatch.watch``); returns whether there is a fault."""
+        has_failed, motors = False, self.motors
+        for fault in motors.watch(now_s, seen, credit):
             self.fail(fault)
-        if self.motors.warning != self._warned:
-            self._warned = self.motors.warning
+            has_failed = True
+        warning = motors.memory.warning
+        if warning != self._warned:
+            self._warned = warning
             self._bus.publish(DriveWarned(now_s, self._warned))
             if self._warned:
                 log.warning("the wheels are off their target", reason=self._warned)
+        return has_failed
 
     def loop_runs(self, now_s: float) -> None:
         """Note that the control loop runs. Call it at every run, before a reading is judged.
@@ -350,7 +343,9 @@ class SafetySupervisor:
         """
         if self.motors.loop_runs(now_s):
             stale_s = now_s - self._parameters.encoders.max_age_s - JUST_S
-            self._silence = replace(self._silence, heard_s=max(self._silence.heard_s, stale_s))
+            self.memory.silence = replace(
+                self.memory.silence, heard_s=max(self.memory.silence.heard_s, stale_s)
+            )
 
     def note_jump(self, jumped: tuple[int, ...]) -> None:
         """An encoder reading was refused because of these wheels."""
@@ -362,22 +357,23 @@ class SafetySupervisor:
 
     def decide(self, now_s: float, *, driven: bool) -> Decision:
         """Decide what to do now; ``driven``: a duty is in force. Raises the error of a reading's handler."""
-        if self._reported is not None:
+        if self.memory.reported is not None:
             self._take_report()
         if self._reading_error is not None:
             error, self._reading_error = self._reading_error, None
             raise error
-        decision = gate.decide(self._parameters, self._gate, now_s)
+        decision = gate.decide(self._parameters, self.memory.gate, now_s)
         if not decision.halted:
             decision = self._within_sight(decision, now_s, driven)
-        self._decision = decision
+        self.memory.decision = decision
         return decision
 
     def publish_gate_state(self, now_s: float) -> None:
         """Publish the gate's state if it has changed."""
-        state, decision = self._gate, self._decision
+        memory = self.memory
+        state, decision = memory.gate, memory.decision
         is_settled = (
-            self._link_open or state.mode is not Mode.ARMED
+            memory.link_open or state.mode is not Mode.ARMED
         )  # before, it is armed and there is nothing to move
         mode, reason = (state.mode, state.reason) if is_settled else (NO_BOARD, WAITING)
         said = (
@@ -386,23 +382,23 @@ class SafetySupervisor:
             decision.source,
             state.fault,
             decision.limited_by,
-            self._latched,
-            self.stop_number,
+            memory.latched,
+            memory.stop_number,
             self._guard_warning,
         )
-        if said != self._announced:
-            self._announced = said
+        if said != memory.announced:
+            memory.announced = said
             self.announcer.announce(SafetyChanged(now_s, *said), state)
 
     def _within_sight(self, decision: Decision, now_s: float, driven: bool) -> Decision:
         """No motion without encoders, and none that an obstacle forbids."""
-        if encoder_timeout.awaits_echo(self._parameters.encoders, self._silence, now_s):
+        if encoder_timeout.awaits_echo(self._parameters.encoders, self.memory.silence, now_s):
             return self._crawling(decision, now_s)
-        if encoder_timeout.is_stale(self._parameters.encoders, self._silence, now_s):
-            if encoder_timeout.may_await_echo(self._parameters.encoders, self._silence, now_s):
+        if encoder_timeout.is_stale(self._parameters.encoders, self.memory.silence, now_s):
+            if encoder_timeout.may_await_echo(self._parameters.encoders, self.memory.silence, now_s):
                 return self._crawling(decision, now_s)
-            self._silence, fault = encoder_timeout.update(
-                self._parameters.encoders, self._silence, now_s, driven=driven
+            self.memory.silence, fault = encoder_timeout.update(
+                self._parameters.encoders, self.memory.silence, now_s, driven=driven
             )
             if fault is not None:
                 self.fail(fault)
@@ -430,21 +426,23 @@ class SafetySupervisor:
     def _on_range(self, event: RangeMeasured) -> None:
         """Note a range reading: after "no echo" from the ultrasonic sensor the board waits in each cycle."""
         is_missing = event.status is RangeStatus.NO_ECHO
-        if is_missing or event.sensor == self._without_echo:
-            self._without_echo = event.sensor if is_missing else ""
-            self._silence = encoder_timeout.note_echo(
-                self._parameters.encoders, self._silence, self._clock.now_s(), is_missing=is_missing
+        if is_missing or event.sensor == self.memory.without_echo:
+            self.memory.without_echo = event.sensor if is_missing else ""
+            self.memory.silence = encoder_timeout.note_echo(
+                self._parameters.encoders, self.memory.silence, self._clock.now_s(), is_missing=is_missing
             )
 
     def _take_report(self) -> None:
-        if self._reported is not None:
-            fault, self._reported = self._reported, None
+        if self.memory.reported is not None:
+            fault, self.memory.reported = self.memory.reported, None
             if self._clock.recording:
                 self._clock.publish(FaultTaken(self._clock.now_s(), str(fault.kind), fault.reason))
             self.fail(fault)
 
     def _on_battery(self, event: BatteryMeasured) -> None:
-        self._battery, fault = battery_monitor.judge(self._parameters.battery, self._battery, event)
+        self.memory.battery, fault = battery_monitor.judge(
+            self._parameters.battery, self.memory.battery, event
+        )
         if fault is not None:
             self.fail(fault)
             self._on_fault()
@@ -471,6 +469,6 @@ class SafetySupervisor:
 
     def _recover(self, reason: str) -> None:
         if self._parameters.rearm is Rearm.AUTO:
-            recovered = gate.change_mode(self._gate, Trigger.RECOVERY, reason)
-            if recovered is not self._gate and not self.announcer.store(recovered):
-                self._gate = recovered
+            recovered = gate.change_mode(self.memory.gate, Trigger.RECOVERY, reason)
+            if recovered is not self.memory.gate and not self.announcer.store(recovered):
+                self.memory.gate = recovered

@@ -6,7 +6,7 @@ The firmware has no watchdog, so a queue of velocities behind a slow reader woul
 import asyncio
 from collections.abc import Callable
 
-from chefbotd.core.record import Record
+from chefbotd.core.record import MutableState, StatefulPart
 from chefbotd.inputs import Timer, due_of
 from chefbotd.link.send_window import Duty, SendWindow, slows
 
@@ -21,19 +21,22 @@ def _nothing() -> None:
     """Nobody wants to know."""
 
 
-class SetpointState(Record, frozen=True):
-    """What waits and what was written; ``due_s`` is when a timer is to send what waits."""
+class SetpointState(MutableState):
+    """What waits and what was written; the lines written so far use up the time until ``paid_s``.
 
-    pending: Duty | None
-    written: Duty | None
-    paid_s: float
-    due_s: float | None
-    withdrawn: bool
-    replaced: int
+    ``due_s`` is when a timer is to send what waits.
+    """
+
+    pending: Duty | None = None
+    written: Duty | None = None
+    paid_s: float = float("-inf")
+    due_s: float | None = None
+    withdrawn: bool = False
+    replaced: int = 0
     offered_s: float = float("-inf")
 
 
-class SetpointWriter:
+class SetpointWriter(StatefulPart[SetpointState]):
     """Writes duties at most every ``interval_s`` on the whole, two of them close together; a stop goes out at once.
 
     Two, because a command and the answer to an encoder frame may fall together, and neither is to wait for the other.
@@ -56,52 +59,45 @@ class SetpointWriter:
         on_withdrawn: Callable[[], None] = _nothing,
     ) -> None:
         self._write, self._idle, self._now_s, self._interval_s = write, idle, now_s, interval_s
-        self._pending: Duty | None = None
-        self._written: Duty | None = None
-        self._offered_s = float("-inf")
-        self._paid_s = float("-inf")  # the lines written so far use up the time until then
+        self.memory = SetpointState()
         self._timer: Timer | None = None
         self._call_later = call_later or _on_the_loop
         self._window = window
-        self._withdrawn, self._on_withdrawn = False, on_withdrawn
-        self.replaced = 0
+        self._on_withdrawn = on_withdrawn
 
     def state(self) -> SetpointState:
         """Return the state of this part."""
-        return SetpointState(
-            self._pending,
-            self._written,
-            self._paid_s,
-            due_of(self._timer),
-            self._withdrawn,
-            self.replaced,
-            self._offered_s,
-        )
+        self.memory.due_s = due_of(self._timer)
+        return self.memory
 
     def restore(self, state: SetpointState) -> None:
         """Restore this state."""
-        self._pending, self._written, self._paid_s = state.pending, state.written, state.paid_s
-        self._withdrawn, self.replaced = state.withdrawn, state.replaced
-        self._timer, self._offered_s = None, state.offered_s
+        super().restore(state)
+        self._timer = None
         if state.due_s is not None:
             self._wake_in(state.due_s - self._now_s())
 
+    @property
+    def replaced(self) -> int:
+        """How many commands gave way to a newer one before they were sent."""
+        return self.memory.replaced
+
     def ceiling(self, now_s: float) -> Duty | None:
         """What was last written, while something waits that is faster, or would; None while nothing is held back."""
-        if self._withdrawn:
+        if self.memory.withdrawn:
             self._note_withdrawn()
-        waits = self._pending is not None and self._timer is None
+        waits = self.memory.pending is not None and self._timer is None
         return self._window.newest if waits or self._window.echo_is_stuck(now_s) else None
 
     def offer(self, duty: Duty) -> None:
         """Send ``duty`` now if the interval allows it, else as soon as it does, unless a newer one comes first."""
-        if self._withdrawn:
+        memory, now_s = self.memory, self._now_s()
+        if memory.withdrawn:
             self._note_withdrawn()
-        if self._pending not in (None, duty):
-            self.replaced += 1
-        self._pending, now_s = duty, self._now_s()
-        self._offered_s = now_s
-        wait_s = self._paid_s - self._interval_s - now_s
+        if memory.pending not in (None, duty):
+            memory.replaced += 1
+        memory.pending, memory.offered_s = duty, now_s
+        wait_s = memory.paid_s - self._interval_s - now_s
         if wait_s > 0 and not self._ends_motion(duty):
             self._wake_in(wait_s)
         else:
@@ -112,51 +108,56 @@ class SetpointWriter:
         self._send_setpoint(self._now_s())
 
     def _send_setpoint(self, now_s: float) -> None:
-        if self._withdrawn:
+        memory = self.memory
+        if memory.withdrawn:
             self._note_withdrawn()
         if self._timer is not None:
             self._cancel_timer()
-        duty, idle = self._pending, self._idle()  # another thread may withdraw what waits at any moment
+        duty, idle = memory.pending, self._idle()  # another thread may withdraw what waits at any moment
         if duty is None or not (idle or self._overtakes(duty)):
             return
-        if now_s - self._offered_s > STALE_S and any(duty) and not self._overtakes(duty):
-            self._pending = None
+        if now_s - memory.offered_s > STALE_S and any(duty) and not self._overtakes(duty):
+            memory.pending = None
             return
         if not self._window.admit(duty, now_s):
             if duty == self._window.newest:  # it was said already
-                self._pending = None
+                memory.pending = None
             return
-        self._pending, self._written = None, duty
-        self._paid_s = (self._paid_s if self._paid_s > now_s else now_s) + self._interval_s
+        memory.pending, memory.written = None, duty
+        memory.paid_s = (memory.paid_s if memory.paid_s > now_s else now_s) + self._interval_s
         self._write(duty, now_s, not idle)
 
     def heard(self) -> None:
         """The board said something: what it had to wait for may go."""
-        if self._pending is not None and self._timer is None:
+        if self.memory.pending is not None and self._timer is None:
             self.resume()
 
     def withdraw(self) -> None:
         """Drop what waits; may be called from any thread."""
-        self._pending, self._withdrawn = None, True
+        self.memory.pending, self.memory.withdrawn = None, True
 
     def _note_withdrawn(self) -> None:
-        self._withdrawn = False
+        self.memory.withdrawn = False
         self._on_withdrawn()
 
     def forget(self) -> None:
         """Drop what waits: the link it was meant for is gone."""
         self._cancel_timer()
-        self._pending = self._written = None
+        self.memory.pending = self.memory.written = None
 
     def _overtakes(self, duty: Duty) -> bool:
         """Whether this slows what was written last, so that it must not wait behind that."""
         if not any(duty):
             return self._ends_motion(duty)
-        return self._written is not None and duty != self._written and slows(duty, self._written)
+        return (
+            self.memory.written is not None
+            and duty != self.memory.written
+            and slows(duty, self.memory.written)
+        )
 
     def _ends_motion(self, duty: Duty) -> bool:
         """Whether this is a stop, and the last that was written none: it waits for nothing."""
-        return not any(duty) and (self._written is None or any(self._written))
+        return not any(duty) and (self.memory.written is None or any(self.memory.written))
 
     def _wake_in(self, wait_s: float) -> None:
         if self._timer is None:

@@ -88,12 +88,14 @@ class Kept:
         self.clock.advance(dt_s)
         now_s = self.clock.now_s()
         motors.note_line(EncodersCounted(now_s - 0.001, now_s, dt_s, (0, 0)))
-        self.keeper.watch_wheels(now_s, reading(travel_rad, dt_s), lambda seen, effort: effort)
+        seen = reading(travel_rad, dt_s)
+        self.keeper.note_reading(now_s, seen)
+        self.keeper.watch_wheels(now_s, seen, lambda seen, effort: effort)
 
     def fault(self, *, driven: bool) -> FaultKind | None:
         """What has latched by now."""
         self.keeper.decide(self.clock.now_s(), driven=driven)
-        return self.keeper._gate.fault
+        return self.keeper.gate.fault
 
 
 @pytest.mark.parametrize(("rearm", "armed"), [(Rearm.MANUAL, False), (Rearm.AUTO, True)])
@@ -238,7 +240,7 @@ def test_a_frozen_process_takes_no_wheel_for_stalled() -> None:
     for _ in range(86):
         kept.read(0.02, (0.0, 0.0))
     assert not kept.keeper.armed
-    assert kept.keeper._gate.fault is FaultKind.WHEEL_STALLED
+    assert kept.keeper.gate.fault is FaultKind.WHEEL_STALLED
 
 
 def test_a_pause_of_the_loop_counts_as_a_silence_that_has_just_begun() -> None:
@@ -294,7 +296,7 @@ def echo_story(kept: Kept, reconnect: bool) -> FaultKind | None:
             in_force.Command(kept.clock.now_s(), (40, -9), (0.0, 0.0), (0.0, 0.0))
         )
         kept.bus.publish(DutyEchoed(kept.clock.now_s(), kept.clock.now_s(), duty))
-    return kept.keeper._gate.fault
+    return kept.keeper.gate.fault
 
 
 def test_an_echo_has_to_prove_itself_to_each_connection() -> None:

@@ -77,7 +77,7 @@ def _values(value: Any, path: str, seen: set[int]) -> Iterator[tuple[str, Any]]:
     elif type(value).__module__.partition(".")[0] in OURS:
         yield from _of_object(value, path, seen)
     elif isinstance(value, int | float | None):
-        yield path, round(value, 6) if path.endswith("due_s") else value
+        yield path, round(value, 6) if path.endswith("due_s") and value is not None else value
     else:
         yield path, type(value).__name__
 

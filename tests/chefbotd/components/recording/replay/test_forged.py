@@ -111,7 +111,7 @@ FORGERIES: dict[str, tuple[str, Sequence[str | int], Any, str]] = {
         "Expected `str`, got `object` - at `$.stopped_by`",
     ),
     "a class in place of a part": (LOOP, [], named(DISK), "missing required field"),
-    "no name": (LOOP, ["keeper", "gate", "mode"], "chefbotd", "Invalid enum value 'chefbotd'"),
+    "no name": (LOOP, ["keeper", "memory", "gate", "mode"], "chefbotd", "Invalid enum value 'chefbotd'"),
     "a second drive service": (
         LOOP,
         ["keeper"],
