@@ -11,6 +11,7 @@ from collections.abc import Mapping
 _DIRECTION = "\u061c\u200e\u200f\u2028-\u202e\u2066-\u206f"
 _UNPRINTABLE = re.compile(f"[\x00-\x1f\x7f-\x9f{_DIRECTION}]")
 _UNPRINTABLE_IN_LINES = re.compile(f"[\x00-\x08\x0b-\x1f\x7f-\x9f{_DIRECTION}]")
+_WITHOUT_TEXT = (float, int, bool, type(None))
 
 
 def plain(text: str) -> str:
@@ -29,8 +30,7 @@ def find_unprintable(value: object) -> str | None:
     else:
         return None
     for part in parts:
-        text = find_unprintable(part)
-        if text is not None:
+        if type(part) not in _WITHOUT_TEXT and (text := find_unprintable(part)) is not None:
             return text
     return None
 

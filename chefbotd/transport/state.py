@@ -38,8 +38,8 @@ class ConnectionEvent(Enum):
     """The socket is gone."""
 
 
-READING = {ConnectionState.OPEN, ConnectionState.DRAINING}
-SERVING = {ConnectionState.OPEN, ConnectionState.HALF_CLOSED}
+READING = ConnectionState.OPEN, ConnectionState.DRAINING
+SERVING = ConnectionState.OPEN, ConnectionState.HALF_CLOSED
 
 NEXT: Mapping[tuple[ConnectionState, ConnectionEvent], ConnectionState] = {
     (ConnectionState.OPEN, ConnectionEvent.EOF): ConnectionState.HALF_CLOSED,
