@@ -12,7 +12,7 @@ from typing import Any, Final
 from chefbotd.cli.common.context import CommandContext, beside
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.drive.control import send_drive
-from chefbotd.cli.drive.simulated_daemon import simulated_daemon, until_worker_ready
+from chefbotd.cli.drive.simulated_daemon import simulated_daemon, until_ready
 from chefbotd.client import Client
 from chefbotd.client.models import MapSaved
 from chefbotd.components.maps.cli.live_view import MappingScene, Show, listen
@@ -78,8 +78,7 @@ class Demo:
             return await CommandContext(where).with_client(lambda robot: self._with_robot(robot, daemon_pid))
 
     async def _with_robot(self, robot: Client, daemon_pid: int) -> DemoResult:
-        await robot.wait_until_armed()
-        self._worker_pid = await until_worker_ready(robot, self._say)
+        self._worker_pid = await until_ready(robot, self._say)
         await robot.discard_mapping()
         await robot.start_mapping()
         async with beside(follow(robot, self._time), listen(robot, self._scene, self._show)):

@@ -9,7 +9,7 @@ from typing import Final
 import chefbotd.components.simulation.worlds
 from chefbotd.cli.common.context import CommandContext, beside
 from chefbotd.cli.common.exits import Exit, ProgramError
-from chefbotd.cli.drive.simulated_daemon import simulated_daemon, until_worker_ready
+from chefbotd.cli.drive.simulated_daemon import simulated_daemon, until_ready
 from chefbotd.client import Client
 from chefbotd.client.errors import GoalNotReached
 from chefbotd.components.maps.cli.draw import MapMark
@@ -62,8 +62,7 @@ class Serve:
                 return await CommandContext(where).with_client(self._with_robot)
 
     async def _with_robot(self, robot: Client) -> Served:
-        await robot.wait_until_armed()
-        await until_worker_ready(robot, self._say)
+        await until_ready(robot, self._say)
         async with beside(self._watch_truth(robot), listen(robot, self._scene, self._show)):
             await self._time.until_first()
             began_s = self._time.now_s

@@ -8,7 +8,7 @@ from pathlib import Path
 
 from chefbotd.cli.common.context import run_until_signalled
 from chefbotd.cli.common.echo import echo
-from chefbotd.cli.drive.simulated_daemon import simulated_daemon, until_worker_ready
+from chefbotd.cli.drive.simulated_daemon import simulated_daemon, until_ready
 from chefbotd.client import Client
 from chefbotd.components.simulation.worlds.flat import FLAT
 from chefbotd.core.geometry import Pose2D
@@ -35,8 +35,7 @@ async def robot_in_the_flat(folder: Path, start: Pose2D = FLAT.start) -> AsyncIt
     }
     async with simulated_daemon("chefbot_lidar", environment) as (where, _):
         async with Client.connect(where.host, where.port, name="preparation") as robot:
-            await robot.wait_until_armed()
-            await until_worker_ready(robot, lambda text: None)
+            await until_ready(robot, lambda text: None)
             await robot.import_map(str(MAP), FLAT.name)
             await robot.load_map(FLAT.name)
         yield where.port

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from chefbotd.cli.common.context import run_until_signalled
 from chefbotd.cli.common.echo import echo
-from chefbotd.cli.drive.simulated_daemon import simulated_daemon, until_worker_ready
+from chefbotd.cli.drive.simulated_daemon import simulated_daemon, until_ready
 from chefbotd.client import Client
 from chefbotd.components.simulation.worlds.flat import FLAT
 from examples import order
@@ -68,8 +68,7 @@ def told_once(tell: Callable[[str], None]) -> Callable[[str], None]:
 
 async def prepare(robot: Client) -> None:
     """Give the simulated robot its map and its places, and have it find out where it is."""
-    await robot.wait_until_armed()
-    await until_worker_ready(robot, told_once(echo))
+    await until_ready(robot, told_once(echo))
     await robot.import_map(str(MAP), FLAT.name)
     for name, pose in order.PLACES.items():
         await robot.save_place(

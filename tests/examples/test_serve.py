@@ -29,9 +29,6 @@ class Robot:
         self.truth: Any = None
         self.found_after_s: float | None = 1.0
 
-    async def wait_until_armed(self) -> None:
-        self.log.append("armed")
-
     async def import_map(self, path: str, name: str) -> None:
         self.log.append("map")
 
@@ -92,7 +89,7 @@ def served(robot: Robot, monkeypatch: pytest.MonkeyPatch, share: float = 1.0) ->
         robot.scene, robot.truth = run._scene, run._truth
         run._truth.add_pose(order.START, (), in_contact=False)
         monkeypatch.setattr(serve, "listen", nothing)
-        monkeypatch.setattr(serve, "until_worker_ready", nothing)
+        monkeypatch.setattr(serve, "until_ready", nothing)
         monkeypatch.setattr(run, "_watch_truth", tick)
         told = Pose2D(order.START.x_m + 0.03, order.START.y_m, order.START.heading_rad)
         monkeypatch.setattr(type(run._scene.tracker), "pose", property(lambda tracker: told))

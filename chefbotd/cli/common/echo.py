@@ -1,14 +1,20 @@
 """Printing on standard output, with an exit code for a full disk and for closed output."""
 
 import os
+import shutil
 import sys
+import textwrap
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Final
 
 import click
 
 from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.core.printable import plain
+
+WIDEST: Final = 100
+"""Sentences are not wider than this on a terminal, however wide it is."""
 
 
 @contextmanager
@@ -39,9 +45,29 @@ def echo(text: str, *, styled: str = "") -> None:
         click.echo(styled + plain(text))
 
 
-def tell(text: str, *, line_end: bool = True) -> None:
-    """Print a line on standard error."""
-    click.echo(plain(text), nl=line_end, err=True)
+def say_sentences(text: str) -> None:
+    """Print sentences, folded between words on a terminal. Raises as ``writing`` does."""
+    echo(fold(text) if sys.stdout.isatty() else text)
+
+
+def tell(text: str, *, line_end: bool = True, folded: bool = True) -> None:
+    """Print a line on standard error. Sentences are ``folded`` between words on a terminal, JSON is not."""
+    click.echo(plain(fold(text) if folded and sys.stderr.isatty() else text), nl=line_end, err=True)
+
+
+def fold(text: str) -> str:
+    """Each line in as many as the terminal, or ``WIDEST``, asks for. A path or an address is not broken."""
+    width = min(WIDEST, shutil.get_terminal_size().columns)
+    return "\n".join(_fold_line(line, width) for line in text.split("\n"))
+
+
+def _fold_line(line: str, width: int) -> str:
+    if len(line) <= width:
+        return line
+    return textwrap.fill(
+        line, width, break_long_words=False, break_on_hyphens=False,
+        replace_whitespace=False, drop_whitespace=True,
+    )  # fmt: skip
 
 
 def need_terminal() -> None:

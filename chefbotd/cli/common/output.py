@@ -6,7 +6,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from chefbotd.cli.common import state_text
-from chefbotd.cli.common.echo import echo, writing
+from chefbotd.cli.common.echo import WIDEST, echo, say_sentences, writing
 from chefbotd.cli.common.strangers import strangers_rows
 from chefbotd.client import Event
 
@@ -19,7 +19,10 @@ Data = Mapping[str, Any]
 
 def say(as_json: bool, value: object, text: str) -> None:
     """Print a JSON object, or a sentence."""
-    echo(_json(value) if as_json else text)
+    if as_json:
+        echo(_json(value))
+    else:
+        say_sentences(text)
 
 
 def _json(value: object) -> str:
@@ -36,7 +39,9 @@ def _show(as_json: bool, value: object, draw: Callable[[], "RenderableType"]) ->
     from chefbotd.cli.common.console import Printer
 
     with writing():
-        Printer(highlight=False).print(draw())
+        printer = Printer(highlight=False)
+        printer.width = min(printer.width, WIDEST)
+        printer.print(draw())
 
 
 def _table(*columns: str) -> "Table":

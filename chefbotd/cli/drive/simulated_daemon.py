@@ -139,6 +139,20 @@ READY_S: Final = 240.0
 """The worker compiles its code once, when it is started for the first time."""
 
 
+async def until_ready(robot: Client, tell: Callable[[str], None]) -> int | None:
+    """Wait until the worker can work and then until the robot can move, and tell what it waits for; the worker's pid.
+
+    The worker is first: a clock of their own stands while it compiles, and without it no odometry comes.
+
+    Raises:
+        ProgramError: it cannot work here, or was not ready in time.
+        CallTimeout: the robot cannot move; the message says what is missing.
+    """
+    worker_pid = await until_worker_ready(robot, tell)
+    await robot.wait_until_armed(LISTENING_PATIENCE_S)
+    return worker_pid
+
+
 async def until_worker_ready(robot: Client, tell: Callable[[str], None]) -> int | None:
     """Wait, and tell what it is at; its process id.
 

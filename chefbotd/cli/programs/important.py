@@ -1,14 +1,18 @@
 """The ten lines of a configuration that matter most, for ``check-config``."""
 
+import textwrap
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Final
 
 if TYPE_CHECKING:
     from chefbotd.settings import Settings
 
+COLUMNS: Final = 80
+INDENT: Final = " " * 11
+
 
 def important_lines(settings: "Settings") -> Iterator[str]:
-    """A line each, with the keys that say so."""
+    """A line each, with the keys that say so: these have lines of their own where a terminal is too narrow for both."""
     chassis, drive, gains = settings.chassis, settings.drive, settings.pid
     wheels = ", ".join(f"{wheel.name} {wheel.radius_m:g} m" for wheel in chassis.wheels)
     rows = [
@@ -29,7 +33,16 @@ def important_lines(settings: "Settings") -> Iterator[str]:
          "[api], [page]"),
     ]  # fmt: skip
     for name, value, keys in rows:
-        yield f"{name:<10} {value}   ({keys})"
+        line = f"{name:<10} {value}   ({keys})"
+        yield from [line] if len(line) <= COLUMNS else _folded(f"{name:<10} {value}", f"({keys})")
+
+
+def _folded(value: str, keys: str) -> Iterator[str]:
+    for text, indent in ((value, ""), (keys, INDENT)):
+        yield from textwrap.wrap(
+            text, COLUMNS, initial_indent=indent, subsequent_indent=INDENT,
+            break_long_words=False, break_on_hyphens=False,
+        )  # fmt: skip
 
 
 def _feedforward(settings: "Settings") -> str:

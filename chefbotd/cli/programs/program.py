@@ -136,7 +136,7 @@ class CommandGroup(click.Group):
     def _report_failure(self, failure: ProgramError, as_json: bool) -> None:
         if as_json:
             error = {"exit_code": int(failure.code), "message": str(failure), **failure.details}
-            tell(json.dumps({"error": error}))
+            tell(json.dumps({"error": error}), folded=False)
         else:
             tell(f"Error: {failure}")
 

@@ -8,7 +8,7 @@ import click
 
 from chefbotd.cli.common.arguments import Address, configuration
 from chefbotd.cli.common.context import CommandContext
-from chefbotd.cli.common.echo import echo, tell
+from chefbotd.cli.common.echo import echo, say_sentences, tell
 from chefbotd.cli.common.exits import Exit, ProgramError
 
 if TYPE_CHECKING:
@@ -204,7 +204,7 @@ NOTHING_ON_USB = (
 
 def _show(ports_here: "list[SerialPort]", *, is_search: bool) -> None:
     if is_search and not any(port.usb_id or port.device.startswith("/dev/pts/") for port in ports_here):
-        echo(NOTHING_ON_USB)
+        say_sentences(NOTHING_ON_USB)
     if not ports_here:
         return
     rows = [

@@ -58,9 +58,16 @@ def test_a_robot_is_named_or_has_a_file(tmp_path: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("name", ["chefbot", "khan", "chefbot_lidar"])
+def test_the_lines_that_matter_fit_a_terminal(name: str) -> None:
+    """No line is wider than 80 columns: keys that do not fit beside their value stand below it."""
+    assert max(map(len, chefbotd("check-config", name).output.splitlines()[:-1])) <= 80
+
+
 def test_check_config_prints_the_ten_lines_that_matter_first(tmp_path: Path) -> None:
     """Ten, each with its keys; that nothing sees obstacles, or that the guard is off, is one of them."""
-    lines = chefbotd("check-config").output.splitlines()
+    printed = chefbotd("check-config").output.splitlines()
+    lines = [line for line in printed if not line.startswith(" ")]  # behind a long one are its keys
     assert len(lines) == 11
     assert lines[3].split()[:3] == ["track", "0.3", "m"]
     assert lines[-1].startswith("It is valid. ")
