@@ -17,6 +17,7 @@ from chefbotd.composition.network import page_server
 from chefbotd.composition.robot import board_session, drive_service, robot_features
 from chefbotd.composition.scanners import lidars
 from chefbotd.core.events.inputs import DaemonStarted, DaemonStopping, ServiceFailed
+from chefbotd.core.record import Stateful
 from chefbotd.driving.board.service import board
 from chefbotd.features.feature import Feature, Service, Waiting, methods_and_topics
 from chefbotd.inputs import inputs_of
@@ -32,7 +33,7 @@ from chefbotd.rpc.server import RpcServer
 from chefbotd.safety.faults import Fault
 from chefbotd.safety.latch import GateStore
 from chefbotd.settings import Settings
-from chefbotd.snapshot import DaemonState, Stateful
+from chefbotd.snapshot import DaemonState
 from chefbotd.transport.tcp import TcpServer
 
 Loop = Callable[[], Coroutine[Any, Any, None]]

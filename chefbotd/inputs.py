@@ -70,6 +70,51 @@ class Entry:
             self._entries.end()
 
 
+class ResumableTimer:
+    """One timer at most, whose state is when it is due; ``callback`` is called then, as ``name`` in a recording."""
+
+    def __init__(self, entries: "InputLog", callback: Callable[[], None], name: str) -> None:
+        self._entries, self._callback, self._name = entries, callback, name
+        self._timer: Timer | None = None
+
+    @property
+    def due_s(self) -> float | None:
+        """When it fires; None where it does not wait."""
+        return due_of(self._timer)
+
+    def start(self, delay_s: float) -> None:
+        """Fire after so long, and not when it was to fire before."""
+        self.cancel()
+        self._timer = self._entries.call_later(delay_s, self._callback, self._name)
+
+    def cancel(self) -> None:
+        """Do not fire."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+
+    def state(self) -> float | None:
+        """Return when it fires."""
+        return self.due_s
+
+    def restore(self, state: float | None) -> None:
+        """Fire then; a state that is None has no timer."""
+        self.cancel()
+        self._timer = self._entries.resume(state, self._callback, self._name)
+
+
+class StatefulEvent(asyncio.Event):
+    """An event whose state is whether it is set."""
+
+    def state(self) -> bool:
+        """Return whether it is set."""
+        return self.is_set()
+
+    def restore(self, state: bool) -> None:
+        """Set it, or clear it."""
+        set_event(self, state)
+
+
 class InputLog:
     """A clock that stands still while an entry is handled.
 

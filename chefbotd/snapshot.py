@@ -10,28 +10,16 @@ from base64 import b64decode, b64encode
 from collections import Counter
 from collections.abc import Callable, Collection, Iterator, Mapping
 from functools import cache
-from typing import Any, Protocol
+from typing import Any
 
 import msgspec
 from pydantic import BaseModel
 
 from chefbotd.core.events.inputs import StateRecorded
-from chefbotd.core.record import StatefulPart
+from chefbotd.core.record import Stateful, StatefulPart
 from chefbotd.inputs import InputLog
 
 LONGEST_PROBLEM = 200
-
-
-class Stateful(Protocol):
-    """A part that remembers something from one entry to the next."""
-
-    def state(self) -> Any:
-        """What it remembers, as a record, a number, a tuple and so on; of the class that the annotation says."""
-        ...
-
-    def restore(self, state: Any) -> None:
-        """Go on from there: what it remembered before is forgotten, and its timers run until they are due."""
-        ...
 
 
 class DaemonState:

@@ -1,12 +1,13 @@
 """The base class of values that are made at the rate of the encoders: events, and states between two steps."""
 
+from collections.abc import Mapping
 from enum import StrEnum
-from typing import Generic, Self, TypeVar
+from typing import Any, Generic, Protocol, Self, TypeVar
 
 from msgspec import Struct
 from msgspec.structs import replace
 
-__all__ = ["Level", "LogLine", "MutableState", "Record", "StatefulPart", "replace"]
+__all__ = ["Level", "LogLine", "MutableState", "Record", "Stateful", "StatefulPart", "replace"]
 
 
 class Record(Struct, frozen=True, gc=False):
@@ -54,15 +55,36 @@ class MutableState(Struct, eq=False):
 M = TypeVar("M", bound=MutableState)
 
 
+class Stateful(Protocol):
+    """A part that remembers something from one entry to the next."""
+
+    def state(self) -> Any:
+        """What it remembers, as a record, a number, a tuple and so on; of the class that the annotation says."""
+        ...
+
+    def restore(self, state: Any) -> None:
+        """Go on from there: what it remembered before is forgotten, and its timers run until they are due."""
+        ...
+
+
 class StatefulPart(Generic[M]):
-    """The base class of a part with more than its state: all that it remembers is one record, changed in place."""
+    """The base class of a part with more than its state: all that it remembers is one record, changed in place.
+
+    ``parts`` are its own parts, timers and events by the fields of the memory that hold their states.
+    """
 
     memory: M
+    parts: Mapping[str, Stateful] = {}
 
     def state(self) -> M:
         """Return the state of this part."""
+        for name, part in self.parts.items():
+            setattr(self.memory, name, part.state())
         return self.memory
 
     def restore(self, state: M) -> None:
         """Restore this state."""
         self.memory.restore(state)
+        for name, part in self.parts.items():
+            part.restore(getattr(state, name))
+            setattr(self.memory, name, part.state())

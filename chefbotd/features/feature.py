@@ -5,11 +5,11 @@ from typing import Any, TypeAlias
 
 from msgspec import Struct
 
+from chefbotd.core.record import Stateful
 from chefbotd.features.log_topic import log_topic
 from chefbotd.metrics import Metrics
 from chefbotd.rpc.method import Method
 from chefbotd.rpc.topics import Topic
-from chefbotd.snapshot import Stateful
 
 Run: TypeAlias = Callable[[], Coroutine[Any, Any, None]]
 Waiting: TypeAlias = Mapping[str, Callable[[Any], Coroutine[Any, Any, Any]]]

@@ -23,11 +23,12 @@ from chefbotd.components.recording.replay.pipeline import Pipeline
 from chefbotd.components.simulation.worlds.flat import FLAT
 from chefbotd.components.worker.spawn import Spawn
 from chefbotd.core.events.inputs import StateRecorded
-from chefbotd.core.record import MutableState
+from chefbotd.core.record import MutableState, Stateful, StatefulPart
 from chefbotd.driving.service import DriveService, DriveServiceState
 from chefbotd.event_classes import decode, encode
+from chefbotd.inputs import ResumableTimer, StatefulEvent
 from chefbotd.settings import Settings, load, packaged
-from chefbotd.snapshot import DaemonState, Stateful, encode_state, state_class
+from chefbotd.snapshot import DaemonState, encode_state, state_class
 from chefbotd.testing.daemon import SimulatedRobot, simulated_robot
 from chefbotd.testing.worker import no_worker, worker_in_process
 from tests.chefbotd.components.recording.replay.attributes import attributes, changed_attributes
@@ -277,7 +278,13 @@ def test_a_part_that_forgets_something_is_noticed(monkeypatch: pytest.MonkeyPatc
     restore = DriveService.restore
     monkeypatch.setattr(DriveService, "restore", forgetful)
     _, different = forgotten(script, load())
-    assert different - NO_STATE.keys() == {"DriveService.acted_s", "WatchTimer._timer", "ControlLeases.told"}
+    forgotten_ones = {
+        "DriveService.acted_s",
+        "WatchTimer._timer",
+        "WatchTimerState.due_s",
+        "ControlLeases.told",
+    }
+    assert different - NO_STATE.keys() == forgotten_ones
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
@@ -347,6 +354,45 @@ def test_a_part_that_is_its_own_state_is_restored_in_place() -> None:
     (problem,) = state.restore({"trip": encode_state(Trip(metres=2.5, _turns=["left"]))})  # type: ignore[list-item]
     assert "Expected `int`, got `str` - at `$._turns[0]`" in problem
     assert trip.metres == 2.5
+
+
+class JourneyState(MutableState):
+    """A trip, when it ends, whether it has ended, and who travels."""
+
+    trip: Trip
+    due_s: float | None = None
+    has_ended: bool = False
+    name: str = "nobody"
+
+
+class Journey(StatefulPart[JourneyState]):
+    """A part with parts of its own: a trip, a timer and an event."""
+
+    def __init__(self, entries: ReplayEntries) -> None:
+        self.trip, self.ended = Trip(), StatefulEvent()
+        self.timer = ResumableTimer(entries, self.ended.set, "journey")
+        self.memory = JourneyState(self.trip)
+        self.parts = {"trip": self.trip, "due_s": self.timer, "has_ended": self.ended}
+
+
+def test_a_part_of_parts_offers_and_restores_each_of_them() -> None:
+    """What is recorded is how the parts stand then; after a restore the timer waits until the same time."""
+    entries = ReplayEntries()
+    entries.set_time(10.0)
+    before, after = Journey(entries), Journey(entries)
+    before.trip.metres, before.memory.name = 2.5, "somebody"
+    before.timer.start(3.0)
+    before.ended.set()
+    text = encode_state(before.state())
+    after.timer.start(99.0)
+    assert DaemonState(entries, {"it": after}, tuple, ()).restore({"it": text}) == []
+    assert (after.trip.metres, after.timer.due_s, after.ended.is_set()) == (2.5, 13.0, True)
+    assert after.memory.name == "somebody"
+    assert after.memory.trip is after.trip
+    assert encode_state(after.state()) == text
+    before.timer.cancel()
+    after.restore(JourneyState(Trip()))
+    assert (after.timer.due_s, after.ended.is_set(), before.timer.due_s) == (None, False, None)
 
 
 @pytest.mark.parametrize("odd", [2**70, object(), {1: object()}])
