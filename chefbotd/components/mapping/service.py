@@ -1,6 +1,5 @@
 """The daemon's side of mapping: asks the worker's skill, publishes its results, and continues after a restart."""
 
-import asyncio
 import contextlib
 from collections.abc import Awaitable, Callable
 from typing import Final
@@ -29,9 +28,9 @@ from chefbotd.components.maps.events import MapChanged, MappingChanged, MappingD
 from chefbotd.components.worker.service import WorkerService
 from chefbotd.core.commands import Refused
 from chefbotd.core.events.robot import MapPoseUpdated
-from chefbotd.core.record import Record
+from chefbotd.core.record import MutableState, StatefulPart
 from chefbotd.features.feature import Feature, Service
-from chefbotd.inputs import inputs_of, set_event
+from chefbotd.inputs import StatefulEvent, inputs_of
 from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.models import NoParams
@@ -46,14 +45,14 @@ LONG_S: Final = 120.0
 """The time-out of reading a large map, and between two steps of matching it."""
 
 
-class MappingState(Record, frozen=True):
+class MappingState(MutableState):
     """The skill's last report, and whether a new worker has to continue the map."""
 
     status: MappingChanged
-    has_to_resume: bool
+    has_to_resume: bool = False
 
 
-class MappingService:
+class MappingService(StatefulPart[MappingState]):
     """It remembers whether a map is being made, so that a new worker continues it."""
 
     def __init__(
@@ -66,26 +65,20 @@ class MappingService:
         """``use_saved`` is called with the name of a map that was finished."""
         self._use_saved = use_saved
         self._bus, self._clock, self._feed, self._worker = bus, inputs_of(clock), feed, feed.worker
-        self._status = MappingChanged(stamp_s=0.0)
-        self._has_to_resume = asyncio.Event()
+        self._has_to_resume = StatefulEvent()
+        self.memory, self.parts = (
+            MappingState(MappingChanged(stamp_s=0.0)),
+            {"has_to_resume": self._has_to_resume},
+        )
         self._worker.add_listener(SKILL, MappingChanged, self._publish_status)
         self._worker.add_listener(SKILL, MapPoseUpdated, lambda event: bus.publish(feed.in_odom(event)))
         self._worker.add_listener(SKILL, MapChanged, bus.publish)
         self._worker.add_on_ready(self._has_to_resume.set)
 
-    def state(self) -> MappingState:
-        """Return the state of this part."""
-        return MappingState(self._status, self._has_to_resume.is_set())
-
-    def restore(self, state: MappingState) -> None:
-        """Restore this state."""
-        self._status = state.status
-        set_event(self._has_to_resume, state.has_to_resume)
-
     @property
     def is_mapping(self) -> bool:
         """Whether a map is being made, paused or not."""
-        return self._status.state != "idle"
+        return self.memory.status.state != "idle"
 
     @method(role=Role.DRIVE, moves=False)
     async def start_mapping(
@@ -149,13 +142,13 @@ class MappingService:
             await self._ask_skill(GetStatus(), SHORT_S)
 
     async def _resume(self) -> None:
-        status = self._status
+        status = self.memory.status
         begun = status.keyframes > 0 or status.name is not None
         paused = status.state == "paused"
         request = ResumeMapping(paused, status.name) if begun else Start(paused=paused)
         try:
             await self._ask_skill(request, LONG_S)
-            log.info("mapping continues after a restart of the worker", state=self._status.state)
+            log.info("mapping continues after a restart of the worker", state=self.memory.status.state)
         except Refused as problem:
             log.error("mapping cannot continue after a restart of the worker", reason=str(problem))
             if self._worker.is_ready:  # else the next one is asked
@@ -169,11 +162,11 @@ class MappingService:
         return mapping_data(status)
 
     def _publish_status(self, status: MappingChanged) -> None:
-        if status.warning and status.warning != self._status.warning:
+        if status.warning and status.warning != self.memory.status.warning:
             log.warning("the unfinished map is damaged", state=status.state, warning=status.warning)
-        if status.reason and not self._status.reason:
+        if status.reason and not self.memory.status.reason:
             log.warning("the unfinished map has a problem", reason=status.reason)
-        self._status = status
+        self.memory.status = status
         self._bus.publish(status)
 
 

@@ -13,7 +13,7 @@ from chefbotd.core.events import OdometryReset, OdometryUpdated, RangeMeasured, 
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import MapPoseUpdated, WorkerData, WorkerReported
 from chefbotd.core.geometry import ORIGIN, Pose2D
-from chefbotd.core.record import Record, replace
+from chefbotd.core.record import MutableState, StatefulPart, replace
 from chefbotd.features.feature import Feature, ReplayedInputs, Service
 from chefbotd.inputs import inputs_of
 from chefbotd.metrics import Metrics
@@ -22,14 +22,14 @@ from chefbotd.rpc.topics import Topic, same_names
 TOPICS = (Topic("worker", (WorkerReported,), WorkerData, same_names(WorkerData), always_known=True),)
 
 
-class WorkerServiceState(Record, frozen=True):
+class WorkerServiceState(MutableState):
     """The worker, and the pose of ``odom`` in the frame of its skills."""
 
     worker: tuple[WorkerStatus, int]
-    steady_from_odom: Pose2D
+    steady_from_odom: Pose2D = ORIGIN
 
 
-class WorkerService:
+class WorkerService(StatefulPart[WorkerServiceState]):
     """Owns the worker. Its skills get odometry in the frame ``steady``, in which a reset is no motion."""
 
     def __init__(
@@ -42,24 +42,15 @@ class WorkerService:
     ) -> None:
         self._bus, self._entries = bus, inputs_of(clock)
         self.worker = Worker(parameters, clock, skills, self._report_status, start or spawn)
-        self._steady_from_odom = ORIGIN
+        self.memory, self.parts = WorkerServiceState(self.worker.state()), {"worker": self.worker}
         bus.add_handler(self._send_odometry, OdometryUpdated)
         bus.add_handler(self._take_reset, OdometryReset)
         bus.add_handler(self.worker.send, ScanMeasured)
         bus.add_handler(self._send_range, RangeMeasured)
 
-    def state(self) -> WorkerServiceState:
-        """Return the state of this part."""
-        return WorkerServiceState(self.worker.state(), self._steady_from_odom)
-
-    def restore(self, state: WorkerServiceState) -> None:
-        """Restore this state."""
-        self.worker.restore(state.worker)
-        self._steady_from_odom = state.steady_from_odom
-
     def in_odom(self, event: MapPoseUpdated) -> MapPoseUpdated:
         """A pose from the worker, relative to the present ``odom``."""
-        return replace(event, map_from_odom=event.map_from_odom.compose(self._steady_from_odom))
+        return replace(event, map_from_odom=event.map_from_odom.compose(self.memory.steady_from_odom))
 
     async def run(self) -> None:
         """Keep the worker alive."""
@@ -73,11 +64,13 @@ class WorkerService:
 
     def _take_reset(self, event: OdometryReset) -> None:
         """Note that the pose ``before`` in ``odom`` is now ``after``, without motion."""
-        self._steady_from_odom = self._steady_from_odom.compose(event.before).compose(event.after.inverse())
+        self.memory.steady_from_odom = self.memory.steady_from_odom.compose(event.before).compose(
+            event.after.inverse()
+        )
 
     def _send_odometry(self, event: OdometryUpdated) -> None:
-        steady_from_base = self._steady_from_odom.compose(event.odom_from_base)
-        turned_rad = self._steady_from_odom.heading_rad
+        steady_from_base = self.memory.steady_from_odom.compose(event.odom_from_base)
+        turned_rad = self.memory.steady_from_odom.heading_rad
         covariance = event.covariance.turned(turned_rad) if turned_rad else event.covariance
         self.worker.send(replace(event, odom_from_base=steady_from_base, covariance=covariance))
 
