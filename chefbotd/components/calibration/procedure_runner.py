@@ -13,7 +13,7 @@ from chefbotd.components.calibration.algorithms.step import Action, Ask, Measure
 from chefbotd.components.calibration.measuring import Gathering, join_measurements
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import SafetyChanged, WheelsMeasured
-from chefbotd.core.record import Record
+from chefbotd.core.record import MutableState, Record, StatefulPart
 from chefbotd.driving.inner_driver import InnerDriver
 from chefbotd.inputs import Timer, inputs_of
 from chefbotd.safety.gate import Mode, not_armed
@@ -40,13 +40,13 @@ TIMER: Final = "calibration"
 Report = Callable[[Action], None]
 
 
-class ProcedureRunnerState(Record, frozen=True):
+class ProcedureRunnerState(MutableState):
     """What decides whether a step may begin; one that is under way is not continued in a replay."""
 
-    drives: bool
-    safety: SafetyChanged | None
-    wheels: WheelsMeasured | None
-    blocked_since_s: float | None
+    drives: bool = False
+    safety: SafetyChanged | None = None
+    wheels: WheelsMeasured | None = None
+    blocked_since_s: float | None = None
 
 
 class StopBaseline(Record, frozen=True):
@@ -56,29 +56,17 @@ class StopBaseline(Record, frozen=True):
     stop_number: int
 
 
-class ProcedureRunner:
+class ProcedureRunner(StatefulPart[ProcedureRunnerState]):
     """Runs one procedure at a time; ``report`` is called with each action as it begins."""
 
     def __init__(self, bus: Bus, clock: Clock, driver: InnerDriver, report: Report) -> None:
         self._bus, self._entries, self._driver, self._report = bus, inputs_of(clock), driver, report
-        self._safety: SafetyChanged | None = None
+        self.memory, self.parts = ProcedureRunnerState(), {"drives": driver}
         self._answer: asyncio.Future[float] | None = None
         self._asked: Ask | None = None
         self._timer: Timer | None = None
-        self._wheels: WheelsMeasured | None = None
-        self._blocked_since_s: float | None = None
         bus.add_handler(self._take_safety, SafetyChanged)
         bus.add_handler(self._take_wheels, WheelsMeasured)
-
-    def state(self) -> ProcedureRunnerState:
-        """Return the state of this part."""
-        return ProcedureRunnerState(self._driver.state(), self._safety, self._wheels, self._blocked_since_s)
-
-    def restore(self, state: ProcedureRunnerState) -> None:
-        """Restore this state."""
-        self._driver.restore(state.drives)
-        self._safety, self._wheels = state.safety, state.wheels
-        self._blocked_since_s = state.blocked_since_s
 
     def require(self) -> None:
         """Nothing is in the way of driving.
@@ -92,7 +80,7 @@ class ProcedureRunner:
 
     def _armed(self) -> SafetyChanged:
         """The gate's state; raises ``Refused`` where the robot is not armed."""
-        safety = self._safety
+        safety = self.memory.safety
         if safety is None:
             raise not_armed("", "it is not known yet whether the robot may move")
         if safety.mode != Mode.ARMED:
@@ -177,7 +165,7 @@ class ProcedureRunner:
             await self._sleep(PERIOD_S)
             now_s = self._entries.now_s()
             self._check(baseline, now_s)
-            wheels = self._wheels
+            wheels = self.memory.wheels
             if wheels is None or max(map(abs, wheels.velocity_rad_s)) > REST_RAD_S:
                 rest_s = now_s
             if now_s - rest_s >= REST_S:
@@ -192,19 +180,19 @@ class ProcedureRunner:
         """Raise ``Refused`` if the step must end."""
         safety = self._check_stopped(baseline)
         self.require()
-        blocked_s = 0.0 if self._blocked_since_s is None else now_s - self._blocked_since_s
+        blocked_s = 0.0 if self.memory.blocked_since_s is None else now_s - self.memory.blocked_since_s
         if blocked_s > BLOCKED_S:
             raise Refused(
                 RefusalKind.STOPPED,
                 f"something is in the way ({safety.limited_by}); make room, and try again",
             )
-        wheels = self._wheels
+        wheels = self.memory.wheels
         if wheels is None or now_s - wheels.arrival_s > SILENT_S:
             raise Refused(RefusalKind.LINK_DOWN, f"the board has not told of its wheels for {SILENT_S:.0f} s")
 
     def _silence(self) -> str:
         """What a board without an echo does, where that is why the wheels do not obey; else nothing."""
-        if self._safety is None or self._safety.limited_by not in ("no_echo", "encoders_stale"):
+        if self.memory.safety is None or self.memory.safety.limited_by not in ("no_echo", "encoders_stale"):
             return ""
         return (
             ": the board tells of them once a second only, as it waits for an echo; calibrate where something "
@@ -243,11 +231,11 @@ class ProcedureRunner:
         await wake.wait()
 
     def _take_safety(self, event: SafetyChanged) -> None:
-        self._safety = event
+        self.memory.safety = event
         if not (event.limited_by or "").startswith("obstacle"):
-            self._blocked_since_s = None
-        elif self._blocked_since_s is None:
-            self._blocked_since_s = event.stamp_s
+            self.memory.blocked_since_s = None
+        elif self.memory.blocked_since_s is None:
+            self.memory.blocked_since_s = event.stamp_s
 
     def _take_wheels(self, event: WheelsMeasured) -> None:
-        self._wheels = event
+        self.memory.wheels = event

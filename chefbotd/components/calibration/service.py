@@ -40,7 +40,7 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import BatteryMeasured
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import BatteryLevelStatus
-from chefbotd.core.record import Record, replace
+from chefbotd.core.record import MutableState, StatefulPart, replace
 from chefbotd.driving.inner_driver import InnerDriver
 from chefbotd.features.feature import Feature
 from chefbotd.inputs import inputs_of
@@ -56,15 +56,15 @@ AGREES_SIGMAS: Final = 3.0
 """Two runs that differ by more than this many standard deviations of their difference do not agree."""
 
 
-class CalibrationState(Record, frozen=True):
+class CalibrationState(MutableState):
     """What is remembered from one request to the next. A step that runs is not: a replay cannot begin inside it."""
 
-    results: tuple[StepResult, ...]
-    battery: BatteryMeasured | None
     runner: ProcedureRunnerState
+    results: tuple[StepResult, ...] = ()
+    battery: BatteryMeasured | None = None
 
 
-class CalibrationService:
+class CalibrationService(StatefulPart[CalibrationState]):
     """``robot_with`` and ``save`` know the configuration ``writes_to``; ``fit`` computes a result."""
 
     def __init__(
@@ -81,23 +81,12 @@ class CalibrationService:
         self._thread = CalibrationThread(self._entries, robot_with, save)
         self._robot_with, self._fit, self._writes_to = robot_with, fit, writes_to
         self._runner = ProcedureRunner(bus, clock, driver, self._take_action)
-        self._results: dict[str, StepResult] = {}
-        self._battery: BatteryMeasured | None = None
+        self.memory, self.parts = CalibrationState(self._runner.memory), {"runner": self._runner}
         self._scans: dict[str, ScanMeasured] = {}
         self._step, self._state, self._report = "", "idle", _report_nothing
         self._action: Action | None = None
         bus.add_handler(self._take_battery, BatteryMeasured)
         bus.add_handler(self._take_scan, ScanMeasured)
-
-    def state(self) -> CalibrationState:
-        """Return the state of this part."""
-        return CalibrationState(tuple(self._results.values()), self._battery, self._runner.state())
-
-    def restore(self, state: CalibrationState) -> None:
-        """Restore this state."""
-        self._results = {result.step: result for result in state.results}
-        self._battery = state.battery
-        self._runner.restore(state.runner)
 
     @method(role=Role.OBSERVE)
     async def get_calibration(
@@ -105,7 +94,7 @@ class CalibrationService:
     ) -> CalibrationReport:
         """Return every step that can be calibrated, and the newest result of each."""
         steps = await self._thread.steps()
-        return CalibrationReport(steps, tuple(self._results.values()), self._writes_to)
+        return CalibrationReport(steps, self.memory.results, self._writes_to)
 
     @method(role=Role.DRIVE, moves=True)
     async def calibrate(
@@ -121,8 +110,12 @@ class CalibrationService:
             self._publish_state("computing", "computes the parameters", 1.0)
             measured = as_calibrated(measured, self._robot_with({}), robot)
             result = self._compared(await self._fitted(step.name, robot, measured))
-            self._results[step.name] = result
+            self.memory.results = tuple((self._results | {step.name: result}).values())
         return result
+
+    @property
+    def _results(self) -> dict[str, StepResult]:
+        return {result.step: result for result in self.memory.results}
 
     @contextlib.contextmanager
     def _taking(self, step: str, progress: ProgressReporter) -> Iterator[None]:
@@ -175,7 +168,7 @@ class CalibrationService:
         if missing := step.missing(robot):
             raise Refused(RefusalKind.CANNOT_CALIBRATE, f"{step.name} cannot be calibrated: {missing}")
         self._runner.require()
-        battery = self._battery
+        battery = self.memory.battery
         if battery is not None and battery.status is not BatteryLevelStatus.OK:
             reason = f"the battery is {battery.status} ({battery.voltage_v:.1f} V): charge it first"
             raise Refused(RefusalKind.CANNOT_CALIBRATE, reason)
@@ -261,7 +254,7 @@ class CalibrationService:
         self._report(done, 1.0, text)
 
     def _take_battery(self, event: BatteryMeasured) -> None:
-        self._battery = event
+        self.memory.battery = event
 
     def _take_scan(self, event: ScanMeasured) -> None:
         self._scans[event.lidar] = event
