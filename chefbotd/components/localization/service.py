@@ -29,10 +29,10 @@ from chefbotd.components.worker.requests import OnProgress
 from chefbotd.components.worker.service import WorkerService
 from chefbotd.core.commands import Refused
 from chefbotd.core.events.robot import POSE_ENDED, MapPoseUpdated, WorkerReported
-from chefbotd.core.record import Record, replace
+from chefbotd.core.record import MutableState, StatefulPart, replace
 from chefbotd.driving.inner_driver import InnerDriver
 from chefbotd.features.feature import Feature, Service, Waiting
-from chefbotd.inputs import inputs_of, set_event
+from chefbotd.inputs import StatefulEvent, inputs_of
 from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, method, methods_of
 from chefbotd.rpc.parameters import Role
@@ -58,29 +58,32 @@ async def _find_nothing_wrong() -> str:
     return ""
 
 
-class LocalizationState(Record, frozen=True):
+class LocalizationState(MutableState):
     """The map in use, what of it the skill knows and has to know, and what was last published of the pose.
 
-    ``waits`` are the requests that wait for the end of a turn, by their tasks.
+    ``renamed_from`` is the name of the map by which the worker knows it. ``problem`` is why the map cannot be used, and
+    ``why_no_map`` why none is in use, where one was. ``jumps_before`` are those by the workers before this one.
+    ``may_turn``: the robot has neither turned nor found itself yet. ``waits`` are the requests that wait for the end of
+    a turn, by their tasks. ``pose`` is the one in the map in use.
     """
 
-    map: MapLoaded | None
-    renamed_from: str | None
-    is_mapping: bool
-    was_unloaded: bool
-    has_to_tell: bool
-    has_told: bool
-    problem: str
-    told: LocalizationChanged | None
-    jumps_before: int
     turning: TurningState
     may_turn: bool
-    waits: tuple[str, ...]
+    map: MapLoaded | None = None
+    renamed_from: str | None = None
+    is_mapping: bool = False
+    was_unloaded: bool = False
+    has_to_tell: bool = False
+    has_told: bool = True
+    problem: str = ""
+    told: LocalizationChanged | None = None
+    jumps_before: int = 0
+    waits: tuple[str, ...] = ()
     pose: MapPoseUpdated | None = None
     why_no_map: str = ""
 
 
-class LocalizationService:
+class LocalizationService(StatefulPart[LocalizationState]):
     """Keeps the skill at the map in use. While a map is being made, it rests: then SLAM tells the pose.
 
     ``check_map`` says what others find wrong with the map in use.
@@ -97,21 +100,17 @@ class LocalizationService:
     ) -> None:
         """``driver`` drives as the source navigation; ``turns_at_start``: it may turn before it was ever asked to."""
         self._bus, self._clock, self._feed, self._worker = bus, clock, feed, feed.worker
-        self._map: MapLoaded | None = None
-        self._renamed_from: str | None = None  # the name of the map in use by which the worker knows it
-        self._is_mapping = self._was_unloaded = False
-        self._has_to_tell, self._has_told = asyncio.Event(), asyncio.Event()
-        self._has_told.set()
-        self._reports: list[OnProgress] = []
-        self._problem = ""  # why the map cannot be used
-        self._why_no_map = ""  # and why none is in use, where one was
-        self.check_map: CheckMap = _find_nothing_wrong
-        self._latest: LocalizationChanged | None = None
-        self._pose: MapPoseUpdated | None = None  # in the map in use
-        self._jumps_before = 0  # by the workers before this one
         self._entries, self._turning = inputs_of(clock), Turning(bus, clock, driver, self._report_progress)
-        self._may_turn = turns_at_start  # it has neither turned nor found itself yet
-        self._waits: set[str] = set()  # requests that wait for a turn, by their tasks
+        self._has_to_tell, self._has_told = StatefulEvent(), StatefulEvent()
+        self._has_told.set()
+        self.memory = LocalizationState(self._turning.memory, may_turn=turns_at_start)
+        self.parts = {
+            "turning": self._turning,
+            "has_to_tell": self._has_to_tell,
+            "has_told": self._has_told,
+        }
+        self._reports: list[OnProgress] = []
+        self.check_map: CheckMap = _find_nothing_wrong
         self._worker.add_listener(SKILL, LocalizationChanged, self._take_told)
         self._worker.add_listener(SKILL, MapPoseUpdated, self._take_pose)
         self._worker.add_on_ready(self._take_ready)
@@ -119,36 +118,6 @@ class LocalizationService:
         bus.add_handler(self._take_unloaded, MapUnloaded)
         bus.add_handler(self._take_mapping, MappingChanged)
         bus.add_handler(self._take_worker, WorkerReported)
-
-    def state(self) -> LocalizationState:
-        """Return the state of this part."""
-        return LocalizationState(
-            self._map,
-            self._renamed_from,
-            self._is_mapping,
-            self._was_unloaded,
-            self._has_to_tell.is_set(),
-            self._has_told.is_set(),
-            self._problem,
-            self._latest,
-            self._jumps_before,
-            self._turning.state(),
-            self._may_turn,
-            tuple(sorted(self._waits)),
-            self._pose,
-            self._why_no_map,
-        )
-
-    def restore(self, state: LocalizationState) -> None:
-        """Go on from there; the requests that wait are to begin again."""
-        self._map, self._renamed_from = state.map, state.renamed_from
-        self._is_mapping, self._was_unloaded = state.is_mapping, state.was_unloaded
-        set_event(self._has_to_tell, state.has_to_tell)
-        set_event(self._has_told, state.has_told)
-        self._problem, self._latest, self._jumps_before = state.problem, state.told, state.jumps_before
-        self._pose, self._why_no_map = state.pose, state.why_no_map
-        self._turning.restore(state.turning)
-        self._may_turn, self._waits = state.may_turn, set(state.waits)
 
     @method(role=Role.DRIVE, moves=False)
     async def set_pose(
@@ -172,7 +141,7 @@ class LocalizationService:
     async def _turned(self, progress: ProgressReporter) -> LocalizationData:
         """Wait for the end of the turn, which ends with whoever waits for it."""
         end, task = self._turning.begin(), self._entries.task
-        self._waits.add(task)
+        self.memory.waits = tuple(sorted({*self.memory.waits, task}))
         self._reports.append(progress.report)
         try:
             why = await asyncio.shield(end)
@@ -180,13 +149,13 @@ class LocalizationService:
             self._turning.end("the request was given up")
             raise
         finally:
-            self._waits.discard(task)
+            self.memory.waits = tuple(other for other in self.memory.waits if other != task)
             self._reports.remove(progress.report)
-        return replace(localization_data(self._latest), reason=why)
+        return replace(localization_data(self.memory.told), reason=why)
 
     def waiting(self) -> Waiting:
         """The requests that wait for the end of a turn, by their tasks."""
-        return dict.fromkeys(self._waits, self._turned)
+        return dict.fromkeys(self.memory.waits, self._turned)
 
     async def made_ready(self, report: OnProgress) -> str:
         """Wait until the worker uses the map in use, if there is one; why it cannot, empty where it can."""
@@ -195,7 +164,7 @@ class LocalizationService:
             await self._has_told.wait()
         finally:
             self._reports.remove(report)
-        return self._problem
+        return self.memory.problem
 
     async def run(self) -> None:
         """Tell the skill which map to use: when that changes, and each time that a worker has become ready."""
@@ -208,20 +177,20 @@ class LocalizationService:
                 self._has_told.set()
 
     async def _tell_map(self) -> None:
-        used, self._problem = None if self._is_mapping else self._map, ""
-        renamed_from, self._renamed_from = self._renamed_from, None
+        used, self.memory.problem = None if self.memory.is_mapping else self.memory.map, ""
+        renamed_from, self.memory.renamed_from = self.memory.renamed_from, None
         try:
-            if self._was_unloaded:  # the next map may have its name and version
-                self._was_unloaded = False
+            if self.memory.was_unloaded:  # the next map may have its name and version
+                self.memory.was_unloaded = False
                 await self._ask_skill(UseNone(), LONG_S)
             request = UseNone() if used is None else UseMap(used.name, used.version, renamed_from)
             await self._ask_skill(request, LONG_S)
             if used is not None:
-                self._problem = await self.check_map()
+                self.memory.problem = await self.check_map()
         except Refused as problem:
-            self._problem = str(problem)
-            log.error("localization has no map", reason=self._problem)
-            self._publish_unknown(self._clock.now_s(), self._problem)
+            self.memory.problem = str(problem)
+            log.error("localization has no map", reason=self.memory.problem)
+            self._publish_unknown(self._clock.now_s(), self.memory.problem)
 
     def _report_progress(self, done: float, total: float, text: str) -> None:
         for report in self._reports:
@@ -243,70 +212,72 @@ class LocalizationService:
 
     def _take_map(self, event: MapLoaded) -> None:
         """The worker knows the first name of a map that was renamed twice since its last request."""
-        before, self._map, self._why_no_map = self._map, event, ""
-        is_told = self._renamed_from is None or before is None or before.name != event.renamed_from
+        before, self.memory.map, self.memory.why_no_map = self.memory.map, event, ""
+        is_told = self.memory.renamed_from is None or before is None or before.name != event.renamed_from
         if event.renamed_from is None or is_told:
-            self._renamed_from = event.renamed_from
+            self.memory.renamed_from = event.renamed_from
         if event.renamed_from is None and before is not None and before.name != event.name:
             self._end_pose(event.stamp_s, f"the map {event.name} is loaded in place of {before.name}")
         self._has_told.clear()
         self._has_to_tell.set()
 
     def _take_unloaded(self, event: MapUnloaded) -> None:
-        self._map, self._was_unloaded, self._why_no_map = None, True, event.reason
+        self.memory.map, self.memory.was_unloaded, self.memory.why_no_map = None, True, event.reason
         self._end_pose(event.stamp_s, event.reason or f"the map {event.name} was deleted")
         self._has_to_tell.set()
 
     def _take_mapping(self, event: MappingChanged) -> None:
         is_mapping = event.state != "idle"
-        if is_mapping is not self._is_mapping:
-            self._is_mapping = is_mapping
+        if is_mapping is not self.memory.is_mapping:
+            self.memory.is_mapping = is_mapping
             self._has_to_tell.set()
 
     def _take_worker(self, event: WorkerReported) -> None:
         """Nobody finds the way while there is no worker: what was known is old."""
-        if event.state in AWAY and self._latest is not None and self._latest.state != "unknown":
+        if event.state in AWAY and self.memory.told is not None and self.memory.told.state != "unknown":
             why = f"the worker is {event.state}" + (f": {event.reason}" if event.reason else "")
             self._publish_unknown(event.stamp_s, why)
 
     def _take_told(self, event: LocalizationChanged) -> None:
-        if self._is_mapping:
+        if self.memory.is_mapping:
             return
-        if self._map is None and not event.reason:
-            event = replace(event, reason=self._why_no_map)
+        if self.memory.map is None and not event.reason:
+            event = replace(event, reason=self.memory.why_no_map)
         self._publish_state(event)
 
     def _take_pose(self, event: MapPoseUpdated) -> None:
         """A pose in a map that is no longer in use is void: the worker was still at it."""
-        names = () if self._map is None else (self._map.name, self._renamed_from)
-        if not self._is_mapping and (event.map is None or event.map in names):
-            self._pose = replace(self._feed.in_odom(event), map=None if self._map is None else self._map.name)
-            self._bus.publish(self._pose)
+        names = () if self.memory.map is None else (self.memory.map.name, self.memory.renamed_from)
+        if not self.memory.is_mapping and (event.map is None or event.map in names):
+            self.memory.pose = replace(
+                self._feed.in_odom(event), map=None if self.memory.map is None else self.memory.map.name
+            )
+            self._bus.publish(self.memory.pose)
 
     def _end_pose(self, stamp_s: float, reason: str) -> None:
         """The pose in the map before ends at once; where the robot is in another one is not known yet."""
-        if self._pose is not None:
-            self._bus.publish(replace(self._pose, stamp_s=stamp_s, state=POSE_ENDED))
-            self._pose = None
-        if self._latest is not None and self._latest.state != "unknown":
+        if self.memory.pose is not None:
+            self._bus.publish(replace(self.memory.pose, stamp_s=stamp_s, state=POSE_ENDED))
+            self.memory.pose = None
+        if self.memory.told is not None and self.memory.told.state != "unknown":
             self._publish_unknown(stamp_s, reason)
 
     def _take_ready(self) -> None:
         """A new worker counts its jumps from 0 on."""
-        self._jumps_before = self._jumps
+        self.memory.jumps_before = self._jumps
         self._has_to_tell.set()
 
     @property
     def _jumps(self) -> int:
-        return 0 if self._latest is None else self._latest.jumps
+        return 0 if self.memory.told is None else self.memory.told.jumps
 
     def _publish_unknown(self, stamp_s: float, reason: str) -> None:
-        jumps = self._jumps - self._jumps_before
+        jumps = self._jumps - self.memory.jumps_before
         self._publish_state(LocalizationChanged(stamp_s, "unknown", None, 0.0, (), 0.0, jumps, reason))
 
     def _publish_state(self, event: LocalizationChanged) -> LocalizationChanged:
         """Publish the state if it has changed, or was published a while ago; ``jumps`` are those of this worker."""
-        last, now = self._latest, replace(event, jumps=self._jumps_before + event.jumps)
+        last, now = self.memory.told, replace(event, jumps=self.memory.jumps_before + event.jumps)
         if last is not None:
             same = (last.state, last.map, last.jumps, last.reason) == (
                 now.state,
@@ -317,7 +288,7 @@ class LocalizationService:
             same = same and len(last.alternatives) == len(now.alternatives)
             if same and now.stamp_s - last.stamp_s < TOLD_EVERY_S:
                 return now
-        self._latest = now
+        self.memory.told = now
         self._bus.publish(now)
         self._turn_or_not(now)
         return now
@@ -325,11 +296,11 @@ class LocalizationService:
     def _turn_or_not(self, now: LocalizationChanged) -> None:
         """A turn ends when the robot knows where it is; one that never did turns by itself, where it may."""
         if now.state == "localized":
-            self._may_turn = False
+            self.memory.may_turn = False
             self._turning.end("it knows where it is")
-        elif self._may_turn and now.map is not None and now.state in ("searching", "lost"):
-            self._may_turn = False
-            if self._turning.was_stopped:
+        elif self.memory.may_turn and now.map is not None and now.state in ("searching", "lost"):
+            self.memory.may_turn = False
+            if self._turning.memory.was_stopped:
                 log.info("the robot does not turn to find itself: it was stopped meanwhile; ask for a turn")
                 return
             try:

@@ -14,9 +14,9 @@ from chefbotd.components.worker.requests import OnProgress as Report
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import OdometryReset, OdometryUpdated, SafetyChanged
 from chefbotd.core.geometry import Twist2D, wrap_angle
-from chefbotd.core.record import Record
+from chefbotd.core.record import MutableState, StatefulPart
 from chefbotd.driving.inner_driver import InnerDriver
-from chefbotd.inputs import Timer, due_of, inputs_of
+from chefbotd.inputs import ResumableTimer, inputs_of
 from chefbotd.rpc.method import Unserved
 from chefbotd.safety.gate import Mode, not_armed, why_not_armed
 
@@ -37,43 +37,36 @@ ARMED: Final = "armed"
 TIMER: Final = "localization turn"
 
 
-class TurningState(Record, frozen=True):
+class TurningState(MutableState):
     """How far a turn is, and what decides whether the robot may turn; ``due_s`` is when it goes on.
 
-    ``why_ended`` is None while a turn is under way, and empty before the first.
+    ``why_ended`` is None while a turn is under way, and empty before the first. ``was_stopped``: somebody has stopped
+    the robot, or it had a fault, since the daemon started.
     """
 
-    drives: bool
-    safety: SafetyChanged | None
-    has_goal: bool
-    due_s: float | None
-    why_ended: str | None
-    turns_until_s: float
-    reported_s: float
-    stops: int
-    heading_rad: float | None
-    turned_rad: float
+    drives: bool = False
+    safety: SafetyChanged | None = None
+    has_goal: bool = False
+    due_s: float | None = None
+    why_ended: str | None = ""
+    turns_until_s: float = 0.0
+    reported_s: float = 0.0
+    stops: int = 0
+    heading_rad: float | None = None
+    turned_rad: float = 0.0
     was_stopped: bool = False
 
 
-class Turning:
-    """One turn at a time; ``driver`` puts it through the gate. Without one this robot does not drive by itself.
-
-    ``was_stopped``: somebody has stopped the robot, or it had a fault, since the daemon started.
-    """
+class Turning(StatefulPart[TurningState]):
+    """One turn at a time; ``driver`` puts it through the gate. Without one this robot does not drive by itself."""
 
     def __init__(self, bus: Bus, clock: Clock, driver: InnerDriver | None, report: Report) -> None:
         """``report`` is called with how far it has turned."""
         self._driver, self._report, self._entries = driver, report, inputs_of(clock)
-        self._safety: SafetyChanged | None = None
-        self._has_goal = False
-        self._timer: Timer | None = None
+        self._timer = ResumableTimer(self._entries, self._go_on, TIMER)
+        self.memory = TurningState()
+        self.parts = {"due_s": self._timer} if driver is None else {"due_s": self._timer, "drives": driver}
         self._end: asyncio.Future[str] | None = None
-        self._turns_until_s = self._reported_s = 0.0
-        self._stops = 0
-        self.was_stopped = False
-        self._heading_rad: float | None = None
-        self._turned_rad = 0.0
         bus.add_handler(self._take_odometry, OdometryUpdated)
         bus.add_handler(self._take_reset, OdometryReset)
         bus.add_handler(self._take_safety, SafetyChanged)
@@ -81,32 +74,15 @@ class Turning:
     def state(self) -> TurningState:
         """Return the state of this part."""
         end = self._end
-        return TurningState(
-            self._driver is not None and self._driver.state(),
-            self._safety,
-            self._has_goal,
-            due_of(self._timer),
-            "" if end is None else end.result() if end.done() else None,
-            self._turns_until_s,
-            self._reported_s,
-            self._stops,
-            self._heading_rad,
-            self._turned_rad,
-            self.was_stopped,
-        )
+        self.memory.why_ended = "" if end is None else end.result() if end.done() else None
+        return super().state()
 
     def restore(self, state: TurningState) -> None:
         """Restore this state."""
-        if self._driver is not None:
-            self._driver.restore(state.drives)
-        self._safety, self._has_goal = state.safety, state.has_goal
-        self._timer = self._entries.resume(state.due_s, self._go_on, TIMER)
+        super().restore(state)
         self._end = None if state.why_ended == "" else asyncio.get_running_loop().create_future()
         if self._end is not None and state.why_ended is not None:
             self._end.set_result(state.why_ended)
-        self._turns_until_s, self._reported_s = state.turns_until_s, state.reported_s
-        self._stops, self._heading_rad, self._turned_rad = state.stops, state.heading_rad, state.turned_rad
-        self.was_stopped = state.was_stopped
 
     def require(self) -> InnerDriver:
         """The driver, if the robot may turn now.
@@ -114,12 +90,12 @@ class Turning:
         Raises:
             Refused: why it may not.
         """
-        safety = self._safety
+        safety = self.memory.safety
         if self._driver is None:
             raise Refused(RefusalKind.UNKNOWN_SOURCE, "this robot is not set up to turn by itself")
         if safety is not None and safety.mode != ARMED:
             raise not_armed(safety.mode, safety.reason)
-        if self._has_goal:
+        if self.memory.has_goal:
             reason = "the robot has a goal and cannot turn now; cancel the goal first"
             raise Refused(RefusalKind.STOPPED, reason)
         if safety is not None and self._driver.gives_way_to(safety.source):
@@ -139,16 +115,14 @@ class Turning:
             driver.begin(stop_number, "this turn was asked for")
         if self._end is None or self._end.done():
             self._end = asyncio.get_running_loop().create_future()
-            self._turned_rad, self._stops = 0.0, driver.stops
-            self._turns_until_s = self._entries.now_s() + LOOKS_S + AT_MOST_S
-            self._timer = self._entries.call_later(LOOKS_S, self._go_on, TIMER)
+            self.memory.turned_rad, self.memory.stops = 0.0, driver.stops
+            self.memory.turns_until_s = self._entries.now_s() + LOOKS_S + AT_MOST_S
+            self._timer.start(LOOKS_S)
         return self._end
 
     def end(self, why: str) -> None:
         """Come to rest; nothing happens where it does not turn."""
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
+        self._timer.cancel()
         if self._end is None or self._end.done():
             return
         self._end.set_result(why)
@@ -156,24 +130,23 @@ class Turning:
             self._driver.let_go()
 
     def _go_on(self) -> None:
-        self._timer = None
-        if self._driver is None or self._turned_rad >= math.tau:
+        if self._driver is None or self.memory.turned_rad >= math.tau:
             self.end("it has turned once")
             return
         now_s = self._entries.now_s()
         if why := self._why_not(self._driver, now_s):
             self.end(why)
             return
-        if now_s - self._reported_s >= REPORT_S:
-            self._reported_s = now_s
-            self._report(self._turned_rad, math.tau, "turns on the spot")
-        self._timer = self._entries.call_later(EVERY_S, self._go_on, TIMER)
+        if now_s - self.memory.reported_s >= REPORT_S:
+            self.memory.reported_s = now_s
+            self._report(self.memory.turned_rad, math.tau, "turns on the spot")
+        self._timer.start(EVERY_S)
 
     def _why_not(self, driver: InnerDriver, now_s: float) -> str:
         """Turn on, or say why not."""
-        if driver.stops != self._stops:
+        if driver.stops != self.memory.stops:
             return f"it turns no more: {driver.source} was stopped by {driver.stopped_by or 'somebody'}"
-        if now_s >= self._turns_until_s:
+        if now_s >= self.memory.turns_until_s:
             return f"it could not turn once within {AT_MOST_S:.0f} s"
         try:
             driver.drive(TURN, now_s)
@@ -182,18 +155,20 @@ class Turning:
         return ""
 
     def _take_odometry(self, event: OdometryUpdated) -> None:
-        heading_rad, before_rad = event.odom_from_base.heading_rad, self._heading_rad
-        self._heading_rad = heading_rad
-        if self._timer is not None and before_rad is not None:
-            self._turned_rad += wrap_angle(heading_rad - before_rad)
+        heading_rad, before_rad = event.odom_from_base.heading_rad, self.memory.heading_rad
+        self.memory.heading_rad = heading_rad
+        if self._end is not None and before_rad is not None and self._timer.due_s is not None:
+            self.memory.turned_rad += wrap_angle(heading_rad - before_rad)
 
     def _take_reset(self, event: OdometryReset) -> None:
-        self._heading_rad = event.after.heading_rad
+        self.memory.heading_rad = event.after.heading_rad
 
     def _take_safety(self, event: SafetyChanged) -> None:
-        before, self._safety = self._safety, event
+        before, self.memory.safety = self.memory.safety, event
         has_stopped = before is not None and event.stop_number != before.stop_number
-        self.was_stopped = self.was_stopped or has_stopped or event.mode in (Mode.DISARMED, Mode.ESTOPPED)
+        self.memory.was_stopped = (
+            self.memory.was_stopped or has_stopped or event.mode in (Mode.DISARMED, Mode.ESTOPPED)
+        )
         if event.mode != ARMED:
             self.end(f"it turns no more: {why_not_armed(event.mode, event.reason)}")
         elif self._driver is not None and self._driver.gives_way_to(event.source):
@@ -201,6 +176,6 @@ class Turning:
 
     def note_goal(self, *, has_goal: bool) -> None:
         """Know whether the robot has a goal: then it does not turn."""
-        self._has_goal = has_goal
+        self.memory.has_goal = has_goal
         if has_goal:
             self.end("it turns no more, for it has a goal")
