@@ -8,9 +8,9 @@ from typing import Any, Final
 from chefbotd.components.agents.events import QuestionData
 from chefbotd.components.agents.models import AskResult, CallResult
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.core.record import Record
+from chefbotd.core.record import MutableState, Record, StatefulPart
 from chefbotd.features.feature import Waiting
-from chefbotd.inputs import InputLog, Timer, due_of
+from chefbotd.inputs import InputLog, Timer
 from chefbotd.rpc.jobs import ProgressReporter
 
 TELL_EVERY_S: Final = 2.0
@@ -31,80 +31,73 @@ class Pending(Record, frozen=True):
     method: str = ""
 
 
-class PendingState(Record, frozen=True):
+class PendingState(MutableState):
     """What waits, when each is looked at next, and the numbers by the tasks of the requests."""
 
-    pending: list[Pending]
-    looks_s: dict[int, float | None]
-    tasks: dict[str, int]
+    pending: list[Pending] = []
+    looks_s: dict[int, float | None] = {}
+    tasks: dict[str, int] = {}
 
 
-class PendingRequests:
+class PendingRequests(StatefulPart[PendingState]):
     """``changed`` is called when there is another question than before."""
 
     def __init__(self, entries: InputLog, changed: Callable[[], None]) -> None:
         self._entries, self._changed = entries, changed
-        self._pending: dict[int, Pending] = {}
+        self.memory = PendingState()
         self._timers: dict[int, Timer] = {}
-        self._tasks: dict[str, int] = {}
         self._ends: dict[int, asyncio.Future[AskResult | CallResult | Refused]] = {}
         self._progress: dict[int, ProgressReporter] = {}
 
-    def state(self) -> PendingState:
-        """Return the state of this part."""
-        looks_s = {number: due_of(timer) for number, timer in self._timers.items()}
-        return PendingState(list(self._pending.values()), looks_s, self._tasks)
-
     def restore(self, state: PendingState) -> None:
         """Restore this state."""
-        self._pending = {pending.number: pending for pending in state.pending}
-        self._tasks = dict(state.tasks)
-        self._ends = {number: asyncio.get_running_loop().create_future() for number in self._pending}
+        super().restore(state)
+        self._ends = {each.number: asyncio.get_running_loop().create_future() for each in state.pending}
         self._timers = {}
-        for number, due_s in state.looks_s.items():
+        for number, due_s in tuple(state.looks_s.items()):
             if due_s is not None:
                 self._look_at(number, due_s)
 
     def get(self, number: int) -> Pending | None:
         """What waits under this number."""
-        return self._pending.get(number)
+        return next((pending for pending in self.memory.pending if pending.number == number), None)
 
     def of(self, agent: str, *, questions: bool) -> list[Pending]:
         """The questions of an agent, or the calls of its methods."""
         return [
             pending
-            for pending in self._pending.values()
+            for pending in self.memory.pending
             if pending.agent == agent and (pending.question is not None) is questions
         ]
 
     def questions(self) -> tuple[QuestionData, ...]:
         """Every question."""
-        return tuple(pending.question for pending in self._pending.values() if pending.question is not None)
+        return tuple(pending.question for pending in self.memory.pending if pending.question is not None)
 
     def waiting(self) -> Waiting:
         """The requests that wait, by their tasks."""
-        return {task: partial(self.wait, number) for task, number in self._tasks.items()}
+        return {task: partial(self.wait, number) for task, number in self.memory.tasks.items()}
 
     def add(
         self, number: int, agent: str, timeout_s: float, question: QuestionData | None, method: str = ""
     ) -> None:
         """It waits from now on."""
         now_s = self._entries.now_s()
-        self._pending[number] = Pending(number, agent, now_s, now_s + timeout_s, question, method)
+        self.memory.pending.append(Pending(number, agent, now_s, now_s + timeout_s, question, method))
         self._ends[number] = asyncio.get_running_loop().create_future()
         self._look_at(number, min(now_s + timeout_s, now_s + TELL_EVERY_S))
 
     async def wait(self, number: int, progress: ProgressReporter) -> Any:
         """The answer; raises it where it is a refusal. Given up, nothing is left of the question or the call."""
         task, self._progress[number] = self._entries.task, progress
-        self._tasks[task] = number
+        self.memory.tasks[task] = number
         try:
             answer = await self._ends[number]
         except asyncio.CancelledError:
             self.end(number, None)
             raise
         finally:
-            self._tasks.pop(task, None)
+            self.memory.tasks.pop(task, None)
             del self._progress[number], self._ends[number]
         if isinstance(answer, Refused):
             raise answer
@@ -112,9 +105,11 @@ class PendingRequests:
 
     def end(self, number: int, answer: AskResult | CallResult | Refused | None) -> None:
         """It waits no longer; None: nobody waits for the answer."""
-        pending = self._pending.pop(number, None)
+        pending = self.get(number)
         if pending is None:
             return
+        self.memory.pending.remove(pending)
+        del self.memory.looks_s[number]
         self._timers.pop(number).cancel()
         if answer is not None and not self._ends[number].done():
             self._ends[number].set_result(answer)
@@ -122,12 +117,14 @@ class PendingRequests:
             self._changed()
 
     def _look_at(self, number: int, due_s: float) -> None:
-        name = f"agent request {number}"
+        name, self.memory.looks_s[number] = f"agent request {number}", due_s
         self._timers[number] = self._entries.call_at(due_s, partial(self._look_at_request, number), name)
 
     def _look_at_request(self, number: int) -> None:
         """Its time is over, or who waits is told that it still waits."""
-        pending, now_s = self._pending[number], self._entries.now_s()
+        pending, now_s = self.get(number), self._entries.now_s()
+        if pending is None:
+            return
         if now_s < pending.due_s - EARLY_S:
             total_s = pending.due_s - pending.began_s
             if number in self._progress:

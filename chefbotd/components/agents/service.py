@@ -35,9 +35,9 @@ from chefbotd.components.agents.models import (
 from chefbotd.components.agents.pending import PendingRequests, PendingState
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import ClientDisconnected, SafetyChanged
-from chefbotd.core.record import Record, replace
+from chefbotd.core.record import MutableState, Record, StatefulPart, replace
 from chefbotd.features.feature import Feature
-from chefbotd.inputs import Timer, due_of, inputs_of
+from chefbotd.inputs import ResumableTimer, inputs_of
 from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.jsonrpc import ErrorKind
 from chefbotd.rpc.method import Caller, Unserved, method, methods_of
@@ -69,70 +69,45 @@ class RegisteredAgent(Record, frozen=True):
     stamp_s: float
 
 
-class AgentsState(Record, frozen=True):
+class AgentsState(MutableState):
     """The agents, their buttons, what waits for an answer, and the last number that was given."""
 
-    agents: list[RegisteredAgent]
-    buttons: list[ButtonData]
     waits: PendingState
-    last_number: int
+    agents: list[RegisteredAgent] = []
+    buttons: list[ButtonData] = []
+    last_number: int = 0
     stop_number: int = 0
     may_tell: float = MOST_TOLD
     told_s: float = 0.0
     due_s: float | None = None
 
 
-class AgentsService:
+class AgentsService(StatefulPart[AgentsState]):
     """Buttons, questions and calls are numbered together."""
 
     def __init__(self, bus: Bus, clock: Clock) -> None:
         self._bus, self._entries = bus, inputs_of(clock)
-        self._agents: dict[int, RegisteredAgent] = {}  # by client
-        self._buttons: dict[int, ButtonData] = {}
         self.waits = PendingRequests(self._entries, self._publish_state)
-        self._last_number = self._stop_number = 0
-        self._may_tell, self._told_s = MOST_TOLD, 0.0
-        self._timer: Timer | None = None
+        self._timer = ResumableTimer(self._entries, self._publish_state, TIMER)
+        self.memory = AgentsState(self.waits.memory)
+        self.parts = {"waits": self.waits, "due_s": self._timer}
         bus.add_handler(self._take_client_left, ClientDisconnected)
         bus.add_handler(self._note_stop_number, SafetyChanged)
-
-    def state(self) -> AgentsState:
-        """Return the state of this part."""
-        agents, buttons = list(self._agents.values()), list(self._buttons.values())
-        return AgentsState(
-            agents,
-            buttons,
-            self.waits.state(),
-            self._last_number,
-            self._stop_number,
-            self._may_tell,
-            self._told_s,
-            due_of(self._timer),
-        )
-
-    def restore(self, state: AgentsState) -> None:
-        """Go on from there; the requests that wait are to begin again."""
-        self._agents = {agent.client: agent for agent in state.agents}
-        self._buttons = {button.button_id: button for button in state.buttons}
-        self._last_number, self._stop_number = state.last_number, state.stop_number
-        self._may_tell, self._told_s = state.may_tell, state.told_s
-        self._timer = self._entries.resume(state.due_s, self._publish_state, TIMER)
-        self.waits.restore(state.waits)
 
     # what an agent asks
 
     @method(role=Role.AGENT, moves=False)
     def register_agent(self, caller: Caller, params: RegisterAgentParams) -> Done:
         """Be an agent of this name, which no other may have, until the connection ends."""
-        client, own = caller.session.number, self._agents.get(caller.session.number)
+        client, own = caller.session.number, self._agent_of(caller.session.number)
         if own is not None and own.data.name != params.name:
             why = f"this connection is the agent {own.data.name!a} already"
             raise Refused(RefusalKind.AGENT_EXISTS, why)
-        if own is None and any(agent.data.name == params.name for agent in self._agents.values()):
+        if own is None and any(agent.data.name == params.name for agent in self.memory.agents):
             raise Refused(RefusalKind.AGENT_EXISTS, f"another agent is called {params.name!a} already")
-        _require_room("agents", len(self._agents) - (own is not None), MOST_AGENTS)
+        _require_room("agents", len(self.memory.agents) - (own is not None), MOST_AGENTS)
         data = AgentData(params.name, params.version, tuple(params.methods))
-        self._agents[client] = RegisteredAgent(data, client, MOST_SAID, self._entries.now_s())
+        self._keep_agent(RegisteredAgent(data, client, MOST_SAID, self._entries.now_s()))
         self._publish_state()
         return DONE
 
@@ -144,7 +119,7 @@ class AgentsService:
         if may_say < 1.0:
             raise Unserved(ErrorKind.RATE_LIMITED, f"the agent {agent.data.name!a} speaks too often")
         data = replace(agent.data, text=params.text)
-        self._agents[agent.client] = RegisteredAgent(data, agent.client, may_say - 1.0, now_s)
+        self._keep_agent(RegisteredAgent(data, agent.client, may_say - 1.0, now_s))
         self._publish_state()
         self._bus.publish(AgentSaid(now_s, data.name, params.text))
         return DONE
@@ -165,10 +140,10 @@ class AgentsService:
     def add_button(self, caller: Caller, params: AddButtonParams) -> ButtonAdded:
         """Offer people a button; each press of it comes on the topic agent_events."""
         name = self._agent(caller.session).data.name
-        own = [button for button in self._buttons.values() if button.agent == name]
+        own = [button for button in self.memory.buttons if button.agent == name]
         _require_room("buttons of an agent", len(own), MOST_BUTTONS)
         number = self._next_number()
-        self._buttons[number] = ButtonData(number, name, params.label)
+        self.memory.buttons.append(ButtonData(number, name, params.label))
         self._publish_state()
         return ButtonAdded(number)
 
@@ -179,7 +154,7 @@ class AgentsService:
         if button.agent != self._agent(caller.session).data.name:
             why = f"the button {button.label!a} belongs to the agent {button.agent!a}"
             raise Refused(RefusalKind.UNKNOWN_BUTTON, why)
-        del self._buttons[button.button_id]
+        self.memory.buttons.remove(button)
         self._publish_state()
         return DONE
 
@@ -221,7 +196,7 @@ class AgentsService:
         if params.choice not in choices:
             why = f"{params.choice!a} is none of the choices: {', '.join(choices)}"
             raise Refused(RefusalKind.OUT_OF_RANGE, why)
-        self.waits.end(pending.number, AskResult(params.choice, str(caller.session), self._stop_number))
+        self.waits.end(pending.number, AskResult(params.choice, str(caller.session), self.memory.stop_number))
         return DONE
 
     @method(role=Role.AGENT, moves=False)
@@ -229,7 +204,7 @@ class AgentsService:
         self, caller: Caller, params: CallAgentParams, progress: ProgressReporter
     ) -> CallResult:
         """Call a method that an agent offers, and wait for its answer."""
-        by_name = {other.data.name: other.data for other in self._agents.values()}
+        by_name = {other.data.name: other.data for other in self.memory.agents}
         agent = by_name.get(params.agent)
         if agent is None:
             names = ", ".join(by_name) or "none"
@@ -250,50 +225,60 @@ class AgentsService:
     # inside
 
     def _next_number(self) -> int:
-        self._last_number += 1
-        return self._last_number
+        self.memory.last_number += 1
+        return self.memory.last_number
+
+    def _agent_of(self, client: int) -> RegisteredAgent | None:
+        return next((agent for agent in self.memory.agents if agent.client == client), None)
+
+    def _keep_agent(self, agent: RegisteredAgent) -> None:
+        agents = {other.client: other for other in self.memory.agents}
+        self.memory.agents = list((agents | {agent.client: agent}).values())
 
     def _agent(self, session: Session) -> RegisteredAgent:
-        agent = self._agents.get(session.number)
+        agent = self._agent_of(session.number)
         if agent is None:
             raise Refused(RefusalKind.NOT_AN_AGENT, "this connection is no agent; it has to register first")
         return agent
 
     def _button(self, number: int) -> ButtonData:
-        button = self._buttons.get(number)
+        button = next((button for button in self.memory.buttons if button.button_id == number), None)
         if button is None:
             raise Refused(RefusalKind.UNKNOWN_BUTTON, f"there is no button {number}")
         return button
 
     def _notify(self, agent: str, event: Literal["pressed", "called"], by: Session, **details: Any) -> None:
         now_s = self._entries.now_s()
-        details["stop_number"] = self._stop_number  # what is decided now is decided before the next stop
+        details["stop_number"] = (
+            self.memory.stop_number
+        )  # what is decided now is decided before the next stop
         self._bus.publish(AgentNotified(agent, event, str(by), **details, stamp_s=now_s))
 
     def _publish_state(self) -> None:
         """Tell how things stand, now or as soon as the rate allows it."""
-        if due_of(self._timer) is not None:
+        if self._timer.due_s is not None:
             return
         now_s = self._entries.now_s()
-        level = min(MOST_TOLD, self._may_tell + (now_s - self._told_s) * TELL_PER_S)
+        level = min(MOST_TOLD, self.memory.may_tell + (now_s - self.memory.told_s) * TELL_PER_S)
         if level < 1.0 - EARLY:
-            self._timer = self._entries.call_later((1.0 - level) / TELL_PER_S, self._publish_state, TIMER)
+            self._timer.start((1.0 - level) / TELL_PER_S)
             return
-        self._may_tell, self._told_s = max(0.0, level - 1.0), now_s
-        agents = tuple(agent.data for agent in self._agents.values())
-        buttons = tuple(self._buttons.values())
+        self.memory.may_tell, self.memory.told_s = max(0.0, level - 1.0), now_s
+        agents = tuple(agent.data for agent in self.memory.agents)
+        buttons = tuple(self.memory.buttons)
         self._bus.publish(AgentsChanged(agents, buttons, self.waits.questions(), stamp_s=now_s))
 
     def _note_stop_number(self, event: SafetyChanged) -> None:
-        self._stop_number = event.stop_number
+        self.memory.stop_number = event.stop_number
 
     def _take_client_left(self, event: ClientDisconnected) -> None:
         """Everything of an agent vanishes with its connection."""
-        agent = self._agents.pop(event.client, None)
+        agent = self._agent_of(event.client)
         if agent is None:
             return
         name = agent.data.name
-        self._buttons = {number: button for number, button in self._buttons.items() if button.agent != name}
+        self.memory.agents.remove(agent)
+        self.memory.buttons = [button for button in self.memory.buttons if button.agent != name]
         left = Refused(RefusalKind.AGENT_LEFT, f"the agent {name!a} has left before it answered")
         for pending in (*self.waits.of(name, questions=True), *self.waits.of(name, questions=False)):
             self.waits.end(pending.number, left)

@@ -1,6 +1,5 @@
 """Changes gains while the robot runs, and keeps each change so that any client can undo it."""
 
-from collections import deque
 from collections.abc import Mapping
 from typing import Protocol
 
@@ -8,7 +7,7 @@ from pydantic import ValidationError
 
 from chefbotd.components.tuning.models import SetPidParams, WheelParams, Wheels
 from chefbotd.core.commands import RefusalKind, Refused
-from chefbotd.core.record import Record
+from chefbotd.core.record import MutableState, StatefulPart
 from chefbotd.features.feature import Feature
 from chefbotd.motion.kinematics import ALL_WHEELS
 from chefbotd.motion.pid import PidParameters
@@ -36,14 +35,14 @@ class Tunable(Protocol):
         ...
 
 
-class TuningState(Record, frozen=True):
+class TuningState(MutableState):
     """The gains by wheel name, and the gains before each change."""
 
     gains: dict[str, PidParameters]
-    before: list[dict[str, PidParameters]]
+    before: list[dict[str, PidParameters]] = []
 
 
-class TuningService:
+class TuningService(StatefulPart[TuningState]):
     """The gains of a running loop, with one history of changes for all clients.
 
     Output limits must not exceed ``max_duty``, nor be below ``watched_duty``, where a wheel would not be monitored.
@@ -53,17 +52,17 @@ class TuningService:
         self, wheels: Tunable, max_duty: int, watched_duty: float = 0.0, depth: int = HISTORY_DEPTH
     ) -> None:
         self._wheels, self._max_duty, self._watched_duty = wheels, max_duty, watched_duty
-        self._before: deque[Mapping[str, PidParameters]] = deque(maxlen=depth)
+        self._depth, self.memory = depth, TuningState(dict(wheels.gains()))
 
     def state(self) -> TuningState:
         """Return the state of this part."""
-        return TuningState(dict(self._wheels.gains()), [dict(gains) for gains in self._before])
+        self.memory.gains = dict(self._wheels.gains())
+        return self.memory
 
     def restore(self, state: TuningState) -> None:
         """Restore this state."""
         self._wheels.set_gains(state.gains)
-        self._before.clear()
-        self._before.extend(state.before)
+        super().restore(state)
 
     @method(role=Role.OBSERVE)
     def get_pid(self, caller: Caller, params: NoParams) -> Wheels:
@@ -99,7 +98,8 @@ class TuningService:
             raise Refused(RefusalKind.OUT_OF_RANGE, reason)
         if after != before:
             self._wheels.retune(after)
-            self._before.append(before)
+            self.memory.before.append(dict(before))
+            del self.memory.before[: -self._depth]
         return after
 
     def undo(self) -> Mapping[str, PidParameters]:
@@ -108,9 +108,9 @@ class TuningService:
         Raises:
             Refused: no change is left to take back.
         """
-        if not self._before:
+        if not self.memory.before:
             raise Refused(RefusalKind.NOTHING_TO_UNDO, "there is no change of gains to undo")
-        self._wheels.retune(self._before.pop())
+        self._wheels.retune(self.memory.before.pop())
         return self._wheels.gains()
 
     def _expected_of_limits(self, gains: Mapping[str, PidParameters]) -> str | None:
