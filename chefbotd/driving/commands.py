@@ -148,7 +148,7 @@ def _add_metrics(metrics: Metrics, service: DriveService, quadrature: Quadrature
     metrics.counter("control_steps", "Steps of the control loop.", lambda: service.steps)
     metrics.histogram("control_step_s", "How long a step of the control loop takes.", service.step_times)
     metrics.counters(
-        "faults", "Faults that disarmed the robot.", "fault", lambda: service.keeper.announcer.faults
+        "faults", "Faults that disarmed the robot.", "fault", lambda: service.keeper.announcer.memory.faults
     )
     metrics.counter(
         "loop_pauses", "Pauses of the control loop while it drove: it braked.", lambda: service.pauses

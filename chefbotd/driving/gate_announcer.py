@@ -1,11 +1,10 @@
 """Reports a change of the gate's state to the bus, the log, and the latch file for the next daemon."""
 
-from collections import Counter
-
 import structlog
 
 from chefbotd.bus import Bus
 from chefbotd.core.events import SafetyChanged
+from chefbotd.core.record import MutableState, StatefulPart
 from chefbotd.logs import RateLimitedLog
 from chefbotd.safety.faults import UNSTOPPED
 from chefbotd.safety.gate import GateState, Mode
@@ -14,22 +13,20 @@ from chefbotd.safety.latch import GateStore
 log = structlog.get_logger(component="safety")
 
 
-class GateAnnouncer:
-    """``latch`` keeps the mode beyond the end of the process; ``faults`` counts latched faults by kind."""
+class AnnouncerState(MutableState, array_like=True):
+    """The last announcement, and how often each kind of fault was latched."""
+
+    announced: SafetyChanged | None = None
+    faults: dict[str, int] = {}
+
+
+class GateAnnouncer(StatefulPart[AnnouncerState]):
+    """``latch`` keeps the mode beyond the end of the process."""
 
     def __init__(self, bus: Bus, latch: GateStore) -> None:
         self._bus, self._latch = bus, latch
-        self._announced: SafetyChanged | None = None
-        self.faults: Counter[str] = Counter()
+        self.memory = AnnouncerState()
         self._limited_log = RateLimitedLog(log)
-
-    def state(self) -> tuple[SafetyChanged | None, dict[str, int]]:
-        """The last announcement, and the count of each fault."""
-        return self._announced, self.faults
-
-    def restore(self, state: tuple[SafetyChanged | None, dict[str, int]]) -> None:
-        """Restore this state."""
-        self._announced, self.faults = state[0], Counter(state[1])
 
     def store(self, state: GateState) -> str:
         """Keep a state for the next daemon before it is in force. Why it cannot be kept; empty: it is."""
@@ -37,10 +34,11 @@ class GateAnnouncer:
 
     def announce(self, event: SafetyChanged, state: GateState) -> None:
         """Publish a change, keep ``state`` for the next daemon, and log the change."""
-        before, self._announced = self._announced, event
+        before, self.memory.announced = self.memory.announced, event
         is_new_fault = event.fault is not None and (before is None or before.fault != event.fault)
         if is_new_fault:
-            self.faults[str(event.fault)] += 1
+            faults, kind = self.memory.faults, str(event.fault)
+            faults[kind] = faults.get(kind, 0) + 1
         self._latch.keep(state)
         self._bus.publish(event)
         if event.limited_by is not None and (before is None or before.limited_by != event.limited_by):

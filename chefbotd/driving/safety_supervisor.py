@@ -26,7 +26,7 @@ from chefbotd.core.events import (
 from chefbotd.core.events.inputs import FaultTaken
 from chefbotd.core.geometry import STANDING, Pose2D
 from chefbotd.core.record import MutableState, Record, replace
-from chefbotd.driving.gate_announcer import GateAnnouncer
+from chefbotd.driving.gate_announcer import AnnouncerState, GateAnnouncer
 from chefbotd.driving.motor_watch import Credit, MotorWatch, MotorWatchState
 from chefbotd.driving.obstacle_guard import ObstacleGuard, Scans
 from chefbotd.driving.stop_hold import EMERGENCY_STOP, FAULT, StopHold
@@ -96,7 +96,7 @@ class KeeperState(Record, frozen=True):
     held: hold.State
     motors: MotorWatchState
     beams: Beams
-    announcer: tuple[SafetyChanged | None, dict[str, int]]
+    announcer: AnnouncerState
     wheels: tuple[WheelAngles, float, tuple[int, ...]] = ((), -math.inf, ())
 
 

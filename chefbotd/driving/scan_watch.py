@@ -4,7 +4,6 @@ Only a robot with a lidar loads this: it needs numpy.
 """
 
 import math
-from collections import deque
 from collections.abc import Collection, Sequence
 from functools import cache, partial
 from typing import Protocol
@@ -18,7 +17,7 @@ from chefbotd.core.events import WheelsMeasured
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.geometry import STANDING, Motion, Pose2D, Twist2D
 from chefbotd.core.poses import row_of, transform
-from chefbotd.core.record import Record, replace
+from chefbotd.core.record import MutableState, Record, StatefulPart, replace
 from chefbotd.motion.kinematics import ChassisParameters, Kinematics
 from chefbotd.perception.laser_scan import OdometryTrack, points_in_base
 from chefbotd.perception.lone_points import find_lone
@@ -93,16 +92,16 @@ class GuardSensor(Protocol):
         ...
 
 
-class ScanWatchState(Record, frozen=True):
+class ScanWatchState(MutableState):
     """The last turns of each sensor, the trail (stamps and poses, and the newest pose), and what is blocked."""
 
     seen: dict[str, list[_Seen]]
-    trail: list[tuple[float, float, float, float]]
-    pose: Pose2D
+    trail: list[tuple[float, float, float, float]] = []
+    pose: Pose2D = Pose2D()
     blocked: Twist2D = STANDING
 
 
-class ScanWatch:
+class ScanWatch(StatefulPart[ScanWatchState]):
     """Keeps the last turns of each guarding lidar, and the robot's trail since.
 
     A lidar's lone points are no obstacles until the next turn confirms them: sunlight and dust make such. The first
@@ -127,32 +126,24 @@ class ScanWatch:
         self._kinematics = Kinematics(chassis)
         self._bands_m = bands = {sensor.name: sensor.band_m for sensor in sensors if sensor.guards}
         self._near_m = {name: bands[name][0] + NEAR_MARGIN_M for name in blind_near if name in bands}
-        self._seen: dict[str, deque[_Seen]] = {name: deque(maxlen=TURNS_KEPT) for name in bands}
-        self._pose, self._blocked = Pose2D(), STANDING
-        self._trail: deque[tuple[float, float, float, float]] = deque(maxlen=TRAIL)
+        self.memory = ScanWatchState({name: [] for name in bands})
         bus.add_handler(self._on_wheels, WheelsMeasured, on_error=on_error)
         bus.add_handler(self._on_scan, ScanMeasured, on_error=on_error)
 
-    def state(self) -> ScanWatchState:
-        """Return the state of this part."""
-        seen = {name: list(turns) for name, turns in self._seen.items()}
-        return ScanWatchState(seen, list(self._trail), self._pose, self._blocked)
-
     def restore(self, state: ScanWatchState) -> None:
-        """Restore this state."""
-        for name, turns in self._seen.items():
-            turns.clear()
-            turns.extend(state.seen.get(name, ()))
-        self._trail.clear()
-        self._trail.extend(state.trail)
-        self._pose, self._blocked = state.pose, state.blocked
+        """Restore this state, as far as it is of sensors that guard now."""
+        super().restore(state)
+        self.memory.seen = {name: state.seen.get(name, [])[-TURNS_KEPT:] for name in self._bands_m}
+        self.memory.trail = state.trail[-TRAIL:]
 
     def limit(self, motion: Motion, now_s: float, late_s: float = 0.0) -> tuple[Motion, str | None]:
         """The motion that may be driven, and what it was limited for; the board obeys ``late_s`` later than usual."""
-        views = [self._view(name) for name in self._seen]
+        views = [self._view(name) for name in self.memory.seen]
         params = guard.later(self._parameters, late_s)
-        allowed, limited_by = scan_guard.limit(params, self._outline, views, motion, now_s, self._blocked)
-        self._blocked = scan_guard.blocked_after(self._blocked, motion, allowed)
+        allowed, limited_by = scan_guard.limit(
+            params, self._outline, views, motion, now_s, self.memory.blocked
+        )
+        self.memory.blocked = scan_guard.blocked_after(self.memory.blocked, motion, allowed)
         return allowed, limited_by
 
     def _on_wheels(self, event: WheelsMeasured) -> None:
@@ -161,16 +152,21 @@ class ScanWatch:
         turned_rad = (right_m - left_m) / self._kinematics.track_width_m
         way_m, half_rad = (left_m + right_m) / 2, turned_rad / 2
         step = Pose2D(way_m * math.cos(half_rad), way_m * math.sin(half_rad), turned_rad)
-        self._pose = self._pose.compose(step)
-        if self._trail and event.stamp_s <= self._trail[-1][0]:
-            self._trail.pop()
-        self._trail.append((event.stamp_s, self._pose.x_m, self._pose.y_m, self._pose.heading_rad))
+        pose, trail = self.memory.pose.compose(step), self.memory.trail
+        self.memory.pose = pose
+        if trail and event.stamp_s <= trail[-1][0]:
+            trail.pop()
+        elif len(trail) == TRAIL:
+            del trail[0]
+        trail.append((event.stamp_s, pose.x_m, pose.y_m, pose.heading_rad))
 
     def _on_scan(self, event: ScanMeasured) -> None:
         band_m = self._bands_m.get(event.lidar)
         if band_m is None:
             return
-        trail = np.array(self._trail) if self._trail else np.array([[event.stamp_s, 0.0, 0.0, 0.0]])
+        trail = (
+            np.array(self.memory.trail) if self.memory.trail else np.array([[event.stamp_s, 0.0, 0.0, 0.0]])
+        )
         track = OdometryTrack(trail[:, 0], trail[:, 1:])
         in_base = points_in_base(band_m, event.base_from_lidar, event.scan, track)
         trail_from_base = _pose_at(trail, event.stamp_s)
@@ -183,7 +179,9 @@ class ScanWatch:
         else:
             points_m = smooth_points(points_m, np.array([sensor.x_m, sensor.y_m]))
             points_m, lone_m = self._without_lone(event, turn_s, points_m, sensor)
-        self._seen[event.lidar].append(_Seen(points_m, event.stamp_s, self._clock.now_s(), turn_s, lone_m))
+        turns = self.memory.seen[event.lidar]
+        turns.append(_Seen(points_m, event.stamp_s, self._clock.now_s(), turn_s, lone_m))
+        del turns[:-TURNS_KEPT]
 
     def _without_lone(
         self, event: ScanMeasured, turn_s: float, points_m: Floats, sensor: Pose2D
@@ -191,7 +189,7 @@ class ScanWatch:
         """The points that a beam beside them or an earlier turn confirms, and the others."""
         oldest_s = event.stamp_s - (TURNS_LOOKED_AT + 1) * turn_s
         earlier = [
-            turn for turn in list(self._seen[event.lidar])[-TURNS_LOOKED_AT:] if turn.stamp_s > oldest_s
+            turn for turn in self.memory.seen[event.lidar][-TURNS_LOOKED_AT:] if turn.stamp_s > oldest_s
         ]
         if not earlier or not len(points_m):
             return points_m, NOT_SEEN
@@ -201,7 +199,7 @@ class ScanWatch:
 
     def _with_near(self, name: str, points_m: Floats, sensor: Pose2D) -> Floats:
         """These points, and the earlier points that are too near to the sensor to be seen now."""
-        seen = self._seen[name]
+        seen = self.memory.seen[name]
         if not seen:
             return points_m
         before = seen[-1].points_m
@@ -211,10 +209,10 @@ class ScanWatch:
 
     def _view(self, name: str) -> View:
         """The lidar's last turns, relative to the robot's present pose."""
-        seen = self._seen[name]
+        seen = self.memory.seen[name]
         if not seen:
             return View(name, NOT_SEEN, -math.inf, -math.inf, 0.0)
-        turns, newest, here = list(seen), seen[-1], row_of(self._pose.inverse())
+        turns, newest, here = seen, seen[-1], row_of(self.memory.pose.inverse())
         recent = [
             turn for turn in turns[-TURNS_LOOKED_AT:] if newest.stamp_s - turn.stamp_s <= 2 * newest.turn_s
         ]

@@ -293,7 +293,7 @@ class DriveService:
         if self.wheels.change_waits:
             self.wheels.make_change()
         if self.wheels.drive_state.duty != self._still or any(reading.travel_rad) or self._is_asked():
-            if self._watch_timer.still_since_s is not None:
+            if self._watch_timer.memory.still_since_s is not None:
                 self._watch_timer.note_activity(now_s)
         else:
             self._watch_timer.note_stillness(now_s)
@@ -332,7 +332,7 @@ class DriveService:
             self._repeat_duty(duty)
         if self.wheels.change_waits:
             self.wheels.make_change()
-        if self._watch_timer.resting and self._is_asked():
+        if self._watch_timer.memory.resting and self._is_asked():
             self._watch_timer.note_activity(now_s)
         self.keeper.publish_gate_state(now_s)
 
