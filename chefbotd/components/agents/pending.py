@@ -52,7 +52,7 @@ class PendingRequests(StatefulPart[PendingState]):
     def restore(self, state: PendingState) -> None:
         """Restore this state."""
         super().restore(state)
-        self._ends = {each.number: asyncio.get_running_loop().create_future() for each in state.pending}
+        self._ends = {pending.number: asyncio.get_running_loop().create_future() for pending in state.pending}
         self._timers = {}
         for number, due_s in tuple(state.looks_s.items()):
             if due_s is not None:

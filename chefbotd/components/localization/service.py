@@ -5,6 +5,7 @@ from collections.abc import Awaitable, Callable
 from typing import Final, TypeAlias
 
 import structlog
+from msgspec import field
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
@@ -76,7 +77,7 @@ class LocalizationState(MutableState):
     has_to_tell: bool = False
     has_told: bool = True
     problem: str = ""
-    told: LocalizationChanged | None = None
+    latest: LocalizationChanged | None = field(default=None, name="told")
     jumps_before: int = 0
     waits: tuple[str, ...] = ()
     pose: MapPoseUpdated | None = None
@@ -151,7 +152,7 @@ class LocalizationService(StatefulPart[LocalizationState]):
         finally:
             self.memory.waits = tuple(other for other in self.memory.waits if other != task)
             self._reports.remove(progress.report)
-        return replace(localization_data(self.memory.told), reason=why)
+        return replace(localization_data(self.memory.latest), reason=why)
 
     def waiting(self) -> Waiting:
         """The requests that wait for the end of a turn, by their tasks."""
@@ -234,7 +235,7 @@ class LocalizationService(StatefulPart[LocalizationState]):
 
     def _take_worker(self, event: WorkerReported) -> None:
         """Nobody finds the way while there is no worker: what was known is old."""
-        if event.state in AWAY and self.memory.told is not None and self.memory.told.state != "unknown":
+        if event.state in AWAY and self.memory.latest is not None and self.memory.latest.state != "unknown":
             why = f"the worker is {event.state}" + (f": {event.reason}" if event.reason else "")
             self._publish_unknown(event.stamp_s, why)
 
@@ -259,7 +260,7 @@ class LocalizationService(StatefulPart[LocalizationState]):
         if self.memory.pose is not None:
             self._bus.publish(replace(self.memory.pose, stamp_s=stamp_s, state=POSE_ENDED))
             self.memory.pose = None
-        if self.memory.told is not None and self.memory.told.state != "unknown":
+        if self.memory.latest is not None and self.memory.latest.state != "unknown":
             self._publish_unknown(stamp_s, reason)
 
     def _take_ready(self) -> None:
@@ -269,7 +270,7 @@ class LocalizationService(StatefulPart[LocalizationState]):
 
     @property
     def _jumps(self) -> int:
-        return 0 if self.memory.told is None else self.memory.told.jumps
+        return 0 if self.memory.latest is None else self.memory.latest.jumps
 
     def _publish_unknown(self, stamp_s: float, reason: str) -> None:
         jumps = self._jumps - self.memory.jumps_before
@@ -277,7 +278,7 @@ class LocalizationService(StatefulPart[LocalizationState]):
 
     def _publish_state(self, event: LocalizationChanged) -> LocalizationChanged:
         """Publish the state if it has changed, or was published a while ago; ``jumps`` are those of this worker."""
-        last, now = self.memory.told, replace(event, jumps=self.memory.jumps_before + event.jumps)
+        last, now = self.memory.latest, replace(event, jumps=self.memory.jumps_before + event.jumps)
         if last is not None:
             same = (last.state, last.map, last.jumps, last.reason) == (
                 now.state,
@@ -288,7 +289,7 @@ class LocalizationService(StatefulPart[LocalizationState]):
             same = same and len(last.alternatives) == len(now.alternatives)
             if same and now.stamp_s - last.stamp_s < TOLD_EVERY_S:
                 return now
-        self.memory.told = now
+        self.memory.latest = now
         self._bus.publish(now)
         self._turn_or_not(now)
         return now
