@@ -1,7 +1,8 @@
 """The base class of parameter sets, which stand beside their algorithm and are checked when they are made."""
 
 import re
-from typing import Any
+from collections.abc import Mapping
+from typing import Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict, Field
 
@@ -12,6 +13,9 @@ class Parameters(BaseModel):
     Field names carry their unit. Where the API's name is shorter than the configuration's (``kp`` for
     ``kp_duty_per_m_s``), the longer one is the field's alias and both are accepted.
     """
+
+    retired: ClassVar[Mapping[str, Any]] = {}
+    """Keys of earlier versions that are constants now, with their values; those of a table by its name."""
 
     # What checks a class is built when the class is first used by itself: most are checked as a part of another.
     model_config = ConfigDict(

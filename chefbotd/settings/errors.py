@@ -8,6 +8,8 @@ from typing import Any, TypeAlias, get_args
 
 from pydantic import BaseModel, SecretStr, ValidationError
 
+from chefbotd.settings.retired import advice_of
+
 # The layers of a configuration's values: the file, then the environment, then the command line.
 #
 # A file's values are already typed. A variable is text: where it reads as a TOML value it is that value, else a string.
@@ -165,22 +167,6 @@ _RENAMED = {
     "link": {"reconnect_first_s": "reconnect_delay_s", "reconnect_longest_s": "max_reconnect_delay_s"},
     "localization": {"lidar": "lidars", "search_by_itself": "auto_search", "save_every_s": "save_period_s"},
     "mapping": {"lidar": "lidars", "told_every_s": "publish_period_s", "autosave_s": "autosave_period_s"},
-    "mapping.slam.loops": {
-        "window_at_most_m": "max_window_m",
-        "least_score": "min_score",
-        "least_share": "min_share",
-        "least_overlap": "min_overlap",
-    },
-    "mapping.slam.matching": {
-        "window_at_most_m": "max_window_m",
-        "window_at_most_rad": "max_window_rad",
-        "jump_at_most_m": "max_jump_m",
-        "least_overlap": "min_overlap",
-        "slipped_window_m": "wheel_slip_window_m",
-        "slipped_window_rad": "wheel_slip_window_rad",
-        "slipped_share": "wheel_slip_share",
-    },
-    "mapping.slam.submaps": {"most_scans_per_place": "max_scans_per_place"},
     "recording": {"without": "exclude"},
     "safety": {"let_go_s": "stop_hold_s", "deaf": "unresponsive"},
     "safety.echo": {"believed_after": "min_confirmations", "forgiven": "decay_per_match"},
@@ -272,6 +258,8 @@ def _near_miss(model: type[BaseModel], kind: str, loc: Keys) -> str:
     if renamed := RENAMED.get(keys) or MOVED.get(keys):
         return f", it is now called {renamed}"
     section, names = _model_at(model, loc[:-1]), []
+    if advice := advice_of(section, loc[-1]):
+        return advice
     if section is not None:
         names = [field.alias or name for name, field in section.model_fields.items()]
     import difflib  # rarely needed, and slow to import

@@ -13,6 +13,7 @@ from chefbotd.components.mapping.algorithms.finish import refining
 from chefbotd.components.mapping.algorithms.live_map import MapUpdates, way_m
 from chefbotd.components.mapping.algorithms.mount_check import MountCheck, check_scan, mount_problem
 from chefbotd.components.mapping.algorithms.occupancy import occupancy
+from chefbotd.components.mapping.algorithms.parameters import SLAM
 from chefbotd.components.mapping.algorithms.saved import save_state
 from chefbotd.components.mapping.algorithms.slam import step
 from chefbotd.components.mapping.algorithms.state import SlamMode, SlamState, start
@@ -99,13 +100,13 @@ class MappingSkill:
             yield self._mapped(aligned)
 
     def _mapped(self, aligned: AlignedScan) -> MapPoseUpdated:
-        slam, last = self._parameters.mapping.slam, self._last
+        last = self._last
         noise = None
         if last is not None:
             before, after = last.odometry_covariance, aligned.odometry_covariance
             noise = motion_covariance(last.odometry, before, aligned.odometry, after)
         self._last = aligned
-        self._state, report = step(slam, self._state, aligned.stamp_s, aligned.odometry, aligned.scan, noise)
+        self._state, report = step(SLAM, self._state, aligned.stamp_s, aligned.odometry, aligned.scan, noise)
         self._scans += 1
         fits = report.mode in (SlamMode.MAPPING, SlamMode.WHEEL_SLIP)
         self._mount = check_scan(self._mount, aligned.odometry, report.map_pose if fits else None)
@@ -241,7 +242,7 @@ class MappingSkill:
         self._aligner.forget_scans()
         try:
             yield JobStep(0.0, 1.0, "")
-            work = refining(self._parameters.mapping.slam, self._state)
+            work = refining(SLAM, self._state)
             state = yield from _with_progress(work)
             yield JobStep(0.9, 1.0, "drawing the map")
             grid = occupancy(state.nodes, self._parameters.mapping.resolution_m)

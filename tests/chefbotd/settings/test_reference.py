@@ -36,7 +36,7 @@ def test_every_key_says_what_it_is_for() -> None:
         ("sim.board.line_rate_bytes_s", "bytes/s"),
         ("worker.queue_kb", "kB"),
         ("pid.kd_duty_per_m_s2", "duty per m/s²"),
-        ("mapping.slam.matching.odometry_rad_per_m", "rad per m"),
+        ("odometry.travel_variance_m2_per_m", "m² per m"),
         ("safety.overspeed.share", ""),
     ],
 )

@@ -13,18 +13,19 @@ import numpy as np
 from chefbotd.components.localization.algorithms.agreement import Agreement, agreement
 from chefbotd.components.mapping.algorithms.correlate import Window, search
 from chefbotd.components.mapping.algorithms.local_map import LocalMap
+from chefbotd.components.mapping.algorithms.parameters import SLAM
 from chefbotd.components.mapping.algorithms.refine import Fit, Prior, polish
 from chefbotd.components.mapping.algorithms.state import Scan
 from chefbotd.components.worker.compiled import kernel
 from chefbotd.core.poses import Floats, carried_covariance, compose, invert, turn_covariance, wrap
 from chefbotd.core.record import Record, replace
 
-LASER_NOISE_M: Final = 0.03
+LASER_NOISE_M: Final = SLAM.matching.laser_noise_m
 ODOMETRY_M_PER_ROOT_M: Final = 0.1
 ODOMETRY_M_PER_ROOT_RAD: Final = 0.03
 ODOMETRY_RAD_PER_ROOT_RAD: Final = 0.1
 ODOMETRY_RAD_PER_ROOT_M: Final = 0.05
-MAX_JUMP_M: Final = 5.0
+MAX_JUMP_M: Final = SLAM.matching.max_jump_m
 """No odometry is believed that says more between two scans."""
 
 MAP_SIGMA_M: Final = 0.012
@@ -37,18 +38,18 @@ NORMAL_SIGMA_RAD: Final = 0.1
 LEAST_FIT: Final = 0.55
 """A fit below is one of a wrong pose, or of a map that is no longer true."""
 
-MIN_OVERLAP: Final = 0.15
+MIN_OVERLAP: Final = SLAM.matching.min_overlap
 """With less of the scan on known ground, it says nothing about where it is."""
 
-SUSPICIOUS_DROP: Final = 0.08
+SUSPICIOUS_DROP: Final = SLAM.matching.suspicious_drop
 """A fit that is so much worse than lately has the pose looked for further around."""
 
-BETTER_FIT: Final = 0.1
+BETTER_FIT: Final = SLAM.matching.better_share
 """What is found a metre around must fit so much better."""
 
-WHEEL_SLIP_FIT: Final = 0.75
-WHEEL_SLIP_WINDOW_M: Final = 1.0
-WHEEL_SLIP_WINDOW_RAD: Final = 0.7
+WHEEL_SLIP_FIT: Final = SLAM.matching.wheel_slip_share
+WHEEL_SLIP_WINDOW_M: Final = SLAM.matching.wheel_slip_window_m
+WHEEL_SLIP_WINDOW_RAD: Final = SLAM.matching.wheel_slip_window_rad
 POLISH_WITHIN_M: Final = 0.08
 POLISH_WITHIN_RAD: Final = 0.08
 """A prediction that is surer than this needs no search."""

@@ -7,7 +7,7 @@ import numpy as np
 from chefbotd.components.mapping.algorithms.correlate import Window, search
 from chefbotd.components.mapping.algorithms.finish import refine_graph
 from chefbotd.components.mapping.algorithms.occupancy import occupancy
-from chefbotd.components.mapping.algorithms.parameters import SlamParameters
+from chefbotd.components.mapping.algorithms.parameters import SLAM
 from chefbotd.components.mapping.algorithms.slam import step
 from chefbotd.components.mapping.algorithms.state import Scan, start
 from chefbotd.components.mapping.algorithms.surfaces import normals
@@ -23,7 +23,7 @@ def warm() -> None:
     """
     angles = math.tau / BEAMS * np.arange(BEAMS)
     points = (RADIUS_M * np.stack([np.cos(angles), np.sin(angles)], axis=1)).astype(np.float32)
-    center, params, state = np.zeros(2), SlamParameters(), start()
+    center, params, state = np.zeros(2), SLAM, start()
     scan = Scan(points, normals(points, center), center)
     for k in range(2):
         odometry = np.array([0.2 * k, 0.0, 0.0])

@@ -33,6 +33,7 @@ from chefbotd.rpc.method import Method
 from chefbotd.sensing.lidar import LidarParameters
 from chefbotd.settings import Settings
 from chefbotd.settings.errors import explain, with_new_names
+from chefbotd.settings.retired import RetiredKey, drop_retired
 from chefbotd.settings.sections import fixed_sections, model_for
 
 LOOKING = NOT_HANDLED | {"set_client_name", "get_pid", "get_description"}
@@ -148,6 +149,10 @@ async def replay_groups(
         return await replay.run(groups, pace)
 
 
+OTHER_VERSION = "the configuration in the recording is not one of this version"
+THAT_VERSION = "the version that recorded it replays it ('chefbotctl log info' tells which)"
+
+
 def settings_of(configuration: str) -> Settings:
     """The configuration in a recording.
 
@@ -157,13 +162,13 @@ def settings_of(configuration: str) -> Settings:
     try:
         recorded = with_new_names(msgspec.json.decode(configuration, type=dict[str, Any]))
         model = model_for(recorded, Settings)
+        drop_retired(model, recorded)
         return model.model_validate_json(msgspec.json.encode(recorded), strict=True)
+    except RetiredKey as error:
+        raise NotReplayable(f"{OTHER_VERSION}: {error}; {THAT_VERSION}") from error
     except ValidationError as error:
         wrong = explain(error, model, recorded, {}, "").replace("\n", "; ")
-        raise NotReplayable(
-            f"the configuration in the recording is not one of this version: {wrong[:500]}; "
-            "the version that recorded it replays it ('chefbotctl log info' tells which)"
-        ) from error
+        raise NotReplayable(f"{OTHER_VERSION}: {wrong[:500]}; {THAT_VERSION}") from error
     except (ValueError, RecursionError) as error:
         raise NotReplayable(f"the configuration in the recording is no JSON: {error}") from error
 

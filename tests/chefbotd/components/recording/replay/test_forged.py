@@ -355,6 +355,22 @@ def test_a_recording_with_keys_of_an_earlier_version_is_replayed_with_todays() -
         settings_of("{")
 
 
+def test_a_recording_with_keys_that_became_constants_is_replayed_where_they_agree() -> None:
+    """The keys of ``[mapping.slam]``, under their newest and their oldest names; another value is told."""
+    recorded = msgspec.json.decode(load(packaged("chefbot_lidar")).model_dump_json(by_alias=True))
+    matching = {"laser_noise_m": 0.03, "window_at_most_m": 1.0, "max_window_rad": 0.6}
+    slam = {"matching": matching, "submaps": {"length_m": 12}, "loops": {"lookups_a_step": 30000000}}
+    recorded["mapping"]["slam"] = slam
+    settings = settings_of(msgspec.json.encode(recorded).decode())
+    assert settings == settings_of(load(packaged("chefbot_lidar")).model_dump_json(by_alias=True))
+    matching["laser_noise_m"] = 0.05
+    expected = (
+        r"mapping\.slam\.matching\.laser_noise_m was 0\.05 then.* always 0\.03; the version that recorded it"
+    )
+    with pytest.raises(NotReplayable, match=expected):
+        settings_of(msgspec.json.encode(recorded).decode())
+
+
 def test_what_a_worker_said_to_an_older_version_is_refused_in_words() -> None:
     """Its messages had no name of their record: they are not passed over in silence."""
     said = msgspec.msgpack.encode(["told", "mapping", msgspec.msgpack.encode(["status", "idle"])])

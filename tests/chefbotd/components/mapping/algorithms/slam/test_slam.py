@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from chefbotd.components.mapping.algorithms.occupancy import occupancy
-from chefbotd.components.mapping.algorithms.parameters import SlamParameters
+from chefbotd.components.mapping.algorithms.parameters import LoopParameters, SlamParameters
 from chefbotd.components.mapping.algorithms.saved import restore_state, save_state
 from chefbotd.components.mapping.algorithms.slam import step
 from chefbotd.components.mapping.algorithms.state import Scan, SlamMode, SlamState, start, start_new_part
@@ -319,7 +319,7 @@ def put_elsewhere() -> SlamState:
 
 def searching_on(state: SlamState, lookups_a_step: int, scans: int, *, save_at: int = -1) -> Drive:
     """Some scans from where the tour went on, with so much of a search in each; at one of them all is restored."""
-    params = SlamParameters.model_validate({"loops": {"lookups_a_step": lookups_a_step}})
+    params = SlamParameters(loops=LoopParameters(lookups_a_step=lookups_a_step))
     lidar, truth, reports = Lidar(WALLS, 34), TRUTH[20 : 20 + scans], []
     state = restore_state(save_state(state))
     for k, pose in enumerate(odometry(truth, 34)):
