@@ -72,7 +72,7 @@ class FakeNavigation:
 
     def __init__(self, robot: "FakeRobot", section: NavigationSection) -> None:
         self._robot, self.section = robot, section
-        self._count = 0
+        self._count, self.waits = 0, self
 
     async def navigate_to(self, waypoints: list[Waypoint], params: GoalParams, session: Session) -> list[int]:
         """Remember it."""

@@ -55,7 +55,7 @@ class NavigationCommands:
     ) -> GoalResult:
         goals = await self._service.navigate_to(waypoints, params, caller.session)
         if params.wait:
-            return await self._service.wait(goals, progress, caller.session.number)
+            return await self._service.waits.wait(goals, progress, caller.session.number)
         return self._service.result(goals)
 
     @method(role=Role.OBSERVE)
@@ -95,5 +95,5 @@ def navigation(service: NavigationService) -> Feature:
         methods=methods_of(NavigationCommands(service)),
         topics=(*TOPICS, *shown_topics(service.shown.show_costmap, service.shown.show_obstacles)),
         parts={"navigation": service},
-        waiting=service.waiting,
+        waiting=service.waits.waiting,
     )

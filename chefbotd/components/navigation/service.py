@@ -4,10 +4,8 @@ Which goals there are is decided here. When somebody ends one, that is told at o
 delays it nor takes it back. Goals that are left outlive the worker; the next one is told of them.
 """
 
-import asyncio
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
 from types import NoneType
 from typing import Final
 
@@ -27,11 +25,13 @@ from chefbotd.components.navigation.events import (
     PlanResult,
 )
 from chefbotd.components.navigation.goals import Destinations, Goals, GoalsState, Places
+from chefbotd.components.navigation.handover import AWAY, Handover
 from chefbotd.components.navigation.models import GoalParams, Waypoint
 from chefbotd.components.navigation.parameters import NavigationSection
 from chefbotd.components.navigation.reporting import Reporting, ReportingState
 from chefbotd.components.navigation.requests import RequestQueue, RequestQueueState, ShownOnDemand
 from chefbotd.components.navigation.skill_requests import SKILL, NavigationRequest
+from chefbotd.components.navigation.waiting_requests import Wait, WaitingRequests
 from chefbotd.components.worker.service import WorkerService
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import ClientDisconnected, SafetyChanged
@@ -39,9 +39,7 @@ from chefbotd.core.events.robot import WorkerReported
 from chefbotd.core.geometry import Twist2D
 from chefbotd.core.record import Record, replace
 from chefbotd.driving.inner_driver import InnerDriver
-from chefbotd.features.feature import Waiting
-from chefbotd.inputs import Timer, due_of, inputs_of
-from chefbotd.rpc.jobs import ProgressReporter
+from chefbotd.inputs import inputs_of
 from chefbotd.rpc.method import Unserved
 from chefbotd.rpc.session import Session
 from chefbotd.safety.gate import not_armed, why_not_armed
@@ -51,26 +49,9 @@ log = structlog.get_logger(component="navigation")
 SHORT_S: Final = 20.0
 """For what is a moment's work in the worker, though it may be at something else."""
 
-MOST_WORKERS: Final = 5
-"""A goal is given up when so many workers ended one after the other: it may be what ends them, or none can start."""
-
-WORKER_AWAY_S: Final = 180.0
-"""So too after so long without a worker that could be told of it."""
-
 ARMED: Final = "armed"
-AWAY: Final = ("restarting", "unavailable", "stopped")
-
-
-TIMER: Final = "navigation worker"
 REPLACED: Final = "cancelled: a new goal replaced it"
 NO_REQUEST: Final = "the request that waited for it was cancelled"
-
-
-class Wait(Record, frozen=True):
-    """A request that waits: for which goals, and whose it is."""
-
-    goals: tuple[int, ...]
-    client: int
 
 
 class NavigationState(Record, frozen=True):
@@ -112,9 +93,10 @@ class NavigationService:
         self._bus, self._clock, self._worker, self._driver = bus, clock, feed.worker, driver
         self.section, self._entries = section, inputs_of(clock)
         self._destinations = Destinations(places, self._entries)
-        self._waits: dict[str, Wait] = {}  # requests by their tasks
         self._requests, self._goals = RequestQueue(), Goals()
         self._reporting = Reporting(bus, clock)
+        self.waits = WaitingRequests(self._entries, self._goals, self._reporting, self._end_given_up)
+        self._handover = Handover(self._entries, self._end_worker_lost)
         self.shown = ShownOnDemand(bus, feed.worker)
         self._stops = driver.stops  # that the goals know of
         self._map: str | None = None  # in which the goals are
@@ -122,9 +104,7 @@ class NavigationService:
         self._why_no_map = ""  # where it uses none
         self._safety: SafetyChanged | None = None
         self._paused = ""  # why, where somebody wants that
-        self._is_taken_over = self._must_tell_goals = False
-        self._workers_lost = 0  # since a goal was accepted or ended
-        self._away_timer: Timer | None = None
+        self._is_taken_over = False
         self._worker.add_listener(SKILL, messages.Stepped, self._take_stepped)
         bus.add_handler(self._take_safety, SafetyChanged)
         bus.add_handler(self._take_worker, WorkerReported)
@@ -136,7 +116,7 @@ class NavigationService:
         """Return the state of this part."""
         return NavigationState(
             self._goals.state(),
-            self._waits,
+            self.waits.state(),
             self._requests.state(),
             self._reporting.state(),
             self._driver.state(),
@@ -147,25 +127,24 @@ class NavigationService:
             self._safety,
             self._paused,
             self._is_taken_over,
-            self._must_tell_goals,
-            self._workers_lost,
-            due_of(self._away_timer),
+            self._handover.must_tell,
+            self._handover.workers_lost,
+            self._handover.due_s(),
             self._why_no_map,
         )
 
     def restore(self, state: NavigationState) -> None:
         """Go on from there; the requests that wait are to begin again."""
         self._goals.restore(state.goals)
-        self._waits = dict(state.waits)
+        self.waits.restore(state.waits)
         self._requests.restore(state.orders)
         self._reporting.restore(state.reporting)
         self._driver.restore(state.drives)
         self.shown.restore(state.shown)
         self._stops, self._map, self._known_map = state.stops, state.map, state.known_map
         self._safety, self._paused, self._is_taken_over = state.safety, state.paused, state.is_taken_over
-        self._must_tell_goals, self._workers_lost = state.must_tell_goals, state.workers_lost
+        self._handover.restore(state.must_tell_goals, state.workers_lost, state.due_s)
         self._why_no_map = state.why_no_map
-        self._away_timer = self._entries.resume(state.due_s, self._give_up, TIMER)
 
     async def run(self) -> None:
         """Tell the skill what was ordered, one thing after the other."""
@@ -182,7 +161,7 @@ class NavigationService:
                 if not isinstance(order, messages.NavigateTo) or not self._goals.active:
                     continue
                 if problem.kind is RefusalKind.WORKER_UNAVAILABLE:  # the next one is told
-                    self._must_tell_goals = True
+                    self._handover.must_tell = True
                 else:
                     self._end_goals("fault", str(problem), GoalCause.REFUSED)
 
@@ -251,7 +230,8 @@ class NavigationService:
             raise not_armed(safety.mode, safety.reason)
 
     def _accepted(self, numbers: Sequence[int], by: str, *, queue: bool) -> None:
-        self._map, self._workers_lost = self._known_map, 0
+        self._map = self._known_map
+        self._handover.forget_losses()
         before = [number for number in self._goals.active if number < numbers[0]]
         if not queue:
             for number in reversed(before):
@@ -260,33 +240,6 @@ class NavigationService:
             self._paused = ""
             if self._is_taken_over:
                 self._requests.put(messages.Pause(self._why_taken_over()))
-
-    async def wait(self, goals: Sequence[int], progress: ProgressReporter, client: int) -> GoalResult:
-        """Wait for the end of these; that of the first that is not reached, or of the last.
-
-        Given up, it ends the goals, unless they are another client's by now, or nobody's.
-        """
-        ends = [self._goals.end_of(number) for number in goals]
-        task = self._entries.task
-        self._waits[task] = Wait(tuple(goals), client)
-        try:
-            with self._reporting.telling(goals, progress):
-                for end in ends:
-                    ended = await asyncio.shield(end)
-                    if ended.end != "reached":
-                        break
-        except asyncio.CancelledError:
-            self._end_those_of(client, goals, NO_REQUEST, GoalCause.REQUEST_CANCELLED)
-            raise
-        finally:
-            self._waits.pop(task, None)
-        return ended
-
-    def waiting(self) -> Waiting:
-        """The requests that wait for the end of goals, by their tasks."""
-        return {
-            task: partial(self.wait, wait.goals, client=wait.client) for task, wait in self._waits.items()
-        }
 
     def result(self, goals: Sequence[int]) -> GoalResult:
         """How these have ended, if they have."""
@@ -402,33 +355,16 @@ class NavigationService:
         if event.state not in AWAY or not self._goals.active:
             return
         self._driver.let_go()
-        if event.state == "unavailable":
-            self._end_goals("fault", f"the worker is not available: {event.reason}", GoalCause.WORKER_LOST)
+        was_told = not self._handover.must_tell
+        if not self._handover.wait(event):
             return
-        self._workers_lost += 1
-        if self._workers_lost >= MOST_WORKERS:
-            why = f"{self._workers_lost} workers ended on the way to it, the last: {event.reason}"
-            self._end_goals("fault", why, GoalCause.WORKER_LOST)
-            return
-        if not self._must_tell_goals:
-            self._must_tell_goals = True
+        if was_told:
             self._bus.publish(PathChanged(stamp_s=self._clock.now_s()))
-        if self._away_timer is None:
-            self._away_timer = self._entries.call_later(WORKER_AWAY_S, self._give_up, TIMER)
         why = f"waits until its worker is back: {event.reason}"
         self._reporting.report("paused", next(iter(self._goals.active)), why)
 
-    def _give_up(self) -> None:
-        """Nobody could be told of the goals for too long."""
-        self._away_timer = None
-        why = f"no worker could take over the goal for {WORKER_AWAY_S:.0f} s"
+    def _end_worker_lost(self, why: str) -> None:
         self._end_goals("fault", why, GoalCause.WORKER_LOST)
-
-    def _wait_no_more(self) -> None:
-        """The goals are told, or over."""
-        if self._away_timer is not None:
-            self._away_timer.cancel()
-        self._must_tell_goals, self._away_timer = False, None
 
     def _take_map(self, event: MapLoaded) -> None:
         """Goals on a map that gets another name are on the same map."""
@@ -439,9 +375,9 @@ class NavigationService:
         """A worker that is back has its map, or has none any more: tell it of the goals that are left."""
         self._known_map, self._why_no_map = event.map, "" if event.map else event.reason
         self._end_if_stopped()
-        if not self._must_tell_goals or not self._worker.is_ready:
+        if not self._handover.must_tell or not self._worker.is_ready:
             return
-        self._wait_no_more()
+        self._handover.wait_no_more()
         if event.map != self._map:
             why = f"the goals are on the map {self._map!a}, which is no longer in use"
             why = f"{why}: {event.reason}" if event.reason else why
@@ -457,6 +393,10 @@ class NavigationService:
         """The goals end that are to end with this client."""
         goals = list(self._goals.active)
         self._end_those_of(event.client, goals, "its client has left", GoalCause.CLIENT_LEFT)
+
+    def _end_given_up(self, client: int, goals: Sequence[int]) -> None:
+        """The goals end whose request was cancelled."""
+        self._end_those_of(client, goals, NO_REQUEST, GoalCause.REQUEST_CANCELLED)
 
     def _end_those_of(self, client: int, goals: Iterable[int], why: str, cause: GoalCause) -> None:
         """Of these goals, the first that ends with a client ends, with those that were to follow."""
@@ -484,13 +424,13 @@ class NavigationService:
         left = tuple(self._goals.active)
         if not left:
             self._driver.let_go()
-            self._wait_no_more()
+            self._handover.wait_no_more()
             self._paused = ""
         if self._worker.is_ready:
             self._requests.put(messages.KeepGoals(left))
 
     def _end(self, ended: GoalResult) -> None:
         if self._goals.end(ended):
-            self._workers_lost = 0
+            self._handover.forget_losses()
             log.info("goal ended", goal=ended.goal, end=ended.end, reason=ended.reason)
             self._reporting.report(ended.end or "", ended.goal, ended.reason, cause=ended.cause)

@@ -161,7 +161,7 @@ class Bench:
 
     def wait(self, goals: Sequence[int], client: int = 1) -> "asyncio.Task[GoalResult]":
         progress: Any = SimpleNamespace(report=lambda done, total, text: None)
-        return asyncio.create_task(self.service.wait(goals, progress, client))
+        return asyncio.create_task(self.service.waits.wait(goals, progress, client))
 
 
 def benched(scenario: Callable[[Bench], Awaitable[None]], section: NavigationSection | None = None) -> None:

@@ -231,7 +231,7 @@ def test_who_waits_is_told_how_far_it_is_of_how_much() -> None:
         told: list[tuple[float, float]] = []
         progress: Any = SimpleNamespace(report=lambda done, total, text: told.append((done, total)))
         goals = await bench.navigate(HERE, THERE)
-        waiting = asyncio.create_task(bench.service.wait(goals[1:], progress, 1))
+        waiting = asyncio.create_task(bench.service.waits.wait(goals[1:], progress, 1))
         await asyncio.sleep(0)
         for number, left_m in ((1, 7.0), (2, 4.0), (2, 1.5), (2, 5.0), (2, 4.5)):
             await asyncio.sleep(1.0)
@@ -257,7 +257,7 @@ def test_who_waits_for_a_paused_goal_hears_that_it_has_not_ended() -> None:
             report=lambda done, total, text: told.append(asyncio.get_running_loop().time())
         )
         goals = await bench.navigate(HERE)
-        waiting = asyncio.create_task(bench.service.wait(goals, progress, 1))
+        waiting = asyncio.create_task(bench.service.waits.wait(goals, progress, 1))
         await asyncio.sleep(0)
         bench.worker.step(1, 4.0)
         bench.service.pause("a key")
