@@ -23,7 +23,7 @@ def important_lines(settings: "Settings") -> Iterator[str]:
         ("encoders", f"{settings.encoders.counts_per_turn:g} counts a turn, below "
          f"{settings.encoders.max_speed_rad_s:g} rad/s", "[encoders] counts_per_turn, max_speed_rad_s"),
         ("motors", f"{drive.max_rim_speed_m_s:g} m/s under load, {_feedforward(settings)}",
-         "[drive] max_rim_speed_m_s, motors; [pid] ks, kv" if gains.kv else "[drive] max_rim_speed_m_s; [pid]"),
+         "[drive] max_rim_speed_m_s" + (", motors; [pid] ks_duty, kv_duty_per_m_s" if gains.kv else "; [pid]")),
         ("limits", f"{settings.limits.linear.max_forward_m_s:g} m/s, {settings.limits.angular.max_left_rad_s:g} rad/s",
          "[limits]"),
         ("sensors", _sensors(settings), "[ultrasonic], [[infrared]], [[lidar]], [[depth_camera]], [imu], [battery]"),

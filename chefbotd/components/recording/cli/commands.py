@@ -110,6 +110,6 @@ def plot(context: CommandContext, file: Path, out: Path | None, force: bool) -> 
     require("plot,recording", "matplotlib", "mcap", "zstandard", "lz4")
     from chefbotd.components.recording.cli.plot import plot_png
 
-    out = out or Path(f"{file.stem}.png")
+    out = out or Path(f"{file.stem or 'recording'}.png")
     plot_png(file, out, force=force)
     output.say(context.as_json, {"png": str(out)}, f"Wrote {out}.")

@@ -3,6 +3,7 @@
 import asyncio
 import json
 import os
+import re
 import signal
 import socket
 import subprocess
@@ -56,6 +57,16 @@ def test_a_robot_is_named_or_has_a_file(tmp_path: Path) -> None:
     assert (
         chefbotd("check-config", "--all", "chefbot").output == chefbotd("check-config", "--all", copy).output
     )
+
+
+def test_each_key_that_the_lines_name_can_be_written_in_a_file() -> None:
+    """A key by another name would be refused as unknown: each is in the whole configuration as it is named."""
+    text = " ".join(line.strip() for line in chefbotd("check-config", "chefbot").output.splitlines())
+    whole = chefbotd("check-config", "--all", "chefbot").output
+    keys = [key for group in re.findall(r"\((\[.*?)\)", text) for key in re.findall(r"[a-z]+_[a-z_]+", group)]
+    assert {"radius_m", "counts_per_turn", "ks_duty", "kv_duty_per_m_s"} <= set(keys)
+    absent = [key for key in keys if key not in whole and key != "depth_camera"]  # it has no camera
+    assert not absent
 
 
 @pytest.mark.parametrize("name", ["chefbot", "khan", "chefbot_lidar"])

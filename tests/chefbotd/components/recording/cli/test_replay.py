@@ -137,8 +137,8 @@ def test_what_is_no_recording_is_refused(data: bytes, expected: str, tmp_path: P
 
 
 def test_a_file_that_is_not_there_is_named(tmp_path: Path) -> None:
-    """So is a folder."""
-    for path in (tmp_path / "nothing.mcap", tmp_path):
+    """So is a folder, also one without a name: a script's variable that is empty is the folder of the moment."""
+    for path in (tmp_path / "nothing.mcap", tmp_path, Path(), Path("/")):
         result = CliRunner().invoke(main, ["replay", str(path)])
         assert result.exit_code == Exit.FAILED
         assert str(path) in result.output
