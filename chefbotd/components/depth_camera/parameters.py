@@ -1,8 +1,10 @@
 """The parameters of a depth camera: its mount and its source of images. Loads no numpy."""
 
 import math
+from collections.abc import Mapping
 from enum import StrEnum
 from pathlib import Path
+from typing import Any, ClassVar
 
 from pydantic import Field, model_validator
 
@@ -53,12 +55,17 @@ class DepthCameraParameters(Parameters):
     """Into so many directions an image is made a scan of."""
     depth_noise_per_m: float = Field(1.425e-3, ge=0, le=0.1)
     """The noise of a depth, which grows with the square of the range."""
-    floor_sigmas: float = Field(3.0, ge=0, le=10)
+    floor_sigmas: ClassVar[float] = 3.0
     """So many standard deviations of its noise the floor may stick up."""
-    tilt_error_rad: float = Field(0.01, ge=0, le=0.2)
+    tilt_error_rad: ClassVar[float] = 0.01
     """How far its pitch may be off, which lifts a distant floor."""
-    neighbour_share: float = Field(0.03, gt=0, le=1)
+    neighbour_share: ClassVar[float] = 0.03
     """A point counts if one beside it is as far, within this share."""
+    retired: ClassVar[Mapping[str, Any]] = {
+        "floor_sigmas": floor_sigmas,
+        "tilt_error_rad": tilt_error_rad,
+        "neighbour_share": neighbour_share,
+    }
 
     @model_validator(mode="after")
     def _bands_are_bands(self) -> "DepthCameraParameters":

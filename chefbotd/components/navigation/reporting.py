@@ -4,10 +4,12 @@ from collections.abc import Collection, Iterator
 from contextlib import contextmanager
 from typing import Final
 
+from msgspec import field
+
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
 from chefbotd.components.navigation.events import GoalCause, NavigationChanged
-from chefbotd.core.record import Record
+from chefbotd.core.record import MutableState, StatefulPart
 from chefbotd.inputs import Timer, due_of, inputs_of
 from chefbotd.rpc.jobs import ProgressReporter
 
@@ -21,29 +23,31 @@ REPEAT_S: Final = 2.0
 TIMER: Final = "navigation progress"
 
 
-class ReportingState(Record, frozen=True):
+class ReportingState(MutableState):
     """What was reported last, and when the waiting requests get progress again."""
 
-    told: NavigationChanged | None
-    due_s: float | None
+    latest: NavigationChanged | None = field(default=None, name="told")
+    due_s: float | None = None
 
 
-class Reporting:
+class Reporting(StatefulPart[ReportingState]):
     """Reports changes at once, and the distance now and then; an end stays until the next goal."""
 
     def __init__(self, bus: Bus, clock: Clock) -> None:
         self._bus, self._clock = bus, inputs_of(clock)
-        self._reported: NavigationChanged | None = None
         self._waiting: list[_Waiting] = []
         self._timer: Timer | None = None
+        self.memory = ReportingState()
 
     def state(self) -> ReportingState:
         """Return the state of this part."""
-        return ReportingState(self._reported, due_of(self._timer))
+        self.memory.due_s = due_of(self._timer)
+        return self.memory
 
     def restore(self, state: ReportingState) -> None:
         """Restore this state."""
-        self._reported, self._timer = state.told, self._clock.resume(state.due_s, self._repeat, TIMER)
+        super().restore(state)
+        self._timer = self._clock.resume(state.due_s, self._repeat, TIMER)
 
     def report(
         self,
@@ -55,13 +59,13 @@ class Reporting:
         cause: GoalCause | None = None,
     ) -> None:
         """Report what navigation does now."""
-        last, now_s = self._reported, self._clock.now_s()
+        last, now_s = self.memory.latest, self._clock.now_s()
         if state == "idle" and last is not None:
             return
         is_same = last is not None and (last.state, last.goal, last.reason) == (state, goal, reason)
         if last is not None and is_same and now_s - last.stamp_s < REPORT_EVERY_S:
             return
-        self._reported = NavigationChanged(
+        latest = self.memory.latest = NavigationChanged(
             state=state,
             goal=goal,
             reason=reason,
@@ -70,13 +74,13 @@ class Reporting:
             cause=cause,
             stamp_s=now_s,
         )
-        self._bus.publish(self._reported)
+        self._bus.publish(latest)
         for waiting in self._waiting:
-            waiting.report(self._reported)
+            waiting.report(latest)
 
     def state_of(self, goal: int) -> str:
         """What is done for a goal that has not ended."""
-        last = self._reported
+        last = self.memory.latest
         return last.state if last is not None and last.goal == goal else "waiting"
 
     @contextmanager
@@ -100,8 +104,8 @@ class Reporting:
     def _repeat(self) -> None:
         """Also while nothing happens: the goal is paused, or there is no worker."""
         for waiting in self._waiting:
-            if self._reported is not None:
-                waiting.report(self._reported)
+            if self.memory.latest is not None:
+                waiting.report(self.memory.latest)
         self._repeat_later()
 
 

@@ -3,7 +3,7 @@
 A request that a later one supersedes is dropped.
 """
 
-import asyncio
+from msgspec import field
 
 from chefbotd.bus import Bus
 from chefbotd.components.navigation.events import CostmapChanged, ObstaclesSeen
@@ -17,8 +17,8 @@ from chefbotd.components.navigation.skill_requests import (
     Show,
 )
 from chefbotd.components.worker.process import Worker
-from chefbotd.core.record import Record
-from chefbotd.inputs import set_event
+from chefbotd.core.record import MutableState, StatefulPart
+from chefbotd.inputs import StatefulEvent
 
 SUPERSEDED: dict[type[NavigationRequest], tuple[type[NavigationRequest], ...]] = {
     NavigateTo: (NavigateTo, KeepGoals, Pause, Resume),
@@ -29,51 +29,41 @@ SUPERSEDED: dict[type[NavigationRequest], tuple[type[NavigationRequest], ...]] =
 """By its kind, which earlier requests a request supersedes. Goals that are sent again are all that are left."""
 
 
-class RequestQueueState(Record, frozen=True):
-    """What waits; ``told``: nothing waits, and nothing is being sent."""
+class RequestQueueState(MutableState):
+    """What waits; ``all_sent``: nothing waits, and nothing is being sent."""
 
-    waiting: list[NavigationRequest]
-    arrived: bool
-    told: bool
+    waiting: list[NavigationRequest] = []
+    arrived: bool = False
+    all_sent: bool = field(default=True, name="told")
 
 
-class RequestQueue:
+class RequestQueue(StatefulPart[RequestQueueState]):
     """At most one request of each kind waits."""
 
     def __init__(self) -> None:
-        self._waiting: list[NavigationRequest] = []
-        self._arrived, self._sent = asyncio.Event(), asyncio.Event()
+        self._arrived, self._sent = StatefulEvent(), StatefulEvent()
         self._sent.set()
+        self.memory, self.parts = RequestQueueState(), {"arrived": self._arrived, "all_sent": self._sent}
 
     def __len__(self) -> int:
-        return len(self._waiting)
-
-    def state(self) -> RequestQueueState:
-        """Return the state of this part."""
-        return RequestQueueState(self._waiting, self._arrived.is_set(), self._sent.is_set())
-
-    def restore(self, state: RequestQueueState) -> None:
-        """Restore this state."""
-        self._waiting = state.waiting
-        set_event(self._arrived, state.arrived)
-        set_event(self._sent, state.told)
+        return len(self.memory.waiting)
 
     def put(self, request: NavigationRequest) -> None:
         """Add a request behind those that wait, and drop those that it supersedes."""
         superseded = SUPERSEDED.get(type(request), ())
-        self._waiting = [other for other in self._waiting if not isinstance(other, superseded)]
-        self._waiting.append(request)
+        self.memory.waiting = [other for other in self.memory.waiting if not isinstance(other, superseded)]
+        self.memory.waiting.append(request)
         self._arrived.set()
         self._sent.clear()
 
     async def next(self) -> NavigationRequest:
         """The next one; those before it were sent."""
-        if not self._waiting:
+        if not self.memory.waiting:
             self._sent.set()
-        while not self._waiting:
+        while not self.memory.waiting:
             self._arrived.clear()
             await self._arrived.wait()
-        return self._waiting.pop(0)
+        return self.memory.waiting.pop(0)
 
     async def all_sent(self) -> None:
         """Wait until none waits, and none is being sent."""
