@@ -19,6 +19,7 @@ from chefbotd.bus import Bus, HandlerFailure, Inbox
 from chefbotd.components.recording.replay.stand_ins import UnheardProgress
 from chefbotd.components.worker.channel import Channel
 from chefbotd.components.worker.replayed import ReplayedWorker
+from chefbotd.core.record import StatefulPart
 from chefbotd.inputs import InputLog, InputTimer
 from chefbotd.logs import RateLimitedLog
 from chefbotd.metrics import Histogram, Metrics
@@ -122,10 +123,14 @@ def _is_code(value: object) -> bool:
 
 
 def changed_attributes(parts: Mapping[str, object]) -> Iterator[tuple[Any, str]]:
-    """The objects that hang on the parts, and the attributes that one of their methods changes."""
+    """The objects that hang on the parts, and the attributes that one of their methods changes.
+
+    What a part names among its ``parts`` is another owner, which is changed and restored in place.
+    """
     for owner in _objects(list(parts.values())):
+        own_parts = owner.parts.values() if isinstance(owner, StatefulPart) else ()
         for name in changed_by_methods(type(owner)):
-            if hasattr(owner, name):
+            if hasattr(owner, name) and not any(getattr(owner, name) is part for part in own_parts):
                 yield owner, name
 
 
