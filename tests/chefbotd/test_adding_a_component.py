@@ -161,10 +161,10 @@ def test_the_role_of_the_worked_example_is_enforced(shown: types.ModuleType) -> 
 def test_the_worked_example_goes_on_from_a_recorded_state(shown: types.ModuleType) -> None:
     """What one has driven, another one goes on with; a state of anything else is refused."""
     one, other = (shown.trip(Bus(), ManualClock()).parts for _ in range(2))
-    one["trip"].turned_rad, one["trip"].resets = 2.5, 3
+    one["trip"].memory.turned_rad, one["trip"].memory.resets = 2.5, 3
     state = DaemonState(InputLog(ManualClock()), other, tuple, ())
     assert state.restore({"trip": encode_state(one["trip"].state())}) == []
-    assert (other["trip"].turned_rad, other["trip"].resets) == (2.5, 3)
+    assert (other["trip"].memory.turned_rad, other["trip"].memory.resets) == (2.5, 3)
     (problem,) = state.restore({"trip": encode_state({"turned_rad": "far", "resets": 3})})
     assert "Expected `float`, got `str` - at `$.turned_rad`" in problem
 
