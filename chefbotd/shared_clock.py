@@ -13,6 +13,8 @@ import socket
 import struct
 import sys
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Final
 
@@ -35,10 +37,27 @@ class SharedClock:
 
     def __init__(self, path: Path) -> None:
         """Raises ``OSError``: there is no clock."""
+        self._path = path
+        self._now_s = START_S
+        self._join()
+
+    def _join(self) -> None:
         self.socket = socket.socket(socket.AF_UNIX)
-        self.socket.connect(str(path))
-        self._now_s, self._is_done = START_S, True
+        self.socket.connect(str(self._path))
+        self._is_done = True
         self.receive()
+
+    @contextmanager
+    def away(self) -> Iterator[None]:
+        """Have nobody wait for this program meanwhile: it does what no robot's program could do in its own time.
+
+        The clock goes on, and stands still here.
+        """
+        self.socket.close()
+        try:
+            yield
+        finally:
+            self._join()
 
     def now_s(self) -> float:
         """Seconds since the clock's start, and ``START_S``."""

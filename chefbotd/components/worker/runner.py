@@ -2,6 +2,7 @@
 
 import sys
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import AbstractContextManager, nullcontext
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, Final
 
@@ -71,11 +72,17 @@ class _Running(Record, frozen=True):
 class Runner:
     """The skills, and the jobs that they are at; ``doing`` says what it is busy with, and since when.
 
-    ``renew`` is called, and does not return, when all is loaded and some of it had to be compiled.
+    ``renew`` is called, and does not return, when all is loaded and some of it had to be compiled. While skills are
+    loaded the context that ``away`` makes is open.
     """
 
-    def __init__(self, clock: "Clock", renew: Callable[[messages.Configure], None] | None = None) -> None:
-        self._clock, self._renew = clock, renew
+    def __init__(
+        self,
+        clock: "Clock",
+        renew: Callable[[messages.Configure], None] | None = None,
+        away: Callable[[], AbstractContextManager[None]] = nullcontext,
+    ) -> None:
+        self._clock, self._renew, self._away = clock, renew, away
         self._skills: dict[str, Skill] = {}
         self._jobs: list[_Running] = []
         self._range_skills: dict[str, RangeSkill] = {}
@@ -99,7 +106,8 @@ class Runner:
             case messages.Cancel():
                 yield from self._cancel(message.id)
             case messages.Configure():
-                yield from self._load(message)
+                with self._away():  # what is compiled may take a minute
+                    yield from self._load(message)
 
     def _take_measurement(self, event: Measurement) -> Iterator[FromWorker]:
         match event:
