@@ -12,7 +12,7 @@ FIRST: Final = ("recording", "foxglove")
 SCANNING: Final = ("maps", "worker", "mapping", "localization", "navigation", "depth_camera")
 """What is made of scans, and what makes them: each takes an event before what every robot has."""
 
-OWN: Final = ("tuning", "statistics", "agents", "calibration", "simulation", "discovery")
+OWN: Final = ("tuning", "statistics", "agents", "calibration", "simulation", "discovery", "notifications")
 """The others; of each of the three, in the order in which they are built."""
 
 COMMANDS: Final = ("doctor", "flash", "new_robot")
