@@ -239,8 +239,16 @@ def check_config(ctx: click.Context, path: Path | None, shows_all: bool) -> None
     from chefbotd.cli.programs.important import important_lines
 
     echo("\n".join(important_lines(settings)))
-    where = "" if path is None else f" {path}"
-    echo(f"It is valid. {len(lines)} values in all: chefbotd check-config{where} --all")
+    echo(f"It is valid. {len(lines)} values in all: chefbotd check-config{_as_argument(path)} --all")
+
+
+def _as_argument(path: Path | None) -> str:
+    """How a configuration is named behind a command: a packaged one by its robot, however long its path is."""
+    if path is None:
+        return ""
+    from chefbotd.settings import packaged
+
+    return f" {path.stem if path.parent == packaged().parent else path}"
 
 
 main.add_late("chefbotd.cli.programs.chefbotd", "init", "urdf")
