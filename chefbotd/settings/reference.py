@@ -233,7 +233,9 @@ def type_name(annotation: Any) -> str:
         inner = [one for one in get_args(annotation) if one is not ...]
         fixed = Ellipsis not in get_args(annotation) and origin is tuple
         named = type_name(inner[0])
+        is_choice = isinstance(inner[0], type) and issubclass(inner[0], Enum)
         several = named.replace("list of", "lists of") if named.startswith("list") else f"{named}s"
+        several = named if is_choice else several
         return f"list of {len(inner)} {several}" if fixed else f"list of {several}"
     if origin is not None and issubclass_of_mapping(origin):
         return "table"
@@ -262,7 +264,8 @@ def _default(field: FieldInfo) -> str:
     if isinstance(value, bool):
         return str(value).lower()
     if isinstance(value, tuple | frozenset | set | list):
-        return str(sorted(value) if isinstance(value, frozenset | set) else list(value))
+        plain = [one.value if isinstance(one, Enum) else one for one in value]
+        return str(sorted(plain) if isinstance(value, frozenset | set) else plain)
     return (
         f"{value:g}"
         if isinstance(value, float)
