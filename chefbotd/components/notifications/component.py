@@ -33,5 +33,5 @@ COMPONENT = Component(
     check=check,
     is_enabled=lambda section, settings: section.enabled,
     outward=True,
-    daemon_commands={"notify": "chefbotd.components.notifications.command:notify"},
+    daemon_commands={"notify": "chefbotd.components.notifications.cli:notify"},
 )

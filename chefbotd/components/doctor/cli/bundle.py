@@ -32,7 +32,9 @@ from chefbotd.settings.sections import secrets_of
 REMOVED = "[removed]"
 SECRET_KEY = re.compile(r"(?i)(token|password|passwd|secret|api_key|private_key|credential)s?$")
 SECRET_TEXT = (
-    re.compile(r"(?i)(\"?(?:token|password|passwd|secret|api_key)\"?\s*[=:]\s*\"?)([^\s\"',}]{4,})"),
+    re.compile(
+        r"(?i)(\"?(?:token|password|passwd|secret|api_key)\"?\s*[=:]\s*\"?)(?!null(?:[\s,}\]]|$))([^\s\"',}]{4,})"
+    ),
     re.compile(r"(?i)(bearer\s+|token\.)([A-Za-z0-9._~+/=-]{8,})"),
     re.compile(r"(\w+://[^\s/:@]+:)([^\s/@]+)(?=@)"),
     re.compile(r"()(-----BEGIN [A-Z ]*PRIVATE KEY-----.*?-----END [A-Z ]*PRIVATE KEY-----)", re.DOTALL),

@@ -60,5 +60,5 @@ def test_jumps_are_counted_over_all_workers() -> None:
     restored = LocalizationService(Bus(), ManualClock(4.0), following)
     restored.restore(service.state())
     other.say(4.2, "localized", 2)
-    assert restored.state().told is not None
-    assert restored.state().told.jumps == 4
+    assert restored.state().latest is not None
+    assert restored.state().latest.jumps == 4

@@ -15,7 +15,7 @@ from pydantic import SecretStr
 
 from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, ManualClock, run_virtual
-from chefbotd.components.notifications.command import notify
+from chefbotd.components.notifications.cli import notify
 from chefbotd.components.notifications.delivery import NotTaken, Post, Target, Undeliverable, deliver
 from chefbotd.components.notifications.episodes import Notice
 from chefbotd.components.notifications.parameters import NoticeKind, NotificationsParameters
