@@ -51,6 +51,10 @@ class RosbridgeFraming(WebSocketFraming):
         return text_frame(payload.data)
 
 
+UNKNOWN = "nobody: the bridge did not know of the robot yet"
+"""Who is named as having stopped the robot when the bridge hears of its stops for the first time."""
+
+
 class RosbridgeDispatcher(Dispatcher):
     """``add`` makes a session a client; ``stop_number`` is that of the robot's last stop or fault."""
 
@@ -92,6 +96,10 @@ class RosbridgeDispatcher(Dispatcher):
     def _overtaken_by(self, arrival: Arrival | None) -> str:
         if arrival is None or not self._stops.is_before_a_stop(arrival):
             return ""
+        if self._stops.stopped_by == UNKNOWN:
+            return (
+                "it came before anything was known of the robot's stops; send it again if it is still wanted"
+            )
         return f"a stop by {self._stops.stopped_by} came before it; send it again if it is still wanted"
 
     def serve_request(self, caller: Caller, request: Request, arrival: Arrival | None = None) -> None:

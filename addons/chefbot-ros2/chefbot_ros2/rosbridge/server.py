@@ -23,7 +23,7 @@ from urllib.parse import parse_qs, urlsplit
 import structlog
 from aiohttp import web
 
-from chefbot_ros2.rosbridge.dispatcher import LONGEST_BYTES, RosbridgeDispatcher, RosbridgeFraming
+from chefbot_ros2.rosbridge.dispatcher import LONGEST_BYTES, UNKNOWN, RosbridgeDispatcher, RosbridgeFraming
 from chefbot_ros2.rosbridge.protocol import Client, Hub
 from chefbot_ros2.session import Session as Robot
 from chefbotd import client as daemon
@@ -50,6 +50,9 @@ ConnectAs = Callable[[str | None, str], AbstractAsyncContextManager[daemon.Clien
 
 VERSION = "0.1.0"
 PORT = 9090
+NO_STOP_KNOWN = -1
+"""No stop of the robot's has this number."""
+
 POLICY_VIOLATION = 1008
 PARAMETERS = ApiParameters(
     max_clients=32,
@@ -109,7 +112,7 @@ class Server:
     ) -> None:
         self._connect_as, self._source, self._needs_tokens = connect_as, source, needs_tokens
         self._hub, self._origins = Hub(), set[str]()
-        self._clock, self._stop_number = SystemClock(), -1
+        self._clock, self._stop_number = SystemClock(), NO_STOP_KNOWN
         self._arrivals, self._unread = Arrivals(self._clock), UnreadSockets()
         self._arrivals.add_transport(self._unread.mark)
         self._dispatcher = RosbridgeDispatcher(self._clock, self._arrivals, lambda: self._robot.stop_number)
@@ -152,10 +155,13 @@ class Server:
             await asyncio.sleep(SHORT_TICK_S)
 
     def _take_safety(self, safety: SafetyData) -> None:
-        """Whoever stopped the robot: what has been sent before that moves nothing any more."""
+        """Whoever stopped the robot: what has been sent before that moves nothing any more.
+
+        Nor does what was sent before anything was known of the robot's stops.
+        """
         if safety.stop_number != self._stop_number:
-            self._stop_number = safety.stop_number
-            self._arrivals.record_stop(None, safety.reason or "somebody")
+            is_first, self._stop_number = self._stop_number == NO_STOP_KNOWN, safety.stop_number
+            self._arrivals.record_stop(None, UNKNOWN if is_first else safety.reason or "somebody")
 
     async def _serve(self, request: web.BaseRequest) -> web.StreamResponse:
         origin = request.headers.get("Origin")
