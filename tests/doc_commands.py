@@ -37,6 +37,7 @@ NOT_RUN: Final = {
     r"chefbotd run .*(--port|my-robot|r1.toml|--foxglove|--record)|^chefbotd check-config my-robot\.toml": (
         "a robot of yours: tests/chefbotd/cli/programs, tests/test_first_steps.py"
     ),
+    r"^chefbotd notify": "tells servers of yours: tests/chefbotd/components/notifications",
     r"^chefbotctl log export --ros2": "an add-on's: addons/chefbot-ros2/tests",
     r"^chefbotctl sweep|^dask |^chefbot-|^curl |^python addons|pip install|^python3 -m venv|^pipx|pytest chefbot-trip": (
         "installs: packaging/release.py tries every distribution, tests/chefbotd/cli/programs the plug-in"
