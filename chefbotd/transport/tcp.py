@@ -36,6 +36,9 @@ RESERVED_DESCRIPTORS = 32
 """Left for the serial link to reopen its device, for the places kept for stops, and for all that is no client."""
 CLOSING_DESCRIPTORS = 8
 """Left for new clients until those that were disconnected for them have closed their own."""
+SEGMENT_BYTES = 1460
+"""The largest segment of TCP, Ethernet's. On loopback it would be 64 kB, more than half of what may be sent ahead: the
+receiver would wait for a second one before it acknowledged, 40 ms each time (RFC 1122, 4.2.3.2)."""
 LEAST_CLIENT_DESCRIPTORS = 16
 """With fewer nobody could be served."""
 MAX_HANDSHAKES = 256
@@ -119,8 +122,9 @@ def listen(host: str, port: int, receive_bytes: int, option: str) -> list[socket
         for family, _, _, _, address in dict.fromkeys(addresses):
             listener = socket.create_server(address, family=family, backlog=BACKLOG)
             listeners.append(listener)
-            # Accepted sockets inherit this bound on the requests that the kernel holds.
+            # Accepted sockets inherit both: the bound on the requests that the kernel holds, and the size of a segment.
             listener.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, receive_bytes)
+            listener.setsockopt(socket.IPPROTO_TCP, socket.TCP_MAXSEG, SEGMENT_BYTES)
             listener.setblocking(False)
     except OSError as error:
         for listener in listeners:

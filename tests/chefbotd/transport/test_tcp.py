@@ -43,3 +43,14 @@ def test_clients_leave_the_low_descriptors_to_others(monkeypatch: pytest.MonkeyP
             assert near.fileno() == -1
             far.send(b"over")
             assert moved.recv(4) == b"over"
+
+
+def test_what_may_be_sent_ahead_holds_two_segments_on_loopback_too() -> None:
+    """Otherwise who reads a long answer acknowledges each part only after 40 ms; the least buffer is 4096 bytes."""
+    [listener] = tcp.listen("127.0.0.1", 0, 65_536, "--listen")
+    with listener, socket.create_connection(listener.getsockname()) as client:
+        listener.setblocking(True)
+        served, _ = listener.accept()
+        with served:
+            assert 1000 < served.getsockopt(socket.IPPROTO_TCP, socket.TCP_MAXSEG) <= 4096 // 2
+            assert client.getpeername() == listener.getsockname()
