@@ -55,8 +55,9 @@ Function = ast.FunctionDef | ast.AsyncFunctionDef
 
 @dataclass(frozen=True)
 class Module:
-    """A module's dotted name, whether it is a package's ``__init__``, its text and its syntax tree."""
+    """A module's file, its dotted name, whether it is a package's ``__init__``, its text and its syntax tree."""
 
+    path: Path
     name: str
     is_package: bool
     text: str
@@ -74,13 +75,18 @@ class Module:
             isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) for node in self.tree.body
         )
 
+    @cached_property
+    def nodes(self) -> tuple[ast.AST, ...]:
+        """Everything in it, what is outside before what is inside: walked through once, which takes longest."""
+        return tuple(ast.walk(self.tree))
+
     def classes(self) -> Iterator[ast.ClassDef]:
         """Every class in it, those inside others too."""
-        return (node for node in ast.walk(self.tree) if isinstance(node, ast.ClassDef))
+        return (node for node in self.nodes if isinstance(node, ast.ClassDef))
 
     def functions(self) -> Iterator[Function]:
         """Every function and method in it."""
-        return (node for node in ast.walk(self.tree) if isinstance(node, Function))
+        return (node for node in self.nodes if isinstance(node, Function))
 
     @cached_property
     def imports(self) -> tuple[tuple[str, str], ...]:
@@ -89,7 +95,7 @@ class Module:
 
     def _imports(self) -> Iterator[tuple[str, str]]:
         package = self.name if self.is_package else self.name.rpartition(".")[0]
-        for node in ast.walk(self.tree):
+        for node in self.nodes:
             if isinstance(node, ast.Import):
                 yield from ((alias.name, "") for alias in node.names)
             elif isinstance(node, ast.ImportFrom):
@@ -104,7 +110,7 @@ class House:
 
     def __init__(self, root: Path, packages: Sequence[str] = PACKAGES) -> None:
         paths = (path for package in packages for path in sorted((root / package).rglob("*.py")))
-        self.modules = {module.name: module for module in (_module(root, path) for path in paths)}
+        self.modules = {module.name: module for module in (read_module(root, path) for path in paths)}
         self._classes = {
             (module.name, node.name): node for module in self.modules.values() for node in module.classes()
         }
@@ -198,11 +204,12 @@ class House:
         yield _row("longest function", lines, f"lines: {longest}; median {median(functions.values()):.0f}")
 
 
-def _module(root: Path, path: Path) -> Module:
+def read_module(root: Path, path: Path) -> Module:
+    """The module in a file below a folder."""
     parts = path.relative_to(root).with_suffix("").parts
     is_package = parts[-1] == "__init__"
     text = path.read_text(encoding="utf-8")
-    return Module(".".join(parts[:-1] if is_package else parts), is_package, text, ast.parse(text))
+    return Module(path, ".".join(parts[:-1] if is_package else parts), is_package, text, ast.parse(text))
 
 
 def _last_name(node: ast.expr) -> str:

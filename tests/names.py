@@ -6,8 +6,8 @@ something: each was given to dozens of different things. ``WORDS`` is the one li
 
 import ast
 import sys
-from collections.abc import Iterator
-from pathlib import Path
+from collections.abc import Iterable, Iterator
+from typing import Any
 
 from tests.house import ROOT, House
 from tests.walls import Walls
@@ -37,20 +37,17 @@ CLASSES = frozenset(
 )
 """Names of classes that a reader has to look up."""
 
-FOLDERS = ("chefbotd", "firmware_protocol", "examples")
-
 MOST_COMMON = 60
 """So many names of methods at most may be in four classes or more: a name that many share cannot be searched."""
 
 
-def refused(source: str) -> Iterator[tuple[int, str]]:
-    """The line and the name of each definition that says nothing."""
-    tree = ast.parse(source)
-    fields = {
-        id(row.target) for row in ast.walk(tree) if isinstance(row, ast.AnnAssign) and row.value is None
-    }
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ClassDef):
+def refused(nodes: Iterable[Any]) -> Iterator[tuple[int, str]]:
+    """The line and the name of each definition that says nothing; what is outside comes before what is inside."""
+    fields = set()
+    for node in nodes:
+        if isinstance(node, ast.AnnAssign) and node.value is None:
+            fields.add(id(node.target))
+        elif isinstance(node, ast.ClassDef):
             if node.name.strip("_") in CLASSES:
                 yield node.lineno, node.name
         elif id(node) not in fields and (name := _defined(node)) is not None and name.strip("_") in WORDS:
@@ -72,13 +69,14 @@ def _defined(node: ast.AST) -> str | None:
 
 def main() -> int:
     """Print each refused name with its place, and whether too many classes share theirs; 1 if there is any."""
+    house, examples = House(ROOT), House(ROOT, ("examples",))
     count = 0
-    for folder in FOLDERS:
-        for path in sorted(Path(folder).rglob("*.py")):
-            for line, name in sorted(set(refused(path.read_text(encoding="utf-8")))):
-                print(f"{path}:{line}: {name!r} says nothing: name it for what it is (tests/names.py)")  # noqa: T201
-                count += 1
-    common = Walls(House(ROOT)).common_method_names()
+    for module in (*house.modules.values(), *examples.modules.values()):
+        for line, name in sorted(set(refused(module.nodes))):
+            where = f"{module.path.relative_to(ROOT)}:{line}"
+            print(f"{where}: {name!r} says nothing: name it for what it is (tests/names.py)")  # noqa: T201
+            count += 1
+    common = Walls(house).common_method_names()
     if len(common) > MOST_COMMON:
         rare = ", ".join(name for name, classes in common.items() if classes == min(common.values()))
         shared = f"{len(common)} names of methods are in four classes or more, expected {MOST_COMMON} at most: {rare}"
