@@ -137,6 +137,7 @@ def test_what_somebody_else_announces_may_be_anything():
     assert found == Announcement("x", (LAN,), None, None, "", "")
 
 
+@pytest.mark.slow
 @pytest.mark.realtime
 def test_a_robot_is_found_by_its_name_in_any_case_and_no_second_one_gets_it(monkeypatch: pytest.MonkeyPatch):
     """With the library, on loopback alone: announced, listed, found; after the goodbye it is gone."""

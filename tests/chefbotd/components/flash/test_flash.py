@@ -90,6 +90,7 @@ def test_a_board_is_flashed_verified_heard_and_can_go_back(
     assert board.program() == OLD_PROGRAM
 
 
+@pytest.mark.slow
 @needs_avrdude
 def test_a_write_that_fails_is_tried_again(flash: Flash) -> None:
     """Avrdude's verification sees the damaged page."""
@@ -114,6 +115,7 @@ class CountingLine(serial.Serial):  # type: ignore[misc]
         return data
 
 
+@pytest.mark.slow
 @needs_avrdude
 def test_a_board_that_does_not_name_itself_afterwards_is_an_error_that_says_how_to_go_back(
     flash: Flash, monkeypatch: pytest.MonkeyPatch

@@ -102,6 +102,7 @@ def test_flash_asks_for_ten_turns_and_says_what_its_figure_rests_on(
     assert "chefbotd does not drive before" in text
 
 
+@pytest.mark.slow
 def test_flash_gives_no_figure_where_nobody_turns_the_wheels(board: Duemilanove, tmp_path: Path) -> None:
     """The board is flashed; what a turn counts is said to be unknown, and to be measured before anything drives."""
     terminal = flash(board, tmp_path)

@@ -40,13 +40,18 @@ def drive(robot: ConfiguredRobot) -> Measurements:
     return World(robot, Truth(MODEL, MOUNT), seed=3).perform(WHEELS.procedure(robot))
 
 
+@pytest.fixture(scope="module")
+def result(robot: ConfiguredRobot, drive: Measurements) -> StepResult:
+    """What is fitted to it."""
+    return WHEELS.fit(robot, drive)
+
+
 def _after(result: StepResult) -> dict[str, float]:
     return {estimate.key.rpartition(".")[2]: estimate.after for estimate in result.estimates}
 
 
-def test_wheels_and_mount_are_recovered(robot: ConfiguredRobot, drive: Measurements) -> None:
+def test_wheels_and_mount_are_recovered(robot: ConfiguredRobot, result: StepResult) -> None:
     """Ratio to 0.15 %, track and size to 0.2 %, the mount to 1 mm and 0.1 deg, all within 4 standard deviations."""
-    result = WHEELS.fit(robot, drive)
     assert result.status is Status.PASSED, result.reason
     after, lidar = _after(result), robot.lidars[0]
     ratio = after["left_radius_multiplier"] / after["right_radius_multiplier"]
@@ -62,13 +67,11 @@ def test_wheels_and_mount_are_recovered(robot: ConfiguredRobot, drive: Measureme
     assert all(residual.after < residual.before for residual in result.residuals)
 
 
-def test_what_is_left_uncertain_is_what_odometry_takes_into_account(
-    robot: ConfiguredRobot, drive: Measurements
-) -> None:
+def test_what_is_left_uncertain_is_what_odometry_takes_into_account(result: StepResult) -> None:
     """Ten robots that are off by what the result says: their NEES is within bounds, and nearer to 3 than by defaults."""
     left = {
         estimate.key.removeprefix("odometry.fusion."): estimate.after
-        for estimate in WHEELS.fit(robot, drive).estimates
+        for estimate in result.estimates
         if estimate.key.startswith("odometry.fusion.")
     }
     assert left.keys() == {"size_sigma", "ratio_sigma", "track_sigma"}
@@ -91,9 +94,9 @@ def _nees(true: FusionParameters, stated: FusionParameters) -> float:
     return sum(values) / len(values)
 
 
-@pytest.mark.parametrize("offset_m", [-0.009, 0.009])
+@pytest.mark.parametrize("offset_m", [-0.009, pytest.param(0.009, marks=pytest.mark.slow)])
 def test_a_lidar_that_reads_too_far_leaves_the_sizes_as_they_are(
-    robot: ConfiguredRobot, drive: Measurements, offset_m: float
+    robot: ConfiguredRobot, drive: Measurements, result: StepResult, offset_m: float
 ) -> None:
     """9 mm on every beam move track and size by less than 0.1 % from what they are without, and it is said."""
     scans = tuple(
@@ -103,16 +106,18 @@ def test_a_lidar_that_reads_too_far_leaves_the_sizes_as_they_are(
         )
         for one in drive.scans
     )
-    result = WHEELS.fit(robot, replace(drive, scans=scans))
-    after, without = _after(result), _after(WHEELS.fit(robot, drive))
+    moved = WHEELS.fit(robot, replace(drive, scans=scans))
+    after, without = _after(moved), _after(result)
     for key in ("left_radius_multiplier", "right_radius_multiplier", "track_multiplier"):
         assert after[key] == pytest.approx(without[key], rel=1e-3)
-    assert f"mm too {'far' if offset_m > 0 else 'near'}, which is taken into account" in result.reason
+    assert f"mm too {'far' if offset_m > 0 else 'near'}, which is taken into account" in moved.reason
 
 
-def test_the_same_measurements_give_the_same_result(robot: ConfiguredRobot, drive: Measurements) -> None:
+def test_the_same_measurements_give_the_same_result(
+    robot: ConfiguredRobot, drive: Measurements, result: StepResult
+) -> None:
     """To the last bit: a recorded drive can be calibrated from afterwards."""
-    assert WHEELS.fit(robot, drive) == WHEELS.fit(robot, drive)
+    assert WHEELS.fit(robot, drive) == result
 
 
 def test_the_procedure_stays_near_its_start(robot: ConfiguredRobot) -> None:
@@ -169,6 +174,7 @@ def test_turns_alone_are_not_enough(robot: ConfiguredRobot) -> None:
     assert "travel" in result.reason
 
 
+@pytest.mark.slow
 def test_scans_that_are_noise_are_no_result(robot: ConfiguredRobot, drive: Measurements) -> None:
     """Ranges drawn at random are refused, or said to be too little."""
     random = np.random.default_rng(0)
