@@ -159,6 +159,7 @@ class Daemon:
             lambda: self.state,
             lambda: self.server.address(),
             self._page_address if context.settings.page.enabled else None,
+            lambda: self.rpc,
         )
 
     async def _page_address(self) -> tuple[str, int]:

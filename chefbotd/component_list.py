@@ -12,7 +12,16 @@ FIRST: Final = ("recording", "foxglove")
 SCANNING: Final = ("maps", "worker", "mapping", "localization", "navigation", "depth_camera")
 """What is made of scans, and what makes them: each takes an event before what every robot has."""
 
-OWN: Final = ("tuning", "statistics", "agents", "calibration", "simulation", "discovery", "notifications")
+OWN: Final = (
+    "tuning",
+    "statistics",
+    "agents",
+    "calibration",
+    "simulation",
+    "discovery",
+    "notifications",
+    "invitations",
+)
 """The others; of each of the three, in the order in which they are built."""
 
 COMMANDS: Final = ("doctor", "flash", "new_robot")

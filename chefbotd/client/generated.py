@@ -215,6 +215,32 @@ class GeneratedMethods(MethodCaller):
         """Write results into the daemon's configuration, which keeps its comments; the old file is kept beside it."""
         return await self._ask("CalibrationApplied", "apply_calibration", steps=steps, on_progress=on_progress)
 
+    async def make_invitation(self, role: Literal['observe', 'guest', 'agent', 'drive', 'admin'] = 'guest',
+        access_s: float | None = None, lifetime_s: float = 300.0, *, approval: bool = False, name: str = '',
+        on_progress: ProgressListener | None = None) -> m.InvitationMade:
+        """Make an invitation, which lets one phone in: a link, its QR code, and a short code to type."""
+        return await self._ask("InvitationMade", "make_invitation", role=role, access_s=access_s, lifetime_s=lifetime_s,
+            approval=approval, name=name, on_progress=on_progress)
+
+    async def redeem_invitation(self, secret: str, device: str = 'a phone',
+        on_progress: ProgressListener | None = None) -> m.InvitationRedeemed:
+        """Come in by an invitation; answers the token to keep, or a ticket while somebody has to approve."""
+        return await self._ask("InvitationRedeemed", "redeem_invitation", secret=secret, device=device,
+            on_progress=on_progress)
+
+    async def approve_invitation(self, invitation: int) -> None:
+        """Let in the phone that waits with this invitation."""
+        await self._ask(None, "approve_invitation", invitation=invitation)
+
+    async def list_invitations(self) -> m.AccessOverview:
+        """The open invitations, and those who were let in by one."""
+        return await self._ask("AccessOverview", "list_invitations")
+
+    async def revoke_access(self, invitation: int | None = None, device: int | None = None,
+        on_progress: ProgressListener | None = None) -> None:
+        """Close an invitation, or end the access of somebody who was let in and disconnect them."""
+        await self._ask(None, "revoke_access", invitation=invitation, device=device, on_progress=on_progress)
+
     async def reset_board(self) -> None:
         """Restart the board; its counters start at zero."""
         await self._ask(None, "reset_board")

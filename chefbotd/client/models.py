@@ -19,6 +19,10 @@ from chefbotd.components.calibration.models import (
     CalibrationApplied as CalibrationApplied, CalibrationReport as CalibrationReport, CalibrationStep as CalibrationStep
 )
 from chefbotd.components.depth_camera.models import DepthCamerasData as DepthCamerasData
+from chefbotd.components.invitations.models import (
+    AccessOverview as AccessOverview, AdmittedDevice as AdmittedDevice, InvitationMade as InvitationMade,
+    InvitationRedeemed as InvitationRedeemed, OpenInvitation as OpenInvitation
+)
 from chefbotd.components.localization.models import (
     LocalizationData as LocalizationData, PlaceCandidate as PlaceCandidate
 )

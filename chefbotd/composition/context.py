@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from chefbotd.driving.inner_driver import InnerDriver
     from chefbotd.driving.service import DriveService
     from chefbotd.rpc.control_leases import ControlLeases
+    from chefbotd.rpc.server import RpcServer
 
 FeatureBuilder: TypeAlias = Callable[[Bus, Clock], Feature]
 
@@ -54,7 +55,8 @@ class Context(Struct, frozen=True):
 class DaemonParts(Struct, frozen=True):
     """What the daemon is made of, for our own components: ``state`` is the state of all, ``socket`` where it listens.
 
-    ``page`` is where the page is; None: it is not served. Both addresses wait until they are listened on.
+    ``page`` is where the page is; None: it is not served. Both addresses wait until they are listened on. ``tokens`` is
+    the server that asks for tokens, which is built last.
     """
 
     context: Context
@@ -64,6 +66,7 @@ class DaemonParts(Struct, frozen=True):
     state: Callable[[], DaemonState]
     socket: Callable[[], Awaitable[tuple[str, int]]]
     page: Callable[[], Awaitable[tuple[str, int]]] | None
+    tokens: Callable[[], "RpcServer"]
 
     def drive_as(self, source: str) -> "InnerDriver | None":
         """A driver inside the daemon, as this source; None where the configuration has no such source."""

@@ -54,6 +54,9 @@ class RefusalKind(StrEnum):
     AGENT_FAILED = "agent_failed"
     AGENT_LEFT = "agent_left"
     AGENT_TIMED_OUT = "agent_timed_out"
+    CANNOT_INVITE = "cannot_invite"
+    NOT_INVITED = "not_invited"
+    TOO_MANY_ATTEMPTS = "too_many_attempts"
 
 
 class Refused(Exception):

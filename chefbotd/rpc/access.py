@@ -32,6 +32,7 @@ class Keyring:
 
     def __init__(self, tokens: Mapping[str, Role]) -> None:
         self._roles = [(digest(token), role) for token, role in tokens.items()]
+        self._issued: list[tuple[bytes, Role]] = []
 
     @classmethod
     def parse(cls, text: str, name: str) -> Self:
@@ -46,8 +47,12 @@ class Keyring:
         return cls(tokens)
 
     def exchange(self, other: "Keyring") -> None:
-        """Replace the tokens with those of another keyring."""
+        """Replace the tokens with those of another keyring; what was issued stays."""
         self._roles = other._roles
+
+    def set_issued(self, roles: Mapping[bytes, Role]) -> None:
+        """Replace the tokens that the daemon itself has issued, by their digests."""
+        self._issued = list(roles.items())
 
     def role_of(self, token: str) -> Role | None:
         """The role that a token gives, or None; how long it takes says nothing about the tokens."""
@@ -56,7 +61,7 @@ class Keyring:
     def role_of_digest(self, offered: bytes) -> Role | None:
         """The role of a token by its digest."""
         match = None
-        for digest, role in self._roles:
+        for digest, role in (*self._roles, *self._issued):
             if hmac.compare_digest(digest, offered):
                 match = role
         return match

@@ -19,7 +19,7 @@ from chefbotd.rpc.jobs import Jobs
 from chefbotd.rpc.method import Method
 from chefbotd.rpc.methods import method_table, prepare
 from chefbotd.rpc.models import Greeting, PluginDescription
-from chefbotd.rpc.parameters import ApiParameters
+from chefbotd.rpc.parameters import ApiParameters, Role
 from chefbotd.rpc.topics import Topic
 
 SWEEP_BEATS = 4
@@ -124,6 +124,13 @@ class RpcServer:
         if self._keyring is None:
             raise ValueError("tokens cannot be added to a daemon that was started without them")
         self._keyring.exchange(keyring)
+        self.connections.check_tokens(self._keyring.role_of_digest)
+
+    def set_issued_tokens(self, roles: Mapping[bytes, Role]) -> None:
+        """These open the socket too, by their digests; raises ``ValueError`` where no token is asked for."""
+        if self._keyring is None:
+            raise ValueError("tokens cannot be added to a daemon that was started without them")
+        self._keyring.set_issued(roles)
         self.connections.check_tokens(self._keyring.role_of_digest)
 
     def add_metrics(self, metrics: Metrics) -> None:

@@ -1,6 +1,7 @@
 // Coming in: the daemon's greeting, the token if it asks for one, and what the role that comes with it may do.
 
 import { $, text } from "./dom.js";
+import { codeOf, Joining } from "./joining.js";
 import { me } from "./words.js";
 
 const TOKEN_KEY = "chefbotd-token";
@@ -8,14 +9,21 @@ const RANKS = ["observe", "guest", "agent", "drive", "admin"];
 const MAY = { observe: "watch and stop", guest: "order and stop", agent: "send the robot and stop it", drive: "drive" };
 
 export class Login {
-  #token = sessionStorage.getItem(TOKEN_KEY);
+  #token = sessionStorage.getItem(TOKEN_KEY) ?? localStorage.getItem(TOKEN_KEY); // what an invitation gave is kept longer
+  #joining;
 
   // ``begin`` is called with the capabilities each time the daemon has let this page in.
   constructor(connection, begin) {
     Object.assign(this, { connection, begin });
+    this.#joining = new Joining(connection, {
+      connect: () => { this.#setBehind(false); connection.connect(); },
+      refused: (words) => this.#askForToken(words),
+    });
     connection.addEventListener("hello", ({ detail }) => this.#greeted(detail));
     $("login-form").addEventListener("submit", () => {
-      this.#token = $("token").value.trim().split(/\s+/).at(-1); // a line of a token file, or the token alone
+      const code = codeOf($("token").value);
+      if (code) this.#joining.begin(code);
+      else this.#token = $("token").value.trim().split(/\s+/).at(-1); // a line of a token file, or the token alone
       $("token").value = "";
       text("login-told", "");
       this.#setBehind(false);
@@ -26,7 +34,8 @@ export class Login {
   async #greeted(hello) {
     text("robot", hello.robot);
     document.title = hello.robot;
-    if (hello.auth === "token" && this.#token === null) return this.#askForToken("");
+    if (this.#joining.isUnderWay && !(await this.#join())) return undefined;
+    if (hello.auth === "token" && (this.#token === null || this.#joining.invited)) return this.#askForToken("");
     const role = await this.#role();
     if (role === null) return undefined;
     this.connection.settled();
@@ -36,16 +45,26 @@ export class Login {
     return this.begin(can);
   }
 
+  // Whether an invitation has given a token, which this browser keeps until it is revoked.
+  async #join() {
+    const token = await this.#joining.redeem();
+    if (token === null) return false;
+    this.#token = token;
+    sessionStorage.removeItem(TOKEN_KEY);
+    localStorage.setItem(TOKEN_KEY, token);
+    return true;
+  }
+
   // The role that the daemon gives, with or without a token; null where it lets nobody in.
   async #role() {
     try {
       const { role } = await this.connection.request("authenticate", { token: this.#token ?? "" });
-      if (this.#token !== null) sessionStorage.setItem(TOKEN_KEY, this.#token);
+      if (this.#token !== null && this.#token !== localStorage.getItem(TOKEN_KEY)) sessionStorage.setItem(TOKEN_KEY, this.#token);
       return role;
     } catch (error) {
       if (error.kind !== "wrong_token") return null;
       this.#token = null;
-      sessionStorage.removeItem(TOKEN_KEY);
+      for (const kept of [sessionStorage, localStorage]) kept.removeItem(TOKEN_KEY);
       this.#askForToken("The robot does not know this token. Copy one from its token file.");
       return null;
     }
@@ -53,6 +72,8 @@ export class Login {
 
   #askForToken(words) {
     text("login-told", words);
+    $("join-part").hidden = !this.#joining.invited;
+    $("token-part").hidden = Boolean(this.#joining.invited);
     this.#setBehind(true);
     if (!$("login").open) $("login").show(); // not modal: the stops stay in reach, and say that they do not reach the robot
     this.connection.disconnect();

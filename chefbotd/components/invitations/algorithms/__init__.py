@@ -1,0 +1,1 @@
+"""What decides on invitations; time and chance are arguments."""

@@ -1,0 +1,69 @@
+"""The command ``chefbotctl token``: tokens for the daemon's token file, on the robot's computer."""
+
+import os
+import secrets
+from pathlib import Path
+
+import click
+
+from chefbotd.cli.common.credentials import ROLES
+from chefbotd.cli.common.echo import echo
+from chefbotd.cli.common.exits import Exit, ProgramError
+from chefbotd.rpc.access import MAX_FILE_BYTES, AccessError, Keyring
+from chefbotd.storage import explain, read_file
+
+TOKEN_BYTES = 32
+
+
+@click.group()
+def token() -> None:
+    """Make tokens for the daemon's token file."""
+
+
+@token.command("new")
+@click.argument("role", type=click.Choice(ROLES))
+@click.option("--file", "path", type=click.Path(dir_okay=False, path_type=Path), help="Add it to this file.")
+def new(role: str, path: Path | None) -> None:
+    """Print a line for the token file, with a new token; with --file, add it to that file.
+
+    The daemon reads the file at its start and when it reloads its configuration.
+    """
+    line = f"{role} {secrets.token_hex(TOKEN_BYTES)}"
+    if path is not None:
+        add_line(path, line)
+    echo(line)
+
+
+def add_line(path: Path, line: str) -> None:
+    """Add a line to a token file, which only its owner can read; one that is none stays as it is.
+
+    Raises:
+        ProgramError: it cannot be read or written, or is no token file.
+    """
+    try:
+        before = read_file(path, MAX_FILE_BYTES).decode() if path.exists() else ""
+        if before.strip():
+            Keyring.parse(before, str(path))
+        text = f"{before.rstrip()}\n{line}\n".lstrip()
+        _replace_private(path, text)
+    except AccessError as error:
+        raise ProgramError(Exit.FAILED, str(error)) from error
+    except UnicodeDecodeError:
+        raise ProgramError(Exit.FAILED, f"{path}: is not UTF-8 text") from None
+    except OSError as error:
+        raise ProgramError(Exit.FAILED, f"{path}: {explain(error)}") from error
+
+
+def _replace_private(path: Path, text: str) -> None:
+    """Write the file in one step, with the mode 600 from its first byte."""
+    fresh = path.with_name(f".{path.name}.{os.getpid()}.new")
+    descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600)
+    try:
+        with os.fdopen(descriptor, "w") as file:
+            file.write(text)
+            file.flush()
+            os.fsync(file.fileno())
+        fresh.replace(path)
+    except BaseException:
+        fresh.unlink(missing_ok=True)
+        raise
