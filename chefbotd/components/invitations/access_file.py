@@ -62,18 +62,18 @@ class AccessFile:
         except FileNotFoundError:
             return AccessList()
         try:
-            known = msgspec.json.decode(content, type=AccessList)
-            if known.version != 1 or any(len(device.digest) != 32 for device in known.devices):
-                raise ValueError(f"version {known.version}")
+            access_list = msgspec.json.decode(content, type=AccessList)
+            if access_list.version != 1 or any(len(device.digest) != 32 for device in access_list.devices):
+                raise ValueError(f"version {access_list.version}")
         except ValueError as error:  # msgspec.ValidationError is one
             raise UnreadableAccess(f"{self._path}: is no list of those who were let in: {error}") from error
-        return known
+        return access_list
 
-    def write(self, known: AccessList) -> None:
+    def write(self, access_list: AccessList) -> None:
         """Replace the file.
 
         Raises:
             OSError: it cannot be written; the old one is there.
         """
         self._path.parent.mkdir(parents=True, exist_ok=True, mode=0o700)
-        replace_file(self._path, msgspec.json.encode(known))
+        replace_file(self._path, msgspec.json.encode(access_list))

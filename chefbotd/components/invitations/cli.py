@@ -92,18 +92,20 @@ def guests(ctx: click.Context) -> None:
 @click.pass_obj
 def list_(context: CommandContext) -> None:
     """List the open invitations, and those who were let in."""
-    told = context.run_with_client(lambda robot: robot.call("list_invitations"), absent=ABSENT)
+    overview = context.run_with_client(lambda robot: robot.call("list_invitations"), absent=ABSENT)
     if context.as_json:
-        echo(json.dumps(told))
+        echo(json.dumps(overview))
         return
-    for each in told["invitations"]:
-        told_of = f"{each['role']}  {each['name']}  open for {each['expires_in_s']:.0f} s"
-        waits = f", {each['device']} waits for approval" if each["device"] else ""
-        echo(f"invitation {each['invitation']}  {told_of}{waits}")
-    for each in told["devices"]:
-        until = "until it is revoked" if each["expires_s"] is None else f"until {_local(each['expires_s'])}"
-        echo(f"device {each['device']}  {each['role']}  {each['name']}  {until}")
-    if not told["invitations"] and not told["devices"]:
+    for invitation in overview["invitations"]:
+        told_of = f"{invitation['role']}  {invitation['name']}  open for {invitation['expires_in_s']:.0f} s"
+        waits = f", {invitation['device']} waits for approval" if invitation["device"] else ""
+        echo(f"invitation {invitation['invitation']}  {told_of}{waits}")
+    for device in overview["devices"]:
+        until = (
+            "until it is revoked" if device["expires_s"] is None else f"until {_local(device['expires_s'])}"
+        )
+        echo(f"device {device['device']}  {device['role']}  {device['name']}  {until}")
+    if not overview["invitations"] and not overview["devices"]:
         echo("nobody was invited")
 
 

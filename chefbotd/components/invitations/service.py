@@ -80,13 +80,13 @@ class Invitations:
         self._clock, self._wall_s, self._file, self._tokens = clock, wall_s, file, tokens
         self._link_base, self._encrypted = link_base, encrypted
         self._book, self._order = InvitationBook(), asyncio.Lock()
-        self._known: AccessList | None = None
+        self._access_list: AccessList | None = None
         self._unreadable = "who was let in is being read"
 
     async def run(self) -> None:
         """Let in those who were let in before, and end what expires."""
         try:
-            self._known = await asyncio.to_thread(self._file.read)
+            self._access_list = await asyncio.to_thread(self._file.read)
             self._unreadable = ""
         except (OSError, UnreadableAccess) as error:
             self._unreadable = explain(error) if isinstance(error, OSError) else str(error)
@@ -101,14 +101,14 @@ class Invitations:
             await asyncio.sleep(EXPIRY_S)
 
     def _devices(self) -> tuple[Device, ...]:
-        return () if self._known is None else self._known.devices
+        return () if self._access_list is None else self._access_list.devices
 
     def _issue(self) -> None:
         tokens = self._tokens()
         if tokens.asks_for_tokens:
             now_s = self._wall_s()
             tokens.set_issued_tokens(
-                {each.digest: each.role for each in self._devices() if each.is_valid(now_s)}
+                {device.digest: device.role for device in self._devices() if device.is_valid(now_s)}
             )
 
     @method(role=Role.ADMIN, moves=False)
@@ -159,50 +159,50 @@ class Invitations:
         """Come in by an invitation; answers the token to keep, or a ticket while somebody has to approve."""
         secret = params.secret.get_secret_value()
         try:
-            found = self._book.find(secret, caller.session.host, self._clock.now_s())
+            invitation = self._book.find(secret, caller.session.host, self._clock.now_s())
         except TooManyAttempts:
             raise Refused(
                 RefusalKind.TOO_MANY_ATTEMPTS, "too many codes were tried; wait ten seconds and try again"
             ) from None
         except NotOpen:
             raise Refused(RefusalKind.NOT_INVITED, CLOSED) from None
-        if found.approval and not found.approved:
-            return self._wait(found, secret, params.device)
-        return await self._admit(found, params.device)
+        if invitation.approval and not invitation.approved:
+            return self._wait(invitation, secret, params.device)
+        return await self._admit(invitation, params.device)
 
-    def _wait(self, found: Invitation, secret: str, device: str) -> models.InvitationRedeemed:
-        if found.used:
-            return models.InvitationRedeemed("waiting", found.role, ticket=secret)
+    def _wait(self, invitation: Invitation, secret: str, device: str) -> models.InvitationRedeemed:
+        if invitation.used:
+            return models.InvitationRedeemed("waiting", invitation.role, ticket=secret)
         ticket = secrets.token_urlsafe(SECRET_BYTES)
-        used = self._book.use(found.number, device, ticket)
+        used = self._book.use(invitation.number, device, ticket)
         self._book.put_back(replace(used, expires_s=max(used.expires_s, self._clock.now_s() + APPROVAL_S)))
-        log.info("a phone waits for approval", invitation=found.number, device=device)
-        return models.InvitationRedeemed("waiting", found.role, ticket=ticket)
+        log.info("a phone waits for approval", invitation=invitation.number, device=device)
+        return models.InvitationRedeemed("waiting", invitation.role, ticket=ticket)
 
-    async def _admit(self, found: Invitation, device: str) -> models.InvitationRedeemed:
+    async def _admit(self, invitation: Invitation, device: str) -> models.InvitationRedeemed:
         """Nobody else finds the invitation from here on; it is open again where the disk fails."""
-        self._book.take(found.number)
+        self._book.take(invitation.number)
         token, now_s = secrets.token_urlsafe(2 * SECRET_BYTES), self._wall_s()
-        expires_s = None if found.access_s is None else now_s + found.access_s
-        name = found.name or found.device or device
+        expires_s = None if invitation.access_s is None else now_s + invitation.access_s
+        name = invitation.name or invitation.device or device
 
-        def admit(known: AccessList) -> AccessList:
-            valid = tuple(each for each in known.devices if each.is_valid(now_s))
+        def admit(access_list: AccessList) -> AccessList:
+            valid = tuple(device for device in access_list.devices if device.is_valid(now_s))
             if len(valid) >= MOST_DEVICES:
                 raise Refused(
                     RefusalKind.CANNOT_INVITE, f"{MOST_DEVICES} phones were let in: revoke one first"
                 )
-            number = known.count + 1
-            new = Device(number, found.role, name, digest(token).hex(), now_s, expires_s)
-            return replace(known, count=number, devices=(*valid, new))
+            number = access_list.count + 1
+            new = Device(number, invitation.role, name, digest(token).hex(), now_s, expires_s)
+            return replace(access_list, count=number, devices=(*valid, new))
 
         try:
             await self._change(admit)
         except Refused:
-            self._book.put_back(found)
+            self._book.put_back(invitation)
             raise
-        log.info("a phone was let in", invitation=found.number, role=str(found.role), device=name)
-        return models.InvitationRedeemed("admitted", found.role, token=token)
+        log.info("a phone was let in", invitation=invitation.number, role=str(invitation.role), device=name)
+        return models.InvitationRedeemed("admitted", invitation.role, token=token)
 
     @method(role=Role.ADMIN, moves=False)
     def approve_invitation(self, caller: Caller, params: models.InvitationParams) -> Done:
@@ -221,20 +221,22 @@ class Invitations:
         now_s, wall_s = self._clock.now_s(), self._wall_s()
         opened = tuple(
             models.OpenInvitation(
-                each.number,
-                each.role,
-                each.name,
-                each.made_by,
-                each.expires_s - now_s,
-                each.approval,
-                each.device,
+                invitation.number,
+                invitation.role,
+                invitation.name,
+                invitation.made_by,
+                invitation.expires_s - now_s,
+                invitation.approval,
+                invitation.device,
             )
-            for each in self._book.invitations(now_s)
+            for invitation in self._book.invitations(now_s)
         )
         devices = tuple(
-            models.AdmittedDevice(each.number, each.role, each.name, each.admitted_s, each.expires_s)
-            for each in self._devices()
-            if each.is_valid(wall_s)
+            models.AdmittedDevice(
+                device.number, device.role, device.name, device.admitted_s, device.expires_s
+            )
+            for device in self._devices()
+            if device.is_valid(wall_s)
         )
         return models.AccessOverview(opened, devices)
 
@@ -250,11 +252,11 @@ class Invitations:
                 raise Refused(RefusalKind.NOT_INVITED, f"no invitation {params.invitation} is open")
             return DONE
 
-        def revoke(known: AccessList) -> AccessList:
-            left = tuple(each for each in known.devices if each.number != params.device)
-            if len(left) == len(known.devices):
+        def revoke(access_list: AccessList) -> AccessList:
+            left = tuple(device for device in access_list.devices if device.number != params.device)
+            if len(left) == len(access_list.devices):
                 raise Refused(RefusalKind.NOT_INVITED, f"nobody was let in with the number {params.device}")
-            return replace(known, devices=left)
+            return replace(access_list, devices=left)
 
         await self._change(revoke)
         return DONE
@@ -274,14 +276,14 @@ class Invitations:
 
     async def _write(self, change: Callable[[AccessList], AccessList]) -> None:
         async with self._order:
-            if self._known is None:
+            if self._access_list is None:
                 raise Refused(RefusalKind.STORAGE_FAILED, f"not possible: {self._unreadable}")
-            changed = change(self._known)
+            changed = change(self._access_list)
             try:
                 await asyncio.to_thread(self._file.write, changed)
             except OSError as error:
                 raise Refused(
                     RefusalKind.STORAGE_FAILED, f"who was let in cannot be saved: {explain(error)}"
                 ) from error
-            self._known = changed
+            self._access_list = changed
             self._issue()

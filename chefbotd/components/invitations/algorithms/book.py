@@ -167,16 +167,18 @@ class InvitationBook:
         if typed:
             self._count_attempt(host, now_s)
         offered = digest(normalize_code(secret) if typed else secret)
-        for each in self._open.values():
-            if offered == each.ticket or (not each.used and self._opens(each, offered, now_s, typed=typed)):
-                return each
+        for invitation in self._open.values():
+            if offered == invitation.ticket or (
+                not invitation.used and self._opens(invitation, offered, now_s, typed=typed)
+            ):
+                return invitation
         raise NotOpen
 
-    def _opens(self, each: Invitation, offered: bytes, now_s: float, *, typed: bool) -> bool:
+    def _opens(self, invitation: Invitation, offered: bytes, now_s: float, *, typed: bool) -> bool:
         return (
-            each.made_s + CODE_LIFETIME_S > now_s and offered == each.code
+            invitation.made_s + CODE_LIFETIME_S > now_s and offered == invitation.code
             if typed
-            else offered == each.secret
+            else offered == invitation.secret
         )
 
     def use(self, number: int, device: str, ticket: str) -> Invitation:
@@ -189,10 +191,10 @@ class InvitationBook:
         Raises:
             NotOpen: no phone waits with this invitation.
         """
-        each = self._open.get(number)
-        if each is None or not each.used:
+        invitation = self._open.get(number)
+        if invitation is None or not invitation.used:
             raise NotOpen
-        return self._put(replace(each, approved=True))
+        return self._put(replace(invitation, approved=True))
 
     def put_back(self, invitation: Invitation) -> None:
         """Open one again that was taken and gave no access."""
@@ -208,12 +210,16 @@ class InvitationBook:
 
     def forget_expired(self, now_s: float) -> None:
         """Close what has expired."""
-        self._open = {number: each for number, each in self._open.items() if each.expires_s > now_s}
+        self._open = {
+            number: invitation for number, invitation in self._open.items() if invitation.expires_s > now_s
+        }
 
     def _count_attempt(self, host: str, now_s: float) -> None:
-        self._by_host = {each: own for each, own in self._by_host.items() if own.spent(now_s) > 0.0}
+        self._by_host = {
+            address: attempts for address, attempts in self._by_host.items() if attempts.spent(now_s) > 0.0
+        }
         if host not in self._by_host and len(self._by_host) >= MOST_ADDRESSES:
             raise TooManyAttempts
-        own = self._by_host.setdefault(host, Attempts(ATTEMPTS, ATTEMPT_EVERY_S))
-        if not own.take_attempt(now_s) or not self._all.take_attempt(now_s):
+        attempts = self._by_host.setdefault(host, Attempts(ATTEMPTS, ATTEMPT_EVERY_S))
+        if not attempts.take_attempt(now_s) or not self._all.take_attempt(now_s):
             raise TooManyAttempts

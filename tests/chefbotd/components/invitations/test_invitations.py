@@ -83,7 +83,7 @@ async def running(folder: Path, wall: Wall | None = None, **options: Any) -> Asy
     """The component, which has read its file."""
     bench = Bench(folder, wall or Wall(), **options)
     task = asyncio.create_task(bench.service.run())
-    await until(lambda: bench.service._known is not None)
+    await until(lambda: bench.service._access_list is not None)
     try:
         yield bench
     finally:
