@@ -167,10 +167,12 @@ class Invitations:
         except NotOpen:
             raise Refused(RefusalKind.NOT_INVITED, CLOSED) from None
         if invitation.approval and not invitation.approved:
-            return self._wait(invitation, secret, params.device)
+            return self._hold_for_approval(invitation, secret, params.device)
         return await self._admit(invitation, params.device)
 
-    def _wait(self, invitation: Invitation, secret: str, device: str) -> models.InvitationRedeemed:
+    def _hold_for_approval(
+        self, invitation: Invitation, secret: str, device: str
+    ) -> models.InvitationRedeemed:
         if invitation.used:
             return models.InvitationRedeemed("waiting", invitation.role, ticket=secret)
         ticket = secrets.token_urlsafe(SECRET_BYTES)
@@ -181,7 +183,7 @@ class Invitations:
 
     async def _admit(self, invitation: Invitation, device: str) -> models.InvitationRedeemed:
         """Nobody else finds the invitation from here on; it is open again where the disk fails."""
-        self._book.take(invitation.number)
+        self._book.close_invitation(invitation.number)
         token, now_s = secrets.token_urlsafe(2 * SECRET_BYTES), self._wall_s()
         expires_s = None if invitation.access_s is None else now_s + invitation.access_s
         name = invitation.name or invitation.device or device
@@ -248,7 +250,7 @@ class Invitations:
         if (params.invitation is None) == (params.device is None):
             raise Refused(RefusalKind.NOT_INVITED, "name an invitation or a device, one of both")
         if params.invitation is not None:
-            if self._book.take(params.invitation) is None:
+            if self._book.close_invitation(params.invitation) is None:
                 raise Refused(RefusalKind.NOT_INVITED, f"no invitation {params.invitation} is open")
             return DONE
 
@@ -267,14 +269,14 @@ class Invitations:
         Raises:
             Refused: it cannot be written, and nothing has changed.
         """
-        work = asyncio.ensure_future(self._write(change))
+        work = asyncio.ensure_future(self._save_change(change))
         try:
             await asyncio.shield(work)
         except asyncio.CancelledError:
             await asyncio.wait([work])
             raise
 
-    async def _write(self, change: Callable[[AccessList], AccessList]) -> None:
+    async def _save_change(self, change: Callable[[AccessList], AccessList]) -> None:
         async with self._order:
             if self._access_list is None:
                 raise Refused(RefusalKind.STORAGE_FAILED, f"not possible: {self._unreadable}")

@@ -183,7 +183,7 @@ class InvitationBook:
 
     def use(self, number: int, device: str, ticket: str) -> Invitation:
         """A phone has come: from now on only its ticket finds the invitation."""
-        return self._put(replace(self._open[number], device=device, ticket=digest(ticket)))
+        return self._keep_open(replace(self._open[number], device=device, ticket=digest(ticket)))
 
     def approve(self, number: int) -> Invitation:
         """Let the phone in that has come.
@@ -194,17 +194,17 @@ class InvitationBook:
         invitation = self._open.get(number)
         if invitation is None or not invitation.used:
             raise NotOpen
-        return self._put(replace(invitation, approved=True))
+        return self._keep_open(replace(invitation, approved=True))
 
     def put_back(self, invitation: Invitation) -> None:
         """Open one again that was taken and gave no access."""
-        self._put(invitation)
+        self._keep_open(invitation)
 
-    def take(self, number: int) -> Invitation | None:
+    def close_invitation(self, number: int) -> Invitation | None:
         """Close an invitation, which is returned; None: it is not open."""
         return self._open.pop(number, None)
 
-    def _put(self, invitation: Invitation) -> Invitation:
+    def _keep_open(self, invitation: Invitation) -> Invitation:
         self._open[invitation.number] = invitation
         return invitation
 

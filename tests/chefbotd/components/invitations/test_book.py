@@ -57,7 +57,7 @@ def test_one_that_was_taken_or_used_opens_nothing() -> None:
         with pytest.raises(NotOpen):
             opened.find(secret, "other", 1.0)
     assert opened.find("ticket-of-the-phone", "phone", 1.0).device == "phone"
-    assert opened.take(1) is not None
+    assert opened.close_invitation(1) is not None
     with pytest.raises(NotOpen):
         opened.find("ticket-of-the-phone", "phone", 1.0)
 
