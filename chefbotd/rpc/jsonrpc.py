@@ -147,6 +147,11 @@ ERRORS: Mapping[str, ErrorClass] = {
     RefusalKind.AGENT_FAILED: ErrorClass(-32066, "the agent answered that it failed; the message is its own"),
     RefusalKind.AGENT_LEFT: ErrorClass(-32067, "the agent left before it answered"),
     RefusalKind.AGENT_TIMED_OUT: ErrorClass(-32068, "the agent did not answer in time"),
+    RefusalKind.CANNOT_INVITE: ErrorClass(-32070, "nobody can be invited like this; the message says why"),
+    RefusalKind.NOT_INVITED: ErrorClass(
+        -32071, "the invitation, or the access that it gave, does not exist or has ended"
+    ),
+    RefusalKind.TOO_MANY_ATTEMPTS: ErrorClass(-32072, "too many codes were tried; wait, and try again"),
     RefusalKind.LATCHED_AGAIN: ErrorClass(
         -32055,
         "the robot was stopped again by something newer than this arm was sent for; find out why, then send arm",

@@ -56,7 +56,7 @@ async def page_address(address: str | None, parts: "DaemonParts", *, encrypted: 
         return address, False
     if parts.page is None:
         raise Refused(
-            RefusalKind.CANNOT_INVITE, "a phone comes in by the page, which is off: set page.enabled"
+            RefusalKind.CANNOT_INVITE, "a phone comes in by the page, which is switched off on this robot"
         )
     host, port = await parts.page()
     if host in ("0.0.0.0", "::"):  # noqa: S104 - it is compared, not listened on
@@ -78,6 +78,7 @@ def own_address() -> str:
             )  # an address for documentation (RFC 5737): only the route is looked up
         except OSError as error:
             raise Refused(
-                RefusalKind.CANNOT_INVITE, "this computer is in no network: set invitations.address"
+                RefusalKind.CANNOT_INVITE,
+                "this computer is in no network, and no address for links is configured",
             ) from error
         return str(probe.getsockname()[0])

@@ -119,13 +119,13 @@ class Invitations:
         if not self._tokens().asks_for_tokens:
             raise Refused(
                 RefusalKind.CANNOT_INVITE,
-                "this robot asks nobody for a token, so nobody needs an invitation: set api.token_file",
+                "this robot asks nobody who they are, so nobody needs an invitation: configure its token file first",
             )
         if params.role is Role.ADMIN and not self._encrypted:
             raise Refused(
                 RefusalKind.CANNOT_INVITE,
                 "an administrator is invited only over TLS, as others in the network could read the token: "
-                "set api.tls_certificate and api.tls_key",
+                "configure a certificate and its key first",
             )
         base, is_local = await self._link_base()
         secret, code = secrets.token_urlsafe(SECRET_BYTES), make_code(secrets.choice)
