@@ -18,9 +18,10 @@ if TYPE_CHECKING:
 
 from chefbotd.components.maps.client_methods import MapMethods
 from chefbotd.components.navigation.client_methods import NavigationMethods
+from chefbotd.components.zones.client_methods import ZoneMethods
 
 
-class ComponentMethods(MapMethods, NavigationMethods):
+class ComponentMethods(MapMethods, ZoneMethods, NavigationMethods):
     """The methods that components have written by hand."""
 
 
@@ -255,6 +256,8 @@ class Topics(ABC):
     def subscribe(self, topics: Literal["scan"], **options: Unpack[Options]) -> Subscription[m.ScanData]: ...
     @overload
     def subscribe(self, topics: Literal["lidars"], **options: Unpack[Options]) -> Subscription[m.LidarsData]: ...
+    @overload
+    def subscribe(self, topics: Literal["zones"], **options: Unpack[Options]) -> Subscription[m.ZonesData]: ...
     @overload
     def subscribe(self, topics: Literal["worker"], **options: Unpack[Options]) -> Subscription[m.WorkerData]: ...
     @overload

@@ -47,6 +47,9 @@ from chefbotd.components.recording.status import RecordedFile as RecordedFile
 from chefbotd.components.simulation.models import SimData as SimData, SimulatedDisc as SimulatedDisc
 from chefbotd.components.statistics.models import StatsData as StatsData
 from chefbotd.components.tuning.models import Wheels as Wheels
+from chefbotd.components.zones.models import (
+    ZoneData as ZoneData, ZoneList as ZoneList, ZonesData as ZonesData, ZonesSaved as ZonesSaved
+)
 from chefbotd.core.events.lidars import DepthCameraChanged as DepthCameraChanged
 from chefbotd.core.events.robot import (
     BatteryData as BatteryData, ImuData as ImuData, OdometryConditionData as OdometryConditionData,
@@ -76,14 +79,14 @@ from chefbotd.client.event import Latest
 from chefbotd.rpc.encoding import Sent
 
 DATA_BY_TOPIC: Mapping[str, type[Sent]] = {
-    "recording": RecordingData, "scan": ScanData, "lidars": LidarsData, "worker": WorkerData, "mapping": MappingData,
-    "map": MapData, "map_pose": MapPoseData, "localization": LocalizationData, "navigation": NavigationData,
-    "path": PathData, "costmap": CostmapData, "obstacles": ObstaclesData, "depth_cameras": DepthCamerasData,
-    "wheels": WheelsData, "safety": SafetyData, "drive_warning": DriveWarningData, "odometry": OdometryData,
-    "odometry_condition": OdometryConditionData, "imu": ImuData, "ranges": RangesData, "battery": BatteryData,
-    "stats": StatsData, "agents": AgentsData, "agent_events": AgentEventData, "agent_data": AgentMessageData,
-    "calibration": CalibrationData, "sim": SimData, "link": LinkData, "firmware": FirmwareData, "reset": ResetData,
-    "text": TextData, "raw": RawData, "log": LogData
+    "recording": RecordingData, "scan": ScanData, "lidars": LidarsData, "zones": ZonesData, "worker": WorkerData,
+    "mapping": MappingData, "map": MapData, "map_pose": MapPoseData, "localization": LocalizationData,
+    "navigation": NavigationData, "path": PathData, "costmap": CostmapData, "obstacles": ObstaclesData,
+    "depth_cameras": DepthCamerasData, "wheels": WheelsData, "safety": SafetyData, "drive_warning": DriveWarningData,
+    "odometry": OdometryData, "odometry_condition": OdometryConditionData, "imu": ImuData, "ranges": RangesData,
+    "battery": BatteryData, "stats": StatsData, "agents": AgentsData, "agent_events": AgentEventData,
+    "agent_data": AgentMessageData, "calibration": CalibrationData, "sim": SimData, "link": LinkData,
+    "firmware": FirmwareData, "reset": ResetData, "text": TextData, "raw": RawData, "log": LogData
 }
 """What a client reads each topic as."""
 
@@ -96,6 +99,7 @@ class TopicsOfState:
     recording = Latest("recording", RecordingData)
     scan = Latest("scan", ScanData)
     lidars = Latest("lidars", LidarsData)
+    zones = Latest("zones", ZonesData)
     worker = Latest("worker", WorkerData)
     mapping = Latest("mapping", MappingData)
     map = Latest("map", MapData)

@@ -130,6 +130,13 @@ ERRORS: Mapping[str, ErrorClass] = {
     RefusalKind.NO_MAP_LOADED: ErrorClass(-32044, "no map is in use; send load_map"),
     RefusalKind.UNKNOWN_PLACE: ErrorClass(-32045, "the map has no place of this name"),
     RefusalKind.POSE_UNKNOWN: ErrorClass(-32046, "the robot's pose in the map is not known"),
+    RefusalKind.UNKNOWN_ZONE: ErrorClass(-32059, "the map has no zone with this id"),
+    RefusalKind.CHANGED_MEANWHILE: ErrorClass(
+        -32048, "somebody else changed this after it was read; read it again, and send the change again"
+    ),
+    RefusalKind.NEEDS_CONFIRMATION: ErrorClass(
+        -32049, "this has a consequence that may not be meant; send it again with confirmed, if it is"
+    ),
     RefusalKind.STORAGE_FAILED: ErrorClass(-32047, "the disk failed; what was stored before is unchanged"),
     RefusalKind.ALREADY_RECORDING: ErrorClass(
         -32053, "a recording is in progress; send stop_recording first"

@@ -32,6 +32,7 @@ BUILT_ON = {
     "maps": "mapping, localization and navigation store and read maps there",
     "recording": "foxglove serves what its encoder writes, calibration reads recordings again",
     "simulation": "depth cameras draw its world, and the tests' robot is simulated",
+    "zones": "navigation keeps out of them",
     "worker": "the skills of maps, mapping, localization and navigation run in it",
 }
 """Those that others build on: without one of these, the others have to go too."""

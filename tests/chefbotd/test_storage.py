@@ -15,16 +15,11 @@ from chefbotd.components.maps.storage.places import PLACES, parse_places
 from chefbotd.components.maps.storage.store import CURRENT, SUFFIX, MapStore
 from chefbotd.components.maps.storage.versions import check
 from chefbotd.components.navigation.algorithms.grid import GridFrame
-from chefbotd.components.navigation.algorithms.zones import (
-    Zone,
-    Zones,
-    keep_out_cells,
-    parse_zones,
-    require_affordable,
-)
+from chefbotd.components.navigation.algorithms.zones import keep_out_cells, require_affordable
 from chefbotd.components.recording.folder import RecordingDisk, RecordingFolder
 from chefbotd.components.recording.parameters import RecordingParameters
 from chefbotd.components.recording.reader import RecordingReader, UnreadableRecording
+from chefbotd.components.zones.zone_file import Zone, Zones, parse_zones
 from chefbotd.core.commands import Refused
 from chefbotd.core.geometry import Pose2D
 from chefbotd.process.latch_file import LatchFile

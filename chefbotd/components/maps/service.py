@@ -253,7 +253,7 @@ class MapsService:
             if part == 0:
                 self._cells.keep(caller.session.number, self._robot_pose.mapped, await self.growing())
             return self._cells.growing_part(caller.session.number, part, now_s)
-        name = self._named(name)
+        name = self.named(name)
         cells: MapPart = await self._in_thread(self._cells.part, self.store, name, part, now_s)
         return cells
 
@@ -317,7 +317,7 @@ class MapsService:
         self, caller: Caller, params: SavePlaceParams, progress: ProgressReporter
     ) -> PlaceData:
         """Give a pose in a map a name, or move the place of this name; without a pose, the robot's."""
-        of_map = self._named(params.map)
+        of_map = self.named(params.map)
         pose = self._pose(params, of_map)
         name, given = place_name(params.name), params.model_dump(include={"kind", "note"}, exclude_none=True)
         saved = Place(**pose)
@@ -346,15 +346,15 @@ class MapsService:
 
     async def places(self, of_map: str | None) -> PlaceList:
         """The places of a map."""
-        name = self._named(of_map)
-        places = parse_places(await self._in_thread(self.store.read_beside, name, PLACES), name)
+        name = self.named(of_map)
+        places = parse_places(await self.read_beside(name, PLACES), name)
         rows = tuple(PlaceData(name=place_name, **place.model_dump()) for place_name, place in places.items())
         return PlaceList(map=name, places=rows)
 
     @method(role=Role.DRIVE, moves=False)
     async def delete_place(self, caller: Caller, params: PlaceName, progress: ProgressReporter) -> Done:
         """Remove a place."""
-        await self._change_places(self._named(params.map), lambda places: without_place(places, params.name))
+        await self._change_places(self.named(params.map), lambda places: without_place(places, params.name))
         return DONE
 
     async def _change_places(
@@ -363,8 +363,19 @@ class MapsService:
         def rewritten(data: bytes | None) -> bytes:
             return to_file(change(parse_places(data, of_map)))
 
+        await self.change_beside(of_map, PLACES, rewritten)
+
+    # what is kept beside a map
+
+    async def read_beside(self, of_map: str, file: str) -> bytes | None:
+        """A file that belongs to all versions of a map; None where there is none. Raises ``MapStoreError``."""
+        content: bytes | None = await self._in_thread(self.store.read_beside, of_map, file)
+        return content
+
+    async def change_beside(self, of_map: str, file: str, change: Callable[[bytes | None], bytes]) -> None:
+        """Replace such a file by what ``change`` makes of it, which may raise ``MapStoreError`` and leave it."""
         async with self._order:
-            await self._changing(self.store.change_beside, of_map, PLACES, rewritten)
+            await self._changing(self.store.change_beside, of_map, file, change)
 
     # inside
 
@@ -376,7 +387,7 @@ class MapsService:
                 f"the map {name!r} is being extended: finish or discard that first",
             )
 
-    def _named(self, name: str | None) -> str:
+    def named(self, name: str | None) -> str:
         """The map of this name, or else the one in use."""
         if name is not None:
             return map_name(name)

@@ -7,11 +7,13 @@ from chefbotd.components.localization.service import LocalizationService
 from chefbotd.components.maps.build import map_folder
 from chefbotd.components.maps.service import MapsService
 from chefbotd.components.navigation.beside_localization import join_localization
+from chefbotd.components.navigation.beside_zones import join_zones
 from chefbotd.components.navigation.commands import navigation
 from chefbotd.components.navigation.parameters import NavigationSection
 from chefbotd.components.navigation.service import NavigationService
 from chefbotd.components.navigation.skill_requests import SKILL, NavigationSkillParameters
 from chefbotd.components.worker.service import WorkerService
+from chefbotd.components.zones.service import ZonesService
 from chefbotd.composition.scanners import robot_outline
 from chefbotd.features.feature import Feature
 from chefbotd.safety.outline import Box
@@ -24,6 +26,7 @@ def navigation_of(context: Context[NavigationSection]) -> list[Feature]:
     parameters = navigation_skill_parameters(settings, map_folder(context))
     feed.worker.add_own_skill(SKILL, parameters.model_dump_json().encode())
     join_localization(context.bus, feed.worker, context.of("localization", LocalizationService))
+    join_zones(feed.worker, context.of("zones", ZonesService))
     if context.driver is None:
         return []
     stored = context.of("maps", MapsService)

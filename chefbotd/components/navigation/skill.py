@@ -20,7 +20,9 @@ from chefbotd.components.navigation.algorithms.path import Goal, NoPath, Path
 from chefbotd.components.navigation.algorithms.states import GoalState
 from chefbotd.components.navigation.algorithms.steering import FollowerLimits
 from chefbotd.components.navigation.algorithms.warm import warm
-from chefbotd.components.navigation.algorithms.zones import NO_ZONES, Zones, parse_zones, require_affordable
+from chefbotd.components.navigation.algorithms.world_model import ground_costs
+from chefbotd.components.navigation.algorithms.zone_effects import find_concerns
+from chefbotd.components.navigation.algorithms.zones import require_affordable
 from chefbotd.components.navigation.events import GoalResult, NavigationData, PathData, PlanResult
 from chefbotd.components.navigation.skill_requests import (
     GoalAsked,
@@ -29,6 +31,7 @@ from chefbotd.components.navigation.skill_requests import (
     Stepped,
 )
 from chefbotd.components.navigation.skill_shown import LayerPublisher
+from chefbotd.components.zones.zone_file import NO_ZONES, ZONES, Zones, parse_zones
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import OdometryUpdated, RangeMeasured
@@ -40,9 +43,6 @@ from chefbotd.core.record import replace
 if TYPE_CHECKING:
     from chefbotd.clock import Clock
 from chefbotd.components.worker.skill import Job, Skill, Struct
-
-ZONES: Final = "zones.yaml"
-"""Beside a map: where not to go, and where to go slowly."""
 
 MOST_AGE_S: Final = 1.5
 """With odometry that is older nobody knows where the robot is.
@@ -157,6 +157,11 @@ class NavigationSkill:
                 self._layers.ask(request)
             case requests.CheckMap():
                 return MapChecked(self._problem)
+            case requests.UseZones():
+                self._use_zones()
+                return MapChecked(self._problem)
+            case requests.ExamineZones() as request:
+                return self._examined(request)
         return None
 
     def _require_map(self) -> None:
@@ -307,6 +312,14 @@ class NavigationSkill:
             self._map = None
             self._navigator.fail("there is no map in use any more")
             return
+        self._use_zones()
+
+    def _use_zones(self) -> None:
+        """Plan on the map that localization uses, with its zones as they are on the disk now."""
+        used, grid = self._used, self._grid
+        if used is None or grid is None:
+            return
+        self._map, self._problem = used, ""
         try:
             zones = read_zones(self._folder, used[0])
             require_affordable(zones, GridFrame.of(grid))
@@ -315,6 +328,21 @@ class NavigationSkill:
             self._navigator.fail(self._problem)
             return
         self._navigator.use_map(grid, zones)
+
+    def _examined(self, request: requests.ExamineZones) -> requests.ZonesExamined:
+        """What these zones would do to the robot, to places and to the way there."""
+        world, grid = self._navigator.world, self._grid
+        if world is None or grid is None:
+            return requests.ZonesExamined(())
+        zones = parse_zones(request.zones.decode(), ZONES)
+        try:
+            require_affordable(zones, GridFrame.of(grid))
+        except ValueError as error:
+            raise Refused(RefusalKind.OUT_OF_RANGE, str(error)) from error
+        pose, status = self._pose(self._clock.now_s())
+        robot = None if pose is None or status is PoseStatus.LOST else (pose.x_m, pose.y_m)
+        after = ground_costs(self._params, grid, zones)
+        return requests.ZonesExamined(tuple(find_concerns(world.ground, after, robot, request.places)))
 
 
 def read_zones(folder: FilePath, name: str) -> Zones:

@@ -95,7 +95,20 @@ class CheckMap(Message, frozen=True, tag="check_map"):
     """Tell whether there is something wrong with the map in use."""
 
 
-NavigationRequest: TypeAlias = NavigateTo | KeepGoals | Pause | Resume | PlanTo | Show | CheckMap
+class UseZones(Message, frozen=True, tag="use_zones"):
+    """Read the zones of the map in use again, and plan by them; answered by ``MapChecked``."""
+
+
+class ExamineZones(Message, frozen=True, tag="examine_zones"):
+    """Tell what these zones of the map in use, as its file has them, would do; ``places`` are (x, y) in the map."""
+
+    zones: bytes
+    places: dict[str, tuple[float, float]]
+
+
+NavigationRequest: TypeAlias = (
+    NavigateTo | KeepGoals | Pause | Resume | PlanTo | Show | CheckMap | UseZones | ExamineZones
+)
 
 # Answers and events
 
@@ -104,6 +117,12 @@ class MapChecked(Record, frozen=True):
     """Why nobody drives on the map in use; empty where nothing is wrong with it."""
 
     problem: str
+
+
+class ZonesExamined(Record, frozen=True):
+    """What zones would do that may not be meant: a sentence each."""
+
+    concerns: tuple[str, ...]
 
 
 class Stepped(Record, frozen=True):

@@ -18,6 +18,7 @@ from pydantic import SecretStr
 import chefbotd.client
 from chefbotd.client.client import Client
 from chefbotd.client.generated import GeneratedMethods
+from chefbotd.component import resolve
 from chefbotd.component_list import own_components
 from chefbotd.core.record import Record
 from chefbotd.rpc.encoding import UnknownData
@@ -300,7 +301,7 @@ def written(
     data = {name: _exported(topic.model, exported) for name, topic in topics.items()}
     by_hand = {
         name: each
-        for kind in Client.__mro__
+        for kind in dict.fromkeys((*Client.__mro__, *map(resolve, by_component)))
         if kind is not GeneratedMethods and not kind.__module__.startswith(folders)
         for name, each in vars(kind).items()
     }

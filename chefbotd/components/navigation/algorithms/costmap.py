@@ -16,8 +16,9 @@ from chefbotd.components.navigation.algorithms.grid import Flags, Floats, GridFr
 from chefbotd.components.navigation.algorithms.outline import Footprint
 from chefbotd.components.navigation.algorithms.search import BLOCKED
 from chefbotd.components.navigation.algorithms.states import UnknownSpace
-from chefbotd.components.navigation.algorithms.zones import NO_ZONES, Zones, keep_out_cells, speed_limits_m_s
+from chefbotd.components.navigation.algorithms.zones import keep_out_cells, speed_limits_m_s
 from chefbotd.components.worker.compiled import kernel
+from chefbotd.components.zones.zone_file import NO_ZONES, Zones
 from chefbotd.core.occupancy_grid import UNKNOWN, OccupancyGrid
 from chefbotd.core.record import Record, replace
 

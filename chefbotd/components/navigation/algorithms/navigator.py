@@ -29,7 +29,7 @@ from chefbotd.components.navigation.algorithms.states import End, GoalEvent, Goa
 from chefbotd.components.navigation.algorithms.steering import limit_change
 from chefbotd.components.navigation.algorithms.trips import Trip, duration_s, plan_now
 from chefbotd.components.navigation.algorithms.world_model import WorldModel
-from chefbotd.components.navigation.algorithms.zones import NO_ZONES, Zones
+from chefbotd.components.zones.zone_file import NO_ZONES, Zones
 from chefbotd.core.geometry import STANDING, Pose2D, Twist2D
 from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.record import Record, replace

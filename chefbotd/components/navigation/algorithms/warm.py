@@ -10,8 +10,8 @@ from chefbotd.components.navigation.algorithms.interface import NavigationParame
 from chefbotd.components.navigation.algorithms.navigator import Navigator
 from chefbotd.components.navigation.algorithms.path import Goal
 from chefbotd.components.navigation.algorithms.world_model import WorldModel
-from chefbotd.components.navigation.algorithms.zones import NO_ZONES
 from chefbotd.components.worker.compiled import release_libraries
+from chefbotd.components.zones.zone_file import NO_ZONES
 from chefbotd.core.geometry import ORIGIN, STANDING, Pose2D, Twist2D
 from chefbotd.core.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 

@@ -55,7 +55,7 @@ from chefbotd.components.navigation.algorithms.removed import (
     see_through,
 )
 from chefbotd.components.navigation.algorithms.surroundings import Surroundings
-from chefbotd.components.navigation.algorithms.zones import Zones
+from chefbotd.components.zones.zone_file import Zones
 from chefbotd.core.geometry import Pose2D, Twist2D
 from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.perception.surface_points import smooth_points
@@ -91,20 +91,25 @@ KEPT_LOW_M = 1.0
 """What depth cameras saw so near goes with the robot when its pose jumps: they do not see the floor beside it."""
 
 
+def ground_costs(params: NavigationParameters, grid: OccupancyGrid, zones: Zones) -> Costmap:
+    """The costs of a map and its zones for this robot, before it has seen anything."""
+    return costmap(
+        params.outline,
+        grid,
+        params.follower.max_speed_m_s,
+        zones,
+        unknown_space=params.unknown_space,
+        comfort_m=params.comfort_m,
+        guards=params.guards,
+    )
+
+
 class WorldModel:
     """Takes the readings of sensors; gives the costs to plan with, and the points to drive by."""
 
     def __init__(self, params: NavigationParameters, grid: OccupancyGrid, zones: Zones) -> None:
         self._params = params
-        self.ground: Costmap = costmap(
-            params.outline,
-            grid,
-            params.follower.max_speed_m_s,
-            zones,
-            unknown_space=params.unknown_space,
-            comfort_m=params.comfort_m,
-            guards=params.guards,
-        )
+        self.ground: Costmap = ground_costs(params, grid, zones)
         self._mapped = self.ground
         self.things = find_things(self.ground.walls, self.ground.frame)
         self._gone = np.zeros(len(self.things.centers_m), np.bool_)

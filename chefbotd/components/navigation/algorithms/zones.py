@@ -1,71 +1,15 @@
-"""Keep-out and slow zones: polygons on the map, from a YAML file beside it.
+"""Draws zones on the grid of a map: the cells that are kept out of, and the speeds that slow zones allow."""
 
-::
-
-    keep_out:
-      - {name: stairs, corners_m: [[0, 0], [1, 0], [1, 2]]}
-    slow:
-      - {name: by the counter, corners_m: [[3, 0], [5, 0], [5, 2]], max_speed_m_s: 0.1}
-"""
-
-from typing import Annotated
+import math
+from itertools import pairwise
 
 import numpy as np
-from pydantic import Field, ValidationError
 
 from chefbotd.components.navigation.algorithms.grid import Flags, Floats, GridFrame
-from chefbotd.core.bounded_yaml import load_first_document
-from chefbotd.core.parameters import Parameters
+from chefbotd.components.zones.zone_file import AnyZone, Wall, Zones, outline_m
 
 MOST_CELL_TESTS = 2_000_000_000
 """Of an edge and a cell beside it: some seconds of one processor."""
-MOST_PROBLEMS = 5
-MOST_ZONES = 1000
-
-FARTHEST_M = 1e6
-
-Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
-Corners = Annotated[tuple[tuple[Coordinate, Coordinate], ...], Field(min_length=3, max_length=1000)]
-
-
-class Zone(Parameters):
-    """A polygon in the map's frame, its corners in either order."""
-
-    name: str = Field(default="", max_length=100)
-    corners_m: Corners
-
-
-class SlowZone(Zone):
-    """Here the robot drives no faster than this."""
-
-    max_speed_m_s: float = Field(gt=0, le=10)
-
-
-class Zones(Parameters):
-    """All zones of a map; none by default."""
-
-    keep_out: tuple[Zone, ...] = Field((), max_length=MOST_ZONES)
-    slow: tuple[SlowZone, ...] = Field((), max_length=MOST_ZONES)
-
-
-NO_ZONES = Zones()
-
-
-def parse_zones(text: str, name: str) -> Zones:
-    """The YAML text of the file called ``name``.
-
-    Raises:
-        ValueError: it is no YAML or holds no zones; its text names the file and what was expected.
-    """
-    try:
-        return Zones.model_validate(load_first_document(text) or {})
-    except ValidationError as error:
-        problems = [
-            f"{'.'.join(map(str, e['loc']))}: {e['msg']} (got {e['input']!r})" for e in error.errors()
-        ]
-        raise ValueError(f"{name}: {'; '.join(problems[:MOST_PROBLEMS])}") from error
-    except ValueError as error:
-        raise ValueError(f"{name}: {error}") from error
 
 
 def require_affordable(zones: Zones, frame: GridFrame) -> None:
@@ -76,8 +20,9 @@ def require_affordable(zones: Zones, frame: GridFrame) -> None:
     """
     height_m = frame.rows * frame.resolution_m
     cost = 0
-    for zone in (*zones.keep_out, *zones.slow):
-        up_m = frame.to_grid(np.array(zone.corners_m))[:, 1]
+    drawn: tuple[AnyZone, ...] = (*zones.keep_out, *zones.slow, *zones.walls)
+    for zone in drawn:
+        up_m = frame.to_grid(np.array(outline_m(zone), np.float64))[:, 1]
         spans_m = np.abs(np.clip(up_m, 0, height_m) - np.clip(np.roll(up_m, -1), 0, height_m))
         cost += int(np.sum(spans_m / frame.resolution_m + 1.0)) * frame.columns
     if cost > MOST_CELL_TESTS:
@@ -88,10 +33,14 @@ def require_affordable(zones: Zones, frame: GridFrame) -> None:
 
 
 def keep_out_cells(zones: Zones, frame: GridFrame) -> Flags:
-    """The cells whose middle is in a keep-out zone, (rows, columns)."""
+    """The cells whose middle is in a keep-out zone or on a drawn wall, (rows, columns)."""
     cells = np.zeros((frame.rows, frame.columns), np.bool_)
     for zone in zones.keep_out:
-        cells |= _inside(frame.to_grid(np.array(zone.corners_m)), frame)
+        if zone.enabled:
+            cells |= _inside(frame.to_grid(np.array(zone.corners_m)), frame)
+    for wall in zones.walls:
+        if wall.enabled:
+            _draw_wall(wall, frame, cells)
     return cells
 
 
@@ -99,9 +48,25 @@ def speed_limits_m_s(zones: Zones, frame: GridFrame) -> Floats:
     """For each cell how fast its zones let the robot go: infinite where there is none."""
     limits = np.full((frame.rows, frame.columns), np.inf)
     for zone in zones.slow:
-        inside = _inside(frame.to_grid(np.array(zone.corners_m)), frame)
-        limits[inside] = np.minimum(limits[inside], zone.max_speed_m_s)
+        if zone.enabled:
+            inside = _inside(frame.to_grid(np.array(zone.corners_m)), frame)
+            limits[inside] = np.minimum(limits[inside], zone.max_speed_m_s)
     return limits
+
+
+def _draw_wall(wall: Wall, frame: GridFrame, cells: Flags) -> None:
+    """Mark the cells whose middle is within half of its width, and at least every cell that it crosses."""
+    cell_m, points = frame.resolution_m, frame.to_grid(np.array(wall.points_m))
+    reach_m = max(wall.width_m / 2.0, cell_m * math.sqrt(0.5))
+    size = np.array([frame.columns, frame.rows])
+    for start, end in pairwise(points):
+        low = np.clip(np.floor((np.minimum(start, end) - reach_m) / cell_m), 0, size).astype(int)
+        high = np.clip(np.ceil((np.maximum(start, end) + reach_m) / cell_m), 0, size).astype(int)
+        x = (np.arange(low[0], high[0])[None, :] + 0.5) * cell_m - start[0]
+        y = (np.arange(low[1], high[1])[:, None] + 0.5) * cell_m - start[1]
+        dx, dy = end - start
+        share = np.clip((x * dx + y * dy) / max(dx * dx + dy * dy, 1e-12), 0.0, 1.0)
+        cells[low[1] : high[1], low[0] : high[0]] |= np.hypot(x - share * dx, y - share * dy) <= reach_m
 
 
 def _inside(corners: Floats, frame: GridFrame) -> Flags:

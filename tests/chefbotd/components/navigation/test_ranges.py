@@ -14,13 +14,13 @@ from chefbotd.components.localization.skill import LocalizationSkill
 from chefbotd.components.navigation import build
 from chefbotd.components.navigation import skill as navigation_skill
 from chefbotd.components.navigation import skill_requests as messages
-from chefbotd.components.navigation.algorithms.zones import NO_ZONES
 from chefbotd.components.navigation.events import PlanResult
 from chefbotd.components.navigation.parameters import NavigationSection
 from chefbotd.components.navigation.skill import NavigationSkill
 from chefbotd.components.worker.messages import Measured, event_in, pack_body
 from chefbotd.components.worker.parameters import WorkerParameters
 from chefbotd.components.worker.service import WorkerService
+from chefbotd.components.zones.zone_file import NO_ZONES
 from chefbotd.core.events import OdometryUpdated, RangeMeasured, RangeStatus
 from chefbotd.core.geometry import CERTAIN, STANDING, Pose2D
 from chefbotd.core.occupancy_grid import OccupancyGrid

@@ -11,7 +11,7 @@ from chefbotd.components.navigation.algorithms.costmap import between_cells, cos
 from chefbotd.components.navigation.algorithms.grid import distances_m
 from chefbotd.components.navigation.algorithms.outline import Footprint, clearance_m
 from chefbotd.components.navigation.algorithms.states import UnknownSpace
-from chefbotd.components.navigation.algorithms.zones import Zones, parse_zones
+from chefbotd.components.zones.zone_file import Zones, parse_zones
 from chefbotd.core.geometry import Pose2D
 from tests.chefbotd.components.navigation.algorithms.grids import drawn
 

@@ -8,7 +8,7 @@ from chefbotd.components.navigation.algorithms.interface import Seen
 from chefbotd.components.navigation.algorithms.path import Goal
 from chefbotd.components.navigation.algorithms.states import End
 from chefbotd.components.navigation.algorithms.world_model import WorldModel
-from chefbotd.components.navigation.algorithms.zones import NO_ZONES
+from chefbotd.components.zones.zone_file import NO_ZONES
 from chefbotd.core.geometry import Pose2D
 from tests.chefbotd.components.mapping.algorithms.slam.flat import box
 from tests.chefbotd.components.navigation.algorithms.drives import ROUND, Drive

@@ -4,7 +4,7 @@ import numpy as np
 
 from chefbotd.components.navigation.algorithms.interface import Seen
 from chefbotd.components.navigation.algorithms.world_model import WorldModel
-from chefbotd.components.navigation.algorithms.zones import NO_ZONES
+from chefbotd.components.zones.zone_file import NO_ZONES
 from chefbotd.core.geometry import Pose2D
 from tests.chefbotd.components.mapping.algorithms.slam.flat import box
 from tests.chefbotd.components.navigation.algorithms.drives import ROUND

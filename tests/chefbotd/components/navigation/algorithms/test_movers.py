@@ -11,7 +11,7 @@ from chefbotd.components.navigation.algorithms.movers import displace_movers, tr
 from chefbotd.components.navigation.algorithms.path import Goal, Path
 from chefbotd.components.navigation.algorithms.planner import plan
 from chefbotd.components.navigation.algorithms.world_model import WorldModel
-from chefbotd.components.navigation.algorithms.zones import NO_ZONES
+from chefbotd.components.zones.zone_file import NO_ZONES
 from chefbotd.core.geometry import Pose2D
 from tests.chefbotd.components.mapping.algorithms.slam.flat import Floats, box, wall
 from tests.chefbotd.components.navigation.algorithms.drives import ROUND

@@ -13,7 +13,7 @@ from chefbotd.components.navigation.algorithms.path import Goal, NoPath, Path
 from chefbotd.components.navigation.algorithms.planner import plan
 from chefbotd.components.navigation.algorithms.search import search
 from chefbotd.components.navigation.algorithms.states import UnknownSpace
-from chefbotd.components.navigation.algorithms.zones import Zones
+from chefbotd.components.zones.zone_file import Zones
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.occupancy_grid import OccupancyGrid
 from tests.chefbotd.components.mapping.algorithms.slam.flat import box, furnished_flat, wall

@@ -9,7 +9,7 @@ from chefbotd.components.navigation.algorithms.interface import PoseStatus
 from chefbotd.components.navigation.algorithms.path import Goal
 from chefbotd.components.navigation.algorithms.removed import find_things
 from chefbotd.components.navigation.algorithms.states import End
-from chefbotd.components.navigation.algorithms.zones import parse_zones
+from chefbotd.components.zones.zone_file import parse_zones
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.occupancy_grid import OCCUPIED, UNKNOWN
 from tests.chefbotd.components.mapping.algorithms.slam.flat import Floats, box, wall

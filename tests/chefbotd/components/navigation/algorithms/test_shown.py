@@ -15,7 +15,7 @@ from chefbotd.components.navigation.algorithms.shown import (
     shown_obstacles,
 )
 from chefbotd.components.navigation.algorithms.world_model import WorldModel
-from chefbotd.components.navigation.algorithms.zones import NO_ZONES
+from chefbotd.components.zones.zone_file import NO_ZONES
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.occupancy_grid import FREE, OCCUPIED, OccupancyGrid
 

@@ -1,0 +1,208 @@
+"""Zones in the daemon: read and changed one change at a time, and used by navigation at once."""
+
+import asyncio
+import hashlib
+from collections.abc import Awaitable, Callable, Mapping
+
+from chefbotd.bus import Bus
+from chefbotd.clock import Clock
+from chefbotd.components.maps.models import OfMapParams
+from chefbotd.components.maps.service import MapsService
+from chefbotd.components.maps.storage.disk import MapStoreError
+from chefbotd.components.zones.events import ZonesChanged
+from chefbotd.components.zones.models import (
+    TOPICS,
+    ChangeZonesParams,
+    SaveZoneParams,
+    ZoneId,
+    ZoneList,
+    ZonesSaved,
+    zone_data,
+)
+from chefbotd.components.zones.outlines import why_no_area
+from chefbotd.components.zones.zone_file import (
+    ZONES,
+    ZONES_BEFORE,
+    Zones,
+    parse_zones,
+    revision_of,
+    with_zone,
+    without_zone,
+    write_zones,
+)
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.features.feature import Feature
+from chefbotd.inputs import inputs_of
+from chefbotd.rpc.jobs import ProgressReporter
+from chefbotd.rpc.method import Caller, method, methods_of
+from chefbotd.rpc.parameters import Role
+
+Places = Mapping[str, tuple[float, float]]
+
+
+class ZonesService:
+    """The zones of stored maps.
+
+    ``examine`` says what these zones would do to the robot, to the places of the map in use and to the way there;
+    ``use`` has navigation read them again, and says why it cannot. Navigation sets both, where there is one.
+    """
+
+    def __init__(self, bus: Bus, clock: Clock, maps: MapsService) -> None:
+        self._bus, self._clock, self._maps = bus, clock, maps
+        self._entries = inputs_of(clock)
+        self._order = asyncio.Lock()
+        self.examine: Callable[[Zones, Places], Awaitable[tuple[str, ...]]] | None = None
+        self.use: Callable[[], Awaitable[str]] | None = None
+
+    @method(role=Role.OBSERVE)
+    async def list_zones(self, caller: Caller, params: OfMapParams, progress: ProgressReporter) -> ZoneList:
+        """The zones of a map: where navigation must not go, and where it goes slowly."""
+        name = self._maps.named(params.map)
+        content = await self._maps.read_beside(name, ZONES)
+        before = await self._maps.read_beside(name, ZONES_BEFORE)
+        rows = tuple(zone_data(own, zone) for own, zone in _parsed(content, name).named())
+        return ZoneList(map=name, revision=revision_of(content), zones=rows, can_undo=before is not None)
+
+    @method(role=Role.DRIVE, moves=False)
+    async def save_zone(
+        self, caller: Caller, params: SaveZoneParams, progress: ProgressReporter
+    ) -> ZonesSaved:
+        """Draw a zone on a map, or change the zone of this id; paths are planned again at once."""
+        if params.kind != "wall" and (reason := why_no_area(params.outline_m)):
+            raise MapStoreError(RefusalKind.OUT_OF_RANGE, f"this is no zone: {reason}")
+        own = params.id or ""
+
+        def changed(zones: Zones, revision: str) -> Zones:
+            nonlocal own
+            ids = {name for name, _ in zones.named()}
+            if params.id is not None:
+                _require_known(params.id, ids)
+            own = params.id or _new_id(revision, params)
+            return _checked(lambda: with_zone(zones, own, params.zone(own)))
+
+        asked = params.enabled and not params.confirmed
+        saved = await self._change(params, changed, asks=asked)
+        return ZonesSaved(
+            map=saved.map,
+            revision=saved.revision,
+            zone=zone_data(own, params.zone(own)),
+            warning=saved.warning,
+        )
+
+    @method(role=Role.DRIVE, moves=False)
+    async def delete_zone(self, caller: Caller, params: ZoneId, progress: ProgressReporter) -> ZonesSaved:
+        """Take a zone off a map."""
+
+        def changed(zones: Zones, _: str) -> Zones:
+            _require_known(params.id, {name for name, _ in zones.named()})
+            return without_zone(zones, params.id)
+
+        return await self._change(params, changed)
+
+    @method(role=Role.DRIVE, moves=False)
+    async def undo_zones(
+        self, caller: Caller, params: ChangeZonesParams, progress: ProgressReporter
+    ) -> ZonesSaved:
+        """Take the last change of a map's zones back, to the byte; done again, it is made again."""
+        name = self._maps.named(params.map)
+        async with self._order:
+            content = await self._maps.read_beside(name, ZONES)
+            _require_revision(content, params.revision)
+            before = await self._maps.read_beside(name, ZONES_BEFORE)
+            if before is None:
+                raise MapStoreError(
+                    RefusalKind.NOTHING_TO_UNDO, f"no change of the zones of the map {name!r} is remembered"
+                )
+            return await self._replace(name, content, before)
+
+    async def _change(
+        self,
+        params: SaveZoneParams | ZoneId,
+        change: Callable[[Zones, str], Zones],
+        *,
+        asks: bool = False,
+    ) -> ZonesSaved:
+        """One change after the other; with ``asks`` only where it does nothing that may not be meant."""
+        name = self._maps.named(params.map)
+        async with self._order:
+            content = await self._maps.read_beside(name, ZONES)
+            _require_revision(content, params.revision)
+            zones = change(_parsed(content, name), revision_of(content))
+            if asks and self.examine is not None and name == self._maps.in_use:
+                places = {
+                    place.name: (place.x_m, place.y_m) for place in (await self._maps.places(name)).places
+                }
+                if concerns := await self.examine(zones, places):
+                    raise Refused(RefusalKind.NEEDS_CONFIRMATION, "; ".join(concerns))
+            return await self._replace(name, content, write_zones(zones))
+
+    async def _replace(self, name: str, content: bytes | None, new: bytes) -> ZonesSaved:
+        """Keep what was there, replace it if it is still that, and have navigation use it."""
+
+        def kept(_: bytes | None) -> bytes:
+            return b"" if content is None else content
+
+        def replaced(now: bytes | None) -> bytes:
+            if now != content:
+                raise _changed_meanwhile()
+            return new
+
+        await self._maps.change_beside(name, ZONES_BEFORE, kept)
+        await self._maps.change_beside(name, ZONES, replaced)
+        revision = revision_of(new)
+        self._entries.observe(self._bus, ZonesChanged(self._clock.now_s(), name, revision))
+        return ZonesSaved(map=name, revision=revision, warning=await self._why_unused(name) or None)
+
+    async def _why_unused(self, name: str) -> str:
+        """Have navigation use the zones, if the map is in use; they are saved in any case."""
+        if self.use is None or name != self._maps.in_use:
+            return ""
+        try:
+            return await self.use()
+        except Refused as refused:
+            return f"navigation could not be told of them, and reads them as the map is loaded: {refused}"
+
+
+def _parsed(content: bytes | None, name: str) -> Zones:
+    try:
+        return parse_zones("" if content is None else content.decode(), ZONES)
+    except ValueError as error:
+        raise MapStoreError(
+            RefusalKind.MAP_UNREADABLE, f"the zones of the map {name!r} cannot be read: {error}"
+        ) from error
+
+
+def _checked(make: Callable[[], Zones]) -> Zones:
+    """Zones that may be too many."""
+    try:
+        return make()
+    except ValueError as error:
+        raise MapStoreError(RefusalKind.OUT_OF_RANGE, f"the zones cannot be changed so: {error}") from error
+
+
+def _require_revision(content: bytes | None, revision: str | None) -> None:
+    if revision is not None and revision != revision_of(content):
+        raise _changed_meanwhile()
+
+
+def _changed_meanwhile() -> MapStoreError:
+    return MapStoreError(
+        RefusalKind.CHANGED_MEANWHILE, "the zones were changed meanwhile; look at them, and try again"
+    )
+
+
+def _require_known(own: str, ids: set[str]) -> None:
+    if own not in ids:
+        listed = ", ".join(sorted(ids)) or "none"
+        raise MapStoreError(RefusalKind.UNKNOWN_ZONE, f"no zone with the id {own!r}; there are: {listed}")
+
+
+def _new_id(revision: str, params: SaveZoneParams) -> str:
+    """An id that no other zone has had, the same whenever the same is done again."""
+    drawn = f"{revision} {params.model_dump_json()}"
+    return hashlib.sha256(drawn.encode()).hexdigest()[:8]
+
+
+def zones(service: ZonesService) -> Feature:
+    """The zones of stored maps."""
+    return Feature("zones", topics=TOPICS, methods=methods_of(service), offers=service)
