@@ -81,7 +81,7 @@ class ZonesService:
             return _checked(lambda: with_zone(zones, own, params.zone(own)))
 
         asked = params.enabled and not params.confirmed
-        saved = await self._change(params, changed, asks=asked)
+        saved = await self._apply(params, changed, asks=asked)
         return ZonesSaved(
             map=saved.map,
             revision=saved.revision,
@@ -97,7 +97,7 @@ class ZonesService:
             _require_known(params.id, {name for name, _ in zones.named()})
             return without_zone(zones, params.id)
 
-        return await self._change(params, changed)
+        return await self._apply(params, changed)
 
     @method(role=Role.DRIVE, moves=False)
     async def undo_zones(
@@ -115,7 +115,7 @@ class ZonesService:
                 )
             return await self._replace(name, content, before)
 
-    async def _change(
+    async def _apply(
         self,
         params: SaveZoneParams | ZoneId,
         change: Callable[[Zones, str], Zones],
