@@ -32,6 +32,7 @@ from chefbotd.components.maps.models import (
     GridPartData as GridPartData, MapInUse as MapInUse, MapList as MapList, MapPart as MapPart,
     MapSummary as MapSummary, PlaceData as PlaceData, PlaceList as PlaceList
 )
+from chefbotd.components.navigation.algorithms.arrival import ArrivalData as ArrivalData
 from chefbotd.components.navigation.events import (
     GoalReport as GoalReport, GoalResult as GoalResult, NavigationData as NavigationData, PathData as PathData,
     PlanResult as PlanResult
@@ -81,12 +82,12 @@ from chefbotd.rpc.encoding import Sent
 DATA_BY_TOPIC: Mapping[str, type[Sent]] = {
     "recording": RecordingData, "scan": ScanData, "lidars": LidarsData, "zones": ZonesData, "worker": WorkerData,
     "mapping": MappingData, "map": MapData, "map_pose": MapPoseData, "localization": LocalizationData,
-    "navigation": NavigationData, "path": PathData, "costmap": CostmapData, "obstacles": ObstaclesData,
-    "depth_cameras": DepthCamerasData, "wheels": WheelsData, "safety": SafetyData, "drive_warning": DriveWarningData,
-    "odometry": OdometryData, "odometry_condition": OdometryConditionData, "imu": ImuData, "ranges": RangesData,
-    "battery": BatteryData, "stats": StatsData, "agents": AgentsData, "agent_events": AgentEventData,
-    "agent_data": AgentMessageData, "calibration": CalibrationData, "sim": SimData, "link": LinkData,
-    "firmware": FirmwareData, "reset": ResetData, "text": TextData, "raw": RawData, "log": LogData
+    "navigation": NavigationData, "arrival": ArrivalData, "path": PathData, "costmap": CostmapData,
+    "obstacles": ObstaclesData, "depth_cameras": DepthCamerasData, "wheels": WheelsData, "safety": SafetyData,
+    "drive_warning": DriveWarningData, "odometry": OdometryData, "odometry_condition": OdometryConditionData,
+    "imu": ImuData, "ranges": RangesData, "battery": BatteryData, "stats": StatsData, "agents": AgentsData,
+    "agent_events": AgentEventData, "agent_data": AgentMessageData, "calibration": CalibrationData, "sim": SimData,
+    "link": LinkData, "firmware": FirmwareData, "reset": ResetData, "text": TextData, "raw": RawData, "log": LogData
 }
 """What a client reads each topic as."""
 
@@ -106,6 +107,7 @@ class TopicsOfState:
     map_pose = Latest("map_pose", MapPoseData)
     localization = Latest("localization", LocalizationData)
     navigation = Latest("navigation", NavigationData)
+    arrival = Latest("arrival", ArrivalData)
     path = Latest("path", PathData)
     costmap = Latest("costmap", CostmapData)
     obstacles = Latest("obstacles", ObstaclesData)

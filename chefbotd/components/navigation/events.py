@@ -5,6 +5,7 @@ from typing import Annotated, ClassVar
 
 from msgspec import Meta
 
+from chefbotd.components.navigation.algorithms.arrival import ArrivalData, ArrivalState
 from chefbotd.core.grid_patch import GridPatch
 from chefbotd.core.record import LogLine, Record, state_line
 
@@ -107,6 +108,17 @@ class GoalResult(Record, frozen=True):
     ] = None
     by: str = ""
     goal_id: str | None = None
+    arrival: Annotated[
+        ArrivalState | None,
+        Meta(description="what the topic arrival says of a goal that was reached; null: nothing"),
+    ] = None
+    off_m: Annotated[float | None, Meta(description="the same")] = None
+
+
+class ArrivalChanged(ArrivalData, frozen=True, kw_only=True):
+    """A goal that was reached is doubted, confirmed, or found to be wrong: so was the pose of then."""
+
+    stamp_s: float
 
 
 class GoalReport(GoalResult, frozen=True):

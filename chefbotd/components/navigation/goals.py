@@ -9,6 +9,7 @@ import msgspec
 
 from chefbotd.components.maps.models import PlaceList
 from chefbotd.components.maps.storage.places import describe_unknown
+from chefbotd.components.navigation.algorithms.arrival import ArrivalData
 from chefbotd.components.navigation.events import GoalCause, GoalResult
 from chefbotd.components.navigation.models import Waypoint
 from chefbotd.components.navigation.skill_requests import GoalAsked
@@ -105,6 +106,13 @@ class Goals:
         if not end.done():
             end.set_result(replace(ended, goal_id=self.id_of(ended.goal)))
         return True
+
+    def note_arrival(self, data: ArrivalData) -> None:
+        """What is thought now of a goal that was reached: ``get_goal`` tells it from now on."""
+        end = self._ends.get(data.goal)
+        if end is not None and end.done():
+            self._ends[data.goal] = asyncio.get_running_loop().create_future()
+            self._ends[data.goal].set_result(replace(end.result(), arrival=data.arrival, off_m=data.off_m))
 
     def set_client(self, number: int, client: int | None) -> None:
         """A goal that has not ended is to end with this client; None: with none."""

@@ -8,7 +8,9 @@ from msgspec import Meta
 from pydantic import Field, model_validator
 
 from chefbotd.components.maps.models import GridPartData, grid_part
+from chefbotd.components.navigation.algorithms.arrival import ArrivalData
 from chefbotd.components.navigation.events import (
+    ArrivalChanged,
     CostmapChanged,
     NavigationChanged,
     NavigationData,
@@ -157,5 +159,6 @@ def shown_topics(
 
 TOPICS = (
     Topic("navigation", (NavigationChanged,), NavigationData, same_names(NavigationData), always_known=True),
+    Topic("arrival", (ArrivalChanged,), ArrivalData, same_names(ArrivalData)),
     Topic("path", (PathChanged,), PathData, same_names(PathData), always_known=True),
 )

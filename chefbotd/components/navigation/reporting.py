@@ -78,6 +78,12 @@ class Reporting(StatefulPart[ReportingState]):
         for waiting in self._waiting:
             waiting.report(latest)
 
+    def revise(self, goal: int, reason: str) -> None:
+        """Say more of a goal that was reached, while it is the last of which anything was reported."""
+        last = self.memory.latest
+        if last is not None and last.goal == goal and last.state == "reached":
+            self.report(last.state, goal, reason)
+
     def state_of(self, goal: int) -> str:
         """What is done for a goal that has not ended."""
         last = self.memory.latest

@@ -17,7 +17,9 @@ from chefbotd.clock import Clock
 from chefbotd.components.localization.events import LocalizationChanged
 from chefbotd.components.maps.events import MapLoaded
 from chefbotd.components.navigation import skill_requests as messages
+from chefbotd.components.navigation.algorithms.arrival import ArrivalData
 from chefbotd.components.navigation.events import (
+    ArrivalChanged,
     GoalCause,
     GoalReport,
     GoalResult,
@@ -298,6 +300,8 @@ class NavigationService:
         follows = GoalCause.EARLIER_GOAL if has_failed else GoalCause.REPLACED
         for ended in reversed(stepped.ended):  # the one that has ended the others is reported last, and stays
             self._end(replace(ended, cause=follows) if ended.end == "cancelled" else ended)
+        if stepped.arrival is not None:
+            self._revise_arrival(stepped.arrival, stepped.stamp_s)
         if stepped.path is not None:
             self._bus.publish(PathChanged(*astuple(stepped.path), stamp_s=stepped.stamp_s))
         data = stepped.now
@@ -308,6 +312,13 @@ class NavigationService:
             self._driver.let_go()
         else:
             self._drive(stepped.twist, stepped.stamp_s)
+
+    def _revise_arrival(self, data: ArrivalData, stamp_s: float) -> None:
+        """A goal that was reached may not have been, since the pose was wrong: say so to whoever listens or asks."""
+        log.warning("arrival", goal=data.goal, arrival=str(data.arrival), reason=data.reason)
+        self._goals.note_arrival(data)
+        self._reporting.revise(data.goal, data.reason)
+        self._bus.publish(ArrivalChanged(*astuple(data), stamp_s=stamp_s))
 
     def _drive(self, twist: Twist2D, wished_s: float) -> None:
         try:

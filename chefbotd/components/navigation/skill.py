@@ -11,6 +11,12 @@ from chefbotd.components.localization.skill import LocalizationSkill
 from chefbotd.components.mapping.aligned_scans import AlignedScan, ScanAligner
 from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.components.navigation import skill_requests as requests
+from chefbotd.components.navigation.algorithms.arrival import (
+    Arrival,
+    ArrivalData,
+    begin_arrival,
+    watch_arrival,
+)
 from chefbotd.components.navigation.algorithms.costmap import GuardDistances
 from chefbotd.components.navigation.algorithms.grid import GridFrame
 from chefbotd.components.navigation.algorithms.interface import NavigationParameters, PoseStatus, Seen, Step
@@ -90,6 +96,7 @@ class NavigationSkill:
         self._cameras = {name: ScanAligner((name,)) for name in settings.cameras}
         self._range_mounts = {name: Pose2D(*mount) for name, mount in settings.range_mounts.items()}
         self._numbers: dict[int, int] = {}  # the navigator's number of each goal -> the daemon's
+        self._arrival: Arrival | None = None  # at the last goal that was reached
         self._stuck_since_s: float | None = None  # with an uncertain pose
         self._last: Stepped | None = None
         self._path: Path | None = None
@@ -211,6 +218,7 @@ class NavigationSkill:
             stepped.twist is not None
             or stepped.ended
             or stepped.path is not None
+            or stepped.arrival is not None
             or self._has_changed(stepped)
         ):
             self._last = stepped
@@ -284,7 +292,25 @@ class NavigationSkill:
             GoalResult(self._numbers.pop(goal.goal, 0), str(goal.end), goal.reason) for goal in done.ended
         )
         path = PathData() if planned is None else PathData(*_points(planned))
-        return Stepped(now_s, done.twist, data, ended, path if is_new else None)
+        arrival = self._watch_arrival(now_s, ended)
+        return Stepped(now_s, done.twist, data, ended, path if is_new else None, arrival)
+
+    def _watch_arrival(self, now_s: float, ended: tuple[GoalResult, ...]) -> ArrivalData | None:
+        """What is newly thought of the last goal that was reached."""
+        report, odometry = None if self._finder is None else self._finder.report, self._odometry
+        if report is None or odometry is None:
+            return None
+        placed = None if report.map_from_odom is None else _pose2d(report.map_from_odom)
+        reached = [goal.goal for goal in ended if goal.end == "reached"]
+        if reached and placed is not None:
+            self._arrival = begin_arrival(reached[-1], placed, odometry.odom_from_base)
+        if self._arrival is None:
+            return None
+        self._arrival, changed = watch_arrival(
+            self._arrival, now_s, placed, odometry.odom_from_base,
+            is_sure=report.state is PoseState.LOCALIZED, is_uncertain=report.state is PoseState.UNCERTAIN,
+        )  # fmt: skip
+        return changed
 
     def _has_changed(self, stepped: Stepped) -> bool:
         last, data = None if self._last is None else self._last.now, stepped.now
@@ -307,7 +333,7 @@ class NavigationSkill:
                 self._map = used if self._map is not None else None
                 return
             self._navigator.fail(f"the map was changed from {before[0]} to {used[0]}")
-        self._map, self._problem, self._map_from_odom = used, "", None
+        self._map, self._problem, self._map_from_odom, self._arrival = used, "", None, None
         if used is None or grid is None:
             self._map = None
             self._navigator.fail("there is no map in use any more")

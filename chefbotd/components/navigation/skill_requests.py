@@ -8,6 +8,7 @@ from typing import Final, TypeAlias
 
 import msgspec
 
+from chefbotd.components.navigation.algorithms.arrival import ArrivalData
 from chefbotd.components.navigation.events import GoalResult, NavigationData, PathData
 from chefbotd.components.navigation.parameters import NavigationSection
 from chefbotd.components.worker.messages import Message
@@ -128,7 +129,7 @@ class ZonesExamined(Record, frozen=True):
 class Stepped(Record, frozen=True):
     """What navigation does, and the ``twist`` that it wishes the robot to have now (None: none), in one message.
 
-    ``path`` is sent when it has changed.
+    ``path`` is sent when it has changed, ``arrival`` when something new is thought of the last goal that was reached.
     """
 
     stamp_s: float
@@ -136,6 +137,7 @@ class Stepped(Record, frozen=True):
     now: NavigationData
     ended: tuple[GoalResult, ...]
     path: PathData | None
+    arrival: ArrivalData | None = None
 
 
 REQUEST: Final = msgspec.msgpack.Decoder(NavigationRequest)

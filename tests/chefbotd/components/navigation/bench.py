@@ -9,6 +9,7 @@ from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.components.localization.events import LocalizationChanged
 from chefbotd.components.maps.models import PlaceData, PlaceList
+from chefbotd.components.navigation.algorithms.arrival import ArrivalData
 from chefbotd.components.navigation.events import GoalResult, NavigationChanged, NavigationData
 from chefbotd.components.navigation.models import GoalParams, Waypoint
 from chefbotd.components.navigation.parameters import NavigationSection
@@ -67,6 +68,10 @@ class FakeWorker:
             1.0, Twist2D(0.2, 0.1), NavigationData("driving", number, "drives", distance_m), (), None
         )
         self.hear(told)
+
+    def think_of(self, data: ArrivalData) -> None:
+        """The skill tells what it thinks now of a goal that was reached."""
+        self.hear(Stepped(1.0, None, NavigationData("idle", None), (), None, data))
 
     def told_of(self) -> list[list[int]]:
         """The goals of each ``NavigateTo``."""

@@ -16,6 +16,7 @@ from chefbotd.components.localization.skill import LocalizationSkill
 from chefbotd.components.localization.skill_requests import LocalizationSkillParameters, SetPose, UseMap
 from chefbotd.components.maps.storage.contents import save
 from chefbotd.components.maps.storage.store import MapStore
+from chefbotd.components.navigation.algorithms.arrival import ArrivalData, ArrivalState
 from chefbotd.components.navigation.parameters import NavigationSection
 from chefbotd.components.navigation.skill import NavigationSkill
 from chefbotd.components.navigation.skill_requests import (
@@ -83,6 +84,7 @@ class Carried:
         self.skill.connect({"localization": self.finder})
         self.twist, self.said, self.states, self.ends = Twist2D(), [""], [""], [""]
         self.reasons = [""]
+        self.arrivals: list[ArrivalData] = []
         self._ask(UseMap("rooms", 1))
         self._ask(SetPose(believed.x_m, believed.y_m, believed.heading_rad))
 
@@ -127,6 +129,7 @@ class Carried:
             elif isinstance(message, Stepped):
                 self.twist = message.twist or Twist2D()
                 self.said.append(message.now.reason)
+                self.arrivals += [message.arrival] if message.arrival else []
                 self.ends += [f"{goal.end}: {goal.reason}" for goal in message.ended]
 
     @property
@@ -174,6 +177,28 @@ def test_a_goal_in_the_door_of_an_equal_room_is_not_reached_by_a_pose_that_is_un
     assert robot.ends[-1].startswith("reached"), (robot.ends, robot.said[-1], robot.reasons[-1])
     assert robot.off_m < 0.1
     assert [reason for reason in robot.reasons if "the whole map is searched" in reason]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("seed", range(2))
+@pytest.mark.parametrize(("really", "believed"), [(1, 0), (0, 1), (1, 2)])
+def test_a_goal_inside_an_equal_room_that_was_reached_3_m_off_is_told_to_be_wrong_as_soon_as_the_pose_is_found(
+    tmp_path: Path, really: int, believed: int, seed: int
+) -> None:
+    """Inside the rooms nothing tells them apart. On its way to the next goal it finds out, and how far off it was."""
+    at = Pose2D(MIDDLE_M + 3.0 * really, MIDDLE_M, 1.2)
+    robot = Carried(tmp_path, at, Pose2D(MIDDLE_M + 3.0 * believed, MIDDLE_M, at.heading_rad), seed)
+    robot.run(3.0)
+    robot.go(MIDDLE_M + 3.0 * believed + 0.3, MIDDLE_M + 0.4)
+    robot.run(10.0)
+    assert robot.ends[-1].startswith("reached")
+    stood = robot.truth
+    robot.go(7.5 if believed < 2 else 1.5, 3.75)
+    robot.run(70.0)
+    assert [data.arrival for data in robot.arrivals][-1] is ArrivalState.WRONG, robot.arrivals
+    wrong = robot.arrivals[-1]
+    assert wrong.off_m == pytest.approx(3.0 * abs(really - believed), abs=0.1)
+    assert (wrong.x_m, wrong.y_m) == pytest.approx((stood.x_m, stood.y_m), abs=0.1)
 
 
 HALLWAY = box(0.0, 0.0, 40.0, 2.0)

@@ -7,7 +7,8 @@ from typing import Any
 
 import pytest
 
-from chefbotd.components.navigation.events import GoalResult
+from chefbotd.components.navigation.algorithms.arrival import ArrivalData, ArrivalState
+from chefbotd.components.navigation.events import ArrivalChanged, GoalResult
 from chefbotd.components.navigation.goals import MOST_ACTIVE
 from chefbotd.components.navigation.models import Waypoint
 from chefbotd.components.navigation.skill_requests import KeepGoals, NavigateTo, Pause, Resume
@@ -270,5 +271,30 @@ def test_who_waits_for_a_paused_goal_hears_that_it_has_not_ended() -> None:
         count = len(told)
         await asyncio.sleep(10.0)
         assert len(told) == count
+
+    benched(scenario)
+
+
+def test_a_goal_that_was_reached_by_a_wrong_pose_is_told_on_its_topic_and_by_get_goal_and_as_the_reason() -> (
+    None
+):
+    """Its end stays, since that was answered. While another goal is under way the reason is that one's."""
+
+    async def scenario(bench: Bench) -> None:
+        heard = list[ArrivalChanged]()
+        bench.bus.add_handler(heard.append, ArrivalChanged)
+        await bench.navigate(HERE)
+        bench.worker.end(1, "reached")
+        bench.worker.think_of(ArrivalData(1, ArrivalState.DOUBTED, "it may not have been there"))
+        assert (bench.told[-1].state, bench.told[-1].reason) == ("reached", "it may not have been there")
+        await bench.navigate(THERE)
+        bench.worker.step(2, 3.0)
+        bench.worker.think_of(ArrivalData(1, ArrivalState.WRONG, "it was elsewhere", 3.0, 4.0, 1.5))
+        assert bench.told[-1].goal == 2
+        assert [(event.goal, event.arrival, event.off_m) for event in heard] == [
+            (1, ArrivalState.DOUBTED, None), (1, ArrivalState.WRONG, 3.0),
+        ]  # fmt: skip
+        report = bench.service.report(1, None)
+        assert (report.end, report.arrival, report.off_m) == ("reached", ArrivalState.WRONG, 3.0)
 
     benched(scenario)
