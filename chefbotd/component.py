@@ -46,13 +46,15 @@ class PagePart(Struct, frozen=True):
     """A card of the page: the JavaScript ``file`` beside the module ``package``, whose default export is its class.
 
     The card is a section of the page in the column ``column`` (``left`` or ``right``), before the element with the id
-    ``before`` (empty: at its end). The module may import other JavaScript that lies beside it.
+    ``before`` (empty: at its end). The module may import other JavaScript that lies beside it. Guests see a card only if
+    it is ``for_guests``.
     """
 
     package: str
     file: str
     column: str = "right"
     before: str = ""
+    for_guests: bool = False
 
 
 class RunOption(Struct, frozen=True):

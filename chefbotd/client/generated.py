@@ -216,6 +216,10 @@ class GeneratedMethods(MethodCaller):
         """Write results into the daemon's configuration, which keeps its comments; the old file is kept beside it."""
         return await self._ask("CalibrationApplied", "apply_calibration", steps=steps, on_progress=on_progress)
 
+    async def send_test_notification(self) -> None:
+        """Send a message to every server, to try it; none to one for which such a message is still waiting."""
+        await self._ask(None, "send_test_notification")
+
     async def make_invitation(self, role: Literal['observe', 'guest', 'agent', 'drive', 'admin'] = 'guest',
         access_s: float | None = None, lifetime_s: float = 300.0, *, approval: bool = False, name: str = '',
         on_progress: ProgressListener | None = None) -> m.InvitationMade:
@@ -316,6 +320,9 @@ class Topics(ABC):
         **options: Unpack[Options]) -> Subscription[m.CalibrationData]: ...
     @overload
     def subscribe(self, topics: Literal["sim"], **options: Unpack[Options]) -> Subscription[m.SimData]: ...
+    @overload
+    def subscribe(self, topics: Literal["notifications"],
+        **options: Unpack[Options]) -> Subscription[m.NotificationsData]: ...
     @overload
     def subscribe(self, topics: Literal["link"], **options: Unpack[Options]) -> Subscription[m.LinkData]: ...
     @overload

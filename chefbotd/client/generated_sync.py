@@ -79,6 +79,7 @@ class SyncMethods(InBackground):
     calibrate = blocking(Client.calibrate)
     answer_calibration = blocking(Client.answer_calibration)
     apply_calibration = blocking(Client.apply_calibration)
+    send_test_notification = blocking(Client.send_test_notification)
     make_invitation = blocking(Client.make_invitation)
     redeem_invitation = blocking(Client.redeem_invitation)
     approve_invitation = blocking(Client.approve_invitation)

@@ -40,6 +40,7 @@ from chefbotd.components.navigation.events import (
 from chefbotd.components.navigation.models import (
     CostmapData as CostmapData, DynamicObstacleData as DynamicObstacleData, ObstaclesData as ObstaclesData
 )
+from chefbotd.components.notifications.events import NotificationsData as NotificationsData, ToldServer as ToldServer
 from chefbotd.components.recording.models import (
     RecordingEnded as RecordingEnded, RecordingList as RecordingList, RecordingStarted as RecordingStarted,
     RingSaved as RingSaved
@@ -87,7 +88,8 @@ DATA_BY_TOPIC: Mapping[str, type[Sent]] = {
     "drive_warning": DriveWarningData, "odometry": OdometryData, "odometry_condition": OdometryConditionData,
     "imu": ImuData, "ranges": RangesData, "battery": BatteryData, "stats": StatsData, "agents": AgentsData,
     "agent_events": AgentEventData, "agent_data": AgentMessageData, "calibration": CalibrationData, "sim": SimData,
-    "link": LinkData, "firmware": FirmwareData, "reset": ResetData, "text": TextData, "raw": RawData, "log": LogData
+    "notifications": NotificationsData, "link": LinkData, "firmware": FirmwareData, "reset": ResetData,
+    "text": TextData, "raw": RawData, "log": LogData
 }
 """What a client reads each topic as."""
 
@@ -125,6 +127,7 @@ class TopicsOfState:
     agent_data = Latest("agent_data", AgentMessageData)
     calibration = Latest("calibration", CalibrationData)
     sim = Latest("sim", SimData)
+    notifications = Latest("notifications", NotificationsData)
     firmware = Latest("firmware", FirmwareData)
     reset = Latest("reset", ResetData)
     text = Latest("text", TextData)

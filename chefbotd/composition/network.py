@@ -40,7 +40,11 @@ def cards_of(parts: Iterable[tuple[str, PagePart]]) -> "list[Card]":
 
     return [
         Card(
-            name, Path(str(import_module(part.package).__file__)).parent / part.file, part.column, part.before
+            name,
+            Path(str(import_module(part.package).__file__)).parent / part.file,
+            part.column,
+            part.before,
+            part.for_guests,
         )
         for name, part in parts
     ]

@@ -20,5 +20,7 @@ COMPONENT = Component(
     name="agents",
     api=API_VERSION,
     build=build,
-    page=(PagePart("chefbotd.components.agents", "card.js", column="left", before="driving"),),
+    page=(
+        PagePart("chefbotd.components.agents", "card.js", column="left", before="driving", for_guests=True),
+    ),
 )

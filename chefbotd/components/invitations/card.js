@@ -4,7 +4,7 @@ import { $, element } from "../../dom.js";
 
 const HTML = `
   <h2 id="invite-title">Let a phone in</h2>
-  <form id="invite-form">
+  <form id="invite-form" class="row">
     <label>It may <select id="invite-role">
       <option value="guest">order and stop</option>
       <option value="drive">drive</option>
@@ -21,11 +21,11 @@ const HTML = `
   </form>
   <div id="invite-made" hidden>
     <canvas id="invite-qr" role="img" aria-label="QR code of the invitation"></canvas>
-    <p>Scan it, or open this page on the phone and type the code <strong id="invite-code"></strong></p>
+    <p>Scan it, or open this page on the phone and type the code <strong id="invite-code"></strong>.</p>
     <p class="small" id="invite-where" role="status"></p>
     <button id="invite-done" type="button">Done</button>
   </div>
-  <ul id="invite-list" aria-label="Invitations and phones that were let in"></ul>`;
+  <ul id="invite-list" class="plain" aria-label="Invitations and phones that were let in"></ul>`;
 const MAY = { observe: "watches", guest: "orders", agent: "is a program", drive: "drives", admin: "administers" };
 const SHOWN_MS = 2000;
 const QUIET = 4; // modules around a QR code, ISO/IEC 18004
@@ -90,7 +90,8 @@ export default class Invitations {
   }
 
   #row({ key, words, waits }) {
-    const row = element("li", `${words} `);
+    const row = element("li", "", { className: "row" });
+    row.append(element("span", words));
     if (waits) row.append(this.#button("Let in", words, "approve_invitation", key));
     row.append(this.#button(waits ? "Turn away" : "Revoke", words, "revoke_access", key));
     return row;

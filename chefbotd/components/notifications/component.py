@@ -3,7 +3,7 @@
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-from chefbotd.component import API_VERSION, Component
+from chefbotd.component import API_VERSION, Component, PagePart, StatusRow
 
 if TYPE_CHECKING:
     from chefbotd.component_context import Context
@@ -33,5 +33,7 @@ COMPONENT = Component(
     check=check,
     is_enabled=lambda section, settings: section.enabled,
     outward=True,
+    page=(PagePart("chefbotd.components.notifications", "card.js"),),
+    status=(StatusRow("notifications", "chefbotd.components.notifications.status_text:notifications"),),
     daemon_commands={"notify": "chefbotd.components.notifications.cli:notify"},
 )

@@ -56,6 +56,11 @@ class Target(Record, frozen=True):
     url: SecretStr
     token: SecretStr | None
 
+    @property
+    def host(self) -> str:
+        """Whose server it is: what may be shown of the address."""
+        return urlsplit(self.url.get_secret_value()).hostname or ""
+
     def make_post(self, notice: Notice, robot: str, age_s: float, number: str) -> Post:
         """The request for a message that is this old; ``number`` is the same each time that it is tried."""
         text = f"{notice.text} (This was {_words_of(age_s)} ago.)" if age_s >= AGE_TOLD_S else notice.text

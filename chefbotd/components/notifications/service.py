@@ -1,17 +1,13 @@
 """Sends messages while the daemon runs: events become notices, and each server has a bounded queue of them."""
 
 import asyncio
-import http.client
-import secrets
-from collections import deque
-from collections.abc import Awaitable, Callable
+import time
+from collections.abc import Callable
 from typing import Any, Final
-
-import structlog
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
-from chefbotd.components.notifications.delivery import NotTaken, Post, Target, deliver, targets_of
+from chefbotd.components.notifications.delivery import deliver, targets_of
 from chefbotd.components.notifications.episodes import (
     BatteryEpisodes,
     FaultEpisodes,
@@ -19,86 +15,37 @@ from chefbotd.components.notifications.episodes import (
     Notice,
     WheelEpisodes,
 )
-from chefbotd.components.notifications.parameters import NotificationsParameters
+from chefbotd.components.notifications.events import NotificationsChanged, NotificationsData
+from chefbotd.components.notifications.outbox import Deliver, Outbox
+from chefbotd.components.notifications.parameters import NoticeKind, NotificationsParameters
 from chefbotd.core.events import BatteryMeasured, DriveWarned, SafetyChanged
 from chefbotd.event_classes import class_of
 from chefbotd.features.feature import Feature, Service
 from chefbotd.metrics import Metrics
-
-log = structlog.get_logger(component="notifications")
-
-QUEUE_LENGTH: Final = 32
-FIRST_WAIT_S: Final = 5.0
-LONGEST_WAIT_S: Final = 300.0
-GIVE_UP_S: Final = 6 * 3600.0
-"""An older message is of no use."""
+from chefbotd.rpc.method import Caller, method, methods_of
+from chefbotd.rpc.models import DONE, Done, NoParams
+from chefbotd.rpc.parameters import Role
+from chefbotd.rpc.topics import Topic, same_names
 
 CHECK_EVERY_S: Final = 1.0
-
-Deliver = Callable[[Post], Awaitable[None]]
-
-
-class Outbox:
-    """The messages for one server, sent one after the other, the oldest first; in a full one the oldest gives way."""
-
-    def __init__(self, target: Target, robot: str, clock: Clock, send: Deliver) -> None:
-        self._target, self._robot, self._clock, self._send = target, robot, clock, send
-        self._notices: deque[tuple[str, Notice]] = deque()
-        self._is_filled = asyncio.Event()
-        self.sent = self.dropped = 0
-
-    def add_notice(self, notice: Notice) -> None:
-        """Have a message sent; never waits."""
-        if len(self._notices) == QUEUE_LENGTH:
-            self._notices.popleft()
-            self.dropped += 1
-        self._notices.append((secrets.token_hex(8), notice))
-        self._is_filled.set()
-
-    async def run(self) -> None:
-        """Send until cancelled."""
-        while True:
-            await self._is_filled.wait()
-            number, notice = self._notices.popleft()
-            if not self._notices:
-                self._is_filled.clear()
-            await self._send_notice(number, notice)
-
-    async def _send_notice(self, number: str, notice: Notice) -> None:
-        """Try until it is sent, is refused for good, or is too old."""
-        wait_s = FIRST_WAIT_S
-        while True:
-            age_s = max(self._clock.now_s() - notice.stamp_s, 0.0)
-            try:
-                await self._send(self._target.make_post(notice, self._robot, age_s, number))
-            except (OSError, http.client.HTTPException, NotTaken) as error:
-                # Words of the error may repeat what the server or the address said; its class and its number do not.
-                name = str(error) if isinstance(error, NotTaken) else type(error).__name__
-                if (isinstance(error, NotTaken) and not error.again) or age_s + wait_s > GIVE_UP_S:
-                    self.dropped += 1
-                    log.warning(
-                        "a message is given up", target=self._target.name, kind=notice.kind, error=name
-                    )
-                    return
-                if wait_s == FIRST_WAIT_S:
-                    log.warning(
-                        "a message is not sent, and is tried again", target=self._target.name, error=name
-                    )
-                await asyncio.sleep(wait_s)
-                wait_s = min(2 * wait_s, LONGEST_WAIT_S)
-            else:
-                self.sent += 1
-                return
 
 
 class NotificationService:
     """Watches the bus, and fills the queues of the servers."""
 
     def __init__(
-        self, bus: Bus, clock: Clock, section: NotificationsParameters, robot: str, send: Deliver = deliver
+        self,
+        bus: Bus,
+        clock: Clock,
+        section: NotificationsParameters,
+        robot: str,
+        send: Deliver = deliver,
+        wall_s: Callable[[], float] = time.time,
     ) -> None:
-        self._clock, self._kinds = clock, frozenset(section.kinds)
-        self.outboxes = [Outbox(target, robot, clock, send) for target in targets_of(section)]
+        self._bus, self._clock, self._kinds = bus, clock, section.kinds
+        self.outboxes = [
+            Outbox(target, robot, clock, send, wall_s, self._publish) for target in targets_of(section)
+        ]
         self._goals = GoalEpisodes(section.stuck_after_s)
         self._listen(bus, SafetyChanged, FaultEpisodes().take_safety)
         self._listen(bus, BatteryMeasured, BatteryEpisodes().take_battery)
@@ -114,8 +61,23 @@ class NotificationService:
             for outbox in self.outboxes:
                 outbox.add_notice(notice)
 
+    def _publish(self) -> None:
+        kinds = tuple(str(kind) for kind in self._kinds)
+        servers = tuple(outbox.told() for outbox in self.outboxes)
+        self._bus.publish(NotificationsChanged(kinds, servers, stamp_s=self._clock.now_s()))
+
+    @method(role=Role.ADMIN, moves=False)
+    def send_test_notification(self, caller: Caller, params: NoParams) -> Done:
+        """Send a message to every server, to try it; none to one for which such a message is still waiting."""
+        notice = Notice(NoticeKind.TEST, "Test", "This is a test of its notifications.", self._clock.now_s())
+        for outbox in self.outboxes:
+            if not outbox.is_waiting_with(NoticeKind.TEST):
+                outbox.add_notice(notice)
+        return DONE
+
     async def run(self) -> None:
         """Send, and look whether the robot is stuck, until cancelled."""
+        self._publish()
         async with asyncio.TaskGroup() as tasks:
             for outbox in self.outboxes:
                 tasks.create_task(outbox.run())
@@ -143,5 +105,12 @@ def notifications(
         )
 
     return Feature(
-        "notifications", services=(Service("notifications", service.run),), add_metrics=add_metrics
+        "notifications",
+        services=(Service("notifications", service.run),),
+        methods=(rows := methods_of(service)),
+        topics=(
+            Topic("notifications", (NotificationsChanged,), NotificationsData, same_names(NotificationsData)),
+        ),
+        add_metrics=add_metrics,
+        not_replayed=tuple(row.name for row in rows),
     )

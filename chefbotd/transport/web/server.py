@@ -53,6 +53,7 @@ class Card(Struct, frozen=True):
     file: Path
     column: str
     before: str
+    for_guests: bool = False
 
 
 def page_files(cards: Sequence[Card] = ()) -> dict[str, PageFile]:
@@ -76,7 +77,8 @@ def page_files(cards: Sequence[Card] = ()) -> dict[str, PageFile]:
             log.error("a card of the page is left out", component=card.name, reason=str(error))
         else:
             module = f".{base}/{card.file.name}"
-            listed.append({"name": card.name, "module": module, "column": card.column, "before": card.before})
+            place = {"column": card.column, "before": card.before, "for_guests": card.for_guests}
+            listed.append({"name": card.name, "module": module, **place})
     files["/cards.js"] = PageFile(TYPES["js"], f"export const CARDS = {json.dumps(listed)};\n".encode())
     return {"/": files["/index.html"], **files}
 

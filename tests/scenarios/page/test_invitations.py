@@ -36,8 +36,16 @@ def test_an_administrator_lets_a_phone_in_and_out_again(
             assert tab.locator("#estop").is_visible()
             tab.get_by_role("button", name="Come in").tap()
             sync_api.expect(tab.locator("#role")).to_have_text("order and stop")
-            sync_api.expect(tab.locator("#driving")).to_be_hidden()
-            sync_api.expect(tab.locator("#invite-form")).to_be_hidden()
+            sync_api.expect(tab.locator("#login")).to_be_hidden()
+            sync_api.expect(tab.locator("#view")).to_be_visible()
+            for title in (
+                "Drive",
+                "Let a phone in",
+                "Lately",
+                "Wheels",
+                "Calibration",
+            ):  # programs, map and stop alone
+                sync_api.expect(tab.get_by_role("heading", name=title, exact=True)).to_be_hidden()
             tab.close()
             again = phone.new_page()
             again.goto(robot.url)

@@ -15,8 +15,8 @@ from chefbotd.core.record import Record
 from chefbotd.event_classes import class_of, decode
 
 OF_THE_RECORDER = frozenset({"RecordingChanged", "EventsDropped"})
-NOT_COMPARED = OF_THE_RECORDER | {"LineSeen"}
-"""What the recorder says of itself, and what the bytes of the links have in it."""
+NOT_COMPARED = OF_THE_RECORDER | {"LineSeen", "NotificationsChanged"}
+"""What the recorder says of itself, what the bytes of the links have in it, and who was told: a replay tells nobody."""
 
 MAX_EVENT_BYTES = 32_000_000
 """A state with a lidar has 70 kB, a scan some 60."""

@@ -6,8 +6,9 @@ import { CARDS } from "./cards.js";
 // Call ``add`` with each card that can be loaded, once it is; one that cannot is left out, and the console says why. They
 // stand in the order in which the daemon lists them.
 export function addComponents(page, add) {
-  for (const { name, module, column, before } of CARDS) {
+  for (const { name, module, column, before, for_guests: forGuests } of CARDS) {
     const section = place(name, column, before);
+    section.classList.toggle("for-guests", forGuests);
     import(module).then(({ default: Card }) => add(new Card({ ...page, section })))
       .catch((error) => {
         section.remove();

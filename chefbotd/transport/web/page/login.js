@@ -16,7 +16,7 @@ export class Login {
   constructor(connection, begin) {
     Object.assign(this, { connection, begin });
     this.#joining = new Joining(connection, {
-      connect: () => { this.#setBehind(false); connection.connect(); },
+      connect: () => connection.connect(),
       refused: (words) => this.#askForToken(words),
     });
     connection.addEventListener("hello", ({ detail }) => this.#greeted(detail));
@@ -38,6 +38,8 @@ export class Login {
     if (hello.auth === "token" && (this.#token === null || this.#joining.invited)) return this.#askForToken("");
     const role = await this.#role();
     if (role === null) return undefined;
+    $("login").close();
+    this.#setBehind(false);
     this.connection.settled();
     text("connection", "connected");
     const can = await this.#permitted(new Set(hello.capabilities), role);
@@ -86,6 +88,7 @@ export class Login {
 
   // The daemon's capabilities without the methods that this role may not use: those are as good as absent.
   async #permitted(capabilities, role) {
+    document.body.dataset.role = role; // guests see the cards that are for them
     $("role-part").hidden = !MAY[role];
     text("role", MAY[role] ?? "");
     if (!MAY[role]) return capabilities;

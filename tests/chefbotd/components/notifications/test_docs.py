@@ -8,7 +8,7 @@ import pytest
 from click.testing import CliRunner
 
 from chefbotd.cli.programs.chefbotd import main
-from chefbotd.components.notifications import service
+from chefbotd.components.notifications import outbox
 from chefbotd.components.notifications.delivery import AGE_TOLD_S, ATTEMPT_S, NotTaken
 from chefbotd.components.notifications.episodes import CALM_S, LOW_S, NEARER_M
 from chefbotd.components.notifications.parameters import NoticeKind, NotificationsParameters
@@ -42,8 +42,8 @@ def test_its_line_of_the_unit_is_a_command_that_there_is(tmp_path: Path):
 
 def test_its_figures_are_those_of_the_program():
     """Waits, ages and bounds."""
-    assert (service.QUEUE_LENGTH, service.FIRST_WAIT_S, service.LONGEST_WAIT_S) == (32, 5.0, 300.0)
-    assert (service.GIVE_UP_S, ATTEMPT_S, AGE_TOLD_S) == (6 * 3600.0, 15.0, 30.0)
+    assert (outbox.QUEUE_LENGTH, outbox.FIRST_WAIT_S, outbox.LONGEST_WAIT_S) == (32, 5.0, 300.0)
+    assert (outbox.GIVE_UP_S, ATTEMPT_S, AGE_TOLD_S) == (6 * 3600.0, 15.0, 30.0)
     assert (LOW_S, CALM_S, NEARER_M, NotificationsParameters().stuck_after_s) == (5.0, 60.0, 0.2, 60.0)
 
 

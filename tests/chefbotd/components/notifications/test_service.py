@@ -18,8 +18,9 @@ from chefbotd.clock import LoopClock, ManualClock, run_virtual
 from chefbotd.components.notifications.cli import notify
 from chefbotd.components.notifications.delivery import NotTaken, Post, Target, Undeliverable, deliver
 from chefbotd.components.notifications.episodes import Notice
+from chefbotd.components.notifications.outbox import QUEUE_LENGTH, Outbox
 from chefbotd.components.notifications.parameters import NoticeKind, NotificationsParameters
-from chefbotd.components.notifications.service import QUEUE_LENGTH, NotificationService, Outbox
+from chefbotd.components.notifications.service import NotificationService
 from chefbotd.core.events import SafetyChanged
 from chefbotd.core.record import replace
 from chefbotd.process.build import build
