@@ -50,7 +50,7 @@ class Outbox:
         self._last: tuple[str, ToldServer] = ("", ToldServer(target.name, target.host))
         self.sent = self.dropped = 0
 
-    def told(self) -> ToldServer:
+    def state_of_server(self) -> ToldServer:
         """The server, and how its last message fared."""
         waiting = len(self._notices) + (self._trying is not None)
         return replace(self._last[1], waiting=waiting, sent=self.sent, dropped=self.dropped)
@@ -67,10 +67,10 @@ class Outbox:
             self.dropped += 1
         number = secrets.token_hex(8)
         self._notices.append((number, notice))
-        told = ToldServer(
+        waits = ToldServer(
             self._target.name, self._target.host, "waits", notice.title, notice.text, self._wall_s()
         )
-        self._last = (number, told)
+        self._last = (number, waits)
         self._is_filled.set()
         self._changed()
 

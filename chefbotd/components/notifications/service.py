@@ -63,7 +63,7 @@ class NotificationService:
 
     def _publish(self) -> None:
         kinds = tuple(str(kind) for kind in self._kinds)
-        servers = tuple(outbox.told() for outbox in self.outboxes)
+        servers = tuple(outbox.state_of_server() for outbox in self.outboxes)
         self._bus.publish(NotificationsChanged(kinds, servers, stamp_s=self._clock.now_s()))
 
     @method(role=Role.ADMIN, moves=False)
