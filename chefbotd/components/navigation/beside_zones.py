@@ -22,11 +22,13 @@ def join_zones(worker: Worker, zones: ZonesService) -> None:
 
     async def examine(wanted_zones: Zones, places: Places) -> tuple[str, ...]:
         request = ExamineZones(write_zones(wanted_zones), dict(places))
-        examined = await worker.request(SKILL, request, ZonesExamined, deadline_s=TIMEOUT_S)
+        examined = await worker.request(
+            SKILL, request, ZonesExamined, deadline_s=TIMEOUT_S, is_replayed=False
+        )
         return examined.concerns
 
     async def use() -> str:
-        checked = await worker.request(SKILL, UseZones(), MapChecked, deadline_s=TIMEOUT_S)
+        checked = await worker.request(SKILL, UseZones(), MapChecked, deadline_s=TIMEOUT_S, is_replayed=False)
         return checked.problem
 
     zones.examine, zones.use = examine, use

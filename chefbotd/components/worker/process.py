@@ -153,19 +153,21 @@ class Worker:
         deadline_s: float,
         on_progress: OnProgress | None = None,
         settles: bool = False,
+        is_replayed: bool = True,
     ) -> A:
         """Have a skill do something, and return what it answers, which is of the class ``answer``.
 
         A worker that neither answers nor reports progress within ``deadline_s`` is killed. Cancelling this gives the
         request up. One that ``settles`` waits until the worker has given up, or has done it nevertheless, which is then
-        the result: only for a client's request, as a service must end when it is cancelled.
+        the result: only for a client's request, as a service must end when it is cancelled. One that is made within
+        ``InputLog.outside`` is not ``is_replayed``.
 
         Raises:
             Refused: it was not done, and why; ``WorkerLost`` where nobody can say whether it was.
         """
         if self._channel is None or not self.is_ready:
             raise WorkerLost(f"the worker is {self.status.state}{_because(self.status.reason)}")
-        number, future = self._requests.open(deadline_s, on_progress)
+        number, future = self._requests.open(deadline_s, on_progress, is_replayed=is_replayed)
         self._channel.send(messages.SkillRequest(number, skill, deadline_s, pack_body(body)))
         try:
             return msgspec.msgpack.decode(await asyncio.shield(future), type=answer)

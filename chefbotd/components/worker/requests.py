@@ -36,11 +36,20 @@ class Requests:
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self.last_number = 0
+        self._last_unreplayed = 0
         self._pending: dict[int, _Pending] = {}
 
-    def open(self, deadline_s: float, on_progress: OnProgress | None) -> tuple[int, "asyncio.Future[bytes]"]:
-        """The number of a new request, and what its answer comes into."""
-        self.last_number = number = self.last_number + 1
+    def open(
+        self, deadline_s: float, on_progress: OnProgress | None, *, is_replayed: bool = True
+    ) -> tuple[int, "asyncio.Future[bytes]"]:
+        """The number of a new request, and what its answer comes into.
+
+        One that a replay does not make has a number below zero, so that it does not change those of the others.
+        """
+        if is_replayed:
+            self.last_number = number = self.last_number + 1
+        else:
+            self._last_unreplayed = number = self._last_unreplayed - 1
         future = asyncio.get_running_loop().create_future()
         due_s = self._clock.now_s() + deadline_s
         self._pending[number] = _Pending(future, on_progress, deadline_s, due_s)

@@ -81,7 +81,7 @@ class ZonesService:
             return _checked(lambda: with_zone(zones, own, params.zone(own)))
 
         asked = params.enabled and not params.confirmed
-        saved = await self._apply(params, changed, asks=asked)
+        saved = await self._in_order(lambda: self._apply(params, changed, asks=asked))
         return ZonesSaved(
             map=saved.map,
             revision=saved.revision,
@@ -97,23 +97,34 @@ class ZonesService:
             _require_known(params.id, {name for name, _ in zones.named()})
             return without_zone(zones, params.id)
 
-        return await self._apply(params, changed)
+        return await self._in_order(lambda: self._apply(params, changed))
 
     @method(role=Role.DRIVE, moves=False)
     async def undo_zones(
         self, caller: Caller, params: ChangeZonesParams, progress: ProgressReporter
     ) -> ZonesSaved:
         """Take the last change of a map's zones back, to the byte; done again, it is made again."""
+        return await self._in_order(lambda: self._undo(params))
+
+    async def _in_order(self, change: Callable[[], Awaitable[ZonesSaved]]) -> ZonesSaved:
+        """One change after the other; a replay makes none, because the disk and the worker are not there."""
+
+        async def change_alone() -> ZonesSaved:
+            async with self._order:
+                return await change()
+
+        return await self._entries.outside(change_alone)
+
+    async def _undo(self, params: ChangeZonesParams) -> ZonesSaved:
         name = self._maps.named(params.map)
-        async with self._order:
-            content = await self._maps.read_beside(name, ZONES)
-            _require_revision(content, params.revision)
-            before = await self._maps.read_beside(name, ZONES_BEFORE)
-            if before is None:
-                raise MapStoreError(
-                    RefusalKind.NOTHING_TO_UNDO, f"no change of the zones of the map {name!r} is remembered"
-                )
-            return await self._replace(name, content, before)
+        content = await self._maps.read_beside(name, ZONES)
+        _require_revision(content, params.revision)
+        before = await self._maps.read_beside(name, ZONES_BEFORE)
+        if before is None:
+            raise MapStoreError(
+                RefusalKind.NOTHING_TO_UNDO, f"no change of the zones of the map {name!r} is remembered"
+            )
+        return await self._replace(name, content, before)
 
     async def _apply(
         self,
@@ -122,19 +133,17 @@ class ZonesService:
         *,
         asks: bool = False,
     ) -> ZonesSaved:
-        """One change after the other; with ``asks`` only where it does nothing that may not be meant."""
+        """Make a change; with ``asks`` only one that does nothing that may not be meant."""
         name = self._maps.named(params.map)
-        async with self._order:
-            content = await self._maps.read_beside(name, ZONES)
-            _require_revision(content, params.revision)
-            zones = change(_parsed(content, name), revision_of(content))
-            if asks and self.examine is not None and name == self._maps.in_use:
-                places = {
-                    place.name: (place.x_m, place.y_m) for place in (await self._maps.places(name)).places
-                }
-                if concerns := await self.examine(zones, places):
-                    raise Refused(RefusalKind.NEEDS_CONFIRMATION, "; ".join(concerns))
-            return await self._replace(name, content, write_zones(zones))
+        content = await self._maps.read_beside(name, ZONES)
+        _require_revision(content, params.revision)
+        zones = change(_parsed(content, name), revision_of(content))
+        if asks and self.examine is not None and name == self._maps.in_use:
+            listed = await self._maps.places(name)
+            places = {place.name: (place.x_m, place.y_m) for place in listed.places}
+            if concerns := await self.examine(zones, places):
+                raise Refused(RefusalKind.NEEDS_CONFIRMATION, "; ".join(concerns))
+        return await self._replace(name, content, write_zones(zones))
 
     async def _replace(self, name: str, content: bytes | None, new: bytes) -> ZonesSaved:
         """Keep what was there, replace it if it is still that, and have navigation use it."""

@@ -24,7 +24,7 @@ pytestmark = pytest.mark.slow
 
 
 def test_a_drive_to_goals_is_replayed_bit_for_bit_without_a_worker(tmp_path: Path) -> None:
-    """A place, a goal that is given up on the way, a worker that is killed, an e-stop: the worker's part is recorded."""
+    """A place, a zone drawn on the way, a goal given up, a worker killed, an e-stop: the worker's part is recorded."""
     save(MapStore(tmp_path, 3), "flat", FLAT.grid())
     children: list[Child] = []
 
@@ -43,6 +43,7 @@ def test_a_drive_to_goals_is_replayed_bit_for_bit_without_a_worker(tmp_path: Pat
         await client.save_place("hall", x_m=2.6, y_m=4.0, heading_rad=0.4)
         goal = asyncio.create_task(client.navigate_to(place="hall"))
         await asyncio.sleep(3.1)
+        await client.save_zone([[7, 6], [7.4, 6], [7.4, 6.4]], name="rug", confirmed=True)
         await client.cancel_navigation()
         with contextlib.suppress(GoalCancelled):
             await goal

@@ -88,6 +88,7 @@ NO_STATE = {
     "ReadShape.readers": "as the shapes",
     "Reporting._timer": "who waits is told again, and nobody is there",
     "Reporting._waiting": "who waits begins again",
+    "Requests._last_unreplayed": "a replay makes none of these requests",
     "Requests._pending": "a request under way is told of as left out",
     "RplidarDecoder._at": "what was read of its data is not kept",
     "RplidarDecoder._data": "as before",
