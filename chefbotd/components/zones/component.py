@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from chefbotd.component import API_VERSION, Component
+from chefbotd.component import API_VERSION, Component, PagePart
 from chefbotd.components.maps.component import COMPONENT as MAPS
 
 if TYPE_CHECKING:
@@ -25,5 +25,6 @@ COMPONENT = Component(
     is_enabled=lambda section, settings: MAPS.is_enabled(getattr(settings, "maps", None), settings),
     events=("chefbotd.components.zones.events:ZonesChanged",),
     client_methods=("chefbotd.components.zones.client_methods:ZoneMethods",),
+    page=(PagePart("chefbotd.components.zones", "page/card.js", column="left"),),
     commands={"zones": "chefbotd.components.zones.cli:zones"},
 )

@@ -24,6 +24,7 @@ export class View {
     this.ranges = [];
     this.trail = [];
     this.path = null;
+    this.layers = []; // what parts of the page paint over the map, in metres
     this.route = []; // where the goals of the list are
     this.#readColours();
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
@@ -102,6 +103,7 @@ export class View {
     this.#paintGrid(width, height);
     if (this.grid) this.#paintMap(this.grid);
     if (this.costs) this.#paintMap(this.costs);
+    for (const paint of this.layers) paint(c);
     if (this.obstacles) this.#paintObstacles(this.obstacles);
     this.#line(this.trail, colours.trail, 2);
     if (this.path) this.#line(this.path, colours.robot, 3);

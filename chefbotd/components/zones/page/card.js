@@ -1,0 +1,156 @@
+// Zones: where the robot must not go, and where it goes slowly. Listed, switched, deleted, undone, and drawn in the view.
+
+import { confirmed, dismiss } from "../../confirm.js";
+import { $, element, text } from "../../dom.js";
+import { refusal, sentence } from "../../words.js";
+import { Drawing } from "./drawing.js";
+
+const HTML = `
+  <h2 id="zones-title">Zones</h2>
+  <p id="zones-none" class="small">No zones on this map. The robot may go everywhere.</p>
+  <ul id="zones" class="plain"></ul>
+  <div class="buttons">
+    <button type="button" id="zone-keep_out">Draw a no-go area</button>
+    <button type="button" id="zone-slow">Draw a slow area</button>
+    <button type="button" id="zone-wall">Draw a wall</button>
+    <button type="button" id="zones-undo" hidden>Undo the last change</button>
+  </div>`;
+const KINDS = ["keep_out", "slow", "wall"];
+
+export default class Zones {
+  #map = null;
+  #revision;
+  #mayDraw = false;
+
+  constructor({ connection, ask, say, view, section }) {
+    Object.assign(this, { connection, ask, say, view, section });
+    section.innerHTML = HTML;
+    section.setAttribute("aria-labelledby", "zones-title");
+    this.legend = view.addToLegend("zone", "zone");
+    this.drawing = new Drawing(view, (zone) => this.#save(zone));
+    this.zones = [];
+    view.layers.push((context) => this.#paint(context));
+    connection.on("localization", ({ map }) => this.#use(map));
+    connection.on("zones", ({ map, revision }) => { if (map === this.#map && revision !== this.#revision) this.#list(); });
+    connection.addEventListener("closed", () => { this.#revision = undefined; });
+    for (const kind of KINDS) $(`zone-${kind}`).addEventListener("click", () => this.drawing.begin(kind));
+    $("zones-undo").addEventListener("click", () => this.#change("undo_zones", {}));
+  }
+
+  begin(can) {
+    this.section.hidden = !can.has("method.list_zones");
+    this.#mayDraw = can.has("method.save_zone");
+    for (const kind of KINDS) $(`zone-${kind}`).hidden = !this.#mayDraw;
+    this.#map = null;
+  }
+
+  // Zones belong to a map: read anew when another one is in use.
+  #use(map) {
+    if (map === this.#map) return;
+    this.#map = map;
+    this.drawing.end();
+    dismiss();
+    if (map && !this.section.hidden) this.#list();
+    else this.#show({ zones: [], can_undo: false });
+  }
+
+  async #list() {
+    const map = this.#map;
+    const listed = await this.ask("list_zones", { map });
+    if (listed && map === this.#map) this.#show(listed);
+  }
+
+  #show({ zones, revision, can_undo }) {
+    this.zones = zones;
+    this.#revision = revision;
+    $("zones").replaceChildren(...zones.map((zone) => this.#row(zone)));
+    $("zones-none").hidden = zones.length > 0 || !this.#map;
+    $("zones-undo").hidden = !can_undo || !this.#mayDraw;
+    for (const kind of KINDS) $(`zone-${kind}`).disabled = !this.#map;
+    this.legend.hidden = zones.length === 0;
+    this.view.draw();
+  }
+
+  #row(zone) {
+    const row = element("li", "", { className: "row" });
+    const label = element("label");
+    const box = element("input", "", { type: "checkbox", checked: zone.enabled, disabled: !this.#mayDraw });
+    box.addEventListener("change", () => this.#save({ ...zone, enabled: box.checked }));
+    label.append(box, ` ${nameOf(zone)}`);
+    row.append(label, element("span", MEANS[zone.kind](zone), { className: "small" }));
+    if (this.#mayDraw) {
+      const remove = element("button", "Delete", { type: "button" });
+      remove.setAttribute("aria-label", `Delete ${nameOf(zone)}`);
+      remove.addEventListener("click", () => this.#change("delete_zone", { id: zone.id }));
+      row.append(remove);
+    }
+    return row;
+  }
+
+  // Where it covers the robot or a place, or cuts one off, the daemon asks, and so does the page.
+  async #save(zone) {
+    const { width_m, max_speed_m_s, ...rest } = zone;
+    const params = { ...rest, ...(zone.kind === "wall" && width_m ? { width_m } : {}), ...(zone.kind === "slow" ? { max_speed_m_s } : {}) };
+    try {
+      await this.#changed("save_zone", params);
+    } catch (error) {
+      if (error.kind !== "needs_confirmation") this.say(refusal(error));
+      else if (await confirmed(`${sentence(error.message).replace(/[.]?$/, ".")} Use the zone all the same?`, "Use it", "No")) {
+        return void this.#change("save_zone", { ...params, confirmed: true });
+      }
+      this.#list(); // a switch goes back to what it is
+    }
+  }
+
+  async #change(method, params) {
+    try {
+      await this.#changed(method, params);
+    } catch (error) {
+      this.say(refusal(error));
+      this.#list();
+    }
+  }
+
+  async #changed(method, params) {
+    const saved = await this.connection.request(method, { ...params, map: this.#map, revision: this.#revision });
+    this.say(saved.warning ? sentence(saved.warning) : "");
+    await this.#list();
+  }
+
+  #paint(c) {
+    const { colours, scale } = this.view;
+    for (const zone of [...this.zones.filter((each) => each.enabled), ...this.drawing.drafts]) {
+      c.strokeStyle = c.fillStyle = zone.kind === "slow" ? colours.range : colours.scan;
+      c.lineWidth = zone.kind === "wall" ? Math.max(zone.width_m ?? 0.05, 3 / scale) : 2 / scale;
+      c.setLineDash(zone.kind === "slow" ? [8 / scale, 5 / scale] : []);
+      c.beginPath();
+      for (const [x, y] of zone.points_m) c.lineTo(x, y);
+      if (zone.kind !== "wall" && zone.points_m.length > 2) {
+        c.closePath();
+        c.globalAlpha = 0.18;
+        c.fill();
+        c.globalAlpha = 1;
+      }
+      c.stroke();
+      c.setLineDash([]);
+      if (zone.isDraft) for (const point of zone.points_m) dot(c, point, 5 / scale);
+    }
+  }
+}
+
+const NAMES = { keep_out: "No-go area", slow: "Slow area", wall: "Wall" };
+const MEANS = {
+  keep_out: () => "not to be entered",
+  slow: ({ max_speed_m_s }) => `at most ${max_speed_m_s} m/s`,
+  wall: () => "taken for a wall",
+};
+
+function nameOf({ kind, name }) {
+  return name || NAMES[kind];
+}
+
+function dot(c, [x, y], radius) {
+  c.beginPath();
+  c.arc(x, y, radius, 0, 2 * Math.PI);
+  c.fill();
+}

@@ -1,0 +1,87 @@
+// Draws the corners of a zone in the view: each click or tap there is one, and nothing is sent to the robot before "Done".
+
+import { $, element, text } from "../../dom.js";
+
+const HTML = `
+  <p id="zone-told" role="status"></p>
+  <label>Name <input id="zone-name" maxlength="100" autocomplete="off"></label>
+  <label id="zone-speed-label">No faster than <input id="zone-speed" type="number" min="0.02" max="1" step="0.01" value="0.10"> m/s</label>
+  <button type="submit" class="wanted" id="zone-done">Done</button>
+  <button type="button" id="zone-back">One corner back</button>
+  <button type="button" id="zone-no">No</button>`;
+const LEAST = { keep_out: 3, slow: 3, wall: 2 };
+const WHAT = { keep_out: "Touch the corners of the no-go area", slow: "Touch the corners of the slow area", wall: "Touch where the wall goes along" };
+
+export class Drawing {
+  #kind = null;
+  #points = [];
+  #held = null; // what the view did before
+
+  constructor(view, use) {
+    this.view = view;
+    this.form = element("form", "", { id: "zone-drawing", className: "drawing row", hidden: true, innerHTML: HTML });
+    view.canvas.parentElement.after(this.form);
+    $("zone-back").addEventListener("click", () => { this.#points.pop(); this.#show(); });
+    $("zone-no").addEventListener("click", () => this.end());
+    this.form.addEventListener("submit", (event) => {
+      event.preventDefault();
+      const zone = { kind: this.#kind, name: $("zone-name").value.trim(), enabled: true, points_m: this.#points };
+      if (this.#kind === "slow") zone.max_speed_m_s = Number($("zone-speed").value);
+      this.end();
+      use(zone);
+    });
+  }
+
+  // What is being drawn, as a list of none or one.
+  get drafts() {
+    return this.#kind === null ? [] : [{ kind: this.#kind, points_m: this.#points, isDraft: true }];
+  }
+
+  begin(kind) {
+    this.end();
+    const { view } = this;
+    const { onPose, onProposal, gesture } = view;
+    view.gestures.cancel();
+    this.#held = { onPose, onProposal, gesture };
+    this.#kind = kind;
+    this.#points = [];
+    view.gesture = "corner";
+    view.onPose = (pose) => this.#add(pose);
+    view.onProposal = (pose) => {
+      if (!pose) return;
+      view.gestures.cancel();
+      this.#add(pose);
+    };
+    $("zone-name").value = "";
+    $("zone-speed-label").hidden = kind !== "slow";
+    this.form.hidden = false;
+    this.#show();
+    view.canvas.scrollIntoView({ block: "nearest" });
+  }
+
+  end() {
+    if (this.#held === null) return;
+    const { onPose, onProposal, gesture } = this.#held;
+    this.view.gestures.cancel();
+    Object.assign(this.view, { onPose, onProposal }, this.view.gesture === "corner" ? { gesture } : {});
+    this.#held = this.#kind = null;
+    this.form.hidden = true;
+    this.view.draw();
+  }
+
+  #add({ x_m, y_m }) {
+    this.#points = [...this.#points, [round(x_m), round(y_m)]];
+    this.#show();
+  }
+
+  #show() {
+    const count = this.#points.length;
+    const missing = LEAST[this.#kind] - count;
+    text("zone-told", `${WHAT[this.#kind]}: ${count} so far${missing > 0 ? `, ${missing} more` : ""}.`);
+    $("zone-done").disabled = missing > 0;
+    $("zone-back").disabled = count === 0;
+    this.view.draw();
+  }
+}
+
+const round = (metres) => Math.round(metres * 1000) / 1000;

@@ -1,0 +1,125 @@
+"""The card of the zones, in a real browser before a daemon of the tests."""
+
+from typing import Any, ClassVar
+
+import pytest
+
+from tests.scenarios.page.browser import NEEDS_BROWSER, FakeDaemon, barriers, middle_of_view, pixel, sync_api
+
+pytestmark = [pytest.mark.slow, pytest.mark.realtime, NEEDS_BROWSER]
+
+STAIRS = {
+    "id": "3f0c",
+    "kind": "keep_out",
+    "name": "stairs",
+    "enabled": True,
+    "points_m": [[-0.5, -0.5], [0.5, -0.5], [0.5, 0.5], [-0.5, 0.5]],
+    "max_speed_m_s": None,
+    "width_m": None,
+}
+
+
+class DaemonWithZones(FakeDaemon):
+    """It has one zone, about the middle of the view."""
+
+    METHODS = (*FakeDaemon.METHODS, "list_zones", "save_zone", "delete_zone", "undo_zones")
+    TOPICS = (*FakeDaemon.TOPICS, "zones")
+    RESULTS: ClassVar[dict[str, Any]] = {
+        **FakeDaemon.RESULTS,
+        "list_zones": {"map": "flat", "revision": "r1", "zones": [STAIRS], "can_undo": True},
+    }
+
+
+@pytest.fixture
+def zones(page: Any, served: str) -> DaemonWithZones:
+    """The page is open on it, and the map is in use."""
+    daemon = DaemonWithZones(page)
+    daemon.opened(served)
+    daemon.say("localization", state="localized", map="flat", reason="", fit=0.9)
+    sync_api.expect(page.locator("#zones")).to_contain_text("stairs")
+    return daemon
+
+
+def test_a_zone_is_shown_switched_off_deleted_and_brought_back(page: Any, zones: DaemonWithZones) -> None:
+    """It is coloured on the map; each button sends what it says, with the revision that was read."""
+    x, y = middle_of_view(page)
+    inside = pixel(page, x + 15, y - 15)
+    outside = pixel(page, x + 150, y - 15)
+    assert inside[0] > inside[1] + 10  # reddish
+    assert abs(outside[0] - outside[1]) < 6
+    page.get_by_label("stairs", exact=True).click()
+    asked = zones.last("save_zone")
+    assert (asked["id"], asked["enabled"], asked["revision"], asked["map"]) == ("3f0c", False, "r1", "flat")
+    page.get_by_role("button", name="Delete stairs").click()
+    assert zones.last("delete_zone") == {"id": "3f0c", "map": "flat", "revision": "r1"}
+    page.get_by_role("button", name="Undo the last change").click()
+    assert zones.last("undo_zones") == {"map": "flat", "revision": "r1"}
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_a_slow_area_is_drawn_by_three_clicks(page: Any, zones: DaemonWithZones, scheme: str) -> None:
+    """No click sends the robot anywhere while it is drawn; afterwards a click does again."""
+    page.emulate_media(color_scheme=scheme)
+    page.get_by_role("button", name="Draw a slow area").click()
+    done = page.get_by_role("button", name="Done")
+    x, y = middle_of_view(page)
+    for dx, dy in [(-100, 0), (100, 0), (300, 10)]:
+        sync_api.expect(done).to_be_disabled()
+        page.mouse.click(x + dx, y + dy)
+    page.get_by_role("button", name="One corner back").click()
+    sync_api.expect(page.locator("#zone-told")).to_have_text(
+        "Touch the corners of the slow area: 2 so far, 1 more."
+    )
+    page.mouse.click(x, y - 100)
+    page.get_by_label("Name", exact=True).fill("rug")
+    page.get_by_label("No faster than").fill("0.15")
+    assert barriers(page) == []
+    done.click()
+    asked = zones.last("save_zone")
+    assert (asked["kind"], asked["name"], asked["max_speed_m_s"], asked["enabled"]) == (
+        "slow",
+        "rug",
+        0.15,
+        True,
+    )
+    (left, right, top) = asked["points_m"]
+    assert right[0] - left[0] == pytest.approx(2 * (top[1] - left[1]), rel=0.02)  # 200 px across, 100 px up
+    assert not zones.was_asked("navigate_to")
+    page.mouse.click(x + 60, y + 60)
+    assert zones.was_asked("navigate_to")
+
+
+def test_what_the_daemon_asks_about_is_asked_on_the_page(page: Any, zones: DaemonWithZones) -> None:
+    """With its words; "No" draws nothing, "Use it" confirms."""
+    sentence = "there would be no way to sofa"
+    zones.refusal = {"code": -32049, "message": sentence, "data": {"kind": "needs_confirmation"}}
+    for answer in ("No", "Use it"):
+        page.get_by_role("button", name="Draw a wall").click()
+        x, y = middle_of_view(page)
+        page.mouse.click(x - 50, y)
+        page.mouse.click(x + 50, y)
+        page.get_by_role("button", name="Done").click()
+        question = page.locator("#confirm-question")
+        sync_api.expect(question).to_have_text("There would be no way to sofa. Use the zone all the same?")
+        assert "confirmed" not in zones.last("save_zone")
+        page.locator("#confirm").get_by_role("button", name=answer, exact=True).click()
+    page.wait_for_timeout(100)
+    assert zones.last("save_zone")["confirmed"] is True
+
+
+def test_on_a_phone_a_finger_draws_and_nothing_sticks_out(browser: Any, served: str) -> None:
+    """Taps are corners at once, without a second touch, and no goal is proposed."""
+    context = browser.new_context(viewport={"width": 360, "height": 740}, has_touch=True, is_mobile=True)
+    page = context.new_page()
+    daemon = DaemonWithZones(page)
+    daemon.opened(served)
+    daemon.say("localization", state="localized", map="flat", reason="", fit=0.9)
+    page.get_by_role("button", name="Draw a no-go area").tap()
+    x, y = middle_of_view(page)
+    for dx, dy in [(-60, 0), (60, 0), (0, -60)]:
+        page.touchscreen.tap(x + dx, y + dy)
+    sync_api.expect(page.locator("#proposal")).to_be_hidden()
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    page.get_by_role("button", name="Done").tap()
+    assert len(daemon.last("save_zone")["points_m"]) == 3
+    context.close()
