@@ -43,6 +43,8 @@ LEAST_CLIENT_DESCRIPTORS = 16
 """With fewer nobody could be served."""
 MAX_HANDSHAKES = 256
 """Handshakes of TLS that have begun: each holds some 100 kB."""
+NO_TLS = "it began no TLS in time, or has gone"
+"""What the log says of a client whose end has no words of its own."""
 FIRST_CLIENT_DESCRIPTOR = 1024
 """Clients' descriptors begin here where the limit allows: ``select``, as of pyserial, knows only those below."""
 CLIENT_DESCRIPTORS = 8192
@@ -263,8 +265,9 @@ class Listener:
                 ssl=self._tls,
                 ssl_handshake_timeout=handshake_timeout_s,
             )
-        except OSError as error:  # no TLS, a handshake that took too long, or the client has gone
-            self._log.warning("client_not_admitted", client=str(session), error=str(error))
+        except OSError as error:
+            why = str(error) or NO_TLS
+            self._log.warning("client_not_admitted", client=str(session), error=why)
             self._manager.remove(session)
         finally:
             self._handshakes.remove(session)

@@ -151,7 +151,7 @@ class CommandContext(Record, frozen=True):
         except (CallError, IncompatibleProtocol):
             raise
         except CannotConnect as error:
-            message = f"cannot connect to {where} ({_reason(error.__cause__)}); is chefbotd running there?"
+            message = f"cannot connect to {where} ({_reason(error.__cause__)}); {_advice(error.__cause__)}"
             raise ProgramError(Exit.CANNOT_CONNECT, message) from error
         except ChefbotError as error:
             may_need_tls = isinstance(error, NoGreeting) and credentials.tls is None
@@ -189,7 +189,22 @@ def _reason(error: BaseException | None) -> str:
     return error.strerror or str(error) or type(error).__name__
 
 
+WRONG_NAME = (62, 64)
+"""OpenSSL's X509_V_ERR_HOSTNAME_MISMATCH and X509_V_ERR_IP_ADDRESS_MISMATCH (x509_vfy.h)."""
+
+
+def _advice(error: BaseException | None) -> str:
+    """What to look at: a program that has shown a certificate is running."""
+    if isinstance(error, ssl.SSLCertVerificationError):
+        if error.verify_code in WRONG_NAME:
+            return "call it by a name or an address that is in its certificate"
+        return "--ca has to name the daemon's own certificate, or that of the authority which signed it"
+    if isinstance(error, ssl.SSLError):
+        return "if it is a chefbotd without TLS, leave --ca out"
+    return "is chefbotd running there?"
+
+
 def _tls_reason(error: ssl.SSLError) -> str:
     if isinstance(error, ssl.SSLCertVerificationError):
-        return error.verify_message
+        return error.verify_message.rstrip(".")
     return (error.reason or str(error)).lower().replace("_", " ")

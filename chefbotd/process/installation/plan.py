@@ -152,7 +152,7 @@ def _tokens(host: Host) -> InstallationStep:
 
 
 def _daemon_reload(host: Host, unit: InstallationStep) -> Iterator[InstallationStep]:
-    if host.is_running and unit.act is not None:
+    if host.has_systemd and unit.act is not None:
         yield command(host, "have systemd read the unit", "systemctl", "daemon-reload")
 
 
@@ -163,7 +163,9 @@ def _started(host: Host, unit: InstallationStep) -> Iterator[InstallationStep]:
         yield command(host, "start it at boot", "systemctl", *_root_option(host), "enable", SERVICE)
     if not host.is_running:
         return
-    if not host.ask("systemctl", "is-active", "--quiet", SERVICE):
+    if not host.has_systemd:
+        yield InstallationStep("systemd does not run here: nothing was started; it starts with the next boot")
+    elif not host.ask("systemctl", "is-active", "--quiet", SERVICE):
         yield command(host, "start it now", "systemctl", "start", SERVICE)
     elif unit.act is not None:
         yield command(host, "restart it, with the robot stopped", "systemctl", "restart", SERVICE)
@@ -178,7 +180,7 @@ def uninstall(host: Host, *, purge: bool) -> list[InstallationStep]:
 
 def _stopped(host: Host) -> Iterator[InstallationStep]:
     enabled = host.path(WANTED_BY).is_symlink()
-    if host.is_running and host.ask("systemctl", "is-active", "--quiet", SERVICE):
+    if host.has_systemd and host.ask("systemctl", "is-active", "--quiet", SERVICE):
         yield command(host, "stop it, which stops the motors", "systemctl", "stop", SERVICE)
     if enabled:
         yield command(
@@ -189,7 +191,7 @@ def _stopped(host: Host) -> Iterator[InstallationStep]:
 def _removed(host: Host) -> Iterator[InstallationStep]:
     steps = {name: remove(host, name) for name in (UNIT, RULE, SYSUSERS)}
     yield from steps.values()
-    if host.is_running and steps[UNIT].act is not None:
+    if host.has_systemd and steps[UNIT].act is not None:
         yield command(host, "have systemd forget the unit", "systemctl", "daemon-reload")
     if host.is_running and steps[RULE].act is not None and host.path(UDEV).exists():
         yield command(host, "have udev forget the rule", "udevadm", "control", "--reload")

@@ -60,6 +60,11 @@ class Host:
         """Whether this is the running system."""
         return self.root == Path("/")
 
+    @property
+    def has_systemd(self) -> bool:
+        """Whether systemd runs it: in a container or a chroot its commands answer 0, and do nothing."""
+        return self.is_running and self.path("/run/systemd/system").exists()
+
     def path(self, name: str) -> Path:
         """A path of the system, below ``root``."""
         return self.root / name.removeprefix("/")

@@ -22,7 +22,7 @@ from chefbotd.core.record import Record
 from chefbotd.logs import RateLimitedLog
 from chefbotd.rpc.connection_manager import Headroom
 from chefbotd.rpc.connection_slots import ConnectionSlots, NoSlot
-from chefbotd.transport.tcp import ACCEPT_AGAIN_S, DescriptorLimit, first_bytes, listen
+from chefbotd.transport.tcp import ACCEPT_AGAIN_S, NO_TLS, DescriptorLimit, first_bytes, listen
 
 SILENT = logging.Logger("aiohttp", logging.CRITICAL + 1)
 """Any client can send bytes that are not HTTP; aiohttp would log a traceback each time."""
@@ -217,8 +217,8 @@ class HttpServer:
             connection.end, connection.is_connected = transport.abort, True
         except NoSlot as why:
             self.count_refused(connection.host, "no place", str(why))
-        except OSError as error:  # no TLS, a handshake that took too long, or the client has gone
-            self._log.warning("client_not_admitted", error=str(error))
+        except OSError as error:
+            self._log.warning("client_not_admitted", error=str(error) or NO_TLS)
         finally:
             if not connection.is_connected:
                 self._give_back(connection)

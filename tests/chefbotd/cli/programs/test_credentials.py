@@ -15,6 +15,7 @@ from chefbotd.cli.programs.chefbotctl import main
 from chefbotd.clock import run_virtual
 from chefbotd.rpc.access import Guard, Keyring
 from chefbotd.transport.ports import reserve_port
+from chefbotd.transport.tcp import NO_TLS
 from tests.fakes.api import serving
 
 TOKEN = "d" * 32
@@ -35,10 +36,12 @@ def stop(
     ca: bool = True,
     believed: Path | None = None,
     guarded: bool = True,
+    host: str = "127.0.0.1",
+    log: list[Any] | None = None,
 ) -> Result:
     """``chefbotctl stop`` at a daemon that wants a token and speaks TLS, or neither."""
     port = reserve_port()
-    args = [f"--connect=127.0.0.1:{port}"]
+    args = [f"--connect={host}:{port}"]
     if token is not None:
         (tmp_path / "token").write_text(token + "\n")
         args.append(f"--token-file={tmp_path / 'token'}")
@@ -53,8 +56,11 @@ def stop(
 
         return run_virtual(beside_a_daemon())
 
-    with capture_logs():
-        return CliRunner().invoke(main, [*args, "stop"], obj=run)
+    with capture_logs() as lines:
+        result = CliRunner().invoke(main, [*args, "stop"], obj=run)
+    if log is not None:
+        log.extend(lines)
+    return result
 
 
 def test_the_token_is_read_from_a_file(tmp_path: Path) -> None:
@@ -71,8 +77,10 @@ def test_a_missing_or_wrong_token_is_a_refusal(tmp_path: Path, token: str | None
 
 
 def test_plain_text_at_a_tls_socket_cannot_connect(tmp_path: Path) -> None:
-    """Without --ca nothing is understood, and the program says so, names the option, and ends."""
-    result = stop(tmp_path, TOKEN, ca=False)
+    """Without --ca nothing is understood: the program names the option, the daemon's log what the client left out."""
+    log: list[Any] = []
+    result = stop(tmp_path, TOKEN, ca=False, log=log)
+    assert [line["error"] for line in log if line["event"] == "client_not_admitted"] == [NO_TLS]
     assert (result.exit_code, "--ca is needed" in result.stderr) == (Exit.CANNOT_CONNECT, True)
 
 
@@ -100,7 +108,15 @@ def test_a_certificate_of_somebody_else_is_named(tmp_path: Path) -> None:
     trustme.CA().cert_pem.write_to_path(stranger)
     result = stop(tmp_path, TOKEN, believed=stranger)
     assert result.exit_code == Exit.CANNOT_CONNECT
-    assert "(TLS: unable to get local issuer certificate)" in result.stderr
+    assert "(TLS: unable to get local issuer certificate); --ca has to name the daemon's own" in result.stderr
+
+
+def test_a_certificate_of_another_address_asks_for_the_right_name(tmp_path: Path) -> None:
+    """A daemon that has shown a certificate is running: nobody is sent to look for it."""
+    result = stop(tmp_path, TOKEN, host="localhost")
+    assert result.exit_code == Exit.CANNOT_CONNECT
+    assert "call it by a name or an address that is in its certificate" in result.stderr
+    assert "running" not in result.stderr
 
 
 def test_tls_at_a_plain_socket_is_told(tmp_path: Path) -> None:
@@ -108,6 +124,7 @@ def test_tls_at_a_plain_socket_is_told(tmp_path: Path) -> None:
     result = stop(tmp_path, TOKEN, guarded=False)
     assert (result.exit_code, "(TLS: " in result.stderr) == (Exit.CANNOT_CONNECT, True)
     assert "not permitted" not in result.stderr
+    assert "leave --ca out" in result.stderr
 
 
 def test_a_file_that_holds_no_certificate_is_a_wrong_argument(tmp_path: Path) -> None:

@@ -249,6 +249,7 @@ def test_on_the_running_system_udev_and_systemd_are_told_and_the_service_starts(
     """Once: the second time it runs, and nothing is told to anybody."""
     (tmp_path / "etc").mkdir()
     (tmp_path / "run/udev").mkdir(parents=True)
+    (tmp_path / "run/systemd/system").mkdir(parents=True)
     (tmp_path / "run/udev/control").touch()
     computer = Computer(tmp_path)
 
@@ -287,9 +288,28 @@ def test_where_udev_does_not_run_it_is_told_nothing(tmp_path: Path):
     assert not any(command[0] == "udevadm" for command in computer.ran)
 
 
+def test_where_systemd_does_not_run_nothing_is_said_to_be_started(tmp_path: Path):
+    """In a chroot systemctl answers 0 and starts nothing: what is said is that the service begins with the next boot."""
+    (tmp_path / "etc").mkdir()
+    computer = Computer(tmp_path)
+    host = Running(tmp_path, computer.run, computer.chown)
+    for _ in range(2):
+        steps = plan.install(host, plan.InstallRequest(PROGRAM))
+        carry_out(steps, lambda step: None)
+        assert steps[-1].told == (
+            "systemd does not run here: nothing was started; it starts with the next boot"
+        )
+    carry_out(plan.uninstall(host, purge=False), lambda step: None)
+    assert [command[:2] for command in computer.ran if command[0] == "systemctl"] == [
+        ("systemctl", "enable"),
+        ("systemctl", "disable"),
+    ]
+
+
 def test_without_a_start_nothing_is_enabled_and_what_runs_goes_on(tmp_path: Path):
     """An upgrade of a package: the unit is new and read, and whether it runs is as it was."""
     (tmp_path / "etc").mkdir()
+    (tmp_path / "run/systemd/system").mkdir(parents=True)
     computer = Computer(tmp_path)
     host = Running(tmp_path, computer.run, computer.chown)
     carry_out(plan.install(host, plan.InstallRequest(PROGRAM, start=False)), lambda step: None)
