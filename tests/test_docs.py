@@ -169,3 +169,20 @@ def test_the_architecture_names_every_part() -> None:
     rooms = [path for path in (package / "features").iterdir() if (path / "__init__.py").exists()]
     missing += [f"features/{room.name}" for room in rooms if not re.search(rf"\b{room.name}\b", features)]
     assert not missing
+
+
+def test_every_table_has_its_line_of_dashes_and_no_heading_a_star() -> None:
+    """Without it a table is shown as text with bars in it, and a heading's stars as they stand."""
+    wrong = []
+    for page in sorted((ROOT / "docs").rglob("*.md")):
+        lines, is_code = page.read_text(encoding="utf-8").splitlines(), False
+        for number, (before, line, after) in enumerate(
+            zip(["", *lines], lines, [*lines[1:], ""], strict=False), 1
+        ):
+            is_code ^= line.lstrip().startswith("```")
+            begins_table = line.startswith("|") and not before.startswith("|")
+            if not is_code and begins_table and not re.fullmatch(r"\|[-:| ]+\|", after):
+                wrong.append(f"{page.relative_to(ROOT)}:{number}: {line}")
+            if not is_code and line.startswith("#") and "**" in line:
+                wrong.append(f"{page.relative_to(ROOT)}:{number}: {line}")
+    assert wrong == []

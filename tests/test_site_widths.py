@@ -43,3 +43,15 @@ def test_what_sticks_out_of_a_window_is_named(check_widths: Any, tmp_path: Path)
     told = [line.split(": ", 1) for line in check_widths.check(tmp_path, CHROMIUM)]
     assert [where for where, _ in told] == ["b.html at 1280 px", "a.html at 390 px", "b.html at 390 px"]
     assert all(name in why for (_, why), name in zip(told, ("bbb", "aaa", "bbb"), strict=True))
+
+
+def test_a_column_whose_words_fall_apart_is_named(check_widths: Any, tmp_path: Path) -> None:
+    """One of 20 px in which a name stands letter below letter, beside one that has room for it."""
+    cell = '<td style="width: {0}px; max-width: {0}px; overflow-wrap: anywhere"><code>{1}</code></td>'
+    row = cell.format(20, "goal_reached") + cell.format(200, "goal_failed")
+    (tmp_path / "a.html").write_text(
+        f"<html><body><article><table><tr>{row}</tr></table></article></body></html>"
+    )
+    told = list(check_widths.check(tmp_path, CHROMIUM))
+    assert len(told) == 2
+    assert all(line.endswith("a column too narrow to be read: goal_reached") for line in told)

@@ -23,10 +23,18 @@ WIDER = """() => {
     return box.width > 0 && box.left < room && box.right > room + 1 && !scrolls(part);
   };
   const wide = [...document.querySelectorAll("article *")].filter(isWide);
+  const words = document.createRange();
+  const isNarrow = (cell) => {
+    words.selectNodeContents(cell);
+    const box = words.getBoundingClientRect();
+    return box.width > 0 && box.width < 60 && box.height > 80;
+  };
+  const narrow = [...document.querySelectorAll("article td, article th")].filter(isNarrow);
   return {
     page_px: document.documentElement.scrollWidth,
     room_px: room,
     wide: wide.slice(-1).map((part) => `${part.tagName.toLowerCase()}: ${part.textContent.trim().slice(0, 60)}`),
+    narrow: narrow.slice(0, 1).map((part) => part.textContent.trim().slice(0, 60)),
   };
 }"""
 """How wide a page is, and the innermost part that sticks out."""
@@ -63,7 +71,9 @@ def width_problem(seen: dict[str, Any]) -> str:
     """What is wrong with a page; empty where nothing is."""
     if seen["page_px"] > seen["room_px"]:
         return f"{seen['page_px']} px wide ({'; '.join(seen['wide'])})"
-    return f"cut off: {'; '.join(seen['wide'])}" if seen["wide"] else ""
+    if seen["wide"]:
+        return f"cut off: {'; '.join(seen['wide'])}"
+    return f"a column too narrow to be read: {'; '.join(seen['narrow'])}" if seen["narrow"] else ""
 
 
 if __name__ == "__main__":
