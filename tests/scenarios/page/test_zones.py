@@ -89,6 +89,24 @@ def test_a_slow_area_is_drawn_by_three_clicks(page: Any, zones: DaemonWithZones,
     assert zones.was_asked("navigate_to")
 
 
+def test_a_corner_is_moved_by_two_clicks(page: Any, zones: DaemonWithZones) -> None:
+    """One on the corner, one where it goes: the same zone with its other corners, and one more by a third click."""
+    page.get_by_role("button", name="Change stairs").click()
+    sync_api.expect(page.get_by_label("Name", exact=True)).to_have_value("stairs")
+    x, y = middle_of_view(page)
+    metre = 90  # pixels, at first
+    page.mouse.click(x + metre / 2, y - metre / 2)
+    sync_api.expect(page.locator("#zone-told")).to_have_text("Touch where this corner goes.")
+    page.mouse.click(x + metre, y - metre)
+    page.mouse.click(x - metre, y - metre / 2)
+    page.get_by_role("button", name="Done").click()
+    asked = zones.last("save_zone")
+    assert (asked["id"], asked["name"], asked["kind"]) == ("3f0c", "stairs", "keep_out")
+    moved = [[-0.5, -0.5], [0.5, -0.5], [1.0, 1.0], [-0.5, 0.5], [-1.0, 0.5]]
+    for point, expected in zip(asked["points_m"], moved, strict=True):
+        assert point == pytest.approx(expected, abs=0.03)
+
+
 def test_what_the_daemon_asks_about_is_asked_on_the_page(page: Any, zones: DaemonWithZones) -> None:
     """With its words; "No" draws nothing, "Use it" confirms."""
     sentence = "there would be no way to sofa"

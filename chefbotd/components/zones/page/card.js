@@ -79,6 +79,10 @@ export default class Zones {
     label.append(box, ` ${nameOf(zone)}`);
     row.append(label, element("span", MEANS[zone.kind](zone), { className: "small" }));
     if (this.#mayDraw) {
+      const change = element("button", "Change", { type: "button" });
+      change.setAttribute("aria-label", `Change ${nameOf(zone)}`);
+      change.addEventListener("click", () => this.drawing.begin(zone.kind, zone));
+      row.append(change);
       const remove = element("button", "Delete", { type: "button" });
       remove.setAttribute("aria-label", `Delete ${nameOf(zone)}`);
       remove.addEventListener("click", () => this.#change("delete_zone", { id: zone.id }));
@@ -119,7 +123,8 @@ export default class Zones {
 
   #paint(c) {
     const { colours, scale } = this.view;
-    for (const zone of [...this.zones.filter((each) => each.enabled), ...this.drawing.drafts]) {
+    const drawn = this.zones.filter((each) => each.enabled && each.id !== this.drawing.changes);
+    for (const zone of [...drawn, ...this.drawing.drafts]) {
       c.strokeStyle = c.fillStyle = zone.kind === "slow" ? colours.range : colours.scan;
       c.lineWidth = zone.kind === "wall" ? Math.max(zone.width_m ?? 0.05, 3 / scale) : 2 / scale;
       c.setLineDash(zone.kind === "slow" ? [8 / scale, 5 / scale] : []);
@@ -133,7 +138,7 @@ export default class Zones {
       }
       c.stroke();
       c.setLineDash([]);
-      if (zone.isDraft) for (const point of zone.points_m) dot(c, point, 5 / scale);
+      if (zone.isDraft) zone.points_m.forEach((point, index) => dot(c, point, (index === zone.picked ? 9 : 5) / scale));
     }
   }
 }

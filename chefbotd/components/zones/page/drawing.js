@@ -1,31 +1,37 @@
 // Draws the corners of a zone in the view: each click or tap there is one, and nothing is sent to the robot before "Done".
+// A click on a corner picks it up, and the next one puts it down.
 
 import { $, element, text } from "../../dom.js";
 
 const HTML = `
   <p id="zone-told" role="status"></p>
   <label>Name <input id="zone-name" maxlength="100" autocomplete="off"></label>
-  <label id="zone-speed-label">No faster than <input id="zone-speed" type="number" min="0.02" max="1" step="0.01" value="0.10"> m/s</label>
+  <label id="zone-speed-label">No faster than <input id="zone-speed" type="number" min="0.01" max="10" step="any" required> m/s</label>
   <button type="submit" class="wanted" id="zone-done">Done</button>
   <button type="button" id="zone-back">One corner back</button>
   <button type="button" id="zone-no">No</button>`;
+const PICKED_PX = 24;
 const LEAST = { keep_out: 3, slow: 3, wall: 2 };
 const WHAT = { keep_out: "Touch the corners of the no-go area", slow: "Touch the corners of the slow area", wall: "Touch where the wall goes along" };
 
 export class Drawing {
   #kind = null;
   #points = [];
+  #id; // of the zone that is changed; undefined: a new one
+  #enabled = true;
+  #picked = null; // the corner that goes where the next click is
   #held = null; // what the view did before
 
   constructor(view, use) {
     this.view = view;
     this.form = element("form", "", { id: "zone-drawing", className: "drawing row", hidden: true, innerHTML: HTML });
     view.canvas.parentElement.after(this.form);
-    $("zone-back").addEventListener("click", () => { this.#points.pop(); this.#show(); });
+    $("zone-back").addEventListener("click", () => { this.#points = this.#points.slice(0, -1); this.#picked = null; this.#show(); });
     $("zone-no").addEventListener("click", () => this.end());
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
-      const zone = { kind: this.#kind, name: $("zone-name").value.trim(), enabled: true, points_m: this.#points };
+      const zone = { kind: this.#kind, name: $("zone-name").value.trim(), enabled: this.#enabled, points_m: this.#points };
+      if (this.#id !== undefined) zone.id = this.#id;
       if (this.#kind === "slow") zone.max_speed_m_s = Number($("zone-speed").value);
       this.end();
       use(zone);
@@ -34,17 +40,23 @@ export class Drawing {
 
   // What is being drawn, as a list of none or one.
   get drafts() {
-    return this.#kind === null ? [] : [{ kind: this.#kind, points_m: this.#points, isDraft: true }];
+    return this.#kind === null ? [] : [{ kind: this.#kind, points_m: this.#points, isDraft: true, picked: this.#picked }];
   }
 
-  begin(kind) {
+  // The id of the zone that is being changed.
+  get changes() {
+    return this.#kind === null ? undefined : this.#id;
+  }
+
+  // A new zone of this kind, or one that is to be changed.
+  begin(kind, { id, name = "", enabled = true, points_m = [], max_speed_m_s = 0.1 } = {}) {
     this.end();
     const { view } = this;
     const { onPose, onProposal, gesture } = view;
     view.gestures.cancel();
     this.#held = { onPose, onProposal, gesture };
     this.#kind = kind;
-    this.#points = [];
+    [this.#id, this.#enabled, this.#points, this.#picked] = [id, enabled, points_m, null];
     view.gesture = "corner";
     view.onPose = (pose) => this.#add(pose);
     view.onProposal = (pose) => {
@@ -52,7 +64,8 @@ export class Drawing {
       view.gestures.cancel();
       this.#add(pose);
     };
-    $("zone-name").value = "";
+    $("zone-name").value = name;
+    $("zone-speed").value = max_speed_m_s ?? 0.1;
     $("zone-speed-label").hidden = kind !== "slow";
     this.form.hidden = false;
     this.#show();
@@ -70,14 +83,21 @@ export class Drawing {
   }
 
   #add({ x_m, y_m }) {
-    this.#points = [...this.#points, [round(x_m), round(y_m)]];
+    const point = [round(x_m), round(y_m)];
+    const near = this.#points.findIndex(([x, y]) => Math.hypot(x - x_m, y - y_m) * this.view.scale < PICKED_PX);
+    if (this.#picked !== null) {
+      this.#points = this.#points.map((old, index) => (index === this.#picked ? point : old));
+      this.#picked = null;
+    } else if (near >= 0) this.#picked = near;
+    else this.#points = [...this.#points, point];
     this.#show();
   }
 
   #show() {
     const count = this.#points.length;
     const missing = LEAST[this.#kind] - count;
-    text("zone-told", `${WHAT[this.#kind]}: ${count} so far${missing > 0 ? `, ${missing} more` : ""}.`);
+    const told = `${WHAT[this.#kind]}: ${count} so far${missing > 0 ? `, ${missing} more` : ""}.`;
+    text("zone-told", this.#picked === null ? told : "Touch where this corner goes.");
     $("zone-done").disabled = missing > 0;
     $("zone-back").disabled = count === 0;
     this.view.draw();
