@@ -16,4 +16,4 @@ class ZonesChanged(Record, frozen=True):
 
     def log_line(self) -> LogLine:
         """The line in the log."""
-        return LogLine(Level.INFO, "zones", f"the zones of the map {self.map} were changed")
+        return LogLine(Level.INFO, "zones", f"those of the map {self.map} were changed")

@@ -7,7 +7,7 @@ import { Drawing } from "./drawing.js";
 
 const HTML = `
   <h2 id="zones-title">Zones</h2>
-  <p id="zones-none" class="small">No zones on this map. The robot may go everywhere.</p>
+  <p id="zones-none" class="small"></p>
   <ul id="zones" class="plain"></ul>
   <div class="buttons">
     <button type="button" id="zone-keep_out">Draw a no-go area</button>
@@ -42,6 +42,7 @@ export default class Zones {
     this.#mayDraw = can.has("method.save_zone");
     for (const kind of KINDS) $(`zone-${kind}`).hidden = !this.#mayDraw;
     this.#map = null;
+    this.#show({ zones: [], can_undo: false });
   }
 
   // Zones belong to a map: read anew when another one is in use.
@@ -64,7 +65,8 @@ export default class Zones {
     this.zones = zones;
     this.#revision = revision;
     $("zones").replaceChildren(...zones.map((zone) => this.#row(zone)));
-    $("zones-none").hidden = zones.length > 0 || !this.#map;
+    $("zones-none").hidden = zones.length > 0;
+    text("zones-none", this.#map ? "No zones on this map. The robot may go everywhere." : "Zones are drawn on a map. None is in use.");
     $("zones-undo").hidden = !can_undo || !this.#mayDraw;
     for (const kind of KINDS) $(`zone-${kind}`).disabled = !this.#map;
     this.legend.hidden = zones.length === 0;
