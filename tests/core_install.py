@@ -40,6 +40,7 @@ OF_EXTRAS = [
     "prometheus_client",
     "scipy",
     "sdl2",
+    "segno",
     "textual",
     "textual_hires_canvas",
     "textual_plot",
