@@ -122,6 +122,10 @@ class GeneratedMethods(MethodCaller):
         """What became of a goal; the ends of the last 400 are remembered until the daemon ends."""
         return await self._ask("GoalReport", "get_goal", goal=goal, goal_id=goal_id)
 
+    async def list_goals(self) -> m.GoalList:
+        """The goals that have not ended, in the order in which they are driven to."""
+        return await self._ask("GoalList", "list_goals")
+
     async def plan_to(self, x_m: float | None = None, y_m: float | None = None, heading_rad: float | None = None,
         place: str | None = None, tolerance_m: float = 0.0, max_speed_m_s: float | None = None,
         on_progress: ProgressListener | None = None) -> m.PlanResult:

@@ -58,6 +58,7 @@ class SyncMethods(InBackground):
     set_pose = blocking(Client.set_pose)
     localize = blocking(Client.localize)
     get_goal = blocking(Client.get_goal)
+    list_goals = blocking(Client.list_goals)
     plan_to = blocking(Client.plan_to)
     cancel_navigation = blocking(Client.cancel_navigation)
     pause_navigation = blocking(Client.pause_navigation)

@@ -34,8 +34,8 @@ from chefbotd.components.maps.models import (
 )
 from chefbotd.components.navigation.algorithms.arrival import ArrivalData as ArrivalData
 from chefbotd.components.navigation.events import (
-    GoalReport as GoalReport, GoalResult as GoalResult, NavigationData as NavigationData, PathData as PathData,
-    PlanResult as PlanResult
+    ActiveGoal as ActiveGoal, GoalList as GoalList, GoalReport as GoalReport, GoalResult as GoalResult,
+    NavigationData as NavigationData, PathData as PathData, PlanResult as PlanResult
 )
 from chefbotd.components.navigation.models import (
     CostmapData as CostmapData, DynamicObstacleData as DynamicObstacleData, ObstaclesData as ObstaclesData

@@ -1,6 +1,6 @@
 """What clients ask of navigation, and the feature that it is."""
 
-from chefbotd.components.navigation.events import GoalCause, GoalReport, GoalResult, PlanResult
+from chefbotd.components.navigation.events import GoalCause, GoalList, GoalReport, GoalResult, PlanResult
 from chefbotd.components.navigation.models import (
     TOPICS,
     FollowWaypointsParams,
@@ -62,6 +62,11 @@ class NavigationCommands:
     def get_goal(self, caller: Caller, params: GetGoalParams) -> GoalReport:
         """What became of a goal; the ends of the last 400 are remembered until the daemon ends."""
         return self._service.report(params.goal, params.goal_id)
+
+    @method(role=Role.OBSERVE)
+    def list_goals(self, caller: Caller, params: NoParams) -> GoalList:
+        """The goals that have not ended, in the order in which they are driven to."""
+        return self._service.active_goals()
 
     @method(role=Role.OBSERVE)
     async def plan_to(self, caller: Caller, params: Waypoint, progress: ProgressReporter) -> PlanResult:

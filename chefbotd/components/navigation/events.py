@@ -93,6 +93,22 @@ class PathChanged(PathData, frozen=True, kw_only=True):
     stamp_s: float
 
 
+class ActiveGoal(Record, frozen=True):
+    """A goal that has not ended, in the map in use; without a heading any will do."""
+
+    goal: int
+    x_m: float
+    y_m: float
+    heading_rad: float | None = None
+    goal_id: str | None = None
+
+
+class GoalList(Record, frozen=True):
+    """The goals that have not ended, in the order in which they are driven to."""
+
+    goals: tuple[ActiveGoal, ...] = ()
+
+
 class GoalResult(Record, frozen=True):
     """The goal's number and, if it has ended, how, with a sentence and the cause. ``by`` names who ended it."""
 

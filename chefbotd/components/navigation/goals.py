@@ -10,7 +10,7 @@ import msgspec
 from chefbotd.components.maps.models import PlaceList
 from chefbotd.components.maps.storage.places import describe_unknown
 from chefbotd.components.navigation.algorithms.arrival import ArrivalData
-from chefbotd.components.navigation.events import GoalCause, GoalResult
+from chefbotd.components.navigation.events import ActiveGoal, GoalCause, GoalList, GoalResult
 from chefbotd.components.navigation.models import Waypoint
 from chefbotd.components.navigation.skill_requests import GoalAsked
 from chefbotd.core.commands import RefusalKind, Refused
@@ -113,6 +113,15 @@ class Goals:
         if end is not None and end.done():
             self._ends[data.goal] = asyncio.get_running_loop().create_future()
             self._ends[data.goal].set_result(replace(end.result(), arrival=data.arrival, off_m=data.off_m))
+
+    def active_goals(self) -> GoalList:
+        """Those that have not ended, in order."""
+        return GoalList(
+            tuple(
+                ActiveGoal(goal.number, goal.x_m, goal.y_m, goal.heading_rad, self.id_of(goal.number))
+                for goal in self.active.values()
+            )
+        )
 
     def set_client(self, number: int, client: int | None) -> None:
         """A goal that has not ended is to end with this client; None: with none."""

@@ -21,6 +21,7 @@ from chefbotd.components.navigation.algorithms.arrival import ArrivalData
 from chefbotd.components.navigation.events import (
     ArrivalChanged,
     GoalCause,
+    GoalList,
     GoalReport,
     GoalResult,
     PathChanged,
@@ -246,6 +247,10 @@ class NavigationService:
     def result(self, goals: Sequence[int]) -> GoalResult:
         """How these have ended, if they have."""
         return self._goals.result(goals)
+
+    def active_goals(self) -> GoalList:
+        """The goals that have not ended."""
+        return self._goals.active_goals()
 
     def report(self, number: int | None, goal_id: str | None) -> GoalReport:
         """What became of a goal, or of those of an id; raises ``Refused`` where nobody remembers it."""

@@ -201,6 +201,33 @@ def test_lately_is_bounded_and_says_what_it_says_itself_once(page: Any, daemon: 
     sync_api.expect(lines.nth(0)).to_contain_text("reason 99")
 
 
+def test_a_robot_that_waits_does_not_fill_the_log_and_the_log_can_be_filtered(
+    page: Any, daemon: FakeDaemon
+) -> None:
+    """After a stop and 60 waits on the way there are the stop, two lines of the way, and none of them elsewhere."""
+    said = [line(0.0, "safety", "estopped: by Ann"), line(0.5, "lidar", "sends nothing", "warning")]
+    for number in range(60):
+        said += [
+            line(1.0 + number, "navigation", "driving"),
+            line(1.5 + number, "navigation", "recovering: a person"),
+        ]
+    for first in range(0, len(said), 40):
+        part = said[first : first + 40]
+        daemon.say("log", lines=part, stamp_s=part[-1]["stamp_s"], age_s=0.0)
+    lately = page.locator("#lately")
+    sync_api.expect(lately).to_contain_text("Driving. (60 times)")
+    sync_api.expect(lately).to_contain_text("Looking for a way out: a person (60 times)")
+    sync_api.expect(lately.get_by_text("Emergency stop: by Ann")).to_be_visible()
+    shown = page.locator("#lately li:visible")
+    for kind, words in (
+        ("goals", ["Looking", "Driving."]),
+        ("stops", ["Emergency"]),
+        ("problems", ["Lidar"]),
+    ):
+        page.get_by_label("Show", exact=True).select_option(kind)
+        sync_api.expect(shown).to_contain_text(words)
+
+
 @pytest.mark.parametrize(("width", "height"), [(390, 844), (820, 1180), (1200, 800), (1920, 1080)])
 def test_the_view_has_the_room_that_it_needs(page: Any, daemon: FakeDaemon, width: int, height: int) -> None:
     """It is larger than the part that drives, both are in reach without scrolling, and nothing is cut off."""

@@ -54,6 +54,9 @@ export default class Maps {
     const guide = element("section", "", { id: "guide", className: "guide", hidden: true, innerHTML: GUIDE_HTML });
     guide.setAttribute("aria-labelledby", "guide-title");
     $("notices").append(guide);
+    this.whole = element("button", "Whole map", { type: "button", hidden: true });
+    this.whole.addEventListener("click", () => view.showWholeMap());
+    view.addTool(this.whole);
     this.legend = view.addToLegend("wall", "wall on the map");
     connection.on("map_pose", (pose) => view.setPose(pose.state === "ended" ? null : pose, true), SHOWN_HZ);
     connection.on("map", (part) => this.#enqueue(() => this.#take(part)));
@@ -145,7 +148,7 @@ export default class Maps {
     grid.put(cells, 0, 0, map.rows, map.columns, this.view.rgb);
     grid.revision = name ? 0 : map.version;
     this.view.grid = grid;
-    this.legend.hidden = false;
+    this.legend.hidden = this.whole.hidden = false;
     this.view.draw();
   }
 
@@ -155,7 +158,7 @@ export default class Maps {
     if (part.whole) {
       this.view.grid = new Grid(part);
       this.#shown = null;
-      this.legend.hidden = false;
+      this.legend.hidden = this.whole.hidden = false;
     } else if (!isPart() || part.revision > this.view.grid.revision + 1) {
       if (this.#mapping.state === "idle") return; // of a map that is not made any more
       await this.#fetch(); // parts were missed

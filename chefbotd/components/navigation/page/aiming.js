@@ -4,22 +4,29 @@ import { $, element, text } from "../../dom.js";
 import { GESTURE } from "../../words.js";
 
 const GESTURES = [["pan", "moves the view"], ["navigate_to", "sends the robot there"], ["follow_waypoints", "adds a goal to the list"],
-  ["set_pose", "says where the robot is"]];
-const WORDS = { navigate_to: "Go here", follow_waypoints: "Add to the list", set_pose: "The robot is here" };
+  ["set_pose", "says where the robot is"], ["save_place", "saves a place there"]];
+const WORDS = { navigate_to: "Go here", follow_waypoints: "Add to the list", set_pose: "The robot is here", save_place: "Save as place" };
 const NOT_BEFORE_MS = 400; // a double tap must not confirm what it has proposed itself
 
 const PROPOSAL_HTML = `
   <span id="proposal-words"></span>
   <button type="button" id="proposal-go" class="wanted"></button>
-  <button type="button" id="proposal-cancel">No</button>`;
+  <button type="button" id="proposal-save">Save as place</button>
+  <button type="button" id="proposal-cancel">No</button>
+  <form id="proposal-form" class="row" hidden>
+    <label>Name <input id="proposal-name" maxlength="64" autocomplete="off" required></label>
+    <button type="submit" class="wanted">Save</button>
+    <button type="button" id="proposal-back">No</button>
+  </form>`;
 const GESTURE_HTML = '<span id="gesture-words">Click and drag</span> <select id="gesture"></select>';
 
 export class Aiming {
   #pose = null;
   #shown_ms = 0;
+  #isNaming = false;
 
-  constructor(ask, view, route) {
-    Object.assign(this, { ask, view, route });
+  constructor(ask, view, route, places) {
+    Object.assign(this, { ask, view, route, places });
     const proposal = element("div", "", { id: "proposal", className: "proposal", role: "group", hidden: true, innerHTML: PROPOSAL_HTML });
     proposal.setAttribute("aria-labelledby", "proposal-words");
     view.canvas.after(proposal);
@@ -27,10 +34,20 @@ export class Aiming {
     view.onPose = (pose) => this.#use(pose);
     view.onProposal = (pose) => this.#show(pose);
     $("gesture").addEventListener("change", () => { view.gestures.cancel(); view.gesture = $("gesture").value; });
-    $("proposal-cancel").addEventListener("click", () => view.gestures.cancel());
+    for (const id of ["proposal-cancel", "proposal-back"]) $(id).addEventListener("click", () => this.#end());
+    $("proposal-save").addEventListener("click", (event) => { if (event.timeStamp - this.#shown_ms >= NOT_BEFORE_MS) this.#askForName(); });
+    $("proposal-form").addEventListener("submit", (event) => {
+      event.preventDefault();
+      const name = $("proposal-name").value.trim();
+      const pose = this.#pose && params(this.#pose);
+      if (!name || !pose) return;
+      this.#end();
+      places.save(name, pose);
+    });
     $("proposal-go").addEventListener("click", (event) => {
       if (!this.#pose || event.timeStamp - this.#shown_ms < NOT_BEFORE_MS) return;
       const pose = this.#pose;
+      if (view.gesture === "save_place") return void this.#askForName();
       view.gestures.cancel();
       this.#use(pose);
     });
@@ -41,25 +58,66 @@ export class Aiming {
     $("gesture-label").hidden = offered.length === 1;
     text("gesture-words", GESTURE);
     $("gesture").replaceChildren(...offered.map(([value, words]) => new Option(words, value)));
+    this.canSave = can.has("method.save_place");
     this.view.gesture = $("gesture").value = can.has("method.navigate_to") ? "navigate_to" : "pan";
   }
 
-  #use({ x_m, y_m, heading_rad }) {
-    const pose = { x_m, y_m, ...(heading_rad === null ? {} : { heading_rad }) };
+  #use(aimed) {
+    const pose = params(aimed);
     const { gesture } = this.view;
-    if (gesture === "follow_waypoints") this.route.add(`x ${x_m.toFixed(2)} m, y ${y_m.toFixed(2)} m`, pose, pose);
+    if (gesture === "follow_waypoints") this.route.add(`x ${pose.x_m.toFixed(2)} m, y ${pose.y_m.toFixed(2)} m`, pose, pose);
+    else if (gesture === "save_place") this.#propose(aimed);
     else this.ask(gesture, pose);
+  }
+
+  // What a mouse has aimed at stays marked until it has a name.
+  #propose(pose) {
+    this.view.aim = markOf(pose);
+    this.#show(pose);
+    this.#askForName();
+  }
+
+  #askForName() {
+    this.#setNaming(true);
+    text("proposal-words", `A place at x ${this.#pose.x_m.toFixed(2)} m, y ${this.#pose.y_m.toFixed(2)} m`);
+    $("proposal-name").value = "";
+    $("proposal-name").focus();
+  }
+
+  #end() {
+    this.#isNaming = false;
+    this.view.gestures.cancel();
+  }
+
+  #setNaming(isNaming) {
+    this.#isNaming = isNaming;
+    $("proposal-form").hidden = !isNaming;
+    for (const id of ["proposal-go", "proposal-cancel"]) $(id).hidden = isNaming;
+    $("proposal-save").hidden = isNaming || !this.canSave || this.view.gesture === "save_place";
   }
 
   #show(pose) {
     const { view } = this;
+    if (!pose && this.#isNaming) { // a stop ends what would move the robot; a name that is being typed moves nothing
+      view.aim = markOf(this.#pose);
+      return;
+    }
     if (pose && !this.#pose) this.#shown_ms = performance.now();
     this.#pose = pose;
     $("proposal").hidden = pose === null;
     if (!pose) return;
+    this.#setNaming(false);
     $("proposal").classList.toggle("low", pose.y_m > view.centre[1]); // not over what it is about
     const heading = pose.heading_rad === null ? "drag the dot for a heading" : `heading ${((pose.heading_rad * 180) / Math.PI).toFixed(0)}°`;
     text("proposal-words", `x ${pose.x_m.toFixed(2)} m, y ${pose.y_m.toFixed(2)} m, ${heading}`);
     text("proposal-go", WORDS[view.gesture] ?? "Go here");
   }
+}
+
+// As the methods take it: without a heading any will do.
+const params = ({ x_m, y_m, heading_rad }) => ({ x_m, y_m, ...(heading_rad === null ? {} : { heading_rad }) });
+
+function markOf({ x_m: x, y_m: y, heading_rad }) {
+  const length = heading_rad === null ? 0 : 0.4;
+  return { from: [x, y], to: [x + length * Math.cos(heading_rad ?? 0), y + length * Math.sin(heading_rad ?? 0)] };
 }

@@ -15,6 +15,10 @@ const HTML = `
     <button type="button" id="goal-pause" hidden>Pause</button>
     <button type="button" id="goal-resume" hidden>Go on</button>
   </div>
+  <div id="place-list-part" hidden>
+    <h3 id="place-list-title">Go to</h3>
+    <ul id="place-list" class="plain buttons" aria-labelledby="place-list-title"></ul>
+  </div>
   <form id="place-form" hidden>
     <label for="place">Place <span class="small">or x y in metres, then a heading in degrees</span></label>
     <input id="place" list="places" maxlength="64" autocomplete="off" placeholder="kitchen, or 1.2 3.4 90">
@@ -47,7 +51,8 @@ export default class Navigation {
     this.#section = section;
     const route = new Route(connection, ask, say, view);
     const costs = new Costs(connection, ask, view);
-    this.#parts = [costs, new Goal(connection, ask, view), new Places(connection, ask, say, route), new Aiming(ask, view, route)];
+    const places = new Places(connection, ask, say, route, view);
+    this.#parts = [places, costs, new Goal(connection, ask, view, places), new Aiming(ask, view, route, places)];
   }
 
   begin(can) {

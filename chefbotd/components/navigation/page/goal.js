@@ -4,6 +4,9 @@ import { $, text } from "../../dom.js";
 import { because, GOAL, SEND } from "../../words.js";
 
 export const GOING = ["planning", "driving", "recovering", "paused"];
+const QUEUE_SHOWN_MS = 2000; // how often it is looked whether others have added goals
+const NEAR_M = 0.01; // a goal that is so near to a place is that place
+const TO = { planning: "Looking for a way to", driving: "Going to", paused: "Paused on the way to", reached: "Arrived at" };
 const NO_GOAL = `No goal. ${SEND} to send the robot there.`;
 const NO_MAP = `No map is in use: start one or choose one first. Then: ${SEND.toLowerCase()} to send the robot there.`;
 
@@ -11,10 +14,15 @@ export class Goal {
   #map; // undefined until it is told
   #last = { state: "idle", reason: "" };
   #can = new Set();
+  #named = { goal: null, place: "" }; // where the last goal is, or was
+  #key = "";
 
-  constructor(connection, ask, view) {
+  constructor(connection, ask, view, places) {
+    Object.assign(this, { connection, view, places });
     const legend = view.addToLegend("path", "path to the goal");
-    connection.on("navigation", (navigation) => { this.#last = navigation; this.#show(); });
+    connection.on("navigation", (navigation) => { this.#last = navigation; this.#show(); this.#look(); });
+    connection.addEventListener("closed", () => { this.#key = ""; this.#take([]); });
+    setInterval(() => { if (!document.hidden && this.#isGoing) this.#list(); }, QUEUE_SHOWN_MS);
     connection.on("localization", ({ map }) => { this.#map = map; this.#show(); });
     connection.on("path", ({ x_m, y_m }) => {
       view.path = x_m.map((x, index) => [x, y_m[index]]);
@@ -30,13 +38,43 @@ export class Goal {
     this.#show();
   }
 
+  get #isGoing() {
+    return GOING.includes(this.#last.state);
+  }
+
+  // The robot's goals, where they may have changed.
+  #look() {
+    const key = `${this.#last.goal} ${this.#isGoing}`;
+    if (key === this.#key) return;
+    this.#key = key;
+    if (this.#isGoing) this.#list();
+    else this.#take([]);
+  }
+
+  async #list() {
+    if (!this.#can.has("method.list_goals")) return;
+    const told = await this.connection.request("list_goals").catch(() => null);
+    if (told) this.#take(this.#isGoing ? told.goals : []);
+  }
+
+  #take(goals) {
+    this.view.goals = goals;
+    this.view.draw();
+    if (!goals.length) return;
+    const [{ goal, x_m, y_m }] = goals;
+    const place = this.places.all.find((each) => Math.hypot(each.x_m - x_m, each.y_m - y_m) < NEAR_M);
+    this.#named = { goal, place: place?.name ?? "" };
+    this.#show();
+  }
+
   // What a screen reader says has no distance in it, which changes all the time.
   #show() {
     const { state, reason, distance_m } = this.#last;
     const going = GOING.includes(state);
     const left = going && typeof distance_m === "number" ? `, ${distance_m.toFixed(1)} m left` : "";
     const why = because(state, reason);
-    const words = (extra) => `${GOAL[state] ?? state}${extra}${why ? `: ${why}` : ""}`;
+    const place = this.#named.goal === this.#last.goal && TO[state] && this.#named.place;
+    const words = (extra) => `${place ? `${TO[state]} ${place}` : GOAL[state] ?? state}${extra}${why ? `: ${why}` : ""}`;
     const idle = this.#map === null ? NO_MAP : NO_GOAL;
     text("goal", state === "idle" ? idle : words(left));
     text("goal-told", state === "idle" ? "" : words(""));

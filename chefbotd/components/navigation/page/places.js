@@ -1,14 +1,14 @@
-// Named places of the map in use, or coordinates instead: go there, say that the robot is there, save, delete.
+// Named places of the map in use, on the map and as buttons, or coordinates instead: go there, say that the robot is there, save, delete.
 
 import { confirmed, dismiss } from "../../confirm.js";
-import { $ } from "../../dom.js";
+import { $, element } from "../../dom.js";
 
 export class Places {
   #map = null;
   #poses = new Map();
 
-  constructor(connection, ask, say, route) {
-    Object.assign(this, { ask, say, route });
+  constructor(connection, ask, say, route, view) {
+    Object.assign(this, { ask, say, route, view, all: [] });
     connection.on("localization", ({ map }) => this.#show(map));
     $("place-form").addEventListener("submit", (event) => {
       event.preventDefault();
@@ -21,7 +21,8 @@ export class Places {
   }
 
   begin(can) {
-    this.there = can.has("method.list_places") && can.has("method.navigate_to");
+    this.canList = can.has("method.list_places");
+    this.there = this.canList && can.has("method.navigate_to");
     for (const [id, method] of [["add", "follow_waypoints"], ["here", "set_pose"], ["save", "save_place"], ["delete", "delete_place"]]) {
       $(`place-${id}`).hidden = !can.has(`method.${method}`);
     }
@@ -35,6 +36,13 @@ export class Places {
     $("place-form").hidden = !this.there || !map;
     dismiss();
     if (map) this.#list();
+    else this.#draw([]);
+  }
+
+  // At a pose of the map; a name that is there already is asked about.
+  async save(name, pose) {
+    if (this.#poses.has(name) && !(await confirmed(`Move the place ${name} of the map ${this.#map} there?`, "Move it"))) return;
+    if (await this.ask("save_place", { name, ...pose })) this.#list();
   }
 
   #named(act) {
@@ -64,10 +72,25 @@ export class Places {
   }
 
   async #list() {
-    const answer = this.there && await this.ask("list_places");
-    if (!answer) return;
-    this.#poses = new Map(answer.places.map(({ name, x_m, y_m, heading_rad }) => [name, { x_m, y_m, heading_rad }]));
-    $("places").replaceChildren(...answer.places.map(({ name }) => new Option(name)));
+    const answer = this.canList && await this.ask("list_places");
+    if (answer) this.#draw(answer.places);
+  }
+
+  #draw(places) {
+    this.all = this.view.places = places;
+    this.#poses = new Map(places.map(({ name, x_m, y_m, heading_rad }) => [name, { x_m, y_m, heading_rad }]));
+    $("places").replaceChildren(...places.map(({ name }) => new Option(name)));
+    $("place-list").replaceChildren(...places.map(({ name }) => this.#item(name)));
+    $("place-list-part").hidden = !this.there || !places.length;
+    this.view.draw();
+  }
+
+  #item(name) {
+    const go = element("button", name, { type: "button", ariaLabel: `Go to ${name}` });
+    go.addEventListener("click", () => this.ask("navigate_to", { place: name }));
+    const item = element("li");
+    item.append(go);
+    return item;
   }
 }
 

@@ -89,7 +89,7 @@ export class Route {
     $("route-part").hidden = this.#goals.length === 0;
     $("route-go").hidden = driven;
     $("route").replaceChildren(...this.#goals.map((goal, index) => this.#item(goal, driven && index === 0)));
-    this.view.route = this.#goals.map(({ pose }) => [pose.x_m, pose.y_m]);
+    this.view.route = this.#goals.map(({ pose }) => pose);
     this.view.draw();
   }
 

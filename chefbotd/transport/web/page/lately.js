@@ -4,7 +4,9 @@
 import { $, element } from "./dom.js";
 import { because, GOAL, limit, LOCATED, MAPPING, MODES, plain, sentence } from "./words.js";
 
-const MOST_LINES = 50;
+const MOST_LINES = 50; // of a kind: many of one do not push out those of another
+const KINDS = { navigation: "goals", localization: "goals", mapping: "goals", safety: "stops", control: "stops" };
+const ON_THE_WAY = ["planning", "driving", "recovering", "paused"]; // a robot that waits for people goes to and fro between these
 const SOURCES = { link: "The board's link" };
 const STATES = {
   safety: (state, reason) => {
@@ -21,6 +23,7 @@ const STATES = {
 export class Lately {
   #last = new Map();
   #states = new Map(); // what each part was last said to do
+  #onTheWay = new Map(); // by their words, the lines since the last goal ended
   #session = null;
   #shown_s = -Infinity;
 
@@ -31,7 +34,7 @@ export class Lately {
         const words = inWords(line);
         if (line.source in STATES && this.#states.get(line.source) === words) continue; // what is new in it is not in the words
         this.#states.set(line.source, words);
-        this.#show(words, now_ms - 1000 * (age_s + stamp_s - line.stamp_s), line.level);
+        this.#take(line, words, now_ms - 1000 * (age_s + stamp_s - line.stamp_s));
       }
       this.#shown_s = lines.at(-1).stamp_s;
     });
@@ -39,6 +42,7 @@ export class Lately {
       if (saved) this.add("saved", `Saved what had just happened: ${saved}`);
       this.add("recording", { recording: "Recording.", failed: said("Recording has ended", reason) }[state] ?? "");
     });
+    $("lately-kind").addEventListener("change", () => { $("lately").dataset.kind = $("lately-kind").value; });
     connection.addEventListener("closed", () => this.add("connection", "The connection was lost."));
     connection.addEventListener("hello", ({ detail: { session } }) => {
       if (session !== this.#session) this.#shown_s = -Infinity;
@@ -55,15 +59,29 @@ export class Lately {
     this.#show(words, Date.now());
   }
 
+  // What is said again on the way to a goal is one line, of the last time, with how often it was said.
+  #take({ source, text, level }, words, at_ms) {
+    const isOnTheWay = source === "navigation" && ON_THE_WAY.includes(text.split(": ")[0]);
+    const before = isOnTheWay ? this.#onTheWay.get(words) : undefined;
+    if (source === "navigation" && !isOnTheWay) this.#onTheWay.clear();
+    before?.line.remove();
+    const times = (before?.times ?? 0) + 1;
+    const line = this.#show(times > 1 ? `${words} (${times} times)` : words, at_ms, level, KINDS[source]);
+    if (isOnTheWay && line) this.#onTheWay.set(words, { line, times });
+  }
+
   // In the order of time: the log may tell of what was before the page's own first lines.
-  #show(words, at_ms, level = "info") {
-    if (!words) return;
+  #show(words, at_ms, level = "info", kind = "other") {
+    if (!words) return undefined;
     const line = element("li", "", { className: level });
     const at = new Date(at_ms);
     line.append(element("time", at.toLocaleTimeString([], { hour12: false }), { dateTime: at.toISOString(), title: at.toLocaleString() }), ` ${words}`);
+    line.dataset.kind = kind;
     const older = [...$("lately").children].find((other) => other.firstChild.dateTime <= line.firstChild.dateTime);
     $("lately").insertBefore(line, older ?? null);
-    if ($("lately").children.length > MOST_LINES) $("lately").lastChild.remove();
+    const alike = $("lately").querySelectorAll(`[data-kind="${kind}"]`);
+    if (alike.length > MOST_LINES) alike[alike.length - 1].remove();
+    return line;
   }
 }
 

@@ -2,6 +2,7 @@
 
 import { $, element } from "./dom.js";
 import { Gestures } from "./gestures.js";
+import { paintMarks } from "./marks.js";
 
 const TRAIL_STEP_M = 0.05;
 const TRAIL_POINTS = 2000;
@@ -25,7 +26,9 @@ export class View {
     this.trail = [];
     this.path = null;
     this.layers = []; // what parts of the page paint over the map, in metres
-    this.route = []; // where the goals of the list are
+    this.route = []; // where the goals of the page's list are
+    this.goals = []; // the robot's goals, which it drives to in this order
+    this.places = []; // of the map in use, with their names
     this.#readColours();
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
       this.#readColours();
@@ -40,7 +43,7 @@ export class View {
   #readColours() {
     const style = getComputedStyle(document.documentElement);
     const read = (name) => style.getPropertyValue(`--${name}`).trim();
-    this.colours = Object.fromEntries(["paper", "grid", "wall", "free", "scan", "robot", "trail", "range", "soft"].map((n) => [n, read(n)]));
+    this.colours = Object.fromEntries(["paper", "grid", "wall", "free", "scan", "robot", "trail", "range", "soft", "ink"].map((n) => [n, read(n)]));
     const rgb = (hex) => (hex.length === 4 ? [...hex.slice(1)].map((c) => c + c) : hex.slice(1).match(/../g)).map((c) => parseInt(c, 16));
     this.rgb = { wall: rgb(this.colours.wall), free: rgb(this.colours.free) };
     const cost = rgb(this.colours.range);
@@ -87,6 +90,20 @@ export class View {
     return [this.centre[0] + (x - width / 2) / this.scale, this.centre[1] - (y - height / 2) / this.scale];
   }
 
+  // All that is known of the map, with a margin; the robot is not followed any more.
+  showWholeMap() {
+    const { grid, canvas } = this;
+    if (!grid) return;
+    const [length, width, cos, sin] = [grid.columns * grid.resolution_m, grid.rows * grid.resolution_m, Math.cos(grid.heading_rad), Math.sin(grid.heading_rad)];
+    const corners = [[0, 0], [length, 0], [0, width], [length, width]].map(([x, y]) => [grid.x_m + x * cos - y * sin, grid.y_m + x * sin + y * cos]);
+    const [left, right, bottom, top] = [0, 1].flatMap((axis) => [Math.min, Math.max].map((most) => most(...corners.map((corner) => corner[axis]))));
+    this.setFollow(false);
+    this.centre = [(left + right) / 2, (bottom + top) / 2];
+    const fits = Math.min(canvas.clientWidth / (right - left), canvas.clientHeight / (top - bottom));
+    this.scale = Math.max(MIN_SCALE, Math.min(MAX_SCALE, 0.94 * fits));
+    this.draw();
+  }
+
   #paint() {
     const { canvas, context: c, colours } = this;
     const ratio = devicePixelRatio || 1;
@@ -109,7 +126,7 @@ export class View {
     if (this.path) this.#line(this.path, colours.robot, 3);
     if (this.robot) this.#paintRobot(this.robot);
     if (this.aim) this.#paintAim(this.aim);
-    this.#paintRoute(ratio, width, height);
+    paintMarks(this, ratio, [width, height]);
     this.#paintScaleBar(ratio, height);
   }
 
@@ -201,24 +218,6 @@ export class View {
     c.moveTo(...from);
     c.lineTo(...to);
     c.stroke();
-  }
-
-  // A numbered dot for each goal of the list, as large at any scale.
-  #paintRoute(ratio, width, height) {
-    const { context: c, colours } = this;
-    c.setTransform(ratio, 0, 0, ratio, 0, 0);
-    c.font = "bold 12px system-ui, sans-serif";
-    this.route.forEach(([x_m, y_m], index) => {
-      const [x, y] = [width / 2 + (x_m - this.centre[0]) * this.scale, height / 2 - (y_m - this.centre[1]) * this.scale];
-      c.fillStyle = colours.robot;
-      c.beginPath();
-      c.arc(x, y, 10, 0, 2 * Math.PI);
-      c.fill();
-      c.fillStyle = colours.paper;
-      c.textAlign = "center";
-      c.fillText(String(index + 1), x, y + 4);
-    });
-    c.textAlign = "start";
   }
 
   #paintScaleBar(ratio, height) {

@@ -194,3 +194,18 @@ def test_goals_and_their_ids_are_the_same_after_a_restore() -> None:
         assert other.service.report(None, "order 2").cause is GoalCause.CLIENT_LEFT
 
     benched(scenario)
+
+
+def test_the_goals_that_have_not_ended_are_listed_in_their_order() -> None:
+    """Each with its pose, and the id of its request; one that has ended is on the list no more."""
+
+    async def scenario(bench: Bench) -> None:
+        await bench.navigate(HERE)
+        await bench.navigate(HERE, THERE, queue=True, goal_id="round")
+        listed = bench.service.active_goals().goals
+        assert [(each.goal, each.goal_id) for each in listed] == [(1, None), (2, "round"), (3, "round")]
+        assert [(each.x_m, each.y_m) for each in listed[1:]] == [(HERE.x_m, HERE.y_m), (THERE.x_m, THERE.y_m)]
+        bench.worker.end(1, "reached")
+        assert [each.goal for each in bench.service.active_goals().goals] == [2, 3]
+
+    benched(scenario)
