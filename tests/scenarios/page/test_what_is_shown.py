@@ -224,7 +224,7 @@ def test_a_robot_that_waits_does_not_fill_the_log_and_the_log_can_be_filtered(
         ("stops", ["Emergency"]),
         ("problems", ["Lidar"]),
     ):
-        page.get_by_label("Show", exact=True).select_option(kind)
+        page.locator("#lately-kind").select_option(kind)
         sync_api.expect(shown).to_contain_text(words)
 
 
