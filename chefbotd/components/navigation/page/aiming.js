@@ -14,7 +14,7 @@ const PROPOSAL_HTML = `
   <button type="button" id="proposal-save">Save as place</button>
   <button type="button" id="proposal-cancel">No</button>
   <form id="proposal-form" class="row" hidden>
-    <label>Name <input id="proposal-name" maxlength="64" autocomplete="off" required></label>
+    <label>Name of the place <input id="proposal-name" maxlength="64" autocomplete="off" required></label>
     <button type="submit" class="wanted">Save</button>
     <button type="button" id="proposal-back">No</button>
   </form>`;

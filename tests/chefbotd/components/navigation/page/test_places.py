@@ -74,7 +74,7 @@ def test_a_touched_point_is_saved_as_a_place(page: Any, daemon: FakeDaemon, widt
     page.locator("#view").scroll_into_view_if_needed()
     box = page.locator("#view").bounding_box()
     page.mouse.click(box["x"] + box["width"] / 2 + 45, box["y"] + box["height"] / 2)  # (2.5, -1)
-    name = page.get_by_label("Name", exact=True)
+    name = page.get_by_label("Name of the place")
     sync_api.expect(name).to_be_focused()
     assert barriers(page) == []
     name.fill("table 9")
