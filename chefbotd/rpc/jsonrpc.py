@@ -72,7 +72,10 @@ ERRORS: Mapping[str, ErrorClass] = {
         -32600, "the line is too long; the connection is closed", closes=True
     ),
     ErrorKind.INVALID_REQUEST: ErrorClass(-32600, "JSON, but not a JSON-RPC 2.0 request"),
-    ErrorKind.METHOD_NOT_FOUND: ErrorClass(-32601, "no such method"),
+    ErrorKind.METHOD_NOT_FOUND: ErrorClass(
+        -32601,
+        "this robot has no such method: it is misspelt, or of a component that its configuration does not ask for",
+    ),
     ErrorKind.INVALID_PARAMS: ErrorClass(
         -32602, "a parameter is missing, unknown, or of the wrong type or range"
     ),
