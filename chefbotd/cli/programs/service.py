@@ -30,6 +30,7 @@ root = click.option(
     metavar="DIR",
     type=click.Path(file_okay=False, path_type=Path),
     default=Path("/"),
+    callback=lambda ctx, parameter, folder: Path(os.path.abspath(folder)),  # noqa: PTH100 - systemd's tools need it without ..
     help="A folder that will be the root of a system, such as a disk image; nothing is started.",
 )
 

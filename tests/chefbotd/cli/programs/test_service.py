@@ -58,6 +58,20 @@ def test_a_dry_run_says_everything_and_writes_nothing(tmp_path: Path):
     assert list(root.iterdir()) == []
 
 
+def test_a_folder_named_from_here_is_told_to_systemd_by_its_whole_path(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its tools look for ``image/etc`` within the image itself, and fail."""
+    (tmp_path / "image").mkdir()
+    monkeypatch.chdir(tmp_path)
+    for folder in ("image", "./image", "../" + tmp_path.name + "/image"):
+        dry = ["install-service", "--dry-run", "--root", folder, "--program", PROGRAM]
+        printed = CliRunner().invoke(main, dry).output
+        assert f"systemd-sysusers --root={tmp_path}/image {tmp_path}/image/etc/" in printed.replace(
+            "\n", " "
+        ), folder
+
+
 @pytest.mark.parametrize("command", ["install-service", "uninstall-service"])
 def test_without_root_the_command_to_type_is_told(
     monkeypatch: pytest.MonkeyPatch, program: Path, command: str
