@@ -79,7 +79,7 @@ async def find_board(interview: Interview, serial: Serial, named_device: str | N
     if not ports:
         interview.say(
             "No serial port was found: is the board plugged in (a charging cable has no data lines)? If lsusb lists it, "
-            "its driver is missing, or brltty has taken it."
+            "its driver is missing, or brltty has taken it. A port that is not listed is named with --port."
         )
         return Found()
     interview.say(f"Listening at {', '.join(port.device for port in ports)}; this takes up to 10 s a port.")
@@ -94,7 +94,10 @@ async def find_board(interview: Interview, serial: Serial, named_device: str | N
             Exit.FAILED, f"{named_device}: {behind[0].told}; docs/protocol.md says what a board sends"
         )
     if not boards:
-        interview.say("No board was heard. Without one you can type what you know, and nothing is measured.")
+        interview.say(
+            "No board was heard. Without one you can type what you know, and nothing is measured. "
+            "Is it at another port? Ctrl-C, and name that one with --port."
+        )
         return Found(lidars=lidars)
     board = boards[0]
     if len(boards) > 1:

@@ -233,7 +233,9 @@ def test_without_a_board_what_is_typed_is_written(tmp_path: Path) -> None:
     steps: list[Step] = [
         ("name", ""), ("how far did it go", ROLLED_CM), ("How far apart", "17"), ("length", ""),
     ]  # fmt: skip
-    conversation(path, None, Person(*steps))
+    person = Person(*steps)
+    conversation(path, None, person)
+    assert any("named with --port" in said for said in person.said)
     settings = load(path)
     assert (settings.robot.name, settings.chassis.track_width_m, settings.body) == ("my_robot", 0.17, None)
     assert "# Not measured yet, and still chefbot's: encoders.counts_per_turn" in path.read_text(
