@@ -189,10 +189,12 @@ def _nearest(settings: Settings) -> Iterator[str]:
         kept_m = guard.scan.stop_distance_m + guard.scan.clearance_m
         short_m = nearest_m - within_m - kept_m
         if lidar.guards and short_m > ROUNDING_M:
+            enough_m = math.ceil((guard.scan.stop_distance_m + short_m) * 1000 - ROUNDING_M) / 1000
             yield (
-                f"lidar {lidar.name} sees nothing nearer than {nearest_m:g} m (its min_range_m) and is mounted "
+                f"the lidar {lidar.name!r} sees nothing nearer than {nearest_m:g} m (its min_range_m) and is mounted "
                 f"{within_m:.3g} m within the robot's outline: what the guard stops for, {kept_m:g} m before that, "
-                f"would vanish first; raise safety.guard.scan.stop_distance_m by {short_m:.3g}"
+                f"would vanish first; set [safety.guard.scan] stop_distance_m = {enough_m:g} "
+                f"(it is {guard.scan.stop_distance_m:g}), or mount the lidar further from the edge"
             )
 
 

@@ -27,6 +27,12 @@ Answers = Mapping[str, Answer]
 """By dotted keys; an entry of a list is named, as in ``chassis.wheels.left_wheel.radius_m``."""
 
 
+def unmeasured_keys(text: str) -> frozenset[str]:
+    """What a robot's file says of itself that was not measured: its values are still the packaged robot's."""
+    lines = (line.rstrip() for line in text.splitlines() if line.startswith(NOT_MEASURED))
+    return frozenset(line.partition("'s: ")[2] for line in lines)
+
+
 def differing(answers: Answers, values: Mapping[str, Any]) -> dict[str, Answer]:
     """The answers that are not what these values of a file say already."""
     return {key: answer for key, answer in answers.items() if not _is_same(answer.value, _at(values, key))}

@@ -102,6 +102,7 @@ def _walk(path: Path, present: "Settings | None") -> "tuple[Walk, Interview]":
     from chefbotd.clock import SystemClock
     from chefbotd.components.doctor.cli.diagnosis import TerminalAsker
     from chefbotd.components.doctor.listening.ports import serial_ports
+    from chefbotd.components.new_robot.answers import unmeasured_keys
     from chefbotd.components.new_robot.board import Serial
     from chefbotd.components.new_robot.interview import Interview
     from chefbotd.components.new_robot.walk import Walk
@@ -109,6 +110,7 @@ def _walk(path: Path, present: "Settings | None") -> "tuple[Walk, Interview]":
     from chefbotd.process.own_daemon import own_daemon
 
     base = None if present is None else str(_values(path).get("extends", "chefbot"))
+    unmeasured = frozenset() if present is None else unmeasured_keys(path.read_text(encoding="utf-8-sig"))
     interview = Interview(TerminalAsker(), tell)
     walk = Walk(
         interview,
@@ -116,6 +118,7 @@ def _walk(path: Path, present: "Settings | None") -> "tuple[Walk, Interview]":
         lambda settings: own_daemon(settings, name="new-robot"),
         present,
         base,
+        unmeasured,
     )
     return walk, interview
 
@@ -209,6 +212,7 @@ def _keep_unfinished(path: Path, walk: "Walk", *, is_new: bool) -> None:
             _propose(path, after)
     elif len(walk.answers) > 1:
         tell("Interrupted: what is known so far is written; this command goes on from it.")
+        walk.leave_out_unasked()
         walk.missing.append(NOT_ASKED)
         _write_new(path, walk)
     else:

@@ -1,7 +1,7 @@
 """Asks for a robot from its board to its outline; every answer is one value of its configuration."""
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 from chefbotd.components.new_robot.answers import LIDAR, Answer, Answers
 from chefbotd.components.new_robot.board import CLASSIC, Found, Serial, find_board
@@ -13,6 +13,7 @@ from chefbotd.settings import Settings, load, packaged
 from chefbotd.settings.values import value_of
 
 MOST_CM = 300.0
+RADIUS, TRACK = "chassis.wheels radius_m", "chassis.track_width_m"
 SAME_BY_HAND, SAME_MOTORS = 0.005, 0.02
 """What a second measurement may differ by, as a share, and change nothing."""
 
@@ -33,9 +34,11 @@ class Walk:
         connect: Connect,
         present: Settings | None,
         base: str | None,
+        unmeasured: Collection[str] = (),
     ) -> None:
+        """Ask with ``present``'s values as defaults, but for those that its file calls ``unmeasured``."""
         self._interview, self._serial, self._connect = interview, serial, connect
-        self._present, self._wanted_base = present, base
+        self._present, self._wanted_base, self._unmeasured = present, base, unmeasured
         self.base = base or CLASSIC
         self.answers: dict[str, Answer] = {}
         self.missing: list[str] = []
@@ -64,6 +67,10 @@ class Walk:
         """The robot as its file has it; a new one as the packaged robot is."""
         return self._present or load(packaged(self.base))
 
+    def _is_known(self, key: str) -> bool:
+        """Whether the file has this robot's own value: Enter may keep it."""
+        return self._present is not None and key not in self._unmeasured
+
     def _absent(self, board: Found) -> list[str]:
         usual = self._usual
         return [section for section in board.absent if getattr(usual, section)]
@@ -78,10 +85,10 @@ class Walk:
         rolled_cm = await self._interview.number(
             "Mark a tyre where it touches the floor, and the floor. Roll the robot straight ahead by one turn of the "
             "wheel: how far did it go, by tape?",
-            "cm", 1, MOST_CM, round(math.tau * usual_m * 100, 2) if self._present else None,
+            "cm", 1, MOST_CM, round(math.tau * usual_m * 100, 2) if self._is_known(RADIUS) else None,
         )  # fmt: skip
         if rolled_cm is None:
-            self.missing.append("chassis.wheels radius_m")
+            self.missing.append(RADIUS)
             return usual_m
         radius_m = round(rolled_cm / 100 / math.tau, 5)
         for wheel in self._usual.chassis.wheels:
@@ -92,7 +99,7 @@ class Walk:
         return radius_m
 
     async def _ask_tape(self) -> float | None:
-        usual_cm = round(self._usual.chassis.track_width_m * 100, 2) if self._present else None
+        usual_cm = round(self._usual.chassis.track_width_m * 100, 2) if self._is_known(TRACK) else None
         track_cm = await self._interview.number(
             "How far apart are the left and the right wheels, from the middle of a tyre to the middle of the other?",
             "cm", 1, MOST_CM, usual_cm,
@@ -132,7 +139,7 @@ class Walk:
         if track_m is not None:
             self._add_track(track_m, tape_m)
         elif tape_m is None:
-            self.missing.append("chassis.track_width_m")
+            self.missing.append(TRACK)
 
     def _overrides(
         self, board: Found, radius_m: float, encoder_signs: Mapping[str, int], motor_signs: Mapping[str, int]
@@ -265,10 +272,23 @@ class Walk:
             )  # fmt: skip
             if size_cm is None:
                 if body is None:
-                    self.answers["body"] = Answer(
-                        False, "not measured: the box about the wheels is the outline"
-                    )
+                    self.leave_out_body()
                 return
             sizes_m[side] = round(size_cm / 100, 4)
         for side, size_m in sizes_m.items():
             self.answers[f"body.{side}_m"] = Answer(size_m, "with all that sticks out")
+
+    def leave_out_body(self) -> None:
+        """Nobody measured the outline: it is never the packaged robot's."""
+        self.answers["body"] = Answer(False, "not measured: the box about the wheels is the outline")
+
+    def leave_out_unasked(self) -> None:
+        """End early: what was not asked counts as not measured."""
+        tracks, radii = {TRACK, "chassis.track_multiplier"}, "chassis.wheels."
+        if not any(key.startswith(radii) and key.endswith("radius_m") for key in self.answers):
+            self.missing.append(RADIUS)
+        if not tracks & self.answers.keys():
+            self.missing.append(TRACK)
+        if not any(key.startswith("body.") for key in self.answers):
+            self.leave_out_body()
+        self.missing = list(dict.fromkeys(self.missing))

@@ -126,7 +126,8 @@ def test_what_the_guard_stops_for_must_not_be_too_near_to_be_seen() -> None:
     guard, it is a good configuration.
     """
     at_the_rim = {**A1, "mount_x_m": 0.16}
-    with pytest.raises(SettingsError, match=r"lidar low sees nothing nearer than 0.15 m .* by 0.06$"):
+    told = r"the lidar 'low' sees nothing nearer than 0.15 m .* stop_distance_m = 0.11 \(it is 0.05\)"
+    with pytest.raises(SettingsError, match=told):
         load(overrides={"lidar": [at_the_rim]})
     load(overrides={"lidar": [at_the_rim], "safety.guard.scan.stop_distance_m": 0.11})
     load(overrides={"lidar": [{**A1, "mount_x_m": 0.1}]})

@@ -77,8 +77,14 @@ class CalibrationSession:
         steps = {step.name: step for step in report.steps}
         if unknown := [name for name in self._steps if name not in steps]:
             raise ProgramError(Exit.REFUSED, f"this daemon has no step {', '.join(unknown)}")
-        if self._steps:
-            return [steps[name] for name in self._steps]
+        chosen = [steps[name] for name in self._steps]
+        for step in chosen:
+            if step.missing:  # said before anybody draws a mark or clears the floor
+                raise ProgramError(
+                    Exit.REFUSED, f"cannot_calibrate: {step.name} cannot be calibrated: {step.missing}"
+                )
+        if chosen:
+            return chosen
         for step in report.steps:
             if step.missing and not self._context.as_json:
                 echo(plain(f"{step.name}: left out, {step.missing}"))
@@ -156,7 +162,8 @@ class CalibrationSession:
     async def _answer(self, robot: Client, question: Ask) -> None:
         """Ask until the robot takes the answer; where nobody is there, end the step."""
         while True:
-            text = await self._asker.ask(f"{question.text} ({question.unit})")
+            unit = f" ({question.unit})" if question.unit else ""
+            text = await self._asker.ask(f"{question.text}{unit}")
             if text is None:
                 await robot.stop()
                 return

@@ -13,8 +13,9 @@ from chefbotd.cli.common.exits import Exit, ProgramError
 from chefbotd.cli.programs.chefbotctl import main
 from chefbotd.clock import LoopClock, run_virtual
 from chefbotd.components.doctor.listening.ports import SerialPort
+from chefbotd.components.new_robot.answers import Answer, unmeasured_keys
 from chefbotd.components.new_robot.board import Serial
-from chefbotd.components.new_robot.command import converse
+from chefbotd.components.new_robot.command import _keep_unfinished, converse
 from chefbotd.components.new_robot.interview import Interview, NobodyAnswersError
 from chefbotd.components.new_robot.walk import Walk
 from chefbotd.settings import Settings, load
@@ -71,6 +72,7 @@ def conversation(
     path: Path, board: OwnBoard | None, person: Person, present: Settings | None = None
 ) -> tuple[Walk, bool]:
     """Have it asked, on the virtual clock."""
+    unmeasured = unmeasured_keys(path.read_text(encoding="utf-8")) if path.exists() else frozenset()
 
     async def scenario() -> tuple[Walk, bool]:
         device = board.device if board else None
@@ -79,7 +81,8 @@ def conversation(
         interview = Interview(person, person.said.append)
         connect = board.connect if board else None
         base = None if present is None else "chefbot"
-        walk = Walk(interview, Serial(lambda: ports, opener, LoopClock()), connect, present, base)  # type: ignore[arg-type]
+        serial = Serial(lambda: ports, opener, LoopClock())  # type: ignore[arg-type]
+        walk = Walk(interview, serial, connect, present, base, unmeasured)  # type: ignore[arg-type]
         running = asyncio.create_task(board.run()) if board else None
         try:
             return walk, await converse(interview, walk, None, path, is_new=present is None)
@@ -255,6 +258,34 @@ def test_run_again_with_the_same_answers_nothing_changes(tmp_path: Path) -> None
     ]
     conversation(path, again, Person(*steps), load(path))
     assert path.read_bytes() == before
+
+
+def test_run_again_nothing_of_the_packaged_robot_is_offered_for_what_was_skipped(tmp_path: Path) -> None:
+    """Enter on a question that was skipped before skips it again; a board that is not listed can be named."""
+    path = tmp_path / "rover.toml"
+    skipped: list[Step] = [("name", ""), ("how far did it go", ""), ("How far apart", "17"), ("length", "")]
+    conversation(path, None, Person(*skipped))
+    before = path.read_bytes()
+    again: list[Step] = [
+        ("name", ""), ("(cm) [Enter: skip]", ""), ("[Enter: 17]", ""), ("(cm) [Enter: skip]", ""),
+    ]  # fmt: skip
+    conversation(path, None, Person(*again), load(path))
+    assert path.read_bytes() == before
+    assert "# Not measured yet, and still chefbot's: chassis.wheels radius_m" in before.decode()
+
+
+def test_a_first_run_that_is_interrupted_leaves_the_packaged_robots_outline_out(tmp_path: Path) -> None:
+    """Of what was not asked the file says that it was not measured, and Enter does not make it a measurement."""
+    path = tmp_path / "rover.toml"
+    walk, _ = conversation(
+        tmp_path / "other.toml", None, Person(("name", ""), ("how far", ""), ("apart", ""), ("length", ""))
+    )
+    walk.answers = {"robot.name": Answer("rover", ""), "link.baud": Answer(57600, "")}
+    _keep_unfinished(path, walk, is_new=True)
+    assert load(path).body is None
+    assert {"chassis.wheels radius_m", "chassis.track_width_m"} <= unmeasured_keys(
+        path.read_text(encoding="utf-8")
+    )
 
 
 def test_run_again_it_proposes_what_changed(tmp_path: Path) -> None:

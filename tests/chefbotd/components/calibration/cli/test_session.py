@@ -119,6 +119,31 @@ def test_a_step_is_prepared_asked_for_and_shown(capsys: pytest.CaptureFixture[st
     assert (tmp_path / "plots" / "battery-two-readings.png").read_bytes().startswith(b"\x89PNG")
 
 
+def test_a_step_that_the_robot_cannot_take_is_refused_before_anything_is_prepared(
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    """Nobody is asked to draw a mark or to press Enter for it, nor for a good step that was named before it."""
+    person = Person(["", "12.6"])
+    with pytest.raises(ProgramError, match="lidar cannot be calibrated: it has no lidar"):
+        calibrated(person, capsys, names=("battery", "lidar"))
+    assert person.questions == []
+
+
+def test_a_question_without_a_unit_has_no_brackets(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """As "Type 1." when the robot stands on its mark."""
+
+    def asks(robot: ConfiguredRobot) -> Procedure:
+        yield Ask("voltage_v", "Type 1.", "", 1.0, 20.0, 1.0)
+
+    ready = StepDefinition("battery", "the divider", "Take a voltmeter.", 0.0, lambda robot: "", asks, _fit)
+    monkeypatch.setattr(steps, "STEPS", {"battery": ready})
+    person = Person(["", "12.6"])
+    calibrated(person, capsys)
+    assert person.questions[1:] == ["Type 1."]
+
+
 def _spacious(monkeypatch: pytest.MonkeyPatch) -> None:
     """The step needs 0.3 m of free floor."""
     ready = StepDefinition("battery", "the divider", "Take a voltmeter.", 0.3, lambda robot: "", _asks, _fit)
