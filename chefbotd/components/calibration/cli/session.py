@@ -24,6 +24,9 @@ NO_FILE = (
 MOST_SPACE_M = 100.0
 ABSENT = "this daemon does not calibrate: its configuration has no [safety.sources.calibration]"
 
+CANNOT_CALIBRATE = -32056
+"""The code of the daemon's own refusal (docs/api.md)."""
+
 
 class CalibrationSession:
     """One run of the command; without ``steps`` all that this robot can take. ``is_ready``: all is prepared."""
@@ -77,20 +80,18 @@ class CalibrationSession:
         steps = {step.name: step for step in report.steps}
         if unknown := [name for name in self._steps if name not in steps]:
             raise ProgramError(Exit.REFUSED, f"this daemon has no step {', '.join(unknown)}")
-        chosen = [steps[name] for name in self._steps]
-        for step in chosen:
-            if step.missing:  # said before anybody draws a mark or clears the floor
-                raise ProgramError(
-                    Exit.REFUSED, f"cannot_calibrate: {step.name} cannot be calibrated: {step.missing}"
-                )
-        if chosen:
-            return chosen
+        if self._steps:
+            return [steps[name] for name in self._steps]
         for step in report.steps:
             if step.missing and not self._context.as_json:
                 echo(plain(f"{step.name}: left out, {step.missing}"))
         return [step for step in report.steps if not step.missing and not step.on_request]
 
     async def _carry_out(self, robot: Client, step: CalibrationStep) -> StepResult:
+        if step.missing:  # said before anybody draws a mark or clears the floor
+            raise CallError(
+                CANNOT_CALIBRATE, "cannot_calibrate", f"{step.name} cannot be calibrated: {step.missing}"
+            )
         space_m = await self._prepare(step, sees_space="topic.scan" in robot.hello.capabilities)
         async with self._questions(robot):
             with progress_bar(step.name, quiet=self._context.as_json) as show:

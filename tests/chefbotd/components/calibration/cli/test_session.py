@@ -122,10 +122,10 @@ def test_a_step_is_prepared_asked_for_and_shown(capsys: pytest.CaptureFixture[st
 def test_a_step_that_the_robot_cannot_take_is_refused_before_anything_is_prepared(
     capsys: pytest.CaptureFixture[str],
 ) -> None:
-    """Nobody is asked to draw a mark or to press Enter for it, nor for a good step that was named before it."""
-    person = Person(["", "12.6"])
-    with pytest.raises(ProgramError, match="lidar cannot be calibrated: it has no lidar"):
-        calibrated(person, capsys, names=("battery", "lidar"))
+    """Nobody is asked to draw a mark or to press Enter for it."""
+    person = Person([""])
+    with pytest.raises(CallError, match="lidar cannot be calibrated: it has no lidar"):
+        calibrated(person, capsys, names=("lidar",))
     assert person.questions == []
 
 
