@@ -220,7 +220,7 @@ def test_a_robot_that_waits_does_not_fill_the_log_and_the_log_can_be_filtered(
     sync_api.expect(lately.get_by_text("Emergency stop: by Ann")).to_be_visible()
     shown = page.locator("#lately li:visible")
     for kind, words in (
-        ("goals", ["Looking", "Driving."]),
+        ("way", ["Looking", "Driving."]),
         ("stops", ["Emergency"]),
         ("problems", ["Lidar"]),
     ):

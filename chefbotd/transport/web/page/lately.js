@@ -5,8 +5,8 @@ import { $, element } from "./dom.js";
 import { because, GOAL, limit, LOCATED, MAPPING, MODES, plain, sentence } from "./words.js";
 
 const MOST_LINES = 50; // of a kind: many of one do not push out those of another
-const KINDS = { navigation: "goals", localization: "goals", mapping: "goals", safety: "stops", control: "stops" };
-const ON_THE_WAY = ["planning", "driving", "recovering", "paused"]; // a robot that waits for people goes to and fro between these
+const KINDS = { navigation: "way", localization: "way", mapping: "way", safety: "stops", control: "stops" };
+const REPEATED = { navigation: ["planning", "driving", "recovering", "paused"] }; // who waits for people goes to and fro between these
 const SOURCES = { link: "The board's link" };
 const STATES = {
   safety: (state, reason) => {
@@ -61,9 +61,9 @@ export class Lately {
 
   // What is said again on the way to a goal is one line, of the last time, with how often it was said.
   #take({ source, text, level }, words, at_ms) {
-    const isOnTheWay = source === "navigation" && ON_THE_WAY.includes(text.split(": ")[0]);
+    const isOnTheWay = REPEATED[source]?.includes(text.split(": ")[0]) ?? false;
     const before = isOnTheWay ? this.#onTheWay.get(words) : undefined;
-    if (source === "navigation" && !isOnTheWay) this.#onTheWay.clear();
+    if (source in REPEATED && !isOnTheWay) this.#onTheWay.clear();
     before?.line.remove();
     const times = (before?.times ?? 0) + 1;
     const line = this.#show(times > 1 ? `${words} (${times} times)` : words, at_ms, level, KINDS[source]);
