@@ -36,9 +36,12 @@ RESERVED_DESCRIPTORS = 32
 """Left for the serial link to reopen its device, for the places kept for stops, and for all that is no client."""
 CLOSING_DESCRIPTORS = 8
 """Left for new clients until those that were disconnected for them have closed their own."""
-SEGMENT_BYTES = 1460
-"""The largest segment of TCP, Ethernet's. On loopback it would be 64 kB, more than half of what may be sent ahead: the
-receiver would wait for a second one before it acknowledged, 40 ms each time (RFC 1122, 4.2.3.2)."""
+SEGMENT_BYTES = 16_384
+"""The largest segment of TCP: half of what may be sent ahead by default (``ApiParameters.write_buffer_bytes``).
+
+On loopback it would be 64 kB, and the receiver would wait for a second one before it acknowledged, 40 ms each time
+(RFC 1122, 4.2.3.2).
+"""
 LEAST_CLIENT_DESCRIPTORS = 16
 """With fewer nobody could be served."""
 MAX_HANDSHAKES = 256

@@ -6,6 +6,7 @@ import socket
 import pytest
 
 from chefbotd.clock import run_virtual
+from chefbotd.rpc.parameters import ApiParameters
 from chefbotd.transport import tcp
 from chefbotd.transport.tcp import CannotListen, DescriptorLimit, require_descriptors
 from tests.fakes.api import new_server, tcp_server
@@ -46,11 +47,12 @@ def test_clients_leave_the_low_descriptors_to_others(monkeypatch: pytest.MonkeyP
 
 
 def test_what_may_be_sent_ahead_holds_two_segments_on_loopback_too() -> None:
-    """Otherwise who reads a long answer acknowledges each part only after 40 ms; the least buffer is 4096 bytes."""
+    """Otherwise who reads a long answer acknowledges each part only after 40 ms."""
     [listener] = tcp.listen("127.0.0.1", 0, 65_536, "--listen")
     with listener, socket.create_connection(listener.getsockname()) as client:
         listener.setblocking(True)
         served, _ = listener.accept()
         with served:
-            assert 1000 < served.getsockopt(socket.IPPROTO_TCP, socket.TCP_MAXSEG) <= 4096 // 2
+            segment_bytes = served.getsockopt(socket.IPPROTO_TCP, socket.TCP_MAXSEG)
+            assert 1000 < segment_bytes <= ApiParameters().write_buffer_bytes // 2
             assert client.getpeername() == listener.getsockname()
