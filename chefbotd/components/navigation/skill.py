@@ -165,7 +165,9 @@ class NavigationSkill:
             case requests.CheckMap():
                 return MapChecked(self._problem)
             case requests.UseZones():
-                self._use_zones()
+                # While a map is made ready there is no world, and its zones are read at the end of that.
+                if self._navigator.world is not None or self._problem:
+                    self._use_zones()
                 return MapChecked(self._problem)
             case requests.ExamineZones() as request:
                 return self._examined(request)

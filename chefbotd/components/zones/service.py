@@ -107,13 +107,24 @@ class ZonesService:
         return await self._in_order(lambda: self._undo(params))
 
     async def _in_order(self, change: Callable[[], Awaitable[ZonesSaved]]) -> ZonesSaved:
-        """One change after the other; a replay makes none, because the disk and the worker are not there."""
+        """One change after the other; a replay makes none, because the disk and the worker are not there.
+
+        One that has begun is not given up half-way, also where its client goes: what is on the disk is driven by.
+        """
 
         async def change_alone() -> ZonesSaved:
             async with self._order:
                 return await change()
 
-        return await self._entries.outside(change_alone)
+        async def finish() -> ZonesSaved:
+            work = asyncio.ensure_future(change_alone())
+            try:
+                return await asyncio.shield(work)
+            except asyncio.CancelledError:
+                await asyncio.wait([work])
+                raise
+
+        return await self._entries.outside(finish)
 
     async def _undo(self, params: ChangeZonesParams) -> ZonesSaved:
         name = self._maps.named(params.map)
@@ -147,6 +158,8 @@ class ZonesService:
 
     async def _replace(self, name: str, content: bytes | None, new: bytes) -> ZonesSaved:
         """Keep what was there, replace it if it is still that, and have navigation use it."""
+        if await self._maps.read_beside(name, ZONES) != content:  # edited by hand while navigation was asked
+            raise _changed_meanwhile()
 
         def kept(_: bytes | None) -> bytes:
             return b"" if content is None else content
