@@ -9,7 +9,16 @@ from chefbotd.component import Component, resolve
 FIRST: Final = ("recording", "foxglove")
 """Those that take an event before any other part, so that they see it before what follows from it."""
 
-SCANNING: Final = ("maps", "zones", "worker", "mapping", "localization", "navigation", "depth_camera")
+SCANNING: Final = (
+    "maps",
+    "map_edits",
+    "zones",
+    "worker",
+    "mapping",
+    "localization",
+    "navigation",
+    "depth_camera",
+)
 """What is made of scans, and what makes them: each takes an event before what every robot has."""
 
 OWN: Final = (

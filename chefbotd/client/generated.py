@@ -16,12 +16,13 @@ if TYPE_CHECKING:
     from chefbotd.client import models as m
     from chefbotd.client.wire import ProgressListener
 
+from chefbotd.components.map_edits.client_methods import MapEditMethods
 from chefbotd.components.maps.client_methods import MapMethods
 from chefbotd.components.navigation.client_methods import NavigationMethods
 from chefbotd.components.zones.client_methods import ZoneMethods
 
 
-class ComponentMethods(MapMethods, ZoneMethods, NavigationMethods):
+class ComponentMethods(MapMethods, MapEditMethods, ZoneMethods, NavigationMethods):
     """The methods that components have written by hand."""
 
 
@@ -264,6 +265,8 @@ class Topics(ABC):
     def subscribe(self, topics: Literal["scan"], **options: Unpack[Options]) -> Subscription[m.ScanData]: ...
     @overload
     def subscribe(self, topics: Literal["lidars"], **options: Unpack[Options]) -> Subscription[m.LidarsData]: ...
+    @overload
+    def subscribe(self, topics: Literal["map_edits"], **options: Unpack[Options]) -> Subscription[m.MapEditsData]: ...
     @overload
     def subscribe(self, topics: Literal["zones"], **options: Unpack[Options]) -> Subscription[m.ZonesData]: ...
     @overload

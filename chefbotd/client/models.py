@@ -26,6 +26,9 @@ from chefbotd.components.invitations.models import (
 from chefbotd.components.localization.models import (
     LocalizationData as LocalizationData, PlaceCandidate as PlaceCandidate
 )
+from chefbotd.components.map_edits.models import (
+    MapEditData as MapEditData, MapEditList as MapEditList, MapEditsData as MapEditsData, MapEditsSaved as MapEditsSaved
+)
 from chefbotd.components.mapping.models import MapData as MapData, MapPoseData as MapPoseData
 from chefbotd.components.maps.events import MapSaved as MapSaved, MappingData as MappingData
 from chefbotd.components.maps.models import (
@@ -81,15 +84,15 @@ from chefbotd.client.event import Latest
 from chefbotd.rpc.encoding import Sent
 
 DATA_BY_TOPIC: Mapping[str, type[Sent]] = {
-    "recording": RecordingData, "scan": ScanData, "lidars": LidarsData, "zones": ZonesData, "worker": WorkerData,
-    "mapping": MappingData, "map": MapData, "map_pose": MapPoseData, "localization": LocalizationData,
-    "navigation": NavigationData, "arrival": ArrivalData, "path": PathData, "costmap": CostmapData,
-    "obstacles": ObstaclesData, "depth_cameras": DepthCamerasData, "wheels": WheelsData, "safety": SafetyData,
-    "drive_warning": DriveWarningData, "odometry": OdometryData, "odometry_condition": OdometryConditionData,
-    "imu": ImuData, "ranges": RangesData, "battery": BatteryData, "stats": StatsData, "agents": AgentsData,
-    "agent_events": AgentEventData, "agent_data": AgentMessageData, "calibration": CalibrationData, "sim": SimData,
-    "notifications": NotificationsData, "link": LinkData, "firmware": FirmwareData, "reset": ResetData,
-    "text": TextData, "raw": RawData, "log": LogData
+    "recording": RecordingData, "scan": ScanData, "lidars": LidarsData, "map_edits": MapEditsData, "zones": ZonesData,
+    "worker": WorkerData, "mapping": MappingData, "map": MapData, "map_pose": MapPoseData,
+    "localization": LocalizationData, "navigation": NavigationData, "arrival": ArrivalData, "path": PathData,
+    "costmap": CostmapData, "obstacles": ObstaclesData, "depth_cameras": DepthCamerasData, "wheels": WheelsData,
+    "safety": SafetyData, "drive_warning": DriveWarningData, "odometry": OdometryData,
+    "odometry_condition": OdometryConditionData, "imu": ImuData, "ranges": RangesData, "battery": BatteryData,
+    "stats": StatsData, "agents": AgentsData, "agent_events": AgentEventData, "agent_data": AgentMessageData,
+    "calibration": CalibrationData, "sim": SimData, "notifications": NotificationsData, "link": LinkData,
+    "firmware": FirmwareData, "reset": ResetData, "text": TextData, "raw": RawData, "log": LogData
 }
 """What a client reads each topic as."""
 
@@ -102,6 +105,7 @@ class TopicsOfState:
     recording = Latest("recording", RecordingData)
     scan = Latest("scan", ScanData)
     lidars = Latest("lidars", LidarsData)
+    map_edits = Latest("map_edits", MapEditsData)
     zones = Latest("zones", ZonesData)
     worker = Latest("worker", WorkerData)
     mapping = Latest("mapping", MappingData)

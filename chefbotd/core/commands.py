@@ -39,6 +39,7 @@ class RefusalKind(StrEnum):
     UNKNOWN_PLACE = "unknown_place"
     POSE_UNKNOWN = "pose_unknown"
     UNKNOWN_ZONE = "unknown_zone"
+    UNKNOWN_EDIT = "unknown_edit"
     CHANGED_MEANWHILE = "changed_meanwhile"
     NEEDS_CONFIRMATION = "needs_confirmation"
     STORAGE_FAILED = "storage_failed"

@@ -125,7 +125,7 @@ ERRORS: Mapping[str, ErrorClass] = {
     RefusalKind.NOT_MAPPING: ErrorClass(-32051, "no map is being made; send start_mapping"),
     RefusalKind.ALREADY_MAPPING: ErrorClass(-32052, "another map is being made; finish or discard it first"),
     RefusalKind.OUT_OF_RANGE: ErrorClass(-32006, "a value outside the range of this robot"),
-    RefusalKind.NOTHING_TO_UNDO: ErrorClass(-32007, "there is no change of gains to undo"),
+    RefusalKind.NOTHING_TO_UNDO: ErrorClass(-32007, "there is no change to take back"),
     RefusalKind.BAD_NAME: ErrorClass(-32040, "a map or a place cannot have this name"),
     RefusalKind.UNKNOWN_MAP: ErrorClass(-32041, "no map of this name is stored"),
     RefusalKind.MAP_EXISTS: ErrorClass(-32042, "another map has this name"),
@@ -134,6 +134,7 @@ ERRORS: Mapping[str, ErrorClass] = {
     RefusalKind.UNKNOWN_PLACE: ErrorClass(-32045, "the map has no place of this name"),
     RefusalKind.POSE_UNKNOWN: ErrorClass(-32046, "the robot's pose in the map is not known"),
     RefusalKind.UNKNOWN_ZONE: ErrorClass(-32059, "the map has no zone with this id"),
+    RefusalKind.UNKNOWN_EDIT: ErrorClass(-32069, "the map has no edit with this id"),
     RefusalKind.CHANGED_MEANWHILE: ErrorClass(
         -32048, "somebody else changed this after it was read; read it again, and send the change again"
     ),

@@ -29,6 +29,7 @@ BUILT_ON = {
     "doctor": "new_robot, calibration and flash listen to the ports and ask as the doctor does",
     "localization": "navigation drives by its pose",
     "mapping": "localization and navigation match scans with its surfaces, calibration measures motion by them",
+    "map_edits": "localization and navigation use maps as they were edited",
     "maps": "mapping, localization and navigation store and read maps there",
     "recording": "foxglove serves what its encoder writes, calibration reads recordings again",
     "simulation": "depth cameras draw its world, and the tests' robot is simulated",

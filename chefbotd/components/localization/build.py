@@ -1,9 +1,11 @@
 """Builds localization from the configuration."""
 
 from chefbotd.component_context import Context
+from chefbotd.components.localization.beside_map_edits import join_map_edits
 from chefbotd.components.localization.parameters import LocalizationSection
 from chefbotd.components.localization.service import LocalizationService, localization
 from chefbotd.components.localization.skill_requests import SKILL, LocalizationSkillParameters
+from chefbotd.components.map_edits.service import MapEditsService
 from chefbotd.components.maps.build import map_folder
 from chefbotd.components.maps.service import MapsService
 from chefbotd.components.worker.service import WorkerService
@@ -23,6 +25,7 @@ def localization_of(context: Context[LocalizationSection]) -> Feature:
         localization=context.section,
     )
     feed.worker.add_own_skill(SKILL, parameters.model_dump_json().encode())
+    join_map_edits(feed.worker, context.of("map_edits", MapEditsService))
     service = LocalizationService(
         context.bus,
         context.clock,

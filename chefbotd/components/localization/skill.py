@@ -1,6 +1,6 @@
 """The skill that localizes on a stored map, scan by scan, and keeps the pose for the next run."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,10 +17,12 @@ from chefbotd.components.localization.algorithms.state import (
     Odometry,
     PoseState,
     localize,
+    on_another_grid,
     set_pose,
 )
 from chefbotd.components.localization.algorithms.surface_map import surface_map
 from chefbotd.components.localization.algorithms.warm import warm
+from chefbotd.components.localization.edited_map import EditedMap, ReadEdits, edited_map, stored_edits
 from chefbotd.components.localization.events import Alternative, LocalizationChanged
 from chefbotd.components.localization.pose_file import PoseFile, PoseOnDisk, SavedPose, require_on_map
 from chefbotd.components.localization.skill_requests import POSE_FILE, LocalizationSkillParameters
@@ -51,6 +53,14 @@ def stored_grids(folder: Path) -> ReadGrid:
     return lambda name: read_grid(store, name)
 
 
+def _made_ready(grid: OccupancyGrid) -> Generator[JobStep, None, LocalizationMap]:
+    """A map made ready, in steps; raises ``ValueError``."""
+    yield JobStep(1.0, 3.0, "finding its walls")
+    surfaces = surface_map(grid)
+    yield JobStep(2.0, 3.0, "preparing the search")
+    return LocalizationMap(surfaces, pyramid(surfaces))
+
+
 class LocalizationSkill:
     """One map at a time."""
 
@@ -60,9 +70,13 @@ class LocalizationSkill:
         clock: "Clock",
         read_map: ReadGrid | None = None,
         pose_file: PoseFile | None = None,
+        read_edits: ReadEdits | None = None,
     ) -> None:
         self._parameters = LocalizationSkillParameters.model_validate_json(parameters)
         self._read_map = read_map or stored_grids(self._parameters.folder)
+        if read_edits is None:
+            read_edits = stored_edits(self._parameters.folder) if read_map is None else lambda _: None
+        self._read_edits = read_edits
         self._pose_file = pose_file or PoseOnDisk(self._parameters.folder / POSE_FILE)
         self._clock = clock
         self._aligner = ScanAligner(self._parameters.lidars)
@@ -75,7 +89,7 @@ class LocalizationSkill:
         self._sought = ""  # why it was told to search
         self._kept: Floats | None = None
         self._keep_at_s = float("-inf")
-        self.grid: OccupancyGrid | None = None
+        self.edited: EditedMap | None = None
         self.report: LocalizationReport | None = None
         self.seen: AlignedScan | None = None
 
@@ -83,7 +97,8 @@ class LocalizationSkill:
     def used(self) -> tuple[str, int] | None:
         """The map in use, and its version: another object each time that it was asked for.
 
-        ``grid`` has its cells; ``report`` and ``seen`` are of the last scan.
+        ``edited`` has its cells, another object each time that they were changed; ``report`` and ``seen`` are of the
+        last scan.
         """
         return self._map
 
@@ -193,13 +208,15 @@ class LocalizationSkill:
         match requests.REQUEST.decode(body):
             case requests.UseMap() as request:
                 return self._using(request.name, request.version, request.renamed_from)
+            case requests.UseEdits():
+                return self._redrawn()
             case requests.UseNone():
                 self._keep()
                 self._rest()
             case requests.SetPose() as request:
                 self._require_map()
-                if self.grid is not None:
-                    require_on_map(self.grid, request.x_m, request.y_m)
+                if self.edited is not None:
+                    require_on_map(self.edited.grid, request.x_m, request.y_m)
                 pose = np.array([request.x_m, request.y_m, request.heading_rad])
                 self._now, self._mount = set_pose(self._now, pose), MountCheck()
             case _:  # Localize
@@ -211,22 +228,43 @@ class LocalizationSkill:
         """Make a map ready, in steps; one that is ready stays as it is, with its pose."""
         if self._within is not None and self._map in ((name, version), (renamed_from, version)):
             self._map, self._kept = (name, version), None
-            return self._standing()
+            return (yield from self._redrawn())
         if self._map is not None and self._map[0] not in (name, renamed_from):
             self._free()
         try:
             yield JobStep(0.0, 3.0, "reading the map")
-            grid = self._read_map(name)
-            yield JobStep(1.0, 3.0, "finding its walls")
-            surfaces = surface_map(grid)
-            yield JobStep(2.0, 3.0, "preparing the search")
-            map_ = LocalizationMap(surfaces, pyramid(surfaces))
+            stored, edited, map_ = self._read_map(name), None, None
+            while edited is None or map_ is None or edited.content != self._read_edits(name):
+                edited = edited_map(stored, self._read_edits(name))
+                map_ = yield from _made_ready(edited.grid)
         except (ValueError, Refused) as problem:
             self._keep()
             self._rest()
             kind = problem.kind if isinstance(problem, Refused) else RefusalKind.MAP_UNREADABLE
             raise Refused(kind, f"the map {name!r} cannot be used for localization: {problem}") from problem
-        self._change_to(name, version, grid, map_, renamed_from)
+        self._change_to(name, version, edited, map_, renamed_from)
+        return self._standing()
+
+    def _redrawn(self) -> Job:
+        """Find the way by the map in use as it is edited now; its pose stays, and so does the map until then."""
+        try:
+            while (before := self.edited) is not None and self._within is not None and self._map is not None:
+                content = self._read_edits(self._map[0])
+                if content == before.content:
+                    break
+                edited = edited_map(before.stored, content)
+                is_same = np.array_equal(edited.grid.percent, before.grid.percent)
+                map_ = self._within if is_same else (yield from _made_ready(edited.grid))
+                if self.edited is not before:
+                    continue  # another one is in use meanwhile, or this one was edited again
+                if is_same:
+                    edited = replace(edited, grid=before.grid)
+                else:
+                    self._now = on_another_grid(self._now)
+                self._within, self.edited = map_, edited
+        except (ValueError, Refused) as problem:
+            kind = problem.kind if isinstance(problem, Refused) else RefusalKind.MAP_UNREADABLE
+            raise Refused(kind, f"the map is used as it was before it was edited: {problem}") from problem
         return self._standing()
 
     def _free(self) -> None:
@@ -237,12 +275,12 @@ class LocalizationSkill:
         self._aligner.forget_scans()
 
     def _change_to(
-        self, name: str, version: int, grid: OccupancyGrid, map_: LocalizationMap, renamed_from: str | None
+        self, name: str, version: int, edited: EditedMap, map_: LocalizationMap, renamed_from: str | None
     ) -> None:
         """Find the way on another map, or version; the pose that was kept for it is tried first."""
         self._keep()
         self._rest()
-        self._within, self._map, self.grid = map_, (name, version), grid
+        self._within, self._map, self.edited = map_, (name, version), edited
         kept = self._pose_file.read()
         if kept is not None and kept.map in (name, renamed_from):
             pose = np.array([kept.x_m, kept.y_m, kept.heading_rad])
@@ -250,7 +288,7 @@ class LocalizationSkill:
             self._now = set_pose(self._now, pose, covariance)
 
     def _rest(self) -> None:
-        self._within = self._map = self._kept = self.grid = self.report = self.seen = None
+        self._within = self._map = self._kept = self.edited = self.report = self.seen = None
         self._now, self._mount, self._reason, self._sought = Localization(), MountCheck(), "", ""
         self._aligner.forget_scans()
 

@@ -39,6 +39,10 @@ class UseMap(Message, frozen=True, tag="use_map"):
     renamed_from: str | None = None
 
 
+class UseEdits(Message, frozen=True, tag="use_edits"):
+    """Read the edits of the map in use again, and find the way by them; its pose stays."""
+
+
 class UseNone(Message, frozen=True, tag="use_none"):
     """There is no map, or one is being made: rest."""
 
@@ -55,6 +59,6 @@ class Localize(Message, frozen=True, tag="localize"):
     """Search everywhere."""
 
 
-LocalizationRequest: TypeAlias = UseMap | UseNone | SetPose | Localize
+LocalizationRequest: TypeAlias = UseMap | UseEdits | UseNone | SetPose | Localize
 
 REQUEST: Final = msgspec.msgpack.Decoder(LocalizationRequest)

@@ -29,8 +29,8 @@ class MapMethods(MethodCaller):
         parts: list[models.MapPart] = []
         while not parts or len(parts) < parts[0].parts:
             part = parse(models.MapPart, await self.call("get_map", **params, part=len(parts)))
-            if parts and (part.name, part.version) != (parts[0].name, parts[0].version):
-                parts = []  # it was saved anew meanwhile
+            if parts and _which(part) != _which(parts[0]):
+                parts = []  # it was saved or edited anew meanwhile
                 continue
             parts.append(part)
             if on_progress is not None:
@@ -73,6 +73,10 @@ class MapMethods(MethodCaller):
     async def delete_place(self, name: str, of_map: str | None = None) -> None:
         """Remove a place."""
         await self._ask(None, "delete_place", name=name, map=of_map)
+
+
+def _which(part: models.MapPart) -> tuple[str | None, int, str | None]:
+    return part.name, part.version, part.edits
 
 
 def _image(parts: list[models.MapPart]) -> MapImage:

@@ -145,6 +145,9 @@ class MapPart(Record, frozen=True, kw_only=True):
     encoding: Literal["base64 zlib int8"] = "base64 zlib int8"
     part: int
     parts: int
+    edits: Annotated[
+        str | None, Meta(description="the revision of the edits that are drawn on it; of a stored map alone")
+    ] = None
     data: str
 
 

@@ -1,12 +1,13 @@
 """Sends the cells of ``get_map`` in parts, because a long answer would delay the event loop and the client."""
 
 import base64
+from collections.abc import Callable
 
 from chefbotd.components.maps.events import MapChanged
 from chefbotd.components.maps.models import MapPart
 from chefbotd.components.maps.storage.disk import MapStoreError
 from chefbotd.components.maps.storage.manifest import CELLS, Extent, Manifest
-from chefbotd.components.maps.storage.store import MapStore
+from chefbotd.components.maps.storage.store import MapStore, revision_of
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.record import Record
 
@@ -25,6 +26,7 @@ class Cells(Record, frozen=True):
     saved_at_s: float | None
     extent: Extent
     data: bytes
+    edits: str | None = None
 
     def part(self, part: int, now_s: float) -> MapPart:
         """A part of them; raises ``MapStoreError``."""
@@ -42,8 +44,19 @@ class Cells(Record, frozen=True):
             **self.extent.model_dump(),
             part=part,
             parts=parts,
+            edits=self.edits,
             data=base64.b64encode(chosen).decode(),
         )
+
+
+class Redraw(Record, frozen=True):
+    """How maps are redrawn before they are sent: ``draw`` by the content of ``file``, which lies beside each map.
+
+    It takes and returns compressed cells, and raises ``ValueError`` for a content that cannot be read.
+    """
+
+    file: str
+    draw: Callable[[bytes, Extent, bytes], bytes]
 
 
 class Cache:
@@ -52,6 +65,7 @@ class Cache:
     def __init__(self) -> None:
         self._latest: tuple[str, Manifest, Cells] | None = None
         self._growing: dict[int, Cells] = {}  # by the number of the session that fetches it, the latest last
+        self.redraw: Redraw | None = None
 
     def part(self, store: MapStore, name: str, part: int, now_s: float) -> MapPart:
         """A part of the latest version of a stored map; raises ``MapStoreError``. It waits for the disk."""
@@ -80,14 +94,29 @@ class Cache:
         return self._growing[session].part(part, now_s)
 
     def _cells(self, store: MapStore, name: str) -> Cells:
-        stored = store.describe(name)
-        if self._latest is not None and self._latest[:2] == (name, stored.manifest):
-            return self._latest[2]
+        stored, redraw = store.describe(name), self.redraw
+        content = None if redraw is None else store.read_beside(name, redraw.file)
+        edits = None if content is None else revision_of(content)
+        if self._latest is not None:
+            latest_name, manifest, cells = self._latest
+            if (latest_name, manifest, cells.edits) == (name, stored.manifest, edits):
+                return cells
         if stored.plain:
             raise MapStoreError(
                 RefusalKind.MAP_UNREADABLE, f"the map {name!r} was not saved by chefbotd: load it first"
             )
         manifest, data = store.read_file(name, CELLS)
-        cells = Cells(name, manifest.version, manifest.saved_at_s, manifest.extent, data)
+        if redraw is not None and content is not None:
+            data = _redrawn(redraw, data, manifest.extent, content, name)
+        cells = Cells(name, manifest.version, manifest.saved_at_s, manifest.extent, data, edits)
         self._latest = (name, manifest, cells)
         return cells
+
+
+def _redrawn(redraw: Redraw, data: bytes, extent: Extent, content: bytes, name: str) -> bytes:
+    try:
+        return redraw.draw(data, extent, content)
+    except ValueError as error:
+        raise MapStoreError(
+            RefusalKind.MAP_UNREADABLE, f"the map {name!r} cannot be shown: {error}"
+        ) from error

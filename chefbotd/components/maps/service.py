@@ -372,6 +372,10 @@ class MapsService:
         content: bytes | None = await self._in_thread(self.store.read_beside, of_map, file)
         return content
 
+    def redraw_with(self, redraw: parts.Redraw) -> None:
+        """Send maps as this redraws them."""
+        self._cells.redraw = redraw
+
     async def change_beside(self, of_map: str, file: str, change: Callable[[bytes | None], bytes]) -> None:
         """Replace such a file by what ``change`` makes of it, which may raise ``MapStoreError`` and leave it."""
         async with self._order:

@@ -4,6 +4,7 @@ from pathlib import Path
 
 from chefbotd.component_context import Context
 from chefbotd.components.localization.service import LocalizationService
+from chefbotd.components.map_edits.service import MapEditsService
 from chefbotd.components.maps.build import map_folder
 from chefbotd.components.maps.service import MapsService
 from chefbotd.components.navigation.beside_localization import join_localization
@@ -26,7 +27,7 @@ def navigation_of(context: Context[NavigationSection]) -> list[Feature]:
     parameters = navigation_skill_parameters(settings, map_folder(context))
     feed.worker.add_own_skill(SKILL, parameters.model_dump_json().encode())
     join_localization(context.bus, feed.worker, context.of("localization", LocalizationService))
-    join_zones(feed.worker, context.of("zones", ZonesService))
+    join_zones(feed.worker, context.of("zones", ZonesService), context.of("map_edits", MapEditsService))
     if context.driver is None:
         return []
     stored = context.of("maps", MapsService)

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 
 from chefbotd.components.localization.algorithms.state import PoseState
+from chefbotd.components.localization.edited_map import EditedMap, edited_map
 from chefbotd.components.localization.skill import LocalizationSkill
 from chefbotd.components.mapping.aligned_scans import AlignedScan, ScanAligner
 from chefbotd.components.maps.storage.store import MapStore
@@ -27,7 +28,11 @@ from chefbotd.components.navigation.algorithms.states import GoalState
 from chefbotd.components.navigation.algorithms.steering import FollowerLimits
 from chefbotd.components.navigation.algorithms.warm import warm
 from chefbotd.components.navigation.algorithms.world_model import ground_costs
-from chefbotd.components.navigation.algorithms.zone_effects import find_concerns
+from chefbotd.components.navigation.algorithms.zone_effects import (
+    COVERED_BY_EDITS,
+    COVERED_BY_ZONES,
+    find_concerns,
+)
 from chefbotd.components.navigation.algorithms.zones import require_affordable
 from chefbotd.components.navigation.events import GoalResult, NavigationData, PathData, PlanResult
 from chefbotd.components.navigation.skill_requests import (
@@ -42,7 +47,6 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import OdometryUpdated, RangeMeasured
 from chefbotd.core.geometry import Pose2D
-from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.poses import Floats, compose, row_of
 from chefbotd.core.record import replace
 
@@ -88,7 +92,7 @@ class NavigationSkill:
         self._finder: LocalizationSkill | None = None
         self._map: tuple[str, int] | None = None  # the one that is navigated on,
         self._used: tuple[str, int] | None = None  # and localization's
-        self._grid: OccupancyGrid | None = None
+        self._edited: EditedMap | None = None
         self._problem = ""
         self._odometry: OdometryUpdated | None = None
         self._map_from_odom: Floats | None = None  # by which the robot is placed
@@ -167,9 +171,9 @@ class NavigationSkill:
             case requests.UseZones():
                 # While a map is made ready there is no world, and its zones are read at the end of that.
                 if self._navigator.world is not None or self._problem:
-                    self._use_zones()
+                    self._use_zones(is_same_map=True)
                 return MapChecked(self._problem)
-            case requests.ExamineZones() as request:
+            case requests.Examine() as request:
                 return self._examined(request)
         return None
 
@@ -325,52 +329,68 @@ class NavigationSkill:
         used = None if self._finder is None else self._finder.used
         if self._finder is not None and self._finder.has_freed_map:
             self._navigator.free_map()
+        edited_before, self._edited = self._edited, None if self._finder is None else self._finder.edited
         if used is self._used:
+            if self._edited is not edited_before and self._navigator.world is not None:
+                self._use_zones(is_same_map=True)
             return
         before, self._used = self._used, used
-        grid_before, self._grid = self._grid, None if self._finder is None else self._finder.grid
-        grid = self._grid
+        edited = self._edited
         if before is not None and used is not None and before[0] != used[0]:
-            if grid is not None and grid is grid_before:  # renamed: the same map, with the same zones
+            if edited is not None and edited is edited_before:  # renamed: the same map, with the same zones
                 self._map = used if self._map is not None else None
                 return
             self._navigator.fail(f"the map was changed from {before[0]} to {used[0]}")
         self._map, self._problem, self._map_from_odom, self._arrival = used, "", None, None
-        if used is None or grid is None:
+        if used is None or edited is None:
             self._map = None
             self._navigator.fail("there is no map in use any more")
             return
         self._use_zones()
 
-    def _use_zones(self) -> None:
-        """Plan on the map that localization uses, with its zones as they are on the disk now."""
-        used, grid = self._used, self._grid
-        if used is None or grid is None:
+    def _use_zones(self, *, is_same_map: bool = False) -> None:
+        """Plan on the map that localization uses, with its zones as they are on the disk now.
+
+        Where it is the map that was navigated on before, what was seen is remembered.
+        """
+        used, edited = self._used, self._edited
+        if used is None or edited is None:
             return
         self._map, self._problem = used, ""
         try:
             zones = read_zones(self._folder, used[0])
-            require_affordable(zones, GridFrame.of(grid))
+            require_affordable(zones, GridFrame.of(edited.grid))
         except (ValueError, Refused) as problem:  # where not to go is not known: go nowhere
             self._map, self._problem = None, f"the zones of the map cannot be read: {problem}"
+            if not is_same_map:  # what was navigated on before is another one
+                self._navigator.free_map()
             self._navigator.fail(self._problem)
             return
-        self._navigator.use_map(grid, zones)
+        use = self._navigator.redraw_map if is_same_map else self._navigator.use_map
+        use(edited.grid, zones, edited.closed)
 
-    def _examined(self, request: requests.ExamineZones) -> requests.ZonesExamined:
-        """What these zones would do to the robot, to places and to the way there."""
-        world, grid = self._navigator.world, self._grid
-        if world is None or grid is None:
-            return requests.ZonesExamined(())
-        zones = parse_zones(request.zones.decode(), ZONES)
+    def _examined(self, request: requests.Examine) -> requests.Examined:
+        """What these zones or edits would do to the robot, to places and to the way there."""
+        world, used, edited = self._navigator.world, self._used, self._edited
+        if world is None or used is None or edited is None:
+            return requests.Examined(())
         try:
-            require_affordable(zones, GridFrame.of(grid))
+            if request.edits is not None:
+                edited = edited_map(edited.stored, request.edits)
+            if request.zones is not None:
+                zones = parse_zones(request.zones.decode(), ZONES)
+            else:
+                zones = read_zones(self._folder, used[0])
+            require_affordable(zones, GridFrame.of(edited.grid))
         except ValueError as error:
             raise Refused(RefusalKind.OUT_OF_RANGE, str(error)) from error
         pose, status = self._pose(self._clock.now_s())
         robot = None if pose is None or status is PoseStatus.LOST else (pose.x_m, pose.y_m)
-        after = ground_costs(self._params, grid, zones)
-        return requests.ZonesExamined(tuple(find_concerns(world.ground, after, robot, request.places)))
+        after = ground_costs(self._params, edited.grid, zones, edited.closed)
+        covers = COVERED_BY_EDITS if request.zones is None else COVERED_BY_ZONES
+        return requests.Examined(
+            tuple(find_concerns(world.ground, after, robot, request.places, covers=covers))
+        )
 
 
 def read_zones(folder: FilePath, name: str) -> Zones:

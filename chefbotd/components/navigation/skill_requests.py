@@ -100,15 +100,19 @@ class UseZones(Message, frozen=True, tag="use_zones"):
     """Read the zones of the map in use again, and plan by them; answered by ``MapChecked``."""
 
 
-class ExamineZones(Message, frozen=True, tag="examine_zones"):
-    """Tell what these zones of the map in use, as its file has them, would do; ``places`` are (x, y) in the map."""
+class Examine(Message, frozen=True, tag="examine"):
+    """Tell what these zones or edits of the map in use, as its files have them, would do; None: they stay as they are.
 
-    zones: bytes
+    ``places`` are (x, y) in the map.
+    """
+
     places: dict[str, tuple[float, float]]
+    zones: bytes | None = None
+    edits: bytes | None = None
 
 
 NavigationRequest: TypeAlias = (
-    NavigateTo | KeepGoals | Pause | Resume | PlanTo | Show | CheckMap | UseZones | ExamineZones
+    NavigateTo | KeepGoals | Pause | Resume | PlanTo | Show | CheckMap | UseZones | Examine
 )
 
 # Answers and events
@@ -120,8 +124,8 @@ class MapChecked(Record, frozen=True):
     problem: str
 
 
-class ZonesExamined(Record, frozen=True):
-    """What zones would do that may not be meant: a sentence each."""
+class Examined(Record, frozen=True):
+    """What zones or edits would do that may not be meant: a sentence each."""
 
     concerns: tuple[str, ...]
 

@@ -1,14 +1,16 @@
 """Zones in the daemon: read and changed one change at a time, and used by navigation at once."""
 
-import asyncio
 import hashlib
 from collections.abc import Awaitable, Callable, Mapping
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
+from chefbotd.components.maps.drawn_file import DrawnFile, Use
 from chefbotd.components.maps.models import OfMapParams
+from chefbotd.components.maps.outlines import why_no_area
 from chefbotd.components.maps.service import MapsService
 from chefbotd.components.maps.storage.disk import MapStoreError
+from chefbotd.components.maps.storage.store import revision_of
 from chefbotd.components.zones.events import ZonesChanged
 from chefbotd.components.zones.models import (
     TOPICS,
@@ -19,13 +21,11 @@ from chefbotd.components.zones.models import (
     ZonesSaved,
     zone_data,
 )
-from chefbotd.components.zones.outlines import why_no_area
 from chefbotd.components.zones.zone_file import (
     ZONES,
     ZONES_BEFORE,
     Zones,
     parse_zones,
-    revision_of,
     with_zone,
     without_zone,
     write_zones,
@@ -50,15 +50,15 @@ class ZonesService:
     def __init__(self, bus: Bus, clock: Clock, maps: MapsService) -> None:
         self._bus, self._clock, self._maps = bus, clock, maps
         self._entries = inputs_of(clock)
-        self._order = asyncio.Lock()
+        self._file = DrawnFile(clock, maps, ZONES, "zones", ZONES_BEFORE)
         self.examine: Callable[[Zones, Places], Awaitable[tuple[str, ...]]] | None = None
-        self.use: Callable[[], Awaitable[str]] | None = None
+        self.use: Use | None = None
 
     @method(role=Role.OBSERVE)
     async def list_zones(self, caller: Caller, params: OfMapParams, progress: ProgressReporter) -> ZoneList:
         """The zones of a map: where navigation must not go, and where it goes slowly."""
         name = self._maps.named(params.map)
-        content = await self._maps.read_beside(name, ZONES)
+        content = await self._file.read(name)
         before = await self._maps.read_beside(name, ZONES_BEFORE)
         rows = tuple(zone_data(own, zone) for own, zone in _parsed(content, name).named())
         return ZoneList(map=name, revision=revision_of(content), zones=rows, can_undo=before is not None)
@@ -81,7 +81,7 @@ class ZonesService:
             return _checked(lambda: with_zone(zones, own, params.zone(own)))
 
         asked = params.enabled and not params.confirmed
-        saved = await self._in_order(lambda: self._apply(params, changed, asks=asked))
+        saved = await self._file.in_order(lambda: self._apply(params, changed, asks=asked))
         return ZonesSaved(
             map=saved.map,
             revision=saved.revision,
@@ -97,39 +97,19 @@ class ZonesService:
             _require_known(params.id, {name for name, _ in zones.named()})
             return without_zone(zones, params.id)
 
-        return await self._in_order(lambda: self._apply(params, changed))
+        return await self._file.in_order(lambda: self._apply(params, changed))
 
     @method(role=Role.DRIVE, moves=False)
     async def undo_zones(
         self, caller: Caller, params: ChangeZonesParams, progress: ProgressReporter
     ) -> ZonesSaved:
         """Take the last change of a map's zones back, to the byte; done again, it is made again."""
-        return await self._in_order(lambda: self._undo(params))
-
-    async def _in_order(self, change: Callable[[], Awaitable[ZonesSaved]]) -> ZonesSaved:
-        """One change after the other; a replay makes none, because the disk and the worker are not there.
-
-        One that has begun is not given up half-way, also where its client goes: what is on the disk is driven by.
-        """
-
-        async def change_alone() -> ZonesSaved:
-            async with self._order:
-                return await change()
-
-        async def finish() -> ZonesSaved:
-            work = asyncio.ensure_future(change_alone())
-            try:
-                return await asyncio.shield(work)
-            except asyncio.CancelledError:
-                await asyncio.wait([work])
-                raise
-
-        return await self._entries.outside(finish)
+        return await self._file.in_order(lambda: self._undo(params))
 
     async def _undo(self, params: ChangeZonesParams) -> ZonesSaved:
         name = self._maps.named(params.map)
-        content = await self._maps.read_beside(name, ZONES)
-        _require_revision(content, params.revision)
+        content = await self._file.read(name)
+        self._file.require_revision(content, params.revision)
         before = await self._maps.read_beside(name, ZONES_BEFORE)
         if before is None:
             raise MapStoreError(
@@ -146,8 +126,8 @@ class ZonesService:
     ) -> ZonesSaved:
         """Make a change; with ``asks`` only one that does nothing that may not be meant."""
         name = self._maps.named(params.map)
-        content = await self._maps.read_beside(name, ZONES)
-        _require_revision(content, params.revision)
+        content = await self._file.read(name)
+        self._file.require_revision(content, params.revision)
         zones = change(_parsed(content, name), revision_of(content))
         if asks and self.examine is not None and name == self._maps.in_use:
             listed = await self._maps.places(name)
@@ -157,32 +137,12 @@ class ZonesService:
         return await self._replace(name, content, write_zones(zones))
 
     async def _replace(self, name: str, content: bytes | None, new: bytes) -> ZonesSaved:
-        """Keep what was there, replace it if it is still that, and have navigation use it."""
-        if await self._maps.read_beside(name, ZONES) != content:  # edited by hand while navigation was asked
-            raise _changed_meanwhile()
-
-        def kept(_: bytes | None) -> bytes:
-            return b"" if content is None else content
-
-        def replaced(now: bytes | None) -> bytes:
-            if now != content:
-                raise _changed_meanwhile()
-            return new
-
-        await self._maps.change_beside(name, ZONES_BEFORE, kept)
-        await self._maps.change_beside(name, ZONES, replaced)
+        """Replace what was there, and have navigation use it."""
+        await self._file.replace(name, content, new)
         revision = revision_of(new)
         self._entries.observe(self._bus, ZonesChanged(self._clock.now_s(), name, revision))
-        return ZonesSaved(map=name, revision=revision, warning=await self._why_unused(name) or None)
-
-    async def _why_unused(self, name: str) -> str:
-        """Have navigation use the zones, if the map is in use; they are saved in any case."""
-        if self.use is None or name != self._maps.in_use:
-            return ""
-        try:
-            return await self.use()
-        except Refused as refused:
-            return f"navigation could not be told of them, and reads them as the map is loaded: {refused}"
+        warning = await self._file.why_unused(name, self.use)
+        return ZonesSaved(map=name, revision=revision, warning=warning or None)
 
 
 def _parsed(content: bytes | None, name: str) -> Zones:
@@ -200,17 +160,6 @@ def _checked(make: Callable[[], Zones]) -> Zones:
         return make()
     except ValueError as error:
         raise MapStoreError(RefusalKind.OUT_OF_RANGE, f"the zones cannot be changed so: {error}") from error
-
-
-def _require_revision(content: bytes | None, revision: str | None) -> None:
-    if revision is not None and revision != revision_of(content):
-        raise _changed_meanwhile()
-
-
-def _changed_meanwhile() -> MapStoreError:
-    return MapStoreError(
-        RefusalKind.CHANGED_MEANWHILE, "the zones were changed meanwhile; look at them, and try again"
-    )
 
 
 def _require_known(own: str, ids: set[str]) -> None:

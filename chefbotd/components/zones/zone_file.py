@@ -10,7 +10,6 @@
       - {name: glass, points_m: [[2, 4], [6, 4]], width_m: 0.1}
 """
 
-import hashlib
 from collections.abc import Iterator
 from typing import Annotated, Final, TypeAlias
 
@@ -129,11 +128,6 @@ def write_zones(zones: Zones) -> bytes:
     rows = zones.model_dump(mode="json", exclude_defaults=True)
     text = yaml.safe_dump(rows, default_flow_style=None, sort_keys=False, allow_unicode=True, width=120)
     return text.encode()
-
-
-def revision_of(content: bytes | None) -> str:
-    """What tells one content of the file from another, edited by hand or not; ``none`` where there is no file."""
-    return "none" if content is None else hashlib.sha256(content).hexdigest()[:16]
 
 
 def with_zone(zones: Zones, own: str, zone: AnyZone) -> Zones:

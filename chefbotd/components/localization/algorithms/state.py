@@ -154,6 +154,11 @@ def localize(state: Localization) -> Localization:
     return on_event(forgotten(state), PoseEvent.SEARCH_STARTED)
 
 
+def on_another_grid(state: Localization) -> Localization:
+    """The map was edited where the robot knows it: a search begins again, and how well scans fit is learned anew."""
+    return replace(state, searching=None, checked=None, usual_fit=0.0, misfits=0, misfit_since_s=None)
+
+
 def forgotten(state: Localization) -> Localization:
     """Without what is believed about the pose; what was published stays."""
     return Localization(

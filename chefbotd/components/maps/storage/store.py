@@ -10,6 +10,7 @@ What the disk refuses has not been done: whoever is told so finds all as it was.
 Several processes may use a folder: one at a time changes it. Nothing here is for the event loop: it waits for the disk.
 """
 
+import hashlib
 import json
 import secrets
 from collections.abc import Callable, Iterator, Mapping
@@ -59,6 +60,11 @@ class StoredMap(Record, frozen=True):
 
 LARGEST_BESIDE_BYTES = 1 << 20
 """Of places or zones: three times as much as the most places take."""
+
+
+def revision_of(content: bytes | None) -> str:
+    """What tells one content of a file from another, edited by hand or not; ``none`` where there is no file."""
+    return "none" if content is None else hashlib.sha256(content).hexdigest()[:16]
 
 
 class MapStore:

@@ -101,18 +101,21 @@ def costmap(
     grid: OccupancyGrid,
     max_speed_m_s: float,
     zones: Zones = NO_ZONES,
+    closed: Flags | None = None,
     *,
     unknown_space: UnknownSpace = UnknownSpace.BLOCKED,
     comfort_m: float = COMFORT_M,
     guards: GuardDistances = NO_GUARDS,
 ) -> Costmap:
-    """The costs of a map and its zones.
+    """The costs of a map, its zones, and cells that are ``closed`` as those of a keep-out zone are.
 
     A slow zone costs the time that it takes: ``max_speed_m_s`` is the speed elsewhere.
     """
     frame = GridFrame.of(grid)
     walls: Flags = grid.percent >= OCCUPIED_PERCENT
     obstacles = walls | keep_out_cells(zones, frame)
+    if closed is not None:
+        obstacles |= closed
     distance_m = distances_m(obstacles, grid.resolution_m)
     limits = speed_limits_m_s(zones, frame)
     surcharges = np.maximum(1.0, max_speed_m_s / limits).astype(np.float32)

@@ -13,6 +13,7 @@ from chefbotd.components.navigation.algorithms.costmap import Costmap
 from chefbotd.components.navigation.algorithms.crawl import CYCLE_S, Crawl, slow_for_silence, watch_silence
 from chefbotd.components.navigation.algorithms.driving import POSE_SILENT_S, find_surroundings
 from chefbotd.components.navigation.algorithms.goal_execution import GoalExecution
+from chefbotd.components.navigation.algorithms.grid import Flags
 from chefbotd.components.navigation.algorithms.interface import (
     Ended,
     NavigationParameters,
@@ -128,9 +129,18 @@ class Navigator:
 
     # Inputs
 
-    def use_map(self, grid: OccupancyGrid, zones: Zones = NO_ZONES) -> None:
+    def use_map(self, grid: OccupancyGrid, zones: Zones = NO_ZONES, closed: Flags | None = None) -> None:
         """Navigate on this map from now on; what was seen before is forgotten, and a path is planned again."""
-        self.world = WorldModel(self._params, grid, zones)
+        self.world = WorldModel(self._params, grid, zones, closed)
+        if self._execution is not None:
+            self._execution.forget_path()
+
+    def redraw_map(self, grid: OccupancyGrid, zones: Zones, closed: Flags | None) -> None:
+        """The same map was edited, or its zones were changed: a path is planned again, with what was seen."""
+        if self.world is None:
+            self.use_map(grid, zones, closed)
+            return
+        self.world.redraw(grid, zones, closed)
         if self._execution is not None:
             self._execution.forget_path()
 

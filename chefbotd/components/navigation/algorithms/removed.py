@@ -116,6 +116,26 @@ def forgotten(things: Things) -> Things:
     return fresh
 
 
+def carried_over(before: Things, gone: Flags, things: Things) -> tuple[Things, Flags]:
+    """Things of another drawing of the map, with what was seen of those that have the same cells; and which are gone."""
+    is_gone = np.zeros(len(things.centers_m), np.bool_)
+    number_before = {
+        before.cells[before.thing == thing].tobytes(): thing for thing in range(len(before.centers_m))
+    }
+    for thing in range(len(things.centers_m)):
+        own = things.thing == thing
+        same = number_before.get(things.cells[own].tobytes())
+        if same is None:
+            continue
+        things.passes[own] = before.passes[before.thing == same]
+        for now, then in (
+            (things.first_m, before.first_m), (things.from_elsewhere, before.from_elsewhere),
+            (things.ended, before.ended), (things.is_glass, before.is_glass), (is_gone, gone),
+        ):  # fmt: skip
+            now[thing] = then[same]
+    return things, is_gone
+
+
 def see_through(things: Things, frame: GridFrame, sensors_m: Floats, points_m: Floats) -> None:
     """One turn of a lidar: sensors (n, 2), or one for all, and the points where its beams ended, in the grid's frame."""
     if not len(points_m) or not len(things.cells):

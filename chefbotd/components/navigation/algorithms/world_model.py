@@ -21,7 +21,7 @@ from chefbotd.components.navigation.algorithms.costmap import (
     with_obstacles,
     without_thing,
 )
-from chefbotd.components.navigation.algorithms.grid import Floats, GridFrame, place_points
+from chefbotd.components.navigation.algorithms.grid import Flags, Floats, GridFrame, place_points
 from chefbotd.components.navigation.algorithms.interface import NavigationParameters, Seen
 from chefbotd.components.navigation.algorithms.live import (
     EXPLAINED_M,
@@ -48,6 +48,7 @@ from chefbotd.components.navigation.algorithms.outline import clearance_m
 from chefbotd.components.navigation.algorithms.recovery import CLOSED_RADIUS_M, LEAVES_S, Trail, extend_trail
 from chefbotd.components.navigation.algorithms.removed import (
     THERE_TURNS,
+    carried_over,
     find_gone,
     find_things,
     forgotten,
@@ -91,13 +92,16 @@ KEPT_LOW_M = 1.0
 """What depth cameras saw so near goes with the robot when its pose jumps: they do not see the floor beside it."""
 
 
-def ground_costs(params: NavigationParameters, grid: OccupancyGrid, zones: Zones) -> Costmap:
-    """The costs of a map and its zones for this robot, before it has seen anything."""
+def ground_costs(
+    params: NavigationParameters, grid: OccupancyGrid, zones: Zones, closed: Flags | None = None
+) -> Costmap:
+    """The costs of a map, its zones and its ``closed`` cells for this robot, before it has seen anything."""
     return costmap(
         params.outline,
         grid,
         params.follower.max_speed_m_s,
         zones,
+        closed,
         unknown_space=params.unknown_space,
         comfort_m=params.comfort_m,
         guards=params.guards,
@@ -107,9 +111,11 @@ def ground_costs(params: NavigationParameters, grid: OccupancyGrid, zones: Zones
 class WorldModel:
     """Takes the readings of sensors; gives the costs to plan with, and the points to drive by."""
 
-    def __init__(self, params: NavigationParameters, grid: OccupancyGrid, zones: Zones) -> None:
+    def __init__(
+        self, params: NavigationParameters, grid: OccupancyGrid, zones: Zones, closed: Flags | None = None
+    ) -> None:
         self._params = params
-        self.ground: Costmap = ground_costs(params, grid, zones)
+        self.ground: Costmap = ground_costs(params, grid, zones, closed)
         self._mapped = self.ground
         self.things = find_things(self.ground.walls, self.ground.frame)
         self._gone = np.zeros(len(self.things.centers_m), np.bool_)
@@ -130,6 +136,14 @@ class WorldModel:
         self.scan_stamp_s = -math.inf
         self.planned_costs = self.ground
         self.trail: Trail = ()
+
+    def redraw(self, grid: OccupancyGrid, zones: Zones, closed: Flags | None) -> None:
+        """The same map, edited or with other zones: what was seen stays, and where the robot came from."""
+        self.ground = self._mapped = self.planned_costs = ground_costs(self._params, grid, zones, closed)
+        self.things, self._gone = carried_over(
+            self.things, self._gone, find_things(self.ground.walls, self.frame)
+        )
+        self.ground = self._without(np.flatnonzero(self._gone))
 
     @property
     def frame(self) -> GridFrame:

@@ -1,6 +1,7 @@
-"""What zones would do that may not be meant: to the robot, to places, and to the way from one to the other."""
+"""What zones and edits would do that may not be meant: to the robot, to places, and to the way from one to the other."""
 
 from collections.abc import Iterator, Mapping
+from typing import Final
 
 import numpy as np
 from scipy import ndimage
@@ -8,22 +9,30 @@ from scipy import ndimage
 from chefbotd.components.navigation.algorithms.costmap import Costmap
 
 Point = tuple[float, float]
+COVERED_BY_ZONES: Final = "the robot is in it, or too near to it to drive there"
+COVERED_BY_EDITS: Final = "the robot could not drive from where it is"
 MOST_NAMED = 3
 """So many places are named at most; of the others it is said how many there are."""
 
 
 def find_concerns(
-    before: Costmap, after: Costmap, robot: Point | None, places: Mapping[str, Point]
+    before: Costmap,
+    after: Costmap,
+    robot: Point | None,
+    places: Mapping[str, Point],
+    *,
+    covers: str = COVERED_BY_ZONES,
 ) -> Iterator[str]:
     """A sentence for each: the robot or places that a zone covers, and places that it cuts off.
 
-    ``before`` and ``after`` are the costs of one map without and with a change of its zones; points are in the map. With
+    ``before`` and ``after`` are the costs of one map without and with a change of it; points are in the map, and
+    ``covers`` says what it is that covers the robot. With
     a robot whose place is not known, a place counts as cut off from the first one that is free.
     """
     cells = {name: _cell(before, point) for name, point in places.items()}
     robot_cell = None if robot is None else _cell(before, robot)
     if _is_covered(before, after, robot_cell):
-        yield "the robot is in it, or too near to it to drive there"
+        yield covers
     covered = [name for name, cell in cells.items() if _is_covered(before, after, cell)]
     if covered:
         yield f"the robot could not stand at {_listed(covered)}"

@@ -85,7 +85,8 @@ class Bench:
             localization=LocalizationSection(save_period_s=1.0),
         )
         data = parameters.model_dump_json().encode()
-        self.skill = LocalizationSkill(data, self.clock, read_map, self.memory)
+        self.edits: bytes | None = None
+        self.skill = LocalizationSkill(data, self.clock, read_map, self.memory, lambda _: self.edits)
         self.told: list[LocalizationChanged] = []
         self.poses: list[MapPoseUpdated] = []
 

@@ -10,6 +10,7 @@ import pytest
 from chefbotd.bus import Bus
 from chefbotd.clock import LoopClock, ManualClock, run_virtual
 from chefbotd.components.localization.algorithms.state import PoseState
+from chefbotd.components.localization.edited_map import EditedMap
 from chefbotd.components.localization.skill import LocalizationSkill
 from chefbotd.components.navigation import build
 from chefbotd.components.navigation import skill as navigation_skill
@@ -59,7 +60,8 @@ class Located(LocalizationSkill):
     """A robot that knows where it is: ``odom`` lies at (1.0, 0.8) in an empty map of 4 by 4 m, turned by 0.2."""
 
     def __init__(self) -> None:
-        self.grid = OccupancyGrid(0.05, Pose2D(), np.zeros((80, 80), np.int8))
+        grid = OccupancyGrid(0.05, Pose2D(), np.zeros((80, 80), np.int8))
+        self.edited = EditedMap(grid, None, grid)
         self._map, self.seen = ("room", 1), None
         self._within = SimpleNamespace()  # type: ignore[assignment]
         self.report = SimpleNamespace(map_from_odom=np.array([1.0, 0.8, 0.2]), state=PoseState.LOCALIZED)  # type: ignore[assignment]
@@ -118,7 +120,8 @@ def test_unknown_space_is_driven_if_the_configuration_says_so(
     told = build.navigation_skill_parameters(settings, Path("/nowhere"))
     skill = NavigationSkill(told.model_dump_json().encode(), ManualClock(50.0))
     finder = Located()
-    finder.grid.percent[:, 50:60] = -1
+    assert finder.edited is not None
+    finder.edited.grid.percent[:, 50:60] = -1
     skill.connect({"localization": finder})
     skill.take_odometry(STANDS)
     answer = skill.handle(pack_body(messages.PlanTo(messages.GoalAsked(1, 3.4, 1.0, None, 0.0))))

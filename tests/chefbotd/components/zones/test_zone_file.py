@@ -2,14 +2,14 @@
 
 import pytest
 
-from chefbotd.components.zones.outlines import why_no_area
+from chefbotd.components.maps.outlines import why_no_area
+from chefbotd.components.maps.storage.store import revision_of
 from chefbotd.components.zones.zone_file import (
     NO_ZONES,
     Wall,
     Zone,
     Zones,
     parse_zones,
-    revision_of,
     with_zone,
     without_zone,
     write_zones,

@@ -1,0 +1,1 @@
+"""Draws the edits of a map onto its cells."""

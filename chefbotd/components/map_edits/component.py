@@ -1,0 +1,28 @@
+"""What the component for edits of maps offers."""
+
+from typing import TYPE_CHECKING
+
+from chefbotd.component import API_VERSION, Component
+from chefbotd.components.maps.component import COMPONENT as MAPS
+
+if TYPE_CHECKING:
+    from chefbotd.component_context import Context
+    from chefbotd.features.feature import Feature
+
+
+def build(context: "Context[None]") -> "Feature":
+    """Keeps edits beside the stored maps, and has maps sent with them."""
+    from chefbotd.components.map_edits.service import MapEditsService, map_edits
+    from chefbotd.components.maps.service import MapsService
+
+    return map_edits(MapEditsService(context.bus, context.clock, context.of("maps", MapsService)))
+
+
+COMPONENT = Component(
+    name="map_edits",
+    api=API_VERSION,
+    build=build,
+    is_enabled=lambda section, settings: MAPS.is_enabled(getattr(settings, "maps", None), settings),
+    events=("chefbotd.components.map_edits.events:MapEdited",),
+    client_methods=("chefbotd.components.map_edits.client_methods:MapEditMethods",),
+)

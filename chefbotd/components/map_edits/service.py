@@ -1,0 +1,228 @@
+"""The edits of stored maps in the daemon: one change at a time, each shown and driven by at once."""
+
+import hashlib
+import zlib
+from collections.abc import Awaitable, Callable, Mapping
+from typing import Final
+
+from chefbotd.bus import Bus
+from chefbotd.clock import Clock
+from chefbotd.components.map_edits.algorithms.drawing import draw_edits
+from chefbotd.components.map_edits.edit_file import (
+    EDITS,
+    MapEdits,
+    parse_edits,
+    step_back,
+    step_forward,
+    with_edit,
+    with_view_angle,
+    without_edit,
+    write_edits,
+)
+from chefbotd.components.map_edits.events import MapEdited
+from chefbotd.components.map_edits.models import (
+    TOPICS,
+    ChangeEditsParams,
+    EditMapParams,
+    MapEditData,
+    MapEditId,
+    MapEditList,
+    MapEditsSaved,
+    TurnMapViewParams,
+    edit_data,
+)
+from chefbotd.components.maps.drawn_file import DrawnFile, Use
+from chefbotd.components.maps.models import OfMapParams
+from chefbotd.components.maps.outlines import why_no_area
+from chefbotd.components.maps.parts import Redraw
+from chefbotd.components.maps.service import MapsService
+from chefbotd.components.maps.storage.disk import MapStoreError
+from chefbotd.components.maps.storage.manifest import Extent
+from chefbotd.components.maps.storage.store import revision_of
+from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.features.feature import Feature
+from chefbotd.inputs import inputs_of
+from chefbotd.rpc.jobs import ProgressReporter
+from chefbotd.rpc.method import Caller, method, methods_of
+from chefbotd.rpc.parameters import Role
+
+Places = Mapping[str, tuple[float, float]]
+Change = Callable[[MapEdits], MapEdits]
+COMPRESSION: Final = 6
+
+
+class MapEditsService:
+    """The edits of stored maps.
+
+    ``examine`` says what these edits would do to the robot, to the places of the map in use and to the way there;
+    navigation sets it. ``use`` has localization read them again, and says why it cannot.
+    """
+
+    def __init__(self, bus: Bus, clock: Clock, maps: MapsService) -> None:
+        self._bus, self._clock, self._maps = bus, clock, maps
+        self._entries = inputs_of(clock)
+        self._file = DrawnFile(clock, maps, EDITS, "edits")
+        self.examine: Callable[[bytes, Places], Awaitable[tuple[str, ...]]] | None = None
+        self.use: Use | None = None
+        maps.redraw_with(Redraw(EDITS, redraw_cells))
+
+    @method(role=Role.OBSERVE)
+    async def list_map_edits(
+        self, caller: Caller, params: OfMapParams, progress: ProgressReporter
+    ) -> MapEditList:
+        """The edits of a map: what was erased, which walls were drawn, and to what it was cropped."""
+        name = self._maps.named(params.map)
+        content = await self._file.read(name)
+        edits = _parsed(content, name)
+        return MapEditList(
+            map=name,
+            revision=revision_of(content),
+            edits=tuple(edit_data(own, edit) for own, edit in edits.edits()),
+            view_angle_rad=edits.state.view_angle_rad,
+            can_undo=edits.can_undo,
+            can_redo=edits.can_redo,
+        )
+
+    @method(role=Role.DRIVE, moves=False)
+    async def edit_map(
+        self, caller: Caller, params: EditMapParams, progress: ProgressReporter
+    ) -> MapEditsSaved:
+        """Erase a part of a map, draw a wall, or crop the map; paths are planned again at once."""
+        if params.kind != "wall" and (reason := why_no_area(params.outline_m)):
+            raise MapStoreError(RefusalKind.OUT_OF_RANGE, f"this is no area: {reason}")
+        saved: MapEditData | None = None
+
+        def changed(edits: MapEdits) -> MapEdits:
+            nonlocal saved
+            own, edit = _new_id(edits, params), params.edit()
+            saved = edit_data(own, edit)
+            return with_edit(edits, own, edit)
+
+        made = await self._file.in_order(lambda: self._apply(params, changed))
+        return MapEditsSaved(map=made.map, revision=made.revision, edit=saved, warning=made.warning)
+
+    @method(role=Role.DRIVE, moves=False)
+    async def turn_map_view(
+        self, caller: Caller, params: TurnMapViewParams, progress: ProgressReporter
+    ) -> MapEditsSaved:
+        """Turn the view of a map; its frame, its places, its zones and all that is driven by stay as they are."""
+        return await self._file.in_order(
+            lambda: self._change_edits(params, lambda edits: with_view_angle(edits, params.angle_rad))
+        )
+
+    @method(role=Role.DRIVE, moves=False)
+    async def delete_map_edit(
+        self, caller: Caller, params: MapEditId, progress: ProgressReporter
+    ) -> MapEditsSaved:
+        """Take an edit off a map, whatever was drawn after it."""
+
+        def changed(edits: MapEdits) -> MapEdits:
+            ids = edits.state.edits
+            if params.id not in ids:
+                listed = ", ".join(ids) or "none"
+                raise MapStoreError(
+                    RefusalKind.UNKNOWN_EDIT, f"no edit with the id {params.id!r}; there are: {listed}"
+                )
+            return without_edit(edits, params.id)
+
+        return await self._file.in_order(lambda: self._apply(params, changed))
+
+    @method(role=Role.DRIVE, moves=False)
+    async def undo_map_edit(
+        self, caller: Caller, params: ChangeEditsParams, progress: ProgressReporter
+    ) -> MapEditsSaved:
+        """Take the last change of a map's edits back, and then those before it; the map is as before, to the byte."""
+
+        def changed(edits: MapEdits) -> MapEdits:
+            if not edits.can_undo:
+                raise MapStoreError(RefusalKind.NOTHING_TO_UNDO, "no change of the map's edits is remembered")
+            return step_back(edits)
+
+        return await self._file.in_order(lambda: self._apply(params, changed))
+
+    @method(role=Role.DRIVE, moves=False)
+    async def redo_map_edit(
+        self, caller: Caller, params: ChangeEditsParams, progress: ProgressReporter
+    ) -> MapEditsSaved:
+        """Make the change of a map's edits again that was taken back last."""
+
+        def changed(edits: MapEdits) -> MapEdits:
+            if not edits.can_redo:
+                raise MapStoreError(
+                    RefusalKind.NOTHING_TO_UNDO, "no change of the map's edits was taken back last"
+                )
+            return step_forward(edits)
+
+        return await self._file.in_order(lambda: self._apply(params, changed))
+
+    async def _apply(self, params: ChangeEditsParams, change: Change) -> MapEditsSaved:
+        """Make a change; one that is not confirmed, only if it does nothing that may not be meant."""
+        return await self._change_edits(params, change, asks=not params.confirmed)
+
+    async def _change_edits(
+        self, params: ChangeEditsParams | TurnMapViewParams, change: Change, *, asks: bool = False
+    ) -> MapEditsSaved:
+        name = self._maps.named(params.map)
+        content = await self._file.read(name)
+        self._file.require_revision(content, params.revision)
+        before = _parsed(content, name)
+        try:
+            edits = change(before)
+        except ValueError as error:
+            raise MapStoreError(RefusalKind.OUT_OF_RANGE, f"the map cannot be edited so: {error}") from error
+        is_redrawn = edits.edits() != before.edits()
+        if asks and is_redrawn:
+            await self._examine(name, write_edits(edits))
+        new = write_edits(edits)
+        await self._file.replace(name, content, new)
+        revision = revision_of(new)
+        self._entries.observe(self._bus, MapEdited(self._clock.now_s(), name, revision))
+        warning = await self._file.why_unused(name, self.use) if is_redrawn else ""
+        return MapEditsSaved(map=name, revision=revision, warning=warning or None)
+
+    async def _examine(self, name: str, edits: bytes) -> None:
+        """Refuse what would do something that may not be meant."""
+        if self.examine is None or name != self._maps.in_use:
+            return
+        listed = await self._maps.places(name)
+        places = {place.name: (place.x_m, place.y_m) for place in listed.places}
+        if concerns := await self.examine(edits, places):
+            raise Refused(RefusalKind.NEEDS_CONFIRMATION, "; ".join(concerns))
+
+
+def redraw_cells(cells: bytes, extent: Extent, content: bytes) -> bytes:
+    """Compressed cells of a map of this extent as people see it with these edits, compressed.
+
+    Raises:
+        ValueError: the edits or the cells cannot be read.
+    """
+    edits = [edit for _, edit in parse_edits(content).edits()]
+    if not edits:
+        return cells
+    try:
+        plain = zlib.decompressobj().decompress(cells, extent.rows * extent.columns + 1)
+    except zlib.error as error:
+        raise ValueError(f"its cells cannot be read: {error}") from error
+    if len(plain) != extent.rows * extent.columns:
+        raise ValueError(f"{extent.rows} rows of {extent.columns} cells are expected")
+    return zlib.compress(draw_edits(plain, extent, edits).shown(), COMPRESSION)
+
+
+def _parsed(content: bytes | None, name: str) -> MapEdits:
+    try:
+        return parse_edits(content)
+    except ValueError as error:
+        raise MapStoreError(
+            RefusalKind.MAP_UNREADABLE, f"the edits of the map {name!r} cannot be read: {error}"
+        ) from error
+
+
+def _new_id(edits: MapEdits, params: EditMapParams) -> str:
+    """An id that no other remembered edit has, the same whenever the same is done again."""
+    drawn = f"{write_edits(edits).decode()} {params.model_dump_json()}"
+    return hashlib.sha256(drawn.encode()).hexdigest()[:8]
+
+
+def map_edits(service: MapEditsService) -> Feature:
+    """The edits of stored maps."""
+    return Feature("map_edits", topics=TOPICS, methods=methods_of(service), offers=service)
