@@ -45,15 +45,17 @@ class StatusRow(Struct, frozen=True):
 class PagePart(Struct, frozen=True):
     """A card of the page: the JavaScript ``file`` beside the module ``package``, whose default export is its class.
 
-    The card is a section of the page in the column ``column`` (``left`` or ``right``), before the element with the id
-    ``before`` (empty: at its end). The module may import other JavaScript that lies beside it. Guests see a card only if
-    it is ``for_guests``.
+    The card is a section of the panel ``panel``: ``drive``, ``goals``, ``map``, ``camera``, ``programs``, ``lately``,
+    ``people``, ``workshop``, or one of its own with the title ``title``. A lower ``order`` stands higher; the page's own
+    cards have 50. The module may import other JavaScript that lies beside it, and a style sheet of the same name is
+    loaded with it. Guests see a card only if it is ``for_guests``.
     """
 
     package: str
     file: str
-    column: str = "right"
-    before: str = ""
+    panel: str = "workshop"
+    title: str = ""
+    order: int = 50
     for_guests: bool = False
 
 

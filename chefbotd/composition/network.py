@@ -42,8 +42,9 @@ def cards_of(parts: Iterable[tuple[str, PagePart]]) -> "list[Card]":
         Card(
             name,
             Path(str(import_module(part.package).__file__)).parent / part.file,
-            part.column,
-            part.before,
+            part.panel,
+            part.title,
+            part.order,
             part.for_guests,
         )
         for name, part in parts

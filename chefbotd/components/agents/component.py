@@ -20,7 +20,5 @@ COMPONENT = Component(
     name="agents",
     api=API_VERSION,
     build=build,
-    page=(
-        PagePart("chefbotd.components.agents", "card.js", column="left", before="driving", for_guests=True),
-    ),
+    page=(PagePart("chefbotd.components.agents", "card.js", panel="programs", for_guests=True),),
 )

@@ -23,7 +23,7 @@ COMPONENT = Component(
     api=API_VERSION,
     build=build,
     in_loop="chefbotd.components.calibration.fit_process:fit_here",
-    page=(PagePart("chefbotd.components.calibration", "card.js", before="wheels-part"),),
+    page=(PagePart("chefbotd.components.calibration", "card.js", order=70),),
     is_enabled=lambda section, settings: SOURCE in settings.safety.sources,
     commands={"calibrate": "chefbotd.components.calibration.cli.commands:calibrate"},
 )

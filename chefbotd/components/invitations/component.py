@@ -27,7 +27,7 @@ COMPONENT = Component(
     paths=("folder",),
     outward=True,
     exclusive=True,
-    page=(PagePart("chefbotd.components.invitations", "card.js"),),
+    page=(PagePart("chefbotd.components.invitations", "card.js", panel="people"),),
     commands={
         "invite": "chefbotd.components.invitations.cli:invite",
         "guests": "chefbotd.components.invitations.cli:guests",

@@ -46,7 +46,7 @@ COMPONENT = Component(
     exclusive=True,
     fixed=True,
     client_methods=("chefbotd.components.maps.client_methods:MapMethods",),
-    page=(PagePart("chefbotd.components.maps", "page/card.js", column="left"),),
+    page=(PagePart("chefbotd.components.maps", "page/card.js", panel="map", order=40),),
     commands={
         "map": "chefbotd.components.maps.cli.commands:map_group",
         "places": "chefbotd.components.maps.cli.places:places",

@@ -29,7 +29,7 @@ COMPONENT = Component(
     skills={"navigation": "chefbotd.components.navigation.skill:NavigationSkill"},
     client_methods=("chefbotd.components.navigation.client_methods:NavigationMethods",),
     commands={name: f"{COMMANDS}:{name}" for name in ("go", "home", "dock", "patrol", "where", "localize")},
-    page=(PagePart("chefbotd.components.navigation", "page/card.js", column="left", before="maps-part"),),
+    page=(PagePart("chefbotd.components.navigation", "page/card.js", panel="goals"),),
     status=(
         StatusRow(
             "navigation", "chefbotd.components.navigation.status_text:navigation", after="localization"

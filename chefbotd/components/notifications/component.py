@@ -33,7 +33,7 @@ COMPONENT = Component(
     check=check,
     is_enabled=lambda section, settings: section.enabled,
     outward=True,
-    page=(PagePart("chefbotd.components.notifications", "card.js"),),
+    page=(PagePart("chefbotd.components.notifications", "card.js", panel="people", order=60),),
     status=(StatusRow("notifications", "chefbotd.components.notifications.status_text:notifications"),),
     daemon_commands={"notify": "chefbotd.components.notifications.cli:notify"},
 )

@@ -68,6 +68,6 @@ COMPONENT = Component(
         ),
     ),
     daemon_commands={"replay": "chefbotd.components.recording.cli.replay:replay"},
-    page=(PagePart("chefbotd.components.recording", "card.js", before="wheels-part"),),
+    page=(PagePart("chefbotd.components.recording", "card.js", order=20),),
     status=(StatusRow("recording", "chefbotd.components.recording.status_text:recording", after="worker"),),
 )

@@ -25,6 +25,6 @@ COMPONENT = Component(
     is_enabled=lambda section, settings: MAPS.is_enabled(getattr(settings, "maps", None), settings),
     events=("chefbotd.components.zones.events:ZonesChanged",),
     client_methods=("chefbotd.components.zones.client_methods:ZoneMethods",),
-    page=(PagePart("chefbotd.components.zones", "page/card.js", column="left"),),
+    page=(PagePart("chefbotd.components.zones", "page/card.js", panel="map", order=50),),
     commands={"zones": "chefbotd.components.zones.cli:zones"},
 )

@@ -4,6 +4,7 @@ The WebSocket's handshake is HTTP. After it the transport is handed to a connect
 """
 
 import asyncio
+import gzip
 import json
 from collections.abc import Sequence
 from http import HTTPStatus
@@ -40,10 +41,16 @@ TYPES = {
 
 
 class PageFile(Struct, frozen=True):
-    """A file as it is sent."""
+    """A file as it is sent, also to whom takes it compressed."""
 
     content_type: str
     body: bytes
+    compressed: bytes
+
+
+def page_file(kind: str, body: bytes) -> PageFile:
+    """A file of a kind of ``TYPES``; compressed once, with no time in it, so that it is the same after a restart."""
+    return PageFile(TYPES[kind], body, gzip.compress(body, mtime=0))
 
 
 class Card(Struct, frozen=True):
@@ -51,19 +58,20 @@ class Card(Struct, frozen=True):
 
     name: str
     file: Path
-    column: str
-    before: str
+    panel: str = "workshop"
+    title: str = ""
+    order: int = 50
     for_guests: bool = False
 
 
 def page_files(cards: Sequence[Card] = ()) -> dict[str, PageFile]:
     """Every file of the page by its path; ``/`` is ``index.html``, ``/cards.js`` lists the cards of components.
 
-    The JavaScript beside a card's is served beside it.
+    The JavaScript and the style sheets beside a card's are served beside it.
     """
     folder = resources.files(__package__) / "page"
     files = {
-        f"/{entry.name}": PageFile(TYPES[suffix], entry.read_bytes())
+        f"/{entry.name}": page_file(suffix, entry.read_bytes())
         for entry in folder.iterdir()
         if (suffix := entry.name.rpartition(".")[2]) in TYPES
     }
@@ -71,15 +79,26 @@ def page_files(cards: Sequence[Card] = ()) -> dict[str, PageFile]:
     for card in cards:
         base = f"/components/{card.name}"
         try:
-            scripts = {card.file, *card.file.parent.glob("*.js")}
-            files |= {f"{base}/{path.name}": PageFile(TYPES["js"], path.read_bytes()) for path in scripts}
+            paths = {
+                card.file,
+                *(path for kind in ("js", "css") for path in card.file.parent.glob(f"*.{kind}")),
+            }
+            files |= {f"{base}/{path.name}": page_file(path.suffix[1:], path.read_bytes()) for path in paths}
         except OSError as error:
             log.error("a card of the page is left out", component=card.name, reason=str(error))
         else:
             module = f".{base}/{card.file.name}"
-            place = {"column": card.column, "before": card.before, "for_guests": card.for_guests}
-            listed.append({"name": card.name, "module": module, **place})
-    files["/cards.js"] = PageFile(TYPES["js"], f"export const CARDS = {json.dumps(listed)};\n".encode())
+            style = f"{base}/{card.file.stem}.css"
+            place = {
+                "panel": card.panel,
+                "title": card.title,
+                "order": card.order,
+                "for_guests": card.for_guests,
+            }
+            listed.append(
+                {"name": card.name, "module": module, "style": f".{style}" if style in files else "", **place}
+            )
+    files["/cards.js"] = page_file("js", f"export const CARDS = {json.dumps(listed)};\n".encode())
     return {"/": files["/index.html"], **files}
 
 
@@ -173,7 +192,10 @@ class PageServer:
         file = self._files.get(request.path)
         if file is None:
             return _answer(HTTPStatus.NOT_FOUND, "there is no such page")
-        return web.Response(body=file.body, headers={**HEADERS, "Content-Type": file.content_type})
+        headers = {**HEADERS, "Content-Type": file.content_type, "Vary": "Accept-Encoding"}
+        if "gzip" not in request.headers.get("Accept-Encoding", ""):
+            return web.Response(body=file.body, headers=headers)
+        return web.Response(body=file.compressed, headers={**headers, "Content-Encoding": "gzip"})
 
     def _figures(self, request: web.BaseRequest) -> web.Response:
         """The figures. Where tokens are configured, ``Authorization: Bearer`` is required."""

@@ -158,6 +158,14 @@ def open_page(page: Any, robot: RunningRobot) -> None:
     page.locator("h1").click()  # the tab has the focus now
 
 
+def show(page: Any, panel: str) -> None:
+    """Have a panel open: drive, goals, map, programs, lately, people or workshop."""
+    tab = page.locator(f"#tab-{panel}")
+    sync_api.expect(tab).to_be_visible()
+    if tab.get_attribute("aria-expanded") != "true":
+        tab.click()
+
+
 def mode_is(page: Any, words: "str | re.Pattern[str]") -> None:
     """Wait for the word of the safety mode."""
     sync_api.expect(page.locator("#mode-word")).to_have_text(words, timeout=PATIENCE_MS)
@@ -319,7 +327,7 @@ class FakeDaemon:
     def opened(self, url: str) -> None:
         """Have the page open on this daemon with every card, in the light scheme."""
         self._page.goto(url)
-        sync_api.expect(self._page.locator(".side section:empty")).to_have_count(0)
+        sync_api.expect(self._page.locator(".card:empty")).to_have_count(0)
         sync_api.expect(self._page.locator("#robot")).to_have_text("fake")
         self._page.emulate_media(color_scheme="light")
 
@@ -333,8 +341,8 @@ def pixel(page: Any, x: float, y: float) -> list[int]:
 
 
 def middle_of_view(page: Any) -> tuple[float, float]:
-    """Where the robot is drawn, in the window."""
-    box = page.locator("#view").bounding_box()
+    """Where the robot is drawn, in the window: in the middle of what no panel covers."""
+    box = page.locator("#room").bounding_box()
     return box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
 
 

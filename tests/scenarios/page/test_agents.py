@@ -9,6 +9,7 @@ from tests.scenarios.page.browser import (
     FakeDaemon,
     RunningRobot,
     barriers,
+    show,
     sync_api,
 )
 
@@ -23,6 +24,7 @@ def test_a_button_and_an_answer_are_sent_as_they_are_shown(page: Any, daemon: Fa
     sync_api.expect(page.locator("#agents-part")).to_be_hidden()
     daemon.say("agents", agents=[WAITER], buttons=BUTTONS, questions=[QUESTION])
     sync_api.expect(page.locator("#agents p").first).to_have_text("I am at table 1 <b>now</b>")
+    show(page, "programs")
     page.get_by_role("button", name="Table 2").click()
     assert daemon.last("press_button") == {"button_id": 2}
     page.get_by_role("group", name="Taken?").get_by_role("button", name="not yet").click()
@@ -45,6 +47,7 @@ def test_agents_can_be_read_and_used_by_everybody(
     page.emulate_media(color_scheme=scheme)
     long = {**QUESTION, "question": "W" * 200, "choices": ["c" * 40, "d" * 40]}
     daemon.say("agents", agents=[WAITER, {**WAITER, "name": "n" * 64}], buttons=BUTTONS, questions=[long])
+    show(page, "programs")
     sync_api.expect(page.locator(".question")).to_have_count(1)
     assert barriers(page) == []
     assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")

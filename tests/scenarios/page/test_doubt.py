@@ -135,7 +135,8 @@ def test_an_emergency_stop_without_an_answer_says_so_in_the_largest_type(
     size = page.locator("#unreached-words").evaluate("part => parseFloat(getComputedStyle(part).fontSize)")
     assert size > 1.5 * max(sizes)
     assert (
-        alert.bounding_box()["y"] + alert.bounding_box()["height"] <= page.locator("nav").bounding_box()["y"]
+        alert.bounding_box()["y"] + alert.bounding_box()["height"]
+        <= page.locator("#stops").bounding_box()["y"]
     )
     assert barriers(page) == []
     daemon.answer("estop", drivers={})

@@ -19,6 +19,7 @@ from tests.scenarios.page.browser import (
     moves,
     only_a_new_press_drives,
     open_page,
+    show,
     stays_at_rest,
     sync_api,
     until,
@@ -162,12 +163,13 @@ def test_a_phone_drives_by_the_joystick(page: Any, robot: RunningRobot) -> None:
     page.set_viewport_size({"width": 390, "height": 844})
     open_page(page, robot)
     assert page.evaluate("() => document.documentElement.scrollWidth") == 390
+    show(page, "workshop")
     edges = "() => [...document.querySelectorAll('table')].map((each) => each.getBoundingClientRect().right)"
     page.wait_for_function("() => document.querySelectorAll('td').length > 0")
     assert all(edge <= 390 for edge in page.evaluate(edges)), page.evaluate(edges)
     button = page.locator("#estop").bounding_box()
     assert button["y"] + button["height"] <= 844
-    page.evaluate("() => document.getElementById('driving').scrollIntoView()")
+    show(page, "drive")
     pad = page.locator("#joystick").bounding_box()
     middle = (pad["x"] + pad["width"] / 2, pad["y"] + pad["height"] / 2)
     with robot.client() as client:

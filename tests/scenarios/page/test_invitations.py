@@ -4,7 +4,7 @@ from typing import Any
 
 import pytest
 
-from tests.scenarios.page.browser import NEEDS_BROWSER, RunningRobot, barriers, mode_is, sync_api
+from tests.scenarios.page.browser import NEEDS_BROWSER, RunningRobot, barriers, mode_is, show, sync_api
 
 pytestmark = [pytest.mark.slow, pytest.mark.realtime, NEEDS_BROWSER]
 TOKEN = "a" * 32
@@ -24,6 +24,7 @@ def test_an_administrator_lets_a_phone_in_and_out_again(
         page.goto(robot.url)
         page.locator("#token").fill(TOKEN)
         page.locator("#token").press("Enter")
+        show(page, "people")
         page.get_by_role("button", name="Make an invitation").click()
         sync_api.expect(page.locator("#invite-qr")).to_be_visible()
         assert barriers(page) == []

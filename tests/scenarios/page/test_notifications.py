@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.scenarios.page.browser import NEEDS_BROWSER, RunningRobot, barriers, open_page, sync_api
+from tests.scenarios.page.browser import NEEDS_BROWSER, RunningRobot, barriers, open_page, show, sync_api
 
 pytestmark = [pytest.mark.slow, pytest.mark.realtime, NEEDS_BROWSER]
 
@@ -39,6 +39,7 @@ def test_a_test_message_is_sent_and_has_arrived(page: Any, tmp_path: Any, addres
     try:
         page.emulate_media(color_scheme=scheme)
         open_page(page, robot)
+        show(page, "people")
         card = page.locator("#notifications-part")
         sync_api.expect(card).to_contain_text("No message yet.")
         sync_api.expect(card).to_contain_text("Told of: a goal that is reached")

@@ -5,7 +5,7 @@ from typing import Any
 
 import pytest
 
-from tests.scenarios.page.browser import NEEDS_BROWSER, FakeDaemon, sync_api, until
+from tests.scenarios.page.browser import NEEDS_BROWSER, FakeDaemon, show, sync_api, until
 
 pytestmark = [pytest.mark.slow, pytest.mark.realtime, NEEDS_BROWSER]
 
@@ -82,13 +82,16 @@ def count(daemon: FakeDaemon, method: str) -> int:
 
 
 @pytest.mark.parametrize("name", ["estop", "stop"])
-@pytest.mark.parametrize("rests_on", [None, "#joystick", "#view", "header", "#linear", "#estop", "#lately"])
+@pytest.mark.parametrize(
+    "rests_on", [None, "#joystick", "#room", "header", "#linear", "#estop", "#lately", "#grip", "#tab-goals"]
+)
 def test_a_touch_stops_whatever_another_finger_rests_on(
     phone: Any, robot: FakeDaemon, name: str, rests_on: str | None
 ) -> None:
     """Once at the touch, before it is released, and not again by what follows the release."""
     fingers = Fingers(phone)
     if rests_on is not None:
+        show(phone, "lately" if rests_on == "#lately" else "drive")
         phone.locator(rests_on).first.scroll_into_view_if_needed()
         fingers.down(1, rests_on)
         phone.wait_for_timeout(200)
@@ -102,8 +105,9 @@ def test_a_touch_stops_whatever_another_finger_rests_on(
 
 def test_a_touch_stops_while_another_finger_scrolls(phone: Any, robot: FakeDaemon) -> None:
     """The browser has cancelled all pointers of the scroll, and tells of the second finger only as a touch."""
+    show(phone, "workshop")
     fingers = Fingers(phone)
-    fingers.down(1, "#driving-title")
+    fingers.down(1, "#board-title")
     fingers.move(1, 0.0, -120.0)
     fingers.down(2, "#estop")
     assert until(lambda: count(robot, "estop") == 1)
@@ -205,29 +209,35 @@ def test_a_mouse_and_a_pen_stop_when_they_go_down(page: Any, daemon: FakeDaemon)
     assert until(lambda: count(daemon, "stop") == 3)
 
 
+TAKE_THE_FOCUS = """() => [...document.querySelectorAll("button, select, input, canvas, ol, pre, summary")]
+  .filter((part) => part.checkVisibility() && !part.disabled && part.tabIndex >= 0 && part.id)
+  .map((part) => part.id)"""
+
+
 def test_space_stops_from_everywhere_but_a_text_field(page: Any, daemon: FakeDaemon) -> None:
     """With the focus on each part that takes it, Space stops and presses nothing; in a text it types, and Esc stops."""
     daemon.say("safety", **STOPPED)
     daemon.say("localization", state="localized", map="flat", fit=0.97, reason="")
     daemon.say("navigation", state="driving", goal=1, reason="", distance_m=3.21, time_s=9.0)
+    show(page, "goals")
     sync_api.expect(page.locator("#goal-cancel")).to_be_visible()
-    names = page.evaluate(
-        """() => [...document.querySelectorAll("button, select, input, canvas, ol, pre, summary")]
-        .filter((part) => part.checkVisibility() && !part.disabled && part.tabIndex >= 0 && part.id)
-        .map((part) => part.id)"""
-    )
-    assert {"arm", "stop", "follow", "gesture", "linear", "goal-cancel", "view", "lately", "zoom-in"} <= set(
-        names
-    )
     changes = ("arm", "cancel_navigation", "pause_navigation", "localize", "navigate_to", "start_mapping")
     ticked = page.locator("#follow").is_checked()
-    for name in set(names) - {"place"}:
-        before = count(daemon, "stop")
-        page.locator(f"#{name}").focus()
-        page.keyboard.press("Space")
-        assert until(lambda before=before: count(daemon, "stop") == before + 1), name  # type: ignore[misc]
+    seen: set[str] = set()
+    for panel in ("goals", "map", "lately", "workshop", "drive"):
+        show(page, panel)
+        names = set(page.evaluate(TAKE_THE_FOCUS)) - seen - {"place", "map-name"}
+        for name in names:
+            before = count(daemon, "stop")
+            page.locator(f"#{name}").focus()
+            page.keyboard.press("Space")
+            assert until(lambda before=before: count(daemon, "stop") == before + 1), name  # type: ignore[misc]
+        assert page.locator(f"#tab-{panel}").get_attribute("aria-expanded") == "true"
+        seen |= names
+    assert {"arm", "stop", "follow", "gesture", "linear", "goal-cancel", "view", "lately", "zoom-in"} <= seen
     assert [name for name in changes if count(daemon, name)] == []
     assert page.locator("#follow").is_checked() == ticked
+    show(page, "goals")
     page.locator("#place").focus()
     before = count(daemon, "stop")
     page.keyboard.type("table 3")
@@ -257,7 +267,7 @@ def test_a_swipe_on_a_phone_moves_the_map_and_a_goal_needs_a_second_touch(
     robot.say("map_pose", **PLACE, state="localized")
     sync_api.expect(phone.locator("#goal")).to_contain_text("Tap in the view, then Go here")
     fingers = Fingers(phone)
-    middle_x, middle_y = fingers.middle("#view")
+    middle_x, middle_y = fingers.middle("#room")
     fingers.down(1, (middle_x, middle_y + 60))
     fingers.move(1, 0.0, -120.0)
     fingers.up(1)
@@ -290,7 +300,7 @@ def test_a_swipe_on_a_phone_moves_the_map_and_a_goal_needs_a_second_touch(
 def test_a_stop_takes_back_what_is_aimed_at(page: Any, daemon: FakeDaemon) -> None:
     """Space while the mouse aims at a goal: the release sends no robot there."""
     daemon.say("map_pose", **PLACE, state="localized")
-    box = page.locator("#view").bounding_box()
+    box = page.locator("#room").bounding_box()
     page.mouse.move(box["x"] + 200, box["y"] + 200)
     page.mouse.down()
     page.mouse.move(box["x"] + 250, box["y"] + 200)

@@ -11,6 +11,7 @@ from tests.scenarios.page.browser import (
     RunningRobot,
     barriers,
     open_page,
+    show,
     sync_api,
     until,
 )
@@ -27,7 +28,9 @@ def test_it_loads_light_and_only_from_the_robot(page: Any, robot: RunningRobot) 
     assert {answer.url.startswith(robot.url) for answer in answers} == {True}
     assert 5_000 < sum(len(answer.body()) for answer in answers) < MOST_BYTES
     assert page.locator("#robot").inner_text() == "chefbot"
+    show(page, "workshop")
     assert page.locator("#wheels-part").is_visible()
+    assert not page.locator("#tab-map").is_visible()
     assert not page.locator("#maps-part").is_visible()
     assert not page.locator("#gesture-label").is_visible()
     sync_api.expect(page.locator("#wheels tr")).to_have_count(2)
@@ -48,7 +51,8 @@ def test_a_robot_with_four_wheels_and_no_lidar_shows_what_it_has(page: Any, robo
     )
     sync_api.expect(page.locator("#sensors li")).to_have_count(1)
     sync_api.expect(page.locator("#sensors li")).to_contain_text("front")
-    for part in ("#maps-part", "#navigation-part", "#gesture-label", "#costs-label", "#legend-scan", ".wall"):
+    hidden = ("#tab-map", "#tab-goals", "#gesture-label", "#layer-costmap", "#layer-scan", "#layer-map-walls")
+    for part in hidden:
         sync_api.expect(page.locator(part)).to_be_hidden()
     with robot.client() as client:
         page.keyboard.down("KeyD")
@@ -60,6 +64,7 @@ def test_a_robot_with_four_wheels_and_no_lidar_shows_what_it_has(page: Any, robo
 def test_a_gain_is_set_for_a_wheel_and_taken_back(page: Any, robot: RunningRobot) -> None:
     """The daemon has the new gain, the table shows it, and undo brings the packaged 200 back."""
     open_page(page, robot)
+    show(page, "workshop")
     shown = page.locator("tr[data-wheel=left_wheel] td").nth(3)
     sync_api.expect(shown).to_have_text("200")
     page.locator("#gain-wheel").select_option("left_wheel")
@@ -82,8 +87,12 @@ def test_it_has_no_barrier_that_axe_can_find(page: Any, daemon: FakeDaemon, sche
     daemon.say("navigation", state="driving", goal=1, reason="", distance_m=3.21, time_s=9.0)
     daemon.say("localization", state="localized", map="flat", fit=0.97, reason="")
     daemon.say("safety", mode="estopped", reason="by Ann", armed=False, source=None, control={})
+    show(page, "goals")
     sync_api.expect(page.locator("#place-form")).to_be_visible()
-    assert barriers(page) == []
+    tabs = page.locator("#rail button:visible")
+    for number in range(tabs.count()):
+        show(page, tabs.nth(number).get_attribute("id").removeprefix("tab-"))
+        assert barriers(page) == []
 
 
 def test_a_screen_reader_is_told_faults_at_once_and_goals_without_the_metres(
@@ -121,6 +130,7 @@ def test_what_has_just_happened_is_saved(page: Any, daemon: FakeDaemon) -> None:
     """The recorder's state, and a button that keeps the last minutes, if the robot has them in memory."""
     save = page.get_by_role("button", name="Save what has just happened")
     daemon.say("recording", **RECORDER, reason="")
+    show(page, "workshop")
     recorder = page.locator("#recorder")
     sync_api.expect(recorder).to_have_text("Not recording. The last 5 min are kept in memory.")
     daemon.held = {"save_ring"}
@@ -141,6 +151,7 @@ def test_a_history_is_bounded_and_has_a_gap_where_nothing_was_known(page: Any, d
       window.plot = new History("battery-history",
         { name: "Battery", unit: "V", digits: 1, span_s: 1, most: 300, least_range: 0.5 });
       for (let s = 0; s < count; s += 1) window.plot.add(12 + (s % 2) / 2, s); }"""
+    show(page, "workshop")
     page.evaluate(script, 10_000)
     plot = page.locator("#battery-history")
     expected = "Battery: 12.0 to 12.5 V in the last 5 min"
@@ -217,6 +228,7 @@ def test_a_robot_that_waits_does_not_fill_the_log_and_the_log_can_be_filtered(
     lately = page.locator("#lately")
     sync_api.expect(lately).to_contain_text("Driving. (60 times)")
     sync_api.expect(lately).to_contain_text("Looking for a way out: a person (60 times)")
+    show(page, "lately")
     sync_api.expect(lately.get_by_text("Emergency stop: by Ann")).to_be_visible()
     shown = page.locator("#lately li:visible")
     for kind, words in (
@@ -230,15 +242,18 @@ def test_a_robot_that_waits_does_not_fill_the_log_and_the_log_can_be_filtered(
 
 @pytest.mark.parametrize(("width", "height"), [(390, 844), (820, 1180), (1200, 800), (1920, 1080)])
 def test_the_view_has_the_room_that_it_needs(page: Any, daemon: FakeDaemon, width: int, height: int) -> None:
-    """It is larger than the part that drives, both are in reach without scrolling, and nothing is cut off."""
+    """The map has all but the panel, both are in reach without scrolling, and nothing is cut off."""
     page.set_viewport_size({"width": width, "height": height})
     daemon.say("navigation", state="driving", goal=1, reason="", distance_m=3.21, time_s=9.0)
     file = f"/home/robot/.local/state/chefbotd/{'recordings_' * 20}/drive.mcap"
     daemon.say("recording", **{**RECORDER, "state": "recording", "file": file}, reason="")
     sync_api.expect(page.locator("#recorder")).to_contain_text("drive.mcap")
-    view, driving = page.locator("#view").bounding_box(), page.locator("#driving").bounding_box()
-    bar = page.locator("nav").bounding_box()
-    assert view["width"] * view["height"] > 1.5 * driving["width"] * driving["height"]
-    assert view["width"] > (0.5 if width > 1000 else 0.9) * width
+    show(page, "drive")
+    page.wait_for_timeout(300)  # until a sheet is as high as it gets
+    view, driving = page.locator("#room").bounding_box(), page.locator("#driving").bounding_box()
+    bar = page.locator("#stops").bounding_box()
+    seen = min(driving["height"], bar["y"] - driving["y"])
+    assert view["width"] * view["height"] > 1.5 * driving["width"] * seen
+    assert view["width"] > (0.5 if width > 600 else 0.9) * width
     assert page.locator("#joystick").bounding_box()["y"] + 130 < bar["y"]
     assert page.evaluate("document.documentElement.scrollWidth") <= width

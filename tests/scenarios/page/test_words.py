@@ -12,7 +12,7 @@ from chefbotd.link.lidar.health import LidarCondition
 from chefbotd.rpc.jsonrpc import ERRORS
 from chefbotd.safety.gate import DEAD_MAN, Mode
 from chefbotd.safety.scan_guard import OBSTACLE, SILENT
-from tests.scenarios.page.browser import NEEDS_BROWSER, FakeDaemon, sync_api, until
+from tests.scenarios.page.browser import NEEDS_BROWSER, FakeDaemon, show, sync_api, until
 
 pytestmark = [pytest.mark.slow, pytest.mark.realtime, NEEDS_BROWSER]
 
@@ -152,6 +152,7 @@ def test_calibration_speaks_of_parameters_and_asks_in_sentences(page: Any, serve
     imu = {**step, "name": "imu", "purpose": "the heading", "missing": "there is none"}
     steps = [{**each, "preparation": "put it on blocks, so that they hang free"} for each in (step, imu)]
     daemon.answer("get_calibration", steps=steps, results=[result])
+    show(page, "workshop")
     part = page.locator("#calibration-steps")
     sync_api.expect(part).to_contain_text("IMU")
     sync_api.expect(part).to_contain_text("ks (left)")

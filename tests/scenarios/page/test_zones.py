@@ -4,7 +4,15 @@ from typing import Any, ClassVar
 
 import pytest
 
-from tests.scenarios.page.browser import NEEDS_BROWSER, FakeDaemon, barriers, middle_of_view, pixel, sync_api
+from tests.scenarios.page.browser import (
+    NEEDS_BROWSER,
+    FakeDaemon,
+    barriers,
+    middle_of_view,
+    pixel,
+    show,
+    sync_api,
+)
 
 pytestmark = [pytest.mark.slow, pytest.mark.realtime, NEEDS_BROWSER]
 
@@ -37,6 +45,8 @@ def zones(page: Any, served: str) -> DaemonWithZones:
     daemon.opened(served)
     daemon.say("localization", state="localized", map="flat", reason="", fit=0.9)
     sync_api.expect(page.locator("#zones")).to_contain_text("stairs")
+    show(page, "map")
+    page.wait_for_timeout(100)  # until the map is as wide as it gets
     return daemon
 
 
@@ -132,7 +142,9 @@ def test_on_a_phone_a_finger_draws_and_nothing_sticks_out(browser: Any, served: 
     daemon = DaemonWithZones(page)
     daemon.opened(served)
     daemon.say("localization", state="localized", map="flat", reason="", fit=0.9)
+    show(page, "map")
     page.get_by_role("button", name="Draw a no-go area").tap()
+    page.wait_for_timeout(300)  # until the sheet has left the map its room
     x, y = middle_of_view(page)
     for dx, dy in [(-60, 0), (60, 0), (0, -60)]:
         page.touchscreen.tap(x + dx, y + dy)

@@ -13,5 +13,5 @@ COMPONENT = Component(
     skills={"distance": "chefbot_pressure.skill:DistanceSkill"},
     commands={"pressure": "chefbot_pressure.commands:pressure"},
     status=(StatusRow("pressure", "chefbot_pressure.commands:fact", after="battery", ages=True),),
-    page=(PagePart("chefbot_pressure", "card.js", column="left", before="driving"),),
+    page=(PagePart("chefbot_pressure", "card.js", panel="drive", order=10),),
 )

@@ -4,7 +4,8 @@ import { confirmed } from "../../confirm.js";
 import { SHOWN_HZ } from "../../connection.js";
 import { $, element, text } from "../../dom.js";
 import { Grid, inflate } from "./grid.js";
-import { LOCATED, MAPPING, plain, sentence } from "../../words.js";
+import { plain, sentence } from "../../words.js";
+import { LOCATED, MAPPING } from "./words.js";
 
 const NO_MAP = "No map is in use. Start one and drive through the rooms, then finish it; or choose one that is stored.";
 const FIRST = {
@@ -47,17 +48,17 @@ export default class Maps {
   #inUse; // undefined until it is told
   #stored = 0;
 
-  constructor({ connection, ask, view, say, section }) {
-    Object.assign(this, { ask, view, say, section, can: new Set() });
+  constructor({ connection, ask, view, panels, lately, say, section }) {
+    Object.assign(this, { ask, view, say, section, can: new Set(), grid: null });
     section.innerHTML = HTML;
     section.setAttribute("aria-labelledby", "map-title");
     const guide = element("section", "", { id: "guide", className: "guide", hidden: true, innerHTML: GUIDE_HTML });
     guide.setAttribute("aria-labelledby", "guide-title");
     $("notices").append(guide);
-    this.whole = element("button", "Whole map", { type: "button", hidden: true });
-    this.whole.addEventListener("click", () => view.showWholeMap());
-    view.addTool(this.whole);
-    this.legend = view.addToLegend("wall", "wall on the map");
+    lately.describe("localization", { kind: "way", words: (state) => LOCATED[state] ?? state });
+    lately.describe("mapping", { kind: "way", words: (state) => (MAPPING[state] ? `${MAPPING[state]}.` : "") });
+    this.layer = view.addLayer("map-walls", "map", (c) => this.grid?.draw(c), { order: 10 });
+    view.onColours.push(() => this.grid?.repaint(this.#colours()));
     connection.on("map_pose", (pose) => view.setPose(pose.state === "ended" ? null : pose, true), SHOWN_HZ);
     connection.on("map", (part) => this.#enqueue(() => this.#take(part)));
     connection.on("mapping", (mapping) => this.#show(mapping));
@@ -66,7 +67,7 @@ export default class Maps {
     for (const id of ["map-start", "guide-start"]) $(id).addEventListener("click", () => this.ask("start_mapping"));
     $("guide-continue").addEventListener("click", () => this.ask("start_mapping", { unfinished: true }));
     for (const id of ["map-discard", "guide-discard"]) $(id).addEventListener("click", () => this.#discard());
-    $("guide-choose").addEventListener("click", () => $("maps").focus());
+    $("guide-choose").addEventListener("click", () => { panels.show("map"); $("maps").focus(); });
     $("map-finish").addEventListener("click", () => this.#finish());
     $("map-localize").addEventListener("click", () => this.ask("localize"));
     $("map-localize-turn").addEventListener("click", async () => {
@@ -145,27 +146,35 @@ export default class Maps {
     const cells = await inflate(texts.join(""));
     if (!isWanted()) return; // a map is being made meanwhile, or another one is in use
     const grid = new Grid(map, name);
-    grid.put(cells, 0, 0, map.rows, map.columns, this.view.rgb);
+    grid.put(cells, 0, 0, map.rows, map.columns, this.#colours());
     grid.revision = name ? 0 : map.version;
-    this.view.grid = grid;
-    this.legend.hidden = this.whole.hidden = false;
+    this.#use(grid);
+  }
+
+  #colours() {
+    return { wall: this.view.rgb("wall"), free: this.view.rgb("free") };
+  }
+
+  #use(grid) {
+    this.grid = grid;
+    this.layer.setKnown(true);
+    this.view.setBounds(() => grid.corners());
     this.view.draw();
   }
 
   async #take(part) {
     const cells = await inflate(part.cells);
-    const isPart = () => this.view.grid?.isOf(part) ?? false;
+    const isPart = () => this.grid?.isOf(part) ?? false;
     if (part.whole) {
-      this.view.grid = new Grid(part);
+      this.#use(new Grid(part));
       this.#shown = null;
-      this.legend.hidden = this.whole.hidden = false;
-    } else if (!isPart() || part.revision > this.view.grid.revision + 1) {
+    } else if (!isPart() || part.revision > this.grid.revision + 1) {
       if (this.#mapping.state === "idle") return; // of a map that is not made any more
       await this.#fetch(); // parts were missed
     }
-    const { grid } = this.view;
+    const { grid } = this;
     if (!isPart() || (!part.whole && part.revision <= grid.revision)) return;
-    grid.put(cells, part.row, part.column, part.part_rows, part.part_columns, this.view.rgb);
+    grid.put(cells, part.row, part.column, part.part_rows, part.part_columns, this.#colours());
     grid.revision = part.revision;
     this.view.draw();
   }

@@ -32,6 +32,22 @@ export class Grid {
     this.#paint(0, 0, this.rows, this.columns, colours);
   }
 
+  // In metres of the map, wherever the grid lies on it.
+  draw(c) {
+    c.save();
+    c.translate(this.x_m, this.y_m);
+    c.rotate(this.heading_rad);
+    c.imageSmoothingEnabled = false;
+    c.drawImage(this.image, 0, 0, this.columns * this.resolution_m, this.rows * this.resolution_m);
+    c.restore();
+  }
+
+  corners() {
+    const [length, width] = [this.columns * this.resolution_m, this.rows * this.resolution_m];
+    const [cos, sin] = [Math.cos(this.heading_rad), Math.sin(this.heading_rad)];
+    return [[0, 0], [length, 0], [0, width], [length, width]].map(([x, y]) => [this.x_m + x * cos - y * sin, this.y_m + x * sin + y * cos]);
+  }
+
   // Row 0 of the image is the lowest y: the view turns it.
   #paint(row, column, rows, columns, { wall, free, opacity = () => 255 }) {
     const context = this.image.getContext("2d");

@@ -1,7 +1,7 @@
 // What a click in the view means, and the pose that a finger has proposed there: only a second touch, on a button, uses it.
 
 import { $, element, text } from "../../dom.js";
-import { GESTURE } from "../../words.js";
+import { GESTURE } from "./words.js";
 
 const GESTURES = [["pan", "moves the view"], ["navigate_to", "sends the robot there"], ["follow_waypoints", "adds a goal to the list"],
   ["set_pose", "says where the robot is"], ["save_place", "saves a place there"]];
@@ -27,9 +27,9 @@ export class Aiming {
 
   constructor(ask, view, route, places) {
     Object.assign(this, { ask, view, route, places });
-    const proposal = element("div", "", { id: "proposal", className: "proposal", role: "group", hidden: true, innerHTML: PROPOSAL_HTML });
+    const proposal = element("div", "", { id: "proposal", className: "overlay row", role: "group", hidden: true, innerHTML: PROPOSAL_HTML });
     proposal.setAttribute("aria-labelledby", "proposal-words");
-    view.canvas.after(proposal);
+    view.addOverlay(proposal);
     view.addTool(element("label", "", { id: "gesture-label", hidden: true, innerHTML: GESTURE_HTML }));
     view.onPose = (pose) => this.#use(pose);
     view.onProposal = (pose) => this.#show(pose);
@@ -107,7 +107,6 @@ export class Aiming {
     $("proposal").hidden = pose === null;
     if (!pose) return;
     this.#setNaming(false);
-    $("proposal").classList.toggle("low", pose.y_m > view.centre[1]); // not over what it is about
     const heading = pose.heading_rad === null ? "drag the dot for a heading" : `heading ${((pose.heading_rad * 180) / Math.PI).toFixed(0)}°`;
     text("proposal-words", `x ${pose.x_m.toFixed(2)} m, y ${pose.y_m.toFixed(2)} m, ${heading}`);
     text("proposal-go", WORDS[view.gesture] ?? "Go here");

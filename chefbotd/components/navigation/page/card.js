@@ -1,10 +1,14 @@
 // Navigation: what is aimed at in the view, the goal, named places, the list of goals, and what it costs to drive where.
 
+import { said } from "../../lately.js";
+import { because, plain } from "../../words.js";
 import { Aiming } from "./aiming.js";
 import { Costs } from "./costs.js";
-import { Goal } from "./goal.js";
+import { Goal, GOING } from "./goal.js";
+import { Marks } from "./marks.js";
 import { Places } from "./places.js";
 import { Route } from "./route.js";
+import { GOAL } from "./words.js";
 
 const HTML = `
   <h2 id="goal-title">Goal</h2>
@@ -45,14 +49,22 @@ export default class Navigation {
   #section;
   #parts;
 
-  constructor({ connection, ask, say, view, section }) {
+  constructor({ connection, ask, say, view, lately, section }) {
     section.innerHTML = HTML;
     section.setAttribute("aria-labelledby", "goal-title");
     this.#section = section;
-    const route = new Route(connection, ask, say, view);
+    lately.describe("navigation", {
+      kind: "way", title: "goals", repeated: GOING, // who waits for people goes to and fro between these
+      words: (state, reason) => (state === "idle" ? "" : said(GOAL[state] ?? state, because(state, reason))),
+    });
+    lately.describe("worker", {
+      words: (state, reason) => (["starting", "warming"].includes(state) ? "" : `Maps and navigation: ${[state, plain(reason)].filter(Boolean).join(": ")}`),
+    });
+    const marks = new Marks(view);
+    const route = new Route(connection, ask, say, marks);
     const costs = new Costs(connection, ask, view);
-    const places = new Places(connection, ask, say, route, view);
-    this.#parts = [places, costs, new Goal(connection, ask, view, places), new Aiming(ask, view, route, places)];
+    const places = new Places(connection, ask, say, route, marks);
+    this.#parts = [places, costs, new Goal(connection, ask, view, marks, places), new Aiming(ask, view, route, places)];
   }
 
   begin(can) {

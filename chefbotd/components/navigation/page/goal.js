@@ -1,7 +1,8 @@
 // Where the robot is going, how far that is, and how it ended.
 
 import { $, text } from "../../dom.js";
-import { because, GOAL, SEND } from "../../words.js";
+import { because } from "../../words.js";
+import { GOAL, SEND } from "./words.js";
 
 export const GOING = ["planning", "driving", "recovering", "paused"];
 const QUEUE_SHOWN_MS = 2000; // how often it is looked whether others have added goals
@@ -17,16 +18,17 @@ export class Goal {
   #named = { goal: null, place: "" }; // where the last goal is, or was
   #key = "";
 
-  constructor(connection, ask, view, places) {
-    Object.assign(this, { connection, view, places });
-    const legend = view.addToLegend("path", "path to the goal");
+  constructor(connection, ask, view, marks, places) {
+    Object.assign(this, { connection, marks, places });
+    const layer = view.addLayer("path", "path to the goal", () => view.line(this.path, view.colour("robot"), 3), { order: 70 });
+    this.path = [];
     connection.on("navigation", (navigation) => { this.#last = navigation; this.#show(); this.#look(); });
     connection.addEventListener("closed", () => { this.#key = ""; this.#take([]); });
     setInterval(() => { if (!document.hidden && this.#isGoing) this.#list(); }, QUEUE_SHOWN_MS);
     connection.on("localization", ({ map }) => { this.#map = map; this.#show(); });
     connection.on("path", ({ x_m, y_m }) => {
-      view.path = x_m.map((x, index) => [x, y_m[index]]);
-      legend.hidden = x_m.length === 0;
+      this.path = x_m.map((x, index) => [x, y_m[index]]);
+      if (this.path.length) layer.setKnown(true);
       view.draw();
     });
     for (const name of ["cancel", "pause", "resume"]) $(`goal-${name}`).addEventListener("click", () => ask(`${name}_navigation`));
@@ -58,8 +60,7 @@ export class Goal {
   }
 
   #take(goals) {
-    this.view.goals = goals;
-    this.view.draw();
+    this.marks.show({ goals });
     if (!goals.length) return;
     const [{ goal, x_m, y_m }] = goals;
     const place = this.places.all.find((each) => Math.hypot(each.x_m - x_m, each.y_m - y_m) < NEAR_M);

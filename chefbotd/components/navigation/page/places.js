@@ -7,8 +7,8 @@ export class Places {
   #map = null;
   #poses = new Map();
 
-  constructor(connection, ask, say, route, view) {
-    Object.assign(this, { ask, say, route, view, all: [] });
+  constructor(connection, ask, say, route, marks) {
+    Object.assign(this, { ask, say, route, marks, all: [] });
     connection.on("localization", ({ map }) => this.#show(map));
     $("place-form").addEventListener("submit", (event) => {
       event.preventDefault();
@@ -77,12 +77,12 @@ export class Places {
   }
 
   #draw(places) {
-    this.all = this.view.places = places;
+    this.all = places;
     this.#poses = new Map(places.map(({ name, x_m, y_m, heading_rad }) => [name, { x_m, y_m, heading_rad }]));
     $("places").replaceChildren(...places.map(({ name }) => new Option(name)));
     $("place-list").replaceChildren(...places.map(({ name }) => this.#item(name)));
     $("place-list-part").hidden = !this.there || !places.length;
-    this.view.draw();
+    this.marks.show({ places });
   }
 
   #item(name) {

@@ -14,8 +14,8 @@ export class Route {
   #first = null; // the daemon's number of the list's first goal, once it is told
   #newest = 0;
 
-  constructor(connection, ask, say, view) {
-    Object.assign(this, { ask, say, view });
+  constructor(connection, ask, say, marks) {
+    Object.assign(this, { ask, say, marks });
     connection.on("navigation", (navigation) => this.#take(navigation));
     connection.addEventListener("closed", () => { this.#newest = 0; this.#ended(); });
     $("route-go").addEventListener("click", () => this.#drive());
@@ -89,8 +89,7 @@ export class Route {
     $("route-part").hidden = this.#goals.length === 0;
     $("route-go").hidden = driven;
     $("route").replaceChildren(...this.#goals.map((goal, index) => this.#item(goal, driven && index === 0)));
-    this.view.route = this.#goals.map(({ pose }) => pose);
-    this.view.draw();
+    this.marks.show({ route: this.#goals.map(({ pose }) => pose) });
   }
 
   #item(goal, isNext) {

@@ -22,14 +22,15 @@ export default class Zones {
   #revision;
   #mayDraw = false;
 
-  constructor({ connection, ask, say, view, section }) {
+  constructor({ connection, ask, say, view, panels, section }) {
     Object.assign(this, { connection, ask, say, view, section });
     section.innerHTML = HTML;
     section.setAttribute("aria-labelledby", "zones-title");
-    this.legend = view.addToLegend("zone", "zone");
-    this.drawing = new Drawing(view, (zone) => this.#save(zone));
+    this.drawing = new Drawing(view, panels, (zone) => this.#save(zone));
     this.zones = [];
-    view.layers.push((context) => this.#paint(context));
+    this.layer = view.addLayer("zones", "zones", (c) => this.#paint(c, this.#drawn()), { order: 30 });
+    const draft = view.addLayer("zone-draft", "zone that is drawn", (c) => this.#paint(c, this.drawing.drafts), { order: 31, isInLegend: false });
+    draft.setKnown(true); // also where zones are switched off
     connection.on("localization", ({ map }) => this.#use(map));
     connection.on("zones", ({ map, revision }) => { if (map === this.#map && revision !== this.#revision) this.#list(); });
     connection.addEventListener("closed", () => { this.#revision = undefined; });
@@ -69,7 +70,7 @@ export default class Zones {
     text("zones-none", this.#map ? "No zones on this map. The robot may go everywhere." : "Zones are drawn on a map. None is in use.");
     $("zones-undo").hidden = !can_undo || !this.#mayDraw;
     for (const kind of KINDS) $(`zone-${kind}`).disabled = !this.#map;
-    this.legend.hidden = zones.length === 0;
+    this.layer.setKnown(zones.length > 0);
     this.view.draw();
   }
 
@@ -123,11 +124,14 @@ export default class Zones {
     await this.#list();
   }
 
-  #paint(c) {
-    const { colours, scale } = this.view;
-    const drawn = this.zones.filter((each) => each.enabled && each.id !== this.drawing.changes);
-    for (const zone of [...drawn, ...this.drawing.drafts]) {
-      c.strokeStyle = c.fillStyle = zone.kind === "slow" ? colours.range : colours.scan;
+  #drawn() {
+    return this.zones.filter((each) => each.enabled && each.id !== this.drawing.changes);
+  }
+
+  #paint(c, zones) {
+    const { scale } = this.view;
+    for (const zone of zones) {
+      c.strokeStyle = c.fillStyle = this.view.colour(zone.kind === "slow" ? "slow" : "no-go");
       c.lineWidth = zone.kind === "wall" ? Math.max(zone.width_m ?? 0.05, 3 / scale) : 2 / scale;
       c.setLineDash(zone.kind === "slow" ? [8 / scale, 5 / scale] : []);
       c.beginPath();

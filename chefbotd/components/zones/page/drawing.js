@@ -22,10 +22,10 @@ export class Drawing {
   #picked = null; // the corner that goes where the next click is
   #held = null; // what the view did before
 
-  constructor(view, use) {
-    this.view = view;
-    this.form = element("form", "", { id: "zone-drawing", className: "drawing row", hidden: true, innerHTML: HTML });
-    view.canvas.parentElement.after(this.form);
+  constructor(view, panels, use) {
+    Object.assign(this, { view, panels });
+    this.form = element("form", "", { id: "zone-drawing", className: "overlay drawing row", hidden: true, innerHTML: HTML });
+    view.addOverlay(this.form);
     $("zone-back").addEventListener("click", () => { this.#points = this.#points.slice(0, -1); this.#picked = null; this.#show(); });
     $("zone-no").addEventListener("click", () => this.end());
     this.form.addEventListener("submit", (event) => {
@@ -68,8 +68,8 @@ export class Drawing {
     $("zone-speed").value = max_speed_m_s ?? 0.1;
     $("zone-speed-label").hidden = kind !== "slow";
     this.form.hidden = false;
+    this.panels.fold(true);
     this.#show();
-    view.canvas.scrollIntoView({ block: "nearest" });
   }
 
   end() {
@@ -79,6 +79,7 @@ export class Drawing {
     Object.assign(this.view, { onPose, onProposal }, this.view.gesture === "corner" ? { gesture } : {});
     this.#held = this.#kind = null;
     this.form.hidden = true;
+    this.panels.fold(false);
     this.view.draw();
   }
 

@@ -2,53 +2,53 @@
 // page's own lines.
 
 import { $, element } from "./dom.js";
-import { because, GOAL, limit, LOCATED, MAPPING, MODES, plain, sentence } from "./words.js";
+import { limit, MODES, plain, sentence } from "./words.js";
 
 const MOST_LINES = 50; // of a kind: many of one do not push out those of another
-const KINDS = { navigation: "way", localization: "way", mapping: "way", safety: "stops", control: "stops" };
-const REPEATED = { navigation: ["planning", "driving", "recovering", "paused"] }; // who waits for people goes to and fro between these
 const SOURCES = { link: "The board's link" };
-const STATES = {
-  safety: (state, reason) => {
-    const [, before, by] = reason.match(/^(.*?) ?\(limited by (.*)\)/) ?? [null, reason, null];
-    return by ? `Slower than asked: ${limit(by)}.` : said(MODES[state]?.[1] ?? state, state === "armed" ? "" : before);
-  },
-  navigation: (state, reason) => (state === "idle" ? "" : said(GOAL[state] ?? state, because(state, reason))),
-  localization: (state) => LOCATED[state] ?? state,
-  mapping: (state) => (MAPPING[state] ? `${MAPPING[state]}.` : ""),
-  worker: (state, reason) => (["starting", "warming"].includes(state) ? "" : `Maps and navigation: ${[state, plain(reason)].filter(Boolean).join(": ")}`),
-  control: (_, name) => (name ? `${plain(name)} drives.` : "Nobody drives."), // a name keeps its own letters,
-};
 
 export class Lately {
+  #sources = new Map([
+    ["safety", { kind: "stops", words: safety }],
+    ["control", { kind: "stops", words: (_, name) => (name ? `${plain(name)} drives.` : "Nobody drives.") }],
+  ]);
   #last = new Map();
   #states = new Map(); // what each part was last said to do
-  #onTheWay = new Map(); // by their words, the lines since the last goal ended
+  #repeated = new Map(); // the lines since a part was last in another state
   #session = null;
   #shown_s = -Infinity;
 
-  constructor(connection) {
+  // ``loaded`` ends when every card has said how its component's lines read.
+  constructor(connection, loaded) {
     connection.on("log", ({ lines }, { age_s, stamp_s }) => {
       const now_ms = Date.now();
-      for (const line of lines.filter((each) => each.stamp_s > this.#shown_s)) {
-        const words = inWords(line);
-        if (line.source in STATES && this.#states.get(line.source) === words) continue; // what is new in it is not in the words
-        this.#states.set(line.source, words);
-        this.#take(line, words, now_ms - 1000 * (age_s + stamp_s - line.stamp_s));
-      }
-      this.#shown_s = lines.at(-1).stamp_s;
+      loaded.then(() => {
+        for (const line of lines.filter((each) => each.stamp_s > this.#shown_s)) {
+          this.#take(line, now_ms - 1000 * (age_s + stamp_s - line.stamp_s));
+        }
+        this.#shown_s = lines.at(-1).stamp_s;
+      });
     });
     connection.on("recording", ({ state, reason, saved }) => {
       if (saved) this.add("saved", `Saved what had just happened: ${saved}`);
       this.add("recording", { recording: "Recording.", failed: said("Recording has ended", reason) }[state] ?? "");
     });
-    $("lately-kind").addEventListener("change", () => { $("lately").dataset.kind = $("lately-kind").value; });
+    $("lately-kind").addEventListener("change", () => {
+      for (const line of $("lately").children) line.hidden = !isOfKind(line);
+    });
     connection.addEventListener("closed", () => this.add("connection", "The connection was lost."));
     connection.addEventListener("hello", ({ detail: { session } }) => {
       if (session !== this.#session) this.#shown_s = -Infinity;
       this.#session = session;
       this.add("connection", "Connected.");
     });
+  }
+
+  // How the lines of a part of the daemon read: ``words(state, reason)``, empty for none; ``repeated`` are states between
+  // which it goes to and fro; ``kind`` is what the list can be filtered by, and ``title`` names a kind of its own.
+  describe(source, { kind = "other", title = "", words, repeated = [] }) {
+    this.#sources.set(source, { kind, words, repeated });
+    if (title && ![...$("lately-kind").options].some((option) => option.value === kind)) $("lately-kind").add(new Option(title, kind), 1);
   }
 
   // A line of the page, unless it is what was last said about the same; ``which`` tells two that read alike apart.
@@ -59,15 +59,21 @@ export class Lately {
     this.#show(words, Date.now());
   }
 
-  // What is said again on the way to a goal is one line, of the last time, with how often it was said.
-  #take({ source, text, level }, words, at_ms) {
-    const isOnTheWay = REPEATED[source]?.includes(text.split(": ")[0]) ?? false;
-    const before = isOnTheWay ? this.#onTheWay.get(words) : undefined;
-    if (source in REPEATED && !isOnTheWay) this.#onTheWay.clear();
+  // What is said again between the same states is one line, of the last time, with how often it was said.
+  #take({ source, text, level }, at_ms) {
+    const [state, ...reason] = text.split(": ");
+    const known = this.#sources.get(source);
+    const words = known ? known.words(state, reason.join(": ")) : `${SOURCES[source] ?? sentence(source.replaceAll("_", " "))}: ${plain(text)}`;
+    if (known && this.#states.get(source) === words) return; // what is new in it is not in the words
+    this.#states.set(source, words);
+    const isRepeated = known?.repeated?.includes(state) ?? false;
+    const key = `${source} ${words}`;
+    const before = isRepeated ? this.#repeated.get(key) : undefined;
+    if (known?.repeated?.length && !isRepeated) this.#repeated.clear();
     before?.line.remove();
     const times = (before?.times ?? 0) + 1;
-    const line = this.#show(times > 1 ? `${words} (${times} times)` : words, at_ms, level, KINDS[source]);
-    if (isOnTheWay && line) this.#onTheWay.set(words, { line, times });
+    const line = this.#show(times > 1 ? `${words} (${times} times)` : words, at_ms, level, known?.kind);
+    if (isRepeated && line) this.#repeated.set(key, { line, times });
   }
 
   // In the order of time: the log may tell of what was before the page's own first lines.
@@ -77,6 +83,7 @@ export class Lately {
     const at = new Date(at_ms);
     line.append(element("time", at.toLocaleTimeString([], { hour12: false }), { dateTime: at.toISOString(), title: at.toLocaleString() }), ` ${words}`);
     line.dataset.kind = kind;
+    line.hidden = !isOfKind(line);
     const older = [...$("lately").children].find((other) => other.firstChild.dateTime <= line.firstChild.dateTime);
     $("lately").insertBefore(line, older ?? null);
     const alike = $("lately").querySelectorAll(`[data-kind="${kind}"]`);
@@ -85,12 +92,16 @@ export class Lately {
   }
 }
 
-function inWords({ source, text }) {
-  const [state, ...reason] = text.split(": ");
-  if (source in STATES) return STATES[source](state, reason.join(": "));
-  return `${SOURCES[source] ?? sentence(source.replaceAll("_", " "))}: ${plain(text)}`;
+function isOfKind(line) {
+  const wanted = $("lately-kind").value;
+  return wanted === "" || wanted === line.dataset.kind || (wanted === "problems" && ["warning", "error"].includes(line.className));
 }
 
-function said(words, reason) {
+function safety(state, reason) {
+  const [, before, by] = reason.match(/^(.*?) ?\(limited by (.*)\)/) ?? [null, reason, null];
+  return by ? `Slower than asked: ${limit(by)}.` : said(MODES[state]?.[1] ?? state, state === "armed" ? "" : before);
+}
+
+export function said(words, reason) {
   return reason && reason.toLowerCase() !== words.toLowerCase() ? `${words}: ${plain(reason)}` : `${words}.`;
 }

@@ -83,7 +83,7 @@ export class Login {
 
   // Without a token there is nothing else to do on this page.
   #setBehind(isBehind) {
-    for (const part of document.querySelectorAll("header, main, #notices")) part.inert = isBehind;
+    for (const part of document.querySelectorAll("header, main")) part.inert = isBehind;
   }
 
   // The daemon's capabilities without the methods that this role may not use: those are as good as absent.

@@ -7,6 +7,7 @@ import { Driver, joystick } from "./drive.js";
 import { History } from "./history.js";
 import { Lately } from "./lately.js";
 import { Login } from "./login.js";
+import { Panels } from "./panels.js";
 import { SafetyCard } from "./safety.js";
 import { Sensors } from "./sensors.js";
 import { Stopping } from "./stopping.js";
@@ -16,8 +17,10 @@ import { battery, board, firmware, firmwareFigures, GAMEPAD, limit, plain, refus
 
 // Beside the page, wherever a proxy shows it.
 const connection = new Connection(new URL("socket", location.href).href.replace(/^http/, "ws"));
-const lately = new Lately(connection);
-const view = new View($("view"));
+let cardsAreLoaded;
+const lately = new Lately(connection, new Promise((resolve) => { cardsAreLoaded = resolve; }));
+const view = new View($("view"), $("room"));
+const panels = new Panels();
 const speeds = { linear_m_s: 0.2, angular_rad_s: 0.8 };
 const driver = new Driver(connection, speeds);
 const safety = new SafetyCard(connection, ask, driver, (isInDoubt) => showDoubt(isInDoubt));
@@ -44,10 +47,10 @@ async function ask(method, params) {
 }
 
 let permitted = null;
-addComponents({ connection, ask, say, view }, (part) => {
+addComponents({ connection, ask, say, view, panels, lately }, panels, (part) => {
   parts.push(part);
   if (permitted) part.begin(permitted);
-});
+}).then(cardsAreLoaded);
 
 new Login(connection, (can) => {
   permitted = can;
@@ -55,6 +58,7 @@ new Login(connection, (can) => {
   $("driving").hidden = !driver.allowed;
   connection.begin(can).catch((error) => say(refusal(error)));
   for (const part of parts) part.begin(can);
+  panels.begin();
   if (can.has("method.get_description")) connection.request("get_description").then((answer) => sensors.describe(answer), () => {});
 });
 
@@ -101,6 +105,7 @@ function showDoubt(isInDoubt) {
 }
 
 const LET_GO = "You have let go.";
+let isRefused = false;
 driver.addEventListener("gamepad", ({ detail: state }) => {
   text("gamepad", GAMEPAD[state]);
   $("gamepad").classList.toggle("connected", ["standard", "unknown"].includes(state));
@@ -109,10 +114,15 @@ joystick($("joystick"), $("knob"), driver);
 driver.addEventListener("driven", ({ detail: { limited_by: by } }) => {
   $("take").hidden = true;
   text("drive-told", by ? `Slower than asked: ${limit(by)}.` : "You are driving.");
+  if (isRefused) say("");
+  isRefused = false;
 });
 driver.addEventListener("refused", ({ detail: error }) => {
   $("take").hidden = error.kind !== "lease_held";
   text("drive-told", refusal(error));
+  if (panels.isOpen("drive")) return;
+  isRefused = true; // by a key, while what the card says is not seen
+  say(refusal(error));
 });
 driver.addEventListener("released", () => { if ($("take").hidden) text("drive-told", safety.isInDoubt ? LET_GO : `${LET_GO} The robot brakes.`); });
 $("take").addEventListener("click", async () => {
@@ -134,6 +144,11 @@ $("zoom-in").addEventListener("click", () => view.zoom(1.25));
 $("zoom-out").addEventListener("click", () => view.zoom(0.8));
 $("follow").addEventListener("change", () => view.setFollow($("follow").checked));
 view.onFollow = (follow) => { $("follow").checked = follow; };
+addEventListener("keydown", (event) => { // Space is the stop: a switch is pressed by Enter
+  if (event.key !== "Enter" || event.target.type !== "checkbox") return;
+  event.preventDefault();
+  event.target.click();
+});
 driver.addEventListener("dead", () => view.gestures.cancel()); // a stop: what is aimed at is not wanted any more
 
 connection.connect(); // no card keeps the page from its stop button: one that comes late is told what it has missed

@@ -15,12 +15,12 @@ export class Sensors {
     connection.on("odometry", (pose) => this.#showPose(pose), SHOWN_HZ);
     connection.on("scan", (scan) => {
       view.scans.set(scan.lidar, scanPoints(scan));
-      $("legend-scan").hidden = false;
+      view.scanLayer.setKnown(true);
       view.draw();
     }, SHOWN_HZ);
     connection.on("ranges", ({ ranges }) => {
       view.ranges = ranges;
-      $("legend-range").hidden = ranges.length === 0;
+      if (ranges.length) view.rangeLayer.setKnown(true);
       for (const each of ranges) this.#lines.set(each.sensor, range(each));
       this.#show();
       view.draw();

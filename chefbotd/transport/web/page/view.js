@@ -1,53 +1,92 @@
-// The surroundings from above, x forward to the right at first: map, trail, scan, ranges and robot; zoom and pan.
+// The surroundings from above, x forward to the right at first: layers, ranges and robot; zoom and pan.
 
-import { $, element } from "./dom.js";
+import { $ } from "./dom.js";
 import { Gestures } from "./gestures.js";
-import { paintMarks } from "./marks.js";
+import { Layers } from "./layers.js";
 
 const TRAIL_STEP_M = 0.05;
 const TRAIL_POINTS = 2000;
 const [MIN_SCALE, MAX_SCALE] = [5, 600];
+const WHOLE = 0.9; // of the room, for the whole map
 
 export class View {
-  constructor(canvas) {
+  #colours = new Map();
+  #bounds = () => null;
+  #layers;
+
+  // ``room`` is the part of the canvas that nothing covers.
+  constructor(canvas, room) {
     this.canvas = canvas;
+    this.room = room;
     this.context = canvas.getContext("2d");
     this.scale = 90; // pixels a metre
     this.centre = [0, 0];
+    this.middle = [0, 0]; // where the centre is drawn, in pixels
+    this.size = [0, 0]; // of the room
+    this.corner = [0, 0]; // where the scale stands, left and below
     this.follow = true;
     this.gesture = "pan";
     this.onPose = () => {}; // a mouse has aimed at a pose
     this.onProposal = () => {}; // a finger has proposed one, which is to be confirmed; null: not any more
+    this.onColours = []; // called when it gets dark or light
     this.mounts = new Map();
     this.body = { radius: 0.18 };
-    this.pose = this.mapPose = this.grid = this.costs = this.obstacles = this.aim = null;
+    this.pose = this.mapPose = this.aim = null;
     this.scans = new Map();
     this.ranges = [];
     this.trail = [];
-    this.path = null;
-    this.layers = []; // what parts of the page paint over the map, in metres
-    this.route = []; // where the goals of the page's list are
-    this.goals = []; // the robot's goals, which it drives to in this order
-    this.places = []; // of the map in use, with their names
-    this.#readColours();
+    this.#layers = new Layers(() => this.draw());
+    this.trailLayer = this.addLayer("trail", "where it was", (c) => this.line(this.trail, this.colour("trail"), 2), { order: 60 });
+    this.rangeLayer = this.addLayer("range", "range sensors", (c) => this.#fromRobot(c, () => this.#paintRanges()), { order: 80 });
+    this.scanLayer = this.addLayer("scan", "lidar", (c) => this.#fromRobot(c, () => this.#paintScans()), { order: 90 });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
-      this.#readColours();
-      this.grid?.repaint(this.rgb);
-      this.costs?.repaint(this.rgbOfCosts);
+      this.#colours.clear();
+      for (const changed of this.onColours) changed();
       this.draw();
     });
-    new ResizeObserver(() => this.draw()).observe(canvas);
+    const sizes = new ResizeObserver(() => this.#measure());
+    for (const part of [canvas, room, $("pose")]) sizes.observe(part);
     this.gestures = new Gestures(this);
+    $("whole-map").addEventListener("click", () => this.showWholeMap());
   }
 
-  #readColours() {
-    const style = getComputedStyle(document.documentElement);
-    const read = (name) => style.getPropertyValue(`--${name}`).trim();
-    this.colours = Object.fromEntries(["paper", "grid", "wall", "free", "scan", "robot", "trail", "range", "soft", "ink"].map((n) => [n, read(n)]));
-    const rgb = (hex) => (hex.length === 4 ? [...hex.slice(1)].map((c) => c + c) : hex.slice(1).match(/../g)).map((c) => parseInt(c, 16));
-    this.rgb = { wall: rgb(this.colours.wall), free: rgb(this.colours.free) };
-    const cost = rgb(this.colours.range);
-    this.rgbOfCosts = { wall: cost, free: cost, opacity: (percent) => 1.4 * percent };
+  // A layer over the map. ``draw`` paints with the context in metres of the map, or with ``isInPixels`` in pixels, where
+  // ``at(pose)`` says where a pose is. The legend has it once it is known (``setKnown``); its sign there has the class ``name``.
+  // A higher ``order`` is drawn above. ``onSwitch`` is called with whether it is drawn.
+  addLayer(name, title, draw, { order = 50, isInPixels = false, isOn = true, isInLegend = true, onSwitch = () => {} } = {}) {
+    return this.#layers.make({ name, title, draw, order, isInPixels, isOn, isInLegend, onSwitch });
+  }
+
+  // What *Show the whole map* shows: ``bounds`` answers with corners in metres, or with null where there is nothing yet.
+  setBounds(bounds) {
+    this.#bounds = bounds;
+    $("whole-map").hidden = bounds() === null;
+  }
+
+  // A choice above the view, such as what a click means.
+  addTool(tool) {
+    $("modes").append(tool);
+  }
+
+  // What lies over the map for a while, such as a question about a point that was touched.
+  addOverlay(overlay) {
+    $("overlays").append(overlay);
+  }
+
+  // A colour of the page's style sheets by the name of its variable, as the scheme has it.
+  colour(name) {
+    if (!this.#colours.has(name)) {
+      const colour = getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
+      if (!colour) return "#888"; // its style sheet is not there yet
+      this.#colours.set(name, colour);
+    }
+    return this.#colours.get(name);
+  }
+
+  // Red, green and blue of a colour, from 0 to 255.
+  rgb(name) {
+    const hex = this.colour(name).slice(1);
+    return (hex.length === 3 ? [...hex].map((digit) => digit + digit) : hex.match(/../g)).map((digits) => parseInt(digits, 16));
   }
 
   // Where the robot is in what is drawn: in the map if that is known, else in odom.
@@ -65,6 +104,7 @@ export class View {
     if (!last || Math.hypot(robot.x_m - last[0], robot.y_m - last[1]) > TRAIL_STEP_M) {
       this.trail.push([robot.x_m, robot.y_m]);
       if (this.trail.length > TRAIL_POINTS) this.trail.shift();
+      if (this.trail.length > 1) this.trailLayer.setKnown(true);
     }
     this.draw();
   }
@@ -77,7 +117,7 @@ export class View {
     });
   }
 
-  zoom(factor, x = this.canvas.clientWidth / 2, y = this.canvas.clientHeight / 2) {
+  zoom(factor, x = this.middle[0], y = this.middle[1]) {
     const before = this.toWorld(x, y);
     this.scale = Math.max(MIN_SCALE, Math.min(MAX_SCALE, this.scale * factor));
     const after = this.toWorld(x, y);
@@ -86,48 +126,50 @@ export class View {
   }
 
   toWorld(x, y) {
-    const [width, height] = [this.canvas.clientWidth, this.canvas.clientHeight];
-    return [this.centre[0] + (x - width / 2) / this.scale, this.centre[1] - (y - height / 2) / this.scale];
+    return [this.centre[0] + (x - this.middle[0]) / this.scale, this.centre[1] - (y - this.middle[1]) / this.scale];
   }
 
   // All that is known of the map, with a margin; the robot is not followed any more.
   showWholeMap() {
-    const { grid, canvas } = this;
-    if (!grid) return;
-    const [length, width, cos, sin] = [grid.columns * grid.resolution_m, grid.rows * grid.resolution_m, Math.cos(grid.heading_rad), Math.sin(grid.heading_rad)];
-    const corners = [[0, 0], [length, 0], [0, width], [length, width]].map(([x, y]) => [grid.x_m + x * cos - y * sin, grid.y_m + x * sin + y * cos]);
+    const corners = this.#bounds();
+    if (!corners) return;
     const [left, right, bottom, top] = [0, 1].flatMap((axis) => [Math.min, Math.max].map((most) => most(...corners.map((corner) => corner[axis]))));
     this.setFollow(false);
     this.centre = [(left + right) / 2, (bottom + top) / 2];
-    const fits = Math.min(canvas.clientWidth / (right - left), canvas.clientHeight / (top - bottom));
-    this.scale = Math.max(MIN_SCALE, Math.min(MAX_SCALE, 0.94 * fits));
+    const fits = Math.min(this.size[0] / (right - left), this.size[1] / (top - bottom));
+    this.scale = Math.max(MIN_SCALE, Math.min(MAX_SCALE, WHOLE * fits));
+    this.draw();
+  }
+
+  #measure() {
+    const [canvas, room] = [this.canvas.getBoundingClientRect(), this.room.getBoundingClientRect()];
+    this.size = [room.width, room.height];
+    this.middle = [room.left - canvas.left + room.width / 2, room.top - canvas.top + room.height / 2];
+    this.corner = [room.left - canvas.left, room.bottom - canvas.top - $("pose").offsetHeight];
     this.draw();
   }
 
   #paint() {
-    const { canvas, context: c, colours } = this;
+    const { canvas, context: c } = this;
     const ratio = devicePixelRatio || 1;
     const [width, height] = [canvas.clientWidth, canvas.clientHeight];
     if (canvas.width !== Math.round(width * ratio)) canvas.width = Math.round(width * ratio);
     if (canvas.height !== Math.round(height * ratio)) canvas.height = Math.round(height * ratio);
     if (this.follow && this.robot) this.centre = [this.robot.x_m, this.robot.y_m];
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
-    c.fillStyle = colours.paper;
+    c.fillStyle = this.colour("paper");
     c.fillRect(0, 0, width, height);
-    c.translate(width / 2, height / 2);
+    c.translate(...this.middle);
     c.scale(this.scale, -this.scale);
     c.translate(-this.centre[0], -this.centre[1]);
     this.#paintGrid(width, height);
-    if (this.grid) this.#paintMap(this.grid);
-    if (this.costs) this.#paintMap(this.costs);
-    for (const paint of this.layers) paint(c);
-    if (this.obstacles) this.#paintObstacles(this.obstacles);
-    this.#line(this.trail, colours.trail, 2);
-    if (this.path) this.#line(this.path, colours.robot, 3);
-    if (this.robot) this.#paintRobot(this.robot);
+    for (const layer of this.#layers.drawn(false)) layer.draw(c);
+    if (this.robot) this.#fromRobot(c, () => this.#paintBody());
     if (this.aim) this.#paintAim(this.aim);
-    paintMarks(this, ratio, [width, height]);
-    this.#paintScaleBar(ratio, height);
+    c.setTransform(ratio, 0, 0, ratio, 0, 0);
+    const at = ({ x_m, y_m }) => [this.middle[0] + (x_m - this.centre[0]) * this.scale, this.middle[1] - (y_m - this.centre[1]) * this.scale];
+    for (const layer of this.#layers.drawn(true)) layer.draw(c, at);
+    this.#paintScaleBar();
   }
 
   #paintGrid(width, height) {
@@ -135,7 +177,7 @@ export class View {
     const [left, bottom] = this.toWorld(0, height);
     const [right, top] = this.toWorld(width, 0);
     const step = this.scale < 20 ? 5 : 1;
-    c.strokeStyle = this.colours.grid;
+    c.strokeStyle = this.colour("grid");
     c.lineWidth = 1 / this.scale;
     c.beginPath();
     for (let x = Math.ceil(left / step) * step; x < right; x += step) c.moveTo(x, bottom), c.lineTo(x, top);
@@ -143,26 +185,8 @@ export class View {
     c.stroke();
   }
 
-  #paintMap(grid) {
-    const { context: c } = this;
-    c.save();
-    c.translate(grid.x_m, grid.y_m);
-    c.rotate(grid.heading_rad);
-    c.imageSmoothingEnabled = false;
-    c.drawImage(grid.image, 0, 0, grid.columns * grid.resolution_m, grid.rows * grid.resolution_m);
-    c.restore();
-  }
-
-  // What is seen and not on the map; who moves has an arrow as long as the way of the next second.
-  #paintObstacles({ x_m, y_m, dynamic_obstacles }) {
-    const { context: c, colours } = this;
-    c.fillStyle = colours.range;
-    const dot = Math.max(0.04, 3 / this.scale);
-    x_m.forEach((x, index) => c.fillRect(x - dot / 2, y_m[index] - dot / 2, dot, dot));
-    for (const { x_m: x, y_m: y, vx_m_s, vy_m_s } of dynamic_obstacles) this.#line([[x, y], [x + vx_m_s, y + vy_m_s]], colours.range, 3);
-  }
-
-  #line(points, colour, width) {
+  // A line through points in metres; ``width`` in pixels.
+  line(points, colour, width) {
     const { context: c } = this;
     c.strokeStyle = colour;
     c.lineWidth = width / this.scale;
@@ -171,16 +195,26 @@ export class View {
     c.stroke();
   }
 
-  #paintRobot({ x_m, y_m, heading_rad }) {
-    const { context: c, colours, body } = this;
+  #fromRobot(c, paint) {
+    if (!this.robot) return;
+    const { x_m, y_m, heading_rad } = this.robot;
     c.save();
     c.translate(x_m, y_m);
     c.rotate(heading_rad);
-    for (const range of this.ranges) this.#paintRange(range);
-    c.fillStyle = colours.scan;
+    paint();
+    c.restore();
+  }
+
+  #paintScans() {
+    const { context: c } = this;
+    c.fillStyle = this.colour("scan");
     const dot = Math.max(0.02, 2 / this.scale);
     for (const points of this.scans.values()) for (const [x, y] of points) c.fillRect(x - dot / 2, y - dot / 2, dot, dot);
-    c.strokeStyle = c.fillStyle = colours.robot;
+  }
+
+  #paintBody() {
+    const { context: c, body } = this;
+    c.strokeStyle = c.fillStyle = this.colour("robot");
     c.lineWidth = 2 / this.scale;
     c.beginPath();
     if (body.size) c.rect(-body.size[0] / 2, -body.size[1] / 2, ...body.size);
@@ -189,29 +223,30 @@ export class View {
     c.beginPath();
     for (const [x, y] of [[0.13, 0], [-0.08, 0.08], [-0.03, 0], [-0.08, -0.08]]) c.lineTo(x, y);
     c.fill();
-    c.restore();
   }
 
-  #paintRange({ sensor, status, range_m, max_range_m, field_of_view_rad }) {
+  #paintRanges() {
     const { context: c } = this;
-    const mount = this.mounts.get(sensor) ?? { x: 0, y: 0, yaw: 0 };
-    const reach = range_m ?? (status === "too_near" ? 0.03 : max_range_m);
-    c.save();
-    c.translate(mount.x, mount.y);
-    c.rotate(mount.yaw);
-    c.strokeStyle = this.colours.range;
-    c.lineWidth = (range_m === null ? 1 : 3) / this.scale;
-    c.setLineDash(range_m === null ? [4 / this.scale, 6 / this.scale] : []);
-    const half = Math.max(field_of_view_rad, 0.05) / 2;
-    c.beginPath();
-    c.arc(0, 0, reach, -half, half);
-    c.stroke();
-    c.restore();
+    c.strokeStyle = this.colour("range");
+    for (const { sensor, status, range_m, max_range_m, field_of_view_rad } of this.ranges) {
+      const mount = this.mounts.get(sensor) ?? { x: 0, y: 0, yaw: 0 };
+      const reach = range_m ?? (status === "too_near" ? 0.03 : max_range_m);
+      const half = Math.max(field_of_view_rad, 0.05) / 2;
+      c.save();
+      c.translate(mount.x, mount.y);
+      c.rotate(mount.yaw);
+      c.lineWidth = (range_m === null ? 1 : 3) / this.scale;
+      c.setLineDash(range_m === null ? [4 / this.scale, 6 / this.scale] : []);
+      c.beginPath();
+      c.arc(0, 0, reach, -half, half);
+      c.stroke();
+      c.restore();
+    }
   }
 
   #paintAim({ from, to }) {
     const { context: c } = this;
-    c.strokeStyle = this.colours.robot;
+    c.strokeStyle = this.colour("robot");
     c.lineWidth = 3 / this.scale;
     c.beginPath();
     c.arc(...from, 6 / this.scale, 0, 2 * Math.PI);
@@ -220,29 +255,15 @@ export class View {
     c.stroke();
   }
 
-  #paintScaleBar(ratio, height) {
-    const { context: c } = this;
+  #paintScaleBar() {
+    const { context: c, corner: [left, bottom] } = this;
     const metres = [0.1, 0.5, 1, 5, 10].find((each) => each * this.scale > 40) ?? 20;
-    c.setTransform(ratio, 0, 0, ratio, 0, 0);
-    c.fillStyle = this.colours.paper; // the bar may lie on a wall
-    c.fillRect(4, height - 32, Math.max(metres * this.scale, 30) + 12, 27);
-    c.fillStyle = this.colours.soft;
-    c.fillRect(10, height - 12, metres * this.scale, 3);
+    c.fillStyle = this.colour("paper"); // the bar may lie on a wall
+    c.fillRect(left + 8, bottom - 44, Math.max(metres * this.scale, 30) + 12, 27);
+    c.fillStyle = this.colour("soft");
+    c.fillRect(left + 14, bottom - 24, metres * this.scale, 3);
     c.font = "12px system-ui, sans-serif";
-    c.fillText(`${metres} m`, 10, height - 18);
-  }
-
-  // A switch or a choice below the view.
-  addTool(tool) {
-    $("tools").append(tool);
-  }
-
-  // A sign of the legend, hidden until there is something of its kind.
-  addToLegend(kind, words) {
-    const sign = element("span", "", { hidden: true });
-    sign.append(element("i", "", { className: kind }), words);
-    $("legend").append(" ", sign);
-    return sign;
+    c.fillText(`${metres} m`, left + 14, bottom - 30);
   }
 
   setFollow(follow) {

@@ -26,11 +26,6 @@ export function plain(reason) {
     .replace(/\b[a-z]+(?:_[a-z]+)*_wheel\b/g, (wheel) => `the ${wheelName(wheel)} wheel`);
 }
 
-// A finger has no pointer that hovers: it proposes, and a button confirms.
-const HAS_FINGERS = matchMedia("(hover: none) and (pointer: coarse)").matches;
-export const SEND = HAS_FINGERS ? "Tap in the view, then Go here" : "Click in the view";
-export const GESTURE = HAS_FINGERS ? "A tap" : "Click and drag";
-
 const FIELDS = {
   x_m: "x", y_m: "y", heading_rad: "the heading", name: "the name", place: "the place", token: "the token",
   kp: "kp", ki: "ki", kd: "kd", reason: "the reason", linear_m_s: "the speed", angular_rad_s: "the turning speed",
@@ -119,22 +114,6 @@ export const MODES = {
   estopped: ["bad", "Emergency stop"],
   no_board: ["warn", "Waiting for the board"],
 };
-
-export const GOAL = {
-  planning: "Looking for a way", driving: "Driving", recovering: "Looking for a way out", paused: "Paused",
-  reached: "Arrived", unreachable: "There is no way there", blocked: "The way is blocked", cancelled: "Cancelled",
-  lost: "The robot does not know where it is", fault: "Ended by a fault", idle: "No goal",
-};
-
-export const LOCATED = {
-  unknown: "It is not known where the robot is.",
-  searching: "The robot looks for where it is. Drive a bit.",
-  localized: "The robot knows where it is.",
-  uncertain: "The robot is not sure where it is.",
-  lost: "The robot does not know where it is. Drive a bit, or say where it is.",
-};
-
-export const MAPPING = { mapping: "Making a map", paused: "Making of the map is paused", finishing: "Finishing the map", idle: "" };
 
 const DEVICE = {
   unknown: "not known yet", healthy: "works", silent: "sends nothing", wrong_baud: "speaks at another speed", wrong_device: "is another device",

@@ -22,8 +22,8 @@ def test_what_lies_beside_a_card_is_served_beside_it(tmp_path: Path) -> None:
     for name in ("card.js", "plot.js", "secret.py"):
         (tmp_path / name).write_text(name)
     cards = [
-        Card("trip", tmp_path / "card.js", "left", ""),
-        Card("lost", tmp_path / "no" / "card.js", "left", ""),
+        Card("trip", tmp_path / "card.js"),
+        Card("lost", tmp_path / "no" / "card.js"),
     ]
     files = page_files(cards)
     ours = {path: file.body for path, file in files.items() if path.startswith("/components/")}

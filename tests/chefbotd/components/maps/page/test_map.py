@@ -12,6 +12,7 @@ from tests.scenarios.page.browser import (
     FakeDaemon,
     middle_of_view,
     pixel,
+    show,
     sync_api,
     until,
 )
@@ -96,6 +97,7 @@ def test_without_a_map_the_page_says_what_to_do_first(page: Any, daemon: FakeDae
     daemon.say("localization", state="unknown", map=None, fit=0.0, reason="")
     sync_api.expect(page.locator("#goal")).to_contain_text("No map is in use")
     sync_api.expect(page.locator("#map-told")).to_contain_text("Start one and drive")
+    show(page, "map")
     sync_api.expect(page.locator("#map-start")).to_be_visible()
     sync_api.expect(page.locator("#map-localize")).to_be_hidden()
     daemon.say("localization", state="localized", map="flat", fit=0.97, reason="")

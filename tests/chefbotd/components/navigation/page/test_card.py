@@ -13,6 +13,7 @@ from tests.scenarios.page.browser import (
     barriers,
     middle_of_view,
     pixel,
+    show,
     sync_api,
     until,
 )
@@ -26,6 +27,8 @@ def test_a_click_sends_the_robot_there_and_a_drag_gives_the_heading(page: Any, d
     daemon.say("map_pose", x_m=2.0, y_m=-1.0, heading_rad=0.3, state="localized")
     daemon.say("navigation", state="driving", goal=1, reason="", distance_m=3.21, time_s=9.0)
     sync_api.expect(page.locator("#goal")).to_have_text("Driving, 3.2 m left")
+    show(page, "goals")
+    page.wait_for_timeout(100)  # until the map is as wide as it gets
     middle = middle_of_view(page)
     assert until(lambda: pixel(page, *middle) == [0x0B, 0x57, 0xD0])  # the robot is drawn
     x, y = middle[0] + 45, middle[1] + 90
@@ -49,20 +52,22 @@ def test_a_click_sends_the_robot_there_and_a_drag_gives_the_heading(page: Any, d
 
 
 def test_costs_are_asked_for_while_they_are_shown(page: Any, daemon: FakeDaemon) -> None:
-    """One cell of 1 m that is blocked, under the robot at its middle, is tinted until the box is unticked."""
+    """One cell of 1 m that is blocked, under the robot at its middle, is tinted until the layer is switched off."""
     daemon.say("map_pose", x_m=0.25, y_m=0.75, heading_rad=0.0, state="localized")
-    page.get_by_label("Costs and obstacles").check()
+    costs = page.get_by_role("switch", name="costs of driving")
+    page.get_by_role("button", name="What the map shows").click()
+    costs.press("Enter")
     asked = {"topics": ["costmap"], "policy": "ordered"}
     assert until(lambda: daemon.was_asked("subscribe") and daemon.last("subscribe") == asked)
     cell = base64.b64encode(zlib.compress(struct.pack("b", 100))).decode()
     size = {"columns": 1, "rows": 1, "part_columns": 1, "part_rows": 1, "column": 0, "row": 0}
     place = {"resolution_m": 1.0, "x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0, "revision": 1, "map": "flat"}
     daemon.say("costmap", **place, **size, encoding="zlib", cells=cell)
-    box = page.locator("#view").bounding_box()
-    beside = (box["x"] + box["width"] / 2 + 45, box["y"] + box["height"] / 2 + 45)  # (0.75, 0.25)
-    plain = [0xF6, 0xF7, 0xF9]
+    middle = middle_of_view(page)
+    beside = (middle[0] + 45, middle[1] + 45)  # (0.75, 0.25)
+    plain = [0xEE, 0xF1, 0xF4]
     assert until(lambda: pixel(page, *beside) != plain)
-    page.get_by_label("Costs and obstacles").uncheck()
+    costs.press("Enter")
     assert until(lambda: pixel(page, *beside) == plain)
     assert daemon.last("unsubscribe") == {"topics": ["costmap"]}
 
@@ -72,6 +77,7 @@ def test_a_place_is_gone_to_saved_and_deleted_by_its_name(page: Any, daemon: Fak
     sync_api.expect(page.locator("#place-form")).to_be_hidden()  # no map is in use
     daemon.say("localization", state="localized", map="flat", fit=0.97, reason="")
     sync_api.expect(page.locator("#places option")).to_have_count(2)
+    show(page, "goals")
     page.get_by_role("button", name="Go there").click()
     page.locator("#place").fill("table 3")
     page.get_by_role("button", name="Go there").click()
@@ -104,6 +110,7 @@ def test_poses_are_typed_where_nobody_can_click(page: Any, daemon: FakeDaemon) -
     """By the keyboard alone: to x, y and a heading in degrees; and the robot stands at a place, or at coordinates."""
     daemon.say("localization", state="localized", map="flat", fit=0.97, reason="")
     sync_api.expect(page.locator("#places option")).to_have_count(2)
+    show(page, "goals")
     page.locator("#place").fill("1.25 -3 -90")
     page.keyboard.press("Enter")
     assert until(lambda: daemon.was_asked("navigate_to"))

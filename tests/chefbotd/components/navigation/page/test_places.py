@@ -10,6 +10,7 @@ from tests.scenarios.page.browser import (
     barriers,
     middle_of_view,
     pixel,
+    show,
     sync_api,
     until,
 )
@@ -27,6 +28,7 @@ def daemon(page: Any, served: str, monkeypatch: pytest.MonkeyPatch) -> FakeDaemo
     daemon.capable_of("list_goals")
     daemon.opened(served)
     daemon.say("localization", state="localized", map="flat", fit=0.97, reason="")
+    show(page, "goals")
     sync_api.expect(page.get_by_role("button", name="Go to table 3")).to_be_visible()
     return daemon
 
@@ -71,9 +73,9 @@ def test_a_touched_point_is_saved_as_a_place(page: Any, daemon: FakeDaemon, widt
     page.set_viewport_size({"width": width, "height": height})
     daemon.say("map_pose", x_m=2.0, y_m=-1.0, heading_rad=0.0, state="localized")
     page.locator("#gesture").select_option("save_place")
-    page.locator("#view").scroll_into_view_if_needed()
-    box = page.locator("#view").bounding_box()
-    page.mouse.click(box["x"] + box["width"] / 2 + 45, box["y"] + box["height"] / 2)  # (2.5, -1)
+    page.wait_for_timeout(300)  # until a sheet is as high as it gets
+    x, y = middle_of_view(page)
+    page.mouse.click(x + 45, y)  # (2.5, -1)
     name = page.get_by_label("Name of the place")
     sync_api.expect(name).to_be_focused()
     assert barriers(page) == []
@@ -83,7 +85,7 @@ def test_a_touched_point_is_saved_as_a_place(page: Any, daemon: FakeDaemon, widt
     saved = {"name": "table 9", "x_m": pytest.approx(2.5, abs=0.03), "y_m": pytest.approx(-1.0, abs=0.03)}
     assert daemon.last("save_place") == saved
     sync_api.expect(page.locator("#proposal")).to_be_hidden()
-    page.mouse.click(box["x"] + box["width"] / 2 + 45, box["y"] + box["height"] / 2)
+    page.mouse.click(x + 45, y)
     name.fill("kitchen")
     page.keyboard.press("Enter")
     sync_api.expect(

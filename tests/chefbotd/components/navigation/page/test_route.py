@@ -4,7 +4,15 @@ from typing import Any
 
 import pytest
 
-from tests.scenarios.page.browser import NEEDS_BROWSER, FakeDaemon, barriers, sync_api, until
+from tests.scenarios.page.browser import (
+    NEEDS_BROWSER,
+    FakeDaemon,
+    barriers,
+    middle_of_view,
+    show,
+    sync_api,
+    until,
+)
 
 pytestmark = [pytest.mark.slow, pytest.mark.realtime, NEEDS_BROWSER]
 
@@ -16,6 +24,7 @@ def listed(page: Any, daemon: FakeDaemon) -> Any:
     daemon.held = {"follow_waypoints", "navigate_to"}
     daemon.say("localization", state="localized", map="flat", fit=0.97, reason="")
     sync_api.expect(page.locator("#places option")).to_have_count(2)
+    show(page, "goals")
     for name in ("kitchen", "table 3", "2 -1"):
         page.locator("#place").fill(name)
         page.get_by_role("button", name="Add to the list").click()
@@ -100,6 +109,6 @@ def test_a_click_adds_a_goal_to_the_list(page: Any, daemon: FakeDaemon) -> None:
     """If that is what a click means; nothing drives."""
     daemon.say("map_pose", x_m=2.0, y_m=-1.0, heading_rad=0.3, state="localized")
     page.locator("#gesture").select_option("follow_waypoints")
-    page.locator("#view").click()
+    page.mouse.click(*middle_of_view(page))
     sync_api.expect(page.locator("#route li")).to_have_count(1)
     assert not daemon.was_asked("follow_waypoints")
