@@ -26,6 +26,7 @@ from chefbotd.transport.parameters import PageParameters
 from chefbotd.transport.unread import UnreadSockets
 from chefbotd.transport.web.framing import WebSocketFraming
 from chefbotd.transport.web.http_server import HttpLimits, HttpServer
+from chefbotd.transport.web.languages import language_files, read_catalogues
 from chefbotd.transport.web.origin import is_own_host, is_own_origin
 from chefbotd.transport.web.prometheus import CONTENT_TYPE, exposition
 from chefbotd.transport.web.websocket import WebSocketConnection, is_websocket, switch
@@ -36,6 +37,7 @@ TYPES = {
     "html": "text/html; charset=utf-8",
     "css": "text/css; charset=utf-8",
     "js": "text/javascript; charset=utf-8",
+    "json": "application/json",
     "svg": "image/svg+xml",
 }
 
@@ -67,7 +69,7 @@ class Card(Struct, frozen=True):
 def page_files(cards: Sequence[Card] = ()) -> dict[str, PageFile]:
     """Every file of the page by its path; ``/`` is ``index.html``, ``/cards.js`` lists the cards of components.
 
-    The JavaScript and the style sheets beside a card's are served beside it.
+    The JavaScript and the style sheets beside a card's are served beside it; its languages go into those of the page.
     """
     folder = resources.files(__package__) / "page"
     files = {
@@ -98,6 +100,8 @@ def page_files(cards: Sequence[Card] = ()) -> dict[str, PageFile]:
             listed.append(
                 {"name": card.name, "module": module, "style": f".{style}" if style in files else "", **place}
             )
+    words = read_catalogues([("", folder), *((card.name, card.file.parent) for card in cards)])
+    files |= {path: page_file(path.rpartition(".")[2], body) for path, body in language_files(words).items()}
     files["/cards.js"] = page_file("js", f"export const CARDS = {json.dumps(listed)};\n".encode())
     return {"/": files["/index.html"], **files}
 
