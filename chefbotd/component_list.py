@@ -30,6 +30,7 @@ OWN: Final = (
     "discovery",
     "notifications",
     "invitations",
+    "camera",
 )
 """The others; of each of the three, in the order in which they are built."""
 

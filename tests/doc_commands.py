@@ -31,6 +31,7 @@ NOT_RUN: Final = {
     r"^chefbotctl (go|patrol|home|localize|where|places)": "drives on a map: tests/chefbotd/components/navigation",
     r"^chefbotctl map (?!list)": "of maps that are driven and kept: tests/chefbotd/components/maps",
     r"^chefbotctl zones": "of a map that is in use: tests/chefbotd/components/zones",
+    r"^chefbotctl camera": "of a robot with a camera: tests/chefbotd/components/camera",
     r"^chefbotctl (flash|ports .*--udev)": "a board is plugged in: tests/chefbotd/components/flash, doctor",
     r"^chefbotctl record (evening|drive)( --for 60s)?$": "until Ctrl-C: tests/chefbotd/components/recording",
     r"^chefbotctl log (plot|info|export) .*((?<!\$)FILE|2026|auto_)": "a file of yours: tests/test_first_steps.py",

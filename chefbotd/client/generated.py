@@ -251,6 +251,15 @@ class GeneratedMethods(MethodCaller):
         """Close an invitation, or end the access of somebody who was let in and disconnect them."""
         await self._ask(None, "revoke_access", invitation=invitation, device=device, on_progress=on_progress)
 
+    async def get_camera_frame(self, after: int = 0, wait_s: float = 5.0,
+        on_progress: ProgressListener | None = None) -> m.CameraFrame:
+        """Wait for the next picture of the camera, which runs while somebody asks."""
+        return await self._ask("CameraFrame", "get_camera_frame", after=after, wait_s=wait_s, on_progress=on_progress)
+
+    async def get_camera_status(self) -> m.CameraFigures:
+        """How the camera is, and what it did since the daemon's start."""
+        return await self._ask("CameraFigures", "get_camera_status")
+
     async def reset_board(self) -> None:
         """Restart the board; its counters start at zero."""
         await self._ask(None, "reset_board")
@@ -330,6 +339,8 @@ class Topics(ABC):
     @overload
     def subscribe(self, topics: Literal["notifications"],
         **options: Unpack[Options]) -> Subscription[m.NotificationsData]: ...
+    @overload
+    def subscribe(self, topics: Literal["camera"], **options: Unpack[Options]) -> Subscription[m.CameraData]: ...
     @overload
     def subscribe(self, topics: Literal["link"], **options: Unpack[Options]) -> Subscription[m.LinkData]: ...
     @overload

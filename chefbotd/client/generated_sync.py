@@ -92,4 +92,6 @@ class SyncMethods(InBackground):
     approve_invitation = blocking(Client.approve_invitation)
     list_invitations = blocking(Client.list_invitations)
     revoke_access = blocking(Client.revoke_access)
+    get_camera_frame = blocking(Client.get_camera_frame)
+    get_camera_status = blocking(Client.get_camera_status)
     reset_board = blocking(Client.reset_board)

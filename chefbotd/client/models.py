@@ -18,6 +18,8 @@ from chefbotd.components.calibration.events import (
 from chefbotd.components.calibration.models import (
     CalibrationApplied as CalibrationApplied, CalibrationReport as CalibrationReport, CalibrationStep as CalibrationStep
 )
+from chefbotd.components.camera.events import CameraData as CameraData
+from chefbotd.components.camera.models import CameraFigures as CameraFigures, CameraFrame as CameraFrame
 from chefbotd.components.depth_camera.models import DepthCamerasData as DepthCamerasData
 from chefbotd.components.invitations.models import (
     AccessOverview as AccessOverview, AdmittedDevice as AdmittedDevice, InvitationMade as InvitationMade,
@@ -91,8 +93,8 @@ DATA_BY_TOPIC: Mapping[str, type[Sent]] = {
     "safety": SafetyData, "drive_warning": DriveWarningData, "odometry": OdometryData,
     "odometry_condition": OdometryConditionData, "imu": ImuData, "ranges": RangesData, "battery": BatteryData,
     "stats": StatsData, "agents": AgentsData, "agent_events": AgentEventData, "agent_data": AgentMessageData,
-    "calibration": CalibrationData, "sim": SimData, "notifications": NotificationsData, "link": LinkData,
-    "firmware": FirmwareData, "reset": ResetData, "text": TextData, "raw": RawData, "log": LogData
+    "calibration": CalibrationData, "sim": SimData, "notifications": NotificationsData, "camera": CameraData,
+    "link": LinkData, "firmware": FirmwareData, "reset": ResetData, "text": TextData, "raw": RawData, "log": LogData
 }
 """What a client reads each topic as."""
 
@@ -132,6 +134,7 @@ class TopicsOfState:
     calibration = Latest("calibration", CalibrationData)
     sim = Latest("sim", SimData)
     notifications = Latest("notifications", NotificationsData)
+    camera = Latest("camera", CameraData)
     firmware = Latest("firmware", FirmwareData)
     reset = Latest("reset", ResetData)
     text = Latest("text", TextData)

@@ -61,6 +61,8 @@ class RefusalKind(StrEnum):
     CANNOT_INVITE = "cannot_invite"
     NOT_INVITED = "not_invited"
     TOO_MANY_ATTEMPTS = "too_many_attempts"
+    NO_PICTURE = "no_picture"
+    TOO_MANY_VIEWERS = "too_many_viewers"
 
 
 class Refused(Exception):

@@ -163,6 +163,10 @@ ERRORS: Mapping[str, ErrorClass] = {
         -32071, "the invitation, or the access that it gave, does not exist or has ended"
     ),
     RefusalKind.TOO_MANY_ATTEMPTS: ErrorClass(-32072, "too many codes were tried; wait, and try again"),
+    RefusalKind.NO_PICTURE: ErrorClass(-32073, "the camera has sent no picture; the message says why"),
+    RefusalKind.TOO_MANY_VIEWERS: ErrorClass(
+        -32074, "too many look at the camera, or one client asked twice"
+    ),
     RefusalKind.LATCHED_AGAIN: ErrorClass(
         -32055,
         "the robot was stopped again by something newer than this arm was sent for; find out why, then send arm",

@@ -63,7 +63,8 @@ def real_features() -> tuple[Feature, ...]:
     """Those of a simulated robot that has all there is, from a real daemon, which does not run."""
     camera = {"name": "camera", "mount_x_m": 0.1, "mount_height_m": 0.4}
     told = {"enabled": True, "ntfy_url": "https://ntfy.example/topic"}
-    overrides = {"depth_camera": [camera], "invitations": {"enabled": True}, "notifications": told}
+    more = {"invitations": {"enabled": True}, "notifications": told, "camera": {"enabled": True}}
+    overrides = {"depth_camera": [camera], **more}
     settings = load(packaged("chefbot_lidar"), overrides=overrides)
     daemon = build(settings, clock=ManualClock(), simulated=True, substitutes={"recording": write_inline})
     return tuple(daemon.features)

@@ -1,5 +1,6 @@
 """Encodes events as messages on the channel of their class, and as messages that viewers can draw."""
 
+import base64
 from collections.abc import Callable, Mapping
 from typing import Any, Protocol
 
@@ -117,6 +118,7 @@ class Encoder:
             "scan": self._draw_scan,
             "map": self._keep_map,
             "path": self._draw_path,
+            "picture": self._draw_picture,
         }
         self._drawn_ns = 0
         self._map_from_odom: Pose2D | None = None
@@ -167,7 +169,9 @@ class Encoder:
             topic,
             channel,
             "arrival_s" in event_class.__annotations__,
-            encode_scan if name == "ScanMeasured" else msgspec.json.encode,
+            encode_scan
+            if name == "ScanMeasured"
+            else getattr(event_class, "encode_recorded", msgspec.json.encode),
             self._drawings.get(getattr(event_class, "drawn_as", "")),
             getattr(event_class, "log_line", None),
             getattr(event_class, "retained", False),
@@ -235,3 +239,9 @@ class Encoder:
         path = fg.path(self.ns_of(event.stamp_s), event.x_m, event.y_m)
         channel, payload = self._put_message("/path", path, log_ns)
         self._retained[channel, ""] = payload
+
+    def _draw_picture(self, event: Any, log_ns: int) -> None:
+        if event.jpeg:
+            data = fm.Base64(base64.b64encode(event.jpeg).decode("ascii"))
+            stamp = fg.time_of(self.ns_of(event.stamp_s))
+            self._put_message("/camera", fm.CompressedImage(stamp, "camera", data, "jpeg"), log_ns)

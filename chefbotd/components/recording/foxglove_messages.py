@@ -1,7 +1,7 @@
 """Messages in the schemas that Foxglove and other viewers know; their docstrings are the descriptions there.
 
 The schemas are those of github.com/foxglove/foxglove-sdk, ``schemas/jsonschema`` (MIT): FrameTransforms, PoseInFrame,
-PosesInFrame, LaserScan, Grid, Log. Fields keep their names and meaning.
+PosesInFrame, LaserScan, Grid, CompressedImage, Log. Fields keep their names and meaning.
 """
 
 from collections.abc import Mapping
@@ -117,6 +117,15 @@ class Grid(Struct, frozen=True):
     data: Base64
 
 
+class CompressedImage(Struct, frozen=True):
+    """A compressed image."""
+
+    timestamp: Time
+    frame_id: str
+    data: Base64
+    format: str
+
+
 class Log(Struct, frozen=True):
     """A log message."""
 
@@ -156,5 +165,6 @@ def _schema(kind: Any) -> Mapping[str, Any]:
 
 
 SCHEMAS: Mapping[type[Struct], Mapping[str, Any]] = {
-    kind: _schema(kind) for kind in (FrameTransforms, PoseInFrame, PosesInFrame, LaserScan, Grid, Log)
+    kind: _schema(kind)
+    for kind in (FrameTransforms, PoseInFrame, PosesInFrame, LaserScan, Grid, CompressedImage, Log)
 }

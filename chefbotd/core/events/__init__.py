@@ -8,7 +8,7 @@ silent. ``board_s`` is the board's own time, unwrapped, in seconds; only differe
 Attributes of the class say how others treat its events. ``retained``: new subscribers get the last one.
 ``log_line()``: the line in the log. ``recorded_as``: the channel in a recording, if it is not the class's name.
 ``drawn_as``: what a viewer of a recording is shown of it: ``odometry``, ``odometry_reset``, ``map_pose``, ``scan``,
-``map`` or ``path``.
+``map``, ``path`` or ``picture``. ``encode_recorded()``: the event as it is recorded, if it is not whole.
 """
 
 from chefbotd.core.events.board import *

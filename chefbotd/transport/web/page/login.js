@@ -61,6 +61,7 @@ export class Login {
   async #role() {
     try {
       const { role } = await this.connection.request("authenticate", { token: this.#token ?? "" });
+      this.connection.token = this.#token; // for a part with a connection of its own
       if (this.#token !== null && this.#token !== localStorage.getItem(TOKEN_KEY)) sessionStorage.setItem(TOKEN_KEY, this.#token);
       return role;
     } catch (error) {
