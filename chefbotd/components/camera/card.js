@@ -27,7 +27,6 @@ export default class Camera {
     section.innerHTML = HTML;
     section.setAttribute("aria-labelledby", "camera-title");
     Object.assign(this, { section, own: connection, canvas: $("camera-picture"), pictures: new Connection(connection.url) });
-    Object.assign(this.canvas.style, { display: "block", width: "100%", height: "auto", borderRadius: ".3rem" });
     this.pictures.addEventListener("hello", ({ detail }) => this.#enter(detail));
     this.pictures.addEventListener("closed", () => { this.#isLooking = false; });
     connection.addEventListener("closed", () => {
@@ -117,7 +116,6 @@ export default class Camera {
     if (this.#stamp === null) return;
     const age_s = Math.max(performance.now() / 1000 + this.#clock - this.#stamp, 0);
     this.canvas.classList.toggle("is-old", age_s > OLD_S);
-    this.canvas.style.filter = age_s > OLD_S ? "grayscale(1) opacity(.5)" : "";
     $("camera-told").textContent = age_s < 10 ? `${age_s.toFixed(1)} s old` : `${age_s.toFixed(0)} s old: this is not how it is now`;
   }
 

@@ -47,7 +47,7 @@ COMPONENT = Component(
     build=build,
     is_enabled=lambda section, settings: section.enabled,
     exclusive=True,
-    page=(PagePart("chefbotd.components.camera", "card.js"),),
+    page=(PagePart("chefbotd.components.camera", "card.js", panel="camera"),),
     status=(StatusRow("camera", "chefbotd.components.camera.status_text:camera"),),
     commands={"camera": "chefbotd.components.camera.cli:camera"},
 )

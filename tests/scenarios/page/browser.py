@@ -159,7 +159,7 @@ def open_page(page: Any, robot: RunningRobot) -> None:
 
 
 def show(page: Any, panel: str) -> None:
-    """Have a panel open: drive, goals, map, programs, lately, people or workshop."""
+    """Have a panel open: drive, goals, map, camera, programs, lately, people or workshop."""
     tab = page.locator(f"#tab-{panel}")
     sync_api.expect(tab).to_be_visible()
     if tab.get_attribute("aria-expanded") != "true":
