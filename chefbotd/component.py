@@ -124,9 +124,10 @@ class Component(Struct, frozen=True, kw_only=True):
 
     ``events`` are the classes of its events, for those who read a recording. A component that publishes what came from
     outside does so by ``context.clock.observe``: a replay takes it from the recording. ``skills`` run in the worker,
-    each made with the section as JSON and the worker's clock. ``commands`` are those of ``chefbotctl`` by name,
-    ``daemon_commands`` those of ``chefbotd``; ``run_options`` are options of ``chefbotd run``, and ``hardware`` is what
-    that drives in place of a real board. ``client_methods`` are classes with those methods of the typed client that do
+    each made with the section as JSON and the worker's clock.
+    ``commands`` are those of ``chefbotctl`` by name (``map edit`` is one of the group ``map``), ``daemon_commands``
+    those of ``chefbotd``; ``run_options`` are options of ``chefbotd run``, and ``hardware`` is what that drives in place
+    of a real board. ``client_methods`` are classes with those methods of the typed client that do
     more than ask: ``make client`` puts them into it, beside those of the socket, which it writes.
     """
 

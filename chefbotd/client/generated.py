@@ -85,6 +85,10 @@ class GeneratedMethods(MethodCaller):
         """Give a map another name."""
         await self._ask(None, "rename_map", name=name, new_name=new_name, on_progress=on_progress)
 
+    async def copy_map(self, name: str, new_name: str, on_progress: ProgressListener | None = None) -> m.MapInUse:
+        """Keep a copy of a map to go back to, with its places, its zones and its edits; the map in use stays so."""
+        return await self._ask("MapInUse", "copy_map", name=name, new_name=new_name, on_progress=on_progress)
+
     async def delete_map(self, name: str, on_progress: ProgressListener | None = None) -> None:
         """Remove a map with all its versions and places."""
         await self._ask(None, "delete_map", name=name, on_progress=on_progress)

@@ -56,6 +56,7 @@ class SyncMethods(InBackground):
     load_map = blocking(Client.load_map)
     import_map = blocking(Client.import_map)
     rename_map = blocking(Client.rename_map)
+    copy_map = blocking(Client.copy_map)
     delete_map = blocking(Client.delete_map)
     start_mapping = blocking(Client.start_mapping)
     pause_mapping = blocking(Client.pause_mapping)

@@ -59,6 +59,7 @@ class CommandGroup(click.Group):
         self.params.append(_json_option())
         self._late: dict[str, str] = {}
         self._attributes: dict[str, str] = {}
+        self._inner: dict[str, dict[str, str]] = {}
         self._has_strangers = False
 
     def add_strangers(self) -> None:
@@ -70,8 +71,15 @@ class CommandGroup(click.Group):
         self._late |= dict.fromkeys(names, module)
 
     def add_referenced(self, references: Mapping[str, str]) -> None:
-        """Add commands by their names, each ``module:attribute``; imported as those of ``add_late`` are."""
+        """Add commands by their names, each ``module:attribute``; imported as those of ``add_late`` are.
+
+        One whose name has two words is a command of the group that the first word names: ``map edit``.
+        """
         for name, reference in references.items():
+            group, _, inner = name.rpartition(" ")
+            if group:
+                self._inner.setdefault(group, {})[inner] = reference
+                continue
             module, _, attribute = reference.partition(":")
             self._late[name], self._attributes[name] = module, attribute
 
@@ -79,13 +87,14 @@ class CommandGroup(click.Group):
         """The command of this name; None where there is none."""
         if module := self._late.pop(cmd_name, None):
             attribute = self._attributes.get(cmd_name, cmd_name.replace("-", "_"))
-            self.add_command(_late_command(module, cmd_name, attribute), cmd_name)
+            late = _late_command(module, cmd_name, attribute)
+            self.add_command(_with_inner(late, self._inner.get(cmd_name, {})), cmd_name)
         command = super().get_command(ctx, cmd_name)
         if command is None:
             command = self._strangers(ctx).get(cmd_name)
         if command is None and self._late:  # click suggests commands of similar names: load them all
-            for late in tuple(self._late):
-                self.get_command(ctx, late)
+            for name in tuple(self._late):
+                self.get_command(ctx, name)
         return command
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -139,6 +148,18 @@ class CommandGroup(click.Group):
             tell(json.dumps({"error": error}), folded=False)
         else:
             tell(f"Error: {failure}")
+
+
+def _with_inner(command: click.Command, references: Mapping[str, str]) -> click.Command:
+    """A group with more commands, which other components bring; a copy, as another program may have the group."""
+    if not references or not isinstance(command, click.Group):
+        return command
+    group = copy(command)
+    group.commands = dict(command.commands)
+    for name, reference in references.items():
+        module, _, attribute = reference.partition(":")
+        group.commands[name] = _late_command(module, name, attribute)
+    return group
 
 
 def _with_json(command: click.Command) -> click.Command:

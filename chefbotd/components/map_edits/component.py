@@ -24,5 +24,6 @@ COMPONENT = Component(
     build=build,
     is_enabled=lambda section, settings: MAPS.is_enabled(getattr(settings, "maps", None), settings),
     events=("chefbotd.components.map_edits.events:MapEdited",),
+    commands={"map edit": "chefbotd.components.map_edits.cli:edit"},
     client_methods=("chefbotd.components.map_edits.client_methods:MapEditMethods",),
 )

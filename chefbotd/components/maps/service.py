@@ -301,6 +301,14 @@ class MapsService:
         return DONE
 
     @method(role=Role.ADMIN, moves=False)
+    async def copy_map(self, caller: Caller, params: RenameMapParams, progress: ProgressReporter) -> MapInUse:
+        """Keep a copy of a map to go back to, with its places, its zones and its edits; the map in use stays so."""
+        async with self._order:
+            await self._changing(self.store.copy, params.name, params.new_name)
+            version, _ = await self._in_thread(self.store.read, params.new_name)
+        return MapInUse(name=map_name(params.new_name), version=version.manifest.version)
+
+    @method(role=Role.ADMIN, moves=False)
     async def delete_map(self, caller: Caller, params: MapName, progress: ProgressReporter) -> Done:
         """Remove a map with all its versions and places."""
         name = params.name

@@ -228,6 +228,16 @@ def rename(context: CommandContext, name: str, new_name: str) -> None:
 
 @map_group.command()
 @click.argument("name")
+@click.argument("new_name", metavar="NEW")
+@click.pass_obj
+def copy(context: CommandContext, name: str, new_name: str) -> None:
+    """Keep a copy of the map NAME to go back to, with its places, zones and edits."""
+    copied = ask(context, lambda robot: robot.copy_map(name, new_name))
+    output.say(context.as_json, copied, f"The map {name} is kept as {copied.name}, too.")
+
+
+@map_group.command()
+@click.argument("name")
 @click.option("--yes", is_flag=True, help="Do not ask.")
 @click.pass_obj
 def delete(context: CommandContext, name: str, yes: bool) -> None:

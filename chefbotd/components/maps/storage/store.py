@@ -13,18 +13,21 @@ Several processes may use a folder: one at a time changes it. Nothing here is fo
 import hashlib
 import json
 import secrets
+import shutil
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from chefbotd.components.maps.storage import disk as disks
 from chefbotd.components.maps.storage.disk import TEMPORARY, Content, Disk, MapStoreError, refusing_os_errors
-from chefbotd.components.maps.storage.manifest import MAX_BYTES, Extent, Manifest
+from chefbotd.components.maps.storage.killers import KILLED
+from chefbotd.components.maps.storage.manifest import MANIFEST, MAX_BYTES, Extent, Manifest
 from chefbotd.components.maps.storage.names import map_name
 from chefbotd.components.maps.storage.versions import (
     Version,
     add,
     clean,
+    copy_files,
     discard,
     keep_edited,
     latest,
@@ -182,6 +185,36 @@ class MapStore:
                     (self.folder / f"{new}{suffix}").unlink(missing_ok=True)
                 self._own(new).rename(self._own(old))
                 raise
+
+    def copy(self, name: str, new: str) -> Version:
+        """Store a map's newest whole version once more, by another name, with all that lies beside it."""
+        old, new = map_name(name), map_name(new)
+        with self._changing(f"copy the map {old!r}"):
+            self._require_own(old)
+            if new in self.names():
+                raise MapStoreError(RefusalKind.MAP_EXISTS, f"there is a map {new!r} already")
+            version, _ = require(self._own(old), old)
+            temporary = self.folder / f"{TEMPORARY}{secrets.token_hex(4)}"
+            try:
+                files = (*version.manifest.files, MANIFEST)
+                copy_files(self._disk, version.folder, temporary / version.folder.name, files)
+                beside = [path.name for path in self._own(old).iterdir() if _is_beside(path)]
+                copy_files(self._disk, self._own(old), temporary, beside)
+                self._begin(temporary)
+                self._disk.rename(temporary, self._own(new))
+            except OSError:
+                clean(self._disk, self.folder)
+                raise
+            try:
+                self._disk.sync_folder(self.folder)
+                self._publish_files(new)
+            except OSError:
+                for suffix in (".yaml", ".pgm"):
+                    (self.folder / f"{new}{suffix}").unlink(missing_ok=True)
+                self._own(new).rename(temporary)
+                shutil.rmtree(temporary, ignore_errors=True)
+                raise
+        return Version(self._own(new) / version.folder.name, version.manifest)
 
     def delete(self, name: str) -> None:
         """Remove a map with all its versions and its places."""
@@ -347,6 +380,12 @@ class MapStore:
             disks.replace(self._disk, self.folder / CURRENT, json.dumps({"name": new}).encode())
         with suppress(OSError):  # then the next change finishes it again
             self._disk.remove(self._own(new) / RENAMING)
+
+
+def _is_beside(path: Path) -> bool:
+    """Whether this in a map's folder belongs to the map whatever it is called: its places, zones and edits."""
+    is_own = path.name in (RENAMING, UNFINISHED, KILLED) or path.name.startswith(TEMPORARY)
+    return path.is_file() and not is_own
 
 
 def _is_name(stem: str) -> bool:

@@ -7,8 +7,9 @@ import secrets
 import shutil
 import stat
 import time
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 
 from chefbotd.components.maps.storage.disk import TEMPORARY, Content, Disk, MapStoreError, replace, sha256
@@ -114,6 +115,19 @@ def add(disk: Disk, folder: Path, contents: Mapping[str, Content], extent: Exten
         take_back(version)
         raise
     return version
+
+
+def copy_files(disk: Disk, folder: Path, target: Path, names: Iterable[str]) -> None:
+    """Copy these regular files of a folder into a new one.
+
+    Raises:
+        OSError: one cannot be read or written; what was copied is left.
+    """
+    disk.make_folder(target)
+    for name in names:
+        with open_regular(folder / name) as file:
+            disk.write(target / name, partial(shutil.copyfileobj, file))
+    disk.sync_folder(target)
 
 
 def take_back(version: Version, published: Path | None = None) -> None:

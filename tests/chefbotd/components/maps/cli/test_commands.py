@@ -101,6 +101,9 @@ def test_maps_are_renamed_and_deleted(mapctl: Control, folder: Path) -> None:
     save(MapStore(folder), "flat", grid(1))
     assert mapctl("map", "rename", "flat", "home").exit_code == 0
     assert same(read_grid(MapStore(folder), "home"), grid(1))
+    assert mapctl("map", "copy", "home", "kept").output == "The map home is kept as kept, too.\n"
+    assert same(read_grid(MapStore(folder), "kept"), grid(1))
+    assert mapctl("map", "delete", "kept", "--yes").exit_code == 0
     refused = mapctl("map", "delete", "flat", "--yes")
     assert refused.exit_code == Exit.REFUSED
     assert refused.stderr.startswith("Error: unknown_map: ")

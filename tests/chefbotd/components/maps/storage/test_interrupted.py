@@ -16,7 +16,8 @@ from tests.budget import sample
 from tests.chefbotd.components.maps.storage.disks import BROKEN, FULL, READ_ONLY, FailingDisk, Killed
 from tests.chefbotd.components.maps.storage.test_store import grid, same
 
-State = dict[str, tuple[int, bytes | None]]
+State = dict[str, tuple[int, list[bytes | None]]]
+BESIDE = ("places.json", "zones.yaml", "edits.json")
 Change = Callable[[MapStore], object]
 SEEDS = (1, 2, 3, 4)
 
@@ -25,7 +26,12 @@ CHANGES: dict[str, Change] = {
     "save anew": lambda store: save(store, "new", grid(4, rows=3), {"seed": np.array(4)}),
     "rename": lambda store: store.rename("flat", "home"),
     "delete": lambda store: store.delete("flat"),
+    "copy": lambda store: store.copy("flat", "kept"),
     "places": lambda store: store.change_beside("flat", "places.json", lambda _: b"new"),
+    "zones": lambda store: [
+        store.change_beside("flat", file, lambda _: b"new") for file in ("zones-before.yaml", "zones.yaml")
+    ],
+    "edits": lambda store: store.change_beside("flat", "edits.json", lambda _: b"new"),
 }
 
 
@@ -35,7 +41,8 @@ def fill(folder: Path) -> None:
     for seed in (1, 2):
         save(store, "flat", grid(seed), {"seed": np.array(seed)})
     save(store, "cellar", grid(1))
-    store.change_beside("flat", "places.json", lambda _: b"old")
+    for file in BESIDE:
+        store.change_beside("flat", file, lambda _, name=file: f"old {name}".encode())
     store.set_current("flat")
 
 
@@ -47,13 +54,13 @@ def seed_of(store: MapStore, name: str) -> int:
 
 
 def state(folder: Path) -> State:
-    """By map: its cells, and its places. The graph, and the two files for everybody, must belong to these cells."""
+    """By map: its cells, and its places, zones and edits. The graph must belong to these cells."""
     store, found = MapStore(folder, 2), {}
     for name in store.names():
         seed = seed_of(store, name)
         slam = read_slam(store, name)
         assert slam is None or int(slam["seed"]) == seed
-        found[name] = (seed, store.read_beside(name, "places.json"))
+        found[name] = (seed, [store.read_beside(name, file) for file in BESIDE])
     return found
 
 

@@ -280,3 +280,42 @@ def test_a_file_beside_the_versions_stays_with_its_map(store: MapStore) -> None:
     store.rename("flat", "home")
     assert store.read_beside("home", "zones.yaml") == b"keep_out: []"
     assert store.read_beside("home", "places.json") is None
+
+
+def test_twenty_versions_and_renames_lose_nothing_of_what_lies_beside_a_map(tmp_path: Path) -> None:
+    """Its places, zones and edits are what they were, byte by byte; a copy has them too, and goes its own way."""
+    store, beside = (
+        MapStore(tmp_path, 2),
+        {name: name.encode() for name in ("places.json", "zones.yaml", "edits.json")},
+    )
+    save(store, "home 0", grid(0))
+    for name, content in beside.items():
+        store.change_beside("home 0", name, lambda _, kept=content: kept)
+    for number in range(20):
+        save(store, f"home {number}", grid(number % 5))
+        store.rename(f"home {number}", f"home {number + 1}")
+    assert store.names() == ["home 20"]
+    version = store.copy("home 20", "kept")
+    assert version.manifest.version == 21
+    store.change_beside("home 20", "zones.yaml", lambda _: b"changed")
+    for name, content in beside.items():
+        assert store.read_beside("kept", name) == content
+        assert store.read_beside("home 20", name) == (b"changed" if name == "zones.yaml" else content)
+    store.delete("home 20")
+    assert same(read_grid(store, "kept"), grid(4))
+    assert not store.needs_import("kept")
+
+
+def test_a_map_is_not_copied_over_another_one(tmp_path: Path) -> None:
+    """Nor is one that does not exist; both stay what they are."""
+    store = MapStore(tmp_path)
+    save(store, "flat", grid(1))
+    save(store, "cellar", grid(2))
+    with pytest.raises(MapStoreError, match="there is a map 'cellar' already"):
+        store.copy("flat", "cellar")
+    with pytest.raises(MapStoreError, match="no map named 'attic'"):
+        store.copy("attic", "loft")
+    assert (same(read_grid(store, "flat"), grid(1)), same(read_grid(store, "cellar"), grid(2))) == (
+        True,
+        True,
+    )

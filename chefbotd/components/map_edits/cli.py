@@ -1,0 +1,167 @@
+"""The commands ``chefbotctl map edit``: erase, draw, crop, straighten, and take each back."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, Literal
+
+import click
+
+from chefbotd.cli.common import output
+from chefbotd.cli.common.arguments import NUMBERS_MAY_BE_NEGATIVE, finite
+from chefbotd.cli.common.context import CommandContext
+
+OF_MAP = click.option("--map", "of_map", help="Which map; default: the one in use.")
+YES = click.option("--yes", is_flag=True, help="Also where the robot or a place is left with no way.")
+NUMBERS = click.argument("numbers", metavar="X Y [X Y]...", type=finite, nargs=-1, required=True)
+ABSENT = "this daemon keeps no maps"
+
+
+@click.group()
+def edit() -> None:
+    """Erase a part of a map, draw a wall, crop or straighten it; nothing of the map itself is lost."""
+
+
+@edit.command("list")
+@OF_MAP
+@click.pass_obj
+def list_command(context: CommandContext, of_map: str | None) -> None:
+    """List the edits of a map, in the order in which they are drawn."""
+    listed = context.run_with_client(lambda robot: robot.list_map_edits(of_map), absent=ABSENT)
+    rows = [
+        [
+            one.id,
+            _kind(one),
+            _span([x_m for x_m, _ in one.points_m]),
+            _span([y_m for _, y_m in one.points_m]),
+        ]
+        for one in listed.edits
+    ]
+    output.table(context.as_json, listed, [f"edit of {listed.map}", "kind", "x (m)", "y (m)"], rows)
+
+
+def _kind(one: Any) -> str:
+    if one.kind == "wall":
+        return f"wall of {one.width_m:g} m"
+    return one.kind if one.to is None else f"erased to {one.to}"
+
+
+def _span(values_m: Sequence[float]) -> str:
+    return f"{min(values_m):.2f}…{max(values_m):.2f}"
+
+
+@edit.command(context_settings=NUMBERS_MAY_BE_NEGATIVE)
+@NUMBERS
+@click.option("--unknown", is_flag=True, help="What is there becomes unknown; default: free.")
+@YES
+@OF_MAP
+@click.pass_obj
+def erase(
+    context: CommandContext, numbers: tuple[float, ...], unknown: bool, yes: bool, of_map: str | None
+) -> None:
+    """Erase what is within these corners, in metres of the map; localization does not expect it any more."""
+    _draw(context, "erase", numbers, to="unknown" if unknown else None, confirmed=yes, of_map=of_map)
+
+
+@edit.command(context_settings=NUMBERS_MAY_BE_NEGATIVE)
+@NUMBERS
+@click.option("--width", "width_m", type=click.FloatRange(0, 5, min_open=True), metavar="M",
+              help="How wide the wall is; default: 0.05.")  # fmt: skip
+@YES
+@OF_MAP
+@click.pass_obj
+def wall(
+    context: CommandContext,
+    numbers: tuple[float, ...],
+    width_m: float | None,
+    yes: bool,
+    of_map: str | None,
+) -> None:
+    """Draw a wall along these points, in metres of the map; nobody drives there."""
+    _draw(context, "wall", numbers, width_m=width_m, confirmed=yes, of_map=of_map)
+
+
+@edit.command(context_settings=NUMBERS_MAY_BE_NEGATIVE)
+@NUMBERS
+@YES
+@OF_MAP
+@click.pass_obj
+def crop(context: CommandContext, numbers: tuple[float, ...], yes: bool, of_map: str | None) -> None:
+    """Crop the map to what is within these corners, in metres of the map; nobody drives outside."""
+    _draw(context, "crop", numbers, confirmed=yes, of_map=of_map)
+
+
+def _draw(
+    context: CommandContext,
+    kind: Literal["erase", "wall", "crop"],
+    numbers: tuple[float, ...],
+    *,
+    to: Literal["free", "unknown"] | None = None,
+    width_m: float | None = None,
+    confirmed: bool,
+    of_map: str | None,
+) -> None:
+    if len(numbers) % 2:
+        raise click.UsageError(f"expected an X and a Y for each corner, got {len(numbers)} numbers")
+    points = tuple(zip(numbers[::2], numbers[1::2], strict=True))
+    saved = context.run_with_client(
+        lambda robot: robot.edit_map(
+            kind, points, to=to, width_m=width_m, confirmed=confirmed, of_map=of_map
+        ),
+        absent=ABSENT,
+    )
+    own = "" if saved.edit is None else saved.edit.id
+    _say(context, saved, f"The map {saved.map} is edited; the edit's id is {own}.")
+
+
+def _say(context: CommandContext, saved: Any, text: str) -> None:
+    output.say(context.as_json, saved, text if saved.warning is None else f"{text} But {saved.warning}.")
+
+
+@edit.command(context_settings=NUMBERS_MAY_BE_NEGATIVE)
+@click.argument("degrees", type=finite)
+@OF_MAP
+@click.pass_obj
+def view(context: CommandContext, degrees: float, of_map: str | None) -> None:
+    """Show the map turned by DEGREES, counter-clockwise; nothing that is driven by turns."""
+    angle_rad = math.remainder(math.radians(degrees), math.tau)
+    saved = context.run_with_client(
+        lambda robot: robot.turn_map_view(angle_rad, of_map=of_map), absent=ABSENT
+    )
+    _say(context, saved, f"The map {saved.map} is shown turned by {degrees:g} degrees.")
+
+
+@edit.command()
+@click.argument("id_", metavar="ID")
+@YES
+@OF_MAP
+@click.pass_obj
+def delete(context: CommandContext, id_: str, yes: bool, of_map: str | None) -> None:
+    """Take the edit ID off the map, whatever was drawn after it."""
+    saved = context.run_with_client(
+        lambda robot: robot.delete_map_edit(id_, confirmed=yes, of_map=of_map), absent=ABSENT
+    )
+    _say(context, saved, f"The edit {id_} is deleted.")
+
+
+@edit.command()
+@YES
+@OF_MAP
+@click.pass_obj
+def undo(context: CommandContext, yes: bool, of_map: str | None) -> None:
+    """Take the last change back, and then those before it."""
+    saved = context.run_with_client(
+        lambda robot: robot.undo_map_edit(confirmed=yes, of_map=of_map), absent=ABSENT
+    )
+    _say(context, saved, f"The map {saved.map} is as before its last change.")
+
+
+@edit.command()
+@YES
+@OF_MAP
+@click.pass_obj
+def redo(context: CommandContext, yes: bool, of_map: str | None) -> None:
+    """Make the change again that was taken back last."""
+    saved = context.run_with_client(
+        lambda robot: robot.redo_map_edit(confirmed=yes, of_map=of_map), absent=ABSENT
+    )
+    _say(context, saved, f"The map {saved.map} is changed again.")
