@@ -35,7 +35,8 @@ def read_catalogues(folders: Sequence[tuple[str, Traversable]]) -> dict[str, Cat
         for entry in sorted(languages.iterdir(), key=lambda file: file.name):
             language, _, suffix = entry.name.rpartition(".")
             if suffix == "json":
-                merged.setdefault(language, {}).update(_words_of(owner, entry))
+                words = merged.setdefault(language, {})
+                words |= _words_of(owner, entry) | words
     return {language: words for language, words in merged.items() if NAME in words}
 
 

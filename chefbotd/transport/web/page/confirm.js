@@ -1,12 +1,13 @@
 // A question before something is deleted. Not modal: the emergency stop stays in reach, on its key too.
 
 import { $, text } from "./dom.js";
+import { t } from "./language.js";
 
 let settle = null;
 let back = null;
 
 // Whether the person says yes; a second question takes the first one back.
-export function confirmed(question, yes, no = "Keep it") {
+export function confirmed(question, yes, no = t("confirm.keep")) {
   dismiss();
   back = document.activeElement;
   text("confirm-question", question);

@@ -1,6 +1,7 @@
 // How the battery and the delay were lately, as small plots: a bounded number of samples each.
 
 import { $ } from "./dom.js";
+import { t } from "./language.js";
 
 const [WIDTH, HEIGHT, EDGE] = [100, 30, 2];
 
@@ -47,9 +48,9 @@ export class History {
     });
     this.figure.querySelector("path").setAttribute("d", path.join(""));
     const number = (value) => value.toFixed(this.digits);
-    const span = length_s < 90 ? `${length_s.toFixed(0)} s` : `${(length_s / 60).toFixed(0)} min`;
-    const shown = number(low) === number(high) ? number(low) : `${number(low)} to ${number(high)}`;
-    const words = `${this.name}: ${shown} ${this.unit} in the last ${span}`;
+    const span = length_s < 90 ? t("history.seconds", { count: Number(length_s.toFixed(0)) }) : t("history.minutes", { count: Number((length_s / 60).toFixed(0)) });
+    const shown = number(low) === number(high) ? number(low) : t("history.range", { low: number(low), high: number(high) });
+    const words = t("history.words", { name: t(this.name), shown, unit: this.unit, span });
     this.figure.querySelector("svg").setAttribute("aria-label", words);
     this.figure.querySelector("figcaption").textContent = words;
   }

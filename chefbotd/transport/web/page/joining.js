@@ -1,6 +1,7 @@
 // Coming in by an invitation: the link's secret or a typed code is exchanged for a token, once somebody has agreed.
 
 import { $, text } from "./dom.js";
+import { t } from "./language.js";
 import { refusal } from "./words.js";
 
 const AGAIN_MS = 2000;
@@ -47,12 +48,12 @@ export class Joining {
         return answer.token;
       }
       this.#secret = answer.ticket;
-      this.refused("Wait: somebody has to let you in.");
+      this.refused(t("join.wait"));
       setTimeout(() => { if (this.isUnderWay) this.connect(); }, AGAIN_MS);
     } catch (error) {
       if (error.kind === "connection_ended") return null; // asked again when it is back
       this.#secret = null;
-      this.refused(error.kind === "method_not_found" || error.kind === "unauthenticated" ? "This robot invites nobody." : refusal(error));
+      this.refused(error.kind === "method_not_found" || error.kind === "unauthenticated" ? t("join.nobody") : refusal(error));
     }
     return null;
   }

@@ -3,32 +3,28 @@
 
 import { $, element } from "./dom.js";
 import { ENGLISH, LANGUAGES } from "./english.js";
+import { keep, kept } from "./kept.js";
 
-const [CHOSEN_KEY, KEPT_KEY] = ["chefbotd-language", "chefbotd-words"];
 const PATIENCE_MS = 3000;
 const ATTRIBUTES = "aria-label title placeholder".split(" ");
 
 export const language = chosen();
-let words = kept();
+const NOTHING = { version: "", words: {} };
+let all = ofLanguage(kept("words", NOTHING));
 show();
 
 // Settled once the words are those of the language, or cannot be had.
-export const ready = language === "en" || kept().version === LANGUAGES[language].version ? Promise.resolve() : fetched();
+export const ready = language === "en" || all.version === LANGUAGES[language].version ? Promise.resolve() : fetched();
 
 // What was chosen on this page, or the first of the browser's languages that there is.
 function chosen() {
-  const wanted = [localStorage.getItem(CHOSEN_KEY), ...navigator.languages.map((tag) => tag.split("-")[0])];
+  const wanted = [kept("language", ""), ...navigator.languages.map((tag) => tag.split("-")[0])];
   return wanted.find((tag) => Object.hasOwn(LANGUAGES, tag)) ?? "en";
 }
 
-function kept() {
-  try {
-    const all = JSON.parse(localStorage.getItem(KEPT_KEY)) ?? {};
-    return all.language === language ? all : {};
-  } catch (error) {
-    console.warn(`the words that the browser has kept cannot be read: ${error}`);
-    return {};
-  }
+// What the browser has kept, also of an older version: it is shown until the new words are there.
+function ofLanguage(some) {
+  return some.language === language ? some : NOTHING;
 }
 
 async function fetchWords(wanted) {
@@ -36,28 +32,31 @@ async function fetchWords(wanted) {
   const answer = await fetch(file, { signal: AbortSignal.timeout(PATIENCE_MS) });
   if (!answer.ok) throw new Error(`${file}: ${answer.status}`);
   const { version } = LANGUAGES[wanted];
-  const all = { language: wanted, version, words: await answer.json() };
-  localStorage.setItem(KEPT_KEY, JSON.stringify(all));
-  return all;
+  const told = { language: wanted, version, words: await answer.json() };
+  keep("words", told);
+  return told;
 }
 
 function fetched() {
-  return fetchWords(language).then((all) => { words = all; show(); }, (error) => console.warn(`English is shown: ${error}`));
+  return fetchWords(language).then((told) => { all = told; show(); }, (error) => console.warn(`English is shown: ${error}`));
 }
 
 function show() {
-  if (!words.words && language !== "en") return;
+  if (!all.version && language !== "en") return;
   document.documentElement.lang = language;
   document.documentElement.dir = LANGUAGES[language].direction;
   translate(document.body);
 }
 
 // Whether there is a sentence of this id.
-export const knows = (id) => Boolean(words.words?.[id] ?? ENGLISH[id]);
+export const knows = (id) => Boolean(all.words[id] ?? ENGLISH[id]);
+
+// What one of a group is called, such as a state of the daemon; one that has no words is called by its own name.
+export const named = (group, name) => (knows(`${group}.${name}`) ? t(`${group}.${name}`) : name);
 
 // The sentence of an id, with the arguments in the place of {their_names}; ``count`` chooses the plural form.
 export function t(id, args = {}) {
-  const own = words.words?.[id];
+  const own = all.words[id];
   const found = own ?? ENGLISH[id] ?? id;
   const pattern = typeof found === "string" ? found : found[new Intl.PluralRules(own ? language : "en").select(args.count)] ?? found.other;
   return pattern.replace(/\{(\w+)\}/g, (whole, name) => String(args[name] ?? whole));
@@ -68,7 +67,7 @@ export function t(id, args = {}) {
 export function translate(root) {
   for (const node of root.querySelectorAll("[data-t]")) {
     const { t: id } = node.dataset;
-    const isOurs = !node.textContent || plain(node.textContent) === plain(ENGLISH[id].replaceAll("`", ""));
+    const isOurs = !node.textContent || joined(node.textContent) === ENGLISH[id].replaceAll("`", "");
     if (isOurs) node.replaceChildren(...t(id).split("`").map((part, index) => (index % 2 ? element("kbd", part) : part)));
   }
   for (const name of ATTRIBUTES) {
@@ -76,7 +75,21 @@ export function translate(root) {
   }
 }
 
-const plain = (shown) => shown.replace(/\s+/g, " ").trim();
+function joined(shown) {
+  return shown.replace(/\s+/g, " ").trim();
+}
+
+// Write the words of an id into an element, and in another language as soon as that is there.
+export function tell(node, id) {
+  node.dataset.t = id;
+  if (node.textContent !== t(id)) node.textContent = t(id);
+}
+
+// The same for what a screen reader calls it.
+export function label(node, id) {
+  node.setAttribute("data-t-aria-label", id);
+  node.setAttribute("aria-label", t(id));
+}
 
 // The choice of a language, each by its own name. Another one is shown after the page has begun anew.
 export function addChoice(parent, say) {
@@ -90,7 +103,7 @@ export function addChoice(parent, say) {
   choice.addEventListener("change", async () => {
     try {
       await fetchWords(choice.value); // without a connection nothing is begun anew: a stop may be under way
-      localStorage.setItem(CHOSEN_KEY, choice.value);
+      keep("language", choice.value);
       location.reload();
     } catch (error) {
       console.warn(String(error));

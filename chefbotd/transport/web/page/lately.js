@@ -2,15 +2,15 @@
 // page's own lines.
 
 import { $, element } from "./dom.js";
-import { limit, MODES, plain, sentence } from "./words.js";
+import { knows, t } from "./language.js";
+import { limit, mode, plain, sentence } from "./words.js";
 
 const MOST_LINES = 50; // of a kind: many of one do not push out those of another
-const SOURCES = { link: "The board's link" };
 
 export class Lately {
   #sources = new Map([
     ["safety", { kind: "stops", words: safety }],
-    ["control", { kind: "stops", words: (_, name) => (name ? `${plain(name)} drives.` : "Nobody drives.") }],
+    ["control", { kind: "stops", words: (_, name) => (name ? t("refused.lease_held", { driver: plain(name) }) : t("driver.nobody_drives")) }],
   ]);
   #last = new Map();
   #states = new Map(); // what each part was last said to do
@@ -30,17 +30,17 @@ export class Lately {
       });
     });
     connection.on("recording", ({ state, reason, saved }) => {
-      if (saved) this.add("saved", `Saved what had just happened: ${saved}`);
-      this.add("recording", { recording: "Recording.", failed: said("Recording has ended", reason) }[state] ?? "");
+      if (saved) this.add("saved", t("lately.saved", { file: saved }));
+      this.add("recording", { recording: t("lately.recording"), failed: said(t("lately.recording_ended"), reason) }[state] ?? "");
     });
     $("lately-kind").addEventListener("change", () => {
       for (const line of $("lately").children) line.hidden = !isOfKind(line);
     });
-    connection.addEventListener("closed", () => this.add("connection", "The connection was lost."));
+    connection.addEventListener("closed", () => this.add("connection", t("connection.lost")));
     connection.addEventListener("hello", ({ detail: { session } }) => {
       if (session !== this.#session) this.#shown_s = -Infinity;
       this.#session = session;
-      this.add("connection", "Connected.");
+      this.add("connection", t("connection.found"));
     });
   }
 
@@ -63,7 +63,7 @@ export class Lately {
   #take({ source, text, level }, at_ms) {
     const [state, ...reason] = text.split(": ");
     const known = this.#sources.get(source);
-    const words = known ? known.words(state, reason.join(": ")) : `${SOURCES[source] ?? sentence(source.replaceAll("_", " "))}: ${plain(text)}`;
+    const words = known ? known.words(state, reason.join(": ")) : `${nameOf(source)}: ${plain(text)}`;
     if (known && this.#states.get(source) === words) return; // what is new in it is not in the words
     this.#states.set(source, words);
     const isRepeated = known?.repeated?.includes(state) ?? false;
@@ -72,7 +72,7 @@ export class Lately {
     if (known?.repeated?.length && !isRepeated) this.#repeated.clear();
     before?.line.remove();
     const times = (before?.times ?? 0) + 1;
-    const line = this.#show(times > 1 ? `${words} (${times} times)` : words, at_ms, level, known?.kind);
+    const line = this.#show(times > 1 ? t("lately.times", { words, times }) : words, at_ms, level, known?.kind);
     if (isRepeated && line) this.#repeated.set(key, { line, times });
   }
 
@@ -97,9 +97,13 @@ function isOfKind(line) {
   return wanted === "" || wanted === line.dataset.kind || (wanted === "problems" && ["warning", "error"].includes(line.className));
 }
 
+function nameOf(source) {
+  return knows(`source.${source}`) ? t(`source.${source}`) : sentence(source.replaceAll("_", " "));
+}
+
 function safety(state, reason) {
   const [, before, by] = reason.match(/^(.*?) ?\(limited by (.*)\)/) ?? [null, reason, null];
-  return by ? `Slower than asked: ${limit(by)}.` : said(MODES[state]?.[1] ?? state, state === "armed" ? "" : before);
+  return by ? t("mode.slower_sentence", { why: limit(by) }) : said(mode(state)[1], state === "armed" ? "" : before);
 }
 
 export function said(words, reason) {

@@ -2,6 +2,7 @@
 
 import { $, element } from "./dom.js";
 import { keep, kept } from "./kept.js";
+import { knows } from "./language.js";
 
 export class Layer {
   #row;
@@ -14,7 +15,9 @@ export class Layer {
     const sign = element("i", "", { className: name });
     this.#row = element("button", "", { type: "button", id: `layer-${name}`, className: "layer", hidden: true });
     this.#row.setAttribute("role", "switch");
-    this.#row.append(sign, element("span", title));
+    const shown = element("span", title);
+    if (knows(`layer.${name}`)) shown.dataset.t = `layer.${name}`; // of the page's own, which are there before its languages
+    this.#row.append(sign, shown);
     this.#row.addEventListener("click", () => this.#switch());
     this.#show();
   }

@@ -2,11 +2,11 @@
 
 import { $, text } from "./dom.js";
 import { codeOf, Joining } from "./joining.js";
+import { knows, t, tell } from "./language.js";
 import { me } from "./words.js";
 
 const TOKEN_KEY = "chefbotd-token";
 const RANKS = ["observe", "guest", "agent", "drive", "admin"];
-const MAY = { observe: "watch and stop", guest: "order and stop", agent: "send the robot and stop it", drive: "drive" };
 
 export class Login {
   #token = sessionStorage.getItem(TOKEN_KEY) ?? localStorage.getItem(TOKEN_KEY); // what an invitation gave is kept longer
@@ -41,7 +41,7 @@ export class Login {
     $("login").close();
     this.#setBehind(false);
     this.connection.settled();
-    text("connection", "connected");
+    tell($("connection"), "connection.connected");
     const can = await this.#permitted(new Set(hello.capabilities), role);
     await this.connection.request("set_client_name", { client: me }).catch(() => {});
     return this.begin(can);
@@ -68,7 +68,7 @@ export class Login {
       if (error.kind !== "wrong_token") return null;
       this.#token = null;
       for (const kept of [sessionStorage, localStorage]) kept.removeItem(TOKEN_KEY);
-      this.#askForToken("The robot does not know this token. Copy one from its token file.");
+      this.#askForToken(t("login.wrong_token"));
       return null;
     }
   }
@@ -90,9 +90,10 @@ export class Login {
   // The daemon's capabilities without the methods that this role may not use: those are as good as absent.
   async #permitted(capabilities, role) {
     document.body.dataset.role = role; // guests see the cards that are for them
-    $("role-part").hidden = !MAY[role];
-    text("role", MAY[role] ?? "");
-    if (!MAY[role]) return capabilities;
+    const mayAll = !knows(`role.${role}`);
+    $("role-part").hidden = mayAll;
+    text("role", mayAll ? "" : t(`role.${role}`));
+    if (mayAll) return capabilities;
     const { methods } = await this.connection.request("describe");
     const refused = Object.entries(methods).filter(([, { role: needed }]) => RANKS.indexOf(needed) > RANKS.indexOf(role));
     for (const [name] of refused) capabilities.delete(`method.${name}`);

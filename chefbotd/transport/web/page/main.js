@@ -13,7 +13,8 @@ import { Sensors } from "./sensors.js";
 import { Stopping } from "./stopping.js";
 import { View } from "./view.js";
 import { Wheels } from "./wheels.js";
-import { battery, board, firmware, firmwareFigures, GAMEPAD, limit, plain, refusal, sentence } from "./words.js";
+import { addChoice, ready, t, tell } from "./language.js";
+import { battery, board, firmware, firmwareFigures, limit, plain, refusal, sentence } from "./words.js";
 
 // Beside the page, wherever a proxy shows it.
 const connection = new Connection(new URL("socket", location.href).href.replace(/^http/, "ws"));
@@ -56,7 +57,7 @@ new Login(connection, (can) => {
   permitted = can;
   driver.allowed = can.has("method.drive");
   $("driving").hidden = !driver.allowed;
-  connection.begin(can).catch((error) => say(refusal(error)));
+  ready.then(() => { if (connection.open && permitted === can) connection.begin(can).catch((error) => say(refusal(error))); });
   for (const part of parts) part.begin(can);
   panels.begin();
   if (can.has("method.get_description")) connection.request("get_description").then((answer) => sensors.describe(answer), () => {});
@@ -64,17 +65,17 @@ new Login(connection, (can) => {
 
 // How it is
 
-const voltage = new History("battery-history", { name: "Battery", unit: "V", digits: 1, span_s: 10, most: 720, least_range: 0.5 });
-const delay = new History("latency-history", { name: "Delay", unit: "ms", digits: 0, span_s: 1, most: 300, least_range: 10 });
+const voltage = new History("battery-history", { name: "history.battery", unit: "V", digits: 1, span_s: 10, most: 720, least_range: 0.5 });
+const delay = new History("latency-history", { name: "history.delay", unit: "ms", digits: 0, span_s: 1, most: 300, least_range: 10 });
 
 connection.addEventListener("closed", () => {
-  text("connection", "not connected");
+  tell($("connection"), "connection.not_connected");
   for (const id of ["latency", "link", "battery", "clients", "drivers"]) text(id, "–"); // nothing of it is known any more
   voltage.gap();
   delay.gap();
 });
 connection.addEventListener("ended", ({ detail: error }) => { if (error.kind !== "wrong_token") say(refusal(error)); });
-connection.addEventListener("stalled", ({ detail: stalled }) => text("connection", stalled ? "no answer" : "connected"));
+connection.addEventListener("stalled", ({ detail: stalled }) => tell($("connection"), stalled ? "connection.no_answer" : "connection.connected"));
 connection.addEventListener("latency", ({ detail }) => {
   text("latency", `${detail.toFixed(0)} ms`);
   delay.add(detail);
@@ -104,16 +105,16 @@ function showDoubt(isInDoubt) {
   if (!isInDoubt) stopping.settled();
 }
 
-const LET_GO = "You have let go.";
 let isRefused = false;
+// What a gamepad may promise: browsers give none to a page without https, and of a layout that is not standard no button is known.
 driver.addEventListener("gamepad", ({ detail: state }) => {
-  text("gamepad", GAMEPAD[state]);
+  tell($("gamepad"), `gamepad.${state}`);
   $("gamepad").classList.toggle("connected", ["standard", "unknown"].includes(state));
 });
 joystick($("joystick"), $("knob"), driver);
 driver.addEventListener("driven", ({ detail: { limited_by: by } }) => {
   $("take").hidden = true;
-  text("drive-told", by ? `Slower than asked: ${limit(by)}.` : "You are driving.");
+  text("drive-told", by ? t("mode.slower_sentence", { why: limit(by) }) : t("drive.driving"));
   if (isRefused) say("");
   isRefused = false;
 });
@@ -124,11 +125,11 @@ driver.addEventListener("refused", ({ detail: error }) => {
   isRefused = true; // by a key, while what the card says is not seen
   say(refusal(error));
 });
-driver.addEventListener("released", () => { if ($("take").hidden) text("drive-told", safety.isInDoubt ? LET_GO : `${LET_GO} The robot brakes.`); });
+driver.addEventListener("released", () => { if ($("take").hidden) text("drive-told", t(safety.isInDoubt ? "drive.let_go" : "drive.brakes")); });
 $("take").addEventListener("click", async () => {
   if (await ask("take_control")) {
     $("take").hidden = true;
-    text("drive-told", "You may drive now.");
+    text("drive-told", t("drive.taken"));
   }
 });
 for (const [id, key, unit, digits] of [["linear", "linear_m_s", "m/s", 2], ["angular", "angular_rad_s", "rad/s", 1]]) {

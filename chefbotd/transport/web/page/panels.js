@@ -3,6 +3,7 @@
 
 import { $, element } from "./dom.js";
 import { keep, kept } from "./kept.js";
+import { knows, t } from "./language.js";
 import { Sheet } from "./sheet.js";
 import { sentence } from "./words.js";
 
@@ -36,7 +37,7 @@ export class Panels {
     const section = element("section", "", { id, className: "card", hidden: true });
     section.classList.toggle("for-guests", forGuests);
     section.dataset.order = order;
-    const whole = $(`panel-${panel}`) ?? this.#make(panel, title || sentence(panel.replaceAll("_", " ")));
+    const whole = $(`panel-${panel}`) ?? this.#make(panel, titleOf(panel, title));
     whole.insertBefore(section, [...whole.children].find((other) => Number(other.dataset.order ?? DEFAULT_ORDER) > order) ?? null);
     return section;
   }
@@ -140,6 +141,11 @@ export class Panels {
     }
     this.#remember();
   }
+}
+
+// A panel of a component has the words of its languages for ``NAME.panel``.
+function titleOf(panel, title) {
+  return knows(`${panel}.panel`) ? t(`${panel}.panel`) : title || sentence(panel.replaceAll("_", " "));
 }
 
 const nameOf = (tab) => tab.id.replace("tab-", "");

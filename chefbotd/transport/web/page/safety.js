@@ -1,9 +1,9 @@
 // The card at the top: whether the robot may move, why not, and who drives. It says "stopped" only where that is known.
 
 import { $, text } from "./dom.js";
-import { doubt, full, limit, MODES, plain, sentence, unplugged } from "./words.js";
+import { ready, t } from "./language.js";
+import { doubt, full, limit, mode, plain, sentence, unplugged } from "./words.js";
 
-const UNKNOWN = ["warn", "Waiting for the robot", "it has not said yet how it is"];
 const NOT_HEARD = new Set(["down", "silent", "wrong_baud", "wrong_device", "echo_stuck"]); // conditions in which a board may not obey
 const SAME_TIME_S = 0.1;
 
@@ -24,6 +24,7 @@ export class SafetyCard {
     connection.on("link", (link, { stamp_s }) => this.#takeLink(link, stamp_s));
     connection.on("firmware", ({ deadman_ms }, { stamp_s }) => this.#takeFirmware(deadman_ms ?? null, stamp_s));
     connection.on("safety", (safety) => this.#take(safety));
+    ready.then(() => this.#show());
     $("arm").addEventListener("click", () => ask("arm", this.#latch === null ? {} : { latch: this.#latch }));
   }
 
@@ -46,7 +47,7 @@ export class SafetyCard {
     if (this.#safety?.armed && !safety.armed) this.driver.dead(); // what is still pressed is no wish to go on once it is armed
     [this.#safety, this.#latch] = [safety, safety.latch ?? null];
     const drivers = Object.entries(safety.control).map(([source, client]) => `${plain(client)} (${source})`);
-    text("drivers", drivers.join(", ") || (safety.source ?? "nobody"));
+    text("drivers", drivers.join(", ") || (safety.source ?? t("driver.nobody")));
     $("arm").disabled = safety.armed;
     $("arm").classList.toggle("wanted", !safety.armed && safety.mode !== "no_board");
     this.#show();
@@ -70,8 +71,8 @@ export class SafetyCard {
 
   // Why it is unknown what the motors do; null where it is known.
   #doubt() {
-    if (this.#connection === "closed") return $("login").open ? "Log in first." : "Not connected, trying again.";
-    if (this.#connection === "stalled" && this.#safety) return "The daemon does not answer: what is shown is old.";
+    if (this.#connection === "closed") return $("login").open ? t("refused.unauthenticated") : t("connection.trying");
+    if (this.#connection === "stalled" && this.#safety) return t("connection.old");
     if (!this.#safety || this.#safety.mode === "no_board") return null;
     if (this.#safety.fault === "board_unresponsive") return full(sentence(plain(this.#safety.reason)));
     const isHeard = !this.#link || (this.#link.state === "up" && !NOT_HEARD.has(this.#link.condition));
@@ -83,23 +84,23 @@ export class SafetyCard {
     const why = this.#doubt();
     if (why !== null) this.#write(doubt(why, this.#connection === "works" ? null : this.#deadman_ms));
     else if (this.#safety) this.#write(this.#known(this.#safety));
-    else this.#write(UNKNOWN);
+    else this.#write(["warn", t("mode.unknown"), t("mode.unknown_why")]);
     document.body.classList.toggle("old", why !== null || !this.#safety);
     this.told(why !== null);
   }
 
   #known(safety) {
-    const [kind, word] = MODES[safety.mode] ?? ["warn", safety.mode];
+    const [kind, word] = mode(safety.mode);
     if (safety.armed && safety.guard_warning) return ["warn", word, full(sentence(plain(safety.guard_warning)))];
-    if (safety.armed) return [kind, word, safety.limited_by ? `slower than asked: ${limit(safety.limited_by)}` : ""];
+    if (safety.armed) return [kind, word, safety.limited_by ? t("mode.slower", { why: limit(safety.limited_by) }) : ""];
     return [kind, word, this.#why(safety)];
   }
 
   #why({ mode, reason }) {
-    if (mode === "no_board") return `${full(plain(reason))} Until it answers nothing is known of its motors: if the robot moves, hold it or switch them off.`;
+    if (mode === "no_board") return `${full(plain(reason))} ${t("mode.no_board_why")}`;
     const isItself = this.#link?.state === "down" && this.#deadman_ms !== null;
-    const itself = isItself ? ` Its board stops by itself ${this.#deadman_ms} ms after the last command.` : "";
-    return `${full(plain(reason))}${itself} ${this.#mayArm ? "When it is safe, press Arm." : "Somebody who may drive has to arm it."}`;
+    const itself = isItself ? ` ${t("mode.itself", { deadman_ms: this.#deadman_ms })}` : "";
+    return `${full(plain(reason))}${itself} ${t(this.#mayArm ? "mode.arm" : "mode.ask_to_arm")}`;
   }
 
   // A fault interrupts a screen reader; everything else waits for its turn.

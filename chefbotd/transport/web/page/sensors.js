@@ -2,6 +2,7 @@
 
 import { SHOWN_HZ } from "./connection.js";
 import { $, element, text } from "./dom.js";
+import { t } from "./language.js";
 import { device, range } from "./words.js";
 import { scanPoints } from "./view.js";
 
@@ -49,8 +50,9 @@ export class Sensors {
   #write() {
     if (!this.#pose) return;
     const { robot } = this.view;
-    const speed = this.#isInDoubt ? "speed not known" : `${this.#pose.linear_m_s.toFixed(2)} m/s, ${this.#pose.angular_rad_s.toFixed(2)} rad/s`;
-    text("pose", `${this.#isInDoubt ? "last seen at " : ""}x ${robot.x_m.toFixed(2)} m, y ${robot.y_m.toFixed(2)} m, heading ${((robot.heading_rad * 180) / Math.PI).toFixed(0)}°, ${speed}`);
+    const speed = this.#isInDoubt ? t("pose.speed_unknown") : `${this.#pose.linear_m_s.toFixed(2)} m/s, ${this.#pose.angular_rad_s.toFixed(2)} rad/s`;
+    const figures = { x: robot.x_m.toFixed(2), y: robot.y_m.toFixed(2), degrees: ((robot.heading_rad * 180) / Math.PI).toFixed(0), speed };
+    text("pose", t(this.#isInDoubt ? "pose.last" : "pose.now", figures));
   }
 
   #devices(devices, key) {

@@ -2,11 +2,11 @@
 
 import { $ } from "./dom.js";
 import { keep, kept } from "./kept.js";
+import { label } from "./language.js";
 
 const UPRIGHT = matchMedia("(max-width: 48rem) and (orientation: portrait)");
 const MOVED_PX = 8; // less is a press
 const SIZES = ["closed", "half", "full"];
-const WORDS = { closed: "Open the panel", half: "Make the panel larger", full: "Make the panel smaller" };
 
 export class Sheet {
   #size = "closed";
@@ -41,7 +41,7 @@ export class Sheet {
     this.#size = size;
     $("dock").dataset.size = size;
     $("dock").style.height = "";
-    $("grip").setAttribute("aria-label", WORDS[size]);
+    label($("grip"), `sheet.${size}`);
     if (size === "closed") return;
     this.#opened = size;
     keep("sheet", size);

@@ -2,12 +2,10 @@
 
 import { onContact, keepInSight } from "./stops.js";
 import { $, text } from "./dom.js";
+import { t } from "./language.js";
 import { full, me, refusal } from "./words.js";
 
 const ANSWER_MS = 800;
-const NAMES = { estop: "The emergency stop", stop: "The stop" };
-const HOLD = "The robot may still be driving. Hold it or switch its motors off.";
-const AGAIN = "It is sent again when the connection is back.";
 const LOST = new Set(["not_connected", "connection_ended"]);
 
 export class Stopping {
@@ -44,25 +42,25 @@ export class Stopping {
   }
 
   async #send(name) {
-    if (this.connection.open) this.#timer ??= setTimeout(() => this.#warn(name, "There is no answer yet."), ANSWER_MS);
+    if (this.connection.open) this.#timer ??= setTimeout(() => this.#warn(name, t("stop.no_answer")), ANSWER_MS);
     try {
       await this.connection.request(name, name === "estop" ? { reason: `by ${me}` } : {});
       this.say("");
       if (name === "estop" || this.#wanted !== "estop") this.#hide();
-      if (this.isInDoubt()) this.#warn(name, "The board does not get it.", { atBoard: true });
+      if (this.isInDoubt()) this.#warn(name, t("stop.no_board"), { atBoard: true });
     } catch (error) {
       this.#forgetTimer();
       const isLost = LOST.has(error.kind);
       if (!isLost || $("login").open) this.#wanted = "";
       this.say(refusal(error));
-      this.#warn(name, $("login").open ? "Log in first." : isLost ? "Not connected." : full(refusal(error)));
+      this.#warn(name, $("login").open ? t("refused.unauthenticated") : isLost ? t("stop.not_connected") : full(refusal(error)));
     }
   }
 
   #warn(name, why, { atBoard = false } = {}) {
     this.#atBoard = atBoard;
-    text("unreached-words", `${NAMES[name]} did not reach the robot`);
-    text("unreached-why", [why, HOLD, this.#wanted === "estop" ? AGAIN : ""].filter(Boolean).join(" "));
+    text("unreached-words", t(`stop.unreached_${name}`));
+    text("unreached-why", [why, t("stop.hold"), this.#wanted === "estop" ? t("stop.again") : ""].filter(Boolean).join(" "));
     $("unreached").hidden = false;
   }
 

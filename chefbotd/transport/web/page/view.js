@@ -2,6 +2,7 @@
 
 import { $ } from "./dom.js";
 import { Gestures } from "./gestures.js";
+import { t } from "./language.js";
 import { Layers } from "./layers.js";
 
 const TRAIL_STEP_M = 0.05;
@@ -36,9 +37,9 @@ export class View {
     this.ranges = [];
     this.trail = [];
     this.#layers = new Layers(() => this.draw());
-    this.trailLayer = this.addLayer("trail", "where it was", (c) => this.line(this.trail, this.colour("trail"), 2), { order: 60 });
-    this.rangeLayer = this.addLayer("range", "range sensors", (c) => this.#fromRobot(c, () => this.#paintRanges()), { order: 80 });
-    this.scanLayer = this.addLayer("scan", "lidar", (c) => this.#fromRobot(c, () => this.#paintScans()), { order: 90 });
+    this.trailLayer = this.addLayer("trail", t("layer.trail"), (c) => this.line(this.trail, this.colour("trail"), 2), { order: 60 });
+    this.rangeLayer = this.addLayer("range", t("layer.range"), (c) => this.#fromRobot(c, () => this.#paintRanges()), { order: 80 });
+    this.scanLayer = this.addLayer("scan", t("layer.scan"), (c) => this.#fromRobot(c, () => this.#paintScans()), { order: 90 });
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => {
       this.#colours.clear();
       for (const changed of this.onColours) changed();

@@ -1,10 +1,15 @@
-// What the page says: the daemon's names for states and errors in words, in this file only.
+// What the page says of the daemon's states and errors: their names in words of the reader's language.
 // The daemon's own sentences are for people already; here clients and wheels get the names that people know.
+
+import { knows, named, t } from "./language.js";
 
 export const me = `page #${Math.random().toString(36).slice(2, 6)}`;
 
 // A wheel's name for people: "front left" for front_left_wheel.
-export const wheelName = (wheel) => wheel.replace(/_wheel$/, "").replaceAll("_", " ");
+export function wheelName(wheel) {
+  const name = wheel.replace(/_wheel$/, "");
+  return knows(`wheel.${name}`) ? t(`wheel.${name}`) : name.replaceAll("_", " ");
+}
 
 // A parameter's key for people: "radius (left)" for chassis.wheels.left_wheel.radius_m.
 export function parameter(key) {
@@ -22,114 +27,86 @@ export const full = (words) => (words && !/[.?!]$/.test(words.trim()) ? `${words
 // A sentence of the daemon: of pages only "this page" and "another page", and wheels without underscores.
 export function plain(reason) {
   return (reason ?? "")
-    .replace(/\bpage #([a-z0-9]+)( \([^)]*\))?/g, (_, name) => (`page #${name}` === me ? "this page" : "another page"))
-    .replace(/\b[a-z]+(?:_[a-z]+)*_wheel\b/g, (wheel) => `the ${wheelName(wheel)} wheel`);
+    .replace(/\bpage #([a-z0-9]+)( \([^)]*\))?/g, (_, name) => (t(`page #${name}` === me ? "page.this" : "page.another")))
+    .replace(/\b[a-z]+(?:_[a-z]+)*_wheel\b/g, (wheel) => t("wheel.the", { name: wheelName(wheel) }));
 }
 
-const FIELDS = {
-  x_m: "x", y_m: "y", heading_rad: "the heading", name: "the name", place: "the place", token: "the token",
-  kp: "kp", ki: "ki", kd: "kd", reason: "the reason", linear_m_s: "the speed", angular_rad_s: "the turning speed",
-};
+// What is refused for a kind alone; those that say more are below.
 const REFUSED = {
-  not_connected: () => "The robot is not connected, so nothing was done.",
-  forbidden: () => "Your token does not allow this.",
-  unauthenticated: () => "Log in first.",
-  rate_limited: () => "Too many commands at once: this one was not carried out.",
-  too_many_jobs: () => "Too much is going on at once: wait until something has ended.",
-  too_many_clients: () => "Too many clients are connected to this robot.",
-  cancelled: () => "Cancelled.",
-  method_not_found: () => "This robot cannot do that.",
-  unknown_topic: () => "This robot does not have that.",
-  lease_held: ({ data }) => `${sentence(plain(data.holder))} drives.`,
-  stopped: ({ data, message }) => (data.stopped_by ? `Stopped by ${plain(data.stopped_by)}. Let go, then drive again.` : sentence(plain(message))),
-  invalid_params: ({ data }) => (data.fields ?? []).map(field).join(" ") || "This is not accepted.",
+  lease_held: ({ data }) => t("refused.lease_held", { driver: sentence(plain(data.holder)) }),
+  stopped: ({ data, message }) => (data.stopped_by ? t("refused.stopped", { by: plain(data.stopped_by) }) : sentence(plain(message))),
+  invalid_params: ({ data }) => (data.fields ?? []).map(field).join(" ") || t("refused.invalid_params"),
 };
 
 function field({ field: name, expected, got }) {
   const last = name.split(".").at(-1);
-  const what = FIELDS[last] ?? "the value";
-  return `${sentence(what)}: ${expected.replace(/^(Input|Value|String|Number) /, "it ").replace(/^it should/, "this should")}, got ${got}.`;
+  const what = knows(`field.${last}`) ? t(`field.${last}`) : t("field.other");
+  const wanted = expected.replace(/^(Input|Value|String|Number) /, "it ").replace(/^it should/, "this should");
+  return t("refused.field", { what: sentence(what), wanted, got });
 }
 
 // A refusal, as it is shown.
 export function refusal(error) {
-  return REFUSED[error.kind]?.(error) ?? sentence(plain(error.message));
+  const { kind } = error;
+  if (REFUSED[kind]) return REFUSED[kind](error);
+  return knows(`refused.${kind}`) ? t(`refused.${kind}`) : sentence(plain(error.message));
 }
 
 // What holds the robot back, by the name that the daemon has for it.
 export function limit(by) {
-  const [what, name] = by.split(":");
-  if (what === "obstacle") return `there is an obstacle (${name.replaceAll("_", " ")})`;
-  if (what === "silent") return `${name.replaceAll("_", " ")} sees nothing at present`;
-  if (by === "dead_man") return "the driver's commands have stopped";
-  if (by === "no_echo") return "nothing is in reach of the sensor that its board waits for";
-  if (by === "encoders_stale") return "the wheels are not measured at present";
-  return "the robot's top speed";
+  const [what, name = ""] = by.split(":");
+  const group = ["obstacle", "silent", "dead_man", "no_echo", "encoders_stale"].includes(what) ? what : "top_speed";
+  return t(`limit.${group}`, { name: name.replaceAll("_", " ") });
 }
 
 // The board's link is down: why, if the daemon says more than that.
 export function unplugged(reason) {
   const why = plain(reason);
-  return why && why !== "closed" ? full(`The board is not connected: ${why}`) : "The board is not connected.";
+  return why && why !== "closed" ? full(t("board.unplugged_because", { why })) : t("board.unplugged");
 }
 
 // The board in a few words.
 export function board({ state, healthy, reason }) {
-  if (state === "up") return healthy === false ? `has a problem: ${plain(reason)}` : "connected";
-  return reason && reason !== "closed" ? `not connected: ${plain(reason)}` : "not connected";
+  if (state === "up") return healthy === false ? t("board.problem", { why: plain(reason) }) : t("board.connected");
+  return reason && reason !== "closed" ? t("board.not_connected_because", { why: plain(reason) }) : t("board.not_connected");
 }
 
 // What the safety card says where nobody knows what the motors do; ``deadman_ms`` of a board that stops by itself.
 export function doubt(why, deadman_ms) {
-  const itself = deadman_ms === null ? "" : ` If its daemon has ended, its board stops by itself after ${deadman_ms} ms; `
-    + "if only this page has lost it, it may drive on to a goal, or for another driver.";
-  return ["bad", "The robot may still be driving", `Hold it or switch its motors off: its speed is not known. ${why}${itself}`];
+  const itself = deadman_ms === null ? "" : ` ${t("doubt.itself", { deadman_ms })}`;
+  return ["bad", t("doubt.title"), `${t("doubt.hold")} ${why}${itself}`];
 }
-
-// What a gamepad may promise: browsers give none to a page without https, and of a layout that is not standard no button is known.
-export const GAMEPAD = {
-  none: "A gamepad drives too: press one of its buttons.",
-  unavailable: "Gamepad: the browser gives none to this page. By https, or on the robot's own computer as localhost, it does.",
-  unknown: "Gamepad: the browser does not know the layout of this one, so that it neither drives nor stops the robot.",
-  standard: "Gamepad: hold LB and move the left stick; X stops, B is the emergency stop.",
-};
-
-const CLASSIC = "classic, not known to stop by itself";
 
 // The board's firmware in a few words; of a classic sketch nothing is known.
 export function firmware(told) {
-  if (!told?.version) return CLASSIC;
-  return `${told.version}, ${told.deadman_ms === null ? "does not stop by itself now" : `stops by itself after ${told.deadman_ms} ms`}`;
+  if (!told?.version) return t("firmware.classic");
+  const { version, deadman_ms } = told;
+  return deadman_ms === null ? t("firmware.no_deadman", { version }) : t("firmware.deadman", { version, deadman_ms });
 }
 
 // Its figures, in a sentence.
-export function firmwareFigures({ board, reset_cause: cause, crc_errors: damaged, refused, deadman_stops: stops, round_trip_s: trip }) {
-  const delay = trip === null ? "" : `, ${(1000 * trip).toFixed(0)} ms from a command to its echo`;
-  return `${board}, started by ${cause.replaceAll("_", " ")}: ${damaged} lines damaged, ${refused} refused, stopped by itself ${stops} times${delay}`;
+export function firmwareFigures({ board: kind, reset_cause: cause, crc_errors: damaged, refused, deadman_stops: stops, round_trip_s: trip }) {
+  const figures = t("firmware.figures", { kind, cause: cause.replaceAll("_", " "), damaged, refused, stops });
+  return trip === null ? figures : t("firmware.delay", { figures, delay_ms: (1000 * trip).toFixed(0) });
 }
 
-export const MODES = {
-  armed: ["good", "Ready to drive"],
-  disarmed: ["bad", "Stopped by a fault"],
-  estopped: ["bad", "Emergency stop"],
-  no_board: ["warn", "Waiting for the board"],
-};
+// How bad a safety mode is, and its words.
+const MODES = { armed: "good", disarmed: "bad", estopped: "bad", no_board: "warn" };
+export const mode = (name) => [MODES[name] ?? "warn", named("mode", name)];
 
-const DEVICE = {
-  unknown: "not known yet", healthy: "works", silent: "sends nothing", wrong_baud: "speaks at another speed", wrong_device: "is another device",
-  lines_refused: "writes lines in another format", wrong_time_unit: "tells the time in another unit",
-  shared_port: "is read by another program too",
-  echo_stuck: "does not confirm commands", motor_stalled: "does not turn", frozen: "repeats itself", device_error: "reports an error",
-  down: "not connected",
-};
-const RANGE = { too_near: "too near", too_far: "nothing near", no_echo: "no echo", ambiguous: "near or far, it cannot tell" };
-const BATTERY = { low: "low", critical: "almost empty" };
+export function device({ healthy, condition, reason }) {
+  if (healthy !== false) return t("device.healthy");
+  const words = knows(`device.${condition}`) ? t(`device.${condition}`) : t("device.unhealthy");
+  return [words, plain(reason)].filter(Boolean).join(": ");
+}
 
-export const device = ({ healthy, condition, reason }) => (
-  healthy === false ? [DEVICE[condition] ?? "does not work", plain(reason)].filter(Boolean).join(": ") : "works");
-export const range = ({ status, range_m }) => (range_m === null ? RANGE[status] ?? "no reading" : `${range_m.toFixed(2)} m`);
+export function range({ status, range_m }) {
+  if (range_m !== null) return `${range_m.toFixed(2)} m`;
+  return knows(`range.${status}`) ? t(`range.${status}`) : t("range.none");
+}
+
 export const battery = ({ voltage_v, percentage, status }) => (
-  [`${voltage_v.toFixed(1)} V, ${percentage.toFixed(0)} %`, BATTERY[status]].filter(Boolean).join(", "));
+  [`${voltage_v.toFixed(1)} V, ${percentage.toFixed(0)} %`, knows(`battery.${status}`) ? t(`battery.${status}`) : ""].filter(Boolean).join(", "));
 
 // What a daemon's reason adds to a state: it may begin with the state's own name, or with its verb.
 export function because(state, reason) {
