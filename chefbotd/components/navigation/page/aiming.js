@@ -1,24 +1,24 @@
 // What a click in the view means, and the pose that a finger has proposed there: only a second touch, on a button, uses it.
 
 import { $, element, text } from "../../dom.js";
-import { GESTURE } from "./words.js";
+import { t, translate } from "../../language.js";
+import { GESTURE, position } from "./words.js";
 
-const GESTURES = [["pan", "moves the view"], ["navigate_to", "sends the robot there"], ["follow_waypoints", "adds a goal to the list"],
-  ["set_pose", "says where the robot is"], ["save_place", "saves a place there"]];
-const WORDS = { navigate_to: "Go here", follow_waypoints: "Add to the list", set_pose: "The robot is here", save_place: "Save as place" };
+const GESTURES = ["pan", "navigate_to", "follow_waypoints", "set_pose", "save_place"];
+const WORDS = { follow_waypoints: t("navigation.add"), set_pose: t("navigation.is_here"), save_place: t("navigation.save_place") };
 const NOT_BEFORE_MS = 400; // a double tap must not confirm what it has proposed itself
 
 const PROPOSAL_HTML = `
   <span id="proposal-words"></span>
   <button type="button" id="proposal-go" class="wanted"></button>
-  <button type="button" id="proposal-save">Save as place</button>
-  <button type="button" id="proposal-cancel">No</button>
+  <button type="button" id="proposal-save" data-t="navigation.save_place"></button>
+  <button type="button" id="proposal-cancel" data-t="navigation.no"></button>
   <form id="proposal-form" class="row" hidden>
-    <label>Name of the place <input id="proposal-name" maxlength="64" autocomplete="off" required></label>
-    <button type="submit" class="wanted">Save</button>
-    <button type="button" id="proposal-back">No</button>
+    <label><span data-t="navigation.name_of_place"></span> <input id="proposal-name" maxlength="64" autocomplete="off" required></label>
+    <button type="submit" class="wanted" data-t="navigation.save"></button>
+    <button type="button" id="proposal-back" data-t="navigation.no"></button>
   </form>`;
-const GESTURE_HTML = '<span id="gesture-words">Click and drag</span> <select id="gesture"></select>';
+const GESTURE_HTML = '<span id="gesture-words"></span> <select id="gesture"></select>';
 
 export class Aiming {
   #pose = null;
@@ -29,6 +29,7 @@ export class Aiming {
     Object.assign(this, { ask, view, route, places });
     const proposal = element("div", "", { id: "proposal", className: "overlay row", role: "group", hidden: true, innerHTML: PROPOSAL_HTML });
     proposal.setAttribute("aria-labelledby", "proposal-words");
+    translate(proposal);
     view.addOverlay(proposal);
     view.addTool(element("label", "", { id: "gesture-label", hidden: true, innerHTML: GESTURE_HTML }));
     view.onPose = (pose) => this.#use(pose);
@@ -54,10 +55,10 @@ export class Aiming {
   }
 
   begin(can) {
-    const offered = GESTURES.filter(([method]) => method === "pan" || can.has(`method.${method}`));
+    const offered = GESTURES.filter((method) => method === "pan" || can.has(`method.${method}`));
     $("gesture-label").hidden = offered.length === 1;
     text("gesture-words", GESTURE);
-    $("gesture").replaceChildren(...offered.map(([value, words]) => new Option(words, value)));
+    $("gesture").replaceChildren(...offered.map((method) => new Option(t(`navigation.means.${method}`), method)));
     this.canSave = can.has("method.save_place");
     this.view.gesture = $("gesture").value = can.has("method.navigate_to") ? "navigate_to" : "pan";
   }
@@ -65,7 +66,7 @@ export class Aiming {
   #use(aimed) {
     const pose = params(aimed);
     const { gesture } = this.view;
-    if (gesture === "follow_waypoints") this.route.add(`x ${pose.x_m.toFixed(2)} m, y ${pose.y_m.toFixed(2)} m`, pose, pose);
+    if (gesture === "follow_waypoints") this.route.add(position("navigation.position", pose), pose, pose);
     else if (gesture === "save_place") this.#propose(aimed);
     else this.ask(gesture, pose);
   }
@@ -79,7 +80,7 @@ export class Aiming {
 
   #askForName() {
     this.#setNaming(true);
-    text("proposal-words", `A place at x ${this.#pose.x_m.toFixed(2)} m, y ${this.#pose.y_m.toFixed(2)} m`);
+    text("proposal-words", position("navigation.place_at", this.#pose));
     $("proposal-name").value = "";
     $("proposal-name").focus();
   }
@@ -107,9 +108,10 @@ export class Aiming {
     $("proposal").hidden = pose === null;
     if (!pose) return;
     this.#setNaming(false);
-    const heading = pose.heading_rad === null ? "drag the dot for a heading" : `heading ${((pose.heading_rad * 180) / Math.PI).toFixed(0)}°`;
-    text("proposal-words", `x ${pose.x_m.toFixed(2)} m, y ${pose.y_m.toFixed(2)} m, ${heading}`);
-    text("proposal-go", WORDS[view.gesture] ?? "Go here");
+    const degrees = ((pose.heading_rad * 180) / Math.PI).toFixed(0);
+    const heading = pose.heading_rad === null ? t("navigation.drag") : t("navigation.heading", { degrees });
+    text("proposal-words", position("navigation.proposal", pose, { heading }));
+    text("proposal-go", WORDS[view.gesture] ?? t("navigation.go_here"));
   }
 }
 

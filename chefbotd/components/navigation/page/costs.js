@@ -1,5 +1,6 @@
 // What it costs to drive where, and what is not on the map: asked for only while it is shown.
 
+import { t } from "../../language.js";
 import { Grid, inflate } from "../maps/grid.js";
 
 export class Costs {
@@ -14,8 +15,8 @@ export class Costs {
       order, isOn: false, onSwitch: (isDrawn) => this.#switch(name, isDrawn),
     });
     this.layers = {
-      costmap: layer("costmap", "costs of driving", (c) => this.#grid?.draw(c), 20),
-      obstacles: layer("obstacles", "obstacles not on the map", (c) => this.#paintObstacles(c), 40),
+      costmap: layer("costmap", t("navigation.layer.costs"), (c) => this.#grid?.draw(c), 20),
+      obstacles: layer("obstacles", t("navigation.layer.obstacles"), (c) => this.#paintObstacles(c), 40),
     };
     view.onColours.push(() => this.#grid?.repaint(this.#colours()));
     connection.addEventListener("topic:costmap", ({ detail }) => {

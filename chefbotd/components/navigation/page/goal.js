@@ -1,15 +1,15 @@
 // Where the robot is going, how far that is, and how it ended.
 
 import { $, text } from "../../dom.js";
+import { knows, t } from "../../language.js";
 import { because } from "../../words.js";
-import { GOAL, SEND } from "./words.js";
+import { goal as nameOf, HAS_FINGERS } from "./words.js";
 
 export const GOING = ["planning", "driving", "recovering", "paused"];
 const QUEUE_SHOWN_MS = 2000; // how often it is looked whether others have added goals
 const NEAR_M = 0.01; // a goal that is so near to a place is that place
-const TO = { planning: "Looking for a way to", driving: "Going to", paused: "Paused on the way to", reached: "Arrived at" };
-const NO_GOAL = `No goal. ${SEND} to send the robot there.`;
-const NO_MAP = `No map is in use: start one or choose one first. Then: ${SEND.toLowerCase()} to send the robot there.`;
+const NO_GOAL = t(HAS_FINGERS ? "navigation.no_goal_tap" : "navigation.no_goal_click");
+const NO_MAP = t(HAS_FINGERS ? "navigation.no_map_tap" : "navigation.no_map_click");
 
 export class Goal {
   #map; // undefined until it is told
@@ -20,7 +20,7 @@ export class Goal {
 
   constructor(connection, ask, view, marks, places) {
     Object.assign(this, { connection, marks, places });
-    const layer = view.addLayer("path", "path to the goal", () => view.line(this.path, view.colour("robot"), 3), { order: 70 });
+    const layer = view.addLayer("path", t("navigation.layer.path"), () => view.line(this.path, view.colour("robot"), 3), { order: 70 });
     this.path = [];
     connection.on("navigation", (navigation) => { this.#last = navigation; this.#show(); this.#look(); });
     connection.addEventListener("closed", () => { this.#key = ""; this.#take([]); });
@@ -72,13 +72,15 @@ export class Goal {
   #show() {
     const { state, reason, distance_m } = this.#last;
     const going = GOING.includes(state);
-    const left = going && typeof distance_m === "number" ? `, ${distance_m.toFixed(1)} m left` : "";
     const why = because(state, reason);
-    const place = this.#named.goal === this.#last.goal && TO[state] && this.#named.place;
-    const words = (extra) => `${place ? `${TO[state]} ${place}` : GOAL[state] ?? state}${extra}${why ? `: ${why}` : ""}`;
+    const place = this.#named.goal === this.#last.goal && knows(`navigation.to.${state}`) && this.#named.place;
+    const what = place ? t(`navigation.to.${state}`, { place }) : nameOf(state);
+    const isFar = going && typeof distance_m === "number";
+    const left = isFar ? t("navigation.left", { what, distance_m: distance_m.toFixed(1) }) : what;
+    const words = (begun) => `${begun}${why ? `: ${why}` : ""}`;
     const idle = this.#map === null ? NO_MAP : NO_GOAL;
     text("goal", state === "idle" ? idle : words(left));
-    text("goal-told", state === "idle" ? "" : words(""));
+    text("goal-told", state === "idle" ? "" : words(what));
     $("goal-cancel").hidden = !going;
     $("goal-pause").hidden = !going || state === "paused" || !this.#can.has("method.pause_navigation");
     $("goal-resume").hidden = state !== "paused" || !this.#can.has("method.resume_navigation");

@@ -1,5 +1,7 @@
 // What is marked on the map, as large at any scale: places with their names, the robot's goal, and the numbers of a list.
 
+import { t } from "../../language.js";
+
 const FONT = "system-ui, sans-serif";
 
 export class Marks {
@@ -10,10 +12,10 @@ export class Marks {
   constructor(view) {
     this.view = view;
     const inPixels = (order) => ({ order, isInPixels: true });
-    this.placeLayer = view.addLayer("place", "places", (c, at) => {
+    this.placeLayer = view.addLayer("place", t("navigation.layer.places"), (c, at) => {
       for (const place of this.places) paintPlace(c, view, place.name, at(place));
     }, inPixels(100));
-    this.goalLayer = view.addLayer("goal", "goals", (c, at) => this.#paintGoals(c, at), inPixels(110));
+    this.goalLayer = view.addLayer("goal", t("navigation.layer.goals"), (c, at) => this.#paintGoals(c, at), inPixels(110));
   }
 
   // Take what has changed: places, goals or route.

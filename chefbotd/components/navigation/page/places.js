@@ -2,6 +2,7 @@
 
 import { confirmed, dismiss } from "../../confirm.js";
 import { $, element } from "../../dom.js";
+import { t } from "../../language.js";
 
 export class Places {
   #map = null;
@@ -41,7 +42,7 @@ export class Places {
 
   // At a pose of the map; a name that is there already is asked about.
   async save(name, pose) {
-    if (this.#poses.has(name) && !(await confirmed(`Move the place ${name} of the map ${this.#map} there?`, "Move it"))) return;
+    if (this.#poses.has(name) && !(await confirmed(t("navigation.move_place", { place: name, map: this.#map }), t("navigation.move_it")))) return;
     if (await this.ask("save_place", { name, ...pose })) this.#list();
   }
 
@@ -54,17 +55,17 @@ export class Places {
   #isAt(name) {
     const pose = coordinates(name) ?? this.#poses.get(name);
     if (pose) this.ask("set_pose", pose);
-    else this.say(`There is no place ${name} on this map.`);
+    else this.say(t("navigation.no_such_place", { place: name }));
   }
 
   #add(name) {
     const pose = coordinates(name);
     if (pose || this.#poses.has(name)) this.route.add(name, pose ?? { place: name }, pose ?? this.#poses.get(name));
-    else this.say(`There is no place ${name} on this map.`);
+    else this.say(t("navigation.no_such_place", { place: name }));
   }
 
   async #delete(name) {
-    if (await confirmed(`Delete the place ${name} from the map ${this.#map}?`, "Delete it")) this.#change("delete_place", name);
+    if (await confirmed(t("navigation.delete_place", { place: name, map: this.#map }), t("navigation.delete_it"))) this.#change("delete_place", name);
   }
 
   async #change(method, name) {
@@ -86,7 +87,7 @@ export class Places {
   }
 
   #item(name) {
-    const go = element("button", name, { type: "button", ariaLabel: `Go to ${name}` });
+    const go = element("button", name, { type: "button", ariaLabel: t("navigation.go_to_place", { place: name }) });
     go.addEventListener("click", () => this.ask("navigate_to", { place: name }));
     const item = element("li");
     item.append(go);

@@ -2,6 +2,7 @@
 // waits for the end: so a stop ends the list, and so does the end of this page or of its connection.
 
 import { $, element } from "../../dom.js";
+import { t } from "../../language.js";
 import { GOING } from "./goal.js";
 
 const MOST_GOALS = 20;
@@ -24,7 +25,7 @@ export class Route {
   }
 
   add(label, target, pose) {
-    if (this.#goals.length >= MOST_GOALS) return this.say(`The list has ${MOST_GOALS} goals at most.`);
+    if (this.#goals.length >= MOST_GOALS) return this.say(t("navigation.list_full", { count: MOST_GOALS }));
     this.say("");
     this.#goals.push({ label, target, pose });
     this.#show();
@@ -93,10 +94,10 @@ export class Route {
   }
 
   #item(goal, isNext) {
-    const remove = element("button", "Remove", { type: "button", ariaLabel: `Remove ${goal.label} from the list` });
+    const remove = element("button", t("navigation.remove"), { type: "button", ariaLabel: t("navigation.remove_goal", { goal: goal.label }) });
     remove.addEventListener("click", () => this.#remove(goal));
     const item = element("li");
-    item.append(element("span", isNext ? `${goal.label} (on the way)` : goal.label), remove);
+    item.append(element("span", isNext ? t("navigation.on_the_way", { goal: goal.label }) : goal.label), remove);
     return item;
   }
 }

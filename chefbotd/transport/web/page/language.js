@@ -1,7 +1,7 @@
 // The words of the page in its reader's language. English comes with the page and shows at once; another language is fetched
 // and kept by the browser, so that neither the page nor its stop waits for it.
 
-import { $, element } from "./dom.js";
+import { element } from "./dom.js";
 import { ENGLISH, LANGUAGES } from "./english.js";
 import { keep, kept } from "./kept.js";
 
@@ -91,12 +91,10 @@ export function label(node, id) {
   node.setAttribute("aria-label", t(id));
 }
 
-// The choice of a language, each by its own name. Another one is shown after the page has begun anew.
-export function addChoice(parent, say) {
-  const choice = element("select", "", { id: "language" });
-  choice.setAttribute("aria-label", t("language.label"));
+// The choice of a language, each by its own name. Another one is shown after the page has begun anew; ``say`` tells why not.
+export function offerLanguages(choice, say) {
   for (const [tag, { name }] of Object.entries(LANGUAGES)) {
-    const option = new Option(name, tag, false, tag === language);
+    const option = new Option(name, tag, tag === language, tag === language);
     option.lang = tag;
     choice.append(option);
   }
@@ -111,7 +109,4 @@ export function addChoice(parent, say) {
       choice.value = language;
     }
   });
-  parent.append(choice);
-  ready.then(() => choice.setAttribute("aria-label", t("language.label")));
-  return $("language");
 }

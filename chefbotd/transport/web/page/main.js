@@ -13,7 +13,7 @@ import { Sensors } from "./sensors.js";
 import { Stopping } from "./stopping.js";
 import { View } from "./view.js";
 import { Wheels } from "./wheels.js";
-import { addChoice, ready, t, tell } from "./language.js";
+import { offerLanguages, ready, t, tell } from "./language.js";
 import { battery, board, firmware, firmwareFigures, limit, plain, refusal, sentence } from "./words.js";
 
 // Beside the page, wherever a proxy shows it.
@@ -62,6 +62,8 @@ new Login(connection, (can) => {
   panels.begin();
   if (can.has("method.get_description")) connection.request("get_description").then((answer) => sensors.describe(answer), () => {});
 });
+
+offerLanguages($("language"), say);
 
 // How it is
 
