@@ -37,6 +37,7 @@ class SyncMethods(InBackground):
     redo_map_edit = blocking(Client.redo_map_edit)
     list_zones = blocking(Client.list_zones)
     save_zone = blocking(Client.save_zone)
+    add_zones = blocking(Client.add_zones)
     delete_zone = blocking(Client.delete_zone)
     undo_zones = blocking(Client.undo_zones)
     navigate_to = blocking(Client.navigate_to)

@@ -1,6 +1,7 @@
 """The commands ``chefbotctl zones``: list, draw, switch and delete the zones of a map."""
 
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import click
@@ -8,6 +9,7 @@ import click
 from chefbotd.cli.common import output
 from chefbotd.cli.common.arguments import NUMBERS_MAY_BE_NEGATIVE, finite
 from chefbotd.cli.common.context import CommandContext
+from chefbotd.cli.common.exits import Exit, ProgramError, require
 from chefbotd.client import Client
 
 OF_MAP = click.option("--map", "of_map", help="Which map; default: the one in use.")
@@ -91,6 +93,44 @@ def add(
     )
     own = "" if saved.zone is None else saved.zone.id
     output.say(context.as_json, saved, _with_warning(f"The zone {name} is drawn; its id is {own}.", saved))
+
+
+@zones.command("import", context_settings=NUMBERS_MAY_BE_NEGATIVE)
+@click.argument("mask", metavar="MASK.yaml", type=click.Path(path_type=Path, dir_okay=False))
+@click.option("--kind", type=click.Choice(("keepout", "speed")), required=True, help="Of the filter.")
+@click.option("--base", type=finite, default=0.0, show_default=True, help="Of its CostmapFilterInfo.")
+@click.option("--multiplier", type=finite, default=1.0, show_default=True, help="Of its CostmapFilterInfo.")
+@click.option("--percent-of", "percent_of_m_s", type=click.FloatRange(0, 10, min_open=True), metavar="M_S",
+              help="Type 1: speeds are percentages of this one; default: type 2, m/s.")  # fmt: skip
+@YES
+@OF_MAP
+@click.pass_obj
+def import_command(
+    context: CommandContext,
+    mask: Path,
+    kind: str,
+    base: float,
+    multiplier: float,
+    percent_of_m_s: float | None,
+    yes: bool,
+    of_map: str | None,
+) -> None:
+    """Draw the mask of a Nav2 costmap filter, which is on this computer, as zones; 'undo' takes them back."""
+    require("maps", "PIL")
+    from chefbotd.components.maps.storage.disk import MapStoreError
+    from chefbotd.components.zones.nav2_mask import FilterInfo, MaskError, read_mask
+
+    try:
+        read = read_mask(mask, kind, FilterInfo(base, multiplier, percent_of_m_s))
+    except (MaskError, MapStoreError) as error:
+        raise ProgramError(Exit.FAILED, str(error)) from error
+    saved = context.run_with_client(
+        lambda robot: robot.add_zones(read.zones, confirmed=yes, of_map=of_map), absent=ABSENT
+    )
+    notes = "".join(f" Note: {note}." for note in read.notes)
+    count = f"{len(read.zones)} {'zone' if len(read.zones) == 1 else 'zones'}"
+    text = f"{count} of {mask.name} drawn on the map {saved.map}."
+    output.say(context.as_json, saved, _with_warning(text, saved) + notes)
 
 
 def _with_warning(text: str, saved: Any) -> str:

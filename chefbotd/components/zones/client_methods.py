@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Literal
+from collections.abc import Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal
 
 from chefbotd.client.caller import MethodCaller
 
@@ -48,6 +48,25 @@ class ZoneMethods(MethodCaller):
             enabled=enabled,
             max_speed_m_s=max_speed_m_s,
             width_m=width_m,
+            revision=revision,
+            confirmed=confirmed,
+            map=of_map,
+        )
+        return saved
+
+    async def add_zones(
+        self,
+        zones: Sequence[Mapping[str, Any]],
+        *,
+        revision: str | None = None,
+        confirmed: bool = False,
+        of_map: str | None = None,
+    ) -> models.ZonesSaved:
+        """Draw several new zones, all or none; each has the keys of ``save_zone``: points_m, kind, name and so on."""
+        saved: models.ZonesSaved = await self._ask(
+            "ZonesSaved",
+            "add_zones",
+            zones=[dict(zone) for zone in zones],
             revision=revision,
             confirmed=confirmed,
             map=of_map,

@@ -18,10 +18,15 @@ from chefbotd.components.zones.zone_file import (
     outline_m,
 )
 from chefbotd.core.record import Record
+from chefbotd.rpc.models import Params
 from chefbotd.rpc.topics import Topic, same_names
 
 MOST_POINTS = 200
 """Of a zone that is drawn by hand: whether its edges cross is looked at pair by pair."""
+
+MOST_ADDED = 200
+MOST_ADDED_POINTS = 5000
+"""Of all zones of a request."""
 
 ZoneKind: TypeAlias = Literal["keep_out", "slow", "wall"]
 REVISION = Field(
@@ -30,6 +35,7 @@ REVISION = Field(
     description="of the zones that were read; if they were changed meanwhile, the request is refused",
     examples=[None],
 )
+CONFIRMED = Field(False, description="what it would do to the robot, to places or to the way there is meant")
 Coordinate = Annotated[float, Field(ge=-FARTHEST_M, le=FARTHEST_M)]
 PointPair = Annotated[list[Coordinate], Field(min_length=2, max_length=2)]
 
@@ -47,12 +53,9 @@ class ChangeZonesParams(OfMapParams):
     revision: str | None = REVISION
 
 
-class SaveZoneParams(OfMapParams):
-    """A zone, with its outline in ``map``: the corners of an area, or the points of a wall."""
+class ZoneShape(Params):
+    """A zone with its outline in ``map``: the corners of an area, or the points of a wall."""
 
-    id: str | None = Field(
-        None, min_length=1, max_length=64, description="if none is given, it is a new zone"
-    )
     kind: ZoneKind = Field("keep_out", description="not to be entered, to be driven slowly in, or a wall")
     name: str = Field("", max_length=100, description="for people")
     enabled: bool = Field(True, description="false: it is kept, and does not count")
@@ -68,13 +71,9 @@ class SaveZoneParams(OfMapParams):
     width_m: float | None = Field(
         None, gt=0, le=5, description=f"of a wall; if none is given, {WALL_WIDTH_M} m", examples=[None]
     )
-    revision: str | None = REVISION
-    confirmed: bool = Field(
-        False, description="what it would do to the robot, to places or to the way there is meant"
-    )
 
     @model_validator(mode="after")
-    def _fits_its_kind(self) -> "SaveZoneParams":
+    def _fits_its_kind(self) -> "ZoneShape":
         if self.kind != "wall" and len(self.points_m) < 3:
             raise ValueError(f"expected at least three corners for an area, got {len(self.points_m)}")
         if (self.kind == "slow") != (self.max_speed_m_s is not None):
@@ -96,6 +95,29 @@ class SaveZoneParams(OfMapParams):
     def outline_m(self) -> tuple[tuple[float, float], ...]:
         """The points as pairs."""
         return tuple((x_m, y_m) for x_m, y_m in self.points_m)
+
+
+class SaveZoneParams(ChangeZonesParams, ZoneShape):
+    """A zone; one of an ``id`` that there is replaces it."""
+
+    id: str | None = Field(
+        None, min_length=1, max_length=64, description="if none is given, it is a new zone"
+    )
+    confirmed: bool = CONFIRMED
+
+
+class AddZonesParams(ChangeZonesParams):
+    """New zones, which are drawn together or not at all."""
+
+    zones: list[ZoneShape] = Field(min_length=1, max_length=MOST_ADDED)
+    confirmed: bool = CONFIRMED
+
+    @model_validator(mode="after")
+    def _has_few_points(self) -> "AddZonesParams":
+        count = sum(len(zone.points_m) for zone in self.zones)
+        if count > MOST_ADDED_POINTS:
+            raise ValueError(f"expected at most {MOST_ADDED_POINTS} corners in all, got {count}")
+        return self
 
 
 class ZoneData(Record, frozen=True):

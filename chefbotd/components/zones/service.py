@@ -1,7 +1,8 @@
 """Zones in the daemon: read and changed one change at a time, and used by navigation at once."""
 
+import asyncio
 import hashlib
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 
 from chefbotd.bus import Bus
 from chefbotd.clock import Clock
@@ -14,10 +15,12 @@ from chefbotd.components.maps.storage.store import revision_of
 from chefbotd.components.zones.events import ZonesChanged
 from chefbotd.components.zones.models import (
     TOPICS,
+    AddZonesParams,
     ChangeZonesParams,
     SaveZoneParams,
     ZoneId,
     ZoneList,
+    ZoneShape,
     ZonesSaved,
     zone_data,
 )
@@ -26,7 +29,7 @@ from chefbotd.components.zones.zone_file import (
     ZONES_BEFORE,
     Zones,
     parse_zones,
-    with_zone,
+    with_zones,
     without_zone,
     write_zones,
 )
@@ -78,7 +81,7 @@ class ZonesService:
             if params.id is not None:
                 _require_known(params.id, ids)
             own = params.id or _new_id(revision, params)
-            return _checked(lambda: with_zone(zones, own, params.zone(own)))
+            return _checked(lambda: with_zones(zones, {own: params.zone(own)}))
 
         asked = params.enabled and not params.confirmed
         saved = await self._file.in_order(lambda: self._apply(params, changed, asks=asked))
@@ -88,6 +91,23 @@ class ZonesService:
             zone=zone_data(own, params.zone(own)),
             warning=saved.warning,
         )
+
+    @method(role=Role.DRIVE, moves=False)
+    async def add_zones(
+        self, caller: Caller, params: AddZonesParams, progress: ProgressReporter
+    ) -> ZonesSaved:
+        """Draw several new zones on a map, all or none of them; one ``undo_zones`` takes them back."""
+
+        def changed(zones: Zones, revision: str) -> Zones:
+            ids = [_new_id(f"{revision} {number}", shape) for number, shape in enumerate(params.zones)]
+            drawn = {own: shape.zone(own) for own, shape in zip(ids, params.zones, strict=True)}
+            return _checked(lambda: with_zones(zones, drawn))
+
+        async def add() -> ZonesSaved:
+            await asyncio.to_thread(_require_areas, params.zones)
+            return await self._apply(params, changed, asks=not params.confirmed)
+
+        return await self._file.in_order(add)
 
     @method(role=Role.DRIVE, moves=False)
     async def delete_zone(self, caller: Caller, params: ZoneId, progress: ProgressReporter) -> ZonesSaved:
@@ -119,7 +139,7 @@ class ZonesService:
 
     async def _apply(
         self,
-        params: SaveZoneParams | ZoneId,
+        params: ChangeZonesParams | ZoneId,
         change: Callable[[Zones, str], Zones],
         *,
         asks: bool = False,
@@ -162,13 +182,20 @@ def _checked(make: Callable[[], Zones]) -> Zones:
         raise MapStoreError(RefusalKind.OUT_OF_RANGE, f"the zones cannot be changed so: {error}") from error
 
 
+def _require_areas(shapes: Sequence[ZoneShape]) -> None:
+    """Raises ``MapStoreError`` for the first that is no area."""
+    for number, shape in enumerate(shapes):
+        if shape.kind != "wall" and (reason := why_no_area(shape.outline_m)):
+            raise MapStoreError(RefusalKind.OUT_OF_RANGE, f"number {number + 1} is no zone: {reason}")
+
+
 def _require_known(own: str, ids: set[str]) -> None:
     if own not in ids:
         listed = ", ".join(sorted(ids)) or "none"
         raise MapStoreError(RefusalKind.UNKNOWN_ZONE, f"no zone with the id {own!r}; there are: {listed}")
 
 
-def _new_id(revision: str, params: SaveZoneParams) -> str:
+def _new_id(revision: str, params: ZoneShape) -> str:
     """An id that no other zone has had, the same whenever the same is done again."""
     drawn = f"{revision} {params.model_dump_json()}"
     return hashlib.sha256(drawn.encode()).hexdigest()[:8]

@@ -10,7 +10,7 @@
       - {name: glass, points_m: [[2, 4], [6, 4]], width_m: 0.1}
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Annotated, Final, TypeAlias
 
 import yaml
@@ -130,18 +130,17 @@ def write_zones(zones: Zones) -> bytes:
     return text.encode()
 
 
-def with_zone(zones: Zones, own: str, zone: AnyZone) -> Zones:
-    """These zones with one more, or with this one in place of that of the same id; every zone has its id then."""
+def with_zones(zones: Zones, drawn: Mapping[str, AnyZone]) -> Zones:
+    """These zones and more by their ids, or in place of those of the same ids; every zone has its id then."""
     rows: dict[str, list[AnyZone]] = {kind: [] for kind in KINDS}
-    is_in, kind = False, kind_of(zone)
+    left = dict(drawn)
     for other, old in zones.named():
-        if other != own:
+        if other not in drawn:
             rows[kind_of(old)].append(old.model_copy(update={"id": other}))
-        elif kind_of(old) == kind:
-            rows[kind].append(zone)
-            is_in = True
-    if not is_in:
-        rows[kind].append(zone)
+        elif kind_of(old) == kind_of(drawn[other]):
+            rows[kind_of(old)].append(left.pop(other))
+    for zone in left.values():
+        rows[kind_of(zone)].append(zone)
     return Zones.model_validate({row: tuple(of_kind) for row, of_kind in rows.items()})
 
 

@@ -10,7 +10,7 @@ from chefbotd.components.zones.zone_file import (
     Zone,
     Zones,
     parse_zones,
-    with_zone,
+    with_zones,
     without_zone,
     write_zones,
 )
@@ -34,7 +34,7 @@ def test_what_a_person_wrote_has_ids_by_kind_and_place() -> None:
 def test_a_change_keeps_every_other_zone_with_its_id() -> None:
     """One more zone: all that were there are as before, and are called what they were called in the list."""
     before = parse_zones(BY_HAND, "zones.yaml")
-    after = with_zone(before, "new", Wall(id="new", name="rope", points_m=((0.1, 0.2), (3.0, 0.2))))
+    after = with_zones(before, {"new": Wall(id="new", name="rope", points_m=((0.1, 0.2), (3.0, 0.2)))})
     again = parse_zones(write_zones(after).decode(), "zones.yaml")
     assert again == after
     assert [own for own, _ in again.named()] == ["keep_out-1", "glass", "slow-1", "new"]
@@ -46,7 +46,7 @@ def test_a_change_keeps_every_other_zone_with_its_id() -> None:
 def test_a_zone_that_becomes_another_kind_is_there_once() -> None:
     """A keep-out zone that becomes a wall keeps its id, and is no keep-out zone any more."""
     before = parse_zones(BY_HAND, "zones.yaml")
-    after = with_zone(before, "glass", Wall(id="glass", points_m=((4.0, 0.0), (5.0, 2.0))))
+    after = with_zones(before, {"glass": Wall(id="glass", points_m=((4.0, 0.0), (5.0, 2.0)))})
     assert [own for own, _ in after.named()] == ["keep_out-1", "slow-1", "glass"]
 
 

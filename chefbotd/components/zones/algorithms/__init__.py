@@ -1,0 +1,1 @@
+"""Turns masks of cells into outlines of zones."""
