@@ -1,9 +1,10 @@
 // Agents, the programs that talk to people: what each says, its question with the answers to choose from, its buttons.
 
 import { $, element } from "../../dom.js";
+import { translate } from "../../language.js";
 
 const HTML = `
-  <h2 id="agents-title">Programs</h2>
+  <h2 id="agents-title" data-t="agents.title"></h2>
   <ul id="agents"></ul>`;
 
 export default class Agents {
@@ -14,6 +15,7 @@ export default class Agents {
 
   constructor({ connection, ask, section }) {
     section.innerHTML = HTML;
+    translate(section);
     section.setAttribute("aria-labelledby", "agents-title");
     this.#ask = ask;
     connection.on("agents", (agents) => { this.#agents = agents; this.#show(); });

@@ -2,27 +2,26 @@
 
 import { confirmed } from "../../confirm.js";
 import { $, element, text } from "../../dom.js";
+import { knows, t, translate } from "../../language.js";
 import { full, parameter, plain, sentence } from "../../words.js";
 
-const NAMES = { imu: "IMU", umbmark: "UMBmark" };
-const named = (step) => NAMES[step] ?? sentence(step);
-const WORDS = { passed: "passed", not_enough: "not enough", refused: "no result" };
+const named = (step) => (knows(`calibration.step.${step}`) ? t(`calibration.step.${step}`) : sentence(step));
 const [WIDTH, HEIGHT, EDGE] = [320, 170, 12];
 const COLOURS = ["--accent", "--scan", "--good", "--warn"];
 
 const HTML = `
-  <h2 id="calibration-title">Calibration</h2>
+  <h2 id="calibration-title" data-t="calibration.title"></h2>
   <p id="calibration" role="status"></p>
   <progress id="calibration-done" max="1" aria-labelledby="calibration-title" hidden></progress>
   <form id="calibration-question" class="row" hidden>
     <label for="calibration-value" id="calibration-asked"></label>
     <input id="calibration-value" type="number" step="any" required>
-    <button type="submit">Answer</button>
+    <button type="submit" data-t="calibration.answer"></button>
   </form>
   <ul id="calibration-steps"></ul>
   <div class="buttons">
-    <button type="button" id="calibration-end" hidden>End this step</button>
-    <button type="button" id="calibration-apply" hidden>Write the results</button>
+    <button type="button" id="calibration-end" data-t="calibration.end" hidden></button>
+    <button type="button" id="calibration-apply" data-t="calibration.apply" hidden></button>
   </div>
   <p id="calibration-told" role="status"></p>
   <pre id="calibration-difference" class="small" tabindex="0" hidden></pre>`;
@@ -37,6 +36,7 @@ export default class Calibration {
 
   constructor({ connection, ask, section }) {
     section.innerHTML = HTML;
+    translate(section);
     section.setAttribute("aria-labelledby", "calibration-title");
     this.#ask = ask;
     connection.on("calibration", (now) => this.#take(now));
@@ -80,16 +80,16 @@ export default class Calibration {
   }
 
   async #calibrate(step) {
-    const room = step.space_m ? ` It needs ${step.space_m} m of free floor on every side.` : "";
-    if (!await confirmed(`${full(sentence(plain(step.preparation)))}${room} The robot may move; any stop ends it.`, "Begin", "Do not begin")) return;
+    const room = step.space_m ? ` ${t("calibration.room", step)}` : "";
+    if (!await confirmed(`${full(sentence(plain(step.preparation)))}${room} ${t("calibration.may_move")}`, t("calibration.begin"), t("calibration.do_not_begin"))) return;
     await this.#ask("calibrate", { step: step.name, ...(step.space_m ? { space_m: step.space_m } : {}) });
   }
 
   async #apply() {
-    if (!await confirmed("Write the results that have passed into the robot's configuration? The old file is kept.", "Write", "Do not write")) return;
+    if (!await confirmed(t("calibration.write_question"), t("calibration.write"), t("calibration.do_not_write"))) return;
     const applied = await this.#ask("apply_calibration");
     if (!applied) return;
-    text("calibration-told", `Written to ${applied.path}; the old file is ${applied.kept}. It counts from the daemon's next start.`);
+    text("calibration-told", t("calibration.written", applied));
     text("calibration-difference", applied.difference);
     $("calibration-difference").hidden = false;
   }
@@ -106,8 +106,8 @@ export default class Calibration {
     row.append(element("b", named(step.name)), ` – ${step.purpose}`);
     if (step.missing) row.append(element("p", sentence(plain(step.missing)), { className: "small" }));
     else if (this.#can.has("method.calibrate")) {
-      const button = element("button", result ? "Again" : "Calibrate", { type: "button", disabled: this.#running !== "" });
-      button.setAttribute("aria-label", `${button.textContent}: ${named(step.name)}`);
+      const button = element("button", t(result ? "calibration.again" : "calibration.calibrate"), { type: "button", disabled: this.#running !== "" });
+      button.setAttribute("aria-label", t(result ? "calibration.again_step" : "calibration.calibrate_step", { step: named(step.name) }));
       button.addEventListener("click", () => this.#calibrate(step));
       row.append(" ", button);
     }
@@ -117,11 +117,11 @@ export default class Calibration {
 }
 
 function shown(result) {
-  const parts = [element("p", [WORDS[result.status], plain(result.reason)].filter(Boolean).map((words) => full(sentence(words))).join(" "))];
+  const parts = [element("p", [t(`calibration.status.${result.status}`), plain(result.reason)].filter(Boolean).map((words) => full(sentence(words))).join(" "))];
   if (result.estimates.length) parts.push(table(result.estimates));
   if (result.plots.length) {
     const details = element("details");
-    details.append(element("summary", "Plots"), ...result.plots.map(figure));
+    details.append(element("summary", t("calibration.plots")), ...result.plots.map(figure));
     parts.push(details);
   }
   return parts;
@@ -131,7 +131,7 @@ function table(estimates) {
   const wide = element("div", "", { className: "wide" });
   const whole = element("table");
   const head = element("tr");
-  head.append(...["parameter", "before", "after", "±"].map((name) => element("th", name, { scope: "col" })));
+  head.append(...[t("calibration.parameter"), t("calibration.before"), t("calibration.after"), "±"].map((name) => element("th", name, { scope: "col" })));
   const rows = estimates.map(({ key, before, after, sigma, unit }) => {
     const row = element("tr");
     row.append(element("th", unit ? `${parameter(key)} (${unit})` : parameter(key), { scope: "row", title: key }),
@@ -159,14 +159,15 @@ function figure({ title, x_label, y_label, series, equal }) {
   const scale = Math.min((WIDTH - 2 * EDGE) / wide, (HEIGHT - 2 * EDGE) / tall);
   const [across, up] = equal ? [scale, scale] : [(WIDTH - 2 * EDGE) / wide, (HEIGHT - 2 * EDGE) / tall];
   const at = (line, index) => [EDGE + (line.x[index] - left) * across, HEIGHT - EDGE - (line.y[index] - low) * up].map((v) => v.toFixed(1));
-  const drawn = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": `${title}: ${y_label} over ${x_label}` });
+  const drawn = svg("svg", { viewBox: `0 0 ${WIDTH} ${HEIGHT}`, role: "img", "aria-label": t("calibration.over", { title, y_label, x_label }) });
   series.forEach((line, index) => {
     const colour = `var(${COLOURS[index % COLOURS.length]})`;
     if (line.points) line.x.forEach((_, k) => { const [cx, cy] = at(line, k); drawn.append(svg("circle", { cx, cy, r: 1.6, fill: colour })); });
     else drawn.append(svg("polyline", { points: line.x.map((_, k) => at(line, k).join(",")).join(" "), fill: "none", stroke: colour, "stroke-width": 1.4 }));
   });
   const whole = element("figure", "", { className: "fit" });
-  const caption = element("figcaption", `${title}. ${x_label}: ${number(left, 3)} to ${number(right, 3)}; ${y_label}: ${number(low, 3)} to ${number(high, 3)}. `, { className: "small" });
+  const bounds = { left: number(left, 3), right: number(right, 3), low: number(low, 3), high: number(high, 3) };
+  const caption = element("figcaption", `${t("calibration.caption", { title, x_label, y_label, ...bounds })} `, { className: "small" });
   caption.append(...series.flatMap((line, index) => {
     const name = element("span", `● ${line.name} `);
     name.style.setProperty("color", `var(${COLOURS[index % COLOURS.length]})`);

@@ -3,11 +3,12 @@
 
 import { Connection } from "../../connection.js";
 import { $ } from "../../dom.js";
+import { t, translate } from "../../language.js";
 
 const HTML = `
-  <h2 id="camera-title">Camera</h2>
+  <h2 id="camera-title" data-t="camera.title"></h2>
   <canvas id="camera-picture" role="img" aria-labelledby="camera-title" aria-describedby="camera-told" hidden></canvas>
-  <p class="small" id="camera-told">No picture yet.</p>`;
+  <p class="small" id="camera-told" data-t="camera.none_yet"></p>`;
 const OLD_S = 0.5;
 const WAIT_S = 5;
 const AGAIN_MS = 1000;
@@ -25,6 +26,7 @@ export default class Camera {
 
   constructor({ connection, section }) {
     section.innerHTML = HTML;
+    translate(section);
     section.setAttribute("aria-labelledby", "camera-title");
     Object.assign(this, { section, own: connection, canvas: $("camera-picture"), pictures: new Connection(connection.url) });
     this.pictures.addEventListener("hello", ({ detail }) => this.#enter(detail));
@@ -116,12 +118,12 @@ export default class Camera {
     if (this.#stamp === null) return;
     const age_s = Math.max(performance.now() / 1000 + this.#clock - this.#stamp, 0);
     this.canvas.classList.toggle("is-old", age_s > OLD_S);
-    $("camera-told").textContent = age_s < 10 ? `${age_s.toFixed(1)} s old` : `${age_s.toFixed(0)} s old: this is not how it is now`;
+    $("camera-told").textContent = age_s < 10 ? t("camera.age", { age_s: age_s.toFixed(1) }) : t("camera.old", { age_s: age_s.toFixed(0) });
   }
 
   #tell({ message }) {
     this.#stamp = null;
     this.canvas.hidden = true;
-    $("camera-told").textContent = /^no picture: /.test(message) ? `No picture${message.slice("no picture".length)}` : `No picture: ${message}`;
+    $("camera-told").textContent = t("camera.none", { why: message.replace(/^no picture: /, "") });
   }
 }

@@ -1,32 +1,32 @@
 // Letting phones in: an administrator makes an invitation, shows its QR code, and revokes what was given.
 
 import { $, element } from "../../dom.js";
+import { language, t, translate } from "../../language.js";
 
 const HTML = `
-  <h2 id="invite-title">Let a phone in</h2>
+  <h2 id="invite-title" data-t="invitations.title"></h2>
   <form id="invite-form" class="row">
-    <label>It may <select id="invite-role">
-      <option value="guest">order and stop</option>
-      <option value="drive">drive</option>
-      <option value="observe">watch and stop</option>
+    <label><span data-t="invitations.may"></span> <select id="invite-role">
+      <option value="guest" data-t="invitations.order"></option>
+      <option value="drive" data-t="invitations.drive"></option>
+      <option value="observe" data-t="invitations.watch"></option>
     </select></label>
-    <label>for <select id="invite-access">
-      <option value="14400">4 hours</option>
-      <option value="86400">a day</option>
-      <option value="604800">a week</option>
-      <option value="">ever, until revoked</option>
+    <label><span data-t="invitations.for"></span> <select id="invite-access">
+      <option value="14400" data-t="invitations.hours"></option>
+      <option value="86400" data-t="invitations.day"></option>
+      <option value="604800" data-t="invitations.week"></option>
+      <option value="" data-t="invitations.ever"></option>
     </select></label>
-    <label><input id="invite-approval" type="checkbox"> Ask me before</label>
-    <button type="submit">Make an invitation</button>
+    <label><input id="invite-approval" type="checkbox"> <span data-t="invitations.ask"></span></label>
+    <button type="submit" data-t="invitations.make"></button>
   </form>
   <div id="invite-made" hidden>
-    <canvas id="invite-qr" role="img" aria-label="QR code of the invitation"></canvas>
-    <p>Scan it, or open this page on the phone and type the code <strong id="invite-code"></strong>.</p>
+    <canvas id="invite-qr" role="img" data-t-aria-label="invitations.qr"></canvas>
+    <p><span data-t="invitations.scan"></span> <strong id="invite-code"></strong>.</p>
     <p class="small" id="invite-where" role="status"></p>
-    <button id="invite-done" type="button">Done</button>
+    <button id="invite-done" type="button" data-t="invitations.done"></button>
   </div>
-  <ul id="invite-list" class="plain" aria-label="Invitations and phones that were let in"></ul>`;
-const MAY = { observe: "watches", guest: "orders", agent: "is a program", drive: "drives", admin: "administers" };
+  <ul id="invite-list" class="plain" data-t-aria-label="invitations.list"></ul>`;
 const SHOWN_MS = 2000;
 const QUIET = 4; // modules around a QR code, ISO/IEC 18004
 const MODULE_PX = 6;
@@ -40,6 +40,7 @@ export default class Invitations {
 
   constructor({ connection, ask, section }) {
     section.innerHTML = HTML;
+    translate(section);
     section.setAttribute("aria-labelledby", "invite-title");
     this.#ask = ask;
     this.#connection = connection;
@@ -68,8 +69,8 @@ export default class Invitations {
     drawQr($("invite-qr"), made.qr);
     $("invite-code").textContent = made.code;
     $("invite-where").textContent = made.on_this_computer_only
-      ? "Only this computer reaches the page: let it listen on the network first."
-      : `One phone can use it, within ${made.lifetime_s / 60} minutes.`;
+      ? t("invitations.here_only")
+      : t("invitations.one_use", { count: made.lifetime_s / 60 });
     $("invite-made").hidden = false;
     this.#list();
   }
@@ -80,8 +81,8 @@ export default class Invitations {
     if (!told) return;
     const rows = [
       ...told.invitations.map((each) => ({ key: { invitation: each.invitation }, waits: each.device,
-        words: each.device ? `${each.device} waits to be let in (${MAY[each.role]})` : `Invitation ${each.invitation}, not used yet (${MAY[each.role]})` })),
-      ...told.devices.map((each) => ({ key: { device: each.device }, words: `${each.name} ${MAY[each.role]} ${until(each.expires_s)}` })),
+        words: t(`invitations.${each.device ? "waits" : "unused"}.${each.role}`, each) })),
+      ...told.devices.map((each) => ({ key: { device: each.device }, words: t(`invitations.is_in.${each.role}`, { device: each.name, until: until(each.expires_s) }) })),
     ];
     const now = JSON.stringify(rows);
     if (now === this.#drawn) return; // a finger may be on a button
@@ -92,8 +93,8 @@ export default class Invitations {
   #row({ key, words, waits }) {
     const row = element("li", "", { className: "row" });
     row.append(element("span", words));
-    if (waits) row.append(this.#button("Let in", words, "approve_invitation", key));
-    row.append(this.#button(waits ? "Turn away" : "Revoke", words, "revoke_access", key));
+    if (waits) row.append(this.#button(t("invitations.let_in"), words, "approve_invitation", key));
+    row.append(this.#button(t(waits ? "invitations.turn_away" : "invitations.revoke"), words, "revoke_access", key));
     return row;
   }
 
@@ -109,7 +110,8 @@ export default class Invitations {
 }
 
 function until(expires_s) {
-  return expires_s === null ? "until revoked" : `until ${new Date(1000 * expires_s).toLocaleString([], { dateStyle: "short", timeStyle: "short" })}`;
+  return expires_s === null ? t("invitations.until_revoked")
+    : t("invitations.until", { time: new Date(1000 * expires_s).toLocaleString(language, { dateStyle: "short", timeStyle: "short" }) });
 }
 
 // Black on white also in dark mode: many scanners read no other.

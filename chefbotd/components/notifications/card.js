@@ -1,23 +1,20 @@
 // Told when away: who is told of what, and whether the last message arrived.
 
 import { $, element } from "../../dom.js";
+import { knows, language, t, translate } from "../../language.js";
 
 const HTML = `
-  <h2 id="notifications-title">Told when away</h2>
+  <h2 id="notifications-title" data-t="notifications.title"></h2>
   <ul id="notifications-servers" class="plain"></ul>
   <p class="small" id="notifications-kinds"></p>
-  <button type="button" id="notifications-test" hidden>Send a test message</button>`;
-const KINDS = {
-  goal_done: "a goal that is reached", goal_failed: "a goal that fails", stuck: "a robot that is stuck",
-  battery_low: "a low battery", fault: "a fault", daemon_gone: "the end of the robot's program",
-};
-const FARED = { waits: "is not there yet", taken: "has arrived", given_up: "was given up" };
+  <button type="button" id="notifications-test" data-t="notifications.test" hidden></button>`;
 
 export default class Notifications {
   #mayTest = false;
 
   constructor({ connection, ask, section }) {
     section.innerHTML = HTML;
+    translate(section);
     section.setAttribute("aria-labelledby", "notifications-title");
     this.section = section;
     connection.on("notifications", (told) => this.#show(told));
@@ -32,8 +29,8 @@ export default class Notifications {
 
   #show({ kinds, servers }) {
     $("notifications-servers").replaceChildren(...servers.map(row));
-    const told = kinds.map((kind) => KINDS[kind] ?? "").filter(Boolean);
-    $("notifications-kinds").textContent = told.length ? `Told of: ${told.join(", ")}.` : "Nothing is told.";
+    const told = kinds.map((kind) => `notifications.kind.${kind}`).filter(knows).map((id) => t(id));
+    $("notifications-kinds").textContent = told.length ? t("notifications.told", { kinds: told.join(", ") }) : t("notifications.nothing");
   }
 }
 
@@ -41,16 +38,16 @@ function row({ name, host, state, title, text, at_s, problem, waiting }) {
   const item = element("li");
   item.append(element("strong", name === "ntfy" ? `ntfy (${host})` : `Webhook (${host})`), element("br"));
   if (state === "silent") {
-    item.append("No message yet.");
+    item.append(t("notifications.no_message"));
     return item;
   }
-  const time = new Date(1000 * at_s).toLocaleString([], { dateStyle: "short", timeStyle: "short" });
-  const others = waiting > 1 ? ` ${waiting} messages wait.` : "";
+  const time = new Date(1000 * at_s).toLocaleString(language, { dateStyle: "short", timeStyle: "short" });
+  const others = waiting > 1 ? ` ${t("notifications.waiting", { count: waiting })}` : "";
   const why = problem ? `: ${reason(problem)}` : "";
-  item.append(`${time}, ${title}: ${text} It ${FARED[state]}${why}.${others}`);
+  item.append(t("notifications.last", { time, title, text, state: `${t(`notifications.state.${state}`)}${why}` }) + others);
   return item;
 }
 
 function reason(problem) {
-  return problem.startsWith("HTTP status") ? `the server answers ${problem.replace("HTTP status", "with the code")}` : "the server does not answer";
+  return problem.startsWith("HTTP status") ? t("notifications.code", { code: problem.replace("HTTP status ", "") }) : t("notifications.no_answer");
 }

@@ -4,41 +4,36 @@ import { confirmed } from "../../confirm.js";
 import { SHOWN_HZ } from "../../connection.js";
 import { $, element, text } from "../../dom.js";
 import { Grid, inflate } from "./grid.js";
+import { t, translate } from "../../language.js";
 import { plain, sentence } from "../../words.js";
-import { LOCATED, MAPPING } from "./words.js";
+import { located, mapping as mappingWords } from "./words.js";
 
-const NO_MAP = "No map is in use. Start one and drive through the rooms, then finish it; or choose one that is stored.";
-const FIRST = {
-  new: ["First, make a map", "The robot has no map yet. With one it knows where it is, and drives to places by itself."],
-  stored: ["No map is in use", "Choose a saved map, or make a new one:"],
-  unfinished: ["There is an unfinished map", "The robot was restarted before this map was saved. A new one can begin when you have decided."],
-};
 
 const GUIDE_HTML = `
   <h2 id="guide-title"></h2>
   <p id="guide-words"></p>
   <ol id="guide-steps">
-    <li>Press <b>Start a map</b>.</li>
-    <li>Drive slowly through every room, and back to where you began.</li>
-    <li>Give the map a name and save it. From then on a click in the view sends the robot there.</li>
+    <li><span data-t="maps.press"></span> <b data-t="maps.start"></b>.</li>
+    <li data-t="maps.drive_through"></li>
+    <li data-t="maps.give_name"></li>
   </ol>
   <div class="buttons">
-    <button type="button" id="guide-start" class="wanted" hidden>Start a map</button>
-    <button type="button" id="guide-choose" hidden>Choose a saved map</button>
-    <button type="button" id="guide-continue" class="wanted" hidden>Go on with it</button>
-    <button type="button" id="guide-discard" hidden>Discard it</button>
+    <button type="button" id="guide-start" class="wanted" data-t="maps.start" hidden></button>
+    <button type="button" id="guide-choose" data-t="maps.choose" hidden></button>
+    <button type="button" id="guide-continue" class="wanted" data-t="maps.continue" hidden></button>
+    <button type="button" id="guide-discard" data-t="maps.discard_it" hidden></button>
   </div>`;
 const HTML = `
-  <h2 id="map-title">Map</h2>
+  <h2 id="map-title" data-t="maps.title"></h2>
   <p id="map-told" role="status"></p>
-  <p id="maps-label" hidden><label>Map in use <select id="maps"></select></label></p>
-  <p id="map-name-label" hidden><label>Name of the map <input id="map-name" maxlength="64" autocomplete="off"></label></p>
+  <p id="maps-label" hidden><label><span data-t="maps.in_use"></span> <select id="maps"></select></label></p>
+  <p id="map-name-label" hidden><label><span data-t="maps.name"></span> <input id="map-name" maxlength="64" autocomplete="off"></label></p>
   <div class="buttons">
-    <button type="button" id="map-start" hidden>Start a map</button>
-    <button type="button" id="map-finish" hidden>Finish and save</button>
-    <button type="button" id="map-discard" hidden>Discard the map</button>
-    <button type="button" id="map-localize" hidden>Find the robot</button>
-    <button type="button" id="map-localize-turn" hidden>Find it, turning once</button>
+    <button type="button" id="map-start" data-t="maps.start" hidden></button>
+    <button type="button" id="map-finish" data-t="maps.finish" hidden></button>
+    <button type="button" id="map-discard" data-t="maps.discard" hidden></button>
+    <button type="button" id="map-localize" data-t="maps.localize" hidden></button>
+    <button type="button" id="map-localize-turn" data-t="maps.localize_turn" hidden></button>
   </div>`;
 
 export default class Maps {
@@ -51,13 +46,15 @@ export default class Maps {
   constructor({ connection, ask, view, panels, lately, say, section }) {
     Object.assign(this, { ask, view, say, section, can: new Set(), grid: null });
     section.innerHTML = HTML;
+    translate(section);
     section.setAttribute("aria-labelledby", "map-title");
     const guide = element("section", "", { id: "guide", className: "guide", hidden: true, innerHTML: GUIDE_HTML });
     guide.setAttribute("aria-labelledby", "guide-title");
+    translate(guide);
     $("notices").append(guide);
-    lately.describe("localization", { kind: "way", words: (state) => LOCATED[state] ?? state });
-    lately.describe("mapping", { kind: "way", words: (state) => (MAPPING[state] ? `${MAPPING[state]}.` : "") });
-    this.layer = view.addLayer("map-walls", "map", (c) => this.grid?.draw(c), { order: 10 });
+    lately.describe("localization", { kind: "way", words: located });
+    lately.describe("mapping", { kind: "way", words: (state) => (mappingWords(state) ? `${mappingWords(state)}.` : "") });
+    this.layer = view.addLayer("map-walls", t("maps.layer"), (c) => this.grid?.draw(c), { order: 10 });
     view.onColours.push(() => this.grid?.repaint(this.#colours()));
     connection.on("map_pose", (pose) => view.setPose(pose.state === "ended" ? null : pose, true), SHOWN_HZ);
     connection.on("map", (part) => this.#enqueue(() => this.#take(part)));
@@ -72,7 +69,7 @@ export default class Maps {
     $("map-localize").addEventListener("click", () => this.ask("localize"));
     $("map-localize-turn").addEventListener("click", async () => {
       const found = await this.ask("localize", { turn: true });
-      if (found) this.say([LOCATED[found.state], sentence(plain(found.reason))].filter(Boolean).join(" "));
+      if (found) this.say([located(found.state), sentence(plain(found.reason))].filter(Boolean).join(" "));
     });
     $("maps").addEventListener("change", () => this.ask("load_map", { name: $("maps").value }));
   }
@@ -99,7 +96,7 @@ export default class Maps {
     const stored = await this.ask("list_maps");
     if (!stored) return;
     const options = stored.maps.map(({ name, in_use }) => new Option(name, name, in_use, in_use));
-    if (!stored.in_use) options.unshift(new Option("none", "", true, true));
+    if (!stored.in_use) options.unshift(new Option(t("maps.none"), "", true, true));
     $("maps").replaceChildren(...options);
     this.#stored = stored.maps.length;
     $("maps-label").hidden = this.#stored === 0;
@@ -119,10 +116,10 @@ export default class Maps {
     else if (state === "idle" && this.#inUse === null) first = this.#stored ? "stored" : "new";
     $("guide").hidden = first === null || (first === "stored" ? !this.#has("load_map") : !mayMap);
     $("map-start").hidden = !mayMap || unfinished || state === "mapping" || state === "finishing";
-    $("map-start").textContent = state === "paused" ? "Go on with the map" : "Start a map";
+    $("map-start").textContent = t(state === "paused" ? "maps.go_on" : "maps.start");
     if (first === null) return;
-    text("guide-title", FIRST[first][0]);
-    text("guide-words", FIRST[first][1]);
+    text("guide-title", t(`maps.first_${first}`));
+    text("guide-words", t(`maps.first_${first}_words`));
     $("guide-steps").hidden = first === "unfinished" || !mayMap;
     $("guide-start").hidden = first === "unfinished" || !mayMap;
     $("guide-choose").hidden = first !== "stored";
@@ -188,9 +185,9 @@ export default class Maps {
     $("map-discard").hidden = !making || !this.#has("discard_mapping");
     $("maps").disabled = making || !this.#has("load_map");
     if (name && !$("map-name").value) $("map-name").value = name;
-    const so_far = `${path_m?.toFixed(1)} m driven, ${loops} ${loops === 1 ? "place" : "places"} recognized.`;
-    const advice = state === "mapping" ? "Drive slowly through every room and back to where you began, then save it." : "";
-    if (state !== "idle") text("map-told", [`${MAPPING[state]}: ${so_far}`, plain(warning), plain(reason), advice].filter(Boolean).join(" "));
+    const so_far = t("maps.driven", { distance_m: path_m?.toFixed(1), count: loops });
+    const advice = state === "mapping" ? t("maps.advice") : "";
+    if (state !== "idle") text("map-told", [`${mappingWords(state)}: ${so_far}`, plain(warning), plain(reason), advice].filter(Boolean).join(" "));
     else if (was !== "idle") this.#list();
     this.#guide();
   }
@@ -198,16 +195,16 @@ export default class Maps {
   async #finish() {
     const name = $("map-name").value.trim();
     if (!name) {
-      this.say("Give the map a name first.");
+      this.say(t("maps.name_first"));
       $("map-name").focus();
       return;
     }
     const saved = await this.ask("finish_mapping", { name });
-    if (saved) text("map-told", `Saved as ${saved.name}.`);
+    if (saved) text("map-told", t("maps.saved", { map: saved.name }));
   }
 
   async #discard() {
-    if (await confirmed("Discard the map that is not saved? It cannot be had back.", "Discard it")) this.ask("discard_mapping");
+    if (await confirmed(t("maps.discard_question"), t("maps.discard_it"))) this.ask("discard_mapping");
   }
 
   #located(found) {
@@ -215,8 +212,8 @@ export default class Maps {
     $("map-localize").hidden = $("map-localize-turn").hidden = !found.map || !this.#has("localize");
     this.#guide();
     if (this.#mapping.state !== "idle") return;
-    const fit = `The scan fits the map to ${((found.fit ?? 0) * 100).toFixed(0)} %.`;
-    text("map-told", found.map ? [LOCATED[found.state] ?? found.state, fit, plain(found.reason)].filter(Boolean).join(" ") : NO_MAP);
+    const fit = t("maps.fit", { percent: ((found.fit ?? 0) * 100).toFixed(0) });
+    text("map-told", found.map ? [located(found.state), fit, plain(found.reason)].filter(Boolean).join(" ") : t("maps.none_in_use"));
     if (found.map && found.map !== this.#shown) this.#list();
   }
 }

@@ -2,18 +2,19 @@
 
 import { confirmed, dismiss } from "../../confirm.js";
 import { $, element, text } from "../../dom.js";
-import { refusal, sentence } from "../../words.js";
+import { t, translate } from "../../language.js";
+import { full, refusal, sentence } from "../../words.js";
 import { Drawing } from "./drawing.js";
 
 const HTML = `
-  <h2 id="zones-title">Zones</h2>
+  <h2 id="zones-title" data-t="zones.title"></h2>
   <p id="zones-none" class="small"></p>
   <ul id="zones" class="plain"></ul>
   <div class="buttons">
-    <button type="button" id="zone-keep_out">Draw a no-go area</button>
-    <button type="button" id="zone-slow">Draw a slow area</button>
-    <button type="button" id="zone-wall">Draw a wall</button>
-    <button type="button" id="zones-undo" hidden>Undo the last change</button>
+    <button type="button" id="zone-keep_out" data-t="zones.draw_keep_out"></button>
+    <button type="button" id="zone-slow" data-t="zones.draw_slow"></button>
+    <button type="button" id="zone-wall" data-t="zones.draw_wall"></button>
+    <button type="button" id="zones-undo" data-t="zones.undo" hidden></button>
   </div>`;
 const KINDS = ["keep_out", "slow", "wall"];
 
@@ -25,11 +26,12 @@ export default class Zones {
   constructor({ connection, ask, say, view, panels, section }) {
     Object.assign(this, { connection, ask, say, view, section });
     section.innerHTML = HTML;
+    translate(section);
     section.setAttribute("aria-labelledby", "zones-title");
     this.drawing = new Drawing(view, panels, (zone) => this.#save(zone));
     this.zones = [];
-    this.layer = view.addLayer("zones", "zones", (c) => this.#paint(c, this.#drawn()), { order: 30 });
-    const draft = view.addLayer("zone-draft", "zone that is drawn", (c) => this.#paint(c, this.drawing.drafts), { order: 31, isInLegend: false });
+    this.layer = view.addLayer("zones", t("zones.layer"), (c) => this.#paint(c, this.#drawn()), { order: 30 });
+    const draft = view.addLayer("zone-draft", t("zones.layer_draft"), (c) => this.#paint(c, this.drawing.drafts), { order: 31, isInLegend: false });
     draft.setKnown(true); // also where zones are switched off
     connection.on("localization", ({ map }) => this.#use(map));
     connection.on("zones", ({ map, revision }) => { if (map === this.#map && revision !== this.#revision) this.#list(); });
@@ -67,7 +69,7 @@ export default class Zones {
     this.#revision = revision;
     $("zones").replaceChildren(...zones.map((zone) => this.#row(zone)));
     $("zones-none").hidden = zones.length > 0;
-    text("zones-none", this.#map ? "No zones on this map. The robot may go everywhere." : "Zones are drawn on a map. None is in use.");
+    text("zones-none", t(this.#map ? "zones.none" : "zones.no_map"));
     $("zones-undo").hidden = !can_undo || !this.#mayDraw;
     for (const kind of KINDS) $(`zone-${kind}`).disabled = !this.#map;
     this.layer.setKnown(zones.length > 0);
@@ -80,14 +82,14 @@ export default class Zones {
     const box = element("input", "", { type: "checkbox", checked: zone.enabled, disabled: !this.#mayDraw });
     box.addEventListener("change", () => this.#save({ ...zone, enabled: box.checked }));
     label.append(box, ` ${nameOf(zone)}`);
-    row.append(label, element("span", MEANS[zone.kind](zone), { className: "small" }));
+    row.append(label, element("span", t(`zones.means.${zone.kind}`, zone), { className: "small" }));
     if (this.#mayDraw) {
-      const change = element("button", "Change", { type: "button" });
-      change.setAttribute("aria-label", `Change ${nameOf(zone)}`);
+      const change = element("button", t("zones.change"), { type: "button" });
+      change.setAttribute("aria-label", t("zones.change_zone", { zone: nameOf(zone) }));
       change.addEventListener("click", () => this.drawing.begin(zone.kind, zone));
       row.append(change);
-      const remove = element("button", "Delete", { type: "button" });
-      remove.setAttribute("aria-label", `Delete ${nameOf(zone)}`);
+      const remove = element("button", t("zones.delete"), { type: "button" });
+      remove.setAttribute("aria-label", t("zones.delete_zone", { zone: nameOf(zone) }));
       remove.addEventListener("click", () => this.#change("delete_zone", { id: zone.id }));
       row.append(remove);
     }
@@ -102,7 +104,7 @@ export default class Zones {
       await this.#changed("save_zone", params);
     } catch (error) {
       if (error.kind !== "needs_confirmation") this.say(refusal(error));
-      else if (await confirmed(`${sentence(error.message).replace(/[.]?$/, ".")} Use the zone all the same?`, "Use it", "No")) {
+      else if (await confirmed(t("zones.all_the_same", { why: full(refusal(error)) }), t("zones.use_it"), t("zones.no"))) {
         return void this.#change("save_zone", { ...params, confirmed: true });
       }
       this.#list(); // a switch goes back to what it is
@@ -149,15 +151,8 @@ export default class Zones {
   }
 }
 
-const NAMES = { keep_out: "No-go area", slow: "Slow area", wall: "Wall" };
-const MEANS = {
-  keep_out: () => "not to be entered",
-  slow: ({ max_speed_m_s }) => `at most ${max_speed_m_s} m/s`,
-  wall: () => "taken for a wall",
-};
-
 function nameOf({ kind, name }) {
-  return name || NAMES[kind];
+  return name || t(`zones.name.${kind}`);
 }
 
 function dot(c, [x, y], radius) {

@@ -2,17 +2,17 @@
 // A click on a corner picks it up, and the next one puts it down.
 
 import { $, element, text } from "../../dom.js";
+import { t, translate } from "../../language.js";
 
 const HTML = `
   <p id="zone-told" role="status"></p>
-  <label>Name <input id="zone-name" maxlength="100" autocomplete="off"></label>
-  <label id="zone-speed-label">No faster than <input id="zone-speed" type="number" min="0.01" max="10" step="any" required> m/s</label>
-  <button type="submit" class="wanted" id="zone-done">Done</button>
-  <button type="button" id="zone-back">One corner back</button>
-  <button type="button" id="zone-no">No</button>`;
+  <label><span data-t="zones.name"></span> <input id="zone-name" maxlength="100" autocomplete="off"></label>
+  <label id="zone-speed-label"><span data-t="zones.speed"></span> <input id="zone-speed" type="number" min="0.01" max="10" step="any" required> m/s</label>
+  <button type="submit" class="wanted" id="zone-done" data-t="zones.done"></button>
+  <button type="button" id="zone-back" data-t="zones.corner_back"></button>
+  <button type="button" id="zone-no" data-t="zones.no"></button>`;
 const PICKED_PX = 24;
 const LEAST = { keep_out: 3, slow: 3, wall: 2 };
-const WHAT = { keep_out: "Touch the corners of the no-go area", slow: "Touch the corners of the slow area", wall: "Touch where the wall goes along" };
 
 export class Drawing {
   #kind = null;
@@ -25,6 +25,7 @@ export class Drawing {
   constructor(view, panels, use) {
     Object.assign(this, { view, panels });
     this.form = element("form", "", { id: "zone-drawing", className: "overlay drawing row", hidden: true, innerHTML: HTML });
+    translate(this.form);
     view.addOverlay(this.form);
     $("zone-back").addEventListener("click", () => { this.#points = this.#points.slice(0, -1); this.#picked = null; this.#show(); });
     $("zone-no").addEventListener("click", () => this.end());
@@ -97,8 +98,9 @@ export class Drawing {
   #show() {
     const count = this.#points.length;
     const missing = LEAST[this.#kind] - count;
-    const told = `${WHAT[this.#kind]}: ${count} so far${missing > 0 ? `, ${missing} more` : ""}.`;
-    text("zone-told", this.#picked === null ? told : "Touch where this corner goes.");
+    const what = { what: t(`zones.touch.${this.#kind}`), count, missing };
+    const told = t(missing > 0 ? "zones.so_far_missing" : "zones.so_far", what);
+    text("zone-told", this.#picked === null ? told : t("zones.put_down"));
     $("zone-done").disabled = missing > 0;
     $("zone-back").disabled = count === 0;
     this.view.draw();
