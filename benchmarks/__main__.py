@@ -68,6 +68,13 @@ def _recording(**options: Any) -> Outcome:
     return recording.run(**options)
 
 
+def _camera(**options: Any) -> Outcome:
+    """Imported when it is asked for: it needs the extras ``page`` and ``camera``."""
+    from benchmarks import camera
+
+    return camera.run(**options)
+
+
 def _page(**options: Any) -> Outcome:
     """Imported when it is asked for: it needs the extra ``page``."""
     from benchmarks import page
@@ -191,6 +198,7 @@ BENCHMARKS: dict[str, Benchmark] = {
     "motors": _motors,
     "wheel_speed": _wheel_speed,
     "page": _page,
+    "camera": _camera,
     "recording": _recording,
     "firmware": _firmware,
 }
