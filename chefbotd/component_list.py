@@ -31,6 +31,7 @@ OWN: Final = (
     "notifications",
     "invitations",
     "camera",
+    "plot",
 )
 """The others; of each of the three, in the order in which they are built."""
 

@@ -1,93 +1,56 @@
 // The camera's picture. It comes by a connection of its own, one at a time, so that a slow one holds up nothing else; what
-// is not shown is not asked for.
+// is not seen is not asked for.
 
-import { Connection } from "../../connection.js";
 import { $ } from "../../dom.js";
 import { t, translate } from "../../language.js";
+import { OwnConnection } from "../../own_connection.js";
 
 const HTML = `
   <h2 id="camera-title" data-t="camera.title"></h2>
   <canvas id="camera-picture" role="img" aria-labelledby="camera-title" aria-describedby="camera-told" hidden></canvas>
-  <p class="small" id="camera-told" data-t="camera.none_yet"></p>`;
-const OLD_S = 0.5;
-const WAIT_S = 5;
-const AGAIN_MS = 1000;
-const SHOW_AGE_MS = 200;
-const CLOCK_AGAIN_MS = 30_000;
+  <p class="small" id="camera-told"></p>`;
+const [OLD_S, VERY_OLD_S, WAIT_S] = [0.5, 10, 5];
+const [AGAIN_MS, SHOW_AGE_MS, CLOCK_AGAIN_MS] = [1000, 200, 30_000];
 
 export default class Camera {
-  #isPermitted = false;
-  #isInView = false;
-  #isLooking = false;
   #number = 0;
   #stamp = null; // when the picture that is shown was taken, by the daemon's clock; null: none is shown
-  #clock = null; // the daemon's clock less the browser's, as the quickest of its answers has it
+  #clock = null; // the daemon's clock less the browser's
+  #measured = -Infinity;
   #timer = null;
 
   constructor({ connection, section }) {
     section.innerHTML = HTML;
-    translate(section);
     section.setAttribute("aria-labelledby", "camera-title");
-    Object.assign(this, { section, own: connection, canvas: $("camera-picture"), pictures: new Connection(connection.url) });
-    this.pictures.addEventListener("hello", ({ detail }) => this.#enter(detail));
-    this.pictures.addEventListener("closed", () => { this.#isLooking = false; });
-    connection.addEventListener("closed", () => {
-      this.#isPermitted = false;
-      this.#update();
+    translate(section);
+    Object.assign(this, { section, canvas: $("camera-picture") });
+    this.own = new OwnConnection(connection, section, {
+      name: "camera of a page",
+      begin: () => this.#look(),
+      follow: (isSeen) => this.#follow(isSeen),
     });
-    document.addEventListener("visibilitychange", () => this.#update());
-    new IntersectionObserver((entries) => {
-      this.#isInView = entries.at(-1).isIntersecting;
-      this.#update();
-    }).observe(section);
+    $("camera-told").textContent = t("camera.none_yet");
   }
 
   begin(can) {
-    this.#isPermitted = can.has("method.get_camera_frame");
-    this.section.hidden = !this.#isPermitted;
-    this.#update();
+    this.section.hidden = !can.has("method.get_camera_frame");
+    this.own.allow(!this.section.hidden);
   }
 
-  get #isWanted() {
-    return this.#isPermitted && this.#isInView && !document.hidden;
-  }
-
-  // Connect when it is to be shown, and end the connection when it is not.
-  #update() {
-    if (this.#isWanted && this.#timer === null) {
-      this.#timer = setInterval(() => this.#showAge(), SHOW_AGE_MS);
-      this.pictures.connect();
-    } else if (!this.#isWanted && this.#timer !== null) {
-      clearInterval(this.#timer);
-      this.#timer = null;
-      this.pictures.disconnect();
-    }
-  }
-
-  async #enter({ auth }) {
-    try {
-      if (auth === "token") await this.pictures.request("authenticate", { token: this.own.token ?? "" });
-      await this.pictures.request("set_client_name", { client: "camera of a page" });
-      this.pictures.settled();
-      this.#number = 0;
-      this.#isLooking = true;
-      await this.#look();
-    } catch (error) {
-      this.#tell(error); // the connection has ended: it connects again by itself
-    }
+  #follow(isSeen) {
+    clearInterval(this.#timer);
+    if (isSeen) this.#timer = setInterval(() => this.#showAge(), SHOW_AGE_MS);
   }
 
   async #look() {
-    let measured = -Infinity;
-    while (this.#isLooking) {
-      if (performance.now() - measured > CLOCK_AGAIN_MS) {
-        await this.#compareClocks();
-        measured = performance.now();
-      }
+    this.#number = 0;
+    this.#measured = -Infinity;
+    while (this.own.open) {
       try {
-        await this.#show(await this.pictures.request("get_camera_frame", { after: this.#number, wait_s: WAIT_S }));
+        if (performance.now() - this.#measured > CLOCK_AGAIN_MS) await this.#compareClocks();
+        await this.#show(await this.own.request("get_camera_frame", { after: this.#number, wait_s: WAIT_S }));
       } catch (error) {
-        if (!this.#isLooking) return;
+        if (!this.own.open) return; // begun anew when it is open again
         this.#tell(error);
         await new Promise((resolve) => setTimeout(resolve, AGAIN_MS));
       }
@@ -96,8 +59,9 @@ export default class Camera {
 
   async #compareClocks() {
     const asked = performance.now();
-    const { stamp_s } = await this.pictures.request("ping");
-    this.#clock = stamp_s - (asked + performance.now()) / 2000;
+    const { stamp_s } = await this.own.request("ping");
+    this.#measured = performance.now();
+    this.#clock = stamp_s - (asked + this.#measured) / 2000;
   }
 
   async #show({ number, stamp_s, jpeg }) {
@@ -118,7 +82,7 @@ export default class Camera {
     if (this.#stamp === null) return;
     const age_s = Math.max(performance.now() / 1000 + this.#clock - this.#stamp, 0);
     this.canvas.classList.toggle("is-old", age_s > OLD_S);
-    $("camera-told").textContent = age_s < 10 ? t("camera.age", { age_s: age_s.toFixed(1) }) : t("camera.old", { age_s: age_s.toFixed(0) });
+    $("camera-told").textContent = age_s < VERY_OLD_S ? t("camera.age", { age_s: age_s.toFixed(1) }) : t("camera.old", { age_s: age_s.toFixed(0) });
   }
 
   #tell({ message }) {

@@ -19,6 +19,7 @@ BUFFERS = 3
 """One that is filled, one that is read, and one between."""
 LOOK_S = 0.25
 """How often the thread looks whether it is to end."""
+NOT_THERE_S = 0.01
 UNPLUGGED = (errno.ENODEV, errno.EIO, errno.ENXIO)
 
 
@@ -171,14 +172,15 @@ class V4l2Capture:
         limit, last_s, dropped = RateLimit(parameters.rate_hz), monotonic_s(), 0
         why = "nothing"
         while not ending.is_set():
+            if monotonic_s() - last_s > parameters.silence_timeout_s:
+                raise CameraLost(_why_silent(parameters, why))
             if not self._kernel.wait_for_picture(self._device, LOOK_S):
-                if monotonic_s() - last_s > parameters.silence_timeout_s:
-                    raise CameraLost(_why_silent(parameters, why))
                 continue
             buffer = abi.Buffer(type=abi.CAPTURE, memory=abi.MAPPED)
             try:
                 self._kernel.ioctl(self._device, abi.DEQUEUE_BUFFER, buffer)
-            except BlockingIOError:
+            except BlockingIOError:  # a driver that announces what is not there must not keep the processor busy
+                ending.wait(NOT_THERE_S)
                 continue
             taken_s = _taken_s(buffer)
             if is_due := limit.admit_at(taken_s):
@@ -193,8 +195,6 @@ class V4l2Capture:
                 picture = read_picture(data, parameters.max_frame_bytes)
             except NotAPicture as problem:
                 dropped, why = dropped + 1, str(problem)
-                if monotonic_s() - last_s > parameters.silence_timeout_s:
-                    raise CameraLost(_why_silent(parameters, why)) from problem
                 continue
             deliver(TakenPicture(picture, taken_s, dropped))
             last_s, dropped = monotonic_s(), 0

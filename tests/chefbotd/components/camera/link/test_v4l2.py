@@ -170,6 +170,15 @@ def test_a_webcam_that_sends_nothing_is_given_up() -> None:
     assert why == "/dev/video0 has sent nothing for 0.5 s"
 
 
+def test_a_driver_that_announces_pictures_and_has_none_is_given_up_and_not_asked_without_a_pause() -> None:
+    """In half a second it is asked some fifty times, not as often as a processor can."""
+    kernel = FakeKernel()
+    kernel.end = errno.EAGAIN
+    _, why = capture(kernel)
+    assert why == "/dev/video0 has sent nothing for 0.5 s"
+    assert kernel.asked.count(abi.DEQUEUE_BUFFER) <= 60
+
+
 def test_it_ends_when_it_is_told_to() -> None:
     """And leaves the device closed."""
     kernel, ending = FakeKernel(), threading.Event()
