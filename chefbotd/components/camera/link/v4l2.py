@@ -179,7 +179,9 @@ class V4l2Capture:
             buffer = abi.Buffer(type=abi.CAPTURE, memory=abi.MAPPED)
             try:
                 self._kernel.ioctl(self._device, abi.DEQUEUE_BUFFER, buffer)
-            except BlockingIOError:  # a driver that announces what is not there must not keep the processor busy
+            except (
+                BlockingIOError
+            ):  # a driver that announces what is not there must not keep the processor busy
                 ending.wait(NOT_THERE_S)
                 continue
             taken_s = _taken_s(buffer)
