@@ -11,12 +11,13 @@ const NONE = "";
 const ICON = "M4 4h7v7H4zM13 4h7v7h-7zM4 13h7v7H4zM13 13h7v7h-7z";
 const DEFAULT_ORDER = 50;
 const LEAST_TABS = 5;
+const SETTLES_MS = 5000; // cards that are there from the beginning have come until then
 
 export class Panels {
   #open = NONE;
   #kept = kept("panel", null); // null: nobody has chosen one yet
   #wish = this.#kept; // what is opened as soon as it is there
-  #isInUse = false; // a pointer or the keyboard is at the panels
+  #isInUse = false; // a pointer or the keyboard is at the panels, or may be
   #anchor = null; // a card, and where it was
 
   constructor() {
@@ -47,6 +48,7 @@ export class Panels {
     const isGuest = document.body.dataset.role === "guest";
     if (this.#kept === null && this.#open === NONE && (isGuest || !this.sheet.isUsed)) this.#wish = isGuest ? "programs" : "drive";
     this.#update();
+    setTimeout(() => { this.#isInUse = true; }, SETTLES_MS);
   }
 
   isOpen(name) {

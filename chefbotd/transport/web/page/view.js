@@ -9,6 +9,7 @@ const TRAIL_STEP_M = 0.05;
 const TRAIL_POINTS = 2000;
 const [MIN_SCALE, MAX_SCALE] = [5, 600];
 const WHOLE = 0.9; // of the room, for the whole map
+const [NARROW_PX, TOOLS_PX] = [600, 56]; // in a narrow room the buttons at its right would lie over the map
 
 export class View {
   #colours = new Map();
@@ -137,8 +138,10 @@ export class View {
     const [left, right, bottom, top] = [0, 1].flatMap((axis) => [Math.min, Math.max].map((most) => most(...corners.map((corner) => corner[axis]))));
     this.setFollow(false);
     this.centre = [(left + right) / 2, (bottom + top) / 2];
-    const fits = Math.min(this.size[0] / (right - left), this.size[1] / (top - bottom));
+    const covered_px = this.size[0] < NARROW_PX ? TOOLS_PX : 0;
+    const fits = Math.min((this.size[0] - covered_px) / (right - left), this.size[1] / (top - bottom));
     this.scale = Math.max(MIN_SCALE, Math.min(MAX_SCALE, WHOLE * fits));
+    this.centre[0] += covered_px / 2 / this.scale;
     this.draw();
   }
 
@@ -165,11 +168,14 @@ export class View {
     c.translate(-this.centre[0], -this.centre[1]);
     this.#paintGrid(width, height);
     for (const layer of this.#layers.drawn(false)) layer.draw(c);
-    if (this.robot) this.#fromRobot(c, () => this.#paintBody());
-    if (this.aim) this.#paintAim(this.aim);
+    const inMetres = c.getTransform();
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
     const at = ({ x_m, y_m }) => [this.middle[0] + (x_m - this.centre[0]) * this.scale, this.middle[1] - (y_m - this.centre[1]) * this.scale];
     for (const layer of this.#layers.drawn(true)) layer.draw(c, at);
+    c.setTransform(inMetres);
+    this.#fromRobot(c, () => this.#paintBody());
+    if (this.aim) this.#paintAim(this.aim);
+    c.setTransform(ratio, 0, 0, ratio, 0, 0);
     this.#paintScaleBar();
   }
 
@@ -215,11 +221,13 @@ export class View {
 
   #paintBody() {
     const { context: c, body } = this;
-    c.strokeStyle = c.fillStyle = this.colour("robot");
-    c.lineWidth = 2 / this.scale;
     c.beginPath();
     if (body.size) c.rect(-body.size[0] / 2, -body.size[1] / 2, ...body.size);
     else c.arc(0, 0, body.radius, 0, 2 * Math.PI);
+    c.fillStyle = this.colour("card");
+    c.fill();
+    c.strokeStyle = c.fillStyle = this.colour("robot");
+    c.lineWidth = 2 / this.scale;
     c.stroke();
     c.beginPath();
     for (const [x, y] of [[0.13, 0], [-0.08, 0.08], [-0.03, 0], [-0.08, -0.08]]) c.lineTo(x, y);
@@ -258,7 +266,7 @@ export class View {
 
   #paintScaleBar() {
     const { context: c, corner: [left, bottom] } = this;
-    const metres = [0.1, 0.5, 1, 5, 10].find((each) => each * this.scale > 40) ?? 20;
+    const metres = [0.1, 0.2, 0.5, 1, 2, 5, 10].find((each) => each * this.scale > 40) ?? 20;
     c.fillStyle = this.colour("paper"); // the bar may lie on a wall
     c.fillRect(left + 8, bottom - 44, Math.max(metres * this.scale, 30) + 12, 27);
     c.fillStyle = this.colour("soft");

@@ -1,5 +1,6 @@
 """Which files the page has, and that what it says itself knows no component."""
 
+import gzip
 import json
 import re
 from pathlib import Path
@@ -51,3 +52,29 @@ def test_the_pages_own_modules_ask_for_nothing_of_maps_and_goals() -> None:
         for name in asked.findall(path.read_text(encoding="utf-8"))
     }
     assert names == set()
+
+
+MOST_COMPRESSED_BYTES = 150_000
+
+
+def test_the_whole_page_is_light() -> None:
+    """With every card of ours and one language, compressed as it is sent: 150 kB at most."""
+    parts = [(component.name, part) for component in own_components() for part in component.page]
+    files = page_files(cards_of(parts))
+    loaded = [
+        path for path in files if path != "/index.html" and (path.endswith("/en.json") or ".json" not in path)
+    ]
+    assert sum(len(files[path].compressed) for path in loaded) < MOST_COMPRESSED_BYTES
+    assert all(gzip.decompress(file.compressed) == file.body for file in files.values())
+
+
+def test_a_style_sheet_with_the_name_of_a_card_is_listed_with_it(tmp_path: Path) -> None:
+    """One that lies beside it under another name is served and not listed; a card without one lists none."""
+    for name in ("card.js", "card.css", "print.css"):
+        (tmp_path / name).write_text(name)
+    (tmp_path / "plain").mkdir()
+    (tmp_path / "plain" / "card.js").write_text("")
+    files = page_files([Card("trip", tmp_path / "card.js"), Card("plain", tmp_path / "plain" / "card.js")])
+    styles = [card["style"] for card in listed(files["/cards.js"].body)]
+    assert styles == ["./components/trip/card.css", ""]
+    assert files["/components/trip/print.css"].body == b"print.css"

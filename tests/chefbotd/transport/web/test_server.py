@@ -2,6 +2,7 @@
 
 import asyncio
 import contextlib
+import gzip
 import json
 from collections.abc import Awaitable, Callable
 from typing import Any
@@ -264,6 +265,21 @@ def test_the_page_lets_no_other_site_near() -> None:
             assert (await get(served, path)).status == 404
         assert (await get(served, "/", method="POST")).status == 405
         assert (await get(served, "/", Host="evil.example")).status == 421
+
+    serve(scenario)
+
+
+def test_files_are_sent_compressed_to_whom_takes_them_so() -> None:
+    """A browser does; its bytes are the same; another one gets them as they are."""
+
+    async def scenario(served: Served) -> None:
+        plain = await get(served, "/style.css")
+        packed = await get(served, "/style.css", Accept_Encoding="gzip, deflate, br")
+        assert "content-encoding" not in plain.headers
+        assert packed.headers["content-encoding"] == "gzip"
+        assert packed.headers["vary"] == plain.headers["vary"] == "Accept-Encoding"
+        assert gzip.decompress(packed.body) == plain.body
+        assert len(packed.body) < 0.5 * len(plain.body)
 
     serve(scenario)
 

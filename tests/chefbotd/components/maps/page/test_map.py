@@ -20,17 +20,19 @@ from tests.scenarios.page.browser import (
 pytestmark = [pytest.mark.slow, pytest.mark.realtime, NEEDS_BROWSER]
 
 
+def packed(*values: int) -> str:
+    """Cells as they are sent."""
+    return base64.b64encode(zlib.compress(struct.pack(f"{len(values)}b", *values))).decode()
+
+
 def test_the_map_is_drawn_where_it_is(page: Any, daemon: FakeDaemon) -> None:
     """Of 3 by 2 cells of 0.5 m from (1, 2) the upper right one is a wall, drawn up and to the right; then it goes."""
     daemon.say("odometry", x_m=9.0, y_m=9.0, heading_rad=0.0, linear_m_s=0.0, angular_rad_s=0.0)
     daemon.say("map_pose", x_m=1.0, y_m=2.0, heading_rad=-2.0, state="localized")
     grid = {"resolution_m": 0.5, "x_m": 1.0, "y_m": 2.0, "heading_rad": 0.0, "columns": 3, "rows": 2}
 
-    def cells(*values: int) -> str:
-        return base64.b64encode(zlib.compress(struct.pack(f"{len(values)}b", *values))).decode()
-
     whole = {"column": 0, "row": 0, "part_columns": 3, "part_rows": 2, "whole": True}
-    daemon.say("map", revision=7, **grid, **whole, encoding="zlib", cells=cells(0, 0, -1, -1, 0, 100))
+    daemon.say("map", revision=7, **grid, **whole, encoding="zlib", cells=packed(0, 0, -1, -1, 0, 100))
     middle = middle_of_view(page)
     wall, free = (
         (middle[0] + 1.25 * 90, middle[1] - 0.75 * 90),
@@ -39,7 +41,7 @@ def test_the_map_is_drawn_where_it_is(page: Any, daemon: FakeDaemon) -> None:
     assert until(lambda: pixel(page, *wall) == [0x20, 0x26, 0x2D])
     assert pixel(page, *free) == [255, 255, 255]
     part = {"column": 2, "row": 1, "part_columns": 1, "part_rows": 1, "whole": False}
-    daemon.say("map", revision=8, **grid, **part, encoding="zlib", cells=cells(0))
+    daemon.say("map", revision=8, **grid, **part, encoding="zlib", cells=packed(0))
     assert until(lambda: pixel(page, *wall) == [255, 255, 255])
 
 
@@ -48,22 +50,18 @@ def test_a_part_of_a_new_map_never_goes_into_a_stored_one(page: Any, daemon: Fak
 
     Nor does a late part change the stored map, once it is in use again.
     """
-
-    def cells(*values: int) -> str:
-        return base64.b64encode(zlib.compress(struct.pack(f"{len(values)}b", *values))).decode()
-
     mapping = {"name": None, "loops": 0, "path_m": 0.0, "unfinished": False, "reason": ""}
     place = {"resolution_m": 0.5, "x_m": 0.0, "y_m": 0.0, "heading_rad": 0.0}
-    stored = {**place, "columns": 2, "rows": 2, "version": 1, "parts": 1, "data": cells(100, 100, 100, 100)}
+    stored = {**place, "columns": 2, "rows": 2, "version": 1, "parts": 1, "data": packed(100, 100, 100, 100)}
     new = {**place, "columns": 3, "rows": 2, "encoding": "zlib"}
-    part = {"column": 2, "row": 1, "part_columns": 1, "part_rows": 1, "whole": False, "cells": cells(100)}
+    part = {"column": 2, "row": 1, "part_columns": 1, "part_rows": 1, "whole": False, "cells": packed(100)}
     whole = {
         "column": 0,
         "row": 0,
         "part_columns": 3,
         "part_rows": 2,
         "whole": True,
-        "cells": cells(*[0] * 6),
+        "cells": packed(*[0] * 6),
     }
     daemon.held = {"list_maps", "get_map"}
     daemon.say("map_pose", x_m=0.0, y_m=0.0, heading_rad=2.0, state="localized")
@@ -86,7 +84,7 @@ def test_a_part_of_a_new_map_never_goes_into_a_stored_one(page: Any, daemon: Fak
     assert until(lambda: daemon.waits("get_map"))
     daemon.answer("get_map", **stored)
     assert until(lambda: pixel(page, *free) == [0x20, 0x26, 0x2D])
-    daemon.say("map", revision=3, **new, **{**part, "column": 0, "cells": cells(0)})
+    daemon.say("map", revision=3, **new, **{**part, "column": 0, "cells": packed(0)})
     page.wait_for_timeout(300)
     assert pixel(page, *free) == [0x20, 0x26, 0x2D]
     sync_api.expect(page.locator("#alert")).to_be_empty()
