@@ -210,6 +210,7 @@ docs: $(VENV)/ready  ## Build the documentation as a site, build/site/index.html
 # Where Chromium is. Look at what was drawn: a busy computer shows in it.
 pictures: $(VENV)/ready  ## Draw the pictures of README and the pages anew, from the programs
 	PYTHONPATH=. $(BIN)/python docs/_site/pictures.py docs/images
+	PYTHONPATH=. $(BIN)/python docs/_site/page_screens.py docs/images
 
 bench: $(VENV)/ready  ## Measure, as in docs/benchmarks.md
 	$(BIN)/python -m benchmarks

@@ -1,16 +1,14 @@
 """Makes the pictures of README and the pages anew, from the programs: python docs/_site/pictures.py [FOLDER [NAME ...]].
 
-NAME is square, page or tune; without any, all are made. It needs Chromium and Playwright. Drawn are the table of ``make
-run``, the page of a simulated ChefBot with a lidar while it drives, and the tuning screen while the wheels are excited.
+NAME is square or tune; without any, both are made. Drawn are the table of ``make run``, and the tuning screen while the
+wheels are excited. The page's pictures are made by ``page_screens.py``.
 """
 
 import asyncio
 import io
-import shutil
 import sys
 from pathlib import Path
 
-from playwright.async_api import async_playwright
 from rich.console import Console
 from rich.terminal_theme import MONOKAI
 
@@ -22,10 +20,8 @@ from chefbotd.client import Client
 from chefbotd.components.tuning.cli import tuning_screen
 from chefbotd.components.tuning.cli.excitation import Wave
 from chefbotd.components.tuning.cli.tuning_screen import Tune
-from chefbotd.transport.ports import reserve_port
 
 COLUMNS, ROWS = 80, 24
-PAGE_SIZE = {"width": 1600, "height": 1000}
 SEEN_S = 12.0
 """Until curves and a path are long enough to be seen."""
 
@@ -47,28 +43,6 @@ async def draw_square(file: Path) -> None:
     console.print("$ make run\nchefbotctl square --sim --robot chefbot")
     square_view.SquareView(False, console).show(result, [])
     console.save_svg(str(file), title="make run", theme=MONOKAI, unique_id="square")
-
-
-async def draw_page(file: Path) -> None:
-    """The page of a robot that has no map yet, while it drives a curve."""
-    port = reserve_port()
-    environment = {"CHEFBOTD_PAGE__ENABLED": "true", "CHEFBOTD_PAGE__PORT": str(port)}
-    async with (
-        simulated_daemon("chefbot_lidar", environment) as (address, _),
-        async_playwright() as playwright,
-        Client.connect(address.host, address.port) as robot,
-    ):
-        browser = await playwright.chromium.launch(
-            executable_path=shutil.which("chromium"), args=["--no-sandbox"]
-        )
-        page = await browser.new_page(viewport=PAGE_SIZE)
-        await page.goto(f"http://127.0.0.1:{port}/")
-        await robot.wait_until_armed()
-        async with asyncio.TaskGroup() as tasks:
-            tasks.create_task(robot.drive_for(1.2 * SEEN_S, linear_m_s=0.1, angular_rad_s=0.2))
-            await asyncio.sleep(SEEN_S)
-            await page.screenshot(path=file)
-        await browser.close()
 
 
 async def draw_tuning(file: Path) -> None:
@@ -94,7 +68,6 @@ async def draw_tuning(file: Path) -> None:
 
 PICTURES = {
     "square": ("square.svg", draw_square),
-    "page": ("page.png", draw_page),
     "tune": ("tune.svg", draw_tuning),
 }
 
