@@ -89,6 +89,7 @@ async def in_the_flat(folder: Path, page_port: int) -> None:
     environment = order.environment(folder / "maps") | {
         "CHEFBOTD_PAGE__ENABLED": "true",
         "CHEFBOTD_PAGE__PORT": str(page_port),
+        "CHEFBOTD_CAMERA__ENABLED": "true",  # it draws only while somebody looks
     }
     async with simulated_daemon("chefbot_lidar", environment, own_clock=True) as (where, _):
         async with Client.connect(where.host, where.port, name="restaurant") as robot:

@@ -79,7 +79,8 @@ class RateLimit:
         """Whether what came at this time is let through; a tenth of a period early is in time."""
         if stamp_s < self._due_s - 0.1 * self._period_s:
             return False
-        self._due_s = max(self._due_s + self._period_s, stamp_s + 0.5 * self._period_s)
+        is_late = stamp_s > self._due_s + self._period_s
+        self._due_s = (stamp_s if is_late else self._due_s) + self._period_s
         return True
 
 

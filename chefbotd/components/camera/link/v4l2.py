@@ -242,7 +242,7 @@ def _why_ended(path: str, error: OSError) -> str:
     if error.errno == errno.EBUSY:
         return f"{path} is used by another program"
     if error.errno == errno.ENOTTY:
-        return f"{path} is no camera"
+        return f"{path} does not answer as a camera does: its driver lacks what is needed, or it is another device"
     if error.errno == errno.ENOSPC:
         return f"{path} finds no room on its USB port: use another one, or ask for fewer or smaller pictures"
     return f"{path} fails: {error.strerror or error}"
