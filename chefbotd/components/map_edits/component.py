@@ -2,7 +2,7 @@
 
 from typing import TYPE_CHECKING
 
-from chefbotd.component import API_VERSION, Component
+from chefbotd.component import API_VERSION, Component, PagePart
 from chefbotd.components.maps.component import COMPONENT as MAPS
 
 if TYPE_CHECKING:
@@ -24,6 +24,7 @@ COMPONENT = Component(
     build=build,
     is_enabled=lambda section, settings: MAPS.is_enabled(getattr(settings, "maps", None), settings),
     events=("chefbotd.components.map_edits.events:MapEdited",),
+    page=(PagePart("chefbotd.components.map_edits", "page/card.js", panel="map", order=60),),
     commands={"map edit": "chefbotd.components.map_edits.cli:edit"},
     client_methods=("chefbotd.components.map_edits.client_methods:MapEditMethods",),
 )

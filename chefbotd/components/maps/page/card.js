@@ -61,6 +61,10 @@ export default class Maps {
     connection.on("mapping", (mapping) => this.#show(mapping));
     connection.on("localization", (found) => this.#located(found));
     connection.addEventListener("closed", () => { this.#shown = null; });
+    document.addEventListener("maps-changed", () => { // another card changed one, or which there are
+      if (this.#mapping.state === "idle") this.#shown = null;
+      if (this.#has("list_maps")) this.#list();
+    });
     for (const id of ["map-start", "guide-start"]) $(id).addEventListener("click", () => this.ask("start_mapping"));
     $("guide-continue").addEventListener("click", () => this.ask("start_mapping", { unfinished: true }));
     for (const id of ["map-discard", "guide-discard"]) $(id).addEventListener("click", () => this.#discard());
@@ -136,7 +140,7 @@ export default class Maps {
     do {
       const next = await this.ask("get_map", { ...(name ? { name } : {}), part: texts.length });
       if (!next) return;
-      if (map && next.version !== map.version) texts.length = 0; // it has grown meanwhile
+      if (map && (next.version !== map.version || next.edits !== map.edits)) texts.length = 0; // it has grown or was edited meanwhile
       else texts.push(next.data);
       map = texts.length ? next : null;
     } while (map === null || texts.length < map.parts);

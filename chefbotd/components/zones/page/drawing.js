@@ -4,15 +4,15 @@
 import { $, element, text } from "../../dom.js";
 import { t, translate } from "../../language.js";
 
-const HTML = `
-  <p id="zone-told" role="status"></p>
-  <label><span data-t="zones.name"></span> <input id="zone-name" maxlength="100" autocomplete="off"></label>
-  <label id="zone-speed-label"><span data-t="zones.speed"></span> <input id="zone-speed" type="number" min="0.01" max="10" step="any" required> m/s</label>
-  <button type="submit" class="wanted" id="zone-done" data-t="zones.done"></button>
-  <button type="button" id="zone-back" data-t="zones.corner_back"></button>
-  <button type="button" id="zone-no" data-t="zones.no"></button>`;
+const HTML = (prefix) => `
+  <p id="${prefix}-told" role="status"></p>
+  <label id="${prefix}-name-label"><span data-t="zones.name"></span> <input id="${prefix}-name" maxlength="100" autocomplete="off"></label>
+  <label id="${prefix}-speed-label"><span data-t="zones.speed"></span> <input id="${prefix}-speed" type="number" min="0.01" max="10" step="any" required> m/s</label>
+  <button type="submit" class="wanted" id="${prefix}-done" data-t="zones.done"></button>
+  <button type="button" id="${prefix}-back" data-t="zones.corner_back"></button>
+  <button type="button" id="${prefix}-no" data-t="zones.no"></button>`;
 const PICKED_PX = 24;
-const LEAST = { keep_out: 3, slow: 3, wall: 2 };
+const ZONES = { keep_out: { least: 3 }, slow: { least: 3, hasSpeed: true }, wall: { least: 2 } };
 
 export class Drawing {
   #kind = null;
@@ -22,18 +22,21 @@ export class Drawing {
   #picked = null; // the corner that goes where the next click is
   #held = null; // what the view did before
 
-  constructor(view, panels, use) {
-    Object.assign(this, { view, panels });
-    this.form = element("form", "", { id: "zone-drawing", className: "overlay drawing row", hidden: true, innerHTML: HTML });
+  // ``kinds`` say of each how many corners it needs at ``least`` and at ``most``, and ``what`` to do. ``prefix`` begins the ids.
+  constructor(view, panels, use, { prefix = "zone", kinds = ZONES, isNamed = true } = {}) {
+    Object.assign(this, { view, panels, prefix, kinds });
+    this.form = element("form", "", { id: `${prefix}-drawing`, className: "overlay drawing row", hidden: true, innerHTML: HTML(prefix) });
     translate(this.form);
     view.addOverlay(this.form);
-    $("zone-back").addEventListener("click", () => { this.#points = this.#points.slice(0, -1); this.#picked = null; this.#show(); });
-    $("zone-no").addEventListener("click", () => this.end());
+    this.isNamed = isNamed;
+    if (!isNamed) for (const part of ["name-label", "speed-label"]) this.#of(part).remove();
+    this.#of("back").addEventListener("click", () => { this.#points = this.#points.slice(0, -1); this.#picked = null; this.#show(); });
+    this.#of("no").addEventListener("click", () => this.end());
     this.form.addEventListener("submit", (event) => {
       event.preventDefault();
-      const zone = { kind: this.#kind, name: $("zone-name").value.trim(), enabled: this.#enabled, points_m: this.#points };
+      const zone = { kind: this.#kind, name: isNamed ? this.#of("name").value.trim() : "", enabled: this.#enabled, points_m: this.#points };
       if (this.#id !== undefined) zone.id = this.#id;
-      if (this.#kind === "slow") zone.max_speed_m_s = Number($("zone-speed").value);
+      if (kinds[this.#kind].hasSpeed) zone.max_speed_m_s = Number(this.#of("speed").value);
       this.end();
       use(zone);
     });
@@ -65,9 +68,11 @@ export class Drawing {
       view.gestures.cancel();
       this.#add(pose);
     };
-    $("zone-name").value = name;
-    $("zone-speed").value = max_speed_m_s ?? 0.1;
-    $("zone-speed-label").hidden = kind !== "slow";
+    if (this.isNamed) {
+      this.#of("name").value = name;
+      this.#of("speed").value = max_speed_m_s ?? 0.1;
+      this.#of("speed-label").hidden = this.#of("speed").disabled = !this.kinds[kind].hasSpeed;
+    }
     this.form.hidden = false;
     this.panels.fold(true);
     this.#show();
@@ -84,6 +89,10 @@ export class Drawing {
     this.view.draw();
   }
 
+  #of(part) {
+    return $(`${this.prefix}-${part}`);
+  }
+
   #add({ x_m, y_m }) {
     const point = [round(x_m), round(y_m)];
     const near = this.#points.findIndex(([x, y]) => Math.hypot(x - x_m, y - y_m) * this.view.scale < PICKED_PX);
@@ -91,18 +100,18 @@ export class Drawing {
       this.#points = this.#points.map((old, index) => (index === this.#picked ? point : old));
       this.#picked = null;
     } else if (near >= 0) this.#picked = near;
-    else this.#points = [...this.#points, point];
+    else if (this.#points.length < (this.kinds[this.#kind].most ?? Infinity)) this.#points = [...this.#points, point];
     this.#show();
   }
 
   #show() {
     const count = this.#points.length;
-    const missing = LEAST[this.#kind] - count;
-    const what = { what: t(`zones.touch.${this.#kind}`), count, missing };
-    const told = t(missing > 0 ? "zones.so_far_missing" : "zones.so_far", what);
-    text("zone-told", this.#picked === null ? told : t("zones.put_down"));
-    $("zone-done").disabled = missing > 0;
-    $("zone-back").disabled = count === 0;
+    const { least, what = t(`zones.touch.${this.#kind}`) } = this.kinds[this.#kind];
+    const missing = least - count;
+    const told = t(missing > 0 ? "zones.so_far_missing" : "zones.so_far", { what, count, missing });
+    text(`${this.prefix}-told`, this.#picked === null ? told : t("zones.put_down"));
+    this.#of("done").disabled = missing > 0;
+    this.#of("back").disabled = count === 0;
     this.view.draw();
   }
 }

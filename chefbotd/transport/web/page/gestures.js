@@ -106,7 +106,8 @@ export class Gestures {
     if (!right && !down) return;
     const { view } = this;
     view.setFollow(false);
-    view.centre = [view.centre[0] - right / view.scale / fingers, view.centre[1] + down / view.scale / fingers];
+    const [dx, dy] = view.toStep(right / fingers, -down / fingers);
+    view.centre = [view.centre[0] - dx, view.centre[1] - dy];
   }
 
   #pinch([one, other], now, before) {

@@ -23,6 +23,7 @@ export class View {
     this.context = canvas.getContext("2d");
     this.scale = 90; // pixels a metre
     this.centre = [0, 0];
+    this.angle = 0; // by which the map is turned, counter-clockwise
     this.middle = [0, 0]; // where the centre is drawn, in pixels
     this.size = [0, 0]; // of the room
     this.corner = [0, 0]; // where the scale stands, left and below
@@ -127,21 +128,34 @@ export class View {
     this.draw();
   }
 
+  // What is drawn is turned by this, counter-clockwise; what it means in metres stays.
+  setAngle(angle) {
+    this.angle = angle;
+    this.draw();
+  }
+
+  // A step on the screen, to the right and upwards in pixels, in metres of the map.
+  toStep(right, up) {
+    return turned([right / this.scale, up / this.scale], -this.angle);
+  }
+
   toWorld(x, y) {
-    return [this.centre[0] + (x - this.middle[0]) / this.scale, this.centre[1] - (y - this.middle[1]) / this.scale];
+    const [dx, dy] = this.toStep(x - this.middle[0], this.middle[1] - y);
+    return [this.centre[0] + dx, this.centre[1] + dy];
   }
 
   // All that is known of the map, with a margin; the robot is not followed any more.
   showWholeMap() {
-    const corners = this.#bounds();
+    const corners = this.#bounds()?.map((corner) => turned(corner, this.angle));
     if (!corners) return;
     const [left, right, bottom, top] = [0, 1].flatMap((axis) => [Math.min, Math.max].map((most) => most(...corners.map((corner) => corner[axis]))));
     this.setFollow(false);
-    this.centre = [(left + right) / 2, (bottom + top) / 2];
+    this.centre = turned([(left + right) / 2, (bottom + top) / 2], -this.angle);
     const covered_px = this.size[0] < NARROW_PX ? TOOLS_PX : 0;
     const fits = Math.min((this.size[0] - covered_px) / (right - left), this.size[1] / (top - bottom));
     this.scale = Math.max(MIN_SCALE, Math.min(MAX_SCALE, WHOLE * fits));
-    this.centre[0] += covered_px / 2 / this.scale;
+    const [dx, dy] = this.toStep(covered_px / 2, 0);
+    this.centre = [this.centre[0] + dx, this.centre[1] + dy];
     this.draw();
   }
 
@@ -165,12 +179,16 @@ export class View {
     c.fillRect(0, 0, width, height);
     c.translate(...this.middle);
     c.scale(this.scale, -this.scale);
+    c.rotate(this.angle);
     c.translate(-this.centre[0], -this.centre[1]);
     this.#paintGrid(width, height);
     for (const layer of this.#layers.drawn(false)) layer.draw(c);
     const inMetres = c.getTransform();
     c.setTransform(ratio, 0, 0, ratio, 0, 0);
-    const at = ({ x_m, y_m }) => [this.middle[0] + (x_m - this.centre[0]) * this.scale, this.middle[1] - (y_m - this.centre[1]) * this.scale];
+    const at = ({ x_m, y_m }) => {
+      const [right, up] = turned([x_m - this.centre[0], y_m - this.centre[1]], this.angle);
+      return [this.middle[0] + right * this.scale, this.middle[1] - up * this.scale];
+    };
     for (const layer of this.#layers.drawn(true)) layer.draw(c, at);
     c.setTransform(inMetres);
     this.#fromRobot(c, () => this.#paintBody());
@@ -181,8 +199,8 @@ export class View {
 
   #paintGrid(width, height) {
     const { context: c } = this;
-    const [left, bottom] = this.toWorld(0, height);
-    const [right, top] = this.toWorld(width, 0);
+    const corners = [[0, 0], [width, 0], [0, height], [width, height]].map((corner) => this.toWorld(...corner));
+    const [left, right, bottom, top] = [0, 1].flatMap((axis) => [Math.min, Math.max].map((most) => most(...corners.map((corner) => corner[axis]))));
     const step = this.scale < 20 ? 5 : 1;
     c.strokeStyle = this.colour("grid");
     c.lineWidth = 1 / this.scale;
@@ -280,6 +298,11 @@ export class View {
     this.onFollow?.(follow);
     this.draw();
   }
+}
+
+function turned([x, y], angle) {
+  const [cos, sin] = [Math.cos(angle), Math.sin(angle)];
+  return [cos * x - sin * y, sin * x + cos * y];
 }
 
 // A scan of the socket as points in the robot's frame.
