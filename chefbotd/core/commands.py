@@ -5,6 +5,7 @@ from enum import StrEnum
 from typing import Generic, TypeVar
 
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import sentence_data
 
 T = TypeVar("T")
 
@@ -66,10 +67,18 @@ class RefusalKind(StrEnum):
 
 
 class Refused(Exception):
-    """A command that was understood and not carried out: nothing moved, nothing changed."""
+    """A command that was understood and not carried out: nothing moved, nothing changed.
+
+    A message that is a ``Sentence`` keeps its id and its arguments in ``words``.
+    """
 
     def __init__(
         self, kind: RefusalKind, message: str, details: Mapping[str, str | float] | None = None
     ) -> None:
         super().__init__(message)
-        self.kind, self.details = kind, details
+        self.kind, self.words, self.details = kind, message, details
+
+    @property
+    def data(self) -> dict[str, object]:
+        """What the error says beside its kind and its words."""
+        return {**sentence_data(self.words), **(self.details or {})}

@@ -9,6 +9,7 @@ from typing import Final, Protocol
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import Motion, WheelDuties
+from chefbotd.core.sentence import Sentence
 from chefbotd.rpc.control_leases import ControlLeases
 from chefbotd.rpc.method import Unserved
 from chefbotd.rpc.parameters import ApiParameters, Role
@@ -126,7 +127,11 @@ class InnerDriver:
         if self.stop_number != stop_number:
             raise Refused(
                 RefusalKind.STOPPED,
-                f"the robot was stopped after {what}; ask again if it is still wanted",
+                Sentence(
+                    "driving.stopped_after",
+                    "the robot was stopped after {what}; ask again if it is still wanted",
+                    what=what,
+                ),
             )
 
     def gives_way_to(self, source: str | None) -> bool:

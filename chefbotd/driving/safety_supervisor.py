@@ -26,6 +26,7 @@ from chefbotd.core.events import (
 from chefbotd.core.events.inputs import FaultTaken
 from chefbotd.core.geometry import STANDING, Pose2D
 from chefbotd.core.record import MutableState, Record, replace
+from chefbotd.core.sentence import Sentence
 from chefbotd.driving.gate_announcer import AnnouncerState, GateAnnouncer
 from chefbotd.driving.motor_watch import Credit, MotorWatch, MotorWatchState
 from chefbotd.driving.obstacle_guard import ObstacleGuard, Scans
@@ -201,12 +202,17 @@ class SafetySupervisor:
         self.record_attempt(command.source, client, command.stamp_s)
         if command.source == CALIBRATION and client != OWN:
             raise Refused(
-                RefusalKind.UNKNOWN_SOURCE, f"only the robot's own calibration drives as {CALIBRATION!r}"
+                RefusalKind.UNKNOWN_SOURCE,
+                Sentence(
+                    "driving.calibration_only",
+                    "only the robot's own calibration drives as {source!r}",
+                    source=CALIBRATION,
+                ),
             )
         accepted = gate.accept(self._parameters, self.memory.gate, command)
         self._held.require_free(command.source, client)
         if not self.memory.link_open:
-            raise Refused(RefusalKind.LINK_DOWN, "the board is not connected")
+            raise Refused(RefusalKind.LINK_DOWN, Sentence("driving.no_board", "the board is not connected"))
         self.memory.gate = accepted
 
     def record_attempt(self, source: str, client: int, now_s: float) -> None:
@@ -258,14 +264,27 @@ class SafetySupervisor:
             self._take_report()
         if latch not in (None, self.memory.latched):
             is_foreign = latch // LATCHES_PER_SESSION != self.memory.latched // LATCHES_PER_SESSION
-            since = "the daemon was restarted" if is_foreign else "the robot was stopped again"
-            raise Refused(
-                RefusalKind.LATCHED_AGAIN,
-                f"{since} meanwhile: {gate.why_not_armed(self.memory.gate.mode, self.memory.gate.reason)}; "
-                "look at it, then arm the robot again",
-            )
+            why = gate.why_not_armed(self.memory.gate.mode, self.memory.gate.reason)
+            if is_foreign:
+                since = Sentence(
+                    "driving.restarted_since",
+                    "the daemon was restarted meanwhile: {why}; look at it, then arm the robot again",
+                    why=why,
+                )
+            else:
+                since = Sentence(
+                    "driving.stopped_again",
+                    "the robot was stopped again meanwhile: {why}; look at it, then arm the robot again",
+                    why=why,
+                )
+            raise Refused(RefusalKind.LATCHED_AGAIN, since)
         if not self.memory.link_open:
-            raise Refused(RefusalKind.LINK_DOWN, "the board is not connected, so the robot cannot be armed")
+            raise Refused(
+                RefusalKind.LINK_DOWN,
+                Sentence(
+                    "driving.no_board_to_arm", "the board is not connected, so the robot cannot be armed"
+                ),
+            )
         if self.armed:
             return
         armed = gate.change_mode(self.memory.gate, Trigger.ARM, "armed")

@@ -1,6 +1,7 @@
 """Holds sources after a stop, and refuses their drivers; the rules are in ``chefbotd.safety.hold``."""
 
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.sentence import Sentence
 from chefbotd.safety import hold
 
 EMERGENCY_STOP = "an emergency stop"
@@ -52,6 +53,12 @@ class StopHold:
         if stopped_by:
             raise Refused(
                 RefusalKind.STOPPED,
-                f"{source} was stopped by {stopped_by}: let go for {stop_hold_s:g} s, or arm the robot",
+                Sentence(
+                    "driving.stopped_by",
+                    "{source} was stopped by {stopped_by}: let go for {stop_hold_s:g} s, or arm the robot",
+                    source=source,
+                    stopped_by=stopped_by,
+                    stop_hold_s=stop_hold_s,
+                ),
                 {"source": source, "stopped_by": stopped_by, "stop_hold_s": stop_hold_s},
             )

@@ -5,6 +5,7 @@ from operator import truediv
 
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import WheelDuties, WheelVelocities
+from chefbotd.core.sentence import Sentence
 from chefbotd.motion import rims
 from chefbotd.motion.drive_state import LOADED_SHARE, DriveParameters
 from chefbotd.motion.kinematics import Kinematics
@@ -45,7 +46,12 @@ def by_speed(
     """
     strangers = [name for name in velocity_rad_s if name not in names]
     if strangers:
-        reason = f"no wheel named {', '.join(map(ascii, strangers))}; there are {', '.join(names)}"
+        reason = Sentence(
+            "driving.unknown_wheel",
+            "no wheel named {wheels}; there are {others}",
+            wheels=", ".join(map(ascii, strangers)),
+            others=", ".join(names),
+        )
         raise Refused(RefusalKind.UNKNOWN_WHEEL, reason)
     speeds = tuple([velocity_rad_s.get(name, 0.0) for name in names])
     return WheelVelocities(speeds, kinematics.twist(speeds))

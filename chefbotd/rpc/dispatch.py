@@ -231,7 +231,7 @@ class Dispatcher:
         if isinstance(problem, Unserved):
             return Failure(problem.kind, str(problem), request.id, problem.details)
         if isinstance(problem, Refused):
-            return Failure(problem.kind, str(problem), request.id, problem.details or {})
+            return Failure(problem.kind, str(problem), request.id, problem.data)
         self.faults[request.method] += 1
         log.error("handler_fault", method=request.method, exc_info=problem)
         return Failure(ErrorKind.INTERNAL, f"a fault in the daemon during {request.method}", request.id)

@@ -11,6 +11,7 @@ from msgspec.structs import replace
 from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import Sentence
 from chefbotd.rpc import models
 from chefbotd.rpc.access import Keyring, digest
 from chefbotd.rpc.control_leases import ControlLeases, Sources
@@ -188,7 +189,13 @@ class ServerMethods:
         source, names = params.source or self._sources.default, self._sources.names
         if source not in names:
             raise Refused(
-                RefusalKind.UNKNOWN_SOURCE, f"no source named {source!a}; there are {', '.join(names)}"
+                RefusalKind.UNKNOWN_SOURCE,
+                Sentence(
+                    "driving.unknown_source",
+                    "no source named {source!a}; there are {others}",
+                    source=source,
+                    others=", ".join(names),
+                ),
             )
         before = self._leases.take_source(source, caller.session, self._clock.now_s())
         others = None if before is None or before is caller.session else str(before)

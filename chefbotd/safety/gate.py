@@ -21,6 +21,7 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import STANDING, Motion, WheelVelocities
 from chefbotd.core.parameters import Parameters, section
 from chefbotd.core.record import Record, replace
+from chefbotd.core.sentence import Sentence
 from chefbotd.safety.battery_monitor import BatteryMonitorParameters
 from chefbotd.safety.echo import EchoParameters
 from chefbotd.safety.encoder_timeout import EncoderTimeoutParameters
@@ -191,8 +192,17 @@ def why_not_armed(mode: str, reason: str) -> str:
 def not_armed(mode: str, reason: str) -> Refused:
     """The refusal of a motion that was asked for meanwhile."""
     kind = RefusalKind.ESTOPPED if mode == Mode.ESTOPPED else RefusalKind.DISARMED
-    remedy = "; arm the robot first" if mode in _STOPPED else ""
-    return Refused(kind, why_not_armed(mode, reason) + remedy)
+    if mode not in _STOPPED:
+        return Refused(kind, reason)
+    if mode == Mode.ESTOPPED:
+        why = Sentence(
+            "driving.estopped", "the emergency stop is on ({reason}); arm the robot first", reason=reason
+        )
+    else:
+        why = Sentence(
+            "driving.disarmed", "the robot is stopped ({reason}); arm the robot first", reason=reason
+        )
+    return Refused(kind, why)
 
 
 def is_by_duty(motion: Motion) -> TypeGuard[WheelVelocities]:
@@ -209,7 +219,15 @@ def accept(parameters: SafetyParameters, state: GateState, command: Command) -> 
     """
     if command.source not in parameters.sources:
         names = ", ".join(sorted(parameters.offered))
-        raise Refused(RefusalKind.UNKNOWN_SOURCE, f"no source named {command.source!r}; there are {names}")
+        raise Refused(
+            RefusalKind.UNKNOWN_SOURCE,
+            Sentence(
+                "driving.unknown_source_of_command",
+                "no source named {source!r}; there are {others}",
+                source=command.source,
+                others=names,
+            ),
+        )
     if is_by_duty(command.motion) and command.source != CALIBRATION:
         raise ValueError(f"only the source {CALIBRATION!r} may drive by duties, got {command.source!r}")
     if state.mode is not Mode.ARMED:

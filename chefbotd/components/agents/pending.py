@@ -9,6 +9,7 @@ from chefbotd.components.agents.events import QuestionData
 from chefbotd.components.agents.models import AskResult, CallResult
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.record import MutableState, Record, StatefulPart
+from chefbotd.core.sentence import Sentence
 from chefbotd.features.feature import Waiting
 from chefbotd.inputs import InputLog, Timer
 from chefbotd.rpc.jobs import ProgressReporter
@@ -133,5 +134,10 @@ class PendingRequests(StatefulPart[PendingState]):
         elif pending.question is not None:
             self.end(number, AskResult(None))
         else:
-            why = f"the agent {pending.agent!a} has not answered {pending.method!a} in time"
+            why = Sentence(
+                "agents.timed_out",
+                "the agent {agent!a} has not answered {method!a} in time",
+                agent=pending.agent,
+                method=pending.method,
+            )
             self.end(number, Refused(RefusalKind.AGENT_TIMED_OUT, why))

@@ -36,6 +36,7 @@ from chefbotd.components.agents.pending import PendingRequests, PendingState
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import ClientDisconnected, SafetyChanged
 from chefbotd.core.record import MutableState, Record, StatefulPart, replace
+from chefbotd.core.sentence import Sentence
 from chefbotd.features.feature import Feature
 from chefbotd.inputs import ResumableTimer, inputs_of
 from chefbotd.rpc.jobs import ProgressReporter
@@ -101,10 +102,15 @@ class AgentsService(StatefulPart[AgentsState]):
         """Be an agent of this name, which no other may have, until the connection ends."""
         client, own = caller.session.number, self._agent_of(caller.session.number)
         if own is not None and own.data.name != params.name:
-            why = f"this connection is the agent {own.data.name!a} already"
+            why = Sentence(
+                "agents.is_agent", "this connection is the agent {name!a} already", name=own.data.name
+            )
             raise Refused(RefusalKind.AGENT_EXISTS, why)
         if own is None and any(agent.data.name == params.name for agent in self.memory.agents):
-            raise Refused(RefusalKind.AGENT_EXISTS, f"another agent is called {params.name!a} already")
+            raise Refused(
+                RefusalKind.AGENT_EXISTS,
+                Sentence("agents.name_used", "another agent is called {name!a} already", name=params.name),
+            )
         _require_room("agents", len(self.memory.agents) - (own is not None), MOST_AGENTS)
         data = AgentData(params.name, params.version, tuple(params.methods))
         self._keep_agent(RegisteredAgent(data, client, MOST_SAID, self._entries.now_s()))
@@ -152,7 +158,12 @@ class AgentsService(StatefulPart[AgentsState]):
         """Take back a button of this agent."""
         button = self._button(params.button_id)
         if button.agent != self._agent(caller.session).data.name:
-            why = f"the button {button.label!a} belongs to the agent {button.agent!a}"
+            why = Sentence(
+                "agents.foreign_button",
+                "the button {label!a} belongs to the agent {agent!a}",
+                label=button.label,
+                agent=button.agent,
+            )
             raise Refused(RefusalKind.UNKNOWN_BUTTON, why)
         self.memory.buttons.remove(button)
         self._publish_state()
@@ -170,7 +181,12 @@ class AgentsService(StatefulPart[AgentsState]):
         """Answer a call of a method of this agent, which came on the topic agent_events."""
         name, call = self._agent(caller.session).data.name, self.waits.get(params.call_id)
         if call is None or call.question is not None or call.agent != name:
-            why = f"no call {params.call_id} of the agent {name!a} waits for an answer"
+            why = Sentence(
+                "agents.no_call",
+                "no call {call} of the agent {agent!a} waits for an answer",
+                call=params.call_id,
+                agent=name,
+            )
             raise Refused(RefusalKind.UNKNOWN_CALL, why)
         refused = None if params.error is None else Refused(RefusalKind.AGENT_FAILED, params.error)
         self.waits.end(call.number, refused or CallResult(params.result))
@@ -190,11 +206,20 @@ class AgentsService(StatefulPart[AgentsState]):
         """Choose one of the answers to a question; the first answer counts."""
         pending = self.waits.get(params.question_id)
         if pending is None or pending.question is None:
-            why = f"no question {params.question_id} waits for an answer"
+            why = Sentence(
+                "agents.no_question",
+                "no question {question} waits for an answer",
+                question=params.question_id,
+            )
             raise Refused(RefusalKind.UNKNOWN_QUESTION, why)
         choices = pending.question.choices
         if params.choice not in choices:
-            why = f"{params.choice!a} is none of the choices: {', '.join(choices)}"
+            why = Sentence(
+                "agents.no_choice",
+                "{choice!a} is none of the choices: {choices}",
+                choice=params.choice,
+                choices=", ".join(choices),
+            )
             raise Refused(RefusalKind.OUT_OF_RANGE, why)
         self.waits.end(pending.number, AskResult(params.choice, str(caller.session), self.memory.stop_number))
         return DONE
@@ -208,11 +233,22 @@ class AgentsService(StatefulPart[AgentsState]):
         agent = by_name.get(params.agent)
         if agent is None:
             names = ", ".join(by_name) or "none"
-            why = f"no agent is called {params.agent!a}; there are: {names}"
+            why = Sentence(
+                "agents.unknown",
+                "no agent is called {agent!a}; there are: {names}",
+                agent=params.agent,
+                names=names,
+            )
             raise Refused(RefusalKind.UNKNOWN_AGENT, why)
         if params.method not in agent.methods:
             offered = ", ".join(agent.methods) or "nothing"
-            why = f"the agent {agent.name!a} does not offer {params.method!a}; it offers: {offered}"
+            why = Sentence(
+                "agents.not_offered",
+                "the agent {agent!a} does not offer {method!a}; it offers: {offered}",
+                agent=agent.name,
+                method=params.method,
+                offered=offered,
+            )
             raise Refused(RefusalKind.UNKNOWN_AGENT, why)
         _require_room("calls of an agent", len(self.waits.of(agent.name, questions=False)), MOST_CALLS)
         number = self._next_number()
@@ -238,13 +274,19 @@ class AgentsService(StatefulPart[AgentsState]):
     def _agent(self, session: Session) -> RegisteredAgent:
         agent = self._agent_of(session.number)
         if agent is None:
-            raise Refused(RefusalKind.NOT_AN_AGENT, "this connection is no agent; it has to register first")
+            raise Refused(
+                RefusalKind.NOT_AN_AGENT,
+                Sentence("agents.no_agent", "this connection is no agent; it has to register first"),
+            )
         return agent
 
     def _button(self, number: int) -> ButtonData:
         button = next((button for button in self.memory.buttons if button.button_id == number), None)
         if button is None:
-            raise Refused(RefusalKind.UNKNOWN_BUTTON, f"there is no button {number}")
+            raise Refused(
+                RefusalKind.UNKNOWN_BUTTON,
+                Sentence("agents.no_button", "there is no button {number}", number=number),
+            )
         return button
 
     def _notify(self, agent: str, event: Literal["pressed", "called"], by: Session, **details: Any) -> None:
@@ -279,7 +321,10 @@ class AgentsService(StatefulPart[AgentsState]):
         name = agent.data.name
         self.memory.agents.remove(agent)
         self.memory.buttons = [button for button in self.memory.buttons if button.agent != name]
-        left = Refused(RefusalKind.AGENT_LEFT, f"the agent {name!a} has left before it answered")
+        left = Refused(
+            RefusalKind.AGENT_LEFT,
+            Sentence("agents.left", "the agent {agent!a} has left before it answered", agent=name),
+        )
         for pending in (*self.waits.of(name, questions=True), *self.waits.of(name, questions=False)):
             self.waits.end(pending.number, left)
         self._publish_state()
@@ -287,7 +332,16 @@ class AgentsService(StatefulPart[AgentsState]):
 
 def _require_room(what: str, count: int, most: int) -> None:
     if count >= most:
-        raise Refused(RefusalKind.OUT_OF_RANGE, f"at most {most} {what} are allowed, and there are {count}")
+        raise Refused(
+            RefusalKind.OUT_OF_RANGE,
+            Sentence(
+                "agents.full",
+                "at most {most} {what} are allowed, and there are {count}",
+                most=most,
+                what=what,
+                count=count,
+            ),
+        )
 
 
 def agents(bus: Bus, clock: Clock) -> Feature:

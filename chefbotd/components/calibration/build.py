@@ -11,6 +11,7 @@ from chefbotd.components.calibration.service import CalibrationService
 from chefbotd.components.calibration.service import calibration as feature
 from chefbotd.composition.scanners import robot_outline
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.sentence import Sentence
 from chefbotd.extras import how_to_add_extra
 from chefbotd.features.feature import Feature
 from chefbotd.settings import Settings, SettingsError
@@ -78,5 +79,10 @@ def _save(path: Path | None, values: Values) -> CalibrationApplied:
     except SettingsError as error:
         raise Refused(RefusalKind.STORAGE_FAILED, str(error)) from error
     except OSError as error:
-        raise Refused(RefusalKind.STORAGE_FAILED, f"{path} was not written: {error.strerror}") from error
+        raise Refused(
+            RefusalKind.STORAGE_FAILED,
+            Sentence(
+                "calibration.not_written", "{path} was not written: {why}", path=path, why=error.strerror
+            ),
+        ) from error
     return CalibrationApplied(saved.path, saved.kept, saved.difference, tuple(values))

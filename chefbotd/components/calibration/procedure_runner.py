@@ -14,6 +14,7 @@ from chefbotd.components.calibration.measuring import Gathering, join_measuremen
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import SafetyChanged, WheelsMeasured
 from chefbotd.core.record import MutableState, Record, StatefulPart
+from chefbotd.core.sentence import Sentence
 from chefbotd.driving.inner_driver import InnerDriver
 from chefbotd.inputs import Timer, inputs_of
 from chefbotd.safety.gate import Mode, not_armed
@@ -76,7 +77,14 @@ class ProcedureRunner(StatefulPart[ProcedureRunnerState]):
         """
         safety = self._armed()
         if safety.source not in (None, self._driver.source):
-            raise Refused(RefusalKind.STOPPED, f"{safety.source} drives the robot; end that first")
+            raise Refused(
+                RefusalKind.STOPPED,
+                Sentence(
+                    "calibration.other_drives",
+                    "{source} drives the robot; end that first",
+                    source=safety.source,
+                ),
+            )
 
     def _armed(self) -> SafetyChanged:
         """The gate's state; raises ``Refused`` where the robot is not armed."""
@@ -95,7 +103,10 @@ class ProcedureRunner(StatefulPart[ProcedureRunnerState]):
         """
         asked, future = self._asked, self._answer
         if asked is None or future is None or future.done() or asked.key != key:
-            raise Refused(RefusalKind.OUT_OF_RANGE, f"calibration does not ask for {key!a} now")
+            raise Refused(
+                RefusalKind.OUT_OF_RANGE,
+                Sentence("calibration.not_asked", "calibration does not ask for {key!a} now", key=key),
+            )
         if not asked.lowest <= value <= asked.highest:
             expected = f"expected {asked.lowest:g} to {asked.highest:g} {asked.unit}"
             raise Refused(RefusalKind.OUT_OF_RANGE, f"{key} is {value:g}, {expected}")
@@ -124,7 +135,14 @@ class ProcedureRunner(StatefulPart[ProcedureRunnerState]):
                 answers = await self._perform(action, baseline)
                 parts.append(gathering.take(answers))
                 if self._entries.now_s() > end_s:
-                    raise Refused(RefusalKind.STOPPED, f"the step took longer than {STEP_TIMEOUT_S:.0f} s")
+                    raise Refused(
+                        RefusalKind.STOPPED,
+                        Sentence(
+                            "calibration.took_long",
+                            "the step took longer than {seconds:.0f} s",
+                            seconds=STEP_TIMEOUT_S,
+                        ),
+                    )
                 try:
                     action = procedure.send(parts[-1])
                 except StopIteration:
@@ -184,11 +202,22 @@ class ProcedureRunner(StatefulPart[ProcedureRunnerState]):
         if blocked_s > BLOCKED_S:
             raise Refused(
                 RefusalKind.STOPPED,
-                f"something is in the way ({safety.limited_by}); make room, and try again",
+                Sentence(
+                    "calibration.in_the_way",
+                    "something is in the way ({obstacle}); make room, and try again",
+                    obstacle=safety.limited_by,
+                ),
             )
         wheels = self.memory.wheels
         if wheels is None or now_s - wheels.arrival_s > SILENT_S:
-            raise Refused(RefusalKind.LINK_DOWN, f"the board has not told of its wheels for {SILENT_S:.0f} s")
+            raise Refused(
+                RefusalKind.LINK_DOWN,
+                Sentence(
+                    "calibration.silent",
+                    "the board has not told of its wheels for {seconds:.0f} s",
+                    seconds=SILENT_S,
+                ),
+            )
 
     def _silence(self) -> str:
         """What a board without an echo does, where that is why the wheels do not obey; else nothing."""
@@ -203,10 +232,16 @@ class ProcedureRunner(StatefulPart[ProcedureRunnerState]):
         """The gate's state; raises ``Refused`` after any stop or fault, also after one that is cleared already."""
         if self._driver.stops != baseline.stops:
             who = self._driver.stopped_by or "somebody"
-            raise Refused(RefusalKind.STOPPED, f"the calibration was stopped by {who}")
+            raise Refused(
+                RefusalKind.STOPPED,
+                Sentence("calibration.stopped", "the calibration was stopped by {who}", who=who),
+            )
         safety = self._armed()
         if self._driver.stop_number != baseline.stop_number:
-            raise Refused(RefusalKind.STOPPED, "a fault stopped the robot meanwhile; begin the step again")
+            raise Refused(
+                RefusalKind.STOPPED,
+                Sentence("calibration.fault", "a fault stopped the robot meanwhile; begin the step again"),
+            )
         return safety
 
     async def _ask_person(self, ask: Ask, baseline: StopBaseline) -> float:

@@ -41,6 +41,7 @@ from chefbotd.core.events import BatteryMeasured
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import BatteryLevelStatus
 from chefbotd.core.record import MutableState, StatefulPart, replace
+from chefbotd.core.sentence import Sentence
 from chefbotd.driving.inner_driver import InnerDriver
 from chefbotd.features.feature import Feature
 from chefbotd.inputs import inputs_of
@@ -121,7 +122,10 @@ class CalibrationService(StatefulPart[CalibrationState]):
     def _taking(self, step: str, progress: ProgressReporter) -> Iterator[None]:
         """One step at a time; raises ``Refused`` while there is another."""
         if self._step:
-            raise Refused(RefusalKind.CANNOT_CALIBRATE, f"the step {self._step} is being carried out")
+            raise Refused(
+                RefusalKind.CANNOT_CALIBRATE,
+                Sentence("calibration.busy", "the step {step} is being carried out", step=self._step),
+            )
         self._step, self._report = step, progress.report
         try:
             yield
@@ -147,16 +151,29 @@ class CalibrationService(StatefulPart[CalibrationState]):
         results = [self._results[name] for name in names if name in self._results]
         if missing := [name for name in names if name not in self._results]:
             raise Refused(
-                RefusalKind.NOT_CALIBRATED, f"{', '.join(missing)}: has no result yet; calibrate it first"
+                RefusalKind.NOT_CALIBRATED,
+                Sentence(
+                    "calibration.no_result",
+                    "{steps}: has no result yet; calibrate it first",
+                    steps=", ".join(missing),
+                ),
             )
         passed = [result for result in results if result.status is Status.PASSED]
         if failed := [result.step for result in results if result not in passed and params.steps is not None]:
             raise Refused(
-                RefusalKind.NOT_CALIBRATED, f"{', '.join(failed)}: has not passed, so nothing is written"
+                RefusalKind.NOT_CALIBRATED,
+                Sentence(
+                    "calibration.not_passed",
+                    "{steps}: has not passed, so nothing is written",
+                    steps=", ".join(failed),
+                ),
             )
         values = _values(passed)
         if not values:
-            raise Refused(RefusalKind.NOT_CALIBRATED, "no step has passed yet, so there is nothing to write")
+            raise Refused(
+                RefusalKind.NOT_CALIBRATED,
+                Sentence("calibration.none_passed", "no step has passed yet, so there is nothing to write"),
+            )
         return await self._thread.write_configuration(values)
 
     def _require(self, step: StepDefinition, robot: ConfiguredRobot, space_m: float | None) -> None:
@@ -166,11 +183,24 @@ class CalibrationService(StatefulPart[CalibrationState]):
             Refused: what does not.
         """
         if missing := step.missing(robot):
-            raise Refused(RefusalKind.CANNOT_CALIBRATE, f"{step.name} cannot be calibrated: {missing}")
+            raise Refused(
+                RefusalKind.CANNOT_CALIBRATE,
+                Sentence(
+                    "calibration.missing",
+                    "{step} cannot be calibrated: {missing}",
+                    step=step.name,
+                    missing=missing,
+                ),
+            )
         self._runner.require()
         battery = self.memory.battery
         if battery is not None and battery.status is not BatteryLevelStatus.OK:
-            reason = f"the battery is {battery.status} ({battery.voltage_v:.1f} V): charge it first"
+            reason = Sentence(
+                "calibration.battery",
+                "the battery is {status} ({voltage_v:.1f} V): charge it first",
+                status=battery.status,
+                voltage_v=battery.voltage_v,
+            )
             raise Refused(RefusalKind.CANNOT_CALIBRATE, reason)
         if step.space_m:
             self._require_space(step, robot, space_m)
@@ -181,14 +211,31 @@ class CalibrationService(StatefulPart[CalibrationState]):
         now_s = self._entries.now_s()
         seen = free_space(robot, [scan for scan in self._scans.values() if now_s - scan.stamp_s < SCAN_AGE_S])
         if seen is not None and seen.distance_m < step.space_m:
-            reason = (
-                f"{step.name} needs {step.space_m:g} m of free floor around the robot; the lidar sees {seen}"
+            reason = Sentence(
+                "calibration.lidar_sees",
+                "{step} needs {space_m:g} m of free floor around the robot; the lidar sees {seen}",
+                step=step.name,
+                space_m=step.space_m,
+                seen=seen,
             )
             raise Refused(RefusalKind.CANNOT_CALIBRATE, reason)
         if seen is None and (told_m is None or told_m < step.space_m):
             reason = (
-                f"{step.name} needs {step.space_m:g} m of free floor around the robot, and no lidar sees "
-                f"{'whether there is' if told_m is None else 'more than you say'}: say how much there is"
+                Sentence(
+                    "calibration.say_room",
+                    "{step} needs {space_m:g} m of free floor around the robot, and no lidar sees whether there is: "
+                    "say how much there is",
+                    step=step.name,
+                    space_m=step.space_m,
+                )
+                if told_m is None
+                else Sentence(
+                    "calibration.too_little_room",
+                    "{step} needs {space_m:g} m of free floor around the robot, and no lidar sees more than you say: "
+                    "say how much there is",
+                    step=step.name,
+                    space_m=step.space_m,
+                )
             )
             raise Refused(RefusalKind.CANNOT_CALIBRATE, reason)
 

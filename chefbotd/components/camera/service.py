@@ -9,6 +9,7 @@ from chefbotd.components.camera.link.source import CameraLost
 from chefbotd.components.camera.models import CameraFigures, CameraFrame, GetCameraFrameParams
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.record import replace
+from chefbotd.core.sentence import Sentence
 from chefbotd.features.feature import Feature, Service
 from chefbotd.metrics import Metrics
 from chefbotd.rpc.jobs import ProgressReporter
@@ -47,7 +48,9 @@ class CameraService:
             frame = await self._camera.next_picture(params.after, params.wait_s)
             self._seen_s[number] = self._clock.now_s()
         except CameraLost as lost:
-            raise Refused(RefusalKind.NO_PICTURE, f"no picture: {lost}") from lost
+            raise Refused(
+                RefusalKind.NO_PICTURE, Sentence("camera.no_picture", "no picture: {why}", why=lost)
+            ) from lost
         finally:
             self._waiting.discard(number)
         return frame
@@ -74,14 +77,18 @@ class CameraService:
         if number in self._waiting:
             raise Refused(
                 RefusalKind.TOO_MANY_VIEWERS,
-                "this client is waiting for a picture already: ask for one at a time",
+                Sentence(
+                    "camera.waiting", "this client is waiting for a picture already: ask for one at a time"
+                ),
             )
         most = self._camera.parameters.max_viewers
         self._forget_gone()
         if number not in self._seen_s and self.viewers >= most:
             raise Refused(
                 RefusalKind.TOO_MANY_VIEWERS,
-                f"{most} clients look at the camera, which is the most at a time",
+                Sentence(
+                    "camera.full", "{most} clients look at the camera, which is the most at a time", most=most
+                ),
             )
 
     def _forget_gone(self) -> None:

@@ -10,6 +10,7 @@ from chefbotd.components.invitations.access_file import AccessFile
 from chefbotd.components.invitations.parameters import InvitationsParameters
 from chefbotd.components.invitations.service import Invitations
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.sentence import Sentence
 from chefbotd.features.feature import Feature, Service
 from chefbotd.rpc.method import methods_of
 from chefbotd.rpc.parameters import is_loopback
@@ -56,7 +57,10 @@ async def page_address(address: str | None, parts: "DaemonParts", *, encrypted: 
         return address, False
     if parts.page is None:
         raise Refused(
-            RefusalKind.CANNOT_INVITE, "a phone comes in by the page, which is switched off on this robot"
+            RefusalKind.CANNOT_INVITE,
+            Sentence(
+                "invitations.no_page", "a phone comes in by the page, which is switched off on this robot"
+            ),
         )
     host, port = await parts.page()
     if host in ("0.0.0.0", "::"):  # noqa: S104 - it is compared, not listened on
@@ -79,6 +83,9 @@ def own_address() -> str:
         except OSError as error:
             raise Refused(
                 RefusalKind.CANNOT_INVITE,
-                "this computer is in no network, and no address for links is configured",
+                Sentence(
+                    "invitations.no_network",
+                    "this computer is in no network, and no address for links is configured",
+                ),
             ) from error
         return str(probe.getsockname()[0])

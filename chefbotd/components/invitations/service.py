@@ -31,6 +31,7 @@ from chefbotd.components.invitations.algorithms.book import (
 from chefbotd.components.invitations.qr import qr_rows
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.record import replace
+from chefbotd.core.sentence import Sentence
 from chefbotd.rpc.jobs import ProgressReporter
 from chefbotd.rpc.method import Caller, method
 from chefbotd.rpc.models import DONE, Done, NoParams
@@ -119,13 +120,19 @@ class Invitations:
         if not self._tokens().asks_for_tokens:
             raise Refused(
                 RefusalKind.CANNOT_INVITE,
-                "this robot asks nobody who they are, so nobody needs an invitation: configure its token file first",
+                Sentence(
+                    "invitations.no_tokens",
+                    "this robot asks nobody who they are, so nobody needs an invitation: configure its token file first",
+                ),
             )
         if params.role is Role.ADMIN and not self._encrypted:
             raise Refused(
                 RefusalKind.CANNOT_INVITE,
-                "an administrator is invited only over TLS, as others in the network could read the token: "
-                "configure a certificate and its key first",
+                Sentence(
+                    "invitations.needs_tls",
+                    "an administrator is invited only over TLS, as others in the network could read the token: "
+                    "configure a certificate and its key first",
+                ),
             )
         base, is_local = await self._link_base()
         secret, code = secrets.token_urlsafe(SECRET_BYTES), make_code(secrets.choice)
@@ -143,7 +150,12 @@ class Invitations:
             )
         except TooManyOpen:
             raise Refused(
-                RefusalKind.CANNOT_INVITE, f"{MOST_OPEN} invitations are open: revoke one first"
+                RefusalKind.CANNOT_INVITE,
+                Sentence(
+                    "invitations.too_many_open",
+                    "{most} invitations are open: revoke one first",
+                    most=MOST_OPEN,
+                ),
             ) from None
         log.info("invitation made", invitation=made.number, role=str(made.role), client=made.made_by)
         link = f"{base}#join={secret}"
@@ -162,7 +174,10 @@ class Invitations:
             invitation = self._book.find(secret, caller.session.host, self._clock.now_s())
         except TooManyAttempts:
             raise Refused(
-                RefusalKind.TOO_MANY_ATTEMPTS, "too many codes were tried; wait ten seconds and try again"
+                RefusalKind.TOO_MANY_ATTEMPTS,
+                Sentence(
+                    "invitations.too_many_codes", "too many codes were tried; wait ten seconds and try again"
+                ),
             ) from None
         except NotOpen:
             raise Refused(RefusalKind.NOT_INVITED, CLOSED) from None
@@ -192,7 +207,12 @@ class Invitations:
             valid = tuple(device for device in access_list.devices if device.is_valid(now_s))
             if len(valid) >= MOST_DEVICES:
                 raise Refused(
-                    RefusalKind.CANNOT_INVITE, f"{MOST_DEVICES} phones were let in: revoke one first"
+                    RefusalKind.CANNOT_INVITE,
+                    Sentence(
+                        "invitations.too_many_devices",
+                        "{most} phones were let in: revoke one first",
+                        most=MOST_DEVICES,
+                    ),
                 )
             number = access_list.count + 1
             new = Device(number, invitation.role, name, digest(token).hex(), now_s, expires_s)
@@ -213,7 +233,12 @@ class Invitations:
             self._book.approve(params.invitation)
         except NotOpen:
             raise Refused(
-                RefusalKind.NOT_INVITED, f"no phone waits with the invitation {params.invitation}"
+                RefusalKind.NOT_INVITED,
+                Sentence(
+                    "invitations.nobody_waits",
+                    "no phone waits with the invitation {invitation}",
+                    invitation=params.invitation,
+                ),
             ) from None
         return DONE
 
@@ -248,16 +273,33 @@ class Invitations:
     ) -> Done:
         """Close an invitation, or end the access of somebody who was let in and disconnect them."""
         if (params.invitation is None) == (params.device is None):
-            raise Refused(RefusalKind.NOT_INVITED, "name an invitation or a device, one of both")
+            raise Refused(
+                RefusalKind.NOT_INVITED,
+                Sentence("invitations.name_one", "name an invitation or a device, one of both"),
+            )
         if params.invitation is not None:
             if self._book.close_invitation(params.invitation) is None:
-                raise Refused(RefusalKind.NOT_INVITED, f"no invitation {params.invitation} is open")
+                raise Refused(
+                    RefusalKind.NOT_INVITED,
+                    Sentence(
+                        "invitations.not_open",
+                        "no invitation {invitation} is open",
+                        invitation=params.invitation,
+                    ),
+                )
             return DONE
 
         def revoke(access_list: AccessList) -> AccessList:
             left = tuple(device for device in access_list.devices if device.number != params.device)
             if len(left) == len(access_list.devices):
-                raise Refused(RefusalKind.NOT_INVITED, f"nobody was let in with the number {params.device}")
+                raise Refused(
+                    RefusalKind.NOT_INVITED,
+                    Sentence(
+                        "invitations.unknown_device",
+                        "nobody was let in with the number {device}",
+                        device=params.device,
+                    ),
+                )
             return replace(access_list, devices=left)
 
         await self._change(revoke)
@@ -279,13 +321,19 @@ class Invitations:
     async def _save_change(self, change: Callable[[AccessList], AccessList]) -> None:
         async with self._order:
             if self._access_list is None:
-                raise Refused(RefusalKind.STORAGE_FAILED, f"not possible: {self._unreadable}")
+                raise Refused(
+                    RefusalKind.STORAGE_FAILED,
+                    Sentence("invitations.unreadable", "not possible: {why}", why=self._unreadable),
+                )
             changed = change(self._access_list)
             try:
                 await asyncio.to_thread(self._file.write, changed)
             except OSError as error:
                 raise Refused(
-                    RefusalKind.STORAGE_FAILED, f"who was let in cannot be saved: {explain(error)}"
+                    RefusalKind.STORAGE_FAILED,
+                    Sentence(
+                        "invitations.not_saved", "who was let in cannot be saved: {why}", why=explain(error)
+                    ),
                 ) from error
             self._access_list = changed
             self._issue()

@@ -11,6 +11,7 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.geometry import Pose2D
 from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.parameters import Parameters
+from chefbotd.core.sentence import Sentence
 from chefbotd.storage import read_file
 
 MOVED_M, MOVED_RAD = 0.1, 0.1
@@ -83,9 +84,16 @@ def require_on_map(grid: OccupancyGrid, x_m: float, y_m: float) -> None:
         return
     corners = [grid.map_from_grid.compose(Pose2D(x, y)) for x in (0.0, long_m) for y in (0.0, high_m)]
     xs_m, ys_m = [corner.x_m for corner in corners], [corner.y_m for corner in corners]
-    reason = (
-        f"({x_m:.2f}, {y_m:.2f}) is not on the map, "
-        f"which reaches from ({min(xs_m):.2f}, {min(ys_m):.2f}) to ({max(xs_m):.2f}, {max(ys_m):.2f})"
+    reason = Sentence(
+        "localization.beside_map",
+        "({x_m:.2f}, {y_m:.2f}) is not on the map, "
+        "which reaches from ({left_m:.2f}, {low_m:.2f}) to ({right_m:.2f}, {high_m:.2f})",
+        x_m=x_m,
+        y_m=y_m,
+        left_m=min(xs_m),
+        low_m=min(ys_m),
+        right_m=max(xs_m),
+        high_m=max(ys_m),
     )
     raise Refused(RefusalKind.OUT_OF_RANGE, reason)
 

@@ -37,6 +37,7 @@ from chefbotd.core.events.robot import OdometryUpdated
 from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.poses import Floats, compose
 from chefbotd.core.record import replace
+from chefbotd.core.sentence import Sentence
 
 if TYPE_CHECKING:  # it would load asyncio, 7 MB
     from chefbotd.clock import Clock
@@ -241,7 +242,15 @@ class LocalizationSkill:
             self._keep()
             self._rest()
             kind = problem.kind if isinstance(problem, Refused) else RefusalKind.MAP_UNREADABLE
-            raise Refused(kind, f"the map {name!r} cannot be used for localization: {problem}") from problem
+            raise Refused(
+                kind,
+                Sentence(
+                    "localization.unusable_map",
+                    "the map {map!r} cannot be used for localization: {why}",
+                    map=name,
+                    why=problem,
+                ),
+            ) from problem
         self._change_to(name, version, edited, map_, renamed_from)
         return self._standing()
 
@@ -264,7 +273,14 @@ class LocalizationSkill:
                 self._within, self.edited = map_, edited
         except (ValueError, Refused) as problem:
             kind = problem.kind if isinstance(problem, Refused) else RefusalKind.MAP_UNREADABLE
-            raise Refused(kind, f"the map is used as it was before it was edited: {problem}") from problem
+            raise Refused(
+                kind,
+                Sentence(
+                    "localization.used_as_before",
+                    "the map is used as it was before it was edited: {why}",
+                    why=problem,
+                ),
+            ) from problem
         return self._standing()
 
     def _free(self) -> None:
@@ -296,7 +312,10 @@ class LocalizationSkill:
         if self._within is None:
             raise Refused(
                 RefusalKind.NO_MAP_LOADED,
-                "no finished map is in use: load one, or finish the one in progress",
+                Sentence(
+                    "localization.no_map",
+                    "no finished map is in use: load one, or finish the one in progress",
+                ),
             )
 
     # what is published

@@ -15,6 +15,7 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events import OdometryReset, OdometryUpdated, SafetyChanged
 from chefbotd.core.geometry import Twist2D, wrap_angle
 from chefbotd.core.record import MutableState, StatefulPart
+from chefbotd.core.sentence import Sentence
 from chefbotd.driving.inner_driver import InnerDriver
 from chefbotd.inputs import ResumableTimer, inputs_of
 from chefbotd.rpc.method import Unserved
@@ -92,14 +93,26 @@ class Turning(StatefulPart[TurningState]):
         """
         safety = self.memory.safety
         if self._driver is None:
-            raise Refused(RefusalKind.UNKNOWN_SOURCE, "this robot is not set up to turn by itself")
+            raise Refused(
+                RefusalKind.UNKNOWN_SOURCE,
+                Sentence("localization.cannot_turn", "this robot is not set up to turn by itself"),
+            )
         if safety is not None and safety.mode != ARMED:
             raise not_armed(safety.mode, safety.reason)
         if self.memory.has_goal:
-            reason = "the robot has a goal and cannot turn now; cancel the goal first"
+            reason = Sentence(
+                "localization.has_goal", "the robot has a goal and cannot turn now; cancel the goal first"
+            )
             raise Refused(RefusalKind.STOPPED, reason)
         if safety is not None and self._driver.gives_way_to(safety.source):
-            raise Refused(RefusalKind.STOPPED, f"{safety.source} drives; the robot does not turn meanwhile")
+            raise Refused(
+                RefusalKind.STOPPED,
+                Sentence(
+                    "localization.other_drives",
+                    "{source} drives; the robot does not turn meanwhile",
+                    source=safety.source,
+                ),
+            )
         return self._driver
 
     def begin(self, stop_number: int | None = None) -> "asyncio.Future[str]":

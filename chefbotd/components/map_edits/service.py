@@ -40,6 +40,7 @@ from chefbotd.components.maps.storage.disk import MapStoreError
 from chefbotd.components.maps.storage.manifest import Extent
 from chefbotd.components.maps.storage.store import revision_of
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.sentence import Sentence
 from chefbotd.features.feature import Feature
 from chefbotd.inputs import inputs_of
 from chefbotd.rpc.jobs import ProgressReporter
@@ -89,7 +90,9 @@ class MapEditsService:
     ) -> MapEditsSaved:
         """Erase a part of a map, draw a wall, or crop the map; paths are planned again at once."""
         if params.kind != "wall" and (reason := why_no_area(params.outline_m)):
-            raise MapStoreError(RefusalKind.OUT_OF_RANGE, f"this is no area: {reason}")
+            raise MapStoreError(
+                RefusalKind.OUT_OF_RANGE, Sentence("map_edits.no_area", "this is no area: {why}", why=reason)
+            )
         saved: MapEditData | None = None
 
         def changed(edits: MapEdits) -> MapEdits:
@@ -121,7 +124,13 @@ class MapEditsService:
             if params.id not in ids:
                 listed = ", ".join(ids) or "none"
                 raise MapStoreError(
-                    RefusalKind.UNKNOWN_EDIT, f"no edit with the id {params.id!r}; there are: {listed}"
+                    RefusalKind.UNKNOWN_EDIT,
+                    Sentence(
+                        "map_edits.unknown",
+                        "no edit with the id {edit!r}; there are: {listed}",
+                        edit=params.id,
+                        listed=listed,
+                    ),
                 )
             return without_edit(edits, params.id)
 
@@ -135,7 +144,10 @@ class MapEditsService:
 
         def changed(edits: MapEdits) -> MapEdits:
             if not edits.can_undo:
-                raise MapStoreError(RefusalKind.NOTHING_TO_UNDO, "no change of the map's edits is remembered")
+                raise MapStoreError(
+                    RefusalKind.NOTHING_TO_UNDO,
+                    Sentence("map_edits.nothing_to_undo", "no change of the map's edits is remembered"),
+                )
             return step_back(edits)
 
         return await self._file.in_order(lambda: self._apply(params, changed))
@@ -149,7 +161,8 @@ class MapEditsService:
         def changed(edits: MapEdits) -> MapEdits:
             if not edits.can_redo:
                 raise MapStoreError(
-                    RefusalKind.NOTHING_TO_UNDO, "no change of the map's edits was taken back last"
+                    RefusalKind.NOTHING_TO_UNDO,
+                    Sentence("map_edits.nothing_to_redo", "no change of the map's edits was taken back last"),
                 )
             return step_forward(edits)
 
@@ -169,7 +182,10 @@ class MapEditsService:
         try:
             edits = change(before)
         except ValueError as error:
-            raise MapStoreError(RefusalKind.OUT_OF_RANGE, f"the map cannot be edited so: {error}") from error
+            raise MapStoreError(
+                RefusalKind.OUT_OF_RANGE,
+                Sentence("map_edits.refused", "the map cannot be edited so: {why}", why=error),
+            ) from error
         is_redrawn = edits.edits() != before.edits()
         if asks and is_redrawn:
             await self._examine(name, write_edits(edits))
@@ -213,7 +229,13 @@ def _parsed(content: bytes | None, name: str) -> MapEdits:
         return parse_edits(content)
     except ValueError as error:
         raise MapStoreError(
-            RefusalKind.MAP_UNREADABLE, f"the edits of the map {name!r} cannot be read: {error}"
+            RefusalKind.MAP_UNREADABLE,
+            Sentence(
+                "map_edits.unreadable",
+                "the edits of the map {map!r} cannot be read: {why}",
+                map=name,
+                why=error,
+            ),
         ) from error
 
 

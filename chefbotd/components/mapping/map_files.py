@@ -13,6 +13,7 @@ from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import Sentence
 
 
 class MapFiles(Protocol):
@@ -113,19 +114,25 @@ class StartStates:
         if arrays is not None and not unfinished:
             raise Refused(
                 RefusalKind.ALREADY_MAPPING,
-                "there is an unfinished map: go on with it, or discard it",
+                Sentence("mapping.unfinished", "there is an unfinished map: go on with it, or discard it"),
             )
         warning = self.warning(is_found=arrays is not None)
         if unfinished and arrays is None:
             if warning:
                 raise Refused(RefusalKind.MAP_UNREADABLE, warning)
-            raise Refused(RefusalKind.NOT_MAPPING, "there is no unfinished map")
+            raise Refused(
+                RefusalKind.NOT_MAPPING, Sentence("mapping.no_unfinished", "there is no unfinished map")
+            )
         if name is not None and not unfinished:
             arrays = self._files.read_slam(name)
             if arrays is None:
                 raise Refused(
                     RefusalKind.MAP_UNREADABLE,
-                    f"the map {name!r} cannot be extended: it was not made by mapping, or its graph is missing",
+                    Sentence(
+                        "mapping.not_extendable",
+                        "the map {map!r} cannot be extended: it was not made by mapping, or its graph is missing",
+                        map=name,
+                    ),
                 )
         return StartState(start() if arrays is None else self._continued(arrays), warning)
 
@@ -153,5 +160,8 @@ class StartStates:
         try:
             state = restore_state(arrays)
         except NotASavedState as problem:
-            raise Refused(RefusalKind.MAP_UNREADABLE, f"this map cannot be extended: {problem}") from problem
+            raise Refused(
+                RefusalKind.MAP_UNREADABLE,
+                Sentence("mapping.not_extendable_because", "this map cannot be extended: {why}", why=problem),
+            ) from problem
         return state if same_run or not len(state.nodes) else start_new_part(state)

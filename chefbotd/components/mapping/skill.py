@@ -28,6 +28,7 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import MapPoseUpdated, OdometryUpdated
 from chefbotd.core.poses import motion_covariance
+from chefbotd.core.sentence import Sentence
 
 if TYPE_CHECKING:  # it would load asyncio, 7 MB
     from chefbotd.clock import Clock
@@ -185,9 +186,9 @@ class MappingSkill:
             return self._status()
         if self._mode is not MappingMode.IDLE:
             reason = (
-                "the map is being finished"
+                Sentence("mapping.finishing", "the map is being finished")
                 if self._mode is MappingMode.FINISHING
-                else "a map is being made already"
+                else Sentence("mapping.making", "a map is being made already")
             )
             raise Refused(RefusalKind.ALREADY_MAPPING, reason)
         self._begin(self._start_states.asked_for(request.name, unfinished=request.unfinished), request.name)
@@ -217,7 +218,10 @@ class MappingSkill:
 
     def _discard(self) -> MappingChanged:
         if self._mode is MappingMode.FINISHING:
-            raise Refused(RefusalKind.ALREADY_MAPPING, "the map is being finished: cancel that first")
+            raise Refused(
+                RefusalKind.ALREADY_MAPPING,
+                Sentence("mapping.finishing_cancel", "the map is being finished: cancel that first"),
+            )
         self._files.discard_autosave()
         self._mode, self._name, self._reason, self._warning = MappingMode.IDLE, None, "", ""
         self._forget()
@@ -228,7 +232,10 @@ class MappingSkill:
         if not len(self._state.nodes):
             raise Refused(
                 RefusalKind.NOT_MAPPING,
-                "the map is empty because no scan has arrived yet; check the topics of the lidar",
+                Sentence(
+                    "mapping.empty",
+                    "the map is empty because no scan has arrived yet; check the topics of the lidar",
+                ),
             )
         job = self._finishing(map_name(name), self._mode)
         next(
@@ -263,14 +270,19 @@ class MappingSkill:
     def _require_map(self) -> None:
         if self._mode in (MappingMode.IDLE, MappingMode.FINISHING):
             reason = (
-                "the map is being finished" if self._mode is MappingMode.FINISHING else "no map is being made"
+                Sentence("mapping.finishing", "the map is being finished")
+                if self._mode is MappingMode.FINISHING
+                else Sentence("mapping.none", "no map is being made")
             )
             raise Refused(RefusalKind.NOT_MAPPING, reason)
 
     def _whole_grid(self) -> Struct:
         part = self._updates.whole(self._clock.now_s())
         if part is None:
-            raise Refused(RefusalKind.NOT_MAPPING, "no map is being made, or it is still empty")
+            raise Refused(
+                RefusalKind.NOT_MAPPING,
+                Sentence("mapping.none_or_empty", "no map is being made, or it is still empty"),
+            )
         return part
 
     # what is published

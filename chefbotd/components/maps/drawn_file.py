@@ -9,6 +9,7 @@ from chefbotd.components.maps.service import MapsService
 from chefbotd.components.maps.storage.disk import MapStoreError
 from chefbotd.components.maps.storage.store import revision_of
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.sentence import Sentence
 from chefbotd.inputs import inputs_of
 
 Result = TypeVar("Result")
@@ -84,5 +85,9 @@ class DrawnFile:
     def _changed_meanwhile(self) -> MapStoreError:
         return MapStoreError(
             RefusalKind.CHANGED_MEANWHILE,
-            f"the {self._what} were changed meanwhile; look at them, and try again",
+            Sentence(
+                "maps.changed_meanwhile",
+                "the {what} were changed meanwhile; look at them, and try again",
+                what=self._what,
+            ),
         )

@@ -13,6 +13,7 @@ from chefbotd.child import send_signal
 from chefbotd.components.maps.storage.disk import MapStoreError
 from chefbotd.components.maps.storage.importing import Order
 from chefbotd.core.commands import RefusalKind
+from chefbotd.core.sentence import Sentence
 
 Report = Callable[[float, float, str], None]
 MOST_LINE_BYTES = 65_536
@@ -53,7 +54,13 @@ async def run_import(order: Order, report: Report) -> tuple[int, str]:
     if "error" in message:
         raise MapStoreError(RefusalKind(message["error"]), message["message"])
     raise MapStoreError(
-        RefusalKind.MAP_UNREADABLE, f"{order.yaml}: the program that reads it failed with exit code {code}"
+        RefusalKind.MAP_UNREADABLE,
+        Sentence(
+            "maps.import_failed",
+            "{file}: the program that reads it failed with exit code {code}",
+            file=order.yaml,
+            code=code,
+        ),
     )
 
 

@@ -10,6 +10,7 @@ from chefbotd.components.maps.storage.manifest import CELLS, Extent, Manifest
 from chefbotd.components.maps.storage.store import MapStore, revision_of
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import Sentence
 
 PART_BYTES = 49_152
 """64 KiB as base64; a multiple of three, so that the texts of all parts are one base64."""
@@ -33,7 +34,13 @@ class Cells(Record, frozen=True):
         parts = max(1, -(-len(self.data) // PART_BYTES))
         if part >= parts:
             raise MapStoreError(
-                RefusalKind.OUT_OF_RANGE, f"the map has {parts} parts, counted from 0, got {part}"
+                RefusalKind.OUT_OF_RANGE,
+                Sentence(
+                    "maps.parts",
+                    "the map has {parts} parts, counted from 0, got {part}",
+                    parts=parts,
+                    part=part,
+                ),
             )
         chosen = self.data[part * PART_BYTES : (part + 1) * PART_BYTES]
         return MapPart(
@@ -90,7 +97,10 @@ class Cache:
     def growing_part(self, session: int, part: int, now_s: float) -> MapPart:
         """A part of what was kept for this session; raises ``MapStoreError``."""
         if session not in self._growing:
-            raise MapStoreError(RefusalKind.OUT_OF_RANGE, "of a map that is being made, ask for part 0 first")
+            raise MapStoreError(
+                RefusalKind.OUT_OF_RANGE,
+                Sentence("maps.first_part", "of a map that is being made, ask for part 0 first"),
+            )
         return self._growing[session].part(part, now_s)
 
     def _cells(self, store: MapStore, name: str) -> Cells:
@@ -103,7 +113,10 @@ class Cache:
                 return cells
         if stored.plain:
             raise MapStoreError(
-                RefusalKind.MAP_UNREADABLE, f"the map {name!r} was not saved by chefbotd: load it first"
+                RefusalKind.MAP_UNREADABLE,
+                Sentence(
+                    "maps.foreign", "the map {map!r} was not saved by chefbotd: load it first", map=name
+                ),
             )
         manifest, data = store.read_file(name, CELLS)
         if redraw is not None and content is not None:
@@ -118,5 +131,6 @@ def _redrawn(redraw: Redraw, data: bytes, extent: Extent, content: bytes, name: 
         return redraw.draw(data, extent, content)
     except ValueError as error:
         raise MapStoreError(
-            RefusalKind.MAP_UNREADABLE, f"the map {name!r} cannot be shown: {error}"
+            RefusalKind.MAP_UNREADABLE,
+            Sentence("maps.cannot_show", "the map {map!r} cannot be shown: {why}", map=name, why=error),
         ) from error

@@ -8,6 +8,7 @@ from chefbotd.components.maps.storage.disk import MapStoreError
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.events.robot import POSE_ENDED, MapPoseUpdated
 from chefbotd.core.geometry import Pose2D
+from chefbotd.core.sentence import Sentence
 
 SURE: Final = ("mapping", "localized")
 """States in which the scans fit; in any other the pose may be wrong, and a place of it with it."""
@@ -57,6 +58,11 @@ class RobotPose:
             return pose.map_from_base
         raise MapStoreError(
             RefusalKind.POSE_UNKNOWN,
-            f"where the robot is in the map {of_map!r} is not known ({why}): "
-            "wait until it is localized, which takes some seconds after a map was loaded, or say where it is",
+            Sentence(
+                "maps.pose_unknown",
+                "where the robot is in the map {map!r} is not known ({why}): wait until it is localized, "
+                "which takes some seconds after a map was loaded, or say where it is",
+                map=of_map,
+                why=why,
+            ),
         )

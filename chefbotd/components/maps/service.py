@@ -52,6 +52,7 @@ from chefbotd.components.worker.watch import WorkerState, took_too_much, was_too
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.events.robot import WorkerReported
 from chefbotd.core.geometry import wrap_angle
+from chefbotd.core.sentence import Sentence
 from chefbotd.features.feature import Feature, Service
 from chefbotd.inputs import inputs_of
 from chefbotd.rpc.jobs import ProgressReporter
@@ -238,7 +239,10 @@ class MapsService:
             doubt += ": is that meant? Correct the YAML file and import it again, or say as you load it that it is right"
         too_large = "" if most_mb is None else why_too_large(extent, most_mb)
         if reason := "; ".join(filter(None, (doubt, too_large))):
-            raise MapStoreError(RefusalKind.OUT_OF_RANGE, f"the map {name!r} is not used: {reason}")
+            raise MapStoreError(
+                RefusalKind.OUT_OF_RANGE,
+                Sentence("maps.not_used", "the map {map!r} is not used: {why}", map=name, why=reason),
+            )
 
     def _announce(self, name: str, version: Version, renamed_from: str | None = None) -> None:
         folder, number = str(self.store.folder), version.manifest.version
@@ -269,7 +273,11 @@ class MapsService:
             if name in names and not params.replace:
                 raise MapStoreError(
                     RefusalKind.MAP_EXISTS,
-                    f"there is a map {name!r} already; replace makes this its next version",
+                    Sentence(
+                        "maps.exists_replace",
+                        "there is a map {map!r} already; replace makes this its next version",
+                        map=name,
+                    ),
                 )
             version, notes = await self._import(path, name, str(path), progress.report)
             return MapInUse(name=name, version=version, warning=notes or None)
@@ -396,7 +404,11 @@ class MapsService:
         if self._robot_pose.is_mapping and self._robot_pose.mapped == map_name(name):
             raise MapStoreError(
                 RefusalKind.ALREADY_MAPPING,
-                f"the map {name!r} is being extended: finish or discard that first",
+                Sentence(
+                    "maps.being_extended",
+                    "the map {map!r} is being extended: finish or discard that first",
+                    map=name,
+                ),
             )
 
     def named(self, name: str | None) -> str:
@@ -404,7 +416,10 @@ class MapsService:
         if name is not None:
             return map_name(name)
         if self.in_use is None:
-            raise MapStoreError(RefusalKind.NO_MAP_LOADED, "no map is in use: load one, or name one")
+            raise MapStoreError(
+                RefusalKind.NO_MAP_LOADED,
+                Sentence("maps.none_in_use", "no map is in use: load one, or name one"),
+            )
         return self.in_use
 
     async def _in_thread(self, function: Callable[..., Any], *arguments: object) -> Any:

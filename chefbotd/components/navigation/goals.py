@@ -15,6 +15,7 @@ from chefbotd.components.navigation.models import Waypoint
 from chefbotd.components.navigation.skill_requests import GoalAsked
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.record import Record, replace
+from chefbotd.core.sentence import Sentence, sentence_data, sentence_of
 from chefbotd.inputs import InputLog
 from chefbotd.rpc.encoding import encode
 
@@ -73,7 +74,13 @@ class Goals:
     def require_room(self, more: int) -> None:
         """Raises ``Refused`` where so many more would be too many."""
         if len(self.active) + more > MOST_ACTIVE:
-            why = f"at most {MOST_ACTIVE} goals may wait at a time: {len(self.active)} wait, got {more} more"
+            why = Sentence(
+                "navigation.too_many_goals",
+                "at most {most} goals may wait at a time: {waiting} wait, got {more} more",
+                most=MOST_ACTIVE,
+                waiting=len(self.active),
+                more=more,
+            )
             raise Refused(RefusalKind.OUT_OF_RANGE, why)
 
     def add(self, goals: Iterable[GoalAsked]) -> None:
@@ -134,7 +141,10 @@ class Goals:
         """What will have the goal's end; raises ``Refused`` for a goal that nobody remembers."""
         end = self._ends.get(number)
         if end is None:
-            raise Refused(RefusalKind.UNKNOWN_GOAL, f"no goal {number} is remembered")
+            raise Refused(
+                RefusalKind.UNKNOWN_GOAL,
+                Sentence("navigation.unknown_goal", "no goal {number} is remembered", number=number),
+            )
         return end
 
     def of_id(self, goal_id: str) -> tuple[int, ...]:
@@ -184,12 +194,14 @@ class Destinations:
             try:
                 return encode(await self._places.places(None)).decode()
             except Refused as problem:
-                return json.dumps({"kind": problem.kind, "message": str(problem)})
+                return json.dumps(
+                    {"kind": problem.kind, "message": str(problem), **sentence_data(problem.words)}
+                )
 
         answer = await self._entries.answer("places", ask)
         refused = json.loads(answer)
         if "kind" in refused:
-            raise Refused(RefusalKind(refused["kind"]), refused["message"])
+            raise Refused(RefusalKind(refused["kind"]), sentence_of(refused["message"], refused))
         return msgspec.json.decode(answer, type=PlaceList)
 
 
@@ -199,7 +211,13 @@ def _goal(number: int, waypoint: Waypoint, places: PlaceList | None) -> GoalAske
         place = next((place for place in places.places if place.name == waypoint.place), None)
         if place is None:
             others = describe_unknown(waypoint.place, [place.name for place in places.places])
-            why = f"the map {places.map!a} has no place {waypoint.place!a}; {others}"
+            why = Sentence(
+                "navigation.unknown_place",
+                "the map {map!a} has no place {place!a}; {others}",
+                map=places.map,
+                place=waypoint.place,
+                others=others,
+            )
             raise Refused(RefusalKind.UNKNOWN_PLACE, why)
         x_m, y_m, heading_rad = place.x_m, place.y_m, place.heading_rad
     return GoalAsked(

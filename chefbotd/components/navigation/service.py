@@ -41,6 +41,7 @@ from chefbotd.core.events import ClientDisconnected, SafetyChanged
 from chefbotd.core.events.robot import WorkerReported
 from chefbotd.core.geometry import Twist2D
 from chefbotd.core.record import Record, replace
+from chefbotd.core.sentence import Sentence
 from chefbotd.driving.inner_driver import InnerDriver
 from chefbotd.inputs import inputs_of
 from chefbotd.rpc.method import Unserved
@@ -180,7 +181,12 @@ class NavigationService:
         except Refused as refused:
             if refused.kind is not RefusalKind.NO_MAP_LOADED or not self._why_no_map:
                 raise
-            raise Refused(refused.kind, f"{refused} ({self._why_no_map})") from refused
+            raise Refused(
+                refused.kind,
+                Sentence(
+                    "navigation.no_map_because", "{refusal} ({why})", refusal=refused, why=self._why_no_map
+                ),
+            ) from refused
 
     # what is asked
 
@@ -256,7 +262,14 @@ class NavigationService:
         """What became of a goal, or of those of an id; raises ``Refused`` where nobody remembers it."""
         numbers = (number or 0,) if goal_id is None else self._goals.of_id(goal_id)
         if not numbers:
-            raise Refused(RefusalKind.UNKNOWN_GOAL, f"no goal with the id {goal_id!a} is remembered")
+            raise Refused(
+                RefusalKind.UNKNOWN_GOAL,
+                Sentence(
+                    "navigation.unknown_goal_id",
+                    "no goal with the id {goal_id!a} is remembered",
+                    goal_id=goal_id,
+                ),
+            )
         result = self._goals.result(numbers)
         left = [number for number in numbers if number in self._goals.active]
         state = "ended" if result.end else self._reporting.state_of(left[0]) if left else "accepting"

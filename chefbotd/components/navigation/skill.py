@@ -53,6 +53,7 @@ from chefbotd.core.record import replace
 if TYPE_CHECKING:
     from chefbotd.clock import Clock
 from chefbotd.components.worker.skill import Job, Skill, Struct
+from chefbotd.core.sentence import Sentence
 
 MOST_AGE_S: Final = 1.5
 """With odometry that is older nobody knows where the robot is.
@@ -179,7 +180,9 @@ class NavigationSkill:
 
     def _require_map(self) -> None:
         if self._map is None or self._navigator.world is None:
-            reason = self._problem or "no finished map is in use: load one, or finish the one in progress"
+            reason = self._problem or Sentence(
+                "navigation.no_map", "no finished map is in use: load one, or finish the one in progress"
+            )
             raise Refused(RefusalKind.NO_MAP_LOADED, reason)
 
     def _require_sound_pose(self) -> None:
@@ -192,7 +195,10 @@ class NavigationSkill:
         now_s = self._clock.now_s()
         pose, status = self._pose(now_s)
         if pose is None or status is PoseStatus.LOST:
-            raise Refused(RefusalKind.POSE_UNKNOWN, "where the robot is in the map is not known yet")
+            raise Refused(
+                RefusalKind.POSE_UNKNOWN,
+                Sentence("navigation.pose_unknown", "where the robot is in the map is not known yet"),
+            )
         path = self._navigator.plan_path(pose, _goal(goal), now_s)
         if isinstance(path, NoPath):
             none, near = PlanResult(False, path.reason, only_for_now=path.only_for_now), path.nearest

@@ -13,6 +13,7 @@ from chefbotd.components.recording.chunk import MAGIC
 from chefbotd.components.recording.parameters import RecordingParameters
 from chefbotd.components.recording.status import AUTOMATIC, FAULT, RecordedFile, RecordingError
 from chefbotd.core.commands import RefusalKind
+from chefbotd.core.sentence import Sentence
 from chefbotd.storage import explain
 
 
@@ -207,11 +208,22 @@ def file_name(text: str) -> str:
     if not (name and allowed and name[0] not in " -." and name[-1] not in " ."):
         raise RecordingError(
             RefusalKind.BAD_NAME,
-            f"{text[:80]!r} cannot be a recording's name: expected letters, digits, spaces, hyphens, underscores and "
-            "dots, the first one a letter, a digit or an underscore, the last one no space or dot",
+            Sentence(
+                "recording.bad_name",
+                "{name!r} cannot be a recording's name: expected letters, digits, spaces, hyphens, "
+                "underscores and dots, the first one a letter, a digit or an underscore, "
+                "the last one no space or dot",
+                name=text[:80],
+            ),
         )
     if len(name) > MAX_NAME or len(name.encode()) > 2 * MAX_NAME:
         raise RecordingError(
-            RefusalKind.BAD_NAME, f"{text[:80]!r} cannot be a recording's name: at most {MAX_NAME} characters"
+            RefusalKind.BAD_NAME,
+            Sentence(
+                "recording.long_name",
+                "{name!r} cannot be a recording's name: at most {most} characters",
+                name=text[:80],
+                most=MAX_NAME,
+            ),
         )
     return name

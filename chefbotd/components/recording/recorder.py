@@ -23,6 +23,7 @@ from chefbotd.components.recording.parameters import RecordingParameters
 from chefbotd.components.recording.status import AUTOMATIC, FAULT, RING, About, RecordedFile, RecordingError
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.events.robot import RecordingData
+from chefbotd.core.sentence import Sentence
 from chefbotd.storage import explain
 
 if TYPE_CHECKING:
@@ -138,8 +139,12 @@ class Recorder:
         if self._file is not None:
             raise RecordingError(
                 RefusalKind.ALREADY_RECORDING,
-                f"{self._file.path.name} is being recorded, with all that happens: end it first; "
-                "the last minutes of it can be saved meanwhile",
+                Sentence(
+                    "recording.already",
+                    "{file} is being recorded, with all that happens: end it first; "
+                    "the last minutes of it can be saved meanwhile",
+                    file=self._file.path.name,
+                ),
             )
         name = file_name(name) if name is not None else "recording"
         self._is_automatic = self._waits_for_room = name == AUTOMATIC
@@ -191,7 +196,10 @@ class Recorder:
         if self._parameters.ring_s <= 0.0:
             raise RecordingError(
                 RefusalKind.STORAGE_FAILED,
-                "nothing is kept in memory on this robot: that is switched off in its configuration",
+                Sentence(
+                    "recording.no_ring",
+                    "nothing is kept in memory on this robot: that is switched off in its configuration",
+                ),
             )
         self._require_room()
         try:

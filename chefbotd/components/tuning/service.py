@@ -8,6 +8,7 @@ from pydantic import ValidationError
 from chefbotd.components.tuning.models import SetPidParams, WheelParams, Wheels
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.record import MutableState, StatefulPart
+from chefbotd.core.sentence import Sentence
 from chefbotd.features.feature import Feature
 from chefbotd.motion.kinematics import ALL_WHEELS
 from chefbotd.motion.pid import PidParameters
@@ -88,7 +89,15 @@ class TuningService(StatefulPart[TuningState]):
         before = self._wheels.gains()
         if wheel != ALL_WHEELS and wheel not in before:
             names = ", ".join([ALL_WHEELS, *before])
-            raise Refused(RefusalKind.UNKNOWN_WHEEL, f"no wheel named {wheel!r}; there are {names}")
+            raise Refused(
+                RefusalKind.UNKNOWN_WHEEL,
+                Sentence(
+                    "tuning.unknown_wheel",
+                    "no wheel named {wheel!r}; there are {others}",
+                    wheel=wheel,
+                    others=names,
+                ),
+            )
         after = {
             name: _change_gains(gains, changes) if wheel in (ALL_WHEELS, name) else gains
             for name, gains in before.items()
@@ -109,7 +118,10 @@ class TuningService(StatefulPart[TuningState]):
             Refused: no change is left to take back.
         """
         if not self.memory.before:
-            raise Refused(RefusalKind.NOTHING_TO_UNDO, "there is no change of gains to undo")
+            raise Refused(
+                RefusalKind.NOTHING_TO_UNDO,
+                Sentence("tuning.nothing_to_undo", "there is no change of gains to undo"),
+            )
         self._wheels.retune(self.memory.before.pop())
         return self._wheels.gains()
 

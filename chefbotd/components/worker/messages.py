@@ -117,6 +117,7 @@ class Failed(Message, frozen=True, tag="failed"):
     id: int
     kind: RefusalKind | None
     message: str
+    said: dict[str, Any] = {}  # the sentence's id and arguments
 
 
 class SkillEvent(Message, frozen=True, tag="told"):

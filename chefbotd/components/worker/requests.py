@@ -8,6 +8,7 @@ from msgspec import Struct
 from chefbotd.clock import Clock
 from chefbotd.components.worker.messages import Answer, Failed, RequestProgress
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.sentence import Sentence, sentence_of
 
 OnProgress = Callable[[float, float, str], None]
 
@@ -75,7 +76,7 @@ class Requests:
         elif message.kind is None:
             pending.future.set_exception(RequestCancelled(message.message))
         else:
-            pending.future.set_exception(Refused(message.kind, message.message))
+            pending.future.set_exception(Refused(message.kind, sentence_of(message.message, message.said)))
 
     @property
     def longest_deadline_s(self) -> float:
@@ -97,5 +98,7 @@ class Requests:
         pending, self._pending = self._pending, {}
         for request in pending.values():
             if not request.future.done():
-                request.future.set_exception(WorkerLost("the worker ended before it was done"))
+                request.future.set_exception(
+                    WorkerLost(Sentence("worker.ended", "the worker ended before it was done"))
+                )
                 request.future.exception()  # whoever asked may be gone

@@ -17,6 +17,7 @@ from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import OdometryUpdated, RangeMeasured
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import sentence_data
 from chefbotd.extras import how_to_add_extra
 
 if TYPE_CHECKING:  # it would load asyncio, 7 MB
@@ -201,7 +202,7 @@ class Runner:
         try:
             result = skill.handle(request.body)
         except Refused as refusal:
-            yield messages.Failed(request.id, refusal.kind, str(refusal))
+            yield messages.Failed(request.id, refusal.kind, str(refusal), sentence_data(refusal.words))
             return
         except Exception as fault:  # noqa: BLE001 - raised again, but for a stranger's
             yield from self._refuse_request(request, fault)
@@ -223,7 +224,7 @@ class Runner:
             yield messages.Answer(request.id, pack_body(end.value))
         except Refused as refusal:
             self._jobs.remove(running)
-            yield messages.Failed(request.id, refusal.kind, str(refusal))
+            yield messages.Failed(request.id, refusal.kind, str(refusal), sentence_data(refusal.words))
         except Exception as fault:  # noqa: BLE001 - raised again, but for a stranger's
             self._jobs.remove(running)
             yield from self._refuse_request(request, fault)

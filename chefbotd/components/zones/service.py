@@ -34,6 +34,7 @@ from chefbotd.components.zones.zone_file import (
     write_zones,
 )
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.sentence import Sentence
 from chefbotd.features.feature import Feature
 from chefbotd.inputs import inputs_of
 from chefbotd.rpc.jobs import ProgressReporter
@@ -72,7 +73,9 @@ class ZonesService:
     ) -> ZonesSaved:
         """Draw a zone on a map, or change the zone of this id; paths are planned again at once."""
         if params.kind != "wall" and (reason := why_no_area(params.outline_m)):
-            raise MapStoreError(RefusalKind.OUT_OF_RANGE, f"this is no zone: {reason}")
+            raise MapStoreError(
+                RefusalKind.OUT_OF_RANGE, Sentence("zones.no_zone", "this is no zone: {why}", why=reason)
+            )
         own = params.id or ""
 
         def changed(zones: Zones, revision: str) -> Zones:
@@ -133,7 +136,12 @@ class ZonesService:
         before = await self._maps.read_beside(name, ZONES_BEFORE)
         if before is None:
             raise MapStoreError(
-                RefusalKind.NOTHING_TO_UNDO, f"no change of the zones of the map {name!r} is remembered"
+                RefusalKind.NOTHING_TO_UNDO,
+                Sentence(
+                    "zones.nothing_to_undo",
+                    "no change of the zones of the map {map!r} is remembered",
+                    map=name,
+                ),
             )
         return await self._replace(name, content, before)
 
@@ -170,7 +178,10 @@ def _parsed(content: bytes | None, name: str) -> Zones:
         return parse_zones("" if content is None else content.decode(), ZONES)
     except ValueError as error:
         raise MapStoreError(
-            RefusalKind.MAP_UNREADABLE, f"the zones of the map {name!r} cannot be read: {error}"
+            RefusalKind.MAP_UNREADABLE,
+            Sentence(
+                "zones.unreadable", "the zones of the map {map!r} cannot be read: {why}", map=name, why=error
+            ),
         ) from error
 
 
@@ -179,20 +190,33 @@ def _checked(make: Callable[[], Zones]) -> Zones:
     try:
         return make()
     except ValueError as error:
-        raise MapStoreError(RefusalKind.OUT_OF_RANGE, f"the zones cannot be changed so: {error}") from error
+        raise MapStoreError(
+            RefusalKind.OUT_OF_RANGE,
+            Sentence("zones.refused", "the zones cannot be changed so: {why}", why=error),
+        ) from error
 
 
 def _require_areas(shapes: Sequence[ZoneShape]) -> None:
     """Raises ``MapStoreError`` for the first that is no area."""
     for number, shape in enumerate(shapes):
         if shape.kind != "wall" and (reason := why_no_area(shape.outline_m)):
-            raise MapStoreError(RefusalKind.OUT_OF_RANGE, f"number {number + 1} is no zone: {reason}")
+            raise MapStoreError(
+                RefusalKind.OUT_OF_RANGE,
+                Sentence(
+                    "zones.no_zone_number", "number {number} is no zone: {why}", number=number + 1, why=reason
+                ),
+            )
 
 
 def _require_known(own: str, ids: set[str]) -> None:
     if own not in ids:
         listed = ", ".join(sorted(ids)) or "none"
-        raise MapStoreError(RefusalKind.UNKNOWN_ZONE, f"no zone with the id {own!r}; there are: {listed}")
+        raise MapStoreError(
+            RefusalKind.UNKNOWN_ZONE,
+            Sentence(
+                "zones.unknown", "no zone with the id {zone!r}; there are: {listed}", zone=own, listed=listed
+            ),
+        )
 
 
 def _new_id(revision: str, params: ZoneShape) -> str:

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.sentence import Sentence
 from chefbotd.driving.board.models import TOPICS
 from chefbotd.features.feature import Feature, Service
 from chefbotd.link.board_writer import FaultLog
@@ -24,7 +25,9 @@ class BoardService:
     def reset_board(self, caller: Caller, params: NoParams) -> Done:
         """Restart the board; its counters start at zero."""
         if not self._session.is_open:
-            raise Refused(RefusalKind.LINK_DOWN, "the board is not connected")
+            raise Refused(
+                RefusalKind.LINK_DOWN, Sentence("board.not_connected", "the board is not connected")
+            )
         self._brake()
         self._session.reset_board()
         return DONE

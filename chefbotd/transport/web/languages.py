@@ -15,6 +15,8 @@ log = structlog.get_logger(__name__)
 ENGLISH = "en"
 FOLDER = "languages"
 NAME, DIRECTION = "language.name", "language.direction"
+REFUSAL = "refusal."
+"""How the ids of refusals begin: the daemon says them in English itself, so the English page has no need of them."""
 
 Words = str | dict[str, str]
 """A sentence, or one for each plural form (``one``, ``other``, ...)."""
@@ -66,7 +68,9 @@ def language_files(catalogues: Mapping[str, Catalogue]) -> dict[str, bytes]:
         }
         for language, words in catalogues.items()
     }
-    english = texts.get(ENGLISH, "{}")
+    english = _compact(
+        {key: words for key, words in catalogues.get(ENGLISH, {}).items() if not key.startswith(REFUSAL)}
+    )
     module = f"export const ENGLISH = {english};\nexport const LANGUAGES = {_compact(languages)};\n"
     return {
         "/english.js": module.encode(),

@@ -26,6 +26,7 @@ from chefbotd.components.maps.storage.store import MapStore
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.occupancy_grid import UNKNOWN, OccupancyGrid
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import Sentence
 from chefbotd.extras import how_to_add_extra
 from chefbotd.storage import NotRegular, open_regular, read_file
 
@@ -98,7 +99,10 @@ def grid_of(cells: bytes, extent: Extent) -> OccupancyGrid:
         percent = np.frombuffer(data, np.int8).reshape(extent.rows, extent.columns)
         return OccupancyGrid(extent.resolution_m, extent.map_from_grid, percent)
     except (zlib.error, ValueError) as error:
-        raise MapStoreError(RefusalKind.MAP_UNREADABLE, f"the cells cannot be read: {error}") from error
+        raise MapStoreError(
+            RefusalKind.MAP_UNREADABLE,
+            Sentence("maps.cells_unreadable", "the cells cannot be read: {why}", why=error),
+        ) from error
 
 
 def read_slam(store: MapStore, name: str) -> dict[str, NDArray[Any]] | None:
@@ -113,7 +117,10 @@ def read_arrays(path: Path) -> dict[str, NDArray[Any]]:
         with open_regular(path) as opened, np.load(opened, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
     except (OSError, ValueError, EOFError, zlib.error) as error:
-        raise MapStoreError(RefusalKind.MAP_UNREADABLE, f"{path}: cannot be read: {error}") from error
+        raise MapStoreError(
+            RefusalKind.MAP_UNREADABLE,
+            Sentence("maps.file_unreadable", "{file}: cannot be read: {why}", file=path, why=error),
+        ) from error
 
 
 class ReadMap(Record, frozen=True):
@@ -136,7 +143,10 @@ def read_map_server(path: Path) -> ReadMap:
     except OSError as error:
         where = error.filename or path
         raise MapStoreError(
-            RefusalKind.MAP_UNREADABLE, f"{where}: cannot be read: {error.strerror}"
+            RefusalKind.MAP_UNREADABLE,
+            Sentence(
+                "maps.place_unreadable", "{file}: cannot be read: {why}", file=where, why=error.strerror
+            ),
         ) from error
     except MapFileError as error:
         raise MapStoreError(RefusalKind.MAP_UNREADABLE, str(error)) from error

@@ -12,6 +12,7 @@ from typing import BinaryIO, TypeAlias
 
 from chefbotd import storage
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.sentence import Sentence
 from chefbotd.storage import explain
 
 
@@ -127,7 +128,9 @@ def lock_folder(folder: Path) -> Iterator[None]:
                 if time.monotonic() > ends_s:
                     raise MapStoreError(
                         RefusalKind.STORAGE_FAILED,
-                        f"another program has locked {folder} for too long",
+                        Sentence(
+                            "maps.locked", "another program has locked {folder} for too long", folder=folder
+                        ),
                     ) from None
                 time.sleep(LOCK_PERIOD_S)
         yield

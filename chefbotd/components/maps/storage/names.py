@@ -8,6 +8,7 @@ import unicodedata
 
 from chefbotd.components.maps.storage.disk import MapStoreError
 from chefbotd.core.commands import RefusalKind
+from chefbotd.core.sentence import Sentence
 
 MAX_CHARACTERS = 64
 MAX_BYTES = 200
@@ -29,10 +30,21 @@ def map_name(text: str) -> str:
     )
     allowed = all(character in ALLOWED or unicodedata.category(character)[0] in "LMN" for character in name)
     if not (name and allowed and name[0] not in " -." and name[-1] not in " ."):
-        raise MapStoreError(RefusalKind.BAD_NAME, f"{text!r} cannot be a map's name: {expected}")
+        raise MapStoreError(
+            RefusalKind.BAD_NAME,
+            Sentence(
+                "maps.bad_name", "{name!r} cannot be a map's name: {expected}", name=text, expected=expected
+            ),
+        )
     if len(name) > MAX_CHARACTERS or len(name.encode()) > MAX_BYTES:
         raise MapStoreError(
-            RefusalKind.BAD_NAME, f"{text[:80]!r} cannot be a map's name: it is too long; {expected}"
+            RefusalKind.BAD_NAME,
+            Sentence(
+                "maps.long_name",
+                "{name!r} cannot be a map's name: it is too long; {expected}",
+                name=text[:80],
+                expected=expected,
+            ),
         )
     return name
 
@@ -47,6 +59,11 @@ def place_name(text: str) -> str:
     if not (0 < len(name) <= MAX_CHARACTERS and name.isprintable()):
         raise MapStoreError(
             RefusalKind.BAD_NAME,
-            f"{text[:80]!r} cannot be a place's name: expected 1 to {MAX_CHARACTERS} characters that can be printed",
+            Sentence(
+                "maps.bad_place_name",
+                "{name!r} cannot be a place's name: expected 1 to {most} characters that can be printed",
+                name=text[:80],
+                most=MAX_CHARACTERS,
+            ),
         )
     return name

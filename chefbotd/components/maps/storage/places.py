@@ -12,6 +12,7 @@ from chefbotd.components.maps.storage.disk import MapStoreError
 from chefbotd.components.maps.storage.names import place_name
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.parameters import Parameters
+from chefbotd.core.sentence import Sentence
 
 PLACES = "places.json"
 MOST_PLACES = 1000
@@ -75,7 +76,10 @@ def with_place(places: Mapping[str, Place], name: str, place: Place) -> dict[str
     """These places, and one more or a changed one; raises ``MapStoreError`` for a bad name or too many."""
     changed = {**places, place_name(name): place}
     if len(changed) > MOST_PLACES:
-        raise MapStoreError(RefusalKind.OUT_OF_RANGE, f"a map has at most {MOST_PLACES} places")
+        raise MapStoreError(
+            RefusalKind.OUT_OF_RANGE,
+            Sentence("maps.too_many_places", "a map has at most {most} places", most=MOST_PLACES),
+        )
     return changed
 
 
@@ -94,6 +98,12 @@ def without_place(places: Mapping[str, Place], name: str) -> dict[str, Place]:
     name = place_name(name)
     if name not in places:
         raise MapStoreError(
-            RefusalKind.UNKNOWN_PLACE, f"no place named {name!r}; {describe_unknown(name, places)}"
+            RefusalKind.UNKNOWN_PLACE,
+            Sentence(
+                "maps.unknown_place",
+                "no place named {place!r}; {others}",
+                place=name,
+                others=describe_unknown(name, places),
+            ),
         )
     return {other: place for other, place in places.items() if other != name}

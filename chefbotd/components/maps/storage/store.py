@@ -41,6 +41,7 @@ from chefbotd.components.maps.storage.versions import (
 )
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import Sentence
 from chefbotd.storage import read_file
 
 SUFFIX = ".map"
@@ -112,7 +113,10 @@ class MapStore:
         while True:
             version, _ = self.read(name)
             if file not in version.manifest.files:
-                raise MapStoreError(RefusalKind.MAP_UNREADABLE, f"the map {name!r} has no {file}")
+                raise MapStoreError(
+                    RefusalKind.MAP_UNREADABLE,
+                    Sentence("maps.lacks_file", "the map {map!r} has no {file}", map=name, file=file),
+                )
             with refusing_os_errors(f"read the map {name!r}", version.folder):
                 try:
                     return version.manifest, read_file(
@@ -172,7 +176,9 @@ class MapStore:
         with self._changing(f"rename the map {old!r}"):
             self._require_own(old)
             if new in self.names():
-                raise MapStoreError(RefusalKind.MAP_EXISTS, f"there is a map {new!r} already")
+                raise MapStoreError(
+                    RefusalKind.MAP_EXISTS, Sentence("maps.exists", "there is a map {map!r} already", map=new)
+                )
             note = self._own(old) / RENAMING
             disks.replace(self._disk, note, json.dumps({"from": old, "to": new}).encode())
             unpublish(self._disk, self.folder, old)
@@ -192,7 +198,9 @@ class MapStore:
         with self._changing(f"copy the map {old!r}"):
             self._require_own(old)
             if new in self.names():
-                raise MapStoreError(RefusalKind.MAP_EXISTS, f"there is a map {new!r} already")
+                raise MapStoreError(
+                    RefusalKind.MAP_EXISTS, Sentence("maps.exists", "there is a map {map!r} already", map=new)
+                )
             version, _ = require(self._own(old), old)
             temporary = self.folder / f"{TEMPORARY}{secrets.token_hex(4)}"
             try:
@@ -309,14 +317,20 @@ class MapStore:
     def _unknown(self, name: str) -> MapStoreError:
         names = self.names()
         existing = f"there are {', '.join(names)}" if names else "there are none"
-        return MapStoreError(RefusalKind.UNKNOWN_MAP, f"no map named {name!r}; {existing}")
+        return MapStoreError(
+            RefusalKind.UNKNOWN_MAP,
+            Sentence("maps.unknown", "no map named {map!r}; {others}", map=name, others=existing),
+        )
 
     def _require_own(self, name: str) -> None:
         if versions(self._own(name)):
             return
         if name in self.names():
             raise MapStoreError(
-                RefusalKind.MAP_UNREADABLE, f"the map {name!r} was not saved by chefbotd: load it first"
+                RefusalKind.MAP_UNREADABLE,
+                Sentence(
+                    "maps.foreign_file", "the map {map!r} was not saved by chefbotd: load it first", map=name
+                ),
             )
         raise self._unknown(name)
 

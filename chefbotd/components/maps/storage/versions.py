@@ -26,6 +26,7 @@ from chefbotd.components.maps.storage.manifest import (
 )
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import Sentence
 from chefbotd.storage import open_regular, read_file
 
 LARGEST_FILE_BYTES = 1 << 30
@@ -198,7 +199,13 @@ def require(folder: Path, name: str) -> tuple[Version, dict[int, str]]:
             "; ".join(f"version {number}: {why}" for number, why in damage.items()) or "it has no version"
         )
         raise MapStoreError(
-            RefusalKind.MAP_UNREADABLE, f"no version of the map {name!r} is whole: {damage_text}"
+            RefusalKind.MAP_UNREADABLE,
+            Sentence(
+                "maps.all_damaged",
+                "no version of the map {map!r} is whole: {damage}",
+                map=name,
+                damage=damage_text,
+            ),
         )
     return newest, damage
 
