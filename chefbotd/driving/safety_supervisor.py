@@ -289,7 +289,7 @@ class SafetySupervisor:
             return
         armed = gate.change_mode(self.memory.gate, Trigger.ARM, "armed")
         if problem := self.announcer.store(armed):
-            raise Refused(RefusalKind.STORAGE_FAILED, latch_file.unwritable(problem).reason)
+            raise Refused(RefusalKind.STORAGE_FAILED, latch_file.why_unwritable(problem))
         self.memory.gate = armed
         self.motors.start_anew()
         self.memory.silence = replace(self.memory.silence, interrupted=False)

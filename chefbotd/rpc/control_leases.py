@@ -11,6 +11,7 @@ from msgspec import Struct
 
 from chefbotd.core.events import ControlChanged
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import Sentence
 from chefbotd.rpc.jsonrpc import ErrorKind
 from chefbotd.rpc.method import Unserved
 from chefbotd.rpc.session import Session, SessionState
@@ -106,7 +107,12 @@ class ControlLeases:
         if holder is not None and holder is not session:
             raise Unserved(
                 ErrorKind.LEASE_HELD,
-                f"{source} is controlled by {holder}; take control to drive",
+                Sentence(
+                    "driving.controlled_by",
+                    "{source} is controlled by {holder}; take control to drive",
+                    source=source,
+                    holder=holder,
+                ),
                 {"source": source, "holder": str(holder)},
             )
         if holder is not None:

@@ -15,6 +15,7 @@ from chefbotd.clock import Clock
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.events.inputs import RequestHandled
 from chefbotd.core.printable import find_unprintable
+from chefbotd.core.sentence import Sentence
 from chefbotd.inputs import inputs_of
 from chefbotd.logs import RateLimitedLog
 from chefbotd.rpc import jsonrpc, lenient
@@ -229,7 +230,7 @@ class Dispatcher:
     def _failure(self, request: Request, problem: Exception) -> Failure:
         """The error of a handler's exception; one that is no refusal is a fault, which is counted and logged."""
         if isinstance(problem, Unserved):
-            return Failure(problem.kind, str(problem), request.id, problem.details)
+            return Failure(problem.kind, str(problem), request.id, problem.data)
         if isinstance(problem, Refused):
             return Failure(problem.kind, str(problem), request.id, problem.data)
         self.faults[request.method] += 1
@@ -267,7 +268,11 @@ class Dispatcher:
             raise self._void(session, method, RefusalKind.STOPPED_SINCE, message)
 
     def _overtaken(self) -> str:
-        return f"a stop by {self._arrivals.stopped_by} came before the command; give it again if it is still wanted"
+        return Sentence(
+            "driving.overtaken",
+            "a stop by {stopped_by} came before the command; give it again if it is still wanted",
+            stopped_by=self._arrivals.stopped_by,
+        )
 
     def _void(self, session: Session, method: str, kind: ErrorKind | RefusalKind, message: str) -> Unserved:
         """Count and log a command that is not carried out. Returns the error for its client."""

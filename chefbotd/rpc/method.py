@@ -9,6 +9,7 @@ from msgspec.structs import replace
 
 from chefbotd.core.commands import RefusalKind
 from chefbotd.core.record import Record
+from chefbotd.core.sentence import sentence_data
 from chefbotd.rpc.encoding import Sent, UnknownData
 from chefbotd.rpc.jsonrpc import ErrorKind, Failure
 from chefbotd.rpc.models import Params
@@ -54,7 +55,12 @@ class Unserved(Exception):
         self, kind: ErrorKind | RefusalKind, message: str, details: Mapping[str, object] | None = None
     ) -> None:
         super().__init__(message)
-        self.kind, self.details = kind, details or {}
+        self.kind, self.words, self.details = kind, message, details or {}
+
+    @property
+    def data(self) -> dict[str, object]:
+        """What the error says beside its kind and its words."""
+        return {**sentence_data(self.words), **self.details}
 
 
 class Method(Struct, frozen=True):

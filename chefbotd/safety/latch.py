@@ -10,6 +10,7 @@ from typing import Annotated, Protocol
 import msgspec
 
 from chefbotd.core.parameters import Parameters
+from chefbotd.core.sentence import Sentence
 from chefbotd.safety.faults import FaultKind
 from chefbotd.safety.gate import GateState, Mode
 
@@ -29,8 +30,16 @@ UNREADABLE = GateState(
 
 def unwritable(problem: str) -> GateState:
     """Where a latch is configured and cannot be written, a restart would forget an e-stop: the robot stays disarmed."""
-    reason = f"the latch file cannot be written ({problem}); make room for it, then arm the robot"
-    return GateState(Mode.DISARMED, reason, fault=FaultKind.LATCH_UNWRITABLE)
+    return GateState(Mode.DISARMED, str(why_unwritable(problem)), fault=FaultKind.LATCH_UNWRITABLE)
+
+
+def why_unwritable(problem: str) -> Sentence:
+    """For people."""
+    return Sentence(
+        "driving.latch_unwritable",
+        "the latch file cannot be written ({problem}); make room for it, then arm the robot",
+        problem=problem,
+    )
 
 
 class LatchParameters(Parameters):

@@ -9,6 +9,8 @@ from pathlib import Path
 import chefbotd
 from chefbotd.core.commands import RefusalKind, Refused
 from chefbotd.core.sentence import Sentence, sentence_data, sentence_of
+from chefbotd.rpc.jsonrpc import ErrorKind
+from chefbotd.rpc.method import Unserved
 from chefbotd.safety.gate import not_armed
 
 ROOT = Path(chefbotd.__file__).parent
@@ -59,6 +61,14 @@ def test_a_refusal_says_its_id_and_its_arguments_beside_what_it_says_already() -
     assert refused.data == {"id": "trip.held", "arguments": {"who": "Ann"}, "holder": "Ann"}
     assert str(refused) == "Ann holds it"
     assert Refused(RefusalKind.STOPPED, "no").data == {}
+
+
+def test_what_the_socket_refuses_has_its_id_beside_its_details() -> None:
+    """As a refusal of the robot has: who drives is in both."""
+    unserved = Unserved(
+        ErrorKind.LEASE_HELD, Sentence("trip.held", "{who} holds it", who="Ann"), {"holder": "Ann"}
+    )
+    assert unserved.data == {"id": "trip.held", "arguments": {"who": "Ann"}, "holder": "Ann"}
 
 
 def test_a_sentence_may_say_why_by_another() -> None:

@@ -123,7 +123,10 @@ class AgentsService(StatefulPart[AgentsState]):
         agent, now_s = self._agent(caller.session), self._entries.now_s()
         may_say = min(MOST_SAID, agent.may_say + (now_s - agent.stamp_s) * SAY_PER_S)
         if may_say < 1.0:
-            raise Unserved(ErrorKind.RATE_LIMITED, f"the agent {agent.data.name!a} speaks too often")
+            raise Unserved(
+                ErrorKind.RATE_LIMITED,
+                Sentence("agents.too_often", "the agent {agent!a} speaks too often", agent=agent.data.name),
+            )
         data = replace(agent.data, text=params.text)
         self._keep_agent(RegisteredAgent(data, agent.client, may_say - 1.0, now_s))
         self._publish_state()

@@ -64,15 +64,21 @@ def robot_with(settings: Settings, values: Values) -> ConfiguredRobot:
 
 def _save(path: Path | None, values: Values) -> CalibrationApplied:
     if path is None:
-        reason = (
+        reason = Sentence(
+            "calibration.packaged",
             "the daemon runs with the packaged configuration, which is not written to: make a file of your own of it "
-            "('chefbotd init FOLDER'), and start the daemon with --config"
+            "('chefbotd init FOLDER'), and start the daemon with --config",
         )
         raise Refused(RefusalKind.STORAGE_FAILED, reason)
     try:
         from chefbotd.components.calibration.calibrated_file import save
     except ModuleNotFoundError as error:
-        reason = f"writing a configuration needs the extra 'tune': {how_to_add_extra('tune')}"
+        reason = Sentence(
+            "calibration.needs_extra",
+            "writing a configuration needs the extra '{extra}': {how}",
+            extra="tune",
+            how=how_to_add_extra("tune"),
+        )
         raise Refused(RefusalKind.STORAGE_FAILED, reason) from error
     try:
         saved = save(path, values)

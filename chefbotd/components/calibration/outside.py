@@ -12,6 +12,7 @@ from typing import TypeAlias, TypeVar
 from chefbotd.components.calibration.algorithms.step import ConfiguredRobot, StepDefinition
 from chefbotd.components.calibration.models import CalibrationApplied, CalibrationStep
 from chefbotd.core.commands import RefusalKind, Refused
+from chefbotd.core.sentence import Sentence
 from chefbotd.inputs import InputLog
 
 T = TypeVar("T")
@@ -92,7 +93,13 @@ def step_named(name: str) -> StepDefinition:
     steps = _load_steps()
     if name not in steps:
         raise Refused(
-            RefusalKind.CANNOT_CALIBRATE, f"there is no step {name!a}, expected one of {', '.join(steps)}"
+            RefusalKind.CANNOT_CALIBRATE,
+            Sentence(
+                "calibration.unknown_step",
+                "there is no step {step!a}, expected one of {steps}",
+                step=name,
+                steps=", ".join(steps),
+            ),
         )
     return steps[name]
 

@@ -108,8 +108,16 @@ class ProcedureRunner(StatefulPart[ProcedureRunnerState]):
                 Sentence("calibration.not_asked", "calibration does not ask for {key!a} now", key=key),
             )
         if not asked.lowest <= value <= asked.highest:
-            expected = f"expected {asked.lowest:g} to {asked.highest:g} {asked.unit}"
-            raise Refused(RefusalKind.OUT_OF_RANGE, f"{key} is {value:g}, {expected}")
+            expected = Sentence(
+                "calibration.out_of_range",
+                "{key} is {value:g}, expected {lowest:g} to {highest:g} {unit}",
+                key=key,
+                value=value,
+                lowest=asked.lowest,
+                highest=asked.highest,
+                unit=asked.unit,
+            )
+            raise Refused(RefusalKind.OUT_OF_RANGE, expected)
         future.set_result(value)
 
     def take_baseline(self) -> StopBaseline:
@@ -191,7 +199,7 @@ class ProcedureRunner(StatefulPart[ProcedureRunnerState]):
             if now_s - began_s > SETTLE_TIMEOUT_S:
                 raise Refused(
                     RefusalKind.STOPPED,
-                    f"the wheels did not come to rest within {SETTLE_TIMEOUT_S:.0f} s{self._silence()}",
+                    self._not_at_rest(),
                 )
 
     def _check(self, baseline: StopBaseline, now_s: float) -> None:
@@ -219,13 +227,19 @@ class ProcedureRunner(StatefulPart[ProcedureRunnerState]):
                 ),
             )
 
-    def _silence(self) -> str:
-        """What a board without an echo does, where that is why the wheels do not obey; else nothing."""
+    def _not_at_rest(self) -> Sentence:
+        """That the wheels go on; with what a board without an echo does, where that is why they do not obey."""
         if self.memory.safety is None or self.memory.safety.limited_by not in ("no_echo", "encoders_stale"):
-            return ""
-        return (
-            ": the board tells of them once a second only, as it waits for an echo; calibrate where something "
-            "stands within 4 m ahead of the robot"
+            return Sentence(
+                "calibration.not_at_rest",
+                "the wheels did not come to rest within {seconds:.0f} s",
+                seconds=SETTLE_TIMEOUT_S,
+            )
+        return Sentence(
+            "calibration.not_at_rest_without_echo",
+            "the wheels did not come to rest within {seconds:.0f} s: the board tells of them once a second only, "
+            "as it waits for an echo; calibrate where something stands within 4 m ahead of the robot",
+            seconds=SETTLE_TIMEOUT_S,
         )
 
     def _check_stopped(self, baseline: StopBaseline) -> SafetyChanged:
@@ -251,8 +265,12 @@ class ProcedureRunner(StatefulPart[ProcedureRunnerState]):
         try:
             while not self._answer.done():
                 if self._entries.now_s() >= end_s:
-                    minutes = f"{ANSWER_TIMEOUT_S / 60:.0f} minutes"
-                    raise Refused(RefusalKind.STOPPED, f"nobody answered within {minutes}")
+                    late = Sentence(
+                        "calibration.nobody_answered",
+                        "nobody answered within {minutes:.0f} minutes",
+                        minutes=ANSWER_TIMEOUT_S / 60,
+                    )
+                    raise Refused(RefusalKind.STOPPED, late)
                 await self._sleep(ALIVE_S)
                 self._check_stopped(baseline)
                 self._report(ask)

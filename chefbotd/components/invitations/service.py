@@ -46,7 +46,10 @@ EXPIRY_S: Final = 5.0
 APPROVAL_S: Final = 600.0
 """How long a phone that has come may wait for its approval, also where the invitation would end before."""
 
-CLOSED = "this invitation is not open: it was used, revoked or has expired; ask for a new one"
+CLOSED = Sentence(
+    "invitations.closed",
+    "this invitation is not open: it was used, revoked or has expired; ask for a new one",
+)
 
 
 class Tokens(Protocol):

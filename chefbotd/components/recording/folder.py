@@ -194,7 +194,10 @@ class RecordingFolder:
 
     def refusal(self, doing: str, error: OSError) -> RecordingError:
         """The disk's error, as a ``RecordingError``."""
-        return RecordingError(RefusalKind.STORAGE_FAILED, f"{doing}: {explain(error)}")
+        return RecordingError(
+            RefusalKind.STORAGE_FAILED,
+            Sentence("recording.disk", "{doing}: {why}", doing=doing, why=explain(error)),
+        )
 
 
 def file_name(text: str) -> str:

@@ -173,7 +173,7 @@ class Recorder:
         """
         self._waits_for_room = False
         if self._file is None:
-            raise RecordingError(RefusalKind.NOT_RECORDING, f"nothing is being recorded{self._why()}")
+            raise RecordingError(RefusalKind.NOT_RECORDING, self._none())
         try:
             self._close_file(self._file)
         except OSError as error:
@@ -326,5 +326,9 @@ class Recorder:
     def _time_text(self) -> str:
         return datetime.fromtimestamp(self._wall_s(), UTC).strftime("%Y%m%dT%H%M%SZ")
 
-    def _why(self) -> str:
-        return f" ({self.status.reason})" if self.status.reason else ""
+    def _none(self) -> Sentence:
+        if not self.status.reason:
+            return Sentence("recording.none", "nothing is being recorded")
+        return Sentence(
+            "recording.none_because", "nothing is being recorded ({reason})", reason=self.status.reason
+        )

@@ -34,6 +34,7 @@ from chefbotd.components.worker.watch import (
 from chefbotd.core.commands import Refused
 from chefbotd.core.events.inputs import WorkerGone, WorkerSaid
 from chefbotd.core.record import Record, replace
+from chefbotd.core.sentence import Sentence
 from chefbotd.inputs import inputs_of
 
 log = structlog.get_logger(component="worker")
@@ -166,7 +167,7 @@ class Worker:
             Refused: it was not done, and why; ``WorkerLost`` where nobody can say whether it was.
         """
         if self._channel is None or not self.is_ready:
-            raise WorkerLost(f"the worker is {self.status.state}{_because(self.status.reason)}")
+            raise WorkerLost(_why_not_ready(self.status))
         number, future = self._requests.open(deadline_s, on_progress, is_replayed=is_replayed)
         self._channel.send(messages.SkillRequest(number, skill, deadline_s, pack_body(body)))
         try:
@@ -369,5 +370,12 @@ def _make_event(message: FromWorker, stamp_s: float) -> WorkerSaid:
     return WorkerSaid(stamp_s, pack_body(message))
 
 
-def _because(reason: str) -> str:
-    return f": {reason}" if reason else ""
+def _why_not_ready(status: WorkerStatus) -> Sentence:
+    if not status.reason:
+        return Sentence("worker.not_ready", "the worker is {state}", state=str(status.state))
+    return Sentence(
+        "worker.not_ready_because",
+        "the worker is {state}: {reason}",
+        state=str(status.state),
+        reason=status.reason,
+    )

@@ -28,7 +28,14 @@ def refusing_os_errors(doing: str, path: Path) -> Iterator[None]:
     except OSError as error:
         where = error.filename if isinstance(error.filename, str) else path
         raise MapStoreError(
-            RefusalKind.STORAGE_FAILED, f"cannot {doing}: {explain(error)} ({where})"
+            RefusalKind.STORAGE_FAILED,
+            Sentence(
+                "maps.disk",
+                "cannot {doing}: {why} ({where})",
+                doing=doing,
+                why=explain(error),
+                where=where,
+            ),
         ) from error
 
 
