@@ -27,10 +27,10 @@ class CameraChanged(CameraData, frozen=True, kw_only=True):
     stamp_s: float
 
     def log_line(self) -> LogLine:
-        """The line in the log."""
-        failed = self.state == "failed"
-        text = f"no picture: {self.reason}" if failed else self.state
-        return LogLine(Level.WARNING if failed else Level.INFO, "camera", text)
+        """The line in the log: the same one, which is written once, however often somebody looks and looks away."""
+        if self.state == "failed":
+            return LogLine(Level.WARNING, "camera", f"no picture: {self.reason}")
+        return LogLine(Level.INFO, "camera", "nothing is known to be wrong")
 
 
 class CameraPictureTaken(Record, frozen=True):

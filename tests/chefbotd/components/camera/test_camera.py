@@ -91,6 +91,7 @@ def test_the_camera_is_off_until_somebody_looks_and_again_after_the_last_look() 
         await asyncio.sleep(2.0)
         assert (script.closed, camera.newest) == (1, None)
         assert states(said)[1:] == ["starting", "running", "off"]
+        assert len({changed.log_line() for changed in said}) == 1  # the log is not filled by those who look
 
     on(script, look)
 
