@@ -230,9 +230,9 @@ def test_a_layer_is_switched_off_by_its_row_of_the_legend_and_stays_so(page: Any
     assert barriers(page) == []
     switch.press("Enter")
     assert until(lambda: not is_drawn())
+    daemon.asked.clear()
     page.reload()
     sync_api.expect(page.locator("#robot")).to_have_text("fake")
-    daemon.asked.clear()
     see()
     sync_api.expect(switch).to_have_attribute("aria-checked", "false")
     page.wait_for_timeout(200)

@@ -3,6 +3,7 @@
 import gzip
 import json
 import re
+from importlib import import_module
 from pathlib import Path
 
 from chefbotd.component_list import own_components
@@ -52,6 +53,23 @@ def test_the_pages_own_modules_ask_for_nothing_of_maps_and_goals() -> None:
         for name in asked.findall(path.read_text(encoding="utf-8"))
     }
     assert names == set()
+
+
+def test_the_pages_own_style_sheet_styles_no_component() -> None:
+    """What the element of a component's card looks like is said in the style sheet beside the card."""
+    parts = [component.page[0] for component in own_components() if component.page]
+    folders = [
+        Path(str(import_module(part.package).__file__)).parent / Path(part.file).parent for part in parts
+    ]
+    theirs = {
+        name
+        for folder in folders
+        for path in folder.glob("*.js")
+        for name in re.findall(r'id="([\w-]+)"', path.read_text(encoding="utf-8"))
+    }
+    style = (PAGE / "style.css").read_text(encoding="utf-8")
+    assert len(theirs) > 50
+    assert {name for name in theirs if re.search(rf"#{name}\b(?!-)", style)} == set()
 
 
 MOST_COMPRESSED_BYTES = 150_000
