@@ -65,7 +65,8 @@ export default class Maps {
       if (this.#mapping.state === "idle") this.#shown = null;
       if (this.#has("list_maps")) this.#list();
     });
-    for (const id of ["map-start", "guide-start"]) $(id).addEventListener("click", () => this.ask("start_mapping"));
+    $("map-start").addEventListener("click", () => this.ask("start_mapping"));
+    $("guide-start").addEventListener("click", async () => { if (await this.ask("start_mapping")) panels.show("drive"); });
     $("guide-continue").addEventListener("click", () => this.ask("start_mapping", { unfinished: true }));
     for (const id of ["map-discard", "guide-discard"]) $(id).addEventListener("click", () => this.#discard());
     $("guide-choose").addEventListener("click", () => { panels.show("map"); $("maps").focus(); });

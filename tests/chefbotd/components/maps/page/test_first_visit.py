@@ -14,6 +14,7 @@ NO_MAP = {"state": "unknown", "map": None, "fit": 0.0, "reason": ""}
 
 def test_a_first_visit_begins_with_a_map(page: Any, daemon: FakeDaemon) -> None:
     """The steps and the button that takes the first one; with a map being made, or one in use, they are gone."""
+    page.locator("#tab-drive").click()  # closed
     guide = page.get_by_role("region", name="First, make a map")
     daemon.say("mapping", **IDLE)
     daemon.say("localization", **NO_MAP)
@@ -22,6 +23,7 @@ def test_a_first_visit_begins_with_a_map(page: Any, daemon: FakeDaemon) -> None:
     guide.get_by_role("button", name="Start a map").click()
     assert until(lambda: daemon.was_asked("start_mapping"))
     assert daemon.last("start_mapping") == {}
+    sync_api.expect(page.locator("#joystick")).to_be_visible()  # the next step
     daemon.say("mapping", **{**IDLE, "state": "mapping", "path_m": 3.2, "loops": 1})
     sync_api.expect(guide).to_be_hidden()
     told = page.locator("#map-told")
