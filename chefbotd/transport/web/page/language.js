@@ -59,7 +59,12 @@ export function t(id, args = {}) {
   const own = all.words[id];
   const found = own ?? ENGLISH[id] ?? id;
   const pattern = typeof found === "string" ? found : found[new Intl.PluralRules(own ? language : "en").select(args.count)] ?? found.other;
-  return pattern.replace(/\{(\w+)\}/g, (whole, name) => String(args[name] ?? whole));
+  return pattern.replace(/\{(\w+)\}/g, (whole, name) => (name in args ? isolated(String(args[name] ?? whole), own) : whole));
+}
+
+// Figures and names keep their own direction in a sentence that runs from the right (Unicode's FSI and PDI).
+function isolated(words, isOwn) {
+  return isOwn && LANGUAGES[language].direction === "rtl" ? `\u2068${words}\u2069` : words;
 }
 
 // Write the words of each element with ``data-t``, and of the attributes with ``data-t-NAME``. `W` is a key to press.

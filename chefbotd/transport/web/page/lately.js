@@ -2,7 +2,7 @@
 // page's own lines.
 
 import { $, element } from "./dom.js";
-import { knows, t } from "./language.js";
+import { knows, ready, t } from "./language.js";
 import { limit, mode, plain, sentence } from "./words.js";
 
 const MOST_LINES = 50; // of a kind: many of one do not push out those of another
@@ -36,11 +36,11 @@ export class Lately {
     $("lately-kind").addEventListener("change", () => {
       for (const line of $("lately").children) line.hidden = !isOfKind(line);
     });
-    connection.addEventListener("closed", () => this.add("connection", t("connection.lost")));
+    connection.addEventListener("closed", () => ready.then(() => this.add("connection", t("connection.lost"))));
     connection.addEventListener("hello", ({ detail: { session } }) => {
       if (session !== this.#session) this.#shown_s = -Infinity;
       this.#session = session;
-      this.add("connection", t("connection.found"));
+      ready.then(() => this.add("connection", t("connection.found")));
     });
   }
 

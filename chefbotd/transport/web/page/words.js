@@ -106,7 +106,7 @@ export function range({ status, range_m }) {
 }
 
 export const battery = ({ voltage_v, percentage, status }) => (
-  [`${voltage_v.toFixed(1)} V, ${percentage.toFixed(0)} %`, knows(`battery.${status}`) ? t(`battery.${status}`) : ""].filter(Boolean).join(", "));
+  [t("battery.figures", { voltage_v: voltage_v.toFixed(1), percent: percentage.toFixed(0) }), knows(`battery.${status}`) ? t(`battery.${status}`) : ""].filter(Boolean).join(", "));
 
 // What a daemon's reason adds to a state: it may begin with the state's own name, or with its verb.
 export function because(state, reason) {

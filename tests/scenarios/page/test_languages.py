@@ -1,0 +1,269 @@
+"""The page in other languages: nothing is left out, nothing is cut on a phone, and Arabic runs from the right."""
+
+import json
+import re
+from typing import Any, ClassVar
+
+import pytest
+
+from tests.scenarios.page.browser import NEEDS_BROWSER, FakeDaemon, mode_is, sync_api
+
+pytestmark = [pytest.mark.slow, pytest.mark.realtime, NEEDS_BROWSER]
+
+PHONE = {"width": 360, "height": 740}
+ACCENTS = str.maketrans("aeiouAEIOUcnsy", "àéïöüÀÉÏÖÜçñšý")
+NAMES = {
+    *("fake", "kitchen", "table 3", "flat", "Ann", "ntfy", "example.org", "top", "front"),  # of this robot
+    *("m", "s", "m/s", "rad/s", "V", "ms", "kp", "ki", "kd", "QR"),  # of units and gains
+    *("English", "Deutsch", "Español", "العربية"),
+}
+"""What is the same in each language."""
+
+LEFT_OUT = r"""(names) => {
+  const left = [];
+  let depth = 0;
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (walker.nextNode()) {
+    const node = walker.currentNode;
+    const holder = node.parentElement.closest("select") ?? node.parentElement;
+    const isShown = holder.checkVisibility({ visibilityProperty: true });
+    const isSeen = isShown && !holder.closest("script, noscript, time, kbd, #language");
+    let outside = "";
+    for (const sign of node.data) {
+      if (sign === "[") depth += 1;
+      else if (sign === "]") depth -= 1;
+      else if (depth === 0) outside += sign;
+    }
+    for (const name of names) outside = outside.replace(new RegExp(`(?<![\\p{L}])${name}(?![\\p{L}])`, "gu"), "");
+    if (isSeen && /\p{L}/u.test(outside)) left.push(outside.trim());
+  }
+  for (const node of document.querySelectorAll("[aria-label], [title], [placeholder]")) {
+    for (const name of ["aria-label", "title", "placeholder"]) {
+      const words = node.getAttribute(name) ?? "";
+      const isOurs = node.checkVisibility() && !node.closest("#lately time, #firmware") && node.id !== "place";
+      if (isOurs && /\p{L}/u.test(words) && !words.includes("[")) left.push(`${name}: ${words}`);
+    }
+  }
+  return left;
+}"""
+CUT = """() => {
+  const cut = [];
+  const walker = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+  while (walker.nextNode()) {
+    const node = walker.currentNode;
+    const holder = node.parentElement;
+    const isSeen = holder.checkVisibility({ visibilityProperty: true }) && node.data.trim();
+    if (!isSeen || holder.closest("svg, script, .unseen, select, datalist")) continue;
+    const range = document.createRange();
+    range.selectNodeContents(node);
+    let [left, right] = [0, innerWidth];
+    for (let box = holder; box; box = box.parentElement) {
+      const { overflowX } = getComputedStyle(box);
+      if (["auto", "scroll"].includes(overflowX) && box !== document.body) { // it can be scrolled to
+        if (left === 0 && right === innerWidth) [left, right] = [-Infinity, Infinity];
+        break;
+      }
+      if (overflowX === "visible") continue;
+      const edges = box.getBoundingClientRect();
+      [left, right] = [Math.max(left, edges.left), Math.min(right, edges.right)];
+    }
+    const isCut = [...range.getClientRects()].some((line) => line.left < left - 1 || line.right > right + 1);
+    if (isCut) cut.push(`${holder.id || holder.className || holder.tagName}: ${node.data.trim().slice(0, 60)}`);
+  }
+  return cut;
+}"""
+"""Texts of which a part lies outside of the window, or of a part of the page that hides what does not fit."""
+
+
+class Furnished(FakeDaemon):
+    """A daemon with something in every panel, that says no sentence of its own."""
+
+    METHODS = (
+        *FakeDaemon.METHODS,
+        *("list_zones", "save_zone", "delete_zone", "undo_zones", "make_invitation", "list_invitations"),
+        *(
+            "send_test_notification",
+            "get_calibration",
+            "calibrate",
+            "get_pid",
+            "set_pid",
+            "list_goals",
+            "load_map",
+        ),
+    )
+    TOPICS = (*FakeDaemon.TOPICS, "wheels", "notifications", "zones", "calibration", "stats")
+    RESULTS: ClassVar[dict[str, Any]] = {
+        **FakeDaemon.RESULTS,
+        "list_zones": {
+            "zones": [
+                {
+                    "id": 1,
+                    "kind": kind,
+                    "name": "",
+                    "enabled": True,
+                    "points_m": [[0, 0], [1, 0], [1, 1]],
+                    **more,
+                }
+                for kind, more in (
+                    ("keep_out", {}),
+                    ("slow", {"max_speed_m_s": 0.1}),
+                    ("wall", {"width_m": 0.1}),
+                )
+            ],
+            "revision": 1,
+            "can_undo": True,
+        },
+        "list_invitations": {
+            "invitations": [{"invitation": 1, "device": "", "role": "guest"}],
+            "devices": [{"device": 2, "name": "Ann", "role": "drive", "expires_s": None}],
+        },
+        "get_calibration": {
+            "steps": [
+                {"name": name, "purpose": "[]", "missing": "", "preparation": "[]", "space_m": 0.3}
+                for name in ("imu", "umbmark")
+            ],
+            "results": [],
+        },
+        "get_pid": {"wheels": {"left_wheel": {"kp": 1.0, "ki": 2.0, "kd": 0.0}}},
+        "list_goals": {"goals": [{"goal": 1, "x_m": 1.5, "y_m": -0.25, "heading_rad": None}]},
+        "list_maps": {"in_use": None, "maps": [{"name": "flat", "in_use": False}]},
+    }
+
+    def live(self) -> None:
+        """Say one event of each part, without a reason in it."""
+        self.say(
+            "safety",
+            mode="armed",
+            reason="",
+            armed=True,
+            source=None,
+            control={},
+            limited_by="obstacle:front",
+        )
+        self.say("odometry", x_m=0.0, y_m=0.0, heading_rad=0.0, linear_m_s=0.1, angular_rad_s=0.0)
+        self.say("battery", voltage_v=12.1, percentage=20.0, status="low")
+        self.say("link", state="up", device="", reason="", healthy=True, condition="healthy")
+        self.say("localization", state="localized", map="flat", fit=0.5, reason="")
+        self.say("navigation", state="driving", goal=1, reason="", distance_m=1.0)
+        self.say(
+            "recording",
+            state="idle",
+            file=None,
+            seconds=0,
+            bytes_written=0,
+            ring_s=30,
+            free_bytes=9e9,
+            reason="",
+            saved="",
+        )
+        self.say("lidars", lidars=[{"lidar": "top", "healthy": False, "condition": "silent", "reason": ""}])
+        wheels = {
+            "name": ["left_wheel"],
+            "velocity_rad_s": [1.0],
+            "target_rad_s": [1.0],
+            "duty": [100],
+            "excluded": [],
+        }
+        self.say("wheels", **wheels)
+        server = {"name": "ntfy", "host": "example.org", "state": "silent", "waiting": 0}
+        self.say("notifications", kinds=["stuck", "fault"], servers=[server])
+        self.say("agents", agents=[{"name": "Ann", "text": "[]"}], buttons=[], questions=[])
+        line = {"level": "info", "source": "control", "text": "", "stamp_s": 1.0}
+        self.say(
+            "log",
+            lines=[line, {**line, "source": "navigation", "text": "driving", "stamp_s": 2.0}],
+            stamp_s=2.0,
+        )
+
+
+def pseudo(words: Any) -> Any:
+    """A sentence that is longer and in brackets, its placeholders and keys as they were."""
+    if isinstance(words, dict):
+        return {form: pseudo(sentence) for form, sentence in words.items()}
+    parts = re.split(r"(\{\w+\})", words)
+    accented = "".join(part if part.startswith("{") else part.translate(ACCENTS) for part in parts)
+    return f"[{accented}{'·' * int(0.4 * sum(map(len, parts[::2])))}]"
+
+
+def opened(page: Any, served: str, language: str) -> Furnished:
+    """The page in a language that the browser has not kept yet, with something in every panel."""
+    page.add_init_script(f"localStorage.setItem('chefbotd-page-language', '\"{language}\"')")
+    daemon = Furnished(page)
+    daemon.opened(served)
+    sync_api.expect(page.locator("html")).to_have_attribute("lang", language)
+    daemon.live()
+    return daemon
+
+
+def with_pseudo_language(page: Any) -> None:
+    """Serve a language that is made of the English words."""
+    languages = 'LANGUAGES.qps = { name: "[]", direction: "ltr", version: "1" };'
+
+    def add(route: Any) -> None:
+        route.fulfill(body=f"{route.fetch().text()}\n{languages}", content_type="text/javascript")
+
+    def translate(route: Any) -> None:
+        english = json.loads(route.fetch(url=route.request.url.replace("qps", "en")).text())
+        route.fulfill(json={key: pseudo(words) for key, words in english.items()})
+
+    page.route("**/english.js", add)
+    page.route("**/languages/qps.json", translate)
+
+
+def panels(page: Any) -> list[str]:
+    """The panels that have a tab, opened one after the other while this is iterated."""
+    return [tab.get_attribute("id") for tab in page.locator("#rail > button:visible").all()]
+
+
+def test_no_sentence_is_left_out(page: Any, served: str) -> None:
+    """In a language that is English with brackets around each sentence, all but names is in brackets."""
+    with_pseudo_language(page)
+    opened(page, served, "qps")
+    sync_api.expect(page.locator("#mode-reason")).to_contain_text("[")
+    left: list[str] = page.evaluate(LEFT_OUT, sorted(NAMES))
+    for tab in panels(page):
+        page.locator(f"#{tab}").click()
+        left += [f"{tab}: {each}" for each in page.evaluate(LEFT_OUT, sorted(NAMES))]
+    assert sorted(set(left)) == []
+
+
+@pytest.mark.parametrize("language", ["qps", "de", "ar"])
+def test_nothing_is_cut_on_a_phone(page: Any, served: str, language: str) -> None:
+    """On a phone 360 pixels wide, in each panel, and the stops are in sight with all their words."""
+    page.set_viewport_size(PHONE)
+    with_pseudo_language(page)
+    opened(page, served, language)
+    cut: list[str] = page.evaluate(CUT)
+    for tab in panels(page):
+        page.locator(f"#{tab}").click()
+        cut += [f"{tab}: {each}" for each in page.evaluate(CUT)]
+    assert sorted(set(cut)) == [], "\n".join(sorted(set(cut)))
+    for button in ("estop", "stop", "arm"):
+        sync_api.expect(page.locator(f"#{button}")).to_be_in_viewport(ratio=1)
+    assert page.evaluate("document.documentElement.scrollWidth <= innerWidth")
+    direction = "rtl" if language == "ar" else "ltr"
+    sync_api.expect(page.locator("html")).to_have_attribute("dir", direction)
+
+
+def test_a_language_is_chosen_and_kept(page: Any, daemon: FakeDaemon) -> None:
+    """After the choice the page begins anew in it, from its first moment; the stop says so too."""
+    page.locator("#language").select_option("de")
+    sync_api.expect(page.locator("#estop")).to_have_text("NOT-HALT Esc")
+    daemon.say("safety", mode="armed", reason="", armed=True, source=None, control={}, limited_by=None)
+    mode_is(page, "Fahrbereit")
+    page.route("**/languages/de.json", lambda route: route.abort())
+    page.reload()
+    sync_api.expect(page.locator("#estop")).to_have_text("NOT-HALT Esc")
+    sync_api.expect(page.locator("#language")).to_have_value("de")
+
+
+def test_a_stop_waits_for_no_language(page: Any, served: str) -> None:
+    """Where the words do not come, the stops are English, and the emergency stop is sent at once."""
+    page.add_init_script("localStorage.setItem('chefbotd-page-language', '\"de\"')")
+    page.route("**/languages/de.json", lambda route: None)  # never answered
+    daemon = FakeDaemon(page)
+    page.goto(served)
+    sync_api.expect(page.locator("#robot")).to_have_text("fake")
+    sync_api.expect(page.locator("#estop")).to_have_text("EMERGENCY STOP Esc")
+    page.locator("#estop").click()
+    assert daemon.was_asked("estop")
