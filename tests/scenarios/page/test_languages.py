@@ -17,7 +17,7 @@ NAMES = {
     *("m", "s", "m/s", "rad/s", "V", "ms", "kp", "ki", "kd", "QR"),  # of units and gains
     *("English", "Deutsch", "Español", "العربية"),
 }
-"""What is the same in each language."""
+"""What is the same in each language; the names of topics to plot are the daemon's, too."""
 
 LEFT_OUT = r"""(names) => {
   const left = [];
@@ -27,7 +27,7 @@ LEFT_OUT = r"""(names) => {
     const node = walker.currentNode;
     const holder = node.parentElement.closest("select") ?? node.parentElement;
     const isShown = holder.checkVisibility({ visibilityProperty: true });
-    const isSeen = isShown && !holder.closest("script, noscript, time, kbd, #language");
+    const isSeen = isShown && !holder.closest("script, noscript, time, kbd, #language, #plot-topic, #plot-number");
     let outside = "";
     for (const sign of node.data) {
       if (sign === "[") depth += 1;
@@ -53,7 +53,7 @@ CUT = """() => {
     const node = walker.currentNode;
     const holder = node.parentElement;
     const isSeen = holder.checkVisibility({ visibilityProperty: true }) && node.data.trim();
-    if (!isSeen || holder.closest("svg, script, .unseen, select, datalist")) continue;
+    if (!isSeen || holder.closest("svg, script, .unseen, select, datalist, #robot")) continue;
     const range = document.createRange();
     range.selectNodeContents(node);
     let [left, right] = [0, innerWidth];
@@ -72,7 +72,10 @@ CUT = """() => {
   }
   return cut;
 }"""
-"""Texts of which a part lies outside of the window, or of a part of the page that hides what does not fit."""
+"""Texts of which a part lies outside of the window, or of a part of the page that hides what does not fit.
+
+The robot's own name may be as long as it likes, and ends with dots.
+"""
 
 
 class Furnished(FakeDaemon):
