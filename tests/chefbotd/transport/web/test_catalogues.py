@@ -23,8 +23,8 @@ PLURALS = {
     "ar": {"zero", "one", "two", "few", "many", "other"},
 }
 """The plural forms of whole numbers, of the Unicode CLDR's rules for cardinals."""
-ID = re.compile(r'["=]([a-z]+\.[a-z_]+(?:\.[a-z_]+)*)"')
-PREFIX = re.compile(r"`([a-z]+\.[a-z_.]*)\$\{|named\(\"([a-z.]+)\"")
+ID = re.compile(r'["=]([a-z_]+\.[a-z_]+(?:\.[a-z_]+)*)"')
+PREFIX = re.compile(r"`([a-z_]+\.[a-z_.]*)\$\{|named\(\"([a-z.]+)\"")
 NOT_FOR_READERS = {"language.name", "language.direction"}
 
 
@@ -62,9 +62,8 @@ def test_each_language_is_complete(folder: Path, language: str) -> None:
         assert isinstance(sentence, dict) == isinstance(english[key], dict), key
         if isinstance(sentence, dict):
             assert sentence.keys() == PLURALS[language], key
-            assert {frozenset(placeholders(form)) for form in sentence.values()} == {
-                frozenset(placeholders(sentence))
-            }
+            for form in sentence.values():  # "one" may say the number in a word
+                assert placeholders(sentence) - {"count"} <= placeholders(form) <= placeholders(sentence), key
         else:
             assert sentence.strip() == sentence != "", key
             assert sentence.count("`") == str(english[key]).count("`"), key
