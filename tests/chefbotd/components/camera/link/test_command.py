@@ -1,9 +1,9 @@
 """Pictures of a program: a small Python program in the place of rpicam-vid."""
 
 import os
+import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import pytest
@@ -12,7 +12,7 @@ from chefbotd.components.camera.link.command import CommandCapture
 from chefbotd.components.camera.link.source import CameraLost, TakenPicture
 from chefbotd.components.camera.parameters import CameraParameters
 from tests.chefbotd.components.camera.pictures import picture
-from tests.waiting import PATIENCE_S
+from tests.waiting import wait_until
 
 HEAD = "import os, sys, time\npicture = open(sys.argv[1], 'rb').read()\n"
 
@@ -72,25 +72,34 @@ def test_a_program_that_cannot_be_started_is_lost(tmp_path: Path) -> None:
     assert "No such file" in why
 
 
+PARENT = """
+import sys, threading, time
+from chefbotd.components.camera.link.command import CommandCapture
+from chefbotd.components.camera.parameters import CameraParameters
+capture = CommandCapture(CameraParameters(enabled=True), sys.argv[1:])
+threading.Thread(target=capture.run, args=(print, threading.Event()), daemon=True).start()
+time.sleep(600)
+"""
+
+
+def has_ended(process: int) -> bool:
+    """Whether a process is gone, or only its parent has not asked for its end."""
+    try:
+        return Path(f"/proc/{process}/stat").read_text().rpartition(")")[2].split()[0] == "Z"
+    except (FileNotFoundError, ProcessLookupError):
+        return True
+
+
 def test_a_program_dies_with_the_thread_that_reads_it(tmp_path: Path) -> None:
     """So also with a daemon that is killed: the kernel kills it with its parent."""
     file = tmp_path / "pid"
-    body = f"print(os.getpid(), file=open({str(file)!r}, 'w'), flush=True)\ntime.sleep(600)\n"
-    program = command(tmp_path, body)
-    parent = os.fork()
-    if parent == 0:
-        threading.Thread(target=program.run, args=(print, threading.Event()), daemon=True).start()
-        time.sleep(600)
-        os._exit(0)
-    until_s = time.monotonic() + PATIENCE_S
-    while not (file.exists() and file.read_text().strip()) and time.monotonic() < until_s:
-        time.sleep(0.02)
-    child = int(file.read_text())
-    os.kill(parent, 9)
-    os.waitpid(parent, 0)
-    while Path(f"/proc/{child}/stat").exists() and time.monotonic() < until_s:
-        if Path(f"/proc/{child}/stat").read_text().split()[2] == "Z":
-            break
-        time.sleep(0.02)
-    else:
-        assert not Path(f"/proc/{child}").exists()
+    (tmp_path / "program.py").write_text(
+        f"import os, time\nprint(os.getpid(), file=open({str(file)!r}, 'w'), flush=True)\ntime.sleep(600)\n"
+    )
+    words = [sys.executable, "-c", PARENT, sys.executable, str(tmp_path / "program.py")]
+    with subprocess.Popen(words) as parent:
+        wait_until(lambda: file.exists() and bool(file.read_text().strip()))
+        child = int(file.read_text())
+        assert not has_ended(child)
+        parent.kill()
+    wait_until(lambda: has_ended(child))
