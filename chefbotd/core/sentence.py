@@ -9,7 +9,7 @@ Value: TypeAlias = str | int | float | dict[str, Any]
 class Sentence(str):
     """The English words; ``sentence_id`` and ``arguments`` are what a catalogue of another language needs.
 
-    A catalogue has the pattern as ``refusal.`` and the id, with the arguments' names in braces.
+    docs/reference/refusals.md lists the patterns by their ids, with the arguments' names in braces.
     """
 
     sentence_id: str

@@ -3,6 +3,7 @@
 import ast
 import json
 import pickle
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from chefbotd.rpc.method import Unserved
 from chefbotd.safety.gate import not_armed
 
 ROOT = Path(chefbotd.__file__).parent
+REFERENCE = ROOT.parent / "docs" / "reference" / "refusals.md"
 
 
 def patterns() -> Iterator[tuple[str, str]]:
@@ -22,6 +24,18 @@ def patterns() -> Iterator[tuple[str, str]]:
         for node in ast.walk(ast.parse(path.read_text())):
             if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Sentence":
                 yield ast.literal_eval(node.args[0]), ast.literal_eval(node.args[1])
+
+
+def as_listed(pattern: str) -> str:
+    """Without formats, and with the quotes that they make around a name."""
+    quoted = re.sub(r"\{(\w+)![ra]\}", r"'{\1}'", pattern)
+    return re.sub(r"\{(\w+):[^}]*\}", r"{\1}", quoted)
+
+
+def test_the_reference_lists_every_sentence_of_the_code_and_no_other() -> None:
+    """One page says what a translator is to translate; a sentence that is changed is changed there too."""
+    rows = re.findall(r"^\| `([a-z_.]+)` \| (.+) \|$", REFERENCE.read_text(), re.MULTILINE)
+    assert rows == sorted({(name, as_listed(pattern)) for name, pattern in patterns()})
 
 
 def test_an_id_has_one_sentence() -> None:

@@ -110,7 +110,8 @@ def test_a_service_that_is_cancelled_ends(settles: bool) -> None:
 
 
 def test_a_refusal_comes_with_its_kind() -> None:
-    """What the skill refuses is refused to the caller, in the same words."""
+    """What the skill refuses is refused to the caller, in the same words, with their id and arguments."""
+    said = {"id": "mapping.none", "arguments": {}}
 
     def refusing(child: FakeChild) -> None:
         healthy(child)
@@ -119,7 +120,7 @@ def test_a_refusal_comes_with_its_kind() -> None:
         def answer(message: ToWorker) -> None:
             become_ready(message)
             if isinstance(message, SkillRequest):
-                child.say(Failed(message.id, RefusalKind.NOT_MAPPING, "no map is being made"))
+                child.say(Failed(message.id, RefusalKind.NOT_MAPPING, "no map is being made", dict(said)))
 
         child.answer = answer
 
@@ -128,6 +129,7 @@ def test_a_refusal_comes_with_its_kind() -> None:
             with pytest.raises(Refused, match="no map is being made") as refused:
                 await worker.request("counting", Count(3), str, deadline_s=5.0)
             assert refused.value.kind is RefusalKind.NOT_MAPPING
+            assert refused.value.data == said
 
     run_virtual(scene())
 

@@ -30,6 +30,7 @@ from chefbotd.core.events.lidars import ScanMeasured
 from chefbotd.core.events.robot import OdometryUpdated, RangeMeasured, RangeStatus
 from chefbotd.core.geometry import CERTAIN, ORIGIN, STANDING, Pose2D
 from chefbotd.core.scan import LaserScan
+from chefbotd.core.sentence import Sentence
 from chefbotd.extras import how_to_add_extra
 
 SCAN = make_measured(ScanMeasured(1.0, "top", ORIGIN, LaserScan(1.0, *np.zeros((3, 0)))))
@@ -64,7 +65,7 @@ class Counting:
 
     def handle(self, body: bytes) -> Struct | Job:
         if body == b"no":
-            raise Refused(RefusalKind.NOT_MAPPING, "not now")
+            raise Refused(RefusalKind.NOT_MAPPING, Sentence("trip.not_now", "not {when}", when="now"))
         return self._job() if body == b"job" else Counted("scans", self.scans)
 
     def _job(self) -> Job:
@@ -174,7 +175,7 @@ def test_a_request_is_answered_or_refused(runner: Runner) -> None:
         Answer(1, pack_body(Counted("scans", 0)))
     ]
     assert list(runner.take_message(SkillRequest(2, "counting", 5.0, b"no"))) == [
-        Failed(2, RefusalKind.NOT_MAPPING, "not now")
+        Failed(2, RefusalKind.NOT_MAPPING, "not now", {"id": "trip.not_now", "arguments": {"when": "now"}})
     ]
     (failed,) = runner.take_message(SkillRequest(3, "cooking", 5.0, b""))
     assert isinstance(failed, Failed)
