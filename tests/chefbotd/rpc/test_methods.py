@@ -262,3 +262,12 @@ def test_no_parameters_break_a_method(method: str, params: dict[str, Any]) -> No
     answer = desk.ask(method, **params)
     assert len([m for m in desk.heard if "method" not in m]) == 1
     assert answer.get("error", {}).get("data", {}).get("kind") != "internal"
+
+
+def test_a_refusal_has_an_id_and_arguments_beside_its_sentence() -> None:
+    """So that a client can say it in another language; the sentence is the English one."""
+    error = Desk().ask("take_control", source="nobody")["error"]
+    assert error["message"].startswith("no source named 'nobody'; there are ")
+    assert (error["data"]["kind"], error["data"]["id"]) == ("unknown_source", "driving.unknown_source")
+    assert error["data"]["arguments"].keys() == {"source", "others"}
+    assert error["data"]["arguments"]["source"] == "nobody"
