@@ -260,6 +260,32 @@ def test_a_language_is_chosen_and_kept(page: Any, daemon: FakeDaemon) -> None:
     sync_api.expect(page.locator("#language")).to_have_value("de")
 
 
+def test_the_browsers_first_language_counts_whatever_its_region(page: Any, served: str) -> None:
+    """Austria's German is German, though Spanish without a region comes after it."""
+    page.add_init_script("Object.defineProperty(navigator, 'languages', { value: ['de-AT', 'es', 'en'] })")
+    FakeDaemon(page).opened(served)
+    sync_api.expect(page.locator("html")).to_have_attribute("lang", "de")
+    sync_api.expect(page.locator("#estop")).to_have_text("NOT-HALT Esc")
+
+
+def test_a_refusal_is_said_by_its_id(page: Any, daemon: FakeDaemon) -> None:
+    """In the reader's language, its arguments too, of which one is a sentence; else in the daemon's English."""
+    page.locator("#language").select_option("de")
+    sync_api.expect(page.locator("#estop")).to_have_text("NOT-HALT Esc")
+    why = {"id": "driving.no_board", "arguments": {}, "message": "the board is not connected"}
+    data = {"kind": "pose_unknown", "id": "maps.pose_unknown", "arguments": {"map": "flat", "why": why}}
+    daemon.refusal = {"code": -32046, "message": "where it is is not known", "data": data}
+    alert = page.locator("#alert")
+    page.keyboard.press("Space")
+    said = (
+        "Wo der Roboter auf der Karte „flat“ ist, ist nicht bekannt (die Steuerplatine ist nicht verbunden)"
+    )
+    sync_api.expect(alert).to_contain_text(said)
+    daemon.refusal["data"]["id"] = "trip.far"
+    page.keyboard.press("Space")
+    sync_api.expect(alert).to_have_text("Where it is is not known")
+
+
 def test_a_stop_waits_for_no_language(page: Any, served: str) -> None:
     """Where the words do not come, the stops are English, and the emergency stop is sent at once."""
     page.add_init_script("localStorage.setItem('chefbotd-page-language', '\"de\"')")

@@ -51,6 +51,9 @@ function show() {
 // Whether there is a sentence of this id.
 export const knows = (id) => Boolean(all.words[id] ?? ENGLISH[id]);
 
+// Whether the language has a sentence of its own for this id: what the daemon says is English already.
+export const isTranslated = (id) => id in all.words;
+
 // What one of a group is called, such as a state of the daemon; one that has no words is called by its own name.
 export const named = (group, name) => (knows(`${group}.${name}`) ? t(`${group}.${name}`) : name);
 

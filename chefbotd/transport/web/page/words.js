@@ -1,7 +1,7 @@
 // What the page says of the daemon's states and errors: their names in words of the reader's language.
 // The daemon's own sentences are for people already; here clients and wheels get the names that people know.
 
-import { knows, named, t } from "./language.js";
+import { isTranslated, knows, named, t } from "./language.js";
 
 export const me = `page #${Math.random().toString(36).slice(2, 6)}`;
 
@@ -34,7 +34,7 @@ export function plain(reason) {
 // What is refused for a kind alone; those that say more are below.
 const REFUSED = {
   lease_held: ({ data }) => t("refused.lease_held", { driver: sentence(plain(data.holder)) }),
-  stopped: ({ data, message }) => (data.stopped_by ? t("refused.stopped", { by: plain(data.stopped_by) }) : sentence(plain(message))),
+  stopped: ({ data, message }) => (data.stopped_by ? t("refused.stopped", { by: plain(data.stopped_by) }) : sentence(told({ ...data, message }))),
   invalid_params: ({ data }) => (data.fields ?? []).map(field).join(" ") || t("refused.invalid_params"),
 };
 
@@ -49,7 +49,18 @@ function field({ field: name, expected, got }) {
 export function refusal(error) {
   const { kind } = error;
   if (REFUSED[kind]) return REFUSED[kind](error);
-  return knows(`refused.${kind}`) ? t(`refused.${kind}`) : sentence(plain(error.message));
+  return knows(`refused.${kind}`) ? t(`refused.${kind}`) : sentence(told({ ...error.data, message: error.message }));
+}
+
+// A sentence of the daemon by its id, where the language has it, else its English words. An argument may be a sentence, too.
+function told({ id, arguments: args = {}, message }) {
+  if (!isTranslated(`refusal.${id}`)) return plain(message);
+  return t(`refusal.${id}`, Object.fromEntries(Object.entries(args).map(([name, value]) => [name, argument(value)])));
+}
+
+function argument(value) {
+  if (typeof value === "number") return Number(value.toFixed(2));
+  return typeof value === "string" ? plain(value) : told(value);
 }
 
 // What holds the robot back, by the name that the daemon has for it.

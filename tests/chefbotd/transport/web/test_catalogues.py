@@ -1,5 +1,6 @@
 """The catalogues of the page and of our cards: complete in each language, and each sentence is one that is said."""
 
+import ast
 import json
 import re
 from collections.abc import Iterator
@@ -40,6 +41,11 @@ def catalogue(folder: Path, language: str) -> dict[str, str | dict[str, str]]:
     return words
 
 
+def of_page(words: dict[str, str | dict[str, str]]) -> dict[str, str | dict[str, str]]:
+    """The page's own sentences: those of the daemon are English already, and stand in its code."""
+    return {key: sentence for key, sentence in words.items() if not key.startswith("refusal.")}
+
+
 def placeholders(words: str | dict[str, str]) -> set[str]:
     """The arguments that a sentence has a place for."""
     return set(re.findall(r"\{(\w+)\}", words if isinstance(words, str) else words["other"]))
@@ -55,7 +61,7 @@ def scripts(folder: Path) -> str:
 @pytest.mark.parametrize("folder", FOLDERS, ids=lambda folder: str(folder.relative_to(PAGE.parents[2])))
 def test_each_language_is_complete(folder: Path, language: str) -> None:
     """Each sentence is there, with the same arguments, its keys to press, and the plural forms of its language."""
-    english, words = catalogue(folder, "en"), catalogue(folder, language)
+    english, words = catalogue(folder, "en"), of_page(catalogue(folder, language))
     assert words.keys() == english.keys()
     for key, sentence in words.items():
         assert placeholders(sentence) == placeholders(english[key]), key
@@ -87,7 +93,26 @@ def test_each_sentence_that_is_said_is_in_the_catalogue_and_each_of_it_is_said(f
     unknown = {key for key in said if key.split(".")[0] in groups and key not in known}
     assert {key for key in unknown if not key.endswith((".js", ".json"))} == set()
     silent = {key for key in english if key not in said and not key.startswith(prefixes)} - NOT_FOR_READERS
-    assert {key for key in silent if not key.startswith("refusal.")} == set()
+    assert silent == set()
+
+
+@pytest.mark.parametrize("language", sorted(PLURALS.keys() - {"en"}))
+def test_a_refusal_of_the_daemon_says_the_same_in_each_language(language: str) -> None:
+    """With the arguments of its English sentence; each language has the same ones of them."""
+    english: dict[str, set[str]] = {}
+    for path in PAGE.parents[2].rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.Call) and getattr(node.func, "id", "") == "Sentence":
+                pattern = ast.literal_eval(node.args[1])
+                english[ast.literal_eval(node.args[0])] = set(re.findall(r"\{(\w+)", pattern))
+    told: dict[str, dict[str, str | dict[str, str]]] = {"de": {}, language: {}}
+    for other, words in told.items():
+        for folder in FOLDERS:
+            whole = catalogue(folder, other)
+            words.update({key: whole[key] for key in whole.keys() - of_page(whole).keys()})
+    assert told[language].keys() == told["de"].keys()
+    for key, sentence in told[language].items():
+        assert placeholders(sentence) == english[key.removeprefix("refusal.")], key
 
 
 class Texts(HTMLParser):
