@@ -85,7 +85,6 @@ async def show(page: Page, screen: Screen) -> None:
     await asyncio.sleep(DRAWN_S)
     if screen.whole_map:
         await page.locator("#whole-map").click()
-    await page.mouse.move(1, 1)
     await asyncio.sleep(DRAWN_S)
 
 
@@ -104,7 +103,7 @@ async def draw_screens(folder: Path, screens: Mapping[str, Screen]) -> None:
             )
             page = await context.new_page()
             await page.goto(url)
-            await robot.navigate_to(place=screen.goal)
+            await robot.call("navigate_to", place=screen.goal)
             await show(page, screen)
             await page.screenshot(path=folder / name)
             await context.close()

@@ -10,6 +10,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from functools import partial
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib.util import find_spec
@@ -261,36 +262,40 @@ class FakeDaemon:
         self._page = page
         self.refusal: dict[str, Any] | None = None  # the answer to everything that is not in RESULTS
         self.held: set[str] = set()  # methods whose requests wait for ``answer``
-        self._waiting: list[tuple[str, int]] = []
+        self._waiting: list[tuple[str, int, Any]] = []
         page.route_web_socket(re.compile("/socket$"), self._connected)
 
     def _connected(self, socket: Any) -> None:
-        self._socket = socket
-        socket.on_message(self._take)
+        self._socket = self._socket or socket
+        socket.on_message(partial(self._take, socket))
         capabilities = [f"method.{name}" for name in (*self.METHODS, *self._more)] + [
             f"topic.{name}" for name in self.TOPICS
         ]
-        self._send("hello", {"robot": "fake", "auth": "none", "capabilities": capabilities})
+        hello = {"robot": "fake", "auth": "none", "capabilities": capabilities}
+        socket.send(json.dumps({"jsonrpc": "2.0", "method": "hello", "params": hello}))
 
-    def _take(self, line: str) -> None:
+    def _take(self, socket: Any, line: str) -> None:
         request = json.loads(line)
+        if request.get("params", {}).get("client", "").startswith("page #"):
+            self._socket = socket  # of the page itself: a card may have a connection of its own
         self.asked.append((request["method"], request.get("params", {})))
         method, number = request["method"], request.get("id")
         if method in self.held:
-            self._waiting.append((method, number))
+            self._waiting.append((method, number, socket))
         elif number is not None:
             refused = self.refusal if method not in (*self.RESULTS, "subscribe", "ping") else None
-            self._answer(number, {"error": refused} if refused else {"result": self.RESULTS.get(method, {})})
+            answer = {"error": refused} if refused else {"result": self.RESULTS.get(method, {})}
+            self._answer(number, answer, socket)
 
-    def _answer(self, number: int, answer: dict[str, Any]) -> None:
-        self._socket.send(json.dumps({"jsonrpc": "2.0", "id": number, **answer}))
+    def _answer(self, number: int, answer: dict[str, Any], socket: Any) -> None:
+        socket.send(json.dumps({"jsonrpc": "2.0", "id": number, **answer}))
 
     def answer(self, method: str, **result: Any) -> None:
         """Answer the oldest request of a method in ``held``."""
         assert until(lambda: self.was_asked(method))
         first = next(each for each in self._waiting if each[0] == method)
         self._waiting.remove(first)
-        self._answer(first[1], {"result": result})
+        self._answer(first[1], {"result": result}, first[2])
 
     def capable_of(self, *methods: str) -> None:
         """Offer more methods; before the page is opened."""
@@ -299,7 +304,7 @@ class FakeDaemon:
     def waits(self, method: str) -> bool:
         """Whether a request of a method in ``held`` has come and is not answered."""
         self._page.wait_for_timeout(50)
-        return any(name == method for name, _ in self._waiting)
+        return any(name == method for name, _, _ in self._waiting)
 
     def disconnect(self) -> None:
         """End the connection; the page comes back by itself."""
