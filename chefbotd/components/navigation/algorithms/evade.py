@@ -58,7 +58,7 @@ PASSED_S: Final = 4.0
 """No person may come to the place that the robot goes to within this time."""
 
 SPEED_M_S: Final = 0.25
-BRAKING_M_S2: Final = 0.5
+BRAKING_M_S2: Final = 0.75
 """The robot is expected to accelerate and brake so fast."""
 
 MOST_M: Final = 0.8
@@ -223,3 +223,17 @@ def safest(
     driving_m = search.least_m(twist.angular_rad_s / twist.linear_m_s, length_m, STANDS_S)
     stands = driving_m < TOUCH_M and search.least_m(0.0, 0.0, STANDS_S) >= driving_m
     return None if stands else twist
+
+
+def will_be_touched(outline: Footprint, surroundings: Surroundings, last: Twist2D, twist: Twist2D) -> bool:
+    """Whether somebody fast would walk into the robot where it drives on as now, and nearly as far where it stands."""
+    people = _walking(surroundings, FAST_M_S)
+    if not len(people.points_m) or twist.linear_m_s < 1e-3:
+        return False
+    search = _Search(outline, last, people, surroundings)
+    stay_m = search.least_m(0.0, 0.0, FORESIGHT_S)
+    if stay_m >= TOUCH_M:
+        return False
+    length_m = SPEED_M_S * (FORESIGHT_S + SPEED_M_S / BRAKING_M_S2)
+    driving_m = search.least_m(twist.angular_rad_s / twist.linear_m_s, length_m, FORESIGHT_S)
+    return driving_m < min(0.0, stay_m + GAIN_M)

@@ -8,7 +8,7 @@ from typing import Final
 
 import numpy as np
 
-from chefbotd.components.navigation.algorithms.evade import ROOM_M, evading_twist, safest
+from chefbotd.components.navigation.algorithms.evade import ROOM_M, evading_twist, safest, will_be_touched
 from chefbotd.components.navigation.algorithms.interface import NavigationParameters, StepInput
 from chefbotd.components.navigation.algorithms.outline import Footprint, clearances_m
 from chefbotd.components.navigation.algorithms.steering import limit_change
@@ -26,6 +26,9 @@ LED_FOR_S: Final = 3.0
 MOST_FOR_GOAL_M: Final = 4.0
 """On the way to one goal the robot evades people for so much of its way, and stands for them then."""
 
+
+EVADES_M_S2: Final = 1.0
+"""It makes way so fast from a stand, which is what ChefBot's limits allow; slower robots are held by theirs."""
 
 CALM_S = 3.0
 """After so long without an evasion the next one is counted from its own start."""
@@ -65,6 +68,8 @@ def evade(
 ) -> tuple[Evasion, Twist2D | None]:
     """Evade who comes nearer while the robot stands, or brakes because it ``is_blocked``; else drive ``twist``.
 
+    A robot that drives evades who would touch it, both where it drives on and where it stands.
+
     None is standing, which is best where a person would touch the moving robot at once. A robot that ``arrives`` at its
     goal evades nobody who is slow. Who stands where the robot ``waits`` for him has not stopped for it: he is evaded
     when he walks.
@@ -73,7 +78,8 @@ def evade(
     evasion = _count_evasion(evasion, inputs, pose)
     surroundings = _without_followers(params.outline, surroundings, evasion, inputs.now_s, arrives=arrives)
     goes = twist is not None and twist.linear_m_s > 0.0 and not is_blocked
-    if goes and not evasion.is_active:
+    is_safe = twist is not None and not will_be_touched(params.outline, surroundings, inputs.last, twist)
+    if goes and is_safe and not evasion.is_active:
         evasion = replace(evasion, is_active=False, who=None)
         return evasion, safest(params.outline, surroundings, inputs.last, twist)
     moves = goes or (not evasion.is_active and inputs.last.linear_m_s > 0.01)
@@ -90,7 +96,8 @@ def evade(
     last_s = evasion.last_s if evading is None else inputs.now_s
     evasion = replace(evasion, is_active=evading is not None, last_s=last_s, grid_from_start=start, who=who)
     if evading is not None:
-        twist = limit_change(params.follower, inputs.last, evading, inputs.dt_s)
+        hurried = replace(params.follower, acceleration_m_s2=EVADES_M_S2)
+        twist = limit_change(hurried, inputs.last, evading, inputs.dt_s)
     return evasion, safest(params.outline, surroundings, inputs.last, twist)
 
 

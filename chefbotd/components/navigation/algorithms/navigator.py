@@ -9,6 +9,7 @@ from collections.abc import Collection
 from typing import Final
 
 from chefbotd.components.navigation.algorithms.beside_people import slowed_beside_people
+from chefbotd.components.navigation.algorithms.brake_for_people import brake_for_people
 from chefbotd.components.navigation.algorithms.costmap import Costmap
 from chefbotd.components.navigation.algorithms.crawl import CYCLE_S, Crawl, slow_for_silence, watch_silence
 from chefbotd.components.navigation.algorithms.driving import POSE_SILENT_S, find_surroundings
@@ -36,6 +37,9 @@ from chefbotd.core.occupancy_grid import OccupancyGrid
 from chefbotd.core.record import Record, replace
 
 REPLACED: Final = "a new goal replaced it"
+
+SILENT_BEFORE_S: Final = 1.5
+"""For so long after the board was silent the robot, which stands where it did not choose to, makes way at any speed."""
 
 
 class NoMapError(RuntimeError):
@@ -89,7 +93,7 @@ class Navigator:
         self._execution: GoalExecution | None = None
         self._queue = GoalQueue()
         self._ended: tuple[Ended, ...] = ()
-        self._last, self._stepped_s = STANDING, -math.inf
+        self._last, self._stepped_s, self._silent_s = STANDING, -math.inf, -math.inf
         self._crawl, self._slow_params = Crawl(), slow_for_silence(params)
         self._idle_reason, self._status = "", PoseStatus.LOCALIZED
 
@@ -252,6 +256,8 @@ class Navigator:
         dt_s = min(max(now_s - self._stepped_s, 0.0), 0.2)
         self._stepped_s, self._status = now_s, status
         read_s = now_s - pose_age_s
+        if pose_age_s > POSE_SILENT_S:
+            self._silent_s = now_s
         if self._params.silent_speed_m_s > 0:
             self._crawl = watch_silence(self._crawl, read_s, now_s, POSE_SILENT_S, self._last)
         if self._crawl.is_on and self.state in (GoalState.PLANNING, GoalState.DRIVING, GoalState.RECOVERING):
@@ -308,7 +314,10 @@ class Navigator:
         if self._execution is None or crawls:  # a board that obeys so late evades nobody
             return None if self._execution is None else twist
         twist = self._execution.evade(inputs, surroundings, twist)
-        return slowed_beside_people(self._params.outline, surroundings, twist)
+        slowed = slowed_beside_people(self._params.outline, surroundings, twist)
+        if inputs.now_s - self._silent_s < SILENT_BEFORE_S:
+            return slowed
+        return brake_for_people(self._params.outline, surroundings, inputs.last, slowed, twist)
 
     def _settle(self, execution: GoalExecution) -> None:
         """Go on with the next goal if this one has ended."""

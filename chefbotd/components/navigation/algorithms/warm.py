@@ -5,6 +5,7 @@ import math
 import numpy as np
 
 from chefbotd.components.navigation.algorithms.beside_people import slowed_beside_people
+from chefbotd.components.navigation.algorithms.brake_for_people import brake_for_people
 from chefbotd.components.navigation.algorithms.evade import evading_twist
 from chefbotd.components.navigation.algorithms.interface import NavigationParameters, Seen
 from chefbotd.components.navigation.algorithms.navigator import Navigator
@@ -51,3 +52,4 @@ def _meet_somebody(params: NavigationParameters) -> None:
     world.beside(surroundings)
     evading_twist(params.outline, surroundings, STANDING, 0.0, is_stuck=True)
     slowed_beside_people(params.outline, surroundings, Twist2D(0.2, 0.0))
+    brake_for_people(params.outline, surroundings, STANDING, Twist2D(0.2, 0.0), None)

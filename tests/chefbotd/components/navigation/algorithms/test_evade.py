@@ -103,6 +103,22 @@ def test_a_robot_brakes_before_a_touch_unless_standing_is_worse(
     assert twist == (None if brakes else drives)
 
 
+@pytest.mark.parametrize(("behind_m", "evades"), [(1.8, True), (3.2, False)])
+def test_a_robot_that_drives_leaves_the_way_of_somebody_faster_behind_it(
+    behind_m: float, evades: bool
+) -> None:
+    """At 1 m/s he is at its back within 2.5 s, whether it stands or drives on at 0.25 m/s; from 3.2 m he is not yet."""
+    walks = np.tile([1.0, 0.0], (len(FRONT), 1))
+    front = FRONT @ np.array([[-1.0, 0.0], [0.0, 1.0]]) - [behind_m, 0.0]
+    near = Surroundings(front, walks, np.full(len(front), 0.1), NO_MAP, 0.05, Pose2D(5, 5))
+    drives = Twist2D(0.3, 0.0)
+    now = StepInput(0.0, 0.05, Pose2D(5, 5), PoseStatus.LOCALIZED, drives)
+    params = NavigationParameters(outline=ROUND)
+    evasion, twist = evade(params, Evasion(), now, near, drives, is_blocked=False)
+    assert evasion.is_active is evades
+    assert (twist != drives) is evades
+
+
 def made_way(x_m: float, y_m: float, speed_m_s: float, wall_rad: float, wall_m: float) -> tuple[float, float]:
     """How near it comes, within 4 s, to a straight wall so far away in that direction, and to who walks at it."""
     direction = np.array([math.cos(wall_rad), math.sin(wall_rad)])
