@@ -9,7 +9,7 @@ BIN := $(VENV)/bin
 WHEEL_VENV := build/wheel-venv
 comma := ,
 UPGRADE ?=
-EXTRAS := teleop,tune,joystick,depth,discovery,maps,mujoco,navigation,page,recording,plot,foxglove,urdf
+EXTRAS := camera,teleop,tune,joystick,depth,discovery,maps,mujoco,navigation,page,recording,plot,foxglove,urdf
 WITH ?=
 DEB_EXTRAS ?= discovery,maps,page,recording,teleop,tune,urdf$(WITH:%=,%)
 FUZZ_S ?= 60
