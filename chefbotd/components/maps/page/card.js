@@ -23,6 +23,9 @@ const GUIDE_HTML = `
     <button type="button" id="guide-continue" class="wanted" data-t="maps.continue" hidden></button>
     <button type="button" id="guide-discard" data-t="maps.discard_it" hidden></button>
   </div>`;
+const MAKING_HTML = `
+  <strong id="making-title" data-t="maps.mapping.mapping"></strong>
+  <button type="button" id="making-save" data-t="maps.save_it"></button>`;
 const HTML = `
   <h2 id="map-title" data-t="maps.title"></h2>
   <p id="map-told" role="status"></p>
@@ -51,7 +54,11 @@ export default class Maps {
     const guide = element("section", "", { id: "guide", className: "guide", hidden: true, innerHTML: GUIDE_HTML });
     guide.setAttribute("aria-labelledby", "guide-title");
     translate(guide);
-    $("notices").append(guide);
+    const making = element("section", "", { id: "making", className: "guide", hidden: true, innerHTML: MAKING_HTML });
+    making.setAttribute("aria-labelledby", "making-title");
+    translate(making);
+    $("notices").append(guide, making);
+    $("making-save").addEventListener("click", () => { panels.show("map"); $("map-name").focus(); });
     lately.describe("localization", { kind: "way", words: located });
     lately.describe("mapping", { kind: "way", words: (state) => (mappingWords(state) ? `${mappingWords(state)}.` : "") });
     this.layer = view.addLayer("map-walls", t("maps.layer"), (c) => this.grid?.draw(c), { order: 10 });
@@ -188,6 +195,7 @@ export default class Maps {
     const making = state === "mapping" || state === "paused";
     $("map-finish").hidden = $("map-name-label").hidden = !making || !this.#has("finish_mapping");
     $("map-discard").hidden = !making || !this.#has("discard_mapping");
+    $("making").hidden = state !== "mapping" || !this.#has("finish_mapping");
     $("maps").disabled = making || !this.#has("load_map");
     if (name && !$("map-name").value) $("map-name").value = name;
     const so_far = t("maps.driven", { distance_m: path_m?.toFixed(1), count: loops });

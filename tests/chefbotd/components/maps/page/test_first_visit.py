@@ -28,7 +28,11 @@ def test_a_first_visit_begins_with_a_map(page: Any, daemon: FakeDaemon) -> None:
     sync_api.expect(guide).to_be_hidden()
     told = page.locator("#map-told")
     sync_api.expect(told).to_contain_text("Making a map: 3.2 m driven, 1 place recognized. Drive slowly")
+    assert barriers(page) == []
+    page.get_by_role("button", name="Name it and save it").click()  # the last step, wherever the reader is
+    sync_api.expect(page.locator("#map-name")).to_be_focused()
     daemon.say("mapping", **IDLE)
+    sync_api.expect(page.locator("#making")).to_be_hidden()
     sync_api.expect(guide).to_be_visible()
     daemon.say("localization", **{**NO_MAP, "state": "localized", "map": "flat"})
     sync_api.expect(guide).to_be_hidden()
