@@ -11,8 +11,9 @@ import pytest
 
 from chefbotd.component_list import own_components
 from chefbotd.composition.network import cards_of
+from chefbotd.transport.web import server
 
-PAGE = Path(__file__).parents[4] / "chefbotd" / "transport" / "web" / "page"
+PAGE = Path(server.__file__).parent / "page"
 FOLDERS = [PAGE] + [
     card.file.parent
     for card in cards_of((component.name, part) for component in own_components() for part in component.page)

@@ -8,9 +8,10 @@ from pathlib import Path
 
 from chefbotd.component_list import own_components
 from chefbotd.composition.network import cards_of
+from chefbotd.transport.web import server
 from chefbotd.transport.web.server import Card, page_files
 
-PAGE = Path(__file__).parents[4] / "chefbotd" / "transport" / "web" / "page"
+PAGE = Path(server.__file__).parent / "page"
 
 
 def listed(body: bytes) -> list[dict[str, str]]:
